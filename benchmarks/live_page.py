@@ -16,8 +16,9 @@ pictures                     the same counted one by one, a second: `delivered` 
 ms                           means a light, in the networks' thread; `all` is their sum, `between` what the
                              thread waits for the next frame
 std_color_angle_deg          of a white sphere in the light about its mean over time, one for each still stretch
+dominant_light_step_max_deg  largest step of the dominant light between two lights, one for each still stretch
 followed_in_s                from the first frame under the new light until the page's light stays within a
-                             tenth of the way, one for each change
+                             tenth of the way, one for each change; null where it did not
 """
 
 from __future__ import annotations
@@ -109,22 +110,25 @@ def describe(seen: dict) -> dict:
 
     times = np.array([light["time"] for light in counted])
     spheres = white_spheres(np.array([light["sh9"] for light in counted]).reshape(-1, 9, 3))
+    toward = np.array([light["direction"] for light in counted])
+    turns = np.degrees(np.arccos(np.clip((toward[1:] * toward[:-1]).sum(axis=1), -1, 1)))
     changes = [time for time in seen["changes"] if start <= time < end]
-    still, followed = [], []
+    still, steps, followed = [], [], []
     for change, until in zip(changes, [*changes[1:], end], strict=True):
         before = np.flatnonzero(times < change)
         settled = np.flatnonzero((times > change + ADAPT_S) & (times < until))
         if len(settled) < 5:
             continue
         still.append(round(stillness(spheres[settled]), 3))
+        steps.append(round(float(turns[settled[:-1]].max()), 2))
         if len(before) == 0:
             continue
         goal = spheres[settled].mean(axis=0)
         left = np.linalg.norm(spheres - goal, axis=(1, 2)) / np.linalg.norm(spheres[before[-1]] - goal)
         on_the_way = np.flatnonzero((times >= change) & (times < until) & (left > FOLLOWED))
-        arrived = times[on_the_way[-1] + 1] if len(on_the_way) else times[before[-1] + 1]
-        followed.append(round(float(arrived - change), 2))
-    return result | {"std_color_angle_deg": still, "followed_in_s": followed}
+        arrived = on_the_way[-1] + 1 if len(on_the_way) else before[-1] + 1
+        followed.append(round(float(times[arrived] - change), 2) if arrived < len(times) else None)
+    return result | {"std_color_angle_deg": still, "dominant_light_step_max_deg": steps, "followed_in_s": followed}
 
 
 def count_pictures(seen: dict) -> dict:

@@ -33,7 +33,7 @@ THRESHOLDS = (0.5, 0.6, 0.7, 0.8, 0.81, 0.82, 0.85, 0.88, 0.9, 0.92, 0.94)
 
 def calibrate(
     data: Annotated[Path, typer.Option(help="Folder with hdri/train and meshes/train.")],
-    scenes: Annotated[int, typer.Option(min=2 * FOLDS, help="Scenes to render.")] = 60,
+    scenes: Annotated[int, typer.Option(min=2 * FOLDS, help="Scenes to render.")] = 48,
     photos: Annotated[
         list[Path] | None, typer.Option(help="Folder of photos NAME.* with NAME_mask.png beside them; repeatable.")
     ] = None,

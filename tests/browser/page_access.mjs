@@ -47,6 +47,9 @@ export default async ({ page, url }) => {
     live: await page.getAttribute("#status", "aria-live"),
     headings: await page.evaluate(() => [...document.querySelectorAll("h1, h2, h3")].map((one) => one.tagName)),
     width: await page.evaluate(() => [document.documentElement.scrollWidth, innerWidth]),
+    below: await page.evaluate(() =>
+      ["frame", "status", "map"].filter((id) => document.getElementById(id).getBoundingClientRect().bottom + scrollY > innerHeight),
+    ),
     small: await page.evaluate(() =>
       [...document.querySelectorAll("button, select")]
         .filter((one) => one.checkVisibility() && one.getBoundingClientRect().height < 40)

@@ -168,6 +168,7 @@ def test_phone_shows_all_of_it(page_url):
     width, shown = seen["width"]
     assert width <= shown
     assert seen["small"] == []
+    assert seen["below"] == []  # picture, line of status and map are on the first screen
 
 
 def test_camera_is_followed_and_closed(page_url, vase_frame, estimator, tmp_path):

@@ -152,10 +152,10 @@ def test_another_segmenters_mask_keeps_its_resolution():
     fine = disc(500, 600, 400.3, 1200, 1000)
     speck = disc(950, 1150, 20, 1200, 1000)
     cover = np.maximum(fine, speck)
-    mask = finding_of(cover).only(cover)
+    mask = finding_of(cover, Prompts()).only(cover)
     assert iou(mask, fine) > 0.999
     np.testing.assert_array_equal(mask[590:610], fine[590:610])
-    assert finding_of(np.zeros((40, 50), np.float32)) is None
+    assert finding_of(np.zeros((40, 50), np.float32), Prompts()) is None
 
 
 def test_a_window_and_its_cells():

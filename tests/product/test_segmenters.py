@@ -204,16 +204,12 @@ def rembg(tmp_path, monkeypatch) -> Rembg:
     return Rembg()
 
 
-def test_rembg_finds_what_stands_out_and_clicks_choose_a_part(rembg, photo):
+def test_rembg_finds_what_stands_out_in_a_box_alone(rembg, photo):
     photo[30:50, 5:25] = (220, 40, 30)
     everything = rembg.segment(photo, [], [], None) > 0.5
     assert everything[45, 90]
     assert everything[40, 15]
-    assert overlap(rembg.segment(photo, [(90, 45)], [], None)) > 0.9
-    assert overlap(rembg.segment(photo, [], [(15, 40)], None)) > 0.9
     assert overlap(rembg.segment(photo, [], [], (50, 12, 130, 78))) > 0.9
-    with pytest.raises(InvalidMask, match="at the clicks"):
-        rembg.segment(photo, [(150, 5)], [], None)
 
 
 def test_rembg_models_that_send_photos_away_are_refused(rembg):
@@ -254,6 +250,20 @@ def test_a_plug_in_is_found_by_name_and_gets_its_argument(monkeypatch, photo):
     assert found.confidence is not None
     assert overlap(found.mask) > 0.99
     assert find.find_mask(read_image(photo), segmenter="mine", click=(90, 45)).source == "click"
+
+
+def test_clicks_choose_among_a_segmenters_parts(photo):
+    little = (slice(30, 60), slice(5, 40))
+    photo[little] = (220, 40, 30)
+
+    def found(**given):
+        return find.find_mask(read_image(photo), segmenter=Plugged(""), **given).mask
+
+    assert overlap(found()) > 0.99
+    assert overlap(found(click=(20, 45)), little) > 0.99
+    assert overlap(found(exclude=(90, 45)), little) > 0.99
+    with pytest.raises(InvalidMask, match="at the click"):
+        found(click=(150, 5))
 
 
 def test_what_is_no_segmenter(monkeypatch, photo):

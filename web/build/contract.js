@@ -6,5 +6,5 @@ import { fileURLToPath } from "node:url";
 const at = (path) => fileURLToPath(new URL(path, import.meta.url));
 
 const head = "/** The numbers that Python and JavaScript share: src/anyprobe/contract.json, written here by build/contract.js. */\n\n";
-const contract = JSON.parse(readFileSync(at("../../src/anyprobe/contract.json"), "utf8"));
-writeFileSync(at("../src/core/contract.js"), `${head}export const CONTRACT = ${JSON.stringify(contract, null, 2)};\n`);
+const contract = readFileSync(at("../../src/anyprobe/contract.json"), "utf8").trimEnd();
+writeFileSync(at("../src/core/contract.js"), `${head}export const CONTRACT = ${contract};\n`);

@@ -16,7 +16,7 @@ export async function readExample() {
     emitters: "mode",
     hints: { surroundings: 0 },
     meanConfidence: answer.confidence,
-    wellExposedFraction: answer.well_exposed_fraction ?? answer.told, // as older releases wrote it
+    wellExposedFraction: answer.well_exposed_fraction,
   });
   const { irradiance, ldr, ln_radiance: lnRadiance } = answer.stages;
   const stages = { irradiance: unpack(irradiance), ldr: unpack(ldr), lnRadiance: unpack(lnRadiance) };

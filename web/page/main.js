@@ -5,7 +5,7 @@ import { MaskEditor } from "./view/maskEditor.js";
 import { ObjectTools } from "./view/objectTools.js";
 import { PhotoStage } from "./view/photoStage.js";
 import { StagesPanel } from "./view/stagesPanel.js";
-import { element, listenForPhotos, setStatus, sendLight } from "./view/elements.js";
+import { element, listenForPhotos, setStatus, sendLight, showFetched } from "./view/elements.js";
 import { ProbeOpener } from "./probe.js";
 import { LiveSession } from "./live/session.js";
 import { maskFromAlpha, objectBox } from "../src/photo/picture.js";
@@ -41,11 +41,14 @@ element("reflections-row").hidden = !config.server; // the library of places is 
 for (const row of ["surroundings-row", "soften-row"]) element(row).hidden = !config.weights.light; // not for the paper's chain
 const options = () => ({ surroundings: surroundings.checked ? "auto" : "none", emitters: soften.checked ? "expected" : "mode" });
 
-/** One line a file, and one where it stalls; lines of the camera stay. */
+/** One line a file with a bar, and one where it stalls; lines of the camera stay once it is followed. */
 function showDownload({ file, loaded, total, stalled }) {
   const size = total ? ` of ${(total / 1e6).toFixed(1)}` : "";
   if (stalled) setStatus(`Waiting for ${file}: ${(loaded / 1e6).toFixed(1)}${size} MB have come. Check the connection.`);
-  else if (file !== fetched && !live.running) setStatus(`Fetching ${file}${total ? `, ${(total / 1e6).toFixed(1)} MB` : ""} …`);
+  else if (!live.following) {
+    if (file !== fetched) setStatus(`Fetching ${file}${total ? `, ${(total / 1e6).toFixed(1)} MB` : ""} …`);
+    showFetched(loaded, total);
+  }
   fetched = stalled ? null : file;
 }
 
@@ -65,6 +68,9 @@ const live = new LiveSession({
   onShown: () => {
     turn++;
     showQuality(null);
+    light.clear();
+    stages.clear();
+    reflections.disabled = true; // for photos
   },
   onMask: showQuality,
   onFault: (error) => {
@@ -93,6 +99,7 @@ function put(found) {
 
 function showOpened() {
   const { picture, mask, result } = opened;
+  reflections.disabled = false;
   stage.showPicture(picture);
   editor.open(picture);
   if (mask) editor.show(mask);

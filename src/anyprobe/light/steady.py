@@ -8,7 +8,7 @@ how far apart the two are, in units of the noise that the values themselves show
     noise  += a(min(noise_s, age)) (min(|y - last| / sqrt 2, 3 noise) - noise)
     lead    = a(min(fast_s, memory + dt))
     fast   += lead (y - fast)
-    spread  = max(|fast - steady| - slack, 0) / (noise sqrt(lead / (2 - lead)))
+    spread  = max(|fast - reference| - slack, 0) / (noise sqrt(lead / (2 - lead)))
     motion  = clip((spread - calm) / (moved - calm), 0, 1)
     memory  = min(memory + dt, still_s) ^ (1 - motion) moving_s ^ motion
     motion > let_go: stale = stale_fast = 1
@@ -19,8 +19,9 @@ how far apart the two are, in units of the noise that the values themselves show
 White noise leaves noise sqrt(lead / (2 - lead)) in `fast`: spread is about 1 while nothing moves. Drift is separated
 from noise even where each step is below the noise, because it adds up in fast - steady. After a move the memory grows
 with the time since: steady is then about the plain mean of what came after. A growing memory forgets only as 1 / t, so
-it does not grow while more of what was before a clear move is left in steady (the share stale) than is let be. slack is
-how far values may be off for a reason that the caller knows, and is no motion.
+it does not grow while more of what was before a clear move is left in steady (the share stale) than is let be.
+reference is steady, unless the caller knows of something else that values drift by: then what they were lately, and
+slack is how far off that they may be without having moved.
 """
 
 from __future__ import annotations
@@ -88,17 +89,22 @@ def advance(
     dt_s: float,
     apart: Callable[[np.ndarray, np.ndarray], float],
     c: Smoothing,
+    reference: np.ndarray | None = None,
     slack: float = 0.0,
 ) -> Steady:
-    """The state after one more value; pure. apart: |one - other|; slack: what of |fast - steady| is no motion."""
+    """The state after one more value; pure.
+
+    apart: |one - other|. reference: what a motion is measured from, else steady; slack: what of it is none.
+    """
     age = state.age_s + dt_s
     noise = difference = apart(y, state.last) / np.sqrt(2.0)
     if state.noise is not None:
         most = 3.0 * max(state.noise, c.least_noise)
         noise = state.noise + gain(dt_s, min(c.noise_s, age)) * (min(difference, most) - state.noise)
     lead = gain(dt_s, min(c.fast_s, state.memory_s + dt_s))
-    fast = _toward(state.fast, y, lead)
-    spread = max(apart(fast, state.steady) - slack, 0.0) / (max(noise, c.least_noise) * np.sqrt(lead / (2.0 - lead)))
+    fast = toward(state.fast, y, lead)
+    moved = max(apart(fast, state.steady if reference is None else reference) - slack, 0.0)
+    spread = moved / (max(noise, c.least_noise) * np.sqrt(lead / (2.0 - lead)))
     motion = min(max((spread - c.calm) / (c.moved - c.calm), 0.0), 1.0)
     memory = min(state.memory_s + dt_s, c.still_s) ** (1.0 - motion) * c.moving_s**motion
     stale, stale_fast = (1.0, 1.0) if motion > c.let_go else (state.stale, state.stale_fast)
@@ -107,7 +113,7 @@ def advance(
     share = gain(dt_s, memory)
     stale_fast -= lead * stale_fast
     return Steady(
-        steady=_toward(state.steady, fast, share),
+        steady=toward(state.steady, fast, share),
         fast=fast,
         last=y,
         noise=float(noise),
@@ -124,5 +130,6 @@ def gain(dt_s: float, time_s: float) -> float:
     return float(-np.expm1(-dt_s / time_s))
 
 
-def _toward(from_: np.ndarray, to: np.ndarray, share: float) -> np.ndarray:
+def toward(from_: np.ndarray, to: np.ndarray, share: float) -> np.ndarray:
+    """Between the two; share 0 is from_."""
     return from_ + from_.dtype.type(share) * (to - from_)

@@ -9,15 +9,16 @@ channels of differences of ln(L + 0.01). A frame further off than cut_level is h
 anew.
 
 **Sources.** One of the frame and one that is known are the same where angle / gate_deg + |ln of the ratio of powers| /
-ln gate_ratio is least, and neither term above 1. Direction (times angle_scale), ln power and ln radius are then one
-more value of that source; what is shown turns by at most most_turn_deg_s. A source that is new grows to its whole power
-in fade_s, and one that is not seen for patience_s fades as fast. While two places share one source's power in this way,
-their sum is what the frames' sources have in all.
+ln gate_ratio is least, and neither term above 1. Its direction is then one more value of the place of that source, ln
+power and ln radius of its size; a place less than slack_deg off has not moved, and what is shown turns by at most
+most_turn_deg_s. A source that is new grows to its whole power in fade_s, and one that is not seen for patience_s fades
+as fast. While two places share one source's power in this way, their sum is what the frames' sources have in all.
 
-**The view.** Estimates of one light from two sides differ. view goes from 0 to 1 while the camera turns by
-view.turn_deg from where it was when the source last moved. Values as far apart as view times view.slack are then no
-motion, and the last view times view.slack / angle_scale radians to a value's direction are turned at
-view.most_turn_deg_s at most.
+**The view.** Estimates of one light from two sides differ, by more than those of one side tremble. view goes from 0 to
+1 while the camera turns by view.turn_deg from where it was when the source last moved. A motion is then measured not
+from the average but, view of the way, from the values of the last view.recent_s, and is what goes beyond view times
+view.slack_deg, or ln view.slack_ratio in each channel; what is shown of a source that has not moved turns by
+view.most_turn_deg_s at most. So a slow drift of estimates is averaged, and a light that changes at once is followed.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.light.environment import check_radiance, rotate
 from anyprobe.light.source_split import Source, draw_sources, split_sources
-from anyprobe.light.steady import FILTER, Smoothing, Steady, advance, begin_filter
+from anyprobe.light.steady import FILTER, Smoothing, Steady, advance, begin_filter, gain, toward
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -46,36 +47,44 @@ WHITE = np.log(SLOPE)
 RULES = FILTER["source"]
 GATE = float(np.radians(RULES["gate_deg"]))
 LN_RATIO = float(np.log(RULES["gate_ratio"]))
-ANGLE_SCALE: float = RULES["angle_scale"]
+SLACK = float(np.radians(RULES["slack_deg"]))
 MOST_TURN: float = float(np.radians(RULES["most_turn_deg_s"]))
 PATIENCE_S: float = RULES["patience_s"]
 FADE_S: float = RULES["fade_s"]
 MOST: int = RULES["most"]
 VIEW_TURN, VIEW_MOST_TURN = (float(np.radians(RULES["view"][name])) for name in ("turn_deg", "most_turn_deg_s"))
-VIEW_SLACK: float = RULES["view"]["slack"]
+VIEW_SLACK = float(np.radians(RULES["view"]["slack_deg"]))
+VIEW_SLACK_SIZE = float(np.sqrt(3.0) * np.log(RULES["view"]["slack_ratio"]))
+RECENT_S: float = RULES["view"]["recent_s"]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Track:
-    """A source that is known. value: of _value, [7] float64. shown: [3] unit, towards it. share: of its power that is
-    shown. pose: world_from_camera of the last frame in which it moved, or of its first. unseen_s: since a frame
-    had it."""
+    """A source that is known.
 
-    value: Steady
+    place: its direction, [3] float64. size: ln power and ln radius, [4]. recent: [7], both of the last RECENT_S.
+    shown: [3] unit, towards it. share: of its power that is shown. pose: world_from_camera of the last frame in which
+    it moved, or of its first. turns: it has moved, and what is shown is not there yet. unseen_s: since a frame had it.
+    """
+
+    place: Steady
+    size: Steady
+    recent: np.ndarray
     shown: np.ndarray
     share: float
     pose: np.ndarray
+    turns: bool = False
     unseen_s: float = 0.0
 
     @property
     def direction(self) -> np.ndarray:
-        """[3] unit: that of the value, which what is shown turns to."""
-        return self.value.steady[:3] / np.linalg.norm(self.value.steady[:3])
+        """[3] unit: that of the place, which what is shown turns to."""
+        return self.place.steady / np.linalg.norm(self.place.steady)
 
     @property
     def source(self) -> Source:
         """With its whole power."""
-        power, radius = np.exp(self.value.steady[3:6]) - OFFSET, float(np.exp(self.value.steady[6]))
+        power, radius = np.exp(self.size.steady[:3]) - OFFSET, float(np.exp(self.size.steady[3]))
         return Source(direction=self.shown, power=np.maximum(power, 0.0), radius=radius)
 
 
@@ -188,29 +197,37 @@ def _pairs(tracks: Sequence[Track], sources: Sequence[Source]) -> dict[int, int]
     return pairs
 
 
-def _value(source: Source) -> np.ndarray:
-    return np.concatenate([ANGLE_SCALE * source.direction, np.log(source.power + OFFSET), [np.log(source.radius)]])
+def _size(source: Source) -> np.ndarray:
+    return np.log([*(source.power + OFFSET), source.radius])
 
 
 def _new(source: Source, pose: np.ndarray, share: float) -> Track:
-    shown = np.asarray(source.direction, np.float64)  # as a file gives it back, to the last bit
-    return Track(value=begin_filter(_value(source)), shown=shown, share=share, pose=pose)
+    place = np.asarray(source.direction, np.float64)  # as a file gives it back, to the last bit
+    size = _size(source)
+    recent = np.concatenate([place, size])
+    return Track(place=begin_filter(place), size=begin_filter(size), recent=recent, shown=place, share=share, pose=pose)
 
 
 def _seen(track: Track, source: Source, pose: np.ndarray, dt_s: float, c: Smoothing) -> Track:
     view = min(_turned(track.pose, pose) / VIEW_TURN, 1.0)
-    value = advance(track.value, _value(source), dt_s, _distance, c, slack=view * VIEW_SLACK)
-    seen = replace(
-        track,
-        value=value,
-        share=min(track.share + dt_s / FADE_S, 1.0),
-        pose=pose if value.motion > 0.0 else track.pose,
-        unseen_s=0.0,
+    place, size = track.place, track.size
+    near, like = toward(place.steady, track.recent[:3], view), toward(size.steady, track.recent[3:], view)
+    place = advance(place, source.direction, dt_s, _distance, c, near, max(view * VIEW_SLACK, SLACK))
+    size = advance(size, _size(source), dt_s, _distance, c, like, view * VIEW_SLACK_SIZE)
+    newest = np.concatenate([place.fast, size.fast])
+    moves = place.motion > 0.0
+    seen = replace(track, place=place, size=size, share=min(track.share + dt_s / FADE_S, 1.0), unseen_s=0.0)
+    angle = _angle(track.shown, seen.direction)
+    turns = moves or track.turns
+    turn = (MOST_TURN if turns else MOST_TURN ** (1.0 - view) * VIEW_MOST_TURN**view) * dt_s
+    shown = track.shown + (min(1.0, turn / angle) if angle > 0.0 else 1.0) * (seen.direction - track.shown)
+    return replace(
+        seen,
+        recent=toward(track.recent, newest, gain(dt_s, min(RECENT_S, place.age_s))),
+        shown=shown / np.linalg.norm(shown),
+        pose=pose if moves else track.pose,
+        turns=turns and turn < angle,
     )
-    angle = _angle(seen.shown, seen.direction)
-    turn = min(max(angle - view * VIEW_SLACK / ANGLE_SCALE, VIEW_MOST_TURN * dt_s), MOST_TURN * dt_s)
-    shown = seen.shown + (min(1.0, turn / angle) if angle > 0.0 else 1.0) * (seen.direction - seen.shown)
-    return replace(seen, shown=shown / np.linalg.norm(shown))
 
 
 def _unseen(track: Track, dt_s: float) -> Track:

@@ -178,7 +178,7 @@ def _segmented(pixels: Pixels, prompts: Prompts, segmenter: Segmenter, source: s
             "or NaN; report it to the plug-in's author"
         )
     cover = np.clip(cover, 0.0, 1.0)
-    found = finding_of(cover)
+    found = finding_of(cover, prompts)
     if found is None:
         raise InvalidMask(_nothing(pixels, prompts))
     agreed = look_closer(network, rgb, found, Prompts()).agreed

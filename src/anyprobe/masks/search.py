@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anyprobe.core.contract import contract
+from anyprobe.masks.check import object_box
 from anyprobe.masks.networks import Network
 from anyprobe.masks.parts import fill_holes, grow, label_parts
 from anyprobe.masks.prompts import Point
@@ -105,14 +106,9 @@ class Window:
 
     def box_of(self, part: np.ndarray) -> Box:
         """Box of a part [GRID, GRID], which must not be empty, in pixels of the photo."""
-        rows, columns = np.flatnonzero(part.any(axis=1)), np.flatnonzero(part.any(axis=0))
+        x0, y0, x1, y1 = object_box(part)
         across, down = (length / GRID for length in self.size)
-        return (
-            self.x0 + columns[0] * across,
-            self.y0 + rows[0] * down,
-            self.x0 + (columns[-1] + 1) * across,
-            self.y0 + (rows[-1] + 1) * down,
-        )
+        return self.x0 + x0 * across, self.y0 + y0 * down, self.x0 + x1 * across, self.y0 + y1 * down
 
     def inside(self, box: Box) -> np.ndarray:
         """Which cells [GRID, GRID] have their centres in a box."""
@@ -159,9 +155,8 @@ class Finding:
             (window.x1 == photo.x1, part[:, -1]),
             (window.y1 == photo.y1, part[-1]),
         )
-        rows, columns = np.flatnonzero(part.any(axis=1)), np.flatnonzero(part.any(axis=0))
-        around = 2 * int(np.ptp(rows) + np.ptp(columns) + 2)
-        return sum(int(side.sum()) for there, side in sides if there == is_photos) / around
+        x0, y0, x1, y1 = object_box(part)
+        return sum(int(side.sum()) for there, side in sides if there == is_photos) / (2 * (x1 - x0 + y1 - y0))
 
     def mask(self, width: int, height: int) -> np.ndarray:
         """[height, width] float32 of the whole photo, with the soft edge that the network gives."""
@@ -186,14 +181,13 @@ class Finding:
         return canvas
 
 
-def finding_of(cover: np.ndarray) -> Finding | None:
-    """Another segmenter's cover [H, W] in [0, 1] as a finding, of its heaviest part; None where it is empty."""
-    rows, columns = np.flatnonzero((cover > INSIDE).any(axis=1)), np.flatnonzero((cover > INSIDE).any(axis=0))
-    if not len(rows):
+def finding_of(cover: np.ndarray, prompts: Prompts) -> Finding | None:
+    """Another segmenter's cover [H, W] in [0, 1] as a finding, of the parts that clicks choose; None where none is."""
+    if not (cover > INSIDE).any():
         return None
     photo = Window(x0=0, y0=0, x1=cover.shape[1], y1=cover.shape[0])
-    window = photo.around((columns[0], rows[0], columns[-1] + 1, rows[-1] + 1), MARGIN)
-    return choose(window, resize(cover[window.y0 : window.y1, window.x0 : window.x1], GRID, GRID), Prompts())
+    window = photo.around(object_box(cover), MARGIN)
+    return choose(window, resize(cover[window.y0 : window.y1, window.x0 : window.x1], GRID, GRID), prompts)
 
 
 def find_object(network: Network, rgb: np.ndarray, prompts: Prompts) -> Finding | None:

@@ -14,12 +14,12 @@ from typing import Protocol
 import numpy as np
 from PIL import Image
 
-from anyprobe.errors import AnyprobeError, InputError, InvalidMask, MissingExtra, ModelError
+from anyprobe.errors import AnyprobeError, InputError, MissingExtra, ModelError
 from anyprobe.files.graphs import open_graph
 from anyprobe.masks.networks import Network, SmallNetwork, U2NetP
-from anyprobe.masks.parts import label_parts
 from anyprobe.masks.prompts import Point
 from anyprobe.masks.resize import resize
+from anyprobe.masks.search import MARGIN, Window
 
 GROUP = "anyprobe.segmenters"
 
@@ -33,7 +33,7 @@ class Segmenter(Protocol):
     def segment(
         self, rgb: np.ndarray, on: Sequence[Point], off: Sequence[Point], box: Sequence[float] | None
     ) -> np.ndarray:
-        """Cover [H, W] in [0, 1] of the object in a photo [H, W, 3] uint8.
+        """Cover [H, W] in [0, 1] of the object in a photo [H, W, 3] uint8; of several parts, clicks choose afterwards.
 
         Args:
             on, off: clicks x, y on the object and beside it; box: x0, y0, x1, y1 around it; pixels, all optional.
@@ -94,38 +94,15 @@ class Rembg:
     def segment(
         self, rgb: np.ndarray, on: Sequence[Point], off: Sequence[Point], box: Sequence[float] | None
     ) -> np.ndarray:
-        """It finds what stands out: in the box, if there is one; of several parts, those that were clicked on."""
+        """What stands out: in the box and a margin, if there is one."""
         height, width = rgb.shape[:2]
-        x0, y0, x1, y1 = (0, 0, width, height) if box is None else _widened(box, width, height)
+        photo = Window(x0=0, y0=0, x1=width, y1=height)
+        seen = photo if box is None else photo.around((box[0], box[1], box[2], box[3]), MARGIN)
         found = np.zeros((height, width), np.float32)
-        (mask, *_) = self._session.predict(Image.fromarray(rgb[y0:y1, x0:x1]))
-        found[y0:y1, x0:x1] = np.asarray(mask.convert("L"), np.float32) / 255.0
-        return found * _clicked_parts(found, on, off)
-
-
-CROP_MARGIN = 0.15
-"""What a segmenter without prompts sees around a box, in the box's longer sides."""
-
-
-def _widened(box: Sequence[float], width: int, height: int) -> tuple[int, int, int, int]:
-    more = CROP_MARGIN * max(box[2] - box[0], box[3] - box[1])
-    x0, y0 = max(0, int(box[0] - more)), max(0, int(box[1] - more))
-    return x0, y0, min(width, round(box[2] + more)), min(height, round(box[3] + more))
-
-
-def _clicked_parts(found: np.ndarray, on: Sequence[Point], off: Sequence[Point]) -> np.ndarray:
-    """1 on the parts of a mask [H, W] with a click on them and none beside the object, everywhere without clicks."""
-    if not on and not off:
-        return np.ones_like(found)
-    labels, sizes = label_parts(found > 0.5)
-    clicked, taken = ({labels[int(y), int(x)] for x, y in points} - {0} for points in (on, off))
-    kept = np.zeros(len(sizes), np.float32)
-    kept[sorted((clicked if on else set(range(1, len(sizes)))) - taken)] = 1.0
-    if not kept.any():
-        raise InvalidMask(
-            "segmenter: expected something that stands out at the clicks, found none; draw box=, or try sam"
-        )
-    return kept[labels]
+        area = slice(seen.y0, seen.y1), slice(seen.x0, seen.x1)
+        (mask, *_) = self._session.predict(Image.fromarray(rgb[area]))
+        found[area] = np.asarray(mask.convert("L"), np.float32) / 255.0
+        return found
 
 
 class Sam:

@@ -139,10 +139,11 @@ def _filter_state(kept: dict[str, Any]) -> FilterState:
     def steady(words: dict[str, Any]) -> Steady:
         return Steady(**{**words, **{name: np.asarray(words[name]) for name in MAPS}})
 
-    tracks = tuple(
-        Track(**{**one, "value": steady(one["value"]), **{name: np.array(one[name]) for name in ("shown", "pose")}})
-        for one in kept["tracks"]
-    )
+    def track(words: dict[str, Any]) -> Track:
+        filtered = {name: steady(words[name]) for name in ("place", "size")}
+        return Track(**{**words, **filtered, **{name: np.array(words[name]) for name in ("recent", "shown", "pose")}})
+
+    tracks = tuple(map(track, kept["tracks"]))
     return FilterState(soft=steady(kept["soft"]), power=steady(kept["power"]), tracks=tracks, held=kept["held"])
 
 

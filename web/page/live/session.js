@@ -21,6 +21,11 @@ export class LiveSession {
     this.running = false; // since the camera's first picture
   }
 
+  /** Whether the networks are open and the camera's pictures go to them. */
+  get following() {
+    return Boolean(this.live?.tracker);
+  }
+
   async start() {
     if (this.live) return; // the camera is being opened
     const live = { tracker: null, hints: {} };
@@ -56,8 +61,7 @@ export class LiveSession {
       onLost: (answer) => this.#show(answer),
       onError: (error) => this.#fail(live, error),
     });
-    setStatus(hasMask ? "Live. Click on the object if another is marked." : "Click on the object in the picture “Object” below.");
-    element("rates").hidden = false;
+    setStatus(hasMask ? "Finding the object …" : "Click on the object in the picture “Object” below.");
     this.timer = setInterval(() => this.#showRates(), RATES_EVERY_MS);
   }
 
@@ -113,7 +117,7 @@ export class LiveSession {
     if (answer.lost) return this.#say("No object is seen. Click on it in the picture “Object” below.");
     if (answer.mask) this.#setMask(answer);
     if (!this.placed) return;
-    this.#say("Live, in this browser.");
+    this.#say("Live, in this browser. If the outline is wrong, click on the object below, or draw a box around it.");
     this.stage.setLight(answer.light);
     sendLight(answer);
     // one part of the rest at a time: pictures of the camera wait for what is drawn here
@@ -188,6 +192,7 @@ export class LiveSession {
   #showRates() {
     const { updates, frames } = this.live.tracker.rates();
     element("rates").textContent = `${updates.toFixed(0)} lights/s · ${frames.toFixed(0)} frames/s · ${this.engine}`;
+    element("rates").hidden = false;
   }
 }
 

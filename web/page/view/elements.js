@@ -7,6 +7,15 @@ export function setStatus(text, kind = "") {
   const status = element("status");
   status.textContent = text;
   for (const one of ["fault", "warning"]) status.classList.toggle(one, one === kind);
+  element("fetched").hidden = true;
+}
+
+/** How much of a file has come, below the line of status until the next one; total: null where it is not known. */
+export function showFetched(loaded, total) {
+  const bar = element("fetched");
+  bar.hidden = false;
+  if (total) Object.assign(bar, { max: total, value: loaded });
+  else bar.removeAttribute("value");
 }
 
 /** Every light on show, of a photo or of a camera's picture, as the document's event "anyprobe-light". */

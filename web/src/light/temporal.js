@@ -10,17 +10,17 @@ import { CONTRACT } from "../core/contract.js";
 import { MAP_HEIGHT, pixelSolidAngles } from "../core/latlong.js";
 import { rotate } from "./environment.js";
 import { drawSources, splitSources } from "./sourceSplit.js";
-import { SMOOTHING, advance, begin } from "./steady.js";
+import { SMOOTHING, advance, approach, begin, gain } from "./steady.js";
 
 const { offset: OFFSET, source: rules } = CONTRACT.filter;
 const SLOPE = 1 + OFFSET;
 const WHITE = Math.log(SLOPE);
 const radians = (degrees) => (degrees * Math.PI) / 180;
-const [GATE, MOST_TURN] = [radians(rules.gate_deg), radians(rules.most_turn_deg_s)];
+const [GATE, SLACK, MOST_TURN] = [rules.gate_deg, rules.slack_deg, rules.most_turn_deg_s].map(radians);
 const LN_RATIO = Math.log(rules.gate_ratio);
-const ANGLE_SCALE = rules.angle_scale;
 const [VIEW_TURN, VIEW_MOST_TURN] = [radians(rules.view.turn_deg), radians(rules.view.most_turn_deg_s)];
-const VIEW_SLACK = rules.view.slack;
+const [VIEW_SLACK, VIEW_SLACK_SIZE] = [radians(rules.view.slack_deg), Math.sqrt(3) * Math.log(rules.view.slack_ratio)];
+const RECENT_S = rules.view.recent_s;
 /** Stands for the pose where none is known. */
 const STILL = [1, 0, 0, 0, 1, 0, 0, 0, 1];
 const { patience_s: PATIENCE_S, fade_s: FADE_S, most: MOST } = rules;
@@ -113,31 +113,43 @@ function pairsOf(tracks, sources) {
 }
 
 /** A track with its whole power. */
-function sourceOf({ value: { steady }, shown: direction }) {
-  return { direction, power: [3, 4, 5].map((i) => Math.max(Math.exp(steady[i]) - OFFSET, 0)), radius: Math.exp(steady[6]) };
+function sourceOf({ size: { steady }, shown: direction }) {
+  return { direction, power: [0, 1, 2].map((i) => Math.max(Math.exp(steady[i]) - OFFSET, 0)), radius: Math.exp(steady[3]) };
 }
 
-function valueOf({ direction, power, radius }) {
-  return Float64Array.of(...direction.map((value) => ANGLE_SCALE * value), ...power.map((value) => Math.log(value + OFFSET)), Math.log(radius));
+const sizeOf = ({ power, radius }) => Float64Array.of(...power.map((value) => Math.log(value + OFFSET)), Math.log(radius));
+
+/** That of a track's place, which what is shown turns to. */
+const directionOf = ({ place: { steady } }) => unit([...steady]);
+
+function fresh(source, pose, share) {
+  const [place, size] = [Float64Array.from(source.direction), sizeOf(source)];
+  const recent = Float64Array.of(...place, ...size);
+  return { place: begin(place), size: begin(size), recent, shown: source.direction, share, pose, turns: false, unseenS: 0 };
 }
-
-/** That of a track's value, which what is shown turns to. */
-const directionOf = ({ value: { steady } }) => unit([...steady.subarray(0, 3)]);
-
-const fresh = (source, pose, share) => ({ value: begin(valueOf(source)), shown: source.direction, share, pose, unseenS: 0 });
 
 function seen(track, source, pose, dt, smoothing) {
   const view = Math.min(turnedBy(track.pose, pose) / VIEW_TURN, 1);
-  const value = advance(track.value, valueOf(source), dt, distance, smoothing, view * VIEW_SLACK);
-  const wanted = directionOf({ value });
+  const near = approach(track.place.steady, track.recent.subarray(0, 3), view);
+  const like = approach(track.size.steady, track.recent.subarray(3), view);
+  const slack = Math.max(view * VIEW_SLACK, SLACK);
+  const place = advance(track.place, Float64Array.from(source.direction), dt, distance, smoothing, near, slack);
+  const size = advance(track.size, sizeOf(source), dt, distance, smoothing, like, view * VIEW_SLACK_SIZE);
+  const newest = Float64Array.of(...place.fast, ...size.fast);
+  const moves = place.motion > 0;
+  const wanted = directionOf({ place });
   const angle = angleOf(track.shown, wanted);
-  const turn = Math.min(Math.max(angle - (view * VIEW_SLACK) / ANGLE_SCALE, VIEW_MOST_TURN * dt), MOST_TURN * dt);
+  const turns = moves || track.turns;
+  const turn = (turns ? MOST_TURN : MOST_TURN ** (1 - view) * VIEW_MOST_TURN ** view) * dt;
   const part = angle > 0 ? Math.min(1, turn / angle) : 1;
   return {
-    value,
+    place,
+    size,
+    recent: approach(track.recent, newest, gain(dt, Math.min(RECENT_S, place.ageS))),
     shown: unit(track.shown.map((from, axis) => from + part * (wanted[axis] - from))),
     share: Math.min(track.share + dt / FADE_S, 1),
-    pose: value.motion > 0 ? pose : track.pose,
+    pose: moves ? pose : track.pose,
+    turns: turns && turn < angle,
     unseenS: 0,
   };
 }

@@ -45,41 +45,12 @@ export function cropObject({ width, height, rgba }, mask, longFovDeg = DEFAULT_L
   const columns = resampling(centerPx[0] - sidePx / 2, sidePx, width);
   const rows = resampling(centerPx[1] - sidePx / 2, sidePx, height);
 
-  // first every row of the window to CROP_SIZE columns, then the columns to CROP_SIZE rows
-  const line = 4 * CROP_SIZE;
-  const narrow = new Float32Array((rows.last - rows.first) * line);
-  for (let y = rows.first, to = 0; y < rows.last; y++) {
-    for (let sample = 0; sample < CROP_SIZE; sample++, to += 4) {
-      let [r, g, b, a] = [0, 0, 0, 0];
-      let pixel = y * width + columns.from[sample];
-      for (let i = columns.start[sample]; i < columns.start[sample + 1]; i++, pixel++) {
-        const share = columns.weights[i] * mask[pixel];
-        r += share * rgba[4 * pixel];
-        g += share * rgba[4 * pixel + 1];
-        b += share * rgba[4 * pixel + 2];
-        a += share;
-      }
-      narrow[to] = r / 255;
-      narrow[to + 1] = g / 255;
-      narrow[to + 2] = b / 255;
-      narrow[to + 3] = a;
-    }
-  }
-  const plane = CROP_SIZE * CROP_SIZE;
-  const image = new Float32Array(4 * plane);
-  const sums = new Float64Array(line);
-  for (let sample = 0; sample < CROP_SIZE; sample++) {
-    sums.fill(0);
-    let from = (rows.from[sample] - rows.first) * line;
-    for (let i = rows.start[sample]; i < rows.start[sample + 1]; i++, from += line) {
-      const weight = rows.weights[i];
-      for (let at = 0; at < line; at++) sums[at] += weight * narrow[from + at];
-    }
-    for (let channel = 0; channel < 4; channel++) {
-      let to = channel * plane + sample * CROP_SIZE;
-      for (let at = channel; at < line; at += 4, to++) image[to] = Math.min(Math.max(sums[at], 0), 1);
-    }
-  }
+  const image = resampled(columns, rows, width, 4, (sums, to, weight, pixel) => {
+    const share = weight * mask[pixel];
+    if (share === 0) return;
+    for (let channel = 0; channel < 3; channel++) sums[to + channel] += (share * rgba[4 * pixel + channel]) / 255;
+    sums[to + 3] += share;
+  }).map(clamped);
   const ray = pixelDirection(centerPx, width, height, longFovDeg);
   // away from the picture's centre a pixel takes in less: by cos^2 along the radius, by cos across it
   const tanHalf = (sidePx / 2 / focalPx(width, height, longFovDeg)) * Math.hypot(...ray) ** -1.5;
@@ -100,31 +71,12 @@ export function contextOf({ width, height, rgba }, mask, { centerPx, sidePx }) {
   const [high, side] = [Math.ceil(height / step), wide / step];
   const columns = resampling(centerPx[0] / step - side / 2, side, Math.ceil(width / step), CONTEXT_SIZE);
   const rows = resampling(centerPx[1] / step - side / 2, side, high, CONTEXT_SIZE);
-  const plane = CONTEXT_SIZE * CONTEXT_SIZE;
-  const context = new Float32Array(5 * plane);
-  const narrow = new Float32Array((rows.last - rows.first) * 5 * CONTEXT_SIZE);
-  for (let y = rows.first, to = 0; y < rows.last; y++) {
-    for (let sample = 0; sample < CONTEXT_SIZE; sample++, to += 5) {
-      let pixel = step * (y * width + columns.from[sample]);
-      for (let i = columns.start[sample]; i < columns.start[sample + 1]; i++, pixel += step) {
-        const weight = columns.weights[i];
-        for (let channel = 0; channel < 3; channel++) narrow[to + channel] += (weight * rgba[4 * pixel + channel]) / 255;
-        narrow[to + 3] += weight * mask[pixel];
-        narrow[to + 4] += weight;
-      }
-    }
-  }
-  for (let sample = 0; sample < CONTEXT_SIZE; sample++) {
-    let from = (rows.from[sample] - rows.first) * 5 * CONTEXT_SIZE;
-    for (let i = rows.start[sample]; i < rows.start[sample + 1]; i++) {
-      const weight = rows.weights[i];
-      for (let column = 0; column < CONTEXT_SIZE; column++, from += 5) {
-        const to = sample * CONTEXT_SIZE + column;
-        for (let channel = 0; channel < 5; channel++) context[channel * plane + to] += weight * narrow[from + channel];
-      }
-    }
-  }
-  return context.map((value) => Math.min(Math.max(value, 0), 1));
+  const add = (sums, to, weight, pixel) => {
+    for (let channel = 0; channel < 3; channel++) sums[to + channel] += (weight * rgba[4 * pixel + channel]) / 255;
+    sums[to + 3] += weight * mask[pixel];
+    sums[to + 4] += weight;
+  };
+  return resampled(columns, rows, width, 5, add, step).map(clamped);
 }
 
 /**
@@ -139,25 +91,16 @@ export function contextOf({ width, height, rgba }, mask, { centerPx, sidePx }) {
 export function cropNormals(normals, mask, width, { cameraFromCrop, centerPx, sidePx }) {
   const columns = resampling(centerPx[0] - sidePx / 2, sidePx, width, NORMALS_SIZE);
   const rows = resampling(centerPx[1] - sidePx / 2, sidePx, mask.length / width, NORMALS_SIZE);
+  const cropped = resampled(columns, rows, width, 3, (sums, to, weight, pixel) => {
+    for (let axis = 0; axis < 3; axis++) sums[to + axis] += weight * mask[pixel] * normals[3 * pixel + axis];
+  });
   const plane = NORMALS_SIZE * NORMALS_SIZE;
-  const cropped = new Float32Array(3 * plane);
   const [a, b, c, d, e, f, g, h, i] = cameraFromCrop;
-  for (let row = 0; row < NORMALS_SIZE; row++) {
-    for (let column = 0; column < NORMALS_SIZE; column++) {
-      let [x, y, z] = [0, 0, 0];
-      for (let k = rows.start[row], line = rows.from[row]; k < rows.start[row + 1]; k++, line++) {
-        for (let l = columns.start[column], at = line * width + columns.from[column]; l < columns.start[column + 1]; l++, at++) {
-          const weight = rows.weights[k] * columns.weights[l] * mask[at];
-          x += weight * normals[3 * at];
-          y += weight * normals[3 * at + 1];
-          z += weight * normals[3 * at + 2];
-        }
-      }
-      const length = Math.hypot(x, y, z);
-      if (length <= SHORTEST_NORMAL) continue;
-      const turned = [a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z]; // by the inverse
-      turned.forEach((value, axis) => (cropped[axis * plane + row * NORMALS_SIZE + column] = value / length));
-    }
+  for (let at = 0; at < plane; at++) {
+    const [x, y, z] = [cropped[at], cropped[plane + at], cropped[2 * plane + at]];
+    const length = Math.hypot(x, y, z);
+    const turned = [a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z]; // by the inverse
+    turned.forEach((value, axis) => (cropped[axis * plane + at] = length > SHORTEST_NORMAL ? value / length : 0));
   }
   return cropped;
 }
@@ -171,6 +114,46 @@ export function focalPx(width, height, longFovDeg) {
 export function pixelDirection([x, y], width, height, longFovDeg) {
   const focal = focalPx(width, height, longFovDeg);
   return [(x - width / 2) / focal, -(y - height / 2) / focal, -1];
+}
+
+const clamped = (value) => Math.min(Math.max(value, 0), 1);
+
+/**
+ * A window of a picture, first every row of it to its columns, then those to its rows.
+ *
+ * @param {ReturnType<typeof resampling>} columns
+ * @param {ReturnType<typeof resampling>} rows
+ * @param {number} width of the picture
+ * @param {number} channels
+ * @param {(sums: Float64Array, to: number, weight: number, pixel: number) => void} add a pixel to the sums from `to` on
+ * @param {number} [step] only every so many pixels are looked at, both ways
+ * @returns {Float32Array} channel first
+ */
+function resampled(columns, rows, width, channels, add, step = 1) {
+  const size = columns.from.length;
+  const line = channels * size;
+  const narrow = new Float64Array((rows.last - rows.first) * line);
+  for (let y = rows.first, to = 0; y < rows.last; y++) {
+    for (let sample = 0; sample < size; sample++, to += channels) {
+      let pixel = step * (y * width + columns.from[sample]);
+      for (let i = columns.start[sample]; i < columns.start[sample + 1]; i++, pixel += step) add(narrow, to, columns.weights[i], pixel);
+    }
+  }
+  const planes = new Float32Array(line * size);
+  const sums = new Float64Array(line);
+  for (let sample = 0; sample < size; sample++) {
+    sums.fill(0);
+    let from = (rows.from[sample] - rows.first) * line;
+    for (let i = rows.start[sample]; i < rows.start[sample + 1]; i++, from += line) {
+      const weight = rows.weights[i];
+      for (let at = 0; at < line; at++) sums[at] += weight * narrow[from + at];
+    }
+    for (let channel = 0; channel < channels; channel++) {
+      let to = (channel * size + sample) * size;
+      for (let at = channel; at < line; at += channels, to++) planes[to] = sums[at];
+    }
+  }
+  return planes;
 }
 
 /**

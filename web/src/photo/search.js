@@ -14,6 +14,7 @@
 
 import { CONTRACT } from "../core/contract.js";
 import { fillHoles, grow, labelParts, shrink } from "./parts.js";
+import { objectBox } from "./picture.js";
 import { resize } from "./resize.js";
 
 const { inside: INSIDE, search: NUMBERS } = CONTRACT.mask;
@@ -84,7 +85,7 @@ export function borderShare({ window, part }, photo, isPhotos) {
     if ((window[side] === photo[side]) !== isPhotos) return;
     for (let i = 0; i < GRID; i++) total += part[cell(i)];
   });
-  const [left, top, right, bottom] = extentOf(part);
+  const [left, top, right, bottom] = objectBox(part, GRID);
   return total / (2 * (right - left + bottom - top));
 }
 
@@ -253,21 +254,10 @@ function cellBox([x0, y0, x1, y1], [left, top, right, bottom]) {
   return [(x0 - left) * across, (y0 - top) * down, (x1 - left) * across, (y1 - top) * down];
 }
 
-/** First column and row of a part that is not empty, and those after the last. */
-function extentOf(part) {
-  let [x0, y0, x1, y1] = [GRID, GRID, 0, 0];
-  for (let i = 0; i < CELLS; i++) {
-    if (!part[i]) continue;
-    const [x, y] = [i % GRID, Math.floor(i / GRID)];
-    [x0, y0, x1, y1] = [Math.min(x0, x), Math.min(y0, y), Math.max(x1, x + 1), Math.max(y1, y + 1)];
-  }
-  return [x0, y0, x1, y1];
-}
-
 /** Box of a part in pixels of the picture. */
 export function boxOf([x0, y0, x1, y1], part) {
   const [across, down] = [(x1 - x0) / GRID, (y1 - y0) / GRID];
-  const [left, top, right, bottom] = extentOf(part);
+  const [left, top, right, bottom] = objectBox(part, GRID);
   return [x0 + left * across, y0 + top * down, x0 + right * across, y0 + bottom * down];
 }
 
