@@ -32,7 +32,7 @@ ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPEN
 def main() -> None:
     """Print a line for each number of processes, and one for their ratio."""
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    arguments.add_argument("--run", default="paper", choices=RUNS)
+    arguments.add_argument("--run", default="normals", choices=RUNS)
     arguments.add_argument("--steps", type=int, default=8 * LOG_STEPS)
     arguments.add_argument("--processes", type=int, default=2)
     arguments.add_argument("--quick", action="store_true")

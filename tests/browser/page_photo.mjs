@@ -25,14 +25,11 @@ export default async ({ page, url, arguments: given }) => {
     files[target] = await save(() => page.click("#export"));
   }
 
-  // what a photo's alpha channel hides is in no canvas: it has no background
   const ask = async (change) => {
     await page.evaluate(() => (document.getElementById("status").textContent = ""));
     await change();
-    return waitForStatus(page, /^Estimated|^Click|^The background/);
+    return waitForStatus(page, /^Estimated|^Click/);
   };
-  seen.hidden = await ask(() => page.check("#surroundings"));
-  await ask(() => page.uncheck("#surroundings"));
   await ask(() => page.check("#soften"));
   seen.softAlpha = await save(kindOf("exr"), join(given.folder, "soft-alpha"));
   await ask(() => page.uncheck("#soften"));
@@ -44,7 +41,6 @@ export default async ({ page, url, arguments: given }) => {
   const position = { x: given.click[0] * box.width, y: given.click[1] * box.height };
   seen.clicked = await ask(() => page.locator("#mask").click({ position }));
 
-  await ask(() => page.check("#surroundings"));
   seen.background = {};
   for (const kind of ["exr", "json"]) seen.background[kind] = await save(kindOf(kind), join(given.folder, "background"));
   await ask(() => page.uncheck("#surroundings"));

@@ -1,4 +1,6 @@
-"""Eq. 6 as a schedule of targets."""
+"""The chain's targets: Eq. 6 as a schedule, pairs in a mirror, a teacher's maps."""
+
+from dataclasses import replace
 
 import pytest
 
@@ -9,7 +11,8 @@ pytest.importorskip("tensorboard", reason="needs the train extra")
 from support.some_batch import some_batch  # noqa: E402
 
 from anyprobe.light.filtering import blur_cosine_power  # noqa: E402
-from anyprobe.train.chain import GRADUAL_SHARE, NUM_EPOCHS, Chain, gradual_target, sharpness  # noqa: E402
+from anyprobe.nets.light_net import LightNet  # noqa: E402
+from anyprobe.train.chain import GRADUAL_SHARE, NUM_EPOCHS, Chain, both_ways, gradual_target, sharpness  # noqa: E402
 from anyprobe.train.config import paper, smoke  # noqa: E402
 
 
@@ -40,3 +43,40 @@ def test_channels_and_rows_are_not_mixed_up():
     expected = blur_cosine_power(ldr.permute(0, 2, 3, 1), 1.0).permute(0, 3, 1, 2)
     torch.testing.assert_close(gradual_target(ldr, 0.0), expected)
     assert gradual_target(ldr, 0.0).std() < 0.1 * ldr.std()
+
+
+def test_pairs_in_a_mirror_are_pairs():
+    """What stood on the right stands on the left, and normals point there."""
+    batch = both_ways(some_batch(2))
+    assert len(batch.photo) == len(batch.tan_half) == 4
+    for name in ("photo", "irradiance", "ldr", "ln_radiance"):
+        one = getattr(batch, name)
+        assert torch.equal(one[2:], one[:2].flip(3))
+    assert torch.equal(batch.normals[2:, 0], -batch.normals[:2, 0].flip(2))
+    assert torch.equal(batch.normals[2:, 1:], batch.normals[:2, 1:].flip(3))
+
+
+def test_targets_lie_between_the_truth_and_the_teachers_maps():
+    chain, batch = Chain(smoke(paper()), "cpu"), some_batch(2)
+    assert torch.equal(chain._taught(batch), batch.ldr)
+    chain.learn_from(LightNet())
+    halfway = chain._taught(batch)
+    chain.config = replace(chain.config, taught=1.0)
+    teachers = chain._taught(batch)
+    assert (teachers - batch.ldr).abs().mean() > 0.1
+    torch.testing.assert_close(halfway, (teachers + batch.ldr) / 2)
+
+
+def test_hdr_net_learns_the_power_of_the_map_that_it_helps_to_make():
+    """A source that the estimate shows white: the network's own pixels must say how bright it is."""
+    chain, batch = Chain(smoke(paper()), "cpu"), some_batch(2)
+    estimate = torch.full((2, 3, 64, 128), 0.2)
+    estimate[:, :, 10:14, 30:34] = 1.0
+    losses = []
+    for bright in (0.0, 6.0):
+        ln = torch.full_like(estimate, -2.0)
+        ln[:, :, 10:14, 30:34] = bright
+        first = batch.ln_radiance[:1]  # the true map that is learned from
+        with torch.no_grad():
+            losses.append(float(chain._hdr_loss(estimate, replace(batch, ln_radiance=torch.cat([first, ln[1:]])), 0.5)))
+    assert losses[1] > losses[0] + 0.3

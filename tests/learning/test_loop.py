@@ -23,13 +23,13 @@ from anyprobe.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.pairs import PairSource  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
-from anyprobe.errors import ModelError, OutputError  # noqa: E402
+from anyprobe.errors import InputError, ModelError, OutputError  # noqa: E402
 from anyprobe.estimate.runtime import Models  # noqa: E402
 from anyprobe.nets.paper import NETS  # noqa: E402
 from anyprobe.train import export_onnx  # noqa: E402
-from anyprobe.train.chain import Chain  # noqa: E402
+from anyprobe.train.chain import Chain, Irradiance  # noqa: E402
 from anyprobe.train.checkpoint import init_weights_id, load_init_weights, save_init_weights  # noqa: E402
-from anyprobe.train.config import LightConfig, lift, normals, paper, smoke  # noqa: E402
+from anyprobe.train.config import LightConfig, lift, normals, paper, paper_irradiance, smoke  # noqa: E402
 from anyprobe.train.lift import Lift  # noqa: E402
 from anyprobe.train.logger import run_folder  # noqa: E402
 from anyprobe.train.loop import learning_rate, load_nets, train  # noqa: E402
@@ -43,12 +43,13 @@ def run(tmp_path_factory):
     illuminator = Illuminator([draw_map(rng, height=32)[0] for _ in range(2)], compiled=False)
     surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=1))
 
-    def call(folder, stop_after=None, steps=3, named=paper, start=None):
+    def call(folder, stop_after=None, steps=3, named=paper, start=None, teacher=None):
         config = smoke(named(), steps)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # TensorBoard warns about itself
             pairs = PairSource(illuminator, surfaces, config.pairs)
-            return train(config, data=None, runs=folder, stop_after=stop_after, pairs=pairs, start=start)
+            given = {"pairs": pairs, "start": start, "teacher": teacher}
+            return train(config, data=None, runs=folder, stop_after=stop_after, **given)
 
     return call
 
@@ -59,7 +60,7 @@ def two_steps(run, tmp_path_factory):
     return lru_cache(lambda named: run(tmp_path_factory.mktemp("two_steps"), steps=2, named=named))
 
 
-@pytest.mark.parametrize("named", [paper, lift])
+@pytest.mark.parametrize("named", [paper_irradiance, paper, lift])
 def test_resumed_run_equals_the_straight_one_to_the_bit(run, tmp_path, named):
     straight = torch.load(run(tmp_path / "a", named=named), weights_only=True)
     part = run(tmp_path / "b", stop_after=1, named=named)
@@ -105,29 +106,41 @@ def test_a_finished_run_is_left_alone(run, two_steps):
 
 
 def test_losses_do_not_mix():
-    """No gradient of a later network may reach an earlier one."""
+    """No gradient of a later network may reach an earlier one, and the irradiance net stays as it is."""
     chain = Chain(smoke(paper()), "cpu")
     batch = some_batch()
-    for stage in NETS:
+    for stage in chain.columns:
         chain.nets.zero_grad(set_to_none=True)
         chain.losses(batch, 0.5)[stage].backward()
         touched = {name for name, net in chain.nets.items() if any(p.grad is not None for p in net.parameters())}
         assert touched == {stage}
 
 
-def test_the_true_irradiance_is_shown_as_far_as_the_photos_mask_goes():
-    """No irradiance network shows more, and in a trained chain none will."""
-    chain = Chain(smoke(paper()), "cpu")
-    batch = some_batch(8)
-    batch = replace(batch, photo=batch.photo.round())  # a mask that is not the object's
-    mask, guess = batch.photo[:, 3:], torch.rand_like(batch.irradiance)
-    image = chain._object_image(batch, guess)
-    given = int(8 * chain.config.truth_share)
-    assert given == 2
-    assert (batch.irradiance[:given] * (1 - mask[:given])).max() > 0.5
-    assert torch.equal(image[:given, :3], batch.irradiance[:given] * mask[:given])
-    assert torch.equal(image[given:, :3], guess[given:])
-    assert torch.equal(image[:, 3:], mask)
+def test_chain_leaves_the_irradiance_net_that_it_begins_with_and_names_its_teacher(run, two_steps, tmp_path):
+    begin, teacher = tmp_path / "irradiance.pt", tmp_path / "lift.pt"
+    save_init_weights(two_steps(paper_irradiance), begin)
+    save_init_weights(two_steps(lift), teacher)
+    stored = torch.load(run(tmp_path / "runs", start=begin, teacher=teacher), weights_only=True)
+    kept = torch.load(begin, weights_only=True)
+    assert kept
+    for name, value in kept.items():  # statistics of batch normalisation too
+        assert torch.equal(stored["nets"][name], value.to(stored["nets"][name].dtype)), name
+    assert stored["origin"]["teacher"] == init_weights_id(teacher)
+    with pytest.raises(InputError, match="--teacher with nothing, as the run began, got"):
+        run(two_steps(paper).parents[1], steps=3, start=None, teacher=teacher)
+
+
+def test_irradiance_net_begins_from_the_same_layers_of_lift(two_steps, tmp_path):
+    kept = tmp_path / "lift.pt"
+    save_init_weights(two_steps(lift), kept)
+    nets = Irradiance.networks()
+    load_init_weights(nets, kept)
+    theirs, ours = torch.load(kept, weights_only=True), nets.state_dict()
+    assert torch.equal(ours["irradiance.first.0.0.weight"], theirs["light.object.first.0.0.weight"].float()[:, :18])
+    assert torch.equal(ours["irradiance.head.bias"], theirs["light.object.head.bias"].float()[:12])
+    assert {name for name in ours if torch.equal(ours[name], Irradiance.networks().state_dict()[name])} <= {
+        name for name in ours if "running" in name or "num_batches" in name or name.endswith((".1.weight", ".1.bias"))
+    }
 
 
 def test_learning_rate_rises_stays_and_falls():
@@ -232,8 +245,9 @@ def test_a_run_begins_from_kept_weights(run, two_steps, tmp_path):
     assert (weights[1] - trained["light.sphere.head.weight"]).abs().max() > (
         weights[0] - trained["light.sphere.head.weight"]
     ).abs().max()
+    save_init_weights(two_steps(paper), tmp_path / "paper.pt")
     with pytest.raises(ModelError, match="expected weights of this run"):
-        run(tmp_path / "d", steps=2, named=paper, start=kept)
+        run(tmp_path / "d", steps=2, named=lift, start=tmp_path / "paper.pt")
 
 
 @pytest.mark.parametrize(

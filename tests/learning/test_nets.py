@@ -8,10 +8,10 @@ from anyprobe.nets.paper import HdrNet, IlluminationNet, IrradianceNet  # noqa: 
 
 
 def test_each_net_gives_the_size_the_next_one_takes():
-    photo = torch.rand(2, 4, 128, 128)
-    irradiance = IrradianceNet()(photo)
+    photo, tan_half = torch.rand(2, 4, 128, 128), torch.rand(2, 1)
+    irradiance = IrradianceNet()(photo, tan_half)
     assert irradiance.shape == (2, 3, 128, 128)
-    ldr = IlluminationNet()(torch.cat([irradiance, photo[:, 3:]], dim=1))
+    ldr = IlluminationNet()(torch.cat([irradiance, photo[:, 3:]], dim=1), tan_half)
     assert ldr.shape == (2, 3, 64, 128)
     assert ldr.min() >= 0
     assert ldr.max() <= 1
@@ -21,7 +21,7 @@ def test_each_net_gives_the_size_the_next_one_takes():
 def test_irradiance_is_empty_outside_the_mask():
     photo = torch.rand(1, 4, 128, 128)
     photo[:, 3, :, :64] = 0
-    assert IrradianceNet()(photo)[..., :64].abs().max() == 0
+    assert IrradianceNet()(photo, torch.ones(1, 1))[..., :64].abs().max() == 0
 
 
 def test_hdr_net_sees_across_the_seam():
@@ -35,19 +35,25 @@ def test_hdr_net_sees_across_the_seam():
 
 
 @pytest.mark.parametrize("net", [IrradianceNet(), IlluminationNet()], ids=["irradiance", "illumination"])
+def test_field_of_view_changes_the_answer(net):
+    photo = torch.rand(2, 4, 128, 128)
+    near, far = (net(photo, torch.full((2, 1), slope)) for slope in (0.5, 0.05))
+    assert (near - far).abs().max() > 1e-3
+
+
+@pytest.mark.parametrize("net", [IrradianceNet(), IlluminationNet()], ids=["irradiance", "illumination"])
 def test_one_batch_can_be_learned(net):
     """A net whose gradient is cut somewhere stays where it is."""
     torch.manual_seed(0)
-    size = 64 if isinstance(net, IrradianceNet) else 128  # the other takes no other
-    photo = torch.rand(2, 4, size, size)
-    shape = net(photo).shape
+    photo, tan_half = torch.rand(2, 4, 128, 128), torch.rand(2, 1)
+    shape = net(photo, tan_half).shape
     target = torch.nn.functional.interpolate(torch.rand(2, 3, 4, 8), size=shape[2:], mode="bilinear")
     if isinstance(net, IrradianceNet):
         target = target * photo[:, 3:]
     optimizer = torch.optim.Adam(net.parameters(), 2e-3)
     losses = []
     for _ in range(25):
-        loss = ((net(photo) - target) ** 2).mean()
+        loss = ((net(photo, tan_half) - target) ** 2).mean()
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()

@@ -22,6 +22,8 @@ TEST_ASSETS = ("--hdri", "h", "--meshes", "m")
         (("train", "lift", "--steps", "9", "--dry-run", "2"), "--steps 9: expected it or --dry-run"),
         (("train", "mask"), "in a clone, with python -m research.mask_network"),
         (("train", "lift", "--init-weights", "none.pt"), "none.pt: no such file"),
+        (("train", "paper"), "expected --init-weights with a trained irradiance net, got none"),
+        (("train", "lift", "--teacher", "lift.pt"), "--teacher lift.pt: expected a run of the paper's chain, got lift"),
         (("weights", "o", "lift", "--data", "d"), "--data d: does nothing without --mean-map"),
         (("weights", "o", "mask"), "in a clone, with python -m research.mask_network"),
         (("weights", "o", "lift", "--mean-map", "m.exr"), "no such checkpoint; train first"),
@@ -54,7 +56,7 @@ def test_weights_of_a_run_that_is_only_a_folder_have_no_mean_map(work, command):
     path.parent.rename(work / "runs" / "normals-dry")
     before = snapshot(work)
     refused = command("weights", "o", "normals-dry", "--mean-map", "m.exr").complaint
-    assert "--mean-map: expected one of the runs paper, lift" in refused
+    assert "--mean-map: expected one of the runs paper_irradiance, paper" in refused
     assert "got normals-dry" in refused
     assert snapshot(work) == before
 

@@ -70,8 +70,7 @@ def _filtered(radiance: np.ndarray) -> dict[str, np.ndarray]:
     state = None
     for frame, seconds in zip(frames, FRAME_SECONDS, strict=True):
         state = step(state, frame, seconds)
-    soft, sources = split_sources(frames[-1])
-    found = {"frames": frames, "steadied": state.radiance, "split_soft": soft, "split_sources": _rows(sources)}
+    found = {"frames": frames, "steadied": state.radiance}
 
     rng, turning, state = np.random.default_rng(6), [], None
     poses = [world_from_camera(0.1 * i, 0.2 - 0.05 * i) for i in range(len(FRAME_SECONDS))]
@@ -88,7 +87,10 @@ def _filtered(radiance: np.ndarray) -> dict[str, np.ndarray]:
         world = split_sources(radiance)[0] + draw_sources(len(radiance), lamps)
         turning.append(np.maximum(rotate(world, pose.T), 0.0).astype(np.float32))
         state = step(state, turning[-1], seconds, world_from_camera=pose)
+    soft, sources = split_sources(turning[-1])
     return found | {
+        "split_soft": soft,
+        "split_sources": _rows(sources),
         "turning_frames": np.array(turning),
         "turning_poses": np.array(poses),
         "turning_world": state.radiance,

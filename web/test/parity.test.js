@@ -276,7 +276,7 @@ test("the filter of a video's lights", { skip }, () => {
 const rowsOf = (sources) => sources.flatMap(({ direction, power, radius }) => [...direction, ...power, radius]);
 
 test("a map's discrete sources", { skip }, () => {
-  const frames = floats("frames");
+  const frames = floats("turning_frames");
   const { soft, sources } = splitSources(frames.subarray(-frames.length / found.frameSeconds.length), 64);
   assert.ok(sources.length > 0);
   assertClose(rowsOf(sources), floats("split_sources"), 1e-4, "sources");

@@ -31,6 +31,9 @@ def train(
         Path | None,
         typer.Option(help="Initial weights, kept by anyprobe weights --keep; give the same ones to resume."),
     ] = None,
+    teacher: Annotated[
+        Path | None, typer.Option(help="Weights of lift, kept likewise, whose maps the paper's chain learns from too.")
+    ] = None,
     device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
     shards: Annotated[
         Path | None,
@@ -53,13 +56,28 @@ def train(
     if run not in NAMED:
         raise InputError(f"run {run!r}: expected one of {', '.join(NAMED)}")
     chosen = NAMED[run]()
+    if chosen.model != "paper" and teacher is not None:
+        raise InputError(f"--teacher {teacher}: expected a run of the paper's chain, got {run}; leave it out")
+    if chosen.model == "paper" and init_weights is None and dry_run is None:
+        raise InputError(
+            f"run {run!r}: expected --init-weights with a trained irradiance net, got none; train it with anyprobe "
+            "train paper_irradiance, keep it with anyprobe weights FOLDER paper_irradiance --keep irradiance.pt"
+        )
     if steps is not None:
         chosen = replace(chosen, steps=steps)
     if dry_run is not None:
         chosen = smoke(chosen, dry_run)
     pairs = None if shards is None else _rendered(shards, data, chosen, device, workers)
     path = loop.train(
-        chosen, data=data, runs=runs, device=device, compiled=compiled, workers=workers, start=init_weights, pairs=pairs
+        chosen,
+        data=data,
+        runs=runs,
+        device=device,
+        compiled=compiled,
+        workers=workers,
+        start=init_weights,
+        pairs=pairs,
+        teacher=teacher,
     )
     typer.echo(path)
 

@@ -52,8 +52,15 @@ class Shot:
     meters_frame: bool = False
 
 
+def draw_curve(rng: np.random.Generator) -> CameraCurve:
+    """Of cameras as hdrcnn has them (Eilertsen et al. 2017)."""
+    return CameraCurve(
+        exponent=float(np.clip(rng.normal(0.9, 0.1), 0.4, 1.6)), sigma=float(np.clip(rng.normal(0.6, 0.1), 0.2, 1.2))
+    )
+
+
 def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
-    """Curve as in hdrcnn (Eilertsen et al. 2017); the exposure spans about two stops each way.
+    """Curve of draw_curve; the exposure spans about two stops each way.
 
     Args:
         conditions: 0 for the paper's clean shot, without noise, blur and JPEG; 1 as the
@@ -67,10 +74,7 @@ def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
         object_key=float(np.exp(rng.uniform(np.log(0.1), np.log(0.6)))),
         scene_key=float(0.25 * np.exp(rng.uniform(np.log(0.5), np.log(2.0)))),
         white_balance=np.exp(rng.normal(0.0, 0.08, size=3)).astype(np.float32),
-        curve=CameraCurve(
-            exponent=float(np.clip(rng.normal(0.9, 0.1), 0.4, 1.6)),
-            sigma=float(np.clip(rng.normal(0.6, 0.1), 0.2, 1.2)),
-        ),
+        curve=draw_curve(rng),
     )
     noise = float(rng.uniform(0.0, 0.012))
     sharp, blur_px = rng.random() < SHARP_SHARE, float(rng.uniform(0.3, 1.5))

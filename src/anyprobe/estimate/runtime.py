@@ -210,7 +210,7 @@ class Models:
         for stage in self.stages:
             path = folder / f"{stage}.onnx"
             session = _open(path, stage, threads)
-            if stage != WHOLE:
+            if stage in FIRST_STAGES:
                 self._inputs = len(session.get_inputs())
             self._run[stage] = open_engine(session, path, engine, threads)
 
@@ -265,11 +265,12 @@ class Models:
         if self.lifts:
             given = lift_inputs(image, tan_half, normals, surroundings, material)
             return self._lift(given, None if context is None else whole_inputs(context, up))
-        return self._chain(_batch(image))
+        return self._chain(_batch(image), np.array([[tan_half]], np.float32))
 
-    def _chain(self, photo: np.ndarray) -> Outputs:
-        (irradiance,) = self._run["irradiance"](photo)
-        (ldr,) = self._run["illumination"](np.concatenate([irradiance, photo[:, 3:]], axis=1))
+    def _chain(self, photo: np.ndarray, tan_half: np.ndarray) -> Outputs:
+        angle = (tan_half,)[: self._inputs - 1]  # older graphs do not ask
+        (irradiance,) = self._run["irradiance"](photo, *angle)
+        (ldr,) = self._run["illumination"](np.concatenate([irradiance, photo[:, 3:]], axis=1), *angle)
         (ln_radiance,) = self._run["hdr"](ldr)
         ldr, ln_radiance = _image(ldr), _image(ln_radiance)
         return Outputs(

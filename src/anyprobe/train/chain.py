@@ -1,27 +1,40 @@
 """Losses of the paper's three networks (nets.paper), with gradual targets (Eq. 6).
 
-Each network's input is the one before's output, cut off from its gradient: the three
-losses do not mix, and one pass over the pairs trains all three.
+The irradiance net learns alone, first (Irradiance). Then the other two learn from what it says, and it stays as it is
+(Chain): the HDR net's input is the illumination net's output, cut off from its gradient, so that one pass over the
+pairs trains both.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
 import torch
 from torch import nn
+from torch.nn import functional as F
 
 from anyprobe.core.latlong import pixel_solid_angles
+from anyprobe.core.response import CameraCurve, response
+from anyprobe.dataset.camera import draw_curve
 from anyprobe.dataset.pairs import Batch
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.filtering import blur_cosine_power
-from anyprobe.light.reconstruct import blend_weight
+from anyprobe.light.reconstruct import blend_weight, reconstruct
 from anyprobe.nets.blocks import autocast
+from anyprobe.nets.light_net import LightNet
 from anyprobe.nets.paper import NETS
 from anyprobe.train.config import RunConfig
-from anyprobe.train.lift import irradiance_loss
+from anyprobe.train.lift import Transport, display, irradiance_loss, shown_losses
 
 NUM_EPOCHS = 11
-GRADUAL_SHARE = 0.7
+GRADUAL_SHARE = 0.3
 """Share of the steps that the 11 filtered epochs take; the rest sees the map itself."""
+TIMES_EXPOSURE = (0.5, 2.0)
+"""Between these times the photo's exposure the HDR net sees true maps (the paper's Sect. 4.1)."""
+WEIGHTS = {"ldr": 1.0, "scales": 0.5, "structure": 0.15}
+"""Of the illumination net's losses. With squares alone, as in the paper, its maps come near their mean."""
 
 
 def sharpness(progress: float) -> float | None:
@@ -42,61 +55,162 @@ def gradual_target(ldr: torch.Tensor, progress: float) -> torch.Tensor:
     return blur_cosine_power(ldr.permute(0, 2, 3, 1), exponent).permute(0, 3, 1, 2)
 
 
-class Chain:
-    """Losses of the three networks; float32 weights, the arithmetic of nets.blocks.autocast."""
+def both_ways(batch: Batch) -> Batch:
+    """The pairs, and after them the same in a mirror, x to -x: photos, irradiance, normals and maps. What is given
+    with the photos is left out."""
 
-    columns = tuple(NETS)
+    def both(x: torch.Tensor) -> torch.Tensor:
+        return torch.cat([x, x.flip(-1)])
+
+    normals = torch.cat([batch.normals, batch.normals.flip(-1) * batch.normals.new_tensor([-1, 1, 1])[:, None, None]])
+    twice = {
+        name: torch.cat([value, value])
+        for name in ("alpha", "tan_half", "material")
+        for value in [getattr(batch, name)]
+    }
+    pictures = {name: both(getattr(batch, name)) for name in ("photo", "irradiance", "ldr", "ln_radiance")}
+    nothing = {
+        name: torch.zeros_like(torch.cat([value, value]))
+        for name in ("given_normals_rotation", "surroundings", "given_material")
+        for value in [getattr(batch, name)]
+    }
+    return replace(batch, normals=normals, **twice, **pictures, **nothing)
+
+
+class _Stages:
+    """Networks of the chain; float32 weights, the arithmetic of nets.blocks.autocast."""
 
     def __init__(self, config: RunConfig, device: str) -> None:
         self.config, self.device = config, device
         self.nets = self.networks()
         self.nets.to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+    @staticmethod
+    def networks() -> nn.ModuleDict:
+        """Untrained."""
+        raise NotImplementedError
+
+    def _run(self, stage: str, x: torch.Tensor, *more: torch.Tensor) -> torch.Tensor:
+        with autocast(self.device):
+            return self.nets[stage](x.contiguous(memory_format=torch.channels_last), *more).float()
+
+    def _irradiance(self, batch: Batch) -> torch.Tensor:
+        return self._run("irradiance", batch.photo, batch.tan_half[:, None])
+
+
+class Irradiance(_Stages):
+    """Loss of the irradiance net."""
+
+    columns = ("irradiance",)
+
+    @staticmethod
+    def networks() -> nn.ModuleDict:
+        """Untrained."""
+        return nn.ModuleDict({"irradiance": NETS["irradiance"]()})
+
+    def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
+        """Mean squared error, the same whatever the progress."""
+        batch = both_ways(batch)
+        mask = batch.photo[:, 3:]
+        return {"irradiance": irradiance_loss(self._irradiance(batch), batch.irradiance * mask, mask)}
+
+    def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
+        """Photos, true irradiance and what it estimates."""
+        mask = batch.photo[:, 3:]
+        return batch.photo[:, :3], batch.irradiance * mask, self._irradiance(batch).clip(0, 1)
+
+
+class Chain(_Stages):
+    """Losses of the illumination and the HDR net, from what the irradiance net says, which does not change."""
+
+    columns = ("illumination", "hdr")
+
+    def __init__(self, config: RunConfig, device: str) -> None:
+        super().__init__(config, device)
+        self.nets["irradiance"].requires_grad_(False)
         weights = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).to(device)
         self.solid_angle = (weights / weights.mean())[None, None]  # [1, 1, H, 1], mean 1
+        self._transport = Transport(device)
+        self._teacher: LightNet | None = None
 
     @staticmethod
     def networks() -> nn.ModuleDict:
         """Untrained."""
         return nn.ModuleDict({stage: net() for stage, net in NETS.items()})
 
-    def _run(self, stage: str, x: torch.Tensor) -> torch.Tensor:
-        with autocast(self.device):
-            return self.nets[stage](x.contiguous(memory_format=torch.channels_last)).float()
+    def learn_from(self, teacher: LightNet) -> None:
+        """A network whose maps are a share of the illumination net's targets (RunConfig.taught): what an object can
+        tell varies less than the whole map does, and so is learned from fewer pairs. It is given normals and material.
+        """
+        self._teacher = teacher.to(self.device).eval().requires_grad_(False)
+        self._teacher.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
-        """Mean squared error of each network; progress is the share of the run done, in [0, 1)."""
-        mask = batch.photo[:, 3:]
-        irradiance = self._run("irradiance", batch.photo)
-        ldr = self._run("illumination", self._object_image(batch, irradiance.detach()))
-        target = gradual_target(batch.ldr, progress) if self.config.gradual else batch.ldr
+        """progress is the share of the run done, in [0, 1): the illumination net's targets sharpen with it."""
+        self.nets["irradiance"].eval()  # all are set to train after pictures
+        with torch.no_grad():
+            seen, wanted = self._irradiance(batch), self._taught(batch)
+            seen, wanted = (torch.cat([x, x.flip(-1)]) for x in (seen, wanted))
+        batch = both_ways(batch)
+        ldr = self._map(seen, batch)
+        target = gradual_target(wanted, progress) if self.config.gradual else wanted
+        losses = shown_losses(ldr, target, 0.5 + 0.5 * self.solid_angle)
         return {
-            "irradiance": irradiance_loss(irradiance, batch.irradiance * mask, mask),
-            "illumination": (self.solid_angle * (ldr - target) ** 2).mean(),
-            "hdr": self._hdr_loss(ldr.detach(), batch),
+            "illumination": sum((WEIGHTS[name] * losses[name] for name in WEIGHTS), ldr.new_zeros(())),
+            "hdr": self._hdr_loss(ldr.detach(), batch, progress),
         }
 
     def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
         """Photos, true LDR maps and those estimated from estimated irradiance."""
-        seen = torch.cat([self._run("irradiance", batch.photo), batch.photo[:, 3:]], dim=1)
-        return batch.photo[:, :3], batch.ldr, self._run("illumination", seen)
+        return batch.photo[:, :3], batch.ldr, self._map(self._irradiance(batch), batch)
 
-    def _object_image(self, batch: Batch, irradiance: torch.Tensor) -> torch.Tensor:
-        """The illumination net's input [B, 4, S, S]; the first truth_share of the batch sees the truth, as far as
-        the photo's mask goes: that is all an irradiance net can show."""
-        given, mask = int(self.config.truth_share * len(irradiance)), batch.photo[:, 3:]
-        seen = torch.cat([batch.irradiance[:given] * mask[:given], irradiance[given:]])
-        return torch.cat([seen, mask], dim=1)
+    def _map(self, irradiance: torch.Tensor, batch: Batch) -> torch.Tensor:
+        image = torch.cat([irradiance, batch.photo[:, 3:]], dim=1)
+        return self._run("illumination", image, batch.tan_half[:, None])
 
-    def _hdr_loss(self, estimate: torch.Tensor, batch: Batch) -> torch.Tensor:
-        """Mean squared error of ln radiance from true and from estimated LDR maps, weighted by solid angle and
-        0.1 + gamma (Eq. 8): mostly where Eq. 7 will read it.
+    def _taught(self, batch: Batch) -> torch.Tensor:
+        """True LDR maps, or what lies between them and the teacher's."""
+        if self._teacher is None:
+            return batch.ldr
+        photo = batch.photo.contiguous(memory_format=torch.channels_last)
+        normals = F.normalize(F.avg_pool2d(batch.normals, 2), dim=1)
+        with autocast(self.device):
+            guess = self._teacher(photo, batch.tan_half[:, None], normals, None, batch.material)
+        shown = display(guess.ln_radiance.float()).clip(max=1.0)
+        return torch.lerp(batch.ldr, shown, self.config.taught)
+
+    def _hdr_loss(self, estimate: torch.Tensor, batch: Batch, progress: float) -> torch.Tensor:
+        """Of ln radiance from true LDR maps the mean squared error, weighted by solid angle and 0.1 + gamma (Eq. 8):
+        mostly where Eq. 7 will read it. From estimated ones, whose pixels are no longer those of the truth, what
+        spheres see of the map that Eq. 7 makes.
 
         estimate: display values [B, 3, H, 2H] of the illumination net.
         """
-        quarter = max(1, int(self.config.hdr_share * len(estimate)) // 2)
-        true, estimated = slice(0, quarter), slice(len(estimate) - quarter, None)
-        ldr = torch.cat([batch.ldr[true], estimate[estimated]])
-        saturated = torch.cat([batch.ldr[true], torch.maximum(estimate, batch.ldr)[estimated]])
-        target = torch.cat([batch.ln_radiance[true], batch.ln_radiance[estimated]])
-        weight = self.solid_angle * (0.1 + blend_weight(saturated.permute(0, 2, 3, 1)).permute(0, 3, 1, 2))
-        return (weight * (self._run("hdr", ldr) - target) ** 2).sum() / weight.sum() / 3
+        count = max(1, int(self.config.hdr_share * len(estimate)) // 2)
+        rng = np.random.default_rng(int(progress * 2**40))
+        true, ln_true = self._shot_maps(batch.ln_radiance[:count], rng)
+        chosen = slice(len(estimate) - count, None)
+        ln = self._run("hdr", torch.cat([true, estimate[chosen]]))
+        weight = self.solid_angle * (0.1 + _last(blend_weight, true))
+        of_pixels = (weight * (ln[:count] - ln_true) ** 2).sum() / weight.sum() / 3
+        radiance = _last(reconstruct, estimate[chosen], ln[count:])
+        return of_pixels + self._transport(torch.log(radiance.clip(min=1e-6)), batch.ln_radiance[chosen])
+
+    def _shot_maps(self, ln: torch.Tensor, rng: np.random.Generator) -> tuple[torch.Tensor, torch.Tensor]:
+        """Display values of maps [B, 3, H, 2H], each at an exposure and through a camera's curve of its own, and their
+        ln radiance."""
+
+        def column(values: list[float]) -> torch.Tensor:
+            return ln.new_tensor(values).reshape(-1, 1, 1, 1)
+
+        exposed = ln + column(
+            list(np.log(TIMES_EXPOSURE[0]) + rng.random(len(ln)) * np.log(TIMES_EXPOSURE[1] / TIMES_EXPOSURE[0]))
+        )
+        curves = [draw_curve(rng) for _ in ln]
+        curve = CameraCurve(exponent=column([c.exponent for c in curves]), sigma=column([c.sigma for c in curves]))
+        return cast(torch.Tensor, response(torch.exp(exposed), curve)), exposed
+
+
+def _last(function, *pictures: torch.Tensor) -> torch.Tensor:
+    """A function of pictures [B, H, W, C] of those that are [B, C, H, W]."""
+    return function(*(x.permute(0, 2, 3, 1) for x in pictures)).permute(0, 3, 1, 2)

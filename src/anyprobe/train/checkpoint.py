@@ -29,6 +29,7 @@ EXPLAINED = {
     "processes": "as many processes as",
     "assets": "--data with",
     "start": "--init-weights with",
+    "teacher": "--teacher with",
 }
 
 
@@ -204,14 +205,31 @@ def keep_apart(checkpoint: Path, path: Path) -> None:
 
 
 def load_init_weights(nets: nn.Module, path: Path) -> None:
-    """Give networks the weights that save_init_weights or keep_run kept; ModelError if they are none of theirs."""
+    """Give networks the weights that save_init_weights or keep_run kept; ModelError if they are none of theirs.
+
+    Whole networks that the file lacks begin untrained. The irradiance net may begin from `lift`'s, see of_lift.
+    """
     fresh = nets.state_dict()
     kept = current_weight_names(read_init_weights(path)[0], fresh)
-    kept = {name: value for name, value in fresh.items() if name.startswith(ADDED)} | kept
+    if hasattr(nets, "irradiance"):
+        kept = of_lift(kept, fresh) or kept
+    have = {name.split(".")[0] for name in kept}
+    lacking = {name: x for name, x in fresh.items() if name.startswith(ADDED) or name.split(".")[0] not in have}
+    if have & {name for name, _ in nets.named_children()}:
+        kept = lacking | kept
     try:
         nets.load_state_dict(kept)
     except Exception as error:  # other names, other shapes, no weights at all
         raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
+
+
+def of_lift(kept: Mapping[str, torch.Tensor], fresh: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """Weights of the irradiance net [by their names in fresh] that are those of LightNet's object network, which sees
+    normals too and gives features too; none where there is no such network."""
+    ours, theirs = "irradiance.", "light.object."
+    names = [name for name in fresh if name.startswith(ours) and name.replace(ours, theirs) in kept]
+    taken = {name: kept[name.replace(ours, theirs)] for name in names}
+    return {name: x[tuple(slice(n) for n in fresh[name].shape)] for name, x in taken.items()}
 
 
 def init_weights_id(path: Path) -> str:

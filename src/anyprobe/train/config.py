@@ -31,10 +31,10 @@ class RunConfig:
     """The training of one model on pairs made as it goes.
 
     name: of the run's folder.
-    model: "paper", the chain of three networks, "lift", the one that lifts pixels to the environment map, or "normals",
-        the part of it that estimates normals. truth_share, gradual and hdr_share concern the first, lift the second.
-    truth_share: share of a batch in which the illumination net sees the true irradiance,
-        the rest sees the irradiance net's.
+    model: "paper", the chain of three networks, "irradiance", the first of them alone, "lift", the one that lifts
+        pixels to the environment map, or "normals", the part of it that estimates normals. taught, gradual and
+        hdr_share concern the first, lift the third.
+    taught: how much of the LDR targets is the teacher's map, where there is a teacher; the rest is the true one.
     gradual: whether the LDR targets sharpen as in Eq. 6.
     hdr_share: share of a batch that the HDR net learns from, half true LDR maps, half estimated.
     cooldown: last share of the steps in which the learning rate falls to zero.
@@ -48,18 +48,13 @@ class RunConfig:
     warmup: int = 200
     cooldown: float = 0.25
     seed: int = 0
-    truth_share: float = 0.25
+    taught: float = 0.5
     hdr_share: float = 0.5
     gradual: bool = True
     lift: LiftConfig = field(default_factory=LiftConfig)
     pairs: PairConfig = field(default_factory=PairConfig)
     surfaces: SurfaceConfig = field(default_factory=SurfaceConfig)
     light: LightConfig = field(default_factory=LightConfig)
-
-
-def paper() -> RunConfig:
-    """The paper's chain (Sect. 3.2-3.4). It trains its networks one after another; here one pass serves all."""
-    return RunConfig(name="paper", steps=10_000, pairs=PairConfig(seed=11))
 
 
 def lift() -> RunConfig:
@@ -117,7 +112,38 @@ def normals() -> RunConfig:
     )
 
 
-RUNS = {run.__name__: run for run in (paper, lift, normals)}
+def paper() -> RunConfig:
+    """The paper's chain (Sect. 3.2-3.4): illumination and HDR net, from what the trained irradiance net says."""
+    return RunConfig(
+        name="paper",
+        steps=60_000,
+        cooldown=0.3,
+        pairs=PairConfig(seed=141, world=0.5, cut_out=0.2, joined=0.3, shape_augment=0.4, textured=0.1),
+        surfaces=lift().surfaces,
+        light=replace(lift().light, seed=41),
+    )
+
+
+def paper_irradiance() -> RunConfig:
+    """The first of the paper's networks, alone before the others."""
+    return replace(
+        paper(),
+        name="paper_irradiance",
+        model="irradiance",
+        steps=1_200,
+        learning_rate=4e-4,
+        warmup=50,
+        cooldown=0.9,
+        pairs=replace(paper().pairs, seed=151),
+    )
+
+
+def paper_on() -> RunConfig:
+    """The paper's chain as it goes on from weights that have been through `paper`: targets are not blurred again."""
+    return replace(paper(), name="paper_on", gradual=False, cooldown=0.7, pairs=replace(paper().pairs, seed=161))
+
+
+RUNS = {run.__name__: run for run in (paper_irradiance, paper, paper_on, lift, normals)}
 """What `anyprobe train` can train."""
 
 

@@ -111,8 +111,12 @@ def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str,
         net = LightGraph(cast(LightNet, nets["light"]), sureness).eval()
         shapes = dict(zip(LIFT_INPUTS, (_PHOTO, (1, 1), _NORMALS, SURROUNDINGS, (1, MATERIAL_INPUTS)), strict=True))
         return {"light": Graph(net=net, inputs=shapes, outputs=LIFT_OUTPUTS, median=True, small=(CONVOLUTIONS,))}
-    inputs = {"irradiance": _PHOTO, "illumination": _PHOTO, "hdr": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
-    return {stage: Graph(net=nets[stage], inputs={"input": shape}, small=(LINEAR,)) for stage, shape in inputs.items()}
+    seen: dict[str, tuple[int, ...]] = {"input": _PHOTO, "tan_half": (1, 1)}
+    inputs: dict[str, dict[str, tuple[int, ...]]]
+    inputs = {"irradiance": seen, "illumination": seen, "hdr": {"input": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}}
+    return {
+        stage: Graph(net=net, inputs=inputs[stage], small=(LINEAR,)) for stage, net in nets.items() if stage in inputs
+    }
 
 
 def export_graphs(checkpoint: Path, folder: Path, sureness: Sureness = AS_LEARNED) -> dict[str, float]:
@@ -142,6 +146,7 @@ def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
     """Provenance of a checkpoint's weights besides its own steps, as far as known:
 
     start           identity of the file of weights that the run began from, or "nothing"
+    teacher         identity of the file of weights whose maps were learned from, beside the truth
     assets          the maps and shapes of its data, as dataloader.name_assets has them
     mean_with       identity of the file of weights that they are the mean with
     mean_with_pairs the pairs that those have seen
@@ -149,6 +154,7 @@ def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
     origin, other = stored.get("origin", {}), stored.get("mean_with", {})
     known = {
         "start": (origin["start"] or "nothing") if "start" in origin else None,
+        "teacher": origin.get("teacher"),
         "assets": origin.get("assets"),
         "mean_with": other.get("start"),
         "mean_with_pairs": other.get("pairs"),

@@ -131,6 +131,40 @@ def structure_loss(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
     return 1 - (likeness / ((mean_a**2 + mean_b**2 + c1) * (spread + c2))).mean()
 
 
+def shown_losses(shown: torch.Tensor, true: torch.Tensor, weight: torch.Tensor) -> dict[str, torch.Tensor]:
+    """How far display values [N, 3, H, 2H] are from the truth: pixel by pixel, by the weight of each; as means over
+    2, 4, 8 and 16 pixels; and in structure."""
+    difference = shown - true
+    scales, one = difference.new_zeros(()), difference
+    for _ in range(4):
+        one = F.avg_pool2d(one, 2)
+        scales = scales + one.square().mean() + 0.3 * one.abs().mean()
+    return {
+        "ldr": (weight * (difference.abs() * 0.5 + difference.square() * 2)).mean(),
+        "scales": scales,
+        "structure": structure_loss(shown.clip(max=1.0), true),
+    }
+
+
+class Transport:
+    """How far two maps are from each other as spheres of three kinds see them (LOBES): energy counts, not pixels."""
+
+    def __init__(self, device: str) -> None:
+        angles = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).to(device)
+        self._angles = angles.expand(-1, 2 * MAP_HEIGHT)[None, None]  # [1, 1, H, 2H]
+        self._lobes = lobe_matrices(MAP_HEIGHT // 2, 8).to(device)
+
+    def __call__(self, ln: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
+        """Mean difference of ln of the means over the lobes, of ln radiance [N, 3, H, 2H]."""
+        seen = []
+        for one in (ln, true_ln):
+            power = F.avg_pool2d(torch.exp(one.clip(*LN_RANGE)) * self._angles, 2)
+            radiance = power / F.avg_pool2d(self._angles, 2)
+            means = torch.einsum("lop,ncp->nclo", self._lobes, radiance.flatten(2))
+            seen.append(torch.log(means + FAINT))
+        return (seen[0] - seen[1]).abs().mean()
+
+
 def given_normals(batch: Batch) -> torch.Tensor:
     """Normals given with the photos [N, 3, 64, 64], with their errors; zero where none are."""
     turned = torch.einsum("nij,njhw->nihw", batch.given_normals_rotation, F.avg_pool2d(batch.normals, 2))
@@ -152,7 +186,7 @@ class Lift:
         # halfway between equal pixels and true solid angles
         self._weight = 0.5 + 0.5 * self._angles / angles.mean()
         self._luminance = torch.tensor(REC709, device=device)
-        self._lobes = lobe_matrices(MAP_HEIGHT // 2, 8).to(device)
+        self._transport = Transport(device)
 
     @staticmethod
     def networks() -> nn.ModuleDict:
@@ -197,20 +231,12 @@ class Lift:
         shown = display(ln)
         # clipped in both: how far above white does not matter
         shown = torch.where((shown > 1) & (batch.ldr >= 1), shown.clip(max=1.0), shown)
-        difference = shown - batch.ldr
-        weight = self._weight
-        scales, one = difference.new_zeros(()), difference
-        for _ in range(4):
-            one = F.avg_pool2d(one, 2)
-            scales = scales + one.square().mean() + 0.3 * one.abs().mean()
         whole = display(guess.ln_radiance.detach()).clip(max=1.0)
         close = ((whole - batch.ldr).abs().mean(dim=1, keepdim=True) < CLOSE).float()
         confidence = F.binary_cross_entropy_with_logits(guess.confidence_logit, close)
         return {
-            "ldr": (weight * (difference.abs() * 0.5 + difference.square() * 2)).mean(),
-            "scales": scales,
-            "structure": structure_loss(shown.clip(max=1.0), batch.ldr),
-            "ln": (weight * (ln - batch.ln_radiance.clip(max=0.0)).abs()).mean(),
+            **shown_losses(shown, batch.ldr, self._weight),
+            "ln": (self._weight * (ln - batch.ln_radiance.clip(max=0.0)).abs()).mean(),
             "transport": self._transport(guess.ln_expected, batch.ln_radiance),
             "confidence": confidence,
         }
@@ -252,13 +278,3 @@ class Lift:
             "color": (color + color.detach() * torch.exp(-ln_color) + ln_color).mean(),
             "material": (known * material).sum() / known.sum().clip(min=1.0),
         }
-
-    def _transport(self, ln: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
-        """Means over three lobes as spheres of three kinds see them, in ln radiance: energy counts, not pixels."""
-        seen = []
-        for one in (ln, true_ln):
-            power = F.avg_pool2d(torch.exp(one.clip(*LN_RANGE)) * self._angles, 2)
-            radiance = power / F.avg_pool2d(self._angles, 2)
-            means = torch.einsum("lop,ncp->nclo", self._lobes, radiance.flatten(2))
-            seen.append(torch.log(means + FAINT))
-        return (seen[0] - seen[1]).abs().mean()

@@ -12,7 +12,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from functools import reduce
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import torch
 import torch.distributed as dist
@@ -21,8 +21,9 @@ from torch import nn
 from anyprobe.dataset.pairs import Batch, PairSource
 from anyprobe.errors import InputError, ModelError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.train.chain import Chain
-from anyprobe.train.checkpoint import agreed, load_init_weights, load_weights, read_checkpoint, resumed
+from anyprobe.nets.light_net import LightNet
+from anyprobe.train.chain import Chain, Irradiance
+from anyprobe.train.checkpoint import agreed, init_weights_id, load_init_weights, load_weights, read_checkpoint, resumed
 from anyprobe.train.config import RunConfig
 from anyprobe.train.dataloader import ShardSource, load_assets, name_assets, open_batches
 from anyprobe.train.lift import Lift, Normals
@@ -37,15 +38,28 @@ def learning_rate(config: Any, step: int) -> float:
     return config.learning_rate * min(1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0))
 
 
-LEARNERS: dict[str, type[Chain | Lift | Normals]] = {"paper": Chain, "lift": Lift, "normals": Normals}
+LEARNERS: dict[str, type[Irradiance | Chain | Lift | Normals]] = {
+    "irradiance": Irradiance,
+    "paper": Chain,
+    "lift": Lift,
+    "normals": Normals,
+}
 
 
-def make_learner(config: RunConfig, device: str) -> Chain | Lift | Normals:
-    """What trains: networks, and their losses by name."""
+def make_learner(config: RunConfig, device: str, teacher: Path | None = None) -> Irradiance | Chain | Lift | Normals:
+    """What trains: networks, and their losses by name.
+
+    teacher: weights of `lift`, of which the chain learns.
+    """
     kind = LEARNERS[config.model]
-    if issubclass(kind, (Chain, Normals)):
-        return kind(config, device)
-    return kind(config.lift, device)
+    if issubclass(kind, Lift):
+        return kind(config.lift, device)
+    learner = kind(config, device)
+    if isinstance(learner, Chain) and teacher is not None:
+        networks = Lift.networks()
+        load_init_weights(networks, teacher)
+        learner.learn_from(cast(LightNet, networks["light"]))
+    return learner
 
 
 def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
@@ -104,6 +118,7 @@ def train(
     stop_after: int | None = None,
     pairs: PairSource | ShardSource | None = None,
     start: Path | None = None,
+    teacher: Path | None = None,
 ) -> Path:
     """Train a run's networks to config.steps, going on from its checkpoint when there is one.
 
@@ -117,6 +132,7 @@ def train(
         stop_after: stop (with a checkpoint) once this many steps are done in all.
         pairs: the batches, when they are at hand already, for instance rendered ones.
         start: weights to begin from, of train.checkpoint; a run that goes on may name those that it began from.
+        teacher: weights of `lift` that the paper's chain learns from, beside the truth.
     Returns:
         The checkpoint's path.
     Raises:
@@ -130,13 +146,19 @@ def train(
     path = runs / config.name / "checkpoint.pt"
     if workers > 0:
         config = replace(config, pairs=replace(config.pairs, lanes=workers * processes.size))
-    learner: Learner = make_learner(config, device)
+    learner: Learner = make_learner(config, device, teacher)
     nets = learner.nets
     optimizer = torch.optim.AdamW(
-        nets.parameters(), lr=config.learning_rate, betas=(0.9, 0.999), weight_decay=config.weight_decay
+        [p for p in nets.parameters() if p.requires_grad],
+        lr=config.learning_rate,
+        betas=(0.9, 0.999),
+        weight_decay=config.weight_decay,
     )
     first = seen = 0
-    stored, origin = resumed(path, config, {"processes": processes.size}, start, device)
+    began: dict[str, Any] = {"processes": processes.size}
+    if config.model == "paper":
+        began["teacher"] = None if teacher is None else init_weights_id(teacher)
+    stored, origin = resumed(path, config, began, start, device)
     if stored is not None:
         load_weights(nets, stored["nets"], path)
         optimizer.load_state_dict(stored["optimizer"])

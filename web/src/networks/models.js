@@ -104,7 +104,7 @@ export class Models {
    *   irradiance [128, 128, 3] in [0, 1], confidence [64, 128] in [0, 1], null from the paper's chain
    */
   async light(image, tanHalf, options = {}) {
-    return this.lifts ? this.#lift(image, tanHalf, options) : this.#chain(image);
+    return this.lifts ? this.#lift(image, tanHalf, options) : this.#chain(image, tanHalf);
   }
 
   /** Whether it takes surroundings and normals, and gives confidence and both kinds of light sources. */
@@ -159,13 +159,14 @@ export class Models {
     return { ...alone, ln_radiance: radiance, ln_radiance_expected: expected, confidence, posture };
   }
 
-  async #chain(image) {
-    const [irradiance] = await this.#run("irradiance", [image, PHOTO_SHAPE]);
+  async #chain(image, tanHalf) {
+    const angle = [Float32Array.of(tanHalf), [1, 1]];
+    const [irradiance] = await this.#run("irradiance", [image, PHOTO_SHAPE], angle);
     const plane = CROP_SIZE * CROP_SIZE;
     const withMask = new Float32Array(4 * plane);
     withMask.set(irradiance);
     withMask.set(image.subarray(3 * plane), 3 * plane);
-    const [planes] = await this.#run("illumination", [withMask, PHOTO_SHAPE]);
+    const [planes] = await this.#run("illumination", [withMask, PHOTO_SHAPE], angle);
     const [ln] = await this.#run("hdr", [planes, [1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT]]);
     const [ldr, lnRadiance] = [channelLast(planes), channelLast(ln)];
     return { radiance: reconstruct(ldr, lnRadiance), confidence: null, irradiance: clipped(channelLast(irradiance)), ldr, lnRadiance };

@@ -1,0 +1,1 @@
+"""Three targets for an irradiance network, compared."""

@@ -1,0 +1,94 @@
+"""The paper's chain beside other models: is its LDR map more than a mean, is Eq. 7's HDR branch used.
+
+    python -m research.paper_chain DATA                               # the frozen pairs
+    python -m research.paper_chain DATA --part left-out --kept DIR    # to choose by
+
+Spread is the standard deviation over the pairs of a pixel of the LDR map, mean over pixels; above .8 is the share of
+pixels that Eq. 8 gives to the HDR branch. Standard errors by map and shape.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.progress import track
+
+from anyprobe.core.response import response
+from anyprobe.dataset.asset_store import AssetStore
+from anyprobe.dataset.catalog import load_maps, load_shapes
+from anyprobe.dataset.pair import Pair
+from anyprobe.dataset.recipe import read_recipes
+from anyprobe.errors import InputError
+from anyprobe.estimate.runtime import Models
+from anyprobe.evaluate.methods import Method, baselines, model_methods
+from anyprobe.evaluate.scoring import FROZEN, score_pairs
+from anyprobe.evaluate.standard_errors import clustered_error
+from anyprobe.light.reconstruct import THRESHOLD
+from research.kept_pairs import kept_pairs
+from research.left_out import left_out_pairs
+
+FIGURES = {
+    "ldr_rmse": "LDR RMSE",
+    "ldr_ssim": "SSIM",
+    "total_power_stops": "power, stops",
+    "dominant_light_deg": "dominant light, mean",
+}
+PAIRS = 300
+
+
+def pairs_of(part: str, data: Path, kept: Path | None) -> list[Pair]:
+    """The frozen test pairs, the first PAIRS, or those of assets that nothing learns from."""
+    if part == "frozen":
+        store = AssetStore(load_maps(data / "hdri" / "test"), load_shapes(data / "meshes" / "test"))
+        return list(kept_pairs(read_recipes(FROZEN)[:PAIRS], store, kept))
+    if part == "left-out":
+        return list(left_out_pairs(data, kept))
+    raise InputError(f"--part {part}: expected frozen or left-out, got another; name one")
+
+
+def spread(maps: list[np.ndarray]) -> float:
+    """Mean over the pixels of LDR maps [H, 2H, 3] of the standard deviation over the maps."""
+    return float(np.std(np.stack(maps), axis=0).mean())
+
+
+def above(maps: list[np.ndarray]) -> float:
+    """Share of the pixels in which Eq. 8 is not zero."""
+    return float(np.mean([ldr.max(axis=-1) > THRESHOLD for ldr in maps]))
+
+
+def main(
+    data: Path,
+    model: Annotated[list[str] | None, typer.Option(help="Name or folder of a model; may be repeated.")] = None,
+    part: Annotated[str, typer.Option(help="frozen or left-out.")] = "frozen",
+    kept: Annotated[Path | None, typer.Option(help="Folder of rendered pairs.")] = None,
+) -> None:
+    """Print the table."""
+    pairs = pairs_of(part, data, kept)
+    methods: dict[str, Method] = {}
+    for name in model or ["paper", "lift"]:
+        methods[name] = next(iter(model_methods(Models(name, threads=1), name).values()))
+    methods["mean map"] = baselines()["mean map"]
+    maps: dict[str, list[np.ndarray]] = {name: [] for name in methods}
+
+    def watch(index: int, pair: Pair, estimates: dict) -> None:
+        for name, one in estimates.items():
+            maps[name].append(one.ldr)
+
+    scores = score_pairs(track(pairs), methods, watch=watch)
+    names = "".join(f" {heading} |" for heading in FIGURES.values())
+    print(f"\n| {part}, {len(pairs)} pairs |{names} spread | above .8 |\n|---|{'---|' * (len(FIGURES) + 2)}")
+    for name, rows in scores.rows.items():
+        cells = [
+            f"{np.mean(values):.3f} +- {clustered_error(values, scores.maps, scores.shapes):.3f}"
+            for values in ([row[figure] for row in rows] for figure in FIGURES)
+        ]
+        print(f"| {name} | " + " | ".join([*cells, f"{spread(maps[name]):.3f}", f"{above(maps[name]):.3f}"]) + " |")
+    true = [response(pair.radiance) for pair in pairs]
+    print(f"| truth |{' |' * len(FIGURES)} {spread(true):.3f} | {above(true):.3f} |")
+
+
+if __name__ == "__main__":
+    typer.run(main)
