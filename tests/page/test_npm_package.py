@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import base64
-import json
 import re
 import shutil
-import subprocess
 import tarfile
 from functools import lru_cache
 from pathlib import Path
@@ -15,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from support.browser import run_steps, serve
-from support.bundlers import run
+from support.bundlers import build_example, pack
 from support.camera import camera_flags, write_y4m
 from support.page_spheres import MOST_OFF, SPHERES, drawn_by_package, typical_difference
 
@@ -37,9 +35,7 @@ def packed(chromium, tmp_path_factory) -> Path:
     """What `npm pack` makes."""
     if not (MODULES / "onnxruntime-web").is_dir():
         pytest.skip("needs the packages of web/ (cd web && npm ci)")
-    folder = tmp_path_factory.mktemp("packed")
-    subprocess.run(["npm", "pack", "--silent", "--pack-destination", folder], cwd=WEB, check=True, capture_output=True)
-    return next(folder.glob("*.tgz"))
+    return pack(WEB, tmp_path_factory.mktemp("packed"))
 
 
 @pytest.fixture(scope="module")
@@ -64,17 +60,7 @@ def built(packed, tmp_path_factory):
 
     @lru_cache
     def build(name: str, source: str | None = None) -> Path:
-        folder = tmp_path_factory.mktemp(name)
-        shutil.copytree(EXAMPLES / "public", folder / "public")
-        shutil.copytree(EXAMPLES / name, folder / name, ignore=shutil.ignore_patterns("node_modules", "dist"))
-        about = json.loads((folder / name / "package.json").read_text())
-        about["dependencies"]["anyprobe"] = f"file:{packed}"
-        (folder / name / "package.json").write_text(json.dumps(about))
-        if source is not None:
-            (folder / name / "main.js").write_text(source)
-        run(folder / name, "npm", "install", "--silent", "--no-audit", "--no-fund", "--prefer-offline")
-        run(folder / name, "npx", "vite", "build")
-        return folder / name / "dist"
+        return build_example(name, packed, tmp_path_factory.mktemp(name), source)
 
     return build
 

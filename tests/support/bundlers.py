@@ -8,6 +8,7 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
+EXAMPLES = Path(__file__).parents[2] / "web" / "examples"
 THREE, RUNTIME = "three@0.187.0", "onnxruntime-web@1.30.0"
 
 ESTIMATE = """
@@ -82,6 +83,29 @@ def run(folder: Path, *command: str | Path) -> None:
     """Raises AssertionError with what the command said."""
     ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, f"{' '.join(map(str, command))}\n{ended.stdout[-2000:]}{ended.stderr[-2000:]}"
+
+
+def pack(web: Path, folder: Path) -> Path:
+    """What `npm pack` makes of the clone's web/."""
+    run(web, "npm", "pack", "--silent", "--pack-destination", folder)
+    return next(folder.glob("*.tgz"))
+
+
+def build_example(name: str, packed: Path, folder: Path, source: str | None = None) -> Path:
+    """An example of web/examples, built in an empty folder with the packed package; the folder to serve.
+
+    source: in the place of its main.js.
+    """
+    shutil.copytree(EXAMPLES / "public", folder / "public")
+    shutil.copytree(EXAMPLES / name, folder / name, ignore=shutil.ignore_patterns("node_modules", "dist"))
+    about = json.loads((folder / name / "package.json").read_text())
+    about["dependencies"]["anyprobe"] = f"file:{packed}"
+    (folder / name / "package.json").write_text(json.dumps(about))
+    if source is not None:
+        (folder / name / "main.js").write_text(source)
+    install(folder / name)
+    run(folder / name, "npx", "vite", "build")
+    return folder / name / "dist"
 
 
 def _next(engine: str) -> Bundler:
