@@ -43,6 +43,11 @@ function standIn(estimates) {
     } else if (detail.isWebGLRenderer) {
       stage.renderer = detail;
       detail.xr.getSession = () => session;
+      const { render } = detail;
+      detail.render = (scene, camera) => {
+        stage.camera = camera;
+        render.call(detail, scene, camera);
+      };
     }
   });
   Object.defineProperty(navigator, "xr", {
@@ -69,9 +74,10 @@ function standIn(estimates) {
       return null;
     }
   };
-  /** After the page has drawn. */
+  /** Drawn now: three.js stops its own loop when a session starts. */
   stage.state = async () => {
     for (let i = 0; i < 2; i++) await new Promise(requestAnimationFrame);
+    stage.renderer.render(stage.scene, stage.camera);
     const canvas = document.querySelector("canvas");
     const { width, height } = canvas;
     const copy = Object.assign(document.createElement("canvas"), { width, height }).getContext("2d");

@@ -258,6 +258,7 @@ def test_probe_light_stands_in_for_the_estimate_of_a_session(built, estimator, t
     assert not seen["ended"]["reflects"]
     assert seen["moved"] == pytest.approx([1, 0, -2])
     lit, ended = (pixels(seen[state]["drawn"]) for state in ("lit", "ended"))
+    assert all(one[..., :3].max() > 0.2 for one in (lit, ended)), "a blank canvas"
     assert np.abs(lit - ended)[..., :3].mean() > 0.002  # the default light is back
     position = np.array(seen["lit"]["position"])
     if name == "estimated":
