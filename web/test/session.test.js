@@ -6,7 +6,7 @@ import { afterEach, test } from "node:test";
 import { AnyProbe } from "../src/anyprobe.js";
 import { LiveSession } from "../page/live/session.js";
 
-const LIVE = "Live, in this browser.";
+const LIVE = "Live, in this browser. If the outline is wrong, click on the object below, or draw a box around it.";
 const LOST = /^No object is seen/;
 const said = []; // every line of status
 const elements = new Map();
