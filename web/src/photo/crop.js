@@ -45,11 +45,23 @@ export function cropObject({ width, height, rgba }, mask, longFovDeg = DEFAULT_L
   const columns = resampling(centerPx[0] - sidePx / 2, sidePx, width);
   const rows = resampling(centerPx[1] - sidePx / 2, sidePx, height);
 
-  const image = resampled(columns, rows, width, 4, (sums, to, weight, pixel) => {
-    const share = weight * mask[pixel];
-    if (share === 0) return;
-    for (let channel = 0; channel < 3; channel++) sums[to + channel] += (share * rgba[4 * pixel + channel]) / 255;
-    sums[to + 3] += share;
+  const image = resampled(columns, rows, width, 4, (sums, to, weights, from, until, pixel) => {
+    let red = 0;
+    let green = 0;
+    let blue = 0;
+    let cover = 0;
+    for (let i = from; i < until; i++, pixel++) {
+      const share = weights[i] * mask[pixel];
+      if (share === 0) continue;
+      red += share * rgba[4 * pixel];
+      green += share * rgba[4 * pixel + 1];
+      blue += share * rgba[4 * pixel + 2];
+      cover += share;
+    }
+    sums[to] = red / 255;
+    sums[to + 1] = green / 255;
+    sums[to + 2] = blue / 255;
+    sums[to + 3] = cover;
   }).map(clamped);
   const ray = pixelDirection(centerPx, width, height, longFovDeg);
   // away from the picture's centre a pixel takes in less: by cos^2 along the radius, by cos across it
@@ -71,10 +83,25 @@ export function contextOf({ width, height, rgba }, mask, { centerPx, sidePx }) {
   const [high, side] = [Math.ceil(height / step), wide / step];
   const columns = resampling(centerPx[0] / step - side / 2, side, Math.ceil(width / step), CONTEXT_SIZE);
   const rows = resampling(centerPx[1] / step - side / 2, side, high, CONTEXT_SIZE);
-  const add = (sums, to, weight, pixel) => {
-    for (let channel = 0; channel < 3; channel++) sums[to + channel] += (weight * rgba[4 * pixel + channel]) / 255;
-    sums[to + 3] += weight * mask[pixel];
-    sums[to + 4] += weight;
+  const add = (sums, to, weights, from, until, pixel) => {
+    let red = 0;
+    let green = 0;
+    let blue = 0;
+    let cover = 0;
+    let inside = 0;
+    for (let i = from; i < until; i++, pixel += step) {
+      const weight = weights[i];
+      red += weight * rgba[4 * pixel];
+      green += weight * rgba[4 * pixel + 1];
+      blue += weight * rgba[4 * pixel + 2];
+      cover += weight * mask[pixel];
+      inside += weight;
+    }
+    sums[to] = red / 255;
+    sums[to + 1] = green / 255;
+    sums[to + 2] = blue / 255;
+    sums[to + 3] = cover;
+    sums[to + 4] = inside;
   };
   return resampled(columns, rows, width, 5, add, step).map(clamped);
 }
@@ -91,8 +118,10 @@ export function contextOf({ width, height, rgba }, mask, { centerPx, sidePx }) {
 export function cropNormals(normals, mask, width, { cameraFromCrop, centerPx, sidePx }) {
   const columns = resampling(centerPx[0] - sidePx / 2, sidePx, width, NORMALS_SIZE);
   const rows = resampling(centerPx[1] - sidePx / 2, sidePx, mask.length / width, NORMALS_SIZE);
-  const cropped = resampled(columns, rows, width, 3, (sums, to, weight, pixel) => {
-    for (let axis = 0; axis < 3; axis++) sums[to + axis] += weight * mask[pixel] * normals[3 * pixel + axis];
+  const cropped = resampled(columns, rows, width, 3, (sums, to, weights, from, until, pixel) => {
+    for (let i = from; i < until; i++, pixel++) {
+      for (let axis = 0; axis < 3; axis++) sums[to + axis] += weights[i] * mask[pixel] * normals[3 * pixel + axis];
+    }
   });
   const plane = NORMALS_SIZE * NORMALS_SIZE;
   const [a, b, c, d, e, f, g, h, i] = cameraFromCrop;
@@ -125,7 +154,8 @@ const clamped = (value) => Math.min(Math.max(value, 0), 1);
  * @param {ReturnType<typeof resampling>} rows
  * @param {number} width of the picture
  * @param {number} channels
- * @param {(sums: Float64Array, to: number, weight: number, pixel: number) => void} add a pixel to the sums from `to` on
+ * @param {(sums: Float64Array, to: number, weights: Float32Array, from: number, until: number, pixel: number) => void} add
+ *   what pixels from `pixel` on have by these weights, to the sums from `to` on
  * @param {number} [step] only every so many pixels are looked at, both ways
  * @returns {Float32Array} channel first
  */
@@ -135,8 +165,8 @@ function resampled(columns, rows, width, channels, add, step = 1) {
   const narrow = new Float64Array((rows.last - rows.first) * line);
   for (let y = rows.first, to = 0; y < rows.last; y++) {
     for (let sample = 0; sample < size; sample++, to += channels) {
-      let pixel = step * (y * width + columns.from[sample]);
-      for (let i = columns.start[sample]; i < columns.start[sample + 1]; i++, pixel += step) add(narrow, to, columns.weights[i], pixel);
+      const pixel = step * (y * width + columns.from[sample]);
+      add(narrow, to, columns.weights, columns.start[sample], columns.start[sample + 1], pixel);
     }
   }
   const planes = new Float32Array(line * size);
