@@ -4,7 +4,7 @@
 
 The camera shows a shaded sphere with a little noise, and every four seconds the light on it turns by 90
 degrees about +Y, there and back; a patch in the video's corner says when. With --sway the sphere goes to and fro
-by so many pixels every two seconds, and its mask must be found anew all the time. It draws in software (SwiftShader)
+by so many pixels at 0.3 Hz, and its mask must be found anew all the time. It draws in software (SwiftShader)
 where no GPU is, on the same cores as the networks. Needs Chromium, Node.js and the packages of
 tests/browser; run it on a machine with nothing else to do. Prints one JSON object:
 
@@ -51,7 +51,7 @@ FPS, WIDTH, HEIGHT, DIAMETER = 30, 640, 480, 220
 CLICK = [0.5, 0.5]
 NOISE = 1.5
 """Standard deviation of the camera's noise, of 255."""
-DISTINCT = 60
+DISTINCT = 100
 """Frames of a light; longer stretches repeat them."""
 ADAPT_S = 1.5
 """After a change, what is not counted as a still scene."""
@@ -113,6 +113,7 @@ def describe(seen: dict) -> dict:
     toward = np.array([light["direction"] for light in counted])
     turns = np.degrees(np.arccos(np.clip((toward[1:] * toward[:-1]).sum(axis=1), -1, 1)))
     changes = [time for time in seen["changes"] if start <= time < end]
+    changes = changes or [start - ADAPT_S]  # the light does not turn (--half): one still stretch
     still, steps, followed = [], [], []
     for change, until in zip(changes, [*changes[1:], end], strict=True):
         before = np.flatnonzero(times < change)
