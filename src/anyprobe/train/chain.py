@@ -80,15 +80,17 @@ def both_ways(batch: Batch) -> Batch:
 class _Stages:
     """Networks of the chain; float32 weights, the arithmetic of nets.blocks.autocast."""
 
+    stages: tuple[str, ...]
+
     def __init__(self, config: RunConfig, device: str) -> None:
         self.config, self.device = config, device
         self.nets = self.networks()
         self.nets.to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
-    @staticmethod
-    def networks() -> nn.ModuleDict:
+    @classmethod
+    def networks(cls) -> nn.ModuleDict:
         """Untrained."""
-        raise NotImplementedError
+        return nn.ModuleDict({stage: NETS[stage]() for stage in cls.stages})
 
     def _run(self, stage: str, x: torch.Tensor, *more: torch.Tensor) -> torch.Tensor:
         with autocast(self.device):
@@ -101,12 +103,7 @@ class _Stages:
 class Irradiance(_Stages):
     """Loss of the irradiance net."""
 
-    columns = ("irradiance",)
-
-    @staticmethod
-    def networks() -> nn.ModuleDict:
-        """Untrained."""
-        return nn.ModuleDict({"irradiance": NETS["irradiance"]()})
+    stages = columns = ("irradiance",)
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
         """Mean squared error, the same whatever the progress."""
@@ -123,6 +120,7 @@ class Irradiance(_Stages):
 class Chain(_Stages):
     """Losses of the illumination and the HDR net, from what the irradiance net says, which does not change."""
 
+    stages = tuple(NETS)
     columns = ("illumination", "hdr")
 
     def __init__(self, config: RunConfig, device: str) -> None:
@@ -132,11 +130,6 @@ class Chain(_Stages):
         self.solid_angle = (weights / weights.mean())[None, None]  # [1, 1, H, 1], mean 1
         self._transport = Transport(device)
         self._teacher: LightNet | None = None
-
-    @staticmethod
-    def networks() -> nn.ModuleDict:
-        """Untrained."""
-        return nn.ModuleDict({stage: net() for stage, net in NETS.items()})
 
     def learn_from(self, teacher: LightNet) -> None:
         """A network whose maps are a share of the illumination net's targets (RunConfig.taught): what an object can
