@@ -47,13 +47,19 @@ def test_channels_and_rows_are_not_mixed_up():
 
 def test_pairs_in_a_mirror_are_pairs():
     """What stood on the right stands on the left, and normals point there."""
-    batch = both_ways(some_batch(2))
+    batch = some_batch(2)
+    angle = torch.tensor(0.1)
+    turn = torch.tensor([[angle.cos(), -angle.sin(), 0], [angle.sin(), angle.cos(), 0], [0, 0, 1]])
+    batch = both_ways(replace(batch, given_normals_rotation=turn.expand(2, 3, 3)))
     assert len(batch.photo) == len(batch.tan_half) == 4
     for name in ("photo", "irradiance", "ldr", "ln_radiance"):
         one = getattr(batch, name)
         assert torch.equal(one[2:], one[:2].flip(3))
     assert torch.equal(batch.normals[2:, 0], -batch.normals[:2, 0].flip(2))
     assert torch.equal(batch.normals[2:, 1:], batch.normals[:2, 1:].flip(3))
+    given = torch.einsum("nij,njhw->nihw", batch.given_normals_rotation, batch.normals)
+    torch.testing.assert_close(given[2:, 0], -given[:2, 0].flip(2))
+    torch.testing.assert_close(given[2:, 1:], given[:2, 1:].flip(3))
 
 
 def test_targets_lie_between_the_truth_and_the_teachers_maps():

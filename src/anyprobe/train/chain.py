@@ -7,7 +7,7 @@ pairs trains both.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import cast
 
 import numpy as np
@@ -56,25 +56,18 @@ def gradual_target(ldr: torch.Tensor, progress: float) -> torch.Tensor:
 
 
 def both_ways(batch: Batch) -> Batch:
-    """The pairs, and after them the same in a mirror, x to -x: photos, irradiance, normals and maps. What is given
-    with the photos is left out."""
-
-    def both(x: torch.Tensor) -> torch.Tensor:
-        return torch.cat([x, x.flip(-1)])
-
-    normals = torch.cat([batch.normals, batch.normals.flip(-1) * batch.normals.new_tensor([-1, 1, 1])[:, None, None]])
-    twice = {
-        name: torch.cat([value, value])
-        for name in ("alpha", "tan_half", "material")
-        for value in [getattr(batch, name)]
-    }
-    pictures = {name: both(getattr(batch, name)) for name in ("photo", "irradiance", "ldr", "ln_radiance")}
-    nothing = {
-        name: torch.zeros_like(torch.cat([value, value]))
-        for name in ("given_normals_rotation", "surroundings", "given_material")
-        for value in [getattr(batch, name)]
-    }
-    return replace(batch, normals=normals, **twice, **pictures, **nothing)
+    """The pairs, and after them the same in a mirror, x to -x."""
+    mirror = batch.normals.new_tensor([-1.0, 1.0, 1.0])
+    pictures = ("photo", "irradiance", "ldr", "ln_radiance", "surroundings")
+    mirrored = replace(
+        batch,
+        normals=batch.normals.flip(-1) * mirror[:, None, None],
+        given_normals_rotation=mirror[:, None] * batch.given_normals_rotation * mirror,
+        **{name: getattr(batch, name).flip(-1) for name in pictures},
+    )
+    return Batch(
+        **{one.name: torch.cat([getattr(batch, one.name), getattr(mirrored, one.name)]) for one in fields(batch)}
+    )
 
 
 class _Stages:
