@@ -28,7 +28,7 @@ from research.compare.study import difference, means
 from research.left_out import PAIRS, left_out_pairs
 from research.results import commit, write_result
 
-app = typer.Typer(help=__doc__, no_args_is_help=True)
+app = typer.Typer(help=__doc__, no_args_is_help=True, rich_markup_mode=None)
 
 
 def lift_trial() -> RunConfig:

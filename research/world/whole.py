@@ -25,7 +25,7 @@ from research.world.whole_rows import SHIPPED, predicted_rows, rows_of
 from research.world.whole_scores import score as score_photo
 from research.world.whole_scores import summary
 
-app = typer.Typer(help=__doc__, no_args_is_help=True)
+app = typer.Typer(help=__doc__, no_args_is_help=True, rich_markup_mode=None)
 Data = Annotated[Path, typer.Option(help="Folder with hdri and meshes.")]
 Kept = Annotated[Path, typer.Option(help="Folder for the renders.")]
 Part = Annotated[str, typer.Option(help=f"One of {', '.join(PARTS)}.")]

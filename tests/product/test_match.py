@@ -61,7 +61,7 @@ def camera_light():
     """Place 2 as a camera sees it, and what an object shows of it."""
     turn = world_from_camera(YAW, PITCH)
     radiance = np.maximum(reduced(rotate(place(2), turn.T), 64), 0.0) * np.float32(0.3)
-    return Light(radiance=radiance, shown=shown_under(place(2) * 0.3, turn)), turn
+    return Light(radiance=radiance, find_shown=lambda: shown_under(place(2) * 0.3, turn)), turn
 
 
 @pytest.mark.parametrize(("yaw", "pitch_deg"), [(0.3, 0), (2.0, 20), (4.4, 45)])

@@ -32,7 +32,7 @@ def exposure_doubts(
     dark = float((luminance(rgb) <= _DARK).mean())
     if dark >= DARK_SHARE:
         return (f"{name}: {dark:.0%} of the object is nearly black; little can be estimated from it; expose longer",)
-    clipped = float((rgb >= _CLIPPED).all(axis=-1).mean())
+    clipped = float(np.logical_and.reduce((rgb >= _CLIPPED).T).mean())
     if clipped < _CLIPPED_SHARE:
         return ()
     advice = "expose shorter"

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
@@ -16,7 +16,7 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
 from anyprobe.detail.background import background_of
-from anyprobe.detail.likeness import MATCH_ROWS, shown_by
+from anyprobe.detail.likeness import MATCH_ROWS, Shown, shown_by
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
 from anyprobe.errors import InputError
 from anyprobe.estimate.doubts import ground_doubts, light_doubts
@@ -234,9 +234,6 @@ class Estimator:
         if surroundings_map is not None:
             outputs = use_surroundings(outputs, surroundings_map, tint=material is None)
             used["surroundings"] = round(float(integral(surroundings_map[..., 3:])[0] / (4 * np.pi)), 4)
-        behind = None
-        if crop.surroundings_map is not None:  # for match
-            behind = background_of(*radiance_of(crop.surroundings_map), crop.camera_from_crop, MATCH_ROWS)
         estimated, sure = time.perf_counter(), photo.mask_confidence
         confidence = outputs.confidence
         if confidence is None:
@@ -258,9 +255,7 @@ class Estimator:
                 "ln_radiance": outputs.ln_radiance,
             },
             camera_from_crop=crop.camera_from_crop,
-            shown=None
-            if outputs.normals is None
-            else shown_by(crop.image, outputs.normals, crop.tan_half, crop.camera_from_crop, behind),
+            find_shown=None if outputs.normals is None else partial(_shown, crop, outputs.normals),
             info={
                 "photo": photo.name,
                 "model": self.model_id,
@@ -295,6 +290,14 @@ class Estimator:
                 f"material: expected a graph of contract 3, which takes it, got {self.models.name} of an older one; "
                 f"use {DEFAULT_MODEL}"
             )
+
+
+def _shown(crop: Crop, normals: np.ndarray) -> Shown | None:
+    """What the photo shows of an object of these normals [64, 64, 3] in the crop's frame, and beside it."""
+    behind = None
+    if crop.surroundings_map is not None:
+        behind = background_of(*radiance_of(crop.surroundings_map), crop.camera_from_crop, MATCH_ROWS)
+    return shown_by(crop.image, normals, crop.tan_half, crop.camera_from_crop, behind)
 
 
 def _well_exposed(image: np.ndarray) -> float:

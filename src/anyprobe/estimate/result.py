@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict
 
@@ -130,7 +131,7 @@ class Light:
         camera_from_crop: [3, 3] rotation from the crop's frame to the camera's.
         map_from_camera: [3, 3] rotation from the camera's frame to the map's: what rotate has done since.
         info: how the estimate came about.
-        shown: what the photo shows of its object, for match; None where that is not known.
+        find_shown: gives `shown`; None where nothing is known of it.
     """
 
     radiance: np.ndarray
@@ -141,7 +142,7 @@ class Light:
     camera_from_crop: np.ndarray = field(default_factory=lambda: np.eye(3))
     map_from_camera: np.ndarray = field(default_factory=lambda: np.eye(3))
     info: Info = field(default_factory=Info)
-    shown: Shown | None = None
+    find_shown: Callable[[], Shown | None] | None = None
 
     def __post_init__(self) -> None:
         for name, value in (("radiance", check_radiance(self.radiance, "light")), ("confidence", self.confidence)):
@@ -257,6 +258,11 @@ class Light:
         """How far the camera looks down, where that was given or is estimated well."""
         given, ground = self.info.get("pitch_deg"), self.ground
         return ground.pitch_deg if given is None and ground is not None and ground.is_sure else given
+
+    @cached_property
+    def shown(self) -> Shown | None:
+        """What the photo shows of its object, for match; None where that is not known."""
+        return None if self.find_shown is None else self.find_shown()
 
     def match(self, folder: Library | str | Path, *, best: int | None = None) -> list[MatchedMap]:
         """A folder's .exr and .hdr panoramas, the one first that lights the object most as its photo shows it.

@@ -42,11 +42,11 @@ def _spectrum(
 def _apply(radiance, spectrum: np.ndarray):
     """Apply a zonal kernel to maps [..., H, 2H, C]."""
     xp = array_namespace(radiance)
-    width = radiance.shape[-2]
+    width, channels = radiance.shape[-2:]
     waves = xp.fft.rfft(xp.moveaxis(radiance, -2, -3), axis=-3)  # [..., F, H, C]
     kernel = xp.asarray(spectrum, device=device(radiance))
-    real, imag = kernel @ xp.real(waves), kernel @ xp.imag(waves)
-    blurred = xp.fft.irfft(real + 1j * imag, n=width, axis=-3)
+    both = kernel @ xp.concat([xp.real(waves), xp.imag(waves)], axis=-1)  # a large kernel, read once
+    blurred = xp.fft.irfft(both[..., :channels] + 1j * both[..., channels:], n=width, axis=-3)
     return xp.astype(xp.moveaxis(blurred, -3, -2), radiance.dtype)
 
 
