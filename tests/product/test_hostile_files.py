@@ -17,7 +17,8 @@ from fuzz.seeds import endless_gif, endless_jpeg, endless_tiff, hidden_hdr, inst
 from PIL import Image
 
 from anyprobe.errors import InputError, InvalidEnvironment, InvalidMesh, InvalidPhoto
-from anyprobe.estimate.result import SCALE, Light
+from anyprobe.estimate.result import Light
+from anyprobe.estimate.sidecar import SCALE
 from anyprobe.files import exr
 from anyprobe.files.declared_size import declared_pixels, photo_header
 from anyprobe.files.exr import read_exr

@@ -12,7 +12,7 @@ from support.two_phase import two_phase
 
 import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_y, world_from_camera
-from anyprobe.estimate.result import SCALE, current_names
+from anyprobe.estimate.sidecar import SCALE, current_names
 from anyprobe.export.exported_light import check_front, map_from_camera
 from anyprobe.files.objects import OBJECTS
 from anyprobe.files.radiance import read_radiance, write_hdr

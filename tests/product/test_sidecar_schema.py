@@ -11,7 +11,8 @@ from support.scenes import sphere_photo
 
 import anyprobe
 from anyprobe.core.frames import rotation_y
-from anyprobe.estimate.result import SIDECAR_VERSION, Info, Light
+from anyprobe.estimate.result import Light
+from anyprobe.estimate.sidecar import SIDECAR_VERSION, Info
 
 jsonschema = pytest.importorskip("jsonschema")
 pytestmark = pytest.mark.usefixtures("networks_opened_once")

@@ -23,7 +23,7 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
 from anyprobe.errors import InputError, InvalidMask
-from anyprobe.estimate.result import FRAME, SCALE
+from anyprobe.estimate.sidecar import FRAME, SCALE
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.harmonics import project
 from anyprobe.relight.insert import Arrangement

@@ -24,8 +24,9 @@ from anyprobe.estimate.ground import KNOWN, ground_by_posture
 from anyprobe.estimate.material_hint import use_material
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
-from anyprobe.estimate.result import Info, Light
+from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, MODE, PHOTO_SIZE, Models, model_id
+from anyprobe.estimate.sidecar import Info
 from anyprobe.estimate.surroundings import radiance_of, use_surroundings
 from anyprobe.files.images import ImageSource
 from anyprobe.given_material import Albedo, as_material

@@ -15,7 +15,8 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.errors import InputError
 from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
 from anyprobe.estimate.photo import Crop, Photo
-from anyprobe.estimate.result import Info, Light
+from anyprobe.estimate.result import Light
+from anyprobe.estimate.sidecar import Info
 from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.temporal import OFFSET
 from anyprobe.scatter.materials import Material

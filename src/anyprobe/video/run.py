@@ -19,7 +19,8 @@ from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
 from anyprobe.estimate.photo import Photo
-from anyprobe.estimate.result import FRAME, SCALE, Light
+from anyprobe.estimate.result import Light
+from anyprobe.estimate.sidecar import FRAME, SCALE
 from anyprobe.estimate.surroundings import turned
 from anyprobe.files.radiance import write_exr
 from anyprobe.light.temporal import step

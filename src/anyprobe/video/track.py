@@ -14,7 +14,7 @@ import numpy as np
 
 from anyprobe.detail.match import HeldMatch, Match
 from anyprobe.errors import InputError
-from anyprobe.estimate.result import FRAME, SCALE
+from anyprobe.estimate.sidecar import FRAME, SCALE
 from anyprobe.files.atomic import atomic_path
 from anyprobe.light.dominant_light import split_dominant_light
 from anyprobe.light.harmonics import project
