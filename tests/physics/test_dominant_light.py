@@ -5,7 +5,7 @@ import pytest
 
 from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.light.dominant_light import connected, dilate, find_dominant_light, split_dominant_light
+from anyprobe.light.dominant_light import ERROR, connected, dilate, find_dominant_light, split_dominant_light
 from anyprobe.light.environment import shrink
 
 FINE = pixel_directions(256)
@@ -143,3 +143,13 @@ def test_a_large_map_has_another_dominant_light(height):
     np.testing.assert_allclose(found.irradiance, 10 * truth, rtol=0.06)
     np.testing.assert_allclose(found.direction, normalize(np.asarray(CENTRES["left"])), atol=0.01)
     assert np.abs(rest - 0.3).mean() < 0.01
+
+
+def test_a_light_that_the_rest_of_the_map_contradicts_is_less_sure():
+    """The error grows with the angle to the mean direction, and has a limit."""
+    key, _ = disc(CENTRES["left"], 6.0)
+    fill, _ = disc(CENTRES["ahead"], 40.0)
+    alone, with_fill = (find_dominant_light(20 * key + level * fill).error_deg for level in (0.0, 0.2))
+    np.testing.assert_allclose(alone, ERROR["factor"] * ERROR["offset_deg"] ** ERROR["exponent"], rtol=0.02)
+    assert alone + 10 < with_fill < ERROR["most_deg"]
+    assert find_dominant_light(np.ones((64, 128, 3), np.float32)).error_deg == ERROR["most_deg"]

@@ -23,6 +23,7 @@ import anyprobe
 from anyprobe.cli.estimate import Done, _report
 from anyprobe.files import atomic
 from anyprobe.files.radiance import read_radiance
+from anyprobe.light.dominant_light import find_dominant_light
 
 SUFFIXES = {".exr", ".hdr", ".json", ".png"}
 pytestmark = pytest.mark.usefixtures("networks_opened_once")
@@ -149,10 +150,12 @@ def test_one_bad_photo_does_not_stop_the_others(work, command):
 def test_where_the_results_are_is_one_line_on_any_terminal(work):
     out = Path("a/rather/deep/folder/for the results of a photo")
     narrow = Console(file=io.StringIO(), width=60)
-    _report([Done(photo=Path("vase.png"), stem="vase", direction=np.array([0, 1, 0]), level_stops=0.7)], narrow, out)
+    main = find_dominant_light(np.ones((64, 128, 3), np.float32))
+    _report([Done(photo=Path("vase.png"), stem="vase", main=main, level_stops=0.7)], narrow, out)
     shown = narrow.file.getvalue()
     assert f"results: {out}/vase.{{exr,hdr,json,png}}" in shown.splitlines()
     assert "uncertainty" in shown
+    assert shown.count("±") == 2  # of the direction and of the brightness
 
 
 def test_folders_and_files_together(work, command):

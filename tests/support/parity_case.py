@@ -199,7 +199,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "radiance": light.radiance,
         "sh9": light.sh9(),
         "dominant_light": np.concatenate(
-            [main.direction, main.irradiance, main.color, [main.solid_angle, main.directionality]]
+            [main.direction, main.irradiance, main.color, [main.solid_angle, main.directionality, main.error_deg / 90]]
         ),
         "confidence": light.confidence,
         "exposure": [light.sidecar()["confidence"], light.well_exposed_fraction],

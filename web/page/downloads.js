@@ -48,6 +48,7 @@ export function sidecar(result, { photo, model, longFovDeg }) {
       color: numbers(dominant.color),
       solid_angle_sr: Number(dominant.solidAngle.toFixed(5)),
       directionality: Number(dominant.directionality.toFixed(4)),
+      error_deg: Number(dominant.errorDeg.toFixed(1)),
     },
   };
 }

@@ -155,6 +155,8 @@ export interface DominantLight {
   solidAngle: number;
   /** In [0, 1]: how much of all light comes from one side. */
   directionality: number;
+  /** Degrees: how far off the direction is at most in two of three maps that are estimates. */
+  errorDeg: number;
   pixels: number[];
   surrounding: Vector3;
 }

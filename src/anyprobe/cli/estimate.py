@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from anyprobe.estimate.estimator import Estimator
     from anyprobe.estimate.photo import Photo
     from anyprobe.estimate.result import Light
+    from anyprobe.light.dominant_light import DominantLight
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -48,7 +49,7 @@ class Done:
 
     photo: Path
     stem: str = ""
-    direction: np.ndarray | None = None
+    main: DominantLight | None = None
     level_stops: float | None = None
     seconds: float = 0.0
     warnings: tuple[str, ...] = ()
@@ -167,12 +168,10 @@ class EstimateCall:
         if self.as_json:
             files = {kind: str(target) for kind, target in written.items()}
             print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
-        direction = light.dominant_light().direction
+        main = light.dominant_light()
         uncertainty = light.info.get("uncertainty")
         unsure = None if uncertainty is None else uncertainty.get("level_stops")
-        return Done(
-            photo=path, stem=stem, direction=direction, level_stops=unsure, seconds=seconds, warnings=light.warnings
-        )
+        return Done(photo=path, stem=stem, main=main, level_stops=unsure, seconds=seconds, warnings=light.warnings)
 
 
 def _line(path: Path, error: AnyprobeError) -> str:
@@ -188,13 +187,14 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
     photo = Column("photo", overflow="fold")
     table = Table(photo, "dominant light", "brightness uncertainty", "seconds", box=None, pad_edge=False)
     for one in done:
-        if one.direction is None:
+        if one.main is None:
             table.add_row(str(one.photo), "failed")
             continue
-        x, y, z = one.direction
+        x, y, z = one.main.direction
         azimuth, elevation = np.degrees(np.arctan2(x, -z)), np.degrees(np.arcsin(np.clip(y, -1, 1)))
         side = "right" if azimuth >= 0 else "left"
         where = f"{abs(azimuth):.0f}° {side}, {abs(elevation):.0f}° {'up' if elevation >= 0 else 'down'}"
+        where += f" ± {one.main.error_deg:.0f}°"
         table.add_row(
             str(one.photo),
             where,

@@ -244,6 +244,7 @@ class Light:
                 "color": _numbers(main.color),
                 "solid_angle_sr": round(main.solid_angle, 5),
                 "directionality": round(main.directionality, 4),
+                "error_deg": round(main.error_deg, 1),
             },
             "camera_from_crop": _numbers(self.camera_from_crop),
             "warnings": list(self.warnings),

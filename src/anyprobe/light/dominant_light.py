@@ -27,6 +27,8 @@ BLUR_RADIUS = np.radians(contract("dominant_light")["blur_deg"])
 
 LOBE_LEVEL: float = contract("dominant_light")["lobe_level"]
 RING_PX: int = contract("dominant_light")["ring_px"]
+ERROR: dict[str, float] = contract("dominant_light")["error"]
+"""Of direction_error; fitted by research.direction_error."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -38,6 +40,7 @@ class DominantLight:
     color: [3] irradiance / its largest channel; ones where there is no light.
     solid_angle: of the lobe [sr]; never much below that of the blur.
     directionality: |sum L d dw| / sum L dw of luminance, 0 (even light) to 1 (one direction).
+    error_deg: how far off the direction is at most in two of three maps that are estimates; see direction_error.
     """
 
     direction: np.ndarray
@@ -45,6 +48,7 @@ class DominantLight:
     color: np.ndarray
     solid_angle: float
     directionality: float
+    error_deg: float
 
 
 def dilate(mask: Bool[np.ndarray, "H 2*H"]) -> Bool[np.ndarray, "H 2*H"]:
@@ -92,6 +96,30 @@ def _find_lobe(bright: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return tuple(mask[np.ix_(rows, columns)] for mask in (lobe, source, surroundings))
 
 
+def _moment(radiance: np.ndarray) -> np.ndarray:
+    """Sum of luminance d dw of a map [H, 2H, 3], [3]."""
+    height = len(radiance)
+    return np.einsum("hw,hwc->c", luminance(radiance) * pixel_solid_angles(height), pixel_directions(height))
+
+
+def angle_to_mean(radiance: Float[np.ndarray, "H 2*H 3"], direction: np.ndarray) -> float:
+    """Degrees between a unit direction and where a map's light comes from in the mean; 180 where that is nowhere."""
+    moment = _moment(radiance)
+    length = float(np.linalg.norm(moment))
+    if length <= 0:
+        return 180.0
+    return float(np.degrees(np.arccos(np.clip(moment @ direction / length, -1.0, 1.0))))
+
+
+def direction_error(angle_deg: float) -> float:
+    """Degrees by which an estimated dominant light is off at most in two of three cases.
+
+    angle_deg: between it and its map's mean direction: where the rest of the map is bright elsewhere, it is less sure.
+    """
+    grown = ERROR["factor"] * (angle_deg + ERROR["offset_deg"]) ** ERROR["exponent"]
+    return min(grown, ERROR["most_deg"])
+
+
 def find_dominant_light(radiance: Float[np.ndarray, "H 2*H 3"]) -> DominantLight:
     """The brightest lobe of a map [H, 2H, 3] as a directional light.
 
@@ -114,9 +142,9 @@ def split_dominant_light(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[Domina
     d = pixel_directions(height)
     solid_angles = np.broadcast_to(pixel_solid_angles(height), d.shape[:2])
     bright = luminance(radiance)
-    power = bright * solid_angles
-    total = float(power.sum())
-    directionality = float(np.linalg.norm(np.einsum("hw,hwc->c", power, d))) / total if total > 0 else 0.0
+    total = float((bright * solid_angles).sum())
+    moment = _moment(radiance)
+    directionality = float(np.linalg.norm(moment)) / total if total > 0 else 0.0
 
     lobe, source, surroundings = _find_lobe(bright)
     surrounding = np.average(radiance[surroundings], axis=0, weights=solid_angles[surroundings])
@@ -132,6 +160,7 @@ def split_dominant_light(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[Domina
             color=np.ones(3, np.float32),
             solid_angle=0.0,
             directionality=directionality,
+            error_deg=ERROR["most_deg"],
         )
         return none, radiance.copy()
     direction = mean / length
@@ -144,6 +173,7 @@ def split_dominant_light(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[Domina
         color=(perpendicular / peak if peak > 0 else np.ones(3)).astype(np.float32),
         solid_angle=float(solid_angles[lobe].sum()),
         directionality=directionality,
+        error_deg=direction_error(angle_to_mean(radiance, direction)),
     )
     rest = radiance.copy()
     rest[source] -= np.where(perpendicular > 0, excess, 0.0)  # a channel without light stays whole

@@ -32,11 +32,12 @@ export class LightPanel {
     this.about = about;
     this.#drawMap();
     if (result.spheres) drawSpherePictures(this.spheres, result.spheres);
-    const { direction, irradiance } = result.light.dominant;
+    const { direction, irradiance, errorDeg } = result.light.dominant;
     const marker = element("marker");
     marker.hidden = Math.max(...irradiance) === 0;
     Object.assign(marker.style, placeOnMap(direction));
-    element("direction").textContent = marker.hidden ? "none stands out" : describeDirection(direction);
+    const error = `± ${Math.round(errorDeg)}°`;
+    element("direction").textContent = marker.hidden ? "none stands out" : `${describeDirection(direction)} ${error}`;
     const { uncertainty } = result.light;
     element("brightness").textContent = uncertainty ? `, brightness ± ${uncertainty.levelStops.toFixed(1)} stops` : "";
     this.#setReady(true);

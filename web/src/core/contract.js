@@ -192,7 +192,13 @@ export const CONTRACT = {
   "dominant_light": {
     "blur_deg": 5.0,
     "lobe_level": 0.5,
-    "ring_px": 3
+    "ring_px": 3,
+    "error": {
+      "factor": 3.77,
+      "offset_deg": 10.0,
+      "exponent": 0.75,
+      "most_deg": 90.0
+    }
   },
   "surroundings": {
     "grow_px": 4,

@@ -11,7 +11,7 @@ import { luminance } from "../core/color.js";
 import { pixelDirections, pixelSolidAngles } from "../core/latlong.js";
 import { blurCap } from "./filtering.js";
 
-const { blur_deg: BLUR_DEG, lobe_level: LOBE_LEVEL, ring_px: RING_PX } = CONTRACT.dominant_light;
+const { blur_deg: BLUR_DEG, lobe_level: LOBE_LEVEL, ring_px: RING_PX, error: ERROR } = CONTRACT.dominant_light;
 const BLUR_RADIUS = (BLUR_DEG * Math.PI) / 180;
 
 /** Grow a mask by one pixel up, down, left and right on the sphere; a touched pole row is taken whole. */
@@ -66,9 +66,9 @@ export function connected(mask, height, start) {
  * @param {Float32Array} radiance H * 2H * 3
  * @param {number} height
  * @returns {{direction: number[], irradiance: number[], color: number[], solidAngle: number, directionality: number,
- *   pixels: number[], surrounding: number[]}} direction is a unit vector towards the light; irradiance is that of a plane
- *   facing it; a map without a lobe has irradiance 0 and direction +Y; pixels are those it is made of, surrounding the
- *   radiance beside them
+ *   errorDeg: number, pixels: number[], surrounding: number[]}} direction is a unit vector towards the light; irradiance is
+ *   that of a plane facing it; a map without a lobe has irradiance 0 and direction +Y; errorDeg is how far off it is at most
+ *   in two of three maps that are estimates; pixels are those it is made of, surrounding the radiance beside them
  */
 export function findDominantLight(radiance, height) {
   const width = 2 * height;
@@ -126,7 +126,8 @@ export function findDominantLight(radiance, height) {
   }
   const length = Math.hypot(...mean);
   if (length <= 1e-6 * total) { // rounding alone, or light from all around: no direction
-    return { direction: [0, 1, 0], irradiance: [0, 0, 0], color: [1, 1, 1], solidAngle: 0, directionality, pixels: [], surrounding };
+    const none = { direction: [0, 1, 0], irradiance: [0, 0, 0], color: [1, 1, 1], solidAngle: 0 };
+    return { ...none, directionality, errorDeg: ERROR.most_deg, pixels: [], surrounding };
   }
   const direction = mean.map((value) => value / length);
   const irradiance = [0, 0, 0];
@@ -140,7 +141,21 @@ export function findDominantLight(radiance, height) {
   irradiance.forEach((value, c) => (irradiance[c] = Math.max(value, 0)));
   const most = Math.max(...irradiance);
   const color = most > 0 ? irradiance.map((value) => value / most) : [1, 1, 1];
-  return { direction, irradiance, color, solidAngle: lobeAngle, directionality, pixels, surrounding };
+  const errorDeg = directionError(angleBetween(moment, direction));
+  return { direction, irradiance, color, solidAngle: lobeAngle, directionality, errorDeg, pixels, surrounding };
+}
+
+/** Degrees between a vector and a unit direction; 180 from no vector. */
+function angleBetween(vector, direction) {
+  const length = Math.hypot(...vector);
+  if (length <= 0) return 180;
+  const cosine = vector.reduce((sum, value, axis) => sum + value * direction[axis], 0) / length;
+  return (Math.acos(Math.min(Math.max(cosine, -1), 1)) * 180) / Math.PI;
+}
+
+/** Degrees by which a dominant light so far from its map's mean direction is off at most in two of three estimates. */
+function directionError(angleDeg) {
+  return Math.min(ERROR.factor * (angleDeg + ERROR.offset_deg) ** ERROR.exponent, ERROR.most_deg);
 }
 
 /**
