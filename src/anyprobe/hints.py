@@ -326,8 +326,16 @@ def said_as(**options: str) -> Iterator[None]:
 
 
 def renamed(text: str, called: Callable[[Hint], str]) -> str:
-    """A line of the library, which names hints as Python's arguments (`mask=`), with another door's names for them."""
-    return re.sub(rf"\b({'|'.join(HINTS)})=(?=[\s,;.)]|$)", lambda found: called(HINTS[found[1]]), text)
+    """A line of the library, which names hints as Python's arguments (`mask=`), with another door's names for them.
+
+    A value may follow: `surroundings=photo`.
+    """
+
+    def name(found: re.Match[str]) -> str:
+        option = called(HINTS[found[1]])
+        return f"{option.split()[0]} {found[2]}" if found[2] else option
+
+    return re.sub(rf"\b({'|'.join(HINTS)})=([a-z]*)(?=[\s,;.)]|$)", name, text)
 
 
 def spread(*kinds: type) -> Callable[[Function], Function]:

@@ -117,7 +117,7 @@ def portrait() -> bytes:
 
 def test_it_gives_normals_and_mask():
     _, on, normals = ball()
-    photo = load_photo(portrait(), depth="photo", near=0.6, far=2.0, fov_deg=FOV_DEG)
+    photo = load_photo(portrait(), depth="photo", near=0.6, far=2.0, fov_deg=FOV_DEG, surroundings="none")
     assert (photo.mask_source, photo.normals_from_depth, photo.warnings) == ("depth", True, ())
     assert ((photo.mask > 0.5) == on).mean() > 0.999
     known = photo.normals.any(axis=-1)

@@ -82,6 +82,23 @@ def test_cut_outs_are_estimated_as_they_were(background):
     assert "surroundings" not in auto.info["hints"]
 
 
+@pytest.mark.parametrize(("grey", "opaque", "said"), [(250, True, True), (0, True, False), (250, False, False)])
+def test_a_backdrop_that_is_not_used_is_said(grey, opaque, said):
+    """White may be a studio's; black and transparency are a cut-out's."""
+    photo, mask = room_photo(smooth_map())
+    photo[mask == 0] = grey
+    given = {"mask": mask} if opaque else {}
+    loaded = load_photo(photo if opaque else np.dstack([photo, mask]), fov_deg=FOV_DEG, **given)
+    assert any("surroundings=photo if that is a real backdrop" in line for line in loaded.warnings) == said
+    assert loaded.ground is None
+
+
+def test_alpha_that_is_zero_everywhere_cuts_nothing_out():
+    photo, mask = on_a_table()
+    empty = np.dstack([photo, np.zeros_like(mask)])
+    assert load_photo(empty, mask=mask, fov_deg=FOV_DEG).ground == load_photo(photo, mask=mask, fov_deg=FOV_DEG).ground
+
+
 def test_words_in_place_of_a_panorama():
     photo, mask = on_a_table()
     given = {"mask": mask, "fov_deg": FOV_DEG}

@@ -5,7 +5,7 @@ import { test } from "node:test";
 
 import { luminance } from "../src/core/color.js";
 import { inverseResponse, response } from "../src/core/response.js";
-import { useSurroundings } from "../src/photo/surroundings.js";
+import { backdropDoubts, useSurroundings } from "../src/photo/surroundings.js";
 
 const PIXELS = 64 * 128;
 const WHITE = 0.97;
@@ -43,4 +43,17 @@ test("what is clipped altogether is as bright as the prediction", () => {
   const found = seenFor(shown, [20, 20, 20]);
   assertHue(found, shown);
   assert.ok(Math.abs(luminance(...found) - 20) < 0.5, `${found}`);
+});
+
+test("a backdrop that is not used is said; the black of a cut-out and transparency are not", () => {
+  const picture = (grey, alpha) => {
+    const rgba = new Uint8ClampedArray(4 * 64 * 48).fill(grey);
+    for (let i = 3; i < rgba.length; i += 4) rgba[i] = alpha;
+    return { width: 64, height: 48, rgba };
+  };
+  const mask = new Float32Array(64 * 48).fill(1, 0, 640);
+  assert.match(backdropDoubts(picture(250, 255), mask)[0], /real backdrop/);
+  assert.deepEqual(backdropDoubts(picture(0, 255), mask), []);
+  assert.deepEqual(backdropDoubts(picture(250, 0), mask), []);
+  assert.deepEqual(backdropDoubts(picture(250, 255), mask.fill(1)), []);
 });

@@ -41,6 +41,14 @@ def exposure_doubts(
     return (f"{name}: {clipped:.0%} of the object is clipped; little can be estimated from it; {advice}",)
 
 
+def backdrop_doubts(name: str) -> tuple[str, ...]:
+    """Of an object before one colour, which may be a cut-out's or a studio's."""
+    return (
+        f"{name}: what is behind the object is of one colour, so it and the ground are not used; "
+        "pass surroundings=photo if that is a real backdrop",
+    )
+
+
 def ground_doubts(ground: Ground | None, name: str) -> tuple[str, ...]:
     """Of a guessed pitch that the object's place in the photo contradicts, and of one that is estimated badly."""
     if ground is not None and ground.source == ESTIMATED and ground.pitch_error_deg > UNSURE_DEG:

@@ -12,12 +12,19 @@ from anyprobe.core.frames import turn_towards
 from anyprobe.detail.match import seen_in_photo
 from anyprobe.errors import InputError
 from anyprobe.estimate.depth_normals import normals_from_depth
-from anyprobe.estimate.doubts import exposure_doubts
+from anyprobe.estimate.doubts import backdrop_doubts, exposure_doubts
 from anyprobe.estimate.ground import NOTED, Ground, estimate_ground
 from anyprobe.estimate.normals_hint import SHORTEST, normals_from_outline, read_normals
 from anyprobe.estimate.normals_model import estimated_normals
 from anyprobe.estimate.runtime import NORMALS_SIZE
-from anyprobe.estimate.surroundings import at_rows, is_cut_out, read_panorama, turned, visible_surroundings
+from anyprobe.estimate.surroundings import (
+    at_rows,
+    hides_backdrop,
+    is_cut_out,
+    read_panorama,
+    turned,
+    visible_surroundings,
+)
 from anyprobe.estimate.window import sample_window
 from anyprobe.files.images import ImageSource, Pixels, read_image
 from anyprobe.hints import (
@@ -36,6 +43,7 @@ from anyprobe.masks.check import object_box
 from anyprobe.masks.depth import DepthSource, chosen_depth, is_carried
 from anyprobe.masks.find import find_mask
 from anyprobe.masks.segmenters import SegmenterSource
+from anyprobe.masks.sources import mask_from_alpha
 from anyprobe.scatter.materials import Material
 
 DEFAULT_LONG_FOV_DEG: float = contract("lens")["default_long_fov_deg"]
@@ -200,8 +208,12 @@ def load_photo(
         material=hints.surface(),
     )
     is_asked = word == PHOTO
-    if not is_asked and (word != AUTO or is_cut_out(pixels.rgb, found.mask, pixels.alpha)):
+    if word not in (PHOTO, AUTO):
         return photo
+    if not is_asked and is_cut_out(pixels.rgb, found.mask, pixels.alpha):
+        is_opaque = pixels.alpha is None or mask_from_alpha(pixels.alpha) is None
+        doubtful = is_opaque and hides_backdrop(pixels.rgb, found.mask)
+        return replace(photo, warnings=photo.warnings + backdrop_doubts(pixels.name)) if doubtful else photo
     ground = estimate_ground(photo)
     if hints.pitch_deg is None and pixels.posture_deg is not None:
         pitch_deg, roll_deg = pixels.posture_deg

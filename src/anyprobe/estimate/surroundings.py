@@ -50,6 +50,8 @@ PANORAMA_ROWS = 512
 LINEAR = 5
 """Channels of surroundings that hold values above white."""
 PLAIN_STEP: float = contract("ground")["plain_step"]
+BACKDROP_LEVEL: float = contract("ground")["backdrop_level"]
+"""Median display value from which on one colour may be a backdrop, and not the black of a cut-out or a dark room."""
 BACKDROP_DAMPING = 1e-6
 """Added to the normal equations of a backdrop's shading, so that few pixels have one too."""
 PLAIN_SHARE: float = contract("ground")["plain_share"]
@@ -194,6 +196,13 @@ def visible_surroundings(
     return np.dstack([shown * cover[..., None], cover]).clip(0.0, 1.0).astype(np.float32)
 
 
+def hides_backdrop(rgb: Float[np.ndarray, "H W 3"], mask: Float[np.ndarray, "H W"]) -> bool:
+    """Whether what is beside the object of an opaque cut-out is bright enough for a studio's backdrop."""
+    step = max(1, max(mask.shape) // SAMPLES)
+    display = rgb[::step, ::step][mask[::step, ::step] < 0.5]
+    return len(display) > 0 and bool(np.median(luminance(display)) > BACKDROP_LEVEL)
+
+
 def is_cut_out(
     rgb: Float[np.ndarray, "H W 3"], mask: Float[np.ndarray, "H W"], alpha: Float[np.ndarray, "H W"] | None = None
 ) -> bool:
@@ -203,7 +212,7 @@ def is_cut_out(
     beside = mask[::step, ::step] < 0.5
     if not beside.any():
         return True
-    if alpha is not None and (alpha[::step, ::step][beside] < 0.5).mean() >= 0.5:
+    if alpha is not None and alpha.any() and (alpha[::step, ::step][beside] < 0.5).mean() >= 0.5:
         return True
     display = rgb[::step, ::step][beside]
     return any(

@@ -57,10 +57,10 @@ def write_pair(folder: Path, pair: Pair) -> None:
 
 
 def read_predictions(folder: Path, keys: Sequence[str]) -> dict[str, np.ndarray]:
-    """The map of every key, KEY.exr or KEY.hdr in a folder, as [64, 128, 3]; other files are left alone.
+    """The map of every key in a folder, KEY.exr, or where that is not there KEY.hdr, as [64, 128, 3].
 
     Raises:
-        InputError: a key has no map or two.
+        InputError: a key has no map.
         InvalidEnvironment: a map is damaged or not H x 2H.
     """
     if not folder.is_dir():
@@ -70,11 +70,8 @@ def read_predictions(folder: Path, keys: Sequence[str]) -> dict[str, np.ndarray]
     if absent:
         raise InputError(
             f"{folder}: expected {len(found)} maps named by key, got none for {len(absent)} of them, such as "
-            f"{absent[0]}; write {absent[0]}.exr or .hdr, or ask for fewer pairs"
+            f"{absent[0]}; write {absent[0]}.exr or .hdr, where the program failed what it would use instead"
         )
-    for key, paths in found.items():
-        if len(paths) > 1:
-            raise InputError(f"{folder}: expected one map of {key}, got .exr and .hdr; remove one of them")
     return {key: _read(paths[0]) for key, paths in found.items()}
 
 

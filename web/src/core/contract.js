@@ -56,6 +56,7 @@ export const CONTRACT = {
     "least_contact": 0.03,
     "contact_band": 0.04,
     "plain_step": 0.012,
+    "backdrop_level": 0.1,
     "plain_share": 0.9,
     "samples": 128
   },

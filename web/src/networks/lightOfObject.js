@@ -7,7 +7,7 @@ import { cameraConfidence, cameraRadiance } from "../light/light.js";
 import { turnedBack } from "../core/frames.js";
 import { CROP_SIZE, contextOf } from "../photo/crop.js";
 import { groundDoubts, groundOf, upOf } from "../photo/ground.js";
-import { coverageOf, isCutOut, seeSurroundings, useSurroundings } from "../photo/surroundings.js";
+import { backdropDoubts, coverageOf, isCutOut, seeSurroundings, useSurroundings } from "../photo/surroundings.js";
 
 /**
  * Luminance of display values between which a pixel says something of the light, and the share of such pixels from which
@@ -35,6 +35,7 @@ const { black: BLACK, white: WHITE, enough: ENOUGH } = CONTRACT.exposure;
 export async function lightOfObject(models, picture, longFovDeg, crop, options) {
   const { surroundings = "auto", pitchDeg, emitters = "mode", isAlone, ...given } = options;
   const isAuto = surroundings === "auto" && !(isAlone ?? isCutOut(picture, crop.mask));
+  const isUnasked = surroundings === "auto" && !isAuto && isAlone === undefined;
   const isShown = isAuto || surroundings === "photo" || surroundings === true;
   const seen = isShown && models.lifts ? seeSurroundings(picture, longFovDeg, crop) : null;
   const context = isShown && models.completes ? contextOf(picture, crop.mask, crop) : null;
@@ -58,7 +59,7 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
     object: prediction.object ?? null,
     uncertainty: prediction.uncertainty ?? null,
     ground: ground && { pitchDeg: ground.pitchDeg, pitchErrorDeg: ground.pitchErrorDeg, source: ground.source },
-    warnings: groundDoubts(ground),
+    warnings: isUnasked ? backdropDoubts(picture, crop.mask) : groundDoubts(ground),
     emitters: models.lifts ? emitters : "mode",
     hints: {
       surroundings: seen ? coverageOf(seen) : 0,

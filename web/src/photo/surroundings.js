@@ -118,6 +118,30 @@ export function isCutOut({ width, height, rgba }, mask) {
   return isPlain((i, channel) => terms[i].reduce((sum, term, k) => sum + term * shading[channel][k], 0));
 }
 
+/**
+ * A line where what is beside the object of an opaque cut-out is bright enough for a studio's backdrop;
+ * anyprobe.estimate.doubts has the same.
+ *
+ * @param {import("./picture.js").Picture} picture
+ * @param {Float32Array} mask
+ * @returns {string[]}
+ */
+export function backdropDoubts({ width, height, rgba }, mask) {
+  const step = Math.max(1, Math.floor(Math.max(width, height) / CONTRACT.ground.samples));
+  const levels = [];
+  for (let y = 0; y < height; y += step) {
+    for (let x = 0; x < width; x += step) {
+      const at = 4 * (y * width + x);
+      if (mask[at / 4] >= 0.5) continue;
+      if (rgba[at + 3] < 128) return [];
+      levels.push(luminance(rgba[at], rgba[at + 1], rgba[at + 2]) / 255);
+    }
+  }
+  if (levels.length === 0 || median(levels) <= CONTRACT.ground.backdrop_level) return [];
+  const cause = "what is behind the object is of one colour, so it and the ground are not used";
+  return [`${cause}; use the whole photo (surroundings "photo") if that is a real backdrop`];
+}
+
 /** Coefficients, per channel, of the terms [N][6] that are nearest to the values [3][N]: by elimination. */
 function backdropOf(terms, values) {
   const size = 6;
