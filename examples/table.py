@@ -1,6 +1,6 @@
 """A vase on a round table in a room, as a photo and as a 20-second clip with an emitter that moves; no camera needed.
 
-    python examples/table.py photo        # examples/table.png
+    python examples/table.py photo        # examples/table.jpg, and table.png with the vase cut out
     python examples/table.py clip         # examples/table.mp4
     python examples/table.py relit        # docs/relit.webp made of it
 
@@ -142,10 +142,12 @@ def emitter(time_s: float) -> tuple[float, np.ndarray]:
 
 
 def photo(path: Path) -> None:
-    """RGBA; alpha marks the vase."""
+    """A .png whose alpha marks the vase, and the same photo as a .jpg."""
     table = Table(640, 480)
     picture, cover = table.draw(*emitter(0.0), table.gain(*emitter(0.0)))
-    Image.fromarray(to_bytes(np.dstack([picture, cover]))).save(path, optimize=True)
+    cut_out = Image.fromarray(to_bytes(np.dstack([picture, cover])))
+    cut_out.save(path, optimize=True)
+    cut_out.convert("RGB").save(path.with_suffix(".jpg"), quality=92)
 
 
 def clip(path: Path) -> None:

@@ -119,9 +119,10 @@ class MaskFollower:
         photo = self._quickly(frame, name, own) or self._load(frame, name, own, **where)
         pixels = float(photo.mask.sum())
         if self.last is not None and not 1 / MOST_CHANGE < pixels / self.last[2] < MOST_CHANGE:
+            first = "" if self.hints else "look at the first frame's mask, pass box= around the object there, or "
             raise InvalidMask(
                 f"{name}: expected the object of about {self.last[2]:.0f} pixels at {self.last[0]:.0f},"
-                f"{self.last[1]:.0f}, got {pixels:.0f} pixels; pass mask=, one file a frame"
+                f"{self.last[1]:.0f}, got {pixels:.0f} pixels; {first}pass mask=, one file a frame"
             )
         self.last = [*inner_point(photo.mask), pixels, *_grown_box(photo.mask)]
         return photo
