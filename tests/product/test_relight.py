@@ -218,6 +218,13 @@ def standing_by(mask: np.ndarray, shape: str = "sphere", size: float = 0.5) -> S
     return Stage(photo, open_object(shape), Arrangement(size=size))
 
 
+@pytest.mark.parametrize("below", [False, True])
+def test_an_object_that_runs_over_the_lower_border_hides_where_it_stands(below):
+    mask = np.zeros((HEIGHT, WIDTH), np.float32)
+    mask[60 : HEIGHT if below else HEIGHT - 1, 20:60] = 1
+    assert any("runs over the photo's lower border" in line for line in standing_by(mask).warnings) == below
+
+
 def test_it_stands_below_what_overhangs():
     """Of a mushroom the stem stands on the ground, and beside that is room, though none is beside the cap."""
     mask = np.zeros((HEIGHT, WIDTH), np.float32)

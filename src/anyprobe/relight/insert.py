@@ -234,7 +234,8 @@ class Stage:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """One line each for what of the place is not as one would expect: not beside the real object, or cut off."""
+        """One line each for what of the place is not as one would expect: not beside the real object, cut off, or on a
+        ground that the photo does not show."""
         said = []
         side = self.placement.side
         if side in NOT_BESIDE:
@@ -244,6 +245,11 @@ class Stage:
         pixels = self.view.pixels(self.placement.mesh.positions)
         if (pixels < -0.5).any() or (pixels > np.array([self.view.width, self.view.height]) + 0.5).any():
             said.append("part of the inserted object is outside the photo; choose another place or make it smaller")
+        if (self.photo.mask[-1] > 0.5).any():
+            said.append(
+                "the real object runs over the photo's lower border, so where it touches the ground is not seen; "
+                "choose the inserted object's place"
+            )
         return tuple(said)
 
     def on(self, photo: Photo) -> Stage:
