@@ -56,6 +56,8 @@ CONTEXT_SCALE: int = contract("sizes")["context_scale"]
 CONTEXT_FINE: int = contract("sizes")["context_fine"]
 """Of the picture of what lies around the object: its side, how many times as wide as the crop it is, and pixels of the
 photo on one of its own from which on not all of them are looked at."""
+EXPOSURE_PIXELS = 4096
+"""Of the object that are enough to see how it is exposed."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -179,7 +181,6 @@ def load_photo(
         long_fov_deg, fov_source = pixels.long_fov_deg, "exif"
     else:
         long_fov_deg, fov_source = DEFAULT_LONG_FOV_DEG, "default"
-    on = found.mask > 0.5
     normals = _known_normals(hints.normals, pixels.rgb, found.mask, long_fov_deg)
     depth_doubts: tuple[str, ...] = ()
     depth = chosen_depth(hints.depth, pixels)
@@ -195,7 +196,11 @@ def load_photo(
         warnings=pixels.warnings
         + found.warnings
         + depth_doubts
-        + exposure_doubts(pixels.rgb[on], pixels.name, None if pixels.radiance is None else pixels.radiance[on]),
+        + exposure_doubts(
+            _of_object(found.mask, pixels.rgb),
+            pixels.name,
+            None if pixels.radiance is None else _of_object(found.mask, pixels.radiance),
+        ),
         mask_source=found.source,
         mask_confidence=found.confidence,
         normals=normals,
@@ -219,6 +224,12 @@ def load_photo(
         pitch_deg, roll_deg = pixels.posture_deg
         ground = replace(estimate_ground(photo, pitch_deg=pitch_deg, roll_deg=roll_deg), source=NOTED)
     return replace(photo, use_background=True, asked_background=is_asked, ground=ground)
+
+
+def _of_object(mask: np.ndarray, picture: np.ndarray) -> np.ndarray:
+    """EXPOSURE_PIXELS pixels [N, C] of a picture, or a few more, on the object."""
+    step = max(1, int(np.sqrt(mask.sum() / EXPOSURE_PIXELS)))
+    return picture[::step, ::step][mask[::step, ::step] > 0.5]
 
 
 def _known_normals(
