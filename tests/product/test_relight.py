@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +17,7 @@ import anyprobe
 from anyprobe.cli.relight import progress
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
-from anyprobe.estimate.ground import contact_of
+from anyprobe.estimate.ground import USUAL_ERROR_DEG, contact_of
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.images import read_image
 from anyprobe.files.objects import OBJECTS, open_object
@@ -383,6 +384,18 @@ def test_command_writes_the_picture_and_says_where(command, work, photo_path):
     assert given["picture"] == str(Path("relit", "sphere_relit.png"))  # never among the photos
     assert given["renderer"] == "own"
     assert read_image(given["picture"]).rgb.shape == (96, 128, 3)
+
+
+@pytest.mark.parametrize("given", [(), ("--surroundings", "photo"), ("--pitch", 20.3)])
+@pytest.mark.usefixtures("networks_opened_once")
+def test_pitch_of_the_camera_is_said_in_whole_degrees_with_its_error(command, photo_path, work, given):
+    said = command("relight", photo_path, "--renderer", "own", *given).err.splitlines()[-1]
+    if "--pitch" in given:
+        assert ", camera 20 degrees down, " in said
+        return
+    ground = anyprobe.estimate(photo_path, surroundings="photo").ground if given else None
+    error = USUAL_ERROR_DEG if ground is None else ground.pitch_error_deg
+    assert re.search(rf", camera \d+ ± {error:.0f} degrees down, ", said), said
 
 
 @pytest.mark.usefixtures("networks_opened_once")

@@ -33,6 +33,7 @@ from anyprobe.hints import HINTS, said_as
 if TYPE_CHECKING:
     from anyprobe.estimate.ground import Ground
     from anyprobe.estimate.photo import Photo
+    from anyprobe.relight.insert import Stage
     from anyprobe.render.mesh import Mesh
 
 Renderer = Literal["auto", "own", "mitsuba"]
@@ -197,7 +198,7 @@ def relight(
     elif not quiet:
         print(
             f"{out}: {insert} of {', '.join(names)} at {spot[0]:.0f},{spot[1]:.0f}, camera "
-            f"{summary['pitch_deg']:g} degrees down, by {'Mitsuba' if traced else 'the built-in renderer'}",
+            f"{_pitch(stage, loaded, ground)} degrees down, by {'Mitsuba' if traced else 'the built-in renderer'}",
             file=sys.stderr,
         )
     if strict and summary["warnings"]:
@@ -214,6 +215,16 @@ def progress(what: str, silent: bool) -> Iterator[None]:
         yield
     finally:
         timer.cancel()
+
+
+def _pitch(stage: Stage, photo: Photo, ground: Ground | None) -> str:
+    """How far the camera looks down, in degrees; where that was not given or noted, with its error."""
+    from anyprobe.estimate.ground import KNOWN, USUAL_ERROR_DEG
+
+    pitch = f"{stage.placement.pitch_deg:.0f}"
+    if photo.pitch_deg is not None or (ground is not None and ground.source in KNOWN):
+        return pitch
+    return f"{pitch} ± {USUAL_ERROR_DEG if ground is None else ground.pitch_error_deg:.0f}"
 
 
 def _radiance(
