@@ -9,9 +9,10 @@ from typing import Annotated, Literal
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
-from rich.table import Column, Table
+from rich.table import Table
 
 from anyprobe.cli.app import main
+from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from research.fetch_assets import polyhaven
 from research.fetch_assets.download import Client, ServerBusy
@@ -97,11 +98,11 @@ def _fetch_all(library: polyhaven.Library, chosen: list, progress: Progress) -> 
 
 
 def _list(chosen: list, share: float) -> None:
-    table = Table(Column("asset", overflow="fold"), "type", "split", "category", "authors", box=None, pad_edge=False)
+    table = Table("asset", "type", "split", "category", "authors", box=None, pad_edge=False)
     for asset in chosen:
         table.add_row(asset.slug, asset.kind, polyhaven.split_of(asset.slug, share), asset.category, asset.authors)
     show = Console(markup=False, emoji=False, highlight=False)
-    show.print(table)
+    print_table(show, table)
     show.print(f"Nothing fetched. Powered by Poly Haven, {polyhaven.LICENCE}", soft_wrap=True)
 
 
@@ -115,7 +116,7 @@ def _report(outcomes: list, chosen: list, talk: Console, to: Path) -> None:
     for kind, split in dict.fromkeys(sorted((one[0], one[1]) for one in rows)):
         received = sum(one[3] for one in rows if one[:2] == (kind, split)) / 1e6
         table.add_row(kind, split, *(str(counts[kind, split, status]) for status in shown), f"{received:.1f}")
-    talk.print(table)
+    print_table(talk, table)
     kinds = dict.fromkeys(kind for kind, *_ in rows)
     manifests = ", ".join(str(to / polyhaven.FOLDERS[kind] / "manifest.csv") for kind in kinds)
     talk.print(f"Powered by Poly Haven (https://polyhaven.com), CC0; authors: {manifests}", soft_wrap=True)

@@ -158,6 +158,19 @@ def test_where_the_results_are_is_one_line_on_any_terminal(work):
     assert shown.count("±") == 2  # of the direction and of the brightness
 
 
+@pytest.mark.parametrize("width", [20, 60])
+def test_no_cell_of_the_table_is_broken_on_a_narrow_terminal(width):
+    narrow = Console(file=io.StringIO(), width=width)
+    main = find_dominant_light(np.ones((64, 128, 3), np.float32))
+    names = ["a vase of a rather long name, seen from the left.png", "b.png"]
+    photos = [Path("photos of a rather deep folder", name) for name in names]
+    _report([Done(photo=photo, stem=photo.stem, main=main, level_stops=0.7) for photo in photos], narrow, Path("light"))
+    head, *rows, _ = narrow.file.getvalue().splitlines()
+    assert [row.partition("   ")[0].split("  ")[0] for row in rows] == names
+    assert "brightness uncertainty" in head
+    assert all("± 0.7 stops" in row for row in rows)
+
+
 def test_folders_and_files_together(work, command):
     save_sphere("many/a.png")
     save_sphere("many/b.webp", center=(40, 48))
@@ -226,7 +239,7 @@ def test_odd_names_reach_table_and_files(work, command):
     assert outcome.status == 2
     assert names("out") == results(*stems)
     for stem in stems[:-1]:
-        assert f"photos/{stem}.png" in outcome.err
+        assert f"{stem}.png " in outcome.err
     assert sum(line.startswith("anyprobe: ") for line in outcome.err.splitlines()) == 1
     assert "also broken.png" in outcome.err.splitlines()[-1]
 

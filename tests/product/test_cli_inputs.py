@@ -182,6 +182,31 @@ def test_senseless_option(work, command, photo_path, arguments, word):
     assert snapshot(work) == before
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("estimate", "sphere.png", "-o", "out.exr"),
+        ("mask", "sphere.png", "-o", "out.PNG"),
+        ("match", "sphere.png", "maps", "-o", "out.exr"),
+        ("video", "clip.mp4", "-o", "out.mp4"),
+        ("export", "sphere.exr", "--to", "usd", "-o", "out.usda"),
+        ("evaluate", "--hdri", "maps", "--meshes", "shapes", "-o", "scores.json"),
+    ],
+)
+def test_a_file_is_no_folder_for_results(work, command, words):
+    name = words[-1]
+    wanted = f"anyprobe: -o {name}: expected a folder, got a name that ends in {Path(name).suffix}; "
+    assert command(*words).complaint.startswith(wanted)
+    assert list(work.iterdir()) == []
+
+
+def test_a_folder_that_is_there_or_has_a_dot_takes_results(work, command, photo_path):
+    (work / "out.exr").mkdir()
+    for out in ("out.exr", "v1.2"):
+        assert command("estimate", photo_path, "-o", out).status == 0
+        assert (work / out / "sphere.exr").is_file()
+
+
 def test_emitters_are_drawn_or_spread(work, command, photo_path):
     """Spread, the same light is nowhere as bright."""
     for emitters in ("mode", "expected"):

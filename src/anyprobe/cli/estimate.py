@@ -15,7 +15,7 @@ import numpy as np
 import typer
 from rich.console import Console
 from rich.progress import track
-from rich.table import Column, Table
+from rich.table import Table
 
 from anyprobe.cli.options import (
     STDIN,
@@ -26,6 +26,7 @@ from anyprobe.cli.options import (
     ObjectOptions,
     QuietOption,
     check_names,
+    folder_option,
     hints_for,
     line_of,
     list_photos,
@@ -33,6 +34,7 @@ from anyprobe.cli.options import (
     result_stem,
     with_bundles,
 )
+from anyprobe.cli.tables import print_table
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.hints import Hints
 
@@ -64,7 +66,7 @@ def estimate(
     taken: ObjectOptions,
     by: ModelOptions,
     fine: DetailOptions,
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("light"),
+    out: Annotated[Path, folder_option("Folder for the results.")] = Path("light"),
     poses: Annotated[
         Path | None,
         typer.Option(help="JSON with each photo's camera rotation: all photos, views of one object, give one light."),
@@ -184,11 +186,10 @@ def _line(path: Path, error: AnyprobeError) -> str:
 
 def _report(done: list[Done], talk: Console, out: Path) -> None:
     """A table of all photos, and where their results are; warnings below it."""
-    photo = Column("photo", overflow="fold")
-    table = Table(photo, "dominant light", "brightness uncertainty", "seconds", box=None, pad_edge=False)
+    table = Table("photo", "dominant light", "brightness uncertainty", "seconds", box=None, pad_edge=False)
     for one in done:
         if one.main is None:
-            table.add_row(str(one.photo), "failed")
+            table.add_row(one.photo.name, "failed")
             continue
         x, y, z = one.main.direction
         azimuth, elevation = np.degrees(np.arctan2(x, -z)), np.degrees(np.arcsin(np.clip(y, -1, 1)))
@@ -196,12 +197,12 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
         where = f"{abs(azimuth):.0f}° {side}, {abs(elevation):.0f}° {'up' if elevation >= 0 else 'down'}"
         where += f" ± {one.main.error_deg:.0f}°"
         table.add_row(
-            str(one.photo),
+            one.photo.name,
             where,
             "" if one.level_stops is None else f"± {one.level_stops:.1f} stops",
             f"{one.seconds:.2f}",
         )
-    talk.print(table)
+    print_table(talk, table)
     written = [one.stem for one in done if not one.error]
     if written:  # on a line of its own, which a narrow terminal does not cut into pieces
         name = written[0] if len(written) == 1 else "<stem>"

@@ -16,6 +16,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from anyprobe.cli.data import Conditions
+from anyprobe.cli.options import folder_option
+from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES
 
@@ -27,8 +29,6 @@ if TYPE_CHECKING:
 
 PAIRS = 200
 SEED = 2020
-WIDTH = 260
-"""Characters of a printed line: no name of a row or a column is cut or broken."""
 PATHS = 128
 """Paths per pixel of a path-traced photo."""
 CELL = 64
@@ -63,9 +63,7 @@ def evaluate(
     predictions: Annotated[
         Path | None, typer.Option(help="Folder of maps KEY.exr or KEY.hdr to score in the model's place.")
     ] = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for scores.json and pictures.png.")] = Path(
-        "evaluation"
-    ),
+    out: Annotated[Path, folder_option("Folder for scores.json and pictures.png.")] = Path("evaluation"),
     model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL,
     engine: Annotated[str, typer.Option(help=f"Engine: {', '.join(ENGINES)}.")] = DEFAULT_ENGINE,
 ) -> None:
@@ -266,11 +264,11 @@ def _cells(pair: Pair, estimates: Mapping[str, Estimate]) -> np.ndarray:
 def _print(table: dict, errors: dict) -> None:
     from anyprobe.evaluate.scoring import HEADINGS
 
-    show = Console(highlight=False, width=WIDTH)
+    show = Console(highlight=False)
     for group in next(iter(table.values())):
-        show.print(_sheet(group, table, group, HEADINGS))
+        print_table(show, _sheet(group, table, group, HEADINGS))
     means = {name: heading for name, heading in HEADINGS.items() if name in errors[next(iter(errors))]["all"]}
-    show.print(_sheet("standard errors of all, by map and shape", errors, "all", means))
+    print_table(show, _sheet("standard errors of all, by map and shape", errors, "all", means))
 
 
 def _sheet(title: str, table: dict, group: str, headings: Mapping[str, str]) -> Table:
@@ -284,7 +282,7 @@ def _sheet(title: str, table: dict, group: str, headings: Mapping[str, str]) -> 
 
 def _print_irradiance(irradiance: dict[str, float]) -> None:
     values = ", ".join(f"{name} {value:.4f}" for name, value in irradiance.items())
-    Console(highlight=False, width=WIDTH).print(f"irradiance image: {values}")
+    Console(highlight=False).print(f"irradiance image: {values}", soft_wrap=True)
 
 
 def _print_confidence(title: str, confidence: dict, hints: dict[str, dict]) -> None:
@@ -300,4 +298,4 @@ def _print_confidence(title: str, confidence: dict, hints: dict[str, dict]) -> N
         beside = (f"{one[name]:.3f} ({one['constant'][name]:.3f})" for name in ("error", "brier", "log_loss"))
         auc = "" if one["auc"] is None else f"{one['auc']:.3f} (0.500)"
         sheet.add_row(row, f"{one['claimed']:.3f}", f"{one['right']:.3f}", *beside, auc)
-    Console(highlight=False, width=WIDTH).print(sheet)
+    print_table(Console(highlight=False), sheet)

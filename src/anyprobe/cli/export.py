@@ -10,6 +10,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from anyprobe.cli.options import folder_option
 from anyprobe.errors import InputError
 from anyprobe.export.exported_light import check_front, origin_beside
 from anyprobe.export.targets import TARGETS, find_target
@@ -23,9 +24,9 @@ def export(
         list[Path], typer.Argument(metavar="LIGHT...", help="Maps that estimate wrote: .exr (full range) or .hdr.")
     ],
     to: Annotated[str, typer.Option(metavar="TARGET[,TARGET...]", help=f"Any of {', '.join(TARGETS)}; or all.")],
-    out: Annotated[
-        Path, typer.Option("-o", "--out", help="Folder for the files; of several lights a folder each in it.")
-    ] = Path("export"),
+    out: Annotated[Path, folder_option("Folder for the files; of several lights a folder each in it.")] = Path(
+        "export"
+    ),
     world_from_camera: Annotated[
         str | None,
         typer.Option(

@@ -8,7 +8,16 @@ from typing import Annotated
 
 import typer
 
-from anyprobe.cli.options import MaskOptions, check_names, hints_for, line_of, list_photos, result_stem, with_bundles
+from anyprobe.cli.options import (
+    MaskOptions,
+    check_names,
+    folder_option,
+    hints_for,
+    line_of,
+    list_photos,
+    result_stem,
+    with_bundles,
+)
 from anyprobe.errors import AnyprobeError, InputError, InvalidMask
 from anyprobe.hints import Hints
 
@@ -19,7 +28,7 @@ def mask(
     photos: Annotated[
         list[Path] | None, typer.Argument(metavar="PHOTO...", help="Photos, or folders of photos.")
     ] = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("masks"),
+    out: Annotated[Path, folder_option("Folder for the results.")] = Path("masks"),
     fetch: Annotated[
         bool, typer.Option("--fetch", help="First download U2-Net-p (4.6 MB), the better mask network, if need be.")
     ] = False,

@@ -18,11 +18,13 @@ from anyprobe.cli.options import (
     ModelOptions,
     ObjectOptions,
     QuietOption,
+    folder_option,
     hints_for,
     photo_source,
     result_stem,
     with_bundles,
 )
+from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 
 SURE = 0.5
@@ -35,7 +37,7 @@ def match(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of .hdr and .exr panoramas.")],
     taken: ObjectOptions,
     by: ModelOptions,
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("match"),
+    out: Annotated[Path, folder_option("Folder for the results.")] = Path("match"),
     best: Annotated[int, typer.Option(min=1, max=50, help="How many panoramas are written and shown.")] = 3,
     apply: Annotated[
         str | None,
@@ -101,7 +103,7 @@ def match(
             f"{one.yaw_deg:+.0f}°, camera {one.pitch_deg:+.0f}° down",
             f"{one.exposure_ev:+.1f} EV",
         )
-    talk.print(table)
+    print_table(talk, table)
     near = sum(one.misfit < ranked[0].misfit + SURE for one in ranked)
     if near > 1:
         talk.print(f"{near} of {len(ranked)} panoramas explain the photo about as well; look at {stem}_match.png")

@@ -10,6 +10,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from anyprobe.cli.tables import print_table
+
 
 def materials(
     words: Annotated[list[str] | None, typer.Argument(metavar="[WORD...]", help="Only names that hold these.")] = None,
@@ -41,4 +43,4 @@ def materials(
         table.add_row(
             name, "yes" if row["metal"] else "", color, f"{row['roughness']:.2f}", f"{row['reflectance']:.3f}"
         )
-    Console(markup=False, highlight=False).print(table)
+    print_table(Console(markup=False, highlight=False), table)

@@ -40,6 +40,23 @@ ColorspaceOption = Annotated[
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")]
 
 
+NO_FOLDERS = (*PICTURES, ".npy", ".hdr", ".json", ".mp4", ".mov", ".glb", ".usda", ".usdz", ".zip")
+"""Suffixes that a name has by mistake where a folder is meant."""
+
+
+def folder_option(help: str) -> Any:
+    """The option -o of a command that writes into a folder: the name of a file is refused."""
+    return typer.Option("-o", "--out", help=help, callback=_folder)
+
+
+def _folder(out: Path | None) -> Path | None:
+    if out is not None and out.suffix.lower() in NO_FOLDERS and not out.is_dir():
+        raise OutputError(
+            f"-o {out}: expected a folder, got a name that ends in {out.suffix}; leave that out, or make the folder"
+        )
+    return out
+
+
 def _options_of(hints: Iterable[str]) -> Any:
     """A dataclass with an option for each of these hints."""
     options = [(name, _hint_option(HINTS[name]), None) for name in hints]

@@ -1,0 +1,16 @@
+"""Tables in a terminal or a pipe: no cell is broken or cut, however narrow it is."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.table import Table
+
+WIDEST = 10_000
+"""Characters of a line at most."""
+
+
+def print_table(console: Console, table: Table) -> None:
+    """Print a table as wide as its cells; only the terminal itself breaks a line that is too long for it."""
+    room = console.options.update(max_width=WIDEST)
+    table.width = console.measure(table, options=room).maximum
+    console.print(table, soft_wrap=True)
