@@ -140,10 +140,10 @@ def test_other_masks_or_another_panorama_under_the_same_name_are_refused(command
     assert command(*order, *given).status == 0
     assert command(*order, *given).status == 0
     Image.fromarray(panorama + np.uint8(20)).save(work / "around.png")
-    assert "got another surroundings;" in command(*order, *given).complaint
+    assert "expected --surroundings as when" in command(*order, *given).complaint
     Image.fromarray(panorama).save(work / "around.png")
     Image.fromarray(np.roll(sphere_mask(), 1, axis=0)).save(masks / "0001.png")
-    assert "got another files;" in command(*order, *given).complaint
+    assert "expected --mask as when" in command(*order, *given).complaint
     Image.fromarray(sphere_mask()).save(masks / "0001.png")
     masks.rename(work / "moved")
     assert command(*order, "--mask", "moved", *given[2:]).status == 0

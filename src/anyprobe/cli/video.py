@@ -21,13 +21,18 @@ from anyprobe.cli.options import (
     ModelOptions,
     ObjectOptions,
     QuietOption,
+    folder_option,
     line_of,
+    option_of,
     said_of_hints,
     with_bundles,
 )
 from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer, placing, progress
 from anyprobe.errors import InputError
+from anyprobe.hints import HINTS
 
+CALLED = {"clip": "the clip", "clip_bytes": "the clip", "object_material": "--material"}
+"""Settings of a run that are called otherwise than their option."""
 LINE_S = 5
 """Between two lines of progress where there is no terminal."""
 
@@ -40,9 +45,7 @@ def video(
     by: ModelOptions,
     fine: DetailOptions,
     placed: InsertOptions,
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="Folder for the results; default: <stem>_light.")
-    ] = None,
+    out: Annotated[Path | None, folder_option("Folder for the results; default: <stem>_light.")] = None,
     insert: Annotated[
         str | None, typer.Option(metavar="SHAPE|FILE", help=f"Also write relit.mp4 with {SHAPES}, or a mesh file.")
     ] = None,
@@ -115,10 +118,10 @@ def video(
         "emitters": by.emitters,
         "object_material": None if object_material is None else repr(object_material),
         "insert": name,
-        "insert_material": material if name else None,
+        "insert_material": material,
         "at": foot,
         "scale": size,
-        "renderer": virtual.renderer if virtual else None,
+        "renderer": virtual.renderer if virtual else "own",
         "detail": None if library is None else library.digest(),
     }
     if restart:
@@ -135,6 +138,7 @@ def video(
         poses=turned,
         material=object_material,
         library=library,
+        called=_called,
     )
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     begun, start = run.progress.next_index, time.monotonic()
@@ -167,6 +171,13 @@ def video(
         print(json.dumps(summary))
     rate = (outcome.frames - begun) / max(seconds, 1e-9)
     talk.print(f"{out}: {outcome.frames} frames, {len(outcome.bad)} bad, {rate:.1f} a second", soft_wrap=True)
+
+
+def _called(setting: str) -> str:
+    """What the user knows a setting of a run by."""
+    if setting in HINTS:
+        return option_of(setting)
+    return CALLED.get(setting, f"--{setting.replace('_', '-')}")
 
 
 @placing

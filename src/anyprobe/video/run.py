@@ -95,6 +95,7 @@ class ClipRun:
         poses: np.ndarray | None = None,
         material: Material | None = None,
         library: Library | None = None,
+        called: Callable[[str], str] = str,
     ) -> None:
         """Args:
         settings: plain values that the result depends on; a folder goes on only with the same.
@@ -106,11 +107,12 @@ class ClipRun:
         material: the real object's, if given.
         library: of the detail that maps and mirror images get; the light itself, its harmonics and the shadow stay
             without.
+        called: what an error calls a setting, as its option.
         """
         self.clip, self.folder, self.estimator, self.follower = clip, folder, estimator, follower
         self.material, self.library = material, library
         self.every, self.exr, self.virtual, self.poses = every, exr, virtual, poses
-        self.progress = load_progress(folder, settings) or Progress(settings=settings)
+        self.progress = load_progress(folder, settings, called) or Progress(settings=settings)
         self._stage: Stage | None = None
         self._shown: tuple[GroundShadow, np.ndarray] | None = None  # shadow and object under the last light
         self._photo: Photo | None = None

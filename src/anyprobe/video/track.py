@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -97,9 +98,10 @@ def forget_progress(folder: Path) -> None:
         folder.rmdir()
 
 
-def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
+def load_progress(folder: Path, settings: dict[str, Any], called: Callable[[str], str] = str) -> Progress | None:
     """What a run left, None if nothing.
 
+    called: what an error calls a setting, or a name within one, as its option.
     Raises:
         InputError: it was left by a run with other settings, or is damaged.
     """
@@ -125,12 +127,24 @@ def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
     now = json.loads(json.dumps(settings))
     then = found.settings
     if then != now:
-        changed = [key for key in {**then, **now} if then.get(key) != now.get(key)]
+        changed = ", ".join(dict.fromkeys(map(called, _differing(then, now))))
         raise InputError(
-            f"{folder}: expected the settings it was begun with, got another {', '.join(changed)}; "
-            "choose another folder with -o, or --restart"
+            f"{folder}: expected {changed} as when it was begun, got another or none; give the same, choose another "
+            "folder with -o, or --restart"
         )
     return found
+
+
+def _differing(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
+    """Names of settings that differ; of a setting that holds others, of those."""
+    names = []
+    for name in {**then, **now}:
+        one, other = then.get(name), now.get(name)
+        if isinstance(one, dict) and isinstance(other, dict):
+            names += _differing(one, other)
+        elif one != other:
+            names.append(name)
+    return names
 
 
 def _filter_state(kept: dict[str, Any]) -> FilterState:
