@@ -51,15 +51,17 @@ The {count} files that the frozen test set is rendered from, as the manifests of
 name a file by the first eight digits of its SHA-256, so `--frozen` needs these very files. They are not in the
 repository, and no network is trained on them.
 
-They are copies of the sources, prepared as follows; a copy prepared with other software has another SHA-256:
+No command fetches or prepares them: `research.fetch_assets` gets other assets, for training. To make them yourself,
+take each file from its source below and prepare it as follows; prepared with other software, it may have another
+SHA-256, and `--frozen` does not find it:
 
 - **Maps**: read as linear floats; NaN, infinite and negative values set to 0; averaged to 512 x 256 pixels, columns
   as in the source; OpenEXR with half floats and PIZ compression.
 - **Shapes**: vertices merged, small loose parts removed, holes closed, decimated to 16,000 triangles at most, +Y up,
   smallest enclosing sphere of radius 1 around the origin; binary PLY.
 
-Without these files, `anyprobe evaluate --hdri MAPS --meshes SHAPES` renders a balanced test set from any others; its
-figures do not compare with those of the frozen set.
+Without these files, `anyprobe evaluate --hdri MAPS --meshes SHAPES` without `--frozen` renders a balanced test set from
+any others; its figures do not compare with those of the frozen set.
 
 "By name": the file has the name of an asset of Poly Haven, where all assets are CC0; this was not checked against the
 site. "Not stated": the source names no licence; use for research only.
