@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("torch", reason="needs the train extra")
 
-from research.direction_error import OFFSET_DEG, SHARE, fitted  # noqa: E402
+from research.direction_error import OFFSET_DEG, SHARE, fitted
 
 
 def test_the_law_that_errors_were_drawn_by_is_found():
