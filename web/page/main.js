@@ -39,7 +39,7 @@ const soften = element("soften");
 const reflections = element("reflections");
 element("reflections-row").hidden = !config.server; // the library of places is the server's
 for (const row of ["surroundings-row", "soften-row"]) element(row).hidden = !config.weights.light; // not for the paper's chain
-const options = () => ({ surroundings: surroundings.checked ? "auto" : "none", emitters: soften.checked ? "expected" : "mode" });
+const options = () => ({ surroundings: surroundings.value, emitters: soften.checked ? "expected" : "mode" });
 
 /** One line a file with a bar, and one where it stalls; lines of the camera stay once it is followed. */
 function showDownload({ file, loaded, total, stalled }) {
@@ -166,7 +166,7 @@ async function estimate(found, isLate) {
     return setStatus(`Estimated. ${found.warnings[0]} Click on the object below, or draw a box around it.`, "warning");
   }
   const [doubt] = result.light.warnings;
-  if (doubt) return setStatus(`Estimated, but ${doubt} by “Camera pitch”.`, "warning");
+  if (doubt) return setStatus(`Estimated, but ${doubt} by “${result.light.ground ? "Camera pitch" : "Look at"}”.`, "warning");
   setStatus(`Estimated in ${result.seconds.toFixed(2)} s, in this browser. If the outline is wrong, click on the object below, or draw a box around it.`);
 }
 

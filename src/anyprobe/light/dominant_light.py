@@ -56,7 +56,10 @@ def dilate(mask: Bool[np.ndarray, "H 2*H"]) -> Bool[np.ndarray, "H 2*H"]:
 
     The columns wrap around, and a pole row that is touched is taken whole: all of its pixels meet at the pole.
     """
-    grown = mask | np.roll(mask, 1, axis=1) | np.roll(mask, -1, axis=1)
+    grown = mask.copy()
+    grown[:, 1:] |= mask[:, :-1]
+    grown[:, :-1] |= mask[:, 1:]
+    grown[:, [0, -1]] |= mask[:, [-1, 0]]
     grown[1:] |= mask[:-1]
     grown[:-1] |= mask[1:]
     grown[0] |= mask[0].any()
@@ -104,7 +107,10 @@ def _moment(radiance: np.ndarray) -> np.ndarray:
 
 def angle_to_mean(radiance: Float[np.ndarray, "H 2*H 3"], direction: np.ndarray) -> float:
     """Degrees between a unit direction and where a map's light comes from in the mean; 180 where that is nowhere."""
-    moment = _moment(radiance)
+    return _angle(_moment(radiance), direction)
+
+
+def _angle(moment: np.ndarray, direction: np.ndarray) -> float:
     length = float(np.linalg.norm(moment))
     if length <= 0:
         return 180.0
@@ -173,7 +179,7 @@ def split_dominant_light(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[Domina
         color=(perpendicular / peak if peak > 0 else np.ones(3)).astype(np.float32),
         solid_angle=float(solid_angles[lobe].sum()),
         directionality=directionality,
-        error_deg=direction_error(angle_to_mean(radiance, direction)),
+        error_deg=direction_error(_angle(moment, direction)),
     )
     rest = radiance.copy()
     rest[source] -= np.where(perpendicular > 0, excess, 0.0)  # a channel without light stays whole

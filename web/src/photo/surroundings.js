@@ -139,7 +139,7 @@ export function backdropDoubts({ width, height, rgba }, mask) {
   }
   if (levels.length === 0 || median(levels) <= CONTRACT.ground.backdrop_level) return [];
   const cause = "what is behind the object is of one colour, so it and the ground are not used";
-  return [`${cause}; use the whole photo (surroundings "photo") if that is a real backdrop`];
+  return [`${cause}; if that is a real backdrop, choose surroundings "photo"`];
 }
 
 /** Coefficients, per channel, of the terms [N][6] that are nearest to the values [3][N]: by elimination. */
