@@ -215,7 +215,7 @@ EXPECTED_FAULTS = {
     "unknown": ("invalid-option", "^estimate: unknown option fov; expected of click,"),
     "material": ("invalid-option", "^material: expected one of chrome"),
     "engine": ("invalid-option", 'expected wasm or webgpu, got "webgl"'),
-    "weights": ("fetch-failed", r"absent\.onnx could not be fetched \(answer 404\)"),
+    "weights": ("fetch-failed", r"absent\.onnx could not be fetched from .*absent\.onnx \(answer 404\)"),
     "runtime": ("fetch-failed", "the runtime could not be fetched|could not be fetched"),
     "disposed": ("disposed", "disposed"),
     "after": ("disposed", "disposed"),

@@ -166,8 +166,14 @@ async function estimate(found, isLate) {
     return setStatus(`Estimated. ${found.warnings[0]} Click on the object below, or draw a box around it.`, "warning");
   }
   const [doubt] = result.light.warnings;
-  if (doubt) return setStatus(`Estimated, but ${doubt} by “${result.light.ground ? "Camera pitch" : "Look at"}”.`, "warning");
+  if (doubt) return setStatus(`Estimated, but ${doubt}${placeOf(doubt)}.`, "warning");
   setStatus(`Estimated in ${result.seconds.toFixed(2)} s, in this browser. If the outline is wrong, click on the object below, or draw a box around it.`);
+}
+
+/** Where on the page what is advised is done. */
+function placeOf(doubt) {
+  if (doubt.endsWith("give the pitch")) return " by “Camera pitch”";
+  return doubt.endsWith("choose surroundings \"photo\"") ? " by “Look at”" : "";
 }
 
 function showLight() {

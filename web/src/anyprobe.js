@@ -2,10 +2,11 @@
 
 import { AnyProbeError } from "./errors.js";
 import { Light } from "./light/light.js";
+import { checkSource } from "./live/frameSource.js";
 import { Tracker } from "./live/tracker.js";
 import { checkSetup, requireBrowser } from "./networks/setup.js";
 import { WorkerClient } from "./networks/workerClient.js";
-import { checkHints, checkLight, checkNames, longFovOf } from "./options.js";
+import { checkHints, checkLight, checkNames, longFovOf, wrong } from "./options.js";
 import { hintsOf } from "./photo/hints.js";
 import { givenMaterial, materialInput } from "./photo/material.js";
 import { maskFromAlpha } from "./photo/picture.js";
@@ -76,7 +77,7 @@ export class AnyProbe {
     const { mask, quality, warnings } = given ? { mask: given, quality: null, warnings: [] } : await this.#findMask(picture, options);
     const asked = { picture, mask, normals, longFovDeg, options: { surroundings, pitchDeg, emitters, material } };
     const { light } = await this.#client.ask("estimate", asked, signal);
-    return new Light({ ...light, mask: { data: mask, width, height, quality, warnings } });
+    return new Light({ ...light, warnings: [...warnings, ...light.warnings], mask: { data: mask, width, height, quality, warnings } });
   }
 
   /** estimate for a page that shows the networks' stages and three spheres too; a picture in memory and its mask. */
@@ -89,7 +90,7 @@ export class AnyProbe {
    * The light of every frame, steady on a still scene; the object is found again as it moves. One source at a time: the last
    * one's tracker is stopped.
    *
-   * @param {HTMLVideoElement | HTMLCanvasElement | OffscreenCanvas | MediaStreamTrack | null} source null: frames are offered to
+   * @param {import("../types/index.d.ts").TrackSource} source null: frames are offered to
    *   the tracker, each with its camera's pose
    * @param {(light: Light, answer: object) => void} onLight
    * @param {import("../types/index.d.ts").TrackOptions} [options]
@@ -98,12 +99,14 @@ export class AnyProbe {
   track(source, onLight, options = {}) {
     checkNames("track", options);
     checkLight(options);
+    if (typeof onLight !== "function") throw wrong("onLight", "a function", onLight);
+    const followed = checkSource(source);
     const { surroundings, pitchDeg, emitters, onError, onLost, pose, signal, withViews = false } = options;
     const material = describe(options.material);
     this.#client.check();
     signal?.throwIfAborted();
     this.#tracker?.stop();
-    const tracker = (this.#tracker = new Tracker(source, this.#client, {
+    const tracker = (this.#tracker = new Tracker(followed, this.#client, {
       pose,
       onLight: (answer) => (answer.lost ? onLost?.(answer) : onLight(answer.light, answer)),
       onError: onError ?? reportError,

@@ -32,8 +32,17 @@ export function checkNames(method, given) {
   if (given === undefined) return;
   if (given === null || typeof given !== "object") throw wrong(method, "an object of options", given);
   const unknown = Object.keys(given).filter((name) => !OPTIONS[method].includes(name));
-  if (unknown.length === 0) return;
+  if (unknown.length === 0) return checkKinds(given);
   throw new AnyProbeError("invalid-option", `${method}: unknown option ${unknown.join(", ")}; expected of ${OPTIONS[method].join(", ")}`);
+}
+
+/** What is called, and what gives up. */
+function checkKinds(given) {
+  for (const name of ["onError", "onLost", "onProgress", "pose"]) {
+    if (given[name] !== undefined && typeof given[name] !== "function") throw wrong(name, "a function", given[name]);
+  }
+  const { signal } = given;
+  if (signal !== undefined && typeof signal?.throwIfAborted !== "function") throw wrong("signal", "an AbortSignal", signal);
 }
 
 /** @param {string} name @param {string} expected @param {unknown} got */
@@ -106,7 +115,9 @@ const MOST_SKEW = 0.01;
 export function rotationOfPose(pose) {
   const given = pose.matrixWorld ?? pose;
   const m = given.elements ?? given.matrix ?? given;
-  if (![9, 16].includes(m.length) || ![...m].every(Number.isFinite)) throw wrong("pose", "16 numbers column by column, or 9 row by row", [...(m ?? [])]);
+  if (![9, 16].includes(m.length) || !Array.from(m).every(Number.isFinite)) {
+    throw wrong("pose", "16 numbers column by column, or 9 row by row", m.length === undefined ? pose : Array.from(m));
+  }
   const rotation = m.length === 9 ? [...m] : [0, 1, 2].flatMap((row) => [m[row], m[4 + row], m[8 + row]]);
   const column = (c) => [rotation[c], rotation[3 + c], rotation[6 + c]];
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

@@ -54,12 +54,12 @@ test("a graph that cannot be fetched is named", async () => {
   const { fetch } = globalThis;
   try {
     globalThis.fetch = async () => new Response("gone", { status: 404 });
-    await assert.rejects(Models.open(ort, weights), /^AnyProbeError: light\.onnx could not be fetched \(answer 404\)$/);
+    await assert.rejects(Models.open(ort, weights), /^AnyProbeError: light\.onnx could not be fetched from http:\/\/localhost\/weights\/light\.onnx\?0123 \(answer 404\)$/);
     globalThis.fetch = async (_, { integrity }) => new Response(integrity);
     const hashed = { light: { ...weights.light, integrity: "sha384-" } };
     assert.deepEqual((await Models.open(ort, hashed)).sessions.light.bytes, new TextEncoder().encode("sha384-"));
     globalThis.fetch = async () => Promise.reject(new TypeError("Failed to fetch"));
-    await assert.rejects(Models.open(ort, weights), /^AnyProbeError: light\.onnx could not be fetched \(Failed to fetch\)$/);
+    await assert.rejects(Models.open(ort, weights), /^AnyProbeError: light\.onnx could not be fetched from \S+ \(Failed to fetch\)$/);
     globalThis.fetch = async () => new Response(Uint8Array.of(1, 2));
     assert.deepEqual((await Models.open(ort, weights)).sessions.light.bytes, Uint8Array.of(1, 2));
   } finally {

@@ -112,7 +112,7 @@ test("a download says how much has come, and when nothing comes", async () => {
     };
     const coming = download("https://localhost/a/light.onnx?1", { onProgress: (one) => said.push(one), stalledMs: 20, givenUpMs: 60 });
     send.enqueue(new Uint8Array(4));
-    await assert.rejects(coming, { code: "fetch-failed", message: /light\.onnx could not be fetched \(no data for 0\.06 s after 4 bytes\)/ });
+    await assert.rejects(coming, { code: "fetch-failed", message: /light\.onnx could not be fetched from https:\/\/localhost\/a\/light\.onnx\?1 \(no data for 0\.06 s after 4 bytes\)/ });
   } finally {
     globalThis.fetch = fetch;
   }
@@ -127,7 +127,7 @@ test("a browser that lacks what is needed is told which it is", async () => {
   globalThis.Worker = globalThis.OffscreenCanvas = class {};
   await assert.rejects(AnyProbe.load(), { code: "unsupported", message: /no createImageBitmap, which anyprobe needs; use a newer one \(Chrome 50/ });
   globalThis.createImageBitmap = () => {};
-  for (const wrong of [{ threads: 0 }, { threads: "2" }, { engine: "webgl" }, { onProgress: 3 }, { weights: {} }, { weights: { light: 3 } }, { runtime: {} }, { worker: 3 }]) {
+  for (const wrong of [{ threads: 0 }, { threads: "2" }, { engine: "webgl" }, { onProgress: 3 }, { signal: {} }, { weights: 3 }, { weights: { light: 3 } }, { runtime: {} }, { worker: 3 }]) {
     await assert.rejects(AnyProbe.load(wrong), refused, JSON.stringify(wrong));
   }
   const { AnyProbe: Bundled } = await import("../src/index.js");

@@ -3,6 +3,7 @@
 import { Mesh, PerspectiveCamera, Scene, WebGLRenderer } from "three";
 import { AnyProbe, AnyProbeError, type Light, encodeHdr, irradiance } from "anyprobe";
 import { AnyProbe as Core } from "anyprobe/core";
+import { encodeExr } from "anyprobe/exr";
 import { AnyProbe as OnGpu } from "anyprobe/webgpu";
 import { ContactShadow, EnvironmentTexture, MaskOccluder, ProbeLight, groundShadowOpacity, installCameraCurve } from "anyprobe/three";
 
@@ -11,7 +12,7 @@ export async function use(image: HTMLImageElement, video: HTMLVideoElement, scen
   const light: Light = await probe.estimate(image, { click: [10, 20], exclude: [[1, 2], [3, 4]], emitters: "expected" });
   const [r]: [number, number, number] = irradiance(light.sh9, [0, 1, 0]);
   const { width, data } = light.environment;
-  new Blob([encodeHdr(light.radiance, 64) as BlobPart]);
+  new Blob([encodeHdr(light.radiance, 64), await encodeExr(light.radiance, 64)]);
   const tracker = probe.track(video, ({ dominant }) => dominant.direction[0], { box: [0, 0, 9, 9], onLost: () => {} });
   await tracker.mark({ click: [1, 2] });
   tracker.stop();
@@ -22,6 +23,9 @@ export async function use(image: HTMLImageElement, video: HTMLVideoElement, scen
   lights.directionalLight.castShadow = true;
   lights.update(light, new PerspectiveCamera());
   lights.track(video, { surroundings: true });
+  lights.track(new MediaStream());
+  await AnyProbe.load({ weights: { u2netp: "u2netp.onnx" } });
+  await AnyProbe.load({ weights: { light: "light.onnx", whole: new Uint8Array(1), mask: "mask.onnx" } });
   const shadow: Mesh = new ContactShadow(0.4);
   scene.add(lights, shadow, new MaskOccluder().group);
   scene.environment = new EnvironmentTexture().update(light.prefiltered);
@@ -33,6 +37,10 @@ export async function use(image: HTMLImageElement, video: HTMLVideoElement, scen
   const code: "disposed" | string = new AnyProbeError("disposed", "").code;
   // @ts-expect-error the core has no weights of its own
   await Core.load({});
+  // @ts-expect-error nor has it a light
+  await Core.load({ weights: { u2netp: "u2netp.onnx" }, runtime: "ort/" });
+  // @ts-expect-error a whole without its light
+  await AnyProbe.load({ weights: { whole: "whole.onnx" } });
   // @ts-expect-error a misspelt option
   await probe.estimate(image, { fov: 30 });
   // @ts-expect-error there is no such code

@@ -1,10 +1,10 @@
 /** anyprobe/core: names no file of its own; weights and runtime are given. */
 
-import type { AnyProbe as Any, LoadOptions } from "./index.d.ts";
+import type { AnyProbe as Any, LightGraphs, LoadOptions, MaskGraphs } from "./index.js";
 
-export * from "./index.d.ts";
+export * from "./index.js";
 
-export type CoreLoadOptions = LoadOptions & Required<Pick<LoadOptions, "weights" | "runtime">>;
+export type CoreLoadOptions = LoadOptions & Required<Pick<LoadOptions, "runtime">> & { weights: LightGraphs & MaskGraphs };
 
 export interface AnyProbe extends Any {}
 export declare const AnyProbe: {

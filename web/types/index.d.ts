@@ -1,3 +1,5 @@
+/// <reference lib="esnext.disposable" />
+
 /** anyprobe: the light around an object of one material, from its picture, in the browser. */
 
 export type Vector3 = [number, number, number];
@@ -66,8 +68,8 @@ export interface LoadOptions extends Cancellable {
   engine?: "wasm" | "webgpu";
   /** Of WASM, at most 4, and 1 on pages that are not cross-origin isolated. Default: one a core. */
   threads?: number;
-  /** Address, address and hash, or bytes of each graph; mask (small, in this package) and u2netp (far better; the file u2netp.onnx of rembg) are fetched when they are first wanted. Default: those in this package. */
-  weights?: { light: Graph; whole?: Graph; mask?: Graph; u2netp?: Graph } | Record<"irradiance" | "illumination" | "hdr", Graph>;
+  /** Graphs in the place of those in this package, or beside them. */
+  weights?: MaskGraphs | (LightGraphs & MaskGraphs);
   /** Folder of onnxruntime-web's files, or its module and .wasm. Default: as the bundler or the import map has it. */
   runtime?: string | URL | { module: string; wasm: string };
   /** Address of the thread's script, or what starts it. */
@@ -75,6 +77,15 @@ export interface LoadOptions extends Cancellable {
   onProgress?: (progress: Progress) => void;
 }
 
+/** The network of the light, and the whole that was trained with it (a light of one's own has no other); or the paper's chain. */
+export type LightGraphs = { light: Graph; whole?: Graph } | Record<"irradiance" | "illumination" | "hdr", Graph>;
+/** Fetched when they are first wanted: mask is small and in this package, u2netp far better (the file u2netp.onnx of rembg). */
+export interface MaskGraphs {
+  mask?: Graph;
+  u2netp?: Graph;
+}
+
+/** Address, address and hash, or bytes. */
 export type Graph = string | URL | { url: string; integrity?: string } | Uint8Array;
 
 /** Where the object is, in pixels of the picture. Without any the mask network proposes the object. */
@@ -125,8 +136,8 @@ export interface EstimateOptions extends Hints, Lens, LightOptions, Cancellable 
   normals?: Float32Array;
 }
 
-/** What `track` follows; null: frames are offered. */
-export type TrackSource = HTMLVideoElement | HTMLCanvasElement | OffscreenCanvas | MediaStreamTrack | null;
+/** What `track` follows, of a stream its first video track; null: frames are offered. */
+export type TrackSource = HTMLVideoElement | HTMLCanvasElement | OffscreenCanvas | MediaStreamTrack | MediaStream | null;
 /** What holds one frame. */
 export type FrameSource = HTMLVideoElement | Exclude<Drawable, HTMLVideoElement> | CameraTexture;
 /** Of a camera in the world: 16 numbers column by column (a Matrix4, an XRRigidTransform, a three.js camera), or nine of its rotation row by row. */
@@ -139,6 +150,7 @@ export type Pose =
 export interface TrackOptions extends Hints, Lens, LightOptions, Cancellable {
   /** The camera's pose, asked for whenever a frame is taken: the lights are then in the world, and still there while it turns. */
   pose?: () => Pose;
+  /** What ends the tracking, once: a fault, or a camera's track that has ended. */
   onError?: (error: Error) => void;
   /** No object is seen in a frame. */
   onLost?: () => void;
@@ -190,7 +202,7 @@ export declare class Light {
   readonly hints: { surroundings: number; normals: boolean; material: boolean };
   /** What the object stands on, as far as the camera looks down on it; null of a cut-out. */
   readonly ground: { pitchDeg: number; pitchErrorDeg: number; source: "given" | "estimated" | "guessed" } | null;
-  /** What makes it doubtful though nothing failed: a line where the camera's pitch is unsure. */
+  /** What makes it doubtful though nothing failed: of the mask where it was found, of a black or clipped object, of the camera's pitch. */
   readonly warnings: string[];
   /** Of a tracked frame that came with a pose: directions are in the world. */
   readonly isInWorld?: boolean;
@@ -257,4 +269,4 @@ export declare const EXPONENT: number, SIGMA: number;
 export declare function response(radiance: number): number;
 export declare function inverseResponse(display: number): number;
 /** A map of `height` rows, three numbers a pixel, as a Radiance file (.hdr). */
-export declare function encodeHdr(radiance: Float32Array, height: number): Uint8Array;
+export declare function encodeHdr(radiance: Float32Array, height: number): Uint8Array<ArrayBuffer>;

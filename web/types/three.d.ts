@@ -1,7 +1,7 @@
 /** anyprobe/three: estimates in three.js. */
 
 import type { DirectionalLight, Group, LightProbe, Mesh, Object3D, Object3DEventMap, Texture, WebGLRenderer } from "three";
-import type { AnyProbe, Light, Mask, Tracker, TrackOptions, TrackSource, Vector3 } from "./index.d.ts";
+import type { AnyProbe, Light, Mask, Tracker, TrackOptions, TrackSource, Vector3 } from "./index.js";
 
 export interface ProbeLightEventMap extends Object3DEventMap {
   estimationstart: {};
@@ -42,7 +42,7 @@ export declare class ContactShadow extends Mesh {
   dispose(): void;
 }
 
-export { groundShadowOpacity, shadowOpacity } from "./index.d.ts";
+export { groundShadowOpacity, shadowOpacity } from "./index.js";
 
 /** The real object's depth: it hides what is behind it, and is not drawn itself. */
 export declare class MaskOccluder {

@@ -14,8 +14,9 @@ from anyprobe.light.dominant_light import find_dominant_light
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-_CLIPPED, _CLIPPED_SHARE = 0.99, 0.85
-_DARK, DARK_SHARE = 0.05, 0.8
+_EXPOSURE: dict[str, float] = contract("exposure")["doubt"]
+_CLIPPED, _CLIPPED_SHARE = _EXPOSURE["clipped"], _EXPOSURE["clipped_share"]
+_DARK, DARK_SHARE = _EXPOSURE["dark"], _EXPOSURE["dark_share"]
 """Display values of channels and of luminance, and shares of the object's pixels beyond, from which on it is said."""
 BELOW_DEG = 12.0
 """So far below the horizon, beyond the pitch's error, light hardly ever comes from."""

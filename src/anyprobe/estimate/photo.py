@@ -56,7 +56,7 @@ CONTEXT_SCALE: int = contract("sizes")["context_scale"]
 CONTEXT_FINE: int = contract("sizes")["context_fine"]
 """Of the picture of what lies around the object: its side, how many times as wide as the crop it is, and pixels of the
 photo on one of its own from which on not all of them are looked at."""
-EXPOSURE_PIXELS = 4096
+EXPOSURE_PIXELS: int = contract("exposure")["doubt"]["samples"]
 """Of the object that are enough to see how it is exposed."""
 
 

@@ -24,8 +24,7 @@ export async function download(url, { integrity, onProgress = () => {}, stalledM
   };
   heard();
   try {
-    const answer = await fetch(url, { integrity, signal: ending.signal });
-    if (!answer.ok) throw new Error(`answer ${answer.status}`);
+    const answer = await ask(url, integrity, ending.signal);
     const isPlain = !answer.headers.get("content-encoding"); // else its length is not that of what comes
     total = (isPlain && Number(answer.headers.get("content-length"))) || null;
     const parts = [];
@@ -39,10 +38,31 @@ export async function download(url, { integrity, onProgress = () => {}, stalledM
     }
     return joined(parts, loaded);
   } catch (error) {
-    throw new AnyProbeError("fetch-failed", `${file} could not be fetched (${error.message})`);
+    throw new AnyProbeError("fetch-failed", `${file} could not be fetched from ${url} (${error.message})`);
   } finally {
     timers.forEach(clearTimeout);
   }
+}
+
+/** With its hash given a browser rejects before it tells the status: then it is asked for again, to learn why. */
+async function ask(url, integrity, signal) {
+  try {
+    return checkAnswer(await fetch(url, { integrity, signal }));
+  } catch (error) {
+    if (!integrity || !(error instanceof TypeError)) throw error;
+    const answer = await fetch(url, { signal }).catch(() => null);
+    if (!answer) throw error;
+    await answer.body?.cancel();
+    checkAnswer(answer);
+    throw new Error(`its hash is not ${integrity}`);
+  }
+}
+
+function checkAnswer(answer) {
+  if (!answer.ok) throw new Error(`answer ${answer.status}`);
+  const kind = answer.headers.get("content-type") ?? "";
+  if (kind.startsWith("text/html")) throw new Error("an HTML page came in its place; check the address");
+  return answer;
 }
 
 function joined(parts, length) {

@@ -1,22 +1,45 @@
 /** What frames come from: each new one of a video, a canvas or a camera's track. */
 
 import { AnyProbeError } from "../errors.js";
-import { wrong } from "../options.js";
+import { kindOf } from "../photo/source.js";
 
 const isOf = (source, ...names) => names.some((name) => typeof globalThis[name] === "function" && source instanceof globalThis[name]);
+
+/**
+ * What can be followed, at once; of a camera's stream its first video track.
+ *
+ * @param {import("../../types/index.d.ts").TrackSource} source
+ */
+export function checkSource(source) {
+  if (source === null) return null;
+  const followed = typeof source?.getVideoTracks === "function" ? source.getVideoTracks()[0] : source;
+  const isTrack = isOf(followed, "MediaStreamTrack");
+  if (isTrack && followed.kind === "video" && followed.readyState !== "ended") return followed;
+  const isElement = followed?.videoWidth !== undefined || typeof followed?.getContext === "function";
+  if (isElement && !isTrack) return followed;
+  const got = isTrack ? `a track of ${followed.kind}, ${followed.readyState}` : kindOf(source);
+  const expected = "a video element, a canvas, a camera's MediaStreamTrack or MediaStream, or null where frames are offered";
+  throw new AnyProbeError("invalid-option", `source: expected ${expected}, got ${got}`);
+}
 
 /**
  * Call back with what holds each new frame, while it is wanted.
  *
  * @param {HTMLVideoElement | HTMLCanvasElement | OffscreenCanvas | MediaStreamTrack | null} source null: frames are offered
  * @param {(frame: object) => void} give
- * @returns {Promise<() => void>} ends it
+ * @param {(error: AnyProbeError) => void} onEnd hears when a camera's track has ended
+ * @returns {Promise<() => void>} stops it
  */
-export async function follow(source, give) {
+export async function follow(source, give, onEnd) {
   if (source === null) return () => {};
   if (!isOf(source, "MediaStreamTrack")) return watch(source, give);
-  if (source.kind !== "video") throw wrong("source", "a track of a camera", `one of kind ${source.kind}`);
-  return typeof MediaStreamTrackProcessor === "function" ? process(source, give) : playHidden(source, give);
+  const end = () => onEnd(new AnyProbeError("failed", "The camera's track has ended; open the camera, and track again."));
+  source.addEventListener("ended", end);
+  const stop = typeof MediaStreamTrackProcessor === "function" ? process(source, give, end) : await playHidden(source, give);
+  return () => {
+    source.removeEventListener("ended", end);
+    stop();
+  };
 }
 
 /** Width and height of a source in its own pixels; zeros while there is none yet. */
@@ -42,12 +65,12 @@ function watch(source, give) {
 }
 
 /** Frames as the camera gives them, no element and no page's drawing between. */
-function process(track, give) {
+function process(track, give, end) {
   const reader = new MediaStreamTrackProcessor({ track, maxBufferSize: 1 }).readable.getReader();
   (async () => {
     for (;;) {
       const { done, value } = await reader.read();
-      if (done) return;
+      if (done) return end();
       await give(value);
       value.close();
     }

@@ -44,10 +44,11 @@ export class Tracker {
     if (this.#source && sizeOf(this.#source)[0] > 0) await this.#open(this.#source);
     if (!this.running) return; // stopped meanwhile
     this.#client.onLive = (answer) => this.#hear(answer);
-    const unfollow = await follow(this.#source, (frame) => {
+    const give = (frame) => {
       this.frames.push(performance.now() / 1000);
       return this.offer(frame, { pose: this.#pose?.() });
-    });
+    };
+    const unfollow = await follow(this.#source, give, (error) => this.fail(error));
     if (this.running) this.#unfollow = unfollow;
     else unfollow();
   }

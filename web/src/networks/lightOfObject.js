@@ -6,6 +6,7 @@ import { MAP_HEIGHT, pixelSolidAngles } from "../core/latlong.js";
 import { cameraConfidence, cameraRadiance } from "../light/light.js";
 import { turnedBack } from "../core/frames.js";
 import { CROP_SIZE, contextOf } from "../photo/crop.js";
+import { exposureDoubts } from "../photo/exposure.js";
 import { groundDoubts, groundOf, upOf } from "../photo/ground.js";
 import { backdropDoubts, coverageOf, isCutOut, seeSurroundings, useSurroundings } from "../photo/surroundings.js";
 
@@ -59,7 +60,10 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
     object: prediction.object ?? null,
     uncertainty: prediction.uncertainty ?? null,
     ground: ground && { pitchDeg: ground.pitchDeg, pitchErrorDeg: ground.pitchErrorDeg, source: ground.source },
-    warnings: isUnasked ? backdropDoubts(picture, crop.mask) : groundDoubts(ground),
+    warnings: [
+      ...exposureDoubts(picture, crop.mask),
+      ...(isUnasked ? backdropDoubts(picture, crop.mask) : groundDoubts(ground)),
+    ],
     emitters: models.lifts ? emitters : "mode",
     hints: {
       surroundings: seen ? coverageOf(seen) : 0,

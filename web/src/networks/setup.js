@@ -1,5 +1,6 @@
 /** What a probe is opened with, checked before its thread is started; addresses are of the page, not of the thread. */
 
+import { CONTRACT } from "../core/contract.js";
 import { AnyProbeError } from "../errors.js";
 import { wrong } from "../options.js";
 
@@ -29,7 +30,6 @@ export function checkSetup({ engine = "wasm", threads, onProgress = () => {}, ..
   if (!ENGINES.includes(engine)) throw wrong("engine", ENGINES.join(" or "), engine);
   const least = threads ?? (globalThis.navigator?.hardwareConcurrency || 1);
   if (!(Number.isInteger(least) && least >= 1)) throw wrong("threads", "a whole number from 1 on", threads);
-  if (typeof onProgress !== "function") throw wrong("onProgress", "a function", onProgress);
   const bundles = files.engines ?? ENGINES;
   if (!bundles.includes(engine)) {
     const other = engine === "webgpu" ? "anyprobe/webgpu" : "anyprobe";
@@ -40,7 +40,7 @@ export function checkSetup({ engine = "wasm", threads, onProgress = () => {}, ..
     threads: least,
     onProgress,
     worker: starterOf(options.worker ?? files.worker),
-    weights: weightsOf(options.weights ?? files.weights),
+    weights: weightsOf(options.weights, files.weights),
     runtime: runtimeOf(options.runtime ?? files.runtime),
   };
 }
@@ -51,11 +51,31 @@ function starterOf(worker) {
   throw wrong("worker", "a function that starts it, or its address", worker);
 }
 
-function weightsOf(weights) {
-  const expected = "{ light, whole, mask } with the address of each graph (weights/light.onnx and so on of this package), and u2netp";
-  if (weights === null || typeof weights !== "object" || Object.keys(weights).length === 0) throw wrong("weights", expected, weights);
-  const entries = Object.entries(weights).filter(([, graph]) => graph !== undefined);
-  return Object.fromEntries(entries.map(([name, graph]) => [name, graphOf(name, graph)]));
+const CHAIN = CONTRACT.graph.chain;
+const LIGHT_GRAPHS = "light (and whole), or irradiance, illumination and hdr";
+const GRAPHS = ["light", "whole", "mask", "u2netp", ...CHAIN];
+
+/**
+ * What is given in the place of the entry's own graphs, or beside them. light and whole are trained together: who gives a
+ * light gives its whole too, or has none; a whole alone is refused.
+ */
+function weightsOf(given = {}, own = {}) {
+  if (given === null || typeof given !== "object") throw wrong("weights", "an object with the address of each graph", given);
+  const names = Object.keys(given).filter((name) => given[name] !== undefined);
+  const said = names.join(", ") || "none";
+  const unknown = names.filter((name) => !GRAPHS.includes(name));
+  if (unknown.length) throw new AnyProbeError("invalid-option", `weights: expected of ${GRAPHS.join(", ")}, got ${unknown.join(", ")}`);
+  const isOwnLight = !["light", ...CHAIN].some((name) => names.includes(name));
+  if (isOwnLight && names.includes("whole")) {
+    throw new AnyProbeError("invalid-option", "weights: expected the light that whole was trained with, got whole alone; give both");
+  }
+  const { light, whole, ...masks } = own;
+  const weights = isOwnLight ? { ...own } : masks;
+  for (const name of names) weights[name] = given[name];
+  if (!weights.light && !CHAIN.every((name) => weights[name])) {
+    throw new AnyProbeError("invalid-option", `weights: expected ${LIGHT_GRAPHS}; got ${said}`);
+  }
+  return Object.fromEntries(Object.entries(weights).map(([name, graph]) => [name, graphOf(name, graph)]));
 }
 
 function graphOf(name, graph) {

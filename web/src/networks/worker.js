@@ -19,6 +19,7 @@ import { Newest } from "../live/newest.js";
 import { lightOfObject } from "./lightOfObject.js";
 import { Models } from "./models.js";
 import { openRuntime } from "./runtime.js";
+import { openingFault, smallNetworkWarning } from "./words.js";
 
 /** Between two tries while no object is seen. */
 const LOST_MS = 100;
@@ -34,8 +35,7 @@ const tasks = {
       models = await Models.open(ort, weights, { providers: [engine], onProgress });
       return { engine, threads, hasMask: models.hasMask || models.hasU2netp };
     } catch (error) {
-      const line = `The networks could not be opened, try again: ${error.message ?? error}.`;
-      throw new AnyProbeError(error.code ?? "failed", line);
+      throw openingFault(error);
     }
   },
 
@@ -105,10 +105,6 @@ function letGo(frame) {
   else frame.close();
 }
 
-/** What is said of masks of the network that learned from renders alone. */
-const SMALL_WARNING =
-  "The mask was found by the small network, which is wrong on one photo in three; load U2-Net-p (weights.u2netp), or mark the object.";
-
 /** The mask of a still picture. */
 async function findMask(picture, hints) {
   const network = models.hasU2netp ? new U2NetP(models) : smallNetwork();
@@ -120,7 +116,7 @@ async function findMask(picture, hints) {
   const quality = expectedIou(evidence, network.name);
   if (quality < REFUSED) return nothing;
   const warnings = warningsOf(evidence, quality);
-  if (network.name === "small") warnings.push(SMALL_WARNING);
+  if (network.name === "small") warnings.push(smallNetworkWarning(hints));
   return { mask: maskOf(found, width, height), quality, warnings };
 }
 

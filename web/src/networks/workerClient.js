@@ -6,6 +6,7 @@
  */
 
 import { AnyProbeError, receivedError } from "../errors.js";
+import { VITE_NEEDS } from "./words.js";
 
 export class WorkerClient {
   #worker;
@@ -35,7 +36,8 @@ export class WorkerClient {
       else asked?.reject(receivedError(data.error));
     };
     this.#worker.onerror = (event) => {
-      const why = event.message || "its script could not be fetched; esbuild and Rollup copy none: use anyprobe/core";
+      const missing = `its script could not be fetched; esbuild and Rollup copy none: use anyprobe/core; ${VITE_NEEDS}`;
+      const why = event.message?.replace(/\.$/, "") || missing;
       this.#end(new AnyProbeError("worker-failed", `The networks' thread could not be started: ${why}.`));
     };
   }

@@ -64,7 +64,8 @@ async function open(source, name, signal) {
   return source;
 }
 
-const kindOf = (value) => (value === null ? "null" : typeof value === "object" ? (value.constructor?.name ?? "an object") : typeof value);
+/** What something is, in a word. */
+export const kindOf = (value) => (value === null ? "null" : typeof value === "object" ? (value.constructor?.name ?? "an object") : typeof value);
 
 async function fetchBlob(url, name, signal) {
   try {

@@ -1,0 +1,21 @@
+/** What the networks' thread says in words: of masks, and of networks that did not open. */
+
+import { AnyProbeError } from "../errors.js";
+
+/** As Chromium, Firefox and Safari call it. */
+const IMPORT_FAULT = /dynamically imported module|importing a module script failed/i;
+export const VITE_NEEDS = 'Vite\'s development server needs optimizeDeps: { exclude: ["anyprobe"] }';
+
+/** @param {Error & {code?: string}} error */
+export function openingFault(error) {
+  const said = String(error.message ?? error).replace(/\.$/, "");
+  const advice = IMPORT_FAULT.test(said) ? `; ${VITE_NEEDS}` : "";
+  return new AnyProbeError(error.code ?? "failed", `The networks could not be opened: ${said}${advice}.`);
+}
+
+/** Of masks of the network that learned from renders alone. @param {import("../photo/picture.js").Hints} hints */
+export function smallNetworkWarning({ on, box }) {
+  const isMarked = on.length > 0 || Boolean(box);
+  const other = isMarked ? "pass a mask" : "mark the object";
+  return `The mask was found by the small network, which is wrong on one photo in three; load U2-Net-p (weights.u2netp), or ${other}.`;
+}

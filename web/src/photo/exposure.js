@@ -1,0 +1,30 @@
+/** Objects that are mostly black or mostly clipped; anyprobe.estimate.doubts has the same. */
+
+import { CONTRACT } from "../core/contract.js";
+import { luminance } from "../core/color.js";
+
+const DOUBT = CONTRACT.exposure.doubt;
+
+/**
+ * @param {import("./picture.js").Picture} picture
+ * @param {Float32Array} mask
+ * @returns {string[]} a line where little can be estimated
+ */
+export function exposureDoubts({ width, height, rgba }, mask) {
+  const step = Math.max(1, Math.floor(Math.sqrt(mask.reduce((sum, cover) => sum + cover, 0) / DOUBT.samples)));
+  let [count, dark, clipped] = [0, 0, 0];
+  for (let y = 0; y < height; y += step) {
+    for (let x = 0; x < width; x += step) {
+      const at = y * width + x;
+      if (!(mask[at] > 0.5)) continue;
+      const rgb = [0, 1, 2].map((channel) => rgba[4 * at + channel] / 255);
+      count++;
+      if (luminance(...rgb) <= DOUBT.dark) dark++;
+      if (Math.min(...rgb) >= DOUBT.clipped) clipped++;
+    }
+  }
+  const line = (share, what, advice) => [`${Math.round(100 * share)}% of the object is ${what}; little can be estimated from it; ${advice}`];
+  if (count === 0) return [];
+  if (dark / count >= DOUBT.dark_share) return line(dark / count, "nearly black", "expose longer");
+  return clipped / count >= DOUBT.clipped_share ? line(clipped / count, "clipped", "expose shorter") : [];
+}

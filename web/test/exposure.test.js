@@ -1,0 +1,32 @@
+/** Objects that are mostly black or clipped are said to be, as Python does. */
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { exposureDoubts } from "../src/photo/exposure.js";
+
+const [WIDTH, HEIGHT] = [200, 100];
+
+/** Of its left half, the object: a share of one grey, the rest of another; beside it is white. */
+function doubts(share, grey, rest = 128) {
+  const rgba = new Uint8ClampedArray(4 * WIDTH * HEIGHT).fill(255);
+  const mask = new Float32Array(WIDTH * HEIGHT);
+  for (let y = 0; y < HEIGHT; y++) {
+    for (let x = 0; x < WIDTH / 2; x++) {
+      const at = y * WIDTH + x;
+      mask[at] = 1;
+      rgba.fill(x < share * (WIDTH / 2) ? grey : rest, 4 * at, 4 * at + 3);
+    }
+  }
+  return exposureDoubts({ width: WIDTH, height: HEIGHT, rgba }, mask);
+}
+
+test("a black and a clipped object are doubtful, and what to do is said", () => {
+  assert.deepEqual(doubts(0.9, 5), ["90% of the object is nearly black; little can be estimated from it; expose longer"]);
+  assert.deepEqual(doubts(0.9, 254), ["90% of the object is clipped; little can be estimated from it; expose shorter"]);
+});
+
+test("others are not, nor is no object", () => {
+  for (const [share, grey] of [[0.7, 5], [0.8, 254], [1, 20], [1, 250]]) assert.deepEqual(doubts(share, grey), [], `${share} ${grey}`);
+  assert.deepEqual(exposureDoubts({ width: 1, height: 1, rgba: new Uint8ClampedArray(4) }, new Float32Array(1)), []);
+});

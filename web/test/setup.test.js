@@ -1,0 +1,81 @@
+/** Networks of one's own beside an entry's, what cannot be fetched, and what is said of both. */
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { download } from "../src/files/download.js";
+import { checkSetup } from "../src/networks/setup.js";
+import { openingFault, smallNetworkWarning } from "../src/networks/words.js";
+
+const refused = (message) => ({ name: "AnyProbeError", code: "invalid-option", message });
+globalThis.document = { baseURI: "http://localhost/" };
+
+const others = { runtime: "/ort/", worker: () => {} };
+const OWN = { light: "/own/light.onnx", whole: "/own/whole.onnx", mask: "/own/mask.onnx" };
+const urlsOf = (weights, own) => {
+  const found = checkSetup({ ...others, weights }, { weights: own }).weights;
+  return Object.fromEntries(Object.entries(found).map(([name, { url }]) => [name, url.replace("http://localhost", "")]));
+};
+
+test("weights that are given stand beside the entry's own, and in their place", () => {
+  assert.deepEqual(urlsOf(undefined, OWN), OWN);
+  assert.deepEqual(urlsOf({ u2netp: "/u2netp.onnx" }, OWN), { ...OWN, u2netp: "/u2netp.onnx" });
+  assert.deepEqual(urlsOf({ mask: "/m.onnx", u2netp: undefined }, OWN), { ...OWN, mask: "/m.onnx" });
+});
+
+test("a light of one's own has no other's whole, and a whole no other's light", () => {
+  assert.deepEqual(urlsOf({ light: "/l.onnx" }, OWN), { light: "/l.onnx", mask: OWN.mask });
+  assert.deepEqual(urlsOf({ light: "/l.onnx", whole: "/w.onnx" }, OWN), { light: "/l.onnx", whole: "/w.onnx", mask: OWN.mask });
+  const chain = { irradiance: "/i.onnx", illumination: "/e.onnx", hdr: "/h.onnx" };
+  assert.deepEqual(urlsOf(chain, OWN), { ...chain, mask: OWN.mask });
+  assert.throws(() => urlsOf({ whole: "/w.onnx" }, OWN), refused(/got whole alone; give both$/));
+});
+
+test("without an entry's own a light is needed, and names are those there are", () => {
+  const line = "weights: expected light (and whole), or irradiance, illumination and hdr; got ";
+  assert.throws(() => urlsOf({ u2netp: "/u.onnx" }), refused(`${line}u2netp`));
+  assert.throws(() => urlsOf(undefined), refused(`${line}none`));
+  assert.throws(() => urlsOf({ hdr: "/h.onnx" }, OWN), refused(`${line}hdr`));
+  assert.throws(() => urlsOf({ u2net: "/u.onnx" }, OWN), refused(/^weights: expected of light, .*, got u2net$/));
+  for (const wrong of [null, 3]) assert.throws(() => urlsOf(wrong, OWN), refused(/^weights: expected an object/));
+});
+
+test("an object that was marked is not to be marked", () => {
+  assert.match(smallNetworkWarning({ on: [], off: [], box: null }), /\(weights\.u2netp\), or mark the object\.$/);
+  for (const hints of [{ on: [[1, 2]], off: [] }, { on: [], off: [], box: [0, 0, 9, 9] }]) {
+    assert.match(smallNetworkWarning(hints), /\(weights\.u2netp\), or pass a mask\.$/);
+  }
+});
+
+test("what did not open is said once, with what to do where that is known", () => {
+  const line = (message) => openingFault(Object.assign(new Error(message), { code: "fetch-failed" })).message;
+  assert.equal(line("light.onnx is gone."), "The networks could not be opened: light.onnx is gone.");
+  assert.equal(openingFault(new Error("odd")).code, "failed");
+  for (const why of ["Failed to fetch dynamically imported module: a.mjs", "Importing a module script failed."]) {
+    assert.match(line(why), /[^.]; Vite's development server needs optimizeDeps: { exclude: \["anyprobe"\] }\.$/);
+  }
+});
+
+test("a file that is not the one expected says why, though its hash is checked before its status is told", async () => {
+  const { fetch } = globalThis;
+  const url = "http://localhost/w/light.onnx";
+  const why = async (answer, integrity) => {
+    globalThis.fetch = async (_, given) => {
+      if (given.integrity) throw new TypeError("Failed to fetch");
+      return answer();
+    };
+    const said = await download(url, { integrity }).catch(({ code, message }) => `${code}: ${message}`);
+    return said.replace(`fetch-failed: light.onnx could not be fetched from ${url} `, "");
+  };
+  const page = () => new Response("<html>", { headers: { "content-type": "text/html; charset=utf-8" } });
+  try {
+    for (const integrity of [undefined, "sha384-abc"]) {
+      assert.equal(await why(() => new Response("", { status: 404 }), integrity), "(answer 404)");
+      assert.equal(await why(page, integrity), "(an HTML page came in its place; check the address)");
+    }
+    assert.equal(await why(() => new Response("x"), "sha384-abc"), "(its hash is not sha384-abc)");
+    assert.equal(await why(() => Promise.reject(new TypeError("Failed to fetch")), "sha384-abc"), "(Failed to fetch)");
+  } finally {
+    globalThis.fetch = fetch;
+  }
+});
