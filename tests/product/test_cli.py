@@ -156,6 +156,10 @@ def test_where_the_results_are_is_one_line_on_any_terminal(work):
     assert f"results: {out}/vase.{{exr,hdr,json,png}}" in shown.splitlines()
     assert "uncertainty" in shown
     assert shown.count("±") == 2  # of the direction and of the brightness
+    dark = Console(file=io.StringIO(), width=200)
+    _report([Done(photo=Path("vase.png"), main=main, level_stops=0.7, is_exposed=False)], dark, out)
+    assert "±" not in dark.file.getvalue()
+    assert "a guess" in dark.file.getvalue()
 
 
 @pytest.mark.parametrize("width", [20, 60])

@@ -53,6 +53,7 @@ class Done:
     stem: str = ""
     main: DominantLight | None = None
     level_stops: float | None = None
+    is_exposed: bool = True
     seconds: float = 0.0
     warnings: tuple[str, ...] = ()
     error: str = ""
@@ -163,6 +164,7 @@ class EstimateCall:
         check_names(path, self.listed, targets, given)
 
     def _write(self, path: Path, photo: Photo, light: Light, seconds: float) -> Done:
+        from anyprobe.estimate.doubts import exposure_doubts
         from anyprobe.estimate.outputs import write_results
 
         stem = result_stem(path, self.listed)
@@ -173,7 +175,17 @@ class EstimateCall:
         main = light.dominant_light()
         uncertainty = light.info.get("uncertainty")
         unsure = None if uncertainty is None else uncertainty.get("level_stops")
-        return Done(photo=path, stem=stem, main=main, level_stops=unsure, seconds=seconds, warnings=light.warnings)
+        crop = light.stages["photo"]
+        pixels = crop[crop[..., 3] > 0.5]
+        return Done(
+            photo=path,
+            stem=stem,
+            main=main,
+            level_stops=unsure,
+            is_exposed=not exposure_doubts(pixels[:, :3] / pixels[:, 3:], photo.name),
+            seconds=seconds,
+            warnings=light.warnings,
+        )
 
 
 def _line(path: Path, error: AnyprobeError) -> str:
@@ -195,11 +207,11 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
         azimuth, elevation = np.degrees(np.arctan2(x, -z)), np.degrees(np.arcsin(np.clip(y, -1, 1)))
         side = "right" if azimuth >= 0 else "left"
         where = f"{abs(azimuth):.0f}° {side}, {abs(elevation):.0f}° {'up' if elevation >= 0 else 'down'}"
-        where += f" ± {one.main.error_deg:.0f}°"
+        where += f" ± {one.main.error_deg:.0f}°" if one.is_exposed else ", a guess"
         table.add_row(
             one.photo.name,
             where,
-            "" if one.level_stops is None else f"± {one.level_stops:.1f} stops",
+            "" if one.level_stops is None or not one.is_exposed else f"± {one.level_stops:.1f} stops",
             f"{one.seconds:.2f}",
         )
     print_table(talk, table)
