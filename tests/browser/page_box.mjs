@@ -20,7 +20,7 @@ export default async ({ page, context, url, arguments: given }) => {
     await estimated(page);
     await forget();
     await draw();
-    await waitForStatus(page, /^Estimated|^Click/);
+    await waitForStatus(page, /^Estimated|^Click|^Nothing stands out/);
     outlines[name] = await outline(page);
   };
 

@@ -73,7 +73,7 @@ export default async ({ page, url, arguments: given }) => {
 
   await page.uncheck("#soften");
   await openAnother(given.plain);
-  await waitForStatus(page, /^Click/);
+  await waitForStatus(page, /^Nothing stands out there\. Click/);
   count = (await estimates()).length;
   await page.check("#soften");
   await settled();

@@ -28,7 +28,7 @@ export default async ({ page, url, arguments: given }) => {
   const ask = async (change) => {
     await page.evaluate(() => (document.getElementById("status").textContent = ""));
     await change();
-    return waitForStatus(page, /^Estimated|^Click/);
+    return waitForStatus(page, /^Estimated|^Click|^Nothing stands out/);
   };
   await ask(() => page.check("#soften"));
   seen.softAlpha = await save(kindOf("exr"), join(given.folder, "soft-alpha"));
@@ -36,7 +36,7 @@ export default async ({ page, url, arguments: given }) => {
 
   // one without an alpha channel: the mask is the network's, or the click's
   await page.setInputFiles("#file", given.opaque);
-  await waitForStatus(page, /^Estimated|^Click/);
+  await waitForStatus(page, /^Estimated|^Click|^Nothing stands out/);
   const box = await page.locator("#mask").boundingBox();
   const position = { x: given.click[0] * box.width, y: given.click[1] * box.height };
   seen.clicked = await ask(() => page.locator("#mask").click({ position }));

@@ -153,7 +153,7 @@ async function estimate(found, isLate) {
   editor.show(mask);
   const box = mask && objectBox(mask, picture.width);
   showQuality(box ? found : null);
-  if (!box) return setStatus("Click on the object in the picture “Object” below, or draw a box around it.");
+  if (!box) return showNothing(found?.warnings[0]);
   Object.assign(opened, { mask, box, found, result: null });
   const probe = await networks.open();
   if (isLate()) return;
@@ -168,6 +168,16 @@ async function estimate(found, isLate) {
   const [doubt] = result.light.warnings;
   if (doubt) return setStatus(`Estimated, but ${doubt}${placeOf(doubt)}.`, "warning");
   setStatus(`Estimated in ${result.seconds.toFixed(2)} s, in this browser. If the outline is wrong, click on the object below, or draw a box around it.`);
+}
+
+/** Nothing of the last light is left. @param {string} [why] where it was looked for */
+function showNothing(why) {
+  Object.assign(opened, { mask: null, box: null, found: null, result: null });
+  stage.showPicture(opened.picture);
+  light.clear();
+  stages.clear();
+  const advice = "Click on the object in the picture “Object” below, or draw a box around it.";
+  setStatus(why ? `${why} ${advice}` : advice, why ? "warning" : "");
 }
 
 /** Where on the page what is advised is done. */

@@ -10,7 +10,7 @@
  *   fetch-failed    a file could not be fetched, is not the one expected, or stalls
  *   worker-failed   the networks' thread could not be started, or ended
  *   disposed        asked of a probe after dispose()
- *   failed          anything else: a fault of this package
+ *   failed          anything else: a camera that ends, or a fault of this package
  */
 export class AnyProbeError extends Error {
   /** @param {string} code @param {string} message */

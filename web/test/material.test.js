@@ -17,8 +17,14 @@ test("measured materials have Python's names", () => {
 });
 
 test("what no surface has is refused in one line", () => {
-  for (const wrong of ["wood", { roughness: 0 }, { roughness: 2 }, { albedo: 0 }, { albedo: [1, 1] }, { name: "gold", albedo: 0.5 }]) {
+  for (const wrong of ["wood", { roughness: 0 }, { roughness: 2 }, { albedo: 0 }, { albedo: [1, 1] }, { name: "gold", albedo: 0.5 }, { albedo: null }, { albedo: {} }]) {
     assert.throws(() => givenMaterial(wrong), /^Error: (material|roughness|albedo): expected [^\n]+$/);
+  }
+});
+
+test("what says nothing of a material is refused", () => {
+  for (const wrong of [5, {}, null, true, [0.5], { colour: 1 }, { albedo: 0.5, rough: 1 }, { albedo: undefined }]) {
+    assert.throws(() => givenMaterial(wrong), /^Error: material: expected a name, or an object of name, albedo, roughness, got /, JSON.stringify(wrong));
   }
 });
 

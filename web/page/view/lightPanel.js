@@ -11,6 +11,10 @@ const TITLES = {
   arcore: "ARCore",
   arkit: "ARKit",
   usd: "USD",
+  gltf: "glTF",
+  cube: "cube map",
+  ktx2: "KTX2",
+  dds: "DDS",
 };
 
 export class LightPanel {

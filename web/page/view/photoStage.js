@@ -30,16 +30,22 @@ export class PhotoStage {
     putRgba(this.canvas, opaque, width, height);
     this.#fit(width, height);
     this.stage.isLive = false;
-    this.overlay.style.visibility = "hidden"; // until there is a light to show it in
+    this.#hide();
   }
 
   /** Show the camera's picture instead. */
   showVideo() {
     this.canvas.hidden = true;
     this.video.hidden = false;
-    this.overlay.style.visibility = "hidden";
+    this.#hide();
     this.#fit(this.video.videoWidth, this.video.videoHeight);
     this.stage.isLive = true;
+  }
+
+  /** Until the object is drawn in a light of what is shown now. */
+  #hide() {
+    this.overlay.style.visibility = "hidden";
+    this.lit = null;
   }
 
   #fit(width, height) {
@@ -57,7 +63,7 @@ export class PhotoStage {
 
   setLight(light, reflections = null) {
     this.stage.setLight(light, reflections);
-    this.overlay.style.visibility = "visible";
+    this.lit ??= {}; // one for each picture
     this.render();
   }
 
@@ -72,7 +78,9 @@ export class PhotoStage {
       while (this.isDue) {
         await new Promise(requestAnimationFrame);
         this.isDue = false;
+        const { lit } = this;
         await this.stage.render();
+        if (lit && lit === this.lit) this.overlay.style.visibility = "visible";
       }
     } finally {
       this.drawing = null;

@@ -66,14 +66,13 @@ export function placeOnMap(direction) {
   return { left: `${100 * u}%`, top: `${100 * v}%` };
 }
 
-/** A direction in words: how far to the right of the camera's view and how high. */
+/** A direction in words: how far to the right of the camera's view, beyond 90° behind it, and how high. */
 export function describeDirection([x, y, z]) {
   const degrees = (angle) => Math.round((angle * 180) / Math.PI);
   const azimuth = degrees(Math.atan2(x, -z));
   const elevation = degrees(Math.asin(Math.min(Math.max(y, -1), 1)));
-  const behind = Math.abs(azimuth) > 90 ? ", behind the camera" : "";
   const side = azimuth < 0 ? "left" : "right";
-  return `${Math.abs(azimuth)}° ${side}, ${Math.abs(elevation)}° ${elevation < 0 ? "down" : "up"}${behind}`;
+  return `${Math.abs(azimuth)}° ${side}, ${Math.abs(elevation)}° ${elevation < 0 ? "down" : "up"}`;
 }
 
 /** @param {Record<string, HTMLCanvasElement>} canvases by sphere @param {object} spheres of drawSpheres */

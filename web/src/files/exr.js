@@ -2,13 +2,15 @@
 
 import { DataTexture, FloatType, RGBAFormat } from "three";
 import { EXRExporter, ZIP_COMPRESSION } from "three/addons/exporters/EXRExporter.js";
+import { checkMap } from "./hdr.js";
 
 /**
  * @param {Float32Array} radiance [height, 2 height, 3], row 0 up
  * @param {number} height
- * @returns {Promise<Uint8Array>} a file of 32-bit floats
+ * @returns {Promise<Uint8Array<ArrayBuffer>>} a file of 32-bit floats
  */
-export function encodeExr(radiance, height) {
+export async function encodeExr(radiance, height) {
+  checkMap(radiance, height);
   const width = 2 * height;
   const data = new Float32Array(4 * width * height).fill(1);
   for (let row = 0; row < height; row++) {

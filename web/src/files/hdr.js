@@ -1,7 +1,19 @@
 /** Radiance maps as Radiance RGBE, new run-length coding, front in the centre. */
 
-/** @returns {Uint8Array} the file of a map [height, 2 height, 3], without runs */
+import { AnyProbeError } from "../errors.js";
+
+/** Refuse what is no map [height, 2 height, 3]. */
+export function checkMap(radiance, height) {
+  const isWhole = Number.isInteger(height) && height > 0;
+  if (isWhole && radiance?.length === 6 * height * height) return;
+  const expected = isWhole ? `${height} x ${2 * height} x 3 numbers` : "a map of a whole number of rows";
+  const got = isWhole ? `${radiance?.length ?? "none"}` : `${height} rows`;
+  throw new AnyProbeError("invalid-option", `radiance: expected ${expected}, got ${got}; pass light.radiance and 64`);
+}
+
+/** @returns {Uint8Array<ArrayBuffer>} the file of a map [height, 2 height, 3], without runs */
 export function encodeHdr(radiance, height) {
+  checkMap(radiance, height);
   const width = 2 * height;
   const header = `#?RADIANCE\nSOFTWARE=anyprobe\nFORMAT=32-bit_rle_rgbe\n\n-Y ${height} +X ${width}\n`;
   const bytes = [...new TextEncoder().encode(header)];

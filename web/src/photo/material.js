@@ -13,7 +13,7 @@ export const MATERIALS = { ...CONTRACT.materials.named, ...CONTRACT.materials.me
  * @returns {{albedo: number[], f0: number[], alpha: number}}
  */
 export function givenMaterial(given) {
-  const { name = MATTE, albedo, roughness } = typeof given === "string" ? { name: given } : given;
+  const { name = MATTE, albedo, roughness } = typeof given === "string" ? { name: given } : checkParts(given);
   if (!Object.hasOwn(MATERIALS, name)) {
     throw new Error(`material: expected one of ${Object.keys(MATERIALS).join(", ")}, got ${JSON.stringify(name)}`);
   }
@@ -25,7 +25,7 @@ export function givenMaterial(given) {
     material.alpha = roughness ** 2;
   }
   if (albedo !== undefined) {
-    const values = typeof albedo === "number" ? [albedo, albedo, albedo] : [...albedo];
+    const values = typeof albedo === "number" ? [albedo, albedo, albedo] : Array.from(albedo ?? []);
     if (values.length !== 3 || !values.every((value) => value > 0 && value <= 1)) {
       throw new Error(`albedo: expected one number or three above 0 and up to 1, got ${albedo}; a grey card has 0.18`);
     }
@@ -35,6 +35,15 @@ export function givenMaterial(given) {
     material.albedo = values;
   }
   return material;
+}
+
+const PARTS = ["name", "albedo", "roughness"];
+
+function checkParts(given) {
+  const isObject = given !== null && typeof given === "object" && !Array.isArray(given);
+  const names = isObject ? Object.keys(given).filter((name) => given[name] !== undefined) : [];
+  if (names.length && names.every((name) => PARTS.includes(name))) return given;
+  throw new Error(`material: expected a name, or an object of ${PARTS.join(", ")}, got ${JSON.stringify(given)}`);
 }
 
 /** What the network is given of a material, [8]: 1, sqrt(alpha), ln of the total reflectance and f0, each RGB. */

@@ -1,0 +1,23 @@
+/** What is written as a file is a map of the size that is said. */
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { encodeExr } from "../src/files/exr.js";
+import { decodeHdr, encodeHdr } from "../src/files/hdr.js";
+
+test("a map of another size than is said is refused", async () => {
+  const refused = { name: "AnyProbeError", code: "invalid-option" };
+  const map = new Float32Array(6 * 16).fill(0.5);
+  assert.equal(decodeHdr(encodeHdr(map, 4)).height, 4);
+  assert.ok((await encodeExr(map, 4)).length > 0);
+  for (const [radiance, height, message] of [
+    [map, 64, "radiance: expected 64 x 128 x 3 numbers, got 96; pass light.radiance and 64"],
+    [undefined, 4, /got none;/],
+    [map, undefined, /expected a map of a whole number of rows, got undefined rows/],
+    [new Float32Array(0), 0, /got 0 rows/],
+  ]) {
+    assert.throws(() => encodeHdr(radiance, height), { ...refused, message });
+    await assert.rejects(encodeExr(radiance, height), { ...refused, message });
+  }
+});

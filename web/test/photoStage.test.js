@@ -1,0 +1,61 @@
+/** The virtual object is hidden until it is drawn in a light of the picture that is shown. */
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { PhotoStage } from "../page/view/photoStage.js";
+import { describeDirection } from "../page/view/pictures.js";
+
+const elements = new Map();
+const makeElement = () =>
+  Object.assign(new EventTarget(), {
+    style: {},
+    value: "0",
+    getContext: (kind) => (kind === "2d" ? { putImageData: () => {}, createImageData: () => ({}) } : null),
+  });
+globalThis.document = {
+  createElement: makeElement,
+  getElementById: (id) => {
+    if (!elements.has(id)) elements.set(id, makeElement());
+    return elements.get(id);
+  },
+};
+globalThis.ResizeObserver = class {
+  observe() {}
+};
+globalThis.requestAnimationFrame = (call) => setTimeout(call);
+globalThis.ImageData = class {};
+
+const settle = () => new Promise((resolve) => setTimeout(resolve, 20));
+const picture = { width: 1, height: 1, rgba: new Uint8ClampedArray(4) };
+
+/** A page's stage whose drawings are done when they are told to be. */
+function open() {
+  const shown = new PhotoStage();
+  const drawings = [];
+  shown.stage = { setLight: () => {}, placeNote: () => "", pose: () => null, render: () => new Promise((done) => drawings.push(done)) };
+  return { shown, drawings, isSeen: () => shown.overlay.style.visibility !== "hidden" };
+}
+
+test("the last photo's object is not seen over the next photo", async () => {
+  const { shown, drawings, isSeen } = open();
+  shown.showPicture(picture);
+  shown.setLight({});
+  await settle();
+  assert.ok(!isSeen() && drawings.length === 1);
+  shown.showPicture(picture); // while the first is being drawn
+  shown.setLight({});
+  drawings[0]();
+  await settle();
+  assert.ok(!isSeen() && drawings.length === 2, "what was drawn is the last photo's");
+  drawings[1]();
+  await settle();
+  assert.ok(isSeen());
+  shown.showPicture(picture);
+  assert.ok(!isSeen());
+});
+
+test("a direction in words", () => {
+  assert.equal(describeDirection([-0.6, 0, 0.8]), "143° left, 0° up");
+  assert.equal(describeDirection([0, -1, 0]).split(", ")[1], "90° down");
+});
