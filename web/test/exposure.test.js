@@ -3,12 +3,14 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
+import { lightOfObject } from "../src/networks/lightOfObject.js";
+import { cropObject } from "../src/photo/crop.js";
 import { exposureDoubts } from "../src/photo/exposure.js";
 
 const [WIDTH, HEIGHT] = [200, 100];
 
 /** Of its left half, the object: a share of one grey, the rest of another; beside it is white. */
-function doubts(share, grey, rest = 128) {
+function pictureOf(share, grey, rest = 128) {
   const rgba = new Uint8ClampedArray(4 * WIDTH * HEIGHT).fill(255);
   const mask = new Float32Array(WIDTH * HEIGHT);
   for (let y = 0; y < HEIGHT; y++) {
@@ -18,7 +20,12 @@ function doubts(share, grey, rest = 128) {
       rgba.fill(x < share * (WIDTH / 2) ? grey : rest, 4 * at, 4 * at + 3);
     }
   }
-  return exposureDoubts({ width: WIDTH, height: HEIGHT, rgba }, mask);
+  return { picture: { width: WIDTH, height: HEIGHT, rgba }, mask };
+}
+
+function doubts(share, grey) {
+  const { picture, mask } = pictureOf(share, grey);
+  return exposureDoubts(picture, mask);
 }
 
 test("a black and a clipped object are doubtful, and what to do is said", () => {
@@ -29,4 +36,13 @@ test("a black and a clipped object are doubtful, and what to do is said", () => 
 test("others are not, nor is no object", () => {
   for (const [share, grey] of [[0.7, 5], [0.8, 254], [1, 20], [1, 250]]) assert.deepEqual(doubts(share, grey), [], `${share} ${grey}`);
   assert.deepEqual(exposureDoubts({ width: 1, height: 1, rgba: new Uint8ClampedArray(4) }, new Float32Array(1)), []);
+});
+
+test("it is among the warnings of a light", async () => {
+  const models = { light: async () => ({ radiance: new Float32Array(64 * 128 * 3).fill(0.5) }) };
+  for (const [grey, count] of [[5, 1], [128, 0]]) {
+    const { picture, mask } = pictureOf(1, grey);
+    const { warnings } = await lightOfObject(models, picture, 65, cropObject(picture, mask, 65), { surroundings: "none" });
+    assert.equal(warnings.filter((line) => line.includes("little can be estimated")).length, count);
+  }
 });
