@@ -56,16 +56,6 @@ class Unwrap(nn.Module):
         return x[..., self.columns : -self.columns]
 
 
-class Smooth(nn.Module):
-    """Means [1 2 1] along rows and columns of equirectangular pictures: pixels that alternate, as a pixel shuffle
-    leaves them, become even. Eq. 7 is convex, so a loss of its map's power would reward them."""
-
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        x = F.pad(wrap(x, 1), (0, 0, 1, 1), mode="replicate")
-        x = (x[..., :-2] + 2.0 * x[..., 1:-1] + x[..., 2:]) / 4.0
-        return (x[..., :-2, :] + 2.0 * x[..., 1:-1, :] + x[..., 2:, :]) / 4.0
-
-
 def conv(inputs: int, outputs: int, *, stride: int = 1) -> nn.Sequential:
     """3 x 3 convolution, batch normalisation, leaky ReLU."""
     return nn.Sequential(

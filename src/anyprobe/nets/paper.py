@@ -10,7 +10,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from anyprobe.nets.blocks import Smooth, UNet, Unwrap, Up, UpBlock, Wrap, conv
+from anyprobe.nets.blocks import UNet, Unwrap, Up, UpBlock, Wrap, conv
 from anyprobe.nets.lifting import CameraRays
 
 
@@ -70,7 +70,6 @@ class IlluminationNet(nn.Module):
             nn.Conv2d(32, 3 * 4, 3, padding=1),
             Unwrap(2),
             nn.PixelShuffle(2),
-            Smooth(),
         )
 
     def forward(self, image: torch.Tensor, tan_half: torch.Tensor) -> torch.Tensor:

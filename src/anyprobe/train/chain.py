@@ -1,7 +1,8 @@
 """Losses of the paper's three networks (nets.paper), with gradual targets (Eq. 6).
 
 The irradiance net learns alone, first (Irradiance). Then the other two learn from what it says, and it stays as it is
-(Chain), both in one pass over the pairs: the HDR net's input is the illumination net's output.
+(Chain): the HDR net's input is the illumination net's output, cut off from its gradient, so that one pass over the
+pairs trains both.
 """
 
 from __future__ import annotations
@@ -142,7 +143,7 @@ class Chain(_Stages):
         losses = shown_losses(ldr, target, 0.5 + 0.5 * self.solid_angle)
         return {
             "illumination": sum((WEIGHTS[name] * losses[name] for name in WEIGHTS), ldr.new_zeros(())),
-            "hdr": self._hdr_loss(ldr, batch, progress),
+            "hdr": self._hdr_loss(ldr.detach(), batch, progress),
         }
 
     def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
@@ -167,8 +168,7 @@ class Chain(_Stages):
     def _hdr_loss(self, estimate: torch.Tensor, batch: Batch, progress: float) -> torch.Tensor:
         """Of ln radiance from true LDR maps the mean squared error, weighted by solid angle and 0.1 + gamma (Eq. 8):
         mostly where Eq. 7 will read it. From estimated ones, whose pixels are no longer those of the truth, what
-        spheres see of the map that Eq. 7 makes; the illumination net learns from this too, or it leaves no pixel bright
-        enough for Eq. 8.
+        spheres see of the map that Eq. 7 makes.
 
         estimate: display values [B, 3, H, 2H] of the illumination net.
         """
@@ -176,7 +176,7 @@ class Chain(_Stages):
         rng = np.random.default_rng(int(progress * 2**40))
         true, ln_true = self._shot_maps(batch.ln_radiance[:count], rng)
         chosen = slice(len(estimate) - count, None)
-        ln = self._run("hdr", torch.cat([true, estimate[chosen].detach()]))
+        ln = self._run("hdr", torch.cat([true, estimate[chosen]]))
         weight = self.solid_angle * (0.1 + _last(blend_weight, true))
         of_pixels = (weight * (ln[:count] - ln_true) ** 2).sum() / weight.sum() / 3
         radiance = _last(reconstruct, estimate[chosen], ln[count:])
