@@ -40,7 +40,7 @@ export class LightPanel {
     const marker = element("marker");
     marker.hidden = Math.max(...irradiance) === 0;
     Object.assign(marker.style, placeOnMap(direction));
-    const error = `± ${Math.round(errorDeg)}°`;
+    const error = `±\u00a0${Math.round(errorDeg)}°`;
     element("direction").textContent = marker.hidden ? "none stands out" : `${describeDirection(direction)} ${error}`;
     const { uncertainty } = result.light;
     element("brightness").textContent = uncertainty ? `, brightness ± ${uncertainty.levelStops.toFixed(1)} stops` : "";
