@@ -56,7 +56,7 @@ def worker(name: str, seed: int, count: int, place: str, answers) -> None:
     seeds = parser.seeds()
     for data in seeds:
         if found := fault(parser.call, data):
-            answers.put((name, found, data))
+            answers.send((name, found, data))
     limit = MEMORY_MB * 2**20
     with open("/proc/self/statm", encoding="ascii") as stream:
         limit += int(stream.read().split()[0]) * resource.getpagesize()
@@ -68,8 +68,8 @@ def worker(name: str, seed: int, count: int, place: str, answers) -> None:
             kept.write(len(data).to_bytes(8, "little") + data)
             found = fault(parser.call, data)
             if found:
-                answers.put((name, found, data))
-    answers.put((name, None, count))
+                answers.send((name, found, data))
+    answers.send((name, None, count))
 
 
 def smaller(name: str, data: bytes, found: str) -> bytes:
@@ -108,21 +108,24 @@ def run_batch(name: str, seed: int, count: int) -> tuple[int, list[tuple[str, by
     import tempfile
 
     context = multiprocessing.get_context("spawn")
-    answers = context.Queue()
+    answers, theirs = context.Pipe(duplex=False)  # a queue would start a thread within the limit of memory
     with tempfile.NamedTemporaryFile() as kept:
-        process = context.Process(target=worker, args=(name, seed, count, kept.name, answers))
+        process = context.Process(target=worker, args=(name, seed, count, kept.name, theirs))
         process.start()
+        theirs.close()
         finds, fed, last, since = [], 0, b"", time.monotonic()
-        while process.is_alive() or not answers.empty():
-            try:
-                _, found, data = answers.get(timeout=1.0)
-            except Exception:  # empty
+        while True:
+            if not answers.poll(1.0):
                 now = Path(kept.name).read_bytes()
                 since = since if now == last else time.monotonic()
                 last = now
                 if time.monotonic() - since > HANGS_S:
                     process.kill()
                 continue
+            try:
+                _, found, data = answers.recv()
+            except EOFError:
+                break
             if found is None:
                 fed += data
                 break
