@@ -21,7 +21,7 @@ from anyprobe.dataset.asset_store import load_asset_store
 from anyprobe.dataset.catalog import load_maps
 from anyprobe.dataset.distributions import draw_material
 from anyprobe.scatter.materials import Material
-from research.irradiance_targets.targets import TARGETS, lit, mirror_metal, seen
+from research.irradiance_targets.targets import TARGETS, lit, metal_and_irradiance, seen
 from research.limits.sphere import Views, reflected, sphere_points
 
 ALPHAS = (0.03, 0.1, 0.3, 1.0)
@@ -123,7 +123,7 @@ def draw(radiance: np.ndarray) -> Image.Image:
     pen = ImageDraw.Draw(sheet)
     for column, alpha in enumerate(ALPHAS):
         pen.text((114 + SIDE * column, 4), f"alpha {alpha:g}", "black")
-        photo = lit(mirror_metal(alpha, n), radiance[None])[0]
+        photo = lit(metal_and_irradiance(alpha, n)[0], radiance[None])[0]
         rows = [photo, *(seen(target, alpha, radiance[None], n)[0] for target in TARGETS)]
         gain = MIDDLE / rows[2].mean()
         for row, values in enumerate(rows):

@@ -12,7 +12,15 @@ from support.some_batch import some_batch  # noqa: E402
 
 from anyprobe.light.filtering import blur_cosine_power  # noqa: E402
 from anyprobe.nets.light_net import LightNet  # noqa: E402
-from anyprobe.train.chain import GRADUAL_SHARE, NUM_EPOCHS, Chain, both_ways, gradual_target, sharpness  # noqa: E402
+from anyprobe.train.chain import (  # noqa: E402
+    GRADUAL_SHARE,
+    NUM_EPOCHS,
+    Chain,
+    both_ways,
+    brightest_loss,
+    gradual_target,
+    sharpness,
+)
 from anyprobe.train.config import paper, smoke  # noqa: E402
 
 
@@ -66,11 +74,22 @@ def test_targets_lie_between_the_truth_and_the_teachers_maps():
     chain, batch = Chain(smoke(paper()), "cpu"), some_batch(2)
     assert torch.equal(chain._taught(batch), batch.ldr)
     chain.learn_from(LightNet())
-    halfway = chain._taught(batch)
+    between = chain._taught(batch)
     chain.config = replace(chain.config, taught=1.0)
     teachers = chain._taught(batch)
     assert (teachers - batch.ldr).abs().mean() > 0.1
-    torch.testing.assert_close(halfway, (teachers + batch.ldr) / 2)
+    share = smoke(paper()).taught
+    torch.testing.assert_close(between, share * teachers + (1 - share) * batch.ldr)
+
+
+def test_as_much_light_as_the_truth_has_wherever_it_is():
+    true = torch.full((1, 3, 64, 128), 0.2)
+    true[:, :, 8:24, 32:80] = 1.0  # a tenth of the map
+    moved, blurred = true.roll((8, 40), dims=(2, 3)), torch.full_like(true, float(true.mean()))
+    grain = torch.where(torch.rand(true.shape) < 0.1, 1.0, 0.2)
+    assert brightest_loss(moved, true) == 0
+    assert brightest_loss(blurred, true) > 0.5
+    assert brightest_loss(grain, true) > 0.3, "pixels are no patches"
 
 
 def test_hdr_net_learns_the_power_of_the_map_that_it_helps_to_make():

@@ -6,7 +6,7 @@ import pytest
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.sampling import hammersley
 from anyprobe.render.integrate import shade_specular, shading_pyramid
-from research.irradiance_targets.targets import TARGETS, lit, mirror_metal, seen, weights
+from research.irradiance_targets.targets import TARGETS, lit, metal_and_irradiance, seen, weights
 from research.limits.sphere import sphere_points
 
 
@@ -39,4 +39,4 @@ def test_irradiance_is_the_renderers():
     wo = np.broadcast_to(np.array([0.0, 0.0, 1.0], np.float32), n.shape)
     irradiance, specular, _ = shade_specular(shading_pyramid(radiance, 0.4), n, wo, np.float32(0.4), hammersley(4096))
     np.testing.assert_allclose(seen(TARGETS[0], 0.4, radiance[None], n)[0], irradiance, rtol=0.03)
-    np.testing.assert_allclose(lit(mirror_metal(0.4, n), radiance[None])[0], specular, rtol=0.03)
+    np.testing.assert_allclose(lit(metal_and_irradiance(0.4, n)[0], radiance[None])[0], specular, rtol=0.03)

@@ -33,8 +33,12 @@ GRADUAL_SHARE = 0.3
 """Share of the steps that the 11 filtered epochs take; the rest sees the map itself."""
 TIMES_EXPOSURE = (0.5, 2.0)
 """Between these times the photo's exposure the HDR net sees true maps (the paper's Sect. 4.1)."""
-WEIGHTS = {"ldr": 1.0, "scales": 0.5, "structure": 0.15}
+WEIGHTS = {"ldr": 1.0, "scales": 0.5, "structure": 0.15, "brightest": 0.05}
 """Of the illumination net's losses. With squares alone, as in the paper, its maps come near their mean."""
+BRIGHTEST = 0.02
+"""Share of a map that brightest_loss compares."""
+PATCHES = (2, 8)
+"""Pixels of the map in each direction that are averaged before: it wants patches, not grain."""
 
 
 def sharpness(progress: float) -> float | None:
@@ -53,6 +57,21 @@ def gradual_target(ldr: torch.Tensor, progress: float) -> torch.Tensor:
     if exponent is None:
         return ldr
     return blur_cosine_power(ldr.permute(0, 2, 3, 1), exponent).permute(0, 3, 1, 2)
+
+
+def brightest_loss(shown: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
+    """Mean difference of the brightest values of two maps [N, C, H, W], channel by channel, wherever they are.
+
+    Eq. 8 takes radiance from the HDR net where the LDR map is above .8, which a mean over all likely maps hardly is:
+    the map must have as much light as the truth, and has it where that is most likely.
+    """
+    loss = shown.new_zeros(())
+    for size in PATCHES:
+        patches = [F.avg_pool2d(x, size).flatten(2) for x in (shown, true)]
+        count = max(1, round(BRIGHTEST * patches[0].shape[2]))
+        values, wanted = (x.topk(count, dim=2).values for x in patches)
+        loss = loss + (values - wanted).abs().mean() / len(PATCHES)
+    return loss
 
 
 def both_ways(batch: Batch) -> Batch:
@@ -124,12 +143,14 @@ class Chain(_Stages):
         self._transport = Transport(device)
         self._teacher: LightNet | None = None
 
-    def learn_from(self, teacher: LightNet) -> None:
+    def learn_from(self, teacher: LightNet, compiled: bool = False) -> None:
         """A network whose maps are a share of the illumination net's targets (RunConfig.taught): what an object can
         tell varies less than the whole map does, and so is learned from fewer pairs. It is given normals and material.
         """
         self._teacher = teacher.to(self.device).eval().requires_grad_(False)
         self._teacher.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        if compiled:
+            self._teacher = cast(LightNet, torch.compile(self._teacher))
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
         """progress is the share of the run done, in [0, 1): the illumination net's targets sharpen with it."""
@@ -139,8 +160,8 @@ class Chain(_Stages):
             seen, wanted = (torch.cat([x, x.flip(-1)]) for x in (seen, wanted))
         batch = both_ways(batch)
         ldr = self._map(seen, batch)
-        target = gradual_target(wanted, progress) if self.config.gradual else wanted
-        losses = shown_losses(ldr, target, 0.5 + 0.5 * self.solid_angle)
+        losses = shown_losses(ldr, self._gradual(wanted, progress), 0.5 + 0.5 * self.solid_angle)
+        losses["brightest"] = brightest_loss(ldr, self._gradual(batch.ldr, progress))
         return {
             "illumination": sum((WEIGHTS[name] * losses[name] for name in WEIGHTS), ldr.new_zeros(())),
             "hdr": self._hdr_loss(ldr.detach(), batch, progress),
@@ -153,6 +174,9 @@ class Chain(_Stages):
     def _map(self, irradiance: torch.Tensor, batch: Batch) -> torch.Tensor:
         image = torch.cat([irradiance, batch.photo[:, 3:]], dim=1)
         return self._run("illumination", image, batch.tan_half[:, None])
+
+    def _gradual(self, ldr: torch.Tensor, progress: float) -> torch.Tensor:
+        return gradual_target(ldr, progress) if self.config.gradual else ldr
 
     def _taught(self, batch: Batch) -> torch.Tensor:
         """True LDR maps, or what lies between them and the teacher's."""

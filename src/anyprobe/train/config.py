@@ -48,8 +48,8 @@ class RunConfig:
     warmup: int = 200
     cooldown: float = 0.25
     seed: int = 0
-    taught: float = 0.5
-    hdr_share: float = 0.5
+    taught: float = 0.7
+    hdr_share: float = 0.25
     gradual: bool = True
     lift: LiftConfig = field(default_factory=LiftConfig)
     pairs: PairConfig = field(default_factory=PairConfig)
@@ -140,7 +140,9 @@ def paper_irradiance() -> RunConfig:
 
 def paper_on() -> RunConfig:
     """The paper's chain as it goes on from weights that have been through `paper`: targets are not blurred again."""
-    return replace(paper(), name="paper_on", gradual=False, cooldown=0.7, pairs=replace(paper().pairs, seed=161))
+    return replace(
+        paper(), name="paper_on", steps=9_000, gradual=False, cooldown=0.6, pairs=replace(paper().pairs, seed=161)
+    )
 
 
 RUNS = {run.__name__: run for run in (paper_irradiance, paper, paper_on, lift, normals)}

@@ -46,10 +46,12 @@ LEARNERS: dict[str, type[Irradiance | Chain | Lift | Normals]] = {
 }
 
 
-def make_learner(config: RunConfig, device: str, teacher: Path | None = None) -> Irradiance | Chain | Lift | Normals:
+def make_learner(
+    config: RunConfig, device: str, teacher: Path | None = None, compiled: bool = False
+) -> Irradiance | Chain | Lift | Normals:
     """What trains: networks, and their losses by name.
 
-    teacher: weights of `lift`, of which the chain learns.
+    teacher: weights of `lift`, of which the chain learns; compiled is of it alone.
     """
     kind = LEARNERS[config.model]
     if issubclass(kind, Lift):
@@ -58,7 +60,7 @@ def make_learner(config: RunConfig, device: str, teacher: Path | None = None) ->
     if isinstance(learner, Chain) and teacher is not None:
         networks = Lift.networks()
         load_init_weights(networks, teacher)
-        learner.learn_from(cast(LightNet, networks["light"]))
+        learner.learn_from(cast(LightNet, networks["light"]), compiled)
     return learner
 
 
@@ -146,7 +148,7 @@ def train(
     path = runs / config.name / "checkpoint.pt"
     if workers > 0:
         config = replace(config, pairs=replace(config.pairs, lanes=workers * processes.size))
-    learner: Learner = make_learner(config, device, teacher)
+    learner: Learner = make_learner(config, device, teacher, compiled)
     nets = learner.nets
     optimizer = torch.optim.AdamW(
         [p for p in nets.parameters() if p.requires_grad],
