@@ -286,11 +286,6 @@ class Estimator:
             raise InputError(
                 f"{' and '.join(given)}: expected a model that takes them, got {self.models.name}; use {DEFAULT_MODEL}"
             )
-        if material is not None and not self.models.takes_material:
-            raise InputError(
-                f"material: expected a graph of contract 3, which takes it, got {self.models.name} of an older one; "
-                f"use {DEFAULT_MODEL}"
-            )
 
 
 def _shown(crop: Crop, normals: np.ndarray) -> Shown | None:

@@ -97,8 +97,6 @@ CONTRACT = {
     "map_height": str(MAP_HEIGHT),
 }
 """Metadata that every graph carries; another value means other conventions, and is refused."""
-CONTRACTS = ("1", "2", CONTRACT["contract"])
-"""Contracts that are read: 2 takes no material and says nothing of the object; 1 has other names for its inputs."""
 
 STAGES: tuple[str, ...] = tuple(contract("graph")["chain"])
 """The paper's chain, one graph each."""
@@ -110,8 +108,6 @@ WHOLE_INPUTS: tuple[str, ...] = tuple(contract("graph")["whole"]["inputs"])
 WHOLE_OUTPUTS: tuple[str, ...] = tuple(contract("graph")["whole"]["outputs"])
 LIFT_INPUTS: tuple[str, ...] = tuple(contract("graph")["inputs"])
 LIFT_OUTPUTS: tuple[str, ...] = tuple(contract("graph")["outputs"])
-FORMER_INPUTS = {"1": ("photo", "tan_half", "known_normals", "around"), "2": LIFT_INPUTS[:4]}
-"""Inputs of graphs of older contracts, in the same order."""
 POSTERIOR = ("metal", "red", "green", "blue", "reflectance_error", "level_error", "color_error")
 """What a graph says of the object and of its own map: probability of a metal, total reflectance RGB, and mean errors of
 its logarithm, of ln of the map's level and of its mean colour in degrees."""
@@ -191,8 +187,7 @@ class Models:
     mask; tan_half [N, 1], tangent of half the crop's field of view; given_normals [N, 3, 64, 64], zero where unknown;
     surroundings [N, 4, 64, 128], display RGB times cover, and cover; material [N, 8], see material_input, or zero. It
     gives LIFT_OUTPUTS: irradiance [N, 3, 128, 128], ln_radiance [N, 3, 64, 128], confidence [N, 1, 64, 128], normals
-    [N, 3, 64, 64], ln_expected [N, 3, 64, 128], and posterior [N, 7] of POSTERIOR. Contract 2 lacks material and
-    posterior; contract 1 has other names too, FORMER_INPUTS.
+    [N, 3, 64, 64], ln_expected [N, 3, 64, 128], and posterior [N, 7] of POSTERIOR.
     """
 
     def __init__(
@@ -209,20 +204,12 @@ class Models:
         self._run = {}
         for stage in self.stages:
             path = folder / f"{stage}.onnx"
-            session = _open(path, stage, threads)
-            if stage in FIRST_STAGES:
-                self._inputs = len(session.get_inputs())
-            self._run[stage] = open_engine(session, path, engine, threads)
+            self._run[stage] = open_engine(_open(path, stage, threads), path, engine, threads)
 
     @property
     def lifts(self) -> bool:
         """Whether it lifts pixels to the map, and so takes hints."""
         return LIFT_STAGES[0] in self.stages
-
-    @property
-    def takes_material(self) -> bool:
-        """Whether it can be given the object's material."""
-        return self._inputs == len(LIFT_INPUTS)
 
     def with_emitters(self, emitters: str) -> Models:
         """The same sessions, asked for other emitters; InputError if this model does not know them."""
@@ -268,9 +255,8 @@ class Models:
         return self._chain(_batch(image), np.array([[tan_half]], np.float32))
 
     def _chain(self, photo: np.ndarray, tan_half: np.ndarray) -> Outputs:
-        angle = (tan_half,)[: self._inputs - 1]  # older graphs do not ask
-        (irradiance,) = self._run["irradiance"](photo, *angle)
-        (ldr,) = self._run["illumination"](np.concatenate([irradiance, photo[:, 3:]], axis=1), *angle)
+        (irradiance,) = self._run["irradiance"](photo, tan_half)
+        (ldr,) = self._run["illumination"](np.concatenate([irradiance, photo[:, 3:]], axis=1), tan_half)
         (ln_radiance,) = self._run["hdr"](ldr)
         ldr, ln_radiance = _image(ldr), _image(ln_radiance)
         return Outputs(
@@ -281,12 +267,11 @@ class Models:
         )
 
     def _lift(self, given: dict[str, np.ndarray], around: dict[str, np.ndarray] | None) -> Outputs:
-        values = list(given.values())[: self._inputs]
-        irradiance, drawn, confidence, normals, spread, *posterior = self._run["light"](*values)
+        irradiance, drawn, confidence, normals, spread, posterior = self._run["light"](*given.values())
         posture = None
         if around is not None and WHOLE in self._run:
             alone = {"alone_expected": spread, "alone_radiance": drawn, "alone_confidence": confidence}
-            known = {**given, **around, **alone, "posterior": posterior[0]}
+            known = {**given, **around, **alone, "posterior": posterior}
             drawn, spread, confidence, posture = self._run[WHOLE](*(known[name] for name in WHOLE_INPUTS))
         ln_radiance = _image(spread if self.emitters == EXPECTED else drawn)
         radiance = np.exp(np.minimum(ln_radiance, LN_MAX))
@@ -297,7 +282,7 @@ class Models:
             ln_radiance=ln_radiance,
             confidence=confidence[0, 0],
             normals=_image(normals),
-            posterior=dict(zip(POSTERIOR, posterior[0][0].tolist(), strict=True)) if posterior else None,
+            posterior=dict(zip(POSTERIOR, posterior[0].tolist(), strict=True)),
             posture=None if posture is None else posture[0],
         )
 
@@ -344,7 +329,7 @@ def _open(path: Path, stage: str, threads: int | None) -> onnxruntime.InferenceS
     session = open_graph(path, threads)
     found = session.get_modelmeta().custom_metadata_map
     for key, value in {**CONTRACT, "stage": stage}.items():
-        if found.get(key) not in (CONTRACTS if key == "contract" else (value,)):
+        if found.get(key) != value:
             raise ModelError(
                 f"{path.name}: expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version"
             )
@@ -352,10 +337,8 @@ def _open(path: Path, stage: str, threads: int | None) -> onnxruntime.InferenceS
         _check_names(path, "inputs", WHOLE_INPUTS, session.get_inputs())
         _check_names(path, "outputs", WHOLE_OUTPUTS, session.get_outputs())
     if stage in LIFT_STAGES:
-        inputs = FORMER_INPUTS.get(found["contract"], LIFT_INPUTS)
-        outputs = LIFT_OUTPUTS[:-1] if found["contract"] in FORMER_INPUTS else LIFT_OUTPUTS
-        _check_names(path, "inputs", inputs, session.get_inputs())
-        _check_names(path, "outputs", outputs, session.get_outputs())
+        _check_names(path, "inputs", LIFT_INPUTS, session.get_inputs())
+        _check_names(path, "outputs", LIFT_OUTPUTS, session.get_outputs())
     return session
 
 

@@ -3,6 +3,7 @@
 import { CONTRACT } from "../core/contract.js";
 import { luminance } from "../core/color.js";
 import { MAP_HEIGHT, pixelSolidAngles } from "../core/latlong.js";
+import { AnyProbeError } from "../errors.js";
 import { cameraConfidence, cameraRadiance } from "../light/light.js";
 import { turnedBack } from "../core/frames.js";
 import { CROP_SIZE, contextOf } from "../photo/crop.js";
@@ -41,8 +42,8 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
   const seen = isShown && models.lifts ? seeSurroundings(picture, longFovDeg, crop) : null;
   const context = isShown && models.completes ? contextOf(picture, crop.mask, crop) : null;
   const up = isShown && pitchDeg !== undefined ? turnedBack(crop.cameraFromCrop, upOf(pitchDeg)) : null;
-  if (given.material && !models.takesMaterial) {
-    throw new Error("material: expected a network that takes it, got one that does not; use the weights of this version");
+  if (given.material && !models.lifts) {
+    throw new AnyProbeError("invalid-option", "material: expected a model that takes it, got the paper's chain; leave material out");
   }
   const prediction = await models.light(crop.image, crop.tanHalf, { ...given, emitters, surroundings: seen, context, up });
   const ground = isShown ? groundOf(picture, longFovDeg, crop, pitchDeg, prediction.posture) : null;

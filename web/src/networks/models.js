@@ -36,9 +36,6 @@ const NO_SURROUNDINGS = new Float32Array(8 * MAP_HEIGHT * MAP_HEIGHT);
 /** Zero: the object's material is not given. */
 const NO_MATERIAL = new Float32Array(CONTRACT.materials.inputs);
 
-/** What the lifting graph's parts are called by contracts 2 and 3, and by contract 1. */
-const FORMER_NAMES = { given_normals: "known_normals", surroundings: "around", ln_radiance_expected: "ln_expected" };
-
 export class Models {
   #opening = {};
 
@@ -117,11 +114,6 @@ export class Models {
     return WHOLE in this.sessions;
   }
 
-  /** Whether it can be given the object's material. */
-  get takesMaterial() {
-    return this.lifts && this.sessions.light.inputNames.includes("material");
-  }
-
   async #lift(image, tanHalf, options) {
     const { withStages = true, surroundings = null, emitters = "mode", normals = null, material = null } = options;
     let outputs = await this.#runByName("light", {
@@ -129,9 +121,9 @@ export class Models {
       tan_half: [Float32Array.of(tanHalf), [1, 1]],
       given_normals: [normals ?? NO_NORMALS, NORMALS_SHAPE],
       surroundings: [surroundings ?? NO_SURROUNDINGS, MAP_SHAPE],
-      ...(this.takesMaterial ? { material: [material ?? NO_MATERIAL, [1, NO_MATERIAL.length]] } : {}),
+      material: [material ?? NO_MATERIAL, [1, NO_MATERIAL.length]],
     });
-    const said = outputs.posterior ? readPosterior(outputs.posterior) : {};
+    const said = readPosterior(outputs.posterior);
     if (options.context && this.completes) outputs = await this.#complete(outputs, tanHalf, options);
     const lnRadiance = channelLast(emitters === "expected" ? outputs.ln_radiance_expected : outputs.ln_radiance);
     const radiance = new Float32Array(lnRadiance.length);
@@ -203,17 +195,11 @@ export class Models {
     this.sessions[stage] = await this.#opening[stage];
   }
 
-  /** The same by the names of contract 2, whichever the graph has. */
+  /** Values and shape of each input by name, to the values of each output. */
   async #runByName(stage, inputs) {
-    const session = this.sessions[stage];
-    const nameIn = (names, name) => (names.includes(name) ? name : FORMER_NAMES[name]);
-    const feeds = {};
-    for (const [name, [values, shape]] of Object.entries(inputs)) {
-      feeds[nameIn(session.inputNames, name)] = new this.ort.Tensor("float32", values, shape);
-    }
-    const outputs = await session.run(feeds);
-    const wanted = ["irradiance", "ln_radiance", "confidence", "ln_radiance_expected", "posterior"];
-    return Object.fromEntries(wanted.map((name) => [name, outputs[nameIn(session.outputNames, name)]?.data]));
+    const tensors = Object.entries(inputs).map(([name, of]) => [name, new this.ort.Tensor("float32", ...of)]);
+    const outputs = await this.sessions[stage].run(Object.fromEntries(tensors));
+    return Object.fromEntries(Object.entries(outputs).map(([name, { data }]) => [name, data]));
   }
 
   /** Values and shape of each input, to the values of each output, in the graph's order. */
