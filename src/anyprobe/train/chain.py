@@ -33,7 +33,7 @@ GRADUAL_SHARE = 0.3
 """Share of the steps that the 11 filtered epochs take; the rest sees the map itself."""
 TIMES_EXPOSURE = (0.5, 2.0)
 """Between these times the photo's exposure the HDR net sees true maps (the paper's Sect. 4.1)."""
-WEIGHTS = {"ldr": 1.0, "scales": 0.5, "structure": 0.15, "brightest": 0.05}
+WEIGHTS = {"ldr": 1.0, "scales": 0.5, "structure": 0.15, "brightest": 0.12}
 """Of the illumination net's losses. With squares alone, as in the paper, its maps come near their mean."""
 BRIGHTEST = 0.02
 """Share of a map that brightest_loss compares."""
