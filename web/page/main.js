@@ -39,7 +39,11 @@ const soften = element("soften");
 const reflections = element("reflections");
 element("reflections-row").hidden = !config.server; // the library of places is the server's
 for (const row of ["surroundings-row", "soften-row"]) element(row).hidden = !config.weights.light; // not for the paper's chain
-const options = () => ({ surroundings: surroundings.value, emitters: soften.checked ? "expected" : "mode" });
+const options = () => ({
+  surroundings: surroundings.value,
+  emitters: soften.checked ? "expected" : "mode",
+  pitchDeg: (live.running ? live : opened).pitchDeg,
+});
 
 /** One line a file with a bar, and one where it stalls; lines of the camera stay once it is followed. */
 function showDownload({ file, loaded, total, stalled }) {
@@ -52,7 +56,7 @@ function showDownload({ file, loaded, total, stalled }) {
   fetched = stalled ? null : file;
 }
 
-/** The picture, its field of view and name; mask and box of its object and its light, once there are any. */
+/** The picture, its field of view and name; mask and box of its object and its light, once there are any; the given pitch. */
 let opened = null;
 let choice = 0; // of a picture or the camera: one that is ready after another was chosen is dropped
 let turn = 0; // of questions about the picture on show: older answers are dropped
@@ -187,8 +191,9 @@ function placeOf(doubt) {
 }
 
 function showLight() {
-  const { picture, longFovDeg, lensDeg, name, mask, box, result } = opened;
-  stage.place(picture.width, picture.height, lensDeg, mask, box, result.light.ground);
+  const { picture, longFovDeg, lensDeg, name, mask, box, result, pitchDeg } = opened;
+  const ground = pitchDeg === undefined ? result.light.ground : { pitchDeg };
+  stage.place(picture.width, picture.height, lensDeg, mask, box, ground);
   stage.setLight(result.light);
   stages.show(result.stages, result.light.radiance);
   light.show(result, { photo: name, model: config.model, longFovDeg });
@@ -211,8 +216,9 @@ async function openExample() {
   const mine = ++choice;
   const { picture, mask, longFovDeg, result } = await readExample();
   if (mine !== choice) return;
-  put({ picture, longFovDeg, lensDeg: longFovDeg, name: "example", mask, box: objectBox(mask, picture.width), result });
-  if (soften.checked) return examine(async () => ({ mask, quality: null, warnings: [] }));
+  const found = { mask, quality: null, warnings: [] };
+  put({ picture, longFovDeg, lensDeg: longFovDeg, name: "example", mask, box: objectBox(mask, picture.width), found, result });
+  if (soften.checked) return examine(async () => found);
   setStatus("This is an example. Choose a photo of an object of one material, or use the camera.");
 }
 
@@ -240,12 +246,20 @@ element("reset").addEventListener("click", () => {
   editor.open(opened.picture);
   examine(ownMask);
 });
-for (const box of [surroundings, soften]) {
-  box.addEventListener("change", () => {
-    if (live.running) return attempt(() => live.setOptions());
-    if (opened?.mask) examine(async () => ({ ...opened.found, mask: opened.mask }));
-  });
+/** Another light of the same object is wanted. */
+function askAgain() {
+  if (live.running) return attempt(() => live.setOptions());
+  if (opened?.mask) examine(async () => opened.found);
 }
+
+for (const choice of [surroundings, soften]) choice.addEventListener("change", askAgain);
+element("pitch").addEventListener("input", ({ target }) => stage.setPitch(Number(target.value)));
+element("pitch").addEventListener("change", ({ target }) => {
+  const view = live.running ? live : opened;
+  if (!view) return;
+  view.pitchDeg = Number(target.value);
+  askAgain();
+});
 reflections.addEventListener("change", () => {
   if (opened?.result && !live.running) attempt(reflect);
 });
