@@ -1,10 +1,17 @@
 // A photo of one's own: chosen, marked by clicks, relit, downloaded.
-// arguments: { photo, opaque, glb, click, folder }
+// arguments: { photo, opaque, glb, click, targets, folder }
 
 import { join } from "node:path";
 import { estimated, openPage, waitForStatus } from "./page_steps.mjs";
 
+/** For one step: the slowest, which opens the networks, takes ten seconds. */
+const STEP_MS = 60_000;
+
+/** Chromium drops a page's eleventh download within a second without a word: between two, more than a tenth of one. */
+const PAUSE_MS = 150;
+
 export default async ({ page, url, arguments: given }) => {
+  page.setDefaultTimeout(STEP_MS);
   const elsewhere = await openPage(page, url);
   const seen = { example: await page.textContent("#direction") };
   await page.setInputFiles("#file", given.photo);
@@ -13,6 +20,7 @@ export default async ({ page, url, arguments: given }) => {
 
   const files = {};
   const save = async (click, folder = given.folder) => {
+    await page.waitForTimeout(PAUSE_MS);
     const [download] = await Promise.all([page.waitForEvent("download"), click()]);
     const path = join(folder, download.suggestedFilename());
     await download.saveAs(path);
