@@ -21,10 +21,7 @@ export default async ({ page, url }) => {
     });
   const seen = { none: await ask(() => page.selectOption("#surroundings", "none")) };
   seen.photo = await ask(() => page.selectOption("#surroundings", "photo"));
-  seen.steep = await ask(async () => {
-    await page.locator("#pitch").fill("50");
-    await page.locator("#pitch").dispatchEvent("change");
-  });
+  seen.steep = await ask(() => page.locator("#pitch").fill("50"));
   await page.click("#example");
   seen.again = await ask(() => page.selectOption("#surroundings", "auto"));
   return seen;

@@ -46,12 +46,16 @@ def angle_deg(a: np.ndarray, b: np.ndarray) -> float:
 def test_own_photo_is_estimated_clicked_relit_and_downloaded(page_url, aside_photo, vase_photo, estimator, tmp_path):
     tetrahedron = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
     (tmp_path / "own.glb").write_bytes(glb(tetrahedron, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])))
+    with Image.open(VASE) as image:
+        white = Image.new("RGBA", image.size, "white")
+        Image.alpha_composite(white, image).convert("RGB").save(tmp_path / "backdrop.jpg", quality=95)
     seen = run_steps(
         "page_photo.mjs",
         page_url,
         {
             "photo": str(aside_photo),
             "opaque": str(vase_photo),
+            "backdrop": str(tmp_path / "backdrop.jpg"),
             "glb": str(tmp_path / "own.glb"),
             "click": MIDDLE,
             "targets": list(TARGETS),
@@ -63,7 +67,10 @@ def test_own_photo_is_estimated_clicked_relit_and_downloaded(page_url, aside_pho
     assert seen["elsewhere"] == []
     assert seen["clicked"].startswith("Estimated")
     assert seen["material"] == "own"
-    assert "no.glb" in seen["fault"]
+    assert "Finding the object …" in seen["said"]
+    assert seen["said"].index("Finding the object …") < seen["said"].index("Estimating the lighting …")
+    assert seen["focused"] == "mask"
+    assert seen["backdrop"].endswith("choose “the whole photo” at “Look at”.")
 
     expected = estimator(aside_photo)
     files = {kind: Path(path) for kind, path in seen["files"].items()}
