@@ -84,6 +84,8 @@ class Settings:
     def __post_init__(self) -> None:
         check_detail(self.detail)
         check_rows(self.size)
+        if self.threads is not None and self.threads < 1:
+            raise InputError(f"threads: expected 1 or more, got {self.threads}; leave it out to use all cores")
 
     @property
     def networks(self) -> tuple[str, int | None, str]:
@@ -113,6 +115,10 @@ class Estimator:
         self.models = Models(*settings.networks, settings.emitters)
         self.model_id = model_id(settings.model)
         self._set(settings)
+
+    def __reduce__(self) -> tuple[type[Estimator], tuple[Settings]]:
+        """Other processes open the networks anew."""
+        return Estimator, (self.settings,)
 
     def _set(self, settings: Settings) -> None:
         segmenter = settings.segmenter
