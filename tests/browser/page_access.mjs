@@ -2,8 +2,23 @@
 
 import { focusable, openPage } from "./page_steps.mjs";
 
+/** Of each control the heading it stands under: the lowest one that is above it, in its column. */
+const headingOfEach = (page) =>
+  page.evaluate(() => {
+    const boxOf = (one) => one.getBoundingClientRect();
+    const headings = [...document.querySelectorAll("main :is(h2, h3, legend):not(.unseen)")];
+    const above = (one) =>
+      headings
+        .filter((heading) => boxOf(heading).bottom <= boxOf(one).top + 1)
+        .filter((heading) => boxOf(heading).left < boxOf(one).right && boxOf(one).left < boxOf(heading.parentElement).right)
+        .sort((a, b) => boxOf(a).bottom - boxOf(b).bottom);
+    const controls = [...document.querySelectorAll("main :is(button, input, select)")].filter((one) => one.id && one.tabIndex >= 0 && one.checkVisibility());
+    return Object.fromEntries(controls.map((one) => [one.id, above(one).at(-1)?.textContent ?? null]));
+  });
+
 export default async ({ page, url }) => {
   await openPage(page, url);
+  await page.waitForFunction(() => getComputedStyle(document.getElementById("overlay")).visibility === "visible", null, { polling: 100 });
   const named = await focusable(page);
   const reached = [];
   await page.evaluate(() => document.body.focus());
@@ -38,6 +53,7 @@ export default async ({ page, url }) => {
   });
   return {
     named,
+    under: await headingOfEach(page),
     reached,
     unnamed,
     drawn: await foot(),

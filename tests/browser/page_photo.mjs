@@ -1,10 +1,17 @@
 // A photo of one's own: chosen, marked by clicks, relit, downloaded.
-// arguments: { photo, opaque, glb, click, folder }
+// arguments: { photo, opaque, backdrop, glb, click, targets, folder }; backdrop: a photo of one colour behind the object
 
 import { join } from "node:path";
 import { estimated, openPage, waitForStatus } from "./page_steps.mjs";
 
+/** For one step: the slowest, which opens the networks, takes ten seconds. */
+const STEP_MS = 60_000;
+
+/** Chromium drops a page's eleventh download within a second without a word: between two, more than a tenth of one. */
+const PAUSE_MS = 150;
+
 export default async ({ page, url, arguments: given }) => {
+  page.setDefaultTimeout(STEP_MS);
   const elsewhere = await openPage(page, url);
   const seen = { example: await page.textContent("#direction") };
   await page.setInputFiles("#file", given.photo);
@@ -13,6 +20,7 @@ export default async ({ page, url, arguments: given }) => {
 
   const files = {};
   const save = async (click, folder = given.folder) => {
+    await page.waitForTimeout(PAUSE_MS);
     const [download] = await Promise.all([page.waitForEvent("download"), click()]);
     const path = join(folder, download.suggestedFilename());
     await download.saveAs(path);
@@ -35,8 +43,16 @@ export default async ({ page, url, arguments: given }) => {
   await ask(() => page.uncheck("#soften"));
 
   // one without an alpha channel: the mask is the network's, or the click's
+  await page.evaluate(() => {
+    const line = document.getElementById("status");
+    globalThis.said = [];
+    new MutationObserver(() => said.push(line.textContent)).observe(line, { childList: true });
+  });
   await page.setInputFiles("#file", given.opaque);
-  await waitForStatus(page, /^Estimated|^Click|^Nothing stands out/);
+  await estimated(page);
+  seen.said = await page.evaluate(() => said);
+  await page.click("#status a");
+  seen.focused = await page.evaluate(() => document.activeElement.id);
   const box = await page.locator("#mask").boundingBox();
   const position = { x: given.click[0] * box.width, y: given.click[1] * box.height };
   seen.clicked = await ask(() => page.locator("#mask").click({ position }));
@@ -48,10 +64,13 @@ export default async ({ page, url, arguments: given }) => {
   seen.soft = {};
   for (const kind of ["exr", "json"]) seen.soft[kind] = await save(kindOf(kind), join(given.folder, "soft"));
 
+  await page.selectOption("#surroundings", "auto");
+  seen.backdrop = await ask(() => page.setInputFiles("#file", given.backdrop));
+
   await page.setInputFiles("#model-file", given.glb);
   await page.waitForFunction(() => document.getElementById("shape").value === "own", null, { polling: 200 });
   seen.material = await page.inputValue("#material");
   await page.setInputFiles("#model-file", { name: "no.glb", mimeType: "model/gltf-binary", buffer: Buffer.from("nothing") });
-  seen.fault = await page.waitForSelector("#status.fault").then((line) => line.textContent());
+  await page.waitForFunction(() => document.getElementById("status").textContent.startsWith("no.glb"), null, { polling: 200 });
   return { ...seen, files, elsewhere };
 }

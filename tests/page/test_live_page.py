@@ -28,6 +28,17 @@ MIDDLE = [0.5, 0.55]
 """Of the picture: on the vase."""
 
 
+HEADINGS = {
+    None: ["choose", "camera", "example", "before"],
+    "Environment map": ["exposure", "false-color", "reflections"],
+    "Virtual object": ["shape", "material", "model", "turn", "size"],
+    "Estimate": ["surroundings", "pitch", "soften"],
+    "Download": ["targets", "export"],
+    "How the lighting was estimated": ["draw-box", "reset", "removing"],
+}
+"""Of the page, and the controls that each is about."""
+
+
 def angle_deg(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.degrees(np.arccos(np.dot(a, b) / np.linalg.norm(a) / np.linalg.norm(b))))
 
@@ -35,12 +46,16 @@ def angle_deg(a: np.ndarray, b: np.ndarray) -> float:
 def test_own_photo_is_estimated_clicked_relit_and_downloaded(page_url, aside_photo, vase_photo, estimator, tmp_path):
     tetrahedron = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
     (tmp_path / "own.glb").write_bytes(glb(tetrahedron, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])))
+    with Image.open(VASE) as image:
+        white = Image.new("RGBA", image.size, "white")
+        Image.alpha_composite(white, image).convert("RGB").save(tmp_path / "backdrop.jpg", quality=95)
     seen = run_steps(
         "page_photo.mjs",
         page_url,
         {
             "photo": str(aside_photo),
             "opaque": str(vase_photo),
+            "backdrop": str(tmp_path / "backdrop.jpg"),
             "glb": str(tmp_path / "own.glb"),
             "click": MIDDLE,
             "targets": list(TARGETS),
@@ -52,7 +67,10 @@ def test_own_photo_is_estimated_clicked_relit_and_downloaded(page_url, aside_pho
     assert seen["elsewhere"] == []
     assert seen["clicked"].startswith("Estimated")
     assert seen["material"] == "own"
-    assert "no.glb" in seen["fault"]
+    assert "Finding the object …" in seen["said"]
+    assert seen["said"].index("Finding the object …") < seen["said"].index("Estimating the lighting …")
+    assert seen["focused"] == "mask"
+    assert seen["backdrop"].endswith("choose “the whole photo” at “Look at”.")
 
     expected = estimator(aside_photo)
     files = {kind: Path(path) for kind, path in seen["files"].items()}
@@ -160,6 +178,37 @@ def test_keys_reach_everything_and_everything_has_a_name(page_url):
     assert seen["taken"] == []  # keys with Ctrl, Alt or Meta are the browser's
     assert seen["live"] == "polite"
     assert seen["headings"][0] == "H1"
+
+
+def test_exposure_moves_every_preview_of_the_light_and_not_the_photo(page_url):
+    seen = run_steps("page_exposure.mjs", page_url, viewport=(1280, 900))
+    previews = ["map", "sphere-matte", "sphere-silver", "sphere-mirror"]
+    for before, after in (("plain", "darker"), ("sharp", "sharpDarker")):
+        for preview in previews:
+            assert 0 < seen[after][preview] < 0.7 * seen[before][preview], (after, preview)
+        assert seen[after]["photo"] == seen[before]["photo"]
+    assert seen["sharp"]["sphere-mirror"] != seen["plain"]["sphere-mirror"]
+    assert {name: seen["again"][name] for name in previews} == {name: seen["plain"][name] for name in previews}
+
+
+def test_example_is_estimated_as_asked_and_a_given_pitch_counts(page_url):
+    seen = run_steps("page_estimate.mjs", page_url, viewport=(1280, 900))
+    assert seen["none"]["coverage"] == 0
+    assert seen["photo"]["coverage"] > 0
+    assert seen["photo"]["ground"]["source"] == "estimated"
+    assert seen["steep"]["ground"]["pitchDeg"] == pytest.approx(50)
+    assert seen["steep"]["ground"]["source"] == "given"
+    assert seen["steep"]["shown"] == "50°"
+    maps = {name: response(np.array(one["radiance"])) for name, one in seen.items()}
+    assert np.abs(maps["steep"] - maps["photo"]).mean() > 0.01
+    assert seen["again"]["ground"] == seen["photo"]["ground"]  # a pitch is given for one picture
+
+
+@pytest.mark.parametrize("viewport", [(1280, 900), (800, 900), (390, 844)])
+def test_controls_stand_under_the_heading_that_names_them(page_url, viewport):
+    seen = run_steps("page_access.mjs", page_url, viewport=viewport)
+    expected = {control: heading for heading, controls in HEADINGS.items() for control in controls}
+    assert seen["under"] == expected
 
 
 def test_phone_shows_all_of_it(page_url):

@@ -65,7 +65,7 @@ def test_camera_is_one_and_ends_with_what_takes_its_place(page_url, vase_photo, 
     live = {"pressed": "true", "tracks": ["live"], "shown": ["video"], "aspect": "640 / 480"}
     assert part(seen["live"], live) == live
     assert part(seen["broken"], live) == live
-    assert "expected an image" in seen["broken"]["status"]
+    assert seen["broken"]["status"].startswith("broken.png: expected an image")
     assert seen["turned"]["tracks"] == ["live"]
     assert seen["turned"]["mask"] < 1
     assert seen["overlay"] == "visible"

@@ -1,7 +1,7 @@
 /** The finished example: a photo, and the server's own answer for it. */
 
 import { Light, describe } from "../src/light/light.js";
-import { drawSpheres } from "../src/light/spheres.js";
+import { shadeSpheres } from "../src/light/spheres.js";
 import { readBitmap } from "./openPhoto.js";
 
 export async function readExample() {
@@ -20,7 +20,7 @@ export async function readExample() {
   });
   const { irradiance, ldr, ln_radiance: lnRadiance } = answer.stages;
   const stages = { irradiance: unpack(irradiance), ldr: unpack(ldr), lnRadiance: unpack(lnRadiance) };
-  const result = { light, stages, spheres: drawSpheres(light.radiance) };
+  const result = { light, stages, spheres: shadeSpheres(light.radiance) };
   return { picture, mask, longFovDeg: answer.long_fov_deg, result };
 }
 

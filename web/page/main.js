@@ -21,6 +21,7 @@ if (config.server && !["localhost", "127.0.0.1", "[::1]"].includes(location.host
 const stage = new PhotoStage();
 const networks = new ProbeOpener(config, showDownload, stage.stage.isSoftware ? 1 : 0); // software then draws
 let fetched = null; // the file that is on its way
+let doing = null; // said again once a file that it takes has come
 const tools = new ObjectTools(stage);
 const light = new LightPanel(config);
 const stages = new StagesPanel();
@@ -39,7 +40,11 @@ const soften = element("soften");
 const reflections = element("reflections");
 element("reflections-row").hidden = !config.server; // the library of places is the server's
 for (const row of ["surroundings-row", "soften-row"]) element(row).hidden = !config.weights.light; // not for the paper's chain
-const options = () => ({ surroundings: surroundings.value, emitters: soften.checked ? "expected" : "mode" });
+const options = () => ({
+  surroundings: surroundings.value,
+  emitters: soften.checked ? "expected" : "mode",
+  pitchDeg: (live.running ? live : opened).pitchDeg,
+});
 
 /** One line a file with a bar, and one where it stalls; lines of the camera stay once it is followed. */
 function showDownload({ file, loaded, total, stalled }) {
@@ -48,11 +53,12 @@ function showDownload({ file, loaded, total, stalled }) {
   else if (!live.following) {
     if (file !== fetched) setStatus(`Fetching ${file}${total ? `, ${(total / 1e6).toFixed(1)} MB` : ""} …`);
     showFetched(loaded, total);
+    if (doing && loaded === total) setStatus(doing);
   }
   fetched = stalled ? null : file;
 }
 
-/** The picture, its field of view and name; mask and box of its object and its light, once there are any. */
+/** The picture, its field of view and name; mask and box of its object and its light, once there are any; the given pitch. */
 let opened = null;
 let choice = 0; // of a picture or the camera: one that is ready after another was chosen is dropped
 let turn = 0; // of questions about the picture on show: older answers are dropped
@@ -115,24 +121,27 @@ function showAgain() {
 }
 
 /** The picture's own transparency or the mask network's proposal; null without both: then a click is needed. */
-async function ownMask(picture) {
+async function ownMask(picture, isLate) {
   const mask = maskFromAlpha(picture);
   if (mask) return { mask, quality: null, warnings: [] };
   const probe = await networks.open();
-  return probe.hasMask ? findMask(probe, picture, editor.hints) : null;
+  return probe.hasMask ? findMask(picture, editor.hints, isLate) : null;
 }
 
 function remask(hints) {
-  return examine(async (picture, isLate) => {
-    const probe = await networks.open();
-    if (isLate()) return null;
-    setStatus("Finding the object …");
-    return findMask(probe, picture, hints);
-  });
+  return examine((picture, isLate) => findMask(picture, hints, isLate));
 }
 
-async function findMask(probe, picture, { on, off, box }) {
-  return probe.mask(picture, { click: on, exclude: off, box });
+async function findMask(picture, { on, off, box }, isLate) {
+  const probe = await networks.open();
+  if (isLate()) return null;
+  doing = "Finding the object …";
+  setStatus(doing);
+  try {
+    return await probe.mask(picture, { click: on, exclude: off, box });
+  } finally {
+    if (!isLate()) doing = null;
+  }
 }
 
 /** Find the object of the picture on show, and its light. What comes or fails after something newer was asked is dropped. */
@@ -166,7 +175,7 @@ async function estimate(found, isLate) {
     return setStatus(`Estimated. ${found.warnings[0]} Click on the object below, or draw a box around it.`, "warning");
   }
   const [doubt] = result.light.warnings;
-  if (doubt) return setStatus(`Estimated, but ${doubt}${placeOf(doubt)}.`, "warning");
+  if (doubt) return setStatus(`Estimated, but ${inPage(doubt)}.`, "warning");
   setStatus(`Estimated in ${result.seconds.toFixed(2)} s, in this browser. If the outline is wrong, click on the object below, or draw a box around it.`);
 }
 
@@ -180,15 +189,17 @@ function showNothing(why) {
   setStatus(why ? `${why} ${advice}` : advice, why ? "warning" : "");
 }
 
-/** Where on the page what is advised is done. */
-function placeOf(doubt) {
-  if (doubt.endsWith("give the pitch")) return " by “Camera pitch”";
-  return doubt.endsWith("choose surroundings \"photo\"") ? " by “Look at”" : "";
+/** What is advised, in the words of the page's controls. */
+function inPage(doubt) {
+  return doubt
+    .replace(/give the pitch$/, "set “Camera pitch”")
+    .replace(/choose surroundings "photo"$/, "choose “the whole photo” at “Look at”");
 }
 
 function showLight() {
-  const { picture, longFovDeg, lensDeg, name, mask, box, result } = opened;
-  stage.place(picture.width, picture.height, lensDeg, mask, box, result.light.ground);
+  const { picture, longFovDeg, lensDeg, name, mask, box, result, pitchDeg } = opened;
+  const ground = pitchDeg === undefined ? result.light.ground : { pitchDeg };
+  stage.place(picture.width, picture.height, lensDeg, mask, box, ground);
   stage.setLight(result.light);
   stages.show(result.stages, result.light.radiance);
   light.show(result, { photo: name, model: config.model, longFovDeg });
@@ -211,8 +222,9 @@ async function openExample() {
   const mine = ++choice;
   const { picture, mask, longFovDeg, result } = await readExample();
   if (mine !== choice) return;
-  put({ picture, longFovDeg, lensDeg: longFovDeg, name: "example", mask, box: objectBox(mask, picture.width), result });
-  if (soften.checked) return examine(async () => ({ mask, quality: null, warnings: [] }));
+  const found = { mask, quality: null, warnings: [] };
+  put({ picture, longFovDeg, lensDeg: longFovDeg, name: "example", mask, box: objectBox(mask, picture.width), found, result });
+  if (soften.checked) return examine(async () => found);
   setStatus("This is an example. Choose a photo of an object of one material, or use the camera.");
 }
 
@@ -240,12 +252,25 @@ element("reset").addEventListener("click", () => {
   editor.open(opened.picture);
   examine(ownMask);
 });
-for (const box of [surroundings, soften]) {
-  box.addEventListener("change", () => {
-    if (live.running) return attempt(() => live.setOptions());
-    if (opened?.mask) examine(async () => ({ ...opened.found, mask: opened.mask }));
-  });
+/** From the last change of the pitch to the estimate with it. */
+const PITCH_MS = 250;
+let pitchTimer;
+
+/** Another light of the same object is wanted. */
+function askAgain() {
+  if (live.running) return attempt(() => live.setOptions());
+  if (opened?.mask) examine(async () => opened.found);
 }
+
+for (const choice of [surroundings, soften]) choice.addEventListener("change", askAgain);
+element("pitch").addEventListener("input", ({ target }) => stage.setPitch(Number(target.value)));
+element("pitch").addEventListener("change", ({ target }) => {
+  const view = live.running ? live : opened;
+  if (!view) return;
+  view.pitchDeg = Number(target.value);
+  clearTimeout(pitchTimer);
+  pitchTimer = setTimeout(askAgain, PITCH_MS); // a key that is held changes it again and again
+});
 reflections.addEventListener("change", () => {
   if (opened?.result && !live.running) attempt(reflect);
 });

@@ -65,7 +65,7 @@ async function throughServer(blob, name, hasServer) {
   const body = new FormData();
   body.append("photo", blob, name);
   const answer = await fetch(new URL("v1/photo", document.baseURI), { method: "POST", body });
-  if (!answer.ok) throw new Error((await answer.json()).error);
+  if (!answer.ok) throw new Error((await answer.json()).error.replace(/^photo:/, `${name}:`));
   const given = answer.headers.get("X-Long-Fov-Deg");
   return { blob: await answer.blob(), longFovDeg: given === null ? null : Number(given) };
 }

@@ -16,6 +16,7 @@ let streams = [];
 
 globalThis.document = {
   dispatchEvent: () => {},
+  createElement: () => ({}),
   getElementById: (id) => {
     if (!elements.has(id)) elements.set(id, makeElement(id));
     return elements.get(id);
@@ -47,8 +48,8 @@ function makeElement(id) {
     setAttribute: (name, value) => (attributes[name] = value),
     getAttribute: (name) => attributes[name],
     classList: { toggle: () => {} },
-    set textContent(text) {
-      if (id === "status") said.push(text);
+    replaceChildren: (...parts) => {
+      if (id === "status") said.push(parts.map((part) => part.textContent ?? part).join(""));
     },
   };
 }

@@ -70,6 +70,7 @@ export class LiveSession {
     this.running = true;
     this.button.setAttribute("aria-pressed", "true");
     this.said = null;
+    this.pitchDeg = undefined; // until it is given
     this.isMaskDue = false;
     this.#fit(still);
     this.#look(still);
@@ -164,7 +165,7 @@ export class LiveSession {
   #setMask({ width, height, mask, quality, box }) {
     Object.assign(this, { mask, quality });
     if (this.placed) return this.stage.stage.setMask(mask);
-    this.stage.place(width, height, null, mask, box);
+    this.stage.place(width, height, null, mask, box, this.pitchDeg === undefined ? null : { pitchDeg: this.pitchDeg });
     this.placed = true;
   }
 

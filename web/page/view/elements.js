@@ -2,10 +2,16 @@
 
 export const element = (id) => document.getElementById(id);
 
+/** In the lines that advise it, a link to where the object is marked. */
+const MARKING = /click on (?:the object|it)(?: in the picture “Object”)? below(?:, or draw a box around it)?/i;
+
 /** One line for everyone, read aloud by screen readers; kind: "fault" or "warning", shown in colour. */
 export function setStatus(text, kind = "") {
   const status = element("status");
-  status.textContent = text;
+  const [advice] = text.match(MARKING) ?? [];
+  const [before, after] = advice ? text.split(advice) : [text, ""];
+  const link = Object.assign(document.createElement("a"), { href: "#mask", textContent: advice });
+  status.replaceChildren(before, ...(advice ? [link, after] : []));
   for (const one of ["fault", "warning"]) status.classList.toggle(one, one === kind);
   element("fetched").hidden = true;
 }

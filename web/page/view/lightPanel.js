@@ -2,8 +2,8 @@
 
 import { OWN_FILES, exportTarget, save } from "../downloads.js";
 import { element, setStatus } from "./elements.js";
-import { drawMirror } from "../../src/light/spheres.js";
-import { describeDirection, drawSpherePicture, drawSpherePictures, drawFalseColor, drawMap, placeOnMap } from "./pictures.js";
+import { SPHERE_NAMES, shadeMirror } from "../../src/light/spheres.js";
+import { describeDirection, drawFalseColor, drawMap, drawSphere, placeOnMap } from "./pictures.js";
 
 const TITLES = {
   three: "three.js",
@@ -19,11 +19,14 @@ const TITLES = {
 
 export class LightPanel {
   constructor(config) {
-    this.result = null;
-    this.spheres = Object.fromEntries(["matte", "silver", "mirror"].map((name) => [name, element(`sphere-${name}`)]));
+    this.result = this.shaded = null;
+    this.spheres = Object.fromEntries(SPHERE_NAMES.map((name) => [name, element(`sphere-${name}`)]));
     this.exposure = element("exposure");
     this.falseColor = element("false-color");
-    this.exposure.addEventListener("input", () => this.#drawMap());
+    this.exposure.addEventListener("input", () => {
+      this.#drawMap();
+      this.#drawSpheres();
+    });
     this.falseColor.addEventListener("change", () => this.#drawMap());
     this.#addDownloads(config);
     element("about").textContent = `anyprobe ${config.version}, model ${config.model}.`;
@@ -35,7 +38,10 @@ export class LightPanel {
     this.result = { ...this.result, ...result, spheres: result.spheres ?? this.result?.spheres };
     this.about = about;
     this.#drawMap();
-    if (result.spheres) drawSpherePictures(this.spheres, result.spheres);
+    if (result.spheres) {
+      this.shaded = { ...result.spheres };
+      this.#drawSpheres();
+    }
     const { direction, irradiance, errorDeg } = result.light.dominant;
     const marker = element("marker");
     marker.hidden = Math.max(...irradiance) === 0;
@@ -50,13 +56,13 @@ export class LightPanel {
   /** The mirror sphere by a map with detail, or by the light again. */
   showReflections(reflections) {
     if (!this.result) return;
-    const mirror = reflections ? drawMirror(reflections.radiance, reflections.height) : this.result.spheres.mirror;
-    drawSpherePicture(this.spheres.mirror, mirror);
+    this.shaded.mirror = reflections ? shadeMirror(reflections.radiance, reflections.height) : this.result.spheres.mirror;
+    this.#drawSpheres();
   }
 
   /** Nothing is known of the light any more. */
   clear() {
-    this.result = null;
+    this.result = this.shaded = null;
     for (const canvas of [element("map"), ...Object.values(this.spheres)]) {
       canvas.getContext("2d").clearRect(0, 0, canvas.width, canvas.height);
     }
@@ -70,8 +76,18 @@ export class LightPanel {
     for (const button of document.querySelectorAll("#downloads button, #export")) button.disabled = !isReady;
   }
 
+  /** Of map and spheres; the photo keeps its own. */
+  get #exposureEv() {
+    return Number(this.exposure.value);
+  }
+
+  #drawSpheres() {
+    if (!this.shaded) return;
+    for (const name of SPHERE_NAMES) drawSphere(this.spheres[name], this.shaded[name], this.#exposureEv);
+  }
+
   #drawMap() {
-    const exposure = Number(this.exposure.value);
+    const exposure = this.#exposureEv;
     element("exposure-value").textContent = `${exposure.toFixed(1).replace("-", "−")} EV`;
     if (!this.result) return;
     const { radiance } = this.result.light;

@@ -1,4 +1,4 @@
-/** The virtual object's controls: shape, material, own model, turn, size, pitch of the camera; keys. */
+/** The virtual object's controls: shape, material, own model, turn, size; keys. */
 
 import { element } from "./elements.js";
 import { dress, makeMaterial, makeShape, openModel } from "./virtualObjects.js";
@@ -23,7 +23,6 @@ export class ObjectTools {
     };
     bind("turn", (turn) => stage.setPose({ turn }));
     bind("size", (size) => stage.setPose({ size }));
-    bind("pitch", (pitch) => stage.setPitch(pitch));
     this.shape.addEventListener("change", () => this.#pick());
     this.material.addEventListener("change", () => this.#pick());
     element("model").addEventListener("click", () => element("model-file").click());

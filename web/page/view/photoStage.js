@@ -58,7 +58,19 @@ export class PhotoStage {
   /** @param {number | null} lensDeg field of view of the longer side, null where it is unknown */
   place(width, height, lensDeg, mask, box, ground = null) {
     this.stage.setPhoto(width, height, lensDeg, mask, box, ground);
+    this.#showPitch();
+  }
+
+  /** The slope of the ground alone; the light stays. */
+  setPitch(degrees) {
+    this.stage.setPitch(degrees);
+    this.#showPitch();
+    this.render();
+  }
+
+  #showPitch() {
     element("pitch").value = this.stage.pitchDeg;
+    element("pitch-value").textContent = `${Math.round(this.stage.pitchDeg)}°`;
   }
 
   setLight(light, reflections = null) {

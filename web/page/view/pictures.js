@@ -3,7 +3,7 @@
 import { FALSE_COLOR_MAX, falseColor, luminance } from "../../src/core/color.js";
 import { displayByte } from "../../src/core/response.js";
 import { MAP_HEIGHT, directionToUv } from "../../src/core/latlong.js";
-import { SPHERE_NAMES, SPHERE_SIZE } from "../../src/light/spheres.js";
+import { SPHERE_SIZE, displaySphere } from "../../src/light/spheres.js";
 import { CROP_SIZE } from "../../src/photo/crop.js";
 
 /** Put RGBA bytes on a canvas of exactly their size. */
@@ -75,11 +75,7 @@ export function describeDirection([x, y, z]) {
   return `${Math.abs(azimuth)}° ${side}, ${Math.abs(elevation)}° ${elevation < 0 ? "down" : "up"}`;
 }
 
-/** @param {Record<string, HTMLCanvasElement>} canvases by sphere @param {object} spheres of drawSpheres */
-export function drawSpherePictures(canvases, spheres) {
-  for (const name of SPHERE_NAMES) drawSpherePicture(canvases[name], spheres[name]);
-}
-
-export function drawSpherePicture(canvas, sphere) {
-  putRgba(canvas, sphere.slice(), SPHERE_SIZE, SPHERE_SIZE);
+/** A sphere of shadeSpheres as the camera would show it at an exposure [EV]. */
+export function drawSphere(canvas, sphere, exposureEv) {
+  putRgba(canvas, displaySphere(sphere, exposureEv), SPHERE_SIZE, SPHERE_SIZE);
 }

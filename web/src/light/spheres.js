@@ -15,54 +15,65 @@ const SILVER_SHARPNESS = 5;
 const SMALL = MAP_HEIGHT / 2;
 
 /**
- * The spheres as display pictures.
+ * The spheres' radiance, in the map's units.
  *
  * @param {Float32Array} radiance [64, 128, 3]
- * @returns {Record<string, Uint8ClampedArray>} RGBA of SPHERE_SIZE x SPHERE_SIZE, clear around the sphere
+ * @returns {Record<string, Float32Array>} of each name [SPHERE_SIZE, SPHERE_SIZE, 3]
  */
-export function drawSpheres(radiance) {
+export function shadeSpheres(radiance) {
   const small = halve(radiance, MAP_HEIGHT);
   return {
-    matte: drawSphere(blurCosinePower(small, SMALL, 3, 1), SMALL, 1, false),
-    silver: drawSphere(blurCosinePower(small, SMALL, 3, SILVER_SHARPNESS), SMALL, SILVER_F0, true),
-    mirror: drawMirror(radiance, MAP_HEIGHT),
+    matte: readMap(blurCosinePower(small, SMALL, 3, 1), lookup(SMALL, false), newSphere()),
+    silver: readMap(blurCosinePower(small, SMALL, 3, SILVER_SHARPNESS), lookup(SMALL, true), newSphere()).map((value) => SILVER_F0 * value),
+    mirror: shadeMirror(radiance, MAP_HEIGHT),
   };
 }
 
 /** The mirror sphere alone, under a map [height, 2 height, 3]. */
-export function drawMirror(radiance, height) {
-  return drawSphere(radiance, height, 1, true);
+export function shadeMirror(radiance, height) {
+  return readMap(radiance, lookup(height, true), newSphere());
 }
 
-function drawSphere(map, height, gain, mirrors) {
-  const { cover, lookup } = surface(height, mirrors);
-  const colors = readMap(map, lookup, new Float32Array(3 * cover.length));
-  const picture = new Uint8ClampedArray(4 * cover.length);
-  for (let pixel = 0, at = 0; pixel < cover.length; pixel++, at += 4) {
-    if (cover[pixel] === 0) continue;
-    for (let c = 0; c < 3; c++) picture[at + c] = displayByte(gain * colors[3 * pixel + c]);
-    picture[at + 3] = 255 * cover[pixel];
+/** A sphere as the camera would show it at an exposure [EV]: RGBA, clear around the sphere. */
+export function displaySphere(sphere, exposureEv) {
+  const gain = 2 ** exposureEv;
+  const rgba = new Uint8ClampedArray(4 * COVER.length);
+  for (let pixel = 0, at = 0; pixel < COVER.length; pixel++, at += 4) {
+    if (COVER[pixel] === 0) continue;
+    for (let c = 0; c < 3; c++) rgba[at + c] = displayByte(gain * sphere[3 * pixel + c]);
+    rgba[at + 3] = 255 * COVER[pixel];
   }
-  return picture;
+  return rgba;
 }
 
-const surfaces = new Map();
+const newSphere = () => new Float32Array(3 * COVER.length);
 
-/** How far each pixel is covered by the sphere, and where it reads the map: along its normal or its mirror direction. */
-function surface(height, mirrors) {
+/** A pixel's place on the sphere: x to the right, y up; 1 is the outline. */
+function placeOf(pixel) {
+  const x = (((pixel % SPHERE_SIZE) + 0.5) / SPHERE_SIZE) * 2 - 1;
+  const y = 1 - ((Math.floor(pixel / SPHERE_SIZE) + 0.5) / SPHERE_SIZE) * 2;
+  return [x, y];
+}
+
+/** How far each pixel is covered by the sphere. */
+const COVER = Float32Array.from({ length: SPHERE_SIZE * SPHERE_SIZE }, (_, pixel) => {
+  const within = 1 - Math.hypot(...placeOf(pixel));
+  return Math.min(Math.max((within * SPHERE_SIZE) / 2 + 0.5, 0), 1);
+});
+
+const lookups = new Map();
+
+/** Where each pixel reads a map: along its normal or its mirror direction. */
+function lookup(height, mirrors) {
   const key = `${height} ${mirrors}`;
-  if (!surfaces.has(key)) {
-    const cover = new Float32Array(SPHERE_SIZE * SPHERE_SIZE);
-    const directions = new Float64Array(3 * cover.length);
-    for (let pixel = 0; pixel < cover.length; pixel++) {
-      const x = (((pixel % SPHERE_SIZE) + 0.5) / SPHERE_SIZE) * 2 - 1;
-      const y = 1 - ((Math.floor(pixel / SPHERE_SIZE) + 0.5) / SPHERE_SIZE) * 2;
-      const squared = x * x + y * y;
-      const z = Math.sqrt(Math.max(1 - squared, 0));
-      cover[pixel] = Math.min(Math.max(((1 - Math.sqrt(squared)) * SPHERE_SIZE) / 2 + 0.5, 0), 1);
+  if (!lookups.has(key)) {
+    const directions = new Float64Array(3 * COVER.length);
+    for (let pixel = 0; pixel < COVER.length; pixel++) {
+      const [x, y] = placeOf(pixel);
+      const z = Math.sqrt(Math.max(1 - x * x - y * y, 0));
       directions.set(mirrors ? [2 * z * x, 2 * z * y, 2 * z * z - 1] : [x, y, z], 3 * pixel);
     }
-    surfaces.set(key, { cover, lookup: lookupOf(height, directions) });
+    lookups.set(key, lookupOf(height, directions));
   }
-  return surfaces.get(key);
+  return lookups.get(key);
 }

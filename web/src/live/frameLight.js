@@ -3,7 +3,7 @@
 import { CONTRACT } from "../core/contract.js";
 import { MAP_HEIGHT } from "../core/latlong.js";
 import { rotateOne } from "../light/environment.js";
-import { drawSpheres } from "../light/spheres.js";
+import { shadeSpheres } from "../light/spheres.js";
 import { describe } from "../light/light.js";
 import { lightOfObject } from "../networks/lightOfObject.js";
 import { shown, step } from "../light/temporal.js";
@@ -95,7 +95,7 @@ export class FrameLight {
     lap("filter");
     const light = { ...describe(steady), ...rest, isInWorld };
     lap("describe");
-    const spheres = phase === 0 ? drawSpheres(isInWorld ? shown(this.state, worldFromCamera) : light.radiance) : null;
+    const spheres = phase === 0 ? shadeSpheres(isInWorld ? shown(this.state, worldFromCamera) : light.radiance) : null;
     lap("spheres");
     ms.all = performance.now() - start;
     const isOfThese = isNew && this.masked !== null; // else clicked meanwhile: it may be another object's

@@ -8,7 +8,7 @@
 
 import { AnyProbeError, sentError } from "../errors.js";
 import { describe } from "../light/light.js";
-import { drawSpheres } from "../light/spheres.js";
+import { shadeSpheres } from "../light/spheres.js";
 import { cropNormals, cropObject } from "../photo/crop.js";
 import { SmallNetwork, U2NetP } from "../photo/maskNetworks.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
@@ -56,7 +56,7 @@ const tasks = {
     const { radiance, stages, ...rest } = await lightOfObject(models, picture, longFovDeg, crop, { ...options, normals: given });
     const light = { ...describe(radiance), ...rest };
     const seconds = (performance.now() - start) / 1000;
-    return withViews ? { light, stages, spheres: drawSpheres(radiance), seconds } : { light, seconds };
+    return withViews ? { light, stages, spheres: shadeSpheres(radiance), seconds } : { light, seconds };
   },
 
   startLive({ hints, longFovDeg, options, withViews }) {
