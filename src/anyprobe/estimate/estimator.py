@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable, Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -131,7 +130,8 @@ class Estimator:
         settings = replace(self.settings, **more)
         if settings.networks != self.settings.networks:
             return Estimator(settings)
-        other = copy(self)
+        other = object.__new__(type(self))  # copy() would open the networks anew
+        vars(other).update(vars(self))
         other.models = self.models.with_emitters(settings.emitters)
         other._set(settings)
         return other
