@@ -37,7 +37,7 @@ WEIGHTS = {"ldr": 1.0, "scales": 0.5, "structure": 0.15, "brightest": 0.12}
 """Of the illumination net's losses. With squares alone, as in the paper, its maps come near their mean."""
 BRIGHTEST = 0.02
 """Share of a map that brightest_loss compares."""
-PATCHES = (2, 8)
+BRIGHTEST_PX = (2, 8)
 """Pixels of the map in each direction that are averaged before: it wants patches, not grain."""
 
 
@@ -66,11 +66,11 @@ def brightest_loss(shown: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
     the map must have as much light as the truth, and has it where that is most likely.
     """
     loss = shown.new_zeros(())
-    for size in PATCHES:
+    for size in BRIGHTEST_PX:
         patches = [F.avg_pool2d(x, size).flatten(2) for x in (shown, true)]
         count = max(1, round(BRIGHTEST * patches[0].shape[2]))
         values, wanted = (x.topk(count, dim=2).values for x in patches)
-        loss = loss + (values - wanted).abs().mean() / len(PATCHES)
+        loss = loss + (values - wanted).abs().mean() / len(BRIGHTEST_PX)
     return loss
 
 
