@@ -1,6 +1,6 @@
 """How well the live page finds objects in still photos, beside the command line: IoU with true masks.
 
-    python benchmarks/page_masks.py --data DATA --scenes 12 --photos PHOTOS [--photos MORE] [--seed 2020] [--live]
+    PYTHONPATH=. python benchmarks/page_masks.py --data DATA --scenes 12 --photos PHOTOS [--photos MORE] [--live]
 
 The scenes and photos are those of `python -m research.masks` with the same options. The page's code runs in Node
 with its own runtime, one thread. Needs what that command needs, Node.js and the packages of web/

@@ -52,7 +52,7 @@ def place_inputs() -> list[Any]:
             "surroundings",
             [AUTO, PHOTO, NONE],
             "auto: the photo's background and, below the horizon, the ground's colour, unless the object is cut out; "
-            "photo: the background alone; none: nothing but the object.",
+            "photo: the same of any photo; none: nothing but the object.",
         ),
         choice(
             "emitters", EMITTERS, "mode: light sources with sharp shadows; expected: soft ones, truer on matte objects."
@@ -146,10 +146,9 @@ class Relight(io.ComfyNode):
             photos = photos_of(photo, mask, given)
             maps = [None] * len(photos) if hdri is None else one_each(arrays_of(hdri), len(photos), "hdri")
             for one, found in zip(photos, maps, strict=True):
-                if found is None:
-                    radiance, said, ground = estimated(one, emitters)
-                else:
-                    radiance, said, ground = check_radiance(found, "hdri"), one.warnings, None
+                radiance, said, ground = estimated(one, emitters)
+                if found is not None:
+                    radiance, said = check_radiance(found, "hdri"), one.warnings
                 stage = Stage(one, OBJECTS[shape](), Arrangement(size=size, at=foot, ground=ground))
                 pictures.append(stage.relit(radiance, shape_material))
                 warnings += [*said, *stage.warnings]

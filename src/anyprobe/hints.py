@@ -12,6 +12,8 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
+from difflib import get_close_matches
+from numbers import Real
 from pathlib import Path
 from typing import Any, Literal, TypedDict, TypeVar
 
@@ -252,6 +254,10 @@ class Hints:
 
     def __post_init__(self) -> None:
         check_together([name for name, _ in self.given()])
+        for name in ("near", "far", "fov_deg", "pitch_deg"):
+            value = getattr(self, name)
+            if value is not None and not isinstance(value, Real):
+                raise InputError(f"{name}: expected a number, got {type(value).__name__} {str(value)[:40]!r}")
         if self.fov_deg is not None and not 1.0 < self.fov_deg < 170.0:
             raise InvalidPhoto(
                 f"fov_deg: expected a field of view of 1 to 170 degrees along the longer side, got {self.fov_deg:g}"
@@ -289,7 +295,11 @@ HINTS: dict[str, Hint] = {
 
 
 def as_hints(hints: Hints | None, more: Mapping[str, Any]) -> Hints:
-    """Hints with more of them; what a keyword gives counts."""
+    """Hints with more of them; what a keyword gives counts. TypeError names the hint that an unknown one is like."""
+    for name in more.keys() - HINTS.keys():
+        alike = [own for own, hint in HINTS.items() if hint.name == name] or get_close_matches(name, HINTS, n=1)
+        advice = f"; did you mean {alike[0]}?" if alike else f": {', '.join(HINTS)}"
+        raise TypeError(f"{name}: expected one of the hints{advice}")
     return replace(Hints() if hints is None else hints, **more)
 
 
@@ -335,7 +345,7 @@ def renamed(text: str, called: Callable[[Hint], str]) -> str:
         option = called(HINTS[found[1]])
         return f"{option.split()[0]} {found[2]}" if found[2] else option
 
-    return re.sub(rf"\b({'|'.join(HINTS)})=([a-z]*)(?=[\s,;.)]|$)", name, text)
+    return re.sub(rf"\b({'|'.join(HINTS)})=([a-z]+|[-\d.]+(?:,[-\d.]+)+|)(?=[\s,;.)]|$)", name, text)
 
 
 def spread(*kinds: type) -> Callable[[Function], Function]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import io
 import json
+import pickle
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -421,3 +422,8 @@ def test_sidecar_tells_all(tmp_path, estimator, photo_path):
     assert sidecar["warnings"] == []
     assert sidecar["photo"] == "sphere.png"
     np.testing.assert_allclose(sidecar["camera_from_crop"], light.camera_from_crop, atol=1e-6)
+
+
+def test_an_estimator_can_be_sent_to_another_process(estimator, photo_rgba):
+    again = pickle.loads(pickle.dumps(estimator))
+    np.testing.assert_array_equal(again(photo_rgba).radiance, estimator(photo_rgba).radiance)

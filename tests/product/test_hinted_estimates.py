@@ -271,3 +271,12 @@ def test_a_clipped_out_or_tiny_object_moves_nothing_far():
     assert fit_gain(made_map(), white, normals, 0.1, MATTE).max() <= 2**MAX_STOPS
     none = fit_gain(made_map(), np.zeros_like(image), normals, 0.1, MATTE)
     np.testing.assert_array_equal(none, np.ones(3))
+
+
+def test_floats_of_a_picture_are_no_vectors():
+    """(n + 1) / 2 taken for n is a light 40 degrees off."""
+    n = np.zeros((8, 8, 3), np.float32)
+    n[..., 0], n[..., 2] = 0.6, 0.8
+    assert np.allclose(read_normals(n, (8, 8)), n)
+    with pytest.raises(InputError, match=r"^normals: expected unit vectors in floats, got .* pass 2 \* values - 1$"):
+        read_normals((n + 1) / 2, (8, 8))

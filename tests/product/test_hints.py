@@ -143,6 +143,7 @@ def test_the_command_line_names_its_options(work, command, options, line):
 def test_a_line_names_what_its_reader_can_give():
     """A file's name is none of ours."""
     line = "a.png: pass click= on it, or box=, or (mask=); mask=3.png stays; roughness="
+    assert line_of("b.jpg: pass box=130,100.5,325,385") == "b.jpg: pass --box 130,100.5,325,385"
     assert line_of(f"{line}\n") == (
         "a.png: pass --click X,Y on it, or --box X0,Y0,X1,Y1, or (--mask FILE); mask=3.png stays; --roughness NUMBER"
     )
@@ -233,3 +234,19 @@ def test_every_door_takes_the_pitch(work, command, estimator, photo_rgba):
         found.append(client.post("/v1/estimate", files={"photo": data}, data={"pitch": "25"}).json())
     assert [one["pitch_deg"] for one in found] == [25.0] * 4
     assert "pitch_deg" not in estimator("photo.png").sidecar()
+
+
+def test_metal_contradicts_a_material_that_is_none(work, command):
+    Image.new("L", (8, 8)).save("m.png")
+    complaint = command("estimate", "m.png", "--material", "matte", "--metal").complaint
+    assert complaint == "anyprobe: --metal and --material matte: expected a metal, got another; leave one out"
+
+
+def test_keywords_of_python_say_what_they_want():
+    with pytest.raises(InputError, match="^fov_deg: expected a number, got str '50'$"):
+        Hints(fov_deg="50")
+    for name, like in (("fov", "fov_deg"), ("pitch", "pitch_deg"), ("marterial", "material")):
+        with pytest.raises(TypeError, match=f"^{name}: expected one of the hints; did you mean {like}[?]$"):
+            anyprobe.estimate(np.zeros((8, 8, 3), np.uint8), **{name: 1})
+    with pytest.raises(InputError, match="^threads: expected 1 or more, got -1"):
+        anyprobe.Estimator(threads=-1)

@@ -210,6 +210,9 @@ def test_environment_maps_and_what_was_drawn_beside_a_photo_are_no_photos(work):
     room = write_exr(photos / "room.exr", {"Y": even})
     write_exr(photos / "shot.exr", {"Y": even[:, :24]})
     assert [path.name for path in list_photos([photos])] == ["cut.exr", "old_relit.png", "shot.exr", "vase.jpg"]
+    for name in ("vase.exr", "vase.json", "vase.png"):  # a light, and its preview
+        (photos / name).write_bytes(room.read_bytes())
+    assert [path.name for path in list_photos([photos])] == ["cut.exr", "old_relit.png", "shot.exr", "vase.jpg"]
     assert list_photos([room, photos / "vase_relit.png"]) == [room, photos / "vase_relit.png"]  # named, they are meant
 
 

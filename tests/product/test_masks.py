@@ -20,6 +20,7 @@ from anyprobe.masks.networks import SIZE, SmallNetwork, default_graph
 from anyprobe.masks.parts import fill_holes, label_parts
 from anyprobe.masks.prompts import BOX_LEVEL, check_clicks, draw_prompts
 from anyprobe.masks.quality import DOUBTFUL, Evidence
+from anyprobe.masks.sources import mask_from_file
 
 GREY = np.full((120, 160, 3), 0.5, np.float32)
 
@@ -415,3 +416,11 @@ def test_mask_command_complains_in_one_line(tmp_path, monkeypatch, command, opti
     for word in words:
         assert word in complaint
     assert not (tmp_path / "masks").exists()
+
+
+@pytest.mark.parametrize(("scale", "kind"), [(255, np.float32), (255, np.int64), (-1, np.float32)])
+def test_numbers_that_are_no_mask_are_one_line(scale, kind):
+    values = np.zeros((8, 8), kind)
+    values[2:6, 2:6] = scale
+    with pytest.raises(InvalidMask, match="^mask: expected bool, 0 and 1, uint8, uint16 or floats from 0 to 1, got"):
+        mask_from_file(values, (8, 8))

@@ -5,14 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import OpenEXR
 import pytest
 from support.scenes import sphere_photo
 
 import anyprobe
-from anyprobe.core.frames import dot, reflect
+from anyprobe.core.frames import dot, reflect, rotation_y
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.estimate.material_hint import MEASURED, is_mirror, measure, use_material
+from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE, is_mirror, measure, use_material
+from anyprobe.estimate.result import MIRROR_ERROR_DEG
 from anyprobe.estimate.runtime import Outputs
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.render.spheres import sphere_normals
@@ -107,7 +109,7 @@ def test_only_where_normals_are_known_is_anything_measured():
     here, there = d[..., 0] < -0.5, d[..., 0] > 0.5
     assert np.median(np.abs(found - truth)[here & (d[..., 2] > -0.5)]) < 0.02
     np.testing.assert_allclose(found[there], 0.2, atol=0.02)
-    np.testing.assert_allclose(np.median(answer.confidence[here & (d[..., 2] > -0.5)]), MEASURED, atol=0.05)
+    np.testing.assert_allclose(np.median(answer.confidence[here & (d[..., 2] > -0.5)]), MEASURED_CONFIDENCE, atol=0.05)
     np.testing.assert_allclose(np.median(answer.confidence[there]), 0.3, atol=0.02)
 
 
@@ -123,3 +125,26 @@ def test_a_chrome_sphere_is_measured_only_if_its_shape_is_known():
     assert given.sidecar()["hints"]["measured"] is True
     assert "gain" not in given.sidecar()["hints"]
     assert "measured" not in anyprobe.estimate(photo, material="chrome").sidecar()["hints"]
+
+
+def test_how_sure_a_direction_is_that_a_mirror_shows_unclipped(tmp_path):
+    """To a pixel of the map, however the rest of the map is; what is clipped is the network's guess."""
+    n, on = sphere_normals(128)
+    photo = np.zeros((128, 128, 3), np.float32)
+    light_at = np.array([0.6, 0.5, 0.4]) / np.linalg.norm([0.6, 0.5, 0.4])
+    lit = smooth_map() + 30.0 * (pixel_directions(64) @ light_at > np.cos(0.1))[..., None]
+    photo[on] = bilinear(lit.astype(np.float32), direction_to_uv(reflect(pixel_rays(0.1, 128)[on], n)))
+    path = tmp_path / "probe.exr"
+    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION}, {"RGB": photo}).write(str(path))
+    normals = np.zeros((128, 128, 3), np.float32)
+    normals[on] = n
+    given = {"mask": on, "normals": normals, "material": "chrome", "fov_deg": float(np.degrees(2 * np.arctan(0.1)))}
+    light = anyprobe.estimate(path, **given)
+    main = light.dominant_light()
+    assert np.degrees(np.arccos(main.direction @ light_at)) < MIRROR_ERROR_DEG
+    assert main.error_deg == MIRROR_ERROR_DEG
+    assert light.sidecar()["dominant_light"]["error_deg"] == round(MIRROR_ERROR_DEG, 1)
+    turned = light.rotate(rotation_y(1.0)).dominant_light()
+    assert turned.error_deg == MIRROR_ERROR_DEG
+    clipped = anyprobe.estimate(response(photo).clip(max=1.0), **given)
+    assert clipped.dominant_light().error_deg > MIRROR_ERROR_DEG

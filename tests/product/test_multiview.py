@@ -307,3 +307,13 @@ def test_poses_that_do_not_fit_write_nothing(command, work, photo_path, poses):
         in command("estimate", photo_path, other, "--poses", work / "poses.json", "-o", "one").complaint
     )
     assert not (work / "one").exists()
+
+
+def test_paths_are_to_be_loaded_first(photo_path, estimator):
+    with pytest.raises(InputError, match="^photos: expected what load_photo returns, got str; load each first$"):
+        estimator.multiview([str(photo_path)], [np.eye(3)])
+
+
+def test_detail_of_several_photos_is_refused_by_the_command(command, work, photo_path):
+    complaint = command("estimate", photo_path, "--poses", "poses.json", "--detail", "plausible").complaint
+    assert complaint == "anyprobe: --detail: does nothing beside --poses; leave it out"

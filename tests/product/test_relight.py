@@ -518,3 +518,21 @@ def test_paths_agree_with_our_shading_on_a_sphere(name):
     mean = theirs[inside][:, :3].mean(axis=0)
     np.testing.assert_allclose(difference.mean(axis=0) / mean, 0, atol=0.01)
     assert np.sqrt(np.square(difference).mean()) < 0.06 * mean.mean()
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_an_object_lit_by_a_saved_light_stands_on_the_ground_that_was_found_with_it(command, work, photo_rgba):
+    """As without --light; of another map, on what the photo shows."""
+    Image.fromarray(photo_rgba[..., :3]).save("table.png")
+    Image.fromarray(photo_rgba[..., 3]).save("mask.png")
+    shot = ("table.png", "--mask", "mask.png")
+    assert command("estimate", *shot, "-o", "light").status == 0
+    Path("light/table.png").unlink()
+    relit = ("relight", *shot, "--renderer", "own", "--json")
+    wanted = json.loads(command(*relit).out)
+    anyprobe.Light(radiance=made_map()).save("other.exr")
+    for light in ("light/table.exr", "other.exr"):
+        found = json.loads(command(*relit, "--light", light).out)
+        assert [found[name] for name in ("pitch_deg", "foot_px")] == [wanted[name] for name in ("pitch_deg", "foot_px")]
+    given = json.loads(command(*relit, "--light", "light/table.exr", "--pitch", 40).out)
+    assert given["pitch_deg"] == 40

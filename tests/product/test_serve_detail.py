@@ -126,3 +126,11 @@ def test_a_confidence_of_another_size_is_refused(client, tmp_path):
     answer = client.post("/v1/detail", files=files)
     assert answer.status_code == 422
     assert "expected the map's size" in answer.json()["error"]
+
+
+def test_a_size_without_detail_is_refused(client, photo):
+    answer = client.post("/v1/estimate?size=64", content=photo)
+    assert (answer.status_code, answer.json()["error"]) == (
+        422,
+        "size: does nothing without detail=plausible; add that, or leave it out",
+    )

@@ -264,7 +264,10 @@ def test_another_method_is_told_which_one_the_address_takes(estimator, with_page
             assert refusal(answer, 405) == "expected POST, got GET"
             assert answer.headers["allow"] == "POST"
         assert refusal(client.post("/v1/targets"), 405) == "expected GET, got POST"
-        refusal(client.get("/v1/nowhere"), 404)
+        for method in ("get", "post", "delete"):
+            refusal(getattr(client, method)("/v1/nowhere"), 404)
+        if page is not None:
+            assert refusal(client.post("/"), 405) == "expected GET, got POST"
         assert client.get("/healthz").status_code == 200
         assert client.get("/").status_code == (200 if with_page else 404)
 

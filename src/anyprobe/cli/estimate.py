@@ -31,6 +31,7 @@ from anyprobe.cli.options import (
     line_of,
     list_photos,
     photo_source,
+    refuse_unused,
     result_stem,
     with_bundles,
 )
@@ -61,6 +62,7 @@ class Done:
 
 @with_bundles
 def estimate(
+    context: typer.Context,
     photos: Annotated[
         list[Path], typer.Argument(metavar="PHOTO...", help="Photos, folders of photos, or - for standard input.")
     ],
@@ -78,6 +80,8 @@ def estimate(
     quiet: QuietOption = False,
 ) -> None:
     """Estimate the environment map around an object. Writes <stem>.exr, .hdr, .json and .png per photo."""
+    if poses is not None:
+        refuse_unused(context, "beside --poses", "detail", "detail_library", "size")
     hints = taken.hints()
     listed = list_photos(photos)
     estimator = by.estimator(segmenter=taken.segmenter, **fine.settings(size))

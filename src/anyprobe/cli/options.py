@@ -165,7 +165,11 @@ class ObjectOptions(_Others, MaskOptions):
             more["normals"] = open_normals_model(self.normals_from)
         if self.metal and self.material is None:
             more["material"] = "chrome"
-        return MaskOptions.hints(self, **more)
+        hints = MaskOptions.hints(self, **more)
+        surface = hints.surface() if self.metal else None
+        if surface is not None and surface.albedo.any():
+            raise InputError(f"--metal and --material {self.material}: expected a metal, got another; leave one out")
+        return hints
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -287,7 +291,7 @@ def hints_for(photo: Path, hints: Hints) -> Hints:
 
 def list_photos(photos: list[Path]) -> list[Path]:
     """Files as given; folders as the photos in them, in natural order, without hidden files, environment maps and
-    what anyprobe wrote beside NAME: NAME_mask, NAME_overlay and NAME_relit."""
+    what anyprobe wrote: NAME_mask, NAME_overlay and NAME_relit beside NAME, and NAME.png beside a map of that name."""
     chosen: list[Path] = []
     for path in photos:
         if not path.is_dir():
@@ -295,7 +299,9 @@ def list_photos(photos: list[Path]) -> list[Path]:
             continue
         found = visible_files(path, PICTURES)
         written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit")}
-        found = [p for p in found if p.stem not in written and not (p.suffix.lower() == ".exr" and _is_map(p))]
+        maps = {p for p in found if p.suffix.lower() == ".exr" and _is_map(p)}
+        previews = {p.with_suffix(".png") for p in maps if p.with_suffix(".json").is_file()}
+        found = [p for p in found if p.stem not in written and p not in maps | previews]
         if not found:
             raise InputError(f"{path}: no photos in this folder; check the path")
         chosen += found

@@ -230,16 +230,18 @@ def _pitch(stage: Stage, photo: Photo, ground: Ground | None) -> str:
 def _radiance(
     photo: Photo, light: Path | None, by: ModelOptions, fine: DetailOptions
 ) -> tuple[np.ndarray, float, Ground | None]:
-    """The given map, turned back to the camera; or the estimate, made as bright as the object asks, its gain, and the
-    ground that was found with it."""
+    """The given map, turned back to the camera, and the ground that was found with it, else in the photo; or the
+    estimate, made as bright as the object asks, its gain, and its ground."""
     if light is not None:
+        from anyprobe.estimate.ground import Ground
         from anyprobe.export.exported_light import read_with_origin
         from anyprobe.light.environment import rotate
 
-        radiance, _, turn = read_with_origin(light)
+        radiance, said, turn = read_with_origin(light)
         if not np.allclose(turn, np.eye(3)):
             radiance = np.maximum(rotate(radiance, turn.T), 0.0)
-        return radiance, 1.0, None
+        is_its = said.get("photo") == photo.name and "ground" in said and photo.pitch_deg is None
+        return radiance, 1.0, Ground.of(said["ground"]) if is_its else by.estimator().from_photo(photo).ground
     from anyprobe.relight.appearance import least_scale
 
     found = by.estimator(**fine.settings()).from_photo(photo)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable, Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -84,6 +83,8 @@ class Settings:
     def __post_init__(self) -> None:
         check_detail(self.detail)
         check_rows(self.size)
+        if self.threads is not None and self.threads < 1:
+            raise InputError(f"threads: expected 1 or more, got {self.threads}; leave it out to use all cores")
 
     @property
     def networks(self) -> tuple[str, int | None, str]:
@@ -114,6 +115,10 @@ class Estimator:
         self.model_id = model_id(settings.model)
         self._set(settings)
 
+    def __reduce__(self) -> tuple[type[Estimator], tuple[Settings]]:
+        """Other processes open the networks anew."""
+        return Estimator, (self.settings,)
+
     def _set(self, settings: Settings) -> None:
         segmenter = settings.segmenter
         self.segmenter = load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter
@@ -125,7 +130,8 @@ class Estimator:
         settings = replace(self.settings, **more)
         if settings.networks != self.settings.networks:
             return Estimator(settings)
-        other = copy(self)
+        other = object.__new__(type(self))  # copy() would open the networks anew
+        vars(other).update(vars(self))
         other.models = self.models.with_emitters(settings.emitters)
         other._set(settings)
         return other

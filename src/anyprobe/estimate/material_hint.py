@@ -38,7 +38,7 @@ MOST_STERADIANS = 0.1
 """That a pixel of a mirror is taken to show at most: more is an error of its normals."""
 ENOUGH = 0.5
 """Pixels that a place of a map must have seen for the measured light to count half."""
-MEASURED = 0.65
+MEASURED_CONFIDENCE = 0.65
 """How likely a display value that is measured whole is within 0.1 of the truth, on training maps and shapes: a camera's
 curve is not known, and its normals are estimated at every second pixel."""
 ODDS = 10.0
@@ -216,8 +216,9 @@ def use_material(
         radiance, seen = measure(outputs.radiance, image, given_normals, tan_half, material, mirrored)
         confidence = outputs.confidence
         if confidence is not None:
-            confidence = (confidence + seen * (MEASURED - confidence)).astype(np.float32)
-        return outputs.with_map(radiance, confidence), {"material": done, "measured": True}
+            confidence = (confidence + seen * (MEASURED_CONFIDENCE - confidence)).astype(np.float32)
+        how = {"material": done, "measured": True, "above_white": mirrored is not None}
+        return outputs.with_map(radiance, confidence), how
     if outputs.normals is None:
         raise InputError("material: expected a model that estimates normals, got one that does not; use lift")
     gain = fit_gain(outputs.radiance, image, outputs.normals, tan_half, material) ** TRUST

@@ -93,6 +93,8 @@ def cut_photos(photos: Iterable[Photo], start: float | None = None) -> tuple[lis
     start = time.perf_counter() if start is None else start
     taken, spent = [], []
     for k, photo in enumerate(photos):  # which may be loaded only now, one after another
+        if not isinstance(photo, Photo):
+            raise InputError(f"photos: expected what load_photo returns, got {type(photo).__name__}; load each first")
         taken.append((photo.without_pixels(), cut_out(photo, first=k == 0)))
         spent.append(time.perf_counter() - start)
         start += spent[-1]

@@ -159,7 +159,12 @@ def read_normals(source: NormalsSource, shape: tuple[int, int]) -> Float[np.ndar
     known = length > SHORTEST
     if not known.any():
         raise InputError(f"{name}: expected unit normals where the object is, found none; a picture holds (n + 1) / 2")
-    if from_picture and (np.abs(length[known] - 1.0) < NEAR_UNIT).mean() < UNIT_SHARE:
+    is_unit = (np.abs(length[known] - 1.0) < NEAR_UNIT).mean() >= UNIT_SHARE
+    if not (is_unit or from_picture) and (values >= 0.0).all():
+        raise InputError(
+            f"{name}: expected unit vectors in floats, got values of a picture, (n + 1) / 2; pass 2 * values - 1"
+        )
+    if from_picture and not is_unit:
         raise InputError(
             f"{name}: expected a picture of (n + 1) / 2, got one most of whose vectors are far from unit length, as a "
             "photo's are; pass a normal map, or sphere"

@@ -13,9 +13,11 @@ import numpy as np
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import is_rotation
+from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.ground import Ground
+from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
 from anyprobe.estimate.sidecar import FRAME, SCALE, SIDECAR_VERSION, TURNED, Info, current_names, restored
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.images import png_bytes, write_png
@@ -33,6 +35,11 @@ if TYPE_CHECKING:
     from anyprobe.detail.matching import MatchedMap
     from anyprobe.render.mesh import Mesh
     from anyprobe.scatter.materials import Material
+
+MIRROR_ERROR_DEG = 180 / 64
+"""A pixel of the map that a mirror is unwrapped to."""
+BEHIND = -0.5
+"""z, in the crop's frame, of what a mirror shows near its rim."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -114,7 +121,16 @@ class Light:
 
     def dominant_light(self) -> DominantLight:
         """The lobe that a directional light stands for: direction, irradiance, colour."""
-        return find_dominant_light(self.radiance)
+        main = find_dominant_light(self.radiance)
+        return replace(main, error_deg=MIRROR_ERROR_DEG) if self._is_measured(main.direction) else main
+
+    def _is_measured(self, direction: np.ndarray) -> bool:
+        """Whether a mirror shows what is there, unclipped; at its rim, which shows what is behind it, too little."""
+        if self.confidence is None or not self.info.get("hints", {}).get("above_white"):
+            return False
+        toward_camera = (self.map_from_camera @ self.camera_from_crop).T @ direction
+        at = bilinear(self.confidence[..., None], direction_to_uv(direction))
+        return bool(at[0] > 0.9 * MEASURED_CONFIDENCE and toward_camera[2] > BEHIND)
 
     def sources(self) -> tuple[LightSource, ...]:
         """The map's light sources, the brightest place first: direction, irradiance, angular size; none under an even

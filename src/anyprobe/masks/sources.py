@@ -57,10 +57,15 @@ def mask_from_file(source: MaskPicture, shape: tuple[int, int]) -> np.ndarray:
     """
     if isinstance(source, np.ndarray) and (source.dtype == bool or _is_binary(source)):
         source = source.astype(np.uint8) * 255
+    if isinstance(source, np.ndarray) and not _is_mask_array(source):
+        raise InvalidMask(
+            f"mask: expected bool, 0 and 1, uint8, uint16 or floats from 0 to 1, got {source.dtype} from "
+            f"{source.min():g} to {source.max():g}; scale it"
+        )
     try:
         brightness, alpha, name = _read(source)
     except InvalidPhoto as error:
-        raise InvalidMask(f"mask: {error}") from error
+        raise InvalidMask(f"mask: {str(error).removeprefix('mask: ')}") from error
     found = brightness.shape
     if found != tuple(shape):
         raise InvalidMask(
@@ -133,6 +138,13 @@ def mask_from_function(segment: MaskFunction, rgb: np.ndarray) -> np.ndarray:
             f"mask function: expected an array [height, width] back, got shape {answer.shape}; return one object's mask"
         )
     return mask_from_file(answer, rgb.shape[:2])
+
+
+def _is_mask_array(values: np.ndarray) -> bool:
+    """Whether numbers are those of a mask; what is no picture at all is read_image's to refuse."""
+    if values.size == 0 or values.dtype in (np.uint8, np.uint16) or values.dtype.kind not in "uif":
+        return True
+    return values.dtype.kind == "f" and not (np.nanmin(values) < 0 or np.nanmax(values) > 1)
 
 
 def _is_binary(values: np.ndarray) -> bool:

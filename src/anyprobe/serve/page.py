@@ -143,9 +143,11 @@ def add_page(app: FastAPI, page: Page, pool: WorkerPool) -> None:
             raise HTTPException(404, "there is no such page")
         return Response(made[f"example/{name}"], media_type=MEDIA_TYPES[Path(name).suffix])
 
-    @app.get("/{name:path}", include_in_schema=False)
+    @app.api_route("/{name:path}", methods=["GET", "POST", "PUT", "PATCH", "DELETE"], include_in_schema=False)
     async def file(request: Request, name: str) -> Response:
         name = "index.html" if not name else f"{name}index.html" if name.endswith("/") else name
+        if request.method != "GET" and (name in page.files or name + PACKED in page.files):
+            raise HTTPException(405, headers={"Allow": "GET"})
         return _file_response(request, page, name)
 
 
@@ -172,7 +174,7 @@ def _file_response(request: Request, page: Page, name: str) -> Response:
 
 
 def _absent(request: Request) -> HTTPException:
-    """405 where other methods have an address of the API, which this one of all GETs hides; else 404."""
+    """405 where other methods have an address of the API, which this one of all addresses hides; else 404."""
     hidden = [one for one in request.app.routes if one.matches(request.scope)[0] is Match.PARTIAL]
     if hidden:
         return HTTPException(405, headers={"Allow": ", ".join(sorted(hidden[0].methods))})

@@ -59,8 +59,12 @@ class Upload:
 
     @property
     def rows(self) -> int | None:
-        """Of the map with detail; None where none is asked for."""
-        return self.settings.get("size", ROWS) if check_detail(self.settings.get("detail", DETAILS[0])) else None
+        """Of the map with detail; None where none is asked for. InputError for a size that does nothing."""
+        if check_detail(self.settings.get("detail", DETAILS[0])):
+            return self.settings.get("size", ROWS)
+        if "size" in self.settings:
+            raise InputError("size: does nothing without detail=plausible; add that, or leave it out")
+        return None
 
     def pictures(self) -> list[tuple[str, bytes]]:
         """What it carries as files, and what messages call each; a client names its photo as it likes."""
