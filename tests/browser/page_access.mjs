@@ -66,6 +66,11 @@ export default async ({ page, url }) => {
     below: await page.evaluate(() =>
       ["frame", "status", "map"].filter((id) => document.getElementById(id).getBoundingClientRect().bottom + scrollY > innerHeight),
     ),
+    strip: await page.evaluate(() => {
+      const { bottom } = document.getElementById("tools").getBoundingClientRect();
+      const tops = [...document.querySelectorAll("main > *")].map((one) => one.getBoundingClientRect().top);
+      return Math.min(...tops.filter((top) => top >= bottom)) - bottom;
+    }),
     small: await page.evaluate(() =>
       [...document.querySelectorAll("button, select")]
         .filter((one) => one.checkVisibility() && one.getBoundingClientRect().height < 40)

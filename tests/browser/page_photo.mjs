@@ -60,7 +60,7 @@ export default async ({ page, url, arguments: given }) => {
   seen.background = {};
   for (const kind of ["exr", "json"]) seen.background[kind] = await save(kindOf(kind), join(given.folder, "background"));
   await ask(() => page.selectOption("#surroundings", "none"));
-  await ask(() => page.check("#soften"));
+  seen.softened = await ask(() => page.check("#soften"));
   seen.soft = {};
   for (const kind of ["exr", "json"]) seen.soft[kind] = await save(kindOf(kind), join(given.folder, "soft"));
 

@@ -24,7 +24,7 @@ export default async ({ page, url, arguments: given }) => {
       for (let i = 0; i < bytes.length; i += 8192) text += String.fromCharCode(...bytes.subarray(i, i + 8192));
       return { radiance: btoa(text), direction: lastLight.dominant.direction };
     });
-    seen[engine].seconds = Number(said.match(/in ([\d.]+) s/)?.[1]);
+    seen[engine].seconds = Number(said.match(/light in ([\d.]+) s/)?.[1]);
   }
   return seen;
 };

@@ -10,6 +10,7 @@ from support.browser import run_steps
 
 pytestmark = pytest.mark.slow
 
+VASE = Path(__file__).parents[2] / "examples" / "vase.png"
 ENDED = "The camera has ended"
 
 
@@ -36,6 +37,23 @@ def plain_photo(tmp_path) -> Path:
     return path
 
 
+@pytest.fixture
+def backdrop_photo(tmp_path) -> Path:
+    """The example's vase on grey, opaque."""
+    path = tmp_path / "backdrop.jpg"
+    with Image.open(VASE) as image:
+        grey = Image.new("RGBA", image.size, (128, 127, 126))
+        Image.alpha_composite(grey, image).convert("RGB").save(path, quality=95)
+    return path
+
+
+@pytest.fixture
+def clip(tmp_path) -> Path:
+    path = tmp_path / "clip.mp4"
+    path.write_bytes(b"\0\0\0\x18ftypmp42" + bytes(64))
+    return path
+
+
 def part(whole: dict, names) -> dict:
     return {name: whole[name] for name in names}
 
@@ -53,6 +71,38 @@ def test_late_mask_is_not_put_on_another_picture(page_url, vase_photo, half_phot
     assert [seen["nothing"][part] for part in ("usable", "estimates")] == [0, 0]
 
 
+def test_a_mark_or_a_file_that_gives_nothing_leaves_the_last_light(page_url, backdrop_photo, broken_photo, clip):
+    seen = run_steps(
+        "page_kept.mjs",
+        page_url,
+        {
+            "photo": str(backdrop_photo),
+            "on": [0.5, 0.55],
+            "beside": [0.08, 0.1],
+            "files": [str(broken_photo), str(clip)],
+        },
+        viewport=(1280, 900),
+        timeout_s=600,
+        complaints_allowed=True,  # the server refuses the files
+    )
+    first, again = seen["first"], seen["again"]
+    assert first["kept"]["quality"].startswith("Mask quality, estimated: 0.9")
+    assert "IoU" in first["title"]
+    for way, before in (("click", "first"), ("box", "first"), ("pending", "marked")):
+        assert seen[way]["kept"] == seen[before]["kept"], way
+        assert seen[way]["status"].startswith("Nothing stands out there. The last object and its light stay"), way
+        assert (seen[way]["kind"], seen[way]["link"]) == ("warning", "#mask")
+    assert [seen[way]["lights"] - first["lights"] for way in ("click", "box", "again", "pending")] == [0, 0, 1, 2]
+    marked = {way: (len(seen[way]["hints"]["on"]), seen[way]["hints"]["box"] is not None) for way in ("box", "again")}
+    assert marked == {"box": (0, True), "again": (1, False)}  # without those that found nothing
+    assert again["kept"]["mask"] != first["kept"]["mask"]
+    assert seen["reset"]["kept"] == first["kept"]
+    no_picture, video = seen["refused"]
+    assert no_picture.startswith("broken.png: this file is no picture. Choose a photo")
+    assert video.startswith("clip.mp4: this file is a video. Choose a photo")
+    assert seen["png"].startswith("The map as it is shown")
+
+
 def test_camera_is_one_and_ends_with_what_takes_its_place(page_url, vase_photo, broken_photo):
     given = {"photo": str(vase_photo), "broken": str(broken_photo)}
     seen = run_steps(
@@ -65,7 +115,7 @@ def test_camera_is_one_and_ends_with_what_takes_its_place(page_url, vase_photo, 
     live = {"pressed": "true", "tracks": ["live"], "shown": ["video"], "aspect": "640 / 480"}
     assert part(seen["live"], live) == live
     assert part(seen["broken"], live) == live
-    assert seen["broken"]["status"].startswith("broken.png: expected an image")
+    assert seen["broken"]["status"].startswith("broken.png: this file is no picture")
     assert seen["turned"]["tracks"] == ["live"]
     assert seen["turned"]["mask"] < 1
     assert seen["overlay"] == "visible"

@@ -1,7 +1,7 @@
 /** The page: its elements, and what happens between them. */
 
 import { LightPanel } from "./view/lightPanel.js";
-import { MaskEditor } from "./view/maskEditor.js";
+import { MaskEditor, NO_HINTS } from "./view/maskEditor.js";
 import { ObjectTools } from "./view/objectTools.js";
 import { PhotoStage } from "./view/photoStage.js";
 import { StagesPanel } from "./view/stagesPanel.js";
@@ -10,6 +10,7 @@ import { ProbeOpener } from "./probe.js";
 import { LiveSession } from "./live/session.js";
 import { maskFromAlpha, objectBox } from "../src/photo/picture.js";
 import { openPhoto } from "./openPhoto.js";
+import { inPage } from "./inPage.js";
 import { readExample } from "./example.js";
 import { showQuality } from "./view/maskQuality.js";
 import { askReflections } from "./reflections.js";
@@ -58,8 +59,10 @@ function showDownload({ file, loaded, total, stalled }) {
   fetched = stalled ? null : file;
 }
 
-/** The picture, its field of view and name; mask and box of its object and its light, once there are any; the given pitch. */
+/** The picture, its field of view and name; of its object and light what there is; the given pitch. */
 let opened = null;
+/** Of an object that is not found: no mask with its box and what it was found by, no light. */
+const NOTHING = { mask: null, box: null, hints: NO_HINTS, found: null, result: null };
 let choice = 0; // of a picture or the camera: one that is ready after another was chosen is dropped
 let turn = 0; // of questions about the picture on show: older answers are dropped
 
@@ -99,16 +102,16 @@ async function open(blob, name) {
 function put(found) {
   live.stop();
   turn++;
-  opened = { mask: null, box: null, result: null, found: null, ...found };
+  opened = { ...NOTHING, ...found };
   showOpened();
 }
 
 function showOpened() {
-  const { picture, mask, result } = opened;
+  const { picture, mask, hints, result } = opened;
   reflections.disabled = false;
   stage.showPicture(picture);
   editor.open(picture);
-  if (mask) editor.show(mask);
+  if (mask) editor.show(mask, hints);
   showQuality(opened.found);
   if (result) return showLight();
   light.clear();
@@ -129,7 +132,7 @@ async function ownMask(picture, isLate) {
 }
 
 function remask(hints) {
-  return examine((picture, isLate) => findMask(picture, hints, isLate));
+  return examine((picture, isLate) => findMask(picture, hints, isLate), hints);
 }
 
 async function findMask(picture, { on, off, box }, isLate) {
@@ -144,26 +147,33 @@ async function findMask(picture, { on, off, box }, isLate) {
   }
 }
 
-/** Find the object of the picture on show, and its light. What comes or fails after something newer was asked is dropped. */
-async function examine(maskOf) {
+/**
+ * Find the object of the picture on show, by what was marked, and its light. What comes or fails after something newer was
+ * asked is dropped.
+ */
+async function examine(maskOf, hints = NO_HINTS) {
   const mine = ++turn;
   const isLate = () => mine !== turn;
   try {
     const found = await maskOf(opened.picture, isLate);
-    if (!isLate()) await estimate(found, isLate);
+    if (!isLate()) await estimate(found, hints, isLate);
   } catch (error) {
-    if (!isLate()) setStatus(error.message, "fault");
+    if (isLate()) return;
+    editor.show(opened.mask, opened.hints);
+    setStatus(error.message, "fault");
   }
 }
 
-async function estimate(found, isLate) {
+async function estimate(found, hints, isLate) {
   const { picture, longFovDeg } = opened;
   const mask = found?.mask ?? null;
-  editor.show(mask);
   const box = mask && objectBox(mask, picture.width);
+  if (!box && opened.mask) return stay(found?.warnings[0], isLate);
+  editor.show(mask, box ? hints : NO_HINTS);
   showQuality(box ? found : null);
   if (!box) return showNothing(found?.warnings[0]);
-  Object.assign(opened, { mask, box, found, result: null });
+  const { seconds, ...kept } = found;
+  Object.assign(opened, { mask, box, hints, found: kept, result: null });
   const probe = await networks.open();
   if (isLate()) return;
   setStatus("Estimating the lighting …");
@@ -172,28 +182,30 @@ async function estimate(found, isLate) {
   opened.result = result;
   showLight();
   if (found.warnings.length) {
-    return setStatus(`Estimated. ${found.warnings[0]} Click on the object below, or draw a box around it.`, "warning");
+    return setStatus(`Estimated. ${inPage(found.warnings[0])} Click on the object below, or draw a box around it.`, "warning");
   }
   const [doubt] = result.light.warnings;
   if (doubt) return setStatus(`Estimated, but ${inPage(doubt)}.`, "warning");
-  setStatus(`Estimated in ${result.seconds.toFixed(2)} s, in this browser. If the outline is wrong, click on the object below, or draw a box around it.`);
+  const search = seconds === undefined ? "" : `object found in ${seconds.toFixed(1)} s, `;
+  setStatus(`Estimated: ${search}light in ${result.seconds.toFixed(1)} s. If the outline is wrong, click on the object below, or draw a box around it.`);
+}
+
+/** What was marked found nothing: the last object and its light stay, the mark does not. */
+async function stay(why, isLate) {
+  const { mask, hints, found, result } = opened;
+  if (result) editor.show(mask, hints);
+  else await estimate(found, hints, isLate); // its light was on its way
+  if (!isLate()) setStatus(`${why} The last object and its light stay: click on the object below, or draw a box around it.`, "warning");
 }
 
 /** Nothing of the last light is left. @param {string} [why] where it was looked for */
 function showNothing(why) {
-  Object.assign(opened, { mask: null, box: null, found: null, result: null });
+  Object.assign(opened, NOTHING);
   stage.showPicture(opened.picture);
   light.clear();
   stages.clear();
   const advice = "Click on the object in the picture “Object” below, or draw a box around it.";
   setStatus(why ? `${why} ${advice}` : advice, why ? "warning" : "");
-}
-
-/** What is advised, in the words of the page's controls. */
-function inPage(doubt) {
-  return doubt
-    .replace(/give the pitch$/, "set “Camera pitch”")
-    .replace(/choose surroundings "photo"$/, "choose “the whole photo” at “Look at”");
 }
 
 function showLight() {
@@ -249,6 +261,7 @@ element("example").addEventListener("click", () => attempt(openExample));
 element("reset").addEventListener("click", () => {
   if (live.running) return live.mark(editor.reset());
   if (!opened) return;
+  Object.assign(opened, NOTHING); // what is found next is no correction of it
   editor.open(opened.picture);
   examine(ownMask);
 });
@@ -259,7 +272,7 @@ let pitchTimer;
 /** Another light of the same object is wanted. */
 function askAgain() {
   if (live.running) return attempt(() => live.setOptions());
-  if (opened?.mask) examine(async () => opened.found);
+  if (opened?.mask) examine(async () => opened.found, opened.hints);
 }
 
 for (const choice of [surroundings, soften]) choice.addEventListener("change", askAgain);

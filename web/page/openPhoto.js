@@ -2,6 +2,7 @@
 
 import exifr from "exifr/dist/lite.esm.mjs";
 import { DEFAULT_LONG_FOV_DEG } from "../src/photo/crop.js";
+import { refusal } from "./inPage.js";
 
 /** Longer side at which a photo is kept: more than is shown, and plenty for a crop of 128. */
 const LONG_PX = 1600;
@@ -61,11 +62,11 @@ async function exifFovDeg(blob) {
 }
 
 async function throughServer(blob, name, hasServer) {
-  if (!hasServer) throw new Error(`${name}: this browser cannot open it. Save it as JPEG or PNG first.`);
+  if (!hasServer) throw new Error(`${name}: this browser cannot open it as a picture. Choose a photo, or save it as JPEG or PNG first.`);
   const body = new FormData();
   body.append("photo", blob, name);
   const answer = await fetch(new URL("v1/photo", document.baseURI), { method: "POST", body });
-  if (!answer.ok) throw new Error((await answer.json()).error.replace(/^photo:/, `${name}:`));
+  if (!answer.ok) throw new Error(refusal((await answer.json()).error, name));
   const given = answer.headers.get("X-Long-Fov-Deg");
   return { blob: await answer.blob(), longFovDeg: given === null ? null : Number(given) };
 }

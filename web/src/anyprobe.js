@@ -45,8 +45,8 @@ export class AnyProbe {
   /**
    * Where the object is: numbers in [0, 1] of the picture's size, or of 1600 pixels along its longer side.
    *
-   * @returns {Promise<{mask: Float32Array, width: number, height: number, quality: number | null, warnings: string[]}>}
-   *   quality: the IoU to expect, null without a mask network; warnings: a line where that is below 0.81
+   * @returns {Promise<{mask: Float32Array, width: number, height: number, quality: number | null, warnings: string[],
+   *   seconds: number}>} quality: the IoU to expect, null without a mask network; warnings: a line where that is below 0.81
    */
   async mask(image, options = {}) {
     checkNames("mask", options);

@@ -245,9 +245,10 @@ export declare class AnyProbe {
   readonly hasMask: boolean;
   /**
    * Numbers in [0, 1], of the picture's size or of 1600 pixels along its longer side; and its quality: the IoU to expect,
-   * with a line on what looks wrong where that is little, and one where weights.u2netp is missing.
+   * with a line on what looks wrong where that is little, and one where weights.u2netp is missing. seconds: how long the search
+   * took, without the opening of a network.
    */
-  mask(image: ImageSource, options?: Hints & Cancellable): Promise<{ mask: Float32Array; width: number; height: number; quality: number | null; warnings: string[] }>;
+  mask(image: ImageSource, options?: Hints & Cancellable): Promise<{ mask: Float32Array; width: number; height: number; quality: number | null; warnings: string[]; seconds: number }>;
   /** The light around the object of one picture, in the frame of its camera. */
   estimate(image: ImageSource, options?: EstimateOptions): Promise<Light>;
   /** The light of every frame of a playing video, a canvas or a camera's track, steady on a still scene. One source at a time. */

@@ -17,6 +17,8 @@ const TITLES = {
   dds: "DDS",
 };
 
+const AS_SHOWN = "The map as it is shown above, with its exposure or false colour; radiance is in .exr and .hdr";
+
 export class LightPanel {
   constructor(config) {
     this.result = this.shaded = null;
@@ -99,7 +101,7 @@ export class LightPanel {
     for (const kind of Object.keys(OWN_FILES)) {
       this.#addButton(`.${kind}`, () => OWN_FILES[kind](this.result, this.about), kind);
     }
-    this.#addButton(".png", () => new Promise((done) => element("map").toBlob(done)), "png");
+    this.#addButton(".png", () => new Promise((done) => element("map").toBlob(done)), "png", AS_SHOWN);
     element("targets-row").hidden = !server;
     for (const target of targets) {
       const title = TITLES[target] ?? target[0].toUpperCase() + target.slice(1);
@@ -112,8 +114,8 @@ export class LightPanel {
     });
   }
 
-  #addButton(text, make, suffix) {
-    const button = Object.assign(document.createElement("button"), { type: "button", textContent: text });
+  #addButton(text, make, suffix, title = "") {
+    const button = Object.assign(document.createElement("button"), { type: "button", textContent: text, title });
     button.disabled = true;
     button.setAttribute("aria-label", `Download the map as ${text}`);
     button.addEventListener("click", () => this.#save(make, suffix));

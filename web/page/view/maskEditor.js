@@ -11,6 +11,9 @@ const OUTLINE = [255, 196, 0];
 /** A pixel is on the outline where one of these beside it is not inside. */
 const EDGE = [[1, 0], [-1, 0], [0, 1], [0, -1], [2, 0], [-2, 0], [0, 2], [0, -2]];
 
+/** Nothing is marked. @type {import("../../src/photo/picture.js").Hints} */
+export const NO_HINTS = Object.freeze({ on: [], off: [], box: null });
+
 export class MaskEditor {
   /**
    * @param {{canvas: HTMLCanvasElement, cursor: HTMLElement, removing: HTMLInputElement, band: HTMLElement,
@@ -19,7 +22,7 @@ export class MaskEditor {
    */
   constructor({ canvas, cursor, removing, band, button }, onHints) {
     Object.assign(this, { canvas, cursor, removing, onHints });
-    this.hints = noHints();
+    this.hints = NO_HINTS;
     this.at = [0.5, 0.5];
     this.boxTool = new BoxTool({ canvas, band, button }, (box) => this.#enclose(box));
     canvas.addEventListener("click", (event) => {
@@ -42,7 +45,7 @@ export class MaskEditor {
   /** Forget clicks and box; what is left of them. */
   reset() {
     this.boxTool.close();
-    this.hints = noHints();
+    this.hints = NO_HINTS;
     return this.hints;
   }
 
@@ -52,8 +55,14 @@ export class MaskEditor {
     this.show(mask);
   }
 
-  /** Show a mask on the picture: the rest dimmed, the outline bright, the clicks as dots, the box dashed. */
-  show(mask) {
+  /**
+   * Show a mask on the picture: the rest dimmed, the outline bright, the clicks as dots, the box dashed.
+   *
+   * @param {Float32Array | null} mask
+   * @param {import("../../src/photo/picture.js").Hints} [hints] by which it was found: what was marked since is forgotten
+   */
+  show(mask, hints = this.hints) {
+    this.hints = hints;
     const { width, height, rgba } = this.picture;
     const scale = Math.min(1, LONG_PX / Math.max(width, height));
     const [w, h] = [Math.round(width * scale), Math.round(height * scale)];
@@ -113,7 +122,8 @@ export class MaskEditor {
   #click(removes) {
     if (!this.picture) return;
     const point = [this.at[0] * this.picture.width, this.at[1] * this.picture.height];
-    (removes ? this.hints.off : this.hints.on).push(point);
+    const kind = removes ? "off" : "on";
+    this.hints = { ...this.hints, [kind]: [...this.hints[kind], point] };
     this.onHints(this.hints);
   }
 
@@ -121,7 +131,7 @@ export class MaskEditor {
   #enclose([x0, y0, x1, y1]) {
     if (!this.picture) return;
     const { width, height } = this.picture;
-    this.hints.box = [x0 * width, y0 * height, x1 * width, y1 * height];
+    this.hints = { ...this.hints, box: [x0 * width, y0 * height, x1 * width, y1 * height] };
     this.onHints(this.hints);
   }
 
@@ -142,7 +152,5 @@ export class MaskEditor {
     event.preventDefault();
   }
 }
-
-const noHints = () => ({ on: [], off: [], box: null });
 
 const clamp = (value, length) => Math.min(Math.max(value, 0), length - 1);

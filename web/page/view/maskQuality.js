@@ -1,6 +1,7 @@
 /** How good the mask is, below the picture in which it is corrected: in colour, and what looks wrong. */
 
 import { DOUBTFUL } from "../../src/photo/quality.js";
+import { inPage } from "../inPage.js";
 import { element } from "./elements.js";
 
 /** Below it most of the object is likely missed. */
@@ -12,6 +13,7 @@ export function showQuality(found) {
   const line = element("mask-quality");
   line.hidden = quality === null;
   if (line.hidden) return;
-  line.textContent = found.warnings[0] ?? `Expected IoU of the mask: ${quality.toFixed(2)}.`;
+  const [doubt] = found.warnings;
+  line.textContent = doubt ? inPage(doubt) : `Mask quality, estimated: ${quality.toFixed(2)}.`;
   line.className = quality >= DOUBTFUL ? "good" : quality >= BAD ? "warning" : "fault";
 }

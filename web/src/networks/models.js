@@ -171,7 +171,7 @@ export class Models {
    * @returns {Promise<Float32Array>} [160, 160] in [0, 1]
    */
   async mask(input) {
-    await this.#open("mask");
+    await this.openMask("mask");
     return (await this.#run("mask", [input, [1, 4, MASK_SIZE, MASK_SIZE]]))[0];
   }
 
@@ -182,11 +182,12 @@ export class Models {
    * @returns {Promise<Float32Array>} [320, 320] in [0, 1]
    */
   async u2netp(input) {
-    await this.#open("u2netp");
+    await this.openMask("u2netp");
     return (await this.#run("u2netp", [input, [1, 3, U2NETP_SIZE, U2NETP_SIZE]]))[0];
   }
 
-  async #open(stage) {
+  /** Open a mask network, "mask" or "u2netp"; once, however often it is wanted. */
+  async openMask(stage) {
     if (this.sessions[stage]) return;
     this.#opening[stage] ??= this.later[stage]().catch((error) => {
       delete this.#opening[stage]; // tried again when it is next wanted

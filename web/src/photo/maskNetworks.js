@@ -22,6 +22,10 @@ export class U2NetP {
     this.models = models;
   }
 
+  open() {
+    return this.models.openMask(this.name);
+  }
+
   /** @param {import("./picture.js").Picture} picture @returns {Promise<Cover>} 320 x 320 */
   async cover({ width, height, rgba }) {
     const { size, mean, spread } = U2NETP;
@@ -44,6 +48,10 @@ export class SmallNetwork {
   /** @param {import("../networks/models.js").Models} models */
   constructor(models) {
     this.models = models;
+  }
+
+  open() {
+    return this.models.openMask("mask");
   }
 
   /**
