@@ -12,15 +12,7 @@ from support.some_batch import some_batch  # noqa: E402
 
 from anyprobe.light.filtering import blur_cosine_power  # noqa: E402
 from anyprobe.nets.light_net import LightNet  # noqa: E402
-from anyprobe.train.chain import (  # noqa: E402
-    GRADUAL_SHARE,
-    NUM_EPOCHS,
-    Chain,
-    both_ways,
-    brightest_loss,
-    gradual_target,
-    sharpness,
-)
+from anyprobe.train.chain import GRADUAL_SHARE, NUM_EPOCHS, Chain, both_ways, brightest_loss, gradual_target, sharpness  # noqa: E402
 from anyprobe.train.config import paper, smoke  # noqa: E402
 
 

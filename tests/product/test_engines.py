@@ -3,6 +3,7 @@
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import onnxruntime
@@ -19,6 +20,10 @@ def crops():
     return [sphere_pair(seed).crop for seed in range(6)]
 
 
+UNREAD = pytest.mark.filterwarnings("ignore:.*OpenVINO cannot read it:RuntimeWarning")
+
+
+@UNREAD
 def test_openvino_says_what_onnx_runtime_says_from_many_threads(crops):
     """It fuses what is in 8 bits otherwise, so that some values are a step of 255 apart."""
     pytest.importorskip("openvino", reason="needs the openvino extra")
@@ -34,6 +39,7 @@ def test_openvino_says_what_onnx_runtime_says_from_many_threads(crops):
     assert np.abs(found[0].ldr - found[1].ldr).max() > 0.1  # not one request's leftovers
 
 
+@UNREAD
 def test_bfloat16_says_nearly_the_same(crops):
     """Rounded to 8 bits every now and then, but every pixel is lifted to where it was, or next to it."""
     pytest.importorskip("openvino", reason="needs the openvino extra")
@@ -42,6 +48,17 @@ def test_bfloat16_says_nearly_the_same(crops):
         one, two = known(crop, 0.2), other(crop, 0.2)
         assert np.median(np.abs(np.log(one.radiance) - np.log(two.radiance))) < 0.1
         assert np.abs(one.irradiance - two.irradiance).mean() < 0.02
+
+
+def test_what_openvino_cannot_read_is_run_all_the_same(monkeypatch, crops):
+    class Core:
+        def read_model(self, path):
+            raise RuntimeError("Conversion is failed for: Reshape-17")
+
+    monkeypatch.setitem(sys.modules, "openvino", SimpleNamespace(Core=Core))
+    with pytest.warns(RuntimeWarning, match="onnx: OpenVINO cannot read it; ONNX Runtime runs it"):
+        other = Models(threads=1, engine="openvino")
+    np.testing.assert_array_equal(other(crops[0], 0.2).radiance, Models(threads=1)(crops[0], 0.2).radiance)
 
 
 def test_absent_engine_names_its_extra(monkeypatch):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
+import warnings
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
@@ -39,19 +40,24 @@ def open_engine(session: onnxruntime.InferenceSession, path: Path, engine: str, 
     """Run the graph at path, which session has open and checked, by an engine.
 
     openvino-bf16 computes in bfloat16 where the processor can: the fastest, and a little less exact (docs/results.md);
-    the others in float32. cuda is ONNX Runtime on an NVIDIA GPU.
+    the others in float32. cuda is ONNX Runtime on an NVIDIA GPU. A graph that OpenVINO cannot read (2026.4 reduces
+    whole.onnx over the wrong axes) is left to ONNX Runtime, with a RuntimeWarning.
 
     Raises:
         InputError: no such engine, or cuda without a runtime or a GPU for it; MissingExtra: it is not installed.
     """
     if engine == "cuda":
         session = _open_cuda(path)
-    if engine in ("onnxruntime", "cuda"):
-        names = [given.name for given in session.get_inputs()]
-        return lambda *values: session.run(None, dict(zip(names, values, strict=True)))
-    if engine not in PRECISION:
+    if engine not in ENGINES:
         raise InputError(f"engine {engine!r}: expected one of {', '.join(ENGINES)}")
-    return _openvino(path, {given.name: given.shape for given in session.get_inputs()}, threads, PRECISION[engine])
+    if engine in PRECISION:
+        shapes = {given.name: given.shape for given in session.get_inputs()}
+        run = _openvino(path, shapes, threads, PRECISION[engine])
+        if run is not None:
+            return run
+        warnings.warn(f"{path.name}: OpenVINO cannot read it; ONNX Runtime runs it", RuntimeWarning, stacklevel=2)
+    names = [given.name for given in session.get_inputs()]
+    return lambda *values: session.run(None, dict(zip(names, values, strict=True)))
 
 
 def _open_cuda(path: Path) -> onnxruntime.InferenceSession:
@@ -66,12 +72,16 @@ def _open_cuda(path: Path) -> onnxruntime.InferenceSession:
     )
 
 
-def _openvino(path: Path, shapes: dict[str, list], threads: int | None, precision: str) -> Run:
+def _openvino(path: Path, shapes: dict[str, list], threads: int | None, precision: str) -> Run | None:
+    """None where it cannot read the graph."""
     try:
         import openvino
     except ImportError as error:
         raise MissingExtra("openvino", "openvino", "the engine openvino") from error
-    model = openvino.Core().read_model(str(path))
+    try:
+        model = openvino.Core().read_model(str(path))
+    except RuntimeError:
+        return None
     model.reshape({name: [1, *shape[1:]] for name, shape in shapes.items()})
     hints = {
         "PERFORMANCE_HINT": "LATENCY",
