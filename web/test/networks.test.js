@@ -6,6 +6,7 @@ import { test } from "node:test";
 import { ProbeOpener } from "../page/probe.js";
 import { WEIGHTS, integrityOf } from "../build/weights.js";
 import { INTEGRITY } from "../src/networks/integrity.js";
+import { CONTRACT } from "../src/core/contract.js";
 import { Models } from "../src/networks/models.js";
 
 const workers = [];
@@ -74,13 +75,13 @@ test("the hashes are those of the networks that the Python package carries", () 
 });
 
 test("a graph is fed and read by name, whatever its order", async () => {
-  const inputNames = ["material", "surroundings", "photo", "given_normals", "tan_half"];
-  const outputNames = ["ln_radiance_expected", "posterior", "ln_radiance", "irradiance", "confidence", "normals"];
+  const inputNames = [...CONTRACT.graph.inputs].reverse();
+  const outputNames = [...CONTRACT.graph.outputs].reverse();
   const ort = { Tensor: class { constructor(_, data) { this.data = data; } } };
   const run = async (feeds) => {
     assert.deepEqual(Object.keys(feeds).sort(), [...inputNames].sort());
     assert.equal(feeds.tan_half.data[0], 0.5);
-    const data = { irradiance: 0.5, ln_radiance: 0, confidence: 0.25, normals: 9, ln_radiance_expected: 1, posterior: 0.75 };
+    const data = { irradiance: 0.5, ln_radiance: 0, confidence: 0.25, normals: 9, ln_expected: 1, posterior: 0.75 };
     return Object.fromEntries(outputNames.map((name) => [name, { data: new Float32Array(name === "posterior" ? 7 : 3).fill(data[name]) }]));
   };
   const models = new Models(ort, { light: { inputNames, outputNames, run } }, "wasm");

@@ -125,7 +125,7 @@ export class Models {
     });
     const said = readPosterior(outputs.posterior);
     if (options.context && this.completes) outputs = await this.#complete(outputs, tanHalf, options);
-    const lnRadiance = channelLast(emitters === "expected" ? outputs.ln_radiance_expected : outputs.ln_radiance);
+    const lnRadiance = channelLast(emitters === "expected" ? outputs.ln_expected : outputs.ln_radiance);
     const radiance = new Float32Array(lnRadiance.length);
     for (let i = 0; i < radiance.length; i++) radiance[i] = Math.exp(Math.min(lnRadiance[i], LN_MAX));
     const { confidence, posture = null } = outputs;
@@ -141,14 +141,14 @@ export class Models {
       WHOLE,
       [context, [1, 5, CONTEXT_SIZE, CONTEXT_SIZE]],
       [Float32Array.of(tanHalf), [1, 1]],
-      [alone.ln_radiance_expected, ln],
+      [alone.ln_expected, ln],
       [alone.ln_radiance, ln],
       [alone.confidence, one],
       [alone.posterior, [1, alone.posterior.length]],
       [surroundings ?? NO_SURROUNDINGS, MAP_SHAPE],
       [Float32Array.from(up ?? [0, 0, 0]), [1, 3]],
     );
-    return { ...alone, ln_radiance: radiance, ln_radiance_expected: expected, confidence, posture };
+    return { ...alone, ln_radiance: radiance, ln_expected: expected, confidence, posture };
   }
 
   async #chain(image, tanHalf) {
