@@ -201,7 +201,7 @@ def test_contract_of_the_graph():
 def test_a_graph_of_another_contract_is_refused(tmp_path):
     from anyprobe.estimate.runtime import weights_folder
 
-    with pytest.raises(ModelError, match="stage"):
+    with pytest.raises(ModelError, match="contract"):
         SmallNetwork(weights_folder("paper") / "hdr.onnx")
     (tmp_path / "mask.onnx").write_text("nothing")
     for path in (tmp_path / "mask.onnx", tmp_path / "gone.onnx"):
