@@ -12,7 +12,16 @@ from support.some_batch import some_batch  # noqa: E402
 
 from anyprobe.light.filtering import blur_cosine_power  # noqa: E402
 from anyprobe.nets.light_net import LightNet  # noqa: E402
-from anyprobe.train.chain import GRADUAL_SHARE, NUM_EPOCHS, Chain, both_ways, brightest_loss, gradual_target, sharpness  # noqa: E402
+from anyprobe.train.chain import (  # noqa: E402
+    GRADUAL_SHARE,
+    NUM_EPOCHS,
+    Chain,
+    both_ways,
+    brightest_loss,
+    gradual_target,
+    places_loss,
+    sharpness,
+)
 from anyprobe.train.config import paper, smoke  # noqa: E402
 
 
@@ -82,6 +91,18 @@ def test_as_much_light_as_the_truth_has_wherever_it_is():
     assert brightest_loss(moved, true) == 0
     assert brightest_loss(blurred, true) > 0.5
     assert brightest_loss(grain, true) > 0.3, "pixels are no patches"
+
+
+def test_normals_of_places_are_those_of_their_pixels():
+    true = torch.zeros(1, 3, 128, 128)
+    true[:, 0, :, :64], true[:, 2, :, 64:] = 1.0, 1.0
+    true[:, :, :32] = 0.0  # outside the object
+    right = torch.nn.functional.avg_pool2d(true, 4)
+    assert places_loss(right, true) == 0
+    assert places_loss(-right, true) == 2
+    half = right.clone()
+    half[..., 16:] = 0.0
+    assert places_loss(half, true) == 0.5
 
 
 def test_hdr_net_learns_the_power_of_the_map_that_it_helps_to_make():

@@ -4,7 +4,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
-from anyprobe.nets.paper import HdrNet, IlluminationNet, IrradianceNet  # noqa: E402
+from anyprobe.nets.paper import HdrNet, IlluminationNet, IrradianceNet, Places  # noqa: E402
 
 
 def test_each_net_gives_the_size_the_next_one_takes():
@@ -16,6 +16,28 @@ def test_each_net_gives_the_size_the_next_one_takes():
     assert ldr.min() >= 0
     assert ldr.max() <= 1
     assert HdrNet()(ldr).shape == (2, 3, 64, 128)
+
+
+def test_what_a_place_shows_is_lifted_to_where_it_mirrors_and_to_where_it_faces():
+    """Normals to the right of a far camera mirror what is behind the object."""
+    places = Places((8, 8, 8, 8))
+    with torch.no_grad():
+        for parameter in places.head.parameters():
+            parameter.zero_()
+        places.head.bias[places.FEATURES] = 1e4  # of normals, x
+    image = torch.full((1, 4, 32, 32), 0.5)
+    image[:, 3] = 1.0
+    wo = torch.zeros(1, 3, 32, 32)
+    wo[:, 2] = 1.0
+    scales, normals = places([torch.rand(1, 8, 32 >> k, 32 >> k) for k in range(4)], image, wo)
+    torch.testing.assert_close(normals[0, :, 5, 5], torch.tensor([1.0, 0.0, 0.0]), atol=1e-3, rtol=0)
+    assert [scale.shape[2:] for scale in scales] == [(16, 32), (8, 16), (4, 8)]
+    mirrored, faced = scales[0].chunk(2, dim=1)
+    for seen, column in ((mirrored, 16), (faced, 24)):  # along -Z, along +X
+        share = seen[0, -1].sum(dim=0)
+        assert share[column - 1 : column + 1].sum() > 0.99 * share.sum() > 0.5
+    shown = mirrored[0, :3].flatten(1).amax(dim=1)
+    torch.testing.assert_close(shown, torch.full((3,), 0.5), atol=2e-3, rtol=0)
 
 
 def test_irradiance_is_empty_outside_the_mask():

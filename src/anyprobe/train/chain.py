@@ -24,7 +24,7 @@ from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.reconstruct import blend_weight, reconstruct
 from anyprobe.nets.blocks import autocast
 from anyprobe.nets.light_net import LightNet
-from anyprobe.nets.paper import NETS
+from anyprobe.nets.paper import NETS, IlluminationNet
 from anyprobe.train.config import RunConfig
 from anyprobe.train.lift import Transport, display, irradiance_loss, shown_losses
 
@@ -33,7 +33,7 @@ GRADUAL_SHARE = 0.3
 """Share of the steps that the 11 filtered epochs take; the rest sees the map itself."""
 TIMES_EXPOSURE = (0.5, 2.0)
 """Between these times the photo's exposure the HDR net sees true maps (the paper's Sect. 4.1)."""
-WEIGHTS = {"ldr": 1.0, "scales": 0.5, "structure": 0.15, "brightest": 0.12}
+WEIGHTS = {"ldr": 1.0, "scales": 0.5, "structure": 0.15, "brightest": 0.12, "normals": 0.3}
 """Of the illumination net's losses. With squares alone, as in the paper, its maps come near their mean."""
 BRIGHTEST = 0.02
 """Share of a map that brightest_loss compares."""
@@ -72,6 +72,14 @@ def brightest_loss(shown: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
         values, wanted = (x.topk(count, dim=2).values for x in patches)
         loss = loss + (values - wanted).abs().mean() / len(BRIGHTEST_PX)
     return loss
+
+
+def places_loss(normals: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
+    """1 - cosine between unit normals of places [N, 3, P, P] and the means of true ones [N, 3, S, S] over them, each by
+    that mean's length: places on the outline, and where the object bends, count less."""
+    means = F.avg_pool2d(true, true.shape[-1] // normals.shape[-1])
+    length = means.square().sum(dim=1).sqrt()
+    return (length - (normals * means).sum(dim=1)).sum() / length.sum()
 
 
 def both_ways(batch: Batch) -> Batch:
@@ -159,9 +167,10 @@ class Chain(_Stages):
             seen, wanted = self._irradiance(batch), self._taught(batch)
             seen, wanted = (torch.cat([x, x.flip(-1)]) for x in (seen, wanted))
         batch = both_ways(batch)
-        ldr = self._map(seen, batch)
+        ldr, normals = self._map_and_normals(seen, batch)
         losses = shown_losses(ldr, self._gradual(wanted, progress), 0.5 + 0.5 * self.solid_angle)
         losses["brightest"] = brightest_loss(ldr, self._gradual(batch.ldr, progress))
+        losses["normals"] = places_loss(normals, batch.normals)
         return {
             "illumination": sum((WEIGHTS[name] * losses[name] for name in WEIGHTS), ldr.new_zeros(())),
             "hdr": self._hdr_loss(ldr.detach(), batch, progress),
@@ -169,11 +178,15 @@ class Chain(_Stages):
 
     def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
         """Photos, true LDR maps and those estimated from estimated irradiance."""
-        return batch.photo[:, :3], batch.ldr, self._map(self._irradiance(batch), batch)
+        return batch.photo[:, :3], batch.ldr, self._map_and_normals(self._irradiance(batch), batch)[0]
 
-    def _map(self, irradiance: torch.Tensor, batch: Batch) -> torch.Tensor:
-        image = torch.cat([irradiance, batch.photo[:, 3:]], dim=1)
-        return self._run("illumination", image, batch.tan_half[:, None])
+    def _map_and_normals(self, irradiance: torch.Tensor, batch: Batch) -> tuple[torch.Tensor, torch.Tensor]:
+        image = torch.cat([irradiance, batch.photo[:, 3:]], dim=1).contiguous(memory_format=torch.channels_last)
+        with autocast(self.device):
+            ldr, normals = cast(IlluminationNet, self.nets["illumination"]).map_and_normals(
+                image, batch.tan_half[:, None]
+            )
+        return ldr.float(), normals
 
     def _gradual(self, ldr: torch.Tensor, progress: float) -> torch.Tensor:
         return gradual_target(ldr, progress) if self.config.gradual else ldr

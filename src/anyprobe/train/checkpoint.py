@@ -173,7 +173,7 @@ def _no_checkpoint(path: Path, found: str) -> ModelError:
     return ModelError(f"{path}: expected a run's checkpoint, got {found}; train again, or put a copy back")
 
 
-ADDED = ("light.object.material.", "light.posterior.")
+ADDED = ("light.object.material.", "light.posterior.", "illumination.places.", "illumination.lifted.")
 """Parts that weights of older releases lack; they begin untrained."""
 SMALL = 1024
 """Tensors of fewer numbers stay float32: statistics and biases, which weigh nothing."""
