@@ -130,6 +130,15 @@ def test_chain_leaves_the_irradiance_net_that_it_begins_with_and_names_its_teach
         run(two_steps(paper).parents[1], steps=3, start=None, teacher=teacher)
 
 
+def test_kept_weights_are_compressed_and_the_same_each_time(two_steps, tmp_path):
+    checkpoint, kept, again = two_steps(paper_irradiance), tmp_path / "kept.pt", tmp_path / "again.pt"
+    save_init_weights(checkpoint, kept)
+    save_init_weights(checkpoint, again)
+    assert kept.read_bytes() == again.read_bytes()
+    weights = torch.load(kept, weights_only=True)
+    assert kept.stat().st_size < 0.97 * sum(value.numel() * value.element_size() for value in weights.values())
+
+
 def test_irradiance_net_begins_from_the_same_layers_of_lift(two_steps, tmp_path):
     kept = tmp_path / "lift.pt"
     save_init_weights(two_steps(lift), kept)

@@ -4,7 +4,9 @@ begin another run from or to average with."""
 from __future__ import annotations
 
 import hashlib
+import io
 import json
+import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, Field, asdict, fields, is_dataclass
 from pathlib import Path
@@ -180,7 +182,7 @@ SMALL = 1024
 
 
 def save_init_weights(checkpoint: Path, path: Path, holds: str = "nets") -> None:
-    """Keep a checkpoint's weights, of this name in it, at path, large tensors as float16.
+    """Keep a checkpoint's weights, of this name in it, at path, compressed, large tensors as float16.
 
     Raises:
         InputError: path is the checkpoint.
@@ -193,7 +195,16 @@ def save_init_weights(checkpoint: Path, path: Path, holds: str = "nets") -> None
         for name, value in stored[holds].items()
     }
     with atomic_path(path) as temporary:
-        torch.save(halved, temporary)
+        _save_deflated(halved, temporary)
+
+
+def _save_deflated(weights: dict[str, torch.Tensor], path: Path) -> None:
+    """torch.save with a compressed archive, which torch.load reads too: half floats lose a twelfth."""
+    plain = io.BytesIO()
+    torch.save(weights, plain)
+    with zipfile.ZipFile(plain) as source, zipfile.ZipFile(path, "w") as target:
+        for name in source.namelist():
+            target.writestr(zipfile.ZipInfo(name), source.read(name), zipfile.ZIP_DEFLATED, compresslevel=9)
 
 
 def keep_apart(checkpoint: Path, path: Path) -> None:
