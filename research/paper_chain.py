@@ -1,6 +1,7 @@
 """The paper's chain beside other models: is its LDR map more than a mean, is Eq. 7's HDR branch used.
 
     python -m research.paper_chain DATA                               # the frozen pairs
+    python -m research.paper_chain DATA --part world --kept DIR       # path-traced, see research.world
     python -m research.paper_chain DATA --part left-out --kept DIR    # to choose by
 
 Spread is the standard deviation over the pairs of a pixel of the LDR map, mean over pixels; above .8 is the share of
@@ -29,6 +30,7 @@ from anyprobe.evaluate.standard_errors import clustered_error
 from anyprobe.light.reconstruct import THRESHOLD
 from research.kept_pairs import kept_pairs
 from research.left_out import left_out_pairs
+from research.world.pairs import world_pairs
 
 FIGURES = {
     "ldr_rmse": "LDR RMSE",
@@ -40,13 +42,16 @@ PAIRS = 300
 
 
 def pairs_of(part: str, data: Path, kept: Path | None) -> list[Pair]:
-    """The frozen test pairs, the first PAIRS, or those of assets that nothing learns from."""
+    """The frozen test pairs, the first PAIRS; the world test pairs, path-traced; or those of assets that nothing learns
+    from."""
     if part == "frozen":
         store = AssetStore(load_maps(data / "hdri" / "test"), load_shapes(data / "meshes" / "test"))
         return list(kept_pairs(read_recipes(FROZEN)[:PAIRS], store, kept))
     if part == "left-out":
         return list(left_out_pairs(data, kept))
-    raise InputError(f"--part {part}: expected frozen or left-out, got another; name one")
+    if part == "world":
+        return list(world_pairs(data, "test", kept))
+    raise InputError(f"--part {part}: expected frozen, world or left-out, got another; name one")
 
 
 def spread(maps: list[np.ndarray]) -> float:
@@ -62,7 +67,7 @@ def above(maps: list[np.ndarray]) -> float:
 def main(
     data: Path,
     model: Annotated[list[str] | None, typer.Option(help="Name or folder of a model; may be repeated.")] = None,
-    part: Annotated[str, typer.Option(help="frozen or left-out.")] = "frozen",
+    part: Annotated[str, typer.Option(help="frozen, world or left-out.")] = "frozen",
     kept: Annotated[Path | None, typer.Option(help="Folder of rendered pairs.")] = None,
 ) -> None:
     """Print the table."""

@@ -20,5 +20,5 @@ def test_a_pixel_is_above_where_its_brightest_channel_is():
 
 
 def test_another_part_is_refused(tmp_path):
-    with pytest.raises(InputError, match="expected frozen or left-out"):
+    with pytest.raises(InputError, match="expected frozen, world or left-out"):
         pairs_of("train", tmp_path, None)
