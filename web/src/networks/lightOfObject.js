@@ -40,6 +40,9 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
   const isUnasked = surroundings === "auto" && !isAuto && isAlone === undefined;
   const isShown = isAuto || surroundings === "photo" || surroundings === true;
   const seen = isShown && models.lifts ? seeSurroundings(picture, longFovDeg, crop) : null;
+  if (isShown && models.lifts && !seen && !isAuto && isAlone === undefined) {
+    throw new AnyProbeError("invalid-option", "surroundings: expected a picture that shows more than its object, found one colour behind it; leave surroundings out");
+  }
   const context = isShown && models.completes ? contextOf(picture, crop.mask, crop) : null;
   const up = isShown && pitchDeg !== undefined ? turnedBack(crop.cameraFromCrop, upOf(pitchDeg)) : null;
   if (given.material && !models.lifts) {

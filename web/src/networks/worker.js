@@ -77,7 +77,7 @@ const tasks = {
   },
 
   setLive({ options }) {
-    live.lights.options = options;
+    live.lights.options = { ...live.lights.options, ...options };
   },
 };
 
