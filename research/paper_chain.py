@@ -16,6 +16,7 @@ import numpy as np
 import typer
 from rich.progress import track
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.core.response import response
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.catalog import load_maps, load_shapes
@@ -91,4 +92,4 @@ def main(
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    run_command(lambda: typer.run(main))

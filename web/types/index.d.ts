@@ -187,10 +187,10 @@ export declare class Light {
   readonly dominant: DominantLight;
   /** Equirectangular RGBA floats, 128 x 64: row 0 is +Y, the centre column -Z. */
   readonly environment: { width: number; height: number; data: Float32Array };
-  /** 64 x 128: how likely each pixel's display value is within 0.1 of the truth. */
-  readonly confidence: Float32Array;
+  /** 64 x 128: how likely each pixel's display value is within 0.1 of the truth; null of the paper's chain. */
+  readonly confidence: Float32Array | null;
   /** Its mean over the sphere. */
-  readonly meanConfidence: number;
+  readonly meanConfidence: number | null;
   /** 64 x 128 x 3. */
   readonly radiance: Float32Array;
   /** The map blurred for each roughness, six faces a level, as EnvironmentTexture of anyprobe/three takes it. */

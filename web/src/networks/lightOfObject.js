@@ -54,12 +54,12 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
   const worth = Math.min(1, wellExposed / ENOUGH);
   if (prediction.confidence && worth < 1) prediction.confidence = prediction.confidence.map((value) => worth * value);
   const stages = seen ? useSurroundings(prediction, seen) : prediction;
-  const confidence = cameraConfidence(stages, crop.cameraFromCrop, wellExposed);
+  const confidence = cameraConfidence(stages, crop.cameraFromCrop);
   return {
     stages,
     radiance: cameraRadiance(stages, crop.cameraFromCrop),
     confidence,
-    meanConfidence: sphereMean(confidence),
+    meanConfidence: confidence && sphereMean(confidence),
     wellExposedFraction: wellExposed,
     object: prediction.object ?? null,
     uncertainty: prediction.uncertainty ?? null,
