@@ -151,6 +151,15 @@ test("whatever was given is said in one short line", () => {
   assert.deepEqual(said, ["NaN", "[1,\"Infinity\"]", "Float32Array of 3", "ArrayBuffer", "Map", "an object that contains itself", "10", "{\"a\":\"b\"}", "null", "undefined", "\"x\""]);
 });
 
+test("a thread that cannot be begun is told of", () => {
+  const load = (start) => () => new WorkerClient(start, () => {});
+  assert.throws(load(() => undefined), { ...refused, message: "worker: expected a function that gives a Worker, got undefined" });
+  const blocked = () => {
+    throw new DOMException("not of this origin.", "SecurityError");
+  };
+  assert.throws(load(blocked), { code: "worker-failed", message: "The networks' thread could not be started: not of this origin." });
+});
+
 test("a thread that ends is heard of by what follows a video", () => {
   const worker = { postMessage: () => {}, terminate: () => {} };
   const client = new WorkerClient(() => worker, () => {});

@@ -6,6 +6,7 @@
  */
 
 import { AnyProbeError, receivedError, sentError } from "../errors.js";
+import { wrong } from "../options.js";
 import { VITE_NEEDS } from "./words.js";
 
 export class WorkerClient {
@@ -25,7 +26,7 @@ export class WorkerClient {
    * @param {(progress: import("../files/download.js").Progress) => void} onProgress while files are fetched
    */
   constructor(start, onProgress) {
-    this.#worker = start();
+    this.#worker = started(start);
     let isStarted = false;
     this.#worker.onmessage = ({ data }) => {
       isStarted = true;
@@ -92,4 +93,15 @@ export class WorkerClient {
     for (const { reject } of this.#waiting.values()) reject(this.#fault);
     this.#waiting.clear();
   }
+}
+
+function started(start) {
+  let worker;
+  try {
+    worker = start();
+  } catch (error) {
+    throw new AnyProbeError("worker-failed", `The networks' thread could not be started: ${String(error.message).replace(/\.$/, "")}.`);
+  }
+  if (typeof worker?.postMessage !== "function") throw wrong("worker", "a function that gives a Worker", worker);
+  return worker;
 }
