@@ -16,6 +16,7 @@ import torch
 import typer
 from rich.progress import track
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.core.response import response
 from anyprobe.dataset.pair import Pair
 from anyprobe.errors import InputError
@@ -187,4 +188,4 @@ def network_method(net: LightNet) -> Method:
 
 
 if __name__ == "__main__":
-    app()
+    run_command(app)

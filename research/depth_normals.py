@@ -17,6 +17,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.catalog import load_maps, load_shapes
 from anyprobe.dataset.pair import Pair, _draw, _look, render_pair
@@ -103,4 +104,4 @@ def _small(normals: np.ndarray) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    run_command(lambda: typer.run(main))

@@ -19,6 +19,7 @@ import numpy as np
 import typer
 from rich.progress import track
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.core.contract import contract
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models
@@ -86,4 +87,4 @@ def main(data: Path, kept: Annotated[Path, typer.Option(help="Folder of rendered
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    run_command(lambda: typer.run(main))

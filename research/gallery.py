@@ -12,8 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import typer
 from PIL import Image, ImageDraw, ImageFont
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.core.color import luminance, to_bytes
 from anyprobe.core.response import response
 from anyprobe.dataset.textured import draw_texture
@@ -190,4 +192,4 @@ def fitted(picture: np.ndarray, height: int) -> Image.Image:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(lambda: typer.run(main))

@@ -17,6 +17,7 @@ from typing import Annotated, Any
 
 import typer
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.core.contract import contract
 
 CONTRACT = Path(__file__).parents[1] / "src" / "anyprobe" / "contract.json"
@@ -71,4 +72,4 @@ def main(table: Annotated[Path, typer.Argument(help="PhysicallyBasedMaterial.jso
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    run_command(lambda: typer.run(main))

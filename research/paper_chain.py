@@ -17,6 +17,7 @@ import numpy as np
 import typer
 from rich.progress import track
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.core.response import response
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.catalog import load_maps, load_shapes
@@ -96,4 +97,4 @@ def main(
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    run_command(lambda: typer.run(main))

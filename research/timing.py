@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, open_engine, stages_of, weights_folder
 from anyprobe.files.graphs import open_graph
@@ -89,4 +90,4 @@ def timing(
 
 
 if __name__ == "__main__":
-    typer.run(timing)
+    run_command(lambda: typer.run(timing))

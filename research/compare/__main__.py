@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 from rich.progress import track
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.catalog import load_maps, load_shapes
 from anyprobe.dataset.recipe import digest, read_recipes
@@ -63,4 +64,4 @@ def compare(
 
 
 if __name__ == "__main__":
-    typer.run(compare)
+    run_command(lambda: typer.run(compare))

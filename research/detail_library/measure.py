@@ -23,6 +23,7 @@ import numpy as np
 import typer
 from PIL import Image
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import pixel_solid_angles
@@ -267,4 +268,4 @@ def main(
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    run_command(lambda: typer.run(main))

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.runtime import Models, weights_folder
 from anyprobe.train.export_onnx import Sureness, export_graphs
 from research.export_weights.calibrate import calibrate, calibrate_errors
@@ -53,4 +54,4 @@ def calibrated(checkpoint: Path, folder: Path, data: Path, kept: Path) -> Surene
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    run_command(lambda: typer.run(main))

@@ -14,6 +14,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.runtime import WHOLE, weights_folder
 from anyprobe.files.atomic import atomic_path
 
@@ -62,4 +63,4 @@ def main(to: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for l
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    run_command(lambda: typer.run(main))

@@ -16,6 +16,7 @@ import numpy as np
 import typer
 from PIL import Image, ImageDraw
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.core.response import response
 from anyprobe.dataset.asset_store import load_asset_store
 from anyprobe.dataset.catalog import load_maps
@@ -152,4 +153,4 @@ def main(data: Path, out: Annotated[Path, typer.Option("-o")] = Path("research/i
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    run_command(lambda: typer.run(main))

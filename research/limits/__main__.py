@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.dataset.asset_store import load_asset_store
 from anyprobe.dataset.recipe import read_recipes
 from anyprobe.errors import InputError
@@ -139,4 +140,4 @@ def show(table: dict[str, dict[str, dict]]) -> None:
 
 
 if __name__ == "__main__":
-    typer.run(limits)
+    run_command(lambda: typer.run(limits))

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.train.checkpoint import keep_apart, save_init_weights
 from research.mask_network.export import export_mask
 from research.mask_network.train import MaskRunConfig, smoke, train_mask
@@ -65,4 +66,4 @@ def export(
 
 
 if __name__ == "__main__":
-    app()
+    run_command(app)

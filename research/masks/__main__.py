@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.errors import InputError
 from anyprobe.masks.segmenters import load_segmenter
 from research.masks.cases import Case, photo_cases
@@ -102,4 +103,4 @@ def _earlier(path: Path | None, group: str) -> dict[tuple[str, str], float]:
 
 
 if __name__ == "__main__":
-    typer.run(masks)
+    run_command(lambda: typer.run(masks))

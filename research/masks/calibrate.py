@@ -16,6 +16,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.masks.networks import Network, SmallNetwork, U2NetP
 from anyprobe.masks.quality import QUALITY, Evidence, examine
 from anyprobe.masks.search import Prompts, find_object
@@ -125,4 +126,4 @@ def fit(values: np.ndarray, true: np.ndarray, least: np.ndarray) -> tuple[np.nda
 
 
 if __name__ == "__main__":
-    typer.run(calibrate)
+    run_command(lambda: typer.run(calibrate))

@@ -9,10 +9,13 @@ given, the lower one what `anyprobe mask` shows.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 from PIL import Image, ImageDraw
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.core.color import to_bytes
 from anyprobe.dataset.asset_store import draw_map
 from anyprobe.dataset.lighting import Illuminator
@@ -31,7 +34,10 @@ SEED = 77
 """Seed of the scenes; those that show one clear object are taken in turn."""
 
 
-def main(path: Path) -> None:
+SHEET = Path(__file__).parents[2] / "docs" / "masks.png"
+
+
+def main(path: Annotated[Path, typer.Option("-o", help="The sheet.")] = SHEET) -> None:
     """Render scenes, ask four ways, write the sheet."""
     rng = np.random.default_rng(SEED)
     maps = [draw_map(rng)[0] for _ in range(4)]
@@ -74,4 +80,4 @@ def _middle(cover: np.ndarray) -> tuple[float, float]:
 
 
 if __name__ == "__main__":
-    main(Path(__file__).parents[2] / "docs" / "masks.png")
+    run_command(lambda: typer.run(main))

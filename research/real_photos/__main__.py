@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
 from anyprobe.evaluate.methods import baselines, model_methods
@@ -42,4 +43,4 @@ def real_photos(
 
 
 if __name__ == "__main__":
-    typer.run(real_photos)
+    run_command(lambda: typer.run(real_photos))

@@ -15,6 +15,7 @@ import numpy as np
 import typer
 from PIL import Image, ImageDraw
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.errors import AnyprobeError
@@ -100,4 +101,4 @@ def main(
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    run_command(lambda: typer.run(main))

@@ -8,6 +8,7 @@ from typing import Annotated
 import torch
 import typer
 
+from anyprobe.cli.app import main as run_command
 from research.second_stage.first_stage import make_seen_surfaces
 from research.second_stage.measure import tables
 from research.second_stage.train import SecondConfig, train
@@ -59,4 +60,4 @@ def measure(
 
 if __name__ == "__main__":
     torch.set_num_threads(1)
-    app()
+    run_command(app)

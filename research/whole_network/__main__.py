@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.train.checkpoint import keep_apart, save_init_weights
 from research.whole_network.export import export_whole
 from research.whole_network.pairs import make_pairs
@@ -70,4 +71,4 @@ def export(
 
 
 if __name__ == "__main__":
-    app()
+    run_command(app)

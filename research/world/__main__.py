@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from anyprobe.cli.app import main as run_command
 from research.world.pairs import PARTS, world_pairs
 
 
@@ -24,4 +25,4 @@ def world(
 
 
 if __name__ == "__main__":
-    typer.run(world)
+    run_command(lambda: typer.run(world))

@@ -15,6 +15,7 @@ from typing import Annotated
 
 import typer
 
+from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_MODEL, model_id
 from anyprobe.evaluate.benchmark import read_predictions, write_photo
@@ -98,4 +99,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    app()
+    run_command(app)

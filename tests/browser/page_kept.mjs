@@ -1,6 +1,7 @@
 // What a mark or a file that gives nothing leaves on show. arguments: { photo, on, beside, files }: an opaque photo, x and y as
 // shares of it on its object and where nothing is, and files that are no photos
-// → { first, click, box, again, marked, pending, reset, refused, png }: the page after each, with what was marked for it
+// → { first, click, box, again, marked, pending, reset, small, refused, png }: the page after each, with what was marked for it;
+//   small: after an object of too few pixels
 
 import { openPage, status, waitForStatus } from "./page_steps.mjs";
 
@@ -9,8 +10,10 @@ export default async ({ page, url, arguments: given }) => {
   await page.addInitScript(() => {
     globalThis.asked = { hints: null, held: null, lights: 0 };
     const post = Worker.prototype.postMessage;
+    const firstOf = (mask, count) => mask.map((value) => (value > 0.5 && count-- > 0 ? 1 : 0));
     Worker.prototype.postMessage = function (message, transfer) {
       if (message.task === "mask") asked.hints = message.hints;
+      if (message.task === "estimate" && asked.tooSmall) message = { ...message, mask: firstOf(message.mask, 9) };
       if (message.task === "estimate" && asked.held) asked.held.push(() => post.call(this, message, transfer));
       else post.call(this, message, transfer);
     };
@@ -76,6 +79,9 @@ export default async ({ page, url, arguments: given }) => {
     nothing,
   );
   seen.reset = await answered(() => page.click("#reset"), /^Estimated/);
+
+  await page.evaluate(() => (asked.tooSmall = true));
+  seen.small = await answered(() => click(given.on), /pixels across/);
 
   seen.refused = [];
   for (const file of given.files) {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -97,6 +98,9 @@ def test_a_mark_or_a_file_that_gives_nothing_leaves_the_last_light(page_url, bac
     assert marked == {"box": (0, True), "again": (1, False)}  # without those that found nothing
     assert again["kept"]["mask"] != first["kept"]["mask"]
     assert seen["reset"]["kept"] == first["kept"]
+    small = seen["small"]
+    assert re.match(r"The object is \d+ pixels across; 24 are needed\. Go closer\.", small["status"])
+    assert (small["kind"], small["kept"]["direction"], small["kept"]["buttons"]) == ("fault", "not yet known", 0)
     no_picture, video = seen["refused"]
     assert no_picture.startswith("broken.png: this file is no picture. Choose a photo")
     assert video.startswith("clip.mp4: this file is a video. Choose a photo")

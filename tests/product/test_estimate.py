@@ -142,6 +142,12 @@ def test_black_or_white_object_warns_and_is_not_trusted(photo_rgba, estimator, v
     assert light.well_exposed_fraction < 0.05
 
 
+def test_a_model_that_does_not_say_how_sure_it_is_has_no_confidence(photo_path):
+    light = anyprobe.estimate(str(photo_path), model="paper")
+    assert light.confidence is None
+    assert light.sidecar()["confidence"] is None
+
+
 def test_confidence_falls_in_proportion_where_less_than_half_of_the_object_is_well_exposed(photo_rgba, estimator):
     photo_rgba[..., :3] = 128
     columns = np.nonzero(photo_rgba[..., 3].any(axis=0))[0]

@@ -46,6 +46,36 @@ def png_with_size(width: int, height: int) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + pixels + chunk(b"IEND", b"")
 
 
+def tiff_of_words(planes: np.ndarray, photometric: int) -> bytes:
+    """A TIFF of uint16 planes [P, H, W], each a strip of its own, not compressed."""
+    count, height, width = planes.shape
+    data, start = planes.astype("<u2").tobytes(), 8 + 2 + 12 * 10 + 4 + 14 * count
+    lists = {258: [16] * count, 273: [start + i * len(data) // count for i in range(count)]}
+    lists[279] = [len(data) // count] * count
+    single = {256: width, 257: height, 259: 1, 262: photometric, 277: count, 278: height, 284: 1 + (count > 1)}
+    entries, more, at = b"", b"", 8 + 2 + 12 * 10 + 4
+    for tag in sorted(lists | single):
+        values = lists.get(tag) or [single[tag]]
+        kind, code = (3, "H") if tag in (258, 284) else (4, "I")
+        packed = struct.pack(f"<{len(values)}{code}", *values)
+        if len(packed) > 4:
+            more, packed = more + packed, struct.pack("<I", at + len(more))
+        entries += struct.pack("<HHI", tag, kind, len(values)) + packed.ljust(4, b"\0")
+    head = b"II*\0" + struct.pack("<IH", 8, 10) + entries + bytes(4) + more
+    return head.ljust(start, b"\0") + data
+
+
+def test_sixteen_bits_in_separate_planes_are_refused_and_negatives_turned():
+    rng = np.random.default_rng(0)
+    planes = rng.integers(0, 65536, (3, 40, 48))
+    with pytest.raises(InvalidPhoto) as caught:
+        read_image(tiff_of_words(planes, 2))
+    assert_one_line(caught, "more than 8 bits in separate planes; save it with its channels together")
+    plain, negative = (read_image(tiff_of_words(one[:1], kind)).rgb for one, kind in ((planes, 1), (65535 - planes, 0)))
+    np.testing.assert_array_equal(plain, negative)
+    np.testing.assert_allclose(plain[..., 0], planes[0] / 65535, atol=1e-4)
+
+
 def assert_one_line(caught, *words: str) -> None:
     message = str(caught.value)
     assert "\n" not in message

@@ -205,7 +205,9 @@ def test_hidden_files_of_a_folder_are_no_photos(work):
 
 
 def test_environment_maps_and_what_was_drawn_beside_a_photo_are_no_photos(work):
-    photos = make("photos", "vase.jpg", "vase_relit.png", "vase_overlay.png", "old_relit.png", "cut.exr")
+    photos = make(
+        "photos", "vase.jpg", "vase_relit.png", "vase_overlay.png", "vase.jpg.png", "old_relit.png", "cut.exr"
+    )
     even = np.ones((16, 32), np.float32)
     room = write_exr(photos / "room.exr", {"Y": even})
     write_exr(photos / "shot.exr", {"Y": even[:, :24]})

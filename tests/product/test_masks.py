@@ -362,6 +362,12 @@ def test_mask_command_writes_a_mask_that_estimate_takes(tmp_path, monkeypatch, c
     stored = json.loads((tmp_path / "light" / "vase.json").read_text())["mask"]
     assert stored["source"] == "network"
     assert 0.5 < stored["confidence"] <= 1.0
+    said = json.loads(command("mask", "vase.png", "--json").out)
+    assert [said[name] for name in ("photo", "mask", "source")] == ["vase.png", "masks/vase_mask.png", "network"]
+    assert said["share"] == pytest.approx(float(true.mean()), abs=0.05)
+    assert said["confidence"] == stored["confidence"]
+    quiet = command("mask", "vase.png", "-q")
+    assert (quiet.status, quiet.out, quiet.err) == (0, "", "")
 
 
 def test_mask_command_by_depth(tmp_path, monkeypatch, command):

@@ -13,6 +13,7 @@ from support.scenes import sphere_photo
 from typer.testing import CliRunner
 
 import anyprobe
+from anyprobe.cli import match_folder
 from anyprobe.cli.app import app
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
@@ -20,6 +21,7 @@ from anyprobe.detail import library as libraries
 from anyprobe.detail.background import background_of
 from anyprobe.detail.library import open_library
 from anyprobe.detail.likeness import MATCH_ROWS, Shown, best_places, gain_of, light_of, schlick_coat
+from anyprobe.detail.matching import stops_apart
 from anyprobe.errors import InputError
 from anyprobe.estimate.result import Light
 from anyprobe.files.radiance import read_radiance, write_exr
@@ -196,9 +198,18 @@ def test_the_cache_holds_so_many_folders(tmp_path, monkeypatch):
     assert len(list((tmp_path / "cache").rglob("*.zip"))) == 2
 
 
+def test_levels_of_maps_are_compared_where_the_camera_sees_the_object_lit():
+    dark, bright = np.full((16, 32, 3), 0.5, np.float32), np.full((64, 128, 3), 0.5, np.float32)
+    bright[:, :32] = bright[:, 96:] = 2.0  # the half behind the camera
+    assert stops_apart(bright, dark) == pytest.approx(2.0, abs=0.01)
+    assert stops_apart(dark, np.roll(bright, 64, axis=1)) == pytest.approx(0.0, abs=0.01)
+
+
 @pytest.mark.usefixtures("networks_opened_once")
-def test_the_command_writes_maps_a_sheet_a_list_and_an_export(folder, tmp_path):
+def test_the_command_writes_maps_a_sheet_a_list_and_an_export(folder, tmp_path, monkeypatch):
     from PIL import Image
+
+    monkeypatch.setattr(match_folder, "STOPS_APART", 0.0)
 
     photo = tmp_path / "ball.png"
     Image.fromarray(sphere_photo((64, 48))).save(photo)
@@ -212,5 +223,6 @@ def test_the_command_writes_maps_a_sheet_a_list_and_an_export(folder, tmp_path):
     assert (out / "ball_match.png").is_file()
     assert (out / "ball_three.json").is_file()
     assert any("--pitch" in line for line in said["warnings"])
+    assert any("stops beside the estimate" in line for line in said["warnings"])
     inside = CliRunner().invoke(app, [*words[:4], str(folder / "results")])
     assert isinstance(inside.exception, InputError)

@@ -39,7 +39,7 @@ export function sidecar(result, { photo, model, longFovDeg }) {
     exposure_ev: 0,
     response: { curve: "sigmoid", exponent: EXPONENT, sigma: SIGMA },
     size: [2 * MAP_HEIGHT, MAP_HEIGHT],
-    confidence: Number(meanConfidence.toFixed(4)),
+    confidence: meanConfidence && Number(meanConfidence.toFixed(4)),
     well_exposed_fraction: Number(wellExposedFraction.toFixed(4)),
     sh9: Array.from({ length: 9 }, (_, i) => numbers(sh9.slice(3 * i, 3 * i + 3))),
     dominant_light: {

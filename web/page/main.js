@@ -160,6 +160,7 @@ async function examine(maskOf, hints = NO_HINTS) {
   } catch (error) {
     if (isLate()) return;
     editor.show(opened.mask, opened.hints);
+    if (!opened.result) hideLight();
     setStatus(error.message, "fault");
   }
 }
@@ -201,11 +202,16 @@ async function stay(why, isLate) {
 /** Nothing of the last light is left. @param {string} [why] where it was looked for */
 function showNothing(why) {
   Object.assign(opened, NOTHING);
+  hideLight();
+  const advice = "Click on the object in the picture “Object” below, or draw a box around it.";
+  setStatus(why ? `${why} ${advice}` : advice, why ? "warning" : "");
+}
+
+/** The picture alone. */
+function hideLight() {
   stage.showPicture(opened.picture);
   light.clear();
   stages.clear();
-  const advice = "Click on the object in the picture “Object” below, or draw a box around it.";
-  setStatus(why ? `${why} ${advice}` : advice, why ? "warning" : "");
 }
 
 function showLight() {

@@ -8,7 +8,7 @@ import { checkSetup, requireBrowser } from "./networks/setup.js";
 import { WorkerClient } from "./networks/workerClient.js";
 import { checkHints, checkLight, checkNames, longFovOf, wrong } from "./options.js";
 import { hintsOf } from "./photo/hints.js";
-import { givenMaterial, materialInput } from "./photo/material.js";
+import { describe } from "./photo/material.js";
 import { maskFromAlpha } from "./photo/picture.js";
 import { readMask, readNormals, readSource } from "./photo/source.js";
 
@@ -73,8 +73,7 @@ export class AnyProbe {
     const longFovDeg = longFovOf(options, width, height);
     const normals = options.normals && readNormals(options.normals, picture);
     checkHints(options, picture.fullWidth, picture.fullHeight);
-    const given = options.mask ? await readMask(options.mask, picture, signal) : maskFromAlpha(picture);
-    const { mask, quality, warnings } = given ? { mask: given, quality: null, warnings: [] } : await this.#findMask(picture, options);
+    const { mask, quality, warnings } = await this.#maskOf(picture, options);
     const asked = { picture, mask, normals, longFovDeg, options: { surroundings, pitchDeg, emitters, material } };
     const { light } = await this.#client.ask("estimate", asked, signal);
     return new Light({ ...light, warnings: [...warnings, ...light.warnings], mask: { data: mask, width, height, quality, warnings } });
@@ -109,7 +108,7 @@ export class AnyProbe {
     const tracker = (this.#tracker = new Tracker(followed, this.#client, {
       pose,
       onLight: (answer) => (answer.lost ? onLost?.(answer) : onLight(answer.light, answer)),
-      onError: onError ?? reportError,
+      onError: onError ?? ((error) => reportError(error)),
     }));
     const { click, exclude, box, fovDeg, longFovDeg, projectionMatrix } = options;
     const given = { hints: { click, exclude, box }, lens: { fovDeg, longFovDeg, projectionMatrix } };
@@ -126,6 +125,21 @@ export class AnyProbe {
     this.#client.end();
   }
 
+  /** The mask that is given, the picture's own, or what is found. */
+  async #maskOf(picture, options) {
+    const isGiven = (name) => options[name] !== undefined && options[name] !== null;
+    const marks = ["click", "exclude", "box"].filter(isGiven);
+    if (isGiven("mask") && marks.length) {
+      throw new AnyProbeError("invalid-option", `mask and ${marks.join(", ")}: expected one of them, got both; leave one out`);
+    }
+    const own = marks.length ? null : maskFromAlpha(picture);
+    const given = isGiven("mask") ? await readMask(options.mask, picture, options.signal) : own;
+    if (given) return { mask: given, quality: null, warnings: [] };
+    const found = await this.#findMask(picture, options);
+    if (found.quality === 0) throw new AnyProbeError("no-object", nothingFound(picture, marks));
+    return found;
+  }
+
   #findMask(picture, options) {
     checkHints(options, picture.fullWidth, picture.fullHeight);
     return this.#client.ask("mask", { picture, hints: hintsOf(options, picture.scale) }, options.signal);
@@ -136,11 +150,8 @@ if (Symbol.dispose) {
   AnyProbe.prototype[Symbol.dispose] = AnyProbe.prototype.dispose;
 }
 
-/** A given material as the network takes it. */
-function describe(material) {
-  try {
-    return material === undefined ? undefined : materialInput(givenMaterial(material));
-  } catch (error) {
-    throw new AnyProbeError("invalid-option", error.message);
-  }
+function nothingFound({ fullWidth, fullHeight }, marks) {
+  if (marks.length === 0) return "image: expected an object that can be told from its surroundings, but nothing stands out; give click, box or mask.";
+  const size = `${fullWidth} x ${fullHeight} pixels`;
+  return `image: expected an object at the ${marks.join(" and ")} in ${size}, found none that stands out; click elsewhere on it, draw a box, or give a mask.`;
 }

@@ -47,8 +47,21 @@ function checkKinds(given) {
 
 /** @param {string} name @param {string} expected @param {unknown} got */
 export function wrong(name, expected, got) {
-  const text = typeof got === "function" ? "a function" : ArrayBuffer.isView(got) ? `${got.length} numbers` : (JSON.stringify(got) ?? String(got));
-  return new AnyProbeError("invalid-option", `${name}: expected ${expected}, got ${text}`);
+  return new AnyProbeError("invalid-option", `${name}: expected ${expected}, got ${shown(got)}`);
+}
+
+/** Something in a line. */
+export function shown(got) {
+  if (typeof got === "function") return "a function";
+  if (typeof got === "number") return String(got);
+  if (ArrayBuffer.isView(got)) return `${got.constructor.name} of ${got.length ?? got.byteLength}`;
+  const isPlain = [Object.prototype, Array.prototype, null].includes(got instanceof Object ? Object.getPrototypeOf(got) : null);
+  if (!isPlain) return got.constructor?.name ?? "an object";
+  try {
+    return JSON.stringify(got, (_, value) => (Number.isFinite(value) || typeof value !== "number" ? value : String(value))) ?? String(got);
+  } catch {
+    return typeof got === "bigint" ? String(got) : "an object that contains itself";
+  }
 }
 
 /** The kind of light that is wanted. */

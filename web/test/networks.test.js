@@ -50,7 +50,7 @@ test("what failed once is tried again, in another thread; what is open stays", a
 });
 
 test("a graph that cannot be fetched is named", async () => {
-  const ort = { InferenceSession: { create: async (bytes) => ({ bytes }) } };
+  const ort = { InferenceSession: { create: async (bytes) => ({ bytes, inputNames: CONTRACT.graph.inputs }) } };
   const weights = { light: { url: "http://localhost/weights/light.onnx?0123" } };
   const { fetch } = globalThis;
   try {
@@ -66,6 +66,12 @@ test("a graph that cannot be fetched is named", async () => {
   } finally {
     globalThis.fetch = fetch;
   }
+});
+
+test("a graph in another's place is refused where it is opened", async () => {
+  const ort = { InferenceSession: { create: async () => ({ inputNames: ["input"] }) } };
+  const fault = { name: "AnyProbeError", code: "invalid-option", message: /^weights\.light: expected a graph of photo, .*, got one of input$/ };
+  await assert.rejects(Models.open(ort, { light: Uint8Array.of(1) }), fault);
 });
 
 test("the hashes are those of the networks that the Python package carries", () => {

@@ -5,7 +5,7 @@ import { test } from "node:test";
 
 import { download } from "../src/files/download.js";
 import { WorkerClient } from "../src/networks/workerClient.js";
-import { OPTIONS, checkHints, checkLight, checkNames, longFovOf, rotationOfPose } from "../src/options.js";
+import { OPTIONS, checkHints, checkLight, checkNames, longFovOf, rotationOfPose, shown } from "../src/options.js";
 
 const refused = { name: "AnyProbeError", code: "invalid-option" };
 const degrees = (radians) => (radians * 180) / Math.PI;
@@ -142,4 +142,30 @@ test("a camera's pose is read from matrices by columns, from a transform, and fr
   }
   const wrong = [matrix.map((value) => 2 * value), [1, 0, 0, 0, 1, 0, 0, 0, -1], [1, 2, 3], new Array(16).fill(NaN)];
   for (const pose of wrong) assert.throws(() => rotationOfPose(pose), { code: "invalid-option", message: /^pose: expected/ });
+});
+
+test("whatever was given is said in one short line", () => {
+  const itself = {};
+  itself.self = itself;
+  const said = [NaN, [1, Infinity], new Float32Array(3), new ArrayBuffer(8), new Map(), itself, 10n, { a: "b" }, null, undefined, "x"].map(shown);
+  assert.deepEqual(said, ["NaN", "[1,\"Infinity\"]", "Float32Array of 3", "ArrayBuffer", "Map", "an object that contains itself", "10", "{\"a\":\"b\"}", "null", "undefined", "\"x\""]);
+});
+
+test("a thread that cannot be begun is told of", () => {
+  const load = (start) => () => new WorkerClient(start, () => {});
+  assert.throws(load(() => undefined), { ...refused, message: "worker: expected a function that gives a Worker, got undefined" });
+  const blocked = () => {
+    throw new DOMException("not of this origin.", "SecurityError");
+  };
+  assert.throws(load(blocked), { code: "worker-failed", message: "The networks' thread could not be started: not of this origin." });
+});
+
+test("a thread that ends is heard of by what follows a video", () => {
+  const worker = { postMessage: () => {}, terminate: () => {} };
+  const client = new WorkerClient(() => worker, () => {});
+  const heard = [];
+  client.onLive = (answer) => heard.push(answer.error);
+  worker.onmessage({ data: { spare: new ArrayBuffer(1) } });
+  worker.onerror({ message: "out of memory" });
+  assert.deepEqual(heard, [{ code: "worker-failed", message: "The networks' thread ended: out of memory." }]);
 });

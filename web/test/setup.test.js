@@ -23,6 +23,10 @@ test("weights that are given stand beside the entry's own, and in their place", 
   assert.deepEqual(urlsOf({ mask: "/m.onnx", u2netp: undefined }, OWN), { ...OWN, mask: "/m.onnx" });
 });
 
+test("what is no address is told of", () => {
+  assert.throws(() => checkSetup({ ...others, runtime: "http://[", weights: OWN }, {}), refused('address: expected one of a file, got "http://["'));
+});
+
 test("a light of one's own has no other's whole, and a whole no other's light", () => {
   assert.deepEqual(urlsOf({ light: "/l.onnx" }, OWN), { light: "/l.onnx", mask: OWN.mask });
   assert.deepEqual(urlsOf({ light: "/l.onnx", whole: "/w.onnx" }, OWN), { light: "/l.onnx", whole: "/w.onnx", mask: OWN.mask });

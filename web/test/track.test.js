@@ -93,3 +93,87 @@ test("what is doubtful about a mask that was found comes first among a light's w
   assert.deepEqual(light.warnings, ["of the mask", "of the light"]);
   assert.deepEqual((await probe.estimate(picture, { mask: new Float32Array(4) })).warnings, ["of the light"]);
 });
+
+test("what ends the tracking is reported as the browser's errors are, where nobody else hears it", async () => {
+  const reported = [];
+  globalThis.reportError = function (error) {
+    assert.ok(this === undefined || this === globalThis, "no method of another object");
+    reported.push(error.message);
+  };
+  const tracker = open().track(null, () => {});
+  await settle();
+  for (const nothing of [undefined, null, "video", { width: 2, height: 2, rgba: new Uint8ClampedArray(16) }]) await tracker.offer(nothing);
+  assert.equal(reported.length, 1);
+  assert.match(reported[0], /^frame: expected a video, .*, got undefined$/);
+  assert.ok(!tracker.running);
+});
+
+test("a pose that cannot be asked for later on ends the tracking, and is told of", async () => {
+  const [video, faults, shown] = [{ videoWidth: 4, videoHeight: 3 }, [], []];
+  video.requestVideoFrameCallback = (next) => shown.push(next);
+  globalThis.createImageBitmap = async () => ({});
+  let asked = 0;
+  const pose = () => {
+    if (asked++) throw new Error("no session");
+    return [1, 0, 0, 0, 1, 0, 0, 0, 1];
+  };
+  const tracker = open().track(video, () => {}, { pose, onError: (error) => faults.push(error.message) });
+  await settle();
+  assert.deepEqual(faults, []);
+  shown.at(-1)();
+  await settle();
+  assert.deepEqual(faults, ["no session"]);
+  assert.ok(!tracker.running);
+});
+
+test("another kind of light leaves what it does not name", async () => {
+  const asked = [];
+  const client = { spares: [], check: () => {}, give: () => {}, ask: async (task, given) => asked.push([task, given.options]) };
+  globalThis.createImageBitmap = async () => ({});
+  const tracker = new AnyProbe(client, {}).track(null, () => {}, { surroundings: "none", emitters: "expected", pitchDeg: 20 });
+  await settle();
+  await tracker.set({ pitchDeg: 30, material: "chrome" });
+  await tracker.offer({ width: 4, height: 4 });
+  const [[, { material, ...rest }]] = asked;
+  assert.deepEqual(rest, { surroundings: "none", emitters: "expected", pitchDeg: 30 });
+  assert.ok(material instanceof Float32Array);
+  await tracker.set({ material: "gold" });
+  assert.deepEqual([Object.keys(asked[1][1]), asked[1][1].material instanceof Float32Array], [["material"], true]);
+  await assert.rejects(() => tracker.set({ material: "wood" }), refused(/^material: expected one of chrome, /));
+  await tracker.set();
+  await tracker.mark();
+});
+
+test("a mask and marks exclude each other, and what finds nothing says where it looked", async () => {
+  const probe = open({ mask: { mask: new Float32Array(4), quality: 0, warnings: [] } });
+  const picture = { width: 2, height: 2, rgba: new Uint8ClampedArray(16).fill(255) };
+  const fails = (options, expected) => assert.rejects(() => probe.estimate(picture, options), expected);
+  await fails({ mask: new Float32Array(4), click: [1, 1], box: [0, 0, 2, 2] }, refused("mask and click, box: expected one of them, got both; leave one out"));
+  await fails({ mask: 0 }, { code: "invalid-image", message: /^mask: expected a Float32Array .*, got number$/ });
+  await fails({ click: [1, 1] }, { code: "no-object", message: /^image: expected an object at the click in 2 x 2 pixels, found none/ });
+  await fails({ mask: null }, { code: "no-object", message: /but nothing stands out; give click, box or mask\.$/ });
+});
+
+test("a picture's transparency is no answer to a click", async () => {
+  const found = { mask: new Float32Array(4).fill(1), quality: 0.9, warnings: [] };
+  const probe = open({ mask: found, estimate: { light: { warnings: [] } } });
+  const picture = { width: 2, height: 2, rgba: new Uint8ClampedArray(16) };
+  picture.rgba[3] = 255;
+  assert.deepEqual([...(await probe.estimate(picture)).mask.data], [1, 0, 0, 0]);
+  assert.deepEqual([...(await probe.estimate(picture, { click: [1, 1] })).mask.data], [1, 1, 1, 1]);
+  const given = [{ mask: found.mask }, { data: found.mask, width: 2, height: 2 }];
+  for (const mask of given) assert.deepEqual([...(await probe.estimate(picture, { mask })).mask.data], [1, 1, 1, 1]);
+});
+
+test("normals that are none, a picture's or another frame's are refused", async () => {
+  const probe = open({ estimate: { light: { warnings: [] } } });
+  const picture = { width: 2, height: 2, rgba: new Uint8ClampedArray(16) };
+  picture.rgba[3] = 255;
+  const all = (...n) => ({ normals: Float32Array.from({ length: 12 }, (_, i) => n[i % 3]) });
+  const fails = (given, message) => assert.rejects(() => probe.estimate(picture, given), refused(message));
+  await fails(all(0, 0, 0), /^normals: expected unit vectors where the object is, got none$/);
+  await fails(all(NaN, NaN, NaN), /got none$/);
+  await fails(all(0.5, 0.5, 1), /got values of a picture, \(n \+ 1\) \/ 2; give 2/);
+  await fails(all(0, 0, -1), /^normals: expected normals towards the camera .*, got most that look away/);
+  await probe.estimate(picture, all(0, -0.6, 0.8));
+});

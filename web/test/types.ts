@@ -15,6 +15,10 @@ export async function use(image: HTMLImageElement, video: HTMLVideoElement, scen
   new Blob([encodeHdr(light.radiance, 64), await encodeExr(light.radiance, 64)]);
   const tracker = probe.track(video, ({ dominant }) => dominant.direction[0], { box: [0, 0, 9, 9], onLost: () => {} });
   await tracker.mark({ click: [1, 2] });
+  await tracker.set({ material: "chrome" });
+  const places = [[1, 2], [3, 4]] as const;
+  await probe.estimate(image, { mask: await probe.mask(image, { click: places, box: null }) });
+  await probe.estimate(image, { mask: light.mask ?? undefined });
   tracker.stop();
 
   installCameraCurve(renderer);

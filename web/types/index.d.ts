@@ -91,11 +91,11 @@ export type Graph = string | URL | { url: string; integrity?: string } | Uint8Ar
 /** Where the object is, in pixels of the picture. Without any the mask network proposes the object. */
 export interface Hints {
   /** On the object. */
-  click?: Point | Point[];
+  click?: Readonly<Point> | readonly Readonly<Point>[] | null;
   /** Beside it. */
-  exclude?: Point | Point[];
+  exclude?: Readonly<Point> | readonly Readonly<Point>[] | null;
   /** Around it. */
-  box?: [x0: number, y0: number, x1: number, y1: number];
+  box?: readonly [x0: number, y0: number, x1: number, y1: number] | null;
 }
 
 /** The angle that the picture takes in; at most one of them. Default: 65 degrees along the longer side, a phone's main camera. */
@@ -130,8 +130,11 @@ export type GivenMaterial =
   | { name?: MaterialName; albedo?: number | [number, number, number]; roughness?: number };
 
 export interface EstimateOptions extends Hints, Lens, LightOptions, Cancellable {
-  /** White on the object, or opaque there: a picture of the same aspect, or numbers in [0, 1] of the picture's size. */
-  mask?: Float32Array | Exclude<ImageSource, CameraTexture | Picture>;
+  /**
+   * White on the object, or opaque there: a picture of the same aspect, or numbers in [0, 1] of the picture's size; what `mask`
+   * gives, or the mask of a light. In the place of click, exclude and box.
+   */
+  mask?: Float32Array | Mask | { mask: Float32Array } | Exclude<ImageSource, CameraTexture | Picture>;
   /** Normals of the object in the camera's frame, three numbers a pixel of the picture, unit, zero where unknown. */
   normals?: Float32Array;
 }
@@ -178,15 +181,16 @@ export interface DominantLight {
  * the camera: +X right, +Y up, it looks along -Z.
  */
 export declare class Light {
+  private constructor();
   /** 27 radiance coefficients of spherical harmonics, order and constants of WebXR and three.js. */
   readonly sh9: Float32Array;
   readonly dominant: DominantLight;
   /** Equirectangular RGBA floats, 128 x 64: row 0 is +Y, the centre column -Z. */
   readonly environment: { width: number; height: number; data: Float32Array };
-  /** 64 x 128: how likely each pixel's display value is within 0.1 of the truth. */
-  readonly confidence: Float32Array;
+  /** 64 x 128: how likely each pixel's display value is within 0.1 of the truth; null of the paper's chain. */
+  readonly confidence: Float32Array | null;
   /** Its mean over the sphere. */
-  readonly meanConfidence: number;
+  readonly meanConfidence: number | null;
   /** 64 x 128 x 3. */
   readonly radiance: Float32Array;
   /** The map blurred for each roughness, six faces a level, as EnvironmentTexture of anyprobe/three takes it. */
@@ -230,7 +234,8 @@ export interface Tracker {
   offer(frame: FrameSource, about?: { pose?: Pose; time?: number }): Promise<void>;
   /** The object is somewhere else, in the source's pixels. */
   mark(hints: Hints): Promise<void>;
-  set(options: Pick<LightOptions, "surroundings" | "pitchDeg" | "emitters">): Promise<void>;
+  /** Another kind of light; what is not named stays as it is. */
+  set(options: LightOptions): Promise<void>;
   /** Lights and frames a second. */
   rates(): { updates: number; frames: number };
   stop(): void;

@@ -31,6 +31,7 @@ export declare class ProbeLight extends Group<ProbeLightEventMap> {
 export declare class EnvironmentTexture {
   readonly texture: Texture;
   update(levels: Light["prefiltered"]): Texture;
+  dispose(): void;
 }
 
 /** Show radiance as the photo's camera does; before the first picture is drawn. */
@@ -49,4 +50,5 @@ export declare class MaskOccluder {
   readonly group: Group;
   /** distance of the object's base along -Z; focalPx of the camera, in the mask's pixels. */
   show(mask: Mask, distance: number, focalPx: number): void;
+  dispose(): void;
 }

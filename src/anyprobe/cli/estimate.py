@@ -74,7 +74,7 @@ def estimate(
         Path | None,
         typer.Option(help="JSON with each photo's camera rotation: all photos, views of one object, give one light."),
     ] = None,
-    size: Annotated[int | None, typer.Option(help="Rows of a map with detail, 64 to 512; default: 512.")] = None,
+    size: Annotated[int | None, typer.Option(help="Rows of a map with detail: 64, 128, 256 or 512 (default).")] = None,
     colorspace: ColorspaceOption = "rec709",
     as_json: JsonOption = False,
     quiet: QuietOption = False,

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from anyprobe.cli.options import (
+    JsonOption,
     MaskOptions,
+    QuietOption,
     check_names,
     folder_option,
     hints_for,
@@ -32,6 +35,8 @@ def mask(
     fetch: Annotated[
         bool, typer.Option("--fetch", help="First download U2-Net-p (4.6 MB), the better mask network, if need be.")
     ] = False,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Find the object. Writes <stem>_mask.png and, to look at, <stem>_overlay.png per photo."""
     if fetch:
@@ -47,11 +52,14 @@ def mask(
     failed = False
     for path in listed:
         try:
-            line, warnings = _one(path, out, hints_for(path, hints), listed, pointed.segmenter)
-            typer.echo(line)
-            for warning in warnings:
+            found = _one(path, out, hints_for(path, hints), listed, pointed.segmenter)
+            if as_json:
+                print(json.dumps(found), flush=True)
+            elif not quiet:
+                typer.echo(_line(found))
+            for warning in [] if quiet else found["warnings"]:
                 print(f"warning: {line_of(warning)}", file=sys.stderr)
-            failed |= pointed.strict and bool(warnings)
+            failed |= pointed.strict and bool(found["warnings"])
         except AnyprobeError as error:
             print(f"anyprobe: {line_of(error)}", file=sys.stderr)
             failed = True
@@ -59,8 +67,13 @@ def mask(
         raise typer.Exit(2)
 
 
-def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: str | None) -> tuple[str, tuple[str, ...]]:
-    """Write one photo's two files; a line that says what was found and how, and warnings."""
+def _line(found: dict[str, Any]) -> str:
+    sure = "" if found["confidence"] is None else f", expected IoU {found['confidence']:.2f}"
+    return f"{found['mask']}: by {found['source']}, {100 * found['share']:.0f} % of the photo{sure}"
+
+
+def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: str | None) -> dict[str, Any]:
+    """Write one photo's two files; what was found and how, for JSON."""
     from anyprobe.estimate.outputs import draw_overlay
     from anyprobe.files.images import read_image, write_png
     from anyprobe.masks.depth import is_carried
@@ -75,6 +88,11 @@ def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: str
     overlay = draw_overlay(pixels.rgb, found.mask, found.prompts.on, found.prompts.off)
     write_png(targets["overlay"], overlay)
     write_png(targets["mask"], found.mask)
-    share = 100 * float((found.mask > 0.5).mean())
-    sure = "" if found.confidence is None else f", expected IoU {found.confidence:.2f}"
-    return f"{targets['mask']}: by {found.source}, {share:.0f} % of the photo{sure}", pixels.warnings + found.warnings
+    return {
+        "photo": str(path),
+        "mask": str(targets["mask"]),
+        "source": found.source,
+        "confidence": None if found.confidence is None else round(float(found.confidence), 4),
+        "share": round(float((found.mask > 0.5).mean()), 4),
+        "warnings": [*pixels.warnings, *found.warnings],
+    }

@@ -29,6 +29,8 @@ from anyprobe.errors import InputError
 
 SURE = 0.5
 """Difference of misfits from which on one map is clearly better than another."""
+STOPS_APART = 1.0
+"""From so many on a map's level is doubtful."""
 
 
 @with_bundles
@@ -51,6 +53,7 @@ def match(
     Writes the best ones turned, exposed and tinted to fit the photo, a contact sheet with spheres and a list (.json).
     """
     from anyprobe.detail.library import open_library
+    from anyprobe.detail.matching import stops_apart
     from anyprobe.estimate.outputs import draw_matches
     from anyprobe.estimate.photo import load_photo
     from anyprobe.export.targets import export
@@ -79,6 +82,12 @@ def match(
         for one in chosen:
             one.write(scratch / files[one.rank])
         shown = [(one, one.radiance(256)) for one in chosen]
+        apart = stops_apart(shown[0][1], light.radiance)
+        if abs(apart) > STOPS_APART:
+            warnings.append(
+                f"the first map lights the object's visible side {apart:+.1f} stops beside the estimate: the object "
+                f"and what is behind it ask for different exposures; look at {stem}_match.png before you take it"
+            )
         write_png(scratch / f"{stem}_match.png", draw_matches(loaded, light, shown))
         said = {
             "photo": loaded.name,

@@ -291,14 +291,15 @@ def hints_for(photo: Path, hints: Hints) -> Hints:
 
 def list_photos(photos: list[Path]) -> list[Path]:
     """Files as given; folders as the photos in them, in natural order, without hidden files, environment maps and
-    what anyprobe wrote: NAME_mask, NAME_overlay and NAME_relit beside NAME, and NAME.png beside a map of that name."""
+    what anyprobe wrote: NAME_mask, NAME_overlay and NAME_relit beside NAME, and NAME.png beside a map of that name; nor
+    NAME.jpg.png, a mask of NAME.jpg."""
     chosen: list[Path] = []
     for path in photos:
         if not path.is_dir():
             chosen.append(path)
             continue
         found = visible_files(path, PICTURES)
-        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit")}
+        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit")} | {p.name for p in found}
         maps = {p for p in found if p.suffix.lower() == ".exr" and _is_map(p)}
         previews = {p.with_suffix(".png") for p in maps if p.with_suffix(".json").is_file()}
         found = [p for p in found if p.stem not in written and p not in maps | previews]

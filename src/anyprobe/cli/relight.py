@@ -58,7 +58,11 @@ class InsertOptions:
     """What is inserted, and where it stands."""
 
     insert_material: Annotated[
-        str, typer.Option("--insert-material", help="chrome, gold, plastic, matte, or photo: like the real object.")
+        str,
+        typer.Option(
+            "--insert-material",
+            help="chrome, gold, plastic, matte, one of `anyprobe materials`, or photo: like the real object.",
+        ),
     ] = "chrome"
     at: Annotated[
         str | None, typer.Option(metavar="X,Y", help="Its ground contact point, in pixels; default: beside the object.")

@@ -67,6 +67,7 @@ def train(
         chosen = replace(chosen, steps=steps)
     if dry_run is not None:
         chosen = smoke(chosen, dry_run)
+        (runs / chosen.name / "checkpoint.pt").unlink(missing_ok=True)  # each one begins anew
     pairs = None if shards is None else _rendered(shards, data, chosen, device, workers)
     path = loop.train(
         chosen,

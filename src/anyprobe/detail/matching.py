@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
+from anyprobe.core.color import luminance
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, uv_to_direction
 from anyprobe.detail.library import FEATURE_ROWS, Library, check_unchanged, open_library
 from anyprobe.detail.likeness import Shown, best_places, gain_of
 from anyprobe.detail.match import find_matches
@@ -40,8 +41,8 @@ class MatchedMap:
     by: str
     map_from_light: np.ndarray
     gain: np.ndarray
-    library: Library
-    index: int
+    library: Library = field(repr=False)
+    index: int = field(repr=False)
 
     @property
     def path(self) -> Path:
@@ -175,3 +176,10 @@ def rank_maps(
         )
         for rank, i in enumerate(order)
     ]
+
+
+def stops_apart(radiance: np.ndarray, other: np.ndarray) -> float:
+    """By how many stops the irradiance of a plane that faces the camera is more in a map [H, 2H, 3] than in another."""
+    facing = [integral(one * np.maximum(pixel_directions(len(one))[..., 2:], 0.0)) for one in (radiance, other)]
+    first, second = (max(float(luminance(one)), 1e-6) for one in facing)
+    return float(np.log2(first / second))

@@ -88,7 +88,7 @@ def normals_from_depth(source: DepthSource, mask: Float[np.ndarray, "H W"], long
     if share < ENOUGH:
         return DepthNormals(
             normals=None,
-            doubt=f"depth is too coarse, noisy or incomplete for normals of more than {share:.0%} of the object",
+            doubt=f"depth gives normals of {share:.0%} of the object alone: it is too coarse, noisy or incomplete",
         )
     if _lean(found, known, on) < INWARD:
         return DepthNormals(

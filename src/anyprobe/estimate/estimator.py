@@ -242,17 +242,15 @@ class Estimator:
             outputs = use_surroundings(outputs, surroundings_map, tint=material is None)
             used["surroundings"] = round(float(integral(surroundings_map[..., 3:])[0] / (4 * np.pi)), 4)
         estimated, sure = time.perf_counter(), photo.mask_confidence
-        confidence = outputs.confidence
-        if confidence is None:
-            confidence = np.full(outputs.radiance.shape[:2], exposed, np.float32)
-        found = rotate(np.dstack([outputs.radiance, confidence]), crop.camera_from_crop)
+        known = [outputs.radiance] if outputs.confidence is None else [outputs.radiance, outputs.confidence]
+        found = rotate(np.dstack(known), crop.camera_from_crop)
         radiance = np.maximum(found[..., :3], 0.0)
         doubts = ground_doubts(ground, photo.name)
         if exposed >= ENOUGH_EXPOSED:  # else that is said already
             doubts += light_doubts(radiance, ground, photo.pitch_deg, photo.name)
         return Light(
             radiance=radiance,
-            confidence=found[..., 3].clip(0.0, 1.0),
+            confidence=None if outputs.confidence is None else found[..., 3].clip(0.0, 1.0),
             well_exposed_fraction=exposed,
             warnings=photo.warnings + doubts,
             stages={

@@ -25,8 +25,8 @@ Part = tuple[slice, slice]
 
 SHORTEST: float = contract("graph")["shortest_normal"]
 """A vector shorter than this is no normal: nothing is known there, or opposite ones were averaged."""
-NEAR_UNIT = 0.15
-UNIT_SHARE = 0.6
+NEAR_UNIT: float = contract("normals")["near_unit"]
+UNIT_SHARE: float = contract("normals")["unit_share"]
 """A picture of normals has vectors so near to unit length in this share at least of where they are known. Of 14 photos
 one had more, .77, whose vectors look away; normal maps of spheres 40 pixels wide as JPEG of quality 30 had .78."""
 PLAIN = 0.1
@@ -37,7 +37,7 @@ STRIP_PX = 1 << 17
 """A sphere's normals are computed in strips of so many pixels: rays of a whole photo take 118 bytes a pixel."""
 STEEPEST = np.radians(89.9)
 """No ray of a photo (field of view below 170 degrees) is so far aside."""
-FACING = 0.6
+FACING: float = contract("normals")["facing"]
 """Share of the normals that must look towards the camera; else their axes are another frame's."""
 
 

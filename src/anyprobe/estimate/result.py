@@ -49,8 +49,8 @@ class Light:
     Attributes:
         radiance: [H, 2H, 3] linear Rec. 709, front (-Z) in the centre column, in the
             photo's exposure units: an object rendered with it fits the photo as it is.
-        confidence: [H, 2H] in [0, 1]: probability that a pixel's display value is within 0.1 of the truth, or
-            `well_exposed_fraction` everywhere from a model that does not estimate it (`paper`); None where unknown.
+        confidence: [H, 2H] in [0, 1]: probability that a pixel's display value is within 0.1 of the truth; None where
+            unknown, as of the model `paper`.
         well_exposed_fraction: share of the object's pixels that are neither black nor clipped, in [0, 1].
         warnings: one line each.
         stages: the networks' inputs and outputs, in the crop's frame: photo [128, 128, 4],

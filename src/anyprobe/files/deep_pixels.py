@@ -48,8 +48,12 @@ def sixteen_bits(image: ImageFile.ImageFile, reopen: Callable[[], ImageFile.Imag
     Args:
         image: opened, not loaded.
         reopen: opens the same file again.
+    Raises:
+        ValueError: a TIFF of separate planes, whose bytes Pillow takes for values.
     """
     layout = _layout(image)
+    if isinstance(image, TiffImageFile) and layout == "R" and max(image.tag_v2.get(BITS, (8,))) > 8:
+        raise ValueError("more than 8 bits in separate planes; save it with its channels together")
     if image.format not in ("PNG", "TIFF") or layout[:-1] not in ("RGB;16", "RGBA;16", "RGBX;16", "LA;16"):
         return None
     if "transparency" in image.info:
@@ -67,6 +71,11 @@ def sixteen_bits(image: ImageFile.ImageFile, reopen: Callable[[], ImageFile.Imag
     lower = np.asarray(again)
     channels = 3 if layout.startswith("RGBX") else upper.shape[2]
     return upper[..., :channels].astype(np.uint16) << 8 | lower[..., :channels]
+
+
+def is_white_zero(image: Image.Image) -> bool:
+    """Whether 16-bit grey of a TIFF is stored as a negative, which Pillow leaves as it is."""
+    return isinstance(image, TiffImageFile) and image.mode.startswith("I") and image.tag_v2.get(PHOTOMETRIC) == 0
 
 
 def heif_sixteen_bits(stream: BinaryIO) -> np.ndarray | None:

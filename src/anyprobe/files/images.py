@@ -27,6 +27,7 @@ from anyprobe.files.deep_pixels import (
     TIFF_STARTS,
     FloatPicture,
     heif_sixteen_bits,
+    is_white_zero,
     read_float_tiff,
     sixteen_bits,
     turned_upright,
@@ -226,6 +227,8 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
             picture = np.ascontiguousarray(deep[..., 0] if deep.shape[2] == 2 else deep[..., :3])
         else:
             picture, alpha = _opaque(_upright(image))
+            if isinstance(picture, np.ndarray) and is_white_zero(image):
+                picture = np.iinfo(picture.dtype).max - picture
         done = DisplayPixels(values=_values(picture)) if as_data else shown(picture, encoding, profile)
         gain_map = None if as_data or done.radiance is not None else gain_map_of(image, stream)
     except Exception as error:  # decoders raise whatever the bad bytes lead them to

@@ -19,7 +19,7 @@ def check_mask(mask: np.ndarray) -> np.ndarray:
     if not (mask > 0.5).any():
         raise InvalidMask(
             f"mask: expected white on the object, got an empty mask (largest value {mask.max():.2f}); "
-            "paint the object white"
+            "paint the object white; labels of a file, 0 and 1, times 255"
         )
     x0, y0, x1, y1 = object_box(mask)
     if max(x1 - x0, y1 - y0) < MIN_OBJECT_PX:

@@ -42,6 +42,11 @@ export const CONTRACT = {
     "context_scale": 2,
     "context_fine": 4
   },
+  "normals": {
+    "near_unit": 0.15,
+    "unit_share": 0.6,
+    "facing": 0.6
+  },
   "lens": {
     "default_long_fov_deg": 65.0,
     "least_fov_deg": 1.0,

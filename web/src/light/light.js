@@ -40,12 +40,12 @@ export function cameraRadiance({ radiance }, cameraFromCrop) {
 /**
  * How likely each pixel's display value is within 0.1 of the truth, [64, 128] in the camera's frame.
  *
- * @param {{confidence: Float32Array | null}} stages of Models.light; a chain that does not say is worth wellExposed everywhere
+ * @param {{confidence: Float32Array | null}} stages of Models.light
  * @param {number[]} cameraFromCrop
- * @param {number} wellExposed share of the object's pixels that are neither black nor clipped
+ * @returns {Float32Array | null} null of a model that does not say
  */
-export function cameraConfidence({ confidence }, cameraFromCrop, wellExposed) {
-  if (!confidence) return new Float32Array(2 * MAP_HEIGHT * MAP_HEIGHT).fill(wellExposed);
+export function cameraConfidence({ confidence }, cameraFromCrop) {
+  if (!confidence) return null;
   const turned = rotateOne(confidence, MAP_HEIGHT, cameraFromCrop);
   for (let i = 0; i < turned.length; i++) turned[i] = Math.min(Math.max(turned[i], 0), 1);
   return turned;

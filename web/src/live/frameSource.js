@@ -22,6 +22,15 @@ export function checkSource(source) {
   throw new AnyProbeError("invalid-option", `source: expected ${expected}, got ${got}`);
 }
 
+const FRAMES = "a video, a canvas, an image, an ImageBitmap, an ImageData, a VideoFrame or { gl, texture, width, height }";
+
+/** Refuse what holds no frame. @param {import("../../types/index.d.ts").FrameSource} frame */
+export function checkFrame(frame) {
+  const hasSize = ["videoWidth", "displayWidth", "naturalWidth", "width"].some((name) => typeof frame?.[name] === "number");
+  if (hasSize && !frame.rgba && Boolean(frame.texture) === Boolean(frame.gl)) return;
+  throw new AnyProbeError("invalid-image", `frame: expected ${FRAMES}, got ${kindOf(frame)}`);
+}
+
 /**
  * Call back with what holds each new frame, while it is wanted.
  *

@@ -4,6 +4,7 @@
  */
 
 import { AnyProbeError } from "../errors.js";
+import { packPlainly } from "../photo/source.js";
 
 /** Between two looks whether the copy is done. */
 const POLL_MS = 2;
@@ -26,10 +27,9 @@ export async function takeTexture({ gl, texture, width: fullWidth, height: fullH
     await isDone(gl, fence);
     const spare = spares.pop();
     const bytes = new Uint8Array(spare?.byteLength === size ? spare : size);
-    const before = gl.getParameter(gl.PIXEL_PACK_BUFFER_BINDING);
-    gl.bindBuffer(gl.PIXEL_PACK_BUFFER, copy);
+    const restore = packPlainly(gl, copy);
     gl.getBufferSubData(gl.PIXEL_PACK_BUFFER, 0, bytes);
-    gl.bindBuffer(gl.PIXEL_PACK_BUFFER, before);
+    restore();
     return { frame: { width, height, format: "RGBA", bytes }, transfer: [bytes.buffer] };
   } finally {
     gl.deleteSync(fence);
@@ -43,7 +43,6 @@ function startCopy(gl, texture, [fullWidth, fullHeight], [width, height], copy) 
     read: gl.getParameter(gl.READ_FRAMEBUFFER_BINDING),
     draw: gl.getParameter(gl.DRAW_FRAMEBUFFER_BINDING),
     store: gl.getParameter(gl.RENDERBUFFER_BINDING),
-    pack: gl.getParameter(gl.PIXEL_PACK_BUFFER_BINDING),
     cuts: gl.isEnabled(gl.SCISSOR_TEST),
   };
   const [from, to] = [gl.createFramebuffer(), gl.createFramebuffer()];
@@ -57,13 +56,13 @@ function startCopy(gl, texture, [fullWidth, fullHeight], [width, height], copy) 
   gl.disable(gl.SCISSOR_TEST);
   gl.blitFramebuffer(0, 0, fullWidth, fullHeight, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.LINEAR);
   gl.bindFramebuffer(gl.READ_FRAMEBUFFER, to);
-  gl.bindBuffer(gl.PIXEL_PACK_BUFFER, copy);
+  const restore = packPlainly(gl, copy);
   gl.bufferData(gl.PIXEL_PACK_BUFFER, 4 * width * height, gl.STREAM_READ);
   gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, 0);
   const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
   gl.flush();
   if (before.cuts) gl.enable(gl.SCISSOR_TEST);
-  gl.bindBuffer(gl.PIXEL_PACK_BUFFER, before.pack);
+  restore();
   gl.bindRenderbuffer(gl.RENDERBUFFER, before.store);
   gl.bindFramebuffer(gl.READ_FRAMEBUFFER, before.read);
   gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, before.draw);

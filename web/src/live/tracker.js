@@ -4,7 +4,8 @@ import { receivedError } from "../errors.js";
 import { Light } from "../light/light.js";
 import { checkHints, checkLight, checkNames, longFovOf, rotationOfPose } from "../options.js";
 import { hintsOf } from "../photo/hints.js";
-import { follow, sizeOf } from "./frameSource.js";
+import { describe } from "../photo/material.js";
+import { checkFrame, follow, sizeOf } from "./frameSource.js";
 import { takeFrame } from "./videoFrames.js";
 
 /** Rates are means over this many seconds. */
@@ -44,9 +45,13 @@ export class Tracker {
     if (this.#source && sizeOf(this.#source)[0] > 0) await this.#open(this.#source);
     if (!this.running) return; // stopped meanwhile
     this.#client.onLive = (answer) => this.#hear(answer);
-    const give = (frame) => {
+    const give = async (frame) => {
       this.frames.push(performance.now() / 1000);
-      return this.offer(frame, { pose: this.#pose?.() });
+      try {
+        await this.offer(frame, { pose: this.#pose?.() });
+      } catch (error) {
+        this.fail(error); // of the caller's pose
+      }
     };
     const unfollow = await follow(this.#source, give, (error) => this.fail(error));
     if (this.running) this.#unfollow = unfollow;
@@ -70,8 +75,9 @@ export class Tracker {
    * @returns {Promise<void>} when the frame may be changed or closed
    */
   async offer(frame, { pose, time = performance.now() } = {}) {
-    if (!this.running || (frame.texture && this.#isReading)) return;
+    if (!this.running || (frame?.texture && this.#isReading)) return;
     try {
+      checkFrame(frame);
       const rotation = pose === undefined || pose === null ? null : rotationOfPose(pose);
       if (!this.#opening) {
         if (!(sizeOf(frame)[0] > 0)) return; // a video before its first picture
@@ -92,7 +98,7 @@ export class Tracker {
   }
 
   /** @param {{click?: number[] | number[][], exclude?: number[] | number[][], box?: number[]}} hints in the source's pixels */
-  async mark(hints) {
+  async mark(hints = {}) {
     checkNames("tracker.mark", hints);
     if (this.running && !this.#opening) this.#given = { ...this.#given, hints };
     else if (this.running) await this.#client.ask("markLive", { hints: this.#shares(hints) });
@@ -105,12 +111,13 @@ export class Tracker {
     return hintsOf(hints, 1 / width, 1 / height);
   }
 
-  /** Another kind of light, from the next frame on. @param {import("../networks/lightOfObject.js").LightOptions} options */
-  async set(options) {
+  /** Another kind of light, from the next frame on; what is not named stays. @param {import("../networks/lightOfObject.js").LightOptions} options */
+  async set(options = {}) {
     checkNames("tracker.set", options);
     checkLight(options);
-    if (this.running && !this.#opening) this.#given = { ...this.#given, options };
-    else if (this.running) await this.#client.ask("setLive", { options });
+    const changed = "material" in options ? { ...options, material: describe(options.material) } : options;
+    if (this.running && !this.#opening) this.#given = { ...this.#given, options: { ...this.#given.options, ...changed } };
+    else if (this.running) await this.#client.ask("setLive", { options: changed });
   }
 
   /** Lights and pictures a second. */

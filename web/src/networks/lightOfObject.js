@@ -40,6 +40,9 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
   const isUnasked = surroundings === "auto" && !isAuto && isAlone === undefined;
   const isShown = isAuto || surroundings === "photo" || surroundings === true;
   const seen = isShown && models.lifts ? seeSurroundings(picture, longFovDeg, crop) : null;
+  if (isShown && models.lifts && !seen && !isAuto && isAlone === undefined) {
+    throw new AnyProbeError("invalid-option", "surroundings: expected a picture that shows more than its object, found one colour behind it; leave surroundings out");
+  }
   const context = isShown && models.completes ? contextOf(picture, crop.mask, crop) : null;
   const up = isShown && pitchDeg !== undefined ? turnedBack(crop.cameraFromCrop, upOf(pitchDeg)) : null;
   if (given.material && !models.lifts) {
@@ -51,12 +54,12 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
   const worth = Math.min(1, wellExposed / ENOUGH);
   if (prediction.confidence && worth < 1) prediction.confidence = prediction.confidence.map((value) => worth * value);
   const stages = seen ? useSurroundings(prediction, seen) : prediction;
-  const confidence = cameraConfidence(stages, crop.cameraFromCrop, wellExposed);
+  const confidence = cameraConfidence(stages, crop.cameraFromCrop);
   return {
     stages,
     radiance: cameraRadiance(stages, crop.cameraFromCrop),
     confidence,
-    meanConfidence: sphereMean(confidence),
+    meanConfidence: confidence && sphereMean(confidence),
     wellExposedFraction: wellExposed,
     object: prediction.object ?? null,
     uncertainty: prediction.uncertainty ?? null,

@@ -25,6 +25,8 @@ const LIFT = ["light"];
 /** Beside it, where there is one: completes its answer by what the picture shows around the object. */
 const WHOLE = "whole";
 const CHAIN = CONTRACT.graph.chain;
+/** What the graphs of the light take, by stage. */
+const INPUTS = { light: CONTRACT.graph.inputs, [WHOLE]: CONTRACT.graph.whole.inputs };
 const PHOTO_SHAPE = [1, 4, CROP_SIZE, CROP_SIZE];
 const NORMALS_SHAPE = [1, 3, NORMALS_SIZE, NORMALS_SIZE];
 /** Zero: no normals are given. */
@@ -69,6 +71,9 @@ export class Models {
     for (const stage of stages) {
       if (!weights[stage]) throw new AnyProbeError("invalid-option", `weights.${stage}: expected its address, got none`);
       sessions[stage] = await openStage(stage);
+      const { inputNames } = sessions[stage];
+      if (INPUTS[stage]?.every((name) => inputNames.includes(name)) ?? true) continue;
+      throw new AnyProbeError("invalid-option", `weights.${stage}: expected a graph of ${INPUTS[stage].join(", ")}, got one of ${inputNames.join(", ")}`);
     }
     const later = MASKS.filter((stage) => weights[stage]).map((stage) => [stage, () => openStage(stage)]);
     return new Models(ort, sessions, providers[0], Object.fromEntries(later));

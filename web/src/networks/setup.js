@@ -98,5 +98,9 @@ function runtimeOf(runtime) {
 }
 
 function absolute(address) {
-  return new URL(address, globalThis.document?.baseURI ?? globalThis.location?.href).href;
+  try {
+    return new URL(address, globalThis.document?.baseURI ?? globalThis.location?.href).href;
+  } catch {
+    throw wrong("address", "one of a file", String(address));
+  }
 }

@@ -3,7 +3,7 @@
 import { AnyProbeError } from "../errors.js";
 
 /** As Chromium, Firefox and Safari call it. */
-const IMPORT_FAULT = /dynamically imported module|importing a module script failed/i;
+const IMPORT_FAULT = /dynamically imported module|importing a module script failed|\.wasm could not be fetched .*an HTML page/i;
 export const VITE_NEEDS = 'Vite\'s development server needs optimizeDeps: { exclude: ["anyprobe"] }';
 
 /** @param {Error & {code?: string}} error */

@@ -77,7 +77,7 @@ const tasks = {
   },
 
   setLive({ options }) {
-    live.lights.options = options;
+    live.lights.options = { ...live.lights.options, ...options };
   },
 };
 
@@ -96,7 +96,7 @@ async function sendLight(lights, { frame, time, pose }) {
 
 /** What of a light is given away with it instead of copied. */
 function memoryOf({ radiance, confidence, prefiltered }) {
-  return [radiance, confidence, ...prefiltered].map(({ buffer }) => buffer);
+  return [radiance, ...(confidence ? [confidence] : []), ...prefiltered].map(({ buffer }) => buffer);
 }
 
 /** Close a frame that is done with, or give its memory back for another. */

@@ -5,7 +5,8 @@
  * its code, and a request cannot be given up.
  */
 
-import { AnyProbeError, receivedError } from "../errors.js";
+import { AnyProbeError, receivedError, sentError } from "../errors.js";
+import { wrong } from "../options.js";
 import { VITE_NEEDS } from "./words.js";
 
 export class WorkerClient {
@@ -25,8 +26,10 @@ export class WorkerClient {
    * @param {(progress: import("../files/download.js").Progress) => void} onProgress while files are fetched
    */
   constructor(start, onProgress) {
-    this.#worker = start();
+    this.#worker = started(start);
+    let isStarted = false;
     this.#worker.onmessage = ({ data }) => {
+      isStarted = true;
       if (data.progress) return onProgress(data.progress);
       if (data.live) return this.onLive(data.live);
       if (data.spare) return this.spares.push(data.spare);
@@ -36,9 +39,10 @@ export class WorkerClient {
       else asked?.reject(receivedError(data.error));
     };
     this.#worker.onerror = (event) => {
-      const missing = `its script could not be fetched; esbuild and Rollup copy none: use anyprobe/core; ${VITE_NEEDS}`;
+      const missing = `its script could not be fetched; esbuild and Rollup copy none: use anyprobe/core, for which a content security policy needs worker-src blob:; ${VITE_NEEDS}`;
       const why = event.message?.replace(/\.$/, "") || missing;
-      this.#end(new AnyProbeError("worker-failed", `The networks' thread could not be started: ${why}.`));
+      this.#end(new AnyProbeError("worker-failed", `The networks' thread ${isStarted ? "ended" : "could not be started"}: ${why}.`));
+      this.onLive({ error: sentError(this.#fault) });
     };
   }
 
@@ -89,4 +93,15 @@ export class WorkerClient {
     for (const { reject } of this.#waiting.values()) reject(this.#fault);
     this.#waiting.clear();
   }
+}
+
+function started(start) {
+  let worker;
+  try {
+    worker = start();
+  } catch (error) {
+    throw new AnyProbeError("worker-failed", `The networks' thread could not be started: ${String(error.message).replace(/\.$/, "")}.`);
+  }
+  if (typeof worker?.postMessage !== "function") throw wrong("worker", "a function that gives a Worker", worker);
+  return worker;
 }

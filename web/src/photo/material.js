@@ -1,6 +1,8 @@
 /** The object's material, where it is known, as anyprobe.scatter.materials. */
 
 import { CONTRACT } from "../core/contract.js";
+import { AnyProbeError } from "../errors.js";
+import { shown } from "../options.js";
 
 const MATTE = "matte";
 const { least_roughness: LEAST_ROUGHNESS, least_reflectance: LEAST_REFLECTANCE } = CONTRACT.materials;
@@ -15,7 +17,7 @@ export const MATERIALS = { ...CONTRACT.materials.named, ...CONTRACT.materials.me
 export function givenMaterial(given) {
   const { name = MATTE, albedo, roughness } = typeof given === "string" ? { name: given } : checkParts(given);
   if (!Object.hasOwn(MATERIALS, name)) {
-    throw new Error(`material: expected one of ${Object.keys(MATERIALS).join(", ")}, got ${JSON.stringify(name)}`);
+    throw new Error(`material: expected one of ${Object.keys(MATERIALS).join(", ")}, got ${shown(name)}`);
   }
   const material = { ...MATERIALS[name] };
   if (roughness !== undefined) {
@@ -43,7 +45,16 @@ function checkParts(given) {
   const isObject = given !== null && typeof given === "object" && !Array.isArray(given);
   const names = isObject ? Object.keys(given).filter((name) => given[name] !== undefined) : [];
   if (names.length && names.every((name) => PARTS.includes(name))) return given;
-  throw new Error(`material: expected a name, or an object of ${PARTS.join(", ")}, got ${JSON.stringify(given)}`);
+  throw new Error(`material: expected a name, or an object of ${PARTS.join(", ")}, got ${shown(given)}`);
+}
+
+/** A given material as the network takes it; undefined where none is given. */
+export function describe(material) {
+  try {
+    return material === undefined ? undefined : materialInput(givenMaterial(material));
+  } catch (error) {
+    throw new AnyProbeError("invalid-option", error.message);
+  }
 }
 
 /** What the network is given of a material, [8]: 1, sqrt(alpha), ln of the total reflectance and f0, each RGB. */

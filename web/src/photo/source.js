@@ -29,7 +29,10 @@ export async function readSource(source, signal) {
   signal?.throwIfAborted();
   if (source?.rgba) return whole(checkPixels(source));
   if (source?.texture) return whole(readTexture(checkTexture(source)));
-  const ready = await open(source, "image", signal);
+  return inMemory(await open(source, "image", IMAGES, signal), signal);
+}
+
+function inMemory(ready, signal) {
   signal?.throwIfAborted();
   const [width, height] = sizeOf(ready);
   const scale = Math.min(1, LONG_PX / Math.max(width, height));
@@ -38,12 +41,21 @@ export async function readSource(source, signal) {
   return { ...draw(ready, width, height, scale), ...about };
 }
 
-const whole = (picture) => ({ ...picture, scale: 1, fullWidth: picture.width, fullHeight: picture.height });
+/** Of pixels in memory; few of them stay as they are. */
+function whole({ width, height, rgba }) {
+  if (Math.max(width, height) > LONG_PX) return inMemory(new ImageData(new Uint8ClampedArray(rgba), width, height));
+  return { width, height, rgba, scale: 1, fullWidth: width, fullHeight: height };
+}
+
 const isImageData = (source) => typeof ImageData === "function" && source instanceof ImageData;
 const isOf = (source, name) => typeof globalThis[name] === "function" && source instanceof globalThis[name];
 
+const DRAWABLE = ["HTMLImageElement", "HTMLVideoElement", "HTMLCanvasElement", "OffscreenCanvas", "ImageBitmap", "VideoFrame", "ImageData"];
+const IMAGES = `an address, a Blob or File, ${DRAWABLE.join(", ")}, { gl, texture, width, height } or { width, height, rgba }`;
+const MASKS = `a Float32Array of the picture's pixels, what probe.mask() gives, a light's mask, an address, a Blob or File, ${DRAWABLE.join(", ")}`;
+
 /** What can be drawn: fetched and decoded where it is an address or a file, waited for where it is on its way. */
-async function open(source, name, signal) {
+async function open(source, name, expected, signal) {
   const invalid = (expected, why) => new AnyProbeError("invalid-image", `${name}: expected ${expected}, got ${why}`);
   if (typeof source === "string" || isOf(source, "URL")) return decode(await fetchBlob(String(source), name, signal), name);
   if (isOf(source, "Blob")) return decode(source, name);
@@ -53,10 +65,7 @@ async function open(source, name, signal) {
       throw invalid("a picture that the browser can show", `${source.currentSrc || source.src || "none"}, which it cannot`);
     });
   }
-  const drawable = ["HTMLImageElement", "HTMLVideoElement", "HTMLCanvasElement", "OffscreenCanvas", "ImageBitmap", "VideoFrame", "ImageData"];
-  if (!drawable.some((kind) => isOf(source, kind))) {
-    throw invalid(`an address, a Blob or File, ${drawable.join(", ")}, { gl, texture, width, height } or { width, height, rgba }`, kindOf(source));
-  }
+  if (!DRAWABLE.some((kind) => isOf(source, kind))) throw invalid(expected, kindOf(source));
   const [width, height] = sizeOf(source);
   if (!(width > 0 && height > 0)) {
     throw invalid("one with pixels", isOf(source, "HTMLVideoElement") ? "a video before its first frame; wait for loadeddata" : "none");
@@ -124,18 +133,40 @@ function canvasOf(data) {
 /** The pixels of a texture, whose first row is the lowest. */
 function readTexture({ gl, texture, width, height }) {
   const before = gl.getParameter(gl.READ_FRAMEBUFFER_BINDING);
+  const restore = packPlainly(gl, null);
   const framebuffer = gl.createFramebuffer();
   gl.bindFramebuffer(gl.READ_FRAMEBUFFER, framebuffer);
   gl.framebufferTexture2D(gl.READ_FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
+  const isComplete = gl.checkFramebufferStatus(gl.READ_FRAMEBUFFER) === gl.FRAMEBUFFER_COMPLETE;
   const pixels = new Uint8ClampedArray(4 * width * height);
-  gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+  if (isComplete) gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
   gl.bindFramebuffer(gl.READ_FRAMEBUFFER, before);
   gl.deleteFramebuffer(framebuffer);
+  restore();
+  if (!isComplete) throw new AnyProbeError("invalid-image", "image: expected a texture with pixels of a colour, got one that cannot be read");
   const rgba = new Uint8ClampedArray(pixels.length);
   for (let row = 0; row < height; row++) {
     rgba.set(pixels.subarray(4 * (height - 1 - row) * width, 4 * (height - row) * width), 4 * row * width);
   }
   return { width, height, rgba };
+}
+
+/**
+ * Pixels are packed without gaps into a buffer, or memory (null), from here until what is returned is called.
+ *
+ * @param {WebGL2RenderingContext} gl
+ * @param {WebGLBuffer | null} buffer
+ * @returns {() => void}
+ */
+export function packPlainly(gl, buffer) {
+  const plain = { PACK_ALIGNMENT: 4, PACK_ROW_LENGTH: 0, PACK_SKIP_PIXELS: 0, PACK_SKIP_ROWS: 0 };
+  const [bound, was] = [gl.getParameter(gl.PIXEL_PACK_BUFFER_BINDING), Object.keys(plain).map((name) => gl.getParameter(gl[name]))];
+  gl.bindBuffer(gl.PIXEL_PACK_BUFFER, buffer);
+  for (const [name, value] of Object.entries(plain)) gl.pixelStorei(gl[name], value);
+  return () => {
+    gl.bindBuffer(gl.PIXEL_PACK_BUFFER, bound);
+    Object.keys(plain).forEach((name, i) => gl.pixelStorei(gl[name], was[i]));
+  };
 }
 
 /** By how much a mask's aspect may be another than its picture's: a pixel of rounding. */
@@ -144,15 +175,16 @@ const MOST_UNEVEN = 0.01;
 /**
  * A mask of a picture from numbers of its size, or from a picture that is white on the object, or opaque there.
  *
- * @param {Float32Array | import("../../types/index.d.ts").ImageSource} mask
+ * @param {import("../../types/index.d.ts").EstimateOptions["mask"]} mask
  * @param {Awaited<ReturnType<typeof readSource>>} picture
  * @param {AbortSignal} [signal]
  * @returns {Promise<Float32Array>} of the picture's pixels in memory
  */
 export async function readMask(mask, picture, signal) {
   const { width, height } = picture;
-  if (mask instanceof Float32Array) return fit(checkShares(mask), "mask", 1, picture);
-  const ready = await open(mask, "mask", signal);
+  const numbers = [mask, mask?.data, mask?.mask].find((values) => values instanceof Float32Array);
+  if (numbers) return fit(checkShares(numbers), "mask", 1, picture);
+  const ready = await open(mask, "mask", MASKS, signal);
   const [fullWidth, fullHeight] = sizeOf(ready);
   if (Math.abs((fullWidth * height) / (fullHeight * width) - 1) > MOST_UNEVEN) {
     throw new AnyProbeError("invalid-option", `mask: expected the picture's aspect, ${width} x ${height}, got ${fullWidth} x ${fullHeight}`);
@@ -177,7 +209,29 @@ function brightness(rgba) {
 /** Normals of a picture's own size or of its size in memory, three numbers a pixel. */
 export function readNormals(normals, picture) {
   if (!(normals instanceof Float32Array)) throw new AnyProbeError("invalid-option", "normals: expected a Float32Array of three numbers a pixel");
-  return fit(normals, "normals", 3, picture);
+  return checkNormals(fit(normals, "normals", 3, picture));
+}
+
+const { near_unit: NEAR_UNIT, unit_share: UNIT_SHARE, facing: FACING } = CONTRACT.normals;
+const SHORTEST = CONTRACT.graph.shortest_normal;
+
+/** Unit vectors that look at the camera, most of them, as anyprobe.estimate.normals_hint asks. */
+function checkNormals(normals) {
+  let [known, unit, facing, isPicture] = [0, 0, 0, true];
+  for (let at = 0; at < normals.length; at += 3) {
+    const [x, y, z] = [normals[at], normals[at + 1], normals[at + 2]];
+    const length = Math.hypot(x, y, z);
+    if (!(length > SHORTEST)) continue; // NaN too
+    known++;
+    if (Math.abs(length - 1) < NEAR_UNIT) unit++;
+    if (z > 0) facing++;
+    if (x < 0 || y < 0 || z < 0) isPicture = false;
+  }
+  const refuse = (expected, got) => new AnyProbeError("invalid-option", `normals: expected ${expected}, got ${got}`);
+  if (known === 0) throw refuse("unit vectors where the object is", "none");
+  if (unit < UNIT_SHARE * known && isPicture) throw refuse("unit vectors", "values of a picture, (n + 1) / 2; give 2 * value - 1, of bytes value / 127.5 - 1");
+  if (facing < FACING * known) throw refuse("normals towards the camera (+X right, +Y up, +Z to it)", "most that look away; flip Y and Z if they are OpenCV's");
+  return normals;
 }
 
 function checkShares(mask) {

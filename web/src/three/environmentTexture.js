@@ -26,6 +26,10 @@ export class EnvironmentTexture {
     this.texture.magFilter = LinearFilter;
   }
 
+  dispose() {
+    this.texture.dispose();
+  }
+
   /** @param {Float32Array[]} levels `prefiltered` of a light; the last ones are overwritten */
   update(levels) {
     levels.forEach((values, level) => {

@@ -39,6 +39,12 @@ export class MaskOccluder {
     alphaMap.offset.set(box[0] / width, 1 - box[3] / height);
   }
 
+  dispose() {
+    this.material.alphaMap?.dispose();
+    this.material.dispose();
+    for (const card of [this.middle, this.base]) card.geometry.dispose();
+  }
+
   #setTexture(mask, width, height) {
     const { material } = this;
     if (material.alphaMap?.image.width !== width || material.alphaMap?.image.height !== height) {
