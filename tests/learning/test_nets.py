@@ -4,7 +4,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
-from anyprobe.nets.paper import HdrNet, IlluminationNet, IrradianceNet, Places  # noqa: E402
+from anyprobe.nets.paper import HdrNet, IlluminationNet, IrradianceNet, PlaceFeatures  # noqa: E402
 
 
 def test_each_net_gives_the_size_the_next_one_takes():
@@ -20,7 +20,7 @@ def test_each_net_gives_the_size_the_next_one_takes():
 
 def test_what_a_place_shows_is_lifted_to_where_it_mirrors_and_to_where_it_faces():
     """Normals to the right of a far camera mirror what is behind the object."""
-    places = Places((8, 8, 8, 8))
+    places = PlaceFeatures((8, 8, 8, 8))
     with torch.no_grad():
         for parameter in places.head.parameters():
             parameter.zero_()

@@ -41,7 +41,7 @@ class IrradianceNet(nn.Module):
         return (photo[:, :3] + F.pixel_shuffle(self.head(x), 2)) * photo[:, 3:]
 
 
-class Places(nn.Module):
+class PlaceFeatures(nn.Module):
     """Features of four scales, [N, widths[k], 32 / 2^k, 32 / 2^k], image [N, 4, 32, 32] (irradiance, mask) and wo
     [N, 3, 32, 32] -> maps [N, 2 (FEATURES + 4), 16 / 2^k, 32 / 2^k] of what places of the object show, where their
     mirror directions and where their normals point, with how much is known; and the normals [N, 3, 32, 32], unit.
@@ -77,7 +77,7 @@ class Places(nn.Module):
 
 
 class Lifted(nn.Module):
-    """A map of Places [N, inputs, H, 2H] -> [N, outputs, H, 2H + 2 margin], zero while untrained."""
+    """A map of PlaceFeatures [N, inputs, H, 2H] -> [N, outputs, H, 2H + 2 margin], zero while untrained."""
 
     def __init__(self, inputs: int, outputs: int, margin: int, width: int = 48) -> None:
         super().__init__()
@@ -105,12 +105,12 @@ class IlluminationNet(nn.Module):
             *(layer for a, b in pairs for layer in (conv(a, b, stride=2), conv(b, b))),
             nn.Flatten(),
         )
-        self.places = Places(widths)
+        self.places = PlaceFeatures(widths)
         self.code = nn.Sequential(nn.Linear(widths[-1] * 16, code), nn.LeakyReLU(0.1))
         self.start = nn.Sequential(
             nn.Linear(code, start * 4 * 8), nn.LeakyReLU(0.1), nn.Unflatten(1, (start, 4, 8)), Wrap(1)
         )
-        seen = 2 * (Places.FEATURES + 4)
+        seen = 2 * (PlaceFeatures.FEATURES + 4)
         self.lifted = nn.ModuleList([Lifted(seen, 64, 1), Lifted(seen, 112, 2), Lifted(seen, start, 1)])
         self.decoder = nn.Sequential(
             Up(start, 112),  # 8 x 20, 2 columns of them beyond each side
