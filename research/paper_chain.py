@@ -5,7 +5,8 @@
     python -m research.paper_chain DATA --part left-out --kept DIR    # to choose by
 
 Spread is the standard deviation over the pairs of a pixel of the LDR map, mean over pixels; above .8 is the share of
-pixels that Eq. 8 gives to the HDR branch. Standard errors by map and shape.
+pixels that Eq. 8 gives to the HDR branch. Standard errors by map and shape. The last rows are the first model less each
+other one, pair by pair.
 """
 
 from __future__ import annotations
@@ -65,6 +66,15 @@ def above(maps: list[np.ndarray]) -> float:
     return float(np.mean([ldr.max(axis=-1) > THRESHOLD for ldr in maps]))
 
 
+def differences(rows: list[dict], others: list[dict], maps: list[str], shapes: list[str]) -> list[str]:
+    """Of each of FIGURES the mean over the pairs of what one model has more than another, and its standard error."""
+    cells = []
+    for figure in FIGURES:
+        more = [row[figure] - other[figure] for row, other in zip(rows, others, strict=True)]
+        cells.append(f"{np.mean(more):+.4f} +- {clustered_error(more, maps, shapes):.4f}")
+    return cells
+
+
 def main(
     data: Path,
     model: Annotated[list[str] | None, typer.Option(help="Name or folder of a model; may be repeated.")] = None,
@@ -94,6 +104,9 @@ def main(
         print(f"| {name} | " + " | ".join([*cells, f"{spread(maps[name]):.3f}", f"{above(maps[name]):.3f}"]) + " |")
     true = [response(pair.radiance) for pair in pairs]
     print(f"| truth |{' |' * len(FIGURES)} {spread(true):.3f} | {above(true):.3f} |")
+    (first, own), *others = scores.rows.items()
+    for name, rows in others:
+        print(f"| {first} - {name} | " + " | ".join(differences(own, rows, scores.maps, scores.shapes)) + " | | |")
 
 
 if __name__ == "__main__":

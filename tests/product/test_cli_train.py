@@ -9,6 +9,7 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 pytest.importorskip("onnx", reason="needs the train extra")
 pytest.importorskip("tensorboard", reason="needs the train extra")
 
+from anyprobe.train import loop  # noqa: E402
 from anyprobe.train.config import RUNS, smoke  # noqa: E402
 from anyprobe.train.loop import make_learner, save_checkpoint  # noqa: E402
 
@@ -77,3 +78,12 @@ def test_a_damaged_checkpoint_is_one_line(work, command):
     for asked in (("train", "normals"), ("weights", "o", "normals"), ("weights", "o", "normals", "--keep", "s.pt")):
         assert "expected a run's checkpoint, got a damaged file" in command(*asked).complaint
     assert snapshot(work) == before
+
+
+def test_a_dry_run_begins_anew_each_time(work, command, monkeypatch):
+    monkeypatch.setattr(loop, "train", lambda config, *, runs, **given: runs / config.name / "checkpoint.pt")
+    path = work / "runs" / "lift-dry" / "checkpoint.pt"
+    path.parent.mkdir(parents=True)
+    path.write_bytes(b"of another machine")
+    assert command("train", "lift", "--dry-run", "2").status == 0
+    assert not path.exists()
