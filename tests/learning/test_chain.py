@@ -1,4 +1,4 @@
-"""The chain's targets: Eq. 6 as a schedule, pairs in a mirror, a teacher's maps."""
+"""The chain's targets: Eq. 6 as a schedule, a teacher's maps."""
 
 from dataclasses import replace
 
@@ -12,16 +12,7 @@ from support.some_batch import some_batch  # noqa: E402
 
 from anyprobe.light.filtering import blur_cosine_power  # noqa: E402
 from anyprobe.nets.light_net import LightNet  # noqa: E402
-from anyprobe.train.chain import (  # noqa: E402
-    GRADUAL_SHARE,
-    NUM_EPOCHS,
-    Chain,
-    both_ways,
-    brightest_loss,
-    gradual_target,
-    places_loss,
-    sharpness,
-)
+from anyprobe.train.chain import GRADUAL_SHARE, NUM_EPOCHS, Chain, brightest_loss, gradual_target, sharpness  # noqa: E402
 from anyprobe.train.config import paper, smoke  # noqa: E402
 
 
@@ -54,23 +45,6 @@ def test_channels_and_rows_are_not_mixed_up():
     assert gradual_target(ldr, 0.0).std() < 0.1 * ldr.std()
 
 
-def test_pairs_in_a_mirror_are_pairs():
-    """What stood on the right stands on the left, and normals point there."""
-    batch = some_batch(2)
-    angle = torch.tensor(0.1)
-    turn = torch.tensor([[angle.cos(), -angle.sin(), 0], [angle.sin(), angle.cos(), 0], [0, 0, 1]])
-    batch = both_ways(replace(batch, given_normals_rotation=turn.expand(2, 3, 3)))
-    assert len(batch.photo) == len(batch.tan_half) == 4
-    for name in ("photo", "irradiance", "ldr", "ln_radiance"):
-        one = getattr(batch, name)
-        assert torch.equal(one[2:], one[:2].flip(3))
-    assert torch.equal(batch.normals[2:, 0], -batch.normals[:2, 0].flip(2))
-    assert torch.equal(batch.normals[2:, 1:], batch.normals[:2, 1:].flip(3))
-    given = torch.einsum("nij,njhw->nihw", batch.given_normals_rotation, batch.normals)
-    torch.testing.assert_close(given[2:, 0], -given[:2, 0].flip(2))
-    torch.testing.assert_close(given[2:, 1:], given[:2, 1:].flip(3))
-
-
 def test_targets_lie_between_the_truth_and_the_teachers_maps():
     chain, batch = Chain(smoke(paper()), "cpu"), some_batch(2)
     assert torch.equal(chain._taught(batch), batch.ldr)
@@ -91,18 +65,6 @@ def test_as_much_light_as_the_truth_has_wherever_it_is():
     assert brightest_loss(moved, true) == 0
     assert brightest_loss(blurred, true) > 0.5
     assert brightest_loss(grain, true) > 0.3, "pixels are no patches"
-
-
-def test_normals_of_places_are_those_of_their_pixels():
-    true = torch.zeros(1, 3, 128, 128)
-    true[:, 0, :, :64], true[:, 2, :, 64:] = 1.0, 1.0
-    true[:, :, :32] = 0.0  # outside the object
-    right = torch.nn.functional.avg_pool2d(true, 4)
-    assert places_loss(right, true) == 0
-    assert places_loss(-right, true) == 2
-    half = right.clone()
-    half[..., 16:] = 0.0
-    assert places_loss(half, true) == 0.5
 
 
 def test_hdr_net_learns_the_power_of_the_map_that_it_helps_to_make():

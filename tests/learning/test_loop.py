@@ -27,7 +27,7 @@ from anyprobe.errors import InputError, ModelError, OutputError  # noqa: E402
 from anyprobe.estimate.runtime import Models  # noqa: E402
 from anyprobe.nets.paper import NETS  # noqa: E402
 from anyprobe.train import export_onnx  # noqa: E402
-from anyprobe.train.chain import Chain, Irradiance  # noqa: E402
+from anyprobe.train.chain import Chain  # noqa: E402
 from anyprobe.train.checkpoint import init_weights_id, load_init_weights, save_init_weights  # noqa: E402
 from anyprobe.train.config import LightConfig, lift, normals, paper, paper_irradiance, smoke  # noqa: E402
 from anyprobe.train.lift import Lift  # noqa: E402
@@ -139,17 +139,30 @@ def test_kept_weights_are_compressed_and_the_same_each_time(two_steps, tmp_path)
     assert kept.stat().st_size < 0.97 * sum(value.numel() * value.element_size() for value in weights.values())
 
 
-def test_irradiance_net_begins_from_the_same_layers_of_lift(two_steps, tmp_path):
-    kept = tmp_path / "lift.pt"
+def test_the_chain_begins_as_the_same_layers_of_lift(two_steps, tmp_path):
+    """Also where it is given them beside weights of its own."""
+    kept, own = tmp_path / "lift.pt", tmp_path / "own.pt"
     save_init_weights(two_steps(lift), kept)
-    nets = Irradiance.networks()
-    load_init_weights(nets, kept)
-    theirs, ours = torch.load(kept, weights_only=True), nets.state_dict()
-    assert torch.equal(ours["irradiance.first.0.0.weight"], theirs["light.object.first.0.0.weight"].float()[:, :18])
-    assert torch.equal(ours["irradiance.head.bias"], theirs["light.object.head.bias"].float()[:12])
-    assert {name for name in ours if torch.equal(ours[name], Irradiance.networks().state_dict()[name])} <= {
-        name for name in ours if "running" in name or "num_batches" in name or name.endswith((".1.weight", ".1.bias"))
-    }
+    torch.save({"nets": {"hdr.head.bias": torch.arange(12.0)} | _lacking("hdr")}, own)
+    theirs = {name: x.float() for name, x in torch.load(kept, weights_only=True).items()}
+    for start, more in ((kept, None), (own, kept)):
+        nets = Chain.networks()
+        load_init_weights(nets, start, more)
+        ours = nets.state_dict()
+        for stage in ("irradiance.unet", "illumination.places"):
+            first = ours[f"{stage}.first.0.0.weight"]
+            assert torch.equal(first, theirs["light.object.first.0.0.weight"][:, : first.shape[1]])
+            assert torch.equal(ours[f"{stage}.up.0.conv.0.weight"], theirs["light.object.up.0.conv.0.weight"])
+        assert torch.equal(ours["irradiance.head.bias"], theirs["light.object.head.bias"][:12])
+        assert torch.equal(ours["illumination.head.bias"], theirs["light.object.head.bias"][12:])
+        assert torch.equal(ours["illumination.sphere.up.0.conv.0.weight"], theirs["light.sphere.up.0.conv.0.weight"])
+        assert torch.equal(ours["hdr.head.bias"], torch.arange(12.0)) == (start is own)
+
+
+def _lacking(stage: str) -> dict[str, torch.Tensor]:
+    """Untrained weights of a stage, but for its last bias."""
+    state = Chain.networks().state_dict()
+    return {name: x for name, x in state.items() if name.startswith(stage) and name != "hdr.head.bias"}
 
 
 def test_learning_rate_rises_stays_and_falls():

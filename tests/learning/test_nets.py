@@ -4,7 +4,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
-from anyprobe.nets.paper import HdrNet, IlluminationNet, IrradianceNet, PlaceFeatures  # noqa: E402
+from anyprobe.nets.paper import HdrNet, IlluminationNet, IrradianceNet  # noqa: E402
 
 
 def test_each_net_gives_the_size_the_next_one_takes():
@@ -18,25 +18,24 @@ def test_each_net_gives_the_size_the_next_one_takes():
     assert HdrNet()(ldr).shape == (2, 3, 64, 128)
 
 
-def test_what_a_place_shows_is_lifted_to_where_it_mirrors_and_to_where_it_faces():
+def test_what_a_place_shows_is_lifted_to_where_it_mirrors(monkeypatch):
     """Normals to the right of a far camera mirror what is behind the object."""
-    places = PlaceFeatures((8, 8, 8, 8))
+    net, seen = IlluminationNet().eval(), []
     with torch.no_grad():
-        for parameter in places.head.parameters():
+        for parameter in net.normals.head.parameters():
             parameter.zero_()
-        places.head.bias[places.FEATURES] = 1e4  # of normals, x
-    image = torch.full((1, 4, 32, 32), 0.5)
+        net.normals.head.bias[0] = 1e4  # x
+    monkeypatch.setattr(net.sphere, "forward", lambda scales, code: seen.append(scales) or torch.zeros(1, 3, 64, 128))
+    image = torch.full((1, 4, 128, 128), 0.5)
     image[:, 3] = 1.0
-    wo = torch.zeros(1, 3, 32, 32)
-    wo[:, 2] = 1.0
-    scales, normals = places([torch.rand(1, 8, 32 >> k, 32 >> k) for k in range(4)], image, wo)
+    _, normals = net.shown_and_normals(image, torch.full((1, 1), 1e-3))
     torch.testing.assert_close(normals[0, :, 5, 5], torch.tensor([1.0, 0.0, 0.0]), atol=1e-3, rtol=0)
-    assert [scale.shape[2:] for scale in scales] == [(16, 32), (8, 16), (4, 8)]
-    mirrored, faced = scales[0].chunk(2, dim=1)
-    for seen, column in ((mirrored, 16), (faced, 24)):  # along -Z, along +X
-        share = seen[0, -1].sum(dim=0)
-        assert share[column - 1 : column + 1].sum() > 0.99 * share.sum() > 0.5
-    shown = mirrored[0, :3].flatten(1).amax(dim=1)
+    (scales,) = seen
+    assert [scale.shape[2:] for scale in scales] == [(64 >> k, 128 >> k) for k in range(5)]
+    assert [scale.shape[1] for scale in scales] == [4, 12, 12, 12, 12]
+    share = scales[2][0, -1].sum(dim=0)
+    assert share[15:17].sum() > 0.99 * share.sum() > 0.5, "along -Z"
+    shown = scales[2][0, :3].flatten(1).amax(dim=1)
     torch.testing.assert_close(shown, torch.full((3,), 0.5), atol=2e-3, rtol=0)
 
 
@@ -53,7 +52,7 @@ def test_hdr_net_sees_across_the_seam():
     ldr = torch.rand(1, 3, 64, 128)
     turned = net(torch.roll(ldr, 64, dims=3))
     difference = (torch.roll(turned, -64, dims=3) - net(ldr)).abs().max()
-    assert difference < 1e-4
+    assert difference < 5e-4, ".04 without the columns beyond the seam"
 
 
 @pytest.mark.parametrize("net", [IrradianceNet(), IlluminationNet()], ids=["irradiance", "illumination"])

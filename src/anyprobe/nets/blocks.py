@@ -30,48 +30,11 @@ def fade_seam(x: torch.Tensor, columns: int) -> torch.Tensor:
     return torch.cat([first + fade * (right - first), middle, last + fade.flip(0) * (left - last)], dim=3)
 
 
-class Wrap(nn.Module):
-    """`wrap` as a layer.
-
-    Convolutions behind it see across the seam; Unwrap takes the columns off again.
-    One wide margin costs half the time of a circular pad before every convolution.
-    """
-
-    def __init__(self, columns: int) -> None:
-        super().__init__()
-        self.columns = columns
-
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        return wrap(x, self.columns)
-
-
-class Unwrap(nn.Module):
-    """Take `columns` off both sides."""
-
-    def __init__(self, columns: int) -> None:
-        super().__init__()
-        self.columns = columns
-
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        return x[..., self.columns : -self.columns]
-
-
 def conv(inputs: int, outputs: int, *, stride: int = 1) -> nn.Sequential:
     """3 x 3 convolution, batch normalisation, leaky ReLU."""
     return nn.Sequential(
         nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False), nn.BatchNorm2d(outputs), nn.LeakyReLU(0.1, inplace=True)
     )
-
-
-class Up(nn.Module):
-    """Twice the size by repetition, then a convolution: no checkerboard, cheap everywhere."""
-
-    def __init__(self, inputs: int, outputs: int) -> None:
-        super().__init__()
-        self.conv = conv(inputs, outputs)
-
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        return self.conv(F.interpolate(x, scale_factor=2, mode="nearest"))
 
 
 class UpBlock(nn.Module):
@@ -87,24 +50,23 @@ class UpBlock(nn.Module):
 
 
 class UNet(nn.Module):
-    """Ronneberger et al. 2015: features of len(widths) scales, joined by skips.
+    """Ronneberger et al. 2015: features of len(widths) scales, joined by skips that are added.
 
-    [N, inputs, H, W] -> [N, widths[0], H, W]; H and W divisible by 2^(len(widths) - 1).
+    [N, inputs, H, W] -> [N, widths[0], H, W], and the deepest features; H and W divisible by 2^(len(widths) - 1).
     """
 
     def __init__(self, inputs: int, widths: tuple[int, ...]) -> None:
         super().__init__()
-        self.first = nn.Sequential(conv(inputs, widths[0]), conv(widths[0], widths[0]))
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
+        self.first = nn.Sequential(conv(inputs, widths[0]), conv(widths[0], widths[0]))
         self.down = nn.ModuleList(nn.Sequential(conv(a, b, stride=2), conv(b, b)) for a, b in pairs)
-        self.up = nn.ModuleList(Up(b, a) for a, b in reversed(pairs))
-        self.join = nn.ModuleList(conv(2 * a, a) for a, _ in reversed(pairs))
+        self.up = nn.ModuleList(UpBlock(b, a) for a, b in reversed(pairs))
 
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        features = [self.first(x)]
+    def forward(self, x: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        levels = [self.first(x)]
         for down in self.down:
-            features.append(down(features[-1]))
-        x = features.pop()
-        for up, join in zip(self.up, self.join, strict=True):
-            x = join(torch.cat([up(x), features.pop()], dim=1))
-        return x
+            levels.append(down(levels[-1]))
+        x = deepest = levels.pop()
+        for up in self.up:
+            x = up(x, levels.pop())
+        return x, deepest

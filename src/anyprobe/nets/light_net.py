@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import nn
 from torch.nn import functional as F
 
 from anyprobe.core.latlong import pixel_directions
+from anyprobe.core.response import MEAN_CURVE
 from anyprobe.given_material import MATERIAL_INPUTS
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.nets.blocks import UpBlock, conv, fade_seam, wrap
@@ -44,7 +46,13 @@ class SphereNet(nn.Module):
     directions: torch.Tensor
 
     def __init__(
-        self, fine: int, lifted: int, code: int, outputs: int, widths: tuple[int, ...] = (24, 48, 96, 128)
+        self,
+        fine: int,
+        lifted: int,
+        code: int,
+        outputs: int,
+        widths: tuple[int, ...] = (24, 48, 96, 128),
+        surroundings: bool = True,
     ) -> None:
         super().__init__()
         directions = torch.from_numpy(pixel_directions(SPHERE_ROWS)).permute(2, 0, 1)[None]
@@ -53,18 +61,24 @@ class SphereNet(nn.Module):
         deepest = SPHERE_ROWS >> len(pairs)
         self.start = nn.Sequential(nn.Linear(code, 48 * deepest * 2 * deepest), nn.LeakyReLU(0.1))
         self.deepest = deepest
-        self.first = nn.Sequential(conv(4 * fine + lifted + 3 + 4, widths[0]), conv(widths[0], widths[0]))
+        self.first = nn.Sequential(
+            conv(4 * fine + lifted + 4 * surroundings + 3, widths[0]), conv(widths[0], widths[0])
+        )
         self.down = nn.ModuleList(conv(a, b, stride=2) for a, b in pairs)
         more = {widths[-1]: 48}
         self.seen = nn.ModuleList(conv(b + lifted + more.get(b, 0), b) for _, b in pairs)
         self.up = nn.ModuleList(UpBlock(b, a) for a, b in reversed(pairs))
         self.head = nn.Conv2d(widths[0], 4 * outputs, 3, padding=1)
 
-    def forward(self, scales: list[torch.Tensor], code: torch.Tensor, surroundings: torch.Tensor) -> torch.Tensor:
+    def forward(
+        self, scales: list[torch.Tensor], code: torch.Tensor, surroundings: torch.Tensor | None = None
+    ) -> torch.Tensor:
         fine, *rest = scales
         directions = self.directions.expand(fine.shape[0], -1, -1, -1)
-        inputs = torch.cat([F.pixel_unshuffle(fine, 2), rest[0], F.avg_pool2d(surroundings, 2)], dim=1)
-        x = torch.cat([wrap(inputs, _MARGIN), directions], dim=1)
+        inputs = [F.pixel_unshuffle(fine, 2), rest[0]]
+        if surroundings is not None:
+            inputs.append(F.avg_pool2d(surroundings, 2))
+        x = torch.cat([wrap(torch.cat(inputs, dim=1), _MARGIN), directions], dim=1)
         levels = [self.first(x)]
         start = self.start(code).reshape(-1, 48, self.deepest, 2 * self.deepest)
         for depth, (down, seen) in enumerate(zip(self.down, self.seen, strict=True), start=1):
@@ -150,6 +164,12 @@ COLORS = 6
 """Channels lifted at full resolution: photo and irradiance; learned features only from 32 rows on."""
 MEAN_LN = -1.2
 """ln radiance before anything is learned: about the mean over indoor and outdoor photos."""
+
+
+def display(ln_radiance: torch.Tensor) -> torch.Tensor:
+    """The mean camera curve of exp(ln_radiance) before it clips: a sigmoid, with a gradient everywhere."""
+    n, sigma = MEAN_CURVE.exponent, MEAN_CURVE.sigma
+    return (1 + sigma) * torch.sigmoid(n * ln_radiance - float(np.log(sigma)))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -7,7 +7,6 @@ pairs trains both.
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
 from typing import cast
 
 import numpy as np
@@ -23,10 +22,10 @@ from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.reconstruct import blend_weight, reconstruct
 from anyprobe.nets.blocks import autocast
-from anyprobe.nets.light_net import LightNet
+from anyprobe.nets.light_net import LightNet, display
 from anyprobe.nets.paper import NETS, IlluminationNet
 from anyprobe.train.config import RunConfig
-from anyprobe.train.lift import Transport, display, irradiance_loss, shown_losses
+from anyprobe.train.lift import Transport, irradiance_loss, normals_loss, shown_losses
 
 NUM_EPOCHS = 11
 GRADUAL_SHARE = 0.3
@@ -74,29 +73,6 @@ def brightest_loss(shown: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
     return loss
 
 
-def places_loss(normals: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
-    """1 - cosine between unit normals of places [N, 3, P, P] and the means of true ones [N, 3, S, S] over them, each by
-    that mean's length: places on the outline, and where the object bends, count less."""
-    means = F.avg_pool2d(true, true.shape[-1] // normals.shape[-1])
-    length = means.square().sum(dim=1).sqrt()
-    return (length - (normals * means).sum(dim=1)).sum() / length.sum()
-
-
-def both_ways(batch: Batch) -> Batch:
-    """The pairs, and after them the same in a mirror, x to -x."""
-    mirror = batch.normals.new_tensor([-1.0, 1.0, 1.0])
-    pictures = ("photo", "irradiance", "ldr", "ln_radiance", "surroundings")
-    mirrored = replace(
-        batch,
-        normals=batch.normals.flip(-1) * mirror[:, None, None],
-        given_normals_rotation=mirror[:, None] * batch.given_normals_rotation * mirror,
-        **{name: getattr(batch, name).flip(-1) for name in pictures},
-    )
-    return Batch(
-        **{one.name: torch.cat([getattr(batch, one.name), getattr(mirrored, one.name)]) for one in fields(batch)}
-    )
-
-
 class _Stages:
     """Networks of the chain; float32 weights, the arithmetic of nets.blocks.autocast."""
 
@@ -127,7 +103,6 @@ class Irradiance(_Stages):
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
         """Mean squared error, the same whatever the progress."""
-        batch = both_ways(batch)
         mask = batch.photo[:, 3:]
         return {"irradiance": irradiance_loss(self._irradiance(batch), batch.irradiance * mask, mask)}
 
@@ -165,25 +140,23 @@ class Chain(_Stages):
         self.nets["irradiance"].eval()  # all are set to train after pictures
         with torch.no_grad():
             seen, wanted = self._irradiance(batch), self._taught(batch)
-            seen, wanted = (torch.cat([x, x.flip(-1)]) for x in (seen, wanted))
-        batch = both_ways(batch)
-        ldr, normals = self._map_and_normals(seen, batch)
+        ldr, normals = self._shown_and_normals(seen, batch)
         losses = shown_losses(ldr, self._gradual(wanted, progress), 0.5 + 0.5 * self.solid_angle)
         losses["brightest"] = brightest_loss(ldr, self._gradual(batch.ldr, progress))
-        losses["normals"] = places_loss(normals, batch.normals)
+        losses["normals"] = normals_loss(normals, batch)
         return {
             "illumination": sum((WEIGHTS[name] * losses[name] for name in WEIGHTS), ldr.new_zeros(())),
-            "hdr": self._hdr_loss(ldr.detach(), batch, progress),
+            "hdr": self._hdr_loss(ldr.detach().clip(max=1.0), batch, progress),
         }
 
     def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
         """Photos, true LDR maps and those estimated from estimated irradiance."""
-        return batch.photo[:, :3], batch.ldr, self._map_and_normals(self._irradiance(batch), batch)[0]
+        return batch.photo[:, :3], batch.ldr, self._shown_and_normals(self._irradiance(batch), batch)[0].clip(max=1.0)
 
-    def _map_and_normals(self, irradiance: torch.Tensor, batch: Batch) -> tuple[torch.Tensor, torch.Tensor]:
+    def _shown_and_normals(self, irradiance: torch.Tensor, batch: Batch) -> tuple[torch.Tensor, torch.Tensor]:
         image = torch.cat([irradiance, batch.photo[:, 3:]], dim=1).contiguous(memory_format=torch.channels_last)
         with autocast(self.device):
-            ldr, normals = cast(IlluminationNet, self.nets["illumination"]).map_and_normals(
+            ldr, normals = cast(IlluminationNet, self.nets["illumination"]).shown_and_normals(
                 image, batch.tan_half[:, None]
             )
         return ldr.float(), normals

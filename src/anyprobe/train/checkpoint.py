@@ -17,6 +17,7 @@ from torch import nn
 
 from anyprobe.errors import InputError, ModelError
 from anyprobe.files.atomic import atomic_path
+from anyprobe.train.from_lift import chain_from_lift
 
 RENAMED = (
     ("light.lamps.flux.", "light.emitters.power."),
@@ -175,7 +176,7 @@ def _no_checkpoint(path: Path, found: str) -> ModelError:
     return ModelError(f"{path}: expected a run's checkpoint, got {found}; train again, or put a copy back")
 
 
-ADDED = ("light.object.material.", "light.posterior.", "illumination.places.", "illumination.lifted.")
+ADDED = ("light.object.material.", "light.posterior.")
 """Parts that weights of older releases lack; they begin untrained."""
 SMALL = 1024
 """Tensors of fewer numbers stay float32: statistics and biases, which weigh nothing."""
@@ -215,32 +216,25 @@ def keep_apart(checkpoint: Path, path: Path) -> None:
         )
 
 
-def load_init_weights(nets: nn.Module, path: Path) -> None:
+def load_init_weights(nets: nn.Module, path: Path, lift: Path | None = None) -> None:
     """Give networks the weights that save_init_weights or keep_run kept; ModelError if they are none of theirs.
 
-    Whole networks that the file lacks begin untrained. The irradiance net may begin from `lift`'s, see of_lift.
+    Whole networks that the file lacks begin as the same layers of `lift` where it has them, from its weights at lift or
+    from path, see train.from_lift; else untrained.
     """
     fresh = nets.state_dict()
     kept = current_weight_names(read_init_weights(path)[0], fresh)
-    if hasattr(nets, "irradiance"):
-        kept = of_lift(kept, fresh) or kept
+    layers = chain_from_lift(kept if lift is None else read_init_weights(lift)[0], fresh)
+    if layers and lift is None:
+        kept = layers
     have = {name.split(".")[0] for name in kept}
     lacking = {name: x for name, x in fresh.items() if name.startswith(ADDED) or name.split(".")[0] not in have}
     if have & {name for name, _ in nets.named_children()}:
-        kept = lacking | kept
+        kept = lacking | {name: x for name, x in layers.items() if name in lacking} | kept
     try:
         nets.load_state_dict(kept)
     except Exception as error:  # other names, other shapes, no weights at all
         raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
-
-
-def of_lift(kept: Mapping[str, torch.Tensor], fresh: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """Weights of the irradiance net [by their names in fresh] that are those of LightNet's object network, which sees
-    normals too and gives features too; none where there is no such network."""
-    ours, theirs = "irradiance.", "light.object."
-    names = [name for name in fresh if name.startswith(ours) and name.replace(ours, theirs) in kept]
-    taken = {name: kept[name.replace(ours, theirs)] for name in names}
-    return {name: x[tuple(slice(n) for n in fresh[name].shape)] for name, x in taken.items()}
 
 
 def init_weights_id(path: Path) -> str:

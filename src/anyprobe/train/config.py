@@ -116,9 +116,9 @@ def paper() -> RunConfig:
     """The paper's chain (Sect. 3.2-3.4): illumination and HDR net, from what the trained irradiance net says."""
     return RunConfig(
         name="paper",
-        steps=60_000,
+        steps=1_000,
         cooldown=0.3,
-        pairs=PairConfig(seed=141, world=0.5, cut_out=0.2, joined=0.3, shape_augment=0.4, textured=0.1),
+        pairs=PairConfig(batch=64, seed=181, world=0.5, cut_out=0.2, joined=0.3, shape_augment=0.4, textured=0.1),
         surfaces=lift().surfaces,
         light=replace(lift().light, seed=41),
     )
@@ -141,7 +141,7 @@ def paper_irradiance() -> RunConfig:
 def paper_on() -> RunConfig:
     """The paper's chain as it goes on from weights that have been through `paper`: targets are not blurred again."""
     return replace(
-        paper(), name="paper_on", steps=7_000, gradual=False, cooldown=0.6, pairs=replace(paper().pairs, seed=171)
+        paper(), name="paper_on", steps=6_000, gradual=False, cooldown=0.6, pairs=replace(paper().pairs, seed=191)
     )
 
 

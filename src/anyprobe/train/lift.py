@@ -12,14 +12,13 @@ from torch.nn import functional as F
 
 from anyprobe.core.color import REC709
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.core.response import MEAN_CURVE
 from anyprobe.dataset.pair import LN_RANGE
 from anyprobe.dataset.pairs import Batch
 from anyprobe.evaluate.calibration import CLOSE
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.nets.blocks import autocast
 from anyprobe.nets.emitter_head import POWER_FLOOR
-from anyprobe.nets.light_net import LightNet, LightPrediction
+from anyprobe.nets.light_net import LightNet, LightPrediction, display
 
 
 def normals_loss(normals: torch.Tensor, batch: Batch, where: torch.Tensor | float = 1.0) -> torch.Tensor:
@@ -100,12 +99,6 @@ class LiftConfig:
     level: float = 0.1
     color: float = 0.03
     material: float = 0.05
-
-
-def display(ln_radiance: torch.Tensor) -> torch.Tensor:
-    """The mean camera curve of exp(ln_radiance) before it clips: a sigmoid, with a gradient everywhere."""
-    n, sigma = MEAN_CURVE.exponent, MEAN_CURVE.sigma
-    return (1 + sigma) * torch.sigmoid(n * ln_radiance - float(np.log(sigma)))
 
 
 def lobe_matrices(height: int, rows: int) -> torch.Tensor:

@@ -134,7 +134,8 @@ def train(
         stop_after: stop (with a checkpoint) once this many steps are done in all.
         pairs: the batches, when they are at hand already, for instance rendered ones.
         start: weights to begin from, of train.checkpoint; a run that goes on may name those that it began from.
-        teacher: weights of `lift` that the paper's chain learns from, beside the truth.
+        teacher: weights of `lift` that the paper's chain learns from, beside the truth; layers that start lacks begin
+            as its.
     Returns:
         The checkpoint's path.
     Raises:
@@ -166,7 +167,7 @@ def train(
         optimizer.load_state_dict(stored["optimizer"])
         first, seen = stored["step"], pairs_seen(stored)
     elif start is not None:
-        load_init_weights(nets, start)
+        load_init_weights(nets, start, teacher if isinstance(learner, Chain) else None)
     folder = run_folder(runs, config.name)
     last = config.steps if stop_after is None else min(stop_after, config.steps)
     if first >= last:

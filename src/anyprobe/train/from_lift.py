@@ -1,0 +1,61 @@
+"""The paper's irradiance and illumination net as the same layers of `lift`, to begin from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import torch
+
+LAYERS = {
+    "irradiance.unet.": "light.object.",
+    "irradiance.head.": "light.object.head.",
+    "illumination.normals.": "light.normals.",
+    "illumination.places.": "light.object.",
+    "illumination.head.": "light.object.head.",
+    "illumination.code.": "light.object.code.",
+    "illumination.sphere.": "light.sphere.",
+}
+"""Layers of the chain, and those of LightNet that they begin as."""
+ROOT_ALPHA = 0.5
+"""What LightNet adds to the object's code, and the chain does not."""
+
+
+def chain_from_lift(lift: Mapping[str, torch.Tensor], fresh: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """Weights of the chain, by their names in fresh, that are LightNet's; none where there is no such network.
+
+    LightNet sees more, the photo beside its irradiance, given normals, material and surroundings, and says more: what
+    it has for these is left out, and what it has for the photo is added to what it has for the irradiance.
+    """
+    taken = {}
+    for name in fresh:
+        for ours, theirs in LAYERS.items():
+            source = theirs + name.removeprefix(ours)
+            if name.startswith(ours) and source in lift:
+                taken[name] = _part(name, lift[source], fresh[name].shape)
+    if "light.sphere.start.0.bias" in lift and "illumination.sphere.start.0.bias" in taken:
+        taken["illumination.sphere.start.0.bias"] = (
+            lift["light.sphere.start.0.bias"] + ROOT_ALPHA * lift["light.sphere.start.0.weight"][:, -1]
+        )
+    whole = lift.get("light.normals.whole.1.weight")
+    if whole is not None and "illumination.normals.whole.2.weight" in fresh:
+        rank = len(fresh["illumination.normals.whole.1.weight"])
+        u, s, v = torch.linalg.svd(whole.float(), full_matrices=False)
+        taken["illumination.normals.whole.1.weight"] = s[:rank, None].sqrt() * v[:rank]
+        taken["illumination.normals.whole.2.weight"] = u[:, :rank] * s[:rank].sqrt()
+        taken["illumination.normals.whole.2.bias"] = lift["light.normals.whole.1.bias"]
+    return taken
+
+
+def _part(name: str, x: torch.Tensor, shape: torch.Size) -> torch.Tensor:
+    """Of a tensor of LightNet what the chain's layer has."""
+    if name.startswith("illumination.head."):
+        return x[-shape[0] :]  # irradiance comes first
+    if name == "illumination.sphere.first.0.0.weight":
+        photo, irradiance, weight, *rest = x.split([12, 12, 4, 3, 3, 9, 4, 3], dim=1)
+        coarse_photo, coarse_irradiance, features, _, directions = rest
+        return torch.cat([photo + irradiance, weight, coarse_photo + coarse_irradiance, features, directions], dim=1)
+    if name.startswith("illumination.sphere.seen.") and name.endswith(".0.weight"):
+        own = x.shape[0]
+        before, photo, irradiance, rest = x.split([own, 3, 3, x.shape[1] - own - 6], dim=1)
+        return torch.cat([before, photo + irradiance, rest], dim=1)
+    return x[tuple(slice(n) for n in shape)]
