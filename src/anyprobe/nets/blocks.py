@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import torch
 from torch import nn
 from torch.nn import functional as F
@@ -37,6 +39,30 @@ def conv(inputs: int, outputs: int, *, stride: int = 1) -> nn.Sequential:
     )
 
 
+class FoldedConv(nn.Sequential):
+    """`conv` of a picture [N, channels, 2H, 2W] whose pixels are folded into channels, 2 x 2 at a time, and of what is
+    beside them, [N, beside, H, W] -> [N, outputs, H, W].
+
+    Except in training it is one convolution of stride 2 and one of what is beside: the same sums, in half the time.
+    """
+
+    def __init__(self, channels: int, beside: int, outputs: int) -> None:
+        super().__init__(*conv(4 * channels + beside, outputs))
+        self.channels = channels
+
+    def forward(self, picture: torch.Tensor, beside: torch.Tensor | None = None) -> torch.Tensor:  # type: ignore[override]
+        if self.training:
+            parts = [F.pixel_unshuffle(picture, 2)] + ([] if beside is None else [beside])
+            return super().forward(torch.cat(parts, dim=1))
+        convolution, norm, activation = cast("tuple[Any, Any, Any]", tuple(self))
+        scale = norm.weight * (norm.running_var + norm.eps).rsqrt()
+        kernel, bias = convolution.weight * scale[:, None, None, None], norm.bias - norm.running_mean * scale
+        folded = 4 * self.channels
+        wide = kernel[:, :folded].reshape(-1, self.channels, 2, 2, 3, 3).permute(0, 1, 4, 2, 5, 3)
+        x = F.conv2d(picture, wide.reshape(-1, self.channels, 6, 6), bias, stride=2, padding=2)
+        return activation(x if beside is None else x + F.conv2d(beside, kernel[:, folded:], padding=1))
+
+
 class UpBlock(nn.Module):
     """Twice the size, added to the skip, then a convolution: a third of what stacking them costs."""
 
@@ -52,18 +78,19 @@ class UpBlock(nn.Module):
 class UNet(nn.Module):
     """Ronneberger et al. 2015: features of len(widths) scales, joined by skips that are added.
 
-    [N, inputs, H, W] -> [N, widths[0], H, W], and the deepest features; H and W divisible by 2^(len(widths) - 1).
+    Picture [N, channels, 2H, 2W], what is beside it [N, beside, H, W] or None -> [N, widths[0], H, W], and the deepest
+    features; H and W divisible by 2^(len(widths) - 1).
     """
 
-    def __init__(self, inputs: int, widths: tuple[int, ...]) -> None:
+    def __init__(self, channels: int, beside: int, widths: tuple[int, ...]) -> None:
         super().__init__()
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
-        self.first = nn.Sequential(conv(inputs, widths[0]), conv(widths[0], widths[0]))
+        self.first = nn.ModuleList([FoldedConv(channels, beside, widths[0]), conv(widths[0], widths[0])])
         self.down = nn.ModuleList(nn.Sequential(conv(a, b, stride=2), conv(b, b)) for a, b in pairs)
         self.up = nn.ModuleList(UpBlock(b, a) for a, b in reversed(pairs))
 
-    def forward(self, x: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        levels = [self.first(x)]
+    def forward(self, picture: torch.Tensor, beside: torch.Tensor | None = None) -> tuple[torch.Tensor, torch.Tensor]:
+        levels = [self.first[1](self.first[0](picture, beside))]
         for down in self.down:
             levels.append(down(levels[-1]))
         x = deepest = levels.pop()

@@ -11,7 +11,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from anyprobe.core.latlong import direction_to_uv
-from anyprobe.nets.blocks import UpBlock, conv
+from anyprobe.nets.blocks import FoldedConv, UpBlock, conv
 from anyprobe.render.surface import pixel_rays
 
 SIZE = 64
@@ -46,7 +46,7 @@ class NormalsNet(nn.Module):
     def __init__(self, widths: tuple[int, ...] = (16, 32, 80, 160, 256), whole: int | None = None) -> None:
         super().__init__()
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
-        self.first = nn.Sequential(conv(16 + 2, widths[0]), conv(widths[0], widths[0]))
+        self.first = nn.ModuleList([FoldedConv(4, 2, widths[0]), conv(widths[0], widths[0])])
         self.down = nn.ModuleList(nn.Sequential(conv(a, b, stride=2), conv(b, b)) for a, b in pairs)
         numbers = widths[-1] * 16
         self.whole = nn.Sequential(nn.Flatten(), nn.Linear(numbers, widths[-1]))
@@ -58,7 +58,7 @@ class NormalsNet(nn.Module):
         self.head = nn.Conv2d(widths[0], 3, 3, padding=1)
 
     def forward(self, photo: torch.Tensor, slope: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
-        levels = [self.first(torch.cat([F.pixel_unshuffle(photo, 2), slope], dim=1))]
+        levels = [self.first[1](self.first[0](photo, slope))]
         for down in self.down:
             levels.append(down(levels[-1]))
         x = levels.pop()

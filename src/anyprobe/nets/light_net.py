@@ -18,7 +18,7 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import MEAN_CURVE
 from anyprobe.given_material import MATERIAL_INPUTS
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.nets.blocks import UpBlock, conv, fade_seam, wrap
+from anyprobe.nets.blocks import FoldedConv, UpBlock, conv, fade_seam, wrap
 from anyprobe.nets.emitter_head import EmitterHead
 from anyprobe.nets.lifting import (
     CameraRays,
@@ -61,9 +61,8 @@ class SphereNet(nn.Module):
         deepest = SPHERE_ROWS >> len(pairs)
         self.start = nn.Sequential(nn.Linear(code, 48 * deepest * 2 * deepest), nn.LeakyReLU(0.1))
         self.deepest = deepest
-        self.first = nn.Sequential(
-            conv(4 * fine + lifted + 4 * surroundings + 3, widths[0]), conv(widths[0], widths[0])
-        )
+        beside = lifted + 4 * surroundings + 3
+        self.first = nn.ModuleList([FoldedConv(fine, beside, widths[0]), conv(widths[0], widths[0])])
         self.down = nn.ModuleList(conv(a, b, stride=2) for a, b in pairs)
         more = {widths[-1]: 48}
         self.seen = nn.ModuleList(conv(b + lifted + more.get(b, 0), b) for _, b in pairs)
@@ -75,11 +74,9 @@ class SphereNet(nn.Module):
     ) -> torch.Tensor:
         fine, *rest = scales
         directions = self.directions.expand(fine.shape[0], -1, -1, -1)
-        inputs = [F.pixel_unshuffle(fine, 2), rest[0]]
-        if surroundings is not None:
-            inputs.append(F.avg_pool2d(surroundings, 2))
-        x = torch.cat([wrap(torch.cat(inputs, dim=1), _MARGIN), directions], dim=1)
-        levels = [self.first(x)]
+        known = rest[0] if surroundings is None else torch.cat([rest[0], F.avg_pool2d(surroundings, 2)], dim=1)
+        beside = torch.cat([wrap(known, _MARGIN), directions], dim=1)
+        levels = [self.first[1](self.first[0](wrap(fine, 2 * _MARGIN), beside))]
         start = self.start(code).reshape(-1, 48, self.deepest, 2 * self.deepest)
         for depth, (down, seen) in enumerate(zip(self.down, self.seen, strict=True), start=1):
             parts = [down(levels[-1]), wrap(rest[depth], _MARGIN >> depth)]
@@ -119,7 +116,7 @@ class ObjectNet(nn.Module):
         super().__init__()
         self.num_features = features
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
-        self.first = nn.Sequential(conv(16 + 2 + 4, widths[0]), conv(widths[0], widths[0]))
+        self.first = nn.ModuleList([FoldedConv(4, 2 + 4, widths[0]), conv(widths[0], widths[0])])
         self.down = nn.ModuleList(nn.Sequential(conv(a, b, stride=2), conv(b, b)) for a, b in pairs)
         self.surroundings = nn.Sequential(
             nn.AvgPool2d(8), nn.Flatten(), nn.Linear(4 * 8 * 16, 64), nn.LeakyReLU(0.1), nn.Linear(64, widths[-1])
@@ -141,7 +138,7 @@ class ObjectNet(nn.Module):
         surroundings: torch.Tensor,
         material: torch.Tensor,
     ) -> ObjectFeatures:
-        levels = [self.first(torch.cat([F.pixel_unshuffle(photo, 2), slope, normals, given], dim=1))]
+        levels = [self.first[1](self.first[0](photo, torch.cat([slope, normals, given], dim=1)))]
         for down in self.down:
             levels.append(down(levels[-1]))
         x = levels.pop() + (self.surroundings(surroundings) + self.material(material))[:, :, None, None]

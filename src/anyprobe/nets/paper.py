@@ -29,12 +29,12 @@ class IrradianceNet(nn.Module):
     def __init__(self) -> None:
         super().__init__()
         self.camera_rays = CameraRays()
-        self.unet = UNet(16 + 2, WIDTHS)
+        self.unet = UNet(4, 2, WIDTHS)
         self.head = nn.Conv2d(WIDTHS[0], 3 * 4, 3, padding=1)
 
     def forward(self, photo: torch.Tensor, tan_half: torch.Tensor) -> torch.Tensor:
         slope, _ = self.camera_rays(tan_half)
-        x, _ = self.unet(torch.cat([F.pixel_unshuffle(photo, 2), slope], dim=1))
+        x, _ = self.unet(photo, slope)
         return (photo[:, :3] + F.pixel_shuffle(self.head(x), 2)) * photo[:, 3:]
 
 
@@ -52,7 +52,7 @@ class IlluminationNet(nn.Module):
         super().__init__()
         self.camera_rays = CameraRays()
         self.normals = NormalsNet(whole=64)
-        self.places = UNet(16 + 2 + 3, WIDTHS)
+        self.places = UNet(4, 2 + 3, WIDTHS)
         self.head = nn.Conv2d(WIDTHS[0], 1 + self.FEATURES, 3, padding=1)
         self.code = nn.Sequential(nn.Flatten(), nn.Linear(WIDTHS[-1] * 16, code), nn.LeakyReLU(0.1))
         self.sphere = SphereNet(3 + 1, 3 + self.FEATURES + 1, code, outputs=3, surroundings=False)
@@ -64,7 +64,7 @@ class IlluminationNet(nn.Module):
         """The map before it clips at 1, and the unit normals [N, 3, 64, 64] of the places."""
         slope, wo = self.camera_rays(tan_half)
         n = self.normals(image, slope, wo)
-        x, deepest = self.places(torch.cat([F.pixel_unshuffle(image, 2), slope, n], dim=1))
+        x, deepest = self.places(image, torch.cat([slope, n], dim=1))
         weight, features = self.head(x).float().split([1, self.FEATURES], dim=1)
         inside = F.avg_pool2d(image[:, 3:], 2)
         values = torch.cat([F.avg_pool2d(image[:, :3], 2) / (inside + 1e-4), features], dim=1)
@@ -82,11 +82,11 @@ class HdrNet(nn.Module):
 
     def __init__(self, widths: tuple[int, ...] = (24, 48, 64, 96)) -> None:
         super().__init__()
-        self.unet = UNet(3 * 4, widths)
+        self.unet = UNet(3, 0, widths)
         self.head = nn.Conv2d(widths[0], 3 * 4, 1)
 
     def forward(self, ldr: torch.Tensor) -> torch.Tensor:
-        x, _ = self.unet(F.pixel_unshuffle(wrap(ldr, self.MARGIN), 2))
+        x, _ = self.unet(wrap(ldr, self.MARGIN))
         return F.pixel_shuffle(self.head(x), 2)[..., self.MARGIN : -self.MARGIN]
 
 
