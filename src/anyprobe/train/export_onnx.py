@@ -115,7 +115,9 @@ def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str,
     inputs: dict[str, dict[str, tuple[int, ...]]]
     inputs = {"irradiance": seen, "illumination": seen, "hdr": {"input": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}}
     return {
-        stage: Graph(net=net, inputs=inputs[stage], small=(LINEAR,)) for stage, net in nets.items() if stage in inputs
+        stage: Graph(net=net, inputs=inputs[stage], median=stage == "illumination", small=(LINEAR,))
+        for stage, net in nets.items()
+        if stage in inputs
     }
 
 
