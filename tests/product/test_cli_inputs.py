@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import struct
 import zlib
@@ -322,3 +323,21 @@ def test_a_folder_of_panoramas_may_hold_radiance_files(work, photo_rgba):
 def test_names_are_ordered_whatever_digits_they_have():
     names = ["²1.jpg", "a10.jpg", "a2.jpg", "٣.jpg"]
     assert [name for name in sorted(names, key=natural_order) if name.startswith("a")] == ["a2.jpg", "a10.jpg"]
+
+
+@pytest.mark.parametrize(
+    ("order", "written"),
+    [
+        (("estimate", "-"), "light/stdin.exr"),
+        (("mask", "-"), "masks/stdin_mask.png"),
+        (("relight", "-", "--renderer", "own"), "relit/stdin_relit.png"),
+    ],
+)
+def test_a_photo_may_come_from_standard_input(command, photo_path, work, monkeypatch, order, written):
+    for data, status in ((photo_path.read_bytes(), 0), (b"This is no photo.", 2)):
+        monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(data)))
+        done = command(*order)
+        assert done.status == status, done.err
+        assert Path(written).is_file() == (status == 0)
+        Path(written).unlink(missing_ok=True)
+    assert done.err.startswith("anyprobe: stdin: expected an image"), done.err

@@ -18,7 +18,6 @@ from rich.progress import track
 from rich.table import Table
 
 from anyprobe.cli.options import (
-    STDIN,
     ColorspaceOption,
     DetailOptions,
     JsonOption,
@@ -30,6 +29,7 @@ from anyprobe.cli.options import (
     hints_for,
     line_of,
     list_photos,
+    photo_name,
     photo_source,
     refuse_unused,
     result_stem,
@@ -125,8 +125,7 @@ class EstimateCall:
         try:
             hints = hints_for(path, self.hints)
             self._check(path, hints)
-            name = "stdin" if path == STDIN else None
-            photo = load_photo(photo_source(path), hints, name=name, segmenter=self.estimator.segmenter)
+            photo = load_photo(photo_source(path), hints, name=photo_name(path), segmenter=self.estimator.segmenter)
             light = self.estimator.from_photo(photo, start)
             return self._write(path, photo, light, sum(light.info["seconds"].values()))
         except AnyprobeError as error:
@@ -195,7 +194,7 @@ class EstimateCall:
 def _line(path: Path, error: AnyprobeError) -> str:
     """One line that says which photo an error is of; that of its mask may not."""
     text = line_of(error)
-    if not text.startswith((f"{path}: ", f"{path.name}: ")):
+    if not text.startswith((f"{path}: ", f"{photo_name(path)}: ")):
         text = f"{path}: {text}"
     return " ".join(text.splitlines())  # a name may hold a line break
 

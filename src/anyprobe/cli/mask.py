@@ -18,6 +18,8 @@ from anyprobe.cli.options import (
     hints_for,
     line_of,
     list_photos,
+    photo_name,
+    photo_source,
     result_stem,
     with_bundles,
 )
@@ -29,7 +31,8 @@ from anyprobe.hints import Hints
 def mask(
     pointed: MaskOptions,
     photos: Annotated[
-        list[Path] | None, typer.Argument(metavar="PHOTO...", help="Photos, or folders of photos.")
+        list[Path] | None,
+        typer.Argument(metavar="PHOTO...", help="Photos, folders of photos, or - for standard input."),
     ] = None,
     out: Annotated[Path, folder_option("Folder for the results.")] = Path("masks"),
     fetch: Annotated[
@@ -83,7 +86,7 @@ def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: str
     check_names(path, listed, targets.values(), hints.files().values())
     if hints.depth is not None and hints.near is None and hints.far is None:
         raise InvalidMask("--depth: expected --near or --far with it, where to cut, got neither; add one of them")
-    pixels = read_image(path, with_depth=is_carried(hints.depth))
+    pixels = read_image(photo_source(path), photo_name(path), with_depth=is_carried(hints.depth))
     found = find_mask(pixels, **hints.place(), segmenter=segmenter)
     overlay = draw_overlay(pixels.rgb, found.mask, found.prompts.on, found.prompts.off)
     write_png(targets["overlay"], overlay)

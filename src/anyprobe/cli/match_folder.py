@@ -13,13 +13,13 @@ from rich.table import Table
 
 from anyprobe.cli.export import target_names
 from anyprobe.cli.options import (
-    STDIN,
     JsonOption,
     ModelOptions,
     ObjectOptions,
     QuietOption,
     folder_option,
     hints_for,
+    photo_name,
     photo_source,
     result_stem,
     with_bundles,
@@ -68,8 +68,7 @@ def match(
         raise InputError(f"-o {out}: is within the folder of panoramas, which it would add to; choose another")
     hints = hints_for(photo, taken.hints())
     estimator = by.estimator(segmenter=taken.segmenter)
-    name = "stdin" if photo == STDIN else None
-    loaded = load_photo(photo_source(photo), hints, name=name, segmenter=estimator.segmenter)
+    loaded = load_photo(photo_source(photo), hints, name=photo_name(photo), segmenter=estimator.segmenter)
     light = estimator.from_photo(loaded)
     with talk.status("comparing"):
         ranked = light.match(library)

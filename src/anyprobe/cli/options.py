@@ -281,6 +281,11 @@ def photo_source(path: Path) -> Path | bytes:
     return sys.stdin.buffer.read() if path == STDIN else path
 
 
+def photo_name(path: Path) -> str:
+    """What a photo is called in messages."""
+    return "stdin" if path == STDIN else path.name
+
+
 def hints_for(photo: Path, hints: Hints) -> Hints:
     """The hints of one photo: folders of masks, depth images, normals or panoramas become the file of its name."""
     files: dict[str, Any] = {
@@ -322,7 +327,7 @@ def _is_map(path: Path) -> bool:
 def result_stem(photo: Path, listed: list[Path]) -> str:
     """What a photo's results are called: its stem; with the suffix (photo_heic) where another photo has the same."""
     if photo == STDIN:
-        return "stdin"
+        return photo_name(photo)
     alike = any(other.stem == photo.stem and other.suffix != photo.suffix for other in listed)
     return f"{photo.stem}_{photo.suffix[1:]}" if alike and photo.suffix else photo.stem
 

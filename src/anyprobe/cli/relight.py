@@ -23,8 +23,11 @@ from anyprobe.cli.options import (
     QuietOption,
     hints_for,
     line_of,
+    photo_name,
+    photo_source,
     pixels_of,
     refuse_unused,
+    result_stem,
     with_bundles,
 )
 from anyprobe.errors import OutputError
@@ -95,7 +98,7 @@ class InsertOptions:
 @with_bundles
 def relight(
     context: typer.Context,
-    photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="The photo with the real object.")],
+    photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="The photo with the object; - for stdin.")],
     taken: ObjectOptions,
     by: ModelOptions,
     fine: DetailOptions,
@@ -137,7 +140,7 @@ def relight(
     material, size, strict = placed.insert_material, placed.scale, taken.strict
     hints, segmenter = hints_for(photo, taken.hints()), taken.segmenter
     foot, mesh = placed.foot(), placed.mesh(insert)
-    out = out or Path("relit") / f"{photo.stem}_relit.png"
+    out = out or Path("relit") / f"{result_stem(photo, [photo])}_relit.png"
     kind = out.suffix.lower()
     if kind not in _SUFFIXES:
         raise OutputError(f"{out}: expected a name that ends in {', '.join(_SUFFIXES)}; choose one of them")
@@ -151,12 +154,13 @@ def relight(
     traced = uses_mitsuba(renderer)
     silent = quiet or as_json
     with progress(f"reading {photo}", silent):
-        loaded = load_photo(photo, hints, segmenter=segmenter)
+        source = photo_source(photo)
+        loaded = load_photo(source, hints, name=photo_name(photo), segmenter=segmenter)
     with progress("estimating the light", silent):
         radiance, gain, ground = _radiance(loaded, light, by, fine)
     stage = placing(Stage)(loaded, mesh, Arrangement(size=size, at=foot, turn_deg=turn, ground=ground))
     names = STRIP if strip else (material,)
-    stored = stored_as(photo)
+    stored = stored_as(source)
     plain = stored.plain and kind == ".png"
     if kind == ".exr":
         with progress(f"drawing the {insert}", silent):

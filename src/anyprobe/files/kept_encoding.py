@@ -46,16 +46,16 @@ class Stored:
         return not self.deep and not self.profile
 
 
-def stored_as(path: Path) -> Stored:
+def stored_as(source: Path | bytes) -> Stored:
     """Of a PNG or TIFF, its bits; of any picture that Pillow opens, its profile if it is one of RGB by curves."""
     try:
-        with Image.open(path) as image:
+        with Image.open(io.BytesIO(source) if isinstance(source, bytes) else source) as image:
             profile, kind = image.info.get("icc_profile") or b"", image.format
             bits = max(image.tag_v2.get(DEEP_BITS, (8,))) if isinstance(image, TiffImageFile) else 8
             mode = image.mode
         if kind == "PNG":
-            with path.open("rb") as stream:
-                bits = stream.read(25)[24]
+            head = source[:25] if isinstance(source, bytes) else _head(source)
+            bits = head[24]
     except (OSError, ValueError, SyntaxError, TypeError, IndexError, Image.DecompressionBombError):
         return Stored()
     deep = bits == 16
@@ -65,6 +65,11 @@ def stored_as(path: Path) -> Stored:
     if encoding is None or encoding.brighter:
         return Stored(deep=deep, lost=True)
     return Stored(deep=deep, profile=profile, encoding=None if is_srgb(encoding) else encoding)
+
+
+def _head(path: Path) -> bytes:
+    with path.open("rb") as stream:
+        return stream.read(25)
 
 
 def write_as(path: Path, rgb: np.ndarray, stored: Stored) -> None:
