@@ -123,8 +123,8 @@ def prepare(
     radiance = check_radiance(radiance * np.float32(2.0**exposure_ev), name)
     if radiance.max() > BRIGHTEST_RADIANCE:
         raise InvalidEnvironment(
-            f"{name}: expected radiance of at most {BRIGHTEST_RADIANCE:g}, got {radiance.max():.3g}; divide all of it by "
-            "one number, or lower the exposure"
+            f"{name}: expected radiance of at most {BRIGHTEST_RADIANCE:g}, got {radiance.max():.3g}; divide all of "
+            "it by one number, or lower the exposure"
         )
     main, ambient = split_dominant_light(radiance)
     lights: tuple[DirectionalLight, ...] = (
