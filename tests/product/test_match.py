@@ -22,7 +22,7 @@ from anyprobe.detail.background import background_of
 from anyprobe.detail.library import open_library
 from anyprobe.detail.likeness import MATCH_ROWS, Shown, best_places, gain_of, light_of, schlick_coat
 from anyprobe.detail.matching import stops_apart
-from anyprobe.errors import InputError
+from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.result import Light
 from anyprobe.files.radiance import read_radiance, write_exr
 from anyprobe.light.environment import reduced, rotate
@@ -139,6 +139,27 @@ def test_a_light_finds_its_panorama_in_a_folder_and_brings_it_into_its_frame(fol
     )
     exact = np.maximum(rotate(place(2), first.map_from_light.T), 0.0) * first.gain
     np.testing.assert_allclose(written, exact, rtol=2e-3, atol=1e-3)
+
+
+def test_a_sun_above_the_halfs_keeps_its_power_and_colour(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    sunny = place(2)
+    sunny[40:44, 100:104] = (200_000, 190_000, 170_000)
+    write_exr(tmp_path / "maps" / "sunny.exr", sunny, half=False)
+    first = Light(radiance=reduced(place(2), 64)).match(tmp_path / "maps")[0]
+    upright = replace(first, map_from_light=np.eye(3), gain=np.array([1.0, 0.9, 0.8]))
+    np.testing.assert_allclose(read_radiance(upright.write(tmp_path / "a.exr")), sunny * upright.gain, rtol=1e-3)
+    small, large = (tmp_path / f"{name}.exr" for name in "bc")
+    replace(upright, gain=upright.gain / 4).write(small)
+    upright.write(large)
+    assert small.stat().st_size < 0.7 * large.stat().st_size  # halfs, where these hold all of it
+
+
+@pytest.mark.parametrize("name", ["x.hdr", "x.png", "x"])
+def test_a_map_is_not_written_under_another_formats_name(folder, camera_light, tmp_path, name):
+    with pytest.raises(OutputError, match=r"expected \.exr, got (\.hdr|\.png|no suffix); name it \.exr"):
+        camera_light[0].match(folder, best=1)[0].write(tmp_path / name)
+    assert not (tmp_path / name).exists()
 
 
 def test_a_turned_light_gets_panoramas_in_its_own_frame(folder, camera_light):

@@ -14,8 +14,8 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, u
 from anyprobe.detail.library import FEATURE_ROWS, Library, check_unchanged, open_library
 from anyprobe.detail.likeness import Shown, best_places, gain_of
 from anyprobe.detail.match import find_matches
-from anyprobe.errors import InputError
-from anyprobe.files.radiance import HALF_MAX, read_radiance, write_half_exr
+from anyprobe.errors import InputError, OutputError
+from anyprobe.files.radiance import HALF_MAX, read_radiance, write_exr_planes
 from anyprobe.light.environment import integral, reduced, rotate
 
 BLOCK_ROWS = 64
@@ -80,21 +80,26 @@ class MatchedMap:
         return np.concatenate(list(self._turned(source)))
 
     def write(self, path: str | Path) -> Path:
-        """The panorama in the light's frame and units, at its full size, as .exr of halfs.
+        """The panorama in the light's frame and units, at its full size, as .exr of halfs; of floats where halfs clip.
 
         Raises:
-            InputError: as of radiance. OutputError: cannot be written.
+            InputError: as of radiance. OutputError: another suffix, or it cannot be written.
         """
+        path = Path(path)
+        if path.suffix.lower() != ".exr":
+            raise OutputError(f"{path}: expected .exr, got {path.suffix or 'no suffix'}; name it .exr")
         source = self._source()
         height = len(source)
-        planes = np.empty((3, height, 2 * height), np.float16)
+        is_half = bool((source.max(axis=(0, 1)) * self.gain).max() <= HALF_MAX)
+        planes = np.empty((3, height, 2 * height), np.float16 if is_half else np.float32)
         row = 0
         for block in self._turned(source):
-            planes[:, row : row + len(block)] = np.moveaxis(np.minimum(block, HALF_MAX), -1, 0)
+            planes[:, row : row + len(block)] = np.moveaxis(block, -1, 0)
             row += len(block)
         del source
-        write_half_exr(path, planes, {"match": self.name, "map_from_light": str(self.map_from_light.round(6).tolist())})
-        return Path(path)
+        attributes = {"match": self.name, "map_from_light": str(self.map_from_light.round(6).tolist())}
+        write_exr_planes(path, planes, attributes)
+        return path
 
     def sidecar(self) -> dict[str, Any]:
         """All of it, ready for JSON."""

@@ -182,8 +182,8 @@ def write_exr(
     return clipped_share
 
 
-def write_half_exr(path: str | os.PathLike[str], planes: np.ndarray, attributes: Mapping[str, str]) -> None:
-    """Write a map [3, H, 2H] of halves, of which no copy is made; else as write_exr.
+def write_exr_planes(path: str | os.PathLike[str], planes: np.ndarray, attributes: Mapping[str, str]) -> None:
+    """Write a map [3, H, 2H] of halves or floats, of which no copy is made; else as write_exr.
 
     Raises:
         OutputError: cannot be written.
