@@ -23,6 +23,7 @@ from anyprobe.detail.library import open_library
 from anyprobe.detail.likeness import MATCH_ROWS, Shown, best_places, gain_of, light_of, schlick_coat
 from anyprobe.detail.matching import stops_apart
 from anyprobe.errors import InputError, OutputError
+from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.result import Light
 from anyprobe.files.radiance import read_radiance, write_exr
 from anyprobe.light.environment import reduced, rotate
@@ -64,6 +65,11 @@ def camera_light():
     turn = world_from_camera(YAW, PITCH)
     radiance = np.maximum(reduced(rotate(place(2), turn.T), 64), 0.0) * np.float32(0.3)
     return Light(radiance=radiance, find_shown=lambda: shown_under(place(2) * 0.3, turn)), turn
+
+
+def ground(source: str, pitch_deg: float) -> dict:
+    """Of a light's info."""
+    return Ground(pitch_deg=pitch_deg, pitch_error_deg=5.0, roll_deg=0.0, contact=(32, 40), source=source).info()
 
 
 @pytest.mark.parametrize(("yaw", "pitch_deg"), [(0.3, 0), (2.0, 20), (4.4, 45)])
@@ -173,6 +179,27 @@ def test_a_light_without_its_photo_is_compared_by_its_map(folder, camera_light):
     light, _ = camera_light
     found = Light(radiance=light.radiance).match(folder, best=1)[0]
     assert (found.name, found.by) == ("place-2", "map")
+
+
+@pytest.mark.parametrize("by", ["photo", "map"])
+@pytest.mark.parametrize("info", [{"pitch_deg": 12.0}, {"ground": ground("exif", 12.0)}])
+def test_a_pitch_that_is_known_is_kept(folder, camera_light, by, info):
+    """Which is eight degrees from where the maps fit best."""
+    light = replace(camera_light[0], info=info, **({"find_shown": None} if by == "map" else {}))
+    for turned in (light, light.rotate(world_from_camera(1.0, np.radians(-30)))):
+        ranked = turned.match(folder)
+        assert {one.by for one in ranked} == {by}
+        in_camera = [one.map_from_light @ turned.map_from_camera for one in ranked]
+        np.testing.assert_allclose([one[1, 2] for one in in_camera], np.sin(np.radians(12)), atol=1e-6)
+        np.testing.assert_allclose([one[1, 0] for one in in_camera], 0, atol=1e-6)
+    assert ranked[0].name == "place-2"
+
+
+def test_a_pitch_that_is_estimated_moves_within_its_error(folder, camera_light):
+    light = replace(camera_light[0], info={"ground": ground("estimated", 12.0)})
+    ranked = light.match(folder)
+    assert 2 < ranked[0].pitch_deg - 12 < 9
+    assert all(abs(one.pitch_deg - 12) < 9 for one in ranked)
 
 
 def test_what_moved_is_not_read_again_and_what_changed_is(folder, monkeypatch):

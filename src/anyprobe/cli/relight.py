@@ -227,10 +227,10 @@ def progress(what: str, silent: bool) -> Iterator[None]:
 
 def _pitch(stage: Stage, photo: Photo, ground: Ground | None) -> str:
     """How far the camera looks down, in degrees; where that was not given or noted, with its error."""
-    from anyprobe.estimate.ground import KNOWN, USUAL_ERROR_DEG
+    from anyprobe.estimate.ground import USUAL_ERROR_DEG
 
     pitch = f"{stage.placement.pitch_deg:.0f}"
-    if photo.pitch_deg is not None or (ground is not None and ground.source in KNOWN):
+    if photo.pitch_deg is not None or (ground is not None and ground.is_known):
         return pitch
     return f"{pitch} ± {USUAL_ERROR_DEG if ground is None else ground.pitch_error_deg:.0f}"
 

@@ -13,7 +13,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, uv_to_direction
 from anyprobe.detail.library import FEATURE_ROWS, Library, check_unchanged, open_library
 from anyprobe.detail.likeness import Shown, best_places, gain_of
-from anyprobe.detail.match import find_matches
+from anyprobe.detail.match import Match, find_matches
 from anyprobe.errors import InputError, OutputError
 from anyprobe.files.radiance import HALF_MAX, read_radiance, write_exr_planes
 from anyprobe.light.environment import integral, reduced, rotate
@@ -139,6 +139,8 @@ def rank_maps(
     folder: Library | str | Path,
     light_from_camera: np.ndarray,
     pitch_deg: float | None = None,
+    *,
+    is_pitch_estimated: bool = False,
 ) -> list[MatchedMap]:
     """All maps of a folder, the best first.
 
@@ -146,7 +148,7 @@ def rank_maps(
         radiance, confidence: of the light, [H, 2H, 3] and [H, 2H], in its frame.
         shown: what the photo shows, in the camera's frame; None: the map is compared alone.
         light_from_camera: [3, 3].
-        pitch_deg: how far the camera looks down, where it is known.
+        pitch_deg: how far the camera looks down, where it is known; kept unless is_pitch_estimated.
     """
     library = folder if isinstance(folder, Library) else open_library(folder)
     if not library.files:
@@ -156,15 +158,17 @@ def rank_maps(
     misfits: np.ndarray | dict[int, float]
     if shown is not None:
         camera = rotate(radiance, light_from_camera.T)
-        places = best_places(shown, library.lights, pitch_deg)
+        places = best_places(shown, library.lights, pitch_deg, is_estimated=is_pitch_estimated)
         order = np.argsort(places.misfit, kind="stable").tolist()
         found_turns, misfits = places.map_from_camera, places.misfit
         gains = {i: gain_of(shown, camera, library.lights[i], found_turns[i]) / library.levels[i] for i in order}
         turns = found_turns @ light_from_camera.T
     else:
-        found = {one.index: one for one in find_matches(radiance, confidence, library)}
+        found, to_camera = _by_map(
+            radiance, confidence, library, light_from_camera.T, None if is_pitch_estimated else pitch_deg
+        )
         order = list(found)
-        turns = {i: one.candidate_from_estimate for i, one in found.items()}
+        turns = {i: one.candidate_from_estimate @ to_camera for i, one in found.items()}
         misfits = {i: one.distance for i, one in found.items()}
         mean = integral(reduced(radiance, FEATURE_ROWS)) / (4 * np.pi)
         gains = {i: mean / (integral(library.lights[i]) / (4 * np.pi) * library.levels[i]) for i in order}
@@ -181,6 +185,25 @@ def rank_maps(
         )
         for rank, i in enumerate(order)
     ]
+
+
+def _by_map(
+    radiance: np.ndarray,
+    confidence: np.ndarray | None,
+    library: Library,
+    camera_from_light: np.ndarray,
+    pitch_deg: float | None,
+) -> tuple[dict[int, Match], np.ndarray]:
+    """Matches by index, the best first, and the rotation from the light's frame to theirs.
+
+    pitch_deg: of the camera, in whose frame it is kept; None: not known.
+    """
+    if pitch_deg is None:
+        return {one.index: one for one in find_matches(radiance, confidence, library)}, np.eye(3)
+    camera = rotate(radiance, camera_from_light)
+    sure = None if confidence is None else rotate(confidence[..., None], camera_from_light)[..., 0]
+    found = find_matches(camera, sure, library, pitches_deg=(pitch_deg,))
+    return {one.index: one for one in found}, camera_from_light
 
 
 def stops_apart(radiance: np.ndarray, other: np.ndarray) -> float:
