@@ -14,7 +14,7 @@ pytest.importorskip("av", reason="the extra `video` is not installed")
 from support.clips import sphere_frame, write_clip, write_masks
 
 from anyprobe.core.frames import rotation_y
-from anyprobe.detail.library import open_library
+from anyprobe.detail.library_folder import open_library
 from anyprobe.detail.match import exposed_match, hold_match
 from anyprobe.files.radiance import map_attributes, read_radiance, write_exr
 from anyprobe.light.environment import reduced, rotate

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +20,9 @@ from anyprobe.cli import match_folder
 from anyprobe.cli.app import app
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
-from anyprobe.detail import library as libraries
+from anyprobe.detail import library_folder as libraries
 from anyprobe.detail.background import background_of
-from anyprobe.detail.library import open_library
+from anyprobe.detail.library_folder import open_library
 from anyprobe.detail.likeness import MATCH_ROWS, Shown, best_places, gain_of, light_of, schlick_coat
 from anyprobe.detail.matching import stops_apart
 from anyprobe.errors import InputError, OutputError
@@ -223,9 +226,67 @@ def test_files_stand_by_their_maps_and_what_cannot_be_read_is_said(folder):
     assert "place-0a.hdr" in library.faults[0]
 
 
-def test_a_file_that_changed_behind_its_time_is_not_written(folder, camera_light, tmp_path):
-    import os
+def test_what_may_not_be_read_is_left_out_until_it_may(folder, monkeypatch):
+    (folder / "place-0a.exr").symlink_to("nowhere")
+    os.mkfifo(folder / "place-0b.hdr")
+    shut = {folder / "place-1.exr", folder / "place-2.exr"}
+    monkeypatch.setattr("builtins.open", partial(_open_but, shut, open))
+    library = open_library(folder)
+    assert library.names == ("more/place-4", "more/place-5", "place-0", "place-3")
+    assert [fault.split("/")[-1] for fault in library.faults] == [
+        "place-0a.exr: no such file; check the path",
+        "place-0b.hdr: is a pipe or device, not a file; name a file",
+        "place-1.exr: cannot be read (Permission denied); check the permissions",
+        "place-2.exr: cannot be read (Permission denied); check the permissions",
+    ]
+    shut.pop()
+    assert (len(open_library(folder).names), len(open_library(folder).faults)) == (5, 3)
 
+
+def _open_but(shut, usual, file, *more, **options):
+    """open, but for files that may not be read."""
+    if file in shut:
+        raise PermissionError(errno.EACCES, "Permission denied", str(file))
+    return usual(file, *more, **options)
+
+
+def test_a_black_map_is_left_out_by_name(folder):
+    write_exr(folder / "more" / "dark.exr", np.zeros((32, 64, 3), np.float32))
+    faults = open_library(folder).faults
+    assert faults == ("more/dark.exr: expected light, got a black map; take it out of the library",)
+    (folder / "more" / "dark.exr").rename(folder / "black.exr")
+    assert open_library(folder).faults[0].startswith("black.exr: ")
+
+
+def test_without_a_cache_all_is_done_in_memory(folder, camera_light, tmp_path, monkeypatch):
+    kept = camera_light[0].match(folder, best=1)[0]
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    library = open_library(folder)
+    (warning,) = library.warnings
+    assert "cannot be written" in warning
+    assert "XDG_CACHE_HOME" in warning
+    found = camera_light[0].match(library, best=1)[0]
+    assert (found.name, found.misfit) == (kept.name, kept.misfit)
+    np.testing.assert_array_equal(read_radiance(found.write(tmp_path / "a.exr")), found.radiance().astype(np.float16))
+    np.testing.assert_array_equal(library.candidate(1), kept.library.candidate(1))
+    assert "data=" not in repr(library)
+    monkeypatch.setattr(libraries, "read_radiance", None)
+    assert open_library(folder).names == library.names  # not read again by this process
+
+
+def test_a_cache_that_may_only_be_read_is_read(folder, monkeypatch):
+    names = open_library(folder).names
+
+    def refuse(*_, **__):
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(libraries.os, "utime", refuse)
+    library = open_library(folder)
+    assert (library.names, library.warnings) == (names, ())
+
+
+def test_a_file_that_changed_behind_its_time_is_not_written(folder, camera_light, tmp_path):
     light, _ = camera_light
     first = light.match(folder, best=1)[0]
     data, stat = bytearray(first.path.read_bytes()), first.path.stat()
@@ -251,6 +312,22 @@ def test_levels_of_maps_are_compared_where_the_camera_sees_the_object_lit():
     bright[:, :32] = bright[:, 96:] = 2.0  # the half behind the camera
     assert stops_apart(bright, dark) == pytest.approx(2.0, abs=0.01)
     assert stops_apart(dark, np.roll(bright, 64, axis=1)) == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_strict_counts_the_warnings_of_a_match(folder, tmp_path, monkeypatch):
+    from PIL import Image
+
+    monkeypatch.setattr(match_folder, "STOPS_APART", 99.0)
+    photo = tmp_path / "ball.png"
+    Image.fromarray(sphere_photo((64, 48))).save(photo)
+    words = ["match", str(photo), str(folder), "-o", str(tmp_path / "out")]
+    words += ["--strict", "--pitch", "10", "--json", "-q"]
+    result = CliRunner().invoke(app, words)
+    assert json.loads(result.stdout)["warnings"] == []
+    assert result.exit_code == 0
+    (folder / "broken.hdr").write_bytes(b"no picture")
+    assert CliRunner().invoke(app, words).exit_code == 2
 
 
 @pytest.mark.usefixtures("networks_opened_once")

@@ -52,7 +52,7 @@ def match(
 
     Writes the best ones turned, exposed and tinted to fit the photo, a contact sheet with spheres and a list (.json).
     """
-    from anyprobe.detail.library import open_library
+    from anyprobe.detail.library_folder import open_library
     from anyprobe.detail.matching import stops_apart
     from anyprobe.estimate.outputs import draw_matches
     from anyprobe.estimate.photo import load_photo
@@ -74,7 +74,7 @@ def match(
         ranked = light.match(library)
     stem, chosen = result_stem(photo, [photo]), ranked[:best]
     files = {one.rank: f"{stem}_{one.rank + 1}_{_file_name(one.name)}.exr" for one in chosen}
-    warnings = [*light.warnings, *(f"left out: {fault}" for fault in library.faults)]
+    warnings = [*light.warnings, *library.warnings]
     if light.pitch_deg is None and (light.shown is None or light.shown.behind is None):
         warnings.append("the camera's pitch is not known: maps may be tilted; give it with --pitch")
     with atomic_files(out) as scratch, talk.status("writing"):
@@ -118,7 +118,7 @@ def match(
     for warning in warnings:
         talk.print(f"warning: {warning}", soft_wrap=True)
     talk.print(f"results: {out / stem}_*", soft_wrap=True)
-    if taken.strict and light.warnings:
+    if taken.strict and warnings:
         raise typer.Exit(2)
 
 

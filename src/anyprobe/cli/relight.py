@@ -184,7 +184,9 @@ def relight(
                 write_as(out, picture, stored)
     spot = stage.view.pixels(stage.placement.foot)
     lost = [PROFILE_LOST] if stored.lost and kind != ".exr" else []
-    warnings = [*loaded.warnings, *stage.warnings, *lost]
+    library = fine.library()
+    lent = () if library is None else library.warnings
+    warnings = [*loaded.warnings, *lent, *stage.warnings, *lost]
     summary = {
         "photo": str(photo),
         "picture": str(out),

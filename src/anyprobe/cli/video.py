@@ -154,7 +154,8 @@ def video(
         talk.print(f"warning: frame {index}: kept the light before it: {line_of(line)}", soft_wrap=True)
     if outcome.damaged:
         talk.print(f"warning: {clip.name}: {outcome.damaged} damaged pieces left out", soft_wrap=True)
-    warnings = [*header.warnings, *outcome.notes, *run.place_warnings]
+    lent = () if library is None else library.warnings
+    warnings = [*header.warnings, *lent, *outcome.notes, *run.place_warnings]
     for line in warnings:
         talk.print(f"warning: {line_of(line)}", soft_wrap=True)
     summary = {

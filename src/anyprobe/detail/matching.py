@@ -11,7 +11,8 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, uv_to_direction
-from anyprobe.detail.library import FEATURE_ROWS, Library, check_unchanged, open_library
+from anyprobe.detail.library import FEATURE_ROWS, Library
+from anyprobe.detail.library_folder import check_unchanged, open_library
 from anyprobe.detail.likeness import Shown, best_places, gain_of
 from anyprobe.detail.match import Match, find_matches
 from anyprobe.errors import InputError, OutputError

@@ -182,7 +182,8 @@ class Light:
         if "detail" in self.info:
             raise InputError("detail: expected a light without it, got one that has it; begin with the estimate")
         found = add_detail(self.radiance, self.confidence, library=library, rows=size, seed=seed, seen=seen)
-        return replace(self, radiance=found.radiance, info={**self.info, "detail": found.info()})
+        info: Info = {**self.info, "detail": found.info()}
+        return replace(self, radiance=found.radiance, warnings=self.warnings + found.warnings, info=info)
 
     @property
     def ground(self) -> Ground | None:
