@@ -331,6 +331,28 @@ def test_strict_counts_the_warnings_of_a_match(folder, tmp_path, monkeypatch):
 
 
 @pytest.mark.usefixtures("networks_opened_once")
+def test_maps_of_earlier_matches_of_a_photo_are_said(folder, tmp_path):
+    from PIL import Image
+
+    (folder / "place-0.exr").rename(folder / "pläce 0.exr")
+    out = tmp_path / "out"
+
+    def older(name: str, best: int) -> list[str]:
+        Image.fromarray(sphere_photo((64, 48))).save(tmp_path / name)
+        words = ["match", str(tmp_path / name), str(folder), "-o", str(out), "--best", str(best), "--json", "-q"]
+        said = json.loads(CliRunner().invoke(app, words).stdout)["warnings"]
+        return [line for line in said if "earlier matches" in line]
+
+    assert older("ball_1.png", 6) == []
+    assert older("ball.png", 6) == []  # whose names begin like those of ball_1
+    assert older("ball.png", 6) == []
+    (out / "ball_2_mine.exr").write_bytes(b"of somebody else")
+    (line,) = older("ball.png", 2)
+    assert line.startswith(f"{out}: has maps of this photo from earlier matches (4, such as ball_3_")
+    assert len(list(out.glob("ball_[1-6]_*.exr"))) == 6 + 1 + 6  # nothing is deleted
+
+
+@pytest.mark.usefixtures("networks_opened_once")
 def test_the_command_writes_maps_a_sheet_a_list_and_an_export(folder, tmp_path, monkeypatch):
     from PIL import Image
 

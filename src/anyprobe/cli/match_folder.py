@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import json
 import re
 from pathlib import Path
@@ -77,6 +78,12 @@ def match(
     warnings = [*light.warnings, *library.warnings]
     if light.pitch_deg is None and (light.shown is None or light.shown.behind is None):
         warnings.append("the camera's pitch is not known: maps may be tilted; give it with --pitch")
+    older = _older_maps(out, stem, set(files.values()))
+    if older:
+        warnings.append(
+            f"{out}: has maps of this photo from earlier matches ({len(older)}, such as {older[0]}); delete them, "
+            "or choose another folder with -o"
+        )
     with atomic_files(out) as scratch, talk.status("writing"):
         for one in chosen:
             one.write(scratch / files[one.rank])
@@ -120,6 +127,19 @@ def match(
     talk.print(f"results: {out / stem}_*", soft_wrap=True)
     if taken.strict and warnings:
         raise typer.Exit(2)
+
+
+def _older_maps(out: Path, stem: str, new: set[str]) -> list[str]:
+    """Names of the maps in a folder that match wrote of a photo before, by their headers."""
+    from anyprobe.files.radiance import map_attributes
+
+    found = []
+    for path in sorted(out.glob(f"{glob.escape(stem)}_*.exr")):
+        name = map_attributes(path).get("match")
+        is_ours = name and re.fullmatch(rf"\d+_{re.escape(_file_name(name))}\.exr", path.name[len(stem) + 1 :])
+        if is_ours and path.name not in new:
+            found.append(path.name)
+    return found
 
 
 def _file_name(name: str) -> str:
