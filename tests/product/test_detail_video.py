@@ -169,3 +169,13 @@ def test_command_takes_detail_and_its_library(command, work, made):
         "expected one of none, plausible"
         in command("video", made / "clip.mp4", *options, "--detail", "sharp").complaint
     )
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_command_says_what_its_library_lacks(command, work, made, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(work / "cache"))
+    write_exr(work / "maps" / "place.exr", place(0, 64))
+    (work / "maps" / "broken.hdr").write_bytes(b"no picture")
+    options = ("-o", "out", "--mask", made / "masks", "--every", "4", "--json")
+    done = command("video", made / "clip.mp4", *options, "--detail", "plausible", "--detail-library", work / "maps")
+    assert any(line.startswith("left out: broken.hdr") for line in json.loads(done.out)["warnings"])
