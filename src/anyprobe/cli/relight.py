@@ -128,8 +128,10 @@ def relight(
     """Insert a virtual object, lit by the estimated light. It stands beside the real one and casts a shadow."""
     from anyprobe.core.color import to_bytes
     from anyprobe.estimate.photo import load_photo
+    from anyprobe.files.headers import MAX_PIXELS
     from anyprobe.files.images import picture_bytes, write_png
     from anyprobe.files.kept_encoding import stored_as, write_as
+    from anyprobe.files.radiance import opaque_linear
     from anyprobe.relight.insert import Arrangement, Stage, uses_mitsuba
     from anyprobe.relight.passes import passes_of, write_passes
 
@@ -166,7 +168,7 @@ def relight(
         with progress(f"drawing the {insert}", silent):
             passes = passes_of(stage, radiance, material, renderer)
         with progress(f"writing {out}", silent):
-            write_passes(out, passes, colorspace)
+            write_passes(out, passes, colorspace, opaque_linear(source, colorspace, MAX_PIXELS))
     else:
         with progress(f"drawing the {insert}", silent):
             shown = picture_bytes(loaded.rgb) if plain else loaded.rgb.copy()
