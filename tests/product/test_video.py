@@ -323,6 +323,13 @@ def test_bad_option_leaves_nothing(command, work, made, arguments, words):
     assert list(work.iterdir()) == []
 
 
+def test_folder_that_cannot_be_made_is_refused_before_the_work(command, work, made, monkeypatch):
+    (work / "file").write_text("a file")
+    monkeypatch.setattr(video_command, "progress", lambda *said: pytest.fail("too late"))
+    said = command("video", made / "clip.mp4", "-o", "file/deep", "--mask", made / "masks").complaint
+    assert "file is a file, not a folder" in said
+
+
 # Clips
 
 

@@ -87,12 +87,15 @@ class InsertOptions:
         """What --insert names; InputError where it, or its material, is none."""
         from anyprobe.files.objects import open_object
         from anyprobe.relight.insert import PHOTO_MATERIAL
+        from anyprobe.relight.placement import check_height
         from anyprobe.scatter.materials import material_named
 
-        with said_as(material="--insert-material", object="--insert"):
+        with said_as(material="--insert-material", object="--insert", mesh=f"--insert {insert}"):
             if self.insert_material != PHOTO_MATERIAL:
                 material_named(self.insert_material, PHOTO_MATERIAL)
-            return open_object(insert)
+            mesh = open_object(insert)
+            check_height(mesh)
+            return mesh
 
 
 @with_bundles
@@ -128,6 +131,7 @@ def relight(
     """Insert a virtual object, lit by the estimated light. It stands beside the real one and casts a shadow."""
     from anyprobe.core.color import to_bytes
     from anyprobe.estimate.photo import load_photo
+    from anyprobe.files.atomic import check_writable
     from anyprobe.files.headers import MAX_PIXELS
     from anyprobe.files.images import picture_bytes, write_png
     from anyprobe.files.kept_encoding import stored_as, write_as
@@ -153,6 +157,7 @@ def relight(
     inputs = (photo, light, *hints.files().values())
     if out.resolve() in {one.resolve() for one in inputs if isinstance(one, Path)}:
         raise OutputError(f"{out}: the result would replace an input; choose another name with -o")
+    check_writable(out)
     traced = uses_mitsuba(renderer)
     silent = quiet or as_json
     with progress(f"reading {photo}", silent):

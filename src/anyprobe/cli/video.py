@@ -64,6 +64,7 @@ def video(
     resumes. Clicks and box are of the first frame; --mask, --depth and --normals are folders of one file a frame,
     sorted by name (--normals may be sphere).
     """
+    from anyprobe.files.atomic import check_writable
     from anyprobe.files.digests import digest_of, sampled_digest
     from anyprobe.files.poses import read_poses
     from anyprobe.relight.insert import Arrangement, uses_mitsuba
@@ -101,6 +102,7 @@ def video(
         virtual = VirtualObject(mesh=mesh, material=material, arrangement=place, renderer=kind)
     apart = {*first, *folders, "surroundings", "material", "albedo", "roughness"}
     every_frame = {key: value for key, value in hints.given() if key not in apart}
+    check_writable(out / "track.json")
     with said_of_hints():
         follower = MaskFollower(folders, first, every_frame, hints.surroundings)
     with progress("opening the model", quiet):
