@@ -102,6 +102,43 @@ def test_a_mirrored_ground_has_its_pattern(photo):
     assert drawn[row, round(0.75 * size), 1] > 3 * drawn[row, round(0.75 * size), 0]
 
 
+@pytest.mark.parametrize("opaque", [0, 60])
+def test_transparent_pixels_are_no_ground(photo, opaque):
+    """Whatever colour they have: a cut-out's object mirrors the light from below, and else the ground that is shown."""
+    drawn = []
+    for hidden in (0, 255):
+        rgba = np.full((*photo.mask.shape, 4), 128, np.uint8)
+        rgba[..., 3] = 255 * (photo.mask > 0.5)
+        rgba[len(rgba) - opaque :, :, 3] = 255
+        rgba[rgba[..., 3] == 0, :3] = hidden
+        stage = Stage(load_photo(rgba, mask=photo.mask, surroundings="none"), sphere(48))
+        for material in (MIRROR, "photo"):
+            drawn.append(stage.draw(np.full((64, 128, 3), 0.5, np.float32), material, "own"))
+    np.testing.assert_array_equal(drawn[0], drawn[2])
+    np.testing.assert_array_equal(drawn[1], drawn[3])
+    ground = inverse_response(np.float32(128 / 255)) if opaque else 0.5
+    size = len(drawn[0])
+    lower = drawn[0][round(0.66 * size) : round(0.75 * size), round(0.45 * size) : round(0.55 * size), :3]
+    assert 0.6 * ground < lower.min()  # in the object's shadow
+    assert lower.max() < 1.05 * ground
+
+
+def test_pixels_that_are_asked_for_count_though_transparent(photo):
+    rgba = sphere_photo((60, 90), 60, 160, 240)
+    assert load_photo(rgba).hidden.mean() == pytest.approx(1 - photo.mask.mean(), abs=0.01)
+    assert load_photo(rgba, surroundings="photo").hidden is None
+    assert load_photo(rgba[..., :3], mask=photo.mask).hidden is None
+
+
+def test_the_command_says_that_the_result_of_a_cut_out_is_opaque(command, photo_path, work):
+    for given in ((), ("--strict",)):
+        done = command("relight", photo_path, "--renderer", "own", *given)
+        assert "warning: the photo is transparent in places: the result is opaque there" in done.err
+        assert done.status == (2 if given else 0)
+    done = command("relight", photo_path, "--renderer", "own", "--surroundings", "photo")
+    assert "transparent" not in done.err
+
+
 @pytest.mark.parametrize("suffix", ["png", "tif"])
 @pytest.mark.parametrize("deep", [False, True])
 @pytest.mark.parametrize("profile", [None, "linear", "gamma 2.2"])

@@ -45,6 +45,10 @@ STRIP = ("chrome", "gold", "plastic", "matte", "photo")
 """What --strip shows after the photo."""
 _SUFFIXES = (".png", ".tif", ".tiff", ".exr")
 PROFILE_LOST = "the photo's colour profile is not kept, since it is not of RGB by curves: the result is sRGB"
+TRANSPARENT = (
+    "the photo is transparent in places: the result is opaque there, and the object mirrors nothing of it; "
+    "give the whole photo, or take object and shadow from an .exr"
+)
 SHOWN_AFTER_S = 1.0
 OF_ESTIMATES = [
     *(name for name, hint in HINTS.items() if hint.about == "light"),
@@ -191,6 +195,8 @@ def relight(
                 write_as(out, picture, stored)
     spot = stage.view.pixels(stage.placement.foot)
     lost = [PROFILE_LOST] if stored.lost and kind != ".exr" else []
+    if loaded.hidden is not None:
+        lost.append(TRANSPARENT)
     warnings = [*loaded.warnings, *stage.warnings, *lost]
     summary = {
         "photo": str(photo),
