@@ -25,7 +25,8 @@ def export_mask(checkpoint: Path, folder: Path) -> float:
         ModelError: the graph disagrees with the network by more than TOLERANCE.
     """
     import onnx
-    import onnxruntime
+
+    from anyprobe.files.onnx_runtime import onnxruntime
 
     net, run = load_mask_net(checkpoint)
     recipe = {

@@ -78,7 +78,8 @@ def export_whole(checkpoint: Path, folder: Path) -> float:
         ModelError: the graph disagrees with the network by more than TOLERANCE.
     """
     import onnx
-    import onnxruntime
+
+    from anyprobe.files.onnx_runtime import onnxruntime
 
     net, run = load_whole_net(checkpoint)
     graph, inputs = WholeGraph(net).eval(), example_inputs()

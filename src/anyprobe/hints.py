@@ -260,7 +260,8 @@ class Hints:
                 raise InputError(f"{name}: expected a number, got {type(value).__name__} {str(value)[:40]!r}")
         if self.fov_deg is not None and not 1.0 < self.fov_deg < 170.0:
             raise InvalidPhoto(
-                f"fov_deg: expected a field of view of 1 to 170 degrees along the longer side, got {self.fov_deg:g}"
+                "fov_deg: expected a field of view of more than 1 and less than 170 degrees along the longer side, "
+                f"got {self.fov_deg:g}"
             )
         if self.pitch_deg is not None and not -90.0 <= self.pitch_deg <= 90.0:
             raise InputError(

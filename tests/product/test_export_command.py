@@ -215,3 +215,31 @@ def test_light_exports_itself(work):
     paths = light.export("webxr", "out", "vase")
     assert [path.name for path in paths] == ["vase_webxr.estimate.json", "vase_webxr.json"]
     assert json.loads(paths[1].read_text())["origin"]["photo"] == "vase.png"
+
+
+@pytest.mark.parametrize(("stops", "is_said"), [(0, False), (18, True)])
+def test_light_that_no_file_of_the_target_holds_is_said(command, light_path, stops, is_said):
+    order = ("export", light_path, "--to", "ktx2,blender", "-o", "out", "--exposure", stops)
+    plain, said = command(*order), command(*order, "--json")
+    assert ("warning: ktx2: " in plain.err) == ("above what its files can hold" in plain.err) == is_said
+    assert "warning: blender" not in plain.err
+    ktx2, blender = (json.loads(line)["clipped_energy"] for line in said.out.splitlines())
+    assert (ktx2 > 0.02) == is_said
+    assert blender == 0
+
+
+@pytest.mark.parametrize("brightest", [1e20, 1e38])
+def test_a_map_too_bright_for_its_sums_is_refused(command, work, brightest):
+    radiance = two_phase(32)
+    radiance[3, 5] = brightest
+    OpenEXR.File({}, {"RGB": radiance.astype(np.float32)}).write(str(work / "hot.exr"))
+    done = command("export", "hot.exr", "--to", "all", "-o", "out")
+    assert done.status == 2
+    assert done.err.startswith("anyprobe: hot_three: expected radiance of at most 1e+12, got")
+    assert not (work / "out").exists()
+
+
+def test_targets_are_named_one_by_one(tmp_path):
+    for wrong in (["three", "usd"], "all"):
+        with pytest.raises(InputError, match="export one at a time"):
+            export(two_phase(32), wrong, tmp_path)

@@ -1,5 +1,9 @@
 """Sessions: opened alike by all who run a graph, quiet between runs, and one clear line where a file is damaged."""
 
+import os
+import subprocess
+import sys
+
 import pytest
 
 from anyprobe.errors import ModelError
@@ -25,3 +29,14 @@ def test_a_damaged_graph_is_one_clear_line(tmp_path):
     path.write_bytes(b"no graph")
     with pytest.raises(ModelError, match=r"^light.onnx: expected a readable ONNX graph.*reinstall anyprobe$"):
         open_graph(path)
+
+
+def test_the_runtime_tells_nobody(tmp_path):
+    """Its telemetry keeps a database, from which it sends; and the host's environment stays as it was."""
+    code = (
+        "import os, anyprobe, time; from anyprobe.estimate.runtime import Models; Models('lift'); time.sleep(0.3);"
+        "assert 'ORT_DISABLE_TELEMETRY' not in os.environ"
+    )
+    here = {name: value for name, value in os.environ.items() if name not in ("CI", "PYTEST_CURRENT_TEST")}
+    subprocess.run([sys.executable, "-c", code], env={**here, "XDG_CACHE_HOME": str(tmp_path)}, check=True)
+    assert not list(tmp_path.rglob("*onnxruntime*"))

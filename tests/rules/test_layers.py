@@ -21,7 +21,7 @@ ORDER = (
 
 ONLY = {
     "torch": {"render", "nets", "dataset", "train", "cli"},
-    "onnxruntime": {"files", "estimate", "train", "cli"},
+    "onnxruntime": {"files"},
     "onnx": {"train"},
     "openvino": {"estimate"},
     "rembg": {"masks"},
@@ -143,7 +143,8 @@ def test_every_permission_is_used():
         ("render/a.py", "def f():\n    import torch.nn", "torch outside compile_kernel"),
         ("cli/a.py", "from anyprobe.web import b", "no place in the order"),
         ("errors.py", "from anyprobe.core import b", "errors imports core"),
-        ("estimate/a.py", "import json\nfrom anyprobe.files import b\nfrom onnxruntime import c", None),
+        ("files/a.py", "import json\nfrom anyprobe.errors import b\nfrom onnxruntime import c", None),
+        ("estimate/a.py", "import onnxruntime", "estimate imports onnxruntime"),
         ("cli/a.py", "from anyprobe import __version__\ndef need_torch():\n    import torch", None),
     ],
 )

@@ -20,9 +20,8 @@ from anyprobe.estimate.runtime import DEFAULT_MODEL
 
 def doctor(model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL) -> None:
     """Check the installation. Prints versions and model hashes, and estimates the light of a drawn sphere."""
-    import onnxruntime
-
     from anyprobe.estimate.runtime import file_hashes
+    from anyprobe.files.onnx_runtime import onnxruntime
 
     talk = Console(markup=False, emoji=False, highlight=False)
     talk.print(f"python {platform.python_version()} on {platform.system()} {platform.machine()}")

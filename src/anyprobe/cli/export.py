@@ -15,6 +15,8 @@ from anyprobe.errors import InputError
 from anyprobe.export.exported_light import check_front, origin_beside
 from anyprobe.export.targets import TARGETS, find_target
 
+CLIPPED_SAID = 0.02
+"""Share of a light's energy above what a target's files hold from which on it is said."""
 _MAX_PIXELS = 8192 * 4096
 """The most pixels of a map that is exported: some targets take 90 bytes a pixel."""
 
@@ -53,11 +55,17 @@ def export(
             written = targets.export(
                 radiance, name, folder, light.stem, world_from_camera=rotation, exposure_ev=exposure, origin=origin
             )
+            lost = json.loads((folder / f"{light.stem}_{name}.json").read_text(encoding="utf-8"))["clipped_energy"]
             if as_json:
                 said = {"light": str(light), "target": name, "files": [str(path) for path in written]}
-                print(json.dumps(said), flush=True)
+                print(json.dumps({**said, "clipped_energy": lost}), flush=True)
             elif not quiet:
                 print(f"{name}: {', '.join(str(path) for path in written)}", file=sys.stderr)
+            if lost > CLIPPED_SAID and not quiet:
+                print(
+                    f"warning: {name}: {lost:.0%} of the light is above what its files can hold; lower --exposure",
+                    file=sys.stderr,
+                )
 
 
 def folders(lights: list[Path], out: Path) -> list[tuple[Path, Path]]:

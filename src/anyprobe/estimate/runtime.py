@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import onnxruntime
 
 from anyprobe.core.contract import contract
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.errors import InputError, MissingExtra, ModelError
 from anyprobe.files.graphs import open_graph
+from anyprobe.files.onnx_runtime import onnxruntime
 from anyprobe.given_material import MATERIAL_INPUTS, material_input
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.reconstruct import LN_MAX, reconstruct

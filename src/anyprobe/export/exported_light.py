@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anyprobe.core.frames import is_rotation
-from anyprobe.errors import InputError
+from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.export.target_frames import FRONT, TargetFrame, webxr
 from anyprobe.files.radiance import HALF_MAX, HALF_MIN, map_attributes, read_radiance, write_exr, write_hdr
 from anyprobe.light.dominant_light import DominantLight, split_dominant_light
@@ -36,6 +36,8 @@ SH_DEFINITION = (
     "WebXR and three.js; axes x right, y up, z back whatever the target's are"
 )
 
+BRIGHTEST_RADIANCE = 1e12
+"""Above it squares and sums leave what float32 holds; the sun in candela per square metre is 1.6e9."""
 ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "response", "warnings", "detail")
 """What an export keeps of the estimate's sidecar: not its SH and dominant light, which turn with the map."""
 
@@ -103,7 +105,7 @@ def prepare(
 
     Raises:
         InputError: not a rotation, an exposure beyond 30 stops, a name that no file can have.
-        InvalidEnvironment: not a map.
+        InvalidEnvironment: not a map, or brighter than BRIGHTEST_RADIANCE.
     """
     if not name or name.startswith(".") or name != Path(name).name or "\\" in name or not name.isprintable():
         raise InputError(f"name: expected a file name without its suffix, got {name!r}; rename the map")
@@ -119,6 +121,11 @@ def prepare(
     if not np.array_equal(turn, np.eye(3)):
         radiance = np.maximum(rotate(radiance, turn), 0.0)
     radiance = check_radiance(radiance * np.float32(2.0**exposure_ev), name)
+    if radiance.max() > BRIGHTEST_RADIANCE:
+        raise InvalidEnvironment(
+            f"{name}: expected radiance of at most {BRIGHTEST_RADIANCE:g}, got {radiance.max():.3g}; divide all of "
+            "it by one number, or lower the exposure"
+        )
     main, ambient = split_dominant_light(radiance)
     lights: tuple[DirectionalLight, ...] = (
         DirectionalLight(direction=main.direction, irradiance=main.irradiance, angle_deg=angle_of(main)),

@@ -283,6 +283,6 @@ def export(
 
 def find_target(name: str) -> Target:
     """The target of a name; InputError that lists all of them if there is none."""
-    if name not in TARGETS:
-        raise InputError(f"target: expected one of {', '.join(TARGETS)}, got {name!r}")
+    if not isinstance(name, str) or name not in TARGETS:
+        raise InputError(f"target: expected one of {', '.join(TARGETS)}, got {name!r}; export one at a time")
     return TARGETS[name]

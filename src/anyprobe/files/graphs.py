@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import onnxruntime
-
 from anyprobe.errors import ModelError
+from anyprobe.files.onnx_runtime import onnxruntime
 
 MOST_THREADS = 2
 """On more, sums of convolutions are split elsewhere, and their last bits differ; nor are the graphs any faster."""

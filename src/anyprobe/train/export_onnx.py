@@ -165,7 +165,8 @@ def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
 def _export_stage(stage: str, graph: Graph, recipe: dict[str, str], path: Path) -> float:
     """One network: batch normalisation folded, weights stored small, computed as float32."""
     import onnx
-    import onnxruntime
+
+    from anyprobe.files.onnx_runtime import onnxruntime
 
     generator = torch.Generator().manual_seed(0)
     examples = tuple(_smooth(shape, generator) for shape in graph.inputs.values())

@@ -1,0 +1,31 @@
+"""ONNX Runtime, imported with its telemetry off: since 1.29 it tells Microsoft of every process that opens a graph.
+
+It asks once, when it is imported; the environment stays as it was. A program that imports it earlier, or that sets the
+variable, decides itself.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+TELEMETRY_OFF = "ORT_DISABLE_TELEMETRY"
+
+
+@contextmanager
+def _without_telemetry() -> Iterator[None]:
+    if TELEMETRY_OFF in os.environ:
+        yield
+        return
+    os.environ[TELEMETRY_OFF] = "1"
+    try:
+        yield
+    finally:
+        del os.environ[TELEMETRY_OFF]
+
+
+with _without_telemetry():
+    import onnxruntime
+
+__all__ = ["onnxruntime"]
