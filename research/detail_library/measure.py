@@ -32,7 +32,8 @@ from anyprobe.dataset.asset_store import AssetStore, own_shape
 from anyprobe.dataset.catalog import MapAsset, load_maps, load_shapes, normalize_map
 from anyprobe.dataset.pair import Pair, render_pair
 from anyprobe.dataset.recipe import balanced_recipes
-from anyprobe.detail.library import Library, encode, open_library, write_library
+from anyprobe.detail.library import Library, encode, write_library
+from anyprobe.detail.library_folder import open_library
 from anyprobe.detail.match import find_match
 from anyprobe.detail.plausible import add_detail
 from anyprobe.estimate.estimator import Estimator

@@ -14,7 +14,7 @@ pytest.importorskip("av", reason="the extra `video` is not installed")
 from support.clips import sphere_frame, write_clip, write_masks
 
 from anyprobe.core.frames import rotation_y
-from anyprobe.detail.library import open_library
+from anyprobe.detail.library_folder import open_library
 from anyprobe.detail.match import exposed_match, hold_match
 from anyprobe.files.radiance import map_attributes, read_radiance, write_exr
 from anyprobe.light.environment import reduced, rotate
@@ -169,3 +169,13 @@ def test_command_takes_detail_and_its_library(command, work, made):
         "expected one of none, plausible"
         in command("video", made / "clip.mp4", *options, "--detail", "sharp").complaint
     )
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_command_says_what_its_library_lacks(command, work, made, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(work / "cache"))
+    write_exr(work / "maps" / "place.exr", place(0, 64))
+    (work / "maps" / "broken.hdr").write_bytes(b"no picture")
+    options = ("-o", "out", "--mask", made / "masks", "--every", "4", "--json")
+    done = command("video", made / "clip.mp4", *options, "--detail", "plausible", "--detail-library", work / "maps")
+    assert any(line.startswith("left out: broken.hdr") for line in json.loads(done.out)["warnings"])

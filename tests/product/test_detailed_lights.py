@@ -146,6 +146,37 @@ def test_the_command_writes_a_map_with_detail(folder, tmp_path, monkeypatch):
     assert said["size"] == [256, 128]
 
 
+def test_the_command_says_once_what_a_library_lacks(folder, tmp_path, monkeypatch, capsys):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    (folder / "broken.hdr").write_bytes(b"no picture")
+    photos = [tmp_path / "one.png", tmp_path / "two.png"]
+    for photo in photos:
+        Image.fromarray(sphere_photo()).save(photo)
+    options = ["--detail", "plausible", "--size", "64", "--detail-library", str(folder), "-o", str(tmp_path / "out")]
+    monkeypatch.setattr("sys.argv", ["anyprobe", "estimate", *map(str, photos), *options])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    for photo in photos:
+        said = json.loads((tmp_path / "out" / f"{photo.stem}.json").read_text())["warnings"]
+        assert any(line.startswith("left out: broken.hdr: expected a Radiance .hdr file") for line in said)
+        assert any("XDG_CACHE_HOME" in line for line in said)
+    printed = capsys.readouterr().err
+    assert (printed.count("left out: broken.hdr"), printed.count("XDG_CACHE_HOME")) == (1, 1)
+
+
+def test_an_inserted_objects_detail_says_what_its_library_lacks(folder, tmp_path, monkeypatch, capsys):
+    (folder / "broken.hdr").write_bytes(b"no picture")
+    Image.fromarray(sphere_photo()).save(tmp_path / "one.png")
+    options = ["--detail", "plausible", "--detail-library", str(folder), "-o", str(tmp_path / "out.png")]
+    monkeypatch.setattr("sys.argv", ["anyprobe", "relight", str(tmp_path / "one.png"), "--insert", "sphere", *options])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    assert capsys.readouterr().err.count("left out: broken.hdr") == 1
+
+
 def test_a_panorama_lends_its_own_pixels_to_a_map_with_detail(folder):
     """Not those of the 64 rows that an estimate has: a checkerboard of one pixel in 256 rows."""
     checks = np.indices((256, 512)).sum(axis=0) % 2

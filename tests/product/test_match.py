@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +20,13 @@ from anyprobe.cli import match_folder
 from anyprobe.cli.app import app
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
-from anyprobe.detail import library as libraries
+from anyprobe.detail import library_folder as libraries
 from anyprobe.detail.background import background_of
-from anyprobe.detail.library import open_library
+from anyprobe.detail.library_folder import open_library
 from anyprobe.detail.likeness import MATCH_ROWS, Shown, best_places, gain_of, light_of, schlick_coat
 from anyprobe.detail.matching import stops_apart
-from anyprobe.errors import InputError
+from anyprobe.errors import InputError, OutputError
+from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.result import Light
 from anyprobe.files.radiance import read_radiance, write_exr
 from anyprobe.light.environment import reduced, rotate
@@ -64,6 +68,11 @@ def camera_light():
     turn = world_from_camera(YAW, PITCH)
     radiance = np.maximum(reduced(rotate(place(2), turn.T), 64), 0.0) * np.float32(0.3)
     return Light(radiance=radiance, find_shown=lambda: shown_under(place(2) * 0.3, turn)), turn
+
+
+def ground(source: str, pitch_deg: float) -> dict:
+    """Of a light's info."""
+    return Ground(pitch_deg=pitch_deg, pitch_error_deg=5.0, roll_deg=0.0, contact=(32, 40), source=source).info()
 
 
 @pytest.mark.parametrize(("yaw", "pitch_deg"), [(0.3, 0), (2.0, 20), (4.4, 45)])
@@ -141,6 +150,27 @@ def test_a_light_finds_its_panorama_in_a_folder_and_brings_it_into_its_frame(fol
     np.testing.assert_allclose(written, exact, rtol=2e-3, atol=1e-3)
 
 
+def test_a_sun_above_the_halfs_keeps_its_power_and_colour(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    sunny = place(2)
+    sunny[40:44, 100:104] = (200_000, 190_000, 170_000)
+    write_exr(tmp_path / "maps" / "sunny.exr", sunny, half=False)
+    first = Light(radiance=reduced(place(2), 64)).match(tmp_path / "maps")[0]
+    upright = replace(first, map_from_light=np.eye(3), gain=np.array([1.0, 0.9, 0.8]))
+    np.testing.assert_allclose(read_radiance(upright.write(tmp_path / "a.exr")), sunny * upright.gain, rtol=1e-3)
+    small, large = (tmp_path / f"{name}.exr" for name in "bc")
+    replace(upright, gain=upright.gain / 4).write(small)
+    upright.write(large)
+    assert small.stat().st_size < 0.7 * large.stat().st_size  # halfs, where these hold all of it
+
+
+@pytest.mark.parametrize("name", ["x.hdr", "x.png", "x"])
+def test_a_map_is_not_written_under_another_formats_name(folder, camera_light, tmp_path, name):
+    with pytest.raises(OutputError, match=r"expected \.exr, got (\.hdr|\.png|no suffix); name it \.exr"):
+        camera_light[0].match(folder, best=1)[0].write(tmp_path / name)
+    assert not (tmp_path / name).exists()
+
+
 def test_a_turned_light_gets_panoramas_in_its_own_frame(folder, camera_light):
     light, _ = camera_light
     quarter = world_from_camera(np.pi / 2, 0.0)
@@ -152,6 +182,27 @@ def test_a_light_without_its_photo_is_compared_by_its_map(folder, camera_light):
     light, _ = camera_light
     found = Light(radiance=light.radiance).match(folder, best=1)[0]
     assert (found.name, found.by) == ("place-2", "map")
+
+
+@pytest.mark.parametrize("by", ["photo", "map"])
+@pytest.mark.parametrize("info", [{"pitch_deg": 12.0}, {"ground": ground("exif", 12.0)}])
+def test_a_pitch_that_is_known_is_kept(folder, camera_light, by, info):
+    """Which is eight degrees from where the maps fit best."""
+    light = replace(camera_light[0], info=info, **({"find_shown": None} if by == "map" else {}))
+    for turned in (light, light.rotate(world_from_camera(1.0, np.radians(-30)))):
+        ranked = turned.match(folder)
+        assert {one.by for one in ranked} == {by}
+        in_camera = [one.map_from_light @ turned.map_from_camera for one in ranked]
+        np.testing.assert_allclose([one[1, 2] for one in in_camera], np.sin(np.radians(12)), atol=1e-6)
+        np.testing.assert_allclose([one[1, 0] for one in in_camera], 0, atol=1e-6)
+    assert ranked[0].name == "place-2"
+
+
+def test_a_pitch_that_is_estimated_moves_within_its_error(folder, camera_light):
+    light = replace(camera_light[0], info={"ground": ground("estimated", 12.0)})
+    ranked = light.match(folder)
+    assert 2 < ranked[0].pitch_deg - 12 < 9
+    assert all(abs(one.pitch_deg - 12) < 9 for one in ranked)
 
 
 def test_what_moved_is_not_read_again_and_what_changed_is(folder, monkeypatch):
@@ -175,9 +226,67 @@ def test_files_stand_by_their_maps_and_what_cannot_be_read_is_said(folder):
     assert "place-0a.hdr" in library.faults[0]
 
 
-def test_a_file_that_changed_behind_its_time_is_not_written(folder, camera_light, tmp_path):
-    import os
+def test_what_may_not_be_read_is_left_out_until_it_may(folder, monkeypatch):
+    (folder / "place-0a.exr").symlink_to("nowhere")
+    os.mkfifo(folder / "place-0b.hdr")
+    shut = {folder / "place-1.exr", folder / "place-2.exr"}
+    monkeypatch.setattr("builtins.open", partial(_open_but, shut, open))
+    library = open_library(folder)
+    assert library.names == ("more/place-4", "more/place-5", "place-0", "place-3")
+    assert [fault.split("/")[-1] for fault in library.faults] == [
+        "place-0a.exr: no such file; check the path",
+        "place-0b.hdr: is a pipe or device, not a file; name a file",
+        "place-1.exr: cannot be read (Permission denied); check the permissions",
+        "place-2.exr: cannot be read (Permission denied); check the permissions",
+    ]
+    shut.pop()
+    assert (len(open_library(folder).names), len(open_library(folder).faults)) == (5, 3)
 
+
+def _open_but(shut, usual, file, *more, **options):
+    """open, but for files that may not be read."""
+    if file in shut:
+        raise PermissionError(errno.EACCES, "Permission denied", str(file))
+    return usual(file, *more, **options)
+
+
+def test_a_black_map_is_left_out_by_name(folder):
+    write_exr(folder / "more" / "dark.exr", np.zeros((32, 64, 3), np.float32))
+    faults = open_library(folder).faults
+    assert faults == ("more/dark.exr: expected light, got a black map; take it out of the library",)
+    (folder / "more" / "dark.exr").rename(folder / "black.exr")
+    assert open_library(folder).faults[0].startswith("black.exr: ")
+
+
+def test_without_a_cache_all_is_done_in_memory(folder, camera_light, tmp_path, monkeypatch):
+    kept = camera_light[0].match(folder, best=1)[0]
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    library = open_library(folder)
+    (warning,) = library.warnings
+    assert "cannot be written" in warning
+    assert "XDG_CACHE_HOME" in warning
+    found = camera_light[0].match(library, best=1)[0]
+    assert (found.name, found.misfit) == (kept.name, kept.misfit)
+    np.testing.assert_array_equal(read_radiance(found.write(tmp_path / "a.exr")), found.radiance().astype(np.float16))
+    np.testing.assert_array_equal(library.candidate(1), kept.library.candidate(1))
+    assert "data=" not in repr(library)
+    monkeypatch.setattr(libraries, "read_radiance", None)
+    assert open_library(folder).names == library.names  # not read again by this process
+
+
+def test_a_cache_that_may_only_be_read_is_read(folder, monkeypatch):
+    names = open_library(folder).names
+
+    def refuse(*_, **__):
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(libraries.os, "utime", refuse)
+    library = open_library(folder)
+    assert (library.names, library.warnings) == (names, ())
+
+
+def test_a_file_that_changed_behind_its_time_is_not_written(folder, camera_light, tmp_path):
     light, _ = camera_light
     first = light.match(folder, best=1)[0]
     data, stat = bytearray(first.path.read_bytes()), first.path.stat()
@@ -203,6 +312,44 @@ def test_levels_of_maps_are_compared_where_the_camera_sees_the_object_lit():
     bright[:, :32] = bright[:, 96:] = 2.0  # the half behind the camera
     assert stops_apart(bright, dark) == pytest.approx(2.0, abs=0.01)
     assert stops_apart(dark, np.roll(bright, 64, axis=1)) == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_strict_counts_the_warnings_of_a_match(folder, tmp_path, monkeypatch):
+    from PIL import Image
+
+    monkeypatch.setattr(match_folder, "STOPS_APART", 99.0)
+    photo = tmp_path / "ball.png"
+    Image.fromarray(sphere_photo((64, 48))).save(photo)
+    words = ["match", str(photo), str(folder), "-o", str(tmp_path / "out")]
+    words += ["--strict", "--pitch", "10", "--json", "-q"]
+    result = CliRunner().invoke(app, words)
+    assert json.loads(result.stdout)["warnings"] == []
+    assert result.exit_code == 0
+    (folder / "broken.hdr").write_bytes(b"no picture")
+    assert CliRunner().invoke(app, words).exit_code == 2
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_maps_of_earlier_matches_of_a_photo_are_said(folder, tmp_path):
+    from PIL import Image
+
+    (folder / "place-0.exr").rename(folder / "pläce 0.exr")
+    out = tmp_path / "out"
+
+    def older(name: str, best: int) -> list[str]:
+        Image.fromarray(sphere_photo((64, 48))).save(tmp_path / name)
+        words = ["match", str(tmp_path / name), str(folder), "-o", str(out), "--best", str(best), "--json", "-q"]
+        said = json.loads(CliRunner().invoke(app, words).stdout)["warnings"]
+        return [line for line in said if "earlier matches" in line]
+
+    assert older("ball_1.png", 6) == []
+    assert older("ball.png", 6) == []  # whose names begin like those of ball_1
+    assert older("ball.png", 6) == []
+    (out / "ball_2_mine.exr").write_bytes(b"of somebody else")
+    (line,) = older("ball.png", 2)
+    assert line.startswith(f"{out}: has maps of this photo from earlier matches (4, such as ball_3_")
+    assert len(list(out.glob("ball_[1-6]_*.exr"))) == 6 + 1 + 6  # nothing is deleted
 
 
 @pytest.mark.usefixtures("networks_opened_once")

@@ -8,11 +8,11 @@ import pytest
 from support.picture_files import gamma_curve, icc, scene, srgb
 from support.scenes import made_map, sphere_photo
 
-from anyprobe.core.color import COLORSPACES
+from anyprobe.core.color import COLORSPACES, rec709_from_rgb
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InvalidEnvironment
 from anyprobe.estimate.photo import load_photo
-from anyprobe.files.exr import read_exr
+from anyprobe.files.exr import read_channels, read_exr, write_channels
 from anyprobe.files.icc import encoding_of
 from anyprobe.files.images import read_image
 from anyprobe.files.kept_encoding import Stored, stored_as, write_as
@@ -102,6 +102,43 @@ def test_a_mirrored_ground_has_its_pattern(photo):
     assert drawn[row, round(0.75 * size), 1] > 3 * drawn[row, round(0.75 * size), 0]
 
 
+@pytest.mark.parametrize("opaque", [0, 60])
+def test_transparent_pixels_are_no_ground(photo, opaque):
+    """Whatever colour they have: a cut-out's object mirrors the light from below, and else the ground that is shown."""
+    drawn = []
+    for hidden in (0, 255):
+        rgba = np.full((*photo.mask.shape, 4), 128, np.uint8)
+        rgba[..., 3] = 255 * (photo.mask > 0.5)
+        rgba[len(rgba) - opaque :, :, 3] = 255
+        rgba[rgba[..., 3] == 0, :3] = hidden
+        stage = Stage(load_photo(rgba, mask=photo.mask, surroundings="none"), sphere(48))
+        for material in (MIRROR, "photo"):
+            drawn.append(stage.draw(np.full((64, 128, 3), 0.5, np.float32), material, "own"))
+    np.testing.assert_array_equal(drawn[0], drawn[2])
+    np.testing.assert_array_equal(drawn[1], drawn[3])
+    ground = inverse_response(np.float32(128 / 255)) if opaque else 0.5
+    size = len(drawn[0])
+    lower = drawn[0][round(0.66 * size) : round(0.75 * size), round(0.45 * size) : round(0.55 * size), :3]
+    assert 0.6 * ground < lower.min()  # in the object's shadow
+    assert lower.max() < 1.05 * ground
+
+
+def test_pixels_that_are_asked_for_count_though_transparent(photo):
+    rgba = sphere_photo((60, 90), 60, 160, 240)
+    assert load_photo(rgba).hidden.mean() == pytest.approx(1 - photo.mask.mean(), abs=0.01)
+    assert load_photo(rgba, surroundings="photo").hidden is None
+    assert load_photo(rgba[..., :3], mask=photo.mask).hidden is None
+
+
+def test_the_command_says_that_the_result_of_a_cut_out_is_opaque(command, photo_path, work):
+    for given in ((), ("--strict",)):
+        done = command("relight", photo_path, "--renderer", "own", *given)
+        assert "warning: the photo is transparent in places: the result is opaque there" in done.err
+        assert done.status == (2 if given else 0)
+    done = command("relight", photo_path, "--renderer", "own", "--surroundings", "photo")
+    assert "transparent" not in done.err
+
+
 @pytest.mark.parametrize("suffix", ["png", "tif"])
 @pytest.mark.parametrize("deep", [False, True])
 @pytest.mark.parametrize("profile", [None, "linear", "gamma 2.2"])
@@ -128,3 +165,49 @@ def test_the_command_keeps_16_bits_and_writes_passes(command, tmp_path, photo):
     assert np.abs(response(linear) - read_image(tmp_path / "a.png").rgb).max() < 0.02
     refused = command(*order, "-o", tmp_path / "b.png", "--colorspace", "acescg")
     assert "--colorspace: does nothing without an .exr" in refused.err
+
+
+@pytest.mark.parametrize("stored", ["rec709", "acescg"])
+@pytest.mark.parametrize("colorspace", ["rec709", "acescg"])
+def test_the_plate_of_an_exr_keeps_what_lies_outside(command, tmp_path, photo, stored, colorspace):
+    """Values above the largest half, below 0 and outside of Rec. 709; to the bit in the primaries of the photo."""
+    plate = inverse_response(photo.rgb).astype(np.float32)
+    plate[2, :3] = (1e5, 2e5, 3e5), (-0.01, 0.2, 0.3), (0.0, 0.9, 0.0)
+    channels = {name: np.ascontiguousarray(plate[..., k]) for k, name in enumerate("RGB")}
+    path = tmp_path / "plate.exr"
+    write_channels(path, channels, {"chromaticities": COLORSPACES[stored]}, latlong=False)
+    order = ("relight", path, "--box", "25,55,95,125", "--renderer", "own", "--colorspace", colorspace)
+    done = command(*order, "-o", tmp_path / "a.exr")
+    assert done.status == 0, done.err
+    found = read_channels(tmp_path / "a.exr", "a", InvalidEnvironment, 10**7)[1]
+    given = plate
+    if stored != colorspace:
+        matrix = rec709_from_rgb(COLORSPACES["acescg"])
+        given = plate @ (matrix if stored == "acescg" else np.linalg.inv(matrix)).T
+    for k, name in enumerate("RGB"):
+        if stored == colorspace:
+            np.testing.assert_array_equal(found[f"plate.{name}"], plate[..., k])
+        np.testing.assert_allclose(found[f"plate.{name}"], given[..., k], rtol=1e-5, atol=1e-6)
+        np.testing.assert_array_equal(found[name][2], found[f"plate.{name}"][2])  # where there is no shadow
+
+
+def test_a_plate_of_halves_stays_one(command, tmp_path, photo):
+    plate = inverse_response(photo.rgb).astype(np.float16)
+    channels = {name: np.ascontiguousarray(plate[..., k]) for k, name in enumerate("RGB")}
+    write_channels(tmp_path / "plate.exr", channels, {}, latlong=False)
+    order = ("relight", tmp_path / "plate.exr", "--box", "25,55,95,125", "--renderer", "own")
+    done = command(*order, "-o", tmp_path / "a.exr")
+    assert done.status == 0, done.err
+    with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+        found = {name: one.pixels for name, one in file.channels().items()}
+    for k, name in enumerate("RGB"):
+        assert found[f"plate.{name}"].dtype == np.float16
+        np.testing.assert_array_equal(found[f"plate.{name}"], plate[..., k])
+
+
+def test_what_halves_do_not_hold_is_written_in_32_bits(photo, tmp_path):
+    passes = passes_of(Stage(photo, sphere(24)), LIGHT, "gold", "own")
+    passes.plate[0, 0] = 1e6
+    write_passes(tmp_path / "a.exr", passes, "rec709")
+    back = read_exr(tmp_path / "a.exr", "a", InvalidEnvironment, 10**7)
+    np.testing.assert_array_equal(back[0, 0, :3], 1e6)

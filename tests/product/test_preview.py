@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import anyprobe
 from anyprobe.estimate import outputs
-from anyprobe.estimate.outputs import GAP, ROW, draw_preview
+from anyprobe.estimate.outputs import GAP, ROW, draw_matches, draw_preview
 
 
 @pytest.fixture
@@ -38,6 +40,16 @@ def test_a_bright_light_clips_no_white_sphere(photo_path, captions, radiance, ex
     shown = picture[GAP + ROW // 2, middle]
     assert (shown < 1).all()
     assert (shown > 0.6).all() or radiance < 0.9
+
+
+@pytest.mark.parametrize(("name", "drawn"), [("sünset", "sunset"), ("日\n1", "??1")])
+def test_names_of_maps_are_drawn_in_letters_that_the_font_has(photo_path, name, drawn):
+    photo = anyprobe.load_photo(photo_path)
+    light = anyprobe.Light(radiance=np.ones((64, 128, 3), np.float32))
+    named, plain = (
+        draw_matches(photo, light, [(SimpleNamespace(rank=0, name=one), light.radiance)]) for one in (name, drawn)
+    )
+    np.testing.assert_array_equal(named, plain)
 
 
 def test_a_narrow_photo_keeps_its_captions_apart(photo_rgba, captions):

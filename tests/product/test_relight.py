@@ -16,7 +16,7 @@ from support.scenes import made_map, sphere_photo
 import anyprobe
 from anyprobe.cli.relight import progress
 from anyprobe.core.response import response
-from anyprobe.errors import InputError
+from anyprobe.errors import InputError, InvalidMesh
 from anyprobe.estimate.ground import USUAL_ERROR_DEG, contact_of
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.images import read_image
@@ -483,6 +483,28 @@ def test_light_that_lies_for_another_program_is_refused(command, work, photo_pat
 def test_light_of_an_estimate_is_taken(command, work, photo_path):
     saved = anyprobe.Light(radiance=made_map()).save(work / "map.exr")
     assert command("relight", photo_path, "--light", saved, "--renderer", "own", "-q").status == 0
+
+
+@pytest.mark.parametrize("height", [0.0, 0.0005])
+def test_mesh_that_lies_flat_is_refused(command, work, photo_path, photo, height):
+    (work / "card.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 1 {height} 1\nv 0 0 1\nf 1 3 2\nf 1 4 3\n")
+    said = command("relight", photo_path, "--insert", "card.obj", "--renderer", "own").complaint
+    assert "--insert card.obj: expected a mesh with a height, got one that lies flat; turn it so that +Y is up" in said
+    with pytest.raises(InvalidMesh, match="^mesh: expected a mesh with a height"):
+        Stage(photo, open_object("card.obj"))
+    (work / "card.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n")
+    assert Stage(photo, open_object("card.obj")).placement.share == 1  # upright
+
+
+@pytest.mark.parametrize("out", ["file/a.png", "file/deep/a.exr", "/proc/nowhere/a.png", "folder.png"])
+def test_place_that_cannot_be_written_is_refused_before_the_work(command, work, photo_path, out, monkeypatch):
+    (work / "file").write_text("a file")
+    (work / "folder.png").mkdir()
+    monkeypatch.setattr("anyprobe.cli.relight.photo_source", lambda photo: pytest.fail("too late"))
+    complaint = command("relight", photo_path, "--renderer", "own", "-o", out).complaint
+    assert out in complaint
+    assert "cannot be written" in complaint or "is a file, not a folder" in complaint or "is a folder" in complaint
+    assert sorted(path.name for path in work.iterdir()) == ["file", "folder.png", "photos"]
 
 
 @pytest.mark.usefixtures("networks_opened_once")

@@ -292,10 +292,10 @@ def test_options_that_differ_are_named_as_on_the_command_line(command, work, mad
 def test_progress_is_said_from_the_first_frame_on(command, work, made, monkeypatch):
     order = ("video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "--restart")
     lines = command(*order).err.splitlines()
-    assert lines[0] == f"frame 1 of {COUNT}"
+    assert lines[0] == f"1 of {COUNT} frames done"
     assert len(lines) < COUNT
     monkeypatch.setattr(video_command, "LINE_S", 0)
-    assert command(*order).err.splitlines()[:COUNT] == [f"frame {i + 1} of {COUNT}" for i in range(COUNT)]
+    assert command(*order).err.splitlines()[:COUNT] == [f"{i + 1} of {COUNT} frames done" for i in range(COUNT)]
 
 
 # What is refused
@@ -321,6 +321,13 @@ def test_bad_option_leaves_nothing(command, work, made, arguments, words):
     arguments = [made / "masks" if one == "MASKS" else one for one in arguments]
     assert words in command("video", made / "clip.mp4", "-o", "out", "-q", *arguments).complaint
     assert list(work.iterdir()) == []
+
+
+def test_folder_that_cannot_be_made_is_refused_before_the_work(command, work, made, monkeypatch):
+    (work / "file").write_text("a file")
+    monkeypatch.setattr(video_command, "progress", lambda *said: pytest.fail("too late"))
+    said = command("video", made / "clip.mp4", "-o", "file/deep", "--mask", made / "masks").complaint
+    assert "file is a file, not a folder" in said
 
 
 # Clips

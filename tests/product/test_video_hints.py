@@ -147,3 +147,54 @@ def test_other_masks_or_another_panorama_under_the_same_name_are_refused(command
     Image.fromarray(sphere_mask()).save(masks / "0001.png")
     masks.rename(work / "moved")
     assert command(*order, "--mask", "moved", *given[2:]).status == 0
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_another_mesh_or_clip_under_the_same_name_is_refused(command, work):
+    """Also a clip of the same number of bytes; what is built in is known by its name."""
+    mesh = (work / "mesh.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    mesh[0].write_text(mesh[1])
+    clip = write_clip(work / "clip.mp4", [sphere_frame(made_map())] * 2)
+    write_masks(work / "masks", 2)
+    order = ("video", "clip.mp4", "-o", "out", "-q", "--mask", "masks", "--insert", "mesh.obj")
+    assert command(*order).status == 0
+    mesh[0].write_text(mesh[1].replace("v 0 1 0", "v 0 2 0"))
+    assert "expected --insert as when" in command(*order).complaint
+    mesh[0].write_text(mesh[1])
+    assert command(*order).status == 0
+    data = bytearray(clip.read_bytes())
+    data[-1] ^= 1  # in the last box, which says what wrote it
+    clip.write_bytes(data)
+    assert "expected the clip as when" in command(*order).complaint
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_strict_is_told_of_warnings_also_by_a_run_that_is_done(command, work):
+    """A frame without a mask is named once, with the number that it has in track.json."""
+    large = np.ones((4, 4, 1), np.uint8)
+    write_clip(work / "clip.mp4", [np.kron(sphere_frame(made_map()), large)] * 3)
+    for count in (2, 3):
+        (work / f"{count}").mkdir()
+        for index in range(count):
+            Image.fromarray(np.kron(sphere_mask(), large[..., 0])).save(work / f"{count}" / f"{index}.png")
+    order = ("video", "clip.mp4", "-o", "out", "--surroundings", "none", "--mask", "2")
+    for strict in ((), ("--strict",), ("--strict", "--restart")):
+        done = command(*order, *strict)
+        assert done.status == (2 if strict else 0)
+        assert "warning: frame 2: expected one mask a frame, got 2 files; make the others (" in done.err
+        assert (work / "out" / "track.json").exists()
+    done = command(*order[:-1], "3", "--strict", "--restart")
+    assert done.status == 0, done.err
+
+
+def test_what_is_doubtful_of_the_first_frame_is_said_again_by_a_run_that_goes_on(tmp_path, estimator):
+    clip = open_clip(write_clip(tmp_path / "clip.mp4", [0 * sphere_frame(made_map())] * 2))
+    masks = write_masks(tmp_path / "masks", 2)
+
+    def notes():
+        run = ClipRun(clip, tmp_path / "out", estimator, MaskFollower({"mask": masks}, {}, {}), {})
+        return run(lambda done: None).notes
+
+    first = notes()
+    assert first
+    assert notes() == first

@@ -222,6 +222,5 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
     if written:  # on a line of its own, which a narrow terminal does not cut into pieces
         name = written[0] if len(written) == 1 else "<stem>"
         talk.print(f"results: {out / name}.{{exr,hdr,json,png}}", soft_wrap=True)
-    for one in done:
-        for warning in one.warnings:
-            talk.print(f"warning: {line_of(warning)}", soft_wrap=True)
+    for warning in dict.fromkeys(line for one in done for line in one.warnings):
+        talk.print(f"warning: {line_of(warning)}", soft_wrap=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import json
 import re
 from pathlib import Path
@@ -52,7 +53,7 @@ def match(
 
     Writes the best ones turned, exposed and tinted to fit the photo, a contact sheet with spheres and a list (.json).
     """
-    from anyprobe.detail.library import open_library
+    from anyprobe.detail.library_folder import open_library
     from anyprobe.detail.matching import stops_apart
     from anyprobe.estimate.outputs import draw_matches
     from anyprobe.estimate.photo import load_photo
@@ -74,9 +75,15 @@ def match(
         ranked = light.match(library)
     stem, chosen = result_stem(photo, [photo]), ranked[:best]
     files = {one.rank: f"{stem}_{one.rank + 1}_{_file_name(one.name)}.exr" for one in chosen}
-    warnings = [*light.warnings, *(f"left out: {fault}" for fault in library.faults)]
+    warnings = [*light.warnings, *library.warnings]
     if light.pitch_deg is None and (light.shown is None or light.shown.behind is None):
         warnings.append("the camera's pitch is not known: maps may be tilted; give it with --pitch")
+    older = _older_maps(out, stem, set(files.values()))
+    if older:
+        warnings.append(
+            f"{out}: has maps of this photo from earlier matches ({len(older)}, such as {older[0]}); delete them, "
+            "or choose another folder with -o"
+        )
     with atomic_files(out) as scratch, talk.status("writing"):
         for one in chosen:
             one.write(scratch / files[one.rank])
@@ -118,8 +125,21 @@ def match(
     for warning in warnings:
         talk.print(f"warning: {warning}", soft_wrap=True)
     talk.print(f"results: {out / stem}_*", soft_wrap=True)
-    if taken.strict and light.warnings:
+    if taken.strict and warnings:
         raise typer.Exit(2)
+
+
+def _older_maps(out: Path, stem: str, new: set[str]) -> list[str]:
+    """Names of the maps in a folder that match wrote of a photo before, by their headers."""
+    from anyprobe.files.radiance import map_attributes
+
+    found = []
+    for path in sorted(out.glob(f"{glob.escape(stem)}_*.exr")):
+        name = map_attributes(path).get("match")
+        is_ours = name and re.fullmatch(rf"\d+_{re.escape(_file_name(name))}\.exr", path.name[len(stem) + 1 :])
+        if is_ours and path.name not in new:
+            found.append(path.name)
+    return found
 
 
 def _file_name(name: str) -> str:

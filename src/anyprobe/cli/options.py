@@ -222,7 +222,7 @@ class DetailOptions:
 
     def library(self) -> Library | None:
         """What detail is from; None where none is asked for."""
-        from anyprobe.detail.library import open_library
+        from anyprobe.detail.library_folder import open_library
 
         return None if self.settings()["detail"] == "none" else open_library(self.detail_library)
 

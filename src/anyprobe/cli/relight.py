@@ -45,6 +45,10 @@ STRIP = ("chrome", "gold", "plastic", "matte", "photo")
 """What --strip shows after the photo."""
 _SUFFIXES = (".png", ".tif", ".tiff", ".exr")
 PROFILE_LOST = "the photo's colour profile is not kept, since it is not of RGB by curves: the result is sRGB"
+TRANSPARENT = (
+    "the photo is transparent in places: the result is opaque there, and the object mirrors nothing of it; "
+    "give the whole photo, or take object and shadow from an .exr"
+)
 SHOWN_AFTER_S = 1.0
 OF_ESTIMATES = [
     *(name for name, hint in HINTS.items() if hint.about == "light"),
@@ -87,12 +91,15 @@ class InsertOptions:
         """What --insert names; InputError where it, or its material, is none."""
         from anyprobe.files.objects import open_object
         from anyprobe.relight.insert import PHOTO_MATERIAL
+        from anyprobe.relight.placement import check_height
         from anyprobe.scatter.materials import material_named
 
-        with said_as(material="--insert-material", object="--insert"):
+        with said_as(material="--insert-material", object="--insert", mesh=f"--insert {insert}"):
             if self.insert_material != PHOTO_MATERIAL:
                 material_named(self.insert_material, PHOTO_MATERIAL)
-            return open_object(insert)
+            mesh = open_object(insert)
+            check_height(mesh)
+            return mesh
 
 
 @with_bundles
@@ -128,8 +135,11 @@ def relight(
     """Insert a virtual object, lit by the estimated light. It stands beside the real one and casts a shadow."""
     from anyprobe.core.color import to_bytes
     from anyprobe.estimate.photo import load_photo
+    from anyprobe.files.atomic import check_writable
+    from anyprobe.files.headers import MAX_PIXELS
     from anyprobe.files.images import picture_bytes, write_png
     from anyprobe.files.kept_encoding import stored_as, write_as
+    from anyprobe.files.radiance import opaque_linear
     from anyprobe.relight.insert import Arrangement, Stage, uses_mitsuba
     from anyprobe.relight.passes import passes_of, write_passes
 
@@ -151,6 +161,7 @@ def relight(
     inputs = (photo, light, *hints.files().values())
     if out.resolve() in {one.resolve() for one in inputs if isinstance(one, Path)}:
         raise OutputError(f"{out}: the result would replace an input; choose another name with -o")
+    check_writable(out)
     traced = uses_mitsuba(renderer)
     silent = quiet or as_json
     with progress(f"reading {photo}", silent):
@@ -166,7 +177,7 @@ def relight(
         with progress(f"drawing the {insert}", silent):
             passes = passes_of(stage, radiance, material, renderer)
         with progress(f"writing {out}", silent):
-            write_passes(out, passes, colorspace)
+            write_passes(out, passes, colorspace, opaque_linear(source, colorspace, MAX_PIXELS))
     else:
         with progress(f"drawing the {insert}", silent):
             shown = picture_bytes(loaded.rgb) if plain else loaded.rgb.copy()
@@ -184,7 +195,11 @@ def relight(
                 write_as(out, picture, stored)
     spot = stage.view.pixels(stage.placement.foot)
     lost = [PROFILE_LOST] if stored.lost and kind != ".exr" else []
-    warnings = [*loaded.warnings, *stage.warnings, *lost]
+    if loaded.hidden is not None:
+        lost.append(TRANSPARENT)
+    library = fine.library()
+    lent = () if library is None else library.warnings
+    warnings = [*loaded.warnings, *lent, *stage.warnings, *lost]
     summary = {
         "photo": str(photo),
         "picture": str(out),
@@ -227,10 +242,10 @@ def progress(what: str, silent: bool) -> Iterator[None]:
 
 def _pitch(stage: Stage, photo: Photo, ground: Ground | None) -> str:
     """How far the camera looks down, in degrees; where that was not given or noted, with its error."""
-    from anyprobe.estimate.ground import KNOWN, USUAL_ERROR_DEG
+    from anyprobe.estimate.ground import USUAL_ERROR_DEG
 
     pitch = f"{stage.placement.pitch_deg:.0f}"
-    if photo.pitch_deg is not None or (ground is not None and ground.source in KNOWN):
+    if photo.pitch_deg is not None or (ground is not None and ground.is_known):
         return pitch
     return f"{pitch} ± {USUAL_ERROR_DEG if ground is None else ground.pitch_error_deg:.0f}"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shlex
 import sys
@@ -31,7 +30,7 @@ from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer, placing, progr
 from anyprobe.errors import InputError
 from anyprobe.hints import HINTS
 
-CALLED = {"clip": "the clip", "clip_bytes": "the clip", "object_material": "--material"}
+CALLED = {"clip": "the clip", "clip_digest": "the clip", "insert_digest": "--insert", "object_material": "--material"}
 """Settings of a run that are called otherwise than their option."""
 LINE_S = 5
 """Between two lines of progress where there is no terminal."""
@@ -65,6 +64,8 @@ def video(
     resumes. Clicks and box are of the first frame; --mask, --depth and --normals are folders of one file a frame,
     sorted by name (--normals may be sphere).
     """
+    from anyprobe.files.atomic import check_writable
+    from anyprobe.files.digests import digest_of, sampled_digest
     from anyprobe.files.poses import read_poses
     from anyprobe.relight.insert import Arrangement, uses_mitsuba
     from anyprobe.video.clip import clip_size, open_clip
@@ -86,6 +87,7 @@ def video(
     if poses is not None and name is not None:
         raise InputError("--poses and --insert: expected one of them; relit clips need a camera that stands still")
     mesh = None if name is None else placed.mesh(name)
+    given_mesh = (mesh.positions, mesh.faces) if mesh is not None and Path(insert or "").suffix else None  # of a file
     header = open_clip(clip)
     given_poses = None if poses is None else read_poses(poses)
     turned = None if given_poses is None else given_poses.in_order()
@@ -100,24 +102,26 @@ def video(
         virtual = VirtualObject(mesh=mesh, material=material, arrangement=place, renderer=kind)
     apart = {*first, *folders, "surroundings", "material", "albedo", "roughness"}
     every_frame = {key: value for key, value in hints.given() if key not in apart}
+    check_writable(out / "track.json")
     with said_of_hints():
         follower = MaskFollower(folders, first, every_frame, hints.surroundings)
     with progress("opening the model", quiet):
         estimator, library = by.estimator(), fine.library()
     settings = {
         "clip": clip.name,
-        "clip_bytes": clip.stat().st_size,
+        "clip_digest": sampled_digest(clip),
         "model": estimator.model_id,
         "every": every,
         "exr": exr,
         "first_frame": first,
         "every_frame": {key: value for key, value in every_frame.items() if isinstance(value, float | str)},
         "normals_from": None if taken.normals_from is None else str(taken.normals_from),
-        "poses": None if turned is None else hashlib.sha256(turned.tobytes()).hexdigest()[:16],
+        "poses": None if turned is None else digest_of([turned.tobytes()]),
         **follower.content(),
         "emitters": by.emitters,
         "object_material": None if object_material is None else repr(object_material),
         "insert": name,
+        "insert_digest": None if given_mesh is None else digest_of([part.tobytes() for part in given_mesh]),
         "insert_material": material,
         "at": foot,
         "scale": size,
@@ -151,10 +155,11 @@ def video(
         raise
     seconds = time.monotonic() - start
     for index, line in outcome.bad:
-        talk.print(f"warning: frame {index}: kept the light before it: {line_of(line)}", soft_wrap=True)
+        talk.print(f"warning: {_named(index, line_of(line))} (the light before it is kept)", soft_wrap=True)
     if outcome.damaged:
         talk.print(f"warning: {clip.name}: {outcome.damaged} damaged pieces left out", soft_wrap=True)
-    warnings = [*header.warnings, *outcome.notes, *run.place_warnings]
+    lent = () if library is None else library.warnings
+    warnings = [*header.warnings, *lent, *outcome.notes, *run.place_warnings]
     for line in warnings:
         talk.print(f"warning: {line_of(line)}", soft_wrap=True)
     summary = {
@@ -171,6 +176,8 @@ def video(
         print(json.dumps(summary))
     rate = (outcome.frames - begun) / max(seconds, 1e-9)
     talk.print(f"{out}: {outcome.frames} frames, {len(outcome.bad)} bad, {rate:.1f} a second", soft_wrap=True)
+    if taken.strict and (warnings or outcome.bad or outcome.damaged):
+        raise typer.Exit(2)
 
 
 def _called(setting: str) -> str:
@@ -178,6 +185,12 @@ def _called(setting: str) -> str:
     if setting in HINTS:
         return option_of(setting)
     return CALLED.get(setting, f"--{setting.replace('_', '-')}")
+
+
+def _named(index: int, line: str) -> str:
+    """What is wrong with a frame, with its number before it, once."""
+    name = f"frame {index}"
+    return line if line.startswith((f"{name}: ", f"{name} with ")) else f"{name}: {line}"
 
 
 @placing
@@ -192,6 +205,6 @@ def _watched(run, total: int | None, begun: int, talk: Console):
             bar.update(task, completed=done)
             if not talk.is_terminal and time.monotonic() - said >= LINE_S:
                 said = time.monotonic()
-                talk.print(f"frame {done}" + (f" of {total}" if total else ""))
+                talk.print(f"{done}{f' of {total}' if total else ''} frames done")
 
         return run(watch)

@@ -9,13 +9,10 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import os
-import time
 import zipfile
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from functools import lru_cache
-from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,14 +22,11 @@ from PIL import Image
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.detail.likeness import light_of
-from anyprobe.errors import AnyprobeError, InputError
+from anyprobe.errors import InputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.paths import natural_order, open_regular
-from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cosine_power
 
-_SUFFIXES = (".exr", ".hdr")
 _ROWS = 512
 """The most rows of a picture."""
 FEATURE_ROWS = 16
@@ -47,12 +41,8 @@ PATTERN, SHADING = 12.0, 6.0
 up to 6; and of radiance itself, about what a dull object shows of it."""
 DETAIL = 48.0
 """Sharpness of the blur that separates an estimate from detail: exp(-l (l + 1) / 96) of order l, a half at order 8."""
-_VERSION, OWN_VERSION = 2, 1
+_VERSION, OWN_VERSION = 3, 1
 """Of the file; another is made anew. Our own, of the first, has no lights of its own and no files."""
-MOST_MAPS = 5000
-"""Of a folder, the folders in it included."""
-MOST_LIBRARIES = 32
-"""Folders that the cache holds; the one that was used longest ago makes room."""
 
 
 class Entry(NamedTuple):
@@ -68,7 +58,7 @@ class Entry(NamedTuple):
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MapSource:
     """A file of a library's folder. stamp: path within the folder, bytes and time of change; digest: SHA-256 of its
-    bytes; fault: why it is not in the library, or empty."""
+    bytes, or empty where they cannot be read; fault: why it is not in the library, or empty."""
 
     stamp: tuple[str, int, int]
     digest: str
@@ -82,6 +72,7 @@ class Library:
     path: the file. names [N]; features [N, 16, 32, 4] float32, see features_of; richness [N], see richness_of.
     lights [N, 32, 64, 3] float32 and levels [N], see likeness.light_of; files: where the maps are, N of a folder, else
     none, and relative, within the folder; digests of their bytes; faults: a line for each file that could not be read.
+    data: all bytes of the file, where it cannot be written; unkept: a line that says so.
     """
 
     path: Path
@@ -94,6 +85,13 @@ class Library:
     relative: tuple[str, ...] = ()
     digests: tuple[str, ...] = ()
     faults: tuple[str, ...] = ()
+    data: bytes = field(default=b"", repr=False)
+    unkept: str = ""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line each."""
+        return (*(f"left out: {fault}" for fault in self.faults), *([self.unkept] if self.unkept else []))
 
     def digest(self) -> str:
         """16 hexadecimal digits that identify its maps."""
@@ -101,7 +99,7 @@ class Library:
 
     def candidate(self, index: int) -> np.ndarray:
         """Codes of a map, [H, 2H, 3] uint8, the last two kept for the next call; see decode."""
-        return _picture(str(self.path), index)
+        return _picture(self.data or str(self.path), index)
 
 
 def features_of(radiance: np.ndarray) -> np.ndarray:
@@ -112,8 +110,8 @@ def features_of(radiance: np.ndarray) -> np.ndarray:
     return np.concatenate([blur_cosine_power(np.log(small), PATTERN), np.log(shading)], axis=-1)
 
 
-def encode(radiance: np.ndarray) -> bytes:
-    """A map [H, 2H, 3] without its scale as a picture of its codes.
+def encode(radiance: np.ndarray, name: str = "map") -> bytes:
+    """A map [H, 2H, 3] without its scale as a picture of its codes; name: what the error calls it.
 
     Raises:
         InputError: next to no light.
@@ -123,7 +121,7 @@ def encode(radiance: np.ndarray) -> bytes:
     bright = luminance(small)
     floor = DARKEST * float((bright * weights).sum() / (4 * np.pi))
     if not 0 < floor < np.inf:
-        raise InputError("expected light, got a black map; take it out of the library")
+        raise InputError(f"{name}: expected light, got a black map; take it out of the library")
     mean = np.exp(float((np.log(np.maximum(bright, floor)) * weights).sum() / (4 * np.pi)))
     power = np.maximum(small / np.float32(mean), DARKEST) ** EXPONENT
     stream = io.BytesIO()
@@ -155,7 +153,7 @@ def decode() -> np.ndarray:
 def entry_of(name: str, radiance: np.ndarray, digest: str = "") -> Entry:
     """A map [H, 2H, 3] as a library holds it."""
     light, level = light_of(radiance)
-    return Entry(name, encode(radiance), light.astype(np.float16), level, digest)
+    return Entry(name, encode(radiance, name), light.astype(np.float16), level, digest)
 
 
 def write_library(
@@ -169,13 +167,21 @@ def write_library(
     Raises:
         InputError: no maps. OutputError: cannot be written.
     """
+    with atomic_path(path) as temporary:
+        pack_library(temporary, entries, sources)
+
+
+def pack_library(
+    target: Path | io.BytesIO, entries: Iterable[Entry | tuple[str, bytes]], sources: list[MapSource] | None
+) -> None:
+    """The same, into a file or memory."""
     names: list[str] = []
     features: list[np.ndarray] = []
     richness: list[float] = []
     lights: list[np.ndarray] = []
     levels: list[float] = []
     digests: list[str] = []
-    with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as file:
+    with zipfile.ZipFile(target, "w") as file:
         for given in entries:
             one = Entry(*given)
             _put(file, f"{len(names)}.jpg", one.picture)
@@ -211,52 +217,7 @@ def _put(file: zipfile.ZipFile, name: str, data: bytes) -> None:
     file.writestr(zipfile.ZipInfo(name), data, compress_type=kind)
 
 
-def open_library(folder: str | Path | None = None) -> Library:
-    """The library of a folder of .exr and .hdr maps, with the folders in it, or for None our own rooms, skies and
-    studios.
-
-    Each file is read once (about a second for ten maps of 1,024 x 512) into a file of the user's cache. A file that
-    changed, by its size and time or by its name, is read again, unless a file of the same bytes is there already.
-
-    Raises:
-        InputError: no folder, no map in it, or too many. OutputError: the cache cannot be written.
-    """
-    if folder is None:
-        return _opened(Path(str(resources.files("anyprobe.detail") / "own.zip")), ())
-    folder = Path(folder)
-    if folder.suffix == ".zip" and folder.is_file():
-        return _opened(folder, ())
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; name one of .exr or .hdr maps")
-    stamps = _stamps(folder)
-    name = hashlib.sha256(str(folder.resolve()).encode()).hexdigest()[:16]
-    path = _cache_folder() / f"{name}.zip"
-    before = _index(path)
-    if before is None or [stamp for stamp, *_ in before["sources"]] != [list(stamp) for stamp in stamps]:
-        sources: list[MapSource] = []
-        write_library(path, _entries(folder, stamps, path, before, sources), sources)
-        _make_room(path)
-    found = _opened(path, tuple(stamps))
-    os.utime(path, ns=(time.time_ns(), path.stat().st_mtime_ns))  # for _make_room
-    return replace(found, files=tuple(folder / one for one in found.relative))
-
-
-def _stamps(folder: Path) -> list[tuple[str, int, int]]:
-    """Of all maps in a folder and the folders in it, without hidden ones."""
-    found: list[Path] = []
-    for place, folders, names in os.walk(folder):
-        folders[:] = sorted(one for one in folders if not one.startswith("."))
-        found += [Path(place, one) for one in names if one.lower().endswith(_SUFFIXES) and not one.startswith(".")]
-        if len(found) > MOST_MAPS:
-            raise InputError(f"{folder}: expected at most {MOST_MAPS} maps, got more; name a folder within it")
-    stamps = []
-    for path in found:
-        stat = path.stat()
-        stamps.append((path.relative_to(folder).as_posix(), stat.st_size, stat.st_mtime_ns))
-    return sorted(stamps, key=lambda stamp: natural_order(stamp[0]))
-
-
-def _index(path: Path) -> dict[str, Any] | None:
+def stored_index(path: Path) -> dict[str, Any] | None:
     """What a file of this version says; None where it is absent, damaged or of another."""
     try:
         with zipfile.ZipFile(path) as file:
@@ -266,80 +227,20 @@ def _index(path: Path) -> dict[str, Any] | None:
         return None
 
 
-def _entries(
-    folder: Path,
-    stamps: list[tuple[str, int, int]],
-    path: Path,
-    before: dict[str, Any] | None,
-    sources: list[MapSource],
-) -> Iterator[Entry]:
-    """All maps of a folder that can be read, from the file that was before where their bytes are the same.
-
-    sources: is filled. InputError where none can be read.
-    """
-    known: dict[tuple, str] = {tuple(stamp): digest for stamp, digest, _ in (before or {"sources": []})["sources"]}
-    kept = {} if before is None else {digest: number for number, digest in enumerate(before["digests"])}
-    faults = {} if before is None else {digest: fault for _, digest, fault in before["sources"] if fault}
-    lights = None if before is None else _lights(path)
-    stems = [stamp[0].rpartition(".")[0] for stamp in stamps]
-    for stamp, stem in zip(stamps, stems, strict=True):
-        name = stem if stems.count(stem) == 1 else stamp[0]
-        digest = known.get(stamp) or _digest(folder / stamp[0])
-        fault, entry = faults.get(digest, ""), None
-        if digest in kept and lights is not None and before is not None:
-            number = kept[digest]
-            with zipfile.ZipFile(path) as file:
-                entry = Entry(name, file.read(f"{number}.jpg"), lights[number], before["levels"][number], digest)
-        elif not fault:
-            try:
-                entry = entry_of(name, read_radiance(folder / stamp[0]), digest)
-            except AnyprobeError as error:
-                fault = " ".join(str(error).splitlines())
-        sources.append(MapSource(stamp=stamp, digest=digest, fault=fault))
-        if entry is not None:
-            yield entry
-    faulty = [one.fault for one in sources if one.fault]
-    if len(faulty) == len(sources):
-        raise InputError(faulty[0] if faulty else f"{folder}: no .exr or .hdr maps in this folder; check the path")
-
-
-def _digest(path: Path) -> str:
-    with open_regular(path, InputError) as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()  # type: ignore[arg-type]  # any binary file has readinto
-
-
-def check_unchanged(library: Library, index: int) -> None:
-    """InputError where the file of a map has other bytes than when the library read it."""
-    if _digest(library.files[index]) != library.digests[index]:
-        raise InputError(f"{library.files[index]}: expected the map that was compared, got another; run match again")
-
-
-def _make_room(path: Path) -> None:
-    """Delete the libraries of the cache that were used longest ago, but not this one."""
-    others = [one for one in path.parent.glob("*.zip") if one != path]
-    for old in sorted(others, key=lambda one: one.stat().st_atime)[: -(MOST_LIBRARIES - 1)]:
-        old.unlink(missing_ok=True)
-
-
-def _cache_folder() -> Path:
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "anyprobe" / "detail"
-
-
-def _lights(path: Path) -> np.ndarray | None:
-    with zipfile.ZipFile(path) as file:
+def stored_lights(stored: Path | io.BytesIO) -> np.ndarray | None:
+    """The lights of a library's file or of its bytes; None of our own, which has none."""
+    with zipfile.ZipFile(stored) as file:
         return np.load(io.BytesIO(file.read("lights.npy"))) if "lights.npy" in file.namelist() else None
 
 
-@lru_cache(maxsize=4)
-def _opened(path: Path, stamps: tuple) -> Library:
-    """The library of a file, kept for as long as its folder's stamps are the same."""
-    with zipfile.ZipFile(path) as file:
+def read_library(path: Path, stored: Path | io.BytesIO) -> Library:
+    """What a library's file holds; stored: the file, path, or its bytes."""
+    with zipfile.ZipFile(stored) as file:
         index = json.loads(file.read("index.json"))
         if index["version"] not in (_VERSION, OWN_VERSION):
             raise InputError(f"{path}: expected a library of version {_VERSION}, got {index['version']}; make it anew")
         features = np.load(io.BytesIO(file.read("features.npy"))).astype(np.float32)
-        count, lights = len(index["names"]), _lights(path)
+        count, lights = len(index["names"]), stored_lights(stored)
         if lights is None:  # as the pictures have them, whose light sources are cut off
             pictures = (file.read(f"{number}.jpg") for number in range(count))
             lights = np.stack([light_of(decode()[codes_of(one)])[0] for one in pictures])
@@ -358,8 +259,8 @@ def _opened(path: Path, stamps: tuple) -> Library:
 
 
 @lru_cache(maxsize=2)
-def _picture(path: str, index: int) -> np.ndarray:
-    with zipfile.ZipFile(path) as file:
+def _picture(stored: str | bytes, index: int) -> np.ndarray:
+    with zipfile.ZipFile(stored if isinstance(stored, str) else io.BytesIO(stored)) as file:
         codes = codes_of(file.read(f"{index}.jpg"))
     codes.setflags(write=False)
     return codes

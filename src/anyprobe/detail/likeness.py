@@ -115,12 +115,18 @@ def light_of(radiance: np.ndarray) -> tuple[np.ndarray, float]:
     return small / np.float32(level), level
 
 
-def best_places(shown: Shown, lights: np.ndarray, pitch_deg: float | None = None) -> Places:
+def best_places(
+    shown: Shown, lights: np.ndarray, pitch_deg: float | None = None, *, is_estimated: bool = False
+) -> Places:
     """The best place of each map of [N, 32, 64, 3], see light_of.
 
-    pitch_deg: how far the camera looks down, where it is known to 5 degrees or so.
+    Args:
+        pitch_deg: how far the camera looks down, which is kept.
+        is_estimated: it is known to 5 degrees or so, and may be up to 9 off.
     """
-    pitches = PITCHES_DEG if pitch_deg is None else (pitch_deg - 5.0, pitch_deg, pitch_deg + 5.0)
+    pitches: tuple[float, ...] = PITCHES_DEG
+    if pitch_deg is not None:
+        pitches = (pitch_deg - 5.0, pitch_deg, pitch_deg + 5.0) if is_estimated else (pitch_deg,)
     found = [
         _places(shown, lights[start : start + BATCH], np.asarray(pitches, np.float64))
         for start in range(0, len(lights), BATCH)
@@ -163,11 +169,13 @@ def _places(shown: Shown, lights: np.ndarray, pitches: np.ndarray) -> Places:
     index = np.repeat(np.arange(len(lights)), KEPT)
     cost, steep = _compared(shown, matt, coats, index, pitch, yaw, coat)
     cost = cost + behind(index, yaw, pitch)
-    reach = np.diff(pitches).min() / 2
+    reach = np.diff(pitches).min() / 2 if len(pitches) > 1 else 0.0
+    around = np.array([(0, 0), (0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)])
+    around = around if reach else around[:3]
     for share in (1.0, 0.5):
         chosen = cost.reshape(len(lights), -1).argmin(axis=1) + np.arange(len(lights)) * (len(cost) // len(lights))
         index, pitch, yaw, coat, steep = (one[chosen] for one in (index, pitch, yaw, coat, steep))
-        steps = np.array([(0, 0), (0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)]) * share
+        steps = around * share
         pitch = (pitch[:, None] + reach * steps[:, 0]).ravel()
         yaw = (yaw[:, None] + np.pi / YAWS * steps[:, 1]).ravel()
         index, coat, steep = (np.repeat(one, len(steps)) for one in (index, coat, steep))

@@ -8,6 +8,7 @@ estimate's confidence there; exposure and white balance are free, the latter at 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -55,9 +56,16 @@ def find_match(radiance: np.ndarray, confidence: np.ndarray | None, library: Lib
 
 
 def find_matches(
-    radiance: np.ndarray, confidence: np.ndarray | None, library: Library, rank: int | None = None
+    radiance: np.ndarray,
+    confidence: np.ndarray | None,
+    library: Library,
+    rank: int | None = None,
+    pitches_deg: Sequence[float] = PITCHES_DEG,
 ) -> list[Match]:
-    """All candidates, the best first; or the one of a rank (modulo their number) alone."""
+    """All candidates, the best first; or the one of a rank (modulo their number) alone.
+
+    pitches_deg: that the camera may have, evenly spread.
+    """
     features = features_of(radiance)
     if confidence is None:
         weight = np.ones((FEATURE_ROWS, 2 * FEATURE_ROWS, 1), np.float32)
@@ -65,22 +73,24 @@ def find_matches(
         weight = np.maximum(reduced(confidence[..., None].astype(np.float32), FEATURE_ROWS), LEAST_CONFIDENCE)
     spectra = _spectra(library)
     plain = PLAIN_PRICE * np.maximum(np.log(RICH / np.maximum(library.richness, 1e-3)), 0.0)[:, None] ** 2
-    costs, gains = zip(*(_compare(features, weight, spectra, plain, pitch) for pitch in PITCHES_DEG), strict=True)
+    costs, gains = zip(*(_compare(features, weight, spectra, plain, pitch) for pitch in pitches_deg), strict=True)
     cost = np.stack(costs, axis=1)  # [N, pitches, columns]
     best = cost.reshape(len(cost), -1).min(axis=1)
     order = np.argsort(best, kind="stable")
     chosen = order if rank is None else order[[rank % len(best)]]
-    return [_placed(int(index), cost, gains, library) for index in chosen]
+    return [_placed(int(index), cost, gains, library, pitches_deg) for index in chosen]
 
 
-def _placed(index: int, cost: np.ndarray, gains: tuple[np.ndarray, ...], library: Library) -> Match:
+def _placed(
+    index: int, cost: np.ndarray, gains: tuple[np.ndarray, ...], library: Library, pitches_deg: Sequence[float]
+) -> Match:
     """A candidate where its cost, of [N, pitches, columns], is lowest; gains: [N, columns, 3] of each pitch."""
     pitch, column = np.unravel_index(np.argmin(cost[index]), cost.shape[1:])
     columns = cost[index, pitch, [column - 1, column, (column + 1) % cost.shape[2]]]
-    rows = cost[index].min(axis=1)[[max(pitch - 1, 0), pitch, min(pitch + 1, len(PITCHES_DEG) - 1)]]
+    rows = cost[index].min(axis=1)[[max(pitch - 1, 0), pitch, min(pitch + 1, len(pitches_deg) - 1)]]
     # columns to the right are turned by -2 pi / columns about +Y each, see core.latlong
     yaw = 2 * np.pi * (column + _lowest(columns)) / cost.shape[2]
-    pitch_deg = PITCHES_DEG[pitch] + _lowest(rows) * (PITCHES_DEG[1] - PITCHES_DEG[0])
+    pitch_deg = pitches_deg[int(pitch)] + _lowest(rows) * (PITCHES_DEG[1] - PITCHES_DEG[0])
     return Match(
         index=index,
         name=library.names[index],

@@ -11,11 +11,12 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, uv_to_direction
-from anyprobe.detail.library import FEATURE_ROWS, Library, check_unchanged, open_library
+from anyprobe.detail.library import FEATURE_ROWS, Library
+from anyprobe.detail.library_folder import check_unchanged, open_library
 from anyprobe.detail.likeness import Shown, best_places, gain_of
-from anyprobe.detail.match import find_matches
-from anyprobe.errors import InputError
-from anyprobe.files.radiance import HALF_MAX, read_radiance, write_half_exr
+from anyprobe.detail.match import Match, find_matches
+from anyprobe.errors import InputError, OutputError
+from anyprobe.files.radiance import HALF_MAX, read_radiance, write_exr_planes
 from anyprobe.light.environment import integral, reduced, rotate
 
 BLOCK_ROWS = 64
@@ -80,21 +81,26 @@ class MatchedMap:
         return np.concatenate(list(self._turned(source)))
 
     def write(self, path: str | Path) -> Path:
-        """The panorama in the light's frame and units, at its full size, as .exr of halfs.
+        """The panorama in the light's frame and units, at its full size, as .exr of halfs; of floats where halfs clip.
 
         Raises:
-            InputError: as of radiance. OutputError: cannot be written.
+            InputError: as of radiance. OutputError: another suffix, or it cannot be written.
         """
+        path = Path(path)
+        if path.suffix.lower() != ".exr":
+            raise OutputError(f"{path}: expected .exr, got {path.suffix or 'no suffix'}; name it .exr")
         source = self._source()
         height = len(source)
-        planes = np.empty((3, height, 2 * height), np.float16)
+        is_half = bool((source.max(axis=(0, 1)) * self.gain).max() <= HALF_MAX)
+        planes = np.empty((3, height, 2 * height), np.float16 if is_half else np.float32)
         row = 0
         for block in self._turned(source):
-            planes[:, row : row + len(block)] = np.moveaxis(np.minimum(block, HALF_MAX), -1, 0)
+            planes[:, row : row + len(block)] = np.moveaxis(block, -1, 0)
             row += len(block)
         del source
-        write_half_exr(path, planes, {"match": self.name, "map_from_light": str(self.map_from_light.round(6).tolist())})
-        return Path(path)
+        attributes = {"match": self.name, "map_from_light": str(self.map_from_light.round(6).tolist())}
+        write_exr_planes(path, planes, attributes)
+        return path
 
     def sidecar(self) -> dict[str, Any]:
         """All of it, ready for JSON."""
@@ -134,6 +140,8 @@ def rank_maps(
     folder: Library | str | Path,
     light_from_camera: np.ndarray,
     pitch_deg: float | None = None,
+    *,
+    is_pitch_estimated: bool = False,
 ) -> list[MatchedMap]:
     """All maps of a folder, the best first.
 
@@ -141,7 +149,7 @@ def rank_maps(
         radiance, confidence: of the light, [H, 2H, 3] and [H, 2H], in its frame.
         shown: what the photo shows, in the camera's frame; None: the map is compared alone.
         light_from_camera: [3, 3].
-        pitch_deg: how far the camera looks down, where it is known.
+        pitch_deg: how far the camera looks down, where it is known; kept unless is_pitch_estimated.
     """
     library = folder if isinstance(folder, Library) else open_library(folder)
     if not library.files:
@@ -151,15 +159,17 @@ def rank_maps(
     misfits: np.ndarray | dict[int, float]
     if shown is not None:
         camera = rotate(radiance, light_from_camera.T)
-        places = best_places(shown, library.lights, pitch_deg)
+        places = best_places(shown, library.lights, pitch_deg, is_estimated=is_pitch_estimated)
         order = np.argsort(places.misfit, kind="stable").tolist()
         found_turns, misfits = places.map_from_camera, places.misfit
         gains = {i: gain_of(shown, camera, library.lights[i], found_turns[i]) / library.levels[i] for i in order}
         turns = found_turns @ light_from_camera.T
     else:
-        found = {one.index: one for one in find_matches(radiance, confidence, library)}
+        found, to_camera = _by_map(
+            radiance, confidence, library, light_from_camera.T, None if is_pitch_estimated else pitch_deg
+        )
         order = list(found)
-        turns = {i: one.candidate_from_estimate for i, one in found.items()}
+        turns = {i: one.candidate_from_estimate @ to_camera for i, one in found.items()}
         misfits = {i: one.distance for i, one in found.items()}
         mean = integral(reduced(radiance, FEATURE_ROWS)) / (4 * np.pi)
         gains = {i: mean / (integral(library.lights[i]) / (4 * np.pi) * library.levels[i]) for i in order}
@@ -176,6 +186,25 @@ def rank_maps(
         )
         for rank, i in enumerate(order)
     ]
+
+
+def _by_map(
+    radiance: np.ndarray,
+    confidence: np.ndarray | None,
+    library: Library,
+    camera_from_light: np.ndarray,
+    pitch_deg: float | None,
+) -> tuple[dict[int, Match], np.ndarray]:
+    """Matches by index, the best first, and the rotation from the light's frame to theirs.
+
+    pitch_deg: of the camera, in whose frame it is kept; None: not known.
+    """
+    if pitch_deg is None:
+        return {one.index: one for one in find_matches(radiance, confidence, library)}, np.eye(3)
+    camera = rotate(radiance, camera_from_light)
+    sure = None if confidence is None else rotate(confidence[..., None], camera_from_light)[..., 0]
+    found = find_matches(camera, sure, library, pitches_deg=(pitch_deg,))
+    return {one.index: one for one in found}, camera_from_light
 
 
 def stops_apart(radiance: np.ndarray, other: np.ndarray) -> float:

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.detail.blend import blend
-from anyprobe.detail.library import Library, open_library
+from anyprobe.detail.library import Library
+from anyprobe.detail.library_folder import open_library
 from anyprobe.detail.match import find_match
 from anyprobe.errors import InputError
 from anyprobe.light.environment import MAP_HEIGHT, check_radiance
@@ -34,11 +35,13 @@ def check_rows(rows: int) -> None:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Detailed:
-    """radiance: [rows, 2 rows, 3]; name: of the candidate that lent the detail; seed: as given."""
+    """radiance: [rows, 2 rows, 3]; name: of the candidate that lent the detail; seed: as given; warnings: of
+    the library."""
 
     radiance: np.ndarray
     name: str
     seed: int
+    warnings: tuple[str, ...] = ()
 
     def info(self) -> dict[str, str | int]:
         """For a sidecar."""
@@ -59,7 +62,7 @@ def add_detail(
     Args:
         radiance: [H, 2H, 3] linear, in the photo's exposure units.
         confidence: [H, 2H] in [0, 1]: how much each direction counts in the choice.
-        library: of library.open_library, or a folder of .exr and .hdr maps; None: our own rooms, streets and studios.
+        library: of open_library, or a folder of .exr and .hdr maps; None: our own rooms, streets and studios.
         rows: one of SIZES.
         seed: 0 takes the candidate that agrees best, 1 the next, and so on.
         seen: [rows, 2 rows, 4 or 5] what is known of the surroundings, see detail.blend.
@@ -77,4 +80,4 @@ def add_detail(
     library = library if isinstance(library, Library) else open_library(library)
     match = find_match(radiance, confidence, library, seed)
     detailed = blend(radiance, library.candidate(match.index), match.candidate_from_estimate, match.ln_gain, rows, seen)
-    return Detailed(radiance=detailed, name=match.name, seed=seed)
+    return Detailed(radiance=detailed, name=match.name, seed=seed, warnings=library.warnings)

@@ -19,7 +19,7 @@ from anyprobe.detail.likeness import MATCH_ROWS, Shown, shown_by
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
 from anyprobe.errors import InputError
 from anyprobe.estimate.doubts import ground_doubts, light_doubts
-from anyprobe.estimate.ground import KNOWN, ground_by_posture
+from anyprobe.estimate.ground import ground_by_posture
 from anyprobe.estimate.material_hint import use_material
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
@@ -223,7 +223,7 @@ class Estimator:
             crop = replace(crop, normals=None)  # likewise
         self._check_use(crop, material)
         ground, up = photo.ground, None
-        if ground is not None and ground.source in KNOWN:
+        if ground is not None and ground.is_known:
             up = crop.camera_from_crop.T @ ground.up
         outputs = self.models(
             crop.image, crop.tan_half, crop.normals, crop.surroundings_map, material, crop.context, up

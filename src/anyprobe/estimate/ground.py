@@ -70,6 +70,11 @@ class Ground:
         return None if info is None else Ground(**{**info, "contact": tuple(info["contact"])})
 
     @property
+    def is_known(self) -> bool:
+        """Whether it was given or noted, not found in the photo's pixels."""
+        return self.source in KNOWN
+
+    @property
     def is_sure(self) -> bool:
         """Whether a search for rotations needs to look near this pitch alone."""
         return self.pitch_error_deg <= SURE_DEG

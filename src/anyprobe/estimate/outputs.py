@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import unicodedata
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -75,7 +76,8 @@ def _captioned(rows: list[list[Captioned]]) -> np.ndarray:
     placed, widest = [], 0
     for index, row in enumerate(rows):
         left = GAP
-        for caption, picture in row:
+        for text, picture in row:
+            caption = _drawable(text)
             placed.append((left, GAP + index * (ROW + CAPTION + GAP), caption, picture))
             left += max(picture.shape[1], round(font.getlength(caption))) + GAP
         widest = max(widest, left)
@@ -84,6 +86,12 @@ def _captioned(rows: list[list[Captioned]]) -> np.ndarray:
         canvas.paste(Image.fromarray(to_bytes(picture)), (left, top))
         ImageDraw.Draw(canvas).text((left, top + ROW + 2), caption, CAPTION_COLOR, font)
     return np.asarray(canvas, np.float32) / 255
+
+
+def _drawable(text: str) -> str:
+    """A text in ASCII, which is what Pillow's font has: letters lose their accents, others become question marks."""
+    letters = (one for one in unicodedata.normalize("NFKD", text) if not unicodedata.combining(one))
+    return "".join(one if one.isascii() and one.isprintable() else "?" for one in letters)
 
 
 def _fit(picture: np.ndarray, height: int) -> np.ndarray:

@@ -85,6 +85,7 @@ class Photo:
         radiance: [H, W, 3] linear, above white too, see files.images.Pixels; None where display values say all.
         pitch_deg: how far the camera looks down; None where it is not given.
         material: the object's; None where it is not given.
+        hidden: [H, W] bool, pixels that are transparent, whose colours mean nothing; None where there are none.
     """
 
     rgb: np.ndarray
@@ -106,6 +107,7 @@ class Photo:
     radiance: np.ndarray | None = None
     pitch_deg: float | None = None
     material: Material | None = None
+    hidden: np.ndarray | None = None
 
     def seen(self, rows: int) -> np.ndarray | None:
         """What is known of the map, [rows, 2 rows, 4 or 5], for one with detail (detail.blend); None: nothing."""
@@ -116,7 +118,7 @@ class Photo:
     def without_pixels(self) -> Photo:
         """What is known of it, for when its object is cut out already: photos are large."""
         rgb, mask = self.rgb[:0].copy(), self.mask[:0].copy()  # views would hold all of them
-        bare = replace(self, rgb=rgb, mask=mask, normals=None, radiance=None)
+        bare = replace(self, rgb=rgb, mask=mask, normals=None, radiance=None, hidden=None)
         return replace(bare, use_background=False, surroundings_map=None, panorama=None)
 
 
@@ -211,6 +213,7 @@ def load_photo(
         radiance=pixels.radiance,
         pitch_deg=hints.pitch_deg,
         material=hints.surface(),
+        hidden=None if word == PHOTO else _hidden(pixels.alpha),
     )
     is_asked = word == PHOTO
     if word not in (PHOTO, AUTO):
@@ -224,6 +227,12 @@ def load_photo(
         pitch_deg, roll_deg = pixels.posture_deg
         ground = replace(estimate_ground(photo, pitch_deg=pitch_deg, roll_deg=roll_deg), source=NOTED)
     return replace(photo, use_background=True, asked_background=is_asked, ground=ground)
+
+
+def _hidden(alpha: np.ndarray | None) -> np.ndarray | None:
+    """Photo.hidden of a picture's alpha; one that is transparent everywhere says nothing, as of its object."""
+    hidden = None if alpha is None else alpha < 0.5
+    return hidden if hidden is not None and hidden.any() and not hidden.all() else None
 
 
 def _of_object(mask: np.ndarray, picture: np.ndarray) -> np.ndarray:

@@ -182,7 +182,8 @@ class Light:
         if "detail" in self.info:
             raise InputError("detail: expected a light without it, got one that has it; begin with the estimate")
         found = add_detail(self.radiance, self.confidence, library=library, rows=size, seed=seed, seen=seen)
-        return replace(self, radiance=found.radiance, info={**self.info, "detail": found.info()})
+        info: Info = {**self.info, "detail": found.info()}
+        return replace(self, radiance=found.radiance, warnings=self.warnings + found.warnings, info=info)
 
     @property
     def ground(self) -> Ground | None:
@@ -204,7 +205,8 @@ class Light:
         """A folder's .exr and .hdr panoramas, the one first that lights the object most as its photo shows it.
 
         Each with the rotation, exposure and tint that bring it into this light's frame; see detail.matching. A light
-        that is not of one photo (of several, loaded from a file) is compared by its map, which is less certain.
+        that is not of one photo (of several, loaded from a file) is compared by its map, which is less certain. A
+        camera's pitch that was given, or that the photo notes, is kept.
 
         Args:
             best: how many are returned; None: all.
@@ -213,9 +215,17 @@ class Light:
         """
         from anyprobe.detail.matching import rank_maps
 
-        return rank_maps(self.radiance, self.confidence, self.shown, folder, self.map_from_camera, self.pitch_deg)[
-            :best
-        ]
+        is_known = self.info.get("pitch_deg") is not None or (self.ground is not None and self.ground.is_known)
+        ranked = rank_maps(
+            self.radiance,
+            self.confidence,
+            self.shown,
+            folder,
+            self.map_from_camera,
+            self.pitch_deg,
+            is_pitch_estimated=not is_known,
+        )
+        return ranked[:best]
 
     def render(
         self, mesh: Mesh | str | Path, material: Material | str = "chrome", **camera: Any

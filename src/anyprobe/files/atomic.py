@@ -38,8 +38,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     target = Path(os.path.realpath(path))
     temporary = target.with_name(f".{target.stem[:60]}-{secrets.token_hex(4)}{target.suffix}")
     try:
-        if target.is_dir():
-            raise OutputError(f"{path}: is a folder; add the name of a file to write")
+        _refuse_folder(target, path)
         target.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
         os.replace(temporary, target)
@@ -50,6 +49,21 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     finally:
         with suppress(OSError):  # already renamed, or never made
             temporary.unlink()
+
+
+def check_writable(path: str | os.PathLike[str]) -> None:
+    """Refuse at once what atomic_path would refuse after the work; nothing is left of it.
+
+    Raises:
+        OutputError: as of atomic_path.
+    """
+    target = Path(os.path.realpath(path))
+    _refuse_folder(target, path)
+    try:
+        with tempfile.TemporaryFile(dir=next(one for one in target.parents if one.exists())):
+            pass
+    except OSError as error:
+        raise unwritable(path, Path(path).parent, error) from error
 
 
 @contextmanager
@@ -78,6 +92,11 @@ def atomic_files(folder: str | os.PathLike[str]) -> Iterator[Path]:
         raise OutputError(str(error).replace(str(Path(scratch) / "new"), str(folder))) from error
     except OSError as error:
         raise unwritable(folder, folder, error, "choose another with -o") from error
+
+
+def _refuse_folder(target: Path, path: str | os.PathLike[str]) -> None:
+    if target.is_dir():
+        raise OutputError(f"{path}: is a folder; add the name of a file to write")
 
 
 def unwritable(

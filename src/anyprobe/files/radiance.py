@@ -11,11 +11,19 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.core.color import COLORSPACES, from_rec709
+from anyprobe.core.color import COLORSPACES, REC709_CHROMATICITIES, SAME_CHROMATICITIES, from_rec709, rec709_from_rgb
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment, OutputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.exr import EXR_MAGIC, HEADER_BYTES, exr_attributes, read_exr, to_rec709, write_channels
+from anyprobe.files.exr import (
+    EXR_MAGIC,
+    HEADER_BYTES,
+    exr_attributes,
+    parse_header,
+    read_exr,
+    to_rec709,
+    write_channels,
+)
 from anyprobe.files.paths import open_regular, read_rest
 from anyprobe.files.rgbe import (
     HDR_HEADER_BYTES,
@@ -109,6 +117,33 @@ def read_linear(source: object, max_pixels: int) -> np.ndarray | None:
     return np.concatenate([np.maximum(pixels[..., :3], 0.0) * (cover > 0), cover], axis=-1)
 
 
+def opaque_linear(source: Path | bytes, colorspace: str, max_pixels: int) -> np.ndarray | None:
+    """The colours of an opaque .exr in one of COLORSPACES, none cut at 0; None for any other picture.
+
+    Returns:
+        [H, W, 3] float32: the numbers of the file where they are of that colorspace.
+    Raises:
+        InputError: damaged, too large.
+    """
+    data, name = source, "bytes"
+    if isinstance(data, Path):
+        name = data.name
+        with open_regular(data, InputError) as stream:
+            data = stream.read(len(EXR_MAGIC))
+            data += read_rest(stream) if data == EXR_MAGIC else b""
+    if not data.startswith(EXR_MAGIC):
+        return None
+    pixels = read_exr(data, name, InputError, max_pixels)
+    if (pixels[..., 3:] < 1.0).any():
+        return None
+    said = parse_header(data).attributes.get("chromaticities")
+    stored = REC709_CHROMATICITIES if said is None else np.frombuffer(said[1], "<f4").astype(np.float64)
+    if np.allclose(stored, COLORSPACES[colorspace], rtol=0.0, atol=SAME_CHROMATICITIES):
+        return pixels[..., :3]
+    matrix = np.linalg.solve(rec709_from_rgb(COLORSPACES[colorspace]), rec709_from_rgb(stored))
+    return pixels[..., :3] @ matrix.T.astype(np.float32)
+
+
 def write_hdr(
     path: str | os.PathLike[str], radiance: np.ndarray, *, attributes: Mapping[str, str] | None = None
 ) -> None:
@@ -182,8 +217,8 @@ def write_exr(
     return clipped_share
 
 
-def write_half_exr(path: str | os.PathLike[str], planes: np.ndarray, attributes: Mapping[str, str]) -> None:
-    """Write a map [3, H, 2H] of halves, of which no copy is made; else as write_exr.
+def write_exr_planes(path: str | os.PathLike[str], planes: np.ndarray, attributes: Mapping[str, str]) -> None:
+    """Write a map [3, H, 2H] of halves or floats, of which no copy is made; else as write_exr.
 
     Raises:
         OutputError: cannot be written.

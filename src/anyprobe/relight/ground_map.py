@@ -72,5 +72,7 @@ def _seen(photo: Photo, view: View, points: np.ndarray, color: np.ndarray) -> np
     border = np.minimum(pixels, [view.width, view.height] - pixels).min(axis=-1)
     weight = np.clip(border / (EDGE * min(view.width, view.height)), 0.0, 1.0) * (points[:, 2] < -1e-3)
     column, row = (np.clip(pixels // step, 0, [rgb.shape[1] - 1, rgb.shape[0] - 1])).astype(int).T
+    if photo.hidden is not None:
+        hidden = np.maximum(hidden, photo.hidden[::step, ::step])
     weight = (weight * (1 - hidden[row, column]))[:, None]
     return weight * inverse_response(rgb[row, column]) + (1 - weight) * color

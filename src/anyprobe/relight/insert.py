@@ -325,7 +325,7 @@ class Stage:
         else:
             finer = {} if camera.size == self.window.camera.size else {"supersample": ENLARGED_SUPERSAMPLE}
             cast = self.shadow(radiance, MIRRORED_DIRECTIONS, MIRRORED_GRID) if shadow is None else shadow
-            lit = with_ground(self.photo, self.view, self.placement, radiance, self._ground_color(), cast)
+            lit = with_ground(self.photo, self.view, self.placement, radiance, self._ground_color(radiance), cast)
             drawn = draw_mesh(mesh, camera, lit, material, **finer)
         return enlarged(drawn, self.window.size)
 
@@ -341,20 +341,24 @@ class Stage:
         rows = np.flatnonzero((self.photo.mask > 0.5).any(axis=1))
         return len(rows) > 0 and bool(foot_row < rows[-1])  # a video's frame may have no mask
 
-    def _ground_color(self) -> np.ndarray:
-        """Mean linear radiance [3] of what the photo shows around the object's foot."""
-        foot, reach = self.placement.foot, 2 * self.placement.radius
-        colors = [self.photo.rgb[-1]]
+    def _ground_color(self, radiance: np.ndarray) -> np.ndarray:
+        """Mean linear radiance [3] of what the photo shows around the object's foot, or else in its last row; of a
+        cut-out, which shows nothing there, that of the map below the horizon."""
+        photo, foot, reach = self.photo, self.placement.foot, 2 * self.placement.radius
+        seen = np.ones(photo.mask.shape, bool) if photo.hidden is None else ~photo.hidden
+        colors = [photo.rgb[-1][seen[-1]]]
         for strip, ground in self.view.ground_strips(self.view.part_around(foot, reach)):
-            near = (np.linalg.norm(ground - foot, axis=-1) < reach) & (self.photo.mask[strip] < 0.05)
-            colors.append(self.photo.rgb[strip][near])
-        seen = np.concatenate(colors[1:]) if any(len(one) for one in colors[1:]) else colors[0]
-        return inverse_response(seen).mean(axis=0)
+            near = (np.linalg.norm(ground - foot, axis=-1) < reach) & (photo.mask[strip] < 0.05) & seen[strip]
+            colors.append(photo.rgb[strip][near])
+        shown = np.concatenate(colors[1:]) if any(len(one) for one in colors[1:]) else colors[0]
+        if not len(shown):
+            return sky_irradiance(radiance, -self.view.up) / np.pi
+        return inverse_response(shown).mean(axis=0)
 
     def _ground(self, radiance: np.ndarray) -> GroundDisc:
         """A ground whose radiance under the map is what the photo shows around the object's foot."""
         irradiance = np.maximum(sky_irradiance(radiance, self.view.up), 1e-6)
-        albedo = np.clip(np.pi * self._ground_color() / irradiance, 0.0, 0.95)
+        albedo = np.clip(np.pi * self._ground_color(radiance) / irradiance, 0.0, 0.95)
         radius = GROUND_RADII * self.placement.radius
         return GroundDisc(foot=self.placement.foot, up=self.view.up, radius=radius, albedo=albedo)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -37,16 +37,21 @@ class Passes:
         """plate * shadow with the object over it, [H, W, 3]."""
         return self.plate * self.shadow * (1 - self.object[..., 3:]) + self.object[..., :3]
 
-    def layers(self, convert: Callable[[np.ndarray], np.ndarray]) -> dict[str, np.ndarray]:
+    def layers(
+        self, convert: Callable[[np.ndarray], np.ndarray], own: np.ndarray | None = None
+    ) -> dict[str, np.ndarray]:
         """Channels of an .exr by name: R, G, B, A of what is composed, plate.*, object.*, shadow.*, occlusion.Y.
 
         convert: of light [..., 3] from linear Rec. 709 to the file's primaries. The shadow is made again from both
-        plates, so that the parts compose in those too.
+        plates, so that the parts compose in those too. own: [H, W, 3], the photo in the file's primaries where it is at
+        hand with all its colours, which the plate keeps.
         """
-        plate, composed = convert(self.plate), convert(self.composed())
-        thing = convert(self.object[..., :3])
-        dark = convert(self.plate * self.shadow)
+        plate, dark = convert(self.plate), convert(self.plate * self.shadow)
         left = np.where(plate > 1e-6, dark / np.maximum(plate, 1e-6), self.shadow)
+        plate = plate if own is None else own
+        thing = convert(self.object[..., :3])
+        laid = np.concatenate([thing, self.object[..., 3:]], axis=-1)
+        composed = replace(self, plate=plate, shadow=left, object=laid).composed()
         found = {
             "A": np.ones(plate.shape[:2], np.float32),
             "object.A": self.object[..., 3],
@@ -94,16 +99,21 @@ def _multiplier(stage: Stage, shadow: GroundShadow) -> np.ndarray:
     return left
 
 
-def write_passes(path: Path, passes: Passes, colorspace: str) -> None:
-    """Write an .exr of 16-bit floats with all layers, whole or not at all."""
+def write_passes(path: Path, passes: Passes, colorspace: str, own: np.ndarray | None = None) -> None:
+    """Write an .exr with all layers, whole or not at all: of 16-bit floats, or 32 where those do not hold its values.
+
+    own: of Passes.layers.
+    """
     from anyprobe.files.atomic import atomic_path
     from anyprobe.files.exr import write_channels
 
-    layers = passes.layers(lambda rgb: from_rec709(rgb, colorspace))
-    halves = {name: np.ascontiguousarray(np.clip(one, -HALF_MAX, HALF_MAX), np.float16) for name, one in layers.items()}
+    layers = passes.layers(lambda rgb: from_rec709(rgb, colorspace), own)
+    half = all(np.abs(one).max() <= HALF_MAX for one in layers.values())
+    half = half and (own is None or np.array_equal(own, own.astype(np.float16)))
+    channels = {name: np.ascontiguousarray(one, np.float16 if half else np.float32) for name, one in layers.items()}
     with atomic_path(path) as temporary:
         try:
-            write_channels(temporary, halves, {"chromaticities": COLORSPACES[colorspace]}, latlong=False)
+            write_channels(temporary, channels, {"chromaticities": COLORSPACES[colorspace]}, latlong=False)
         except RuntimeError as error:  # its only report of a full disk or a closed folder
             reason = " ".join(str(error).replace(str(temporary), str(path)).split())
             raise OutputError(f"{path}: cannot be written ({reason})") from error

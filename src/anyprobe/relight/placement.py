@@ -14,7 +14,7 @@ from enum import StrEnum
 import numpy as np
 
 from anyprobe.core.frames import rotation_x, rotation_y
-from anyprobe.errors import InputError
+from anyprobe.errors import InputError, InvalidMesh
 from anyprobe.estimate.ground import contact_of
 from anyprobe.estimate.photo import Photo, object_box
 from anyprobe.relight.ground_view import View
@@ -31,6 +31,9 @@ _MARGIN, GAP = 0.02, 0.15
 
 FLAT = 0.6
 """A real object that is flatter than this counts as so high, of its width."""
+
+LEAST_HEIGHT = 1e-3
+"""Of a virtual object, of its width: sizes are said by its height."""
 
 TRIES, LEAST_STEP, CLOSE_PX = 24, 0.5, 0.5
 """To fit it, how much smaller each may make it, and pixels that do not matter."""
@@ -95,8 +98,9 @@ def place_beside(
             object, the lowest that is seen of both on one row, and is made smaller until it fits.
         turn_deg: about its vertical axis.
     Raises:
-        InputError: nothing of the ground is seen at that pixel.
+        InputError: nothing of the ground is seen at that pixel, or the mesh is flat.
     """
+    check_height(mesh)
     box, (x, row) = object_box(photo.mask), contact_of(photo.mask)
     depth = -view.on_ground(x, row)[2]
     real = max(box[3] - box[1], FLAT * (box[2] - box[0]))
@@ -120,6 +124,13 @@ def place_beside(
     )
     placed = _standing(unit, upright, _foot(view, spot), height * spot.share, pitch_deg)
     return replace(placed, share=spot.share, side=side)
+
+
+def check_height(mesh: Mesh) -> None:
+    """InvalidMesh where a mesh lies flat: its height is what sizes are said by."""
+    width, height, depth = np.ptp(mesh.positions, axis=0)
+    if height < LEAST_HEIGHT * max(width, depth):
+        raise InvalidMesh("mesh: expected a mesh with a height, got one that lies flat; turn it so that +Y is up")
 
 
 class Outline:
@@ -213,7 +224,7 @@ def _unit_high(mesh: Mesh) -> Mesh:
     """One unit high, standing on the origin."""
     low, high = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
     bottom = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
-    return replace(mesh, positions=(mesh.positions - bottom) / max(float(high[1] - low[1]), 1e-6))
+    return replace(mesh, positions=(mesh.positions - bottom) / float(high[1] - low[1]))
 
 
 def _standing(unit: Mesh, upright: np.ndarray, foot: np.ndarray, height: float, pitch_deg: float) -> Placement:

@@ -5,8 +5,7 @@ Each frame's mask owes nothing to the last one's edge, so that no error grows fr
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ import numpy as np
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.photo import Photo, load_photo, object_box
 from anyprobe.estimate.surroundings import SurroundingsSource, read_surroundings
+from anyprobe.files.digests import digest_of
 from anyprobe.files.images import read_image
 from anyprobe.files.paths import visible_files
 from anyprobe.hints import AUTO, NONE, PHOTO
@@ -97,8 +97,8 @@ class MaskFollower:
         """What files and surroundings hold, wherever they lie: a digest each, or a word."""
         surroundings = self._every["surroundings"]
         if self._panorama is not None:
-            surroundings = _digest([self._panorama.tobytes()])
-        files = {kind: _digest(_bytes_of(path) for path in paths) for kind, paths in self._files.items()}
+            surroundings = digest_of([self._panorama.tobytes()])
+        files = {kind: digest_of(_bytes_of(path) for path in paths) for kind, paths in self._files.items()}
         return {"files": files, "surroundings": surroundings}
 
     def photo(self, frame: Frame) -> Photo:
@@ -217,14 +217,6 @@ class Seen:
         window = self.window
         green = rgb[window.y0 : window.y1, window.x0 : window.x1, 1]
         return resize(green.astype(np.float32), _SIDE, _SIDE).astype(np.float64)
-
-
-def _digest(parts: Iterable[bytes]) -> str:
-    """16 hexadecimal digits that identify these parts in this order."""
-    whole = hashlib.sha256()
-    for part in parts:
-        whole.update(hashlib.sha256(part).digest())
-    return whole.hexdigest()[:16]
 
 
 def _bytes_of(path: Path) -> bytes:

@@ -117,7 +117,6 @@ class ClipRun:
         self._shown: tuple[GroundShadow, np.ndarray] | None = None  # shadow and object under the last light
         self._photo: Photo | None = None
         self._preview: np.ndarray | None = None  # of the last light
-        self._first_notes: tuple[str, ...] = ()
 
     def __call__(self, watch: Callable[[int], None]) -> Outcome:
         """Do what is not done yet; watch gets the number of frames done.
@@ -162,7 +161,7 @@ class ClipRun:
         if self.virtual is not None:
             join_pieces(self.folder / "relit.mp4", self._pieces())
         bad = [(one["index"], one["error"]) for one in done.frames if "error" in one]
-        return Outcome(frames=len(done.frames), bad=bad, damaged=len(damaged), notes=(*self._first_notes, *notes))
+        return Outcome(frames=len(done.frames), bad=bad, damaged=len(damaged), notes=(*done.notes, *notes))
 
     def _one(self, frame: Frame) -> dict:
         """The record of one frame; a frame that gives no light keeps the last one and says why.
@@ -179,7 +178,7 @@ class ClipRun:
         try:
             self._photo = self.follower.photo(frame)
             if frame.index == 0:
-                self._first_notes = self._photo.warnings
+                done.notes = list(self._photo.warnings)
             light = self._estimate(self._photo, frame.index)
         except AnyprobeError as error:
             if frame.index == 0 and self.follower.hints:

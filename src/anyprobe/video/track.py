@@ -45,7 +45,7 @@ class Progress:
     gain: of the light that the relit clip shows, see relight.appearance.least_scale.
     panorama: [64, 128, 4 or 5] of the surroundings that frames have shown so far, in the world: linear radiance times
     cover, and cover; from an .exr or .hdr also how much of the cover is measured above white.
-    held: where the detail of maps is from.
+    held: where the detail of maps is from. notes: warnings of the first frame.
     """
 
     settings: dict[str, Any]
@@ -62,6 +62,7 @@ class Progress:
     gain: float = 1.0
     panorama: np.ndarray | None = None
     held: HeldMatch | None = None
+    notes: list[str] = field(default_factory=list)
 
 
 def save_progress(folder: Path, progress: Progress) -> None:
