@@ -22,6 +22,11 @@ def test_mostly_clipped_and_nearly_black_objects_are_said(photo_rgba, photo_mask
     rgb = photo_rgba[..., :3].astype(float)
     assert not warned(photo_rgba[..., :3], photo_mask)
     assert "of the object is clipped" in warned(np.clip(4 * rgb, 0, 255).astype(np.uint8), photo_mask)
+    part = rgb.copy()
+    part[:, : int(np.median(np.nonzero(photo_mask)[1]))] = 255  # half of the object
+    assert "of the object is clipped; where its light comes from is uncertain" in warned(
+        part.astype(np.uint8), photo_mask
+    )
     assert "nearly black" in warned((0.05 * rgb).astype(np.uint8), photo_mask)
 
 

@@ -29,7 +29,7 @@ DIRECTIONAL = 0.25
 def exposure_doubts(
     rgb: Float[np.ndarray, "N 3"], name: str, radiance: Float[np.ndarray, "N 3"] | None = None
 ) -> tuple[str, ...]:
-    """Of an object's pixels [N, 3] that are mostly black or mostly clipped; radiance: theirs, where that is known."""
+    """Of an object's pixels [N, 3] that are mostly black, or clipped in a large part; radiance: theirs, if known."""
     dark = float((luminance(rgb) <= _DARK).mean())
     if dark >= DARK_SHARE:
         return (f"{name}: {dark:.0%} of the object is nearly black; little can be estimated from it; expose longer",)
@@ -39,7 +39,7 @@ def exposure_doubts(
     advice = "expose shorter"
     if radiance is not None:
         advice = f"multiply its radiance by {0.4 / np.median(luminance(radiance)):.2g}, so that white is 1"
-    return (f"{name}: {clipped:.0%} of the object is clipped; little can be estimated from it; {advice}",)
+    return (f"{name}: {clipped:.0%} of the object is clipped; where its light comes from is uncertain; {advice}",)
 
 
 def backdrop_doubts(name: str) -> tuple[str, ...]:

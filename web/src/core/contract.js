@@ -69,7 +69,7 @@ export const CONTRACT = {
     "black": 0.02,
     "white": 0.98,
     "enough": 0.5,
-    "doubt": { "dark": 0.05, "dark_share": 0.8, "clipped": 0.99, "clipped_share": 0.85, "samples": 4096 }
+    "doubt": { "dark": 0.05, "dark_share": 0.8, "clipped": 0.99, "clipped_share": 0.2, "samples": 4096 }
   },
   "graph": {
     "inputs": ["photo", "tan_half", "given_normals", "surroundings", "material"],

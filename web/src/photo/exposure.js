@@ -1,4 +1,4 @@
-/** Objects that are mostly black or mostly clipped; anyprobe.estimate.doubts has the same. */
+/** Objects that are mostly black, or clipped over a large part; anyprobe.estimate.doubts has the same. */
 
 import { CONTRACT } from "../core/contract.js";
 import { luminance } from "../core/color.js";
@@ -23,8 +23,9 @@ export function exposureDoubts({ width, height, rgba }, mask) {
       if (Math.min(...rgb) >= DOUBT.clipped) clipped++;
     }
   }
-  const line = (share, what, advice) => [`${Math.round(100 * share)}% of the object is ${what}; little can be estimated from it; ${advice}`];
+  const line = (share, what) => [`${Math.round(100 * share)}% of the object is ${what}`];
   if (count === 0) return [];
-  if (dark / count >= DOUBT.dark_share) return line(dark / count, "nearly black", "expose longer");
-  return clipped / count >= DOUBT.clipped_share ? line(clipped / count, "clipped", "expose shorter") : [];
+  if (dark / count >= DOUBT.dark_share) return line(dark / count, "nearly black; little can be estimated from it; expose longer");
+  if (clipped / count < DOUBT.clipped_share) return [];
+  return line(clipped / count, "clipped; where its light comes from is uncertain; expose shorter");
 }
