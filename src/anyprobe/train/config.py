@@ -134,7 +134,7 @@ def paper_irradiance() -> RunConfig:
         learning_rate=4e-4,
         warmup=50,
         cooldown=0.9,
-        pairs=replace(paper().pairs, seed=151),
+        pairs=replace(paper().pairs, seed=151, batch=32),
     )
 
 
