@@ -12,7 +12,8 @@ from anyprobe.dataset.pair import LN_RANGE
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.nets.emitter_head import POWER_FLOOR
 from anyprobe.nets.whole_net import WholePrediction
-from anyprobe.train.lift import CLOSE, FAINT, display, lobe_matrices, structure_loss
+from anyprobe.train.lift import CLOSE, display
+from anyprobe.train.map_losses import FAINT, lobe_matrices, structure_loss
 
 WEIGHTS = {
     "drawn": 0.8,

@@ -15,14 +15,13 @@ from anyprobe.core.response import response  # noqa: E402
 from anyprobe.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.given_material import material_input  # noqa: E402
 from anyprobe.light.dominant_light import find_dominant_light  # noqa: E402
-from anyprobe.light.filtering import blur_cosine_power  # noqa: E402
 from anyprobe.nets.blocks import fade_seam, wrap  # noqa: E402
 from anyprobe.nets.emitter_head import POWER_FLOOR, EmitterHead  # noqa: E402
 from anyprobe.nets.lifting import lift_to_map, map_pixel, mirror_direction, pyramid  # noqa: E402
 from anyprobe.nets.light_net import LightNet  # noqa: E402
 from anyprobe.render.spheres import sphere_normals  # noqa: E402
 from anyprobe.scatter.materials import MATERIALS  # noqa: E402
-from anyprobe.train.lift import LOBES, Lift, LiftConfig, display, lobe_matrices, structure_loss  # noqa: E402
+from anyprobe.train.lift import Lift, LiftConfig, display  # noqa: E402
 
 
 def planes(array) -> torch.Tensor:
@@ -76,21 +75,6 @@ def test_display_is_the_mean_camera_until_white():
     radiance = torch.linspace(0.001, 1.0, 50)
     torch.testing.assert_close(display(radiance.log()), response(radiance), atol=1e-5, rtol=0)
     assert display(torch.tensor(3.0)) > 1
-
-
-def test_lobes_are_the_map_blurred_by_powers_of_the_cosine():
-    radiance = draw_map(np.random.default_rng(2), height=32)[0]
-    flat = torch.from_numpy(radiance.reshape(-1, 3))
-    for power, matrix in zip(LOBES, lobe_matrices(32, 32), strict=True):
-        expected = blur_cosine_power(radiance, power)
-        np.testing.assert_allclose((matrix @ flat).reshape(32, 64, 3), expected, rtol=1e-3, atol=1e-4)
-
-
-def test_structure_is_lost_by_blur_and_kept_by_itself():
-    picture = torch.rand(1, 3, 64, 128)
-    assert structure_loss(picture, picture) == pytest.approx(0.0, abs=1e-5)
-    flat = torch.full_like(picture, 0.5)
-    assert structure_loss(flat, picture) > 0.9
 
 
 def test_the_field_of_view_moves_what_is_lifted():

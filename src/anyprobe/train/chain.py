@@ -1,8 +1,7 @@
 """Losses of the paper's three networks (nets.paper), with gradual targets (Eq. 6).
 
-The irradiance net learns alone, first (Irradiance). Then the other two learn from what it says, and it stays as it is
-(Chain): the HDR net's input is the illumination net's output, cut off from its gradient, so that one pass over the
-pairs trains both.
+The irradiance net learns alone, first (Irradiance). Then all three learn in one pass over the pairs (Chain): each one's
+input is the output of the one before, cut off from its gradient. What Eq. 7 makes of the last two reaches both.
 """
 
 from __future__ import annotations
@@ -14,18 +13,17 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import CameraCurve, response
 from anyprobe.dataset.camera import draw_curve
 from anyprobe.dataset.pairs import Batch
-from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.reconstruct import blend_weight, reconstruct
 from anyprobe.nets.blocks import autocast
 from anyprobe.nets.light_net import LightNet, display
 from anyprobe.nets.paper import NETS, IlluminationNet
 from anyprobe.train.config import RunConfig
-from anyprobe.train.lift import Transport, irradiance_loss, normals_loss, shown_losses
+from anyprobe.train.lift import irradiance_loss, normals_loss
+from anyprobe.train.map_losses import Sent, shown_losses
 
 NUM_EPOCHS = 11
 GRADUAL_SHARE = 0.3
@@ -34,6 +32,10 @@ TIMES_EXPOSURE = (0.5, 2.0)
 """Between these times the photo's exposure the HDR net sees true maps (the paper's Sect. 4.1)."""
 WEIGHTS = {"ldr": 1.0, "scales": 0.5, "structure": 0.15, "brightest": 0.12, "normals": 0.3}
 """Of the illumination net's losses. With squares alone, as in the paper, its maps come near their mean."""
+HDR_WEIGHTS = {"pixels": 1.0, "transport": 1.0, "level": 0.3, "emitters": 0.1}
+"""Of the HDR net's losses."""
+REACH = 0.25
+"""Share of their gradient that reaches the LDR map, through Eq. 7: it is to have light where Eq. 8 looks for it."""
 BRIGHTEST = 0.02
 """Share of a map that brightest_loss compares."""
 BRIGHTEST_PX = (2, 8)
@@ -116,14 +118,12 @@ class Chain(_Stages):
     """Losses of the illumination and the HDR net, from what the irradiance net says, which does not change."""
 
     stages = tuple(NETS)
-    columns = ("illumination", "hdr")
+    columns = ("irradiance", "illumination", "hdr")
 
     def __init__(self, config: RunConfig, device: str) -> None:
         super().__init__(config, device)
-        self.nets["irradiance"].requires_grad_(False)
-        weights = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).to(device)
-        self.solid_angle = (weights / weights.mean())[None, None]  # [1, 1, H, 1], mean 1
-        self._transport = Transport(device)
+        self._sent = Sent(device)
+        self._weight = self._sent.angles / self._sent.angles.mean()
         self._teacher: LightNet | None = None
 
     def learn_from(self, teacher: LightNet, compiled: bool = False) -> None:
@@ -137,16 +137,17 @@ class Chain(_Stages):
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
         """progress is the share of the run done, in [0, 1): the illumination net's targets sharpen with it."""
-        self.nets["irradiance"].eval()  # all are set to train after pictures
+        seen, mask = self._irradiance(batch), batch.photo[:, 3:]
         with torch.no_grad():
-            seen, wanted = self._irradiance(batch), self._taught(batch)
-        ldr, normals = self._shown_and_normals(seen, batch)
-        losses = shown_losses(ldr, self._gradual(wanted, progress), 0.5 + 0.5 * self.solid_angle)
+            wanted = self._taught(batch)
+        ldr, normals = self._shown_and_normals(seen.detach(), batch)
+        losses = shown_losses(ldr, self._gradual(wanted, progress), 0.5 + 0.5 * self._weight)
         losses["brightest"] = brightest_loss(ldr, self._gradual(batch.ldr, progress))
         losses["normals"] = normals_loss(normals, batch)
         return {
+            "irradiance": irradiance_loss(seen, batch.irradiance * mask, mask),
             "illumination": sum((WEIGHTS[name] * losses[name] for name in WEIGHTS), ldr.new_zeros(())),
-            "hdr": self._hdr_loss(ldr.detach().clip(max=1.0), batch, progress),
+            "hdr": self._hdr_loss(ldr.clip(max=1.0), batch, progress),
         }
 
     def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
@@ -182,15 +183,21 @@ class Chain(_Stages):
 
         estimate: display values [B, 3, H, 2H] of the illumination net.
         """
-        count = max(1, int(self.config.hdr_share * len(estimate)) // 2)
+        count = max(1, int(self.config.hdr_share * len(estimate)))
         rng = np.random.default_rng(int(progress * 2**40))
         true, ln_true = self._shot_maps(batch.ln_radiance[:count], rng)
-        chosen = slice(len(estimate) - count, None)
-        ln = self._run("hdr", torch.cat([true, estimate[chosen]]))
-        weight = self.solid_angle * (0.1 + _last(blend_weight, true))
+        ln = self._run("hdr", torch.cat([true, estimate.detach()]))
+        weight = self._weight * (0.1 + _last(blend_weight, true))
         of_pixels = (weight * (ln[:count] - ln_true) ** 2).sum() / weight.sum() / 3
-        radiance = _last(reconstruct, estimate[chosen], ln[count:])
-        return of_pixels + self._transport(torch.log(radiance.clip(min=1e-6)), batch.ln_radiance[chosen])
+        radiance = _last(reconstruct, torch.lerp(estimate.detach(), estimate, REACH), ln[count:])
+        ln_sent = torch.log(radiance.clip(min=1e-6))
+        terms = {
+            "pixels": of_pixels,
+            "transport": self._sent.transport(ln_sent, batch.ln_radiance),
+            "level": self._sent.level(ln_sent, batch.ln_radiance).mean(),
+            "emitters": self._sent.emitters(self._sent.ln_share(ln_sent), batch.ln_radiance),
+        }
+        return sum((HDR_WEIGHTS[name] * terms[name] for name in HDR_WEIGHTS), ln.new_zeros(()))
 
     def _shot_maps(self, ln: torch.Tensor, rng: np.random.Generator) -> tuple[torch.Tensor, torch.Tensor]:
         """Display values of maps [B, 3, H, 2H], each at an exposure and through a camera's curve of its own, and their

@@ -49,7 +49,7 @@ class RunConfig:
     cooldown: float = 0.25
     seed: int = 0
     taught: float = 0.7
-    hdr_share: float = 0.75
+    hdr_share: float = 0.25
     gradual: bool = True
     lift: LiftConfig = field(default_factory=LiftConfig)
     pairs: PairConfig = field(default_factory=PairConfig)
@@ -141,7 +141,14 @@ def paper_irradiance() -> RunConfig:
 def paper_on() -> RunConfig:
     """The paper's chain as it goes on from weights that have been through `paper`: targets are not blurred again."""
     return replace(
-        paper(), name="paper_on", steps=3_600, gradual=False, cooldown=0.8, pairs=replace(paper().pairs, seed=191)
+        paper(),
+        name="paper_on",
+        steps=3_000,
+        learning_rate=8e-4,
+        warmup=50,
+        gradual=False,
+        cooldown=0.9,
+        pairs=replace(paper().pairs, seed=211),
     )
 
 
