@@ -296,6 +296,7 @@ def test_progress_is_said_from_the_first_frame_on(command, work, made, monkeypat
     assert len(lines) < COUNT
     monkeypatch.setattr(video_command, "LINE_S", 0)
     assert command(*order).err.splitlines()[:COUNT] == [f"{i + 1} of {COUNT} frames done" for i in range(COUNT)]
+    assert f"out: all {COUNT} frames are done already; --restart begins anew" in command(*order[:-1]).err
 
 
 # What is refused
