@@ -371,6 +371,20 @@ def test_colours_are_those_that_the_file_says(tmp_path):
     np.testing.assert_allclose([255 * red, 255 * blue], [200, 40], atol=4)
 
 
+@pytest.mark.parametrize("missing", [0, 1, 2])
+def test_pieces_join_where_frames_are_missing(tmp_path, missing):
+    """As phones and screen recorders leave them out."""
+    rng = np.random.default_rng(3)
+    times = [i / FPS for i in range(12) if i != 6 + missing]
+    paths = []
+    for number, piece in enumerate((times[:6], times[6:])):
+        paths.append(tmp_path / f"{number}.mp4")
+        write_piece(paths[-1], [(time_s, rng.integers(0, 255, (64, 64, 3), dtype=np.uint8)) for time_s in piece])
+    join_pieces(tmp_path / "clip.mp4", paths)
+    found = [frame.time_s for frame in read_frames(open_clip(tmp_path / "clip.mp4"), [])]
+    np.testing.assert_allclose(found, times, atol=1e-3)
+
+
 def test_light_clip_shows_the_map_and_three_spheres_of_every_frame(begin, tmp_path):
     run = begin(tmp_path)
     run(lambda done: None)

@@ -226,6 +226,12 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
             lit = estimator.from_photo(with_ground)
             answers[f"ground_{name}"] = [lit.ground.pitch_deg, lit.ground.pitch_error_deg]
             answers[f"radiance_{name}"], answers[f"confidence_{name}"] = lit.radiance, lit.confidence
+        hidden = np.zeros(loaded.mask.shape, bool)  # its colours are not those of the surroundings
+        hidden[:, : hidden.shape[1] // 5] = True
+        hidden &= loaded.mask < 0.5
+        cut = crop_object(replace(with_background, hidden=hidden))
+        answers["transparent"], answers["context_transparent"] = hidden, cut.context.transpose(2, 0, 1)
+        answers["surroundings_transparent"] = cut.surroundings_map.transpose(2, 0, 1)
         answers["radiance_expected"] = estimator.with_settings(emitters=EXPECTED).from_photo(loaded).radiance
         answers["normals"] = _normals(loaded.mask)
         with_normals = replace(loaded, normals=answers["normals"])
