@@ -236,6 +236,27 @@ def test_stopped_run_goes_on_to_the_same_files(begin, tmp_path, every, stop_at):
     assert len(files_of(tmp_path / "whole")) == 3
 
 
+def test_run_that_finds_its_masks_goes_on_to_the_same_files(begin, tmp_path):
+    """Saved between two looks: what the masks were moved from is not kept."""
+
+    def started(folder) -> ClipRun:
+        run = begin(tmp_path / folder, every=3)
+        run.follower = MaskFollower({}, {}, {})
+        return run
+
+    def stop(done: int) -> None:
+        if done == 8:
+            raise KeyboardInterrupt
+
+    started("whole")(lambda done: None)
+    with pytest.raises(KeyboardInterrupt):
+        started("stopped")(stop)
+    again = started("stopped")
+    assert again.progress.next_index == 6
+    again(lambda done: None)
+    assert files_of(tmp_path / "stopped") == files_of(tmp_path / "whole")
+
+
 @pytest.mark.slow
 def test_killed_command_goes_on_to_the_same_files(tmp_path):
     """kill -9 three times: while the first frames are not saved yet, at a save, and well after one."""
