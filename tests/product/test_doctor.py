@@ -45,6 +45,7 @@ def test_doctor_lists_users_extras_and_how_to_install_what_is_absent(command, mo
 
     wanted = ["numpy>=2.2", *(f'{one}>=0.1; extra == "serve"' for one in ("fastapi", "uvicorn", "python-multipart"))]
     wanted += ["av>=16 ; extra == 'video'", 'rembg>=2.0.60; python_version > "3" and extra == "rembg"']
+    wanted += ['rembg-lite>=0.1.2 ; python_version < "3.4" and extra == "video"']
     wanted += ['ruff>=0.8; extra == "dev"', 'mitsuba>=3.5; extra == "judge"']
     monkeypatch.setattr(importlib.metadata, "requires", lambda _: wanted)
     monkeypatch.setattr(importlib.metadata, "version", version)

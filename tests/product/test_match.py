@@ -215,6 +215,14 @@ def test_what_moved_is_not_read_again_and_what_changed_is(folder, monkeypatch):
     write_exr(folder / "place-1.exr", place(9))
     changed = open_library(folder)
     assert read[6:] == ["place-1.exr"]
+    before = changed.candidate(changed.names.index("place-1"))
+    write_exr(folder / "place-1.exr", place(8))
+    anew = open_library(folder)
+    assert not np.array_equal(anew.candidate(anew.names.index("place-1")), before)
+    (folder / "a.exr").write_bytes((folder / "place-2.exr").read_bytes())
+    open_library(folder)
+    with pytest.raises(InputError, match="got one written anew; open it again"):
+        anew.candidate(anew.names.index("place-0") if "place-0" in anew.names else 0)
     np.testing.assert_allclose(changed.lights[changed.names.index("place-1")], light_of(place(9))[0], rtol=2e-3)
 
 

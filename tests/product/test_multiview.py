@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -105,6 +106,9 @@ def test_each_photo_tells_of_the_side_that_its_object_faces():
     assert np.abs(lights[0].radiance - truth)[off_seam].max() > 0.2
     assert fused.confidence[off_seam].min() > 0.95
     assert fused.info["fused"] == ["a", "b"]
+    shown = [replace(light, find_shown=lambda: "the first's") for light in lights]
+    assert fuse_lights(shown, poses).shown is None, "matched by its map, not by one photo's pixels"
+    assert fuse_lights(shown[:1], poses[:1]).shown == "the first's"
     swapped = fuse_lights(lights[::-1], poses[::-1])  # in the other's frame
     np.testing.assert_allclose(rotate(swapped.radiance, poses[0].T @ poses[1])[off_seam], truth[off_seam], rtol=0.05)
 

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from anyprobe.errors import InputError
+from anyprobe.errors import InputError, ModelError
 from anyprobe.estimate.normals_hint import normals_from_outline
 from anyprobe.estimate.normals_model import estimated_normals, open_normals_model
 from anyprobe.estimate.photo import load_photo
@@ -85,6 +85,19 @@ def graph(path, num_tokens: bool = False):
 def spec_of(path, **values):
     path.with_suffix(".json").write_text(json.dumps(values))
     return path
+
+
+def test_a_graph_whose_answer_is_no_picture_is_one_line(tmp_path):
+    onnx = pytest.importorskip("onnx", reason="needs onnx, of the extra 'train'")
+    path = spec_of(graph(tmp_path / "flat.onnx"), **OPENCV)
+    model = onnx.load(path)
+    shape = onnx.numpy_helper.from_array(np.array([3, -1]), "shape")
+    model.graph.initializer.append(shape)
+    del model.graph.node[:]
+    model.graph.node.append(onnx.helper.make_node("Reshape", ["image", "shape"], ["normal"]))
+    onnx.save(model, path)
+    with pytest.raises(ModelError, match=r"expected three numbers a pixel, got shape \(3, 1024\)"):
+        open_normals_model(path)(np.full((50, 40, 3), 0.5, np.float32))
 
 
 def test_a_graph_and_its_spec(tmp_path):

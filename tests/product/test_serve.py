@@ -420,6 +420,14 @@ def test_pages_of_other_origins_are_kept_out(client, estimator, photo):
         answer = opened.post("/v1/estimate", content=photo, headers=foreign)
         assert answer.status_code == 200
         assert answer.headers["access-control-allow-origin"] == "https://elsewhere.example"
+    with TestClient(create_app(estimator, LIMITS, origins=["https://elsewhere.example"], token="secret")) as shut:
+        asking = {"Access-Control-Request-Method": "POST", "Access-Control-Request-Headers": "authorization"}
+        asked = shut.options("/v1/estimate", headers={**foreign, **asking})  # as browsers do, without the token
+        assert asked.status_code == 200
+        assert "authorization" in asked.headers["access-control-allow-headers"].lower()
+        told = {**foreign, "Authorization": "Bearer secret"}
+        assert shut.post("/v1/estimate", content=photo, headers=told).status_code == 200
+        complaint(shut.post("/v1/estimate", content=photo, headers=foreign), 401)
 
 
 def test_foreign_names_for_this_machine_are_refused(estimator):

@@ -236,6 +236,27 @@ def test_stopped_run_goes_on_to_the_same_files(begin, tmp_path, every, stop_at):
     assert len(files_of(tmp_path / "whole")) == 3
 
 
+def test_run_that_finds_its_masks_goes_on_to_the_same_files(begin, tmp_path):
+    """Saved between two looks: what the masks were moved from is not kept."""
+
+    def started(folder) -> ClipRun:
+        run = begin(tmp_path / folder, every=3)
+        run.follower = MaskFollower({}, {}, {})
+        return run
+
+    def stop(done: int) -> None:
+        if done == 8:
+            raise KeyboardInterrupt
+
+    started("whole")(lambda done: None)
+    with pytest.raises(KeyboardInterrupt):
+        started("stopped")(stop)
+    again = started("stopped")
+    assert again.progress.next_index == 6
+    again(lambda done: None)
+    assert files_of(tmp_path / "stopped") == files_of(tmp_path / "whole")
+
+
 @pytest.mark.slow
 def test_killed_command_goes_on_to_the_same_files(tmp_path):
     """kill -9 three times: while the first frames are not saved yet, at a save, and well after one."""
@@ -296,6 +317,7 @@ def test_progress_is_said_from_the_first_frame_on(command, work, made, monkeypat
     assert len(lines) < COUNT
     monkeypatch.setattr(video_command, "LINE_S", 0)
     assert command(*order).err.splitlines()[:COUNT] == [f"{i + 1} of {COUNT} frames done" for i in range(COUNT)]
+    assert f"out: all {COUNT} frames are done already; --restart begins anew" in command(*order[:-1]).err
 
 
 # What is refused
@@ -368,6 +390,20 @@ def test_colours_are_those_that_the_file_says(tmp_path):
     red = (y - 16) / 219 + 1.5748 * (v - 128) / 224  # ITU-R BT.709
     blue = (y - 16) / 219 + 1.8556 * (u - 128) / 224
     np.testing.assert_allclose([255 * red, 255 * blue], [200, 40], atol=4)
+
+
+@pytest.mark.parametrize("missing", [0, 1, 2])
+def test_pieces_join_where_frames_are_missing(tmp_path, missing):
+    """As phones and screen recorders leave them out."""
+    rng = np.random.default_rng(3)
+    times = [i / FPS for i in range(12) if i != 6 + missing]
+    paths = []
+    for number, piece in enumerate((times[:6], times[6:])):
+        paths.append(tmp_path / f"{number}.mp4")
+        write_piece(paths[-1], [(time_s, rng.integers(0, 255, (64, 64, 3), dtype=np.uint8)) for time_s in piece])
+    join_pieces(tmp_path / "clip.mp4", paths)
+    found = [frame.time_s for frame in read_frames(open_clip(tmp_path / "clip.mp4"), [])]
+    np.testing.assert_allclose(found, times, atol=1e-3)
 
 
 def test_light_clip_shows_the_map_and_three_spheres_of_every_frame(begin, tmp_path):

@@ -60,6 +60,24 @@ def test_of_a_large_photo_the_context_is_that_of_a_small_one():
     assert (high[-10:, :, 4] > 0.99).all()
 
 
+def test_transparent_corners_say_nothing_whatever_their_colours():
+    photo, mask = on_a_table()
+    alpha = np.full(mask.shape, 255, np.uint8)
+    alpha[:, :120] = alpha[200:, 300:] = 0
+    maps, details = [], []
+    for color in (0, 255):
+        cut = np.dstack([np.where(alpha[..., None] > 0, photo, np.uint8(color)), alpha])
+        loaded = load_photo(cut, mask=mask, fov_deg=FOV_DEG)
+        maps.append(anyprobe.estimate(cut, mask=mask, fov_deg=FOV_DEG).radiance)
+        details.append(loaded.seen(128))
+        seen = crop_object(loaded)
+        assert seen.context[40:60, :, 4].min() < 0.01 < 0.99 < seen.context[40:60, :, 4].max()
+    np.testing.assert_array_equal(maps[0], maps[1])
+    np.testing.assert_allclose(*(one[..., :3] * (one[..., 3:] > 0) for one in details), atol=0.05)
+    whole = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG).radiance
+    assert np.abs(np.log(maps[0].mean() / whole.mean())) < 0.3, "the light is that of what is seen"
+
+
 @pytest.mark.parametrize("background", ["transparent", "white", "flaws", "backdrop"])
 def test_cut_outs_are_estimated_as_they_were(background):
     photo, mask = room_photo(smooth_map())
@@ -113,3 +131,8 @@ def test_the_papers_chain_goes_without_what_nobody_asked_for():
     photo, mask = on_a_table()
     light = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG, model="paper")
     assert "surroundings" not in light.info["hints"]
+    paper, loaded = anyprobe.Estimator("paper"), load_photo(photo, mask=mask, fov_deg=FOV_DEG)
+    bare = paper.from_crop(loaded.without_pixels(), crop_object(loaded))  # as servers have it
+    np.testing.assert_array_equal(bare.radiance, light.radiance)
+    several = paper.multiview([loaded, loaded], [np.eye(3)] * 2)
+    np.testing.assert_allclose(several.radiance, light.radiance, rtol=1e-3)

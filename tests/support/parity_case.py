@@ -215,17 +215,23 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
     of_soft = estimator.from_photo(soft)
     answers["radiance_soft"], answers["sh9_soft"] = of_soft.radiance, of_soft.sh9()
     if estimator.models.lifts:
-        with_background = replace(loaded, use_background=True)
+        with_background = replace(loaded, use_background=True, hidden=None)
         answers["surroundings"] = crop_object(with_background).surroundings_map.transpose(2, 0, 1)
         lit = estimator.from_photo(with_background)
         answers["radiance_surroundings"], answers["confidence_surroundings"] = lit.radiance, lit.confidence
         for name, pitch_deg in (("auto", None), ("auto_pitch", 35.0)):
             ground = estimate_ground(loaded, pitch_deg=pitch_deg)
-            with_ground = replace(loaded, use_background=True, ground=ground)
+            with_ground = replace(loaded, use_background=True, hidden=None, ground=ground)
             answers["context"] = crop_object(with_ground).context.transpose(2, 0, 1)
             lit = estimator.from_photo(with_ground)
             answers[f"ground_{name}"] = [lit.ground.pitch_deg, lit.ground.pitch_error_deg]
             answers[f"radiance_{name}"], answers[f"confidence_{name}"] = lit.radiance, lit.confidence
+        hidden = np.zeros(loaded.mask.shape, bool)  # its colours are not those of the surroundings
+        hidden[:, : hidden.shape[1] // 5] = True
+        hidden &= loaded.mask < 0.5
+        cut = crop_object(replace(with_background, hidden=hidden))
+        answers["transparent"], answers["context_transparent"] = hidden, cut.context.transpose(2, 0, 1)
+        answers["surroundings_transparent"] = cut.surroundings_map.transpose(2, 0, 1)
         answers["radiance_expected"] = estimator.with_settings(emitters=EXPECTED).from_photo(loaded).radiance
         answers["normals"] = _normals(loaded.mask)
         with_normals = replace(loaded, normals=answers["normals"])

@@ -103,6 +103,29 @@ test("a box is told in pixels, and from then on the box of what it had inside, a
   assert.deepEqual(hints[3], { on: [], off: [], box: [25 - more, 30 - more, 85 + more, 90 + more] });
 });
 
+test("where a click finds nothing the object before it is followed on", async () => {
+  const random = numbers(5);
+  const models = { light: async () => ({ radiance: new Float32Array(64 * 128 * 3).fill(0.5) }) };
+  const told = [];
+  const findMask = async ({ rgba }, hints) => {
+    told.push(hints);
+    const found = foundIn(rgba);
+    const [[x] = [80]] = hints.on;
+    return x < 50 ? { mask: new Float32Array(found.mask.length), quality: 0 } : found;
+  };
+  const lights = new FrameLight(models, findMask, { on: [[0.5, 0.5]], off: [], box: null }, 65);
+  const next = (at) => lights.next(frameOf(50, 10, random), at / 15);
+  assert.ok((await next(0)).mask);
+  lights.mark({ on: [[0.1, 0.5]], off: [], box: null });
+  const missed = await next(1);
+  assert.deepEqual([missed.missed, missed.lost, told.length], [true, undefined, 3]);
+  assert.ok(missed.mask);
+  assert.ok(told[2].box); // around the object, as it is followed
+  assert.equal((await next(2)).missed, undefined);
+  const alone = new FrameLight(models, findMask, { on: [[0.1, 0.5]], off: [], box: null }, 65);
+  assert.deepEqual(await alone.next(frameOf(50, 10, random), 0), { lost: true, width: WIDTH, height: HEIGHT });
+});
+
 test("a camera that is turned is looked at anew: nothing of its last pictures is kept", async () => {
   const random = numbers(5);
   let level = 0.5;

@@ -20,7 +20,7 @@ import { givenMaterial, materialInput } from "../src/photo/material.js";
 import { groundDoubts } from "../src/photo/ground.js";
 import { objectBox } from "../src/photo/picture.js";
 import { readMask } from "../src/photo/source.js";
-import { isCutOut, seeSurroundings } from "../src/photo/surroundings.js";
+import { isCutOut, seeSurroundings, withoutTransparent } from "../src/photo/surroundings.js";
 import { SmallNetwork } from "../src/photo/maskNetworks.js";
 import { doubts, examine, expectedIou } from "../src/photo/quality.js";
 import { findObject, maskOf } from "../src/photo/search.js";
@@ -159,6 +159,18 @@ test("what stands around the object, the camera's pitch, and the map with them",
     assertMostlyClose(radiance, floats(`radiance_${name}`), 5e-3, `radiance, ${name}`);
     assertMostlyClose(confidence, floats(`confidence_${name}`), 3e-3, `confidence, ${name}`);
   }
+});
+
+test("transparent pixels are no surroundings", { skip }, (t) => {
+  if (!found.models.lifts) return t.diagnostic("the paper's chain has no use for it");
+  const { longFovDeg, crop } = found;
+  const transparent = floats("transparent");
+  const rgba = found.picture.rgba.map((value, i) => (i % 4 === 3 ? 255 * (1 - transparent[(i - 3) / 4]) : value));
+  const { picture, opaque } = withoutTransparent({ ...found.picture, rgba });
+  assertClose(seeSurroundings(picture, longFovDeg, crop, opaque), floats("surroundings_transparent"), 2e-3, "surroundings");
+  assertClose(contextOf(picture, crop.mask, crop, opaque), floats("context_transparent"), 1e-5, "context");
+  const whole = { ...found.picture, rgba: found.picture.rgba.map((value, i) => (i % 4 === 3 ? 255 : value)) };
+  assert.deepEqual(withoutTransparent(whole), { picture: whole, opaque: null });
 });
 
 test("an unsure pitch is said in the same words", { skip }, () => {

@@ -8,6 +8,7 @@ import { LiveSession } from "../page/live/session.js";
 
 const LIVE = "Live, in this browser. If the outline is wrong, click on the object below, or draw a box around it.";
 const LOST = /^No object is seen/;
+const MISSED = /^Nothing is found there. The last object is followed on/;
 const said = []; // every line of status
 const elements = new Map();
 const sessions = [];
@@ -78,7 +79,7 @@ function begin({ opening = Promise.resolve(), play = async () => {} } = {}) {
     },
   };
   const asked = [];
-  const page = { shown: 0, faults: [], placed: [], opened: [], asked };
+  const page = { shown: 0, faults: [], placed: [], opened: [], drawn: [], asked };
   const networks = {
     spares: [],
     open: () => opening.then(() => new AnyProbe(networks, { hasMask: true, engine: "wasm", threads: 1 })),
@@ -98,7 +99,7 @@ function begin({ opening = Promise.resolve(), play = async () => {} } = {}) {
     },
     light: { show: () => {} },
     stages: { show: () => {} },
-    editor: { open: ({ width, height }) => page.opened.push([width, height]), showOn: () => {} },
+    editor: { open: ({ width, height }) => page.opened.push([width, height]), showOn: (still, mask, hints) => page.drawn.push(hints) },
     options: () => ({ surroundings: false, emitters: "mode" }),
     onShown: () => {},
     onMask: () => {},
@@ -206,6 +207,24 @@ test("a click while nothing is seen is answered", async () => {
   said.length = 0;
   networks.onLive(lost);
   assert.match(said[0], LOST);
+});
+
+test("a click that finds nothing is told, and the last object is followed on with its own clicks", async () => {
+  const { session, networks, page } = await follow();
+  const first = { on: [[32, 24]], off: [], box: null };
+  await session.mark(first);
+  networks.onLive(answer(64, 48, maskOf(64, 48)));
+  await session.mark({ on: [[1, 1]], off: [], box: null });
+  said.length = 0;
+  networks.onLive({ ...answer(64, 48, maskOf(64, 48)), missed: true });
+  await settle();
+  networks.onLive(answer(64, 48));
+  assert.equal(said.length, 1);
+  assert.match(said[0], MISSED);
+  assert.deepEqual(page.drawn.at(-1), first);
+  await session.mark(first);
+  networks.onLive(answer(64, 48, maskOf(64, 48)));
+  assert.equal(said.at(-1), LIVE);
 });
 
 test("after a click the object is placed by the new mask alone, not by one that was under way", async () => {

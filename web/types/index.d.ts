@@ -232,7 +232,7 @@ export interface Tracker {
    * it was taken. Settles when the frame may be changed or closed.
    */
   offer(frame: FrameSource, about?: { pose?: Pose; time?: number }): Promise<void>;
-  /** The object is somewhere else, in the source's pixels. */
+  /** The object is somewhere else, in the source's pixels. Where nothing is found there, the one before is followed on. */
   mark(hints: Hints): Promise<void>;
   /** Another kind of light; what is not named stays as it is. */
   set(options: LightOptions): Promise<void>;

@@ -104,7 +104,7 @@ class LightFromPhotoSettings(bpy.types.PropertyGroup):
     )
     use_background: BoolProperty(
         name="Use the photo's background",
-        description="What the photo shows beside the object becomes part of the light",
+        description="Also where it is one colour or the object is cut out; other photos' backgrounds are always used",
     )
     use_detail: BoolProperty(
         name="Invent detail", description="Sharp structure for mirrors; plausible, not measured. Light stays the same"

@@ -6,6 +6,7 @@ import contextlib
 import importlib.metadata
 import platform
 import re
+import sys
 import time
 from typing import Annotated
 
@@ -53,6 +54,9 @@ def lowest_versions() -> dict[str, dict[str, str]]:
     """By extra ("" for what is always needed), its packages and the lowest version of each that works."""
     found: dict[str, dict[str, str]] = {"": {}}
     for one in importlib.metadata.requires("anyprobe") or ():
+        below = re.search(r"python_version\s*<\s*['\"](\d+)\.(\d+)", one)
+        if below and sys.version_info[:2] >= (int(below[1]), int(below[2])):
+            continue
         match = re.match(r"([\w.-]+)\s*>=\s*([\w.]+)(?:.*extra\s*==\s*['\"](\w+))?", one)
         if match and match[3] not in OTHERS:
             found.setdefault(match[3] or "", {})[match[1]] = match[2]

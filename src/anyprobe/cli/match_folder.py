@@ -20,6 +20,7 @@ from anyprobe.cli.options import (
     QuietOption,
     folder_option,
     hints_for,
+    line_of,
     photo_name,
     photo_source,
     result_stem,
@@ -123,7 +124,7 @@ def match(
     if near > 1:
         talk.print(f"{near} of {len(ranked)} panoramas explain the photo about as well; look at {stem}_match.png")
     for warning in warnings:
-        talk.print(f"warning: {warning}", soft_wrap=True)
+        talk.print(f"warning: {line_of(warning)}", soft_wrap=True)
     talk.print(f"results: {out / stem}_*", soft_wrap=True)
     if taken.strict and warnings:
         raise typer.Exit(2)

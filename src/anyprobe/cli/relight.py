@@ -168,7 +168,7 @@ def relight(
         source = photo_source(photo)
         loaded = load_photo(source, hints, name=photo_name(photo), segmenter=segmenter)
     with progress("estimating the light", silent):
-        radiance, gain, ground = _radiance(loaded, light, by, fine)
+        radiance, gain, ground, doubts = _radiance(loaded, light, by, fine)
     stage = placing(Stage)(loaded, mesh, Arrangement(size=size, at=foot, turn_deg=turn, ground=ground))
     names = STRIP if strip else (material,)
     stored = stored_as(source)
@@ -199,7 +199,7 @@ def relight(
         lost.append(TRANSPARENT)
     library = fine.library()
     lent = () if library is None else library.warnings
-    warnings = [*loaded.warnings, *lent, *stage.warnings, *lost]
+    warnings = list(dict.fromkeys([*doubts, *lent, *stage.warnings, *lost]))
     summary = {
         "photo": str(photo),
         "picture": str(out),
@@ -252,9 +252,9 @@ def _pitch(stage: Stage, photo: Photo, ground: Ground | None) -> str:
 
 def _radiance(
     photo: Photo, light: Path | None, by: ModelOptions, fine: DetailOptions
-) -> tuple[np.ndarray, float, Ground | None]:
+) -> tuple[np.ndarray, float, Ground | None, tuple[str, ...]]:
     """The given map, turned back to the camera, and the ground that was found with it, else in the photo; or the
-    estimate, made as bright as the object asks, its gain, and its ground."""
+    estimate, made as bright as the object asks, its gain, and its ground. Lastly what is doubtful of it."""
     if light is not None:
         from anyprobe.estimate.ground import Ground
         from anyprobe.export.exported_light import read_with_origin
@@ -264,11 +264,12 @@ def _radiance(
         if not np.allclose(turn, np.eye(3)):
             radiance = np.maximum(rotate(radiance, turn.T), 0.0)
         is_its = said.get("photo") == photo.name and "ground" in said and photo.pitch_deg is None
-        return radiance, 1.0, Ground.of(said["ground"]) if is_its else by.estimator().from_photo(photo).ground
+        found_ground = Ground.of(said["ground"]) if is_its else by.estimator().from_photo(photo).ground
+        return radiance, 1.0, found_ground, photo.warnings
     from anyprobe.relight.appearance import least_scale
 
     found = by.estimator(**fine.settings()).from_photo(photo)
     if photo.material is not None:  # which settles the level
-        return found.radiance, 1.0, found.ground
+        return found.radiance, 1.0, found.ground, found.warnings
     gain = least_scale(photo, found.radiance)
-    return found.radiance * np.float32(gain), gain, found.ground
+    return found.radiance * np.float32(gain), gain, found.ground, found.warnings

@@ -146,7 +146,9 @@ def video(
     )
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     begun, start = run.progress.next_index, time.monotonic()
-    if begun:
+    if begun and begun == header.num_frames:
+        talk.print(f"{out}: all {begun} frames are done already; --restart begins anew", soft_wrap=True)
+    elif begun:
         talk.print(f"{out}: resumes at frame {begun}")
     try:
         outcome = _watched(run, header.num_frames or None, begun, talk)

@@ -98,8 +98,12 @@ class Library:
         return hashlib.sha256(self.features.tobytes()).hexdigest()[:16]
 
     def candidate(self, index: int) -> np.ndarray:
-        """Codes of a map, [H, 2H, 3] uint8, the last two kept for the next call; see decode."""
-        return _picture(self.data or str(self.path), index)
+        """Codes of a map, [H, 2H, 3] uint8, the last two kept for the next call; see decode.
+
+        Raises:
+            InputError: the file has been written anew since it was opened, and holds another map there.
+        """
+        return _picture(self.data or str(self.path), index, self.digests[index] if self.digests else "")
 
 
 def features_of(radiance: np.ndarray) -> np.ndarray:
@@ -259,8 +263,10 @@ def read_library(path: Path, stored: Path | io.BytesIO) -> Library:
 
 
 @lru_cache(maxsize=2)
-def _picture(stored: str | bytes, index: int) -> np.ndarray:
+def _picture(stored: str | bytes, index: int, digest: str) -> np.ndarray:
     with zipfile.ZipFile(stored if isinstance(stored, str) else io.BytesIO(stored)) as file:
+        if digest and json.loads(file.read("index.json"))["digests"][index : index + 1] != [digest]:
+            raise InputError(f"{stored!s}: expected the library as it was opened, got one written anew; open it again")
         codes = codes_of(file.read(f"{index}.jpg"))
     codes.setflags(write=False)
     return codes

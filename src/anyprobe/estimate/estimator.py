@@ -218,7 +218,7 @@ class Estimator:
         start = loaded if start is None else start
         material = photo.material if material is None else as_material(material)
         if photo.use_background and not photo.asked_background and not self.models.lifts:
-            crop = replace(crop, surroundings_map=None)  # that nobody asked for
+            crop, merged_surroundings = replace(crop, surroundings_map=None), None  # that nobody asked for
         if photo.normals_from_depth and not self.models.lifts:
             crop = replace(crop, normals=None)  # likewise
         self._check_use(crop, material)

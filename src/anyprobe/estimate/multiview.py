@@ -170,6 +170,7 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
         confidence=((weights * sure).sum(axis=0) / weights.sum(axis=0)).astype(np.float32) if known else None,
         well_exposed_fraction=float(np.mean([light.well_exposed_fraction for light in lights])),
         warnings=tuple(dict.fromkeys(notes)),
+        find_shown=first.find_shown if len(lights) == 1 else None,
         info=_fused_info(lights),
     )
 

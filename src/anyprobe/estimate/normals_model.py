@@ -99,9 +99,11 @@ def open_normals_model(path: Path, threads: int | None = None) -> NormalsEstimat
             text = " ".join(str(error).split())[:80]
             raise ModelError(f"{path.name}: expected to take 1 x 3 x {height} x {width}, got: {text}") from error
         values = values[0] if values.ndim == 4 else values
-        values = values[:3].transpose(1, 2, 0) if values.shape[0] in (3, 4) else values[..., :3]
+        answer = values.shape
+        if values.ndim == 3:
+            values = values[:3].transpose(1, 2, 0) if answer[0] in (3, 4) else values[..., :3]
         if values.ndim != 3 or values.shape[-1] != 3:
-            raise ModelError(f"{path.name}: expected three numbers a pixel, got shape {values.shape}")
+            raise ModelError(f"{path.name}: expected three numbers a pixel, got shape {answer}")
         return (2.0 * values - 1.0 if spec.encoding == "picture" else values) @ frame.T
 
     return estimate

@@ -112,14 +112,15 @@ class Photo:
     def seen(self, rows: int) -> np.ndarray | None:
         """What is known of the map, [rows, 2 rows, 4 or 5], for one with detail (detail.blend); None: nothing."""
         if self.use_background:
-            return seen_in_photo(self.rgb, self.mask, self.long_fov_deg, rows, self.radiance)
+            beside = self.mask if self.hidden is None else np.maximum(self.mask, self.hidden)
+            return seen_in_photo(self.rgb, beside, self.long_fov_deg, rows, self.radiance)
         return None if self.panorama is None else at_rows(self.panorama, rows)
 
     def without_pixels(self) -> Photo:
         """What is known of it, for when its object is cut out already: photos are large."""
         rgb, mask = self.rgb[:0].copy(), self.mask[:0].copy()  # views would hold all of them
         bare = replace(self, rgb=rgb, mask=mask, normals=None, radiance=None, hidden=None)
-        return replace(bare, use_background=False, surroundings_map=None, panorama=None)
+        return replace(bare, surroundings_map=None, panorama=None)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -294,7 +295,7 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
     surroundings_map = None
     if photo.use_background:
         surroundings_map = visible_surroundings(
-            photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half), photo.radiance
+            photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half), photo.radiance, photo.hidden
         )
         if surroundings_map is None and photo.asked_background:
             raise InputError(
@@ -322,7 +323,8 @@ def _context(photo: Photo, center: tuple[float, float], side: float) -> np.ndarr
     step = max(1, int(CONTEXT_SCALE * side / CONTEXT_SIZE / CONTEXT_FINE))
     rgb, mask = photo.rgb[::step, ::step], photo.mask[::step, ::step]
     middle, side = (center[0] / step, center[1] / step), CONTEXT_SCALE * side / step
-    seen = sample_window(rgb, None, middle, side, CONTEXT_SIZE)
+    opaque = None if photo.hidden is None else (~photo.hidden[::step, ::step]).astype(np.float32)
+    seen = sample_window(rgb, opaque, middle, side, CONTEXT_SIZE)
     cover = sample_window(mask[..., None], None, middle, side, CONTEXT_SIZE)[..., :1]
     return np.concatenate([seen[..., :3], cover, seen[..., 3:]], axis=-1).clip(0.0, 1.0)
 

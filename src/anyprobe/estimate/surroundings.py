@@ -27,7 +27,7 @@ from anyprobe.hints import PHOTO, SurroundingsSource
 from anyprobe.light.environment import MAP_HEIGHT, rotate
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from jaxtyping import Bool, Float
 
 _CONTRACT = contract("surroundings")
 GROW_PX: int = _CONTRACT["grow_px"]
@@ -164,6 +164,7 @@ def visible_surroundings(
     image: np.ndarray,
     tan_half: float,
     radiance: Float[np.ndarray, "H W 3"] | None = None,
+    transparent: Bool[np.ndarray, "H W"] | None = None,
 ) -> np.ndarray | None:
     """The map in the crop's frame as far as the photo shows it beside the object.
 
@@ -172,6 +173,7 @@ def visible_surroundings(
         long_fov_deg: of its longer side.
         image, tan_half: of the crop, see estimate.photo.Crop.
         radiance: [H, W, 3], the photo's, where it holds it above white.
+        transparent: [H, W], pixels whose colours mean nothing.
     Returns:
         [64, 128, 4] float32, display RGB times cover, and cover in [0, 1], or with radiance [64, 128, 5] with values
         above white; None where the photo shows one colour.
@@ -180,17 +182,29 @@ def visible_surroundings(
     focal = max(width, height) / 2 / np.tan(np.radians(long_fov_deg) / 2)
     scale = min(1.0, FINE * MAP_HEIGHT / np.pi / focal)
     size = max(1, round(width * scale)), max(1, round(height * scale))
-    small = _resize(rgb, size)
     d = pixel_directions(MAP_HEIGHT)
     x, y, front = on_plane(d @ camera_from_crop.T.astype(np.float32))
     column, row = (0.5 * width + focal * x) / width, (0.5 * height - focal * y) / height
     inside = front & (column > 0) & (column < 1) & (row > 0) & (row < 1)
     cover = inside * (1.0 - hidden(d, image, tan_half))
-    shown = _sample(small, column.clip(0, 1), row.clip(0, 1))
+
+    def sampled(values: np.ndarray) -> np.ndarray:
+        return _sample(_resize(values, size), column.clip(0, 1), row.clip(0, 1))
+
+    opaque = None if transparent is None else (~transparent)[..., None].astype(np.float32)
+    share = None if opaque is None else sampled(opaque)
+    if share is not None:
+        cover = cover * share[..., 0]
+
+    def at_map(picture: np.ndarray) -> np.ndarray:
+        """Means over the opaque pixels of [H, W, 3] around each of the map's."""
+        return sampled(picture) if share is None else sampled(picture * opaque) / np.maximum(share, LEAST_COVER)
+
+    shown = at_map(rgb)
     if not cover.any() or np.std(shown[cover > 0], axis=0).max() <= PLAIN:
         return None
     if radiance is not None:
-        linear = _sample(_resize(radiance, size), column.clip(0, 1), row.clip(0, 1))
+        linear = at_map(radiance)
         shown = np.where(linear > 1, linear, shown.clip(0.0, 1.0))  # up to white as without it
         return np.dstack([shown * cover[..., None], cover, cover]).astype(np.float32)
     return np.dstack([shown * cover[..., None], cover]).clip(0.0, 1.0).astype(np.float32)

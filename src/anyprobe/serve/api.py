@@ -79,10 +79,13 @@ def create_app(
     app.state.pool = pool
     app.add_middleware(BodyLimit, max_bytes=limits.max_bytes, grace_s=limits.grace_s, least_rate=limits.least_rate)
     app.add_middleware(OwnPagesOnly, origins=origins)
-    if origins:
-        app.add_middleware(CORSMiddleware, allow_origins=list(origins), allow_methods=["GET", "POST"])
     if token:
         app.add_middleware(TokenOnly, token=token)
+    if origins:  # outside the token's door: browsers ask without a token whether they may send one
+        headers = ["Authorization", "Content-Type"]
+        app.add_middleware(
+            CORSMiddleware, allow_origins=list(origins), allow_methods=["GET", "POST"], allow_headers=headers
+        )
     app.add_middleware(OwnNamesOnly, names=hosts, addresses=addresses)
     app.add_middleware(HeadAsGet)
     app.add_middleware(SecureHeaders)  # the last added stands first

@@ -18,7 +18,8 @@ from anyprobe.files.stored_pixels import StoredPixels
 from anyprobe.video.frame_pixels import shown_pixels
 
 CODEC = "libx264"
-QUALITY = {"crf": "18", "preset": "medium"}
+QUALITY = {"crf": "18", "preset": "medium", "bf": "0"}
+"""Without frames that are stored before earlier ones, whose times of storing would run into the piece before."""
 BT709 = {"colorspace": 1, "color_primaries": 1, "color_trc": 1, "color_range": 1}
 """What the file says of its colours, by the numbers of ITU-T H.273: players guess where it says nothing."""
 TIME_BASE = Fraction(1, 90_000)

@@ -93,6 +93,10 @@ class MaskFollower:
         self.last: list[float] | None = None
         self._seen: Seen | None = None
 
+    def look_anew(self) -> None:
+        """The next mask is looked for, not moved from the last frame's: what is not kept must not matter later."""
+        self._seen = None
+
     def content(self) -> dict[str, Any]:
         """What files and surroundings hold, wherever they lie: a digest each, or a word."""
         surroundings = self._every["surroundings"]

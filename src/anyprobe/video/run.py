@@ -140,6 +140,7 @@ class ClipRun:
                 continue
             if frame.index == done.next_index and done.next_index:
                 self.follower.last, self._shown, self._preview = done.last, None, None
+                self.follower.look_anew()
             done.frames.append(self._one(frame))
             if self.virtual is not None:
                 pictures.append((frame.time_s, self._picture(frame)))
@@ -148,6 +149,7 @@ class ClipRun:
             if (frame.index + 1) % save_every == 0:
                 self._save(frame.index + 1, pictures, previews)
                 pictures, previews = [], []
+                self.follower.look_anew()
         if frame is None:
             raise InputError(f"{self.clip.path}: no frame of it can be decoded; convert it to mp4")
         if frame.index + 1 > done.next_index:
@@ -177,9 +179,9 @@ class ClipRun:
         before = self.follower.last
         try:
             self._photo = self.follower.photo(frame)
-            if frame.index == 0:
-                done.notes = list(self._photo.warnings)
             light = self._estimate(self._photo, frame.index)
+            if done.light is None:
+                done.notes = list(light.warnings)
         except AnyprobeError as error:
             if frame.index == 0 and self.follower.hints:
                 raise

@@ -4,10 +4,13 @@
 
 import { DEFAULT_LONG_FOV_DEG } from "../../src/photo/crop.js";
 import { element, setStatus, sendLight } from "../view/elements.js";
+import { NO_HINTS } from "../view/maskEditor.js";
 import { closeCamera, openCamera, watchCamera } from "./camera.js";
 import { readFrame, takeFrame } from "../../src/live/videoFrames.js";
 
 const RATES_EVERY_MS = 500;
+const LIVE = "Live, in this browser. If the outline is wrong, click on the object below, or draw a box around it.";
+const MISSED = "Nothing is found there. The last object is followed on: click on another below, or draw a box around it.";
 
 export class LiveSession {
   /**
@@ -97,15 +100,22 @@ export class LiveSession {
   }
 
   /** @param {import("../../src/photo/picture.js").Hints} hints in pixels of the still picture */
-  async mark({ on, off, box }) {
-    const { live, still } = this;
+  async mark(hints) {
+    const { on, off, box } = hints;
+    const { live, still, found } = this;
     const { videoWidth, videoHeight } = this.stage.video;
     const place = ([x, y]) => [(x * videoWidth) / still.width, (y * videoHeight) / still.height];
     this.placed = false;
     this.said = null;
+    this.#mark(hints);
     live.hints = { click: on.map(place), exclude: off.map(place), box: box && [...place(box.slice(0, 2)), ...place(box.slice(2))] };
     await live.tracker?.mark(live.hints);
-    if (this.live === live) this.placed = false; // an answer that was under way has placed it by the old mask
+    if (this.live === live) Object.assign(this, { found, placed: false }); // an answer that was under way told the old mask
+  }
+
+  #mark(hints) {
+    this.marked = hints;
+    this.missed = false;
   }
 
   /** Another kind of light is wanted. */
@@ -115,10 +125,14 @@ export class LiveSession {
 
   #show(answer) {
     if (answer.width !== this.size.width || answer.height !== this.size.height) this.#turn(answer);
+    if (answer.missed) {
+      this.#mark(this.found);
+      this.missed = this.isMaskDue = true;
+    }
     if (answer.lost) return this.#say("No object is seen. Click on it in the picture “Object” below.");
     if (answer.mask) this.#setMask(answer);
     if (!this.placed) return;
-    this.#say("Live, in this browser. If the outline is wrong, click on the object below, or draw a box around it.");
+    this.#say(this.missed ? MISSED : LIVE);
     this.stage.setLight(answer.light);
     sendLight(answer);
     // one part of the rest at a time: pictures of the camera wait for what is drawn here
@@ -159,11 +173,13 @@ export class LiveSession {
   /** A still picture to click in. */
   #look(still) {
     this.still = still;
+    this.#mark(NO_HINTS);
+    this.found = NO_HINTS;
     this.editor.open(still);
   }
 
   #setMask({ width, height, mask, quality, box }) {
-    Object.assign(this, { mask, quality });
+    Object.assign(this, { mask, quality, found: this.marked });
     if (this.placed) return this.stage.stage.setMask(mask);
     this.stage.place(width, height, null, mask, box, this.pitchDeg === undefined ? null : { pitchDeg: this.pitchDeg });
     this.placed = true;
@@ -174,7 +190,7 @@ export class LiveSession {
     const still = await this.#takeStill();
     if (!still || this.size !== size || still.width !== size.width || still.height !== size.height) return;
     this.still = still;
-    this.editor.showOn(still, mask);
+    this.editor.showOn(still, mask, this.marked);
     this.onMask({ quality, warnings: [] });
   }
 

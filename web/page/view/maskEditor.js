@@ -49,10 +49,10 @@ export class MaskEditor {
     return this.hints;
   }
 
-  /** Show another picture of the same scene with its mask; clicks and box stay. */
-  showOn(picture, mask) {
+  /** Show another picture of the same scene with its mask and the clicks and box that it was found by. */
+  showOn(picture, mask, hints) {
     this.picture = picture;
-    this.show(mask);
+    this.show(mask, hints);
   }
 
   /**

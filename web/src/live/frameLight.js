@@ -40,15 +40,19 @@ export class FrameLight {
     this.longFovDeg = longFovDeg;
     this.state = null;
     this.count = 0;
-    this.masked = null;
+    this.masked = this.before = null;
+    this.missed = false;
     this.size = null;
   }
 
-  /** New clicks or a new box: the mask is found anew at the next frame. */
+  /** New clicks or a new box: the mask is found anew at the next frame. Where they find nothing, the last object stays. */
   mark(hints) {
-    this.hints = hints;
-    this.masked = null;
-    this.follow = null;
+    if (this.masked && this.#isSeen()) this.before = { hints: this.hints, follow: this.follow };
+    this.#lookFor({ hints, follow: null });
+  }
+
+  #lookFor({ hints, follow }) {
+    Object.assign(this, { hints, follow, masked: null });
   }
 
   /**
@@ -57,7 +61,8 @@ export class FrameLight {
    * @param {number[] | null} [worldFromCamera] nine numbers, row by row, of the camera when it took the frame: the light is
    *   then in the world
    * @returns {Promise<object>} light, box of the object, milliseconds of each part; now and then spheres and stages,
-   *   and the mask and its quality when it is a new one; {lost: true} while no object is marked or seen
+   *   and the mask and its quality when it is a new one; {lost: true} while no object is marked or seen; `missed` where what
+   *   was marked last found nothing and the object before it is followed on
    */
   async next(frame, time, worldFromCamera = null) {
     const ms = {};
@@ -73,9 +78,10 @@ export class FrameLight {
     lap("read");
     const isNew = await this.#findObject(picture);
     lap("mask");
-    const { box, mask } = this;
-    const { size } = this;
-    if (!box || Math.max(box[2] - box[0], box[3] - box[1]) < MIN_OBJECT_PX) return { lost: true, ...size };
+    const { box, mask, missed } = this;
+    const size = { ...this.size, ...(missed && { missed }) };
+    this.missed = false;
+    if (!this.#isSeen()) return { lost: true, ...size };
     const crop = cropObject(picture, mask, this.longFovDeg, box);
     lap("crop");
     const phase = this.withViews ? this.count++ % REST_EVERY : -1;
@@ -107,8 +113,13 @@ export class FrameLight {
     const isTurned = this.size && (this.size.width !== width || this.size.height !== height);
     this.size = { width, height };
     if (!isTurned) return;
-    this.mark({ on: [], off: [], box: null });
-    this.state = null;
+    this.#lookFor({ hints: { on: [], off: [], box: null }, follow: null });
+    this.before = this.state = null;
+  }
+
+  #isSeen() {
+    const { box } = this;
+    return Boolean(box) && Math.max(box[2] - box[0], box[3] - box[1]) >= MIN_OBJECT_PX;
   }
 
   /** Mask and box of the object, and whether it is cut out, found anew where they may have changed; whether they were. */
@@ -124,6 +135,13 @@ export class FrameLight {
     this.box = objectBox(this.mask, picture.width);
     this.isAlone = isCutOut(picture, this.mask);
     if (this.masked !== masked) return false; // clicked meanwhile: found anew at the next frame
+    const { before } = this;
+    this.before = null;
+    if (before && !this.#isSeen()) {
+      this.#lookFor(before);
+      this.missed = true;
+      return this.#findObject(picture);
+    }
     this.#followObject(picture);
     return true;
   }

@@ -9,7 +9,7 @@ import { turnedBack } from "../core/frames.js";
 import { CROP_SIZE, contextOf } from "../photo/crop.js";
 import { exposureDoubts } from "../photo/exposure.js";
 import { groundDoubts, groundOf, upOf } from "../photo/ground.js";
-import { backdropDoubts, coverageOf, isCutOut, seeSurroundings, useSurroundings } from "../photo/surroundings.js";
+import { backdropDoubts, coverageOf, isCutOut, seeSurroundings, useSurroundings, withoutTransparent } from "../photo/surroundings.js";
 
 /**
  * Luminance of display values between which a pixel says something of the light, and the share of such pixels from which
@@ -39,11 +39,13 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
   const isAuto = surroundings === "auto" && !(isAlone ?? isCutOut(picture, crop.mask));
   const isUnasked = surroundings === "auto" && !isAuto && isAlone === undefined;
   const isShown = isAuto || surroundings === "photo" || surroundings === true;
-  const seen = isShown && models.lifts ? seeSurroundings(picture, longFovDeg, crop) : null;
+  const isOpaque = !isAuto || isAlone !== undefined; // frames have no transparency, and "photo" takes pixels as they are
+  const shown = isOpaque ? { picture, opaque: null } : withoutTransparent(picture);
+  const seen = isShown && models.lifts ? seeSurroundings(shown.picture, longFovDeg, crop, shown.opaque) : null;
   if (isShown && models.lifts && !seen && !isAuto && isAlone === undefined) {
     throw new AnyProbeError("invalid-option", "surroundings: expected a picture that shows more than its object, found one colour behind it; leave surroundings out");
   }
-  const context = isShown && models.completes ? contextOf(picture, crop.mask, crop) : null;
+  const context = isShown && models.completes ? contextOf(shown.picture, crop.mask, crop, shown.opaque) : null;
   const up = isShown && pitchDeg !== undefined ? turnedBack(crop.cameraFromCrop, upOf(pitchDeg)) : null;
   if (given.material && !models.lifts) {
     throw new AnyProbeError("invalid-option", "material: expected a model that takes it, got the paper's chain; leave material out");

@@ -75,9 +75,10 @@ export function cropObject({ width, height, rgba }, mask, longFovDeg = DEFAULT_L
  * @param {import("./picture.js").Picture} picture
  * @param {Float32Array} mask
  * @param {ReturnType<typeof cropObject>} crop
+ * @param {import("./picture.js").Picture | null} [opaque] of withoutTransparent
  * @returns {Float32Array} [5, 96, 96] in [0, 1], all zero outside the picture
  */
-export function contextOf({ width, height, rgba }, mask, { centerPx, sidePx }) {
+export function contextOf({ width, height, rgba }, mask, { centerPx, sidePx }, opaque = null) {
   const wide = CONTEXT_SCALE * sidePx;
   const step = Math.max(1, Math.floor(wide / CONTEXT_SIZE / CONTEXT_FINE)); // of large pictures not every pixel is looked at
   const [high, side] = [Math.ceil(height / step), wide / step];
@@ -95,7 +96,7 @@ export function contextOf({ width, height, rgba }, mask, { centerPx, sidePx }) {
       green += weight * rgba[4 * pixel + 1];
       blue += weight * rgba[4 * pixel + 2];
       cover += weight * mask[pixel];
-      inside += weight;
+      inside += opaque ? (weight * opaque.rgba[4 * pixel]) / 255 : weight;
     }
     sums[to] = red / 255;
     sums[to + 1] = green / 255;

@@ -36,8 +36,28 @@ const SEEN = CONTRACT.surroundings.seen;
 /** Added to the normal equations of a backdrop's shading, so that few pixels have one too. */
 const BACKDROP_DAMPING = 1e-6;
 
+/** What colours are divided by at least, where next to nothing is covered. */
+const LEAST_COVER = 1e-3;
+
 /** Shallowest -z of a direction that still meets the picture's plane. */
 const AHEAD = 0.05;
+
+/**
+ * A picture whose transparent pixels are black, for their colours mean nothing, and one that is white where it is opaque.
+ *
+ * @param {import("./picture.js").Picture} picture
+ * @returns {{picture: import("./picture.js").Picture, opaque: import("./picture.js").Picture | null}} opaque: null, and the
+ *   picture itself, where all or nothing is transparent
+ */
+export function withoutTransparent(picture) {
+  const { width, height, rgba } = picture;
+  let clear = 0;
+  for (let at = 3; at < rgba.length; at += 4) clear += rgba[at] < 128;
+  if (clear === 0 || clear === width * height) return { picture, opaque: null };
+  const [shown, white] = [rgba.slice(), new Uint8ClampedArray(rgba.length)];
+  for (let at = 0; at < rgba.length; at += 4) (rgba[at + 3] < 128 ? shown : white).fill(rgba[at + 3] < 128 ? 0 : 255, at, at + 3);
+  return { picture: { width, height, rgba: shown }, opaque: { width, height, rgba: white } };
+}
 
 /**
  * The map in the crop's frame as far as the picture shows it beside the object.
@@ -45,12 +65,14 @@ const AHEAD = 0.05;
  * @param {import("./picture.js").Picture} picture
  * @param {number} longFovDeg
  * @param {ReturnType<typeof import("./crop.js").cropObject>} crop
+ * @param {import("./picture.js").Picture | null} [opaque] of withoutTransparent
  * @returns {Float32Array | null} [4, 64, 128] display RGB times cover, and cover; null where it shows one colour
  */
-export function seeSurroundings(picture, longFovDeg, { cameraFromCrop, image, tanHalf }) {
+export function seeSurroundings(picture, longFovDeg, { cameraFromCrop, image, tanHalf }, opaque = null) {
   const { width, height } = picture;
   const focal = focalPx(width, height, longFovDeg);
-  const small = shrink(picture, Math.min(1, (FINE * MAP_HEIGHT) / Math.PI / focal));
+  const scale = Math.min(1, (FINE * MAP_HEIGHT) / Math.PI / focal);
+  const [small, smallOpaque] = [shrink(picture, scale), opaque && shrink(opaque, scale)];
   const object = grown(image.subarray(3 * CROP_SIZE * CROP_SIZE));
   const surroundings = new Float32Array(4 * PIXELS);
   const [a, b, c, d, e, f, g, h, i] = cameraFromCrop;
@@ -65,10 +87,17 @@ export function seeSurroundings(picture, longFovDeg, { cameraFromCrop, image, ta
     const column = 0.5 + (focal * (a * x + b * y + c * z)) / depth / width;
     const row = 0.5 - (focal * (d * x + e * y + f * z)) / depth / height;
     if (column <= 0 || column >= 1 || row <= 0 || row >= 1) continue;
-    const cover = 1 - hidden(object, tanHalf, x, y, z);
+    let cover = 1 - hidden(object, tanHalf, x, y, z);
+    let share = 1; // of what is around the place that is opaque
+    if (opaque) {
+      sample(smallOpaque.values, 3, small.width, small.height, column, row, colors);
+      share = colors[0];
+      cover *= share;
+    }
     if (cover <= 0) continue;
     sample(small.values, 3, small.width, small.height, column, row, colors);
     for (let channel = 0; channel < 3; channel++) {
+      colors[channel] /= Math.max(share, LEAST_COVER);
       surroundings[channel * PIXELS + pixel] = colors[channel] * cover;
       sums[channel] += colors[channel];
       sums[3 + channel] += colors[channel] ** 2;
