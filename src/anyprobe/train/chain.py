@@ -23,23 +23,24 @@ from anyprobe.nets.light_net import LightNet, display
 from anyprobe.nets.paper import NETS, IlluminationNet
 from anyprobe.train.config import RunConfig
 from anyprobe.train.lift import irradiance_loss, normals_loss
-from anyprobe.train.map_losses import Sent, shown_losses
+from anyprobe.train.map_losses import Sent, clipped_where_white, shown_losses
 
 NUM_EPOCHS = 11
 GRADUAL_SHARE = 0.3
 """Share of the steps that the 11 filtered epochs take; the rest sees the map itself."""
 TIMES_EXPOSURE = (0.5, 2.0)
 """Between these times the photo's exposure the HDR net sees true maps (the paper's Sect. 4.1)."""
-WEIGHTS = {"ldr": 1.0, "scales": 0.5, "structure": 0.15, "brightest": 0.12, "normals": 0.3}
+WEIGHTS = {"ldr": 1.0, "scales": 0.5, "structure": 0.15, "brightest": 0.18, "normals": 0.3}
 """Of the illumination net's losses. With squares alone, as in the paper, its maps come near their mean."""
-HDR_WEIGHTS = {"pixels": 1.0, "transport": 1.0, "level": 0.3, "emitters": 0.1}
+HDR_WEIGHTS = {"pixels": 1.0, "transport": 0.7, "shown": 1.5, "level": 0.4, "emitters": 0.1}
 """Of the HDR net's losses."""
 REACH = 0.25
 """Share of their gradient that reaches the LDR map, through Eq. 7: it is to have light where Eq. 8 looks for it."""
-BRIGHTEST = 0.02
-"""Share of a map that brightest_loss compares."""
-BRIGHTEST_PX = (2, 8)
-"""Pixels of the map in each direction that are averaged before: it wants patches, not grain."""
+LN_SHOWN = 0.5
+"""Up to this ln radiance pixels are drawn back to what the true map shows: those at the edge of what is white."""
+BRIGHTEST = ((2, 0.02), (8, 0.02), (2, 0.002))
+"""What brightest_loss compares: pixels of the map in each direction that are averaged before, for it wants patches and not
+grain, and which share of these. The last is the peak, without which Eq. 8 finds nothing to ask the HDR net for."""
 
 
 def sharpness(progress: float) -> float | None:
@@ -61,17 +62,19 @@ def gradual_target(ldr: torch.Tensor, progress: float) -> torch.Tensor:
 
 
 def brightest_loss(shown: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
-    """Mean difference of the brightest values of two maps [N, C, H, W], channel by channel, wherever they are.
+    """Mean difference of the brightest patches of two maps [N, C, H, W], wherever they are.
 
     Eq. 8 takes radiance from the HDR net where the LDR map is above .8, which a mean over all likely maps hardly is:
     the map must have as much light as the truth, and has it where that is most likely.
     """
     loss = shown.new_zeros(())
-    for size in BRIGHTEST_PX:
-        patches = [F.avg_pool2d(x, size).flatten(2) for x in (shown, true)]
-        count = max(1, round(BRIGHTEST * patches[0].shape[2]))
-        values, wanted = (x.topk(count, dim=2).values for x in patches)
-        loss = loss + (values - wanted).abs().mean() / len(BRIGHTEST_PX)
+    for size, share in BRIGHTEST:
+        values = []
+        for one in (shown, true):
+            patches = F.avg_pool2d(one, size).flatten(2)
+            chosen = patches.mean(dim=1, keepdim=True).topk(max(1, round(share * patches.shape[2])), dim=2).indices
+            values.append(patches.gather(2, chosen.expand(-1, patches.shape[1], -1)))
+        loss = loss + (values[0] - values[1]).abs().mean() / len(BRIGHTEST)
     return loss
 
 
@@ -191,8 +194,10 @@ class Chain(_Stages):
         of_pixels = (weight * (ln[:count] - ln_true) ** 2).sum() / weight.sum() / 3
         radiance = _last(reconstruct, torch.lerp(estimate.detach(), estimate, REACH), ln[count:])
         ln_sent = torch.log(radiance.clip(min=1e-6))
+        shown = clipped_where_white(display(ln_sent.clip(max=LN_SHOWN)), batch.ldr)
         terms = {
             "pixels": of_pixels,
+            "shown": shown_losses(shown, batch.ldr, 0.5 + 0.5 * self._weight)["ldr"],
             "transport": self._sent.transport(ln_sent, batch.ln_radiance),
             "level": self._sent.level(ln_sent, batch.ln_radiance).mean(),
             "emitters": self._sent.emitters(self._sent.ln_share(ln_sent), batch.ln_radiance),

@@ -143,8 +143,8 @@ def paper_on() -> RunConfig:
     return replace(
         paper(),
         name="paper_on",
-        steps=3_000,
-        learning_rate=8e-4,
+        steps=1_850,
+        learning_rate=6e-4,
         warmup=50,
         gradual=False,
         cooldown=0.9,

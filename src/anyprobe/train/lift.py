@@ -14,7 +14,7 @@ from anyprobe.evaluate.calibration import CLOSE
 from anyprobe.nets.blocks import autocast
 from anyprobe.nets.emitter_head import POWER_FLOOR
 from anyprobe.nets.light_net import LightNet, LightPrediction, display
-from anyprobe.train.map_losses import Sent, shown_losses
+from anyprobe.train.map_losses import Sent, clipped_where_white, shown_losses
 
 
 def normals_loss(normals: torch.Tensor, batch: Batch, where: torch.Tensor | float = 1.0) -> torch.Tensor:
@@ -154,8 +154,7 @@ class Lift:
     def _map(self, guess: LightPrediction, batch: Batch) -> dict[str, torch.Tensor]:
         ln = guess.ln_shown
         shown = display(ln)
-        # clipped in both: how far above white does not matter
-        shown = torch.where((shown > 1) & (batch.ldr >= 1), shown.clip(max=1.0), shown)
+        shown = clipped_where_white(shown, batch.ldr)
         whole = display(guess.ln_radiance.detach()).clip(max=1.0)
         close = ((whole - batch.ldr).abs().mean(dim=1, keepdim=True) < CLOSE).float()
         confidence = F.binary_cross_entropy_with_logits(guess.confidence_logit, close)

@@ -55,6 +55,11 @@ def shown_losses(shown: torch.Tensor, true: torch.Tensor, weight: torch.Tensor) 
     }
 
 
+def clipped_where_white(shown: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
+    """Display values [N, 3, H, 2H] clipped where the true ones are too: how far above white does not matter there."""
+    return torch.where((shown > 1) & (true >= 1), shown.clip(max=1.0), shown)
+
+
 class Sent:
     """How far two maps are from each other in the light that they send; maps are ln radiance [N, 3, 64, 128]."""
 
