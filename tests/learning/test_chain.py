@@ -65,6 +65,10 @@ def test_as_much_light_as_the_truth_has_wherever_it_is():
     assert brightest_loss(moved, true) == 0
     assert brightest_loss(blurred, true) > 0.5
     assert brightest_loss(grain, true) > 0.3, "pixels are no patches"
+    colored = true.clone()
+    colored[:, 1:] = 0.2
+    colored[:, 1:, 40:56, 32:80] = 1.0
+    assert brightest_loss(colored, true) > 0.1, "red here and cyan there are no white light"
 
 
 def test_hdr_net_learns_the_power_of_the_map_that_it_helps_to_make():

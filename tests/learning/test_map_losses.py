@@ -7,7 +7,7 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 
 from anyprobe.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.light.filtering import blur_cosine_power  # noqa: E402
-from anyprobe.train.map_losses import LOBES, Sent, lobe_matrices, structure_loss  # noqa: E402
+from anyprobe.train.map_losses import LOBES, Sent, clipped_where_white, lobe_matrices, structure_loss  # noqa: E402
 
 
 @pytest.fixture
@@ -31,6 +31,11 @@ def test_structure_is_lost_by_blur_and_kept_by_itself():
     assert structure_loss(picture, picture) == pytest.approx(0.0, abs=1e-5)
     flat = torch.full_like(picture, 0.5)
     assert structure_loss(flat, picture) > 0.9
+
+
+def test_white_may_be_any_white():
+    true, shown = torch.tensor([1.0, 1.0, 0.5, 0.5]), torch.tensor([3.0, 0.8, 3.0, 0.8])
+    torch.testing.assert_close(clipped_where_white(shown, true), torch.tensor([1.0, 0.8, 3.0, 0.8]))
 
 
 def test_level_is_the_difference_of_power_wherever_it_comes_from(light):

@@ -39,8 +39,8 @@ REACH = 0.25
 LN_SHOWN = 0.5
 """Up to this ln radiance pixels are drawn back to what the true map shows: those at the edge of what is white."""
 BRIGHTEST = ((2, 0.02), (8, 0.02), (2, 0.002))
-"""What brightest_loss compares: pixels of the map in each direction that are averaged before, for it wants patches and not
-grain, and which share of these. The last is the peak, without which Eq. 8 finds nothing to ask the HDR net for."""
+"""What brightest_loss compares: pixels of the map in each direction that are averaged before, for it wants patches and
+not grain, and which share of these. The last is the peak, without which Eq. 7 hardly reads the HDR net."""
 
 
 def sharpness(progress: float) -> float | None:
@@ -181,8 +181,9 @@ class Chain(_Stages):
 
     def _hdr_loss(self, estimate: torch.Tensor, batch: Batch, progress: float) -> torch.Tensor:
         """Of ln radiance from true LDR maps the mean squared error, weighted by solid angle and 0.1 + gamma (Eq. 8):
-        mostly where Eq. 7 will read it. From estimated ones, whose pixels are no longer those of the truth, what
-        spheres see of the map that Eq. 7 makes.
+        mostly where Eq. 7 will read it. From estimated ones, whose pixels are no longer those of the truth, how far
+        the map that Eq. 7 makes is from the truth: in display values, in what spheres see, in power, and in where light
+        comes from.
 
         estimate: display values [B, 3, H, 2H] of the illumination net.
         """

@@ -153,8 +153,7 @@ class Lift:
 
     def _map(self, guess: LightPrediction, batch: Batch) -> dict[str, torch.Tensor]:
         ln = guess.ln_shown
-        shown = display(ln)
-        shown = clipped_where_white(shown, batch.ldr)
+        shown = clipped_where_white(display(ln), batch.ldr)
         whole = display(guess.ln_radiance.detach()).clip(max=1.0)
         close = ((whole - batch.ldr).abs().mean(dim=1, keepdim=True) < CLOSE).float()
         confidence = F.binary_cross_entropy_with_logits(guess.confidence_logit, close)
