@@ -221,6 +221,18 @@ def test_catcher_darkens_the_ground_alone_or_catches_nothing(found):
 def test_photo_lies_on_its_side(found):
     assert found["turned"] == ["FINISHED"]
     assert found["upright"] == ["turned.jpg upright", [640, 480]]
+    assert found["turned_box"] == [True, True], "what was marked is lost"
+
+
+def test_pictures_overwrite_each_other(found):
+    assert found["packed"] == [2, 2]
+
+
+def test_scene_loses_an_earlier_estimate_s_camera(found):
+    again, has_camera, outlines = found["own_camera"]
+    assert again == ["FINISHED"]
+    assert has_camera
+    assert len(outlines) == 1
 
 
 def test_marks_are_off_the_photo(found):

@@ -56,14 +56,13 @@ def upright(order: dict, folder: Path) -> dict:
             if image.getexif().get(ExifTags.Base.Orientation, 1) == 1:
                 return {}
             turned = ImageOps.exif_transpose(image)
-            turned.save(
-                folder / "upright.jpg", quality=95, exif=turned.getexif(), icc_profile=image.info.get("icc_profile")
-            )
+            path = folder / ("upright.png" if turned.has_transparency_data else "upright.jpg")
+            turned.save(path, quality=95, exif=turned.getexif(), icc_profile=image.info.get("icc_profile"))
     except UnidentifiedImageError:
         return {}  # .exr and whatever else the library itself judges
     except (OSError, ValueError, SyntaxError) as error:
         raise InvalidPhoto(f"{Path(order['photo']).name}: expected a photo, got a damaged file ({error})") from error
-    return {"upright": str(folder / "upright.jpg")}
+    return {"upright": str(path)}
 
 
 def estimate(order: dict, folder: Path) -> dict:
@@ -89,13 +88,13 @@ def estimate(order: dict, folder: Path) -> dict:
     photo = load_photo(
         picture(order["photo"]),
         name=order["name"],
-        mask=picture(order["mask"]),
+        mask=picture(order["mask"], as_data=True),
         click=order["click"],
         exclude=order["exclude"],
         box=order["box"],
         fov_deg=order["fov_deg"],
         pitch_deg=order["pitch_deg"],
-        normals="sphere" if order["normals"] == "sphere" else picture(order["normals"]),
+        normals="sphere" if order["normals"] == "sphere" else vectors(order["normals"]),
         material=order["material"],
         albedo=order["albedo"],
         roughness=order["roughness"],
@@ -185,8 +184,23 @@ def sources_of(side: dict) -> list[dict]:
     ]
 
 
-def picture(source: dict | None):
-    """A file's path, or the pixels that Blender keeps: [H, W, 4] display values, or linear ones."""
+def vectors(source: dict | None):
+    """A normal map's path, or of the pixels that Blender keeps, colours or vectors, [H, W, 3] vectors."""
+    if source is None or "file" in source:
+        return source and source["file"]
+    import numpy as np
+
+    values = np.load(source["pixels"])[..., :3]
+    if source["linear"] and values.min() < 0:
+        return values
+    return np.where(values.any(axis=-1, keepdims=True), 2 * values - 1, np.float32(0))
+
+
+def picture(source: dict | None, as_data: bool = False):
+    """A file's path, or the pixels that Blender keeps: [H, W, 4] display values, or linear ones.
+
+    as_data: they are no colours, and stay as they are.
+    """
     if source is None:
         return None
     if "file" in source:
@@ -196,7 +210,7 @@ def picture(source: dict | None):
     from anyprobe.core.response import response
 
     values = np.load(source["pixels"])
-    if source["linear"]:
+    if source["linear"] and not as_data:
         values[..., :3] = response(np.nan_to_num(np.maximum(values[..., :3], 0)))
     return np.clip(values, 0, 1)
 
