@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -98,6 +99,18 @@ def test_normals_that_blender_holds_are_refused_or_bent(tmp_path):
         answered = answer(tmp_path, do="estimate", photo={"file": str(photo)}, normals=given)
         found.append(read_radiance(tmp_path / answered["full"]))
     np.testing.assert_allclose(found[0], found[1], rtol=0.02, atol=0.01)
+
+
+def test_panoramas_that_cannot_be_read_are_left_out_in_silence(tmp_path):
+    folder = tmp_path / "panoramas"
+    folder.mkdir()
+    shutil.copy(ROOT / "examples" / "vase_truth.exr", folder)
+    (folder / "damaged.hdr").write_bytes(b"no picture")
+    found = answer(tmp_path, do="estimate", photo={"file": str(ROOT / "examples" / "vase.png")}, library=str(folder))
+    said = "\n".join(found["warnings"])
+    assert "Panorama vase_truth" in said
+    assert "left out: " in said
+    assert "damaged.hdr" in said
 
 
 def test_the_zip_cannot_be_built():

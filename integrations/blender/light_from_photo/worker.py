@@ -106,8 +106,8 @@ def estimate(order: dict, folder: Path) -> dict:
     radiance, warnings = light.radiance, list(light.warnings)
     if order["library"]:
         say(folder, 0.7, "Comparing your panoramas")
-        radiance, line = best_panorama(light, order["library"])
-        warnings.append(line)
+        radiance, lines = best_panorama(light, order["library"])
+        warnings += lines
     say(folder, 0.9, "Writing the maps")
     turn = np.array(order["turn"]) if order["turn"] else turned(order["heading_deg"], pitch_deg)
     foot, (x0, y0, x1, y1) = view.on_ground(*contact_of(photo.mask)), object_box(photo.mask)
@@ -161,9 +161,11 @@ PANORAMA_ROWS = 1024
 
 
 def best_panorama(light, library: str):
-    """The panorama of a folder that lights most like the photo, [H, 2H, 3] in the camera's frame; and a line on it."""
+    """The panorama of a folder that lights most like the photo, [H, 2H, 3] in the camera's frame; and lines on it and on
+    files that could not be read."""
     best = light.match(library, best=1)[0]
-    return best.radiance(PANORAMA_ROWS), f"Panorama {best.name}, {best.exposure_ev:+.1f} EV, stands for the estimate"
+    line = f"Panorama {best.name}, {best.exposure_ev:+.1f} EV, stands for the estimate"
+    return best.radiance(PANORAMA_ROWS), [line, *best.library.warnings]
 
 
 def turned(heading_deg: float, pitch_deg: float):
