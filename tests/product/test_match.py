@@ -70,6 +70,15 @@ def camera_light():
     return Light(radiance=radiance, find_shown=lambda: shown_under(place(2) * 0.3, turn)), turn
 
 
+def test_an_object_without_one_colour_is_compared_by_the_others():
+    turn = world_from_camera(YAW, PITCH)
+    shown = shown_under(place(2), turn)
+    red = replace(shown, radiance=shown.radiance * np.float32([1, 1, 0]))
+    found = best_places(red, np.stack([light_of(place(seed))[0] for seed in range(6)]))
+    assert np.isfinite(found.misfit).all()
+    assert found.misfit.argmin() == 2
+
+
 def ground(source: str, pitch_deg: float) -> dict:
     """Of a light's info."""
     return Ground(pitch_deg=pitch_deg, pitch_error_deg=5.0, roll_deg=0.0, contact=(32, 40), source=source).info()

@@ -251,7 +251,7 @@ class _Measured:
 
     def __init__(self, shown: Shown, few: slice) -> None:
         radiance, clipped = shown.radiance[few].astype(np.float32), shown.clipped[few]
-        mean = radiance.mean(axis=0)
+        mean = np.maximum(radiance.mean(axis=0), 1e-2 * radiance.mean() + 1e-6)  # of a channel that is 0 everywhere
         weight = np.where(clipped[:, None], CLIPPED_WEIGHT, 1.0) / (radiance + 2 * FAINT_SEEN * mean) ** 2
         self.weight = (weight / weight.sum(axis=0)).astype(np.float32)
         self.radiance, self.dark, self.clipped = radiance, (FAINT_SEEN * mean).astype(np.float32), clipped
