@@ -12,7 +12,7 @@ Where the photo shows its background, that of detail.background is added.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -63,6 +63,11 @@ class Shown:
     n: np.ndarray
     wo: np.ndarray
     behind: Background | None = None
+
+    def turned(self, rotation: np.ndarray) -> Shown:
+        """The same in a frame that a rotation [3, 3] takes the camera's to."""
+        behind = None if self.behind is None else replace(self.behind, d=self.behind.d @ rotation.T)
+        return replace(self, n=self.n @ rotation.T, wo=self.wo @ rotation.T, behind=behind)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
