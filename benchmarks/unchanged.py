@@ -237,6 +237,7 @@ def main() -> None:
     parser.add_argument("--pairs", type=int, default=20, help="frozen pairs to score")
     parser.add_argument("--only", nargs="*", default=["graphs", "estimates", "requests", "scores", "training"])
     options = parser.parse_args()
+    options.data = options.data and options.data.resolve()  # commands run in a folder of their own
     differing = 0
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

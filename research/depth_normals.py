@@ -64,7 +64,7 @@ def main(data: Path, pairs: Annotated[int, typer.Option()] = PAIRS) -> None:
     models = Models(threads=1)
     found: dict[str, dict[str, list]] = defaultdict(lambda: defaultdict(list))
     recipes = read_recipes(FROZEN)
-    for recipe in recipes[:: len(recipes) // pairs][:pairs]:
+    for recipe in recipes[:: max(1, len(recipes) // pairs)][:pairs]:
         pair = render_pair(recipe, store)
         true = true_normals(pair)
         given: dict[str, np.ndarray | None] = {"none": None, "true normals": true}

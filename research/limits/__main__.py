@@ -53,7 +53,7 @@ def limits(
         maps[f"+ {name}"] = partial(
             lambda pair, given: run_with_hints(models, pair, given).radiance, given=GIVEN_HINTS[name]
         )
-    spheres = _Spheres(data) if sphere else None
+    spheres = _Spheres(data, part) if sphere else None
     scores, held = Limits(), {}
     for pair in chosen:
         scores.add(pair, maps)
@@ -94,8 +94,9 @@ def _pairs(data: Path, part: str, count: int, kept: Path | None):
 class _Spheres:
     """The linear limit of any pair; one regression for each kind and bin, learned when it is first asked for."""
 
-    def __init__(self, data: Path) -> None:
-        store = load_asset_store(data, "train", commercial_only=False, with_shapes=False)
+    def __init__(self, data: Path, part: str) -> None:
+        """part: whose pairs are scored; what is left out are the maps whose licence keeps them from training."""
+        store = load_asset_store(data, "train", commercial_only=part == "left-out", with_shapes=False)
         self._views = Views([one.radiance for one in store.maps.values() if not one.lifted])
         self._learned: dict = {}
 

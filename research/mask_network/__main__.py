@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.errors import InputError
 from anyprobe.train.checkpoint import keep_apart, save_init_weights
 from research.mask_network.export import export_mask
 from research.mask_network.train import MaskRunConfig, smoke, train_mask
@@ -36,9 +37,12 @@ def train(
     ] = None,
 ) -> None:
     """Train the network that proposes the object; resumes exactly."""
+    if dry_run is not None and steps is not None:
+        raise InputError("--dry-run: expected its own number of steps, got --steps; leave one of them out")
     config = MaskRunConfig() if steps is None else replace(MaskRunConfig(), steps=steps)
     if dry_run is not None:
         config = smoke(config, dry_run)
+        (runs / config.name / "checkpoint.pt").unlink(missing_ok=True)
     every = keep_every or config.steps
     for stop in range(every, config.steps + every, every):
         checkpoint = train_mask(config, data=data, runs=runs, stop_after=stop, start=init_weights)

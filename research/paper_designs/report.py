@@ -170,7 +170,8 @@ def write_report(folder: Path, out: Path = HERE) -> None:
 
 def lines(content: dict) -> Iterator[str]:
     """The README's table and answer."""
-    count = {1: "one seed", 2: "mean of both seeds"}[len(content["seeds"])]
+    seeds = len(content["seeds"])
+    count = {1: "one seed", 2: "mean of both seeds"}.get(seeds, f"mean of {seeds} seeds")
     yield f"After {content['pairs']:,} pairs, {count}."
     for name, after in content["under_way"].items():
         yield f"The run of {int(name.split()[0]):,} pairs, {' '.join(name.split()[1:])}, has seen {after:,}."

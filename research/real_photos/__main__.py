@@ -12,6 +12,7 @@ from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
 from anyprobe.evaluate.methods import baselines, model_methods
+from research.model_names import titles_of
 from research.real_photos.lamps import GROUP, lamp_angles, lamp_group, load_lamps
 from research.real_photos.maps import load_real, read_real, score_real
 from research.results import commit, write_result
@@ -25,11 +26,12 @@ def real_photos(
     """Score every method on every photo; print means and medians by group."""
     names = model or [DEFAULT_MODEL]
     methods = baselines()
-    for name in names:
-        methods |= model_methods(Models(name), Path(name).name)
+    titles = titles_of(names)
+    for name, title in zip(names, titles, strict=True):
+        methods |= model_methods(Models(name), title)
     rows = read_real(folder)
     groups = score_real(load_real(folder, rows), methods)
-    estimators = {Path(name).name: Estimator(name) for name in names}
+    estimators = {title: Estimator(name) for name, title in zip(names, titles, strict=True)}
     angles = lamp_angles(load_lamps(folder, rows), methods, estimators)
     if angles:
         groups[GROUP] = lamp_group(angles)

@@ -28,6 +28,7 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.files.objects import open_object
 from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.render.spheres import sphere_images
+from research.model_names import titles_of
 
 ROW, CAPTION, PAGE = 150, 14, 10
 """Height of pictures and captions [px]; photos on a page."""
@@ -85,7 +86,8 @@ def main(
     model: Annotated[list[str] | None, typer.Option(help="Bundled model or folder; repeat for more.")] = None,
 ) -> None:
     """Draw the pages."""
-    estimators = {Path(name).name: Estimator(name) for name in model or [DEFAULT_MODEL]}
+    names = model or [DEFAULT_MODEL]
+    estimators = {title: Estimator(name) for name, title in zip(names, titles_of(names), strict=True)}
     paths = [path for folder in folders for path in photos_of(folder)]
     for first in range(0, len(paths), PAGE):
         rows = [row_of(path, estimators) for path in paths[first : first + PAGE]]

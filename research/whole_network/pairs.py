@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageFilter
 
-from anyprobe.errors import AnyprobeError
+from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.photo import crop_object, load_photo
@@ -84,6 +84,10 @@ def known_of(photo: WholePhoto, estimator: Estimator, rng: np.random.Generator, 
 def make_pairs(data: Path, kept: Path, out: Path, scenes: int, part: str = "train", first: int = 0) -> Iterator[Path]:
     """Files in out of AT_ONCE scenes each, from number `first` on, made where they are missing; kept: of
     research.world; part: train, lamps."""
+    if first % AT_ONCE or (scenes % AT_ONCE and scenes > AT_ONCE):
+        raise InputError(
+            f"--first {first} --scenes {scenes}: expected multiples of {AT_ONCE}, which a file holds, got others"
+        )
     store, estimator = store_of(data, part), Estimator(threads=1)
     for start in range(first, scenes, AT_ONCE):
         path, last = out / f"{part}-{start:06d}.npz", min(start + AT_ONCE, scenes)

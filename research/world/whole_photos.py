@@ -74,9 +74,9 @@ class WholePhoto:
 
 
 def recipes_of(part: str, store: AssetStore | None = None, count: int = COUNT) -> list[Recipe]:
-    """The recipes of a part. Those of "test" and "left-out" never change; of "train" the first `count` over a store."""
+    """The first `count` recipes of a part. Those of "test" and "left-out" never change; others are over a store."""
     if part in LISTS:
-        return read_recipes(Path(__file__).parent / LISTS[part])
+        return read_recipes(Path(__file__).parent / LISTS[part])[:count]
     if part not in LEARNED or store is None:
         raise InputError(f"part {part!r}: expected one of {', '.join(PARTS)}, train with its store; choose one of them")
     return world_recipes(store, count, SEED)

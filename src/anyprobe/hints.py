@@ -254,7 +254,7 @@ class Hints:
 
     def __post_init__(self) -> None:
         check_together([name for name, _ in self.given()])
-        for name in ("near", "far", "fov_deg", "pitch_deg"):
+        for name in ("near", "far", "fov_deg", "pitch_deg", "roughness"):
             value = getattr(self, name)
             if value is not None and not isinstance(value, Real):
                 raise InputError(f"{name}: expected a number, got {type(value).__name__} {str(value)[:40]!r}")

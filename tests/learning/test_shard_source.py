@@ -46,6 +46,13 @@ def source(folder, **settings):
     return ShardSource(folder, None, PairConfig(**{"batch": 3, "seed": 5, **settings}))
 
 
+def test_test_assets_are_not_trained_on(tmp_path):
+    job = render_job.begin(tmp_path / "set", {**SETTINGS, "split": "test"}, None, StoreRenderer, resume=False)
+    render_job.render_missing(job, here, lambda shard, n: None)
+    with pytest.raises(InputError, match="expected a dataset of training assets, got one of split test"):
+        source(tmp_path / "set")
+
+
 def test_a_batch_holds_what_its_recipes_render(rendered):
     found = source(rendered)
     batch, seen = found.batch(0), {}

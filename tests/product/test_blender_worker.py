@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -67,6 +69,58 @@ def test_advice_is_for_python(tmp_path):
         sys.path.pop(0)
     assert "pip" not in in_the_panel(f"wrong on one photo in three; for a better one {REMEDY}")
     assert in_the_panel("the object is white") == "the object is white"
+
+
+def test_turned_pictures_lose_their_transparency_or_are_damaged(tmp_path):
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    picture = Image.new("RGBA", (40, 30), (200, 100, 50, 0))
+    picture.paste((10, 20, 30, 255), (0, 0, 20, 30))
+    picture.save(tmp_path / "turned.png", exif=exif)
+    found = answer(tmp_path, do="upright", photo=str(tmp_path / "turned.png"))
+    with Image.open(found["upright"]) as upright:
+        assert (upright.size, upright.mode) == ((30, 40), "RGBA")
+        np.testing.assert_array_equal(np.asarray(upright)[5, 5], [10, 20, 30, 255])
+        assert np.asarray(upright)[35, 5, 3] == 0
+
+
+def test_normals_that_blender_holds_are_refused_or_bent(tmp_path):
+    """Colours, vectors, and a sphere's told by its outline: one light of the first two."""
+    photo = ROOT / "examples" / "vase.png"
+    mask = np.asarray(Image.open(photo).convert("RGBA"))[..., 3] > 127
+    y, x = np.mgrid[: mask.shape[0], : mask.shape[1]] / max(mask.shape)
+    n = np.stack([x - x[mask].mean(), y[mask].mean() - y, np.full_like(x, 0.5)], axis=-1)
+    n = np.where(mask[..., None], n / np.linalg.norm(n, axis=-1, keepdims=True), 0).astype(np.float32)
+    colors = np.where(mask[..., None], 0.5 + 0.5 * n, 0).astype(np.float32)
+    found = []
+    for values in (n, colors):
+        np.save(tmp_path / "pixels.npy", np.dstack([values, np.ones(mask.shape, np.float32)]))
+        given = {"pixels": str(tmp_path / "pixels.npy"), "linear": True}
+        answered = answer(tmp_path, do="estimate", photo={"file": str(photo)}, normals=given)
+        found.append(read_radiance(tmp_path / answered["full"]))
+    np.testing.assert_allclose(found[0], found[1], rtol=0.02, atol=0.01)
+
+
+def test_panoramas_that_cannot_be_read_are_left_out_in_silence(tmp_path):
+    folder = tmp_path / "panoramas"
+    folder.mkdir()
+    shutil.copy(ROOT / "examples" / "vase_truth.exr", folder)
+    (folder / "damaged.hdr").write_bytes(b"no picture")
+    found = answer(tmp_path, do="estimate", photo={"file": str(ROOT / "examples" / "vase.png")}, library=str(folder))
+    said = "\n".join(found["warnings"])
+    assert "Panorama vase_truth" in said
+    assert "left out: " in said
+    assert "damaged.hdr" in said
+
+
+def test_the_zip_cannot_be_built():
+    spec = importlib.util.spec_from_file_location("build", WORKER.parents[1] / "build.py")
+    build = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(build)
+    for python in build.BLENDERS:
+        names = [one.partition("==")[0] for one in build.wanted(python)]
+        assert {"onnxruntime", "OpenEXR", "pillow"} <= set(names)
+        assert all("==" in one for one in build.wanted(python))
 
 
 def test_materials_are_unknown(tmp_path):

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import OpenEXR
 import pytest
 from PIL import Image
 
 from anyprobe.core.latlong import pixel_directions
+from anyprobe.core.response import inverse_response
+from anyprobe.errors import InvalidMask
 from anyprobe.estimate import estimator as estimate_module
 from anyprobe.estimate.doubts import ground_doubts, light_doubts
 from anyprobe.estimate.estimator import Estimator
@@ -28,6 +31,21 @@ def test_mostly_clipped_and_nearly_black_objects_are_said(photo_rgba, photo_mask
         part.astype(np.uint8), photo_mask
     )
     assert "nearly black" in warned((0.05 * rgb).astype(np.uint8), photo_mask)
+
+
+def test_a_photo_of_radiance_in_another_unit_is_said(photo_rgba, photo_mask, tmp_path):
+    lit = np.maximum(inverse_response(photo_rgba[..., :3].astype(np.float32) / 300.0), 0.05)
+
+    def written(radiance) -> str:
+        OpenEXR.File({}, {"RGB": np.ascontiguousarray(radiance, np.float32)}).write(str(tmp_path / "photo.exr"))
+        return str(tmp_path / "photo.exr")
+
+    assert "its radiance" not in warned(written(lit), photo_mask)
+    said = warned(written(400 * lit), photo_mask)
+    assert "photo.exr: 100% of the photo is above 1, which is white; multiply its radiance by 0.0" in said
+    assert "of the object is clipped" not in said, "once is enough"
+    with pytest.raises(InvalidMask, match="nothing stands out.*; photo.exr: 100% of the photo is above 1"):
+        load_photo(written(np.full_like(lit, 300.0)))
 
 
 def lamp_at(elevation_deg: float) -> np.ndarray:

@@ -26,7 +26,7 @@ from anyprobe.detail.library_folder import open_library
 from anyprobe.detail.likeness import MATCH_ROWS, Shown, best_places, gain_of, light_of, schlick_coat
 from anyprobe.detail.matching import stops_apart
 from anyprobe.errors import InputError, OutputError
-from anyprobe.estimate.ground import Ground
+from anyprobe.estimate.ground import Ground, up_of
 from anyprobe.estimate.result import Light
 from anyprobe.files.radiance import read_radiance, write_exr
 from anyprobe.light.environment import reduced, rotate
@@ -68,6 +68,15 @@ def camera_light():
     turn = world_from_camera(YAW, PITCH)
     radiance = np.maximum(reduced(rotate(place(2), turn.T), 64), 0.0) * np.float32(0.3)
     return Light(radiance=radiance, find_shown=lambda: shown_under(place(2) * 0.3, turn)), turn
+
+
+def test_an_object_without_one_colour_is_compared_by_the_others():
+    turn = world_from_camera(YAW, PITCH)
+    shown = shown_under(place(2), turn)
+    red = replace(shown, radiance=shown.radiance * np.float32([1, 1, 0]))
+    found = best_places(red, np.stack([light_of(place(seed))[0] for seed in range(6)]))
+    assert np.isfinite(found.misfit).all()
+    assert found.misfit.argmin() == 2
 
 
 def ground(source: str, pitch_deg: float) -> dict:
@@ -196,6 +205,22 @@ def test_a_pitch_that_is_known_is_kept(folder, camera_light, by, info):
         np.testing.assert_allclose([one[1, 2] for one in in_camera], np.sin(np.radians(12)), atol=1e-6)
         np.testing.assert_allclose([one[1, 0] for one in in_camera], 0, atol=1e-6)
     assert ranked[0].name == "place-2"
+
+
+@pytest.mark.parametrize("by", ["photo", "map"])
+def test_a_roll_that_the_photo_notes_is_kept(folder, by):
+    """As of an iPhone that was held askew: the place and its direction are those of one that was not."""
+    pitch_deg, roll_deg = 12.0, 17.0
+    turn = world_from_camera(YAW, np.radians(pitch_deg), np.radians(roll_deg))
+    np.testing.assert_allclose(turn.T @ [0, 1, 0], up_of(pitch_deg, roll_deg), atol=1e-9)
+    radiance = np.maximum(reduced(rotate(place(2), turn.T), 64), 0.0)
+    noted = Ground(pitch_deg=pitch_deg, pitch_error_deg=2.0, roll_deg=roll_deg, contact=(32, 40), source="exif").info()
+    shown = (lambda: shown_under(place(2), turn)) if by == "photo" else None
+    best = Light(radiance=radiance, find_shown=shown, info={"ground": noted}).match(folder, best=1)[0]
+    assert (best.name, best.by) == ("place-2", by)
+    np.testing.assert_allclose(best.map_from_light.T @ [0, 1, 0], up_of(pitch_deg, roll_deg), atol=1e-6)
+    assert best.pitch_deg == pytest.approx(pitch_deg, abs=1e-3)
+    assert np.degrees(np.arccos(((best.map_from_light @ turn.T).trace() - 1) / 2)) < 12
 
 
 def test_a_pitch_that_is_estimated_moves_within_its_error(folder, camera_light):

@@ -39,6 +39,7 @@ SCENES = [draw_scene(recipe, STORE) for recipe in RECIPES]
 
 def test_the_lists_are_balanced_and_share_no_asset_with_each_other():
     test, left_out = (whole.recipes_of(part) for part in whole.LISTS)
+    assert whole.recipes_of("test", count=5) == test[:5]
     for recipes in (test, left_out):
         assert len(recipes) == whole.COUNT
         assert {recipe.conditions for recipe in recipes} == {WORLD}

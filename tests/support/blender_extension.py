@@ -143,11 +143,12 @@ def marked():
         view_to_region=lambda u, v, clip: (50 + 300 * u, 20 + 200 * v),
     )
     region = SimpleNamespace(type="WINDOW", x=30, y=40, width=400, height=240, view2d=view)
-    area = SimpleNamespace(regions=[region], tag_redraw=lambda: None)
+    sidebar = SimpleNamespace(type="UI", x=380, y=40, width=50, height=240)  # over the picture's editor
+    area = SimpleNamespace(regions=[region, sidebar], tag_redraw=lambda: None)
     settings, operator = bpy.context.scene.light_from_photo, module.LIGHT_FROM_PHOTO_OT_mark
     size = settings.image.size
     fake = SimpleNamespace(start=None, before=([], False, (0, 0, 0, 0)))
-    for name in ("put", "dragged", "take_back", "end"):
+    for name in ("put", "dragged", "on_another", "take_back", "end"):
         setattr(fake, name, getattr(operator, name).__get__(fake))
     context = SimpleNamespace(scene=bpy.context.scene, area=area, workspace=bpy.context.workspace)
 
@@ -159,6 +160,8 @@ def marked():
             SimpleNamespace(type=kind, value=value, mouse_x=region.x + x, mouse_y=region.y + y, ctrl=ctrl),
         )
 
+    for value in ("PRESS", "RELEASE"):
+        event("LEFTMOUSE", value, (size[0] * 1.1, size[1] / 2))
     middle = size[0] / 2, size[1] / 2
     corner = size[0] * 0.8, size[1] * 0.9
     event("LEFTMOUSE", "PRESS", middle)
@@ -236,8 +239,12 @@ found["kept_camera_suns"] = suns()
 
 settings = scene.light_from_photo
 settings.image = bpy.data.images.load(order["turned"])
+box = (200.0, 100.0, 460.0, 400.0)
+settings.use_box, settings.box = True, box
 found["turned"] = estimate()
 settings = bpy.context.scene.light_from_photo
+found["turned_box"] = [settings.use_box, list(settings.box) == list(box)]
+settings.use_box = False
 found["upright"] = [settings.image.name, list(settings.image.size)]
 found["marks"] = marked()
 settings.image = bpy.data.images.load(order["movie"])
@@ -256,6 +263,19 @@ found["matched"] |= {
     "turn": np.array(camera.matrix_world.to_3x3()).tolist(),
 }
 bpy.context.scene.light_from_photo.library = ""
+
+again = estimate(use_camera=False, lights="WORLD", library="")
+outlines = [one.name for one in bpy.data.images if one.name.startswith("Object of vase")]
+found["own_camera"] = [again, bpy.context.scene.camera is not None, outlines]
+bpy.context.scene.light_from_photo.use_camera = True
+
+source_of, paths = sys.modules[f"{MODULE}.photos"].source_of, []
+for value in (0.2, 0.8):
+    packed = bpy.data.images.new("packed", 8, 8)
+    packed.pixels.foreach_set([value] * 4 * 64)
+    packed.pack()
+    paths.append(source_of(packed, 1, scratch)["file"])
+found["packed"] = [len(set(paths)), len({Path(one).read_bytes() for one in paths})]
 
 process = sys.modules[f"{MODULE}.process"]
 running = process.Process({"do": "estimate"})

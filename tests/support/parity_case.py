@@ -21,6 +21,7 @@ from anyprobe.light.environment import rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.source_split import Source, draw_sources, split_sources
 from anyprobe.light.temporal import step
+from anyprobe.masks.check import look_at_given
 from anyprobe.masks.networks import default_graph, small_network
 from anyprobe.masks.quality import examine
 from anyprobe.masks.search import Prompts, find_object
@@ -106,6 +107,19 @@ def _unit(vector: np.ndarray) -> np.ndarray:
 def _rows(sources) -> np.ndarray:
     """[K, 7]: direction, power and radius of each source."""
     return np.array([[*one.direction, *one.power, one.radius] for one in sources]).reshape(-1, 7)
+
+
+def _given_masks(folder: Path) -> list[dict]:
+    """Masks [90, 120] that are odd in some way, in files, and what is said of each."""
+    y, x = np.mgrid[:90, :120]
+    disc = (np.hypot(x - 60, y - 45) < 30).astype(np.float32)
+    small = (np.hypot(x - 60, y - 45) < 14).astype(np.float32)
+    cases = [disc, 1 - disc, np.float32(0.6) * disc, small, np.clip(disc + np.float32(0.4), 0, 1)]
+    for index, mask in enumerate(cases):
+        read, _ = look_at_given(mask)
+        (folder / f"given_{index}.f32").write_bytes(mask.astype("<f4").tobytes())
+        (folder / f"given_{index}_read.f32").write_bytes(read.astype("<f4").tobytes())
+    return [{"width": 120, "said": look_at_given(mask)[1]} for mask in cases]
 
 
 SHAPES = [
@@ -267,6 +281,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "frame_seconds": FRAME_SECONDS,
         "placements": _placements(),
         "ground_doubts": _ground_doubts(),
+        "given_masks": _given_masks(folder),
         "found": found,
     }
     (folder / "case.json").write_text(json.dumps(case))

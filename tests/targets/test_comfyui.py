@@ -142,6 +142,15 @@ def test_bad_input_is_one_clear_line(nodes, photo, given, line):
     assert type(caught.value) is ValueError
 
 
+def test_what_a_sharp_resize_overshoots_is_no_fault(nodes, photo, mask):
+    """Bicubic resampling leaves the range of a picture by a little."""
+    sharp = photo.clone()
+    sharp[0, 0, :2] = torch.tensor([[-0.04, 0.5, 1.05], [1.04, 0.2, -0.03]])
+    kept = nodes["AnyprobeLightFromPhoto"].execute(photo=sharp.clip(0, 1), mask=mask)
+    made = nodes["AnyprobeLightFromPhoto"].execute(photo=sharp, mask=(1.06 * mask - 0.03))
+    torch.testing.assert_close(made.args[0], kept.args[0], atol=0.05, rtol=0.05)
+
+
 def test_a_photo_beyond_white_is_refused(nodes, photo, mask):
     with pytest.raises(ValueError, match="expected float display values from 0 to 1"):
         nodes["AnyprobeLightFromPhoto"].execute(photo=photo * 3, mask=mask)

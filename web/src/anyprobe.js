@@ -9,6 +9,7 @@ import { WorkerClient } from "./networks/workerClient.js";
 import { checkHints, checkLight, checkNames, longFovOf, wrong } from "./options.js";
 import { hintsOf } from "./photo/hints.js";
 import { describe } from "./photo/material.js";
+import { lookAtGiven } from "./photo/maskCheck.js";
 import { maskFromAlpha } from "./photo/picture.js";
 import { readMask, readNormals, readSource } from "./photo/source.js";
 
@@ -128,13 +129,13 @@ export class AnyProbe {
   /** The mask that is given, the picture's own, or what is found. */
   async #maskOf(picture, options) {
     const isGiven = (name) => options[name] !== undefined && options[name] !== null;
-    const marks = ["click", "exclude", "box"].filter(isGiven);
+    const marks = ["click", "exclude", "box"].filter((name) => isGiven(name) && options[name].length > 0);
     if (isGiven("mask") && marks.length) {
       throw new AnyProbeError("invalid-option", `mask and ${marks.join(", ")}: expected one of them, got both; leave one out`);
     }
+    if (isGiven("mask")) return { quality: null, ...lookAtGiven(await readMask(options.mask, picture, options.signal), picture.width) };
     const own = marks.length ? null : maskFromAlpha(picture);
-    const given = isGiven("mask") ? await readMask(options.mask, picture, options.signal) : own;
-    if (given) return { mask: given, quality: null, warnings: [] };
+    if (own) return { mask: own, quality: null, warnings: [] };
     const found = await this.#findMask(picture, options);
     if (found.quality === 0) throw new AnyProbeError("no-object", nothingFound(picture, marks));
     return found;

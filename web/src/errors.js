@@ -26,3 +26,13 @@ export const sentError = (error) => ({ code: error.code ?? "failed", message: er
 
 /** The error that was sent. */
 export const receivedError = ({ code, message }) => new AnyProbeError(code, message);
+
+/** What pixels are read by; of a picture of another origin an error that says what to do. @template T @param {() => T} read @param {string} name @returns {T} */
+export function readable(read, name) {
+  try {
+    return read();
+  } catch (error) {
+    if (error?.name !== "SecurityError") throw error;
+    throw new AnyProbeError("invalid-image", `${name}: expected pixels that this page may read, got those of another origin; set crossOrigin`);
+  }
+}

@@ -17,6 +17,7 @@ import { splitSources } from "../src/light/sourceSplit.js";
 import { shown, shownSources, step } from "../src/light/temporal.js";
 import { contextOf, cropNormals, cropObject } from "../src/photo/crop.js";
 import { givenMaterial, materialInput } from "../src/photo/material.js";
+import { lookAtGiven } from "../src/photo/maskCheck.js";
 import { groundDoubts } from "../src/photo/ground.js";
 import { objectBox } from "../src/photo/picture.js";
 import { readMask } from "../src/photo/source.js";
@@ -70,7 +71,7 @@ before(async () => {
   const given = JSON.parse(readFileSync(join(folder, "case.json")));
   const { width, height, long_fov_deg, weights } = given;
   const rgba = new Uint8ClampedArray(readFileSync(join(folder, "photo.rgba")));
-  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, materials: given.materials, frameSeconds: given.frame_seconds, placements: given.placements, groundDoubts: given.ground_doubts, found: given.found });
+  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, materials: given.materials, frameSeconds: given.frame_seconds, placements: given.placements, groundDoubts: given.ground_doubts, givenMasks: given.given_masks, found: given.found });
   found.crop = cropObject(found.picture, floats("mask"), long_fov_deg);
   ort.env.wasm.numThreads = 1;
   const bytes = Object.fromEntries(
@@ -171,6 +172,15 @@ test("transparent pixels are no surroundings", { skip }, (t) => {
   assertClose(contextOf(picture, crop.mask, crop, opaque), floats("context_transparent"), 1e-5, "context");
   const whole = { ...found.picture, rgba: found.picture.rgba.map((value, i) => (i % 4 === 3 ? 255 : value)) };
   assert.deepEqual(withoutTransparent(whole), { picture: whole, opaque: null });
+});
+
+test("what is odd about a given mask is said in the same words", { skip }, () => {
+  found.givenMasks.forEach(({ width, said }, index) => {
+    const { mask, warnings } = lookAtGiven(floats(`given_${index}`), width);
+    assert.deepEqual(warnings, said);
+    assertClose(mask, floats(`given_${index}_read`), 1e-6, `given mask ${index}`);
+  });
+  assert.equal(new Set(found.givenMasks.flatMap(({ said }) => said)).size, 4);
 });
 
 test("an unsure pitch is said in the same words", { skip }, () => {

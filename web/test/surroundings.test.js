@@ -5,6 +5,8 @@ import { test } from "node:test";
 
 import { luminance } from "../src/core/color.js";
 import { inverseResponse, response } from "../src/core/response.js";
+import { lightOfObject } from "../src/networks/lightOfObject.js";
+import { cropObject } from "../src/photo/crop.js";
 import { backdropDoubts, useSurroundings } from "../src/photo/surroundings.js";
 
 const PIXELS = 64 * 128;
@@ -56,4 +58,24 @@ test("a backdrop that is not used is said; the black of a cut-out and transparen
   assert.deepEqual(backdropDoubts(picture(0, 255), mask), []);
   assert.deepEqual(backdropDoubts(picture(250, 0), mask), []);
   assert.deepEqual(backdropDoubts(picture(250, 255), mask.fill(1)), []);
+});
+
+test("a background tints what it does not show, unless the object's material is known", async () => {
+  const [width, height] = [160, 120];
+  const rgba = new Uint8ClampedArray(4 * width * height);
+  const mask = new Float32Array(width * height);
+  for (let i = 0; i < mask.length; i++) {
+    const [x, y] = [i % width, Math.floor(i / width)];
+    rgba.set([200 - (x % 40), 120, 60 + (y % 40), 255], 4 * i); // a warm room
+    if (Math.hypot(x - 80, y - 60) < 20) mask[i] = 1;
+  }
+  const picture = { width, height, rgba };
+  const models = { lifts: true, light: async () => ({ radiance: new Float32Array(64 * 128 * 3).fill(0.4) }) };
+  const behind = async (material) => {
+    const { radiance } = await lightOfObject(models, picture, 60, cropObject(picture, mask, 60), { surroundings: "photo", material });
+    return [...radiance.subarray(3 * 32 * 128, 3 * 32 * 128 + 3)];
+  };
+  const [red, , blue] = await behind(undefined);
+  assert.ok(red > 1.1 * blue, `${red}, ${blue}`);
+  for (const value of await behind(new Float32Array(8))) assert.ok(Math.abs(value - 0.4) < 1e-6);
 });

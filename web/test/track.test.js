@@ -177,3 +177,49 @@ test("normals that are none, a picture's or another frame's are refused", async 
   await fails(all(0, 0, -1), /^normals: expected normals towards the camera .*, got most that look away/);
   await probe.estimate(picture, all(0, -0.6, 0.8));
 });
+
+test("a video that has told its size alone is waited for", async () => {
+  const told = [];
+  globalThis.createImageBitmap = async () => ({});
+  const client = { spares: [], check: () => {}, give: (taken) => told.push(taken), ask: async (task) => void told.push(task) };
+  const tracker = new AnyProbe(client, { hasMask: true, engine: "wasm", threads: 1 }).track(null, () => {});
+  const video = { videoWidth: 64, videoHeight: 48, readyState: 1 };
+  await tracker.offer(video);
+  assert.deepEqual([tracker.running, told], [true, []]);
+  await tracker.offer(Object.assign(video, { readyState: 2 }));
+  assert.equal(told[0], "startLive");
+  assert.equal(told.length, 2);
+});
+
+test("a light of the source before is not the new one's, and pictures that nobody waits for are closed", async () => {
+  let [opened, closed] = [null, 0];
+  globalThis.createImageBitmap = async () => ({ close: () => closed++ });
+  const client = { spares: [], check: () => {}, give: () => {}, ask: (task) => new Promise((resolve) => task === "startLive" && (opened = resolve)) };
+  const heard = [];
+  const tracker = new AnyProbe(client, { hasMask: true, engine: "wasm", threads: 1 }).track(null, () => {}, { onLost: () => heard.push("lost") });
+  const offered = tracker.offer({ width: 64, height: 48 });
+  client.onLive({ lost: true });
+  assert.deepEqual(heard, []);
+  await settle();
+  opened();
+  await offered;
+  client.onLive({ lost: true });
+  assert.deepEqual(heard, ["lost"]);
+  const late = tracker.offer({ width: 64, height: 48 });
+  tracker.stop();
+  await late;
+  assert.equal(closed, 1);
+});
+
+test("an empty list of marks is none, and a given mask is looked at", async () => {
+  const asked = [];
+  const client = { spares: [], check: () => {}, ask: async (task, given) => (asked.push([task, given]), { light: { radiance: new Float32Array(3), warnings: [] } }) };
+  const probe = new AnyProbe(client, { hasMask: true, engine: "wasm", threads: 1 });
+  const rgba = new Uint8ClampedArray(4 * 64 * 64).map((_, i) => (i % 4 === 3 && Math.floor(i / 4) % 64 < 32 ? 0 : 200));
+  await probe.estimate({ width: 64, height: 64, rgba }, { click: [], exclude: [] }).catch(() => {});
+  assert.deepEqual(asked.map(([task]) => task), ["estimate"]);
+  const mask = Float32Array.from({ length: 64 * 64 }, (_, i) => (i % 64 > 4 && i % 64 < 60 ? 0.6 : 0));
+  const light = await probe.estimate({ width: 64, height: 64, rgba }, { mask }).catch((error) => error);
+  assert.ok(Math.max(...asked[1][1].mask) === 1, String(light));
+  assert.match(light.warnings[0], /nowhere white \(at most 0.60\)/);
+});

@@ -18,7 +18,7 @@ def order_of(settings, camera, folder: Path) -> dict:
         raise process.Failed("Choose a photo first")
 
     def optional(image):
-        return None if image is None else photos.source_of(image, 1, folder)
+        return None if image is None else photos.source_of(image, settings.frame, folder)
 
     marks = {beside: [tuple(one.at) for one in settings.marks if one.beside == beside] for beside in (False, True)}
     turn = None
@@ -141,6 +141,9 @@ class LIGHT_FROM_PHOTO_OT_estimate(bpy.types.Operator):
             process.remove(folder)
             self.report({"ERROR"}, str(error))
             return False
+        except BaseException:
+            process.remove(folder)
+            raise
         return True
 
     def finish(self, found: dict):

@@ -148,7 +148,7 @@ class LIGHT_FROM_PHOTO_OT_mark(bpy.types.Operator):
             return self.end(context, {"FINISHED"})
         region = next(one for one in context.area.regions if one.type == "WINDOW")
         x, y = event.mouse_x - region.x, event.mouse_y - region.y
-        over = 0 <= x < region.width and 0 <= y < region.height
+        over = 0 <= x < region.width and 0 <= y < region.height and not self.on_another(context, event)
         if event.type == "LEFTMOUSE" and event.value == "PRESS" and over:
             self.start = x, y
         elif event.type == "LEFTMOUSE" and event.value == "RELEASE" and self.start:
@@ -160,6 +160,14 @@ class LIGHT_FROM_PHOTO_OT_mark(bpy.types.Operator):
             return {"PASS_THROUGH"}
         context.area.tag_redraw()
         return {"RUNNING_MODAL"}
+
+    def on_another(self, context, event) -> bool:
+        """Whether the pointer is on the sidebar or a header, which may lie over the picture."""
+        return any(
+            0 <= event.mouse_x - one.x < one.width and 0 <= event.mouse_y - one.y < one.height
+            for one in context.area.regions
+            if one.type != "WINDOW"
+        )
 
     def dragged(self, end) -> bool:
         return max(abs(a - b) for a, b in zip(self.start, end, strict=True)) > DRAG_PX

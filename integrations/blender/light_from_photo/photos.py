@@ -20,7 +20,7 @@ def source_of(image, frame: int, folder: Path) -> dict:
             raise process.Failed(f"{image.name}: no file of frame {frame}; choose another frame")
         return {"file": str(found)}
     if image.packed_file and not image.is_dirty:
-        packed = folder / f"packed{path.suffix if path else '.png'}"
+        packed = unused(folder, "packed", path.suffix if path else ".png")
         packed.write_bytes(image.packed_file.data)
         return {"file": str(packed)}
     if path and path.is_file() and not image.is_dirty:
@@ -30,9 +30,14 @@ def source_of(image, frame: int, folder: Path) -> dict:
     width, height = image.size
     values = np.empty(width * height * image.channels, np.float32)
     image.pixels.foreach_get(values)
-    kept = folder / f"pixels_{len(list(folder.iterdir()))}.npy"
+    kept = unused(folder, "pixels", ".npy")
     np.save(kept, values.reshape(height, width, image.channels)[::-1])
     return {"pixels": str(kept), "linear": image.is_float}
+
+
+def unused(folder: Path, name: str, suffix: str) -> Path:
+    """A file that is not there yet: photo, mask and normals come into one folder."""
+    return folder / f"{name}_{len(list(folder.iterdir()))}{suffix}"
 
 
 def sequence_file(image, frame: int) -> str:
@@ -50,7 +55,7 @@ def movie_frame(image, path: Path | None, frame: int, folder: Path) -> Path:
         raise process.Failed(f"{image.name}: no such file as {path}; choose the movie again")
     if not 1 <= frame <= image.frame_duration:
         raise process.Failed(f"{image.name}: expected a frame from 1 to {image.frame_duration}, got {frame}")
-    scene = bpy.data.scenes.new("light_from_photo frame")
+    scene, target = bpy.data.scenes.new("light_from_photo frame"), unused(folder, "frame", ".png")
     try:
         scene.render.resolution_x, scene.render.resolution_y = image.size
         scene.render.resolution_percentage = 100
@@ -60,11 +65,11 @@ def movie_frame(image, path: Path | None, frame: int, folder: Path) -> Path:
         strips.new_movie("movie", str(path), 1, 1).frame_start = 2 - frame
         scene.frame_start = scene.frame_end = 1
         scene.render.image_settings.file_format = "PNG"
-        scene.render.filepath = str(folder / "frame.png")
+        scene.render.filepath = str(target)
         bpy.ops.render.render(write_still=True, scene=scene.name)
     finally:
         bpy.data.scenes.remove(scene)
-    return folder / "frame.png"
+    return target
 
 
 def stand_upright(settings) -> None:
@@ -82,8 +87,14 @@ def stand_upright(settings) -> None:
             turned = bpy.data.images.load(found["upright"])
             turned.name = f"{image.name} upright"
             turned.pack()
-            turned.filepath_raw = f"//{path.stem}_upright.jpg"
-            settings.image = turned
+            turned.filepath_raw = f"//{path.stem}_upright{Path(found['upright']).suffix}"
+            kept = settings.mask, settings.use_box, tuple(settings.box)
+            marks = [(tuple(one.at), one.beside) for one in settings.marks]
+            settings.image = turned  # which forgets what was marked on another photo
+            settings.mask, settings.use_box, settings.box = kept
+            for at, beside in marks:
+                mark = settings.marks.add()
+                mark.at, mark.beside = at, beside
     finally:
         worker.close()
 

@@ -41,7 +41,8 @@ def build(scene, settings, found: dict, folder: Path, name: str) -> None:
 
     The object of the photo stands at the 3D cursor, and the ground goes through it.
     """
-    remove_own(scene)
+    # the light was turned by the scene's camera, which may be an earlier estimate's
+    remove_own(scene, keep=None if settings.use_camera else scene.camera)
     collection = bpy.data.collections.new(f"Light of {name}")
     collection[OWN] = True
     scene.collection.children.link(collection)
@@ -54,17 +55,20 @@ def build(scene, settings, found: dict, folder: Path, name: str) -> None:
         make_catcher(scene, collection, foot, height, name)
     if settings.use_camera:
         make_camera(scene, collection, found, settings.image, foot, height, name)
-        if settings.use_composite:
-            composite_over_photo(scene, settings.image)
+    if not (settings.use_camera and settings.use_composite and composite_over_photo(scene, settings.image)):
+        stop_compositing(scene)
+    for one in [image for image in bpy.data.images if is_own(image) and image.name.startswith("Object of ")]:
+        if one.users <= 1:  # its own fake one
+            bpy.data.images.remove(one)
     outline = load(folder / found["object"], f"Object of {name}", "sRGB")
     outline.use_fake_user = True
 
 
-def remove_own(scene) -> None:
-    """An earlier estimate's objects; its lights would count twice."""
+def remove_own(scene, keep=None) -> None:
+    """An earlier estimate's objects, but for one; its lights would count twice."""
     for collection in [one for one in scene.collection.children_recursive if is_own(one)]:
         for one in list(collection.objects):
-            if is_own(one):
+            if is_own(one) and one != keep:
                 bpy.data.objects.remove(one)
         if not collection.objects and not collection.children:
             bpy.data.collections.remove(collection)
@@ -187,7 +191,16 @@ def composited(scene) -> bool:
     """Whether the scene has compositing nodes of the user's, which stay as they are."""
     if hasattr(scene, "compositing_node_group"):  # Blender 5
         return scene.compositing_node_group is not None and not is_own(scene.compositing_node_group)
-    return scene.use_nodes and scene.node_tree is not None and not is_own(scene.node_tree)
+    return scene.node_tree is not None and not is_own(scene.node_tree) and len(scene.node_tree.nodes) > 0
+
+
+def stop_compositing(scene) -> None:
+    """Nodes of an earlier estimate would put renders over its photo."""
+    if hasattr(scene, "compositing_node_group"):
+        if scene.compositing_node_group is not None and is_own(scene.compositing_node_group):
+            scene.compositing_node_group = None
+    elif scene.node_tree is not None and is_own(scene.node_tree):
+        scene.use_nodes = False
 
 
 def composite_over_photo(scene, image) -> bool:
@@ -223,4 +236,5 @@ def composite_over_photo(scene, image) -> bool:
     tree.links.new(scale.outputs["Image"], behind)
     tree.links.new(layers.outputs["Image"], before)
     tree.links.new(over.outputs["Image"], end.inputs["Image"])
+    scene.render.film_transparent = True  # else the World is drawn over the photo
     return True

@@ -56,14 +56,13 @@ def upright(order: dict, folder: Path) -> dict:
             if image.getexif().get(ExifTags.Base.Orientation, 1) == 1:
                 return {}
             turned = ImageOps.exif_transpose(image)
-            turned.save(
-                folder / "upright.jpg", quality=95, exif=turned.getexif(), icc_profile=image.info.get("icc_profile")
-            )
+            path = folder / ("upright.png" if turned.has_transparency_data else "upright.jpg")
+            turned.save(path, quality=95, exif=turned.getexif(), icc_profile=image.info.get("icc_profile"))
     except UnidentifiedImageError:
         return {}  # .exr and whatever else the library itself judges
     except (OSError, ValueError, SyntaxError) as error:
         raise InvalidPhoto(f"{Path(order['photo']).name}: expected a photo, got a damaged file ({error})") from error
-    return {"upright": str(folder / "upright.jpg")}
+    return {"upright": str(path)}
 
 
 def estimate(order: dict, folder: Path) -> dict:
@@ -89,13 +88,13 @@ def estimate(order: dict, folder: Path) -> dict:
     photo = load_photo(
         picture(order["photo"]),
         name=order["name"],
-        mask=picture(order["mask"]),
+        mask=picture(order["mask"], as_data=True),
         click=order["click"],
         exclude=order["exclude"],
         box=order["box"],
         fov_deg=order["fov_deg"],
         pitch_deg=order["pitch_deg"],
-        normals="sphere" if order["normals"] == "sphere" else picture(order["normals"]),
+        normals="sphere" if order["normals"] == "sphere" else vectors(order["normals"]),
         material=order["material"],
         albedo=order["albedo"],
         roughness=order["roughness"],
@@ -107,8 +106,8 @@ def estimate(order: dict, folder: Path) -> dict:
     radiance, warnings = light.radiance, list(light.warnings)
     if order["library"]:
         say(folder, 0.7, "Comparing your panoramas")
-        radiance, line = best_panorama(light, order["library"])
-        warnings.append(line)
+        radiance, lines = best_panorama(light, order["library"])
+        warnings += lines
     say(folder, 0.9, "Writing the maps")
     turn = np.array(order["turn"]) if order["turn"] else turned(order["heading_deg"], pitch_deg)
     foot, (x0, y0, x1, y1) = view.on_ground(*contact_of(photo.mask)), object_box(photo.mask)
@@ -162,9 +161,11 @@ PANORAMA_ROWS = 1024
 
 
 def best_panorama(light, library: str):
-    """The panorama of a folder that lights most like the photo, [H, 2H, 3] in the camera's frame; and a line on it."""
+    """The panorama of a folder that lights most like the photo, [H, 2H, 3] in the camera's frame; and lines on it and
+    on files that could not be read."""
     best = light.match(library, best=1)[0]
-    return best.radiance(PANORAMA_ROWS), f"Panorama {best.name}, {best.exposure_ev:+.1f} EV, stands for the estimate"
+    line = f"Panorama {best.name}, {best.exposure_ev:+.1f} EV, stands for the estimate"
+    return best.radiance(PANORAMA_ROWS), [line, *best.library.warnings]
 
 
 def turned(heading_deg: float, pitch_deg: float):
@@ -185,8 +186,23 @@ def sources_of(side: dict) -> list[dict]:
     ]
 
 
-def picture(source: dict | None):
-    """A file's path, or the pixels that Blender keeps: [H, W, 4] display values, or linear ones."""
+def vectors(source: dict | None):
+    """A normal map's path, or of the pixels that Blender keeps, colours or vectors, [H, W, 3] vectors."""
+    if source is None or "file" in source:
+        return source and source["file"]
+    import numpy as np
+
+    values = np.load(source["pixels"])[..., :3]
+    if source["linear"] and values.min() < 0:
+        return values
+    return np.where(values.any(axis=-1, keepdims=True), 2 * values - 1, np.float32(0))
+
+
+def picture(source: dict | None, as_data: bool = False):
+    """A file's path, or the pixels that Blender keeps: [H, W, 4] display values, or linear ones.
+
+    as_data: they are no colours, and stay as they are.
+    """
     if source is None:
         return None
     if "file" in source:
@@ -196,7 +212,7 @@ def picture(source: dict | None):
     from anyprobe.core.response import response
 
     values = np.load(source["pixels"])
-    if source["linear"]:
+    if source["linear"] and not as_data:
         values[..., :3] = response(np.nan_to_num(np.maximum(values[..., :3], 0)))
     return np.clip(values, 0, 1)
 

@@ -75,6 +75,9 @@ def evaluate(
         (recipes and conditions != "clean", f"--conditions {conditions}", "pairs that do not say theirs", "--recipes"),
         (textured and path_traced, "--textured", "photos that anyprobe shades", "--path-traced"),
         (predictions and write_photos, "--predictions", "photos that are written already", "--write-photos"),
+        (write_photos and hints, "--hints", "something to score", "--write-photos"),
+        (write_photos and model != DEFAULT_MODEL, "--model", "something to score", "--write-photos"),
+        (predictions and engine != DEFAULT_ENGINE, "--engine", "a model to run", "--predictions"),
         (predictions and hints, "--hints", "a model to give them to", "--predictions"),
         (predictions and model != DEFAULT_MODEL, "--model", "a model's maps to score", "--predictions"),
     )
@@ -124,7 +127,7 @@ def evaluate(
         "settings": {
             "pairs": len(chosen),
             **({"recipes": recipes.name} if recipes is not None else {"frozen": True} if frozen else {"seed": seed}),
-            "conditions": conditions,
+            **({} if recipes is not None else {"conditions": conditions}),
             "noisy_masks": noisy_masks,
             "path_traced": path_traced,
             "textured": textured,

@@ -21,7 +21,7 @@ from PIL import Image
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
-from anyprobe.detail.likeness import light_of
+from anyprobe.detail.likeness import MATCH_ROWS, light_of
 from anyprobe.errors import InputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.light.environment import reduced
@@ -155,7 +155,9 @@ def decode() -> np.ndarray:
 
 
 def entry_of(name: str, radiance: np.ndarray, digest: str = "") -> Entry:
-    """A map [H, 2H, 3] as a library holds it."""
+    """A map [H, 2H, 3] as a library holds it; InputError where it has fewer rows than are compared."""
+    if len(radiance) < MATCH_ROWS:
+        raise InputError(f"{name}: expected at least {MATCH_ROWS} rows, got {len(radiance)}; take a larger one")
     light, level = light_of(radiance)
     return Entry(name, encode(radiance, name), light.astype(np.float16), level, digest)
 
@@ -225,16 +227,23 @@ def stored_index(path: Path) -> dict[str, Any] | None:
     """What a file of this version says; None where it is absent, damaged or of another."""
     try:
         with zipfile.ZipFile(path) as file:
-            index = json.loads(file.read("index.json"))
+            return index_in(file)
+    except (OSError, zipfile.BadZipFile):
+        return None
+
+
+def index_in(file: zipfile.ZipFile) -> dict[str, Any] | None:
+    """The same of a file that is open."""
+    try:
+        index = json.loads(file.read("index.json"))
         return index if index["version"] == _VERSION and len(index["digests"]) == len(index["names"]) else None
     except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
         return None
 
 
-def stored_lights(stored: Path | io.BytesIO) -> np.ndarray | None:
-    """The lights of a library's file or of its bytes; None of our own, which has none."""
-    with zipfile.ZipFile(stored) as file:
-        return np.load(io.BytesIO(file.read("lights.npy"))) if "lights.npy" in file.namelist() else None
+def lights_in(file: zipfile.ZipFile) -> np.ndarray | None:
+    """The lights of a library's file; None of our own, which has none."""
+    return np.load(io.BytesIO(file.read("lights.npy"))) if "lights.npy" in file.namelist() else None
 
 
 def read_library(path: Path, stored: Path | io.BytesIO) -> Library:
@@ -244,7 +253,7 @@ def read_library(path: Path, stored: Path | io.BytesIO) -> Library:
         if index["version"] not in (_VERSION, OWN_VERSION):
             raise InputError(f"{path}: expected a library of version {_VERSION}, got {index['version']}; make it anew")
         features = np.load(io.BytesIO(file.read("features.npy"))).astype(np.float32)
-        count, lights = len(index["names"]), stored_lights(stored)
+        count, lights = len(index["names"]), lights_in(file)
         if lights is None:  # as the pictures have them, whose light sources are cut off
             pictures = (file.read(f"{number}.jpg") for number in range(count))
             lights = np.stack([light_of(decode()[codes_of(one)])[0] for one in pictures])

@@ -8,7 +8,7 @@ import os
 import time
 import zipfile
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import lru_cache
 from importlib import resources
@@ -20,10 +20,11 @@ from anyprobe.detail.library import (
     Library,
     MapSource,
     entry_of,
+    index_in,
+    lights_in,
     pack_library,
     read_library,
     stored_index,
-    stored_lights,
     write_library,
 )
 from anyprobe.errors import AnyprobeError, InputError
@@ -52,7 +53,11 @@ def open_library(folder: str | Path | None = None) -> Library:
         return _opened(Path(str(resources.files("anyprobe.detail") / "own.zip")), 0)
     folder = Path(folder)
     if folder.suffix == ".zip" and folder.is_file():
-        return _opened(folder, 0)
+        try:
+            return _opened(folder, 0)
+        except (KeyError, ValueError, zipfile.BadZipFile) as error:
+            expected = "expected a folder of .exr or .hdr maps, got a ZIP archive; unpack it"
+            raise InputError(f"{folder}: {expected}") from error
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; name one of .exr or .hdr maps")
     stamps = _stamps(folder)
@@ -62,7 +67,7 @@ def open_library(folder: str | Path | None = None) -> Library:
     try:
         if before is None or not _is_current(before, folder, stamps):
             sources: list[MapSource] = []
-            write_library(path, _entries(folder, stamps, path, before, sources), sources)
+            write_library(path, _entries(folder, stamps, path, sources), sources)
             with suppress(OSError):
                 _make_room(path)
         found = _opened(path, path.stat().st_mtime_ns, tuple(stamps))
@@ -107,30 +112,36 @@ def _is_readable(path: Path) -> bool:
 
 
 def _entries(
-    folder: Path,
-    stamps: Sequence[tuple[str, int, int]],
-    path: Path,
-    before: dict[str, Any] | None,
-    sources: list[MapSource],
+    folder: Path, stamps: Sequence[tuple[str, int, int]], path: Path, sources: list[MapSource]
 ) -> Iterator[Entry]:
     """All maps of a folder that can be read, from the file that was before where their bytes are the same.
 
     sources: is filled. InputError where none can be read.
     """
-    before = before or {"sources": [], "digests": []}
+    with ExitStack() as stack:  # one file all along: another program may put its own in its place
+        file = None
+        with suppress(OSError, zipfile.BadZipFile):
+            file = stack.enter_context(zipfile.ZipFile(path))
+        yield from _entries_beside(folder, stamps, file, sources)
+
+
+def _entries_beside(
+    folder: Path, stamps: Sequence[tuple[str, int, int]], file: zipfile.ZipFile | None, sources: list[MapSource]
+) -> Iterator[Entry]:
+    """The same, with the file that was before opened."""
+    before = (None if file is None else index_in(file)) or {"sources": [], "digests": []}
     known = {tuple(stamp): (digest, fault) for stamp, digest, fault in before["sources"] if digest}
     kept = {digest: number for number, digest in enumerate(before["digests"])}
-    lights = stored_lights(path) if kept else None
+    lights = lights_in(file) if file is not None and kept else None
     stems = [stamp[0].rpartition(".")[0] for stamp in stamps]
     for stamp, stem in zip(stamps, stems, strict=True):
         name = stem if stems.count(stem) == 1 else stamp[0]
         (digest, fault), entry = known.get(stamp, ("", "")), None
         try:
             digest = digest or _digest(folder / stamp[0])
-            if digest in kept and lights is not None:
+            if digest in kept and lights is not None and file is not None:
                 number = kept[digest]
-                with zipfile.ZipFile(path) as file:
-                    entry = Entry(name, file.read(f"{number}.jpg"), lights[number], before["levels"][number], digest)
+                entry = Entry(name, file.read(f"{number}.jpg"), lights[number], before["levels"][number], digest)
             elif not fault:
                 entry = entry_of(stamp[0], read_radiance(folder / stamp[0]), digest)._replace(name=name)
         except AnyprobeError as error:
@@ -177,6 +188,6 @@ def _in_memory(path: Path, folder: Path, stamps: tuple) -> Library:
     """The library of a folder whose file cannot be written."""
     sources: list[MapSource] = []
     data = io.BytesIO()
-    pack_library(data, _entries(folder, stamps, path, stored_index(path), sources), sources)
+    pack_library(data, _entries(folder, stamps, path, sources), sources)
     unkept = f"{path.parent}: cannot be written, maps are read anew each time; let XDG_CACHE_HOME name another folder"
     return replace(read_library(path, data), data=data.getvalue(), unkept=unkept)

@@ -12,7 +12,7 @@ Where the photo shows its background, that of detail.background is added.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -63,6 +63,11 @@ class Shown:
     n: np.ndarray
     wo: np.ndarray
     behind: Background | None = None
+
+    def turned(self, rotation: np.ndarray) -> Shown:
+        """The same in a frame that a rotation [3, 3] takes the camera's to."""
+        behind = None if self.behind is None else replace(self.behind, d=self.behind.d @ rotation.T)
+        return replace(self, n=self.n @ rotation.T, wo=self.wo @ rotation.T, behind=behind)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -251,7 +256,7 @@ class _Measured:
 
     def __init__(self, shown: Shown, few: slice) -> None:
         radiance, clipped = shown.radiance[few].astype(np.float32), shown.clipped[few]
-        mean = radiance.mean(axis=0)
+        mean = np.maximum(radiance.mean(axis=0), 1e-2 * radiance.mean() + 1e-6)  # of a channel that is 0 everywhere
         weight = np.where(clipped[:, None], CLIPPED_WEIGHT, 1.0) / (radiance + 2 * FAINT_SEEN * mean) ** 2
         self.weight = (weight / weight.sum(axis=0)).astype(np.float32)
         self.radiance, self.dark, self.clipped = radiance, (FAINT_SEEN * mean).astype(np.float32), clipped

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from anyprobe.core.color import luminance
+from anyprobe.core.frames import rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, uv_to_direction
 from anyprobe.detail.library import FEATURE_ROWS, Library
 from anyprobe.detail.library_folder import check_unchanged, open_library
@@ -62,7 +63,7 @@ class MatchedMap:
     @property
     def yaw_deg(self) -> float:
         """How far the panorama is turned to the left about its vertical."""
-        return float(np.degrees(np.arctan2(-self.map_from_light[2, 0], self.map_from_light[0, 0])))
+        return float(np.degrees(np.arctan2(self.map_from_light[0, 2], self.map_from_light[2, 2])))
 
     @property
     def pitch_deg(self) -> float:
@@ -142,6 +143,7 @@ def rank_maps(
     pitch_deg: float | None = None,
     *,
     is_pitch_estimated: bool = False,
+    roll_deg: float = 0.0,
 ) -> list[MatchedMap]:
     """All maps of a folder, the best first.
 
@@ -150,7 +152,12 @@ def rank_maps(
         shown: what the photo shows, in the camera's frame; None: the map is compared alone.
         light_from_camera: [3, 3].
         pitch_deg: how far the camera looks down, where it is known; kept unless is_pitch_estimated.
+        roll_deg: of the camera, which is kept, see estimate.ground.Ground.
     """
+    if roll_deg:  # as of a camera that is not rolled
+        unrolled = rotation_z(np.radians(roll_deg))
+        shown = None if shown is None else shown.turned(unrolled)
+        light_from_camera = light_from_camera @ unrolled.T
     library = folder if isinstance(folder, Library) else open_library(folder)
     if not library.files:
         raise InputError(f"{library.path}: expected a folder of .exr and .hdr maps, got a library without files")

@@ -18,12 +18,31 @@ _EXPOSURE: dict[str, float] = contract("exposure")["doubt"]
 _CLIPPED, _CLIPPED_SHARE = _EXPOSURE["clipped"], _EXPOSURE["clipped_share"]
 _DARK, DARK_SHARE = _EXPOSURE["dark"], _EXPOSURE["dark_share"]
 """Display values of channels and of luminance, and shares of the object's pixels beyond, from which on it is said."""
+_MIDDLE = 0.4
+"""Radiance that the median of what is too bright should have."""
+_WHITE_SHARE = 0.6
+"""Of a photo's pixels above white, from which on it is said."""
+_SAMPLES = 256
+"""Pixels along a photo's longer side that are looked at."""
 BELOW_DEG = 12.0
 """So far below the horizon, beyond the pitch's error, light hardly ever comes from."""
 UNSURE_DEG: float = contract("ground")["unsure_deg"]
 """Error of an estimated pitch from which on it is said; a blind guess's is USUAL_ERROR_DEG."""
 DIRECTIONAL = 0.25
 """Share of light from one side from which on its direction matters."""
+
+
+def scale_doubts(radiance: Float[np.ndarray, "H W 3"] | None, name: str) -> tuple[str, ...]:
+    """Of a photo of linear radiance, most of which is above white: its unit may be another."""
+    if radiance is None:
+        return ()
+    step = max(1, max(radiance.shape[:2]) // _SAMPLES)
+    levels = luminance(radiance[::step, ::step])
+    white = float((levels > 1).mean())
+    if white < _WHITE_SHARE:
+        return ()
+    times = _MIDDLE / float(np.median(levels))
+    return (f"{name}: {white:.0%} of the photo is above 1, which is white; multiply its radiance by {times:.2g}",)
 
 
 def exposure_doubts(
@@ -38,7 +57,7 @@ def exposure_doubts(
         return ()
     advice = "expose shorter"
     if radiance is not None:
-        advice = f"multiply its radiance by {0.4 / np.median(luminance(radiance)):.2g}, so that white is 1"
+        advice = f"multiply its radiance by {_MIDDLE / np.median(luminance(radiance)):.2g}, so that white is 1"
     return (f"{name}: {clipped:.0%} of the object is clipped; where its light comes from is uncertain; {advice}",)
 
 

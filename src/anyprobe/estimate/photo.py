@@ -10,9 +10,9 @@ import numpy as np
 from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
 from anyprobe.detail.match import seen_in_photo
-from anyprobe.errors import InputError
+from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.depth_normals import normals_from_depth
-from anyprobe.estimate.doubts import backdrop_doubts, exposure_doubts
+from anyprobe.estimate.doubts import backdrop_doubts, exposure_doubts, scale_doubts
 from anyprobe.estimate.ground import NOTED, Ground, estimate_ground
 from anyprobe.estimate.normals_hint import SHORTEST, normals_from_outline, read_normals
 from anyprobe.estimate.normals_model import estimated_normals
@@ -177,7 +177,11 @@ def load_photo(
     asked = AUTO if hints.surroundings is None else hints.surroundings
     word = asked if isinstance(asked, str) and asked in (AUTO, PHOTO, NONE) else None
     surroundings_map, panorama = (None, None) if word else read_panorama(asked)
-    found = find_mask(pixels, **hints.place(), segmenter=segmenter)
+    scale = scale_doubts(pixels.radiance, pixels.name)
+    try:
+        found = find_mask(pixels, **hints.place(), segmenter=segmenter)
+    except InvalidMask as error:
+        raise InvalidMask("; ".join([str(error), *scale])) from error
     if hints.fov_deg is not None:
         long_fov_deg, fov_source = float(hints.fov_deg), "given"
     elif pixels.long_fov_deg is not None:
@@ -197,13 +201,10 @@ def load_photo(
         fov_source=fov_source,
         name=pixels.name,
         warnings=pixels.warnings
+        + scale
         + found.warnings
         + depth_doubts
-        + exposure_doubts(
-            _of_object(found.mask, pixels.rgb),
-            pixels.name,
-            None if pixels.radiance is None else _of_object(found.mask, pixels.radiance),
-        ),
+        + _exposure_doubts(pixels, found.mask, said=bool(scale)),
         mask_source=found.source,
         mask_confidence=found.confidence,
         normals=normals,
@@ -240,6 +241,14 @@ def _of_object(mask: np.ndarray, picture: np.ndarray) -> np.ndarray:
     """EXPOSURE_PIXELS pixels [N, C] of a picture, or a few more, on the object."""
     step = max(1, int(np.sqrt(mask.sum() / EXPOSURE_PIXELS)))
     return picture[::step, ::step][mask[::step, ::step] > 0.5]
+
+
+def _exposure_doubts(pixels: Pixels, mask: np.ndarray, *, said: bool) -> tuple[str, ...]:
+    """Of the object; said: of the whole photo already."""
+    if said:
+        return ()
+    radiance = None if pixels.radiance is None else _of_object(mask, pixels.radiance)
+    return exposure_doubts(_of_object(mask, pixels.rgb), pixels.name, radiance)
 
 
 def _known_normals(

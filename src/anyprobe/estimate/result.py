@@ -206,7 +206,7 @@ class Light:
 
         Each with the rotation, exposure and tint that bring it into this light's frame; see detail.matching. A light
         that is not of one photo (of several, loaded from a file) is compared by its map, which is less certain. A
-        camera's pitch that was given, or that the photo notes, is kept.
+        camera's pitch that was given, or that the photo notes, is kept, with the roll that it notes.
 
         Args:
             best: how many are returned; None: all.
@@ -224,6 +224,7 @@ class Light:
             self.map_from_camera,
             self.pitch_deg,
             is_pitch_estimated=not is_known,
+            roll_deg=self.ground.roll_deg if self.ground is not None and self.ground.is_known else 0.0,
         )
         return ranked[:best]
 

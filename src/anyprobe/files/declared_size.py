@@ -47,7 +47,7 @@ def _header(stream: BinaryIO, name: str) -> tuple[tuple[int, int], float | None]
         head += stream.read(HEAD_BYTES)
     stream.seek(0)
     if head.startswith(JXL_STARTS):  # whose reader decodes all of what it opens
-        return jxl_size(head + stream.read(HEAD_BYTES)), None
+        return jxl_size(stream.read()), None
     size = raw_size(stream.read()) if is_raw(head, name) else None  # whose first picture is a preview
     stream.seek(0)
     try:

@@ -15,13 +15,15 @@ from PIL import Image, ImageFile
 from PIL.TiffImagePlugin import TiffImageFile
 
 from anyprobe.errors import InvalidPhoto
-from anyprobe.files.headers import check_size
+from anyprobe.files.headers import MAX_PIXELS, check_size
 
 OTHER_HALF = {"B": "L", "L": "B", "N": "B" if sys.byteorder == "little" else "L"}
 """Ends of Pillow's names of 16-bit layouts; each reads the byte of a value that its other one leaves out."""
 
 TIFF_STARTS = (b"II*\0", b"MM\0*")
 MAX_ENTRIES = 4096
+MOST_BYTES = 16 * MAX_PIXELS
+"""What the tiles of a TIFF may hold: four floats a pixel."""
 MAX_SAMPLES = 16
 
 WIDTH, HEIGHT, BITS, COMPRESSION, PHOTOMETRIC, STRIPS, ORIENTATION = 256, 257, 258, 259, 262, 273, 274
@@ -140,6 +142,11 @@ def read_float_tiff(data: bytes, name: str) -> FloatPicture | None:
     size = bits.pop() // 8
     pieces = -(-width // tile) if tile else 1
     row = (tile or width) * samples * size
+    if row * pieces * height > MOST_BYTES:
+        raise InvalidPhoto(
+            f"{name}: expected at most {MOST_BYTES >> 20} MB of numbers, got {row * pieces * height >> 20} MB; "
+            "save fewer channels, without tiles"
+        )
     try:
         kept = {tag: entries[tag] for tag in KEPT if tag in entries}
         made = _as_bytes(data, order, kept, row * pieces, row if tile else 0)
@@ -244,3 +251,14 @@ def _unpredicted(raw: np.ndarray, predictor: int, samples: int, size: int, order
         sums = np.cumsum(whole, axis=1, dtype=f"u{size}").astype(f"{order}u{size}")
         return sums.reshape(len(raw), count).view(f"{order}f{size}")
     return raw.view(f"{order}f{size}")
+
+
+def full_range(values: np.ndarray, image: Image.Image) -> np.ndarray:
+    """Whole numbers as uint16 whose largest is white; of a TIFF of 12 bits, or of signed 16, that is another."""
+    tags = getattr(image, "tag_v2", {})
+    most = 65535
+    if image.format == "TIFF" and tags.get(258) == (12,):
+        most = 4095
+    elif image.format == "TIFF" and tags.get(339, (1,))[0] == 2:
+        most = 32767
+    return values.astype(np.uint16) if most == 65535 else np.rint(values * (65535 / most)).astype(np.uint16)

@@ -97,8 +97,9 @@ def open_picture(stream: BinaryIO, name: str = "photo") -> ImageFile.ImageFile:
         InvalidPhoto: decoding it would take too long.
         MissingExtra: a HEIC or JPEG XL photo without its reader installed.
     """
-    head = stream.read(16)
-    if head[4:8] == b"ftyp" and head[8:12] in _HEIC_BRANDS:
+    head = stream.read(64)
+    brands = head[16 : int.from_bytes(head[:4], "big")]  # beside the main one
+    if head[4:8] == b"ftyp" and head[8:12] in _HEIC_BRANDS and b"avif" not in brands:
         _register_heic(name)
     if head.startswith(JXL_STARTS):
         stream.seek(0)
@@ -182,11 +183,25 @@ def kind_of(head: bytes, num_bytes: int) -> str:
     )
 
 
+def is_turned(image: Image.Image) -> bool:
+    """Whether its reader has turned it already: a JPEG XL that is not a JPEG packed anew."""
+    return image.format == "JXL" and not getattr(image, "jpeg", False)
+
+
+def orientation_of(image: Image.Image) -> int:
+    """As EXIF has it; 1, upright, where that is damaged, or of a JPEG XL, which its reader turns itself."""
+    try:
+        if is_turned(image):
+            return 1
+        return int(image.getexif().get(ExifTags.Base.Orientation, 1))
+    except Exception:  # its parser raises whatever the bad bytes lead it to
+        return 1
+
+
 def jxl_size(data: bytes) -> tuple[int, int]:
     """Width and height by the first bytes of a JPEG XL file (ISO/IEC 18181-1, SizeHeader), or 0, 0."""
     if data.startswith(JXL_BOX):
-        at = max(data.find(b"jxlc\xff\x0a") + 4, data.find(b"jxlp") + 8)
-        data = data[at:] if at > 8 else b""
+        data = _jxl_codestream(data)
     bits, place = int.from_bytes(data[2:18].ljust(16, b"\0"), "little"), 0
 
     def read(count: int) -> int:
@@ -203,6 +218,24 @@ def jxl_size(data: bytes) -> tuple[int, int]:
     height = side(small)
     ratio = ((0, 1), (1, 1), (12, 10), (4, 3), (3, 2), (16, 9), (5, 4), (2, 1))[read(3)]
     return (side(small) if ratio[0] == 0 else height * ratio[0] // ratio[1]), height
+
+
+def _jxl_codestream(data: bytes) -> bytes:
+    """The first bytes of the pixels in a file of boxes (ISO/IEC 18181-2), nothing where they are not in these."""
+    at, code = 0, b""
+    while at + 8 <= len(data) and len(code) < 32:
+        size, kind, head = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8], 8
+        if size == 1:
+            size, head = int.from_bytes(data[at + 8 : at + 16], "big"), 16
+        end = at + size if size else len(data)
+        if size and size < head:
+            break
+        if kind == b"jxlc":
+            return data[at + head : end]
+        if kind == b"jxlp":
+            code += data[at + head + 4 : end]
+        at = end
+    return code
 
 
 def _exif(image: Image.Image, directory: int | None = None) -> Any:
@@ -243,7 +276,7 @@ def _register_jxl(stream: BinaryIO, name: str) -> None:
         import pillow_jxl  # noqa: F401
     except ImportError as error:
         raise MissingExtra("pillow-jxl-plugin", "jxl", f"{name}: a JPEG XL photo") from error
-    width, height = jxl_size(stream.read(1 << 16))
+    width, height = jxl_size(stream.read())
     if not width * height:
         raise UnknownPicture
     check_size(width, height, name)

@@ -26,6 +26,7 @@ from anyprobe.files.color_encoding import is_linear
 from anyprobe.files.deep_pixels import (
     TIFF_STARTS,
     FloatPicture,
+    full_range,
     heif_sixteen_bits,
     is_white_zero,
     read_float_tiff,
@@ -41,8 +42,10 @@ from anyprobe.files.headers import (
     check_size,
     exif_exposure,
     exif_fov_deg,
+    is_turned,
     kind_of,
     open_picture,
+    orientation_of,
 )
 from anyprobe.files.icc import encoding_of
 from anyprobe.files.paths import open_regular
@@ -220,7 +223,7 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
                 deep = heif_sixteen_bits(stream)
         image.load()
         long_fov_deg, exposure, posture_deg = exif_fov_deg(image), exif_exposure(image), apple_posture_deg(image)
-        orientation, stored = _orientation(image), image.size
+        orientation, stored = orientation_of(image), image.size
         if deep is not None:
             deep = turned_upright(deep, orientation)
             alpha = deep[..., -1] if deep.shape[2] in (2, 4) else None
@@ -282,7 +285,7 @@ def _opaque(image: Image.Image) -> tuple[Image.Image | np.ndarray, np.ndarray | 
         values = np.asarray(image)
         if values.min() < 0 or values.max() > 65535:
             raise ValueError("whole numbers outside 0 to 65535")
-        return values.astype(np.uint16), alpha
+        return full_range(values, image), alpha
     if image.mode == "F":
         return np.asarray(image), alpha
     return image if image.mode in ("L", "RGB", "CMYK") else image.convert("RGB"), alpha
@@ -294,18 +297,10 @@ def _values(picture: Image.Image | np.ndarray) -> np.ndarray:
     return np.asarray(picture.convert("RGB") if picture.mode == "CMYK" else picture)
 
 
-def _orientation(image: Image.Image) -> int:
-    """As EXIF has it; 1, upright, where that is damaged."""
-    try:
-        return int(image.getexif().get(ExifTags.Base.Orientation, 1))
-    except Exception:  # its parser raises whatever the bad bytes lead it to
-        return 1
-
-
 def _upright(image: Image.Image) -> Image.Image:
     """Turned as its EXIF asks; as it is where that asks nothing or is damaged."""
     try:
-        if image.getexif().get(ExifTags.Base.Orientation, 1) == 1:
+        if is_turned(image) or image.getexif().get(ExifTags.Base.Orientation, 1) == 1:
             return image  # which exif_transpose would copy
         return ImageOps.exif_transpose(image)
     except (ValueError, KeyError, TypeError, SyntaxError, struct.error, OSError, Warning):

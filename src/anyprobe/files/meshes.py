@@ -27,8 +27,9 @@ MAX_PARTS = 20_000
 _HEADER_BYTES = 1 << 16
 """The counts of faces lie within these."""
 
-_PLY_FACES = re.compile(rb"^element\s+face\s+(\d+)", re.MULTILINE)
-_OBJ_ZERO = re.compile(rb"^f[^\n]*[ \t]0+(?=[/\s])", re.MULTILINE)
+_PLY_FACES = re.compile(rb"^element\s+face\s+(\d{1,18})", re.MULTILINE)
+_OBJ_ZERO = re.compile(rb"^f[^\n]*[ \t]0+(?=[/\s]|\Z)", re.MULTILINE)
+_OBJ_RELATIVE = re.compile(rb"^f[^\n]*[\s/]-\d", re.MULTILINE)
 
 
 def read_mesh(path: str | Path) -> Mesh:
@@ -98,6 +99,8 @@ def _read_parts(data: bytes, suffix: str, name: str) -> list[tuple[np.ndarray, n
     try:
         if suffix == ".obj" and _OBJ_ZERO.search(data):
             raise ValueError("a face names vertex 0, the first is 1")  # trimesh would take the last
+        if suffix == ".obj" and _OBJ_RELATIVE.search(data):
+            data = _counted_from_one(data)
         if suffix == ".glb":
             _check_glb(data)
         # of bytes alone it opens no file that they name; floats that overflow are check_triangles' to refuse
@@ -114,9 +117,31 @@ def _read_parts(data: bytes, suffix: str, name: str) -> list[tuple[np.ndarray, n
         raise
     except Exception as error:  # trimesh raises whatever its parsers raise
         reason = " ".join(str(error).split())[:120] or type(error).__name__
+        if suffix == ".ply" and "unexpected length" in reason:
+            raise InvalidMesh(
+                f"{name}: expected polygons of one kind in a binary PLY, got several, or a cut file; export triangles"
+            ) from error
         raise InvalidMesh(
             f"{name}: expected a readable {suffix[1:].upper()} file, got {reason}; export it again"
         ) from error
+
+
+def _counted_from_one(data: bytes) -> bytes:
+    """An OBJ whose faces count back from the vertices before them, as -1, with numbers from the file's beginning:
+    trimesh counts back from its end."""
+    counts, lines = {b"v": 0, b"vt": 0, b"vn": 0}, []
+    for line in data.replace(b"\\\n", b" ").split(b"\n"):
+        words = line.split()
+        if words and words[0] in counts:
+            counts[words[0]] += 1
+        elif words and words[0] == b"f":
+            corners = (zip(word.split(b"/"), counts.values(), strict=False) for word in words[1:])
+            line = b"f " + b" ".join(
+                b"/".join(b"%d" % (int(n) + so_far + 1) if n.startswith(b"-") else n for n, so_far in corner)
+                for corner in corners
+            )
+        lines.append(line)
+    return b"\n".join(lines)
 
 
 def _placed(matrix: np.ndarray, positions: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -135,6 +160,9 @@ def _check_glb(data: bytes) -> None:
     """ValueError for a scene that takes long to put together, or that claims more numbers than its bytes can hold."""
     length = int.from_bytes(data[12:16], "little")
     scene = json.loads(data[20 : 20 + length])
+    packed = sorted({"KHR_draco_mesh_compression", "EXT_meshopt_compression"} & {*scene.get("extensionsRequired", ())})
+    if packed:
+        raise ValueError(f"geometry packed by {packed[0]}, which is not read")
     for part in ("nodes", "meshes", "accessors", "bufferViews"):
         if len(scene.get(part, ())) > MAX_PARTS:
             raise ValueError(f"more than {MAX_PARTS:,} {part}")

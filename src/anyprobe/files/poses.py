@@ -134,7 +134,7 @@ def parse_poses(data: bytes, file: str, photos: int | None = None) -> Poses:
             which, and the file.
     """
     try:
-        content = json.loads(data.decode("utf-8"))
+        content = json.loads(data)  # UTF-8, with a byte order mark or without, or another Unicode
     except (ValueError, RecursionError) as error:
         raise InputError(f"{file}: cannot be read as a JSON file of camera poses; see docs/inputs.md") from error
     frames = content.get("frames") if isinstance(content, dict) else None
@@ -204,6 +204,11 @@ def _rotation(file: str, number: int, matrix: Any) -> np.ndarray:
         values = np.zeros(0)
     if values.shape not in ((3, 3), (3, 4), (4, 4)):
         raise InputError(f"{file}: pose {number}: expected 3 x 3, 3 x 4 or 4 x 4 numbers, got something else")
+    if values.shape == (4, 4) and np.abs(values[3, :3]).max() > TOLERANCE:
+        raise InputError(
+            f"{file}: pose {number}: expected rows, the last one 0 0 0 1, got columns (as of ARKit or three.js); "
+            "transpose it"
+        )
     rotation = values[:3, :3]
     off = np.abs(rotation @ rotation.T - np.eye(3)).max()
     if not (off <= TOLERANCE and np.linalg.det(rotation) > 0):  # NaN fails too

@@ -79,12 +79,13 @@ def _offsets(data: bytes, order: str, at: int, number: int) -> tuple[int, ...]:
 
 
 def raw_size(data: bytes) -> tuple[int, int] | None:
-    """Width and height of a raw photo, as its sensor has them; None where LibRaw is missing or cannot read it."""
+    """Width and height of a raw photo, upright; None where LibRaw is missing or cannot read it."""
     try:
         import rawpy
 
         with rawpy.imread(io.BytesIO(data)) as raw:
-            return raw.sizes.iwidth, raw.sizes.iheight
+            width, height = raw.sizes.iwidth, raw.sizes.iheight
+            return (height, width) if raw.sizes.flip in (5, 6) else (width, height)
     except Exception:  # LibRaw's errors, and whatever the bad bytes lead it to
         return None
 

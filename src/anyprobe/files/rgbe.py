@@ -72,6 +72,8 @@ def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
     exposure, form = np.ones(3), _FORMATS[0]
     primaries: tuple[float, ...] = REC709_CHROMATICITIES
     for line in start[: blank.start()].split(b"\n"):
+        if line[:1] in (b"\t", b" "):  # of the files that it was made from
+            continue
         key, _, value = line.partition(b"=")
         key, value = key.strip(), value.strip()
         if key == b"FORMAT":

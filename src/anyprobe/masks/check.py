@@ -38,16 +38,17 @@ def object_box(mask: np.ndarray) -> tuple[int, int, int, int]:
     return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
 
-FULL = 0.85
+_GIVEN = contract("mask")["given"]
+FULL: float = _GIVEN["full"]
 """The largest value of a mask that reaches the object."""
 
-MOSTLY = 0.5
+MOSTLY: float = _GIVEN["mostly"]
 """Share of the photo that a mask which goes around everything covers."""
 
-GREY, GREY_SHARE = (0.1, 0.9), 0.5
+GREY, GREY_SHARE = _GIVEN["grey"], _GIVEN["grey_share"]
 """Values that are neither black nor white, and how many of them there may be for each white pixel."""
 
-FEW_PX = 48
+FEW_PX: int = _GIVEN["few_px"]
 """Longer side of an object that is small for an estimate: networks look at 128 pixels."""
 
 

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
-from anyprobe.errors import InvalidMask
+from anyprobe.errors import InputError, InvalidMask
 from anyprobe.files.exr import EXR_MAGIC, in_display, read_channels, square_pixels
 from anyprobe.files.headers import MAX_PIXELS
 from anyprobe.files.images import Pixels
+from anyprobe.files.paths import open_regular
 from anyprobe.masks.check import check_mask
 
 DepthSource = str | os.PathLike[str] | bytes | np.ndarray
@@ -151,7 +153,23 @@ def _read_picture(source: _File, name: str) -> np.ndarray:
     with Image.open(_opened(source), formats=["PNG", "TIFF", "PPM"]) as image:
         if image.width * image.height > MAX_PIXELS:
             raise InvalidMask(f"{name}: expected at most {MAX_PIXELS // 1_000_000} million pixels")
-        return np.asarray(image)
+        values = np.asarray(image.convert("RGB") if image.mode == "P" else image)
+        if image.mode == "P":
+            if np.ptp(values, axis=-1).any():
+                raise InvalidMask(f"{name}: expected depth, got a coloured picture of it; save the depth itself")
+            return values[..., 0]
+        if image.format == "PPM":  # stretched to all of its range
+            scale = 65535 if image.mode.startswith("I") else 255
+            return np.rint(values * (_pgm_most(source) / scale))
+        return values
+
+
+def _pgm_most(source: _File) -> int:
+    """The largest value that a PGM's header says."""
+    with open_regular(source, InputError) if not isinstance(source, bytes) else io.BytesIO(source) as stream:
+        data = stream.read(512)
+    words = re.sub(rb"#[^\n]*", b"", data).split()
+    return int(words[3]) if len(words) > 3 and words[3].isdigit() else 255
 
 
 def _read_npy(source: _File, name: str) -> np.ndarray:
@@ -160,10 +178,20 @@ def _read_npy(source: _File, name: str) -> np.ndarray:
 
 def _read_exr(source: _File, name: str) -> np.ndarray:
     header, found = read_channels(source, name, InvalidMask, MAX_PIXELS)
-    channels = {key.split(".")[-1]: pixels for key, pixels in found.items()}
+    names = sorted((key for key in found if not _is_of_color(key, found)), key=lambda key: "depth" in key.lower())
+    channels = {key.split(".")[-1]: found[key] for key in names}  # of layers that of depth
     for channel in EXR_CHANNELS:
         if channel in channels:
             if channels[channel].shape != tuple((header.data[1] - header.data[0]).tolist()[::-1]):
                 raise ValueError("a channel of fewer pixels than its window")
             return square_pixels(in_display(channels[channel], header), header, MAX_PIXELS, nearest=True)
-    raise InvalidMask(f"{name}: expected a channel Z, V, Y or R, got {', '.join(sorted(channels)) or 'none'}")
+    raise InvalidMask(f"{name}: expected a channel Z, V, Y or R, got {', '.join(sorted(found)) or 'none'}")
+
+
+def _is_of_color(key: str, found: Mapping[str, np.ndarray]) -> bool:
+    """Whether a channel is one of a vector, X, Y and Z, or of a colour's R, G and B that differ."""
+    layer, _, channel = key.rpartition(".")
+    beside = [f"{layer}.{one}" if layer else one for one in ("XYZ" if channel in "XYZ" else "RGB")]
+    if channel not in "XYZRGB" or not all(one in found for one in beside):
+        return False
+    return channel in "XYZ" or not all(np.array_equal(found[key], found[one], equal_nan=True) for one in beside)

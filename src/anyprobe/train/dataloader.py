@@ -159,8 +159,8 @@ def open_batches(
     return (batch.to(device) for batch in made)
 
 
-KEPT_LIGHTS = 4096
-"""Turned maps that are kept: pairs of one map and view share theirs."""
+KEPT_LIGHTS = 64
+"""Turned maps that are kept, 100 kB each."""
 
 
 class ShardSource:
@@ -178,6 +178,11 @@ class ShardSource:
         plan = read_plan(folder)
         if plan["kind"] != "object":
             raise InputError(f"--shards {folder}: expected a dataset of objects, got one of {plan['kind']}s")
+        if plan["split"] != "train":
+            raise InputError(
+                f"--shards {folder}: expected a dataset of training assets, got one of split {plan['split']}; "
+                "render one with --split train"
+            )
         if data is None and plan["procedural_maps"] < len(plan["maps"]):
             raise InputError(f"--shards {folder}: expected --data too, the assets it was rendered from, got none")
         self.folder, self.config, self.device = folder, config, device

@@ -177,7 +177,7 @@ def train(
     if pairs is not None:
         if isinstance(pairs, ShardSource):
             origin = agreed(path, origin, {"assets": pairs.identity})
-        batches = map(pairs.batch, steps)
+        batches = (pairs.batch(step).to(device) for step in steps)  # of several GPUs each has its own
     else:
         store = load_assets(config.light, data)
         origin = agreed(path, origin, {"assets": name_assets(store)})

@@ -51,6 +51,9 @@ export async function follow(source, give, onEnd) {
   };
 }
 
+/** Whether a video has told its size but has no picture yet. */
+export const isEarly = (source) => source?.videoWidth !== undefined && source.readyState < 2;
+
 /** Width and height of a source in its own pixels; zeros while there is none yet. */
 export function sizeOf(source) {
   const { width = 0, height = 0 } = isOf(source, "MediaStreamTrack") ? source.getSettings() : {};

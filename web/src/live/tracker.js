@@ -5,11 +5,19 @@ import { Light } from "../light/light.js";
 import { checkHints, checkLight, checkNames, longFovOf, rotationOfPose } from "../options.js";
 import { hintsOf } from "../photo/hints.js";
 import { describe } from "../photo/material.js";
-import { checkFrame, follow, sizeOf } from "./frameSource.js";
+import { checkFrame, follow, isEarly, sizeOf } from "./frameSource.js";
 import { takeFrame } from "./videoFrames.js";
 
 /** Rates are means over this many seconds. */
 const WINDOW_S = 2;
+
+/** Times that are kept: more than there are pictures in the window. */
+const MOST_TIMES = 1000;
+
+function noteTime(times) {
+  times.push(performance.now() / 1000);
+  if (times.length > MOST_TIMES) times.splice(0, MOST_TIMES / 2);
+}
 
 export class Tracker {
   #source;
@@ -19,6 +27,7 @@ export class Tracker {
   #given;
   #opening = null;
   #unfollow = () => {};
+  #isOpen = false; // before that, what comes is of the source before
   #isReading = false;
 
   /**
@@ -42,11 +51,11 @@ export class Tracker {
   async start(given) {
     this.running = true;
     this.#given = given;
-    if (this.#source && sizeOf(this.#source)[0] > 0) await this.#open(this.#source);
+    if (this.#source && sizeOf(this.#source)[0] > 0 && !isEarly(this.#source)) await this.#open(this.#source);
     if (!this.running) return; // stopped meanwhile
     this.#client.onLive = (answer) => this.#hear(answer);
     const give = async (frame) => {
-      this.frames.push(performance.now() / 1000);
+      noteTime(this.frames);
       try {
         await this.offer(frame, { pose: this.#pose?.() });
       } catch (error) {
@@ -63,7 +72,9 @@ export class Tracker {
     const [width, height] = (this.#size = sizeOf(picture));
     const { hints, lens, ...given } = this.#given;
     const asked = { ...given, longFovDeg: longFovOf(lens, width, height), hints: this.#shares(hints) };
-    return (this.#opening = this.#client.ask("startLive", asked));
+    return (this.#opening = this.#client.ask("startLive", asked).then(() => {
+      this.#isOpen = true;
+    }));
   }
 
   /**
@@ -80,13 +91,15 @@ export class Tracker {
       checkFrame(frame);
       const rotation = pose === undefined || pose === null ? null : rotationOfPose(pose);
       if (!this.#opening) {
-        if (!(sizeOf(frame)[0] > 0)) return; // a video before its first picture
+        if (!(sizeOf(frame)[0] > 0) || isEarly(frame)) return;
         this.#open(frame);
       }
+      if (isEarly(frame)) return;
       this.#isReading = true;
       const taken = await takeFrame(frame, this.#client.spares).finally(() => (this.#isReading = false));
       await this.#opening;
       if (this.running) this.#client.give(taken, time / 1000, rotation);
+      else taken.frame.close?.();
     } catch (error) {
       this.fail(error);
     }
@@ -123,17 +136,14 @@ export class Tracker {
   /** Lights and pictures a second. */
   rates() {
     const now = performance.now() / 1000;
-    const rate = (times) => {
-      while (times.length && times[0] < now - WINDOW_S) times.shift();
-      return times.length / WINDOW_S;
-    };
+    const rate = (times) => times.filter((time) => time >= now - WINDOW_S).length / WINDOW_S;
     return { updates: rate(this.updates), frames: rate(this.frames) };
   }
 
   #hear(answer) {
-    if (!this.running) return;
+    if (!this.running || (!this.#isOpen && !answer.error)) return;
     if (answer.error) return this.fail(receivedError(answer.error));
-    if (!answer.lost) this.updates.push(performance.now() / 1000);
+    if (!answer.lost) noteTime(this.updates);
     if (!answer.light) return this.onLight(answer);
     if (answer.mask) this.mask = { data: answer.mask, width: answer.width, height: answer.height, quality: answer.quality };
     this.onLight({ ...answer, light: new Light({ ...answer.light, mask: this.mask }) });

@@ -6,6 +6,7 @@
  * the GPU's thread and all that it is drawing.
  */
 
+import { readable } from "../errors.js";
 import { takeTexture } from "./textureFrames.js";
 
 /** Longer side at which a frame is looked at. */
@@ -27,7 +28,7 @@ const LUMA = { bt709: [0.2126, 0.0722], smpte170m: [0.299, 0.114], bt470bg: [0.2
  */
 export async function takeFrame(given, spares = []) {
   if (given.texture) return takeTexture(given, LONG_PX, spares);
-  const source = typeof VideoFrame === "function" && isMoving(given) ? new VideoFrame(given) : null;
+  const source = typeof VideoFrame === "function" && isMoving(given) ? readable(() => new VideoFrame(given), "frame") : null;
   try {
     if (source && isReadable(source)) {
       const { width, height } = source.visibleRect;
@@ -141,6 +142,7 @@ function draw(bitmap, [width, height]) {
   context ??= new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
   const { canvas } = context;
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+  context.clearRect(0, 0, width, height);
   context.drawImage(bitmap, 0, 0, width, height);
   bitmap.close();
   return { width, height, rgba: context.getImageData(0, 0, width, height).data };

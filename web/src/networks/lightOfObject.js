@@ -55,7 +55,7 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
   const wellExposed = wellExposedFraction(crop.image);
   const worth = Math.min(1, wellExposed / ENOUGH);
   if (prediction.confidence && worth < 1) prediction.confidence = prediction.confidence.map((value) => worth * value);
-  const stages = seen ? useSurroundings(prediction, seen) : prediction;
+  const stages = seen ? useSurroundings(prediction, seen, !given.material) : prediction;
   const confidence = cameraConfidence(stages, crop.cameraFromCrop);
   return {
     stages,

@@ -2,7 +2,7 @@
 
 import { CONTRACT } from "../core/contract.js";
 import { luminance } from "../core/color.js";
-import { AnyProbeError } from "../errors.js";
+import { AnyProbeError, readable } from "../errors.js";
 import { maskFromAlpha } from "./picture.js";
 import { resize } from "./resize.js";
 
@@ -67,7 +67,8 @@ async function open(source, name, expected, signal) {
   }
   if (!DRAWABLE.some((kind) => isOf(source, kind))) throw invalid(expected, kindOf(source));
   const [width, height] = sizeOf(source);
-  if (!(width > 0 && height > 0)) {
+  const isEarly = isOf(source, "HTMLVideoElement") && source.readyState < 2;
+  if (isEarly || !(width > 0 && height > 0)) {
     throw invalid("one with pixels", isOf(source, "HTMLVideoElement") ? "a video before its first frame; wait for loadeddata" : "none");
   }
   return source;
@@ -87,9 +88,14 @@ async function fetchBlob(url, name, signal) {
   }
 }
 
+/** Pictures that are decoded here, and closed once they are drawn: they are large, and not of the collector's memory. */
+const ours = new WeakSet();
+
 async function decode(blob, name) {
   try {
-    return await createImageBitmap(blob);
+    const bitmap = await createImageBitmap(blob);
+    ours.add(bitmap);
+    return bitmap;
   } catch {
     throw new AnyProbeError("invalid-image", `${name}: expected a file that the browser can show, got ${blob.type || "an unknown type"} of ${blob.size} bytes`);
   }
@@ -121,7 +127,8 @@ function draw(source, fullWidth, fullHeight, scale) {
   const context = canvas.getContext("2d", { willReadFrequently: true });
   context.imageSmoothingQuality = "high";
   context.drawImage(isImageData(source) ? canvasOf(source) : source, 0, 0, width, height);
-  return { width, height, rgba: context.getImageData(0, 0, width, height).data };
+  if (ours.has(source)) source.close();
+  return { width, height, rgba: readable(() => context.getImageData(0, 0, width, height).data, "image") };
 }
 
 function canvasOf(data) {

@@ -1,0 +1,194 @@
+"""Files as programs write them that most readers do not expect: read rightly, or refused in one line."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+import zipfile
+
+import numpy as np
+import OpenEXR
+import pytest
+from PIL import Image, TiffImagePlugin
+
+from anyprobe.detail import library_folder
+from anyprobe.detail.library_folder import open_library
+from anyprobe.errors import InputError, InvalidMask, InvalidMesh
+from anyprobe.files.headers import jxl_size
+from anyprobe.files.images import read_image
+from anyprobe.files.meshes import read_mesh
+from anyprobe.files.poses import read_poses
+from anyprobe.files.radiance import read_radiance, write_exr, write_hdr
+from anyprobe.hints import Hints
+from anyprobe.masks.depth import depth_of_view
+
+ONE = np.ones((8, 8), np.float32)
+
+
+@pytest.mark.parametrize("channel", ["Depth.Z", "Depth.V"])
+def test_depth_among_layers_is_not_the_normals(tmp_path, channel):
+    layers = {f"Layer.Combined.{one}": ONE * 0.1 * i for i, one in enumerate("RGB")}
+    layers |= {f"Layer.Normal.{one}": ONE for one in "XYZ"} | {f"Layer.{channel}": 3.25 * ONE}
+    OpenEXR.File({}, layers).write(str(tmp_path / "d.exr"))
+    assert np.unique(depth_of_view(str(tmp_path / "d.exr"), (8, 8))).tolist() == [3.25]
+
+
+def test_colours_are_no_depth(tmp_path):
+    OpenEXR.File({}, {one: ONE * (1 + i) for i, one in enumerate("RGB")}).write(str(tmp_path / "c.exr"))
+    with pytest.raises(InvalidMask, match="expected a channel Z, V, Y or R, got B, G, R"):
+        depth_of_view(str(tmp_path / "c.exr"), (8, 8))
+    OpenEXR.File({}, dict.fromkeys("RGB", 2 * ONE)).write(str(tmp_path / "g.exr"))
+    assert depth_of_view(str(tmp_path / "g.exr"), (8, 8)).max() == 2
+    colored = Image.fromarray(np.arange(192, dtype=np.uint8).reshape(8, 8, 3)).quantize(16)
+    colored.save(tmp_path / "c.png")
+    with pytest.raises(InvalidMask, match="got a coloured picture of it"):
+        depth_of_view(str(tmp_path / "c.png"), (8, 8))
+
+
+def test_depth_by_a_palette_or_a_greatest_value(tmp_path):
+    grey = np.array([[40, 90], [200, 250]], np.uint8)
+    Image.fromarray(grey).convert("P").save(tmp_path / "p.png")
+    np.testing.assert_array_equal(depth_of_view(str(tmp_path / "p.png"), (2, 2)), grey)
+    (tmp_path / "d.pgm").write_bytes(b"P5\n# a scanner\n2 1\n10000\n" + struct.pack(">2H", 1500, 10000))
+    np.testing.assert_array_equal(depth_of_view(str(tmp_path / "d.pgm"), (1, 2)), [[1500, 10000]])
+
+
+def tetrahedron(x: int) -> str:
+    corners = "".join(f"v {x + a} {b} {c}\n" for a, b, c in ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)))
+    return corners + "f -4 -2 -3\nf -4//-4 -1//-4 -2//-4\nf -4 -3 -1\nf -3 -2 -1\n"
+
+
+def test_faces_that_count_back(tmp_path):
+    """Each block of an OBJ by the vertices before it."""
+    normals = "vn 0 0 1\n" * 4
+    (tmp_path / "two.obj").write_text(normals + tetrahedron(0) + tetrahedron(3))
+    mesh = read_mesh(tmp_path / "two.obj")
+    assert len(mesh.faces) == 8
+    x = np.unique(np.round(mesh.positions[:, 0] - mesh.positions[:, 0].min(), 4))
+    assert len(x) == 4, "two of them, side by side"
+    (tmp_path / "zero.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 0")
+    with pytest.raises(InvalidMesh, match="a face names vertex 0"):
+        read_mesh(tmp_path / "zero.obj")
+
+
+def test_packed_and_mixed_meshes_say_what_to_do(tmp_path):
+    scene = json.dumps({"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_draco_mesh_compression"]}).encode()
+    scene += b" " * (-len(scene) % 4)
+    chunk = struct.pack("<I4s", len(scene), b"JSON") + scene
+    (tmp_path / "a.glb").write_bytes(struct.pack("<4s2I", b"glTF", 2, 12 + len(chunk)) + chunk)
+    with pytest.raises(InvalidMesh, match="geometry packed by KHR_draco_mesh_compression, which is not read"):
+        read_mesh(tmp_path / "a.glb")
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 5\n" + "".join(f"property float {c}\n" for c in "xyz")
+    head += "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
+    body = np.arange(15, dtype="<f4").tobytes() + struct.pack("<B4iB3i", 4, 0, 1, 2, 3, 3, 0, 1, 4)
+    (tmp_path / "a.ply").write_bytes(head.encode() + body)
+    with pytest.raises(InvalidMesh, match="polygons of one kind in a binary PLY.*export triangles"):
+        read_mesh(tmp_path / "a.ply")
+
+
+def test_poses_by_columns_and_of_windows(tmp_path):
+    pose = np.eye(4)
+    pose[:3, 3] = 1, 2, 3
+    path = tmp_path / "poses.json"
+    path.write_bytes(b"\xef\xbb\xbf" + json.dumps([pose.tolist()]).encode())
+    assert len(read_poses(path).world_from_camera) == 1
+    path.write_text(json.dumps([pose.T.tolist()]))
+    with pytest.raises(InputError, match=r"pose 1: expected rows.*got columns \(as of ARKit or three"):
+        read_poses(path)
+
+
+def test_headers_of_the_files_that_a_map_was_made_from(tmp_path):
+    radiance = np.full((8, 16, 3), 0.5, np.float32)
+    write_hdr(tmp_path / "a.hdr", radiance)
+    data = (tmp_path / "a.hdr").read_bytes()
+    at = data.index(b"\n") + 1
+    (tmp_path / "b.hdr").write_bytes(data[:at] + b"pcomb\n\tEXPOSURE=4.0\n\tGAMMA=2.2\n" + data[at:])
+    np.testing.assert_array_equal(read_radiance(tmp_path / "b.hdr"), read_radiance(tmp_path / "a.hdr"))
+
+
+def test_whole_numbers_of_twelve_and_of_signed_sixteen_bits():
+    def tiff(bits: int, sample_format: int, data: bytes) -> bytes:
+        tags = [(256, 3, 32), (257, 3, 32), (258, 3, bits), (259, 3, 1), (262, 3, 1), (273, 4, 8), (277, 3, 1)]
+        tags += [(278, 3, 32), (279, 4, len(data)), (339, 3, sample_format)]
+        body = data.ljust(8, b"\0")
+        entries = b"".join(struct.pack("<HHII", tag, kind, 1, value) for tag, kind, value in tags)
+        start = struct.pack("<2sHI", b"II", 42, 8 + len(body))
+        return start + body + struct.pack("<H", len(tags)) + entries + bytes(4)
+
+    twelve = read_image(tiff(12, 1, bytes([0xFF, 0xF8, 0x00]) * 512))  # 4095, 2048
+    np.testing.assert_allclose(twelve.rgb[0, :2, 0], [1.0, 0.5], atol=1e-3)
+    signed = read_image(tiff(16, 2, struct.pack("<2h", 32767, 0) * 512))
+    np.testing.assert_allclose(signed.rgb[0, :2, 0], [1.0, 0.0], atol=1e-3)
+
+
+def test_size_of_a_jpeg_xl_is_that_of_its_codestream():
+    def box(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I4s", 8 + len(data), kind) + data
+
+    def code(width: int, height: int) -> bytes:
+        bits = 0 | 0 << 1 | (height - 1) << 3 | 0 << 12 | 0 << 15 | (width - 1) << 17  # 9 bits each, no ratio
+        return b"\xff\x0a" + bits.to_bytes(16, "little")
+
+    start = b"\0\0\0\x0cJXL \r\n\x87\n"
+    lie = box(b"free", b"jxlc" + code(40, 40))
+    exif = box(b"Exif", bytes(100_000))
+    assert jxl_size(start + lie + exif + box(b"jxlc", code(96, 48))) == (96, 48)
+    half = code(96, 48)
+    parts = box(b"jxlp", bytes(4) + half[:5]) + box(b"jxlp", struct.pack(">I", 1 | 1 << 31) + half[5:])
+    assert jxl_size(start + parts) == (96, 48)
+
+
+def test_tiles_of_a_float_picture_are_counted(monkeypatch):
+    monkeypatch.setattr("anyprobe.files.deep_pixels.MOST_BYTES", 1 << 20)
+    stream = io.BytesIO()
+    info = TiffImagePlugin.ImageFileDirectory_v2()
+    Image.fromarray(np.ones((600, 600), np.float32)).save(stream, "TIFF", tiffinfo=info)
+    with pytest.raises(InputError, match="expected at most 1 MB of numbers, got 1 MB"):
+        read_image(stream.getvalue())
+
+
+def test_a_small_map_is_left_out_and_an_archive_is_no_library(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    folder = tmp_path / "maps"
+    folder.mkdir()
+    rng = np.random.default_rng(2)
+    write_exr(folder / "place.exr", rng.uniform(0.1, 2.0, (64, 128, 3)).astype(np.float32))
+    write_exr(folder / "irradiance.exr", np.ones((16, 32, 3), np.float32))
+    library = open_library(folder)
+    assert library.names == ("place",)
+    assert library.faults == ("irradiance.exr: expected at least 32 rows, got 16; take a larger one",)
+    with zipfile.ZipFile(tmp_path / "maps.zip", "w") as file:
+        file.write(folder / "place.exr", "place.exr")
+    with pytest.raises(InputError, match="maps.zip: expected a folder .*, got a ZIP archive; unpack it"):
+        open_library(tmp_path / "maps.zip")
+
+
+def test_a_cache_that_another_program_replaces_midway(tmp_path, monkeypatch):
+    """What is taken from the file before is of that file throughout."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    folder = tmp_path / "maps"
+    folder.mkdir()
+    rng = np.random.default_rng(2)
+    for name in "bc":
+        write_exr(folder / f"{name}.exr", rng.uniform(0.1, 2.0, (64, 128, 3)).astype(np.float32))
+    before = open_library(folder)
+    true = {name: before.candidate(i).copy() for i, name in enumerate(before.names)}
+    write_exr(folder / "a.exr", rng.uniform(0.1, 2.0, (64, 128, 3)).astype(np.float32))
+    read, began = library_folder.read_radiance, []
+
+    def meanwhile(path):
+        if not began:
+            began.append(path)
+            open_library(folder)  # of the other program
+        return read(path)
+
+    monkeypatch.setattr(library_folder, "read_radiance", meanwhile)
+    after = open_library(folder)
+    for name, codes in true.items():
+        np.testing.assert_array_equal(after.candidate(after.names.index(name)), codes)
+
+
+def test_a_word_for_a_number_is_refused():
+    with pytest.raises(InputError, match="roughness: expected a number, got str '0.5'"):
+        Hints(roughness="0.5")

@@ -1,0 +1,48 @@
+/** What is odd about a mask that was given, as anyprobe.masks.check. */
+
+import { CONTRACT } from "../core/contract.js";
+import { objectBox } from "./picture.js";
+
+const { full: FULL, mostly: MOSTLY, grey: GREY, grey_share: GREY_SHARE, few_px: FEW_PX } = CONTRACT.mask.given;
+
+const percent = (share) => `${(100 * share).toFixed(0)}%`;
+
+/**
+ * The mask, and a line for whatever is odd about it. A segmenter's overlay, which is translucent on the object too, is brought
+ * to 1 there.
+ *
+ * @param {Float32Array} mask
+ * @param {number} width of the picture
+ * @returns {{mask: Float32Array, warnings: string[]}}
+ */
+export function lookAtGiven(mask, width) {
+  const warnings = [];
+  const most = mask.reduce((a, b) => Math.max(a, b), 0);
+  if (most <= 0.5) return { mask, warnings }; // nothing is marked
+  if (most < FULL) {
+    const advice = "save the mask itself, white on black, to be sure";
+    warnings.push(`the mask is nowhere white (at most ${most.toFixed(2)}), as a segmenter's overlay is; read as if it were: ${advice}`);
+    mask = mask.map((value) => value / most);
+  }
+  const height = mask.length / width;
+  let [inside, grey, border] = [0, 0, 0];
+  for (let i = 0; i < mask.length; i++) {
+    const [x, y] = [i % width, Math.floor(i / width)];
+    if (mask[i] > GREY[0] && mask[i] < GREY[1]) grey++;
+    if (!(mask[i] > 0.5)) continue;
+    inside++;
+    border += (x === 0) + (x === width - 1) + (y === 0) + (y === height - 1); // corners count twice
+  }
+  if (inside > MOSTLY * mask.length && border > FULL * 2 * (width + height)) {
+    const advice = "invert it if so: white is the object";
+    warnings.push(`the mask covers ${percent(inside / mask.length)} of the photo and its borders, as one does that is white around the object; ${advice}`);
+  }
+  if (grey > GREY_SHARE * inside) {
+    warnings.push("the mask is grey over wide areas; give one that is white on the object and black beside it");
+  }
+  const [x0, y0, x1, y1] = objectBox(mask, width);
+  if (Math.max(x1 - x0, y1 - y0) < FEW_PX) {
+    warnings.push(`the object is ${x1 - x0} x ${y1 - y0} pixels in its mask; use a larger photo or go closer: so few tell little of the light`);
+  }
+  return { mask, warnings };
+}
