@@ -44,5 +44,8 @@ def kept_checkpoint(kept: Path, graph: Path, path: Path) -> Path:
     nets, _ = read_init_weights(kept)
     origin = {name: said[name] for name in ("start", "assets") if name in said}
     step, pairs = int(said["steps"]), int(said["pairs"])
-    torch.save({"nets": nets, "config": said["config"], "step": step, "pairs": pairs, "origin": origin}, path)
+    kept_run = {"nets": nets, "config": said["config"], "step": step, "pairs": pairs, "origin": origin}
+    if "mean_with" in said:
+        kept_run["mean_with"] = {"start": said["mean_with"], "pairs": int(said["mean_with_pairs"])}
+    torch.save(kept_run, path)
     return path

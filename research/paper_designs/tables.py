@@ -16,7 +16,9 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import reflect, world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.files.meshes import read_mesh
+from anyprobe.dataset.catalog import MAP_SUFFIXES
+from anyprobe.files.meshes import MESH_SUFFIXES, read_mesh
+from anyprobe.files.paths import visible_files
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import rotate, shrink
 from anyprobe.render.mesh import Mesh
@@ -159,7 +161,7 @@ def surfaces_of(mesh: Mesh, normals: np.ndarray, side: int) -> np.ndarray:
 def load_maps(folder: Path, mirrored: bool, limit: int | None = None) -> dict[str, np.ndarray]:
     """Every map of a folder by name, each also mirrored left to right if asked for."""
     found = {}
-    for path in sorted(folder.glob("*.exr"))[:limit]:
+    for path in sorted(visible_files(folder, MAP_SUFFIXES))[:limit]:
         found[path.stem] = read_radiance(path)
         if mirrored:
             found[f"{path.stem}, mirrored"] = np.ascontiguousarray(found[path.stem][:, ::-1])
@@ -168,7 +170,7 @@ def load_maps(folder: Path, mirrored: bool, limit: int | None = None) -> dict[st
 
 def load_shapes(folder: Path, limit: int | None = None) -> dict[str, Mesh]:
     """Every mesh of a folder by name."""
-    return {path.stem: read_mesh(path) for path in sorted(folder.glob("*.ply"))[:limit]}
+    return {path.stem: read_mesh(path) for path in sorted(visible_files(folder, MESH_SUFFIXES))[:limit]}
 
 
 def cached_tables(path: Path, make) -> Tables:

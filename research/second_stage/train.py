@@ -22,6 +22,7 @@ from torch.nn import functional as F
 
 from anyprobe.core.color import REC709
 from anyprobe.core.latlong import pixel_solid_angles
+from anyprobe.errors import InputError
 from anyprobe.evaluate.calibration import CLOSE
 from anyprobe.files.atomic import atomic_path
 from anyprobe.light.environment import shrink
@@ -153,6 +154,9 @@ def train(config: SecondConfig, data: Path, folder: Path, stop_after: int | None
     first, said = 0, json.dumps(dataclasses.asdict(config))
     if path.is_file():
         stored = torch.load(path, weights_only=True)
+        then, now = ({**json.loads(one), "steps": 0} for one in (stored["config"], said))
+        if then != now:
+            raise InputError(f"{path}: expected a run of the same settings, got another; train in another folder")
         net.load_state_dict(stored["net"])
         averaged.load_state_dict(stored["averaged"])
         optimizer.load_state_dict(stored["optimizer"])

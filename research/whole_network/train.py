@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import time
 from copy import deepcopy
@@ -20,7 +21,7 @@ from anyprobe.errors import InputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.nets.blocks import autocast
 from anyprobe.nets.whole_net import WholeNet
-from anyprobe.train.checkpoint import load_init_weights, load_weights, read_checkpoint, resumed
+from anyprobe.train.checkpoint import agreed, load_init_weights, load_weights, read_checkpoint, resumed
 from anyprobe.train.logger import RunLogger, run_folder
 from anyprobe.train.loop import CHECKPOINT_SECONDS, learning_rate
 from research.whole_network.losses import WEIGHTS, WholeLoss
@@ -64,16 +65,19 @@ class Pairs:
             raise InputError(
                 f"{folder}: expected pairs, found none; make them with python -m research.whole_network pairs"
             )
-        self._parts, count = [], 0
+        self._parts, count, seen = [], 0, hashlib.sha256()
         for path in files:
             with np.load(path, allow_pickle=False) as stored:
                 part = {name: stored[name] for name in stored.files}
             part["profiles"] = _profiles(part["truth"])
             self._parts.append(part)
             count += len(part["up"])
+            seen.update(f"{path.name} {len(part['up'])} ".encode())
             if 0 < most <= count:
                 break
         self._starts = np.cumsum([0, *(len(part["up"]) for part in self._parts)])
+        self.identity = f"{count} pairs {seen.hexdigest()[:8]}"
+        """Which pairs these are: how many, and a digest of their files' names and lengths."""
 
     def __len__(self) -> int:
         return int(self._starts[-1])
@@ -182,6 +186,7 @@ def train_whole(config: WholeRunConfig, *, pairs: Path, runs: Path, start: Path 
     if first >= config.steps:
         return path
     data, losses = Pairs(pairs, config.pairs), WholeLoss()
+    origin = agreed(path, origin, {"assets": data.identity})
     logger = RunLogger(folder, config.name, _columns(net), first, config.steps, config.steps)
     saved = time.monotonic()
     with logger:

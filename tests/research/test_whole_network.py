@@ -170,6 +170,10 @@ def test_a_killed_run_goes_on_exactly(folder, checkpoint, tmp_path, monkeypatch)
             assert torch.equal(value, resumed[kept][name]), name
     with pytest.raises(InputError, match="seed"):
         trained(folder, tmp_path, replace(CONFIG, seed=8))
+    shutil.copytree(folder, tmp_path / "more")
+    shutil.copy(folder / "000001.npz", tmp_path / "more" / "000002.npz")
+    with pytest.raises(InputError, match="--data with"):  # other pairs
+        trained(tmp_path / "more", tmp_path, replace(CONFIG, steps=9))
 
 
 def test_the_graph_completes_the_first_one_and_says_how_the_camera_looks_down(checkpoint, photo, tmp_path):
