@@ -217,11 +217,11 @@ def test_light_exports_itself(work):
     assert json.loads(paths[1].read_text())["origin"]["photo"] == "vase.png"
 
 
-@pytest.mark.parametrize(("stops", "is_said"), [(0, False), (18, True)])
+@pytest.mark.parametrize(("stops", "is_said"), [(0, False), (18, True), (-30, True)])
 def test_light_that_no_file_of_the_target_holds_is_said(command, light_path, stops, is_said):
     order = ("export", light_path, "--to", "ktx2,blender", "-o", "out", "--exposure", stops)
     plain, said = command(*order), command(*order, "--json")
-    assert ("warning: ktx2: " in plain.err) == ("above what its files can hold" in plain.err) == is_said
+    assert ("warning: ktx2: " in plain.err) == ("beyond what its files can hold" in plain.err) == is_said
     assert "warning: blender" not in plain.err
     ktx2, blender = (json.loads(line)["clipped_energy"] for line in said.out.splitlines())
     assert (ktx2 > 0.02) == is_said

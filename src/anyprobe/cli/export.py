@@ -63,7 +63,7 @@ def export(
                 print(f"{name}: {', '.join(str(path) for path in written)}", file=sys.stderr)
             if lost > CLIPPED_SAID and not quiet:
                 print(
-                    f"warning: {name}: {lost:.0%} of the light is above what its files can hold; lower --exposure",
+                    f"warning: {name}: {lost:.0%} of the light is beyond what its files can hold; change --exposure",
                     file=sys.stderr,
                 )
 

@@ -83,13 +83,18 @@ def box_mips(faces: Float[np.ndarray, "6 S S 3"]) -> list[np.ndarray]:
     return levels
 
 
+HALF_LEAST = 2.0**-25
+"""What is smaller than that a half float rounds to 0."""
+
+
 def clipped_share(faces: Float[np.ndarray, "6 S S 3"], limit: float) -> float:
-    """Share of the energy of faces [6, S, S, 3] that lies above limit, weighted by solid angle."""
+    """Share of the energy of faces [6, S, S, 3] that lies above limit, or that halfs round to 0, weighted by solid angle."""
     size = faces.shape[1]
     a = (np.arange(size) + 0.5) / size * 2 - 1
     weights = (1 + a[:, None] ** 2 + a**2) ** -1.5
     energy = float((faces * weights[None, :, :, None]).sum())
-    lost = float((np.maximum(faces - limit, 0) * weights[None, :, :, None]).sum())
+    beyond = np.maximum(faces - limit, 0) + np.where(faces < HALF_LEAST, faces, 0)
+    lost = float((beyond * weights[None, :, :, None]).sum())
     return lost / energy if energy > 0 else 0.0
 
 
