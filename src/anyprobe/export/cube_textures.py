@@ -88,7 +88,7 @@ HALF_LEAST = 2.0**-25
 
 
 def clipped_share(faces: Float[np.ndarray, "6 S S 3"], limit: float) -> float:
-    """Share of the energy of faces [6, S, S, 3] that lies above limit, or that halfs round to 0, weighted by solid angle."""
+    """Share of the energy of faces [6, S, S, 3], by solid angle, that lies above limit or that halfs round to 0."""
     size = faces.shape[1]
     a = (np.arange(size) + 0.5) / size * 2 - 1
     weights = (1 + a[:, None] ** 2 + a**2) ** -1.5
