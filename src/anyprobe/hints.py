@@ -258,6 +258,10 @@ class Hints:
             value = getattr(self, name)
             if value is not None and not isinstance(value, Real):
                 raise InputError(f"{name}: expected a number, got {type(value).__name__} {str(value)[:40]!r}")
+        for name in ("mask", "depth", "normals", "surroundings"):
+            value = getattr(self, name)
+            if isinstance(value, Real):
+                raise InputError(f"{name}: expected a file, its bytes, a picture or an array, got the number {value}")
         if self.fov_deg is not None and not 1.0 < self.fov_deg < 170.0:
             raise InvalidPhoto(
                 "fov_deg: expected a field of view of more than 1 and less than 170 degrees along the longer side, "
@@ -312,7 +316,8 @@ def check_together(given: Sequence[str], called: Callable[[str], str] = str) -> 
     cut = [name for name in ("near", "far") if name in given]
     ways = [name for name in ("mask", "depth", "box", "click") if name in given and (name != "depth" or cut)]
     if len(ways) > 1 and ways != ["box", "click"]:
-        raise InputError(f"{' and '.join(map(called, ways))}: expected one of them, got both")
+        got = "both" if len(ways) == 2 else f"all {len(ways)}"
+        raise InputError(f"{' and '.join(map(called, ways))}: expected one of them, got {got}")
     if "exclude" in given and ways and ways[0] in ("mask", "depth"):
         raise InputError(
             f"{called('exclude')}: expected {called('click')}, {called('box')} or neither with it, "

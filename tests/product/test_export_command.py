@@ -129,10 +129,10 @@ def test_camera_that_looked_down(command, light_path, work):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--to", "maya"), ("expected one of three, blender", "'maya'")),
-        (("--to", ""), ("expected one of three",)),
-        (("--to", "usd,,three"), ("expected one of three", "''")),
-        (("--to", "all,maya"), ("expected one of three", "'maya'")),
+        (("--to", "maya"), ("expected any of three, blender", "'maya'")),
+        (("--to", ""), ("expected any of three",)),
+        (("--to", "usd,,three"), ("expected any of three", "''")),
+        (("--to", "all,maya"), ("expected any of three", "'maya'")),
         (("--to", "usd", "--world-from-camera", "1,2,3,4"), ("YAW,ELEVATION", "'1,2,3,4'")),
         (("--to", "usd", "--world-from-camera", "1,0,0,0,1,0,0,0,-1"), ("rotation", "mirrored")),
         (("--to", "usd", "--exposure", "99"), ("stops from -30 to 30",)),
@@ -241,5 +241,5 @@ def test_a_map_too_bright_for_its_sums_is_refused(command, work, brightest):
 
 def test_targets_are_named_one_by_one(tmp_path):
     for wrong in (["three", "usd"], "all"):
-        with pytest.raises(InputError, match="export one at a time"):
+        with pytest.raises(InputError, match="; choose one"):
             export(two_phase(32), wrong, tmp_path)

@@ -15,9 +15,11 @@ from PIL import Image, TiffImagePlugin
 from anyprobe.detail import library_folder
 from anyprobe.detail.library_folder import open_library
 from anyprobe.errors import InputError, InvalidMask, InvalidMesh
+from anyprobe.estimate.photo import load_photo
 from anyprobe.files.headers import jxl_size
 from anyprobe.files.images import read_image
 from anyprobe.files.meshes import read_mesh
+from anyprobe.files.objects import draw_under
 from anyprobe.files.poses import read_poses
 from anyprobe.files.radiance import read_radiance, write_exr, write_hdr
 from anyprobe.hints import Hints
@@ -192,3 +194,30 @@ def test_a_cache_that_another_program_replaces_midway(tmp_path, monkeypatch):
 def test_a_word_for_a_number_is_refused():
     with pytest.raises(InputError, match="roughness: expected a number, got str '0.5'"):
         Hints(roughness="0.5")
+
+
+def test_transparency_that_leaves_nearly_all_is_doubted():
+    photo = np.full((100, 120, 4), 200, np.uint8)
+    photo[:, :, 0] = np.arange(120)
+    photo[:8, :8, 3] = 0
+    (line,) = (one for one in load_photo(photo).warnings if "transparency" in one)
+    assert line.endswith(
+        "its transparency makes 99% of the photo the object; pass click=, box= or mask= if it is smaller"
+    )
+    photo[:40, :, 3] = 0
+    assert not any("transparency" in one for one in load_photo(photo).warnings)
+
+
+def test_numbers_in_the_place_of_pictures_are_refused():
+    for name in ("mask", "depth", "normals", "surroundings"):
+        with pytest.raises(
+            InputError, match=f"{name}: expected a file, its bytes, a picture or an array, got the number 4"
+        ):
+            Hints(**{name: 4})
+
+
+@pytest.mark.parametrize("given", [{"size": -3}, {"size": 1.5}, {"size": 0}, {"fov_deg": 0}, {"fov_deg": 200}])
+def test_pictures_of_no_size_are_refused(given):
+    (name,) = given
+    with pytest.raises(InputError, match=f"{name}: expected "):
+        draw_under(np.ones((8, 16, 3), np.float32), "sphere", "gold", **given)

@@ -9,7 +9,7 @@ import { WorkerClient } from "./networks/workerClient.js";
 import { checkHints, checkLight, checkNames, longFovOf, wrong } from "./options.js";
 import { hintsOf } from "./photo/hints.js";
 import { describe } from "./photo/material.js";
-import { lookAtGiven } from "./photo/maskCheck.js";
+import { alphaDoubts, lookAtGiven } from "./photo/maskCheck.js";
 import { maskFromAlpha } from "./photo/picture.js";
 import { readMask, readNormals, readSource } from "./photo/source.js";
 
@@ -135,7 +135,7 @@ export class AnyProbe {
     }
     if (isGiven("mask")) return { quality: null, ...lookAtGiven(await readMask(options.mask, picture, options.signal), picture.width) };
     const own = marks.length ? null : maskFromAlpha(picture);
-    if (own) return { mask: own, quality: null, warnings: [] };
+    if (own) return { mask: own, quality: null, warnings: alphaDoubts(own) };
     const found = await this.#findMask(picture, options);
     if (found.quality === 0) throw new AnyProbeError("no-object", nothingFound(picture, marks));
     return found;

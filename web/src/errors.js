@@ -33,6 +33,11 @@ export function readable(read, name) {
     return read();
   } catch (error) {
     if (error?.name !== "SecurityError") throw error;
-    throw new AnyProbeError("invalid-image", `${name}: expected pixels that this page may read, got those of another origin; set crossOrigin`);
+    throw foreign(name);
   }
+}
+
+/** Of a picture of another origin. @param {string} name */
+export function foreign(name) {
+  return new AnyProbeError("invalid-image", `${name}: expected pixels that this page may read, got those of another origin; set crossOrigin`);
 }

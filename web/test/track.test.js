@@ -223,3 +223,24 @@ test("an empty list of marks is none, and a given mask is looked at", async () =
   assert.ok(Math.max(...asked[1][1].mask) === 1, String(light));
   assert.match(light.warnings[0], /nowhere white \(at most 0.60\)/);
 });
+
+test("a canvas with pixels of another origin is told of as a picture is", async () => {
+  globalThis.createImageBitmap = async () => ({});
+  const give = () => {
+    throw Object.assign(new Error("Non-origin-clean ImageBitmap"), { name: "DataCloneError", code: 25 });
+  };
+  const client = { spares: [], check: () => {}, give, ask: async () => {} };
+  const faults = [];
+  const tracker = new AnyProbe(client, { hasMask: true, engine: "wasm", threads: 1 }).track(null, () => {}, { onError: (error) => faults.push(error) });
+  await tracker.offer({ width: 64, height: 48 });
+  assert.deepEqual(faults.map(({ name, code }) => [name, code]), [["AnyProbeError", "invalid-image"]]);
+  assert.match(faults[0].message, /^frame: .* another origin; set crossOrigin$/);
+});
+
+test("a picture whose transparency leaves nearly all of it is doubted", async () => {
+  const probe = open({ estimate: { light: { warnings: [] } } });
+  const rgba = new Uint8ClampedArray(4 * 64 * 64).fill(200).map((value, i) => (i % 4 === 3 ? 255 : value));
+  rgba[3] = 0;
+  const { warnings } = await probe.estimate({ width: 64, height: 64, rgba });
+  assert.match(warnings[0], /its transparency makes 100% of the photo the object; give click, box or mask/);
+});

@@ -134,7 +134,7 @@ export interface EstimateOptions extends Hints, Lens, LightOptions, Cancellable 
    * White on the object, or opaque there: a picture of the same aspect, or numbers in [0, 1] of the picture's size; what `mask`
    * gives, or the mask of a light. In the place of click, exclude and box.
    */
-  mask?: Float32Array | Mask | { mask: Float32Array } | Exclude<ImageSource, CameraTexture | Picture>;
+  mask?: null | Float32Array | Mask | { mask: Float32Array } | Exclude<ImageSource, CameraTexture | Picture>;
   /** Normals of the object in the camera's frame, three numbers a pixel of the picture, unit, zero where unknown. */
   normals?: Float32Array;
 }
@@ -233,9 +233,9 @@ export interface Tracker {
    */
   offer(frame: FrameSource, about?: { pose?: Pose; time?: number }): Promise<void>;
   /** The object is somewhere else, in the source's pixels. Where nothing is found there, the one before is followed on. */
-  mark(hints: Hints): Promise<void>;
+  mark(hints?: Hints): Promise<void>;
   /** Another kind of light; what is not named stays as it is. */
-  set(options: LightOptions): Promise<void>;
+  set(options?: LightOptions): Promise<void>;
   /** Lights and frames a second. */
   rates(): { updates: number; frames: number };
   stop(): void;

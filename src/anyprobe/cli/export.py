@@ -13,7 +13,7 @@ import typer
 from anyprobe.cli.options import folder_option
 from anyprobe.errors import InputError
 from anyprobe.export.exported_light import check_front, origin_beside
-from anyprobe.export.targets import TARGETS, find_target
+from anyprobe.export.targets import TARGETS
 
 CLIPPED_SAID = 0.02
 """Share of a light's energy above what a target's files hold from which on it is said."""
@@ -25,7 +25,9 @@ def export(
     lights: Annotated[
         list[Path], typer.Argument(metavar="LIGHT...", help="Maps that estimate wrote: .exr (full range) or .hdr.")
     ],
-    to: Annotated[str, typer.Option(metavar="TARGET[,TARGET...]", help=f"Any of {', '.join(TARGETS)}; or all.")],
+    to: Annotated[
+        list[str], typer.Option(metavar="TARGET[,TARGET...]", help=f"Any of {', '.join(TARGETS)}; or all. Repeatable.")
+    ],
     out: Annotated[Path, folder_option("Folder for the files; of several lights a folder each in it.")] = Path(
         "export"
     ),
@@ -45,7 +47,7 @@ def export(
     from anyprobe.export import targets
     from anyprobe.files.radiance import read_radiance
 
-    names = target_names(to)
+    names = target_names(",".join(to))
     rotation = None if world_from_camera is None else parse_rotation(world_from_camera)
     for light, folder in folders(lights, out):
         radiance = read_radiance(light, _MAX_PIXELS)
@@ -86,7 +88,8 @@ def target_names(text: str) -> list[str]:
     named = [name.strip() for name in text.split(",")]
     names = list(dict.fromkeys(one for name in named for one in (TARGETS if name == "all" else (name,))))
     for name in names:
-        find_target(name)
+        if name not in TARGETS:
+            raise InputError(f"--to: expected any of {', '.join(TARGETS)}, or all, got {name!r}")
     return names
 
 

@@ -43,7 +43,10 @@ def serve(
     ] = None,
     token: Annotated[
         str | None,
-        typer.Option(help="Token that clients must send, or none; default: a new one if other machines can connect."),
+        typer.Option(
+            help="Token of 8 letters or more that clients must send, or none; default: a new one if other machines "
+            "can connect."
+        ),
     ] = None,
     model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL,
 ) -> None:

@@ -177,7 +177,8 @@ def video(
     if as_json:
         print(json.dumps(summary))
     rate = (outcome.frames - begun) / max(seconds, 1e-9)
-    talk.print(f"{out}: {outcome.frames} frames, {len(outcome.bad)} bad, {rate:.1f} a second", soft_wrap=True)
+    speed = f", {rate:.1f} a second" if outcome.frames > begun else ""
+    talk.print(f"{out}: {outcome.frames} frames, {len(outcome.bad)} bad{speed}", soft_wrap=True)
     if taken.strict and (warnings or outcome.bad or outcome.damaged):
         raise typer.Exit(2)
 

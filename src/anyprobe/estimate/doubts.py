@@ -51,7 +51,8 @@ def exposure_doubts(
     """Of an object's pixels [N, 3] that are mostly black, or clipped in a large part; radiance: theirs, if known."""
     dark = float((luminance(rgb) <= _DARK).mean())
     if dark >= DARK_SHARE:
-        return (f"{name}: {dark:.0%} of the object is nearly black; little can be estimated from it; expose longer",)
+        advice = "expose longer, or multiply a file of radiance"
+        return (f"{name}: {dark:.0%} of the object is nearly black; little can be estimated from it; {advice}",)
     clipped = float(np.logical_and.reduce((rgb >= _CLIPPED).T).mean())
     if clipped < _CLIPPED_SHARE:
         return ()

@@ -222,7 +222,7 @@ def load_photo(
         return photo
     if not is_asked and is_cut_out(pixels.rgb, found.mask, pixels.alpha):
         is_opaque = pixels.alpha is None or mask_from_alpha(pixels.alpha) is None
-        doubtful = is_opaque and hides_backdrop(pixels.rgb, found.mask)
+        doubtful = is_opaque and not scale and hides_backdrop(pixels.rgb, found.mask)
         return replace(photo, warnings=photo.warnings + backdrop_doubts(pixels.name)) if doubtful else photo
     ground = estimate_ground(photo)
     if hints.pitch_deg is None and pixels.posture_deg is not None:

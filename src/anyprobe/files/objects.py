@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from numbers import Integral, Real
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ from anyprobe.render.shapes import blob, lathe, rounded_polyhedron, sphere, supe
 from anyprobe.render.surface import frame_object
 from anyprobe.scatter.materials import Material, material_named
 
+MOST_SIDE = 4096
+"""Pixels along a side of a drawn picture."""
 BASE = 0.08
 """Share of the vase's height that its rounded foot is cut off at, so that it stands."""
 
@@ -71,7 +74,13 @@ def draw_under(
         material: of scatter.materials, or a name.
         size: pixels along a side. fov_deg: that the unit sphere fills.
         world_from_camera: [3, 3], the world being the map's frame; None: the camera looks along -Z as the photo's did.
+    Raises:
+        InputError: another size or field of view, or as of open_object and material_named.
     """
+    if not (isinstance(size, Integral) and 1 <= size <= MOST_SIDE):
+        raise InputError(f"size: expected a whole number of pixels from 1 to {MOST_SIDE}, got {size}")
+    if not (isinstance(fov_deg, Real) and 0 < fov_deg < 180):
+        raise InputError(f"fov_deg: expected more than 0 and less than 180 degrees, got {fov_deg}")
     mesh = mesh if isinstance(mesh, Mesh) else open_object(str(mesh))
     material = material if isinstance(material, Material) else material_named(material)
     turn = np.eye(3) if world_from_camera is None else world_from_camera

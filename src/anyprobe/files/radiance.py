@@ -68,6 +68,8 @@ def read_radiance(path: str | os.PathLike[str], max_pixels: int = MAX_MAP_PIXELS
     """
     path = Path(path)
     suffix = path.suffix.lower()
+    if path.is_dir():
+        raise InvalidEnvironment(f"{path}: expected a map in .hdr or .exr, got a folder; name the maps in it")
     if suffix not in (".hdr", ".exr"):
         raise InvalidEnvironment(
             f"{path.name}: expected a map in .hdr or .exr, got {suffix or 'no suffix'}; "

@@ -80,3 +80,15 @@ def look_at_given(mask: np.ndarray) -> tuple[np.ndarray, list[str]]:
             "so few tell little of the light"
         )
     return mask.astype(np.float32), lines
+
+
+ALPHA_MOST: float = _GIVEN["alpha_most"]
+"""Share of the photo that a cut-out hardly ever covers; straightened photos with empty corners do."""
+
+
+def alpha_doubts(mask: np.ndarray) -> list[str]:
+    """A line where a photo's transparency [H, W] leaves nearly all of it as the object."""
+    share = float((mask > 0.5).mean())
+    if share <= ALPHA_MOST:
+        return []
+    return [f"its transparency makes {share:.0%} of the photo the object; pass click=, box= or mask= if it is smaller"]

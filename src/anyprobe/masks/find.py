@@ -11,7 +11,7 @@ from anyprobe.core.color import to_bytes
 from anyprobe.errors import InvalidMask
 from anyprobe.files.images import Pixels
 from anyprobe.files.stored_pixels import StoredPixels
-from anyprobe.masks.check import check_mask, look_at_given
+from anyprobe.masks.check import alpha_doubts, check_mask, look_at_given
 from anyprobe.masks.depth import DepthSource, chosen_depth, mask_from_depth
 from anyprobe.masks.networks import Network, shared_network
 from anyprobe.masks.prompts import Clicks, check_box, check_clicks
@@ -115,7 +115,8 @@ def _find(pixels: Pixels, prompts: Prompts, segmenter: SegmenterSource | None) -
     if source == "network":
         alpha = mask_from_alpha(pixels.alpha)
         if alpha is not None:
-            return _given(alpha, "alpha", pixels.name)
+            cut_out, doubts = _given(alpha, "alpha", pixels.name), alpha_doubts(alpha)
+            return replace(cut_out, warnings=(*cut_out.warnings, *(f"{pixels.name}: {one}" for one in doubts)))
     finder = load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter
     if finder is not None and not isinstance(finder, Network):
         return _segmented(pixels, prompts, finder, "segmenter" if source == "network" else source)

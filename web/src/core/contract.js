@@ -4,7 +4,7 @@ export const CONTRACT = {
   "mask": {
     "inside": 0.5,
     "least_object_px": 24,
-    "given": {"full": 0.85, "mostly": 0.5, "grey": [0.1, 0.9], "grey_share": 0.5, "few_px": 48},
+    "given": {"full": 0.85, "mostly": 0.5, "grey": [0.1, 0.9], "grey_share": 0.5, "few_px": 48, "alpha_most": 0.9},
     "alpha_cuts_at": 0.5,
     "file": { "black": 0.1, "white": 0.9 },
     "hole_share": 0.03,

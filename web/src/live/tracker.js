@@ -1,6 +1,6 @@
 /** Every frame of a source to the networks' thread, which takes the newest, and the lights that come back. */
 
-import { receivedError } from "../errors.js";
+import { foreign, receivedError } from "../errors.js";
 import { Light } from "../light/light.js";
 import { checkHints, checkLight, checkNames, longFovOf, rotationOfPose } from "../options.js";
 import { hintsOf } from "../photo/hints.js";
@@ -101,7 +101,7 @@ export class Tracker {
       if (this.running) this.#client.give(taken, time / 1000, rotation);
       else taken.frame.close?.();
     } catch (error) {
-      this.fail(error);
+      this.fail(error?.name === "DataCloneError" ? foreign("frame") : error); // a bitmap of a tainted canvas
     }
   }
 

@@ -3,7 +3,7 @@
 import { CONTRACT } from "../core/contract.js";
 import { objectBox } from "./picture.js";
 
-const { full: FULL, mostly: MOSTLY, grey: GREY, grey_share: GREY_SHARE, few_px: FEW_PX } = CONTRACT.mask.given;
+const { full: FULL, mostly: MOSTLY, grey: GREY, grey_share: GREY_SHARE, few_px: FEW_PX, alpha_most: ALPHA_MOST } = CONTRACT.mask.given;
 
 const percent = (share) => `${(100 * share).toFixed(0)}%`;
 
@@ -45,4 +45,16 @@ export function lookAtGiven(mask, width) {
     warnings.push(`the object is ${x1 - x0} x ${y1 - y0} pixels in its mask; use a larger photo or go closer: so few tell little of the light`);
   }
   return { mask, warnings };
+}
+
+/**
+ * A line where a picture's transparency leaves nearly all of it as the object.
+ *
+ * @param {Float32Array} mask
+ * @returns {string[]}
+ */
+export function alphaDoubts(mask) {
+  const share = mask.reduce((sum, value) => sum + (value > 0.5), 0) / mask.length;
+  if (share <= ALPHA_MOST) return [];
+  return [`its transparency makes ${percent(share)} of the photo the object; give click, box or mask if it is smaller`];
 }

@@ -121,14 +121,14 @@ function sizeOf(source) {
   ];
 }
 
-function draw(source, fullWidth, fullHeight, scale) {
+function draw(source, fullWidth, fullHeight, scale, name = "image") {
   const [width, height] = [fullWidth, fullHeight].map((length) => Math.max(1, Math.round(length * scale)));
   const canvas = new OffscreenCanvas(width, height);
   const context = canvas.getContext("2d", { willReadFrequently: true });
   context.imageSmoothingQuality = "high";
   context.drawImage(isImageData(source) ? canvasOf(source) : source, 0, 0, width, height);
   if (ours.has(source)) source.close();
-  return { width, height, rgba: readable(() => context.getImageData(0, 0, width, height).data, "image") };
+  return { width, height, rgba: readable(() => context.getImageData(0, 0, width, height).data, name) };
 }
 
 function canvasOf(data) {
@@ -196,7 +196,7 @@ export async function readMask(mask, picture, signal) {
   if (Math.abs((fullWidth * height) / (fullHeight * width) - 1) > MOST_UNEVEN) {
     throw new AnyProbeError("invalid-option", `mask: expected the picture's aspect, ${width} x ${height}, got ${fullWidth} x ${fullHeight}`);
   }
-  const { rgba } = isImageData(ready) ? { rgba: ready.data } : draw(ready, fullWidth, fullHeight, 1);
+  const { rgba } = isImageData(ready) ? { rgba: ready.data } : draw(ready, fullWidth, fullHeight, 1, "mask");
   const values = maskFromAlpha({ rgba }) ?? brightness(rgba);
   return resize(values, 1, [fullWidth, fullHeight], [width, height]);
 }
