@@ -68,9 +68,9 @@ def read_radiance(path: str | os.PathLike[str], max_pixels: int = MAX_MAP_PIXELS
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    if path.is_dir():
-        raise InvalidEnvironment(f"{path}: expected a map in .hdr or .exr, got a folder; name the maps in it")
     if suffix not in (".hdr", ".exr"):
+        if path.is_dir():
+            raise InvalidEnvironment(f"{path.name}: expected a map in .hdr or .exr, got a folder; name the maps in it")
         raise InvalidEnvironment(
             f"{path.name}: expected a map in .hdr or .exr, got {suffix or 'no suffix'}; "
             "a picture of 8 or 16 bits does not hold radiance"
