@@ -36,7 +36,7 @@ class RunConfig:
         hdr_share concern the first, lift the third.
     taught: how much of the LDR targets is the teacher's map, where there is a teacher; the rest is the true one.
     gradual: whether the LDR targets sharpen as in Eq. 6.
-    hdr_share: share of a batch that the HDR net learns from, half true LDR maps, half estimated.
+    hdr_share: share of a batch of whose true LDR maps the HDR net learns too, beside all estimated ones.
     cooldown: last share of the steps in which the learning rate falls to zero.
     """
 
@@ -113,7 +113,7 @@ def normals() -> RunConfig:
 
 
 def paper() -> RunConfig:
-    """The paper's chain (Sect. 3.2-3.4): illumination and HDR net, from what the trained irradiance net says."""
+    """The paper's chain (Sect. 3.2-3.4): all three networks, each from what the one before it says."""
     return RunConfig(
         name="paper",
         steps=1_000,
