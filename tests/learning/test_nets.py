@@ -1,9 +1,13 @@
 """Networks: shapes, the sphere's seam, and that they can learn at all."""
 
+import math
+
+import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
+from anyprobe.core.response import inverse_response  # noqa: E402
 from anyprobe.nets.blocks import FoldedConv  # noqa: E402
 from anyprobe.nets.paper import HdrNet, IlluminationNet, IrradianceNet  # noqa: E402
 
@@ -54,6 +58,20 @@ def test_hdr_net_sees_across_the_seam():
     turned = net(torch.roll(ldr, 64, dims=3))
     difference = (torch.roll(turned, -64, dims=3) - net(ldr)).abs().max()
     assert difference < 5e-4, ".04 without the columns beyond the seam"
+
+
+def test_hdr_net_changes_nothing_that_is_not_white():
+    """Up to Eq. 8's threshold the radiance is that of the LDR map, whatever the layers say; at white it is theirs."""
+    net = HdrNet().eval()
+    with torch.no_grad():
+        net.head.weight.zero_()
+        net.head.bias.fill_(5.0)
+        ldr = torch.rand(1, 3, 64, 128) * 0.79
+        known = torch.log(inverse_response(ldr.clip(min=net.DARKEST)))
+        torch.testing.assert_close(net(ldr), known, atol=1e-5, rtol=1e-5)
+        known = math.log(inverse_response(np.float64(0.9)))
+        assert net(torch.full((1, 3, 64, 128), 0.9)).mean() == pytest.approx(known + (5 - known) / 4, abs=1e-4)
+        assert net(torch.ones(1, 3, 64, 128)).mean() == pytest.approx(5)
 
 
 @pytest.mark.parametrize("net", [IrradianceNet(), IlluminationNet()], ids=["irradiance", "illumination"])

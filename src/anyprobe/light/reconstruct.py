@@ -14,10 +14,10 @@ LN_MAX: float = contract("graph")["ln_most"]
 """Largest ln radiance that is kept: a little below the largest half float."""
 
 
-def blend_weight(ldr, threshold: float = THRESHOLD):
-    """gamma = max(0, max_c U - tau) / (1 - tau), paper Eq. 8: [..., 3] -> [..., 1]."""
+def blend_weight(ldr, threshold: float = THRESHOLD, axis: int = -1):
+    """gamma = max(0, max_c U - tau) / (1 - tau), paper Eq. 8: [..., 3] -> [..., 1]; channels are along axis."""
     xp = array_namespace(ldr)
-    brightest = xp.max(xp.clip(ldr, 0.0, 1.0), axis=-1, keepdims=True)
+    brightest = xp.max(xp.clip(ldr, 0.0, 1.0), axis=axis, keepdims=True)
     return xp.clip(brightest - threshold, 0.0, None) / (1.0 - threshold)
 
 

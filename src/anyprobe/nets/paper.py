@@ -11,7 +11,9 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from anyprobe.core.response import ln_inverse_response
 from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.light.reconstruct import blend_weight
 from anyprobe.nets.blocks import UNet, wrap
 from anyprobe.nets.lifting import CameraRays, NormalsNet, lift_to_map, map_pixel, mirror_direction, pyramid
 from anyprobe.nets.light_net import MEAN_LN, SCALES, SphereNet, display
@@ -75,10 +77,16 @@ class IlluminationNet(nn.Module):
 
 
 class HdrNet(nn.Module):
-    """LDR map [N, 3, 64, 128] in [0, 1] -> ln radiance [N, 3, 64, 128]."""
+    """LDR map [N, 3, 64, 128] in [0, 1] -> ln radiance [N, 3, 64, 128].
+
+    What is not white is what the LDR map says, H = ln f^-1(U); the layers tell how far above that white is. Eq. 8's
+    weight, squared, leads from one to the other: without it Eq. 7 whitens much that is only likely to be white.
+    """
 
     MARGIN = 16
     """Columns repeated beyond the seam, on both sides."""
+    DARKEST = 1e-3
+    """Display value; what is below counts as it."""
 
     def __init__(self, widths: tuple[int, ...] = (24, 48, 64, 96)) -> None:
         super().__init__()
@@ -87,7 +95,9 @@ class HdrNet(nn.Module):
 
     def forward(self, ldr: torch.Tensor) -> torch.Tensor:
         x, _ = self.unet(wrap(ldr, self.MARGIN))
-        return F.pixel_shuffle(self.head(x), 2)[..., self.MARGIN : -self.MARGIN]
+        white = F.pixel_shuffle(self.head(x), 2)[..., self.MARGIN : -self.MARGIN].float()
+        shown = ln_inverse_response(ldr.float().clip(min=self.DARKEST))
+        return shown + blend_weight(ldr.float(), axis=1) ** 2 * (white - shown)
 
 
 NETS = {"irradiance": IrradianceNet, "illumination": IlluminationNet, "hdr": HdrNet}

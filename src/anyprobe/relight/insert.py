@@ -104,11 +104,23 @@ def cast_shadow(photo: Photo, view: View, shadow: GroundShadow, part: Part | Non
         ratio = 1.0 - (1.0 - ratio_of(strip)) * (1.0 - photo.mask[strip][..., None])
         touched = (ratio < 1.0 - LEAST_SHADOW).any(axis=-1)
         under = picture[within(strip, part)]
-        under[touched] = response(inverse_response(under[touched]) * ratio[touched])
+        under[touched] = response(plate_of(photo, strip, touched) * ratio[touched])
 
     with ThreadPoolExecutor(THREADS) as pool:  # each strip is its own part of the picture
         list(pool.map(darken, view.strips(shown)))
     return picture
+
+
+def plate_of(photo: Photo, part: Part, on: np.ndarray | slice = slice(None)) -> np.ndarray:
+    """Linear radiance of what a part of the photo shows [..., 3], above white too where the photo says so.
+
+    on: which pixels of the part, [R, C] bool.
+    """
+    plate = inverse_response(photo.rgb[part][on])
+    if photo.radiance is None:
+        return plate
+    radiance = photo.radiance[part][on]
+    return np.where(radiance > 1, radiance, plate)
 
 
 def ratio_over(view: View, shadow: GroundShadow, part: Part) -> Callable[[Part], np.ndarray]:

@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.core.color import COLORSPACES, from_rec709
-from anyprobe.core.response import inverse_response
 from anyprobe.errors import OutputError
 from anyprobe.files.radiance import HALF_MAX
-from anyprobe.relight.insert import Stage, ratio_over, within
+from anyprobe.relight.insert import Stage, plate_of, ratio_over, within
 from anyprobe.relight.shadow import GroundShadow
 from anyprobe.scatter.materials import Material
 
@@ -78,9 +77,7 @@ def passes_of(stage: Stage, radiance: np.ndarray, material: str | Material, rend
     laid[shown] = np.concatenate([drawn[..., :3] * coverage, coverage], axis=-1)
     even_light = np.ones((EVEN_ROWS, 2 * EVEN_ROWS, 3), np.float32)
     even = GroundShadow(spot.mesh, spot.foot, spot.radius, stage.view.up, even_light)
-    plate = inverse_response(photo.rgb)
-    if photo.radiance is not None:
-        plate = np.where(photo.radiance > 1, photo.radiance, plate)
+    plate = plate_of(photo, (slice(0, height), slice(0, width)))
     return Passes(
         plate=plate.astype(np.float32),
         shadow=_multiplier(stage, shadow),

@@ -30,7 +30,7 @@ GRADUAL_SHARE = 0.3
 """Share of the steps that the 11 filtered epochs take; the rest sees the map itself."""
 TIMES_EXPOSURE = (0.5, 2.0)
 """Between these times the photo's exposure the HDR net sees true maps (the paper's Sect. 4.1)."""
-WEIGHTS = {"ldr": 1.0, "scales": 0.5, "structure": 0.15, "brightest": 0.18, "normals": 0.3}
+WEIGHTS = {"ldr": 1.0, "scales": 0.5, "structure": 0.2, "brightest": 0.18, "normals": 0.3}
 """Of the illumination net's losses. With squares alone, as in the paper, its maps come near their mean."""
 HDR_WEIGHTS = {"pixels": 1.0, "transport": 0.7, "shown": 1.5, "level": 0.4, "emitters": 0.1}
 """Of the HDR net's losses."""

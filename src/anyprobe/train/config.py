@@ -143,12 +143,12 @@ def paper_on() -> RunConfig:
     return replace(
         paper(),
         name="paper_on",
-        steps=1_850,
-        learning_rate=6e-4,
+        steps=2_100,
+        learning_rate=5e-4,
         warmup=50,
         gradual=False,
         cooldown=0.9,
-        pairs=replace(paper().pairs, seed=211),
+        pairs=replace(paper().pairs, seed=231),
     )
 
 
