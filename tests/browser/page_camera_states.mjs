@@ -121,7 +121,7 @@ export default async ({ page, context, url, arguments: given }) => {
   await page.waitForSelector("#camera[aria-pressed=true]");
   await press();
   seen.closed = await state();
-  await waitForStatus(page, /^This is an example|^Estimated/);
+  await waitForStatus(page, /^The camera is off; this is the photo before it/);
   seen.unheard = await page.evaluate(() => camera.unheard);
   return seen;
 };

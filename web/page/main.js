@@ -23,6 +23,7 @@ const stage = new PhotoStage();
 const networks = new ProbeOpener(config, showDownload, stage.stage.isSoftware ? 1 : 0); // software then draws
 let fetched = null; // the file that is on its way
 let doing = null; // said again once a file that it takes has come
+let searching = null; // ends the search of a mask that is no longer wanted
 const tools = new ObjectTools(stage);
 const light = new LightPanel(config);
 const stages = new StagesPanel();
@@ -76,6 +77,7 @@ const live = new LiveSession({
   options,
   onShown: () => {
     turn++;
+    searching?.abort();
     showQuality(null);
     light.clear();
     stages.clear();
@@ -101,6 +103,7 @@ async function open(blob, name) {
 /** A picture in the place of another or of the camera's. */
 function put(found) {
   live.stop();
+  searching?.abort();
   turn++;
   opened = { ...NOTHING, ...found };
   showOpened();
@@ -138,10 +141,12 @@ function remask(hints) {
 async function findMask(picture, { on, off, box }, isLate) {
   const probe = await networks.open();
   if (isLate()) return null;
+  searching?.abort();
+  searching = new AbortController();
   doing = "Finding the object …";
   setStatus(doing);
   try {
-    return await probe.mask(picture, { click: on, exclude: off, box });
+    return await probe.mask(picture, { click: on, exclude: off, box, signal: searching.signal });
   } finally {
     if (!isLate()) doing = null;
   }
@@ -241,16 +246,18 @@ async function openExample() {
   const { picture, mask, longFovDeg, result } = await readExample();
   if (mine !== choice) return;
   const found = { mask, quality: null, warnings: [] };
-  put({ picture, longFovDeg, lensDeg: longFovDeg, name: "example", mask, box: objectBox(mask, picture.width), found, result });
+  put({ picture, longFovDeg, lensDeg: longFovDeg, name: "example", isExample: true, mask, box: objectBox(mask, picture.width), found, result });
   if (soften.checked) return examine(async () => found);
   setStatus("This is an example. Choose a photo of an object of one material, or use the camera.");
 }
 
-/** The camera is closed at once; the example takes its place. */
+/** The camera is closed at once; the photo before it takes its place, or the example. */
 function closeCamera() {
   live.stop();
   showAgain();
-  return openExample();
+  if (!opened || opened.isExample) return openExample();
+  if (opened.result) return setStatus("The camera is off; this is the photo before it.");
+  return examine(ownMask);
 }
 
 /** Run what a user asked for; what fails becomes one line on the page. */

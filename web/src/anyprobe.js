@@ -101,13 +101,14 @@ export class AnyProbe {
     checkLight(options);
     if (typeof onLight !== "function") throw wrong("onLight", "a function", onLight);
     const followed = checkSource(source);
-    const { surroundings, pitchDeg, emitters, onError, onLost, pose, signal, withViews = false } = options;
+    const { surroundings, pitchDeg, emitters, onError, onLost, onMissed, pose, signal, withViews = false } = options;
     const material = describe(options.material);
     this.#client.check();
     signal?.throwIfAborted();
     this.#tracker?.stop();
     const tracker = (this.#tracker = new Tracker(followed, this.#client, {
       pose,
+      onMissed,
       onLight: (answer) => (answer.lost ? onLost?.(answer) : onLight(answer.light, answer)),
       onError: onError ?? ((error) => reportError(error)),
     }));

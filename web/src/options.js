@@ -14,7 +14,7 @@ export const OPTIONS = {
   load: ["engine", "threads", "weights", "runtime", "worker", "onProgress", "signal"],
   mask: [...HINTS, "signal"],
   estimate: [...HINTS, ...LENS, ...LIGHT, "mask", "normals", "signal"],
-  track: [...HINTS, ...LENS, ...LIGHT, "onError", "onLost", "withViews", "pose", "signal"],
+  track: [...HINTS, ...LENS, ...LIGHT, "onError", "onLost", "onMissed", "withViews", "pose", "signal"],
   "tracker.mark": HINTS,
   "tracker.set": LIGHT,
 };
@@ -38,7 +38,7 @@ export function checkNames(method, given) {
 
 /** What is called, and what gives up. */
 function checkKinds(given) {
-  for (const name of ["onError", "onLost", "onProgress", "pose"]) {
+  for (const name of ["onError", "onLost", "onMissed", "onProgress", "pose"]) {
     if (given[name] !== undefined && typeof given[name] !== "function") throw wrong(name, "a function", given[name]);
   }
   const { signal } = given;

@@ -111,6 +111,7 @@ test("where a click finds nothing the object before it is followed on", async ()
     told.push(hints);
     const found = foundIn(rgba);
     const [[x] = [80]] = hints.on;
+    if (x > 20 && x < 50) return { ...found, quality: 0.01 };
     return x < 50 ? { mask: new Float32Array(found.mask.length), quality: 0 } : found;
   };
   const lights = new FrameLight(models, findMask, { on: [[0.5, 0.5]], off: [], box: null }, 65);
@@ -122,6 +123,8 @@ test("where a click finds nothing the object before it is followed on", async ()
   assert.ok(missed.mask);
   assert.ok(told[2].box); // around the object, as it is followed
   assert.equal((await next(2)).missed, undefined);
+  lights.mark({ on: [[0.2, 0.5]], off: [], box: null });
+  assert.equal((await next(3)).missed, true, "a wall is no object, where one was followed");
   const alone = new FrameLight(models, findMask, { on: [[0.1, 0.5]], off: [], box: null }, 65);
   assert.deepEqual(await alone.next(frameOf(50, 10, random), 0), { lost: true, width: WIDTH, height: HEIGHT });
 });

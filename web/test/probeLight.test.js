@@ -2,11 +2,12 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Scene } from "three";
+import { Group, PerspectiveCamera, Scene } from "three";
 
 import { irradiance } from "../src/light/harmonics.js";
 import { describe } from "../src/light/light.js";
 import { pixelDirections, pixelSolidAngles } from "../src/core/latlong.js";
+import { rotationOfPose } from "../src/options.js";
 import { EnvironmentTexture, ProbeLight } from "../src/three/index.js";
 
 const TO_LIGHT = [0.6, 0.8, 0];
@@ -59,6 +60,20 @@ test("a scene without an environment has its dark side lit, and the whole light 
   scene.environment = null;
   scene.updateMatrixWorld();
   assert.equal(lights.lightProbe.intensity, 1);
+});
+
+test("a camera under a scaled group turns the light as one that is not", () => {
+  const asked = [];
+  const lights = new ProbeLight({ track: (source, onLight, { pose }) => ({ stop: () => {}, pose }) });
+  for (const scale of [1, 0.01]) {
+    const camera = new PerspectiveCamera();
+    camera.rotation.set(0.2, 0.7, 0);
+    const group = new Group().add(camera);
+    group.scale.setScalar(scale);
+    group.updateMatrixWorld(true);
+    asked.push(rotationOfPose(lights.track(null, { camera }).pose()));
+  }
+  asked[0].forEach((value, i) => assert.ok(Math.abs(value - asked[1][i]) < 1e-6));
 });
 
 test("a scene that holds the whole light too is warned of, once", () => {

@@ -3,6 +3,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
+import { untilGivenUp } from "../src/photo/maskNetworks.js";
 import { doubts, examine, expectedIou } from "../src/photo/quality.js";
 import { resize } from "../src/photo/resize.js";
 import { findObject, maskOf } from "../src/photo/search.js";
@@ -92,4 +93,17 @@ test("what speaks against a mask lowers what to expect, and is named", async () 
   assert.ok(expectedIou(good, "u2netp") > expectedIou(bad, "u2netp") + 0.2);
   assert.deepEqual(doubts(good), []);
   assert.match(doubts(bad)[0], /second look/);
+});
+
+test("a search that is given up looks no more", async () => {
+  let [looks, isGivenUp] = [0, false];
+  const network = redness();
+  const counted = { ...network, cover: (...given) => (looks++, network.cover(...given)) };
+  const picture = photo(disc(90, 120, 25));
+  await findObject(untilGivenUp(counted, () => isGivenUp), picture, NOTHING);
+  assert.ok(looks > 1, `${looks}`);
+  looks = 0;
+  setTimeout(() => (isGivenUp = true)); // as a message that comes while the first look is under way
+  await assert.rejects(findObject(untilGivenUp(counted, () => isGivenUp), picture, NOTHING), /given up/);
+  assert.ok(looks <= 1, `${looks}`);
 });

@@ -43,6 +43,35 @@ test("a video, a canvas, a track, a stream's first track and offered frames are 
   assert.equal(checkSource(streamOf(track, new Track())), track);
 });
 
+test("a video that cannot be played is told of, and no longer followed", async () => {
+  for (const isEarly of [true, false]) {
+    const [video, faults] = [Object.assign(new EventTarget(), { videoWidth: 0, requestVideoFrameCallback: () => {} }), []];
+    const error = { message: "DEMUXER_ERROR_COULD_NOT_OPEN: no stream" };
+    if (isEarly) Object.assign(video, { error });
+    const tracker = open().track(video, () => {}, { onError: (fault) => faults.push(fault.message) });
+    await settle();
+    video.error = error;
+    video.dispatchEvent(new Event("error"));
+    await settle();
+    assert.deepEqual(faults, ["The video cannot be played: DEMUXER_ERROR_COULD_NOT_OPEN: no stream."]);
+    assert.ok(!tracker.running);
+  }
+});
+
+test("a mark that finds nothing is told of beside the light of the object before it", async () => {
+  const client = { spares: [], check: () => {}, give: () => {}, ask: async () => {} };
+  const seen = [];
+  globalThis.createImageBitmap = async () => ({});
+  const probe = new AnyProbe(client, { hasMask: true, engine: "wasm", threads: 1 });
+  const tracker = probe.track(null, () => seen.push("light"), { onMissed: () => seen.push("missed") });
+  await tracker.offer({ videoWidth: 64, videoHeight: 48, readyState: 2 });
+  const light = { radiance: new Float32Array(64 * 128 * 3).fill(0.5), dominant: {}, warnings: [] };
+  client.onLive({ light, missed: true });
+  client.onLive({ light });
+  assert.deepEqual(seen, ["missed", "light", "light"]);
+  tracker.stop();
+});
+
 test("a camera that ends is told of once, and no longer followed", async () => {
   for (const hasProcessor of [true, false]) {
     const reads = [];

@@ -157,6 +157,8 @@ export interface TrackOptions extends Hints, Lens, LightOptions, Cancellable {
   onError?: (error: Error) => void;
   /** No object is seen in a frame. */
   onLost?: () => void;
+  /** What tracker.mark marked last found nothing: the object before it is followed on. */
+  onMissed?: () => void;
 }
 
 /** The one lobe that a directional light stands for. */

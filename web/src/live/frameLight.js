@@ -9,6 +9,7 @@ import { lightOfObject } from "../networks/lightOfObject.js";
 import { shown, step } from "../light/temporal.js";
 import { cropObject } from "../photo/crop.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
+import { REFUSED } from "../photo/quality.js";
 import { isCutOut } from "../photo/surroundings.js";
 import { readFrame } from "./videoFrames.js";
 import { blockMeans, hasMoved } from "./motion.js";
@@ -137,7 +138,7 @@ export class FrameLight {
     if (this.masked !== masked) return false; // clicked meanwhile: found anew at the next frame
     const { before } = this;
     this.before = null;
-    if (before && !this.#isSeen()) {
+    if (before && (!this.#isSeen() || this.quality < REFUSED)) {
       this.#lookFor(before);
       this.missed = true;
       return this.#findObject(picture);

@@ -36,15 +36,15 @@ export function checkFrame(frame) {
  *
  * @param {HTMLVideoElement | HTMLCanvasElement | OffscreenCanvas | MediaStreamTrack | null} source null: frames are offered
  * @param {(frame: object) => void} give
- * @param {(error: AnyProbeError) => void} onEnd hears when a camera's track has ended
+ * @param {(error: AnyProbeError) => void} onEnd hears when a camera's track has ended, or a video cannot be played
  * @returns {Promise<() => void>} stops it
  */
 export async function follow(source, give, onEnd) {
   if (source === null) return () => {};
-  if (!isOf(source, "MediaStreamTrack")) return watch(source, give);
+  if (!isOf(source, "MediaStreamTrack")) return watch(source, give, onEnd);
   const end = () => onEnd(new AnyProbeError("failed", "The camera's track has ended; open the camera, and track again."));
   source.addEventListener("ended", end);
-  const stop = typeof MediaStreamTrackProcessor === "function" ? process(source, give, end) : await playHidden(source, give);
+  const stop = typeof MediaStreamTrackProcessor === "function" ? process(source, give, end) : await playHidden(source, give, onEnd);
   return () => {
     source.removeEventListener("ended", end);
     stop();
@@ -64,8 +64,14 @@ export function sizeOf(source) {
 }
 
 /** Once for every picture that is shown. */
-function watch(source, give) {
+function watch(source, give, onEnd) {
   let isOn = true;
+  const fail = () => {
+    const why = source.error?.message || "its file is not there, or of a kind that this browser does not play";
+    onEnd(new AnyProbeError("failed", `The video cannot be played: ${why.replace(/\.$/, "")}.`));
+  };
+  if (source.error) fail();
+  source.addEventListener?.("error", fail);
   const next = () => {
     if (!isOn) return;
     give(source);
@@ -73,7 +79,10 @@ function watch(source, give) {
     else requestAnimationFrame(next);
   };
   next();
-  return () => (isOn = false);
+  return () => {
+    isOn = false;
+    source.removeEventListener?.("error", fail);
+  };
 }
 
 /** Frames as the camera gives them, no element and no page's drawing between. */
@@ -90,14 +99,14 @@ function process(track, give, end) {
   return () => reader.cancel().catch(() => {});
 }
 
-async function playHidden(track, give) {
+async function playHidden(track, give, onEnd) {
   const video = Object.assign(document.createElement("video"), { muted: true, playsInline: true, srcObject: new MediaStream([track]) });
   try {
     await video.play();
   } catch (error) {
     throw new AnyProbeError("failed", `The camera's track could not be played: ${error.message}.`);
   }
-  const stop = watch(video, give);
+  const stop = watch(video, give, onEnd);
   return () => {
     stop();
     video.srcObject = null;

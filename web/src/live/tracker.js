@@ -33,14 +33,14 @@ export class Tracker {
   /**
    * @param {HTMLVideoElement | HTMLCanvasElement | OffscreenCanvas | MediaStreamTrack | null} source null: frames are offered
    * @param {import("../networks/workerClient.js").WorkerClient} client
-   * @param {{onLight: (answer: object) => void, onError: (error: Error) => void, pose?: () => object}} events pose: of the
-   *   camera in the world, asked for when a frame is taken
+   * @param {{onLight: (answer: object) => void, onError: (error: Error) => void, onMissed?: () => void, pose?: () => object}} events
+   *   pose: of the camera in the world, asked for when a frame is taken
    */
-  constructor(source, client, { onLight, onError, pose }) {
+  constructor(source, client, { onLight, onError, onMissed, pose }) {
     this.#source = source;
     this.#client = client;
     this.#pose = pose;
-    Object.assign(this, { onLight, onError });
+    Object.assign(this, { onLight, onError, onMissed });
     this.running = false;
     this.mask = null; // the last one found
     this.updates = [];
@@ -144,6 +144,7 @@ export class Tracker {
     if (!this.running || (!this.#isOpen && !answer.error)) return;
     if (answer.error) return this.fail(receivedError(answer.error));
     if (!answer.lost) noteTime(this.updates);
+    if (answer.missed) this.onMissed?.();
     if (!answer.light) return this.onLight(answer);
     if (answer.mask) this.mask = { data: answer.mask, width: answer.width, height: answer.height, quality: answer.quality };
     this.onLight({ ...answer, light: new Light({ ...answer.light, mask: this.mask }) });

@@ -10,7 +10,7 @@ import { AnyProbeError, sentError } from "../errors.js";
 import { describe } from "../light/light.js";
 import { shadeSpheres } from "../light/spheres.js";
 import { cropNormals, cropObject } from "../photo/crop.js";
-import { SmallNetwork, U2NetP } from "../photo/maskNetworks.js";
+import { SmallNetwork, U2NetP, untilGivenUp } from "../photo/maskNetworks.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
 import { REFUSED, examine, expectedIou, warningsOf } from "../photo/quality.js";
 import { findObject, glance, maskOf } from "../photo/search.js";
@@ -43,8 +43,8 @@ const tasks = {
    * The mask of a still picture from clicks or a box; without any, what stands out. With its quality, the IoU to expect,
    * a line where that is little, and the seconds it took without the opening of a network.
    */
-  mask({ picture, hints }) {
-    return findMask(picture, hints);
+  mask({ picture, hints }, isGivenUp) {
+    return findMask(picture, hints, isGivenUp);
   },
 
   /** The light, and for a page that shows them its stages and three spheres. */
@@ -106,11 +106,11 @@ function letGo(frame) {
 }
 
 /** The mask of a still picture. */
-async function findMask(picture, hints) {
+async function findMask(picture, hints, isGivenUp) {
   const network = models.hasU2netp ? new U2NetP(models) : smallNetwork();
   await network.open();
   const start = performance.now();
-  const found = await searchBy(network, picture, hints);
+  const found = await searchBy(untilGivenUp(network, isGivenUp), picture, hints);
   return { ...found, seconds: (performance.now() - start) / 1000 };
 }
 
@@ -159,7 +159,7 @@ self.onmessage = async ({ data: { id, task, giveUp, ...given } }) => {
   asked.set(id, false);
   const answer = {};
   try {
-    answer.result = await tasks[task](given);
+    answer.result = await tasks[task](given, () => asked.get(id));
   } catch (error) {
     answer.error = sentError(error);
   }

@@ -9,6 +9,7 @@
  */
 
 import { CONTRACT } from "../core/contract.js";
+import { AnyProbeError } from "../errors.js";
 import { resize } from "./resize.js";
 
 const { u2netp: U2NETP, small: SMALL } = CONTRACT.mask;
@@ -79,6 +80,21 @@ export class SmallNetwork {
     for (let y = 0; y < h; y++) values.set(answer.subarray((top + y) * size + left, (top + y) * size + left + w), y * w);
     return { values, width: w, height: h };
   }
+}
+
+/**
+ * A mask network that looks no more once what is looked for has been given up: what is asked next would wait for it.
+ *
+ * @param {SmallNetwork | U2NetP} network
+ * @param {() => boolean} isGivenUp
+ */
+export function untilGivenUp(network, isGivenUp) {
+  const cover = async (picture, hints) => {
+    await new Promise((resolve) => setTimeout(resolve)); // to hear what has been sent meanwhile
+    if (isGivenUp()) throw new AnyProbeError("failed", "The search has been given up.");
+    return network.cover(picture, hints);
+  };
+  return { name: network.name, cover };
 }
 
 /** As Python rounds: halves to the even number. */

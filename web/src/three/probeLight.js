@@ -88,7 +88,7 @@ export class ProbeLight extends Group {
    */
   track(source, { camera = null, ...options } = {}) {
     this.stop();
-    const pose = camera ? { pose: () => camera.matrixWorld } : {};
+    const pose = camera ? { pose: () => new Matrix4().extractRotation(camera.matrixWorld) } : {};
     this.#tracker = this.probe.track(source, (light) => this.update(light), { ...pose, ...options });
     return this.#tracker;
   }
