@@ -370,6 +370,19 @@ def test_mask_command_writes_a_mask_that_estimate_takes(tmp_path, monkeypatch, c
     assert (quiet.status, quiet.out, quiet.err) == (0, "", "")
 
 
+def test_mask_command_says_that_radiance_is_in_another_unit(tmp_path, monkeypatch, command, project_root):
+    monkeypatch.chdir(tmp_path)
+    rgb, _ = vase(project_root)
+    OpenEXR.File({}, {"RGB": np.maximum(rgb**2.2, 0.01).astype(np.float32)}).write("plain.exr")
+    depth = np.full(rgb.shape[:2], 2000, np.uint16)
+    depth[30:90, 40:100] = 700
+    Image.fromarray(depth).save("depth.png")
+    given = ("--depth", "depth.png", "--near", "500", "--far", "900")
+    assert "its radiance by" not in command("mask", "plain.exr", *given).err
+    OpenEXR.File({}, {"RGB": np.full((*depth.shape, 3), 500, np.float32)}).write("bright.exr")
+    assert "bright.exr: 100% of the photo is above 1, which is white" in command("mask", "bright.exr", *given).err
+
+
 def test_mask_command_by_depth(tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
     Image.new("RGB", (160, 120), "grey").save("a.png")

@@ -77,6 +77,7 @@ def _line(found: dict[str, Any]) -> str:
 
 def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: str | None) -> dict[str, Any]:
     """Write one photo's two files; what was found and how, for JSON."""
+    from anyprobe.estimate.doubts import scale_doubts
     from anyprobe.estimate.outputs import draw_overlay
     from anyprobe.files.images import read_image, write_png
     from anyprobe.masks.depth import is_carried
@@ -97,5 +98,5 @@ def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: str
         "source": found.source,
         "confidence": None if found.confidence is None else round(float(found.confidence), 4),
         "share": round(float((found.mask > 0.5).mean()), 4),
-        "warnings": [*pixels.warnings, *found.warnings],
+        "warnings": [*pixels.warnings, *scale_doubts(pixels.radiance, pixels.name), *found.warnings],
     }

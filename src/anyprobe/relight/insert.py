@@ -102,7 +102,7 @@ def cast_shadow(photo: Photo, view: View, shadow: GroundShadow, part: Part | Non
 
     def darken(strip: Part) -> None:
         ratio = 1.0 - (1.0 - ratio_of(strip)) * (1.0 - photo.mask[strip][..., None])
-        touched = (ratio < 1.0 - LEAST_SHADOW).any(axis=-1)
+        touched = np.asarray((ratio < 1.0 - LEAST_SHADOW).any(axis=-1))
         under = picture[within(strip, part)]
         under[touched] = response(plate_of(photo, strip, touched) * ratio[touched])
 
