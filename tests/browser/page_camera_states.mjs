@@ -114,9 +114,15 @@ export default async ({ page, context, url, arguments: given }) => {
   await page.waitForTimeout(500);
   seen.photo = await state();
 
-  // the button again: the camera is closed at once
+  // an answer that comes while the camera is asked for leaves what is said of that
+  await page.setInputFiles("#file", given.photo);
+  await waitForStatus(page, /^Finding the object/);
   await press();
   await asked();
+  await lit(1);
+  seen.opening = await state();
+
+  // the button again: the camera is closed at once
   await page.evaluate(() => camera.allow());
   await page.waitForSelector("#camera[aria-pressed=true]");
   await press();

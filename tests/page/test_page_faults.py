@@ -132,6 +132,7 @@ def test_camera_is_one_and_ends_with_what_takes_its_place(page_url, vase_photo, 
     assert part(seen["photo"], photo) == photo
     assert seen["photo"]["tracks"] == ["ended", "ended"]
     assert seen["photo"]["status"].startswith("Estimated")
+    assert seen["opening"]["status"].startswith("Opening the camera")
     assert part(seen["closed"], photo) == photo
     assert seen["closed"]["tracks"] == ["ended"] * 3
     assert seen["unheard"] == []

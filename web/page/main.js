@@ -90,6 +90,11 @@ const live = new LiveSession({
   },
 });
 
+/** Of the photo on show; less than what is said of a camera that is being opened. */
+function tell(...given) {
+  if (!live.opening) setStatus(...given);
+}
+
 /** Show a photo; find its object; estimate. What was on show stays until the photo is decoded. */
 async function open(blob, name) {
   const mine = ++choice;
@@ -144,7 +149,7 @@ async function findMask(picture, { on, off, box }, isLate) {
   searching?.abort();
   searching = new AbortController();
   doing = "Finding the object …";
-  setStatus(doing);
+  tell(doing);
   try {
     return await probe.mask(picture, { click: on, exclude: off, box, signal: searching.signal });
   } finally {
@@ -166,7 +171,7 @@ async function examine(maskOf, hints = NO_HINTS) {
     if (isLate()) return;
     editor.show(opened.mask, opened.hints);
     if (!opened.result) hideLight();
-    setStatus(error.message, "fault");
+    tell(error.message, "fault");
   }
 }
 
@@ -182,18 +187,18 @@ async function estimate(found, hints, isLate) {
   Object.assign(opened, { mask, box, hints, found: kept, result: null });
   const probe = await networks.open();
   if (isLate()) return;
-  setStatus("Estimating the lighting …");
+  tell("Estimating the lighting …");
   const result = await probe.examine({ picture, mask, longFovDeg, options: options() });
   if (isLate()) return;
   opened.result = result;
   showLight();
   if (found.warnings.length) {
-    return setStatus(`Estimated. ${inPage(found.warnings[0])} Click on the object below, or draw a box around it.`, "warning");
+    return tell(`Estimated. ${inPage(found.warnings[0])} Click on the object below, or draw a box around it.`, "warning");
   }
   const [doubt] = result.light.warnings;
-  if (doubt) return setStatus(`Estimated, but ${inPage(doubt)}.`, "warning");
+  if (doubt) return tell(`Estimated, but ${inPage(doubt)}.`, "warning");
   const search = seconds === undefined ? "" : `object found in ${seconds.toFixed(1)} s, `;
-  setStatus(`Estimated: ${search}light in ${result.seconds.toFixed(1)} s. If the outline is wrong, click on the object below, or draw a box around it.`);
+  tell(`Estimated: ${search}light in ${result.seconds.toFixed(1)} s. If the outline is wrong, click on the object below, or draw a box around it.`);
 }
 
 /** What was marked found nothing: the last object and its light stay, the mark does not. */
@@ -201,7 +206,7 @@ async function stay(why, isLate) {
   const { mask, hints, found, result } = opened;
   if (result) editor.show(mask, hints);
   else await estimate(found, hints, isLate); // its light was on its way
-  if (!isLate()) setStatus(`${why} The last object and its light stay: click on the object below, or draw a box around it.`, "warning");
+  if (!isLate()) tell(`${why} The last object and its light stay: click on the object below, or draw a box around it.`, "warning");
 }
 
 /** Nothing of the last light is left. @param {string} [why] where it was looked for */

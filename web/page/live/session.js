@@ -24,6 +24,11 @@ export class LiveSession {
     this.running = false; // since the camera's first picture
   }
 
+  /** Whether the camera is being asked for: what was on show still is. */
+  get opening() {
+    return Boolean(this.live) && !this.running;
+  }
+
   /** Whether the networks are open and the camera's pictures go to them. */
   get following() {
     return Boolean(this.live?.tracker);
