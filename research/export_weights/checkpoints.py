@@ -10,12 +10,13 @@ from anyprobe.errors import ModelError
 from anyprobe.train.checkpoint import current_weight_names, init_weights_id, read_checkpoint, read_init_weights
 
 
-def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
+def mean_checkpoint(checkpoint: Path, other: Path, path: Path, share: float = 0.5) -> Path:
     """A checkpoint at path, for export alone, of the mean of a run's weights and those kept in other.
 
     Where a run began from other, what both have learned stays and much of what is each one's chance goes (Wortsman et
     al. 2022, Model soups).
 
+    share: of other in the mean.
     Raises:
         ModelError: no checkpoint, or other holds another network's weights.
     """
@@ -24,8 +25,11 @@ def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
     kept = current_weight_names(kept, nets)
     if {name: value.shape for name, value in kept.items()} != {name: value.shape for name, value in nets.items()}:
         raise ModelError(f"{other}: expected weights of the run {checkpoint}, got another network's")
-    mean = {name: (value + kept[name]) / 2 if value.is_floating_point() else value for name, value in nets.items()}
-    mean_with = {"start": init_weights_id(other), "pairs": pairs}
+    mean = {
+        name: torch.lerp(value, kept[name], share) if value.is_floating_point() else value
+        for name, value in nets.items()
+    }
+    mean_with = {"start": init_weights_id(other), "pairs": pairs, "share": share}
     torch.save({**stored, "nets": mean, "optimizer": {}, "mean_with": mean_with}, path)
     return path
 
@@ -46,6 +50,7 @@ def kept_checkpoint(kept: Path, graph: Path, path: Path) -> Path:
     step, pairs = int(said["steps"]), int(said["pairs"])
     kept_run = {"nets": nets, "config": said["config"], "step": step, "pairs": pairs, "origin": origin}
     if "mean_with" in said:
-        kept_run["mean_with"] = {"start": said["mean_with"], "pairs": int(said["mean_with_pairs"])}
+        share = float(said.get("mean_with_share", 0.5))
+        kept_run["mean_with"] = {"start": said["mean_with"], "pairs": int(said["mean_with_pairs"]), "share": share}
     torch.save(kept_run, path)
     return path

@@ -319,9 +319,12 @@ def test_the_mean_of_a_run_and_what_it_began_from(run, two_steps, tmp_path):
             moved += int((one != two).any())
     assert moved > 100
     assert both["config"] == after["config"]
-    assert both["mean_with"] == {"start": init_weights_id(kept), "pairs": None}
+    assert both["mean_with"] == {"start": init_weights_id(kept), "pairs": None, "share": 0.5}
+    less = torch.load(mean_checkpoint(checkpoint, kept, tmp_path / "less.pt", 0.2), weights_only=True)["nets"]
+    name = max(less, key=lambda key: less[key].numel())
+    torch.testing.assert_close(less[name], 0.2 * before[name].float() + 0.8 * after["nets"][name])
     whole = torch.load(mean_checkpoint(checkpoint, checkpoint, tmp_path / "same.pt"), weights_only=True)
-    assert whole["mean_with"] == {"start": init_weights_id(checkpoint), "pairs": 8}
+    assert whole["mean_with"] == {"start": init_weights_id(checkpoint), "pairs": 8, "share": 0.5}
     assert "light" in load_nets(mean)
     save_init_weights(two_steps(paper), other)
     with pytest.raises(ModelError, match="paper.pt: expected weights of the run.*got another network's"):

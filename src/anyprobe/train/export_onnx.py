@@ -152,6 +152,7 @@ def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
     assets          the maps and shapes of its data, as dataloader.name_assets has them
     mean_with       identity of the file of weights that they are the mean with
     mean_with_pairs the pairs that those have seen
+    mean_with_share how much of the mean those are
     """
     origin, other = stored.get("origin", {}), stored.get("mean_with", {})
     known = {
@@ -160,6 +161,7 @@ def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
         "assets": origin.get("assets"),
         "mean_with": other.get("start"),
         "mean_with_pairs": other.get("pairs"),
+        "mean_with_share": other.get("share"),
     }
     return {name: str(value) for name, value in known.items() if value is not None}
 
