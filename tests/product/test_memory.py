@@ -69,7 +69,10 @@ def scene(rng):
     """A photo [500, 700] without an object, its camera, and a shadow that is a stripe of the ground."""
     height, width = 500, 700
     photo = SimpleNamespace(
-        rgb=rng.random((height, width, 3), dtype=np.float32), mask=np.zeros((height, width), np.float32), hidden=None
+        rgb=rng.random((height, width, 3), dtype=np.float32),
+        mask=np.zeros((height, width), np.float32),
+        hidden=None,
+        radiance=None,
     )
     photo.mask[400:450, 100:200] = 0.7
     view = View(width=width, height=height, focal=600.0, up=np.array([0.0, np.cos(0.3), np.sin(0.3)]))
