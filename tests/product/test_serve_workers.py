@@ -53,7 +53,9 @@ def end_itself(flag: str, number: int, times: int) -> str:
     return "done"
 
 
-MODULES = "random queue types numpy PIL pickle signal threading logging onnxruntime anyprobe socket sitecustomize".split()
+MODULES = (
+    "random queue types numpy PIL pickle signal threading logging onnxruntime anyprobe socket sitecustomize".split()
+)
 
 
 def test_a_module_in_the_working_folder_is_not_taken_for_pythons(lane, photo, work):

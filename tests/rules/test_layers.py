@@ -25,7 +25,6 @@ ONLY = {
     "onnx": {"train"},
     "openvino": {"estimate"},
     "rembg": {"masks"},
-    "pooch": {"masks"},
     "trimesh": {"files"},
     "rawpy": {"files"},
     "pillow_jxl": {"files"},

@@ -1,4 +1,4 @@
-"""Names of files: in the order people count in, for libraries that take UTF-8 alone, and whether they end."""
+"""Names of files: the user's own folder, the order people count in, libraries that take UTF-8 alone, files that end."""
 
 from __future__ import annotations
 
@@ -15,6 +15,22 @@ from anyprobe.errors import InputError, OutputError
 
 MAX_BYTES = 2**31
 """Longest file that is read whole."""
+
+
+def home_folder() -> Path | None:
+    """Return the user's own folder; None where the system names none, as for a container's user without an entry."""
+    try:
+        return Path.home()
+    except (RuntimeError, OSError, KeyError):
+        return None
+
+
+def is_there(path: Path) -> bool:
+    """Return whether a file is there, and may be looked at; a folder above it may be a file, a loop or closed."""
+    try:
+        return path.is_file()
+    except (OSError, RuntimeError, ValueError):
+        return False
 
 
 def natural_order(name: str) -> list[tuple[bool, int, str]]:

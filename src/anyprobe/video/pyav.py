@@ -22,14 +22,14 @@ CONTAINERS = (
 """FFmpeg's readers that open one file and no other: playlists (hls, dash, concat, imf), patterns of names (image2),
 network sessions (sdp, rtsp) and devices (lavfi, v4l2) are none of them."""
 
-PICTURES = (
+PICTURE_READERS = (
     "bmp cri dds dpx exr gem gif hdr j2k jpeg jpegls jpegxl jpegxs pam pbm pcx pfm pgm pgmyuv pgx phm photocd pictor "
     "png ppm psd qdraw qoi sgi sunrast svg tiff vbn webp xbm xpm xwd"
 ).split()
 """Still pictures, which are read to be named as such; FFmpeg calls their readers NAME_pipe."""
 
 ONE_FILE = {
-    "format_whitelist": ",".join((*CONTAINERS, *(f"{kind}_pipe" for kind in PICTURES))),
+    "format_whitelist": ",".join((*CONTAINERS, *(f"{kind}_pipe" for kind in PICTURE_READERS))),
     "protocol_whitelist": "file",
     "enable_drefs": "0",  # parts of a .mov that lie in other files
     "use_absolute_path": "0",
