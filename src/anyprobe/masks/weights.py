@@ -71,12 +71,13 @@ def kept_in() -> list[tuple[Path, str]]:
     """
     named, home = os.environ.get("U2NET_HOME"), home_folder()
     own = Path(sys.prefix) / "share" / "anyprobe"
+    rembg: Path | None = None
     if named and not named.startswith("~"):
         rembg = Path(named)
     elif named and home is not None:
         rembg = Path(named).expanduser()
-    else:
-        rembg = None if home is None or named else home / ".u2net"
+    elif not named and home is not None:
+        rembg = home / ".u2net"
     found = [] if rembg is None else [(rembg, "rembg's folder")]
     return [*found, (own, "this Python environment")]
 
