@@ -47,7 +47,7 @@ def failing(monkeypatch, photo_path, networks_opened_once):
         (BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable"), 2, "expected more processes or threads"),
         (OSError(errno.EMFILE, "Too many open files"), 2, "expected more open files"),
         (RuntimeError("can't start new thread"), 1, "expected more threads"),
-        (TypeError("open() got an\nunexpected keyword"), 1, "TypeError at test_short_machines.py"),
+        (TypeError("open() got an\nunexpected keyword"), 1, "TypeError at estimate.py"),
         (RecursionError("maximum recursion depth exceeded"), 1, "RecursionError"),
         (AssertionError(), 1, "no words"),
     ],

@@ -38,6 +38,7 @@ ONLY = {
     "starlette": {"serve"},
     "uvicorn": {"cli", "serve"},
     "cryptography": {"serve"},
+    "prometheus_client": {"serve"},
 }
 """Packages that not every part may import."""
 

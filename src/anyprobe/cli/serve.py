@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ipaddress
-import os
 import secrets
 import socket
 import sys
@@ -15,6 +14,8 @@ import typer
 
 from anyprobe.errors import InputError, MissingExtra
 from anyprobe.estimate.runtime import DEFAULT_MODEL
+from anyprobe.files.cores import usable_cores
+from anyprobe.serve.limits import DRAIN_S, Limits
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 """What browsers call a server of their own machine."""
@@ -45,9 +46,13 @@ def serve(
         str | None,
         typer.Option(
             help="Token of 8 letters or more that clients must send, or none; default: a new one if other machines "
-            "can connect."
+            "can connect.",
+            envvar="ANYPROBE_TOKEN",
         ),
     ] = None,
+    drain: Annotated[
+        float, typer.Option(help="Seconds for what it has begun, when it is to end (SIGTERM).", min=0, max=600)
+    ] = DRAIN_S,
     model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL,
 ) -> None:
     """Serve the web page and the HTTP API. All is computed here; nothing leaves this machine."""
@@ -56,8 +61,7 @@ def serve(
 
     from anyprobe.estimate.estimator import Estimator
     from anyprobe.serve.api import create_app
-    from anyprobe.serve.door import settings, write_certificate
-    from anyprobe.serve.limits import Limits
+    from anyprobe.serve.door import DrainingServer, settings, write_certificate
     from anyprobe.serve.page import Page, write_static
 
     estimator = Estimator(model, threads=1)
@@ -67,8 +71,7 @@ def serve(
         size = sum(path.stat().st_size for path in written)
         print(f"{static}: {len(written)} files, {size / 2**20:.0f} MiB; see docs/serve.md", file=sys.stderr)
         return
-    num_workers = workers or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else workers or 2
-    limits = Limits(max_bytes=max_mb * 2**20, workers=num_workers)
+    limits = Limits(max_bytes=max_mb * 2**20, workers=workers or usable_cores(), drain_s=drain)
     names = [name.lower() for name in allow_host or []]
     with _open_port(host, port) as listening, tempfile.TemporaryDirectory() as folder:
         shown = own_address() if host in EVERYWHERE else host
@@ -94,7 +97,7 @@ def serve(
             if not https:
                 _say("other machines get no camera over http, and others may read along; add --https")
         app.state.pool.warm()
-        uvicorn.Server(uvicorn.Config(app, **settings(), **encrypted)).run(sockets=[listening])
+        DrainingServer(uvicorn.Config(app, **settings(drain), **encrypted), app.state.pool).run(sockets=[listening])
 
 
 def _say(line: str) -> None:

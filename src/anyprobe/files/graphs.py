@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from anyprobe.errors import ModelError
+from anyprobe.files.cores import usable_cores
 from anyprobe.files.onnx_runtime import onnxruntime
 
 SHORT = ("bad_alloc", "memory", "alloc", "thread", "resource", "too many open files")
@@ -33,8 +33,9 @@ def open_graph(path: Path, threads: int | None = None) -> onnxruntime.InferenceS
     options.log_severity_level = 4  # errors are raised, and said once
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.add_session_config_entry("session.disable_quant_qdq", "1")
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    for count in sorted({even_threads(threads or cores), 1}, reverse=True):  # one needs no thread of the system
+    for count in sorted(
+        {even_threads(threads or usable_cores()), 1}, reverse=True
+    ):  # one needs no thread of the system
         options.intra_op_num_threads = count
         try:
             return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])

@@ -64,6 +64,7 @@ class Lane:
         """seconds: of the processor, for a piece of work; memory_mb: beyond what an idle process has."""
         self._seconds, self._memory_mb, self._niceness = seconds, memory_mb, niceness
         self._idle: list[_Worker] = []
+        self._busy: list[_Worker] = []
         self._lock = threading.Lock()
         self._closed = False
         weakref.finalize(self, _end_all, self._idle)
@@ -96,11 +97,18 @@ class Lane:
     def _do(self, task: Callable[[], Any]) -> dict[str, Any]:
         """What a process answers to a task."""
         worker = self._next()
+        with self._lock:
+            self._busy.append(worker)
+            if self._closed:  # while it started
+                worker.kill()
         try:
             answer = worker.call((task, self._seconds), self._seconds)
         except BaseException:
             worker.end()
             raise
+        finally:
+            with self._lock:
+                self._busy.remove(worker)
         with self._lock:
             keep = not self._closed and answer.pop("keep")
             if keep:
@@ -112,6 +120,8 @@ class Lane:
     def _next(self) -> _Worker:
         """A process that waits for work, a new one where there is none."""
         while True:
+            if self._closed:
+                raise WorkerLost("the server is to end")
             with self._lock:
                 worker = self._idle.pop() if self._idle else None
             if worker is None:
@@ -121,8 +131,11 @@ class Lane:
             worker.end()
 
     def close(self) -> None:
+        """End all processes, those at work too; whoever waits for these gets WorkerLost."""
         with self._lock:
             self._closed = True
+            for worker in self._busy:
+                worker.kill()
             _end_all(self._idle)
 
 
@@ -185,6 +198,9 @@ class _Worker:
         self._process.wait(5)
         why = "takes too long to start" if late.is_set() else "ends as it starts"
         raise WorkerLost(f"a decoding process {why} (status {self._process.returncode}): {' | '.join(said)}")
+
+    def kill(self) -> None:
+        self._process.kill()
 
     def is_alive(self) -> bool:
         return self._process.poll() is None
