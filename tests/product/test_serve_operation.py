@@ -1,4 +1,4 @@
-"""A server under someone's care: readiness, metrics, a bounded log, an end in time, names and addresses that are its own."""
+"""A server in operation: readiness, metrics, a bounded log, an end in time, names and addresses of its own."""
 
 from __future__ import annotations
 

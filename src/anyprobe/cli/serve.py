@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import os
 import secrets
 import socket
 import sys
@@ -12,7 +13,7 @@ from typing import Annotated, Any
 
 import typer
 
-from anyprobe.errors import InputError, MissingExtra
+from anyprobe.errors import InputError, MissingExtra, OutputError
 from anyprobe.estimate.runtime import DEFAULT_MODEL
 from anyprobe.files.cores import usable_cores
 from anyprobe.serve.limits import DRAIN_S, Limits
@@ -20,6 +21,8 @@ from anyprobe.serve.limits import DRAIN_S, Limits
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 """What browsers call a server of their own machine."""
 MIN_TOKEN = 8
+SHARED_MEMORY = "/dev/shm"
+"""A folder in memory that Linux has, in containers too."""
 EVERYWHERE = ("0.0.0.0", "::", "")
 """Hosts that stand for all addresses of this machine."""
 
@@ -64,6 +67,7 @@ def serve(
     from anyprobe.serve.door import DrainingServer, settings, write_certificate
     from anyprobe.serve.page import Page, write_static
 
+    _find_temporary_folder()
     estimator = Estimator(model, threads=1)
     page = Page(estimator, model)
     if static is not None:
@@ -98,6 +102,16 @@ def serve(
                 _say("other machines get no camera over http, and others may read along; add --https")
         app.state.pool.warm()
         DrainingServer(uvicorn.Config(app, **settings(drain), **encrypted), app.state.pool).run(sockets=[listening])
+
+
+def _find_temporary_folder() -> None:
+    """Use shared memory for temporary files where no folder can be written, as in a container with a read-only root."""
+    try:
+        tempfile.gettempdir()
+    except OSError as error:
+        if not os.access(SHARED_MEMORY, os.W_OK):
+            raise OutputError("no folder for temporary files can be written; let TMPDIR name one") from error
+        tempfile.tempdir = os.environ["TMPDIR"] = SHARED_MEMORY
 
 
 def _say(line: str) -> None:
