@@ -147,6 +147,9 @@ def own_lines() -> Iterator[None]:
     only the command line owns one.
     """
     _forget_no_width()
+    for stream in (sys.stdout, sys.stderr):  # a name that the terminal's encoding lacks is no reason to end
+        with contextlib.suppress(AttributeError, OSError, ValueError):  # none, or a caller's own
+            getattr(stream, "reconfigure")(errors="backslashreplace")  # noqa: B009  # of files alone
     os.environ.setdefault("PYTHONSAFEPATH", "1")  # a random.py in the working folder is not Python's in children either
     before, exr.quiet = exr.quiet, silenced
     ours = threading.current_thread() is threading.main_thread()

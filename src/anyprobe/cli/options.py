@@ -22,7 +22,7 @@ import typer
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto, MissingExtra, OutputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
 from anyprobe.files.exr import HEADER_BYTES, parse_header
-from anyprobe.files.paths import open_regular, read_stream, same_file_key, visible_files
+from anyprobe.files.paths import folds_case, open_regular, read_stream, same_file_key, visible_files
 from anyprobe.hints import HINTS, PICTURES, Hint, Hints, check_together, renamed, said_as
 
 if TYPE_CHECKING:
@@ -338,7 +338,14 @@ def result_stem(photo: Path, listed: list[Path]) -> str:
 
 def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given: Iterable[Any]) -> None:
     """Refuse results of one name for two photos, and one that would replace a photo or what else is given."""
-    twins = [other for other in listed if result_stem(other, listed) == result_stem(photo, listed)]
+    targets = list(targets)
+    folds = bool(targets) and folds_case(targets[0].parent)
+
+    def name_of(one: Path) -> str:
+        stem = result_stem(one, listed)
+        return stem.casefold() if folds else stem
+
+    twins = [other for other in listed if name_of(other) == name_of(photo)]
     if twins and twins[0] != photo:
         raise OutputError(f"{photo}: expected names that differ, got {twins[0]} before it; rename one of them")
     inputs = {same_file_key(one): one for one in (*listed, *given) if isinstance(one, Path)}

@@ -38,7 +38,21 @@ def is_there(path: Path) -> bool:
 
 def same_file_key(path: Path) -> str:
     """Return what two names of one file have in common: links followed as far as they lead, case where it counts."""
-    return os.path.normcase(os.path.realpath(path))
+    real = os.path.normcase(os.path.realpath(path))
+    return real.casefold() if folds_case(Path(real).parent) else real
+
+
+def folds_case(folder: Path) -> bool:
+    """Return whether Name and name are one file there, as on Windows and macOS; the folder need not exist yet."""
+    real = Path(os.path.realpath(folder))
+    for one in (real, *real.parents):
+        other = one.with_name(one.name.swapcase()) if one.name else one
+        if other != one and os.path.exists(one):
+            try:
+                return os.path.samefile(one, other)
+            except OSError:  # the other is not there
+                return False
+    return os.name == "nt"
 
 
 def natural_order(name: str) -> list[tuple[bool, int, str]]:
