@@ -1,4 +1,4 @@
-"""Windows and macOS as far as Linux can play them: python -X warn_default_encoding -m pytest -p support.other_system FILE
+"""Windows and macOS as far as Linux can play them: python -X warn_default_encoding -m pytest -p support.other_system
 
 No fork, resource, fcntl, links, niceness or affinity; processes begin by spawn; and a file that is opened without an
 encoding, which would be cp1252 there, is an error.
