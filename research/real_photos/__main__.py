@@ -23,6 +23,7 @@ from anyprobe.cli.tables import print_table
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
 from anyprobe.evaluate.methods import baselines, model_methods
+from research.figure_tables import print_figures
 from research.model_names import titles_of
 from research.real_photos import hidden as hidden_ring
 from research.real_photos import stability as changes
@@ -85,7 +86,7 @@ def score(
             typer.echo(f"{kind}, {one['pairs']} photos, {row['method']}: {figures}")
     for group, one in content["lamps"].items():
         if one["objects"] > 1:
-            _print(f"{group}: {one['photos']} photos of {one['objects']} objects", one["rows"], LAMP_COLUMNS)
+            print_figures(f"{group}: {one['photos']} photos of {one['objects']} objects", one["rows"], LAMP_COLUMNS)
     if angles:
         _print_by_object(content["lamps"])
     write_result(out, content)
@@ -124,7 +125,7 @@ def hidden(
         if sheets is not None:
             pictures.append(hidden_ring.draw(name, ring, maps))
     rows = hidden_ring.summary(scores)
-    _print(f"hidden ring: {len(scores)} photos", rows, hidden_ring.COLUMNS)
+    print_figures(f"hidden ring: {len(scores)} photos", rows, hidden_ring.COLUMNS)
     write_result(out, {"commit": commit(), "model": model_id(model), "rows": rows, "photos": scores})
     typer.echo(out)
     for page in write_pages(pictures, sheets) if sheets is not None else ():
@@ -142,7 +143,7 @@ def stability(
     for name, (path, mask) in masked_photos(folders).items():
         moved[name] = changes.moved_lights(path, mask, estimator)
     rows = changes.summary(moved)
-    _print(f"change of the dominant light, degrees: {len(moved)} photos", rows, changes.COLUMNS)
+    print_figures(f"change of the dominant light, degrees: {len(moved)} photos", rows, changes.COLUMNS)
     write_result(out, {"commit": commit(), "model": model_id(model), "rows": rows, "photos": moved})
     typer.echo(out)
 
@@ -161,18 +162,6 @@ def _print_by_object(groups: dict[str, dict[str, Any]]) -> None:
 def _plain(angle: Angle) -> dict[str, float]:
     said = {} if angle.said_deg is None else {"said_deg": round(angle.said_deg, 2)}
     return {"deg": round(angle.deg, 2), **said}
-
-
-def _print(title: str, rows: dict[str, dict[str, float | None]], headings: dict[str, str]) -> None:
-    """Print figures by row, each with its standard error where it has one."""
-    table = Table("", *headings.values(), title=title, title_justify="left")
-    for name, row in rows.items():
-        cells = []
-        for key in headings:
-            value, error = row.get(key), row.get(f"{key}_error")
-            cells.append("" if value is None else f"{value:.3g}" + ("" if error is None else f" +- {error:.2g}"))
-        table.add_row(name, *cells)
-    print_table(Console(highlight=False), table)
 
 
 if __name__ == "__main__":

@@ -43,11 +43,15 @@ PLAIN = 2 / 255
 DARK = 1e-3
 """Luminance that brightness is compared from."""
 MEAN, BORDER, OWN = "crop's mean colour", "nearest pixel of the crop's border", "ring's own mean colour"
-"""Two baselines, and what no flat colour is nearer than."""
+BESIDE = f"{BORDER} beside the object"
+"""Three baselines, and what no flat colour is nearer than."""
+FRONT = slice(12, 52), slice(34, 94)
+"""Rows and columns of the map around any ring, for pictures."""
 COLUMNS = {
     "rmse": "RMSE, median",
     "ahead_of_mean": "ahead of the crop's mean in",
-    "ahead_of_border": "ahead of the border in",
+    "ahead_of_border": "of the border in",
+    "ahead_of_beside": "of the border beside the object in",
     "tilt_abs": "log2 above / below: abs",
     "tilt_bias": "bias, median",
 }
@@ -58,9 +62,9 @@ class Ring:
     """A photo's ring.
 
     crop: [h, w, 3] uint8, and its mask [h, w] uint8. fov_deg: of the crop's longer side. where: [64, 128] bool, the
-    ring's pixels. shown, border: [64, 128, 3] display values of the photo and of the nearest pixel of the crop's
-    border, 0 off the ring. mean: [3] of the crop beside the object. picture: [H, W, 3] uint8, the photo with the crop
-    framed.
+    ring's pixels. shown, border, beside: [64, 128, 3] display values of the photo, of the nearest pixel of the crop's
+    border, and of the nearest one that is not the object's; 0 off the ring. mean: [3] of the crop beside the object.
+    picture: [H, W, 3] uint8, the photo with the crop framed.
     """
 
     crop: np.ndarray
@@ -69,6 +73,7 @@ class Ring:
     where: np.ndarray
     shown: np.ndarray
     border: np.ndarray
+    beside: np.ndarray
     mean: np.ndarray
     picture: np.ndarray
 
@@ -107,11 +112,15 @@ def ring_of(rgb: np.ndarray, mask: np.ndarray) -> Ring | str:
     where = _at_centers(inside & ~in_crop) & ~(_blocks(on_object[..., None]).max(axis=(1, 3))[..., 0] > 0)
     if where.sum() < LEAST:
         return "the object covers what the crop hides"
-    nearest = rgb[row.clip(top, height - top - 1), column.clip(left, width - left - 1)]
-    shown, border = (_means(colors, inside & ~in_crop) * where[..., None] for colors in (rgb[row, column], nearest))
+    seen = inside & ~in_crop
+    nearest = row.clip(top, height - top - 1), column.clip(left, width - left - 1)
+    free = _free_border(nearest, seen, mask, window)
+    shown, border, beside = (
+        _means(colors, seen) * where[..., None] for colors in (rgb[row, column], rgb[nearest], rgb[free])
+    )
     if np.ptp(shown[where], axis=0).max() < PLAIN:
         return "of one colour beside the object, a cut-out"
-    crop, beside = rgb[window], mask[window] <= 127
+    crop, around = rgb[window], mask[window] <= 127
     tan_half = max(crop.shape[:2]) / max(height, width) * np.tan(np.radians(FOV_DEG) / 2)
     picture = np.round(255 * draw_overlay(rgb, mask / np.float32(255))).astype(np.uint8)
     for edge in ((top, window[1]), (height - top - 1, window[1]), (window[0], left), (window[0], width - left - 1)):
@@ -123,7 +132,8 @@ def ring_of(rgb: np.ndarray, mask: np.ndarray) -> Ring | str:
         where=where,
         shown=shown,
         border=border,
-        mean=crop[beside].mean(axis=0) if beside.any() else crop.mean(axis=(0, 1)),
+        beside=beside,
+        mean=crop[around].mean(axis=0) if around.any() else crop.mean(axis=(0, 1)),
         picture=picture,
     )
 
@@ -131,7 +141,8 @@ def ring_of(rgb: np.ndarray, mask: np.ndarray) -> Ring | str:
 def maps_of(ring: Ring, estimator: Estimator) -> dict[str, np.ndarray]:
     """Return display maps [64, 128, 3] by row: baselines, and the estimates from the crop with its mask given."""
     flat = np.ones((*ring.where.shape, 3))
-    maps = {OWN: flat * ring.shown[ring.where].mean(axis=0), MEAN: flat * ring.mean, BORDER: ring.border}
+    maps = {OWN: flat * ring.shown[ring.where].mean(axis=0), MEAN: flat * ring.mean}
+    maps |= {BORDER: ring.border, BESIDE: ring.beside}
     for name, surroundings in ((ALONE, {"surroundings": NONE}), (DEFAULT, {})):
         photo = load_photo(ring.crop, mask=ring.mask, fov_deg=ring.fov_deg, **surroundings)
         maps[name] = response(estimator.from_photo(photo).radiance)
@@ -158,13 +169,16 @@ def summary(scores: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str
     photos = list(scores)
     rows: dict[str, dict[str, float | None]] = {}
     for name in scores[photos[0]] if photos else ():
-        column = {one: np.array([scores[photo][one]["rmse"] for photo in photos]) for one in (name, MEAN, BORDER)}
+        column = {
+            one: np.array([scores[photo][one]["rmse"] for photo in photos]) for one in (name, MEAN, BORDER, BESIDE)
+        }
         tilted = [photo for photo in photos if "tilt" in scores[photo][name]]
         tilt = np.array([scores[photo][name]["tilt"] for photo in tilted])
         figures = {
             "rmse": with_error(np.median, photos, column[name]),
             "ahead_of_mean": with_error(np.mean, photos, column[name] < column[MEAN]),
             "ahead_of_border": with_error(np.mean, photos, column[name] < column[BORDER]),
+            "ahead_of_beside": with_error(np.mean, photos, column[name] < column[BESIDE]),
             "tilt_abs": with_error(np.mean, tilted, np.abs(tilt)),
             "tilt_bias": with_error(np.median, tilted, tilt),
         }
@@ -178,12 +192,34 @@ def summary(scores: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str
 
 def draw(name: str, ring: Ring, maps: Mapping[str, np.ndarray]) -> Image.Image:
     """Return a line of pictures: the photo and its crop, its ring on the map, and what each row has there."""
-    shown = np.where(ring.where[..., None], ring.shown, 0.25)
-    tiles = [(name, ring.picture / 255), ("what the crop hides", shown)]
+
+    def front(one: np.ndarray) -> np.ndarray:
+        return np.where(ring.where[..., None], one, 0.25)[FRONT]
+
+    tiles = [(name, ring.picture / 255), ("what the crop hides", front(ring.shown))]
     for row in (BORDER, ALONE, DEFAULT):
-        picture = np.where(ring.where[..., None], maps[row], 0.25) if row == BORDER else maps[row]
+        picture = front(maps[row]) if row == BORDER else maps[row]
         tiles.append((f"{row}: RMSE {rmse(maps[row][ring.where], ring.shown[ring.where]):.3f}", picture))
     return strip([tiles])
+
+
+def _free_border(
+    nearest: tuple[np.ndarray, np.ndarray], seen: np.ndarray, mask: np.ndarray, window: tuple[slice, slice]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of the border's pixels nearest to those pixels of it that are not the object's, for points seen;
+    those themselves where the object covers the whole border."""
+    row, column = (one.copy() for one in nearest)
+    edge = np.zeros(mask.shape, bool)
+    edge[window] = True
+    edge[window[0].start + 1 : window[0].stop - 1, window[1].start + 1 : window[1].stop - 1] = False
+    free = np.argwhere(edge & (mask <= 127))
+    moved = seen & (mask[row, column] > 127)
+    if len(free):
+        points = np.stack([row[moved], column[moved]], axis=-1)
+        which, inverse = np.unique(points, axis=0, return_inverse=True)
+        closest = [np.square(free - point).sum(axis=1).argmin() for point in which]
+        row[moved], column[moved] = free[closest][inverse.ravel()].T
+    return row, column
 
 
 def _at_centers(fine: np.ndarray) -> np.ndarray:
