@@ -23,9 +23,9 @@ from anyprobe.estimate.multiview import estimate_crops
 from anyprobe.estimate.result import Light
 from anyprobe.export.targets import TARGETS, find_target
 from anyprobe.serve import answers, openapi, tasks
+from anyprobe.serve.counters import Counted, Metrics
 from anyprobe.serve.guards import BodyLimit, HeadAsGet, OwnNamesOnly, OwnPagesOnly, SecureHeaders, TokenOnly
 from anyprobe.serve.limits import Limits
-from anyprobe.serve.metrics import Counted, Metrics
 from anyprobe.serve.page import Page, add_page
 from anyprobe.serve.pool import Busy, Cancellation, Cancelled, Ending, WorkerPool
 from anyprobe.serve.tasks import TooManyPixels, Upload
