@@ -35,6 +35,9 @@ USED_UP_MB = 400
 WALL_FACTOR, START_S = 3.0, 10.0
 """Wall clock for a piece of work: times the processor's seconds, as others want the processor too, and for imports."""
 
+IMPORTS_S = 60.0
+"""Wall clock for the start of a process: about a second of the processor, which others may have."""
+
 SIGXCPU, SIGKILL = getattr(signal, "SIGXCPU", -1), getattr(signal, "SIGKILL", 9)
 """As numbers, also where the system has none of them."""
 
@@ -184,7 +187,7 @@ class _Worker:
         """
         stderr = self._process.stderr
         assert stderr is not None
-        with _ended_after(self._process, WALL_FACTOR * START_S) as late:
+        with _ended_after(self._process, IMPORTS_S) as late:
             try:
                 ready = pickle.load(self._answers) == READY
             except (OSError, EOFError, pickle.UnpicklingError):
