@@ -20,13 +20,10 @@ from anyprobe.masks.depth import CARRIED, is_carried
 from anyprobe.masks.networks import shared_network
 from anyprobe.masks.search import MARGIN, Prompts, Window, choose, look
 from anyprobe.video.clip import Frame
-from anyprobe.video.held_mask import Held, follow, found_in, hold, lit_mask, mask_in
+from anyprobe.video.held_mask import MOST_CHANGE, Held, follow, found_in, hold, lit_mask, mask_in
 
 GROWTH = 0.08
 """The box prompt is the last mask's, grown by this share on every side."""
-
-MOST_CHANGE = 1.4
-"""An object that is so many times larger or smaller than in the last frame is another."""
 
 ODD = 2
 """So many frames after one in which the object was not where it could be, the picture before it is tried first."""

@@ -10,6 +10,7 @@ next frame be registered against the key before, the frame between was an odd on
 more,
 the mask becomes the mean of it and what was found before, MOST finds at most. Where it is less, it counts for nothing
 unless PATIENCE finds in a row, EVERY_REFUSED frames apart, are as alike to each other: then the last becomes the mask.
+One of MOST_CHANGE times the mask's pixels, or so much fewer, is another object's and counts for nothing at all.
 
 **The key is replaced** by a frame in which it is found but is less alike than FADED.
 
@@ -33,8 +34,9 @@ NUMBERS = contract("held_mask")
 EVERY, EVERY_REFUSED, PATIENCE = NUMBERS["every"], NUMBERS["every_refused"], NUMBERS["patience"]
 AGREES, MOST, FADED = NUMBERS["agrees"], NUMBERS["most"], NUMBERS["faded"]
 NARROW, NARROW_ERROR, NARROW_MOST = NUMBERS["narrow"], NUMBERS["narrow_error"], NUMBERS["narrow_most"]
+MOST_CHANGE: float = NUMBERS["most_change"]
 ROOM = NUMBERS["room"]
-"""Of the key's window on every side, in the longer sides of the object."""
+"""Of the key's window on every side, in the longer sides of the object: a mask found anew reaches no further."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -107,6 +109,8 @@ def _looked(held: Held, rgb: np.ndarray, mask: np.ndarray | None) -> Held:
     if mask is None:
         return held
     there = _in_key(held, mask)
+    if not 1 / MOST_CHANGE < float(there.sum()) / float(held.cover.sum()) < MOST_CHANGE:
+        return held
     if _iou(held.cover, there) >= AGREES:
         share = np.float32(1.0 / min(held.finds + 1, MOST))
         cover = held.cover + share * (there - held.cover)
