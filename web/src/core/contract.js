@@ -215,8 +215,8 @@ export const CONTRACT = {
   },
   "held_mask": {
     "every": 8,
-    "every_refused": 2,
-    "patience": 3,
+    "every_refused": 8,
+    "patience": 6,
     "agrees": 0.8,
     "most": 8,
     "most_change": 1.4,
