@@ -8,9 +8,9 @@ What each clip's line says, of the lights after the first half second:
 step, raw_step: largest step of the dominant light from frame to frame, degrees, filtered and of single frames.
 over_10: steps over 10 degrees. spread: the dominant light's root mean square angle to its mean, degrees.
 bright: most pixels above radiance 5 in a filtered light over most in a single frame's (of clips with 20 there).
-followed_s: after the light turned by 90 degrees, until the dominant light stays within 15 degrees of where single frames
-    settle in the second after; null where those turn by less than 30. turned_s: with single frames' lights that are
-    turned by 90 degrees around the vertical at half time, until it stays within 15 degrees of what is shown without
+followed_s: after the light turned by 90 degrees, until the dominant light stays within 15 degrees of where single
+    frames settle in the second after; null where those turn by less than 30. turned_s: with single frames' lights that
+    are turned by 90 degrees around the vertical at half time, until it stays within 15 degrees of what is shown without
     that, turned.
 rate: frames a second, masks, networks and filter, of processor time; without the first frame, which opens the networks.
 
