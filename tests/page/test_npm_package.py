@@ -133,11 +133,13 @@ def test_package_holds_what_its_readme_says_and_no_more(plain_site):
         "LICENSE",
         "README.md",
         "dist",
+        "examples",
         "package.json",
         "src",
         "types",
         "weights",
     }
+    assert {path.name for path in (package / "examples").iterdir()} == {"babylon", "fiber", "public", "three", "webxr"}
     assert sum(path.stat().st_size for path in package.rglob("*") if path.is_file()) < 16 * 2**20
 
 
@@ -161,6 +163,15 @@ def test_weights_that_are_not_those_of_the_package_are_refused(plain_site, tmp_p
     with serve({"/": site}, headers=ISOLATED) as url:
         seen = run_steps("package_refused.mjs", url, {"page": "index.html"}, complaints_allowed=True)
     assert re.search("light.onnx could not be fetched from .*its hash is not sha384-", seen)
+
+
+def test_where_threads_cannot_start_one_gives_the_light(plain_site, estimator):
+    with serve({"/": plain_site}, headers=ISOLATED) as url:
+        seen = run_steps("package_threads.mjs", url, {"page": "index.html"})
+    assert (seen["isolated"], seen["threads"]) == (True, 1)
+    assert [line for line in seen["said"] if "threads could not start" in line]
+    expected = estimator(VASE, fov_deg=FOV_DEG).sh9().ravel()
+    assert np.linalg.norm(np.subtract(seen["sh9"], expected)) < 1e-3 * np.linalg.norm(expected)
 
 
 def test_every_kind_of_picture_gives_one_light_and_faults_are_named(plain_site, estimator):

@@ -5,6 +5,7 @@ import { Light } from "./light/light.js";
 import { checkSource } from "./live/frameSource.js";
 import { Tracker } from "./live/tracker.js";
 import { checkSetup, requireBrowser } from "./networks/setup.js";
+import { THREADS_FAILED } from "./networks/words.js";
 import { WorkerClient } from "./networks/workerClient.js";
 import { checkHints, checkLight, checkNames, longFovOf, wrong } from "./options.js";
 import { hintsOf } from "./photo/hints.js";
@@ -34,12 +35,21 @@ export class AnyProbe {
     checkNames("load", options);
     requireBrowser();
     const { worker, onProgress, ...given } = checkSetup(options, files);
-    const client = new WorkerClient(worker, onProgress);
+    const opened = async (asked) => {
+      const client = new WorkerClient(worker, onProgress);
+      try {
+        return new this(client, await client.ask("open", asked, options.signal));
+      } catch (error) {
+        client.end(); // an engine that did not open once never does
+        throw error;
+      }
+    };
     try {
-      return new this(client, await client.ask("open", given, options.signal));
+      return await opened(given);
     } catch (error) {
-      client.end(); // an engine that did not open once never does
-      throw error;
+      if (error.code !== THREADS_FAILED) throw error;
+      console.warn(`anyprobe: ${given.threads} threads could not start (${error.message}); one is used.`);
+      return opened({ ...given, threads: 1 });
     }
   }
 

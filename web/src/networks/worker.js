@@ -30,12 +30,14 @@ let live = null;
 const tasks = {
   async open({ runtime, weights, engine, threads: most }) {
     const onProgress = (progress) => self.postMessage({ progress });
+    let threads = 1;
     try {
-      const { ort, threads } = await openRuntime(runtime, engine, most, onProgress);
-      models = await Models.open(ort, weights, { providers: [engine], onProgress });
+      const opened = await openRuntime(runtime, engine, most, onProgress);
+      threads = opened.threads;
+      models = await Models.open(opened.ort, weights, { providers: [engine], onProgress });
       return { engine, threads, hasMask: models.hasMask || models.hasU2netp };
     } catch (error) {
-      throw openingFault(error);
+      throw openingFault(error, threads);
     }
   },
 
