@@ -197,6 +197,22 @@ export const CONTRACT = {
     "least_radius_deg": 4.0,
     "most_radius_deg": 7.5
   },
+  "registration": {
+    "fine_px": 384,
+    "coarse_px": 32,
+    "points": 3000,
+    "reach": 0.25,
+    "pull": 0.05,
+    "steps": 8,
+    "done_px": 0.02,
+    "spread": 2.4,
+    "least": 0.5,
+    "least_gain": 0.2,
+    "alike": 0.8,
+    "inside": 0.7,
+    "agreed": 0.35,
+    "error": 3.0
+  },
   "dominant_light": {
     "blur_deg": 5.0,
     "lobe_level": 0.5,
