@@ -143,6 +143,7 @@ export class Tracker {
   #hear(answer) {
     if (!this.running || (!this.#isOpen && !answer.error)) return;
     if (answer.error) return this.fail(receivedError(answer.error));
+    if (answer.held) return;
     if (!answer.lost) noteTime(this.updates);
     if (answer.missed) this.onMissed?.();
     if (!answer.light) return this.onLight(answer);
