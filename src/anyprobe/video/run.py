@@ -135,21 +135,21 @@ class ClipRun:
                 notes.append(frame.note)
             if frame.index < done.next_index:
                 if frame.index == done.stage_index and self.virtual is not None:
-                    self.follower.last = done.stage_last
+                    self.follower.go_on(done.stage_last, None)
                     self._stage = _set_up(self.follower.photo(frame), self.virtual, done.ground)
                 continue
             if frame.index == done.next_index and done.next_index:
-                self.follower.last, self._shown, self._preview = done.last, None, None
-                self.follower.look_anew()
+                self._shown, self._preview = None, None
+                self.follower.go_on(done.last, done.mask)
             done.frames.append(self._one(frame))
             if self.virtual is not None:
                 pictures.append((frame.time_s, self._picture(frame)))
             previews.append((frame.time_s, self._light_picture(frame.index)))
             watch(frame.index + 1)
             if (frame.index + 1) % save_every == 0:
+                self.follower.settle()
                 self._save(frame.index + 1, pictures, previews)
                 pictures, previews = [], []
-                self.follower.look_anew()
         if frame is None:
             raise InputError(f"{self.clip.path}: no frame of it can be decoded; convert it to mp4")
         if frame.index + 1 > done.next_index:
@@ -186,6 +186,8 @@ class ClipRun:
             if frame.index == 0 and self.follower.hints:
                 raise
             self._photo = None
+            if done.light is None:
+                self.follower.go_on(self.follower.last, None)  # as a run that goes on finds the first light's object
             kept = self._turned(frame.index) or self._same()
             return {**record, "error": " ".join(str(error).splitlines()), **kept}
         dt_s = max(frame.time_s - done.light_time_s, 1e-3)
@@ -296,7 +298,7 @@ class ClipRun:
             write_piece(self._piece(done.pieces, LIGHT), previews)
             done.pieces += 1
         done.next_index = next_index
-        done.last = self.follower.last
+        done.last, done.mask = self.follower.last, self.follower.held
         save_progress(self.folder, done)
 
     def _piece(self, number: int, kind: str = "") -> Path:

@@ -213,6 +213,19 @@ export const CONTRACT = {
     "agreed": 0.35,
     "error": 3.0
   },
+  "held_mask": {
+    "every": 8,
+    "every_refused": 2,
+    "patience": 3,
+    "agrees": 0.8,
+    "most": 8,
+    "most_change": 1.4,
+    "faded": 0.9,
+    "narrow": 0.005,
+    "narrow_error": 1.0,
+    "narrow_most": 4.0,
+    "room": 0.25
+  },
   "dominant_light": {
     "blur_deg": 5.0,
     "lobe_level": 0.5,
