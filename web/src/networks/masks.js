@@ -27,12 +27,14 @@ export async function findMask(models, picture, hints, isGivenUp) {
 
 /**
  * How a video's masks are found: what is marked as in a still picture, and an object that is known by one look where it was.
+ * U2-Net-p, which takes the time of many frames, looks where the object has been lost alone.
  *
  * @param {import("./models.js").Models} models
+ * @returns {import("../live/objectFollower.js").Masks}
  */
 export function videoMasks(models) {
   const by = (search) => (picture, hints) => searchBy(networkOf(models), picture, hints, search);
-  return { find: by(findObject), again: by(lookAgain), has: models.hasMask || models.hasU2netp };
+  return { find: by(findObject), again: by(lookAgain), has: models.hasMask || models.hasU2netp, checks: !models.hasU2netp };
 }
 
 async function searchBy(network, picture, hints, search) {

@@ -218,7 +218,7 @@ function distance(colors, part, seeds) {
 }
 
 /** A box and a margin in its longer sides, as far as they are in a window. */
-function around([x0, y0, x1, y1], box, margin) {
+export function around([x0, y0, x1, y1], box, margin) {
   const more = margin * Math.max(box[2] - box[0], box[3] - box[1]);
   return [
     Math.max(x0, Math.floor(box[0] - more)),
