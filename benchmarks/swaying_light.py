@@ -8,9 +8,10 @@ What each clip's line says, of the lights after the first half second:
 step, raw_step: largest step of the dominant light from frame to frame, degrees, filtered and of single frames.
 over_10: steps over 10 degrees. spread: the dominant light's root mean square angle to its mean, degrees.
 bright: most pixels above radiance 5 in a filtered light over most in a single frame's (of clips with 20 there).
-followed_s: after the light turned by 90 degrees, until the dominant light stays within 15 degrees of where single frames
-    settle; null where those turn by less than 30. turned_s: the same of single frames' lights that are turned by 90
-    degrees around the vertical at half time, and of a filter alone.
+followed_s: after the light turned by 90 degrees, until the dominant light stays within 15 degrees of where single
+    frames settle in the second after; null where those turn by less than 30. turned_s: with single frames' lights that
+    are turned by 90 degrees around the vertical at half time, until it stays within 15 degrees of what is shown without
+    that, turned.
 rate: frames a second, masks, networks and filter, of processor time; without the first frame, which opens the networks.
 
 --cache keeps single frames' lights, so that another filter is tried on the same. --true-masks: with each frame's own
@@ -90,17 +91,12 @@ def settled(directions: np.ndarray) -> np.ndarray:
     return directions[np.argmin([angles(directions, one).sum() for one in directions])]
 
 
-def followed_s(shown: np.ndarray, single: np.ndarray) -> float | None:
-    """Seconds after the jump from which on the directions shown [T, 3] are where single frames settle; infinite: never;
-    None where those do not turn."""
-    jump = round(JUMP_S * FPS)
-    before, after = settled(single[jump - FPS : jump]), settled(single[jump:])
-    if angles(before, after) < LEAST_TURN_DEG:
-        return None
-    outside = np.flatnonzero(angles(shown[jump:], after) > NEAR_DEG)
+def followed_s(shown: np.ndarray, wanted: np.ndarray) -> float:
+    """Seconds until directions shown [T, 3] stay near those wanted, [3] or [T, 3]; infinite: never."""
+    outside = np.flatnonzero(angles(shown, wanted) > NEAR_DEG)
     if len(outside) == 0:
         return 0.0
-    return float("inf") if outside[-1] == len(shown) - jump - 1 else round(float(outside[-1] + 1) / FPS, 3)
+    return float("inf") if outside[-1] == len(shown) - 1 else round(float(outside[-1] + 1) / FPS, 3)
 
 
 def measure(found: dict[str, np.ndarray], clip: str) -> dict[str, Any]:
@@ -109,9 +105,12 @@ def measure(found: dict[str, np.ndarray], clip: str) -> dict[str, Any]:
     maps, filter_s = filtered(found["maps"])
     shown = toward(maps)
     start = round(SETTLING_S * FPS)
+    jump = round(JUMP_S * FPS)
     line: dict[str, Any] = {"iou": round(float(found["iou"].min()), 3)}
     if clip == "light turns":
-        line["followed_s"] = followed_s(shown, single)
+        before, after = settled(single[jump - FPS : jump]), settled(single[jump : jump + FPS])
+        is_turned = angles(before, after) >= LEAST_TURN_DEG
+        line["followed_s"] = followed_s(shown[jump : jump + FPS], after) if is_turned else None
     else:
         steps = angles(shown[1:], shown[:-1])[start:]
         mean = shown[start:].mean(axis=0)
@@ -120,10 +119,10 @@ def measure(found: dict[str, np.ndarray], clip: str) -> dict[str, Any]:
         line["raw_step"] = angles(single[1:], single[:-1])[start:].max()
         bright = [(part[start:].max(axis=-1) > BRIGHT).sum(axis=(1, 2)) for part in (maps, found["maps"])]
         line["bright"] = bright[0].max() / bright[1].max() if bright[1].max() >= LEAST_BRIGHT else None
-        jump = round(JUMP_S * FPS)
-        turned = [rotate(one, rotation_y(np.pi / 2)) for one in found["maps"][jump:]]
-        both = np.concatenate([found["maps"][:jump], np.maximum(turned, 0.0)])
-        line["turned_s"] = followed_s(toward(filtered(both)[0]), toward(both))
+        turn = rotation_y(np.pi / 2)
+        turned = [np.maximum(rotate(one, turn), 0.0) for one in found["maps"][jump:]]
+        both = np.concatenate([found["maps"][:jump], turned])
+        line["turned_s"] = followed_s(toward(filtered(both)[0][jump:]), shown[jump:] @ turn.T)
     line["rate"] = 1.0 / (float(found["seconds"][1:].mean()) + filter_s)
     return {name: round(float(v), 3) if isinstance(v, float | np.floating) else v for name, v in line.items()}
 

@@ -60,7 +60,7 @@ def test_a_mask_that_does_not_agree_counts_once_it_stays_so():
     rgb, inside = frame()
     held = hold(rgb, inside)
     wide = inside.copy()
-    wide[78:160, 180:222] = 1.0  # a handle that was never there
+    wide[85:155, 185:220] = 1.0  # a handle that was never there
     masks = iter([wide, np.roll(wide, 60, axis=0)] + [wide] * PATIENCE)
     asked = 0
 

@@ -14,6 +14,11 @@ power and ln radius of its size; a place less than slack_deg off has not moved, 
 most_turn_deg_s. A source that is new grows to its whole power in fade_s, and one that is not seen for patience_s fades
 as fast. While two places share one source's power in this way, their sum is what the frames' sources have in all.
 
+**The leader** is the source whose light is strongest within PEAK_DEG of its middle. It stays the leader until another
+is lead_ratio times as strong; as long as it is not lead_margin times as strong as another one, the two exchange what it
+takes, so that sources which change rank from frame to frame move no dominant light. A frame in which the leader is not
+found, or a source that is not known is lead_ratio times as strong, is held back; the second in a row is believed.
+
 **The view.** Estimates of one light from two sides differ, by more than those of one side tremble. view goes from 0 to
 1 while the camera turns by view.turn_deg from where it was when the source last moved. A motion is then measured not
 from the average but, view of the way, from the values of the last view.recent_s, and is what goes beyond view times
@@ -30,6 +35,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from anyprobe.core.color import luminance
+from anyprobe.core.contract import contract
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.light.environment import check_radiance, rotate
 from anyprobe.light.source_split import Source, draw_sources, split_sources
@@ -52,6 +58,9 @@ MOST_TURN: float = float(np.radians(RULES["most_turn_deg_s"]))
 PATIENCE_S: float = RULES["patience_s"]
 FADE_S: float = RULES["fade_s"]
 MOST: int = RULES["most"]
+LEAD_RATIO, LEAD_MARGIN = float(RULES["lead_ratio"]), float(RULES["lead_margin"])
+PEAK: float = float(np.radians(contract("dominant_light")["blur_deg"]))
+"""Of the cap within which find_dominant_light compares."""
 VIEW_TURN, VIEW_MOST_TURN = (float(np.radians(RULES["view"][name])) for name in ("turn_deg", "most_turn_deg_s"))
 VIEW_SLACK = float(np.radians(RULES["view"]["slack_deg"]))
 VIEW_SLACK_SIZE = float(np.sqrt(3.0) * np.log(RULES["view"]["slack_ratio"]))
@@ -65,6 +74,7 @@ class Track:
     place: its direction, [3] float64. size: ln power and ln radius, [4]. recent: [7], both of the last RECENT_S.
     shown: [3] unit, towards it. share: of its power that is shown. pose: world_from_camera of the last frame in which
     it moved, or of its first. turns: it has moved, and what is shown is not there yet. unseen_s: since a frame had it.
+    leads: it is the leader.
     """
 
     place: Steady
@@ -75,6 +85,7 @@ class Track:
     pose: np.ndarray
     turns: bool = False
     unseen_s: float = 0.0
+    leads: bool = False
 
     @property
     def direction(self) -> np.ndarray:
@@ -93,13 +104,14 @@ class FilterState:
     """What one frame hands to the next.
 
     soft: y of the soft part, [H, 2H, 3] float32. power: ln of the sources' luminance in all, [1].
-    tracks: the sources. held: whether the last frame was held back.
+    tracks: the sources. held: whether the last frame was held back; is_odd: whether it showed another leader.
     """
 
     soft: Steady
     power: Steady
     tracks: tuple[Track, ...]
     held: bool = False
+    is_odd: bool = False
 
     @property
     def sources(self) -> tuple[Source, ...]:
@@ -108,7 +120,11 @@ class FilterState:
         asked = sum(share * float(luminance(one.power)) for one, share in whole)
         there = max(float(np.exp(self.power.steady[0])) - OFFSET, 0.0)
         scale = min(1.0, there / asked) if asked > 0.0 else 0.0
-        return tuple(replace(one, power=one.power * (scale * share)) for one, share in whole if share > 0.0)
+        found = [replace(one, power=one.power * (scale * share)) for one, share in whole]
+        for at in range(len(self.tracks)):
+            if self.tracks[at].leads:
+                _put_first(found, at)
+        return tuple(one for one in found if luminance(one.power) > 0.0)
 
     @property
     def radiance(self) -> Float[np.ndarray, "H 2*H 3"]:
@@ -155,19 +171,28 @@ def step(
         return replace(state, held=True)
     if state is None or is_cut:
         tracks = tuple(_new(one, pose, share=1.0) for one in sources)
-        return FilterState(soft=begin_filter(y), power=begin_filter(power), tracks=tracks)
+        return FilterState(soft=begin_filter(y), power=begin_filter(power), tracks=_led(tracks))
+    pairs = _pairs(state.tracks, sources)
+    is_odd = _is_odd(state.tracks, sources, pairs)
+    if is_odd and not state.is_odd:
+        return replace(state, held=True, is_odd=True)
     return FilterState(
         soft=advance(state.soft, y, dt_s, _apart, c),
         power=advance(state.power, power, dt_s, _distance, c),
-        tracks=_follow(state.tracks, sources, pose, dt_s, c),
+        tracks=_led(_follow(state.tracks, sources, pairs, pose, dt_s, c)),
+        is_odd=is_odd,
     )
 
 
 def _follow(
-    tracks: Sequence[Track], sources: Sequence[Source], pose: np.ndarray, dt_s: float, c: Smoothing
+    tracks: Sequence[Track],
+    sources: Sequence[Source],
+    pairs: dict[int, int],
+    pose: np.ndarray,
+    dt_s: float,
+    c: Smoothing,
 ) -> tuple[Track, ...]:
     """What is known of the sources after one more frame."""
-    pairs = _pairs(tracks, sources)
     followed = [
         _seen(track, sources[pairs[i]], pose, dt_s, c) if i in pairs else _unseen(track, dt_s)
         for i, track in enumerate(tracks)
@@ -178,6 +203,47 @@ def _follow(
     followed = [track for track in followed if track.share > 0.0]
     weakest_last = sorted(followed, key=lambda track: -track.share)  # stable: of equals the older one stays
     return tuple(weakest_last[:MOST])
+
+
+def _peak(source: Source, share: float = 1.0) -> float:
+    """Luminance of a drawn source, summed within PEAK of its middle; share: of its power."""
+    edge = 1.0 - np.cos(source.radius)
+    beyond = max(np.cos(PEAK) - np.cos(source.radius), 0.0) / edge
+    return float(luminance(source.power)) * share * (1.0 - beyond**2)
+
+
+def _led(tracks: Sequence[Track]) -> tuple[Track, ...]:
+    """The same, one of them the leader; none where there are none."""
+    peaks = [_peak(track.source, track.share) for track in tracks]
+    if not peaks:
+        return ()
+    first = int(np.argmax(peaks))
+    for at, track in enumerate(tracks):
+        if track.leads and peaks[first] <= LEAD_RATIO * peaks[at]:
+            first = at
+            break
+    return tuple(replace(track, leads=at == first) for at, track in enumerate(tracks))
+
+
+def _is_odd(tracks: Sequence[Track], sources: Sequence[Source], pairs: dict[int, int]) -> bool:
+    """Whether a frame shows another leader than the one that is known."""
+    for at, track in enumerate(tracks):
+        if track.leads:
+            most = LEAD_RATIO * _peak(track.source, track.share)
+            new = [_peak(one) for j, one in enumerate(sources) if j not in pairs.values()]
+            return at not in pairs or max(new, default=0.0) > most
+    return False
+
+
+def _put_first(sources: list[Source], leader: int) -> None:
+    """Give the leader of others, in place, what it takes to be LEAD_MARGIN times as strong as each."""
+    for at in range(len(sources)):
+        mine, other = _peak(sources[leader]), _peak(sources[at])
+        if at == leader or mine <= 0.0 or LEAD_MARGIN * other <= mine:
+            continue
+        given = (LEAD_MARGIN * other - mine) / (1.0 + LEAD_MARGIN)
+        sources[at] = replace(sources[at], power=sources[at].power * (1.0 - given / other))
+        sources[leader] = replace(sources[leader], power=sources[leader].power * (1.0 + given / mine))
 
 
 def _pairs(tracks: Sequence[Track], sources: Sequence[Source]) -> dict[int, int]:

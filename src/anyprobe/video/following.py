@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from anyprobe.errors import InputError, InvalidMask
+from anyprobe.estimate.ground import estimate_ground
 from anyprobe.estimate.photo import Photo, load_photo, object_box
 from anyprobe.estimate.surroundings import SurroundingsSource, read_surroundings
 from anyprobe.files.digests import digest_of
@@ -28,6 +29,9 @@ GROWTH = 0.08
 ODD = 2
 """So many frames after one in which the object was not where it could be, the picture before it is tried first."""
 
+DECIDED = 30
+"""Frames in a row that differ from those before in whether they show more than the object, until that counts."""
+
 COARSE_PX = 128
 """Longer side of the mask that the inner point is looked for in."""
 
@@ -42,7 +46,8 @@ class MaskFollower:
 
     hints: what the caller said about the first frame; may be empty. last: x, y of a point well
     inside the last mask, that mask's pixels, and its box; None before the first. held: the mask that moves with the
-    object, None where it is to be found.
+    object, None where it is to be found. shows_more: whether frames show more than the object, see load_photo's AUTO:
+    decided by the first and, as exposures come and go, again by DECIDED that differ; None where it is not asked.
     """
 
     def __init__(
@@ -80,16 +85,19 @@ class MaskFollower:
         self.held: Held | None = None
         self._before: Held | None = None  # what was held until it was lost, so many frames ago
         self._lost_for = 0
+        self.shows_more: bool | None = None
+        self._otherwise = 0  # frames in a row
 
     def settle(self) -> None:
         """Forget what is not kept on disk: a run that goes on must give what one that never ended does."""
-        self._before = None
+        self._before, self._otherwise = None, 0
         if self.held is not None:
             self.held = replace(self.held, refused=0, other=None)
 
-    def go_on(self, last: list[float] | None, held: Held | None) -> None:
+    def go_on(self, last: list[float] | None, held: Held | None, shows_more: bool | None) -> None:
         """From what was kept; held None: the mask is found anew around the last one."""
-        self.last, self.held, self._before = last, held, None
+        self.last, self.held, self.shows_more = last, held, shows_more
+        self._before, self._otherwise = None, 0
 
     def content(self) -> dict[str, Any]:
         """What files and surroundings hold, wherever they lie: a digest each, or a word."""
@@ -101,8 +109,21 @@ class MaskFollower:
 
     def photo(self, frame: Frame) -> Photo:
         """The frame as a photo with its mask and what is known around it; InvalidMask where there is no mask."""
-        photo = self._marked(frame)
+        photo = self._decided(self._marked(frame))
         return photo if self._panorama is None else replace(photo, surroundings_map=self._panorama)
+
+    def _decided(self, photo: Photo) -> Photo:
+        """The frame's photo, of which what lies around the object is used as in the frames before."""
+        if self._every["surroundings"] != AUTO:
+            return photo
+        self._otherwise = self._otherwise + 1 if photo.use_background != self.shows_more else 0
+        if self.shows_more is None or self._otherwise >= DECIDED:
+            self.shows_more, self._otherwise = photo.use_background, 0
+        if photo.use_background == self.shows_more:
+            return photo
+        return replace(
+            photo, use_background=self.shows_more, ground=estimate_ground(photo) if self.shows_more else None
+        )
 
     def _marked(self, frame: Frame) -> Photo:
         name = f"frame {frame.index}"

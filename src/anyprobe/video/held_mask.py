@@ -24,11 +24,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from PIL import Image
 
 from anyprobe.core.contract import contract
 from anyprobe.masks.check import object_box
 from anyprobe.masks.search import Window
-from anyprobe.video.registration import REACH, Key, Motion, Registered, begin_key, luma, register, sample
+from anyprobe.video.registration import REACH, Key, Motion, Registered, begin_key, luma, register
 
 NUMBERS = contract("held_mask")
 EVERY, EVERY_REFUSED, PATIENCE = NUMBERS["every"], NUMBERS["every_refused"], NUMBERS["patience"]
@@ -129,13 +130,19 @@ def mask_in(held: Held, shape: tuple[int, ...], cover: np.ndarray | None = None)
     x0, y0, x1, y1 = max(x0 - 2, 0), max(y0 - 2, 0), min(x1 + 2, width), min(y1 + 2, height)
     if x0 >= x1 or y0 >= y1:
         return mask
-    y, x = np.mgrid[y0:y1, x0:x1] + 0.5
     key, motion = held.key, held.motion
-    places = np.stack([x, y], axis=-1).reshape(-1, 2) - key.center - (motion.x, motion.y)
-    back = places @ np.linalg.inv(motion.matrix()).T + key.center - held.offset - 0.5
-    values, there = sample(cover, back)
-    mask[y0:y1, x0:x1] = np.where(there, values, 0.0).reshape(y1 - y0, x1 - x0)
+    back = np.linalg.inv(motion.matrix())
+    first = back @ (np.array([x0 - motion.x, y0 - motion.y]) - key.center) + key.center - held.offset
+    mask[y0:y1, x0:x1] = _turned(cover, back, first, x1 - x0, y1 - y0)
     return mask
+
+
+def _turned(cover: np.ndarray, matrix: np.ndarray, first: np.ndarray, width: int, height: int) -> np.ndarray:
+    """[height, width] float32 of a cover, linear between its pixels, zero beside it: the place p of the result is at
+    matrix p + first."""
+    affine = (*matrix[0], first[0], *matrix[1], first[1])
+    image = Image.fromarray(np.ascontiguousarray(cover, np.float32))
+    return np.asarray(image.transform((width, height), Image.Transform.AFFINE, affine, Image.Resampling.BILINEAR))
 
 
 def lit_mask(held: Held, shape: tuple[int, ...]) -> np.ndarray:
@@ -165,12 +172,9 @@ def _least(cover: np.ndarray) -> np.ndarray:
 def _in_key(held: Held, mask: np.ndarray) -> np.ndarray:
     """A mask of the last frame in the key's window, [h, w] float32."""
     height, width = held.cover.shape
-    y, x = np.mgrid[0:height, 0:width] + 0.5
     key, motion = held.key, held.motion
-    about = np.stack([x, y], axis=-1).reshape(-1, 2) + held.offset - key.center
-    places = about @ motion.matrix().T + key.center + (motion.x, motion.y)
-    values, there = sample(mask, places - 0.5)
-    return np.where(there, values, 0.0).astype(np.float32).reshape(height, width)
+    first = motion.matrix() @ (held.offset - key.center) + key.center + (motion.x, motion.y)
+    return _turned(mask, motion.matrix(), first, width, height)
 
 
 def _carried(held: Held, cover: np.ndarray, to: Held) -> np.ndarray:

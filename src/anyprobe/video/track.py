@@ -42,9 +42,11 @@ class Progress:
     settings: what the result depends on; another run may go on only with the same.
     next_index: the first frame that is not done. frames: records of those that are.
     light: the filter's state, and time_s of the light it last saw.
-    last, mask: of the follower, its `held`. pieces: of light.mp4, and of relit.mp4, that are written.
-    stage_index: the frame that the virtual object was placed in. stage_last: last as it was before that frame, by which
-    its mask is found again. ground: of that frame's light, Ground.info. material: the object's, as plain numbers.
+    last, mask, shows_more: of the follower; mask: its `held`.
+    pieces: of light.mp4, and of relit.mp4, that are written.
+    stage_index: the frame that the virtual object was placed in. stage_last, stage_shows_more: as they were before that
+    frame, by which its mask is found again. ground: of that frame's light, Ground.info. material: the object's, as
+    plain numbers.
     gain: of the light that the relit clip shows, see relight.appearance.least_scale.
     panorama: [64, 128, 4 or 5] of the surroundings that frames have shown so far, in the world: linear radiance times
     cover, and cover; from an .exr or .hdr also how much of the cover is measured above white.
@@ -58,9 +60,11 @@ class Progress:
     light_time_s: float = 0.0
     last: list[float] | None = None
     mask: Held | None = None
+    shows_more: bool | None = None
     pieces: int = 0
     stage_index: int | None = None
     stage_last: list[float] | None = None
+    stage_shows_more: bool | None = None
     ground: dict | None = None
     material: dict | None = None
     gain: float = 1.0
@@ -173,7 +177,9 @@ def _filter_state(kept: dict[str, Any]) -> FilterState:
         return Track(**{**words, **filtered, **{name: np.array(words[name]) for name in ("recent", "shown", "pose")}})
 
     tracks = tuple(map(track, kept["tracks"]))
-    return FilterState(soft=steady(kept["soft"]), power=steady(kept["power"]), tracks=tracks, held=kept["held"])
+    return FilterState(
+        soft=steady(kept["soft"]), power=steady(kept["power"]), tracks=tracks, held=kept["held"], is_odd=kept["is_odd"]
+    )
 
 
 def describe(radiance: np.ndarray) -> dict[str, Any]:

@@ -175,9 +175,11 @@ export const CONTRACT = {
       "gate_deg": 30.0,
       "gate_ratio": 8.0,
       "slack_deg": 2.0,
-      "most_turn_deg_s": 120.0,
-      "patience_s": 0.1,
+      "most_turn_deg_s": 75.0,
+      "patience_s": 0.15,
       "fade_s": 0.25,
+      "lead_ratio": 1.5,
+      "lead_margin": 1.1,
       "most": 6,
       "view": {
         "turn_deg": 8.0,
@@ -195,7 +197,8 @@ export const CONTRACT = {
     "apart_deg": 13.0,
     "least_share": 0.02,
     "least_radius_deg": 4.0,
-    "most_radius_deg": 7.5
+    "most_radius_deg": 7.5,
+    "wide": { "reach_deg": 20.0, "ring_deg": 27.0, "apart_deg": 24.0, "most_radius_deg": 16.0 }
   },
   "registration": {
     "fine_px": 384,
@@ -215,8 +218,8 @@ export const CONTRACT = {
   },
   "held_mask": {
     "every": 8,
-    "every_refused": 2,
-    "patience": 3,
+    "every_refused": 8,
+    "patience": 6,
     "agrees": 0.8,
     "most": 8,
     "most_change": 1.4,
