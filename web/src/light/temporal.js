@@ -23,7 +23,9 @@ const [VIEW_SLACK, VIEW_SLACK_SIZE] = [radians(rules.view.slack_deg), Math.sqrt(
 const RECENT_S = rules.view.recent_s;
 /** Stands for the pose where none is known. */
 const STILL = [1, 0, 0, 0, 1, 0, 0, 0, 1];
-const { patience_s: PATIENCE_S, fade_s: FADE_S, most: MOST } = rules;
+const { patience_s: PATIENCE_S, fade_s: FADE_S, most: MOST, lead_ratio: LEAD_RATIO, lead_margin: LEAD_MARGIN } = rules;
+/** Of the cap within which findDominantLight compares. */
+const PEAK = radians(CONTRACT.dominant_light.blur_deg);
 
 /**
  * The state after one more frame; the state given stays as it is.
@@ -46,13 +48,17 @@ export function step(state, radiance, dt, worldFromCamera = null, smoothing = SM
   const isCut = state !== null && rms(y, state.soft.fast) > smoothing.cutLevel;
   if (isCut && !state.held) return { ...state, held: true };
   if (state === null || isCut) {
-    return { soft: begin(y), power: begin(power), tracks: sources.map((one) => fresh(one, pose, 1)), held: false };
+    return { soft: begin(y), power: begin(power), tracks: led(sources.map((one) => fresh(one, pose, 1))), held: false, isOdd: false };
   }
+  const pairs = pairsOf(state.tracks, sources);
+  const isOdd = showsAnotherLeader(state.tracks, sources, pairs);
+  if (isOdd && !state.isOdd) return { ...state, held: true, isOdd: true };
   return {
     soft: advance(state.soft, y, dt, rms, smoothing),
     power: advance(state.power, power, dt, distance, smoothing),
-    tracks: follow(state.tracks, sources, pose, dt, smoothing),
+    tracks: led(follow(state.tracks, sources, pairs, pose, dt, smoothing)),
     held: false,
+    isOdd,
   };
 }
 
@@ -74,12 +80,13 @@ export function shownSources({ tracks, power }) {
   const asked = whole.reduce((sum, one) => sum + one.share * luminance(...one.power), 0);
   const there = Math.max(Math.exp(power.steady[0]) - OFFSET, 0);
   const scale = asked > 0 ? Math.min(1, there / asked) : 0;
-  return whole.map(({ direction, radius, power: own, share }) => ({ direction, radius, power: own.map((value) => value * scale * share) }));
+  const found = whole.map(({ direction, radius, power: own, share }) => ({ direction, radius, power: own.map((value) => value * scale * share) }));
+  tracks.forEach(({ leads }, at) => leads && putFirst(found, at));
+  return found;
 }
 
 /** What is known of the sources after one more frame. */
-function follow(tracks, sources, pose, dt, smoothing) {
-  const pairs = pairsOf(tracks, sources);
+function follow(tracks, sources, pairs, pose, dt, smoothing) {
   const followed = tracks.map((track, i) => (pairs.has(i) ? seen(track, sources[pairs.get(i)], pose, dt, smoothing) : unseen(track, dt)));
   const taken = new Set(pairs.values());
   sources.forEach((one, j) => taken.has(j) || followed.push(fresh(one, pose, Math.min(dt / FADE_S, 1))));
@@ -87,6 +94,41 @@ function follow(tracks, sources, pose, dt, smoothing) {
     .filter(({ share }) => share > 0)
     .sort((a, b) => b.share - a.share) // stable: of equals the older one stays
     .slice(0, MOST);
+}
+
+/** Luminance of a drawn source, summed within PEAK of its middle; share of its power. */
+function peakOf({ power, radius }, share = 1) {
+  const beyond = Math.max(Math.cos(PEAK) - Math.cos(radius), 0) / (1 - Math.cos(radius));
+  return luminance(...power) * share * (1 - beyond * beyond);
+}
+
+/** The same tracks, one of them the leader; none where there are none. */
+function led(tracks) {
+  const peaks = tracks.map((track) => peakOf(sourceOf(track), track.share));
+  const strongest = peaks.indexOf(Math.max(...peaks));
+  const leader = tracks.findIndex(({ leads }, at) => leads && peaks[strongest] <= LEAD_RATIO * peaks[at]);
+  return tracks.map((track, at) => ({ ...track, leads: at === (leader < 0 ? strongest : leader) }));
+}
+
+/** Whether a frame shows another leader than the one that is known. */
+function showsAnotherLeader(tracks, sources, pairs) {
+  const at = tracks.findIndex(({ leads }) => leads);
+  if (at < 0) return false;
+  const taken = new Set(pairs.values());
+  const most = LEAD_RATIO * peakOf(sourceOf(tracks[at]), tracks[at].share);
+  return !pairs.has(at) || sources.some((one, j) => !taken.has(j) && peakOf(one) > most);
+}
+
+/** Give the leader of others, in place, what it takes to be LEAD_MARGIN times as strong as each. */
+function putFirst(sources, leader) {
+  const scaled = (source, gain) => ({ ...source, power: source.power.map((value) => value * gain) });
+  for (let at = 0; at < sources.length; at++) {
+    const [mine, other] = [peakOf(sources[leader]), peakOf(sources[at])];
+    if (at === leader || mine <= 0 || LEAD_MARGIN * other <= mine) continue;
+    const given = (LEAD_MARGIN * other - mine) / (1 + LEAD_MARGIN);
+    sources[at] = scaled(sources[at], 1 - given / other);
+    sources[leader] = scaled(sources[leader], 1 + given / mine);
+  }
 }
 
 /** Which source of the frame is which known one: indices of sources by those of tracks. */
@@ -125,7 +167,7 @@ const directionOf = ({ place: { steady } }) => unit([...steady]);
 function fresh(source, pose, share) {
   const [place, size] = [Float64Array.from(source.direction), sizeOf(source)];
   const recent = Float64Array.of(...place, ...size);
-  return { place: begin(place), size: begin(size), recent, shown: source.direction, share, pose, turns: false, unseenS: 0 };
+  return { place: begin(place), size: begin(size), recent, shown: source.direction, share, pose, turns: false, unseenS: 0, leads: false };
 }
 
 function seen(track, source, pose, dt, smoothing) {
@@ -151,6 +193,7 @@ function seen(track, source, pose, dt, smoothing) {
     pose: moves ? pose : track.pose,
     turns: turns && turn < angle,
     unseenS: 0,
+    leads: track.leads,
   };
 }
 
