@@ -11,7 +11,7 @@ bright: most pixels above radiance 5 in a filtered light over most in a single f
 followed_s: after the light turned by 90 degrees, until the dominant light stays within 15 degrees of where single
     frames settle in the second after; null where those turn by less than 30. turned_s: with single frames' lights that
     are turned by 90 degrees around the vertical at half time, until it stays within 15 degrees of what is shown without
-    that, turned.
+    that, turned, and by a filter that is not told whether the object looks the same.
 rate: frames a second, masks, networks and filter, of processor time; without the first frame, which opens the networks.
 
 --cache keeps single frames' lights, so that another filter is tried on the same. --true-masks: with each frame's own
@@ -23,6 +23,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -45,34 +46,40 @@ NEAR_DEG, LEAST_TURN_DEG = 15.0, 30.0
 
 
 def single_lights(cutout: Cutout, clip: str, estimator: Estimator, true_masks: bool = False) -> dict[str, np.ndarray]:
-    """maps [T, 64, 128, 3] of single frames, iou [T] of their masks, seconds [T] of processor time."""
+    """maps [T, 64, 128, 3] of single frames, iou [T] of their masks, same [T]: whether the object looks as before, and
+    seconds [T] of processor time."""
     follower = MaskFollower({}, {"click": click_on(cutout, clip)}, {})
-    maps, iou, seconds = [], [], []
+    maps, iou, same, seconds = [], [], [], []
     for index, shown in enumerate(frames(cutout, clip)):
         start = time.process_time()
         try:
             photo = follower.photo(Frame(index=index, time_s=shown.time_s, rgb=shown.rgb))
             if true_masks:
-                from dataclasses import replace
-
                 photo = replace(photo, mask=shown.cover)
             maps.append(estimator.from_photo(photo).radiance)
             mask, cover = photo.mask > 0.5, shown.cover > 0.5
             iou.append((mask & cover).sum() / (mask | cover).sum())
+            same.append(follower.looks_same)
         except AnyprobeError as error:
             print(f"{cutout.name} {clip} {index}: {error}", flush=True)
             maps.append(maps[-1])
             iou.append(0.0)
+            same.append(False)
         seconds.append(time.process_time() - start)
-    return {"maps": np.array(maps, np.float32), "iou": np.array(iou), "seconds": np.array(seconds)}
+    return {
+        "maps": np.array(maps, np.float32),
+        "iou": np.array(iou),
+        "same": np.array(same),
+        "seconds": np.array(seconds),
+    }
 
 
-def filtered(maps: np.ndarray) -> tuple[np.ndarray, float]:
+def filtered(maps: np.ndarray, same: np.ndarray | None = None) -> tuple[np.ndarray, float]:
     """Lights as shown, and the processor seconds of one."""
     shown, state = [], None
     start = time.process_time()
-    for one in maps:
-        state = step(state, one, 1 / FPS)
+    for one, looks_same in zip(maps, np.zeros(len(maps), bool) if same is None else same, strict=True):
+        state = step(state, one, 1 / FPS, looks_same=bool(looks_same))
         shown.append(state.radiance)
     return np.array(shown), (time.process_time() - start) / len(maps)
 
@@ -102,7 +109,7 @@ def followed_s(shown: np.ndarray, wanted: np.ndarray) -> float:
 def measure(found: dict[str, np.ndarray], clip: str) -> dict[str, Any]:
     """The figures of one clip."""
     single = toward(found["maps"])
-    maps, filter_s = filtered(found["maps"])
+    maps, filter_s = filtered(found["maps"], found["same"])
     shown = toward(maps)
     start = round(SETTLING_S * FPS)
     jump = round(JUMP_S * FPS)
@@ -122,7 +129,8 @@ def measure(found: dict[str, np.ndarray], clip: str) -> dict[str, Any]:
         turn = rotation_y(np.pi / 2)
         turned = [np.maximum(rotate(one, turn), 0.0) for one in found["maps"][jump:]]
         both = np.concatenate([found["maps"][:jump], turned])
-        line["turned_s"] = followed_s(toward(filtered(both)[0][jump:]), shown[jump:] @ turn.T)
+        unturned = toward(filtered(found["maps"])[0][jump:])
+        line["turned_s"] = followed_s(toward(filtered(both)[0][jump:]), unturned @ turn.T)
     line["rate"] = 1.0 / (float(found["seconds"][1:].mean()) + filter_s)
     return {name: round(float(v), 3) if isinstance(v, float | np.floating) else v for name, v in line.items()}
 

@@ -14,10 +14,14 @@ power and ln radius of its size; a place less than slack_deg off has not moved, 
 most_turn_deg_s. A source that is new grows to its whole power in fade_s, and one that is not seen for patience_s fades
 as fast. While two places share one source's power in this way, their sum is what the frames' sources have in all.
 
-**The leader** is the source whose light is strongest within PEAK_DEG of its middle. It stays the leader until another
-is lead_ratio times as strong; as long as it is not lead_margin times as strong as another one, the two exchange what it
-takes, so that sources which change rank from frame to frame move no dominant light. A frame in which the leader is not
-found, or a source that is not known is lead_ratio times as strong, is held back; the second in a row is believed.
+**The leader** is the source whose light is strongest within PEAK of its middle. It stays the leader until another is
+lead_ratio times as strong; as long as it is not lead_margin times as strong as another one, the two exchange what it
+takes, so that sources which change rank from frame to frame move no dominant light. A frame is odd where the leader is
+not found, or another source is lead_ratio times as strong. It is held back; the second in a row is believed.
+
+**The object looks the same** where the caller knows that its shading did not change: then its light did not. Once that
+is so for same.after_s, odd frames are held back for as long as the leader has led, at least and at most same.odd_s, and
+what is shown turns by same.most_turn_deg_s at most.
 
 **The view.** Estimates of one light from two sides differ, by more than those of one side tremble. view goes from 0 to
 1 while the camera turns by view.turn_deg from where it was when the source last moved. A motion is then measured not
@@ -58,6 +62,9 @@ MOST_TURN: float = float(np.radians(RULES["most_turn_deg_s"]))
 PATIENCE_S: float = RULES["patience_s"]
 FADE_S: float = RULES["fade_s"]
 MOST: int = RULES["most"]
+SAME_AFTER_S: float = RULES["same"]["after_s"]
+LEAST_ODD_S, MOST_ODD_S = RULES["same"]["odd_s"]
+SAME_MOST_TURN: float = float(np.radians(RULES["same"]["most_turn_deg_s"]))
 LEAD_RATIO, LEAD_MARGIN = float(RULES["lead_ratio"]), float(RULES["lead_margin"])
 PEAK: float = float(np.radians(contract("dominant_light")["blur_deg"]))
 """Of the cap within which find_dominant_light compares."""
@@ -104,14 +111,17 @@ class FilterState:
     """What one frame hands to the next.
 
     soft: y of the soft part, [H, 2H, 3] float32. power: ln of the sources' luminance in all, [1].
-    tracks: the sources. held: whether the last frame was held back; is_odd: whether it showed another leader.
+    tracks: the sources. held: whether the last frame was held back. odd_s: for how long frames have been odd. led_s:
+    since the leader is one. same_s: since the object looked another way.
     """
 
     soft: Steady
     power: Steady
     tracks: tuple[Track, ...]
     held: bool = False
-    is_odd: bool = False
+    odd_s: float = 0.0
+    led_s: float = 0.0
+    same_s: float = 0.0
 
     @property
     def sources(self) -> tuple[Source, ...]:
@@ -146,6 +156,7 @@ def step(
     dt_s: float,
     smoothing: Smoothing | None = None,
     world_from_camera: Float[np.ndarray, "3 3"] | None = None,
+    looks_same: bool = False,
 ) -> FilterState:
     """The state after one more frame; pure.
 
@@ -155,6 +166,7 @@ def step(
         dt_s: seconds since the last frame, > 0; may differ from frame to frame.
         world_from_camera: [3, 3] of this frame's camera when it took the picture, for all frames or none. The state is
             then in the world.
+        looks_same: whether the object's shading is that of the last frames; False where that is not known.
     """
     c = smoothing or Smoothing()
     soft, sources = split_sources(check_radiance(radiance, "frame's light"))
@@ -166,22 +178,35 @@ def step(
     power = np.log([OFFSET + sum(float(luminance(one.power)) for one in sources)])
     if state is not None and not (np.isfinite(dt_s) and dt_s > 0):
         raise ValueError(f"expected dt_s > 0, got {dt_s}")
-    is_cut = state is not None and _apart(y, state.soft.fast) > c.cut_level
-    if state is not None and is_cut and not state.held:
-        return replace(state, held=True)
-    if state is None or is_cut:
-        tracks = tuple(_new(one, pose, share=1.0) for one in sources)
-        return FilterState(soft=begin_filter(y), power=begin_filter(power), tracks=_led(tracks))
+    if state is None:
+        return _begun(y, power, sources, pose, SAME_AFTER_S)
+    same_s = state.same_s + dt_s if looks_same else 0.0
+    is_same = same_s > SAME_AFTER_S
     pairs = _pairs(state.tracks, sources)
-    is_odd = _is_odd(state.tracks, sources, pairs)
-    if is_odd and not state.is_odd:
-        return replace(state, held=True, is_odd=True)
+    is_cut = _apart(y, state.soft.fast) > c.cut_level
+    odd_s = state.odd_s + dt_s if is_cut or _is_odd(state.tracks, sources, pairs) else 0.0
+    patience = min(max(state.led_s, LEAST_ODD_S), MOST_ODD_S) if is_same else dt_s
+    if 0.0 < odd_s <= patience:
+        return replace(state, held=True, odd_s=odd_s, same_s=same_s)
+    if is_cut:
+        return _begun(y, power, sources, pose, same_s)
+    tracks = _follow(state.tracks, sources, pairs, pose, dt_s, c, SAME_MOST_TURN if is_same else MOST_TURN)
+    leader = _leader_of(tracks)
     return FilterState(
         soft=advance(state.soft, y, dt_s, _apart, c),
         power=advance(state.power, power, dt_s, _distance, c),
-        tracks=_led(_follow(state.tracks, sources, pairs, pose, dt_s, c)),
-        is_odd=is_odd,
+        tracks=_led_by(leader, tracks),
+        odd_s=odd_s,
+        led_s=state.led_s + dt_s if leader is not None and tracks[leader].leads else 0.0,
+        same_s=same_s,
     )
+
+
+def _begun(y: np.ndarray, power: np.ndarray, sources: Sequence[Source], pose: np.ndarray, same_s: float) -> FilterState:
+    """The first state, or that after a cut."""
+    tracks = tuple(_new(one, pose, share=1.0) for one in sources)
+    soft, powers = begin_filter(y), begin_filter(power)
+    return FilterState(soft=soft, power=powers, tracks=_led_by(_leader_of(tracks), tracks), same_s=same_s)
 
 
 def _follow(
@@ -191,10 +216,11 @@ def _follow(
     pose: np.ndarray,
     dt_s: float,
     c: Smoothing,
+    most_turn: float,
 ) -> tuple[Track, ...]:
     """What is known of the sources after one more frame."""
     followed = [
-        _seen(track, sources[pairs[i]], pose, dt_s, c) if i in pairs else _unseen(track, dt_s)
+        _seen(track, sources[pairs[i]], pose, dt_s, c, most_turn) if i in pairs else _unseen(track, dt_s)
         for i, track in enumerate(tracks)
     ]
     taken = set(pairs.values())
@@ -212,26 +238,25 @@ def _peak(source: Source, share: float = 1.0) -> float:
     return float(luminance(source.power)) * share * (1.0 - beyond**2)
 
 
-def _led(tracks: Sequence[Track]) -> tuple[Track, ...]:
-    """The same, one of them the leader; none where there are none."""
+def _leader_of(tracks: Sequence[Track]) -> int | None:
+    """Which of them is the leader; None where there are none."""
     peaks = [_peak(track.source, track.share) for track in tracks]
-    if not peaks:
-        return ()
-    first = int(np.argmax(peaks))
     for at, track in enumerate(tracks):
-        if track.leads and peaks[first] <= LEAD_RATIO * peaks[at]:
-            first = at
-            break
-    return tuple(replace(track, leads=at == first) for at, track in enumerate(tracks))
+        if track.leads and max(peaks) <= LEAD_RATIO * peaks[at]:
+            return at
+    return int(np.argmax(peaks)) if peaks else None
+
+
+def _led_by(leader: int | None, tracks: Sequence[Track]) -> tuple[Track, ...]:
+    return tuple(replace(track, leads=at == leader) for at, track in enumerate(tracks))
 
 
 def _is_odd(tracks: Sequence[Track], sources: Sequence[Source], pairs: dict[int, int]) -> bool:
     """Whether a frame shows another leader than the one that is known."""
     for at, track in enumerate(tracks):
         if track.leads:
-            most = LEAD_RATIO * _peak(track.source, track.share)
-            new = [_peak(one) for j, one in enumerate(sources) if j not in pairs.values()]
-            return at not in pairs or max(new, default=0.0) > most
+            most = max((_peak(one) for one in sources), default=0.0)
+            return at not in pairs or bool(most > LEAD_RATIO * _peak(sources[pairs[at]]))
     return False
 
 
@@ -274,7 +299,7 @@ def _new(source: Source, pose: np.ndarray, share: float) -> Track:
     return Track(place=begin_filter(place), size=begin_filter(size), recent=recent, shown=place, share=share, pose=pose)
 
 
-def _seen(track: Track, source: Source, pose: np.ndarray, dt_s: float, c: Smoothing) -> Track:
+def _seen(track: Track, source: Source, pose: np.ndarray, dt_s: float, c: Smoothing, most_turn: float) -> Track:
     view = min(_turned(track.pose, pose) / VIEW_TURN, 1.0)
     place, size = track.place, track.size
     near, like = toward(place.steady, track.recent[:3], view), toward(size.steady, track.recent[3:], view)
@@ -285,7 +310,7 @@ def _seen(track: Track, source: Source, pose: np.ndarray, dt_s: float, c: Smooth
     seen = replace(track, place=place, size=size, share=min(track.share + dt_s / FADE_S, 1.0), unseen_s=0.0)
     angle = _angle(track.shown, seen.direction)
     turns = moves or track.turns
-    turn = (MOST_TURN if turns else MOST_TURN ** (1.0 - view) * VIEW_MOST_TURN**view) * dt_s
+    turn = (most_turn if turns else most_turn ** (1.0 - view) * VIEW_MOST_TURN**view) * dt_s
     shown = track.shown + (min(1.0, turn / angle) if angle > 0.0 else 1.0) * (seen.direction - track.shown)
     return replace(
         seen,

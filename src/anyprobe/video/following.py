@@ -88,6 +88,11 @@ class MaskFollower:
         self.shows_more: bool | None = None
         self._otherwise = 0  # frames in a row
 
+    @property
+    def looks_same(self) -> bool:
+        """Whether the last frame's object was found, and looked as in the frames before, which had its light."""
+        return self.held is not None and self.held.looks_same
+
     def settle(self) -> None:
         """Forget what is not kept on disk: a run that goes on must give what one that never ended does."""
         self._before, self._otherwise = None, 0

@@ -14,6 +14,9 @@ One of MOST_CHANGE times the mask's pixels, or so much fewer, is another object'
 
 **The key is replaced** by a frame in which it is found but is less alike than FADED.
 
+**The object looks the same**, so that its light did not change, where it is found and 1 - alike is at most
+other_light.times that of the last REMEMBERED frames (median) and other_light.more.
+
 **For the light** the mask is narrowed by `narrow` = NARROW of the longer side of its box, and NARROW_ERROR times the
 error that registration expects of itself, at most NARROW_MOST pixels: beside its edge lies what is not the object's.
 """
@@ -36,6 +39,7 @@ EVERY, EVERY_REFUSED, PATIENCE = NUMBERS["every"], NUMBERS["every_refused"], NUM
 AGREES, MOST, FADED = NUMBERS["agrees"], NUMBERS["most"], NUMBERS["faded"]
 NARROW, NARROW_ERROR, NARROW_MOST = NUMBERS["narrow"], NUMBERS["narrow_error"], NUMBERS["narrow_most"]
 MOST_CHANGE: float = NUMBERS["most_change"]
+REMEMBERED, TIMES, MORE = NUMBERS["remembered"], NUMBERS["other_light"]["times"], NUMBERS["other_light"]["more"]
 ROOM = NUMBERS["room"]
 """Of the key's window on every side, in the longer sides of the object: a mask found anew reaches no further."""
 
@@ -48,6 +52,7 @@ class Held:
     which the key was made; cover: what is held there now, the mean of `finds` masks.
     motion: of the object from the key to the last frame, error_px: what is expected to be wrong of it.
     age: frames since a mask was looked for. refused: finds in a row that did not agree; other: the last of them.
+    unlike: 1 - alike of the last frames. looks_same: whether the last frame's object looks as in those before.
     """
 
     picture: np.ndarray
@@ -61,6 +66,8 @@ class Held:
     age: int = 0
     refused: int = 0
     other: np.ndarray | None = None
+    unlike: tuple[float, ...] = ()
+    looks_same: bool = False
 
 
 def hold(rgb: np.ndarray, mask: np.ndarray, finds: int = 1) -> Held:
@@ -94,13 +101,29 @@ def follow(held: Held, rgb: np.ndarray, found: Registered, find: Callable[[np.nd
 
     find: a mask [H, W] of the frame, given where the mask is now; None where there is none.
     """
-    held = replace(held, motion=found.motion, error_px=found.error_px, age=held.age + 1)
+    usual = float(np.median(held.unlike)) if held.unlike else 1.0 - found.alike
+    held = replace(
+        held,
+        motion=found.motion,
+        error_px=found.error_px,
+        age=held.age + 1,
+        unlike=(*held.unlike, 1.0 - found.alike)[-REMEMBERED:],
+        looks_same=1.0 - found.alike <= TIMES * usual + MORE,
+    )
     if held.age >= (EVERY_REFUSED if held.refused else EVERY):
         held = _looked(held, rgb, find(mask_in(held, rgb.shape)))
     if found.alike < FADED:
         newer = hold(rgb, mask_in(held, rgb.shape), held.finds)
         other = None if held.other is None else _carried(held, held.other, newer)
-        held = replace(newer, error_px=held.error_px, age=held.age, refused=held.refused, other=other)
+        held = replace(
+            newer,
+            error_px=held.error_px,
+            age=held.age,
+            refused=held.refused,
+            other=other,
+            unlike=held.unlike,
+            looks_same=held.looks_same,
+        )
     return held
 
 

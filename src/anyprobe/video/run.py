@@ -194,7 +194,7 @@ class ClipRun:
             return {**record, "error": " ".join(str(error).splitlines()), **kept}
         dt_s = max(frame.time_s - done.light_time_s, 1e-3)
         pose = None if self.poses is None else self.poses[frame.index]
-        done.light = step(done.light, light.radiance, dt_s, world_from_camera=pose)
+        done.light = step(done.light, light.radiance, dt_s, world_from_camera=pose, looks_same=self.follower.looks_same)
         done.light_time_s, self._shown, self._preview = frame.time_s, None, None
         steady = self._seen(frame.index)
         if self.library is not None:

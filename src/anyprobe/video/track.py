@@ -80,7 +80,9 @@ def save_progress(folder: Path, progress: Progress) -> None:
     arrays = {} if panorama is None else {"panorama": panorama}
     if progress.mask is not None:
         arrays |= {f"mask_{name}": getattr(progress.mask, name) for name in MASK_ARRAYS}
-        words["mask"] = {name: getattr(progress.mask, name) for name in ("offset", "finds", "error_px", "age")}
+        words["mask"] = {
+            name: getattr(progress.mask, name) for name in ("offset", "finds", "error_px", "age", "unlike")
+        }
         words["mask"]["motion"] = asdict(progress.mask.motion)
     if held is not None:
         match = held["match"]
@@ -132,7 +134,12 @@ def load_progress(folder: Path, settings: dict[str, Any], called: Callable[[str]
                 mask = held_in(
                     *(kept[f"mask_{name}"] for name in MASK_ARRAYS[:2]),
                     cover=kept["mask_cover"],
-                    **{**mask, "offset": tuple(mask["offset"]), "motion": Motion(**mask["motion"])},
+                    **{
+                        **mask,
+                        "offset": tuple(mask["offset"]),
+                        "unlike": tuple(mask["unlike"]),
+                        "motion": Motion(**mask["motion"]),
+                    },
                 )
             if match is not None:
                 match = Match(**match, **{name: kept[f"held_{name}"] for name in MATCH_ARRAYS})
