@@ -24,6 +24,8 @@ const RECENT_S = rules.view.recent_s;
 /** Stands for the pose where none is known. */
 const STILL = [1, 0, 0, 0, 1, 0, 0, 0, 1];
 const { patience_s: PATIENCE_S, fade_s: FADE_S, most: MOST, lead_ratio: LEAD_RATIO, lead_margin: LEAD_MARGIN } = rules;
+const { after_s: SAME_AFTER_S, odd_s: [LEAST_ODD_S, MOST_ODD_S] } = rules.same;
+const SAME_MOST_TURN = radians(rules.same.most_turn_deg_s);
 /** Of the cap within which findDominantLight compares. */
 const PEAK = radians(CONTRACT.dominant_light.blur_deg);
 
@@ -35,8 +37,9 @@ const PEAK = radians(CONTRACT.dominant_light.blur_deg);
  * @param {number} dt seconds since the last frame, > 0
  * @param {number[] | null} [worldFromCamera] nine numbers, row by row, of this frame's camera when it took the picture; for
  *   all frames or none. The state is then in the world.
+ * @param {boolean} [looksSame] whether the object's shading is that of the last frames; false where that is not known
  */
-export function step(state, radiance, dt, worldFromCamera = null, smoothing = SMOOTHING) {
+export function step(state, radiance, dt, worldFromCamera = null, looksSame = false, smoothing = SMOOTHING) {
   let { soft, sources } = splitSources(radiance, MAP_HEIGHT);
   const pose = worldFromCamera ?? STILL;
   if (worldFromCamera) {
@@ -45,21 +48,32 @@ export function step(state, radiance, dt, worldFromCamera = null, smoothing = SM
   }
   const y = encode(soft);
   const power = Float64Array.of(Math.log(OFFSET + sources.reduce((sum, one) => sum + luminance(...one.power), 0)));
-  const isCut = state !== null && rms(y, state.soft.fast) > smoothing.cutLevel;
-  if (isCut && !state.held) return { ...state, held: true };
-  if (state === null || isCut) {
-    return { soft: begin(y), power: begin(power), tracks: led(sources.map((one) => fresh(one, pose, 1))), held: false, isOdd: false };
-  }
+  if (state === null) return begun(y, power, sources, pose, SAME_AFTER_S);
+  const sameS = looksSame ? state.sameS + dt : 0;
+  const isSame = sameS > SAME_AFTER_S;
   const pairs = pairsOf(state.tracks, sources);
-  const isOdd = showsAnotherLeader(state.tracks, sources, pairs);
-  if (isOdd && !state.isOdd) return { ...state, held: true, isOdd: true };
+  const isCut = rms(y, state.soft.fast) > smoothing.cutLevel;
+  const oddS = isCut || showsAnotherLeader(state.tracks, sources, pairs) ? state.oddS + dt : 0;
+  const patience = isSame ? Math.min(Math.max(state.ledS, LEAST_ODD_S), MOST_ODD_S) : dt;
+  if (oddS > 0 && oddS <= patience) return { ...state, held: true, oddS, sameS };
+  if (isCut) return begun(y, power, sources, pose, sameS);
+  const tracks = follow(state.tracks, sources, pairs, pose, dt, smoothing, isSame ? SAME_MOST_TURN : MOST_TURN);
+  const leader = leaderOf(tracks);
   return {
     soft: advance(state.soft, y, dt, rms, smoothing),
     power: advance(state.power, power, dt, distance, smoothing),
-    tracks: led(follow(state.tracks, sources, pairs, pose, dt, smoothing)),
+    tracks: ledBy(leader, tracks),
     held: false,
-    isOdd,
+    oddS,
+    ledS: tracks[leader]?.leads ? state.ledS + dt : 0,
+    sameS,
   };
+}
+
+/** The first state, or that after a cut. */
+function begun(y, power, sources, pose, sameS) {
+  const tracks = sources.map((one) => fresh(one, pose, 1));
+  return { soft: begin(y), power: begin(power), tracks: ledBy(leaderOf(tracks), tracks), held: false, oddS: 0, ledS: 0, sameS };
 }
 
 /** The light to show, linear radiance, in a camera's frame. @param {number[] | null} [worldFromCamera] as of step */
@@ -86,8 +100,8 @@ export function shownSources({ tracks, power }) {
 }
 
 /** What is known of the sources after one more frame. */
-function follow(tracks, sources, pairs, pose, dt, smoothing) {
-  const followed = tracks.map((track, i) => (pairs.has(i) ? seen(track, sources[pairs.get(i)], pose, dt, smoothing) : unseen(track, dt)));
+function follow(tracks, sources, pairs, pose, dt, smoothing, mostTurn) {
+  const followed = tracks.map((track, i) => (pairs.has(i) ? seen(track, sources[pairs.get(i)], pose, dt, smoothing, mostTurn) : unseen(track, dt)));
   const taken = new Set(pairs.values());
   sources.forEach((one, j) => taken.has(j) || followed.push(fresh(one, pose, Math.min(dt / FADE_S, 1))));
   return followed
@@ -102,21 +116,21 @@ function peakOf({ power, radius }, share = 1) {
   return luminance(...power) * share * (1 - beyond * beyond);
 }
 
-/** The same tracks, one of them the leader; none where there are none. */
-function led(tracks) {
+/** Which of them is the leader; -1 where there are none. */
+function leaderOf(tracks) {
   const peaks = tracks.map((track) => peakOf(sourceOf(track), track.share));
-  const strongest = peaks.indexOf(Math.max(...peaks));
-  const leader = tracks.findIndex(({ leads }, at) => leads && peaks[strongest] <= LEAD_RATIO * peaks[at]);
-  return tracks.map((track, at) => ({ ...track, leads: at === (leader < 0 ? strongest : leader) }));
+  const most = Math.max(...peaks);
+  const leader = tracks.findIndex(({ leads }, at) => leads && most <= LEAD_RATIO * peaks[at]);
+  return leader < 0 ? peaks.indexOf(most) : leader;
 }
+
+const ledBy = (leader, tracks) => tracks.map((track, at) => ({ ...track, leads: at === leader }));
 
 /** Whether a frame shows another leader than the one that is known. */
 function showsAnotherLeader(tracks, sources, pairs) {
   const at = tracks.findIndex(({ leads }) => leads);
   if (at < 0) return false;
-  const taken = new Set(pairs.values());
-  const most = LEAD_RATIO * peakOf(sourceOf(tracks[at]), tracks[at].share);
-  return !pairs.has(at) || sources.some((one, j) => !taken.has(j) && peakOf(one) > most);
+  return !pairs.has(at) || Math.max(...sources.map((one) => peakOf(one))) > LEAD_RATIO * peakOf(sources[pairs.get(at)]);
 }
 
 /** Give the leader of others, in place, what it takes to be LEAD_MARGIN times as strong as each. */
@@ -170,7 +184,7 @@ function fresh(source, pose, share) {
   return { place: begin(place), size: begin(size), recent, shown: source.direction, share, pose, turns: false, unseenS: 0, leads: false };
 }
 
-function seen(track, source, pose, dt, smoothing) {
+function seen(track, source, pose, dt, smoothing, mostTurn) {
   const view = Math.min(turnedBy(track.pose, pose) / VIEW_TURN, 1);
   const near = approach(track.place.steady, track.recent.subarray(0, 3), view);
   const like = approach(track.size.steady, track.recent.subarray(3), view);
@@ -182,7 +196,7 @@ function seen(track, source, pose, dt, smoothing) {
   const wanted = directionOf({ place });
   const angle = angleOf(track.shown, wanted);
   const turns = moves || track.turns;
-  const turn = (turns ? MOST_TURN : MOST_TURN ** (1 - view) * VIEW_MOST_TURN ** view) * dt;
+  const turn = (turns ? mostTurn : mostTurn ** (1 - view) * VIEW_MOST_TURN ** view) * dt;
   const part = angle > 0 ? Math.min(1, turn / angle) : 1;
   return {
     place,

@@ -87,7 +87,7 @@ export class FrameLight {
     lap("network");
     const dt = this.time === undefined ? 1 / 30 : Math.max(time - this.time, 1e-3);
     this.time = time;
-    this.state = step(this.state, radiance, dt, worldFromCamera);
+    this.state = step(this.state, radiance, dt, worldFromCamera, this.object.looksSame);
     const steady = shown(this.state);
     lap("filter");
     const light = { ...describe(steady), ...rest, isInWorld };

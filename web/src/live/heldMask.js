@@ -7,12 +7,13 @@
  */
 
 import { CONTRACT } from "../core/contract.js";
+import { median } from "../photo/ground.js";
 import { objectBox } from "../photo/picture.js";
 import { around } from "../photo/search.js";
 import { STILL, beginKey, lumaOf, matrixOf, register } from "./registration.js";
 
 const { every: EVERY, every_refused: EVERY_REFUSED, patience: PATIENCE, agrees: AGREES, most: MOST, ...NUMBERS } = CONTRACT.held_mask;
-const { most_change: MOST_CHANGE, faded: FADED, room: ROOM } = NUMBERS;
+const { most_change: MOST_CHANGE, faded: FADED, room: ROOM, remembered: REMEMBERED, other_light: OTHER_LIGHT } = NUMBERS;
 const { narrow: NARROW, narrow_error: NARROW_ERROR, narrow_most: NARROW_MOST } = NUMBERS;
 
 /** Of what the search of a registration reaches, in longer sides of the object, so much more is read. */
@@ -34,7 +35,7 @@ export function hold(picture, mask, finds = 1) {
   const cover = new Float32Array(width * height);
   for (let y = y0; y < y1; y++) cover.set(mask.subarray(y * picture.width + x0, y * picture.width + x1), (y - y0) * width);
   const key = beginKey(lumaOf(picture, window), cover, [x0, y0]);
-  return { key, cover, width, height, offset: [x0, y0], size: [picture.width, picture.height], finds, motion: STILL, errorPx: 0, age: 0, refused: 0, other: null };
+  return { key, cover, width, height, offset: [x0, y0], size: [picture.width, picture.height], finds, motion: STILL, errorPx: 0, age: 0, refused: 0, other: null, unlike: [], looksSame: false };
 }
 
 /** Where the object lies in another frame, looked for around where it was last. @param {Held} held @param {Picture} picture */
@@ -58,12 +59,15 @@ export function foundIn(held, picture) {
  * @returns {Promise<Held>}
  */
 export async function follow(before, picture, found, find) {
-  let held = { ...before, motion: found.motion, errorPx: found.errorPx, age: before.age + 1 };
+  const usual = before.unlike.length ? median(before.unlike) : 1 - found.alike;
+  const unlike = [...before.unlike, 1 - found.alike].slice(-REMEMBERED);
+  const looksSame = 1 - found.alike <= OTHER_LIGHT.times * usual + OTHER_LIGHT.more;
+  let held = { ...before, motion: found.motion, errorPx: found.errorPx, age: before.age + 1, unlike, looksSame };
   if (find && held.age >= (held.refused ? EVERY_REFUSED : EVERY)) held = looked(held, picture, await find(maskIn(held)));
   if (found.alike >= FADED) return held;
   const newer = hold(picture, maskIn(held), held.finds);
   const { errorPx, age, refused, other } = held;
-  return { ...newer, errorPx, age, refused, other: other && carried(held, other, newer) };
+  return { ...newer, errorPx, age, refused, unlike: held.unlike, looksSame: held.looksSame, other: other && carried(held, other, newer) };
 }
 
 /** Whether two counts of pixels are of one object. */

@@ -37,6 +37,11 @@ export class ObjectFollower {
     Object.assign(this, { masks, hints, quality: null, last: null });
   }
 
+  /** Whether the last frame's object was found, and looked as in the frames before, which had its light. */
+  get looksSame() {
+    return this.#held?.looksSame ?? false;
+  }
+
   /** New clicks or a new box: the mask is found anew at the next frame. Where they find nothing, the last object stays. */
   mark(hints) {
     const { last, quality } = this;
