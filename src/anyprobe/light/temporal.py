@@ -20,8 +20,9 @@ takes, so that sources which change rank from frame to frame move no dominant li
 not found, or another source is lead_ratio times as strong. It is held back; the second in a row is believed.
 
 **The object looks the same** where the caller knows that its shading did not change: then its light did not. Once that
-is so for same.after_s, odd frames are held back for as long as the leader has led, at least and at most same.odd_s, and
-what is shown turns by same.most_turn_deg_s at most.
+is so for same.after_s, places are averaged whatever they do, and odd frames are held back for as long as the leader has
+led, at least and at most same.odd_s. What is odd for longer is a better estimate of the same light: the leader takes
+the place of the frame's strongest source, and what is shown turns there by same.most_turn_deg_s.
 
 **The view.** Estimates of one light from two sides differ, by more than those of one side tremble. view goes from 0 to
 1 while the camera turns by view.turn_deg from where it was when the source last moved. A motion is then measured not
@@ -188,16 +189,19 @@ def step(
     patience = min(max(state.led_s, LEAST_ODD_S), MOST_ODD_S) if is_same else dt_s
     if 0.0 < odd_s <= patience:
         return replace(state, held=True, odd_s=odd_s, same_s=same_s)
-    if is_cut:
+    if is_cut and not is_same:
         return _begun(y, power, sources, pose, same_s)
-    tracks = _follow(state.tracks, sources, pairs, pose, dt_s, c, SAME_MOST_TURN if is_same else MOST_TURN)
-    leader = _leader_of(tracks)
+    known = state.tracks
+    if is_same and odd_s > 0.0:
+        known, pairs = _moved_leader(known, sources, pairs)
+    tracks = _follow(known, sources, pairs, pose, dt_s, c, is_same)
+    leader = _leader_of(tracks, is_same)
     return FilterState(
         soft=advance(state.soft, y, dt_s, _apart, c),
         power=advance(state.power, power, dt_s, _distance, c),
         tracks=_led_by(leader, tracks),
-        odd_s=odd_s,
-        led_s=state.led_s + dt_s if leader is not None and tracks[leader].leads else 0.0,
+        odd_s=0.0 if is_same else odd_s,
+        led_s=state.led_s + dt_s if odd_s == 0.0 and leader is not None and tracks[leader].leads else 0.0,
         same_s=same_s,
     )
 
@@ -216,11 +220,11 @@ def _follow(
     pose: np.ndarray,
     dt_s: float,
     c: Smoothing,
-    most_turn: float,
+    is_same: bool,
 ) -> tuple[Track, ...]:
     """What is known of the sources after one more frame."""
     followed = [
-        _seen(track, sources[pairs[i]], pose, dt_s, c, most_turn) if i in pairs else _unseen(track, dt_s)
+        _seen(track, sources[pairs[i]], pose, dt_s, c, is_same) if i in pairs else _unseen(track, dt_s)
         for i, track in enumerate(tracks)
     ]
     taken = set(pairs.values())
@@ -238,11 +242,25 @@ def _peak(source: Source, share: float = 1.0) -> float:
     return float(luminance(source.power)) * share * (1.0 - beyond**2)
 
 
-def _leader_of(tracks: Sequence[Track]) -> int | None:
+def _moved_leader(
+    tracks: tuple[Track, ...], sources: Sequence[Source], pairs: dict[int, int]
+) -> tuple[tuple[Track, ...], dict[int, int]]:
+    """The tracks with the leader's place at the frame's strongest source, and the pairs with these two."""
+    leader = next((at for at, track in enumerate(tracks) if track.leads), None)
+    if leader is None or not sources:
+        return tracks, pairs
+    first = int(np.argmax([_peak(one) for one in sources]))
+    place = begin_filter(np.asarray(sources[first].direction, np.float64))
+    moved = replace(tracks[leader], place=place, turns=True)
+    others = {at: j for at, j in pairs.items() if at != leader and j != first}
+    return (*tracks[:leader], moved, *tracks[leader + 1 :]), {**others, leader: first}
+
+
+def _leader_of(tracks: Sequence[Track], is_same: bool = False) -> int | None:
     """Which of them is the leader; None where there are none."""
     peaks = [_peak(track.source, track.share) for track in tracks]
     for at, track in enumerate(tracks):
-        if track.leads and max(peaks) <= LEAD_RATIO * peaks[at]:
+        if track.leads and (is_same or max(peaks) <= LEAD_RATIO * peaks[at]):
             return at
     return int(np.argmax(peaks)) if peaks else None
 
@@ -299,17 +317,19 @@ def _new(source: Source, pose: np.ndarray, share: float) -> Track:
     return Track(place=begin_filter(place), size=begin_filter(size), recent=recent, shown=place, share=share, pose=pose)
 
 
-def _seen(track: Track, source: Source, pose: np.ndarray, dt_s: float, c: Smoothing, most_turn: float) -> Track:
+def _seen(track: Track, source: Source, pose: np.ndarray, dt_s: float, c: Smoothing, is_same: bool) -> Track:
     view = min(_turned(track.pose, pose) / VIEW_TURN, 1.0)
     place, size = track.place, track.size
     near, like = toward(place.steady, track.recent[:3], view), toward(size.steady, track.recent[3:], view)
-    place = advance(place, source.direction, dt_s, _distance, c, near, max(view * VIEW_SLACK, SLACK))
+    slack = np.pi if is_same else max(view * VIEW_SLACK, SLACK)
+    place = advance(place, source.direction, dt_s, _distance, c, near, slack)
     size = advance(size, _size(source), dt_s, _distance, c, like, view * VIEW_SLACK_SIZE)
     newest = np.concatenate([place.fast, size.fast])
     moves = place.motion > 0.0
     seen = replace(track, place=place, size=size, share=min(track.share + dt_s / FADE_S, 1.0), unseen_s=0.0)
     angle = _angle(track.shown, seen.direction)
     turns = moves or track.turns
+    most_turn = SAME_MOST_TURN if is_same else MOST_TURN
     turn = (most_turn if turns else most_turn ** (1.0 - view) * VIEW_MOST_TURN**view) * dt_s
     shown = track.shown + (min(1.0, turn / angle) if angle > 0.0 else 1.0) * (seen.direction - track.shown)
     return replace(
