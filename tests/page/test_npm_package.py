@@ -287,3 +287,7 @@ def test_probe_light_stands_in_for_the_estimate_of_a_session(built, estimator, t
 def test_examples_are_short(name):
     (program,) = (EXAMPLES / name).glob("main.*")
     assert len(program.read_text().splitlines()) <= 80
+
+
+def test_readme_shows_the_example_of_three_js_in_full():
+    assert (EXAMPLES / "three" / "main.js").read_text() in (WEB / "README.md").read_text()

@@ -180,7 +180,7 @@ export const CONTRACT = {
       "fade_s": 0.25,
       "lead_ratio": 1.75,
       "lead_margin": 1.25,
-      "same": { "after_s": 0.7, "odd_s": [0.25, 5.0], "most_turn_deg_s": 15.0 },
+      "same": { "after_s": 0.7, "odd_s": [0.25, 5.0], "most_turn_deg_s": 40.0 },
       "most": 6,
       "view": {
         "turn_deg": 8.0,

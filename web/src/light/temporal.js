@@ -56,16 +56,17 @@ export function step(state, radiance, dt, worldFromCamera = null, looksSame = fa
   const oddS = isCut || showsAnotherLeader(state.tracks, sources, pairs) ? state.oddS + dt : 0;
   const patience = isSame ? Math.min(Math.max(state.ledS, LEAST_ODD_S), MOST_ODD_S) : dt;
   if (oddS > 0 && oddS <= patience) return { ...state, held: true, oddS, sameS };
-  if (isCut) return begun(y, power, sources, pose, sameS);
-  const tracks = follow(state.tracks, sources, pairs, pose, dt, smoothing, isSame ? SAME_MOST_TURN : MOST_TURN);
-  const leader = leaderOf(tracks);
+  if (isCut && !isSame) return begun(y, power, sources, pose, sameS);
+  const known = isSame && oddS > 0 ? movedLeader(state.tracks, sources, pairs) : { tracks: state.tracks, pairs };
+  const tracks = follow(known.tracks, sources, known.pairs, pose, dt, smoothing, isSame);
+  const leader = leaderOf(tracks, isSame);
   return {
     soft: advance(state.soft, y, dt, rms, smoothing),
     power: advance(state.power, power, dt, distance, smoothing),
     tracks: ledBy(leader, tracks),
     held: false,
-    oddS,
-    ledS: tracks[leader]?.leads ? state.ledS + dt : 0,
+    oddS: isSame ? 0 : oddS,
+    ledS: oddS === 0 && tracks[leader]?.leads ? state.ledS + dt : 0,
     sameS,
   };
 }
@@ -100,8 +101,8 @@ export function shownSources({ tracks, power }) {
 }
 
 /** What is known of the sources after one more frame. */
-function follow(tracks, sources, pairs, pose, dt, smoothing, mostTurn) {
-  const followed = tracks.map((track, i) => (pairs.has(i) ? seen(track, sources[pairs.get(i)], pose, dt, smoothing, mostTurn) : unseen(track, dt)));
+function follow(tracks, sources, pairs, pose, dt, smoothing, isSame) {
+  const followed = tracks.map((track, i) => (pairs.has(i) ? seen(track, sources[pairs.get(i)], pose, dt, smoothing, isSame) : unseen(track, dt)));
   const taken = new Set(pairs.values());
   sources.forEach((one, j) => taken.has(j) || followed.push(fresh(one, pose, Math.min(dt / FADE_S, 1))));
   return followed
@@ -116,11 +117,22 @@ function peakOf({ power, radius }, share = 1) {
   return luminance(...power) * share * (1 - beyond * beyond);
 }
 
+/** The tracks with the leader's place at the frame's strongest source, and the pairs with these two. */
+function movedLeader(tracks, sources, pairs) {
+  const leader = tracks.findIndex(({ leads }) => leads);
+  if (leader < 0 || sources.length === 0) return { tracks, pairs };
+  const peaks = sources.map((one) => peakOf(one));
+  const first = peaks.indexOf(Math.max(...peaks));
+  const moved = { ...tracks[leader], place: begin(Float64Array.from(sources[first].direction)), turns: true };
+  const others = [...pairs].filter(([at, j]) => at !== leader && j !== first);
+  return { tracks: tracks.map((track, at) => (at === leader ? moved : track)), pairs: new Map([...others, [leader, first]]) };
+}
+
 /** Which of them is the leader; -1 where there are none. */
-function leaderOf(tracks) {
+function leaderOf(tracks, isSame = false) {
   const peaks = tracks.map((track) => peakOf(sourceOf(track), track.share));
   const most = Math.max(...peaks);
-  const leader = tracks.findIndex(({ leads }, at) => leads && most <= LEAD_RATIO * peaks[at]);
+  const leader = tracks.findIndex(({ leads }, at) => leads && (isSame || most <= LEAD_RATIO * peaks[at]));
   return leader < 0 ? peaks.indexOf(most) : leader;
 }
 
@@ -184,11 +196,11 @@ function fresh(source, pose, share) {
   return { place: begin(place), size: begin(size), recent, shown: source.direction, share, pose, turns: false, unseenS: 0, leads: false };
 }
 
-function seen(track, source, pose, dt, smoothing, mostTurn) {
+function seen(track, source, pose, dt, smoothing, isSame) {
   const view = Math.min(turnedBy(track.pose, pose) / VIEW_TURN, 1);
   const near = approach(track.place.steady, track.recent.subarray(0, 3), view);
   const like = approach(track.size.steady, track.recent.subarray(3), view);
-  const slack = Math.max(view * VIEW_SLACK, SLACK);
+  const slack = isSame ? Math.PI : Math.max(view * VIEW_SLACK, SLACK);
   const place = advance(track.place, Float64Array.from(source.direction), dt, distance, smoothing, near, slack);
   const size = advance(track.size, sizeOf(source), dt, distance, smoothing, like, view * VIEW_SLACK_SIZE);
   const newest = Float64Array.of(...place.fast, ...size.fast);
@@ -196,6 +208,7 @@ function seen(track, source, pose, dt, smoothing, mostTurn) {
   const wanted = directionOf({ place });
   const angle = angleOf(track.shown, wanted);
   const turns = moves || track.turns;
+  const mostTurn = isSame ? SAME_MOST_TURN : MOST_TURN;
   const turn = (turns ? mostTurn : mostTurn ** (1 - view) * VIEW_MOST_TURN ** view) * dt;
   const part = angle > 0 ? Math.min(1, turn / angle) : 1;
   return {
