@@ -23,6 +23,11 @@ export declare class ProbeLight extends Group<ProbeLightEventMap> {
   update(light: Light, camera?: Object3D | null): void;
   /** camera: whose pose is asked for whenever a frame is taken, so that the light stays still in the world. */
   track(source: TrackSource, options?: TrackOptions & { camera?: Object3D | null }): Tracker;
+  /**
+   * In the animation loop of an XR session that was asked for with requiredFeatures: ["camera-access"]: follow the light of its
+   * camera's picture, in the world. frame: an XRFrame, null outside a session. Whether there was a picture.
+   */
+  offerCamera(renderer: WebGLRenderer, frame: object | null | undefined, options?: TrackOptions): boolean;
   stop(): void;
   dispose(): void;
 }
