@@ -1,4 +1,4 @@
-// The npm package's lights of one clip, for swaying.py: node web_swaying.mjs CLIP WEIGHTS [NARROW]. CLIP holds clip.json and
+// The npm package's lights of one clip, for swaying.py: node web_swaying.mjs CLIP WEIGHTS. CLIP holds clip.json and
 // frames.rgb; WEIGHTS is a JSON object of graphs' files. Every frame goes through what the page's thread does with a camera's:
 // luma and chroma, a picture of 480 pixels, the mask by the click, registration, networks, filter. Beside them are written
 // web.f32, the lights [T, 64, 128, 3], and web_single.f32, the same without the filter (NaN: no object was seen); prints
@@ -51,7 +51,6 @@ for (let at = 0; at < count; at++) {
   const { user, system } = process.cpuUsage(before);
   if (at >= fps) for (const [part, value] of Object.entries({ ...answer.ms, processor: (user + system) / 1000 })) ms[part] = (ms[part] ?? 0) + value / (count - fps);
   if (answer.light) [last, masks[at]] = [answer.light.radiance, 1];
-  if (process.env.MASKS && answer.mask) writeFileSync(join(folder, `mask${at}.f32`), answer.mask);
   if (last) shown.set(last, at * SIZE);
   if (answer.light) raw.set(lights.single, at * SIZE);
 }

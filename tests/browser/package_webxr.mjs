@@ -4,8 +4,7 @@
 // order, two states of its light, where a select puts the spheres, the view's pose, and the canvas lit and by default.
 
 export default async ({ page, url, arguments: given }) => {
-  await page.goto(`${url}iwer/`).catch(() => {}); // of this origin, for the emulator's file
-  const emulator = await page.evaluate(async () => (await fetch("iwer.js")).text());
+  const emulator = await (await fetch(`${url}iwer/iwer.js`)).text();
   await page.addInitScript(`${emulator};(${standIn})(${given.estimates}, globalThis.IWER ?? IWER);`);
   await page.goto(url + given.page);
   await page.click("#ARButton:has-text('START AR')");
@@ -56,7 +55,7 @@ function standIn(estimates, { XRDevice, XRSession, XRView, XRFrame, metaQuest3 }
 
   const supportedFeatures = [...metaQuest3.supportedFeatures, "camera-access", "light-estimation"];
   const device = new XRDevice({ ...metaQuest3, supportedFeatures }, { stereoEnabled: false });
-  device.installRuntime();
+  device.installRuntime({ forceInstall: true });
   device.quaternion.set(0, Math.sin(0.3), 0, Math.cos(0.3)); // looks 34 degrees to the left
   const { requestSession } = navigator.xr;
   navigator.xr.requestSession = async function (mode, asked) {
