@@ -8,9 +8,9 @@ What each clip's line says, of the lights after the first half second:
 step, raw_step: largest step of the dominant light from frame to frame, degrees, filtered and of single frames.
 over_10: steps over 10 degrees. spread: the dominant light's root mean square angle to its mean, degrees.
 bright: most pixels above radiance 5 in a filtered light over most in a single frame's (of clips with 20 there).
-followed_s: after the light turned by 90 degrees, until the dominant light stays within 15 degrees of where single
+followed_s: after the light turned by 90 degrees, until the dominant light is within 15 degrees of where single
     frames settle in the second after; null where those turn by less than 30. turned_s: with single frames' lights that
-    are turned by 90 degrees around the vertical at half time, until it stays within 15 degrees of what is shown without
+    are turned by 90 degrees around the vertical at half time, until it is within 15 degrees of what is shown without
     that, turned, and by a filter that is not told whether the object looks the same.
 rate: frames a second, masks, networks and filter, of processor time; without the first frame, which opens the networks.
 
@@ -105,11 +105,9 @@ def settled(directions: np.ndarray) -> np.ndarray:
 
 
 def followed_s(shown: np.ndarray, wanted: np.ndarray) -> float:
-    """Seconds until directions shown [T, 3] stay near those wanted, [3] or [T, 3]; infinite: never."""
-    outside = np.flatnonzero(angles(shown, wanted) > NEAR_DEG)
-    if len(outside) == 0:
-        return 0.0
-    return float("inf") if outside[-1] == len(shown) - 1 else round(float(outside[-1] + 1) / FPS, 3)
+    """Seconds until directions shown [T, 3] are near those wanted, [3] or [T, 3]; infinite: never."""
+    near = np.flatnonzero(angles(shown, wanted) <= NEAR_DEG)
+    return round(float(near[0]) / FPS, 3) if len(near) else float("inf")
 
 
 def web_lights(cutout: Cutout, clip: str) -> tuple[dict[str, np.ndarray], np.ndarray]:

@@ -183,10 +183,8 @@ def _filter_state(kept: dict[str, Any]) -> FilterState:
         filtered = {name: steady(words[name]) for name in ("place", "size")}
         return Track(**{**words, **filtered, **{name: np.array(words[name]) for name in ("recent", "shown", "pose")}})
 
-    tracks = tuple(map(track, kept["tracks"]))
-    return FilterState(
-        soft=steady(kept["soft"]), power=steady(kept["power"]), tracks=tracks, held=kept["held"], is_odd=kept["is_odd"]
-    )
+    parts = {"soft": steady(kept["soft"]), "power": steady(kept["power"]), "tracks": tuple(map(track, kept["tracks"]))}
+    return FilterState(**{**kept, **parts})
 
 
 def describe(radiance: np.ndarray) -> dict[str, Any]:
