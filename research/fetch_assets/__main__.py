@@ -87,12 +87,12 @@ def fetch_test(
     client = Client(pause_s=pause, say=lambda text: talk.print(text, soft_wrap=True))
     counts: Counter[str] = Counter()
     try:
-        for one in frozen_set.fetch_all(frozen_set.test_files(), to, client, host):
+        for one in frozen_set.fetch_all(frozen_set.frozen_files(), to, client, host):
             counts[one.status] += 1
             reason = f": {' '.join(one.error.splitlines())}" if one.error else ""
             if one.status == "cannot be had":
-                reason = f": prepared by software that was not recorded, from {one.test_file.source}"
-            talk.print(f"{one.test_file.file}: {one.status}{reason}", soft_wrap=True)
+                reason = f": prepared by software that was not recorded, from {one.file_row.source}"
+            talk.print(f"{one.file_row.file}: {one.status}{reason}", soft_wrap=True)
     except ServerBusy as error:
         talk.print(f"anyprobe: {error}", soft_wrap=True)
         raise typer.Exit(2) from error

@@ -3,9 +3,9 @@
     DIR/hdri/test/*.exr      DIR/meshes/test/*.ply      with a manifest.csv in hdri/ and in meshes/
     DIR/frozen_public.txt    the frozen recipes whose map and shape are there
 
-frozen_set.csv has a row a file: the repository, commit and path of its source, the source's MD5, and the SHA-256 of what
-is made of it, by whose first eight digits recipes name it. Rows without an MD5 are shapes that cannot be made anew: what
-decimated them, or closed their holes, was not recorded.
+frozen_set.csv has a row a file: the repository, commit and path of its source, the source's MD5, and the SHA-256 of
+what is made of it, by whose first eight digits recipes name it. Rows without an MD5 are shapes that cannot be made
+anew: what decimated them, or closed their holes, was not recorded.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ GRID = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class TestFile:
+class FrozenFile:
     """A row of the table.
 
     file: in DIR. md5: of the source, empty where the file cannot be made anew; sha256: of the file.
@@ -75,18 +75,18 @@ class TestFile:
 class Outcome:
     """What became of a file: fetched, complete (it was there), cannot be had, or failed."""
 
-    test_file: TestFile
+    file_row: FrozenFile
     status: str
     error: str = ""
 
 
-def test_files(table: Path = TABLE) -> list[TestFile]:
+def frozen_files(table: Path = TABLE) -> list[FrozenFile]:
     """Every row of the table."""
     with table.open(newline="", encoding="utf-8") as stream:
-        return [TestFile(**row) for row in csv.DictReader(stream)]
+        return [FrozenFile(**row) for row in csv.DictReader(stream)]
 
 
-def fetch_all(files: list[TestFile], to: Path, client: Client, host: str = HOST) -> Iterator[Outcome]:
+def fetch_all(files: list[FrozenFile], to: Path, client: Client, host: str = HOST) -> Iterator[Outcome]:
     """Make each file in turn, and say what became of it; then write the recipes that the files suffice for.
 
     Raises:
@@ -104,12 +104,12 @@ def fetch_all(files: list[TestFile], to: Path, client: Client, host: str = HOST)
         temporary.write_text("\n".join(lines) + "\n", encoding="ascii")
 
 
-def _fetch(one: TestFile, to: Path, client: Client, host: str) -> Outcome:
+def _fetch(one: FrozenFile, to: Path, client: Client, host: str) -> Outcome:
     target = to / one.file
     if target.is_file() and hashlib.sha256(target.read_bytes()).hexdigest() == one.sha256:
-        return Outcome(test_file=one, status="complete")
+        return Outcome(file_row=one, status="complete")
     if not one.md5:
-        return Outcome(test_file=one, status="cannot be had")
+        return Outcome(file_row=one, status="cannot be had")
     target.parent.mkdir(parents=True, exist_ok=True)
     url = host.rstrip("/") + one.url_path
     try:
@@ -131,11 +131,11 @@ def _fetch(one: TestFile, to: Path, client: Client, host: str) -> Outcome:
     except ServerBusy:
         raise
     except AnyprobeError as error:
-        return Outcome(test_file=one, status="failed", error=str(error))
-    return Outcome(test_file=one, status="fetched")
+        return Outcome(file_row=one, status="failed", error=str(error))
+    return Outcome(file_row=one, status="fetched")
 
 
-def _make_map(one: TestFile, data: bytes, target: Path) -> None:
+def _make_map(one: FrozenFile, data: bytes, target: Path) -> None:
     pixels = small_map(data, Path(one.path).name)
     header = {"compression": OpenEXR.PIZ_COMPRESSION, "type": OpenEXR.scanlineimage}
     channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
@@ -143,7 +143,7 @@ def _make_map(one: TestFile, data: bytes, target: Path) -> None:
         OpenEXR.File(header, channels).write(plain)
 
 
-def _make_shape(one: TestFile, data: bytes, target: Path) -> None:
+def _make_shape(one: FrozenFile, data: bytes, target: Path) -> None:
     vertices, faces = merged(*read_obj(data, Path(one.path).name))
     centre = np.array([float(x) for x in one.centre.split()])
     target.write_bytes(ply((turned(vertices, one.axes) - centre) / float(one.radius), faces))
