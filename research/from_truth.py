@@ -24,7 +24,7 @@ def from_truth() -> dict[str, Method]:
 def flat(pair: Pair) -> Estimate:
     """The mean of the true map's display values, everywhere."""
     ldr = response(pair.radiance)
-    return _of(np.broadcast_to(ldr.mean(axis=(0, 1)), ldr.shape))
+    return _of(np.broadcast_to(ldr.mean(axis=(0, 1), dtype=np.float64), ldr.shape))
 
 
 def blurred(pair: Pair, degrees: float) -> Estimate:

@@ -6,9 +6,9 @@
     python -m research.paper_chain DATA --part frozen_public.txt      # of research.fetch_assets test
 
 One flat colour and the blurred truths are made of the truth itself: they say what the figures' scale is. Spread is the
-standard deviation over the pairs of a pixel of the LDR map, mean over pixels; above .8 is the share of pixels that Eq. 8
-gives to the HDR branch. Standard errors by map and shape. The last rows are the first model less each other one, pair by
-pair.
+standard deviation over the pairs of a pixel of the LDR map, mean over pixels; above .8 is the share of pixels that Eq.
+8 gives to the HDR branch. Standard errors by map and shape. The last rows are the first model less each other one, pair
+by pair.
 """
 
 from __future__ import annotations

@@ -61,7 +61,7 @@ def draw_losses(one: Trained, out: Path) -> None:
         f"step of the gradual targets (Eq. 6); {len(losses):,} steps of {one.run.batch} pairs",
         "black",
     )
-    save(page, out / "figure_06.png", 64)
+    save(page, out / "figure_06.png")
 
 
 def draw_targets(data: Path, out: Path) -> None:
@@ -73,4 +73,4 @@ def draw_targets(data: Path, out: Path) -> None:
         power = sharpness(epoch)
         tiles.append(Tile(picture=blur_cosine_power(ldr, power), caption=f"epoch {epoch}, beta e {power:.0f}"))
     tiles.append(Tile(picture=ldr, caption="as it is"))
-    save(sheet([""] * 4, [tiles[k : k + 4] for k in (0, 4, 8)]), out / "figure_07.png")
+    save(sheet([""] * 4, [tiles[k : k + 4] for k in (0, 4, 8)]), out / "figure_07.jpg")

@@ -1,4 +1,4 @@
-"""Fig. 15: virtual objects in photos, lit by what `paper` makes of an object that a depth cut takes out of the photo."""
+"""Fig. 15: virtual objects in photos, in the light that `paper` estimates of an object cut out by its depth."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def draw_scenes(out: Path) -> None:
                 Tile(picture=stage.relit(truth, scene.inserted, "own")),
             ]
         )
-    save(sheet(["photo", "depth cut", "estimated light", "true light"], rows), out / "figure_15.png")
+    save(sheet(["photo", "depth cut", "estimated light", "true light"], rows), out / "figure_15.jpg")
 
 
 def cut_planes(depth: np.ndarray, mask: np.ndarray) -> tuple[float, float]:
@@ -69,7 +69,7 @@ def draw_real(folders: Iterable[Path], out: Path) -> None:
             stage = Stage(real.photo, open_object(INSERTED))
             drawn = [Tile(picture=stage.relit(light, material, "own")) for material in MATERIALS]
             rows.append([Tile(picture=real.photo.rgb, caption=real.name), Tile(picture=_cut(real.photo)), *drawn])
-    save(sheet(["photo", "object by its mask", *MATERIALS], rows), out / "figure_15_real.png")
+    save(sheet(["photo", "object by its mask", *MATERIALS], rows), out / "figure_15_real.jpg")
 
 
 def _cut(photo: Photo) -> np.ndarray:

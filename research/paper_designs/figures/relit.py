@@ -46,7 +46,7 @@ def draw_relit(one: Trained, out: Path) -> None:
                 errors[name].append(score["relight_rmse"])
     for name, values in errors.items():
         print(f"{METHODS[name]}: RMSE of the relit object {np.mean(values):.4f}, {len(values)} pairs")
-    save(sheet(["photo", *METHODS.values(), "true light"], rows), out / "figure_14.png")
+    save(sheet(["photo", *METHODS.values(), "true light"], rows), out / "figure_14.jpg")
 
 
 def _lights(maps: Maps, ln_radiance, rows: int, k: int) -> list[np.ndarray]:

@@ -42,7 +42,7 @@ def draw_synthetic(one: Trained, out: Path) -> None:
                 error = sphere_scores(maps.ldr[name][k], truth)["sphere_rmse"]
                 row.append(Tile(picture=mirror_sphere(maps.ldr[name][k], SPHERE), corner=f"{error:.3f}"))
             rows.append([*row, Tile(picture=mirror_sphere(truth, SPHERE))])
-    save(sheet(["photo" + " " * 24, *METHODS.values(), "truth"], rows), out / "figure_12.png")
+    save(sheet(["photo" + " " * 24, *METHODS.values(), "truth"], rows), out / "figure_12.jpg")
 
 
 def draw_real(one: Trained, folders: Iterable[Path], out: Path) -> None:
@@ -62,7 +62,7 @@ def draw_real(one: Trained, folders: Iterable[Path], out: Path) -> None:
             row = [Tile(picture=photo, caption=f"{'specular' if real.specular else 'diffuse'}, {real.name}")]
             row += [Tile(picture=_marked(mirror_sphere(one.clip(0, 1), SPHERE), real.lamp)) for one in maps.values()]
             rows.append(row)
-    save(sheet(["photo" + " " * 18, *METHODS.values(), SHIPPED], rows), out / "figure_12_real.png")
+    save(sheet(["photo" + " " * 18, *METHODS.values(), SHIPPED], rows), out / "figure_12_real.jpg")
 
 
 def _marked(sphere: np.ndarray, lamp: np.ndarray | None) -> np.ndarray:
@@ -97,7 +97,7 @@ def draw_bars(one: Trained, folders: Iterable[Path], out: Path) -> None:
             print(
                 f"{panel}, {group}: " + ", ".join(f"{name} {value:.{DIGITS[panel]}f}" for name, value in values.items())
             )
-    save(bars(panels, COLORS, DIGITS), out / "figure_13.png", 64)
+    save(bars(panels, COLORS, DIGITS), out / "figure_13.png")
 
 
 def lamp_angles_of(one: Trained, folders: Iterable[Path]) -> dict[str, dict[str, float]]:

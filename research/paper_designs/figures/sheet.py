@@ -81,11 +81,13 @@ def bars(panels: dict[str, dict[str, dict[str, float]]], colors: dict[str, str],
     return page
 
 
-def save(page: Image.Image, path: Path, colors: int = 256) -> None:
-    """A PNG of so many colours, whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+def save(page: Image.Image, path: Path) -> None:
+    """A JPEG of photos, or a PNG of few colours, by the name; whole or not at all."""
     with atomic_path(path) as temporary:
-        page.quantize(colors).save(temporary, "PNG", optimize=True)
+        if path.suffix == ".png":
+            page.quantize(64).save(temporary, "PNG", optimize=True)
+        else:
+            page.save(temporary, "JPEG", quality=88, optimize=True)
 
 
 def _width(picture: np.ndarray) -> int:
