@@ -13,6 +13,7 @@ from typing import Annotated, Any
 
 import typer
 
+from anyprobe.cli.options import MODEL_HELP
 from anyprobe.errors import InputError, MissingExtra
 from anyprobe.estimate.runtime import DEFAULT_MODEL
 
@@ -48,7 +49,7 @@ def serve(
             "can connect."
         ),
     ] = None,
-    model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL,
+    model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL,
 ) -> None:
     """Serve the web page and the HTTP API. All is computed here; nothing leaves this machine."""
     _need_serve()
