@@ -20,6 +20,8 @@ from research.paper_designs.figures.sheet import Tile, save, sheet
 
 MARGIN = 0.05
 """How much nearer than the object the near plane lies, of its height."""
+SHOWN = 2
+"""Scenes of the gallery."""
 INSERTED, MATERIALS = "sphere", ("chrome", "matte")
 """What is put beside the real object."""
 DIM = 0.25
@@ -29,7 +31,7 @@ DIM = 0.25
 def draw_scenes(out: Path) -> None:
     """The gallery's path-traced photos: depth, the cut, the object in the estimated and in the true light."""
     estimator, rows = Estimator("paper"), []
-    for scene in SCENES:
+    for scene in SCENES[:SHOWN]:
         photo, truth, depth = photograph(scene)
         near, far = cut_planes(depth, photo.mask)
         cut = mask_from_depth(depth, depth.shape, near, far)

@@ -11,14 +11,23 @@ from anyprobe.light.environment import MAP_HEIGHT
 from research.compare.figures import relight_scores, relit
 from research.paper_designs.blocks import picture_of
 from research.paper_designs.figures.sheet import Tile, save, sheet
-from research.paper_designs.figures.trained import METHODS, Maps, Trained, judged_batch, judged_pairs, maps_of, photo_of
+from research.paper_designs.figures.trained import (
+    MEASURED,
+    METHODS,
+    Maps,
+    Trained,
+    judged_batch,
+    judged_pairs,
+    maps_of,
+    photo_of,
+)
 
 ROWS = 2
 """Pairs shown of each material group."""
 
 
 def draw_relit(one: Trained, out: Path) -> None:
-    """Draw the object beside the photo, and print the mean RMSE of its display values over all test pairs.
+    """Draw the object beside the photo, and print the mean RMSE of its display values over test pairs.
 
     Ours is lit by Eq. 7, the rivals by their LDR maps through the inverse curve: neither says what is above white. The
     true light is the test pair's, above white too.
@@ -38,7 +47,7 @@ def draw_relit(one: Trained, out: Path) -> None:
                 for picture, score in zip(shown[1:], scores, strict=True)
             ]
             rows.append([*row, Tile(picture=shown[0])])
-        every = judged_batch(one, judged_pairs(one, specular))
+        every = judged_batch(one, judged_pairs(one, specular, MEASURED))
         maps = maps_of(one.nets, every, side, map_rows)
         for k in range(len(every.light)):
             scores = relight_scores(_lights(maps, every.ln_radiance, map_rows, k))

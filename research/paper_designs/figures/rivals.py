@@ -15,7 +15,15 @@ from anyprobe.light.dominant_light import find_dominant_light
 from research.compare.figures import mirror_sphere, sphere_scores
 from research.paper_designs.figures.real import RealPhoto, real_maps, real_photos
 from research.paper_designs.figures.sheet import Tile, bars, save, sheet
-from research.paper_designs.figures.trained import METHODS, Trained, judged_batch, judged_pairs, maps_of, photo_of
+from research.paper_designs.figures.trained import (
+    MEASURED,
+    METHODS,
+    Trained,
+    judged_batch,
+    judged_pairs,
+    maps_of,
+    photo_of,
+)
 
 ROWS = 4
 """Synthetic pairs shown of each material group; real photos of each object."""
@@ -83,7 +91,9 @@ def draw_bars(one: Trained, folders: Iterable[Path], out: Path) -> None:
     """
     panels: dict[str, dict[str, dict[str, float]]] = {title: {} for title in FIGURES.values()}
     for specular, group in ((True, "Synth-Spec"), (False, "Synth-Diff")):
-        maps = maps_of(one.nets, judged_batch(one, judged_pairs(one, specular)), one.run.scale.side, one.run.scale.rows)
+        maps = maps_of(
+            one.nets, judged_batch(one, judged_pairs(one, specular, MEASURED)), one.run.scale.side, one.run.scale.rows
+        )
         for name, title in METHODS.items():
             pairs = zip(maps.ldr[name], maps.ldr["truth"], strict=True)
             scores = [sphere_scores(ldr, truth) for ldr, truth in pairs]
