@@ -25,7 +25,7 @@ def main(
     data: Annotated[Path, typer.Option(help="Folder with hdri/test and meshes/test, for 7 and 16.")] = Path("data"),
     runs: Annotated[Path, typer.Option(help="Folder that train wrote.")] = Path("runs/paper_designs"),
     scale: Annotated[str, typer.Option(help="As of train.")] = "small",
-    pairs: Annotated[int, typer.Option(help="As of train.")] = 25_000,
+    pairs: Annotated[int, typer.Option(help="As of train.")] = 10_000,
     seed: Annotated[int, typer.Option(help="As of train.")] = 0,
     real: Annotated[
         list[Path] | None, typer.Option(help="Folder of real photos with lights.csv or manifest.csv; repeat for more.")

@@ -20,7 +20,7 @@ from research.paper_designs.scale import SCALES
 from research.paper_designs.tables import Tables, cached_tables
 from research.paper_designs.train import KEPT_LOSSES, Run
 
-MEASURED = 200
+MEASURED = 100
 """Test pairs of each side of the paper's border that figures are means of."""
 METHODS = {"ours": "Ours", "georgoulis": "Georgoulis et al.", "meka": "Meka et al."}
 """Designs that the paper's Figs. 12 to 14 compare, and what they are called."""
