@@ -28,11 +28,10 @@ from anyprobe.dataset.pair import Pair
 from anyprobe.dataset.recipe import read_recipes
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Models
-from anyprobe.evaluate.methods import Method, baselines, model_methods
+from anyprobe.evaluate.methods import Method, baselines, model_methods, truth_methods
 from anyprobe.evaluate.scoring import FROZEN, score_pairs
 from anyprobe.evaluate.standard_errors import clustered_error
 from anyprobe.light.reconstruct import THRESHOLD
-from research.from_truth import from_truth
 from research.kept_pairs import kept_pairs
 from research.left_out import left_out_pairs
 from research.world.pairs import world_pairs
@@ -90,7 +89,7 @@ def main(
     methods: dict[str, Method] = {}
     for name in model or ["paper", "lift"]:
         methods[name] = next(iter(model_methods(Models(name, threads=1), name).values()))
-    methods |= {"mean map": baselines()["mean map"], **from_truth()}
+    methods |= {"mean map": baselines()["mean map"], **truth_methods()}
     maps: dict[str, list[np.ndarray]] = {name: [] for name in methods}
 
     def watch(index: int, pair: Pair, estimates: dict) -> None:
