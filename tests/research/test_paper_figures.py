@@ -65,7 +65,8 @@ def one(runs):
 
 def test_losses_are_kept_step_by_step_through_a_stop(tables, tmp_path):
     whole, first, second = (Trainer(RUN, tables) for _ in range(3))
-    shown = [[whole.advance()[name].value() for name in KEPT_LOSSES] for _ in range(RUN.steps)]
+    steps = [whole.advance() for _ in range(RUN.steps)]
+    shown = [[losses[name].value() for name in KEPT_LOSSES] for losses in steps]
     first.advance()
     first.save(tmp_path / "checkpoint.pt")
     second.load(tmp_path / "checkpoint.pt")
