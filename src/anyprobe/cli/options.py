@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from anyprobe.detail.library import Library
     from anyprobe.estimate.estimator import Estimator
 
+MODEL_HELP = "lift; paper: stages of Park et al. 2020 in our layers, begun as lift; or a folder of ONNX graphs."
+"""Of --model."""
 STDIN = Path("-")
 """A photo that comes through standard input."""
 
@@ -184,7 +186,7 @@ class ModelOptions:
             "the mean over all positions, with soft shadows and a smaller error on matte objects.",
         ),
     ] = MODE
-    model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL
+    model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL
     engine: Annotated[str, typer.Option(metavar="NAME", help=f"Engine: {', '.join(ENGINES)}.")] = DEFAULT_ENGINE
     threads: Annotated[int | None, typer.Option(min=1, help="Threads of the engine; default: its choice.")] = None
 

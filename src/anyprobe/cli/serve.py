@@ -13,6 +13,7 @@ from typing import Annotated, Any
 
 import typer
 
+from anyprobe.cli.options import MODEL_HELP
 from anyprobe.errors import InputError, MissingExtra, OutputError
 from anyprobe.estimate.runtime import DEFAULT_MODEL
 from anyprobe.files.cores import usable_cores
@@ -56,7 +57,7 @@ def serve(
     drain: Annotated[
         float, typer.Option(help="Seconds for what it has begun, when it is to end (SIGTERM).", min=0, max=600)
     ] = DRAIN_S,
-    model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL,
+    model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL,
 ) -> None:
     """Serve the web page and the HTTP API. All is computed here; nothing leaves this machine."""
     _need_serve()
