@@ -19,6 +19,7 @@ from rich.table import Table
 
 from anyprobe.cli.options import (
     ColorspaceOption,
+    FrameOption,
     DetailOptions,
     JsonOption,
     ModelOptions,
@@ -36,8 +37,9 @@ from anyprobe.cli.options import (
     with_bundles,
 )
 from anyprobe.cli.tables import print_table
+from anyprobe.detail.panorama import check_size
 from anyprobe.errors import AnyprobeError, InputError
-from anyprobe.hints import Hints
+from anyprobe.hints import Hints, said_as
 
 if TYPE_CHECKING:
     from anyprobe.estimate.estimator import Estimator
@@ -53,6 +55,8 @@ class Done:
     photo: Path
     stem: str = ""
     main: DominantLight | None = None
+    toward: np.ndarray | None = None
+    is_level: bool = False
     level_stops: float | None = None
     is_exposed: bool = True
     seconds: float = 0.0
@@ -74,21 +78,33 @@ def estimate(
         Path | None,
         typer.Option(help="JSON with each photo's camera rotation: all photos, views of one object, give one light."),
     ] = None,
-    size: Annotated[int | None, typer.Option(help="Rows of a map with detail: 64, 128, 256 or 512 (default).")] = None,
+    size: Annotated[int, typer.Option(help="Rows of the panorama: 64, 128, 256, 512, 1024 or 2048.")] = 512,
+    frame: FrameOption = "level",
     colorspace: ColorspaceOption = "rec709",
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Estimate the environment map around an object. Writes <stem>.exr, .hdr, .json and .png per photo."""
+    """Estimate the light around an object. Writes a panorama, <stem>_panorama.exr, with <stem>_origin.png (where it is
+    seen, estimated, invented), the estimate's own map <stem>.exr and .hdr, a .json, and a preview <stem>.png."""
     if poses is not None:
-        refuse_unused(context, "beside --poses", "detail", "detail_library", "size")
+        refuse_unused(context, "beside --poses", "detail", "detail_library")
+    with said_as(size="--size"):
+        check_size(size)
     hints = taken.hints()
     listed = list_photos(photos)
-    estimator = by.estimator(segmenter=taken.segmenter, **fine.settings(size))
+    detailed = {"size": min(max(size, 64), 512)} if fine.detail != "none" else {}
+    estimator = by.estimator(segmenter=taken.segmenter, **fine.settings(), **detailed)
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     steps = track(listed, "estimating", console=talk, transient=True, disable=len(listed) < 2 or not talk.is_terminal)
     call = EstimateCall(
-        estimator=estimator, out=out, hints=hints, as_json=as_json, listed=listed, colorspace=colorspace
+        estimator=estimator,
+        out=out,
+        hints=hints,
+        as_json=as_json,
+        listed=listed,
+        colorspace=colorspace,
+        size=size,
+        frame=frame,
     )
     if poses is not None:
         done = [call.together(steps, poses)]
@@ -116,6 +132,8 @@ class EstimateCall:
     as_json: bool
     listed: list[Path]
     colorspace: str = "rec709"
+    size: int = 512
+    frame: str = "level"
 
     def one(self, path: Path) -> Done:
         """Estimate one photo and write its files; an error of ours ends this photo alone."""
@@ -171,11 +189,15 @@ class EstimateCall:
         from anyprobe.estimate.outputs import write_results
 
         stem = result_stem(path, self.listed)
-        written = write_results(photo, light, self.out, stem, self.colorspace)
+        begun = time.perf_counter()
+        written = write_results(
+            photo, light, self.out, stem, self.colorspace, size=self.size, frame=self.frame
+        )
+        seconds += time.perf_counter() - begun
         if self.as_json:
             files = {kind: str(target) for kind, target in written.items()}
             print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
-        main = light.dominant_light()
+        main, ground = light.dominant_light(), light.ground
         uncertainty = light.info.get("uncertainty")
         unsure = None if uncertainty is None else uncertainty.get("level_stops")
         crop = light.stages["photo"]
@@ -184,6 +206,8 @@ class EstimateCall:
             photo=path,
             stem=stem,
             main=main,
+            toward=main.direction if ground is None else ground.level_from_camera @ main.direction,
+            is_level=ground is not None,
             level_stops=unsure,
             is_exposed=not exposure_doubts(pixels[:, :3] / pixels[:, 3:], photo.name),
             seconds=seconds,
@@ -203,10 +227,10 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
     """A table of all photos, and where their results are; warnings below it."""
     table = Table("photo", "dominant light", "brightness uncertainty", "seconds", box=None, pad_edge=False)
     for one in done:
-        if one.main is None:
+        if one.main is None or one.toward is None:
             table.add_row(one.photo.name, "failed")
             continue
-        x, y, z = one.main.direction
+        x, y, z = one.toward
         azimuth, elevation = np.degrees(np.arctan2(x, -z)), np.degrees(np.arcsin(np.clip(y, -1, 1)))
         side = "right" if azimuth >= 0 else "left"
         where = f"{abs(azimuth):.0f}° {side}, {abs(elevation):.0f}° {'up' if elevation >= 0 else 'down'}"
@@ -218,9 +242,11 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
             f"{one.seconds:.2f}",
         )
     print_table(talk, table)
+    if any(one.main is not None and not one.is_level for one in done):
+        talk.print("up and down are the camera's own where the photo shows no ground (a cut-out)", soft_wrap=True)
     written = [one.stem for one in done if not one.error]
     if written:  # on a line of its own, which a narrow terminal does not cut into pieces
         name = written[0] if len(written) == 1 else "<stem>"
-        talk.print(f"results: {out / name}.{{exr,hdr,json,png}}", soft_wrap=True)
+        talk.print(f"results: {out / name}_panorama.exr, _origin.png, .exr, .hdr, .json, .png", soft_wrap=True)
     for warning in dict.fromkeys(line for one in done for line in one.warnings):
         talk.print(f"warning: {line_of(warning)}", soft_wrap=True)

@@ -37,6 +37,10 @@ Colorspace = Literal["rec709", "acescg"]
 ColorspaceOption = Annotated[
     Colorspace, typer.Option(help="Linear primaries of the .exr: Rec. 709 or ACEScg; its header says which.")
 ]
+Frame = Literal["level", "camera"]
+FrameOption = Annotated[
+    Frame, typer.Option(help="level: +Y is up in the place, by the camera's pitch and roll; camera: its own frame.")
+]
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")]
 
 
@@ -210,14 +214,13 @@ class DetailOptions:
         Path | None, typer.Option(help="Folder of .exr and .hdr maps to take it from; default: the built-in library.")
     ] = None
 
-    def settings(self, size: int | None = None) -> dict[str, Any]:
-        """For Estimator; size: of --size. InputError for what does nothing without detail."""
+    def settings(self) -> dict[str, Any]:
+        """For Estimator. InputError for what does nothing without detail."""
         from anyprobe.detail.plausible import check_detail
 
-        given = {name: it for name, it in (("size", size), ("detail_library", self.detail_library)) if it is not None}
+        given = {} if self.detail_library is None else {"detail_library": self.detail_library}
         if not check_detail(self.detail) and given:
-            option = f"--{next(iter(given)).replace('_', '-')}"
-            raise InputError(f"{option}: does nothing without --detail plausible; add that, or leave it out")
+            raise InputError("--detail-library: does nothing without --detail plausible; add that, or leave it out")
         return {"detail": self.detail, **given}
 
     def library(self) -> Library | None:
@@ -304,7 +307,7 @@ def list_photos(photos: list[Path]) -> list[Path]:
             chosen.append(path)
             continue
         found = visible_files(path, PICTURES)
-        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit")} | {p.name for p in found}
+        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit", "origin")} | {p.name for p in found}
         maps = {p for p in found if p.suffix.lower() == ".exr" and _is_map(p)}
         previews = {p.with_suffix(".png") for p in maps if p.with_suffix(".json").is_file()}
         found = [p for p in found if p.stem not in written and p not in maps | previews]

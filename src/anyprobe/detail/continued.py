@@ -29,7 +29,7 @@ SOFT_AT_DEG = (3.0, 40.0, 90.0, 160.0)
 """Azimuths from the photo's border at which each of them is reached."""
 EDGE_SOFT_DEG, EDGE_SOFT_AT_DEG = (2.0, 8.0, 25.0, 60.0), (0.0, 6.0, 18.0, 40.0)
 """The same of the mean colour above and below the photo, by height from its border."""
-ABOVE_SHARE, ABOVE_DEG = 0.7, 12.0
+ABOVE_SHARE, ABOVE_DEG = 0.35, 6.0
 """Of the photo's rows above its horizon that are repeated above it, and over how many degrees they fade."""
 HORIZON_DEG = -4.0
 """Rows below this are ground."""
@@ -88,13 +88,21 @@ def _sideways(ln: np.ndarray, band: np.ndarray, left: int, right: int, per_deg: 
     distance = np.where((column >= left) & (column <= right), 0, np.minimum(after, before)) / per_deg
     around = _softer(around, distance, per_deg)
     inside = np.clip(_from_border(band) / (SEAM_DEG * per_deg), 0.0, 1.0)[..., None]
-    return inside * ln + (1 - inside) * around
+    return inside * ln + (1 - inside) * _softer_upright(around, distance, per_deg)
 
 
 def _softer(ring: np.ndarray, distance: np.ndarray, per_deg: float) -> np.ndarray:
     """Rows [H, W, 3] blurred along themselves, the more the farther [W] from what is seen."""
     level = np.interp(distance, SOFT_AT_DEG, np.arange(len(SOFT_DEG)))[None, :, None]
     return _between_blurs(ring, SOFT_DEG, level, per_deg)
+
+
+def _softer_upright(ring: np.ndarray, distance: np.ndarray, per_deg: float) -> np.ndarray:
+    """Columns blurred too, a third as much, over the upper and lower border by their mirror images."""
+    level = np.interp(distance, SOFT_AT_DEG, np.arange(len(SOFT_DEG)))[:, None, None]
+    tall = np.concatenate([ring, ring[::-1]]).transpose(1, 0, 2)
+    sigmas = tuple(sigma / 3 for sigma in SOFT_DEG)
+    return _between_blurs(tall, sigmas, level, per_deg)[:, : len(ring)].transpose(1, 0, 2)
 
 
 def _softer_with(row: np.ndarray, distance: np.ndarray, per_deg: float) -> np.ndarray:
@@ -163,7 +171,7 @@ def _lay_ground(whole: np.ndarray, first: int, last: int, elevation: np.ndarray,
     far = min(far, 4.0 * near)
     sine = np.tan(min(half, 1.4))
     # squares of the plane, each the mirror image of the next, of one that is seen before the camera
-    side = max(min(far - near, 2 * sine * near / max(1 - sine, 0.2), 1.6 * near), 0.05 * near)
+    side = max(min(far - near, 2 * sine * near / max(1 - sine, 0.2), 0.9 * near), 0.05 * near)
     d = pixel_directions(rows)[top:]
     plane = d[..., [0, 2]] / np.maximum(-d[..., 1:2], 1e-3)  # over the camera's height
     u, v = (np.abs((plane[..., k] / side + shift) % 2 - 1) * side for k, shift in ((0, 0.5), (1, near / side + 1)))

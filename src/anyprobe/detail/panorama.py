@@ -10,16 +10,20 @@ discs of their own size.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
+from anyprobe.core.response import response
 from anyprobe.detail.continued import FLOOR, continue_around
 from anyprobe.detail.plate import Plate, Seen, seen_in
-from anyprobe.errors import InputError
+from anyprobe.errors import InputError, OutputError
+from anyprobe.files.images import write_png
+from anyprobe.files.radiance import HALF_MAX, write_exr, write_hdr
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.harmonics import project, sh_basis
@@ -30,8 +34,10 @@ ROWS = 512
 """Rows of a panorama."""
 EDGE_DEG = 3.0
 """Width over which the photo gives way to what is beside it, inside its border."""
-FAR_DEG = 45.0
-"""Angle from what is seen at which the continued colour counts 1 / e."""
+FAR_DEG, HUE_DEG = 45.0, 25.0
+"""Angles from what is seen at which the continued brightness and hue count 1 / e."""
+BESIDE_DEG = 12.0
+"""Angle from what is seen at which plausible detail takes the place of what is continued."""
 ABOVE_GROUND_DEG = 8.0
 """The same above a photo that shows nothing but ground."""
 SOFT = 60.0
@@ -42,7 +48,7 @@ LEAST_RADIUS_DEG = 0.27
 """Of a disc: the sun's."""
 MOST_GAIN = np.log(6.0)
 NEWTON_STEPS = 12
-NEAR_GAIN_DEG = 30.0
+NEAR_GAIN_DEG = 20.0
 """Angle from what is seen over which the gain sets in, so that no edge appears there."""
 
 
@@ -54,13 +60,39 @@ class Panorama:
         radiance: [R, 2R, 3] linear, in the light's units.
         origin: [R, 2R, 3] shares that are seen in the photo, estimated, and invented; they sum to 1.
         frame_from_camera: [3, 3] rotation from the camera's frame to the panorama's.
-        is_level: whether +Y is up in the place; else the frame is the camera's.
+        is_level: whether +Y is up in the place; else the frame is the light's.
+        attributes: what a file's header says of it.
     """
 
     radiance: np.ndarray
     origin: np.ndarray
     frame_from_camera: np.ndarray
     is_level: bool
+    attributes: dict[str, str] = field(default_factory=dict)
+
+    def save(self, path: str | Path, *, colorspace: str = "rec709") -> Path:
+        """Write .exr (half floats, or floats where halves would clip), .hdr, or a tone-mapped .png.
+
+        Raises:
+            OutputError: another suffix, or it cannot be written.
+        """
+        path = Path(path)
+        kind = path.suffix.lower()
+        if kind == ".exr":
+            half = bool(self.radiance.max() < HALF_MAX)
+            write_exr(path, self.radiance, half=half, attributes=self.attributes, colorspace=colorspace)
+        elif kind == ".hdr":
+            write_hdr(path, self.radiance, attributes=self.attributes)
+        elif kind == ".png":
+            write_png(path, response(self.radiance))
+        else:
+            raise OutputError(f"{path}: expected .exr, .hdr or .png, got {kind or 'no suffix'}")
+        return path
+
+    def save_origin(self, path: str | Path) -> Path:
+        """Write where each pixel is from as a picture: red is seen, green estimated, blue invented."""
+        write_png(Path(path), self.origin)
+        return Path(path)
 
 
 def check_size(size: int) -> None:
@@ -69,18 +101,21 @@ def check_size(size: int) -> None:
         raise InputError(f"size: expected one of {', '.join(map(str, SIZES))} rows, got {size}; choose another")
 
 
-def compose(estimate: np.ndarray, plate: Plate | None, frame_from_camera: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray]:
+def compose(
+    estimate: np.ndarray, plate: Plate | None, frame_from_camera: np.ndarray, rows: int, *, is_detailed: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
     """Return a panorama [rows, 2 rows, 3] and where it is from [rows, 2 rows, 3], see Panorama.
 
     Args:
         estimate: [H, 2H, 3] in the panorama's frame.
         plate: of the photo; None where it shows nothing but its object.
         frame_from_camera: [3, 3].
+        is_detailed: whether the estimate has plausible detail, which then is beside what is seen, sources included.
     """
-    sources, rest = split_light_sources(estimate)
+    sources, rest = ((), estimate) if is_detailed else split_light_sources(estimate)
     smooth = _enlarged(rest, rows)
     seen = None if plate is None else seen_in(plate, frame_from_camera, rows)
-    picture, cover, origin = _place(smooth, rest, seen)
+    picture, cover, origin = _place(smooth, rest, seen, is_detailed)
     drawn = _discs(sources, rows, cover, picture)
     fixed = picture * cover + drawn
     free = picture * (1 - cover)
@@ -90,11 +125,13 @@ def compose(estimate: np.ndarray, plate: Plate | None, frame_from_camera: np.nda
     return radiance.astype(np.float32), origin
 
 
-def _place(smooth: np.ndarray, rest: np.ndarray, seen: Seen | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _place(
+    smooth: np.ndarray, rest: np.ndarray, seen: Seen | None, is_detailed: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The picture without sources, the share of it that is the photo's [R, 2R, 1], and where all of it is from."""
     rows = len(smooth)
     nothing = np.zeros((rows, 2 * rows, 1), np.float32)
-    estimated = np.concatenate([nothing, nothing + 1, nothing], axis=-1)
+    estimated = np.concatenate([nothing, nothing + 1 - is_detailed, nothing + is_detailed], axis=-1)
     if seen is None or not (seen.margin > 0).any():
         return smooth, nothing, estimated
     within = np.clip(seen.margin / EDGE_DEG, 0.0, 1.0)[..., None].astype(np.float32)
@@ -106,12 +143,18 @@ def _place(smooth: np.ndarray, rest: np.ndarray, seen: Seen | None) -> tuple[np.
     soft = _enlarged(blur_cosine_power(reduced(ln, MAP_HEIGHT), SOFT), rows)
     goal = _enlarged(blur_cosine_power(np.log(reduced(rest, MAP_HEIGHT) + FLOOR), SOFT), rows)
     angle = _angles_from(within[..., 0])
-    share = np.exp(-((angle / FAR_DEG) ** 2))
+    share, hue = (np.exp(-((angle / far) ** 2)) for far in (FAR_DEG, HUE_DEG))
     if around.top < 0:
         up = np.degrees(np.arcsin(pixel_directions(rows)[..., 1])) - around.top
-        share = share * np.exp(-np.maximum(up, 0.0) / ABOVE_GROUND_DEG)
-    share = share[..., None].astype(np.float32)
-    going_on = np.maximum(np.exp(ln + (1 - share) * (goal - soft)) - FLOOR, 0.0)
+        share, hue = (one * np.exp(-np.maximum(up, 0.0) / ABOVE_GROUND_DEG) for one in (share, hue))
+    share, hue = (one[..., None].astype(np.float32) for one in (share, hue))
+    lack = goal - soft
+    level = lack.mean(axis=-1, keepdims=True)
+    going_on = np.maximum(np.exp(ln + (1 - share) * level + (1 - hue) * (lack - level)) - FLOOR, 0.0)
+    if is_detailed:
+        beside = np.exp(-((angle / BESIDE_DEG) ** 2))[..., None].astype(np.float32)
+        going_on = smooth + beside * (going_on - smooth)
+        share = np.ones_like(share)
     picture = going_on + within * (seen.radiance - going_on)
     clear = within * (1 - np.clip(seen.filled[..., None], 0.0, 1.0))
     invented = (1 - clear) * np.maximum(share, within)

@@ -190,6 +190,8 @@ class Estimator:
         """
         start = time.perf_counter() if start is None else start
         light = self.from_crop(photo, crop_object(photo, PHOTO_SIZE), start, material=material)
+        if photo.use_background:
+            light = replace(light, plate=photo.plate())
         return light if self.settings.detail == DETAILS[0] else self._with_detail(light, photo)
 
     def _with_detail(self, light: Light, photo: Photo) -> Light:

@@ -10,6 +10,7 @@ import numpy as np
 from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
 from anyprobe.detail.match import seen_in_photo
+from anyprobe.detail.plate import Plate, plate_of
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.depth_normals import normals_from_depth
 from anyprobe.estimate.doubts import backdrop_doubts, exposure_doubts, scale_doubts
@@ -115,6 +116,10 @@ class Photo:
             beside = self.mask if self.hidden is None else np.maximum(self.mask, self.hidden)
             return seen_in_photo(self.rgb, beside, self.long_fov_deg, rows, self.radiance)
         return None if self.panorama is None else at_rows(self.panorama, rows)
+
+    def plate(self) -> Plate | None:
+        """Return what it shows beside its object, small enough to keep; None: nothing."""
+        return plate_of(self.rgb, self.mask, self.long_fov_deg, self.radiance, self.hidden)
 
     def without_pixels(self) -> Photo:
         """What is known of it, for when its object is cut out already: photos are large."""

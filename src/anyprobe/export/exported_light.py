@@ -38,7 +38,7 @@ SH_DEFINITION = (
 
 BRIGHTEST_RADIANCE = 1e12
 """Above it squares and sums leave what float32 holds; the sun in candela per square metre is 1.6e9."""
-ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "response", "warnings", "detail")
+ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "response", "warnings", "detail", "level")
 """What an export keeps of the estimate's sidecar: not its SH and dominant light, which turn with the map."""
 
 
@@ -327,8 +327,8 @@ def float_where_long(digits: str) -> int | float:
 
 def said_beside(path: Path) -> dict[str, Any]:
     """The .json that an estimate or an export wrote beside a map; {} where there is none of ours."""
-    own, other = (path.with_name(f"{stem}.json") for stem in (path.stem, path.stem.removesuffix("_ambient")))
-    beside = own if own.is_file() else other
+    stems = (path.stem, path.stem.removesuffix("_ambient"), path.stem.removesuffix("_panorama"))
+    beside = next((one for one in (path.with_name(f"{stem}.json") for stem in stems) if one.is_file()), path)
     try:
         said = json.loads(beside.read_text(encoding="utf-8"), parse_int=float_where_long)
     except (OSError, ValueError, RecursionError):  # not ours: the map itself is all that is needed
