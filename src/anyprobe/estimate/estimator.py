@@ -121,6 +121,12 @@ class Estimator:
         """Other processes open the networks anew."""
         return Estimator, (self.settings,)
 
+    def __repr__(self) -> str:
+        settings = self.settings
+        parts = [f"model={settings.model!r}", f"engine={settings.engine!r}", f"emitters={settings.emitters!r}"]
+        parts += [f"detail={settings.detail!r}"] if settings.detail != DETAILS[0] else []
+        return f"Estimator({', '.join(parts)})"
+
     def _set(self, settings: Settings) -> None:
         segmenter = settings.segmenter
         self.segmenter = load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter
