@@ -158,6 +158,10 @@ class ObjectOptions(_Others, MaskOptions):
             help="Estimate the normals with this ONNX graph; FILE.json beside it describes it (docs/inputs.md).",
         ),
     ] = None
+    camera: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Lens, pitch and roll of a .fspy, or of the .json that fSpy exports."),
+    ] = None
     metal: Annotated[bool, typer.Option("--metal", help="The object is bare metal: chrome, if no --material.")] = False
 
     def hints(self, **more: Any) -> Hints:
@@ -167,6 +171,8 @@ class ObjectOptions(_Others, MaskOptions):
             if self.normals is not None:
                 raise InputError("--normals and --normals-from: expected one of them, got both")
             more["normals"] = open_normals_model(self.normals_from)
+        if self.camera is not None:
+            more |= self._camera()
         if self.metal and self.material is None:
             more["material"] = "chrome"
         hints = MaskOptions.hints(self, **more)
@@ -174,6 +180,18 @@ class ObjectOptions(_Others, MaskOptions):
         if surface is not None and surface.albedo.any():
             raise InputError(f"--metal and --material {self.material}: expected a metal, got another; leave one out")
         return hints
+
+
+    def _camera(self) -> dict[str, float]:
+        """What --camera gives, as hints; InputError where an option gives the same."""
+        from anyprobe.files.fspy import read_fspy
+
+        found = read_fspy(Path(str(self.camera)))
+        given = {"fov_deg": found.long_fov_deg, "pitch_deg": found.pitch_deg, "roll_deg": found.roll_deg}
+        for name in given:
+            if getattr(self, name, None) is not None:
+                raise InputError(f"--camera and {option_of(name)}: expected one of them, got both")
+        return given
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -229,7 +229,7 @@ def load_photo(
         is_opaque = pixels.alpha is None or mask_from_alpha(pixels.alpha) is None
         doubtful = is_opaque and not scale and hides_backdrop(pixels.rgb, found.mask)
         return replace(photo, warnings=photo.warnings + backdrop_doubts(pixels.name)) if doubtful else photo
-    ground = estimate_ground(photo)
+    ground = estimate_ground(photo, roll_deg=hints.roll_deg)
     if hints.pitch_deg is None and pixels.posture_deg is not None:
         pitch_deg, roll_deg = pixels.posture_deg
         ground = replace(estimate_ground(photo, pitch_deg=pitch_deg, roll_deg=roll_deg), source=NOTED)

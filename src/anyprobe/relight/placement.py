@@ -129,9 +129,9 @@ def place_beside(
     spot, side = find_spot(
         view, Outline(photo.mask), row, view.row_at_depth(depth + back), min(1.0, 1 / size), extent_at
     )
-    surface, stands = Surface(photo, (x, row)), True
-    if side != Side.behind:
-        spot, side, stands = _on_surface(view, Outline(photo.mask), surface, row, spot, side, extent_at)
+    spot, side, stands = _on_surface(
+        view, Outline(photo.mask), Surface(photo, (x, row)), row, spot, side, extent_at
+    )
     placed = _standing(unit, upright, _foot(view, spot), height * spot.share, pitch_deg)
     return replace(placed, share=spot.share, side=side, stands=stands)
 
@@ -206,8 +206,8 @@ def _on_surface(
         left, _, right, _ = extent_at(one)
         return surface.support(one.x, one.y, right - left)
 
-    if support(spot) >= STANDS:
-        return spot, side, True
+    if support(spot) >= STANDS or side == Side.behind:
+        return spot, side, support(spot) >= STANDS
     edge = _MARGIN * view.width
     bounds = edge, edge, view.width - edge, view.height - edge
     left, _, right, _ = outline.box

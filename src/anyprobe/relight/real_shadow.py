@@ -19,7 +19,7 @@ from anyprobe.relight.shadow import GroundShadow
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
 
-LEAST, MOST = 0.35, 1.1
+LEAST, MOST = 0.65, 1.1
 """Of the slope that is used: a shadow that is not seen may be hidden by the object, or lie on what is dark."""
 LEAST_SPREAD, LEAST_PIXELS = 0.08, 150
 """Standard deviation of ln s, and pixels of ground, without which nothing is said."""
