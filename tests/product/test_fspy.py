@@ -64,5 +64,6 @@ def test_what_is_no_camera_is_one_line(tmp_path):
     ):
         with pytest.raises(InputError, match=words):
             read_fspy(tmp_path / name)
+    write(tmp_path / "solved.fspy", project())
     with pytest.raises(InputError, match="--camera and --fov"):
-        ObjectOptions(camera=tmp_path / "unsolved.fspy", fov_deg=50.0).hints()
+        ObjectOptions(camera=tmp_path / "solved.fspy", fov_deg=50.0).hints()

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 SPHERES = {"diffuse": "matte", "silver": "satin", "mirror": "mirror"}
 """Names of materials by those of render.spheres."""
 ROW, PANORAMA_ROW = 256, 512
+_MATTE = 0.7
+"""Radiance of the bright side of a matte sphere in the median row of matches."""
 _BRIGHT, _BRIGHTEST = 0.75, 0.9
 """Mean display values from which on a panorama is shown darker."""
 _SPHERE = 128
@@ -73,17 +75,18 @@ def _sheet(light: Light, panorama: Panorama, given: list[Captioned]) -> np.ndarr
 
 
 def draw_matches(photo: Photo, light: Light, matches: Sequence[tuple[MatchedMap, np.ndarray]]) -> np.ndarray:
-    """Display picture [H, W, 3] in [0, 1]: photo, then a row for the estimate and for each match with its map in the
-    light's frame: spheres, all at one exposure, and the map."""
-    rows = [("estimate", light.radiance)]
+    """Return a display picture [H, W, 3] in [0, 1]: photo and mask, then a row for the estimate and for each match, each
+    with the photo, spheres at one exposure for all, and its map in the light's frame."""
+    rows = [("estimate", light.panorama(256, frame="camera").radiance)]
     rows += [(f"{one.rank + 1}: {one.name}", radiance) for one, radiance in matches]
     drawn = [(caption, sphere_images(radiance, _SPHERE), radiance) for caption, radiance in rows]
-    brightest = max(spheres["diffuse"].max() for _, spheres, _ in drawn)
-    gain = 2.0 ** min(0.0, math.floor(-2 * math.log2(max(brightest, 1e-6))) / 2)
+    level = float(np.median([np.percentile(spheres["diffuse"].max(axis=-1), 90) for _, spheres, _ in drawn]))
+    gain = 2.0 ** (round(2 * math.log2(_MATTE / max(level, 1e-6))) / 2)
     picture = _fit(photo.rgb, ROW)
     sheet: list[list[Captioned]] = [[("photo", picture), ("mask", draw_overlay(picture, _fit(photo.mask, ROW)))]]
     for caption, spheres, radiance in drawn:
-        shown = [(SPHERES[name], _fit(response(sphere * gain), ROW)) for name, sphere in spheres.items()]
+        shown = [("photo", picture)]
+        shown += [(SPHERES[name], _fit(response(sphere * gain), ROW)) for name, sphere in spheres.items()]
         sheet.append([*shown, (caption, _fit(response(radiance * gain), ROW))])
     return _captioned(sheet)
 

@@ -189,7 +189,17 @@ class Light:
 
         if "detail" in self.info:
             raise InputError("detail: expected a light without it, got one that has it; begin with the estimate")
-        found = add_detail(self.radiance, self.confidence, library=library, rows=size, seed=seed, seen=seen)
+        is_camera = np.allclose(self.map_from_camera, np.eye(3))
+        found = add_detail(
+            self.radiance,
+            self.confidence,
+            library=library,
+            rows=size,
+            seed=seed,
+            seen=seen,
+            plate=self.plate,
+            pitch_deg=self.ground.pitch_deg if is_camera and self.ground is not None else None,
+        )
         info: Info = {**self.info, "detail": found.info()}
         return replace(self, radiance=found.radiance, warnings=self.warnings + found.warnings, info=info)
 
@@ -274,6 +284,7 @@ class Light:
             self.pitch_deg,
             is_pitch_estimated=not is_known,
             roll_deg=self.ground.roll_deg if self.ground is not None and self.ground.is_known else 0.0,
+            plate=self.plate,
         )
         return ranked[:best]
 
