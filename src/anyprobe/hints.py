@@ -282,7 +282,9 @@ class Hints:
         if self.roll_deg is not None and self.pitch_deg is None:
             raise InputError("roll_deg: expected pitch_deg with it, got none; give both, or neither")
         if self.roll_deg is not None and not -60.0 <= self.roll_deg <= 60.0:
-            raise InputError(f"roll_deg: expected -60 to 60 degrees, got {self.roll_deg:g}; turn the photo upright first")
+            raise InputError(
+                f"roll_deg: expected -60 to 60 degrees, got {self.roll_deg:g}; turn the photo upright first"
+            )
         self.surface()
 
     def given(self) -> Iterator[tuple[str, Any]]:

@@ -37,7 +37,9 @@ def photo_of(radiance: np.ndarray, height: int = 150, width: int = 200) -> np.nd
     focal = width / 2 / np.tan(np.radians(FOV) / 2)
     y, x = np.mgrid[:height, :width] + 0.5
     d = np.stack([(x - width / 2) / focal, (height / 2 - y) / focal, -np.ones_like(x)], axis=-1)
-    return response(bilinear(radiance, direction_to_uv(d / np.linalg.norm(d, axis=-1, keepdims=True)))).astype(np.float32)
+    return response(bilinear(radiance, direction_to_uv(d / np.linalg.norm(d, axis=-1, keepdims=True)))).astype(
+        np.float32
+    )
 
 
 @pytest.fixture(scope="module")

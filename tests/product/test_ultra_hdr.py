@@ -1,4 +1,5 @@
-"""Ultra HDR: written so that our own reader, and three.js's loader by its fixed places of bytes, find the light again."""
+"""Ultra HDR: written so that our own reader, and three.js's loader by its fixed places of bytes, find the light
+again."""
 
 from __future__ import annotations
 

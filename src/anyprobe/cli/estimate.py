@@ -19,8 +19,8 @@ from rich.table import Table
 
 from anyprobe.cli.options import (
     ColorspaceOption,
-    FrameOption,
     DetailOptions,
+    FrameOption,
     JsonOption,
     ModelOptions,
     ObjectOptions,
@@ -190,9 +190,7 @@ class EstimateCall:
 
         stem = result_stem(path, self.listed)
         begun = time.perf_counter()
-        written = write_results(
-            photo, light, self.out, stem, self.colorspace, size=self.size, frame=self.frame
-        )
+        written = write_results(photo, light, self.out, stem, self.colorspace, size=self.size, frame=self.frame)
         seconds += time.perf_counter() - begun
         if self.as_json:
             files = {kind: str(target) for kind, target in written.items()}

@@ -137,7 +137,8 @@ def match(
 
 
 def kind_doubts(plate: Plate | None, radiance: np.ndarray, name: str) -> list[str]:
-    """Return a line where a panorama [H, 2H, 3] is outdoors and the photo shows nothing of that, or the other way round."""
+    """Return a line where a panorama [H, 2H, 3] is outdoors and the photo shows nothing of that, or the other way
+    round."""
     from anyprobe.detail.kind import is_outdoors, shows_outdoors
 
     if plate is None:
@@ -146,7 +147,9 @@ def kind_doubts(plate: Plate | None, radiance: np.ndarray, name: str) -> list[st
     if is_out == shows:
         return []
     if is_out:
-        return [f"{name} looks like a place outdoors, and the photo shows neither sky nor plants; look before you take it"]
+        return [
+            f"{name} looks like a place outdoors, and the photo shows neither sky nor plants; look before you take it"
+        ]
     return [f"{name} looks like a place indoors, and the photo shows sky or plants; look before you take it"]
 
 

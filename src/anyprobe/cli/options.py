@@ -181,7 +181,6 @@ class ObjectOptions(_Others, MaskOptions):
             raise InputError(f"--metal and --material {self.material}: expected a metal, got another; leave one out")
         return hints
 
-
     def _camera(self) -> dict[str, float]:
         """What --camera gives, as hints; InputError where an option gives the same."""
         from anyprobe.files.fspy import read_fspy
@@ -325,7 +324,9 @@ def list_photos(photos: list[Path]) -> list[Path]:
             chosen.append(path)
             continue
         found = visible_files(path, PICTURES)
-        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit", "origin")} | {p.name for p in found}
+        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit", "origin")} | {
+            p.name for p in found
+        }
         maps = {p for p in found if p.suffix.lower() == ".exr" and _is_map(p)}
         previews = {p.with_suffix(".png") for p in maps if p.with_suffix(".json").is_file()}
         found = [p for p in found if p.stem not in written and p not in maps | previews]

@@ -34,9 +34,9 @@ from anyprobe.errors import OutputError
 from anyprobe.hints import HINTS, said_as
 
 if TYPE_CHECKING:
-    from anyprobe.estimate.result import Light
     from anyprobe.estimate.ground import Ground
     from anyprobe.estimate.photo import Photo
+    from anyprobe.estimate.result import Light
     from anyprobe.relight.insert import Stage
     from anyprobe.render.mesh import Mesh
 
@@ -172,7 +172,9 @@ def relight(
         loaded = load_photo(source, hints, name=photo_name(photo), segmenter=segmenter)
     with progress("estimating the light", silent):
         radiance, gain, ground, doubts = _radiance(loaded, light, by, fine)
-    stage = placing(Stage)(loaded, mesh, Arrangement(size=size, at=foot, turn_deg=turn, ground=ground, match_shadow=True))
+    stage = placing(Stage)(
+        loaded, mesh, Arrangement(size=size, at=foot, turn_deg=turn, ground=ground, match_shadow=True)
+    )
     names = STRIP if strip else (material,)
     stored = stored_as(source)
     plain = stored.plain and kind == ".png"

@@ -1,9 +1,9 @@
 """What a photo shows, continued all around.
 
-In a level panorama one row is one height: at the same distance on the ground, as high on a wall or in the sky. So every row
-goes on with what is seen of it, back and forth, softer the farther from the photo. Above the photo its upper part goes on
-once, upside down, and fades into its mean colour; below it the ground goes on as ground: what is seen of it is laid over the
-plane under the camera, as large there as it is seen.
+In a level panorama one row is one height: at the same distance on the ground, as high on a wall or in the sky. So every
+row goes on with what is seen of it, back and forth, softer the farther from the photo. Above the photo its upper part
+goes on once, upside down, and fades into its mean colour; below it the ground goes on as ground: what is seen of it is
+laid over the plane under the camera, as large there as it is seen.
 """
 
 from __future__ import annotations
@@ -167,7 +167,9 @@ def _lay_ground(whole: np.ndarray, first: int, last: int, elevation: np.ndarray,
     rows, width = whole.shape[:2]
     seam = round(SEAM_DEG * rows / 180.0)
     top = max(first, last - seam)
-    near, far = (1 / np.tan(np.radians(max(-angle, 0.5))) for angle in (elevation[last], min(elevation[first], HORIZON_DEG)))
+    near, far = (
+        1 / np.tan(np.radians(max(-angle, 0.5))) for angle in (elevation[last], min(elevation[first], HORIZON_DEG))
+    )
     far = min(far, 4.0 * near)
     sine = np.tan(min(half, 1.4))
     # squares of the plane, each the mirror image of the next, of one that is seen before the camera

@@ -1,7 +1,8 @@
 """Indoors or outdoors: what a photo shows beside its object, and what panoramas are.
 
-A photo shows the outdoors where it shows sky, bright and bluish above, or plants. A panorama is outdoors where its upper part is
-brighter, bluer and smoother than its lower one. Both are wrong now and then, so that they cost a little and forbid nothing.
+A photo shows the outdoors where it shows sky, bright and bluish above, or plants. A panorama is outdoors where its
+upper part is brighter, bluer and smoother than its lower one. Both are wrong now and then, so that they cost a little
+and forbid nothing.
 """
 
 from __future__ import annotations

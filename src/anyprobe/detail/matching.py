@@ -156,7 +156,8 @@ def rank_maps(
         light_from_camera: [3, 3].
         pitch_deg: how far the camera looks down, where it is known; kept unless is_pitch_estimated.
         roll_deg: of the camera, which is kept, see estimate.ground.Ground.
-        plate: what the photo shows beside its object; panoramas of another kind, in- or outdoors, cost detail.kind.PRICE.
+        plate: what the photo shows beside its object; panoramas of another kind, in- or outdoors, cost
+            detail.kind.PRICE.
     """
     if roll_deg:  # as of a camera that is not rolled
         unrolled = rotation_z(np.radians(roll_deg))

@@ -2,10 +2,10 @@
 
     L = seen, else g exp(w ln C + (1 - w) ln E), + discs
 
-C is what the photo shows, continued all around (detail.continued), with its texture throughout; of its colour the share w, which
-falls with the angle to what is seen, is kept, the rest gives way to the estimate E without its sources. The gain g is
-smooth: it brings the nine spherical harmonics to the estimate's with the least change (Kullback-Leibler). Sources are
-discs of their own size.
+C is what the photo shows, continued all around (detail.continued), with its texture throughout. Of its colour the
+share w is kept, which falls with the angle to what is seen; the rest gives way to the estimate E without its sources.
+The gain g is smooth: it brings the nine spherical harmonics to the estimate's with the least change (Kullback-Leibler).
+Sources are discs of their own size.
 """
 
 from __future__ import annotations
@@ -138,7 +138,11 @@ def _place(
     within = within * within * (3 - 2 * within)
     around = continue_around(seen)
     if around is None:
-        return smooth + within * (seen.radiance - smooth), within, np.concatenate([within, 1 - within, nothing], axis=-1)
+        return (
+            smooth + within * (seen.radiance - smooth),
+            within,
+            np.concatenate([within, 1 - within, nothing], axis=-1),
+        )
     ln = around.ln
     soft = _enlarged(blur_cosine_power(reduced(ln, MAP_HEIGHT), SOFT), rows)
     goal = _enlarged(blur_cosine_power(np.log(reduced(rest, MAP_HEIGHT) + FLOOR), SOFT), rows)
@@ -167,7 +171,9 @@ def _enlarged(values: np.ndarray, rows: int) -> np.ndarray:
 
     if len(values) >= rows:
         return reduced(values, rows)
-    return np.ascontiguousarray(np.moveaxis(enlarged_planes(np.moveaxis(values, -1, 0), rows), 0, -1)).astype(np.float32)
+    return np.ascontiguousarray(np.moveaxis(enlarged_planes(np.moveaxis(values, -1, 0), rows), 0, -1)).astype(
+        np.float32
+    )
 
 
 def _angles_from(cover: np.ndarray) -> np.ndarray:
@@ -218,8 +224,8 @@ def _row_span(direction: np.ndarray, reach: float, rows: int) -> tuple[int, int]
 def _moments_matched(free: np.ndarray, fixed: np.ndarray, goal: np.ndarray, strength: np.ndarray) -> np.ndarray:
     """free [R, 2R, 3] times a smooth gain, so that with what is fixed it has the harmonics [9, 3] of goal.
 
-    The gain is exp(s(d) sum of c_i Y_i(d)) with s the strength: of all gains that reach the goal the nearest to 1, found by
-    Newton's method on sum of free exp(s Y c) / s - c . lack, which is convex.
+    The gain is exp(s(d) sum of c_i Y_i(d)) with s the strength: of all gains that reach the goal the nearest to 1,
+    found by Newton's method on sum of free exp(s Y c) / s - c . lack, which is convex.
     """
     lack = (goal - project(fixed)).astype(np.float64)
     small = reduced(free, MAP_HEIGHT).astype(np.float64)

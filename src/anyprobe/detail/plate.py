@@ -1,4 +1,4 @@
-"""A photo without its object, small enough to keep: what a panorama shows of the place at the photo's own resolution."""
+"""A photo without its object, small enough to keep: what a panorama shows of the place."""
 
 from __future__ import annotations
 
@@ -135,6 +135,8 @@ def _grown(hidden: np.ndarray) -> np.ndarray:
     """A mask [H, W] with a rim around it."""
     reach = max(2, round(GROW * max(hidden.shape)))
     for axis in (0, 1):
-        steps = [np.roll(np.pad(hidden, reach), k, axis=axis)[reach:-reach, reach:-reach] for k in range(-reach, reach + 1)]
+        steps = [
+            np.roll(np.pad(hidden, reach), k, axis=axis)[reach:-reach, reach:-reach] for k in range(-reach, reach + 1)
+        ]
         hidden = np.max(steps, axis=0)
     return hidden

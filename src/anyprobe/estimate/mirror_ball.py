@@ -1,7 +1,8 @@
 """A mirror ball, known by itself: its outline is a circle, and it shows what a mirror would.
 
-A mirror shows its surroundings finely all over, so no smooth shading explains its ln radiance; and near its rim it shows what
-the photo shows beside it. The first is always asked for, and either the second or that the network takes it for a metal.
+A mirror shows its surroundings finely all over, so no smooth shading explains its ln radiance; and near its rim it
+shows what the photo shows beside it. The first is always asked for, and either the second or that the network takes it
+for a metal.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from anyprobe.masks.check import object_box
 ROUND = 0.95
 """Overlap of a mask with a circle from which on it may be a ball's."""
 FINE = 0.28
-"""Standard deviation of ln radiance beside smooth shading: of 20 drawn mirror balls .34 or more, of 17 others .17 or less."""
+"""Standard deviation of ln radiance beside smooth shading, from which on a ball may be a mirror."""
 METAL, AGREE = 0.7, 0.9
 """Probability of a metal, or correlation of the rim with what it should show, from which on it is a mirror."""
 LEAST_PIXELS = 25
@@ -84,7 +85,7 @@ def _fineness(normals: np.ndarray, level: np.ndarray, on: np.ndarray) -> float:
 
 
 def _agreement(wi: np.ndarray, ln: np.ndarray, on: np.ndarray, mask: np.ndarray, focal: float) -> float:
-    """Correlation of what a ball reflects from directions wi [H, W, 3] with what the photo shows there; 0 if of too little."""
+    """Correlation of what a ball reflects from wi [H, W, 3] with what the photo shows there; 0 if of too little."""
     height, width = mask.shape
     front = np.maximum(-wi[..., 2], 0.05)
     column, row = width / 2 + focal * wi[..., 0] / front, height / 2 - focal * wi[..., 1] / front

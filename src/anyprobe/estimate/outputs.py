@@ -75,8 +75,8 @@ def _sheet(light: Light, panorama: Panorama, given: list[Captioned]) -> np.ndarr
 
 
 def draw_matches(photo: Photo, light: Light, matches: Sequence[tuple[MatchedMap, np.ndarray]]) -> np.ndarray:
-    """Return a display picture [H, W, 3] in [0, 1]: photo and mask, then a row for the estimate and for each match, each
-    with the photo, spheres at one exposure for all, and its map in the light's frame."""
+    """Return a display picture [H, W, 3] in [0, 1]: photo and mask, then a row for the estimate and for each match,
+    each with the photo, spheres at one exposure for all, and its map in the light's frame."""
     rows = [("estimate", light.panorama(256, frame="camera").radiance)]
     rows += [(f"{one.rank + 1}: {one.name}", radiance) for one, radiance in matches]
     drawn = [(caption, sphere_images(radiance, _SPHERE), radiance) for caption, radiance in rows]

@@ -206,13 +206,13 @@ class Light:
     def panorama(self, size: int = ROWS, *, frame: str = LEVEL) -> Panorama:
         """Return one picture of the place, `size` x 2 `size`: the photo, continued all around under this light.
 
-        It shows what the photo shows at the photo's own resolution, without the object; ground, walls and sky go on from
-        there; light sources are round, of their own size. Its nine spherical harmonics are this light's.
+        It shows what the photo shows at the photo's own resolution, without the object; ground, walls and sky go on
+        from there; light sources are round, of their own size. Its nine spherical harmonics are this light's.
 
         Args:
             size: rows, one of detail.panorama.SIZES.
-            frame: "level", +Y is up as far as the camera's pitch and roll are known, or "camera", the frame of radiance.
-                A light that was rotated keeps its own frame.
+            frame: "level", +Y is up as far as the camera's pitch and roll are known, or "camera", the frame of
+                radiance. A light that was rotated keeps its own frame.
         Raises:
             InputError: another size or frame.
         """

@@ -187,7 +187,10 @@ def write_jpeg(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     rolled = THREE.roll(light.radiance)
     most = write_ultra_hdr(folder / f"{light.name}.jpg", rolled)
     return {
-        "ultra_hdr": {"most_radiance": round(most, 4), "loader": "three.js UltraHDRLoader; mapping EquirectangularReflection"},
+        "ultra_hdr": {
+            "most_radiance": round(most, 4),
+            "loader": "three.js UltraHDRLoader; mapping EquirectangularReflection",
+        },
         "clipped_energy": _share_above(light.radiance, most),
     }
 
@@ -247,7 +250,7 @@ TARGETS = {
     "ultrahdr": Target(
         write=write_jpeg,
         frame=THREE,
-        checked="by the format and three.js's source (UltraHDRLoader), and read again by our own reader; not run in a browser",
+        checked="by the format, three.js's source (UltraHDRLoader) and our own reader; not run in a browser",
     ),
     "cube": Target(write=cube_textures.write_faces, frame=FRONT, checked=f"{_THREE} (HDRCubeTextureLoader)"),
     "ktx2": Target(write=cube_textures.write_ktx2, frame=FRONT, checked=f"{_THREE} (KTX2Loader)"),

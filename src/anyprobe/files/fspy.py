@@ -53,7 +53,11 @@ def read_fspy(path: str | Path) -> FoundCamera:
         said = json.loads(text)
         camera = said.get("cameraParameters", said)
         is_solved = camera is not None
-        camera = camera or {"cameraTransform": {"rows": np.eye(4)}, "horizontalFieldOfView": 1.0, "verticalFieldOfView": 1.0}
+        camera = camera or {
+            "cameraTransform": {"rows": np.eye(4)},
+            "horizontalFieldOfView": 1.0,
+            "verticalFieldOfView": 1.0,
+        }
         rows = np.array(camera["cameraTransform"]["rows"], np.float64)[:3, :3]
         fov = np.degrees(max(float(camera["horizontalFieldOfView"]), float(camera["verticalFieldOfView"])))
     except (ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError) as error:

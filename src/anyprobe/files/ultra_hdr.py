@@ -1,8 +1,9 @@
 """Ultra HDR: a JPEG that every program shows, and behind it the gain map that makes it HDR (Android's XMP, hdrgm 1.0).
 
-    log2 (L / SDR) = g max, with L linear light, SDR = min(L, 1) in sRGB, and g in [0, 1] of the gain map's pixels, a channel
+    log2 (L / SDR) = g max
 
-The second picture follows the first; CIPA's multi-picture segment says where.
+with L linear light, SDR = min(L, 1) in sRGB, and g in [0, 1] of the gain map's pixels, channel by channel. The second
+picture follows the first; CIPA's multi-picture segment says where.
 """
 
 from __future__ import annotations
@@ -85,7 +86,8 @@ def _gain_xmp(stops: float) -> bytes:
 def _container_xmp(length: int) -> bytes:
     items = (("Primary", ""), ("GainMap", f' Item:Length="{length}"'))
     listed = "".join(
-        f'<rdf:li rdf:parseType="Resource"><Container:Item Item:Semantic="{name}" Item:Mime="image/jpeg"{more}/></rdf:li>'
+        f'<rdf:li rdf:parseType="Resource"><Container:Item Item:Semantic="{name}" Item:Mime="image/jpeg"{more}/>'
+        "</rdf:li>"
         for name, more in items
     )
     directory = f"<Container:Directory><rdf:Seq>{listed}</rdf:Seq></Container:Directory>"

@@ -25,8 +25,8 @@ from anyprobe.masks.words import RIGHT, color_doubts, verdict
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FoundMask:
     """mask [H, W] float32 in [0, 1], 1 on the object; source: "mask", "function", "depth", "click", "box",
-    "alpha", "network" or "segmenter"; confidence: the IoU to expect, see quality, and said: in words, see words; None and
-    empty where the mask was given;
+    "alpha", "network" or "segmenter"; confidence: the IoU to expect, see quality, None where the mask was given; said:
+    the same in words, see words, or empty;
     warnings: one line each, where the mask may well be wrong; prompts: as they were understood."""
 
     mask: np.ndarray

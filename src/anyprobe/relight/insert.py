@@ -30,26 +30,19 @@ from anyprobe.scatter.materials import Material, material_named
 
 BORDER_PX = 2
 """Kept around the object's window for its soft edge."""
-
 MOST_DRAWN = 512
 """Pixels that an object is drawn across; in larger photos it is enlarged, as their own pixels are hardly sharper."""
-
 ENLARGED_SUPERSAMPLE = 2
 """Points of a pixel, along a side, of an object that is enlarged."""
-
 MOST_SHADED = 1024
 """Places along a side of the shadow's part of the photo where it is worked out, four times its own grid; in larger
 photos it is enlarged."""
-
 THREADS = 2
 """That darken strips of the ground at a time."""
-
 MOST_PATHS = 1 << 25
 """The most paths that are traced for one object."""
-
 MIRRORED_DIRECTIONS, MIRRORED_GRID = 32, 64
 """Of the shadow on the ground that an object mirrors."""
-
 LEAST_SHADOW = 1 / 1024
 """A quarter of a display step; where less is missing the photo stays as it is."""
 
@@ -210,8 +203,8 @@ class Arrangement:
 
     size: its height over the real object's. at: x, y of its foot in the photo [px], None for
     beside the real object. turn_deg: about its vertical axis. pitch_deg: how far the camera looks
-    down, None for the ground's. ground: of the photo's estimate (Light.ground); None: guessed. match_shadow: whether the
-    shadow is made as deep as the real object's, where one is seen, see relight.real_shadow.
+    down, None for the ground's. ground: of the photo's estimate (Light.ground); None: guessed. match_shadow: whether
+    the shadow is made as deep as the real object's, where one is seen, see relight.real_shadow.
     """
 
     size: float = 0.5
@@ -260,8 +253,8 @@ class Stage:
             )
         if not self.placement.stands:
             said.append(
-                "the place beside the object may not be the surface that it stands on: the inserted one may seem to float; "
-                "choose its place"
+                "the place beside the object may not be the surface that it stands on: the inserted one may seem to "
+                "float; choose its place"
             )
         pixels = self.view.pixels(self.placement.mesh.positions)
         if (pixels < -0.5).any() or (pixels > np.array([self.view.width, self.view.height]) + 0.5).any():

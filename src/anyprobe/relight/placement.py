@@ -37,7 +37,8 @@ LEAST_HEIGHT = 1e-3
 """Of a virtual object, of its width: sizes are said by its height."""
 
 NEARER_SHARES = (1.0, 0.75, 0.55, 0.4)
-"""Of the size that fits, tried one after the other where the surface under the real object ends: smaller stands nearer."""
+"""Of the size that fits, tried one after the other where the surface under the real object ends: smaller stands
+nearer."""
 
 TRIES, LEAST_STEP, CLOSE_PX = 24, 0.5, 0.5
 """To fit it, how much smaller each may make it, and pixels that do not matter."""
@@ -129,9 +130,7 @@ def place_beside(
     spot, side = find_spot(
         view, Outline(photo.mask), row, view.row_at_depth(depth + back), min(1.0, 1 / size), extent_at
     )
-    spot, side, stands = _on_surface(
-        view, Outline(photo.mask), Surface(photo, (x, row)), row, spot, side, extent_at
-    )
+    spot, side, stands = _on_surface(view, Outline(photo.mask), Surface(photo, (x, row)), row, spot, side, extent_at)
     placed = _standing(unit, upright, _foot(view, spot), height * spot.share, pitch_deg)
     return replace(placed, share=spot.share, side=side, stands=stands)
 

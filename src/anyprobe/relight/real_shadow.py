@@ -1,8 +1,8 @@
 """How deep shadows on the ground are, by the real object's own.
 
-A stand-in for the real object, as wide and high as it, casts its shadow under the estimate; where the photo shows the ground, ln
-of its brightness is compared with ln of that shadow: ln L = k ln s + a plane of the picture. The slope k is 1 where the
-photo's shadow is as deep as the estimate's, less where the sky fills it more, or where it lies elsewhere.
+A stand-in for the real object, as wide and high as it, casts its shadow under the estimate; where the photo shows the
+ground, ln of its brightness is compared with ln of that shadow: ln L = k ln s + a plane of the picture. The slope k is
+1 where the photo's shadow is as deep as the estimate's, less where the sky fills it more, or where it lies elsewhere.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Whether a place in the photo is on the surface that the real object stands on: colour, brightness and edges between them.
+"""Whether a place in the photo is on the surface that the real object stands on: by colour, brightness and edges.
 
-The surface is what is seen around the object's foot, and what that is joined to without a strong edge. Where its own texture
-has such edges, colour and brightness decide alone.
+The surface is what is seen around the object's foot, and what that is joined to without a strong edge. Where its own
+texture has such edges, colour and brightness decide alone.
 """
 
 from __future__ import annotations
@@ -63,7 +63,10 @@ class Surface:
         spread = np.maximum(1.5 * np.median(np.abs(self.features[seeds] - middle), axis=0), LEAST_SPREAD)
         alike = (np.abs(self.features - middle) / spread).max(axis=-1) < ALIKE
         steps = [np.linalg.norm(np.diff(self.features, axis=axis), axis=-1) for axis in (0, 1)]
-        own = [step[(seeds[1:] & seeds[:-1]) if axis == 0 else (seeds[:, 1:] & seeds[:, :-1])] for axis, step in enumerate(steps)]
+        own = [
+            step[(seeds[1:] & seeds[:-1]) if axis == 0 else (seeds[:, 1:] & seeds[:, :-1])]
+            for axis, step in enumerate(steps)
+        ]
         usual = float(np.median(np.concatenate(own))) if sum(map(len, own)) else 0.0
         open_ = [step < max(EDGE, 2.0 * usual) for step in steps]
         joined = seeds.copy()
@@ -84,7 +87,7 @@ class Surface:
         return (np.abs(self.features - middle) / spread).max(axis=-1) < 2.5 * ALIKE
 
     def support(self, x: float, y: float, wide: float) -> float:
-        """Return the share, in [0, 1], of a foot around pixel x, y and so wide that stands on it; 1 where it is not known."""
+        """Return the share of a foot around pixel x, y, so wide, that stands on it; 1 where it is not known."""
         if not self.known:
             return 1.0
         reach = max(0.5 * wide / self.cell, 1.0)
@@ -97,7 +100,9 @@ class Surface:
 def _shrunk(picture: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     """Means over areas, [H, W, C] to size (width, height)."""
     planes = [
-        np.asarray(Image.fromarray(np.ascontiguousarray(picture[..., k], np.float32)).resize(size, Image.Resampling.BOX))
+        np.asarray(
+            Image.fromarray(np.ascontiguousarray(picture[..., k], np.float32)).resize(size, Image.Resampling.BOX)
+        )
         for k in range(picture.shape[-1])
     ]
     return np.stack(planes, axis=-1)

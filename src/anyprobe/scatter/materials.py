@@ -66,11 +66,12 @@ def _named(key: str) -> dict[str, Material]:
 
 
 PRESETS, MEASURED = _named("named"), _named("measured")
-"""Our own: chrome reflects as chromium does (Johnson and Christy 1974, at 650, 550 and 450 nm), mirror all light, and plaster to
-rubber are typical of their kind, not measured; and those of the Physically Based database (physicallybased.info, CC0) that Material can express, see research.measured_materials."""
+"""Our own: chrome reflects as chromium does (Johnson and Christy 1974, at 650, 550 and 450 nm), mirror reflects all
+light, and plaster to rubber are typical of their kind, not measured; and those of the Physically Based database
+(physicallybased.info, CC0) that Material can express, see research.measured_materials."""
 ELEMENTS = (
-    "beryllium cesium cobalt germanium iridium lithium magnesium manganese mercury molybdenum palladium platinum potassium "
-    "rubidium silicon sodium titanium tungsten vanadium zinc"
+    "beryllium cesium cobalt germanium iridium lithium magnesium manganese mercury molybdenum palladium platinum "
+    "potassium rubidium silicon sodium titanium tungsten vanadium zinc"
 ).split()
 """Measured ones that hardly any object is made of."""
 MATERIALS: dict[str, Material] = (
