@@ -56,7 +56,6 @@ class Done:
     stem: str = ""
     main: DominantLight | None = None
     toward: np.ndarray | None = None
-    is_level: bool = False
     level_stops: float | None = None
     is_exposed: bool = True
     seconds: float = 0.0
@@ -205,7 +204,6 @@ class EstimateCall:
             stem=stem,
             main=main,
             toward=main.direction if ground is None else ground.level_from_camera @ main.direction,
-            is_level=ground is not None,
             level_stops=unsure,
             is_exposed=not exposure_doubts(pixels[:, :3] / pixels[:, 3:], photo.name),
             seconds=seconds,
@@ -225,10 +223,10 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
     """A table of all photos, and where their results are; warnings below it."""
     table = Table("photo", "dominant light", "brightness uncertainty", "seconds", box=None, pad_edge=False)
     for one in done:
-        if one.main is None or one.toward is None:
+        if one.main is None:
             table.add_row(one.photo.name, "failed")
             continue
-        x, y, z = one.toward
+        x, y, z = one.main.direction if one.toward is None else one.toward
         azimuth, elevation = np.degrees(np.arctan2(x, -z)), np.degrees(np.arcsin(np.clip(y, -1, 1)))
         side = "right" if azimuth >= 0 else "left"
         where = f"{abs(azimuth):.0f}° {side}, {abs(elevation):.0f}° {'up' if elevation >= 0 else 'down'}"
@@ -240,8 +238,6 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
             f"{one.seconds:.2f}",
         )
     print_table(talk, table)
-    if any(one.main is not None and not one.is_level for one in done):
-        talk.print("up and down are the camera's own where the photo shows no ground (a cut-out)", soft_wrap=True)
     written = [one.stem for one in done if not one.error]
     if written:  # on a line of its own, which a narrow terminal does not cut into pieces
         name = written[0] if len(written) == 1 else "<stem>"

@@ -172,8 +172,8 @@ def rank_maps(
     if shown is not None:
         camera = rotate(radiance, light_from_camera.T)
         places = best_places(shown, library.lights, pitch_deg, is_estimated=is_pitch_estimated)
-        found_turns, misfits = places.map_from_camera, places.misfit + prices(plate, library.lights, PRICE)
-        order = np.argsort(misfits, kind="stable").tolist()
+        found_turns, cost = places.map_from_camera, places.misfit + prices(plate, library.lights, PRICE)
+        misfits, order = cost, np.argsort(cost, kind="stable").tolist()
         gains = {i: gain_of(shown, camera, library.lights[i], found_turns[i]) / library.levels[i] for i in order}
         turns = found_turns @ light_from_camera.T
     else:

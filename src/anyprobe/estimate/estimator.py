@@ -206,8 +206,8 @@ class Estimator:
 
     def _unwrapped(self, light: Light, photo: Photo, start: float) -> Light:
         """The light of a mirror ball, of a photo of one; else as it is."""
-        metal = (light.info.get("object") or {}).get("metal", 0.0)
-        if not is_mirror_ball(photo, metal):
+        said = light.info.get("object")
+        if said is None or not is_mirror_ball(photo, said["metal"]):
             return light
         ball = replace(photo, normals=normals_from_outline(photo.mask, photo.long_fov_deg))
         found = self.from_crop(ball, crop_object(ball, PHOTO_SIZE), start, material=material_named(CHROME))
