@@ -13,8 +13,8 @@ from anyprobe.core.frames import rotation_x, rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import inverse_response, response
 from anyprobe.detail.fill import fill_hole
-from anyprobe.detail.panorama import compose
-from anyprobe.detail.plate import plate_of
+from anyprobe.detail.place_picture import compose
+from anyprobe.detail.plate import keep_plate
 from anyprobe.errors import InputError
 from anyprobe.estimate.ground import up_of
 from anyprobe.files.radiance import read_radiance
@@ -49,7 +49,7 @@ def drawn():
     photo, mask = photo_of(radiance), np.zeros((150, 200), np.float32)
     mask[50:110, 80:120] = 1.0
     photo = np.where(mask[..., None] > 0, np.array([1.0, 0.0, 1.0], np.float32), photo)
-    plate = plate_of(photo, mask, FOV)
+    plate = keep_plate(photo, mask, FOV)
     return radiance, plate, compose(radiance, plate, np.eye(3), 256)
 
 

@@ -37,7 +37,7 @@ from anyprobe.cli.options import (
     with_bundles,
 )
 from anyprobe.cli.tables import print_table
-from anyprobe.detail.panorama import check_size
+from anyprobe.detail.place_picture import check_panorama_rows
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.hints import Hints, said_as
 
@@ -88,7 +88,7 @@ def estimate(
     if poses is not None:
         refuse_unused(context, "beside --poses", "detail", "detail_library")
     with said_as(size="--size"):
-        check_size(size)
+        check_panorama_rows(size)
     hints = taken.hints()
     listed = list_photos(photos)
     detailed = {"size": min(max(size, 64), 512)} if fine.detail != "none" else {}

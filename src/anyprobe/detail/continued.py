@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.detail.plate import Seen
+from anyprobe.detail.plate import DrawnPlate
 
-FLOOR = 0.02
+CONTINUED_FLOOR = 0.02
 """Added to radiance before its logarithm."""
 LEAST_WIDTH = 0.45
 """Rows that show less of the place than this share of the widest are not continued."""
@@ -39,14 +39,14 @@ POLE_DEG = (55.0, 84.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Continued:
-    """ln: [R, 2R, 3] of radiance + FLOOR. top, bottom: elevations in degrees between which rows are continued."""
+    """ln: [R, 2R, 3] of radiance plus CONTINUED_FLOOR. top, bottom: elevations in degrees of the rows that are continued."""
 
     ln: np.ndarray
     top: float
     bottom: float
 
 
-def continue_around(seen: Seen) -> Continued | None:
+def continue_around(seen: DrawnPlate) -> Continued | None:
     """Continue what a level panorama shows; None where it shows too little for that."""
     rows = len(seen.margin)
     per_deg = rows / 180.0
@@ -61,7 +61,7 @@ def continue_around(seen: Seen) -> Continued | None:
     if common.sum() < 6:  # a strongly tilted camera
         common = band[len(band) // 2]
     columns = np.flatnonzero(common)
-    ln = np.log(seen.radiance[first : last + 1] + FLOOR)
+    ln = np.log(seen.radiance[first : last + 1] + CONTINUED_FLOOR)
     ring = _sideways(ln, band, int(columns[0]), int(columns[-1]), per_deg)
     elevation = 90.0 - (np.arange(rows) + 0.5) / per_deg
     whole = _upright(ring, first, last, elevation, per_deg)

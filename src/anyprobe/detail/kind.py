@@ -13,7 +13,7 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.detail.plate import Plate
 from anyprobe.light.environment import reduced
 
-ROWS = 32
+KIND_ROWS = 32
 """At which panoramas are looked at."""
 UPPER, LOWER = np.sin(np.radians(35.0)), -0.3
 """Least and most y of the upper and of the lower part."""
@@ -46,7 +46,7 @@ def shows_outdoors(plate: Plate) -> bool:
 
 def outdoor_scores(maps: np.ndarray) -> np.ndarray:
     """Return how much each panorama [N, 32, 64, 3] looks like one outdoors, [N]; OUTDOORS is the border."""
-    d = pixel_directions(ROWS)[..., 1]
+    d = pixel_directions(KIND_ROWS)[..., 1]
     upper, lower = d > UPPER, d < LOWER
     level = maps.mean(axis=-1)
     ln = np.log(level + 1e-3 * level.mean(axis=(1, 2), keepdims=True) + 1e-9)
@@ -59,7 +59,7 @@ def outdoor_scores(maps: np.ndarray) -> np.ndarray:
 
 def is_outdoors(radiance: np.ndarray) -> bool:
     """Return whether one panorama [H, 2H, 3] is taken for one outdoors."""
-    return bool(outdoor_scores(reduced(radiance, ROWS)[None])[0] > OUTDOORS)
+    return bool(outdoor_scores(reduced(radiance, KIND_ROWS)[None])[0] > OUTDOORS)
 
 
 def prices(plate: Plate | None, maps: np.ndarray, price: float) -> np.ndarray:

@@ -53,7 +53,7 @@ class Plate:
         return fill_hole(linear, grown > 0.02), grown
 
 
-def plate_of(
+def keep_plate(
     rgb: np.ndarray,
     mask: np.ndarray,
     long_fov_deg: float,
@@ -79,7 +79,7 @@ def plate_of(
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Seen:
+class DrawnPlate:
     """A plate in a panorama's frame.
 
     ln: [R, 2R, 3] ln of radiance plus FLOOR where it is known, else zero. margin: [R, 2R] degrees from the photo's
@@ -91,7 +91,7 @@ class Seen:
     filled: np.ndarray
 
 
-def seen_in(plate: Plate, frame_from_camera: np.ndarray, rows: int) -> Seen:
+def seen_in(plate: Plate, frame_from_camera: np.ndarray, rows: int) -> DrawnPlate:
     """Draw a plate into a panorama of so many rows whose frame is turned by frame_from_camera [3, 3]."""
     linear, filled = plate.at_density(rows)
     height, width = filled.shape
@@ -112,7 +112,7 @@ def seen_in(plate: Plate, frame_from_camera: np.ndarray, rows: int) -> Seen:
     lower = picture[r0 + 1, c0] * (1 - fx) + picture[r0 + 1, c0 + 1] * fx
     found = np.zeros((rows, 2 * rows, 4), np.float32)
     found[inside] = upper * (1 - fy) + lower * fy
-    return Seen(radiance=found[..., :3], margin=margin, filled=found[..., 3])
+    return DrawnPlate(radiance=found[..., :3], margin=margin, filled=found[..., 3])
 
 
 def _size_at(tan_half: tuple[float, float], rows: int, shape: tuple[int, int]) -> tuple[int, int]:

@@ -11,7 +11,7 @@ from anyprobe.detail.blend import blend
 from anyprobe.detail.kind import MATCH_PRICE, prices
 from anyprobe.detail.library import Library
 from anyprobe.detail.library_folder import open_library
-from anyprobe.detail.match import PITCHES_DEG, find_matches
+from anyprobe.detail.match import find_matches
 from anyprobe.detail.plate import Plate
 from anyprobe.errors import InputError
 from anyprobe.light.environment import MAP_HEIGHT, check_radiance
@@ -84,8 +84,8 @@ def add_detail(
             f"estimate: expected at least {MAP_HEIGHT} rows, got {len(radiance)}; take the map as it was estimated"
         )
     library = library if isinstance(library, Library) else open_library(library)
-    pitches = PITCHES_DEG if pitch_deg is None else (pitch_deg,)
+    known = {} if pitch_deg is None else {"pitches_deg": (pitch_deg,)}
     asked = prices(plate, library.lights, MATCH_PRICE)
-    match = find_matches(radiance, confidence, library, seed, pitches, asked)[0]
+    match = find_matches(radiance, confidence, library, seed, prices=asked, **known)[0]
     detailed = blend(radiance, library.candidate(match.index), match.candidate_from_estimate, match.ln_gain, rows, seen)
     return Detailed(radiance=detailed, name=match.name, seed=seed, warnings=library.warnings)

@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw, ImageFilter, ImageFont
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
-from anyprobe.detail.panorama import ROWS, Panorama
+from anyprobe.detail.place_picture import DRAWN_ROWS, Panorama
 from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import LEVEL, Light
 from anyprobe.files.atomic import atomic_files
@@ -138,7 +138,7 @@ def write_results(
     stem: str,
     colorspace: str = "rec709",
     *,
-    size: int = ROWS,
+    size: int = DRAWN_ROWS,
     frame: str = LEVEL,
 ) -> dict[str, Path]:
     """Write OUTPUT_SUFFIXES of a photo into folder, replacing older ones; every .exr in a colorspace of Light.save.

@@ -10,7 +10,7 @@ import numpy as np
 from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
 from anyprobe.detail.match import seen_in_photo
-from anyprobe.detail.plate import Plate, plate_of
+from anyprobe.detail.plate import Plate, keep_plate
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.depth_normals import normals_from_depth
 from anyprobe.estimate.doubts import backdrop_doubts, exposure_doubts, scale_doubts
@@ -119,7 +119,7 @@ class Photo:
 
     def plate(self) -> Plate | None:
         """Return what it shows beside its object, small enough to keep; None: nothing."""
-        return plate_of(self.rgb, self.mask, self.long_fov_deg, self.radiance, self.hidden)
+        return keep_plate(self.rgb, self.mask, self.long_fov_deg, self.radiance, self.hidden)
 
     def without_pixels(self) -> Photo:
         """What is known of it, for when its object is cut out already: photos are large."""

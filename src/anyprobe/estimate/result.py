@@ -15,7 +15,7 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import is_rotation
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
-from anyprobe.detail.panorama import ROWS, Panorama, check_size, compose, turned
+from anyprobe.detail.place_picture import DRAWN_ROWS, Panorama, check_panorama_rows, compose, in_frame
 from anyprobe.detail.plate import Plate
 from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.ground import Ground
@@ -203,23 +203,23 @@ class Light:
         info: Info = {**self.info, "detail": found.info()}
         return replace(self, radiance=found.radiance, warnings=self.warnings + found.warnings, info=info)
 
-    def panorama(self, size: int = ROWS, *, frame: str = LEVEL) -> Panorama:
+    def panorama(self, size: int = DRAWN_ROWS, *, frame: str = LEVEL) -> Panorama:
         """Return one picture of the place, `size` x 2 `size`: the photo, continued all around under this light.
 
         It shows what the photo shows at the photo's own resolution, without the object; ground, walls and sky go on
         from there; light sources are round, of their own size. Its nine spherical harmonics are this light's.
 
         Args:
-            size: rows, one of detail.panorama.SIZES.
+            size: rows, one of detail.place_picture.PANORAMA_SIZES.
             frame: "level", +Y is up as far as the camera's pitch and roll are known, or "camera", the frame of
                 radiance. A light that was rotated keeps its own frame.
         Raises:
             InputError: another size or frame.
         """
-        check_size(size)
+        check_panorama_rows(size)
         is_level, turn = self._panorama_frame(frame)
         radiance, origin = compose(
-            turned(self.radiance, turn),
+            in_frame(self.radiance, turn),
             self.plate,
             turn @ self.map_from_camera,
             size,

@@ -18,7 +18,7 @@ from anyprobe.errors import InputError, InvalidMesh
 from anyprobe.estimate.ground import contact_of
 from anyprobe.estimate.photo import Photo, object_box
 from anyprobe.relight.ground_view import View
-from anyprobe.relight.surface import STANDS, Surface
+from anyprobe.relight.real_surface import STANDS, RealSurface
 from anyprobe.render.mesh import Mesh
 
 LEAST_SHARE = 0.35
@@ -130,7 +130,9 @@ def place_beside(
     spot, side = find_spot(
         view, Outline(photo.mask), row, view.row_at_depth(depth + back), min(1.0, 1 / size), extent_at
     )
-    spot, side, stands = _on_surface(view, Outline(photo.mask), Surface(photo, (x, row)), row, spot, side, extent_at)
+    spot, side, stands = _on_surface(
+        view, Outline(photo.mask), RealSurface(photo, (x, row)), row, spot, side, extent_at
+    )
     placed = _standing(unit, upright, _foot(view, spot), height * spot.share, pitch_deg)
     return replace(placed, share=spot.share, side=side, stands=stands)
 
@@ -193,7 +195,7 @@ def find_spot(
 
 
 def _on_surface(
-    view: View, outline: Outline, surface: Surface, row: float, spot: Spot, side: Side, extent_at: Extent
+    view: View, outline: Outline, surface: RealSurface, row: float, spot: Spot, side: Side, extent_at: Extent
 ) -> tuple[Spot, Side, bool]:
     """The spot, or if the surface under the real object is not there, one on either side that is: nearer, and smaller.
 

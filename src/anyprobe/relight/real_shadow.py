@@ -19,11 +19,11 @@ from anyprobe.relight.shadow import GroundShadow
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
 
-LEAST, MOST = 0.65, 1.1
+LEAST_DEPTH, MOST_DEPTH = 0.65, 1.1
 """Of the slope that is used: a shadow that is not seen may be hidden by the object, or lie on what is dark."""
 LEAST_SPREAD, LEAST_PIXELS = 0.08, 150
 """Standard deviation of ln s, and pixels of ground, without which nothing is said."""
-SIDE = 160
+SAMPLED_SIDE = 160
 """Pixels of the photo along its longer side."""
 ROUNDS = 4
 FLOOR = 0.01
@@ -40,7 +40,7 @@ def shadow_depth(photo: Photo, view: View, radiance: np.ndarray) -> float:
     wide, high = ((x1 - x0) * depth / view.focal / 2, (y1 - y0) * depth / view.focal / 2)
     stand_in = _ellipsoid(foot, view.up, wide, high)
     shadow = GroundShadow(stand_in, foot, max(wide, high), view.up, radiance, 96, 96)
-    step = max(1, max(view.width, view.height) // SIDE)
+    step = max(1, max(view.width, view.height) // SAMPLED_SIDE)
     row_px, column_px = np.mgrid[0 : view.height : step, 0 : view.width : step] + 0.5
     ground = view.on_ground(column_px.ravel(), row_px.ravel())
     mask = photo.mask[::step, ::step].ravel()
@@ -62,7 +62,7 @@ def shadow_depth(photo: Photo, view: View, radiance: np.ndarray) -> float:
         fit = np.linalg.lstsq(terms * root, shown * root[:, 0], rcond=None)[0]
         rest = np.abs(shown - terms @ fit)
         weight = 1.0 / np.maximum(rest, max(float(np.median(rest)), 1e-3))
-    return float(np.clip(fit[0], LEAST, MOST))
+    return float(np.clip(fit[0], LEAST_DEPTH, MOST_DEPTH))
 
 
 def _ellipsoid(foot: np.ndarray, up: np.ndarray, wide: float, high: float) -> Mesh:

@@ -13,7 +13,7 @@ from anyprobe.core.response import inverse_response
 from anyprobe.estimate.photo import Photo
 from anyprobe.masks.check import object_box
 
-SIDE = 128
+CELLS = 128
 """Cells along the photo's longer side."""
 RIM = 0.12
 """Reach around the foot that is surely the surface, of the object's width."""
@@ -30,13 +30,13 @@ STANDS = 0.5
 """Share of a foot's cells that must be on the surface."""
 
 
-class Surface:
+class RealSurface:
     """The surface under the real object of a photo."""
 
     def __init__(self, photo: Photo, contact: tuple[float, float]) -> None:
         """Args: contact: x, y [px] where the object touches it."""
         height, width = photo.mask.shape
-        self.cell = max(height, width) / SIDE
+        self.cell = max(height, width) / CELLS
         size = max(1, round(width / self.cell)), max(1, round(height / self.cell))
         linear = np.log(inverse_response(_shrunk(photo.rgb, size)) + FLOOR)
         level = linear.mean(axis=-1, keepdims=True)
@@ -70,7 +70,7 @@ class Surface:
         usual = float(np.median(np.concatenate(own))) if sum(map(len, own)) else 0.0
         open_ = [step < max(EDGE, 2.0 * usual) for step in steps]
         joined = seeds.copy()
-        for _ in range(2 * SIDE):
+        for _ in range(2 * CELLS):
             grown = joined.copy()
             grown[1:] |= joined[:-1] & open_[0]
             grown[:-1] |= joined[1:] & open_[0]

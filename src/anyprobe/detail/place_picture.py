@@ -19,8 +19,8 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.detail.continued import FLOOR, continue_around
-from anyprobe.detail.plate import Plate, Seen, seen_in
+from anyprobe.detail.continued import CONTINUED_FLOOR, continue_around
+from anyprobe.detail.plate import DrawnPlate, Plate, seen_in
 from anyprobe.errors import InputError, OutputError
 from anyprobe.files.images import write_png
 from anyprobe.files.radiance import HALF_MAX, write_exr, write_hdr
@@ -29,8 +29,8 @@ from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.harmonics import project, sh_basis
 from anyprobe.light.light_sources import LightSource, split_light_sources
 
-SIZES = (64, 128, 256, 512, 1024, 2048)
-ROWS = 512
+PANORAMA_SIZES = (64, 128, 256, 512, 1024, 2048)
+DRAWN_ROWS = 512
 """Rows of a panorama."""
 EDGE_DEG = 3.0
 """Width over which the photo gives way to what is beside it, inside its border."""
@@ -95,10 +95,12 @@ class Panorama:
         return Path(path)
 
 
-def check_size(size: int) -> None:
+def check_panorama_rows(size: int) -> None:
     """Raise InputError where a panorama cannot have so many rows."""
-    if size not in SIZES:
-        raise InputError(f"size: expected one of {', '.join(map(str, SIZES))} rows, got {size}; choose another")
+    if size not in PANORAMA_SIZES:
+        raise InputError(
+            f"size: expected one of {', '.join(map(str, PANORAMA_SIZES))} rows, got {size}; choose another"
+        )
 
 
 def compose(
@@ -126,7 +128,7 @@ def compose(
 
 
 def _place(
-    smooth: np.ndarray, rest: np.ndarray, seen: Seen | None, is_detailed: bool
+    smooth: np.ndarray, rest: np.ndarray, seen: DrawnPlate | None, is_detailed: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The picture without sources, the share of it that is the photo's [R, 2R, 1], and where all of it is from."""
     rows = len(smooth)
@@ -145,7 +147,7 @@ def _place(
         )
     ln = around.ln
     soft = _enlarged(blur_cosine_power(reduced(ln, MAP_HEIGHT), SOFT), rows)
-    goal = _enlarged(blur_cosine_power(np.log(reduced(rest, MAP_HEIGHT) + FLOOR), SOFT), rows)
+    goal = _enlarged(blur_cosine_power(np.log(reduced(rest, MAP_HEIGHT) + CONTINUED_FLOOR), SOFT), rows)
     angle = _angles_from(within[..., 0])
     share, hue = (np.exp(-((angle / far) ** 2)) for far in (FAR_DEG, HUE_DEG))
     if around.top < 0:
@@ -154,7 +156,7 @@ def _place(
     share, hue = (one[..., None].astype(np.float32) for one in (share, hue))
     lack = goal - soft
     level = lack.mean(axis=-1, keepdims=True)
-    going_on = np.maximum(np.exp(ln + (1 - share) * level + (1 - hue) * (lack - level)) - FLOOR, 0.0)
+    going_on = np.maximum(np.exp(ln + (1 - share) * level + (1 - hue) * (lack - level)) - CONTINUED_FLOOR, 0.0)
     if is_detailed:
         beside = np.exp(-((angle / BESIDE_DEG) ** 2))[..., None].astype(np.float32)
         going_on = smooth + beside * (going_on - smooth)
@@ -271,7 +273,7 @@ def _newton(light: np.ndarray, y: np.ndarray, force: np.ndarray, lack: np.ndarra
     return c
 
 
-def turned(radiance: np.ndarray, frame_from_camera: np.ndarray) -> np.ndarray:
+def in_frame(radiance: np.ndarray, frame_from_camera: np.ndarray) -> np.ndarray:
     """A map [H, 2H, 3] in a panorama's frame."""
     if np.allclose(frame_from_camera, np.eye(3)):
         return radiance
