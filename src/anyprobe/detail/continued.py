@@ -39,7 +39,7 @@ POLE_DEG = (55.0, 84.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Continued:
-    """ln: [R, 2R, 3] of radiance plus CONTINUED_FLOOR. top, bottom: elevations in degrees of the rows that are continued."""
+    """ln: [R, 2R, 3] of radiance + CONTINUED_FLOOR. top, bottom: elevations of the rows that are continued, degrees."""
 
     ln: np.ndarray
     top: float
