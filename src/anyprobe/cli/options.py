@@ -39,6 +39,10 @@ Colorspace = Literal["rec709", "acescg"]
 ColorspaceOption = Annotated[
     Colorspace, typer.Option(help="Linear primaries of the .exr: Rec. 709 or ACEScg; its header says which.")
 ]
+Frame = Literal["level", "camera"]
+FrameOption = Annotated[
+    Frame, typer.Option(help="level: +Y is up in the place, by the camera's pitch and roll; camera: its own frame.")
+]
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")]
 
 
@@ -156,6 +160,10 @@ class ObjectOptions(_Others, MaskOptions):
             help="Estimate the normals with this ONNX graph; FILE.json beside it describes it (docs/inputs.md).",
         ),
     ] = None
+    camera: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Lens, pitch and roll of a .fspy, or of the .json that fSpy exports."),
+    ] = None
     metal: Annotated[bool, typer.Option("--metal", help="The object is bare metal: chrome, if no --material.")] = False
 
     def hints(self, **more: Any) -> Hints:
@@ -165,6 +173,8 @@ class ObjectOptions(_Others, MaskOptions):
             if self.normals is not None:
                 raise InputError("--normals and --normals-from: expected one of them, got both")
             more["normals"] = open_normals_model(self.normals_from)
+        if self.camera is not None:
+            more |= self._camera()
         if self.metal and self.material is None:
             more["material"] = "chrome"
         hints = MaskOptions.hints(self, **more)
@@ -172,6 +182,17 @@ class ObjectOptions(_Others, MaskOptions):
         if surface is not None and surface.albedo.any():
             raise InputError(f"--metal and --material {self.material}: expected a metal, got another; leave one out")
         return hints
+
+    def _camera(self) -> dict[str, float]:
+        """What --camera gives, as hints; InputError where an option gives the same."""
+        from anyprobe.files.fspy import read_fspy
+
+        found = read_fspy(Path(str(self.camera)))
+        given = {"fov_deg": found.long_fov_deg, "pitch_deg": found.pitch_deg, "roll_deg": found.roll_deg}
+        for name in given:
+            if getattr(self, name, None) is not None:
+                raise InputError(f"--camera and {option_of(name)}: expected one of them, got both")
+        return given
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -212,14 +233,13 @@ class DetailOptions:
         Path | None, typer.Option(help="Folder of .exr and .hdr maps to take it from; default: the built-in library.")
     ] = None
 
-    def settings(self, size: int | None = None) -> dict[str, Any]:
-        """For Estimator; size: of --size. InputError for what does nothing without detail."""
+    def settings(self) -> dict[str, Any]:
+        """For Estimator. InputError for what does nothing without detail."""
         from anyprobe.detail.plausible import check_detail
 
-        given = {name: it for name, it in (("size", size), ("detail_library", self.detail_library)) if it is not None}
+        given = {} if self.detail_library is None else {"detail_library": self.detail_library}
         if not check_detail(self.detail) and given:
-            option = f"--{next(iter(given)).replace('_', '-')}"
-            raise InputError(f"{option}: does nothing without --detail plausible; add that, or leave it out")
+            raise InputError("--detail-library: does nothing without --detail plausible; add that, or leave it out")
         return {"detail": self.detail, **given}
 
     def library(self) -> Library | None:
@@ -310,7 +330,9 @@ def list_photos(photos: list[Path]) -> list[Path]:
             chosen.append(path)
             continue
         found = visible_files(path, PICTURES)
-        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit")} | {p.name for p in found}
+        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit", "origin")} | {
+            p.name for p in found
+        }
         maps = {p for p in found if p.suffix.lower() == ".exr" and _is_map(p)}
         previews = {p.with_suffix(".png") for p in maps if p.with_suffix(".json").is_file()}
         found = [p for p in found if p.stem not in written and p not in maps | previews]
