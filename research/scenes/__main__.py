@@ -1,4 +1,4 @@
-"""python -m research.scenes: commands pairs, sheet, dark. Needs Mitsuba 3, mitsuba-oidn and an LLVM of 17 or newer."""
+"""python -m research.scenes: commands pairs, sheet, score, dark. Needs Mitsuba 3, mitsuba-oidn and an LLVM of 17 or newer."""
 
 from __future__ import annotations
 
@@ -10,10 +10,16 @@ import numpy as np
 import typer
 
 from anyprobe.cli.app import main as run_command
-from anyprobe.estimate.runtime import DEFAULT_MODEL, Models
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
+from research.results import commit, write_result
 from research.scenes.dark import dark_rows, dark_table
 from research.scenes.layouts import FAMILIES
 from research.scenes.pairs import IN_FILE, PARTS, make_pairs
+from research.scenes.photos import scene_photos
+from research.world.judgement import ALL, CUT_OUTS, Judgement, print_groups
+from research.world.whole_rows import SHIPPED, rows_of
+from research.world.whole_scores import score as score_photo
 
 app = typer.Typer(no_args_is_help=True)
 Data = Annotated[Path, typer.Option(help="Folder with hdri and meshes.")]
@@ -46,6 +52,27 @@ def sheet(
 
     for path in draw_sheets(data, out, part, FAMILIES, count):
         typer.echo(path)
+
+
+@app.command()
+def score(
+    data: Data,
+    kept: Annotated[Path, typer.Option(help="Folder for the renders.")] = Path("runs/world"),
+    part: Annotated[str, typer.Option(help="test or left-out.")] = "left-out",
+    family: Annotated[list[str] | None, typer.Option(help="Only this one; repeat for more.")] = None,
+    model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="File to write.")] = None,
+) -> None:
+    """Print the figures of the object alone and of the whole photo, with standard errors by map, by family."""
+    judged, estimator = Judgement(), Estimator(model, threads=1)
+    for photo in scene_photos(data, part, kept, tuple(family or FAMILIES)):
+        rows = score_photo(photo, rows_of(photo, estimator))
+        judged.add([CUT_OUTS] if photo.cut_out else [ALL, photo.family], photo.map_name, rows)
+        typer.echo(f"{photo.recipe.key} LDR RMSE {rows[SHIPPED]['ldr_rmse']:.3f}", err=True)
+    groups = judged.table()
+    print_groups(groups, part)
+    content = {"commit": commit(), "model": model_id(model), "groups": groups}
+    write_result(out or Path(f"runs/scenes-{part}.json"), content)
 
 
 @app.command()
