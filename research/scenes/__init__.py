@@ -1,1 +1,1 @@
-"""Rendered photos by families (rooms, grounds of real maps, dark studios, ...), to learn from and to choose models by."""
+"""Rendered photos by families (grounds of real maps, tables, dark studios, ...): to learn from, to choose models by."""

@@ -1,4 +1,7 @@
-"""python -m research.scenes: commands pairs, sheet, score, dark. Needs Mitsuba 3, mitsuba-oidn and an LLVM of 17 or newer."""
+"""python -m research.scenes: commands pairs, sheet, score, dark.
+
+Rendering needs Mitsuba 3, mitsuba-oidn and an LLVM of 17 or newer.
+"""
 
 from __future__ import annotations
 

@@ -33,8 +33,11 @@ LEAST_PX = 60
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TakenPhoto:
-    """picture [H, W, 3] uint8; mask [H, W] bool, as it is given, and true_mask; truth [64, 128, 3] in the camera's frame
-    and the photo's exposure units; long_fov_deg of its longer side, None where the file does not say it."""
+    """A photo and what is true of it.
+
+    picture: [H, W, 3] uint8. mask, true_mask: [H, W] bool, as it is given and as it is. truth: [64, 128, 3] in the
+    camera's frame and the photo's exposure units. long_fov_deg: of its longer side, None where the file does not say.
+    """
 
     picture: np.ndarray
     mask: np.ndarray
@@ -121,7 +124,7 @@ def _disturbed(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def _gross(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return the mask with a strip of what the object stands on, a part of a neighbour, without a limb, or beside it."""
+    """Return the mask with a strip of the support, a part of a neighbour, without a limb, or beside the object."""
     rows, columns = np.nonzero(mask)
     if not len(rows):
         return mask

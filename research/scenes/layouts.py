@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.dataset import distributions
@@ -20,10 +19,10 @@ from anyprobe.dataset.catalog import normalize_map
 from anyprobe.dataset.lighting import add_lamp
 from anyprobe.dataset.pair import _painted
 from anyprobe.dataset.sky import direction_at, tint
-from anyprobe.light.environment import integral, shrink
+from anyprobe.light.environment import shrink
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.render.mesh import Mesh
-from anyprobe.render.shapes import lathe, sphere
+from anyprobe.render.shapes import sphere
 from anyprobe.scatter.materials import Material
 from research.scenes.lights import draw_place, draw_procedural_light, draw_real_light, with_lamps
 from research.world.tables import Cover, draw_cover
@@ -244,7 +243,7 @@ def _in_the_dark(rng: np.random.Generator, store: AssetStore) -> Layout:
         panels.append(_wall(rng, toward, float(rng.uniform(1.5, 5.0)), cover=_cloth(rng, black)))
     others = (_turntable(rng, mesh),) if panels and rng.random() < 0.25 else ()
     if others:
-        panels = [_moved(panel, np.array([0.0, -0.3, 0.0])) if number == 0 else panel for number, panel in enumerate(panels)]
+        panels[0] = _moved(panels[0], np.array([0.0, -0.3, 0.0]))
     return Layout(
         family="dark",
         thing=Thing(mesh=mesh, material=material),
@@ -356,9 +355,7 @@ def _camera(
         spread = 0.02 if tight else OFF_CENTER
         at = np.array([width, height]) * (0.5 + rng.normal(0.0, spread, 2))
         turn = rotation_x(-np.radians(pitch)) @ rotation_z(np.radians(roll))
-        phone = _placed(
-            mesh, turn, at, share * short, float(long / 2 / np.tan(fov / 2)), (width, height), pitch, roll
-        )
+        phone = _placed(mesh, turn, at, share * short, float(long / 2 / np.tan(fov / 2)), (width, height), pitch, roll)
         box = phone.pixels(mesh.positions)
         low, high = box.min(axis=0), box.max(axis=0)
         edge = 0.01 * np.array([width, height])
@@ -471,9 +468,8 @@ def _turntable(rng: np.random.Generator, mesh: Mesh) -> Thing:
     ball = sphere(rows)
     flat = ball.positions.copy()
     flat[:, 1] = np.clip(flat[:, 1] * 6.0, -1.0, 1.0)
-    flat[:, [0, 2]] *= np.minimum(1.0 / np.maximum(np.linalg.norm(flat[:, [0, 2]], axis=1), 1e-3), 6.0)[:, None].clip(1.0)
-    inside = np.linalg.norm(flat[:, [0, 2]], axis=1)
-    flat[:, [0, 2]] /= np.maximum(inside, 1.0)[:, None]
+    reach = np.linalg.norm(flat[:, [0, 2]], axis=1)
+    flat[:, [0, 2]] *= (np.minimum(6.0 * reach, 1.0) / np.maximum(reach, 1e-3))[:, None]
     positions = flat * [radius, high / 2, radius] - [0.0, high / 2 + 2e-3, 0.0]
     faces = ball.faces
     a, b, c = (positions[faces[:, k]] for k in range(3))

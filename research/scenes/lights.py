@@ -1,4 +1,4 @@
-"""The light of one scene: never one of a fixed set, but drawn anew for every scene from real maps and procedural ones."""
+"""The light of one scene: drawn anew for every scene from real maps and procedural ones, never one of a fixed set."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def draw_real_light(rng: np.random.Generator, maps: Sequence[np.ndarray]) -> np.
 
 
 def draw_place(rng: np.random.Generator, maps: Sequence[np.ndarray]) -> np.ndarray:
-    """Return one real place [256, 512, 3] as it is but for yaw, contrast and white: what its photo shows is lit by it."""
+    """Return one real place [256, 512, 3] as it is but for yaw, contrast and white."""
     radiance = _contrast(rng, _turned(rng, maps[rng.integers(len(maps))]))
     return normalize_map(np.maximum(radiance * tint(rng, 0.5 * TINT), 0.0))
 

@@ -23,7 +23,7 @@ from research.scenes.layouts import FAMILIES, draw_family, draw_layout
 from research.scenes.render import render_layout
 
 PARTS = ("train", "left-out", "test")
-"""Training assets that shipped weights may learn from, training assets that their licence keeps from that, test assets."""
+"""Assets that shipped weights may learn from, training assets that their licence keeps from that, and test assets."""
 OWN_SHAPES = 200
 """Shapes of our own among those that are learned from."""
 SHOTS = 2
@@ -71,9 +71,7 @@ def store_of(data: Path, part: str) -> AssetStore:
     raise InputError(f"part {part!r}: expected one of {', '.join(PARTS)}")
 
 
-def known_of(
-    photo: TakenPhoto, up: np.ndarray, estimator: Estimator, cut_out: bool, family: int, scene: int
-) -> Known:
+def known_of(photo: TakenPhoto, up: np.ndarray, estimator: Estimator, cut_out: bool, family: int, scene: int) -> Known:
     """Return what the estimator would know of a photo; up: [3] in the camera's frame."""
     picture = photo.picture
     if cut_out:

@@ -97,9 +97,10 @@ def _picture(mi, tracer, whole, alone, hiding, layout: Layout, quality: int) -> 
         rows, columns = layer.y1 - layer.y0, layer.x1 - layer.x0
         if layer.step > 1:
             values, covered = _enlarged(values, layer), covered.repeat(layer.step, 0).repeat(layer.step, 1)
-        share, window = _share(layer, rows, columns, picture.shape), (slice(layer.y0, layer.y1), slice(layer.x0, layer.x1))
+        share = _share(layer, rows, columns, picture.shape)
+        window = slice(layer.y0, layer.y1), slice(layer.x0, layer.x1)
         picture[window] += share * (values[:rows, :columns] - picture[window])
-        mask[layer.y0 : layer.y1, layer.x0 : layer.x1] = covered[:rows, :columns]
+        mask[window] = covered[:rows, :columns]
     return picture, mask
 
 
@@ -173,7 +174,7 @@ def _blocks(layout: Layout, layer: _Layer, direction, color, visible) -> tuple[n
 
 
 def _unshadowed(layout: Layout, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return what the ground sends along rays [N, 3] without the object, how much of it is meant [N], and where it is."""
+    """Return what ground without the object sends along rays [N, 3], how much of it is meant [N], and where it is."""
     panel, eye = layout.panels[0], layout.phone.position
     distance = eye[1] / np.maximum(-direction[:, 1], 1e-6)
     half = panel.half[0]
@@ -187,7 +188,7 @@ def _unshadowed(layout: Layout, direction: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _share(layer: _Layer, rows: int, columns: int, shape: tuple[int, ...]) -> np.ndarray:
-    """Return how much of a layer is taken [rows, columns, 1]: less towards the borders that it has within the picture."""
+    """Return the share of a layer that is taken [rows, columns, 1]: less towards its borders within the picture."""
     sides = []
     for count, low, high, whole in ((rows, layer.y0, layer.y1, shape[0]), (columns, layer.x0, layer.x1, shape[1])):
         x = np.arange(count) + 0.5

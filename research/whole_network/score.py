@@ -38,7 +38,8 @@ def score_pairs(net: WholeNet, pairs: Pairs) -> dict[str, float]:
         drawn = torch.exp(guess.ln_radiance.float()).permute(0, 2, 3, 1).numpy()
         truth = torch.exp(batch["truth"]).permute(0, 2, 3, 1).numpy()
         present = batch["context"][:, 4].amax(dim=(1, 2)).numpy() > 0
-        pitch = np.degrees(np.abs(guess.posture[:, 0].float().numpy() - np.arcsin(batch["up"][:, 2].numpy().clip(-1, 1))))
+        true_pitch = np.arcsin(batch["up"][:, 2].numpy().clip(-1, 1))
+        pitch = np.degrees(np.abs(guess.posture[:, 0].float().numpy() - true_pitch))
         for k in range(len(truth)):
             group = FAMILIES[int(batch["family"][k])] if present[k] else "cut-out"
             rows.append((group, *_figures(drawn[k], truth[k]), pitch[k] if present[k] else np.nan))
@@ -64,7 +65,7 @@ def score_pairs(net: WholeNet, pairs: Pairs) -> dict[str, float]:
 
 
 def _figures(radiance: np.ndarray, truth: np.ndarray) -> tuple[float, float, float, float]:
-    """Return LDR RMSE, the dominant light's angle, power [stops], and the truth's share of power in its dominant light."""
+    """Return LDR RMSE, the dominant light's angle, power [stops], and the true dominant light's share of all power."""
     weights = pixel_solid_angles(MAP_HEIGHT)
     light, main = find_dominant_light(radiance), find_dominant_light(truth)
     ours, true = ((luminance(one) * weights).sum() for one in (radiance, truth))

@@ -25,7 +25,7 @@ def _cap_kernels(height: int) -> torch.Tensor:
 
 
 def source_colors(radiance: torch.Tensor, places: torch.Tensor, luminance: torch.Tensor) -> torch.Tensor:
-    """Return of maps [N, 3, H, 2H] the mean colours, of luminance 1, within PLACE_DEG of places [N, S, 3]: [N, S, 3]."""
+    """Return the mean colours [N, S, 3], of luminance 1, of maps [N, 3, H, 2H] within PLACE_DEG of places [N, S, 3]."""
     height = radiance.shape[2]
     d = torch.from_numpy(pixel_directions(height)).to(radiance).reshape(-1, 3)
     weights = torch.from_numpy(pixel_solid_angles(height)).to(radiance).expand(-1, 2 * height).reshape(-1)

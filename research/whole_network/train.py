@@ -20,8 +20,8 @@ from anyprobe.core.response import MEAN_CURVE
 from anyprobe.errors import InputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.nets.blocks import autocast
-from anyprobe.nets.whole_net import WholeNet
 from anyprobe.nets.light_net import display
+from anyprobe.nets.whole_net import WholeNet
 from anyprobe.train.checkpoint import agreed, load_weights, read_checkpoint, read_init_weights, resumed
 from anyprobe.train.logger import RunLogger, run_folder
 from anyprobe.train.loop import CHECKPOINT_SECONDS, learning_rate
@@ -42,12 +42,14 @@ NOISE = 0.03
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class WholeRunConfig:
-    """name: of the run's folder; the learning rate rises over warmup steps and falls over the last cooldown share.
+    """A run's settings.
 
+    name: of the run's folder. The learning rate rises over warmup steps and falls over the last cooldown share.
     averaged: decay of the running mean of the weights, which is what is exported. given_up: share of the pairs that
     are told which way is up; panoramas: that know a part of the map in the place of the photo around the object.
-    scored: steps between two scores of the left-out pairs. growing: whether pairs that are
-    added to the folder meanwhile are learned from too, at these steps; such a run does not resume to the same bits. pairs: how many of the kept ones are learned from, 0 for all.
+    pairs: how many of the kept ones are learned from, 0 for all. scored: steps between two scores of the left-out
+    pairs. growing: whether pairs that are added meanwhile are learned from too, from the next score on; such a run
+    does not resume to the same bits.
     """
 
     name: str = "whole"
@@ -67,16 +69,14 @@ class WholeRunConfig:
 
 
 class Pairs:
-    """Kept pairs of research.whole_network.pairs in memory, 240 KB each."""
+    """Kept pairs of research.scenes.pairs in memory, 240 KB each."""
 
     def __init__(self, folder: Path, most: int = 0) -> None:
         """Read a folder's files in the order of their names; InputError where there are none."""
         self.folder = folder
         files = sorted(folder.glob("*.npz"))
         if not files:
-            raise InputError(
-                f"{folder}: expected pairs, found none; make them with python -m research.whole_network pairs"
-            )
+            raise InputError(f"{folder}: expected pairs, found none; make them with python -m research.scenes pairs")
         self._parts, count, seen = [], 0, hashlib.sha256()
         for path in files:
             with np.load(path, allow_pickle=False) as stored:
@@ -120,7 +120,9 @@ class Pairs:
             "family": of("family"),
         }
 
-    def batch(self, rng: np.random.Generator, count: int, given_up: float) -> dict[str, torch.Tensor]:
+    def batch(
+        self, rng: np.random.Generator, count: int, given_up: float, panoramas: float = 0.0
+    ) -> dict[str, torch.Tensor]:
         """A random batch of the arrays of pairs.Known, as the network takes them."""
         rows = rng.integers(len(self), size=count)
         parts = np.searchsorted(self._starts, rows, side="right") - 1
@@ -158,7 +160,7 @@ class Pairs:
             "up": up,
             "given_up": up * torch.from_numpy(rng.random((count, 1)) < given_up).float(),
         }
-        batch = _with_panoramas(batch, rng)
+        batch = _with_panoramas(batch, rng, panoramas)
         batch = _mirrored(batch, torch.from_numpy(rng.random(count) < 0.5))
         return {**batch, "context": batch["context"].contiguous(memory_format=torch.channels_last)}
 
@@ -178,13 +180,14 @@ def _grain(like: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
     return 0.7 * (torch.randn(like.shape, generator=generator) + wide)
 
 
-def _with_panoramas(batch: dict[str, torch.Tensor], rng: np.random.Generator, share: float = 0.05) -> dict:
+def _with_panoramas(batch: dict[str, torch.Tensor], rng: np.random.Generator, share: float) -> dict:
     """Return the batch with some photos of which only a part of the map is known, as from a panorama."""
     some = torch.from_numpy(rng.random(len(batch["truth"])) < share)
     if not some.any():
         return batch
     rows, columns = batch["truth"].shape[2:]
-    turn, width, low, high = rng.integers(columns), rng.integers(columns // 4, columns), rng.uniform(0, 0.5), rng.uniform(0.5, 1)
+    turn, width = rng.integers(columns), rng.integers(columns // 4, columns)
+    low, high = rng.uniform(0, 0.5), rng.uniform(0.5, 1)
     known = torch.zeros(1, 1, rows, columns)
     known[:, :, int(low * rows) : int(high * rows), :width] = 1.0
     known = known.roll(int(turn), dims=3).expand(len(some), -1, -1, -1)
@@ -242,7 +245,7 @@ def train_whole(
 ) -> Path:
     """Train to config.steps, going on from the checkpoint of runs/<config.name> when there is one; its path.
 
-    Args, errors: as of train.loop.train; pairs: folder of research.whole_network.pairs.
+    Args, errors: as of train.loop.train; pairs, left_out: folders of research.scenes.pairs.
     """
     torch.manual_seed(config.seed)
     path = runs / config.name / "checkpoint.pt"
@@ -271,7 +274,9 @@ def train_whole(
             rate = learning_rate(config, step)
             for group in optimizer.param_groups:
                 group["lr"] = rate
-            batch = data.batch(np.random.default_rng((config.seed, step)), config.batch, config.given_up)
+            batch = data.batch(
+                np.random.default_rng((config.seed, step)), config.batch, config.given_up, config.panoramas
+            )
             net.train()
             torch.manual_seed(step + config.seed)  # what is dropped is the step's own
             terms = losses(predict(net, batch), batch)

@@ -172,11 +172,10 @@ class SourceMap(nn.Module):
         """
         rings = self.rings(places)
         power = self.powers(profiles, rings, shown.flatten(2), above)
-        bright = (above @ self.luminance).clamp(min=1e-9)
-        color = above / bright[:, None]  # [N, 3], of luminance 1
         density = power / (rings @ self.solid_angles).clamp(min=LEAST_SR)
-        colored = density[..., None] * self.colors(above, tints)[:, :, None]  # [N, S, R, 3]
+        colors = self.colors(above, tints)
+        colored = density[..., None] * colors[:, :, None]  # [N, S, R, 3]
         drawn = torch.einsum("nsrc,nsrp->ncp", colored, rings).unflatten(2, shown.shape[2:])
-        rest = (bright - power.sum(dim=(1, 2))).clamp(min=0.0)
-        soft = shown + (color * rest[:, None])[:, :, None, None] * spread
+        rest = (above - torch.einsum("nsr,nsc->nc", power, colors)).clamp(min=0.0)
+        soft = shown + rest[:, :, None, None] * spread
         return soft, soft + drawn, power

@@ -33,7 +33,8 @@ SEEN_ROWS = 16
 """Rows at which the nearest seen place is looked for."""
 NEAREST = 300.0
 """Sharpness of the nearest seen place: places a few degrees further count less than half."""
-LEAST_COVER = 1e-6
+SEEN_COVER, UNSEEN = 0.05, 1e4
+"""Cover from which on a place counts as seen, and what others lose of the logarithm of their weight."""
 GOES_ON = -2.0
 """Of the logit of the share by which a direction beside the photo looks as the nearest seen place, untrained."""
 
@@ -170,14 +171,16 @@ class WholeNet(nn.Module):
         pi, and whether anything is seen at all; zero where nothing is."""
         coarse = F.avg_pool2d(surroundings, MAP_HEIGHT // SEEN_ROWS).flatten(2).float()  # [N, 4, P]
         cover = coarse[:, 3]
-        colors = coarse[:, :3] / cover[:, None].clamp(min=LEAST_COVER)
+        colors = coarse[:, :3] / cover[:, None].clamp(min=SEEN_COVER)
         cosine = self.seen_directions @ self.seen_directions.T  # [P, P]
-        share = torch.softmax(NEAREST * cosine + torch.log(cover + LEAST_COVER)[:, None], dim=2)  # [N, P, P]
+        hidden = -UNSEEN * (cover < SEEN_COVER).float()
+        weight = torch.log(cover.clamp(min=SEEN_COVER)) + hidden
+        share = torch.softmax(NEAREST * cosine + weight[:, None], dim=2)  # [N, P, P]
         seen = torch.einsum("nqp,ncp->ncq", share, colors)
         nearest = torch.einsum("nqp,qp->nq", share, cosine).clamp(-1 + 1e-6, 1 - 1e-6)
         near = torch.cat([seen, (torch.acos(nearest) / torch.pi)[:, None]], dim=1).unflatten(2, (SEEN_ROWS, 2 * SEEN_ROWS))
         near = F.interpolate(wrap(near, 1), scale_factor=2.0, mode="bilinear", align_corners=False)[..., 2:-2]
-        some = (cover.amax(dim=1) > 0.05).float()[:, None, None, None].expand_as(near[:, :1])
+        some = (cover.amax(dim=1) >= SEEN_COVER).float()[:, None, None, None].expand_as(near[:, :1])
         return torch.cat([near * some, some], dim=1)
 
     def _sphere(self, shown, expected, drawn, confidence, surroundings, near, posture, up) -> torch.Tensor:
