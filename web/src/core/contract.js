@@ -216,6 +216,7 @@ export const CONTRACT = {
     "seen": 0.9,
     "tint": 0.5,
     "tint_floor": 0.05,
-    "plain": 0.00784313725490196
+    "plain": 0.00784313725490196,
+    "goes_on": {"rows": 32, "least_cover": 0.5, "share": 0.5, "reach_deg": 60}
   }
 };
