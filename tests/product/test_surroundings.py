@@ -310,3 +310,18 @@ def test_surroundings_much_darker_than_the_object_tell_nothing(beside, known):
     dark = (255 * dark.clip(0, 1)).astype(np.uint8)
     assert load_photo(dark, mask=mask, fov_deg=FOV_DEG).use_background is known
     assert load_photo(dark, mask=mask, fov_deg=FOV_DEG, surroundings="photo").use_background
+
+
+def test_what_is_seen_goes_on_beside_it_the_more_the_nearer():
+    """A guess is drawn towards the nearest seen colour; light above white stays, and nothing seen changes nothing."""
+    guess = np.full((64, 128, 3), 0.1, np.float32)
+    guess[32, 100] = 20.0
+    outputs = Outputs(radiance=guess, irradiance=guess, ldr=guess, ln_radiance=guess)
+    surroundings = np.zeros((64, 128, 4), np.float32)
+    surroundings[24:40, 40:60] = [0.8, 0.8, 0.8, 1.0]
+    radiance = use_surroundings(outputs, surroundings, tint=False).radiance
+    levels = radiance[32, [62, 70, 80, 96], 0]
+    assert levels[0] > levels[1] > levels[2] > levels[3] > 0.1
+    assert levels[0] < inverse_response(np.float32(0.8))
+    assert radiance[32, 100, 0] > 19.0
+    np.testing.assert_array_equal(use_surroundings(outputs, 0 * surroundings, tint=False).radiance, guess)

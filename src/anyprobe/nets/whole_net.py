@@ -167,8 +167,8 @@ class WholeNet(nn.Module):
         )
 
     def _nearest(self, surroundings: torch.Tensor) -> torch.Tensor:
-        """Return the nearest seen place of every direction, [N, 5, 32, 64]: its display RGB, the angle to it over pi, and
-        whether anything is seen at all; zero where nothing is."""
+        """Return the nearest seen place of every direction, [N, 5, 32, 64]: its display RGB, the angle to it over pi,
+        and whether anything is seen at all; zero where nothing is."""
         coarse = F.avg_pool2d(surroundings, MAP_HEIGHT // SEEN_ROWS).flatten(2).float()  # [N, 4, P]
         cover = coarse[:, 3]
         colors = coarse[:, :3] / cover[:, None].clamp(min=SEEN_COVER)
