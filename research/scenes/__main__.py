@@ -17,7 +17,8 @@ from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
 from research.results import commit, write_result
 from research.scenes.dark import dark_rows, dark_table
-from research.scenes.goes_on import goes_on_rows, goes_on_table
+from research.scenes.estimates import estimates_of
+from research.scenes.goes_on import goes_on_table
 from research.scenes.layouts import FAMILIES
 from research.scenes.pairs import IN_FILE, PARTS, make_pairs
 from research.scenes.photos import scene_photos
@@ -85,7 +86,7 @@ def goes_on(
     model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
 ) -> None:
     """Print how good maps are by how much what is seen goes on beside it."""
-    for line in goes_on_table(list(goes_on_rows(sorted(folder.glob("*.npz")), Models(model, threads=1)))):
+    for line in goes_on_table(estimates_of(sorted(folder.glob("*.npz")), Models(model, threads=1))):
         typer.echo(line)
 
 
@@ -95,7 +96,8 @@ def dark(
     model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
 ) -> None:
     """Print what surroundings are worth by how dark they are beside the object: why dark ones are left out."""
-    rows = np.array(list(dark_rows(sorted(folder.glob("*.npz")), Models(model, threads=1))))
+    found = estimates_of(sorted(folder.glob("*.npz")), Models(model, threads=1))
+    rows = np.array(list(dark_rows(found)))
     for line in dark_table(rows):
         typer.echo(line)
 

@@ -203,9 +203,10 @@ export const CONTRACT = {
     "lobe_level": 0.5,
     "ring_px": 3,
     "error": {
-      "factor": 3.77,
+      "power": 1.5,
+      "factor": 6.11,
       "offset_deg": 10.0,
-      "exponent": 0.75,
+      "exponent": 0.55,
       "most_deg": 90.0
     }
   },

@@ -225,11 +225,10 @@ function enlarged(coarse, rows) {
   return fine;
 }
 
-/** A predicted radiance that goes on from the nearest seen display value, so many degrees away; above white it stays. */
-function continued(predicted, nearest, degrees) {
+/** A predicted radiance drawn by a share to the nearest seen display value; what is above white stays. */
+function continued(predicted, nearest, share) {
   const shown = Math.min(predicted, 1);
   const display = response(shown);
-  const share = GOES_ON.share * Math.exp(-degrees / GOES_ON.reach_deg);
   return inverseResponse(display + share * (nearest - display)) + predicted - shown;
 }
 
@@ -287,8 +286,9 @@ function backdropOf(terms, values) {
  * @param {Float32Array} surroundings of seeSurroundings
  * @param {boolean} [tints] whether the prediction takes on that colour
  * @param {number} [sure] confidence of what is known
+ * @param {{share: number, reach_deg: number}} [goesOn] how the prediction follows what is seen beside it
  */
-export function useSurroundings(stages, surroundings, tints = true, sure = SEEN) {
+export function useSurroundings(stages, surroundings, tints = true, sure = SEEN, goesOn = GOES_ON) {
   const tint = tints ? tintOf(stages.radiance, surroundings) : [1, 1, 1];
   const nearest = nearestSeen(surroundings);
   const radiance = new Float32Array(stages.radiance.length);
@@ -299,7 +299,10 @@ export function useSurroundings(stages, surroundings, tints = true, sure = SEEN)
     const cover = surroundings[3 * PIXELS + pixel];
     for (let channel = 0; channel < 3; channel++) {
       predicted[channel] = stages.radiance[to + channel] * tint[channel];
-      if (nearest) predicted[channel] = continued(predicted[channel], nearest[4 * pixel + channel], nearest[4 * pixel + 3]);
+      if (nearest) {
+        const share = goesOn.share * Math.exp(-nearest[4 * pixel + 3] / goesOn.reach_deg);
+        predicted[channel] = continued(predicted[channel], nearest[4 * pixel + channel], share);
+      }
       display[channel] = surroundings[channel * PIXELS + pixel] / Math.max(cover, 1e-3);
       seen[channel] = inverseResponse(display[channel]);
     }
