@@ -57,6 +57,7 @@ function standIn(estimates, { XRDevice, XRSession, XRView, XRFrame, metaQuest3 }
   const device = new XRDevice({ ...metaQuest3, supportedFeatures }, { stereoEnabled: false });
   device.installRuntime({ forceInstall: true });
   device.quaternion.set(0, Math.sin(0.3), 0, Math.cos(0.3)); // looks 34 degrees to the left
+  Object.defineProperty(navigator.xr, "offerSession", { value: undefined }); // the button's click asks for it
   const { requestSession } = navigator.xr;
   navigator.xr.requestSession = async function (mode, asked) {
     stage.session = await requestSession.call(navigator.xr, mode, asked);
