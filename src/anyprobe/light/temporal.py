@@ -14,10 +14,11 @@ power and ln radius of its size; a place less than slack_deg off has not moved, 
 most_turn_deg_s. A source that is new grows to its whole power in fade_s, and one that is not seen for patience_s fades
 as fast. While two places share one source's power in this way, their sum is what the frames' sources have in all.
 
-**The leader** is the source whose light is strongest within PEAK of its middle. It stays the leader until another is
-lead_ratio times as strong; as long as it is not lead_margin times as strong as another one, the two exchange what it
-takes, so that sources which change rank from frame to frame move no dominant light. A frame is odd where the leader is
-not found, or another source is lead_ratio times as strong. It is held back; the second in a row is believed.
+**The leader** is the strongest source, by the root of its power times the part of it within PEAK of its middle. It
+stays the leader until another is lead_ratio times as strong; as long as that part is not lead_margin times another's,
+the two exchange what it takes, so that sources which change rank from frame to frame move no dominant light. A frame
+is odd where the leader is not found, or another source is lead_ratio times as strong. It is held back; the second in a
+row is believed.
 
 **The object looks the same** where the caller knows that its shading did not change: then its light did not. Once that
 is so for same.after_s, places are averaged whatever they do, and odd frames are held back for as long as the leader has
@@ -242,6 +243,11 @@ def _peak(source: Source, share: float = 1.0) -> float:
     return float(luminance(source.power)) * share * (1.0 - beyond**2)
 
 
+def _strength(source: Source, share: float = 1.0) -> float:
+    """Return how a source ranks: between its power and what find_dominant_light goes by, in which wide ones are dull."""
+    return float(np.sqrt(float(luminance(source.power)) * share * _peak(source, share)))
+
+
 def _moved_leader(
     tracks: tuple[Track, ...], sources: Sequence[Source], pairs: dict[int, int]
 ) -> tuple[tuple[Track, ...], dict[int, int]]:
@@ -249,7 +255,7 @@ def _moved_leader(
     leader = next((at for at, track in enumerate(tracks) if track.leads), None)
     if leader is None or not sources:
         return tracks, pairs
-    first = int(np.argmax([_peak(one) for one in sources]))
+    first = int(np.argmax([_strength(one) for one in sources]))
     place = begin_filter(np.asarray(sources[first].direction, np.float64))
     moved = replace(tracks[leader], place=place, turns=True)
     others = {at: j for at, j in pairs.items() if at != leader and j != first}
@@ -258,11 +264,11 @@ def _moved_leader(
 
 def _leader_of(tracks: Sequence[Track], is_same: bool = False) -> int | None:
     """Which of them is the leader; None where there are none."""
-    peaks = [_peak(track.source, track.share) for track in tracks]
+    ranks = [_strength(track.source, track.share) for track in tracks]
     for at, track in enumerate(tracks):
-        if track.leads and (is_same or max(peaks) <= LEAD_RATIO * peaks[at]):
+        if track.leads and (is_same or max(ranks) <= LEAD_RATIO * ranks[at]):
             return at
-    return int(np.argmax(peaks)) if peaks else None
+    return int(np.argmax(ranks)) if ranks else None
 
 
 def _led_by(leader: int | None, tracks: Sequence[Track]) -> tuple[Track, ...]:
@@ -273,8 +279,8 @@ def _is_odd(tracks: Sequence[Track], sources: Sequence[Source], pairs: dict[int,
     """Whether a frame shows another leader than the one that is known."""
     for at, track in enumerate(tracks):
         if track.leads:
-            most = max((_peak(one) for one in sources), default=0.0)
-            return at not in pairs or bool(most > LEAD_RATIO * _peak(sources[pairs[at]]))
+            most = max((_strength(one) for one in sources), default=0.0)
+            return at not in pairs or bool(most > LEAD_RATIO * _strength(sources[pairs[at]]))
     return False
 
 

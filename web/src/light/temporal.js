@@ -117,12 +117,15 @@ function peakOf({ power, radius }, share = 1) {
   return luminance(...power) * share * (1 - beyond * beyond);
 }
 
+/** How a source ranks: between its power and what the dominant light goes by, in which wide ones are dull. */
+const strengthOf = (source, share = 1) => Math.sqrt(luminance(...source.power) * share * peakOf(source, share));
+
 /** The tracks with the leader's place at the frame's strongest source, and the pairs with these two. */
 function movedLeader(tracks, sources, pairs) {
   const leader = tracks.findIndex(({ leads }) => leads);
   if (leader < 0 || sources.length === 0) return { tracks, pairs };
-  const peaks = sources.map((one) => peakOf(one));
-  const first = peaks.indexOf(Math.max(...peaks));
+  const ranks = sources.map((one) => strengthOf(one));
+  const first = ranks.indexOf(Math.max(...ranks));
   const moved = { ...tracks[leader], place: begin(Float64Array.from(sources[first].direction)), turns: true };
   const others = [...pairs].filter(([at, j]) => at !== leader && j !== first);
   return { tracks: tracks.map((track, at) => (at === leader ? moved : track)), pairs: new Map([...others, [leader, first]]) };
@@ -130,10 +133,10 @@ function movedLeader(tracks, sources, pairs) {
 
 /** Which of them is the leader; -1 where there are none. */
 function leaderOf(tracks, isSame = false) {
-  const peaks = tracks.map((track) => peakOf(sourceOf(track), track.share));
-  const most = Math.max(...peaks);
-  const leader = tracks.findIndex(({ leads }, at) => leads && (isSame || most <= LEAD_RATIO * peaks[at]));
-  return leader < 0 ? peaks.indexOf(most) : leader;
+  const ranks = tracks.map((track) => strengthOf(sourceOf(track), track.share));
+  const most = Math.max(...ranks);
+  const leader = tracks.findIndex(({ leads }, at) => leads && (isSame || most <= LEAD_RATIO * ranks[at]));
+  return leader < 0 ? ranks.indexOf(most) : leader;
 }
 
 const ledBy = (leader, tracks) => tracks.map((track, at) => ({ ...track, leads: at === leader }));
@@ -142,7 +145,7 @@ const ledBy = (leader, tracks) => tracks.map((track, at) => ({ ...track, leads: 
 function showsAnotherLeader(tracks, sources, pairs) {
   const at = tracks.findIndex(({ leads }) => leads);
   if (at < 0) return false;
-  return !pairs.has(at) || Math.max(...sources.map((one) => peakOf(one))) > LEAD_RATIO * peakOf(sources[pairs.get(at)]);
+  return !pairs.has(at) || Math.max(...sources.map((one) => strengthOf(one))) > LEAD_RATIO * strengthOf(sources[pairs.get(at)]);
 }
 
 /** Give the leader of others, in place, what it takes to be LEAD_MARGIN times as strong as each. */
