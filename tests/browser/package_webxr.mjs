@@ -46,8 +46,8 @@ function standIn(estimates, { XRDevice, XRSession, XRView, XRFrame, metaQuest3 }
       stage.renderer = detail;
       const { render } = detail;
       detail.render = (scene, camera) => {
-        stage.camera = camera;
-        render.call(detail, scene, camera);
+        if (scene === stage.scene) stage.camera = camera;
+        if (scene !== stage.scene || stage.isDrawing) render.call(detail, scene, camera); // in software every frame takes long
       };
     }
   });
@@ -93,6 +93,8 @@ function standIn(estimates, { XRDevice, XRSession, XRView, XRFrame, metaQuest3 }
     }
     getCameraImage() {
       const { gl } = this;
+      if (this.gain === stage.gain || !picture.complete) return this.texture;
+      this.gain = stage.gain;
       const bound = gl.getParameter(gl.TEXTURE_BINDING_2D);
       const drawn = new OffscreenCanvas(512, 512).getContext("2d");
       drawn.filter = `brightness(${stage.gain})`;
@@ -122,7 +124,9 @@ function standIn(estimates, { XRDevice, XRSession, XRView, XRFrame, metaQuest3 }
     const isPresenting = renderer.xr.enabled;
     renderer.xr.enabled = false;
     renderer.setRenderTarget(null);
+    stage.isDrawing = true;
     renderer.render(stage.scene, stage.camera);
+    stage.isDrawing = false;
     const canvas = renderer.domElement;
     const { width, height } = canvas;
     const copy = Object.assign(document.createElement("canvas"), { width, height }).getContext("2d");
