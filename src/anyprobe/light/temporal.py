@@ -244,7 +244,7 @@ def _peak(source: Source, share: float = 1.0) -> float:
 
 
 def _strength(source: Source, share: float = 1.0) -> float:
-    """Return how a source ranks: between its power and what find_dominant_light goes by, in which wide ones are dull."""
+    """Return how a source ranks: between its power and what find_dominant_light goes by, where wide ones are dull."""
     return float(np.sqrt(float(luminance(source.power)) * share * _peak(source, share)))
 
 
