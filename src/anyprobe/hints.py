@@ -19,6 +19,7 @@ from typing import Any, Literal, TypedDict, TypeVar
 
 import numpy as np
 
+from anyprobe.core.arrays import plain_array
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
 from anyprobe.files.images import ImageSource
 from anyprobe.files.raw import RAW_SUFFIXES
@@ -130,6 +131,7 @@ class HintsDict(TypedDict, total=False):
     far: float | None
     fov_deg: float | None
     pitch_deg: float | None
+    roll_deg: float | None
     normals: NormalsSource | NormalsEstimator | None
     material: Material | str | None
     albedo: Albedo | None
@@ -152,6 +154,7 @@ class Hints:
             photo's own file, as phones write it; near, far: where to cut it, in its unit, which gives the mask too.
         fov_deg: field of view of the photo's longer side, in degrees; else from EXIF, else 65.
         pitch_deg: how far the camera looks down, in degrees: 0 level, 90 straight down.
+        roll_deg: how far it is turned to the left about its axis, in degrees; with pitch_deg.
         normals: the object's normal map of the photo's size in the camera's frame, see normals_hint.read_normals;
             "sphere"; or a function from a picture [H, W, 3] in [0, 1] to its normals [h, w, 3].
         material: the object's: a Material, or a name: "chrome", "gold", "plastic", "matte" or a measured one, see
@@ -217,6 +220,12 @@ class Hints:
         numbers=(1,),
         in_web="pitchDeg",
     )
+    roll_deg: float | None = _hint(
+        "camera",
+        "How far the camera is turned to the left about its axis, degrees, beside its pitch.",
+        name="roll",
+        numbers=(1,),
+    )
     normals: NormalsSource | NormalsEstimator | None = _hint(
         "light",
         "The object's normal map: (n + 1) / 2 in a picture of the photo's size; +X right, +Y up, +Z toward the camera; "
@@ -254,7 +263,7 @@ class Hints:
 
     def __post_init__(self) -> None:
         check_together([name for name, _ in self.given()])
-        for name in ("near", "far", "fov_deg", "pitch_deg", "roughness"):
+        for name in ("near", "far", "fov_deg", "pitch_deg", "roll_deg", "roughness"):
             value = getattr(self, name)
             if value is not None and not isinstance(value, Real):
                 raise InputError(f"{name}: expected a number, got {type(value).__name__} {str(value)[:40]!r}")
@@ -262,6 +271,8 @@ class Hints:
             value = getattr(self, name)
             if isinstance(value, Real):
                 raise InputError(f"{name}: expected a file, its bytes, a picture or an array, got the number {value}")
+            if isinstance(value, np.ma.MaskedArray):
+                plain_array(value, name)
         if self.fov_deg is not None and not 1.0 < self.fov_deg < 170.0:
             raise InvalidPhoto(
                 "fov_deg: expected a field of view of more than 1 and less than 170 degrees along the longer side, "
@@ -270,6 +281,12 @@ class Hints:
         if self.pitch_deg is not None and not -90.0 <= self.pitch_deg <= 90.0:
             raise InputError(
                 f"pitch_deg: expected -90 to 90 degrees that the camera looks down, got {self.pitch_deg:g}"
+            )
+        if self.roll_deg is not None and self.pitch_deg is None:
+            raise InputError("roll_deg: expected pitch_deg with it, got none; give both, or neither")
+        if self.roll_deg is not None and not -60.0 <= self.roll_deg <= 60.0:
+            raise InputError(
+                f"roll_deg: expected -60 to 60 degrees, got {self.roll_deg:g}; turn the photo upright first"
             )
         self.surface()
 

@@ -16,7 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from anyprobe.cli.data import Conditions
-from anyprobe.cli.options import folder_option
+from anyprobe.cli.options import MODEL_HELP, folder_option
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES
@@ -64,7 +64,7 @@ def evaluate(
         Path | None, typer.Option(help="Folder of maps KEY.exr or KEY.hdr to score in the model's place.")
     ] = None,
     out: Annotated[Path, folder_option("Folder for scores.json and pictures.png.")] = Path("evaluation"),
-    model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL,
+    model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL,
     engine: Annotated[str, typer.Option(help=f"Engine: {', '.join(ENGINES)}.")] = DEFAULT_ENGINE,
 ) -> None:
     """Score a model, or any program's maps, on a test set. Renders it, scores two baselines beside, prints tables."""

@@ -6,7 +6,7 @@ import glob
 import json
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -28,6 +28,12 @@ from anyprobe.cli.options import (
 )
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
+from anyprobe.files.paths import same_file_key
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from anyprobe.detail.plate import Plate
 
 SURE = 0.5
 """Difference of misfits from which on one map is clearly better than another."""
@@ -66,7 +72,7 @@ def match(
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     with talk.status("reading the panoramas"):
         library = open_library(folder)
-    if out.resolve() == folder.resolve() or folder.resolve() in out.resolve().parents:
+    if Path(same_file_key(out)).is_relative_to(same_file_key(folder)):
         raise InputError(f"-o {out}: is within the folder of panoramas, which it would add to; choose another")
     hints = hints_for(photo, taken.hints())
     estimator = by.estimator(segmenter=taken.segmenter)
@@ -95,6 +101,7 @@ def match(
                 f"the first map lights the object's visible side {apart:+.1f} stops beside the estimate: the object "
                 f"and what is behind it ask for different exposures; look at {stem}_match.png before you take it"
             )
+        warnings += kind_doubts(light.plate, library.lights[chosen[0].index], chosen[0].name)
         write_png(scratch / f"{stem}_match.png", draw_matches(loaded, light, shown))
         said = {
             "photo": loaded.name,
@@ -128,6 +135,23 @@ def match(
     talk.print(f"results: {out / stem}_*", soft_wrap=True)
     if taken.strict and warnings:
         raise typer.Exit(2)
+
+
+def kind_doubts(plate: Plate | None, radiance: np.ndarray, name: str) -> list[str]:
+    """Return a line where a panorama [H, 2H, 3] is outdoors and the photo shows nothing of that, or the other way
+    round."""
+    from anyprobe.detail.kind import is_outdoors, shows_outdoors
+
+    if plate is None:
+        return []
+    is_out, shows = is_outdoors(radiance), shows_outdoors(plate)
+    if is_out == shows:
+        return []
+    if is_out:
+        return [
+            f"{name} looks like a place outdoors, and the photo shows neither sky nor plants; look before you take it"
+        ]
+    return [f"{name} looks like a place indoors, and the photo shows sky or plants; look before you take it"]
 
 
 def _older_maps(out: Path, stem: str, new: set[str]) -> list[str]:

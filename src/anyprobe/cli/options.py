@@ -19,16 +19,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 import typer
 
-from anyprobe.errors import InputError, InvalidMask, MissingExtra, OutputError
+from anyprobe.errors import InputError, InvalidMask, InvalidPhoto, MissingExtra, OutputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
 from anyprobe.files.exr import HEADER_BYTES, parse_header
-from anyprobe.files.paths import open_regular, visible_files
+from anyprobe.files.paths import folds_case, open_regular, read_stream, same_file_key, visible_files
 from anyprobe.hints import HINTS, PICTURES, Hint, Hints, check_together, renamed, said_as
 
 if TYPE_CHECKING:
     from anyprobe.detail.library import Library
     from anyprobe.estimate.estimator import Estimator
 
+MODEL_HELP = "lift; paper: stages of Park et al. 2020 in our layers, begun as lift; or a folder of ONNX graphs."
+"""Of --model."""
 STDIN = Path("-")
 """A photo that comes through standard input."""
 
@@ -36,6 +38,10 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON on stdout."
 Colorspace = Literal["rec709", "acescg"]
 ColorspaceOption = Annotated[
     Colorspace, typer.Option(help="Linear primaries of the .exr: Rec. 709 or ACEScg; its header says which.")
+]
+Frame = Literal["level", "camera"]
+FrameOption = Annotated[
+    Frame, typer.Option(help="level: +Y is up in the place, by the camera's pitch and roll; camera: its own frame.")
 ]
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")]
 
@@ -154,6 +160,10 @@ class ObjectOptions(_Others, MaskOptions):
             help="Estimate the normals with this ONNX graph; FILE.json beside it describes it (docs/inputs.md).",
         ),
     ] = None
+    camera: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Lens, pitch and roll of a .fspy, or of the .json that fSpy exports."),
+    ] = None
     metal: Annotated[bool, typer.Option("--metal", help="The object is bare metal: chrome, if no --material.")] = False
 
     def hints(self, **more: Any) -> Hints:
@@ -163,6 +173,8 @@ class ObjectOptions(_Others, MaskOptions):
             if self.normals is not None:
                 raise InputError("--normals and --normals-from: expected one of them, got both")
             more["normals"] = open_normals_model(self.normals_from)
+        if self.camera is not None:
+            more |= self._camera()
         if self.metal and self.material is None:
             more["material"] = "chrome"
         hints = MaskOptions.hints(self, **more)
@@ -170,6 +182,17 @@ class ObjectOptions(_Others, MaskOptions):
         if surface is not None and surface.albedo.any():
             raise InputError(f"--metal and --material {self.material}: expected a metal, got another; leave one out")
         return hints
+
+    def _camera(self) -> dict[str, float]:
+        """What --camera gives, as hints; InputError where an option gives the same."""
+        from anyprobe.files.fspy import read_fspy
+
+        found = read_fspy(Path(str(self.camera)))
+        given = {"fov_deg": found.long_fov_deg, "pitch_deg": found.pitch_deg, "roll_deg": found.roll_deg}
+        for name in given:
+            if getattr(self, name, None) is not None:
+                raise InputError(f"--camera and {option_of(name)}: expected one of them, got both")
+        return given
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -184,7 +207,7 @@ class ModelOptions:
             "the mean over all positions, with soft shadows and a smaller error on matte objects.",
         ),
     ] = MODE
-    model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL
+    model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL
     engine: Annotated[str, typer.Option(metavar="NAME", help=f"Engine: {', '.join(ENGINES)}.")] = DEFAULT_ENGINE
     threads: Annotated[int | None, typer.Option(min=1, help="Threads of the engine; default: its choice.")] = None
 
@@ -210,14 +233,13 @@ class DetailOptions:
         Path | None, typer.Option(help="Folder of .exr and .hdr maps to take it from; default: the built-in library.")
     ] = None
 
-    def settings(self, size: int | None = None) -> dict[str, Any]:
-        """For Estimator; size: of --size. InputError for what does nothing without detail."""
+    def settings(self) -> dict[str, Any]:
+        """For Estimator. InputError for what does nothing without detail."""
         from anyprobe.detail.plausible import check_detail
 
-        given = {name: it for name, it in (("size", size), ("detail_library", self.detail_library)) if it is not None}
+        given = {} if self.detail_library is None else {"detail_library": self.detail_library}
         if not check_detail(self.detail) and given:
-            option = f"--{next(iter(given)).replace('_', '-')}"
-            raise InputError(f"{option}: does nothing without --detail plausible; add that, or leave it out")
+            raise InputError("--detail-library: does nothing without --detail plausible; add that, or leave it out")
         return {"detail": self.detail, **given}
 
     def library(self) -> Library | None:
@@ -278,7 +300,11 @@ def need_torch(what: str) -> None:
 
 def photo_source(path: Path) -> Path | bytes:
     """A photo's path, or what standard input holds where the path is `-`."""
-    return sys.stdin.buffer.read() if path == STDIN else path
+    if path != STDIN:
+        return path
+    if sys.stdin is None:  # closed, as a service's may be
+        raise InvalidPhoto("stdin: expected a photo, got a closed input; name a file, or pipe one in")
+    return read_stream(sys.stdin.buffer, "stdin", InvalidPhoto)
 
 
 def photo_name(path: Path) -> str:
@@ -304,7 +330,9 @@ def list_photos(photos: list[Path]) -> list[Path]:
             chosen.append(path)
             continue
         found = visible_files(path, PICTURES)
-        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit")} | {p.name for p in found}
+        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit", "origin")} | {
+            p.name for p in found
+        }
         maps = {p for p in found if p.suffix.lower() == ".exr" and _is_map(p)}
         previews = {p.with_suffix(".png") for p in maps if p.with_suffix(".json").is_file()}
         found = [p for p in found if p.stem not in written and p not in maps | previews]
@@ -334,13 +362,20 @@ def result_stem(photo: Path, listed: list[Path]) -> str:
 
 def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given: Iterable[Any]) -> None:
     """Refuse results of one name for two photos, and one that would replace a photo or what else is given."""
-    twins = [other for other in listed if result_stem(other, listed) == result_stem(photo, listed)]
+    targets = list(targets)
+    folds = bool(targets) and folds_case(targets[0].parent)
+
+    def name_of(one: Path) -> str:
+        stem = result_stem(one, listed)
+        return stem.casefold() if folds else stem
+
+    twins = [other for other in listed if name_of(other) == name_of(photo)]
     if twins and twins[0] != photo:
         raise OutputError(f"{photo}: expected names that differ, got {twins[0]} before it; rename one of them")
-    inputs = {one.resolve(): one for one in (*listed, *given) if isinstance(one, Path)}
+    inputs = {same_file_key(one): one for one in (*listed, *given) if isinstance(one, Path)}
     for target in targets:
-        if target.resolve() in inputs:
-            lost = inputs[target.resolve()]
+        if same_file_key(target) in inputs:
+            lost = inputs[same_file_key(target)]
             raise OutputError(f"{photo}: the result would replace {lost}; choose another folder with -o")
 
 
@@ -364,6 +399,6 @@ def _file_for(photo: Path, given: Path, kind: str, suffixes: tuple[str, ...]) ->
             # the glob finds stem.0002.png too, which is another photo's
             if candidate.stem != stem or candidate.suffix.lower() not in suffixes:
                 continue
-            if candidate.resolve() != photo.resolve():
+            if same_file_key(candidate) != same_file_key(photo):
                 return candidate
     raise InvalidMask(f"{photo}: expected {photo.stem}.png or {photo.stem}_{kind}.png in {given}, found neither")

@@ -21,7 +21,9 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.doubts import ground_doubts, light_doubts
 from anyprobe.estimate.ground import ground_by_posture
 from anyprobe.estimate.material_hint import use_material
+from anyprobe.estimate.mirror_ball import CHROME, is_mirror_ball, said_of_ball
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
+from anyprobe.estimate.normals_hint import normals_from_outline
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, MODE, PHOTO_SIZE, Models, model_id
@@ -32,7 +34,7 @@ from anyprobe.given_material import Albedo, as_material
 from anyprobe.hints import Hints, HintsDict, as_hints, spread
 from anyprobe.light.environment import integral, rotate
 from anyprobe.masks.segmenters import SegmenterSource, load_segmenter
-from anyprobe.scatter.materials import Material
+from anyprobe.scatter.materials import Material, material_named
 
 BLACK, WHITE, ENOUGH_EXPOSED = (contract("exposure")[name] for name in ("black", "white", "enough"))
 """Where less of the object than this is neither black nor clipped, confidence falls in proportion."""
@@ -119,6 +121,12 @@ class Estimator:
         """Other processes open the networks anew."""
         return Estimator, (self.settings,)
 
+    def __repr__(self) -> str:
+        settings = self.settings
+        parts = [f"model={settings.model!r}", f"engine={settings.engine!r}", f"emitters={settings.emitters!r}"]
+        parts += [f"detail={settings.detail!r}"] if settings.detail != DETAILS[0] else []
+        return f"Estimator({', '.join(parts)})"
+
     def _set(self, settings: Settings) -> None:
         segmenter = settings.segmenter
         self.segmenter = load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter
@@ -190,7 +198,20 @@ class Estimator:
         """
         start = time.perf_counter() if start is None else start
         light = self.from_crop(photo, crop_object(photo, PHOTO_SIZE), start, material=material)
+        if material is None and photo.material is None and photo.normals is None and self.models.lifts:
+            light = self._unwrapped(light, photo, start)
+        if photo.use_background:
+            light = replace(light, plate=photo.plate())
         return light if self.settings.detail == DETAILS[0] else self._with_detail(light, photo)
+
+    def _unwrapped(self, light: Light, photo: Photo, start: float) -> Light:
+        """The light of a mirror ball, of a photo of one; else as it is."""
+        said = light.info.get("object")
+        if said is None or not is_mirror_ball(photo, said["metal"]):
+            return light
+        ball = replace(photo, normals=normals_from_outline(photo.mask, photo.long_fov_deg))
+        found = self.from_crop(ball, crop_object(ball, PHOTO_SIZE), start, material=material_named(CHROME))
+        return replace(found, warnings=(*found.warnings, said_of_ball(photo.name)))
 
     def _with_detail(self, light: Light, photo: Photo) -> Light:
         """Of what is known of the surroundings too."""

@@ -113,7 +113,7 @@ def _read_spec(path: Path) -> NormalsSpec:
     if not path.is_file():
         raise InputError(f"{path}: expected a spec beside the graph, found none; see docs/inputs.md for what it holds")
     try:
-        values = json.loads(path.read_text(encoding="utf-8"))
+        values = json.loads(path.read_bytes())  # of any Unicode
         known = {one.name for one in fields(NormalsSpec)}
         if not isinstance(values, dict) or not {"axes", "size"} <= set(values) <= known:
             raise ValueError(f"axes and size, and of {', '.join(sorted(known))} no others")

@@ -10,6 +10,7 @@ import numpy as np
 from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
 from anyprobe.detail.match import seen_in_photo
+from anyprobe.detail.plate import Plate, keep_plate
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.depth_normals import normals_from_depth
 from anyprobe.estimate.doubts import backdrop_doubts, exposure_doubts, scale_doubts
@@ -115,6 +116,10 @@ class Photo:
             beside = self.mask if self.hidden is None else np.maximum(self.mask, self.hidden)
             return seen_in_photo(self.rgb, beside, self.long_fov_deg, rows, self.radiance)
         return None if self.panorama is None else at_rows(self.panorama, rows)
+
+    def plate(self) -> Plate | None:
+        """Return what it shows beside its object, small enough to keep; None: nothing."""
+        return keep_plate(self.rgb, self.mask, self.long_fov_deg, self.radiance, self.hidden)
 
     def without_pixels(self) -> Photo:
         """What is known of it, for when its object is cut out already: photos are large."""
@@ -224,7 +229,7 @@ def load_photo(
         is_opaque = pixels.alpha is None or mask_from_alpha(pixels.alpha) is None
         doubtful = is_opaque and not scale and hides_backdrop(pixels.rgb, found.mask)
         return replace(photo, warnings=photo.warnings + backdrop_doubts(pixels.name)) if doubtful else photo
-    ground = estimate_ground(photo)
+    ground = estimate_ground(photo, roll_deg=hints.roll_deg)
     if hints.pitch_deg is None and pixels.posture_deg is not None:
         pitch_deg, roll_deg = pixels.posture_deg
         ground = replace(estimate_ground(photo, pitch_deg=pitch_deg, roll_deg=roll_deg), source=NOTED)
