@@ -31,7 +31,6 @@ from anyprobe.estimate.surroundings import (
 from anyprobe.files.radiance import write_exr, write_hdr
 from anyprobe.light.environment import rotate
 
-
 STAYS = GoesOn(share=0.0)
 """What is seen does not go on beside it."""
 
