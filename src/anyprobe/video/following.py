@@ -163,7 +163,7 @@ class MaskFollower:
         return photo
 
     def _followed(self, rgb: np.ndarray) -> Held | None:
-        """Return the held mask as it was found again in a frame, or another one around it, which is then the held one."""
+        """Return the held mask as it was found again in a frame, or another one around it; None where it is lost."""
         if self.held is None or self.last is None:
             return None
         self._lost_for += 1
