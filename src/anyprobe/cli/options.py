@@ -1,8 +1,4 @@
-"""Options that commands share: what the photographed object is and where, and how its light is estimated.
-
-A command takes a bundle as one argument, `taken: Annotated[PhotoOptions, ...]`, and `with_bundles`
-spreads its fields into the command's own options, so that one option means the same everywhere.
-"""
+"""Options that commands share. A command takes a bundle as one argument, and `with_bundles` spreads its fields."""
 
 from __future__ import annotations
 
