@@ -168,10 +168,9 @@ def test_an_error_of_a_mask_names_the_photo_it_is_of(work, command, photo_rgba, 
         (("--exclude", "20,10", "--mask", "photos/sphere.png"), "--exclude: expected --click, --box or neither"),
         (("--near", "0", "--mask", "photos/sphere.png"), "--near: expected --depth"),
         (("--far", "3"), "--far: expected --depth"),
-        (("--size", "256"), "--size: does nothing without --detail plausible"),
         (("--detail-library", "photos"), "--detail-library: does nothing without --detail plausible"),
         (("--size", "256", "--detail", "sharp"), "expected one of none, plausible"),
-        (("--material", "wood"), "--material: expected one of chrome"),
+        (("--material", "unobtainium"), "--material: expected one of "),
         (("--albedo", "7"), "--albedo: expected one number"),
         (("--emitters", "bright"), "emitters 'bright': expected one of mode, expected"),
         (("--emitters", "expected", "--model", "paper"), "got paper; use lift"),
@@ -251,7 +250,9 @@ def test_odd_kinds_of_photos_are_converted(work, command, photo_rgba, mask_path)
     rgb.save(odd / "plain.png")
     outcome = command("estimate", "odd", "-o", "out", "--mask", mask_path)
     assert outcome.status == 0, outcome.err
-    maps = {path.stem: read_radiance(path) for path in (work / "out").glob("*.exr")}
+    maps = {
+        path.stem: read_radiance(path) for path in (work / "out").glob("*.exr") if "_panorama" not in path.name
+    }
     assert len(maps) == 8
     np.testing.assert_array_equal(maps["palette"], maps["palette_twin"])
     np.testing.assert_array_equal(maps["grey"], maps["grey_twin"])

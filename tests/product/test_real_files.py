@@ -496,10 +496,10 @@ def test_a_box_may_be_in_pixels_as_stored_where_nothing_is_there_as_shown(kind):
         box = (90 / times, 55, 230 / times, 195)
     pixels = read_image(data)
     wanted = find_mask(pixels, box=(90, 55, 230, 195))
-    assert wanted.warnings == ()
+    assert not [line for line in wanted.warnings if "mask --fetch" not in line]
     found = find_mask(pixels, box=box)
     np.testing.assert_array_equal(found.mask, wanted.mask)
-    assert "box=90,55,230,195" in found.warnings[0]
+    assert any("box=90,55,230,195" in line for line in found.warnings)
     with pytest.raises(InvalidMask, match=r"as shown|expected X0,Y0"):
         find_mask(replace(pixels, stored=None), box=box)
 
@@ -676,7 +676,7 @@ def test_two_photos_of_one_name_are_two_results(tmp_path, command):
     photos = tmp_path / "vase.png", tmp_path / "vase.webp"
     done = command("estimate", *photos, "--mask", tmp_path / "mask.png", "-o", tmp_path / "o")
     assert done.status == 0, done.err
-    assert {path.name for path in (tmp_path / "o").glob("*.exr")} == {"vase_png.exr", "vase_webp.exr"}
+    assert {path.name for path in (tmp_path / "o").glob("*.hdr")} == {"vase_png.hdr", "vase_webp.hdr"}
 
 
 # Clips
