@@ -250,9 +250,7 @@ def test_odd_kinds_of_photos_are_converted(work, command, photo_rgba, mask_path)
     rgb.save(odd / "plain.png")
     outcome = command("estimate", "odd", "-o", "out", "--mask", mask_path)
     assert outcome.status == 0, outcome.err
-    maps = {
-        path.stem: read_radiance(path) for path in (work / "out").glob("*.exr") if "_panorama" not in path.name
-    }
+    maps = {path.stem: read_radiance(path) for path in (work / "out").glob("*.exr") if "_panorama" not in path.name}
     assert len(maps) == 8
     np.testing.assert_array_equal(maps["palette"], maps["palette_twin"])
     np.testing.assert_array_equal(maps["grey"], maps["grey_twin"])
