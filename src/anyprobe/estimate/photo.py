@@ -22,6 +22,7 @@ from anyprobe.estimate.surroundings import (
     at_rows,
     hides_backdrop,
     is_cut_out,
+    is_dark_beside,
     read_panorama,
     turned,
     visible_surroundings,
@@ -229,6 +230,8 @@ def load_photo(
         is_opaque = pixels.alpha is None or mask_from_alpha(pixels.alpha) is None
         doubtful = is_opaque and not scale and hides_backdrop(pixels.rgb, found.mask)
         return replace(photo, warnings=photo.warnings + backdrop_doubts(pixels.name)) if doubtful else photo
+    if not is_asked and is_dark_beside(pixels.rgb, found.mask):
+        return photo
     ground = estimate_ground(photo, roll_deg=hints.roll_deg)
     if hints.pitch_deg is None and pixels.posture_deg is not None:
         pitch_deg, roll_deg = pixels.posture_deg

@@ -8,7 +8,7 @@ import { lightOfObject } from "../networks/lightOfObject.js";
 import { shown, step } from "../light/temporal.js";
 import { cropObject } from "../photo/crop.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
-import { isCutOut } from "../photo/surroundings.js";
+import { isCutOut, isDarkBeside } from "../photo/surroundings.js";
 import { ObjectFollower } from "./objectFollower.js";
 import { readFrame } from "./videoFrames.js";
 
@@ -71,7 +71,7 @@ export class FrameLight {
     this.unseen = isLarge ? 0 : this.unseen + 1;
     if (!isLarge) return { [this.object.last && this.unseen < PATIENCE ? "held" : "lost"]: true, ...this.size };
     const { mask, lit, isNew, missed } = seen;
-    if (isNew || missed) this.isAlone = isCutOut(picture, mask);
+    if (isNew || missed) this.isAlone = isCutOut(picture, mask) || isDarkBeside(picture, mask);
     const crop = cropObject(picture, lit, this.longFovDeg);
     lap("crop");
     const phase = this.withViews ? this.count++ % REST_EVERY : -1;

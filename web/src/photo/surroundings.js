@@ -7,6 +7,7 @@ import { inverseResponse, response } from "../core/response.js";
 import { CROP_SIZE, focalPx } from "./crop.js";
 import { median } from "./ground.js";
 
+const GOES_ON = CONTRACT.surroundings.goes_on;
 const PIXELS = 2 * MAP_HEIGHT * MAP_HEIGHT;
 
 /** Samples of the crop around the object that are left out: its edge is not where the mask says. */
@@ -148,6 +149,90 @@ export function isCutOut({ width, height, rgba }, mask) {
 }
 
 /**
+ * Whether what is beside the object is much darker than it, as in a dark room or before black cloth: it then tells nothing
+ * of the light.
+ *
+ * @param {import("./picture.js").Picture} picture
+ * @param {Float32Array} mask
+ */
+export function isDarkBeside({ width, height, rgba }, mask) {
+  const step = Math.max(1, Math.floor(Math.max(width, height) / CONTRACT.ground.samples));
+  const [sums, counts] = [[0, 0], [0, 0]]; // beside the object, and on it
+  for (let y = 0; y < height; y += step) {
+    for (let x = 0; x < width; x += step) {
+      const pixel = y * width + x;
+      const which = mask[pixel] >= 0.5 ? 1 : 0;
+      sums[which] += luminance(rgba[4 * pixel], rgba[4 * pixel + 1], rgba[4 * pixel + 2]);
+      counts[which]++;
+    }
+  }
+  if (counts[0] === 0 || counts[1] === 0) return false;
+  return sums[0] / counts[0] < CONTRACT.ground.dark_beside * (sums[1] / counts[1]);
+}
+
+/**
+ * Display colours of the nearest seen place of every direction and the angle to it in degrees, four numbers a pixel,
+ * between the middles of GOES_ON.rows rows; null where nothing is seen.
+ *
+ * @param {Float32Array} surroundings
+ */
+export function nearestSeen(surroundings) {
+  const rows = GOES_ON.rows;
+  const [columns, step] = [2 * rows, MAP_HEIGHT / rows];
+  const directions = pixelDirections(rows);
+  const [places, colors] = [[], []]; // of what is seen
+  for (let cell = 0; cell < rows * columns; cell++) {
+    const sums = [0, 0, 0, 0];
+    for (let k = 0; k < step * step; k++) {
+      const row = step * Math.floor(cell / columns) + Math.floor(k / step);
+      const pixel = row * 2 * MAP_HEIGHT + step * (cell % columns) + (k % step);
+      for (let channel = 0; channel < 4; channel++) sums[channel] += surroundings[channel * PIXELS + pixel];
+    }
+    if (sums[3] < GOES_ON.least_cover * step * step) continue;
+    places.push(...directions.subarray(3 * cell, 3 * cell + 3));
+    colors.push(...sums.slice(0, 3).map((sum) => Math.min(sum / sums[3], 1)));
+  }
+  if (colors.length === 0) return null;
+  const coarse = new Float32Array(4 * rows * columns);
+  for (let cell = 0; cell < rows * columns; cell++) {
+    const [x, y, z] = directions.subarray(3 * cell, 3 * cell + 3);
+    let [best, most] = [0, -2];
+    for (let i = 0; i < places.length; i += 3) {
+      const cosine = x * places[i] + y * places[i + 1] + z * places[i + 2];
+      if (cosine > most) [best, most] = [i, cosine];
+    }
+    coarse.set(colors.slice(best, best + 3), 4 * cell);
+    coarse[4 * cell + 3] = (Math.acos(Math.min(Math.max(most, -1), 1)) * 180) / Math.PI;
+  }
+  return enlarged(coarse, rows);
+}
+
+/** Four numbers a pixel of a map of so many rows, at MAP_HEIGHT rows: between the pixels' middles, across the seam. */
+function enlarged(coarse, rows) {
+  const [columns, step] = [2 * rows, MAP_HEIGHT / rows];
+  const fine = new Float32Array(4 * PIXELS);
+  for (let pixel = 0; pixel < PIXELS; pixel++) {
+    const v = Math.min(Math.max((Math.floor(pixel / (2 * MAP_HEIGHT)) + 0.5) / step - 0.5, 0), rows - 1);
+    const u = ((pixel % (2 * MAP_HEIGHT)) + 0.5) / step - 0.5;
+    const [top, left] = [Math.floor(v), Math.floor(u)];
+    for (let corner = 0; corner < 4; corner++) {
+      const [down, right] = [corner >> 1, corner & 1];
+      const share = (down ? v - top : 1 - v + top) * (right ? u - left : 1 - u + left);
+      const from = 4 * (Math.min(top + down, rows - 1) * columns + ((left + right + columns) % columns));
+      for (let k = 0; k < 4; k++) fine[4 * pixel + k] += share * coarse[from + k];
+    }
+  }
+  return fine;
+}
+
+/** A predicted radiance drawn by a share to the nearest seen display value; what is above white stays. */
+function continued(predicted, nearest, share) {
+  const shown = Math.min(predicted, 1);
+  const display = response(shown);
+  return inverseResponse(display + share * (nearest - display)) + predicted - shown;
+}
+
+/**
  * A line where what is beside the object of an opaque cut-out is bright enough for a studio's backdrop;
  * anyprobe.estimate.doubts has the same.
  *
@@ -201,9 +286,11 @@ function backdropOf(terms, values) {
  * @param {Float32Array} surroundings of seeSurroundings
  * @param {boolean} [tints] whether the prediction takes on that colour
  * @param {number} [sure] confidence of what is known
+ * @param {{share: number, reach_deg: number}} [goesOn] how the prediction follows what is seen beside it
  */
-export function useSurroundings(stages, surroundings, tints = true, sure = SEEN) {
+export function useSurroundings(stages, surroundings, tints = true, sure = SEEN, goesOn = GOES_ON) {
   const tint = tints ? tintOf(stages.radiance, surroundings) : [1, 1, 1];
+  const nearest = nearestSeen(surroundings);
   const radiance = new Float32Array(stages.radiance.length);
   const predicted = new Float64Array(3);
   const display = new Float64Array(3);
@@ -212,6 +299,10 @@ export function useSurroundings(stages, surroundings, tints = true, sure = SEEN)
     const cover = surroundings[3 * PIXELS + pixel];
     for (let channel = 0; channel < 3; channel++) {
       predicted[channel] = stages.radiance[to + channel] * tint[channel];
+      if (nearest) {
+        const share = goesOn.share * Math.exp(-nearest[4 * pixel + 3] / goesOn.reach_deg);
+        predicted[channel] = continued(predicted[channel], nearest[4 * pixel + channel], share);
+      }
       display[channel] = surroundings[channel * PIXELS + pixel] / Math.max(cover, 1e-3);
       seen[channel] = inverseResponse(display[channel]);
     }
