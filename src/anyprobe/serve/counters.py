@@ -29,7 +29,7 @@ class Metrics:
             return
         self._prometheus = prometheus
         self._registry = prometheus.CollectorRegistry()
-        more = {"registry": self._registry}
+        more: dict[str, Any] = {"registry": self._registry}
         self._requests = prometheus.Counter("anyprobe_requests", "Answered requests.", ["route", "status"], **more)
         self._seconds = prometheus.Histogram(
             "anyprobe_request_seconds", "From head to last byte.", ["route"], buckets=SECONDS, **more
