@@ -16,7 +16,7 @@ from anyprobe.estimate.estimator import Estimator
 from anyprobe.video import held_mask
 swaying.SECONDS = 1.2
 if {still_mask}:
-    held_mask.register = lambda key, picture, start, offset: held_mask.Registered(
+    held_mask.locate_key = lambda key, picture, start, offset: held_mask.Registered(
         motion=start, alike=1.0, inside=1.0, agreed=1.0, error_px=0.0)
     held_mask.EVERY = 100
 cutout = swaying.read_cutouts(None)[0]
