@@ -224,7 +224,7 @@ EXPECTED_FAULTS = {
     "fov": ("invalid-option", "^fovDeg: expected degrees between 1 and 170.* got 190"),
     "emitters": ("invalid-option", '^emitters: expected mode or expected, got "soft"'),
     "unknown": ("invalid-option", "^estimate: unknown option fov; expected of click,"),
-    "material": ("invalid-option", "^material: expected one of chrome"),
+    "material": ("invalid-option", "^material: expected one of "),
     "engine": ("invalid-option", 'expected wasm or webgpu, got "webgl"'),
     "weights": ("fetch-failed", r"absent\.onnx could not be fetched from .*absent\.onnx \(answer 404\)"),
     "runtime": ("fetch-failed", "the runtime could not be fetched|could not be fetched"),
