@@ -173,7 +173,8 @@ def test_a_page_has_its_tiles_and_bars_their_heights(tmp_path):
     colors = np.asarray(shown).reshape(-1, 3).tolist()
     assert colors.count([255, 0, 0]) / colors.count([0, 0, 255]) == pytest.approx(2.0, rel=0.1)
     save(page, tmp_path / "page.jpg")
-    assert Image.open(tmp_path / "page.jpg").size == page.size
+    with Image.open(tmp_path / "page.jpg") as written:
+        assert written.size == page.size
 
 
 def test_another_figure_is_refused():
@@ -182,11 +183,11 @@ def test_another_figure_is_refused():
 
 
 def test_a_texture_leaves_the_mask_and_what_is_true():
-    from support.some_pair import some_pair
+    from support.some_pair import sphere_pair
 
     from research.paper_designs.figures.textured import textured
 
-    pair = some_pair()
+    pair = sphere_pair()
     painted = textured(pair)
     assert (painted.photo[..., 3] == pair.photo[..., 3]).all()
     assert (painted.radiance == pair.radiance).all()

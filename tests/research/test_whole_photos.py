@@ -46,7 +46,7 @@ def test_the_lists_are_balanced_and_share_no_asset_with_each_other():
         assert set(Counter(recipe.material for recipe in recipes).values()) == {12, 13}
     assets = [{i for one in recipes for i in (one.map_id, one.shape_id)} for recipes in (test, left_out)]
     assert not assets[0] & assets[1]
-    with pytest.raises(InputError, match="expected one of test, left-out, train"):
+    with pytest.raises(InputError, match="expected one of test, left-out"):
         whole.recipes_of("all")
 
 
@@ -147,7 +147,7 @@ def test_own_maps_of_whole_photos_score_as_the_row_itself(tmp_path, monkeypatch)
     photos = [_photo(scene, recipe) for scene, recipe in zip(SCENES[:12], RECIPES[:12], strict=True)]
     photos = [replace(one, truth=RADIANCE * (k + 1)) for k, one in enumerate(photos)]
     monkeypatch.setattr(whole_command, "whole_photos", lambda data, part, kept, count: iter(photos))
-    monkeypatch.setattr(whole_command, "recipes_of", lambda part, store, count: RECIPES[:12])
+    monkeypatch.setattr(whole_command, "recipes_of", lambda part, count: RECIPES[:12])
     lines = CliRunner().invoke(
         whole_command.app, ["write-photos", *map(str, folders(tmp_path)), "-o", str(tmp_path / "p")]
     )
