@@ -24,7 +24,7 @@ from anyprobe.cli.export import export
 from anyprobe.cli.mask import mask
 from anyprobe.cli.match_folder import match
 from anyprobe.cli.material_list import materials
-from anyprobe.cli.options import line_of
+from anyprobe.cli.options import OPTIONS
 from anyprobe.cli.relight import relight
 from anyprobe.cli.serve import serve
 from anyprobe.cli.train import train, weights
@@ -83,7 +83,7 @@ def main(command: Callable[[], Any] = app) -> None:
         with own_lines():
             command()
     except AnyprobeError as error:
-        print(f"anyprobe: {line_of(error)}", file=sys.stderr)
+        print(f"anyprobe: {OPTIONS.line(error.notice)}", file=sys.stderr)
         sys.exit(2)
     except OSError as error:  # a folder that may not be looked into, a disk that is full
         where = error.filename or "a file"

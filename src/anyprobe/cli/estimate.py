@@ -18,6 +18,7 @@ from rich.progress import track
 from rich.table import Table
 
 from anyprobe.cli.options import (
+    OPTIONS,
     ColorspaceOption,
     DetailOptions,
     JsonOption,
@@ -27,8 +28,8 @@ from anyprobe.cli.options import (
     check_names,
     folder_option,
     hints_for,
-    line_of,
     list_photos,
+    photo_line,
     photo_name,
     photo_source,
     refuse_unused,
@@ -127,11 +128,11 @@ class EstimateCall:
             self._check(path, hints)
             photo = load_photo(photo_source(path), hints, name=photo_name(path), segmenter=self.estimator.segmenter)
             light = self.estimator.from_photo(photo, start)
-            return self._write(path, photo, light, sum(light.info["seconds"].values()))
+            return self._write(path, photo, light, sum((light.origin.seconds or {}).values()))
         except AnyprobeError as error:
-            line = _line(path, error)
+            line = photo_line(path, error)
             if self.as_json:
-                print(json.dumps({"photo": str(path), "error": line}), flush=True)
+                print(json.dumps({"photo": str(path), "error": line, "code": error.code}), flush=True)
             return Done(photo=path, error=line)
 
     def together(self, steps: Iterable[Path], poses: Path) -> Done:
@@ -151,7 +152,7 @@ class EstimateCall:
             try:
                 return load_photo(path, hints, segmenter=self.estimator.segmenter)
             except AnyprobeError as error:
-                raise InputError(_line(path, error)) from error
+                raise InputError(error, source=error.notice.source or path) from error
 
         photos = map(load, steps)
         first = next(photos)
@@ -176,7 +177,7 @@ class EstimateCall:
             files = {kind: str(target) for kind, target in written.items()}
             print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
         main = light.dominant_light()
-        uncertainty = light.info.get("uncertainty")
+        uncertainty = light.origin.uncertainty
         unsure = None if uncertainty is None else uncertainty.get("level_stops")
         crop = light.stages["photo"]
         pixels = crop[crop[..., 3] > 0.5]
@@ -189,14 +190,6 @@ class EstimateCall:
             seconds=seconds,
             warnings=light.warnings,
         )
-
-
-def _line(path: Path, error: AnyprobeError) -> str:
-    """One line that says which photo an error is of; that of its mask may not."""
-    text = line_of(error)
-    if not text.startswith((f"{path}: ", f"{photo_name(path)}: ")):
-        text = f"{path}: {text}"
-    return " ".join(text.splitlines())  # a name may hold a line break
 
 
 def _report(done: list[Done], talk: Console, out: Path) -> None:
@@ -223,4 +216,4 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
         name = written[0] if len(written) == 1 else "<stem>"
         talk.print(f"results: {out / name}.{{exr,hdr,json,png}}", soft_wrap=True)
     for warning in dict.fromkeys(line for one in done for line in one.warnings):
-        talk.print(f"warning: {line_of(warning)}", soft_wrap=True)
+        talk.print(f"warning: {OPTIONS.line(warning)}", soft_wrap=True)

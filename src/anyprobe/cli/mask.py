@@ -10,14 +10,15 @@ from typing import Annotated, Any
 import typer
 
 from anyprobe.cli.options import (
+    OPTIONS,
     JsonOption,
     MaskOptions,
     QuietOption,
     check_names,
     folder_option,
     hints_for,
-    line_of,
     list_photos,
+    photo_line,
     photo_name,
     photo_source,
     result_stem,
@@ -25,6 +26,7 @@ from anyprobe.cli.options import (
 )
 from anyprobe.errors import AnyprobeError, InputError, InvalidMask
 from anyprobe.hints import Hints
+from anyprobe.notices import give
 
 
 @with_bundles
@@ -61,10 +63,10 @@ def mask(
             elif not quiet:
                 typer.echo(_line(found))
             for warning in [] if quiet else found["warnings"]:
-                print(f"warning: {line_of(warning)}", file=sys.stderr)
+                print(f"warning: {OPTIONS.line(warning)}", file=sys.stderr)
             failed |= pointed.strict and bool(found["warnings"])
         except AnyprobeError as error:
-            print(f"anyprobe: {line_of(error)}", file=sys.stderr)
+            print(f"anyprobe: {photo_line(path, error)}", file=sys.stderr)
             failed = True
     if failed:
         raise typer.Exit(2)
@@ -86,7 +88,7 @@ def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: str
     targets = {kind: out / f"{result_stem(path, listed)}_{kind}.png" for kind in ("overlay", "mask")}
     check_names(path, listed, targets.values(), hints.files().values())
     if hints.depth is not None and hints.near is None and hints.far is None:
-        raise InvalidMask("--depth: expected --near or --far with it, where to cut, got neither; add one of them")
+        raise InvalidMask("expected where to cut, got neither", subject="depth", remedy=give("near", "far"))
     pixels = read_image(photo_source(path), photo_name(path), with_depth=is_carried(hints.depth))
     found = find_mask(pixels, **hints.place(), segmenter=segmenter)
     overlay = draw_overlay(pixels.rgb, found.mask, found.prompts.on, found.prompts.off)

@@ -14,13 +14,13 @@ from rich.table import Table
 
 from anyprobe.cli.export import target_names
 from anyprobe.cli.options import (
+    OPTIONS,
     JsonOption,
     ModelOptions,
     ObjectOptions,
     QuietOption,
     folder_option,
     hints_for,
-    line_of,
     photo_name,
     photo_source,
     result_stem,
@@ -28,6 +28,7 @@ from anyprobe.cli.options import (
 )
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
+from anyprobe.notices import Notice, give
 
 SURE = 0.5
 """Difference of misfits from which on one map is clearly better than another."""
@@ -78,23 +79,26 @@ def match(
     files = {one.rank: f"{stem}_{one.rank + 1}_{_file_name(one.name)}.exr" for one in chosen}
     warnings = [*light.warnings, *library.warnings]
     if light.pitch_deg is None and (light.shown is None or light.shown.behind is None):
-        warnings.append("the camera's pitch is not known: maps may be tilted; give it with --pitch")
+        text = "the camera's pitch is not known: maps may be tilted"
+        warnings.append(Notice(text, code="pitch-unknown", remedy=give("pitch_deg")))
     older = _older_maps(out, stem, set(files.values()))
     if older:
-        warnings.append(
-            f"{out}: has maps of this photo from earlier matches ({len(older)}, such as {older[0]}); delete them, "
+        text = (
+            f"has maps of this photo from earlier matches ({len(older)}, such as {older[0]}); delete them, "
             "or choose another folder with -o"
         )
+        warnings.append(Notice(text, code="older-results", source=out))
     with atomic_files(out) as scratch, talk.status("writing"):
         for one in chosen:
             one.write(scratch / files[one.rank])
         shown = [(one, one.radiance(256)) for one in chosen]
         apart = stops_apart(shown[0][1], light.radiance)
         if abs(apart) > STOPS_APART:
-            warnings.append(
+            text = (
                 f"the first map lights the object's visible side {apart:+.1f} stops beside the estimate: the object "
                 f"and what is behind it ask for different exposures; look at {stem}_match.png before you take it"
             )
+            warnings.append(Notice(text, code="match-level"))
         write_png(scratch / f"{stem}_match.png", draw_matches(loaded, light, shown))
         said = {
             "photo": loaded.name,
@@ -124,7 +128,7 @@ def match(
     if near > 1:
         talk.print(f"{near} of {len(ranked)} panoramas explain the photo about as well; look at {stem}_match.png")
     for warning in warnings:
-        talk.print(f"warning: {line_of(warning)}", soft_wrap=True)
+        talk.print(f"warning: {OPTIONS.line(warning)}", soft_wrap=True)
     talk.print(f"results: {out / stem}_*", soft_wrap=True)
     if taken.strict and warnings:
         raise typer.Exit(2)

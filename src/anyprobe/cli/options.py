@@ -12,18 +12,18 @@ import inspect
 import math
 import sys
 from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, fields, is_dataclass, make_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 import typer
 
-from anyprobe.errors import InputError, InvalidMask, MissingExtra, OutputError
+from anyprobe.errors import AnyprobeError, InputError, InvalidMask, MissingExtra, OutputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
 from anyprobe.files.exr import HEADER_BYTES, parse_header
 from anyprobe.files.paths import open_regular, visible_files
-from anyprobe.hints import HINTS, PICTURES, Hint, Hints, check_together, renamed, said_as
+from anyprobe.hints import HINTS, PICTURES, Hint, Hints
+from anyprobe.notices import Words
 
 if TYPE_CHECKING:
     from anyprobe.detail.library import Library
@@ -77,23 +77,23 @@ def _hint_option(hint: Hint) -> Any:
     return Annotated[list[kind] | None if hint.repeated else kind | None, option]
 
 
-def option_of(name: str) -> str:
-    """What the command line calls a hint."""
-    return f"--{HINTS[name].name}"
+class OptionWords(Words):
+    """Arguments as options of the command line."""
+
+    def name(self, argument: str) -> str:
+        """Return the option of a hint, a setting or a command's own parameter."""
+        if argument in ("photo", "photos", "clip"):
+            return argument.upper()
+        return f"--{HINTS[argument].name if argument in HINTS else argument.replace('_', '-')}"
+
+    def giving(self, argument: str, value: str) -> str:
+        """Return the option and what follows it."""
+        hint = HINTS.get(argument)
+        form = "NUMBER" if hint is None else hint.metavar or ("FILE" if hint.suffixes else "NUMBER")
+        return f"{self.name(argument)} {value or form}"
 
 
-def said_of_hints() -> AbstractContextManager[None]:
-    """What the library says of a hint is said of its option."""
-    return said_as(**{name: f"--{hint.name}" for field, hint in HINTS.items() for name in (field, hint.name)})
-
-
-def line_of(said: object) -> str:
-    """An error or a warning as one line that names options: `mask=` is `--mask FILE` there."""
-
-    def option(hint: Hint) -> str:
-        return f"--{hint.name} {hint.metavar or ('FILE' if hint.suffixes else 'NUMBER')}"
-
-    return renamed(" ".join(str(said).splitlines()), option)
+OPTIONS = OptionWords()
 
 
 TO_FIND = [name for name, hint in HINTS.items() if hint.about == "place" and name != "mask"]
@@ -124,13 +124,11 @@ class MaskOptions(_ToFind):
         """
         texts = {name: getattr(self, name, None) for name in HINTS}
         given = {name: text for name, text in texts.items() if text not in (None, [])}
-        check_together(list(given), option_of)
-        with said_of_hints():
-            hints = Hints(**{name: _read(HINTS[name], text) for name, text in given.items()} | more)
+        hints = Hints(**{name: _read(HINTS[name], text) for name, text in given.items()} | more)
         for name in ("mask", "depth"):
             path = hints.files().get(name)
             if path is not None and not path.exists():
-                raise InvalidMask(f"{option_of(name)} {path}: no such file or folder; check the path")
+                raise InvalidMask("no such file or folder; check the path", subject=name, source=path)
         return hints
 
 
@@ -286,6 +284,14 @@ def photo_name(path: Path) -> str:
     return "stdin" if path == STDIN else path.name
 
 
+def photo_line(photo: Path, error: AnyprobeError) -> str:
+    """Return an error as one line that begins with the photo."""
+    notice = error.notice
+    if notice.source in (str(photo), photo_name(photo)):
+        return f"{notice.source}: {OPTIONS.line(notice.of(''))}"
+    return " ".join(f"{photo}: {OPTIONS.line(notice)}".splitlines())  # a name may hold a line break
+
+
 def hints_for(photo: Path, hints: Hints) -> Hints:
     """The hints of one photo: folders of masks, depth images, normals or panoramas become the file of its name."""
     files: dict[str, Any] = {
@@ -309,7 +315,7 @@ def list_photos(photos: list[Path]) -> list[Path]:
         previews = {p.with_suffix(".png") for p in maps if p.with_suffix(".json").is_file()}
         found = [p for p in found if p.stem not in written and p not in maps | previews]
         if not found:
-            raise InputError(f"{path}: no photos in this folder; check the path")
+            raise InputError("no photos in this folder; check the path", source=path)
         chosen += found
     return list(dict.fromkeys(chosen))
 
@@ -336,22 +342,22 @@ def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given:
     """Refuse results of one name for two photos, and one that would replace a photo or what else is given."""
     twins = [other for other in listed if result_stem(other, listed) == result_stem(photo, listed)]
     if twins and twins[0] != photo:
-        raise OutputError(f"{photo}: expected names that differ, got {twins[0]} before it; rename one of them")
+        raise OutputError(f"expected names that differ, got {twins[0]} before it; rename one of them", source=photo)
     inputs = {one.resolve(): one for one in (*listed, *given) if isinstance(one, Path)}
     for target in targets:
         if target.resolve() in inputs:
             lost = inputs[target.resolve()]
-            raise OutputError(f"{photo}: the result would replace {lost}; choose another folder with -o")
+            raise OutputError(f"the result would replace {lost}; choose another folder with -o", source=photo)
 
 
-def pixels_of(option: str, text: str, count: int, form: str, example: str) -> tuple[float, ...]:
-    """So many numbers of an option's text; InvalidMask, with an example, for another."""
+def pixels_of(name: str, text: str, count: int, form: str, example: str) -> tuple[float, ...]:
+    """Return `count` numbers of the text of an option; InvalidMask, with an example, for another."""
     try:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
         numbers = ()
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        raise InvalidMask(f"{option}: expected {form} in pixels, got {text!r}; for instance {option} {example}")
+        raise InvalidMask(f"expected {form} in pixels, got {text!r}; for instance {example}", subject=name)
     return numbers
 
 
@@ -366,4 +372,5 @@ def _file_for(photo: Path, given: Path, kind: str, suffixes: tuple[str, ...]) ->
                 continue
             if candidate.resolve() != photo.resolve():
                 return candidate
-    raise InvalidMask(f"{photo}: expected {photo.stem}.png or {photo.stem}_{kind}.png in {given}, found neither")
+    text = f"expected {photo.stem}.png or {photo.stem}_{kind}.png in {given}, found neither"
+    raise InvalidMask(text, subject=kind, source=photo)

@@ -15,6 +15,7 @@ import numpy as np
 import typer
 
 from anyprobe.cli.options import (
+    OPTIONS,
     ColorspaceOption,
     DetailOptions,
     JsonOption,
@@ -22,7 +23,6 @@ from anyprobe.cli.options import (
     ObjectOptions,
     QuietOption,
     hints_for,
-    line_of,
     photo_name,
     photo_source,
     pixels_of,
@@ -30,8 +30,8 @@ from anyprobe.cli.options import (
     result_stem,
     with_bundles,
 )
-from anyprobe.errors import OutputError
-from anyprobe.hints import HINTS, said_as
+from anyprobe.errors import OutputError, arguments_named
+from anyprobe.hints import HINTS
 
 if TYPE_CHECKING:
     from anyprobe.estimate.ground import Ground
@@ -55,7 +55,7 @@ OF_ESTIMATES = [
     *("normals_from", "metal", "emitters", "model", "engine", "threads", "detail", "detail_library"),
 ]
 """Parameters that an estimate alone depends on."""
-placing = said_as(at="--at", size="--scale", turn_deg="--turn", pitch_deg="--pitch")
+placing = arguments_named(size="scale", turn_deg="turn")
 """Decorates what places an object."""
 SHAPES = "sphere, vase, pebble, block, solid"
 
@@ -80,7 +80,7 @@ class InsertOptions:
         """The pixel of --at; None where it is absent."""
         if self.at is None:
             return None
-        x, y = pixels_of("--at", self.at, 2, "X,Y", "400,380")
+        x, y = pixels_of("at", self.at, 2, "X,Y", "400,380")
         return x, y
 
     def refuse(self, context: typer.Context) -> None:
@@ -94,7 +94,7 @@ class InsertOptions:
         from anyprobe.relight.placement import check_height
         from anyprobe.scatter.materials import material_named
 
-        with said_as(material="--insert-material", object="--insert", mesh=f"--insert {insert}"):
+        with arguments_named(material="insert_material", object="insert", mesh="insert"):
             if self.insert_material != PHOTO_MATERIAL:
                 material_named(self.insert_material, PHOTO_MATERIAL)
             mesh = open_object(insert)
@@ -215,7 +215,7 @@ def relight(
     }
     for line in warnings:
         if not silent:
-            print(f"warning: {line_of(line)}", file=sys.stderr)
+            print(f"warning: {OPTIONS.line(line)}", file=sys.stderr)
     if as_json:
         print(json.dumps(summary))
     elif not quiet:

@@ -30,7 +30,9 @@ def check_detail(detail: str) -> bool:
 def check_rows(rows: int) -> None:
     """InputError where a map with detail cannot have so many rows."""
     if rows not in SIZES:
-        raise InputError(f"size: expected one of {', '.join(map(str, SIZES))} rows, got {rows}; choose another")
+        raise InputError(
+            f"expected one of {', '.join(map(str, SIZES))} rows, got {rows}; choose another", subject="size"
+        )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -71,11 +73,12 @@ def add_detail(
     """
     check_rows(rows)
     if seed < 0:
-        raise InputError(f"seed: expected 0 or more, got {seed}; 0 takes the best match")
+        raise InputError(f"expected 0 or more, got {seed}; 0 takes the best match", subject="seed")
     radiance = check_radiance(radiance, "estimate")
     if len(radiance) < MAP_HEIGHT:
         raise InputError(
-            f"estimate: expected at least {MAP_HEIGHT} rows, got {len(radiance)}; take the map as it was estimated"
+            f"expected at least {MAP_HEIGHT} rows, got {len(radiance)}; take the map as it was estimated",
+            subject="estimate",
         )
     library = library if isinstance(library, Library) else open_library(library)
     match = find_match(radiance, confidence, library, seed)

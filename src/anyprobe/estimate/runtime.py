@@ -341,7 +341,7 @@ def _open(path: Path, stage: str, threads: int | None) -> onnxruntime.InferenceS
     for key, value in {**CONTRACT, "stage": stage}.items():
         if found.get(key) != value:
             raise ModelError(
-                f"{path.name}: expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version"
+                f"expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version", source=path.name
             )
     if stage == WHOLE:
         _check_names(path, "inputs", WHOLE_INPUTS, session.get_inputs())
@@ -356,7 +356,8 @@ def _check_names(path: Path, what: str, expected: tuple[str, ...], found: list) 
     names = tuple(one.name for one in found)
     if names != expected:
         raise ModelError(
-            f"{path.name}: expected {what} {', '.join(expected)}, got {', '.join(names)}; use weights of this version"
+            f"expected {what} {', '.join(expected)}, got {', '.join(names)}; use weights of this version",
+            source=path.name,
         )
 
 
@@ -365,7 +366,7 @@ def file_hashes(model: str) -> dict[str, str]:
     folder = weights_folder(model)
     missing = next((stage for stage in stages_of(folder) if not (folder / f"{stage}.onnx").is_file()), None)
     if missing is not None:
-        raise ModelError(f"{folder}: expected {missing}.onnx in it, found none; get the whole model")
+        raise ModelError(f"expected {missing}.onnx in it, found none; get the whole model", source=folder)
     return {
         stage: hashlib.sha256((folder / f"{stage}.onnx").read_bytes()).hexdigest()[:12] for stage in stages_of(folder)
     }

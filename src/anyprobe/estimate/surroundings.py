@@ -95,14 +95,15 @@ def _read_panorama(source: SurroundingsSource) -> tuple[np.ndarray, bool]:
         linear = read_linear(source, MAX_PIXELS)
         picture = _displayed(source) if linear is None else linear
     except InputError as error:
-        raise InputError(f"surroundings: {error}") from error
+        raise InputError(f"{error}", subject="surroundings") from error
     height, width = picture.shape[:2]
     if width != 2 * height:
         raise InputError(
-            f"surroundings: expected a panorama twice as wide as high, or {PHOTO!r}, got {width} x {height} pixels"
+            f"expected a panorama twice as wide as high, or {PHOTO!r}, got {width} x {height} pixels",
+            subject="surroundings",
         )
     if not picture[..., 3].any():
-        raise InputError("surroundings: expected pixels that are not transparent, found none")
+        raise InputError("expected pixels that are not transparent, found none", subject="surroundings")
     return picture, linear is not None
 
 

@@ -36,7 +36,7 @@ def open_graph(path: Path, threads: int | None = None) -> onnxruntime.InferenceS
         return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # the runtime has no common base class for its errors
         raise ModelError(
-            f"{path.name}: expected a readable ONNX graph, got a damaged file; reinstall anyprobe"
+            "expected a readable ONNX graph, got a damaged file; reinstall anyprobe", source=path.name
         ) from error
 
 

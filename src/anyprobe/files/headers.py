@@ -123,17 +123,17 @@ def check_size(width: int, height: int, name: str) -> None:
     """InvalidPhoto where a picture is too large to be decoded or too small for a photo."""
     if width * height > MAX_PIXELS:
         raise InvalidPhoto(
-            f"{name}: expected at most {MAX_PIXELS // 1_000_000} million pixels, "
-            f"got {width} x {height}; shrink it first"
+            f"expected at most {MAX_PIXELS // 1_000_000} million pixels, got {width} x {height}; shrink it first",
+            source=name,
         )
     if max(width, height) > MAX_SIDE_PX:
         raise InvalidPhoto(
-            f"{name}: expected at most {MAX_SIDE_PX} pixels on either side, got {width} x {height}; cut it"
+            f"expected at most {MAX_SIDE_PX} pixels on either side, got {width} x {height}; cut it", source=name
         )
     if min(width, height) < MIN_SIDE_PX:
         raise InvalidPhoto(
-            f"{name}: expected at least {MIN_SIDE_PX} pixels on either side, "
-            f"got {width} x {height}; use the original photo"
+            f"expected at least {MIN_SIDE_PX} pixels on either side, got {width} x {height}; use the original photo",
+            source=name,
         )
 
 
@@ -186,6 +186,18 @@ def kind_of(head: bytes, num_bytes: int) -> str:
 def is_turned(image: Image.Image) -> bool:
     """Whether its reader has turned it already: a JPEG XL that is not a JPEG packed anew."""
     return image.format == "JXL" and not getattr(image, "jpeg", False)
+
+
+TURNS = {
+    2: Image.Transpose.FLIP_LEFT_RIGHT,
+    3: Image.Transpose.ROTATE_180,
+    4: Image.Transpose.FLIP_TOP_BOTTOM,
+    5: Image.Transpose.TRANSPOSE,
+    6: Image.Transpose.ROTATE_270,
+    7: Image.Transpose.TRANSVERSE,
+    8: Image.Transpose.ROTATE_90,
+}
+"""Turn that brings a picture upright, by EXIF orientation."""
 
 
 def orientation_of(image: Image.Image) -> int:
@@ -258,7 +270,9 @@ def _check_scans(stream: BinaryIO, name: str) -> None:
         at = marker.end()
         scans += marker[1] == b"\xda"
         if scans > MAX_SCANS:
-            raise InvalidPhoto(f"{name}: expected at most {MAX_SCANS} scans, got more; save it again as PNG or JPEG")
+            raise InvalidPhoto(
+                f"expected at most {MAX_SCANS} scans, got more; save it again as PNG or JPEG", source=name
+            )
         at += int.from_bytes(data[at : at + 2], "big") if marker[1] not in b"\x01\xd8" else 0
 
 

@@ -84,13 +84,13 @@ class SmallNetwork:
     def __init__(self, path: str | Path = "") -> None:
         path = Path(path) if path else default_graph()
         if not path.is_file():
-            raise ModelError(f"{path}: the mask network is missing; reinstall anyprobe")
+            raise ModelError("the mask network is missing; reinstall anyprobe", source=path)
         self._session = open_graph(path)
         found = self._session.get_modelmeta().custom_metadata_map
         for key, value in MASK_CONTRACT.items():
             if found.get(key) != value:
                 raise ModelError(
-                    f"{path.name}: expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version"
+                    f"expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version", source=path.name
                 )
 
     def cover(self, rgb, on=(), off=(), box=None) -> np.ndarray:

