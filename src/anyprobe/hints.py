@@ -293,7 +293,7 @@ def combine(hints: Hints | None, **given: Any) -> Hints:
     return replace(Hints() if hints is None else hints, **{name: one for name, one in given.items() if one is not None})
 
 
-def refuse_unknown(unknown: Mapping[str, Any], function: Callable[..., Any]) -> None:
+def check_keywords(unknown: Mapping[str, Any], function: Callable[..., Any]) -> None:
     """Refuse keywords that a function does not have.
 
     Raises:

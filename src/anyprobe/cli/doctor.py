@@ -15,8 +15,10 @@ import typer
 from rich.console import Console
 
 from anyprobe import __version__
+from anyprobe.cli.options import OPTIONS
 from anyprobe.errors import ModelError
 from anyprobe.estimate.runtime import DEFAULT_MODEL
+from anyprobe.notices import FETCH_MASKS
 
 
 def doctor(model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL) -> None:
@@ -95,11 +97,11 @@ def _numbers(version: str) -> tuple[int, ...]:
 
 def mask_network() -> str:
     """Which network finds objects in photos here."""
-    from anyprobe.masks.weights import REMEDY, SHA256, find_weights
+    from anyprobe.masks.weights import SHA256, find_weights
 
     found = find_weights()
     if found is None:
-        return f"masks by the small network alone; for U2-Net-p, which is right far more often, {REMEDY}"
+        return f"masks by the small network alone; for U2-Net-p, which is right far more often, {OPTIONS.action(FETCH_MASKS)}"
     return f"masks by U2-Net-p, {found.source}: {found.path} sha256 {SHA256}"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Never
@@ -13,83 +13,37 @@ import numpy as np
 
 from anyprobe.detail.background import background_of
 from anyprobe.detail.likeness import MATCH_ROWS, Shown, shown_by
-from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
+from anyprobe.detail.plausible import DETAILS, ROWS
 from anyprobe.errors import InputError
 from anyprobe.estimate.doubts import ground_doubts, light_doubts
+from anyprobe.estimate.known import FROM_DEPTH, PhotoBackground
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
-from anyprobe.estimate.photo import DEPTH, Background, Crop, Photo, crop_object, load_photo
+from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
 from anyprobe.estimate.refine import (
     ENOUGH_EXPOSED,
     camera_map,
     object_info,
     predict,
     well_exposed_fraction,
+    with_estimated_ground,
     with_exposure,
-    with_ground,
     with_material,
     with_surroundings,
 )
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, MODE, PHOTO_SIZE, Models, model_id
+from anyprobe.estimate.settings import Settings
 from anyprobe.estimate.sidecar import Origin
 from anyprobe.estimate.surroundings import radiance_of
 from anyprobe.files.images import ImageSource
 from anyprobe.given_material import Albedo, as_material
-from anyprobe.hints import Hints, NormalsEstimator, NormalsSource, SurroundingsSource, combine, refuse_unknown
+from anyprobe.hints import Hints, NormalsEstimator, NormalsSource, SurroundingsSource, check_keywords, combine
 from anyprobe.masks.depth import DepthSource
 from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.segmenters import SegmenterSource, load_segmenter
 from anyprobe.masks.sources import MaskSource
 from anyprobe.notices import leave_out
 from anyprobe.scatter.materials import Material
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Settings:
-    """How lights are estimated, whatever the photo.
-
-    Attributes:
-        model: name of a bundled one, "lift" or "paper", or a folder of graphs.
-        threads: of the engine; None leaves the choice to it.
-        engine: what runs the graphs: "onnxruntime", "openvino", "openvino-bf16" or "cuda".
-        emitters: "mode", light sources at their most likely positions (sharp shadows and highlights), or "expected",
-            the mean radiance over all positions (soft, and truer on matte objects).
-        segmenter: what finds the object in photos without a mask, instead of the built-in network: a name of
-            masks.segmenters ("rembg", "sam:FOLDER", a plug-in), or a Segmenter.
-        detail: "none", or "plausible": the structure of a real-looking place, see Light.with_detail; of single photos,
-            not of several together.
-        size: rows of a map with detail: 64, 128, 256 or 512.
-        detail_library: folder of maps that detail is from; None: our own.
-    Raises:
-        InputError: another detail or size.
-    """
-
-    model: str = DEFAULT_MODEL
-    threads: int | None = None
-    engine: str = DEFAULT_ENGINE
-    emitters: str = MODE
-    segmenter: SegmenterSource | None = None
-    detail: str = DETAILS[0]
-    size: int = ROWS
-    detail_library: str | Path | None = None
-
-    def __post_init__(self) -> None:
-        check_detail(self.detail)
-        check_rows(self.size)
-        if self.threads is not None and self.threads < 1:
-            raise InputError(
-                f"expected 1 or more, got {self.threads}; leave it out to use all cores", subject="threads"
-            )
-
-    def changes(self) -> dict[str, Any]:
-        """Return the settings that are not defaults."""
-        values = {one.name: (getattr(self, one.name), one.default) for one in fields(self)}
-        return {name: value for name, (value, default) in values.items() if value != default}
-
-    @property
-    def networks(self) -> tuple[str, int | None, str]:
-        """What the networks are opened by."""
-        return self.model, self.threads, self.engine
 
 
 class Estimator:
@@ -123,7 +77,7 @@ class Estimator:
             InputError, ModelError, MissingExtra: with one line that says what to do.
             TypeError: an unknown keyword; names the one that it is most like.
         """
-        refuse_unknown(unknown, Estimator.__init__)
+        check_keywords(unknown, Estimator.__init__)
         if isinstance(settings, str):
             model, settings = settings, None
         given = Settings(
@@ -157,7 +111,7 @@ class Estimator:
             settings: all of them; None: this one's.
             changes: fields of Settings to replace.
         """
-        refuse_unknown(
+        check_keywords(
             {name: one for name, one in changes.items() if name not in {own.name for own in fields(Settings)}}, Settings
         )
         settings = replace(settings or self.settings, **changes)
@@ -203,7 +157,7 @@ class Estimator:
             TypeError: an unknown keyword; names the one that it is most like.
         """
         start = time.perf_counter()
-        refuse_unknown(unknown, Estimator.__call__)
+        check_keywords(unknown, Estimator.__call__)
         hints = combine(
             hints,
             mask=mask,
@@ -291,7 +245,7 @@ class Estimator:
         exposed = well_exposed_fraction(crop.image)
         known = crop.surroundings_map if merged_surroundings is None else merged_surroundings
         found = predict(self.models, crop, photo.ground, material)
-        found = with_ground(found, crop)
+        found = with_estimated_ground(found, crop)
         found = with_material(found, crop, material)
         found = with_exposure(found, exposed)
         found = with_surroundings(found, known, tint=material is None)
@@ -342,9 +296,9 @@ class Estimator:
         """Leave out what nobody asked for where the model does not take it: the background, normals of a depth map."""
         if self.models.lifts:
             return crop, merged_surroundings
-        if isinstance(photo.surroundings, Background) and not photo.surroundings.is_asked:
+        if isinstance(photo.surroundings, PhotoBackground) and not photo.surroundings.is_asked:
             crop, merged_surroundings = replace(crop, surroundings_map=None), None
-        if photo.normals is not None and photo.normals.origin == DEPTH:
+        if photo.normals is not None and photo.normals.origin == FROM_DEPTH:
             crop = replace(crop, normals=None)
         return crop, merged_surroundings
 
@@ -414,7 +368,7 @@ def estimate(
         AnyprobeError: with one line that says what to do.
         TypeError: an unknown keyword; names the one that it is most like.
     """
-    refuse_unknown(unknown, estimate)
+    check_keywords(unknown, estimate)
     settings = Settings(
         model=model,
         threads=threads,

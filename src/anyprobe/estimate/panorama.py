@@ -14,7 +14,8 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.response import response
-from anyprobe.estimate.photo import Crop, Panorama, Photo, crop_object
+from anyprobe.estimate.known import Panorama
+from anyprobe.estimate.photo import Crop, Photo, crop_object
 from anyprobe.estimate.runtime import PHOTO_SIZE
 from anyprobe.estimate.surroundings import CLIPPED, LEAST_COVER, over, radiance_of, surroundings_of
 from anyprobe.light.environment import rotate

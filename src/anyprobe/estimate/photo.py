@@ -12,42 +12,23 @@ from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
 from anyprobe.detail.match import seen_in_photo
 from anyprobe.errors import InputError, InvalidMask
-from anyprobe.estimate.depth_normals import normals_from_depth
 from anyprobe.estimate.doubts import backdrop_doubts, exposure_doubts, scale_doubts
 from anyprobe.estimate.ground import NOTED, Ground, estimate_ground
-from anyprobe.estimate.normals_hint import SHORTEST, normals_from_outline, read_normals
-from anyprobe.estimate.normals_model import estimated_normals
+from anyprobe.estimate.known import KnownNormals, Panorama, PhotoBackground, asked_surroundings, find_normals
+from anyprobe.estimate.normals_hint import SHORTEST
 from anyprobe.estimate.runtime import NORMALS_SIZE
-from anyprobe.estimate.surroundings import (
-    at_rows,
-    hides_backdrop,
-    is_cut_out,
-    read_panorama,
-    turned,
-    visible_surroundings,
-)
+from anyprobe.estimate.surroundings import at_rows, hides_backdrop, is_cut_out, turned, visible_surroundings
 from anyprobe.estimate.window import sample_window
 from anyprobe.files.images import ImageSource, Pixels, read_image
 from anyprobe.given_material import Albedo
-from anyprobe.hints import (
-    AUTO,
-    NONE,
-    PHOTO,
-    SPHERE,
-    Hints,
-    NormalsEstimator,
-    NormalsSource,
-    SurroundingsSource,
-    combine,
-    refuse_unknown,
-)
+from anyprobe.hints import Hints, NormalsEstimator, NormalsSource, SurroundingsSource, check_keywords, combine
 from anyprobe.masks.check import object_box
-from anyprobe.masks.depth import DepthSource, chosen_depth, is_carried
+from anyprobe.masks.depth import DepthSource, is_carried
 from anyprobe.masks.find import find_mask
 from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.segmenters import SegmenterSource
 from anyprobe.masks.sources import MaskSource, mask_from_alpha
-from anyprobe.notices import Notice, as_notice, give, leave_out
+from anyprobe.notices import Notice, as_notice, leave_out
 from anyprobe.scatter.materials import Material
 
 DEFAULT_LONG_FOV_DEG: float = contract("lens")["default_long_fov_deg"]
@@ -62,42 +43,6 @@ CONTEXT_FINE: int = contract("sizes")["context_fine"]
 photo on one of its own from which on not all of them are looked at."""
 EXPOSURE_PIXELS: int = contract("exposure")["doubt"]["samples"]
 """Of the object that are enough to see how it is exposed."""
-
-
-DEPTH = "depth"
-"""Origin of normals that are from a depth image, which nobody gave as normals."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Background:
-    """Take what the photo shows around its object as part of the map.
-
-    is_asked: whether the caller asked for it, so that a photo without one is refused.
-    """
-
-    is_asked: bool = False
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Panorama:
-    """What a file says of the map, in the camera's frame, see estimate.surroundings.
-
-    small: [64, 128, 4 or 5]; full: the same with as many rows as the file has, 512 at most; None where nobody needs it.
-    """
-
-    small: np.ndarray
-    full: np.ndarray | None = None
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Normals:
-    """Normals of the object.
-
-    values: [H, W, 3] in the camera's frame, unit, or zero where unknown. origin: "given", or "depth".
-    """
-
-    values: np.ndarray
-    origin: str = "given"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -131,8 +76,8 @@ class Photo:
     warnings: tuple[Notice, ...]
     mask_source: str = "mask"
     mask_confidence: float | None = None
-    normals: Normals | None = None
-    surroundings: Background | Panorama | None = None
+    normals: KnownNormals | None = None
+    surroundings: PhotoBackground | Panorama | None = None
     ground: Ground | None = None
     exposure: float | None = None
     radiance: np.ndarray | None = None
@@ -142,7 +87,7 @@ class Photo:
 
     def seen(self, rows: int) -> np.ndarray | None:
         """What is known of the map, [rows, 2 rows, 4 or 5], for one with detail (detail.blend); None: nothing."""
-        if isinstance(self.surroundings, Background):
+        if isinstance(self.surroundings, PhotoBackground):
             beside = self.mask if self.hidden is None else np.maximum(self.mask, self.hidden)
             return seen_in_photo(self.rgb, beside, self.long_fov_deg, rows, self.radiance)
         panorama = self.surroundings.full if isinstance(self.surroundings, Panorama) else None
@@ -221,7 +166,7 @@ def load_photo(
         InvalidPhoto, InvalidMask, InputError: with one line that says what to do.
         TypeError: an unknown keyword; names the one that it is most like.
     """
-    refuse_unknown(unknown, load_photo)
+    check_keywords(unknown, load_photo)
     hints = combine(
         hints,
         mask=mask,
@@ -242,15 +187,15 @@ def load_photo(
     pixels = source
     if not isinstance(pixels, Pixels):
         pixels = read_image(pixels, name, with_depth=is_carried(hints.depth))
-    around = _asked_surroundings(hints.surroundings)
+    around = asked_surroundings(hints.surroundings)
     scale = scale_doubts(pixels.radiance, pixels.name)
     try:
         found = find_mask(pixels, **hints.place(), segmenter=segmenter)
     except InvalidMask as error:
         raise InvalidMask(error.notice.adding(scale[0].text) if scale else error) from error
     long_fov_deg, fov_source = _field_of_view(hints.fov_deg, pixels)
-    known, depth_doubts = _normals(hints, pixels, found.mask, long_fov_deg, fov_source)
-    is_whole = isinstance(around, Background) and around.is_asked
+    known, depth_doubts = find_normals(hints, pixels, found.mask, long_fov_deg, fov_source)
+    is_whole = isinstance(around, PhotoBackground) and around.is_asked
     exposure = () if scale else _exposure_doubts(pixels, found.mask)
     photo = Photo(
         rgb=pixels.rgb,
@@ -269,7 +214,7 @@ def load_photo(
         material=hints.surface(),
         hidden=None if is_whole else _hidden(pixels.alpha),
     )
-    if not isinstance(around, Background):
+    if not isinstance(around, PhotoBackground):
         return photo
     if not around.is_asked and is_cut_out(pixels.rgb, found.mask, pixels.alpha):
         is_opaque = pixels.alpha is None or mask_from_alpha(pixels.alpha) is None
@@ -277,14 +222,6 @@ def load_photo(
         doubts = backdrop_doubts(pixels.name) if doubtful else ()
         return replace(photo, surroundings=None, warnings=photo.warnings + doubts)
     return replace(photo, ground=_ground(photo, hints.pitch_deg, pixels.posture_deg))
-
-
-def _asked_surroundings(asked: SurroundingsSource | None) -> Background | Panorama | None:
-    """Read what a caller says of the surroundings; nothing said is "auto"."""
-    if asked is None or (isinstance(asked, str) and asked in (AUTO, PHOTO, NONE)):
-        return None if asked == NONE else Background(is_asked=asked == PHOTO)
-    small, full = read_panorama(asked)
-    return Panorama(small=small, full=full)
 
 
 def _field_of_view(given: float | None, pixels: Pixels) -> tuple[float, str]:
@@ -304,20 +241,6 @@ def _ground(photo: Photo, pitch_deg: float | None, posture_deg: tuple[float, flo
     return replace(estimate_ground(photo, pitch_deg=noted_pitch_deg, roll_deg=roll_deg), source=NOTED)
 
 
-def _normals(
-    hints: Hints, pixels: Pixels, mask: np.ndarray, long_fov_deg: float, fov_source: str
-) -> tuple[Normals | None, tuple[Notice, ...]]:
-    """Normals that are given, else those of a depth image, and what is doubtful of them."""
-    given = _known_normals(hints.normals, pixels.rgb, mask, long_fov_deg)
-    if given is not None:
-        return Normals(values=given), ()
-    depth = chosen_depth(hints.depth, pixels)
-    if depth is None:
-        return None, ()
-    values, doubts = _normals_by_depth(depth, mask, long_fov_deg, fov_source, pixels.name)
-    return None if values is None else Normals(values=values, origin=DEPTH), doubts
-
-
 def _hidden(alpha: np.ndarray | None) -> np.ndarray | None:
     """Photo.hidden of a picture's alpha; one that is transparent everywhere says nothing, as of its object."""
     hidden = None if alpha is None else alpha < 0.5
@@ -334,32 +257,6 @@ def _exposure_doubts(pixels: Pixels, mask: np.ndarray) -> tuple[Notice, ...]:
     """Warn of an object that is too dark or too bright."""
     radiance = None if pixels.radiance is None else _of_object(mask, pixels.radiance)
     return exposure_doubts(_of_object(mask, pixels.rgb), pixels.name, radiance)
-
-
-def _known_normals(
-    source: NormalsSource | NormalsEstimator | None, rgb: np.ndarray, mask: np.ndarray, long_fov_deg: float
-) -> np.ndarray | None:
-    if source is None:
-        return None
-    if callable(source):
-        return estimated_normals(source, rgb, mask, long_fov_deg)
-    if isinstance(source, str) and source == SPHERE:
-        return normals_from_outline(mask, long_fov_deg)
-    return read_normals(source, mask.shape)
-
-
-def _normals_by_depth(
-    source: DepthSource, mask: np.ndarray, long_fov_deg: float, fov_source: str, name: str
-) -> tuple[np.ndarray | None, tuple[Notice, ...]]:
-    """Normals of a depth image, None where they would be worse than the network's, and what is doubtful of them."""
-    found = normals_from_depth(source, mask, long_fov_deg)
-    if found.normals is None:
-        text = f"{found.doubt}; normals are estimated from the photo"
-        return None, (Notice(text, code="depth-unused", source=name, remedy=give("normals")),)
-    if fov_source == "default":
-        text = f"normals are from depth seen through an assumed lens of {long_fov_deg:g} degrees"
-        return found.normals, (Notice(text, code="assumed-lens", source=name, remedy=give("fov_deg")),)
-    return found.normals, ()
 
 
 def crop_object(photo: Photo, size: int = 128) -> Crop:
@@ -387,7 +284,7 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
     radiance = None
     if photo.radiance is not None:
         radiance = np.maximum(sample_window(photo.radiance, photo.mask, center, side, size)[..., :3], 0.0)
-    surroundings_map, background = None, photo.surroundings if isinstance(photo.surroundings, Background) else None
+    surroundings_map, background = None, photo.surroundings if isinstance(photo.surroundings, PhotoBackground) else None
     if background is not None:
         surroundings_map = visible_surroundings(
             photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half), photo.radiance, photo.hidden

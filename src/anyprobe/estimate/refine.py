@@ -45,7 +45,7 @@ def predict(models: Models, crop: Crop, ground: Ground | None, material: Materia
     return Prediction(outputs=outputs, ground=ground, used={"normals": crop.normals is not None})
 
 
-def with_ground(found: Prediction, crop: Crop) -> Prediction:
+def with_estimated_ground(found: Prediction, crop: Crop) -> Prediction:
     """Replace a guessed ground by the networks' own estimate."""
     ground, posture = found.ground, found.outputs.posture
     if ground is None or ground.is_known or posture is None:

@@ -130,14 +130,14 @@ def restored(said: Mapping[str, Any], path: Path) -> dict[str, Any]:
         lines, notices = said.get("warnings", ()), said.get("notices", ())
         warnings = tuple(map(Notice.from_json, notices)) if notices else tuple(as_notice(str(line)) for line in lines)
         camera_from_crop = np.array(said.get("camera_from_crop", np.eye(3)), dtype=np.float64)
+        origin = Origin.from_json({name: value for name, value in said.items() if name not in OF_THE_MAP})
     except (KeyError, TypeError, ValueError, OverflowError):
-        exposed, warnings, camera_from_crop = np.nan, (), np.zeros(0)
+        exposed, warnings, camera_from_crop, origin = np.nan, (), np.zeros(0), Origin()
     if not (0 <= exposed <= 1 and is_rotation(camera_from_crop)):
         raise InputError(
             "expected the .json beside it as it was written, got another well_exposed_fraction or "
             "camera_from_crop; save the light again, or move the .json away",
             source=path,
         )
-    origin = {name: value for name, value in said.items() if name not in OF_THE_MAP}
     attributes = {"well_exposed_fraction": exposed, "warnings": warnings, "camera_from_crop": camera_from_crop}
-    return attributes | {"origin": Origin.from_json(origin)}
+    return attributes | {"origin": origin}

@@ -227,9 +227,8 @@ def read_channels(
         if isinstance(error, fault):
             raise
         advice = "save it flat" if "deep" in str(error) else "save it again"
-        raise fault(
-            f"expected an OpenEXR picture, got a damaged or empty file ({error}); {advice}", source=name
-        ) from error
+        text = f"expected an OpenEXR picture, got a damaged or empty file ({error}); {advice}"
+        raise fault(text, source=name) from error
     width, height = np.maximum(header.display[1] - header.display[0], header.data[1] - header.data[0]).tolist()
     if header.decoded > max_pixels:
         raise fault(

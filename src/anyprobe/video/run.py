@@ -17,8 +17,9 @@ from anyprobe.detail.match import exposed_match, hold_match
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import Ground
+from anyprobe.estimate.known import Panorama
 from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
-from anyprobe.estimate.photo import Panorama, Photo
+from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import FRAME, SCALE
 from anyprobe.estimate.surroundings import turned

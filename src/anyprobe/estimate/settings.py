@@ -1,0 +1,60 @@
+"""How lights are estimated, whatever the photo."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
+from anyprobe.errors import InputError
+from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, MODE
+from anyprobe.masks.segmenters import SegmenterSource
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Settings:
+    """How lights are estimated, whatever the photo.
+
+    Attributes:
+        model: name of a bundled one, "lift" or "paper", or a folder of graphs.
+        threads: of the engine; None leaves the choice to it.
+        engine: what runs the graphs: "onnxruntime", "openvino", "openvino-bf16" or "cuda".
+        emitters: "mode", light sources at their most likely positions (sharp shadows and highlights), or "expected",
+            the mean radiance over all positions (soft, and truer on matte objects).
+        segmenter: what finds the object in photos without a mask, instead of the built-in network: a name of
+            masks.segmenters ("rembg", "sam:FOLDER", a plug-in), or a Segmenter.
+        detail: "none", or "plausible": the structure of a real-looking place, see Light.with_detail; of single photos,
+            not of several together.
+        size: rows of a map with detail: 64, 128, 256 or 512.
+        detail_library: folder of maps that detail is from; None: our own.
+    Raises:
+        InputError: another detail or size.
+    """
+
+    model: str = DEFAULT_MODEL
+    threads: int | None = None
+    engine: str = DEFAULT_ENGINE
+    emitters: str = MODE
+    segmenter: SegmenterSource | None = None
+    detail: str = DETAILS[0]
+    size: int = ROWS
+    detail_library: str | Path | None = None
+
+    def __post_init__(self) -> None:
+        check_detail(self.detail)
+        check_rows(self.size)
+        if self.threads is not None and self.threads < 1:
+            raise InputError(
+                f"expected 1 or more, got {self.threads}; leave it out to use all cores", subject="threads"
+            )
+
+    def changes(self) -> dict[str, Any]:
+        """Return the settings that are not defaults."""
+        values = {one.name: (getattr(self, one.name), one.default) for one in fields(self)}
+        return {name: value for name, (value, default) in values.items() if value != default}
+
+    @property
+    def networks(self) -> tuple[str, int | None, str]:
+        """What the networks are opened by."""
+        return self.model, self.threads, self.engine
