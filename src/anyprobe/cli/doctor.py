@@ -101,7 +101,8 @@ def mask_network() -> str:
 
     found = find_weights()
     if found is None:
-        return f"masks by the small network alone; for U2-Net-p, which is right far more often, {OPTIONS.action(FETCH_MASKS)}"
+        advice = OPTIONS.action(FETCH_MASKS)
+        return f"masks by the small network alone; for U2-Net-p, which is right far more often, {advice}"
     return f"masks by U2-Net-p, {found.source}: {found.path} sha256 {SHA256}"
 
 
