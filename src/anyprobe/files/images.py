@@ -193,7 +193,8 @@ def _from_stream(
         if found is not None:
             return _from_float_tiff(found, name, as_data)
         expected = "expected an image (JPEG, PNG, WebP, TIFF, HEIC, AVIF, EXR, RAW, ...), got"
-        raise InvalidPhoto(f"{expected} {kind_of(head, num_bytes)}", source=name) from error
+        kind, remedy = kind_of(head, num_bytes)
+        raise InvalidPhoto(f"{expected} {kind}", source=name, remedy=remedy) from error
     with image:
         if image.format == "TIFF" and image.mode == "F":
             stream.seek(0)

@@ -173,7 +173,7 @@ def _nothing(pixels: Pixels, prompts: Prompts) -> InvalidMask:
 def _doubt(name: str, confidence: float, doubts: list[str]) -> Notice:
     because = f": {doubts[0]}" if doubts else ""
     return Notice(
-        f"the mask may be wrong (expected IoU {confidence:.2f}{because}); look at it",
+        f"the mask may be wrong (expected quality {confidence:.2f}{because})",
         code="mask-doubtful",
         source=name,
         remedy=give("box", "click", "exclude", "mask"),

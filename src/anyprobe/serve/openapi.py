@@ -51,7 +51,7 @@ _REMEDY = {"do": {"enum": ["give", "leave out", "run"]}, "name": {"type": "strin
 _PROBLEM = {
     "type": "object",
     "properties": {
-        **{name: {"type": "string"} for name in ("type", "title", "detail", "code")},
+        **{name: {"type": "string"} for name in ("type", "title", "detail", "code", "text")},
         "status": {"type": "integer"},
         "subject": {**_NAMES, "description": "fields that the error is about"},
         "remedy": {"type": "array", "items": {"type": "object", "properties": _REMEDY}},

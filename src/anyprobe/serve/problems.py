@@ -38,7 +38,7 @@ def problem(status: int, notice: str, headers: Mapping[str, str] | None = None) 
     body = {"type": "about:blank", "title": title, "status": status, "detail": FIELDS.line(notice), "code": code}
     if isinstance(notice, Notice):
         said = notice_json(notice)
-        body |= {name: said[name] for name in ("subject", "remedy") if said[name]}
+        body |= {name: said[name] for name in ("text", "subject", "remedy") if said[name]}
     return JSONResponse(body, status, dict(headers or {}), media_type=MEDIA_TYPE)
 
 

@@ -7,6 +7,7 @@
  */
 
 import { AnyProbeError, sentError } from "../errors.js";
+import { notice } from "../notices.js";
 import { describe } from "../light/light.js";
 import { shadeSpheres } from "../light/spheres.js";
 import { cropNormals, cropObject } from "../photo/crop.js";
@@ -117,7 +118,7 @@ async function findMask(picture, hints, isGivenUp) {
 async function searchBy(network, picture, hints) {
   const found = await findObject(network, picture, hints);
   const { width, height } = picture;
-  const nothing = { mask: new Float32Array(width * height), quality: 0, warnings: ["Nothing stands out there."] };
+  const nothing = { mask: new Float32Array(width * height), quality: 0, warnings: [notice("no-object", "nothing stands out there")] };
   if (!found) return nothing;
   const evidence = examine(found, width, height, hints);
   const quality = expectedIou(evidence, network.name);
