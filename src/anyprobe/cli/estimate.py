@@ -85,7 +85,7 @@ def estimate(
         refuse_unused(context, "beside --poses", "detail", "detail_library", "size")
     hints = taken.hints()
     listed = list_photos(photos)
-    estimator = by.estimator(segmenter=taken.segmenter, **fine.settings(size))
+    estimator = by.estimator(segmenter=taken.finder.segmenter, **fine.settings(size))
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     steps = track(listed, "estimating", console=talk, transient=True, disable=len(listed) < 2 or not talk.is_terminal)
     call = EstimateCall(

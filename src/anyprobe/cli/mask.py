@@ -57,7 +57,7 @@ def mask(
     failed = False
     for path in listed:
         try:
-            found = _one(path, out, hints_for(path, hints), listed, pointed.segmenter)
+            found = _one(path, out, hints_for(path, hints), listed, pointed.finder.segmenter)
             if as_json:
                 print(json.dumps(found), flush=True)
             elif not quiet:

@@ -70,7 +70,7 @@ def match(
     if out.resolve() == folder.resolve() or folder.resolve() in out.resolve().parents:
         raise InputError(f"-o {out}: is within the folder of panoramas, which it would add to; choose another")
     hints = hints_for(photo, taken.hints())
-    estimator = by.estimator(segmenter=taken.segmenter)
+    estimator = by.estimator(segmenter=taken.finder.segmenter)
     loaded = load_photo(photo_source(photo), hints, name=photo_name(photo), segmenter=estimator.segmenter)
     light = estimator.from_photo(loaded)
     with talk.status("comparing"):

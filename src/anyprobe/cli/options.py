@@ -1,7 +1,8 @@
 """Options that commands share: what the photographed object is and where, and how its light is estimated.
 
 A command takes a bundle as one argument, `taken: Annotated[PhotoOptions, ...]`, and `with_bundles`
-spreads its fields into the command's own options, so that one option means the same everywhere.
+makes its fields the command's own options, so that one option means the same everywhere. Hints and Settings name and
+describe theirs.
 """
 
 from __future__ import annotations
@@ -12,18 +13,19 @@ import inspect
 import math
 import sys
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields, is_dataclass, make_dataclass, replace
+from dataclasses import Field, dataclass, fields, is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import typer
 
+from anyprobe.detail.plausible import DETAILS
 from anyprobe.errors import AnyprobeError, InputError, InvalidMask, MissingExtra, OutputError
-from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
+from anyprobe.estimate.settings import Settings
 from anyprobe.files.exr import HEADER_BYTES, parse_header
 from anyprobe.files.paths import open_regular, visible_files
 from anyprobe.hints import HINTS, PICTURES, Hint, Hints
-from anyprobe.notices import Words
+from anyprobe.notices import Words, give
 
 if TYPE_CHECKING:
     from anyprobe.detail.library import Library
@@ -55,12 +57,6 @@ def _folder(out: Path | None) -> Path | None:
             f"-o {out}: expected a folder, got a name that ends in {out.suffix}; leave that out, or make the folder"
         )
     return out
-
-
-def _options_of(hints: Iterable[str]) -> Any:
-    """A dataclass with an option for each of these hints."""
-    options = [(name, _hint_option(HINTS[name]), None) for name in hints]
-    return make_dataclass("HintOptions", options, frozen=True, kw_only=True)
 
 
 def _hint_option(hint: Hint) -> Any:
@@ -96,40 +92,31 @@ class OptionWords(Words):
 OPTIONS = OptionWords()
 
 
-TO_FIND = [name for name, hint in HINTS.items() if hint.about == "place" and name != "mask"]
+TO_FIND = tuple(name for name, hint in HINTS.items() if hint.about == "place" and name != "mask")
 """Hints by which a mask is found."""
-_ToFind: Any = _options_of(TO_FIND)
-_Others: Any = _options_of(name for name in HINTS if name not in TO_FIND)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class MaskOptions(_ToFind):
+class MaskOptions:
     """Where the object is."""
 
-    segmenter: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME[:ARGUMENT]",
-            help="Segmenter to use instead of the built-in network: rembg[:MODEL], sam:FOLDER or a plug-in.",
-        ),
-    ] = None
+    given: Annotated[Hints, TO_FIND]
+    finder: Annotated[Settings, ("segmenter",)]
     strict: Annotated[
         bool, typer.Option("--strict", help="Exit with status 2 if a result has a warning; it is written all the same.")
     ] = False
 
-    def hints(self, **more: Any) -> Hints:
-        """What the options give, and more; or one line on what does not go together.
+    def hints(self) -> Hints:
+        """Return what the options give. Files may still be folders: hints_for makes them one photo's.
 
-        Files may still be folders: hints_for makes them one photo's.
+        Raises:
+            InvalidMask: no such file or folder.
         """
-        texts = {name: getattr(self, name, None) for name in HINTS}
-        given = {name: text for name, text in texts.items() if text not in (None, [])}
-        hints = Hints(**{name: _read(HINTS[name], text) for name, text in given.items()} | more)
         for name in ("mask", "depth"):
-            path = hints.files().get(name)
+            path = self.given.files().get(name)
             if path is not None and not path.exists():
                 raise InvalidMask("no such file or folder; check the path", subject=name, source=path)
-        return hints
+        return self.given
 
 
 def _read(hint: Hint, given: Any) -> Any:
@@ -142,9 +129,10 @@ def _read(hint: Hint, given: Any) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ObjectOptions(_Others, MaskOptions):
+class ObjectOptions(MaskOptions):
     """Where the object is and what is given of it, of its surroundings and of the camera."""
 
+    given: Annotated[Hints, tuple(HINTS)]
     normals_from: Annotated[
         Path | None,
         typer.Option(
@@ -154,19 +142,22 @@ class ObjectOptions(_Others, MaskOptions):
     ] = None
     metal: Annotated[bool, typer.Option("--metal", help="The object is bare metal: chrome, if no --material.")] = False
 
-    def hints(self, **more: Any) -> Hints:
+    def hints(self) -> Hints:
+        """Return what the options give, with the normals' estimator opened."""
         from anyprobe.estimate.normals_model import open_normals_model
 
+        hints = MaskOptions.hints(self)
         if self.normals_from is not None:
-            if self.normals is not None:
-                raise InputError("--normals and --normals-from: expected one of them, got both")
-            more["normals"] = open_normals_model(self.normals_from)
-        if self.metal and self.material is None:
-            more["material"] = "chrome"
-        hints = MaskOptions.hints(self, **more)
-        surface = hints.surface() if self.metal else None
+            if hints.normals is not None:
+                raise InputError("expected one of them, got both", subject=("normals", "normals_from"))
+            hints = replace(hints, normals=open_normals_model(self.normals_from))
+        if not self.metal:
+            return hints
+        hints = hints if hints.material is not None else replace(hints, material="chrome")
+        surface = hints.surface()
         if surface is not None and surface.albedo.any():
-            raise InputError(f"--metal and --material {self.material}: expected a metal, got another; leave one out")
+            text = "expected a metal, got another; leave one out"
+            raise InputError(text, subject=("metal", "material"), source=hints.material)
         return hints
 
 
@@ -174,82 +165,108 @@ class ObjectOptions(_Others, MaskOptions):
 class ModelOptions:
     """What estimates, and how."""
 
-    emitters: Annotated[
-        str,
-        typer.Option(
-            metavar="mode|expected",
-            help="mode: light sources at their most likely positions, with sharp shadows and highlights; expected: "
-            "the mean over all positions, with soft shadows and a smaller error on matte objects.",
-        ),
-    ] = MODE
-    model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL
-    engine: Annotated[str, typer.Option(metavar="NAME", help=f"Engine: {', '.join(ENGINES)}.")] = DEFAULT_ENGINE
-    threads: Annotated[int | None, typer.Option(min=1, help="Threads of the engine; default: its choice.")] = None
+    settings: Annotated[Settings, ("emitters", "model", "engine", "threads")]
 
     def estimator(self, **more: Any) -> Estimator:
         """Opened by these options."""
         from anyprobe.estimate.estimator import Estimator
 
-        return Estimator(self.model, threads=self.threads, engine=self.engine, emitters=self.emitters, **more)
+        return Estimator(replace(self.settings, **more))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class DetailOptions:
     """Where a map's detail is from."""
 
-    detail: Annotated[
-        str,
-        typer.Option(
-            metavar="none|plausible",
-            help="plausible: add invented high-frequency detail that fits the estimate, for sharp reflections.",
-        ),
-    ] = "none"
-    detail_library: Annotated[
-        Path | None, typer.Option(help="Folder of .exr and .hdr maps to take it from; default: the built-in library.")
-    ] = None
+    given: Annotated[Settings, ("detail", "detail_library")]
 
     def settings(self, size: int | None = None) -> dict[str, Any]:
         """For Estimator; size: of --size. InputError for what does nothing without detail."""
-        from anyprobe.detail.plausible import check_detail
-
-        given = {name: it for name, it in (("size", size), ("detail_library", self.detail_library)) if it is not None}
-        if not check_detail(self.detail) and given:
-            option = f"--{next(iter(given)).replace('_', '-')}"
-            raise InputError(f"{option}: does nothing without --detail plausible; add that, or leave it out")
-        return {"detail": self.detail, **given}
+        library = self.given.detail_library
+        given = {name: it for name, it in (("size", size), ("detail_library", library)) if it is not None}
+        if self.given.detail == DETAILS[0] and given:
+            remedy = give(detail=DETAILS[1])
+            raise InputError("does nothing without detail", subject=next(iter(given)), remedy=remedy)
+        return {"detail": self.given.detail, **given}
 
     def library(self) -> Library | None:
         """What detail is from; None where none is asked for."""
         from anyprobe.detail.library_folder import open_library
 
-        return None if self.settings()["detail"] == "none" else open_library(self.detail_library)
+        is_asked = self.settings()["detail"] != DETAILS[0]
+        return open_library(self.given.detail_library) if is_asked else None
 
 
 def with_bundles(command: Callable[..., None]) -> Callable[..., None]:
-    """The command with each parameter that is annotated with a dataclass of options replaced by its fields."""
+    """Return the command with its parameters that are dataclasses of options replaced by these options.
+
+    A field of such a dataclass is an option, or `Annotated[Hints, names]` or `Annotated[Settings, names]`: an option
+    for each of these fields of Hints or Settings, from their own descriptions.
+    """
     hints = get_type_hints(command, include_extras=True)
-    spread: list[inspect.Parameter] = []
+    options: list[inspect.Parameter] = []
     bundles: dict[str, type] = {}
     for parameter in inspect.signature(command).parameters.values():
         kind = hints[parameter.name]
         if isinstance(kind, type) and is_dataclass(kind):
             bundles[parameter.name] = kind
-            inner = get_type_hints(kind, include_extras=True)
-            spread += [_option(one.name, inner[one.name], one.default) for one in fields(kind)]
+            options += _options_of(kind)
         else:
-            spread.append(_option(parameter.name, hints[parameter.name], parameter.default))
+            options.append(_option(parameter.name, kind, parameter.default))
 
     @functools.wraps(command)
     def run(**values: Any) -> None:
-        made = {
-            name: kind(**{one.name: values.pop(one.name) for one in fields(kind)}) for name, kind in bundles.items()
-        }
+        made = {name: _bundle(kind, values) for name, kind in bundles.items()}
         command(**made, **values)
 
-    run.__signature__ = inspect.Signature(spread)  # type: ignore[attr-defined]  # what typer reads
-    run.__annotations__ = {one.name: one.annotation for one in spread}
+    run.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]  # what typer reads
+    run.__annotations__ = {one.name: one.annotation for one in options}
     del run.__wrapped__
     return run
+
+
+def _options_of(bundle: type) -> list[inspect.Parameter]:
+    """The options of a bundle's fields."""
+    inner, found = get_type_hints(bundle, include_extras=True), []
+    for one in fields(bundle):
+        kind, names = _group(inner[one.name])
+        if kind is Hints:
+            found += [_option(name, _hint_option(HINTS[name]), None) for name in names]
+        elif kind is Settings:
+            found += [_setting_option(setting) for setting in fields(Settings) if setting.name in names]
+        else:
+            found.append(_option(one.name, inner[one.name], one.default))
+    return found
+
+
+def _bundle(bundle: type, values: dict[str, Any]) -> Any:
+    """A bundle made of its options' values, which are taken out of these."""
+    inner, made = get_type_hints(bundle, include_extras=True), {}
+    for one in fields(bundle):
+        kind, names = _group(inner[one.name])
+        if kind is Hints:
+            given = {name: values.pop(name) for name in names}
+            made[one.name] = Hints(
+                **{name: _read(HINTS[name], it) for name, it in given.items() if it not in (None, [])}
+            )
+        elif kind is Settings:
+            made[one.name] = Settings(**{name: values.pop(name) for name in names})
+        else:
+            made[one.name] = values.pop(one.name)
+    return bundle(**made)
+
+
+def _group(annotation: Any) -> tuple[Any, tuple[str, ...]]:
+    """Hints or Settings and the names of Annotated[Hints, names]; None for another annotation."""
+    kind, *names = get_args(annotation) if get_origin(annotation) is Annotated else (None,)
+    return (kind, names[0]) if kind in (Hints, Settings) else (None, ())
+
+
+def _setting_option(setting: Field[Any]) -> inspect.Parameter:
+    kinds: dict[str, Any] = {"threads": int | None, "size": int, "detail_library": Path | None, "segmenter": str | None}
+    name = f"--{setting.name.replace('_', '-')}"
+    option = typer.Option(name, metavar=setting.metadata["metavar"], help=setting.metadata["help"])
+    return _option(setting.name, Annotated[kinds.get(setting.name, str), option], setting.default)
 
 
 def _option(name: str, annotation: Any, default: Any) -> inspect.Parameter:

@@ -148,7 +148,7 @@ def relight(
     if strip:
         refuse_unused(context, "beside --strip, which shows all materials", "insert_material")
     material, size, strict = placed.insert_material, placed.scale, taken.strict
-    hints, segmenter = hints_for(photo, taken.hints()), taken.segmenter
+    hints, segmenter = hints_for(photo, taken.hints()), taken.finder.segmenter
     foot, mesh = placed.foot(), placed.mesh(insert)
     out = out or Path("relit") / f"{result_stem(photo, [photo])}_relit.png"
     kind = out.suffix.lower()

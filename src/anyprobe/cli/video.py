@@ -78,8 +78,8 @@ def video(
     object_material = hints.surface()
     folders = {kind: path for kind, path in hints.files().items() if kind in HINT_SUFFIXES}
     first: dict[str, Any] = {key: value for key, value in hints.given() if key in ("click", "exclude", "box")}
-    if taken.segmenter:
-        first["segmenter"] = taken.segmenter
+    if taken.finder.segmenter:
+        first["segmenter"] = taken.finder.segmenter
     foot = placed.foot()
     if poses is not None and name is not None:
         raise InputError("--poses and --insert: expected one of them; relit clips need a camera that stands still")
@@ -114,7 +114,7 @@ def video(
         "normals_from": None if taken.normals_from is None else str(taken.normals_from),
         "poses": None if turned is None else digest_of([turned.tobytes()]),
         **follower.content(),
-        "emitters": by.emitters,
+        "emitters": by.settings.emitters,
         "object_material": None if object_material is None else repr(object_material),
         "insert": name,
         "insert_digest": None if given_mesh is None else digest_of([part.tobytes() for part in given_mesh]),

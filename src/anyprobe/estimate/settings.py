@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
 from anyprobe.errors import InputError
-from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, MODE
+from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
 from anyprobe.masks.segmenters import SegmenterSource
+
+
+def _setting(default: Any, help: str, metavar: str | None = None) -> Any:
+    return field(default=default, metadata={"help": help, "metavar": metavar})
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -32,14 +36,29 @@ class Settings:
         InputError: another detail or size.
     """
 
-    model: str = DEFAULT_MODEL
-    threads: int | None = None
-    engine: str = DEFAULT_ENGINE
-    emitters: str = MODE
-    segmenter: SegmenterSource | None = None
-    detail: str = DETAILS[0]
-    size: int = ROWS
-    detail_library: str | Path | None = None
+    model: str = _setting(DEFAULT_MODEL, "Bundled model or folder of ONNX graphs.")
+    threads: int | None = _setting(None, "Threads of the engine; default: its choice.")
+    engine: str = _setting(DEFAULT_ENGINE, f"Engine: {', '.join(ENGINES)}.", "NAME")
+    emitters: str = _setting(
+        MODE,
+        "mode: light sources at their most likely positions, with sharp shadows and highlights; expected: "
+        "the mean over all positions, with soft shadows and a smaller error on matte objects.",
+        "mode|expected",
+    )
+    segmenter: SegmenterSource | None = _setting(
+        None,
+        "Segmenter to use instead of the built-in network: rembg[:MODEL], sam:FOLDER or a plug-in.",
+        "NAME[:ARGUMENT]",
+    )
+    detail: str = _setting(
+        DETAILS[0],
+        "plausible: add invented high-frequency detail that fits the estimate, for sharp reflections.",
+        "none|plausible",
+    )
+    size: int = _setting(ROWS, "Rows of a map with detail: 64, 128, 256 or 512.")
+    detail_library: str | Path | None = _setting(
+        None, "Folder of .exr and .hdr maps to take it from; default: the built-in library."
+    )
 
     def __post_init__(self) -> None:
         check_detail(self.detail)
