@@ -23,7 +23,7 @@ ROWS = SIZES[-1]
 def check_detail(detail: str) -> bool:
     """Whether detail is asked for; InputError where the word is none of DETAILS."""
     if detail not in DETAILS:
-        raise InputError(f"detail {detail!r}: expected one of {', '.join(DETAILS)}")
+        raise InputError(f"expected one of {', '.join(DETAILS)}, got {detail!r}", subject="detail")
     return detail != DETAILS[0]
 
 
