@@ -50,7 +50,7 @@ def complaint(answer, status: int) -> str:
     """The one line of an answer that refuses."""
     assert answer.status_code == status, answer.text
     assert set(answer.json()) == {"error"}
-    line = answer.json()["error"]
+    line = answer.json()["detail"]
     assert "\n" not in line
     assert "Traceback" not in line
     return line

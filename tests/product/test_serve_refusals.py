@@ -53,7 +53,7 @@ def as_hdr(radiance: np.ndarray, folder) -> bytes:
 def refusal(answer, status: int = 422) -> str:
     """The one line of an answer that refuses."""
     assert answer.status_code == status, answer.text
-    line = answer.json()["error"]
+    line = answer.json()["detail"]
     assert "\n" not in line
     return line
 
