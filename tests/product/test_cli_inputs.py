@@ -173,7 +173,7 @@ def test_an_error_of_a_mask_names_the_photo_it_is_of(work, command, photo_rgba, 
         (("--size", "256", "--detail", "sharp"), "expected one of none, plausible"),
         (("--material", "wood"), "--material: expected one of chrome"),
         (("--albedo", "7"), "--albedo: expected one number"),
-        (("--emitters", "bright"), "emitters 'bright': expected one of mode, expected"),
+        (("--emitters", "bright"), "--emitters: expected one of mode, expected, got 'bright'"),
         (("--emitters", "expected", "--model", "paper"), "got paper; use lift"),
     ],
 )

@@ -118,10 +118,10 @@ def portrait() -> bytes:
 def test_it_gives_normals_and_mask():
     _, on, normals = ball()
     photo = load_photo(portrait(), depth="photo", near=0.6, far=2.0, fov_deg=FOV_DEG, surroundings="none")
-    assert (photo.mask_source, photo.normals_from_depth, photo.warnings) == ("depth", True, ())
+    assert (photo.mask_source, photo.normals.origin, photo.warnings) == ("depth", "depth", ())
     assert ((photo.mask > 0.5) == on).mean() > 0.999
-    known = photo.normals.any(axis=-1)
-    error = np.degrees(np.arccos(np.clip((photo.normals[known] * normals[known]).sum(axis=-1), -1, 1)))
+    known = photo.normals.values.any(axis=-1)
+    error = np.degrees(np.arccos(np.clip((photo.normals.values[known] * normals[known]).sum(axis=-1), -1, 1)))
     assert (known.sum() > 0.7 * on.sum(), np.median(error) < 1.0) == (True, True)
 
 

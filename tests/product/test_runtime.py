@@ -150,7 +150,7 @@ def test_other_emitters_are_asked_of_the_same_sessions():
 
 
 def test_emitters_that_are_not_known_are_refused():
-    with pytest.raises(InputError, match="emitters 'bright': expected one of mode, expected"):
+    with pytest.raises(InputError, match="emitters: expected one of mode, expected, got 'bright'"):
         Models(emitters="bright")
     with pytest.raises(InputError, match="emitters expected: expected a model that estimates .* got paper; use lift"):
         Models("paper", emitters=EXPECTED)

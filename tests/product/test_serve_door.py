@@ -330,14 +330,3 @@ def test_a_part_that_counts_once_is_not_taken_twice(estimator, photo, address, t
         answer = client.post(f"/v1/{address}", files=parts)
         assert answer.status_code == 422
         assert f"{twice}: expected one part of this name, got 2" in answer.json()["detail"]
-
-
-def test_words_of_older_clients_are_still_read(estimator, photo):
-    with TestClient(create_app(estimator)) as client:
-        queries = "lamps=spread&normals=ball", "emitters=expected&normals=sphere"
-        old, new = (client.post(f"/v1/estimate?include=radiance&{one}", content=photo).json() for one in queries)
-        assert old["radiance"] == new["radiance"]
-        assert "emitters" in client.post("/v1/estimate?emitters=soft", content=photo).json()["detail"]
-        form = {"files": {"photo": ("a.png", photo)}, "data": {"click_off": ["500,2", "5,2"]}}
-        for sent in ({"content": photo, "params": {"click_off": "500,2"}}, form):
-            assert "click beside" in client.post("/v1/mask", **sent).json()["detail"]

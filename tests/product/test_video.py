@@ -184,7 +184,7 @@ def test_what_another_version_left_is_one_line(begin, tmp_path, cut):
     begin(tmp_path / "out")(lambda done: None)
     state = tmp_path / "out" / ".state.npz"
     state.write_bytes(state.read_bytes()[:cut])
-    with pytest.raises(InputError, match="another or damaged file; --restart"):
+    with pytest.raises(InputError, match="another or damaged file; restart"):
         begin(tmp_path / "out")
 
 

@@ -61,11 +61,11 @@ def test_a_panorama_is_read_once_and_told_to_every_frame_as_to_a_photo(tmp_path,
         write_exr(path, 3 * values[..., :3])
     frame = first_frame(write_clip(tmp_path / "clip.mp4", [sphere_frame(made_map())]))
     masks = write_masks(tmp_path / "masks", 1)
-    expected = load_photo(frame.rgb, mask=masks / "0000.png", surroundings=path).surroundings_map
+    expected = load_photo(frame.rgb, mask=masks / "0000.png", surroundings=path).surroundings.small
     follower = MaskFollower({"mask": masks}, {}, {}, path)
     path.unlink()
     for _ in range(2):
-        np.testing.assert_array_equal(follower.photo(frame).surroundings_map, expected)
+        np.testing.assert_array_equal(follower.photo(frame).surroundings.small, expected)
     assert expected.shape[-1] == (4 if kind == "png" else 5)
 
 

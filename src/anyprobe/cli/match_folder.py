@@ -104,7 +104,7 @@ def match(
             "photo": loaded.name,
             "folder": str(folder),
             "maps": len(ranked),
-            "warnings": warnings,
+            "warnings": [OPTIONS.line(one) for one in warnings],
             "matches": [one.sidecar() | ({"written": files[one.rank]} if one in chosen else {}) for one in ranked],
         }
         (scratch / f"{stem}_match.json").write_text(json.dumps(said, indent=1) + "\n", encoding="utf-8")
