@@ -56,7 +56,6 @@ class Wrong:
         remedy: what it names.
         photo: bytes of the photo.
         doors: where it can occur besides Python.
-        argv, fields: for the other doors, where they are not `given` by name; texts.
     """
 
     given: dict[str, Any]
@@ -67,7 +66,6 @@ class Wrong:
     doors: tuple[str, ...] = ("command line", "http")
 
 
-OPTION = "invalid-option"
 TABLE = {
     "mask and click": Wrong({"mask": DISC, "click": (3, 3)}, subject=("mask", "click")),
     "mask and box": Wrong({"mask": DISC, "box": (1, 2, 90, 90)}, subject=("mask", "box")),
@@ -93,7 +91,7 @@ TABLE = {
     "empty mask": Wrong({"mask": png("L")}, code="no-object", subject=("mask",)),
     "mask of a few pixels": Wrong({"mask": mask(lambda x, y: (x < 9) & (y < 9))}, code="no-object", subject=("mask",)),
     "mask of another size": Wrong({"mask": png("L", (80, 60), 255)}, subject=("mask",)),
-    "text as mask": Wrong({"mask": b"mask"}, subject=("mask",)),
+    "text as mask": Wrong({"mask": b"mask"}, code="invalid-image", subject=("mask",), remedy=("choose-photo",)),
     "click beside the photo": Wrong({"click": (500.0, 3.0)}, subject=("click",)),
     "exclude beside the photo": Wrong({"exclude": (3.0, 500.0)}, subject=("exclude",)),
     "box beside the photo": Wrong({"box": (0.0, 0.0, 900.0, 90.0)}, subject=("box",)),
@@ -103,9 +101,11 @@ TABLE = {
     "nothing at the click": Wrong({"click": (5.0, 5.0)}, code="no-object", remedy=("box", "mask"), photo=png()),
     "square panorama": Wrong({"surroundings": png(size=(64, 64))}, subject=("surroundings",)),
     "transparent panorama": Wrong({"surroundings": png("RGBA", (64, 32))}, subject=("surroundings",)),
-    "text as panorama": Wrong({"surroundings": b"sky"}, code="invalid-image", subject=("surroundings",)),
+    "text as panorama": Wrong(
+        {"surroundings": b"sky"}, code="invalid-image", subject=("surroundings",), remedy=("choose-photo",)
+    ),
     "no background": Wrong({"surroundings": "photo", "mask": DISC}, remedy=("surroundings",), photo=png(level="white")),
-    "normals of another size": Wrong({"normals": png(size=(8, 8), level=(128, 128, 255))}, subject=("normals",)),
+    "normals of another size": Wrong({"normals": png(size=(80, 60), level=(128, 128, 255))}, subject=("normals",)),
     "a photo as normals": Wrong({"normals": photo(), "mask": DISC}, subject=("normals",)),
     "a box as sphere": Wrong(
         {"normals": "sphere", "mask": mask(lambda x, y: (x > 20) & (x < 140) & (y > 50) & (y < 80))},

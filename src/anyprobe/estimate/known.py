@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from anyprobe.errors import InputError
 from anyprobe.estimate.depth_normals import normals_from_depth
 from anyprobe.estimate.normals_hint import normals_from_outline, read_normals
 from anyprobe.estimate.normals_model import estimated_normals
@@ -82,7 +83,10 @@ def _known_normals(
         return estimated_normals(source, rgb, mask, long_fov_deg)
     if isinstance(source, str) and source == SPHERE:
         return normals_from_outline(mask, long_fov_deg)
-    return read_normals(source, mask.shape)
+    try:
+        return read_normals(source, mask.shape)
+    except InputError as error:
+        raise InputError(error, subject="normals") from error
 
 
 def _normals_by_depth(

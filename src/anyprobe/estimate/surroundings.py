@@ -95,7 +95,7 @@ def _read_panorama(source: SurroundingsSource) -> tuple[np.ndarray, bool]:
         linear = read_linear(source, MAX_PIXELS)
         picture = _displayed(source) if linear is None else linear
     except InputError as error:
-        raise InputError(f"{error}", subject="surroundings") from error
+        raise InputError(error, subject="surroundings") from error
     height, width = picture.shape[:2]
     if width != 2 * height:
         raise InputError(

@@ -66,7 +66,7 @@ def mask_from_file(source: MaskPicture, shape: tuple[int, int]) -> np.ndarray:
     try:
         brightness, alpha, name = _read(source)
     except InvalidPhoto as error:
-        raise InvalidMask(error, code="invalid-option", subject="mask") from error
+        raise InvalidMask(error, subject="mask") from error
     found = brightness.shape
     if found != tuple(shape):
         raise InvalidMask(
