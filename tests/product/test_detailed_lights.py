@@ -92,9 +92,11 @@ def test_the_function_takes_what_an_estimator_takes(folder):
 
 def test_the_function_takes_and_explains_every_argument():
     """`help` of estimate, and of the Hints and Settings that it names."""
-    taken = inspect.signature(anyprobe.estimate).parameters
+    taken = {k: one for k, one in inspect.signature(anyprobe.estimate).parameters.items() if k != "unknown"}
     for other in (anyprobe.Estimator, anyprobe.Estimator.__call__):
-        given = {k: one for k, one in inspect.signature(other).parameters.items() if k not in ("self", "settings")}
+        given = {
+            k: one for k, one in inspect.signature(other).parameters.items() if k not in ("self", "settings", "unknown")
+        }
         assert {name: one.default for name, one in given.items()} == {name: taken[name].default for name in given}
     text = "\n".join(inspect.getdoc(one) for one in (anyprobe.estimate, anyprobe.Hints, anyprobe.Settings))
     assert [name for name in taken if not re.search(rf"\b{name}(, \w+)*: \S", text)] == []
