@@ -26,6 +26,7 @@ from anyprobe.cli.options import (
 )
 from anyprobe.errors import AnyprobeError, InputError, InvalidMask
 from anyprobe.hints import Hints
+from anyprobe.masks.segmenters import SegmenterSource
 from anyprobe.notices import give
 
 
@@ -77,7 +78,7 @@ def _line(found: dict[str, Any]) -> str:
     return f"{found['mask']}: by {found['source']}, {100 * found['share']:.0f} % of the photo{sure}"
 
 
-def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: str | None) -> dict[str, Any]:
+def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: SegmenterSource | None) -> dict[str, Any]:
     """Write one photo's two files; what was found and how, for JSON."""
     from anyprobe.estimate.doubts import scale_doubts
     from anyprobe.estimate.outputs import draw_overlay

@@ -241,7 +241,8 @@ def _options_of(bundle: type) -> list[inspect.Parameter]:
 
 def _bundle(bundle: type, values: dict[str, Any]) -> Any:
     """A bundle made of its options' values, which are taken out of these."""
-    inner, made = get_type_hints(bundle, include_extras=True), {}
+    inner = get_type_hints(bundle, include_extras=True)
+    made: dict[str, Any] = {}
     for one in fields(bundle):
         kind, names = _group(inner[one.name])
         if kind is Hints:

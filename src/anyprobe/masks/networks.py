@@ -80,7 +80,7 @@ class SmallNetwork:
     """Our own network of 160 x 160, trained on renders alone; its fourth channel is the prompts."""
 
     name = "small"
-    warning = Notice(
+    warning: str = Notice(
         "found by the small mask network, which is wrong on one photo in three",
         code="small-network",
         remedy=GET_WEIGHTS,
