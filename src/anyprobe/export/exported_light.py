@@ -287,7 +287,7 @@ def check_front(path: Path) -> None:
     Raises:
         InputError: the map would be a quarter or half turn off.
     """
-    wanted = f"{path}: expected a map with the front in its centre"
+    wanted = "expected a map with the front in its centre"
     advice = "take the file that estimate wrote"
     frame = map_attributes(path).get("frame", "")
     if f"u = {FRONT.u}" in frame:
@@ -295,9 +295,9 @@ def check_front(path: Path) -> None:
     said = said_beside(path)
     turned = said.get("map")
     if isinstance(turned, Mapping) and turned.get("rolled_quarters_right"):
-        raise InputError(f"{wanted}, got one exported for {said.get('target')}; {advice}")
+        raise InputError(f"{wanted}, got one exported for {said.get('target')}; {advice}", source=path)
     if "u = " in frame:
-        raise InputError(f"{wanted}, got one with {frame[frame.index('u = ') :]}; {advice}")
+        raise InputError(f"{wanted}, got one with {frame[frame.index('u = ') :]}; {advice}", source=path)
 
 
 def map_from_camera(path: Path) -> Float[np.ndarray, "3 3"]:

@@ -180,7 +180,8 @@ def _map_file(data: bytes, name: str = "map") -> Iterator[Path]:
             check_front(path)
             yield path
         except InputError as error:
-            raise InvalidEnvironment(error.notice.of(name)) from error
+            is_its = error.notice.source in (str(path), path.name)
+            raise InvalidEnvironment(error.notice.of(name) if is_its else error) from error
 
 
 def _open(upload: Upload, max_pixels: int) -> Photo:
