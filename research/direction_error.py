@@ -41,7 +41,7 @@ def maps_of(part: str, data: Path, kept: Path) -> Iterator[tuple[np.ndarray, np.
     for pair in pairs_of(name, data, kept / name):
         yield models(pair.crop, pair.tan_half).radiance, pair.radiance
     for photo in whole_photos(data, part, kept / "whole"):
-        yield rows_of(photo, estimator)[SHIPPED], photo.truth
+        yield rows_of(photo, estimator)[SHIPPED].radiance, photo.truth
 
 
 def measured(part: str, data: Path, kept: Path) -> tuple[np.ndarray, np.ndarray]:

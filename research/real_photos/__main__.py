@@ -1,48 +1,168 @@
-"""python -m research.real_photos DIR: models and baselines on photos with measured maps or a light source of known
-direction; docs/evaluation.md describes the folder."""
+"""Models and baselines on real photos.
+
+python -m research.real_photos DIR...              # under a lamp of known direction, or with measured maps
+python -m research.real_photos hidden DIR...       # what a crop of each photo hides
+python -m research.real_photos stability DIR...    # the same photos mirrored, cropped, brighter, with other masks
+python -m research.real_photos.sheet DIR... -o OUT # pages to look at
+
+research/real_photos/README.md describes folders and figures.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from rich.console import Console
+from rich.table import Table
+from typer.core import TyperGroup
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.cli.tables import print_table
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
 from anyprobe.evaluate.methods import baselines, model_methods
+from research.figure_tables import print_figures
 from research.model_names import titles_of
-from research.real_photos.lamps import GROUP, lamp_angles, lamp_group, load_lamps
+from research.real_photos import hidden as hidden_ring
+from research.real_photos import stability as changes
+from research.real_photos.folders import masked_photos
+from research.real_photos.lamps import Angle, lamp_angles, lamp_groups, load_lamps
 from research.real_photos.maps import load_real, read_real, score_real
+from research.real_photos.sheet import write_pages
 from research.results import commit, write_result
 
+Folders = Annotated[list[Path], typer.Argument(help="Folders of photos.")]
+Model = Annotated[str, typer.Option(help="Bundled model or folder.")]
 
-def real_photos(
-    folder: Annotated[Path, typer.Argument(help="Folder of photos, masks and manifest.csv.")],
+
+class ScoreByDefault(TyperGroup):
+    """Take folders without a command for those of `score`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Put `score` before what is no command."""
+        if args and args[0] not in (*self.commands, "--help"):
+            args = ["score", *args]
+        return super().parse_args(ctx, args)
+
+
+app = typer.Typer(help=__doc__, cls=ScoreByDefault, no_args_is_help=True, rich_markup_mode=None)
+
+
+@app.command()
+def score(
+    folders: Folders,
     model: Annotated[list[str] | None, typer.Option(help="Bundled model or folder; repeat for more.")] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="File to write.")] = Path("runs/real.json"),
 ) -> None:
-    """Score every method on every photo; print means and medians by group."""
+    """Score models and baselines on photos with a known lamp, by object, and on photos with measured maps."""
     names = model or [DEFAULT_MODEL]
-    methods = baselines()
     titles = titles_of(names)
+    listed = {folder: read_real(folder) for folder in folders}
+    methods = baselines()
     for name, title in zip(names, titles, strict=True):
         methods |= model_methods(Models(name), title)
-    rows = read_real(folder)
-    groups = score_real(load_real(folder, rows), methods)
-    estimators = {title: Estimator(name) for name, title in zip(names, titles, strict=True)}
-    angles = lamp_angles(load_lamps(folder, rows), methods, estimators)
-    if angles:
-        groups[GROUP] = lamp_group(angles)
-    models = {Path(name).name: model_id(name) for name in names}
-    write_result(out, {"commit": commit(), "models": models, "groups": groups, "photos": angles})
-    for kind, one in groups.items():
+    pairs = (pair for folder, rows in listed.items() for pair in load_real(folder, rows))
+    estimators = {
+        f"{title}, " if len(names) > 1 else "": Estimator(name) for name, title in zip(names, titles, strict=True)
+    }
+    objects: dict[str, str] = {}
+    angles: dict[str, dict[str, Angle]] = {}
+    for folder, rows in listed.items():
+        for photo in load_lamps(folder, rows):
+            objects[photo.name] = photo.object
+            angles[photo.name] = lamp_angles(photo, {CHROME: baselines()[CHROME]}, estimators)
+    content = {
+        "commit": commit(),
+        "models": {Path(name).name: model_id(name) for name in names},
+        "maps": score_real(pairs, methods),
+        "lamps": lamp_groups(objects, angles) if angles else {},
+        "photos": {name: {method: _plain(one) for method, one in row.items()} for name, row in angles.items()},
+    }
+    for kind, one in content["maps"].items():
         for row in one["rows"]:
             figures = ", ".join(f"{name} {value:.3f}" for name, value in row.items() if name != "method")
             typer.echo(f"{kind}, {one['pairs']} photos, {row['method']}: {figures}")
+    for group, one in content["lamps"].items():
+        if one["objects"] > 1:
+            print_figures(f"{group}: {one['photos']} photos of {one['objects']} objects", one["rows"], LAMP_COLUMNS)
+    if angles:
+        _print_by_object(content["lamps"])
+    write_result(out, content)
     typer.echo(out)
 
 
+CHROME = "chrome sphere"
+"""The baseline that takes the object for a mirror; the mean map has one light for all photos."""
+LAMP_COLUMNS = {
+    "mean_deg": "mean",
+    "median_deg": "median",
+    "upper_decile_deg": "90 %",
+    "said_deg": "said, median",
+    "holds": "holds in",
+    "ranks": "rank correlation",
+}
+
+
+@app.command()
+def hidden(
+    folders: Folders,
+    model: Model = DEFAULT_MODEL,
+    out: Annotated[Path, typer.Option("-o", "--out", help="File to write.")] = Path("runs/hidden.json"),
+    sheets: Annotated[Path | None, typer.Option(help="Folder for pages of pictures.")] = None,
+) -> None:
+    """Compare what a crop of each photo hides with the map that is estimated from the crop; masks are given."""
+    estimator = Estimator(model)
+    scores, pictures = {}, []
+    for name, (path, mask) in masked_photos(folders).items():
+        ring = hidden_ring.load_ring(path, mask)
+        if isinstance(ring, str):
+            typer.echo(f"{name}: left out, {ring}", err=True)
+            continue
+        maps = hidden_ring.maps_of(ring, estimator)
+        scores[name] = hidden_ring.score_ring(ring, maps)
+        if sheets is not None:
+            pictures.append(hidden_ring.draw(name, ring, maps))
+    rows = hidden_ring.summary(scores)
+    print_figures(f"hidden ring: {len(scores)} photos", rows, hidden_ring.COLUMNS)
+    write_result(out, {"commit": commit(), "model": model_id(model), "rows": rows, "photos": scores})
+    typer.echo(out)
+    for page in write_pages(pictures, sheets) if sheets is not None else ():
+        typer.echo(page)
+
+
+@app.command()
+def stability(
+    folders: Folders,
+    model: Model = DEFAULT_MODEL,
+    out: Annotated[Path, typer.Option("-o", "--out", help="File to write.")] = Path("runs/stability.json"),
+) -> None:
+    """Measure how far the dominant light moves where the same photo is given in another way; masks are given."""
+    estimator, moved = Estimator(model), {}
+    for name, (path, mask) in masked_photos(folders).items():
+        moved[name] = changes.moved_lights(path, mask, estimator)
+    rows = changes.summary(moved)
+    print_figures(f"change of the dominant light, degrees: {len(moved)} photos", rows, changes.COLUMNS)
+    write_result(out, {"commit": commit(), "model": model_id(model), "rows": rows, "photos": moved})
+    typer.echo(out)
+
+
+def _print_by_object(groups: dict[str, dict[str, Any]]) -> None:
+    """Print mean, median and 90 % of every method side by side, one object a line."""
+    methods = next(iter(groups.values()))["rows"]
+    table = Table("", "photos", *methods, title="mean, median, 90 % [degrees] by object", title_justify="left")
+    keys = ("mean_deg", "median_deg", "upper_decile_deg")
+    for group, one in groups.items():
+        cells = (", ".join(f"{row[key]:.1f}" for key in keys) for row in one["rows"].values())
+        table.add_row(group, str(one["photos"]), *cells)
+    print_table(Console(highlight=False), table)
+
+
+def _plain(angle: Angle) -> dict[str, float]:
+    said = {} if angle.said_deg is None else {"said_deg": round(angle.said_deg, 2)}
+    return {"deg": round(angle.deg, 2), **said}
+
+
 if __name__ == "__main__":
-    run_command(lambda: typer.run(real_photos))
+    run_command(app)

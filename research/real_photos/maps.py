@@ -19,13 +19,12 @@ from anyprobe.files.radiance import read_radiance
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from research.compare.figures import ldr_scores, sphere_scores
+from research.real_photos.folders import LIGHTS
 
-COLUMNS = ("photo", "mask", "map", "lamp", "fov_deg", "gain", "kind")
+COLUMNS = ("photo", "mask", "map", "lamp", "fov_deg", "gain", "kind", "object")
 MAP_NEEDS = ("photo", "mask", "map", "fov_deg", "gain", "kind")
 LAMP_NEEDS = ("photo", "mask", "lamp", "kind")
 KINDS = ("specular", "diffuse")
-LIGHTS = "lights.csv"
-"""In the place of manifest.csv: file, mask, and x, y, z of the direction towards the one light source."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -75,7 +74,8 @@ def read_real(folder: Path) -> list[dict[str, str]]:
 def _light_row(row: Mapping[str, str]) -> dict[str, str]:
     """A row of lights.csv as manifest.csv has it."""
     lamp = " ".join(row.get(axis, "") for axis in "xyz")
-    return {"photo": row.get("file", ""), "mask": row.get("mask", ""), "lamp": lamp, "kind": KINDS[1]}
+    same = {name: row.get(name, "") for name in ("mask", "object")}
+    return {"photo": row.get("file", ""), "lamp": lamp, "kind": KINDS[1], **same}
 
 
 def load_real(folder: Path, rows: Iterable[Mapping[str, str]]) -> Iterator[RealPair]:

@@ -21,10 +21,10 @@ from anyprobe.estimate.runtime import DEFAULT_MODEL, model_id
 from anyprobe.evaluate.benchmark import read_predictions, write_photo
 from anyprobe.files.atomic import atomic_files
 from research.results import commit, write_result
+from research.world.judgement import ALL, CUT_OUTS, Judgement, print_groups
 from research.world.whole_photos import COUNT, LEARNED, PARTS, recipes_of, renders, store_of, whole_photos
 from research.world.whole_rows import SHIPPED, predicted_rows, rows_of
 from research.world.whole_scores import score as score_photo
-from research.world.whole_scores import summary
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, rich_markup_mode=None)
 Data = Annotated[Path, typer.Option(help="Folder with hdri and meshes.")]
@@ -53,26 +53,20 @@ def score(
     ] = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="File to write.")] = None,
 ) -> None:
-    """Print the figures of every row, some with standard errors, for photos and for cut-outs."""
+    """Print the figures of every row with standard errors by map: of photos, of each family, and of cut-outs."""
     if predictions is None:
         first, rows_on = SHIPPED, partial(rows_of, estimator=Estimator(model, threads=1))
     else:
         keys = [one.key for one in recipes_of(part, store_of(data, part) if part in LEARNED else None, count)]
         first = predictions.resolve().name
         rows_on = partial(predicted_rows, name=first, maps=read_predictions(predictions, keys))
-    scores: dict[str, dict[str, list[dict[str, float]]]] = {"photos": {}, "cut-outs": {}}
+    judged = Judgement()
     for number, photo in enumerate(whole_photos(data, part, kept, count), 1):
         rows = score_photo(photo, rows_on(photo))
-        for name, row in rows.items():
-            scores["cut-outs" if photo.cut_out else "photos"].setdefault(name, []).append(row)
+        judged.add([CUT_OUTS] if photo.cut_out else [ALL, photo.family], photo.map_name, rows)
         typer.echo(f"{number} {photo.recipe.key} LDR RMSE {rows[first]['ldr_rmse']:.3f}", err=True)
-    groups = {group: {name: summary(rows) for name, rows in by_name.items()} for group, by_name in scores.items()}
-    for group, table in groups.items():
-        typer.echo(f"{group}: {len(next(iter(scores[group].values()), []))} of {part}")
-        for name, row in table.items():
-            figures = (f"{key} {value:.3f}" for key, value in row.items() if not key.endswith("_error"))
-            errors = (f"{key} {row[f'{key}_error']:.3f}" for key in ("ldr_rmse", "ssim", "dominant_deg", "vase"))
-            typer.echo(f"  {name}: {', '.join(figures)}; standard errors {', '.join(errors)}")
+    groups = judged.table()
+    print_groups(groups, part)
     content = {"commit": commit(), "model": model_id(model) if predictions is None else first, "groups": groups}
     write_result(out or Path(f"runs/whole-{part}.json"), content)
 

@@ -57,6 +57,7 @@ class WholePhoto:
     the object's centre sees with the object away, in the camera's frame and the photo's exposure units.
     long_fov_deg, pitch_deg, roll_deg: of the camera; pitch_deg is how far it looks down. fov_known: whether EXIF says
     the lens. contact: x, y [px] of the point on the table under the object's middle. cut_out: "", "alpha" or "plain".
+    family: kind of scene.
     """
 
     recipe: Recipe
@@ -71,6 +72,7 @@ class WholePhoto:
     cut_out: str
     map_name: str
     shape_name: str
+    family: str = "table"
 
 
 def recipes_of(part: str, store: AssetStore | None = None, count: int = COUNT) -> list[Recipe]:

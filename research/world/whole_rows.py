@@ -10,6 +10,7 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.photo import load_photo
+from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import EXPECTED
 from anyprobe.evaluate.methods import mean_map
 from research.world.whole_photos import WholePhoto
@@ -22,25 +23,27 @@ def predicted_rows(photo: WholePhoto, name: str, maps: Mapping[str, np.ndarray])
     return {"mean map": mean_map(), name: maps[photo.recipe.key]}
 
 
-def rows_of(photo: WholePhoto, estimator: Estimator) -> dict[str, np.ndarray]:
-    """Maps [64, 128, 3] in the photo's camera, by row; the mask is given, and the lens where EXIF says it."""
+def rows_of(photo: WholePhoto, estimator: Estimator) -> dict[str, np.ndarray | Light]:
+    """Return maps [64, 128, 3] in the photo's camera, or estimates, by row.
+
+    The mask is given, and the lens where EXIF says it.
+    """
     mask = None if photo.cut_out == "alpha" else (255 * photo.mask).astype(np.uint8)
     given = {"mask": mask, "fov_deg": photo.long_fov_deg if photo.fov_known else None}
 
-    def estimate(who: Estimator = estimator, **more) -> np.ndarray:
-        return who(load_photo(photo.picture, **given, **more)).radiance
+    def estimate(who: Estimator = estimator, **more) -> Light:
+        return who(load_photo(photo.picture, **given, **more))
 
-    rows = {
+    rows: dict[str, np.ndarray | Light] = {
         "mean map": mean_map(),
         "object alone": estimate(surroundings="none"),
-        SHIPPED: estimate(),
+        SHIPPED: (shipped := estimate()),
         f"{SHIPPED}, emitters expected": estimate(estimator.with_settings(emitters=EXPECTED)),
     }
     if photo.cut_out:
         return rows
-    rows["background"] = estimate(surroundings="photo")
     rows["as shipped, pitch given"] = estimate(pitch_deg=photo.pitch_deg)
     below = (pixel_directions(len(photo.truth)) @ up_of(photo.pitch_deg, photo.roll_deg) < 0)[..., None]
-    rows["and the truth below the horizon"] = np.where(below, photo.truth, rows[SHIPPED])
-    rows["and the truth above the horizon instead"] = np.where(below, rows[SHIPPED], photo.truth)
+    rows["and the truth below the horizon"] = np.where(below, photo.truth, shipped.radiance)
+    rows["and the truth above the horizon instead"] = np.where(below, shipped.radiance, photo.truth)
     return rows

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from typing import Protocol
 
 import numpy as np
 
@@ -11,18 +13,26 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_x, rotation_z, world_from_camera
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
+from anyprobe.estimate.ground import up_of
+from anyprobe.estimate.result import Light
 from anyprobe.evaluate.metrics import direction_error_deg, gain_rmse, power_ratio_stops, rmse, ssim
-from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.light.dominant_light import DominantLight, find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, rotate
 from anyprobe.light.filtering import blur_cap
+from anyprobe.light.light_sources import LightSource, find_light_sources
 from anyprobe.render.shapes import lathe
 from anyprobe.render.surface import cover, frame_object, pixel_rays, see
+from research.clustered import coverage, rank_correlation, with_error
 from research.compare.three_spheres import clean_scores
 from research.compare.transport import light, reflectance_matrix
-from research.world.whole_photos import WholePhoto
 
 PLACE_DEG, APART_DEG = 8.0, 16.0
 """Radius of a place whose share of the power is taken, and how far the second brightest place is off the first."""
+WITHIN_DEG, THERE = 15.0, 0.25
+"""A source is false where the truth has less than that share of its power within that angle."""
+SOFT = 0.08
+"""Hardness below which there is no dominant light to find."""
+MEANS = ("ldr_rmse", "gain_rmse", "ssim", "white", "chrome", "vase", "sources", "false_sources")
 STAGE_PX, STAGE_PITCH, STAGE_GRID, GROUND_REACH = 72, 0.45, 192, 6.0
 GROUND_ALBEDO = 0.5
 VASE = {"albedo": 0.5, "f0": 0.05, "alpha": 0.2}
@@ -92,62 +102,127 @@ def _shadowed_ground(mesh, floor: float, points: np.ndarray) -> np.ndarray:
     return matrix.reshape(len(points), -1)
 
 
-def relit(maps: Sequence[np.ndarray], photo: WholePhoto) -> list[np.ndarray]:
+def relit(maps: Sequence[np.ndarray], photo: Judged) -> list[np.ndarray]:
     """The vase and its ground under maps [64, 128, 3] of the photo's camera: display values [P, 3]."""
     turn = world_from_photo(photo.pitch_deg, photo.roll_deg)
     turned = [np.maximum(rotate(np.asarray(one, np.float32), turn), 0) for one in maps]
     return [response(np.maximum(values, 0)) for values in light(stage()[0], turned)]
 
 
-def score(photo: WholePhoto, maps: Mapping[str, np.ndarray]) -> dict[str, dict[str, float]]:
-    """Figures of every row's map [64, 128, 3] on one photo."""
-    truth, names = photo.truth, list(maps)
-    spheres = clean_scores(truth, [maps[name] for name in names])
-    true_vase, *vases = relit([truth, *(maps[name] for name in names)], photo)
-    main, hard = find_dominant_light(truth).direction, brightest_places(truth)
-    rows = {}
-    for name, three, vase in zip(names, spheres, vases, strict=True):
-        one = maps[name]
-        places = brightest_places(one)
-        rows[name] = {
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Answer:
+    """A map [64, 128, 3], with its dominant light and light sources as its user is told of them."""
+
+    radiance: np.ndarray
+    main: DominantLight
+    sources: Sequence[LightSource]
+
+    @classmethod
+    def of(cls, given: np.ndarray | Light) -> Answer:
+        """Return the answer of an estimate, or of a map alone."""
+        if isinstance(given, Light):
+            return cls(radiance=given.radiance, main=given.dominant_light(), sources=given.sources())
+        return cls(radiance=given, main=find_dominant_light(given), sources=find_light_sources(given))
+
+
+def false_sources(answer: Answer, truth: np.ndarray) -> int:
+    """Count the sources of which the truth [H, 2H, 3] sends less than THERE within WITHIN_DEG of their direction.
+
+    Powers are shares of their map's, so that an error of the level makes no source false.
+    """
+    bright = luminance(np.asarray(truth, np.float64)) * pixel_solid_angles(len(truth))
+    d = pixel_directions(len(truth))
+    shares = [
+        bright[d @ one.direction > np.cos(np.radians(WITHIN_DEG))].sum() / max(bright.sum(), 1e-12)
+        for one in answer.sources
+    ]
+    return sum(there < THERE * one.share for there, one in zip(shares, answer.sources, strict=True))
+
+
+def sky_over_ground(radiance: np.ndarray, pitch_deg: float, roll_deg: float) -> float:
+    """Return log2 of the mean luminance of a map [H, 2H, 3] above the horizon over that below it [stops]."""
+    bright = luminance(np.asarray(radiance, np.float64)) * pixel_solid_angles(len(radiance))
+    above = pixel_directions(len(radiance)) @ up_of(pitch_deg, roll_deg) > 0
+    sky, ground = (max(float(bright[half].sum()), 1e-6) for half in (above, ~above))
+    return float(np.log2(sky / ground))
+
+
+class Judged(Protocol):
+    """What is known of a photo: truth [64, 128, 3] in its camera's frame, and how far that looks down and is turned."""
+
+    truth: np.ndarray
+    pitch_deg: float
+    roll_deg: float
+
+
+def score(photo: Judged, rows: Mapping[str, np.ndarray | Light]) -> dict[str, dict[str, float]]:
+    """Return figures of every row's map [64, 128, 3], or estimate, of one photo."""
+    truth, answers = photo.truth, {name: Answer.of(one) for name, one in rows.items()}
+    maps = [one.radiance for one in answers.values()]
+    spheres = clean_scores(truth, maps)
+    true_vase, *vases = relit([truth, *maps], photo)
+    main, hard = find_dominant_light(truth), brightest_places(truth)
+    posture = photo.pitch_deg, photo.roll_deg
+    true_sky = sky_over_ground(truth, *posture)
+    scores = {}
+    for (name, answer), three, vase in zip(answers.items(), spheres, vases, strict=True):
+        one = answer.radiance
+        scores[name] = {
             "ldr_rmse": rmse(response(one), response(truth)),
             "gain_rmse": gain_rmse(one, truth),
             "ssim": ssim(response(one), response(truth)),
-            "dominant_deg": direction_error_deg(find_dominant_light(one).direction, main),
+            "dominant_deg": direction_error_deg(answer.main.direction, main.direction),
+            "said_deg": float(answer.main.error_deg),
+            "dominant_color": direction_error_deg(answer.main.irradiance, main.irradiance),
             "power": power_ratio_stops(one, truth),
+            "sky_ground": sky_over_ground(one, *posture) - true_sky,
+            "sources": len(answer.sources),
+            "false_sources": false_sources(answer, truth),
             "white": three["clean_diffuse_si_rmse"],
             "chrome": three["clean_mirror_si_rmse"],
             "vase": rmse(vase, true_vase),
-            "hardness": float(places.sum()),
+            "hardness": float(brightest_places(one).sum()),
             "true_hardness": float(hard.sum()),
         }
-    return rows
+    return scores
 
 
-def summary(scores: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Means, medians and standard errors of one row over photos."""
-    columns = {name: np.array([one[name] for one in scores]) for name in scores[0]}
-    made: dict[str, float] = {}
-    for name in ("ldr_rmse", "gain_rmse", "ssim", "white", "chrome", "vase"):
-        made |= _with_error(name, columns[name], np.mean)
-    made |= _with_error("dominant_deg", columns["dominant_deg"], np.median)
-    true_hard, hard = columns["true_hardness"], columns["hardness"]
-    made |= _with_error("dominant_deg_harder", columns["dominant_deg"][true_hard >= np.median(true_hard)], np.median)
-    made |= _with_error("power_abs", np.abs(columns["power"]), np.mean)
-    made |= _with_error("power_median", columns["power"], np.median)
-    constant = np.std(hard) < 1e-9
-    made["hardness_correlation"] = 0.0 if constant else float(np.corrcoef(hard, true_hard)[0, 1])
+def summary(scores: Sequence[Mapping[str, float]], maps: Sequence[str]) -> dict[str, float]:
+    """Return means, medians and shares of one row over photos, each with its standard error by map (NAME_error).
+
+    maps: of each photo, its map's name.
+    """
+    column = {name: np.array([one[name] for one in scores], float) for name in scores[0]}
+    deg, true_hard, hard = column["dominant_deg"], column["true_hardness"], column["hardness"]
+    figures = {name: with_error(np.mean, maps, column[name]) for name in MEANS}
+    figures |= {
+        "dominant_deg": with_error(np.median, maps, deg),
+        "dominant_deg_harder": with_error(partial(_of_hardest, share=1 / 2), maps, deg, true_hard),
+        "dominant_deg_hardest": with_error(partial(_of_hardest, share=1 / 3), maps, deg, true_hard),
+        "dominant_color": with_error(np.median, maps, column["dominant_color"]),
+        "said_deg": with_error(np.median, maps, column["said_deg"]),
+        "said_holds": with_error(coverage, maps, column["said_deg"], deg),
+        "said_ranks": with_error(rank_correlation, maps, column["said_deg"], deg),
+        "hardness_correlation": with_error(_correlation, maps, hard, true_hard),
+    }
+    for name in ("power", "sky_ground"):
+        figures[f"{name}_abs"] = with_error(np.mean, maps, np.abs(column[name]))
+        figures[f"{name}_median"] = with_error(np.median, maps, column[name])
+    made = {f"{name}{end}": one for name, two in figures.items() for end, one in zip(("", "_error"), two, strict=True)}
     thirds = np.array_split(np.argsort(true_hard), 3)
     for third, which in zip(("soft", "middle", "hard"), thirds, strict=True):
-        made[f"hardness_{third}"] = float(np.median(hard[which]))
-        made[f"true_hardness_{third}"] = float(np.median(true_hard[which]))
-    soft = true_hard < 0.08
+        if len(which):
+            made[f"hardness_{third}"] = float(np.median(hard[which]))
+            made[f"true_hardness_{third}"] = float(np.median(true_hard[which]))
+    soft = true_hard < SOFT
     made["hardness_below_08"] = float(np.median(hard[soft])) if soft.any() else float("nan")
     return made
 
 
-def _with_error(name: str, values: np.ndarray, of) -> dict[str, float]:
-    """A figure and its standard error by 400 bootstrap samples."""
-    rng = np.random.default_rng(0)
-    drawn = [of(values[rng.integers(len(values), size=len(values))]) for _ in range(400)]
-    return {name: float(of(values)), f"{name}_error": float(np.std(drawn))}
+def _of_hardest(deg: np.ndarray, true_hard: np.ndarray, share: float) -> float:
+    """Median angle under the hardest lights, the share of all that is said."""
+    return float(np.median(deg[true_hard >= np.quantile(true_hard, 1 - share)]))
+
+
+def _correlation(a: np.ndarray, b: np.ndarray) -> float:
+    return 0.0 if min(np.std(a), np.std(b)) < 1e-9 else float(np.corrcoef(a, b)[0, 1])

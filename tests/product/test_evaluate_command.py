@@ -26,6 +26,7 @@ from anyprobe.files.images import read_image
 from anyprobe.files.radiance import write_exr, write_hdr
 from anyprobe.light.environment import reduced
 
+TRUTH = ["one flat colour", "truth blurred by 15 degrees", "truth blurred by 30 degrees"]
 ASSETS = ("--hdri", "h", "--meshes", "m", "--pairs", "4")
 ALPHAS = (0.05, 0.6, 0.2, 0.9)
 
@@ -63,7 +64,7 @@ def test_every_group_has_every_method_and_its_confidence(work, command, rendered
     assert ended.status == 0, ended.err
     assert [call["conditions"] for call in rendered] == [1] * 4
     scores = written(work)["scores"]
-    assert list(scores) == ["lift", "lift, emitters expected", "mean map", "chrome sphere"]
+    assert list(scores) == ["lift", "lift, emitters expected", "mean map", "chrome sphere", *TRUTH]
     groups = list(scores["lift"])
     assert {"all", "specular", "diffuse", "indoor", "outdoor", "alpha 0-0.1", "alpha 0.75-1"} <= set(groups)
     tables, printed = ended.out.split("confidence, in brackets")
@@ -152,7 +153,7 @@ def test_own_maps_score_as_the_model_itself(work, command, rendered, monkeypatch
     assert theirs["scores"]["maps"] == itself["scores"]["lift"]
     assert theirs["standard_errors"]["maps"] == itself["standard_errors"]["lift"]
     assert theirs["scores"]["mean map"] == itself["scores"]["mean map"]
-    assert list(theirs["scores"]) == ["maps", "mean map", "chrome sphere"]
+    assert list(theirs["scores"]) == ["maps", "mean map", "chrome sphere", *TRUTH]
     assert (theirs["irradiance"], theirs["confidence"], theirs["model"]) == (None, None, "maps")
     own_maps(work / "photos", work / "maps", gain=2.0)
     rendered.clear()

@@ -9,7 +9,8 @@ from support.some_pair import sphere_pair
 from anyprobe.core.response import response
 from anyprobe.estimate.material_hint import TRUST, fit_gain
 from anyprobe.estimate.runtime import Models
-from anyprobe.evaluate.methods import GIVEN_HINTS, model_methods, run_with_hints, true_normals
+from anyprobe.evaluate.methods import GIVEN_HINTS, model_methods, run_with_hints, true_normals, truth_methods
+from anyprobe.evaluate.metrics import rmse
 
 
 @pytest.fixture(scope="module")
@@ -55,3 +56,15 @@ def test_only_a_model_that_lifts_is_given_normals():
     alone, given, spread = (methods[f"lift{row}"](pair) for row in ("", ", normals given", ", emitters expected"))
     assert (alone.radiance != given.radiance).any()
     assert spread.radiance.max() < alone.radiance.max()
+
+
+def test_no_flat_colour_is_nearer_than_the_truth_s_mean_and_blur_costs_more_the_wider():
+    pair = sphere_pair(4)
+    truth = response(pair.radiance)
+    made = {name: method(pair).ldr for name, method in truth_methods().items()}
+    flat = made.pop("one flat colour")
+    assert np.ptp(flat, axis=(0, 1)).max() == 0
+    for other in (0.01, -0.01):
+        assert rmse(flat, truth) < rmse(flat + other, truth)
+    near, far = (rmse(blurred, truth) for blurred in made.values())
+    assert 0 < near < far < rmse(flat, truth)

@@ -2,19 +2,21 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from PIL import Image
 from support.scenes import sphere_photo
+from typer.testing import CliRunner
 
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
 from anyprobe.evaluate.methods import Estimate
 from anyprobe.files.radiance import write_hdr
 from anyprobe.light.dominant_light import find_dominant_light
-from research.real_photos.__main__ import real_photos
-from research.real_photos.lamps import CONSTANT, lamp_angles, lamp_group, load_lamps
+from research.real_photos.__main__ import app
+from research.real_photos.lamps import ALL, ALONE, CONSTANT, DEFAULT, Angle, lamp_angles, lamp_groups, load_lamps
 from research.real_photos.maps import COLUMNS, load_real, read_real, score_real
 
 GOOD = {"photo": "a.png", "mask": "m.png", "map": "a.hdr", "fov_deg": "60", "gain": "2", "kind": "specular"}
@@ -103,22 +105,65 @@ def test_a_lamp_s_angle_is_that_to_an_object_beside_the_middle(folder, fov_deg):
         (f"{-x} {-y} {-z}", 180.0),
     ):
         write(folder, LAMP | {"lamp": lamp, "fov_deg": fov_deg})
-        angles = lamp_angles(load_lamps(folder, read_real(folder)), {"behind": behind_the_camera})
-        angle = pytest.approx(expected, abs=0.02)
-        assert angles == {"sphere.png": {CONSTANT: angle, "behind": angle}}
+        (photo,) = load_lamps(folder, read_real(folder))
+        angles = lamp_angles(photo, {"behind": behind_the_camera})
+        assert set(angles) == {CONSTANT, "behind"}
+        for one in angles.values():
+            assert one.deg == pytest.approx(expected, abs=0.02)
+            assert one.said_deg is None
 
 
-def test_a_lamp_group_has_means_and_medians_and_leaves_out_methods_without_radiance(folder):
+class FixedLight:
+    """An estimator that says one direction of every photo, in its camera's frame, and keeps which it saw."""
+
+    def __init__(self, direction):
+        radiance = np.ones((64, 128, 3), np.float32)
+        self.light, self.seen = replace(find_dominant_light(radiance), direction=direction, error_deg=12.0), []
+
+    def from_photo(self, photo):
+        self.seen.append(photo.use_background)
+        return self
+
+    def dominant_light(self):
+        return self.light
+
+
+def test_estimators_answer_in_the_camera_s_frame_for_the_object_alone_and_the_whole_photo(folder):
+    direction = away_from_the_sphere(65.0)
+    write(folder, LAMP | {"lamp": " ".join(map(str, direction))})
+    (photo,) = load_lamps(folder, read_real(folder))
+    estimator = FixedLight(direction)
+    angles = lamp_angles(replace(photo, photo=replace(photo.photo, use_background=True)), {}, {"": estimator})
+    assert list(angles) == [CONSTANT, ALONE, DEFAULT]
+    for way in (ALONE, DEFAULT):
+        assert angles[way].deg == pytest.approx(0, abs=1e-3)
+        assert angles[way].said_deg == 12.0
+    assert estimator.seen == [False, True]
+
+
+def test_methods_without_radiance_have_no_angle(folder):
     def dim(photo):
         return Estimate(ldr=np.zeros((64, 128, 3), np.float32))
 
     write(folder, LAMP)
-    photos = load_lamps(folder, read_real(folder))
-    assert set(lamp_angles(photos, {"behind": behind_the_camera, "dim": dim})["sphere.png"]) == {CONSTANT, "behind"}
-    group = lamp_group({"a": {"one": 1.0}, "b": {"one": 2.0}, "c": {"one": 9.0}})
-    assert group == {
-        "pairs": 3,
-        "rows": [{"method": "one", "dominant_light_deg": 4.0, "dominant_light_median_deg": 2.0}],
+    (photo,) = load_lamps(folder, read_real(folder))
+    assert set(lamp_angles(photo, {"behind": behind_the_camera, "dim": dim})) == {CONSTANT, "behind"}
+
+
+def test_lamp_groups_are_all_each_folder_and_each_object():
+    """Of four photos of two objects in two folders; what is said holds in three, and ranks them backwards."""
+    said = {"one/a": (1.0, 9.0), "one/b": (3.0, 8.0), "one/c": (5.0, 7.0), "two/d": (11.0, 6.0)}
+    angles = {name: {CONSTANT: Angle(deg=20.0), DEFAULT: Angle(deg=deg, said_deg=s)} for name, (deg, s) in said.items()}
+    groups = lamp_groups({"one/a": "ball", "one/b": "ball", "one/c": "ball", "two/d": "jug"}, angles)
+    assert list(groups) == [ALL, "one", "two", "ball", "jug"]
+    assert (groups[ALL]["photos"], groups[ALL]["objects"], groups["jug"]["photos"]) == (4, 2, 1)
+    row = groups[ALL]["rows"][DEFAULT]
+    assert (row["mean_deg"], row["median_deg"], row["holds"], row["ranks"]) == (5.0, 4.0, 0.75, -1.0)
+    assert row["upper_decile_deg"] == pytest.approx(9.2)
+    assert row["mean_deg_error"] > 0
+    assert groups["ball"]["rows"][DEFAULT]["mean_deg_error"] is None, "one object does not tell"
+    assert set(groups[ALL]["rows"][CONSTANT]) == {
+        f"{name}_deg{end}" for name in ("mean", "median", "upper_decile") for end in ("", "_error")
     }
 
 
@@ -168,18 +213,21 @@ def test_no_manifest_is_one_clear_line(tmp_path):
         read_real(tmp_path)
 
 
-def test_a_mixed_folder_gives_both_groups(folder):
+@pytest.mark.parametrize("command", [[], ["score"]])
+def test_a_mixed_folder_gives_both_kinds(folder, command):
     write(folder, GOOD, LAMP)
     out = folder / "out.json"
-    real_photos(folder, ["paper"], out)
+    ended = CliRunner().invoke(app, [*command, str(folder), "--model", "paper", "-o", str(out)])
+    assert ended.exit_code == 0, ended.output
     content = json.loads(out.read_text())
-    assert set(content["groups"]) == {"specular", "lamp"}
-    assert content["groups"]["specular"]["pairs"] == content["groups"]["lamp"]["pairs"] == 1
-    assert set(content["photos"]) == {"sphere.png"}
-    angles = content["photos"]["sphere.png"]
-    assert list(angles) == [CONSTANT, "mean map", "chrome sphere", "paper", "paper, whole photo"]
-    for row in content["groups"]["lamp"]["rows"]:
-        assert row["dominant_light_deg"] == row["dominant_light_median_deg"] == angles[row["method"]]
+    assert set(content["maps"]) == {"specular"}
+    assert content["maps"]["specular"]["pairs"] == content["lamps"][ALL]["photos"] == 1
+    (name,) = content["photos"]
+    assert name == f"{folder.name}/sphere.png"
+    angles = content["photos"][name]
+    assert list(angles) == [CONSTANT, "chrome sphere", ALONE, DEFAULT]
+    for method, row in content["lamps"]["sphere"]["rows"].items():
+        assert row["mean_deg"] == row["median_deg"] == pytest.approx(angles[method]["deg"], abs=0.006)
 
 
 def test_a_table_of_light_directions_alone_is_read(folder):
@@ -188,6 +236,10 @@ def test_a_table_of_light_directions_alone_is_read(folder):
     )
     (row,) = read_real(folder)
     assert (row["photo"], row["mask"], row["lamp"]) == ("sphere.png", "sphere_mask.png", "0 0.6 0.8")
+    (photo,) = load_lamps(folder, [row])
+    assert photo.object == "sphere"
+    (photo,) = load_lamps(folder, [row | {"object": ""}])
+    assert photo.object == "sphere", "by its mask"
 
 
 def test_lamps_alone_need_no_other_columns(folder):
@@ -196,4 +248,4 @@ def test_lamps_alone_need_no_other_columns(folder):
     )
     rows = read_real(folder)
     assert list(load_real(folder, rows)) == []
-    assert [photo.name for photo in load_lamps(folder, rows)] == ["sphere.png"]
+    assert [photo.name for photo in load_lamps(folder, rows)] == [f"{folder.name}/sphere.png"]

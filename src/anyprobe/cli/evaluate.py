@@ -87,7 +87,7 @@ def evaluate(
     from anyprobe.dataset.pair import render_pair
     from anyprobe.dataset.recipe import digest
     from anyprobe.estimate.runtime import model_id
-    from anyprobe.evaluate.methods import baselines, with_noisy_mask
+    from anyprobe.evaluate.methods import baselines, truth_methods, with_noisy_mask
     from anyprobe.evaluate.scoring import METRICS, score_pairs
     from anyprobe.files.atomic import atomic_path
     from anyprobe.files.images import write_png
@@ -105,6 +105,7 @@ def evaluate(
     methods: dict[str, Method] = {}
     if write_photos is None:
         methods = _judged(predictions, [one.key for one in chosen], model, engine, title, hints) | baselines()
+        methods |= truth_methods()
     photos: Iterable[Pair] = (render_pair(recipe, store, trace, textured=textured) for recipe in chosen)
     photos = map(with_noisy_mask, photos) if noisy_masks else photos
     columns = (TextColumn("evaluating"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -159,10 +160,10 @@ def _judged(
     """What is judged beside the baselines: maps of a folder, or a model."""
     from anyprobe.estimate.runtime import Models
     from anyprobe.evaluate.benchmark import predicted, read_predictions
-    from anyprobe.evaluate.methods import baselines, model_methods
+    from anyprobe.evaluate.methods import baselines, model_methods, truth_methods
 
     if predictions is not None:
-        if title in baselines():
+        if title in baselines() | truth_methods():
             raise InputError(f"{predictions}: expected a folder named after its program, got {title!r}; rename it")
         return {title: predicted(read_predictions(predictions, keys))}
     runtime = Models(model, engine=engine)

@@ -1,4 +1,4 @@
-"""What is scored: a model, the same model given hints, and two baselines that need no network."""
+"""What is scored: a model, the same model given hints, two baselines that need no network, and parts of the truth."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from anyprobe.estimate.runtime import EXPECTED, NORMALS_SIZE, Models, Outputs
 from anyprobe.estimate.surroundings import use_surroundings, visible_surroundings
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.light.filtering import blur_cap
 
 GIVEN_HINTS = {
     "normals": {"normals"},
@@ -85,6 +86,27 @@ def baselines() -> dict[str, Method]:
         return Estimate(ldr=response(radiance), radiance=radiance)
 
     return {"mean map": lambda pair: of(mean_map()), "chrome sphere": lambda pair: of(chrome_sphere(pair.crop))}
+
+
+BLURS_DEG = (15, 30)
+"""Radii of the caps that the truth is averaged over in rows that give figures a scale."""
+
+
+def truth_methods() -> dict[str, Method]:
+    """Return what figures are compared with, made of the truth: its mean colour everywhere, and the truth blurred.
+
+    All are of display values, of which no flat colour has a lower RMSE than their mean.
+    """
+
+    def flat(pair: Pair) -> Estimate:
+        ldr = response(pair.radiance)
+        return Estimate(ldr=np.broadcast_to(ldr.mean(axis=(0, 1)), ldr.shape))
+
+    def blurred(pair: Pair, radius_deg: float) -> Estimate:
+        return Estimate(ldr=blur_cap(response(pair.radiance), np.radians(radius_deg)).clip(0.0, 1.0))
+
+    rows = {f"truth blurred by {deg} degrees": partial(blurred, radius_deg=deg) for deg in BLURS_DEG}
+    return {"one flat colour": flat} | rows
 
 
 @lru_cache(maxsize=1)

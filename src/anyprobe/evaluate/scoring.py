@@ -104,7 +104,6 @@ seen: the half of the map behind the camera, which the object faces; unseen: the
 HEADINGS = {
     "ldr_rmse": "LDR RMSE",
     "ldr_gain_rmse": "after best gain",
-    "ldr_ssim": "LDR SSIM",
     "ln_hdr_rmse": "ln HDR RMSE",
     "angle_diffuse_deg": "colour angle, white",
     "angle_silver_deg": "silver",
@@ -115,6 +114,7 @@ HEADINGS = {
     "dominant_light_median_deg": "median",
     "total_power_stops": "power, stops, mean",
     "total_power_median_stops": "median",
+    "ldr_ssim": "LDR SSIM",
 }
 """What is printed, under the headings of docs/results.md; the other metrics are in scores.json."""
 

@@ -1,0 +1,67 @@
+"""python -m research.world.cut_outs: a model on the world test set's cut-outs, by the figures of whole photos.
+
+Those that a folder lacks are rendered, see research.world.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.progress import track
+
+from anyprobe.cli.app import main as run_command
+from anyprobe.dataset.pair import Pair
+from anyprobe.estimate.runtime import DEFAULT_MODEL, EXPECTED, Models, model_id
+from anyprobe.evaluate.methods import mean_map
+from research.results import commit, write_result
+from research.world.judgement import CUT_OUTS, Judgement, print_groups
+from research.world.pairs import COUNT, PARTS, world_pairs
+from research.world.whole_rows import SHIPPED
+from research.world.whole_scores import score
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CutOut:
+    """A pair as whole photos are judged: its truth, and how its camera stands; see whole_scores.Judged."""
+
+    truth: np.ndarray
+    pitch_deg: float
+    roll_deg: float
+
+    @classmethod
+    def of(cls, pair: Pair) -> CutOut:
+        """Return the pair's; its camera never rolls."""
+        up = pair.map_from_camera.T @ [0.0, 1.0, 0.0]
+        return cls(truth=pair.radiance, pitch_deg=float(np.degrees(np.arctan2(up[2], up[1]))), roll_deg=0.0)
+
+
+def cut_outs(
+    data: Annotated[Path, typer.Option(help="Folder with hdri and meshes.")],
+    kept: Annotated[Path, typer.Option(help="Folder for the pairs.")],
+    part: Annotated[str, typer.Option(help=f"One of {', '.join(PARTS)}.")] = "test",
+    model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
+    count: Annotated[int, typer.Option(min=3, help="The first so many pairs.")] = COUNT,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="File to write.")] = None,
+) -> None:
+    """Print the figures of the model and of the mean map, with standard errors by map."""
+    models, judged = Models(model, threads=1), Judgement()
+    spread = models.with_emitters(EXPECTED)
+    for _, pair in zip(track(range(count), "scoring"), world_pairs(data, part, kept), strict=False):
+        rows = {"mean map": mean_map()}
+        rows |= {
+            name: one(pair.crop, pair.tan_half).radiance
+            for name, one in ((SHIPPED, models), (f"{SHIPPED}, emitters expected", spread))
+        }
+        judged.add([CUT_OUTS], pair.map_name, score(CutOut.of(pair), rows))
+    groups = judged.table()
+    print_groups(groups, part)
+    content = {"commit": commit(), "model": model_id(model), "groups": groups}
+    write_result(out or Path(f"runs/cut-outs-{part}.json"), content)
+
+
+if __name__ == "__main__":
+    run_command(lambda: typer.run(cut_outs))

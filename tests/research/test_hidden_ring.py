@@ -1,0 +1,119 @@
+"""The hidden ring: what is compared, with what, and what is left out."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from anyprobe.core.latlong import pixel_directions
+from anyprobe.core.response import response
+from research.real_photos import hidden
+from research.real_photos.folders import masked_photos
+from research.real_photos.hidden import BESIDE, BORDER, FOV_DEG, KEPT, MEAN, OWN
+
+HEIGHT, WIDTH = 240, 320
+FOCAL = WIDTH / 2 / np.tan(np.radians(FOV_DEG / 2))
+
+
+def picture_of(colors) -> np.ndarray:
+    """A photo [HEIGHT, WIDTH, 3] of a place that has colors(directions) far away."""
+    row, column = np.mgrid[:HEIGHT, :WIDTH] + 0.5
+    d = np.stack([(column - WIDTH / 2) / FOCAL, (HEIGHT / 2 - row) / FOCAL, -np.ones_like(row)], axis=-1)
+    return colors(d / np.linalg.norm(d, axis=-1, keepdims=True)).astype(np.float32)
+
+
+def slopes(d: np.ndarray) -> np.ndarray:
+    """Colours that differ everywhere: red to the right, green upwards."""
+    return np.stack([0.5 + 0.8 * d[..., 0], 0.5 + 0.8 * d[..., 1], np.full(d.shape[:-1], 0.3)], axis=-1)
+
+
+@pytest.fixture
+def mask() -> np.ndarray:
+    """An object a little beside the middle."""
+    mask = np.zeros((HEIGHT, WIDTH), np.uint8)
+    mask[90:160, 120:190] = 255
+    return mask
+
+
+def test_the_ring_is_the_photo_without_the_crop_where_the_map_has_it(mask):
+    """A map that is the place itself has no error there, one turned by a pixel has one."""
+    ring = hidden.ring_of(picture_of(slopes), mask)
+    x, y, z = np.moveaxis(pixel_directions(64), -1, 0)
+    across, up = FOCAL * x / -z / (WIDTH / 2), FOCAL * y / -z / (HEIGHT / 2)
+    size = np.maximum(abs(across), abs(up))
+    assert (ring.where == ((z < 0) & (size > KEPT) & (size < 1))).mean() > 0.999
+    assert ring.crop.shape == (144, 192, 3)
+    assert np.tan(np.radians(ring.fov_deg / 2)) == pytest.approx(KEPT * np.tan(np.radians(FOV_DEG / 2)))
+    true = slopes(pixel_directions(64))
+    scores = hidden.score_ring(ring, {"truth": true, "turned": np.roll(true, 1, axis=1)})
+    assert scores["truth"]["rmse"] < 0.01 < scores["turned"]["rmse"]
+    assert abs(scores["truth"]["tilt"]) < 0.02
+
+
+def test_the_baselines_are_the_crop_s(mask):
+    picture = picture_of(slopes)
+    ring = hidden.ring_of(picture, mask)
+    maps = hidden.maps_of(ring, Constant(0.2))
+    assert list(maps) == [OWN, MEAN, BORDER, BESIDE, "object alone", "default"]
+    inside = mask[48:192, 64:256] == 0
+    np.testing.assert_allclose(maps[MEAN][0, 0], picture[48:192, 64:256][inside].mean(axis=0), atol=1e-5)
+    d = pixel_directions(64)
+    for row, column in np.argwhere(ring.where):
+        x, y, z = d[row, column]
+        at = np.clip(HEIGHT / 2 - FOCAL * y / -z, 48, 191), np.clip(WIDTH / 2 + FOCAL * x / -z, 64, 255)
+        np.testing.assert_allclose(maps[BORDER][row, column], picture[int(at[0]), int(at[1])], atol=0.02)
+    np.testing.assert_array_equal(maps[BORDER], maps[BESIDE])
+    assert maps["default"][0, 0, 0] == pytest.approx(response(np.float64([0.2]))[0])
+    scores = hidden.score_ring(ring, maps)
+    assert scores[OWN]["rmse"] <= min(scores[MEAN]["rmse"], scores["default"]["rmse"])
+
+
+def test_the_object_is_left_out_of_the_ring_and_of_one_border():
+    picture, mask = picture_of(slopes), np.zeros((HEIGHT, WIDTH), np.uint8)
+    mask[60:100, 20:160] = 255  # over the crop's left border
+    picture[mask > 0] = 1.0
+    plain, ring = hidden.ring_of(picture, np.roll(mask, 70, axis=1)), hidden.ring_of(picture, mask)
+    assert plain.where.sum() > ring.where.sum() > 0.9 * plain.where.sum()
+    assert ring.shown[ring.where].max() < 0.9
+    assert ring.border[ring.where].max() > 0.9 > ring.beside[ring.where].max()
+
+
+def test_what_has_no_ring_says_why(mask, tmp_path):
+    everywhere = np.full_like(mask, 255)
+    assert hidden.ring_of(picture_of(slopes), everywhere) == "the object covers what the crop hides"
+    corner = np.zeros_like(mask)
+    corner[:40, :40] = 255
+    assert hidden.ring_of(picture_of(slopes), corner) == "too little of the object in its middle"
+    flat = np.full((HEIGHT, WIDTH, 3), 0.4, np.float32)
+    assert "one colour" in hidden.ring_of(flat, mask)
+    photo = np.dstack([np.round(255 * picture_of(slopes)).astype(np.uint8), mask])
+    Image.fromarray(photo).save(tmp_path / "a.png")
+    Image.fromarray(mask).save(tmp_path / "a_mask.png")
+    ((path, given),) = masked_photos([tmp_path]).values()
+    assert hidden.load_ring(path, given) == "transparent, a cut-out"
+
+
+def test_the_summary_counts_who_is_ahead():
+    rows = MEAN, BORDER, BESIDE, "x"
+    scores = {
+        name: {row: {"rmse": rmse, "tilt": tilt} for row, rmse, tilt in zip(rows, *both, strict=True)}
+        for name, both in {
+            "a": ((0.2, 0.3, 0.1, 0.15), (0, 0, 0, -1)),
+            "b": ((0.2, 0.1, 0.1, 0.15), (0, 0, 0, -3)),
+            "c": ((0.1, 0.2, 0.1, 0.15), (0, 0, 0, 1)),
+        }.items()
+    }
+    row = hidden.summary(scores)["x"]
+    assert (row["rmse"], row["ahead_of_beside"]) == (0.15, 0)
+    assert row["ahead_of_mean"] == row["ahead_of_border"] == pytest.approx(2 / 3, abs=1e-3)
+    assert (row["tilt_abs"], row["tilt_bias"]) == (pytest.approx(5 / 3, abs=1e-3), -1)
+
+
+class Constant:
+    """An estimator that answers one radiance everywhere."""
+
+    def __init__(self, level: float) -> None:
+        self.level = level
+
+    def from_photo(self, photo):
+        self.radiance = np.full((64, 128, 3), self.level, np.float32)
+        return self
