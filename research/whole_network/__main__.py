@@ -1,4 +1,4 @@
-"""python -m research.whole_network: commands pairs, train, export.
+"""python -m research.whole_network: commands train, export; pairs come from research.scenes.
 
 Scores of an export: python -m research.world.whole score --model FOLDER, with light.onnx beside whole.onnx.
 """
@@ -14,42 +14,33 @@ import typer
 from anyprobe.cli.app import main as run_command
 from anyprobe.train.checkpoint import keep_apart, save_init_weights
 from research.whole_network.export import export_whole
-from research.whole_network.pairs import make_pairs
 from research.whole_network.train import WholeRunConfig, train_whole
 
 RUNS = Path("runs")
 WEIGHTS = Path("src/anyprobe/weights/lift")
 
 app = typer.Typer(no_args_is_help=True)
-Pairs = Annotated[Path, typer.Option(help="Folder of the pairs.")]
-
-
-@app.command()
-def pairs(
-    data: Annotated[Path, typer.Option(help="Folder with hdri and meshes.")],
-    kept: Annotated[Path, typer.Option(help="Folder of the renders, see research.world.whole.")],
-    out: Pairs = RUNS / "whole-pairs",
-    scenes: Annotated[int, typer.Option(min=1, help="So many.")] = 4096,
-    first: Annotated[int, typer.Option(min=0, help="From this one on.")] = 0,
-    part: Annotated[str, typer.Option(help="Of research.world.whole: train, or lamps.")] = "train",
-) -> None:
-    """Make the pairs that are missing of path-traced scenes; those of scenes that are not rendered are rendered."""
-    for path in make_pairs(data, kept, out, scenes, part, first):
-        typer.echo(path)
+Pairs = Annotated[Path, typer.Option(help="Folder of the pairs, see research.scenes.")]
 
 
 @app.command()
 def train(
-    pairs: Pairs = RUNS / "whole-pairs",
+    pairs: Pairs = RUNS / "scenes",
+    left_out: Annotated[
+        Path | None, typer.Option(help="Folder of pairs of the left-out part, scored while training.")
+    ] = None,
     runs: Annotated[Path, typer.Option(help="Folder for checkpoints and logs.")] = RUNS,
     steps: Annotated[int | None, typer.Option(min=1, help="Steps in all; the run's own number otherwise.")] = None,
+    growing: Annotated[bool, typer.Option(help="Also learn from pairs that are added meanwhile.")] = False,
+    name: Annotated[str, typer.Option(help="Of the run's folder.")] = "whole",
     init_weights: Annotated[
         Path | None, typer.Option(help="Weights to begin from, kept by export --keep; the same ones to resume.")
     ] = None,
 ) -> None:
     """Train the network that is given the whole photo; resumes exactly."""
-    config = WholeRunConfig() if steps is None else replace(WholeRunConfig(), steps=steps)
-    typer.echo(train_whole(config, pairs=pairs, runs=runs, start=init_weights))
+    config = WholeRunConfig(name=name, growing=growing)
+    config = config if steps is None else replace(config, steps=steps)
+    typer.echo(train_whole(config, pairs=pairs, runs=runs, start=init_weights, left_out=left_out))
 
 
 @app.command()

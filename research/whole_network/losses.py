@@ -24,18 +24,23 @@ WEIGHTS = {
     "ln": 0.08,
     "transport": 0.4,
     "confidence": 0.05,
-    "emitters": 0.1,
-    "context": 0.05,
+    "emitters": 0.2,
+    "context": 0.15,
     "power": 0.1,
     "profile": 0.3,
+    "color": 0.1,
     "level": 0.1,
-    "pitch": 0.1,
+    "pitch": 0.2,
     "roll": 0.03,
     "stands": 0.03,
 }
 """Of each loss."""
 SOURCE_WEIGHTS = (1.0, 0.5, 0.25, 0.25)
 """Of the sources' profiles, the brightest first."""
+DIM_POWER = 0.1
+"""Power above white of which the loss of a direction counts half: most photos have more, and teach as much as any."""
+LEAST_SHARE = 0.05
+"""Of the power within 8 degrees of a place, from which on its colour counts in full."""
 SHARE_FLOOR = 0.02
 """Added to shares of power before their logarithm: less hardly shows."""
 
@@ -61,7 +66,7 @@ class WholeLoss:
         above = (torch.exp(true) - 1).clip(min=0.0) * self._angles
         power = above.sum(dim=(2, 3))
         share = above.sum(dim=1).flatten(1) / power.sum(dim=1, keepdim=True).clip(min=1e-6)
-        counts = power.mean(dim=1) / (power.mean(dim=1) + 1.0)
+        counts = power.mean(dim=1) / (power.mean(dim=1) + DIM_POWER)
         present = (batch["context"][:, 4].amax(dim=(1, 2)) > 0).float()
         ln_context = guess.ln_context.unflatten(1, (MAP_HEIGHT, 2 * MAP_HEIGHT))[:, None]
         return {
@@ -77,6 +82,7 @@ class WholeLoss:
             "context": cross_entropy(ln_context, share, self._angles, counts * present),
             "power": (guess.ln_power - torch.log(power + POWER_FLOOR)).abs().mean(),
             "profile": profile_loss(guess.profiles, batch["profiles"]),
+            "color": color_loss(guess.colors, batch["colors"], batch["profiles"]),
             "level": (self._ln_level(guess.ln_radiance) - self._ln_level(true)).abs().mean(),
             **posture_losses(guess.posture, batch["up"], present),
         }
@@ -107,6 +113,13 @@ def profile_loss(profiles: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
     ln = torch.log(profiles + SHARE_FLOOR) - torch.log(true + SHARE_FLOOR)
     each = ((profiles - true).abs() + 0.2 * ln.abs()).mean(dim=(0, 2))
     return each @ each.new_tensor(SOURCE_WEIGHTS) / sum(SOURCE_WEIGHTS)
+
+
+def color_loss(colors: torch.Tensor, true: torch.Tensor, profiles: torch.Tensor) -> torch.Tensor:
+    """Differences of ln of the sources' colours [N, S, 3] and of the true ones, where there is a source."""
+    counts = (profiles[..., 1] / LEAST_SHARE).clamp(max=1.0) * colors.new_tensor(SOURCE_WEIGHTS)
+    each = (torch.log(colors + SHARE_FLOOR) - torch.log(true + SHARE_FLOOR)).abs().mean(dim=2)
+    return (counts * each).sum() / counts.sum().clamp(min=1e-6)
 
 
 def posture_losses(posture: torch.Tensor, up: torch.Tensor, present: torch.Tensor) -> dict[str, torch.Tensor]:

@@ -24,6 +24,16 @@ def _cap_kernels(height: int) -> torch.Tensor:
     return torch.fft.rfft(torch.from_numpy((cosine > np.cos(np.radians(PLACE_DEG))).astype(np.float32)), dim=2)
 
 
+def source_colors(radiance: torch.Tensor, places: torch.Tensor, luminance: torch.Tensor) -> torch.Tensor:
+    """Return the mean colours [N, S, 3], of luminance 1, of maps [N, 3, H, 2H] within PLACE_DEG of places [N, S, 3]."""
+    height = radiance.shape[2]
+    d = torch.from_numpy(pixel_directions(height)).to(radiance).reshape(-1, 3)
+    weights = torch.from_numpy(pixel_solid_angles(height)).to(radiance).expand(-1, 2 * height).reshape(-1)
+    near = ((places @ d.T) > np.cos(np.radians(PLACE_DEG))).to(radiance) * weights  # [N, S, P]
+    colors = torch.einsum("nsp,ncp->nsc", near, radiance.flatten(2))
+    return colors / (colors @ luminance)[..., None].clamp(min=1e-9)
+
+
 def source_profiles(luminance: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     """Of maps [N, H, 2H] the directions [N, SOURCES, 3] of their brightest places and shares [N, SOURCES,
     len(RADII_DEG)] of the power within so many degrees of each.

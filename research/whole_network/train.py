@@ -20,56 +20,68 @@ from anyprobe.core.response import MEAN_CURVE
 from anyprobe.errors import InputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.nets.blocks import autocast
+from anyprobe.nets.light_net import display
 from anyprobe.nets.whole_net import WholeNet
-from anyprobe.train.checkpoint import agreed, load_init_weights, load_weights, read_checkpoint, resumed
+from anyprobe.train.checkpoint import agreed, load_weights, read_checkpoint, read_init_weights, resumed
 from anyprobe.train.logger import RunLogger, run_folder
 from anyprobe.train.loop import CHECKPOINT_SECONDS, learning_rate
 from research.whole_network.losses import WEIGHTS, WholeLoss
-from research.whole_network.source_profiles import source_profiles
+from research.whole_network.score import score_pairs
+from research.whole_network.source_profiles import source_colors, source_profiles
 
 LEVEL, TINT = 0.25, 0.12
 """Standard deviations of ln of the light that a pair has more of, all of it and each channel, each time it is seen."""
 
+UNUSED = ("image", "scene")
+"""Arrays of pairs that this network is not given."""
+WHITE = 0.98
+"""Display value from which on a pixel of a photo is clipped: less light does not make it less."""
 NOISE = 0.03
 """Largest standard deviation of display values, and a third of that of ln radiance, that pairs are seen with."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class WholeRunConfig:
-    """name: of the run's folder; the learning rate rises over warmup steps and falls over the last cooldown share.
+    """A run's settings.
 
+    name: of the run's folder. The learning rate rises over warmup steps and falls over the last cooldown share.
     averaged: decay of the running mean of the weights, which is what is exported. given_up: share of the pairs that
-    are told which way is up. pairs: how many of the kept ones are learned from, 0 for all.
+    are told which way is up; panoramas: that know a part of the map in the place of the photo around the object.
+    pairs: how many of the kept ones are learned from, 0 for all. scored: steps between two scores of the left-out
+    pairs. growing: whether pairs that are added meanwhile are learned from too, from the next score on; such a run
+    does not resume to the same bits.
     """
 
     name: str = "whole"
     steps: int = 9_500
     batch: int = 32
-    learning_rate: float = 1.5e-3
+    learning_rate: float = 8e-4
     weight_decay: float = 1e-3
     warmup: int = 100
     cooldown: float = 0.6
     averaged: float = 0.999
     given_up: float = 0.2
+    panoramas: float = 0.05
     seed: int = 7
     pairs: int = 0
+    scored: int = 500
+    growing: bool = False
 
 
 class Pairs:
-    """Kept pairs of research.whole_network.pairs in memory, 240 KB each."""
+    """Kept pairs of research.scenes.pairs in memory, 240 KB each."""
 
     def __init__(self, folder: Path, most: int = 0) -> None:
         """Read a folder's files in the order of their names; InputError where there are none."""
+        self.folder = folder
         files = sorted(folder.glob("*.npz"))
         if not files:
-            raise InputError(
-                f"{folder}: expected pairs, found none; make them with python -m research.whole_network pairs"
-            )
+            raise InputError(f"{folder}: expected pairs, found none; make them with python -m research.scenes pairs")
         self._parts, count, seen = [], 0, hashlib.sha256()
         for path in files:
             with np.load(path, allow_pickle=False) as stored:
-                part = {name: stored[name] for name in stored.files}
-            part["profiles"] = _profiles(part["truth"])
+                part = {name: stored[name] for name in stored.files if name not in UNUSED}
+            part["profiles"], part["colors"] = _profiles(part["truth"])
             self._parts.append(part)
             count += len(part["up"])
             seen.update(f"{path.name} {len(part['up'])} ".encode())
@@ -82,7 +94,35 @@ class Pairs:
     def __len__(self) -> int:
         return int(self._starts[-1])
 
-    def batch(self, rng: np.random.Generator, count: int, given_up: float) -> dict[str, torch.Tensor]:
+    def grown(self) -> Pairs:
+        """Return the pairs with files that were added to the folder meanwhile."""
+        return self if len(list(self.folder.glob("*.npz"))) == len(self._parts) else Pairs(self.folder)
+
+    def rows(self, start: int, stop: int) -> dict[str, torch.Tensor]:
+        """Return pairs in order, as they are, as the network takes them."""
+        stop = min(stop, len(self))
+        index = np.arange(start, stop)
+        parts = np.searchsorted(self._starts, index, side="right") - 1
+
+        def of(name: str) -> torch.Tensor:
+            picked = [self._parts[p][name][row - self._starts[p]] for p, row in zip(parts, index, strict=True)]
+            return torch.from_numpy(np.stack(picked)).float()
+
+        return {
+            "context": (of("context") / 255).permute(0, 3, 1, 2).contiguous(memory_format=torch.channels_last),
+            "tan_half": of("tan_half")[:, None],
+            "lift": of("lift"),
+            "said": of("posterior"),
+            "surroundings": of("surroundings") / 255,
+            "truth": of("truth"),
+            "up": of("up"),
+            "given_up": torch.zeros(len(index), 3),
+            "family": of("family"),
+        }
+
+    def batch(
+        self, rng: np.random.Generator, count: int, given_up: float, panoramas: float = 0.0
+    ) -> dict[str, torch.Tensor]:
         """A random batch of the arrays of pairs.Known, as the network takes them."""
         rows = rng.integers(len(self), size=count)
         parts = np.searchsorted(self._starts, rows, side="right") - 1
@@ -116,9 +156,11 @@ class Pairs:
             "surroundings": seen(around),
             "truth": of("truth") + gain,
             "profiles": of("profiles"),
+            "colors": of("colors"),
             "up": up,
             "given_up": up * torch.from_numpy(rng.random((count, 1)) < given_up).float(),
         }
+        batch = _with_panoramas(batch, rng, panoramas)
         batch = _mirrored(batch, torch.from_numpy(rng.random(count) < 0.5))
         return {**batch, "context": batch["context"].contiguous(memory_format=torch.channels_last)}
 
@@ -138,22 +180,45 @@ def _grain(like: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
     return 0.7 * (torch.randn(like.shape, generator=generator) + wide)
 
 
+def _with_panoramas(batch: dict[str, torch.Tensor], rng: np.random.Generator, share: float) -> dict:
+    """Return the batch with some photos of which only a part of the map is known, as from a panorama."""
+    some = torch.from_numpy(rng.random(len(batch["truth"])) < share)
+    if not some.any():
+        return batch
+    rows, columns = batch["truth"].shape[2:]
+    turn, width = rng.integers(columns), rng.integers(columns // 4, columns)
+    low, high = rng.uniform(0, 0.5), rng.uniform(0.5, 1)
+    known = torch.zeros(1, 1, rows, columns)
+    known[:, :, int(low * rows) : int(high * rows), :width] = 1.0
+    known = known.roll(int(turn), dims=3).expand(len(some), -1, -1, -1)
+    panorama = torch.cat([display(batch["truth"]).clip(max=1.0) * known, known], dim=1)
+    where = some[:, None, None, None]
+    context = torch.where(where, torch.zeros_like(batch["context"]), batch["context"])
+    return {**batch, "surroundings": torch.where(where, panorama, batch["surroundings"]), "context": context}
+
+
 def _brighter(picture: torch.Tensor, ln_gain: torch.Tensor) -> torch.Tensor:
-    """Display values [N, 3 and more, H, W] of ln_gain [N, 3, 1, 1] more light; of premultiplied ones about."""
+    """Display values [N, 3 and more, H, W] of ln_gain [N, 3, 1, 1] more light; of premultiplied ones about.
+
+    What is clipped stays clipped.
+    """
     n, sigma = MEAN_CURVE.exponent, MEAN_CURVE.sigma
     ratio = (picture[:, :3] / (1 + sigma)).clip(max=0.999)
     ln = torch.log(ratio * sigma / (1 - ratio) + 1e-9) / n
     shown = (1 + sigma) * torch.sigmoid(n * (ln + ln_gain) - float(np.log(sigma)))
+    shown = torch.where(picture[:, :3] >= WHITE, picture[:, :3], shown)
     return torch.cat([shown.clip(max=1.0), picture[:, 3:]], dim=1)
 
 
-def _profiles(truth: np.ndarray, at_once: int = 32) -> np.ndarray:
-    """source_profiles of ln maps [N, 3, H, 2H]."""
-    luminance, found = torch.tensor(REC709), []
+def _profiles(truth: np.ndarray, at_once: int = 32) -> tuple[np.ndarray, np.ndarray]:
+    """Return source_profiles of ln maps [N, 3, H, 2H], and the sources' colours."""
+    luminance, profiles, colors = torch.tensor(REC709), [], []
     for start in range(0, len(truth), at_once):
         radiance = torch.exp(torch.from_numpy(truth[start : start + at_once]).float())
-        found.append(source_profiles(torch.einsum("c,nchw->nhw", luminance, radiance))[1].numpy())
-    return np.concatenate(found)
+        places, shares = source_profiles(torch.einsum("c,nchw->nhw", luminance, radiance))
+        profiles.append(shares.numpy())
+        colors.append(source_colors(radiance, places, luminance).numpy())
+    return np.concatenate(profiles), np.concatenate(colors)
 
 
 def predict(net: WholeNet, batch: dict[str, torch.Tensor]):
@@ -163,10 +228,24 @@ def predict(net: WholeNet, batch: dict[str, torch.Tensor]):
         return net(*(batch[name] for name in names))
 
 
-def train_whole(config: WholeRunConfig, *, pairs: Path, runs: Path, start: Path | None = None) -> Path:
+def begin_from(net: WholeNet, start: Path) -> None:
+    """Load the weights that the network has in common with those in start; what it has more begins at zero there."""
+    own = net.state_dict()
+    for name, value in read_init_weights(start)[0].items():
+        if name not in own or own[name].dim() != value.dim():
+            continue
+        if own[name].shape != value.shape:
+            own[name].zero_()
+        own[name][tuple(slice(size) for size in value.shape)] = value.to(own[name].dtype)
+    net.load_state_dict(own)
+
+
+def train_whole(
+    config: WholeRunConfig, *, pairs: Path, runs: Path, start: Path | None = None, left_out: Path | None = None
+) -> Path:
     """Train to config.steps, going on from the checkpoint of runs/<config.name> when there is one; its path.
 
-    Args, errors: as of train.loop.train; pairs: folder of research.whole_network.pairs.
+    Args, errors: as of train.loop.train; pairs, left_out: folders of research.scenes.pairs.
     """
     torch.manual_seed(config.seed)
     path = runs / config.name / "checkpoint.pt"
@@ -180,13 +259,14 @@ def train_whole(config: WholeRunConfig, *, pairs: Path, runs: Path, start: Path 
         optimizer.load_state_dict(stored["optimizer"])
         first = stored["step"]
     elif start is not None:
-        load_init_weights(net, start)
+        begin_from(net, start)
         mean.load_state_dict(net.state_dict())
     folder = run_folder(runs, config.name)
     if first >= config.steps:
         return path
     data, losses = Pairs(pairs, config.pairs), WholeLoss()
-    origin = agreed(path, origin, {"assets": data.identity})
+    kept = None if left_out is None else Pairs(left_out)
+    origin = {**origin, "assets": data.identity} if config.growing else agreed(path, origin, {"assets": data.identity})
     logger = RunLogger(folder, config.name, _columns(net), first, config.steps, config.steps)
     saved = time.monotonic()
     with logger:
@@ -194,7 +274,9 @@ def train_whole(config: WholeRunConfig, *, pairs: Path, runs: Path, start: Path 
             rate = learning_rate(config, step)
             for group in optimizer.param_groups:
                 group["lr"] = rate
-            batch = data.batch(np.random.default_rng((config.seed, step)), config.batch, config.given_up)
+            batch = data.batch(
+                np.random.default_rng((config.seed, step)), config.batch, config.given_up, config.panoramas
+            )
             net.train()
             torch.manual_seed(step + config.seed)  # what is dropped is the step's own
             terms = losses(predict(net, batch), batch)
@@ -205,6 +287,12 @@ def train_whole(config: WholeRunConfig, *, pairs: Path, runs: Path, start: Path 
             optimizer.step()
             follow(mean, net, min(config.averaged, (step + 1) / (step + 20)))
             logger.note(step + 1, (step + 1) * config.batch, config.batch, {**terms, "loss": loss}, rate)
+            if config.growing and (step + 1) % config.scored == 0:
+                data = data.grown()
+                origin["assets"] = data.identity
+            if kept is not None and (step + 1) % config.scored == 0:
+                with (folder / "left_out.jsonl").open("a", encoding="utf-8") as stream:
+                    stream.write(json.dumps({"step": step + 1, **score_pairs(mean, kept)}) + "\n")
             if time.monotonic() - saved > CHECKPOINT_SECONDS or step + 1 == config.steps:
                 words = {"step": step + 1, "config": json.dumps(dataclasses.asdict(config)), "origin": origin}
                 weights = {"net": mean.state_dict(), "moving": net.state_dict(), "optimizer": optimizer.state_dict()}

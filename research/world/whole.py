@@ -22,7 +22,7 @@ from anyprobe.evaluate.benchmark import read_predictions, write_photo
 from anyprobe.files.atomic import atomic_files
 from research.results import commit, write_result
 from research.world.judgement import ALL, CUT_OUTS, Judgement, print_groups
-from research.world.whole_photos import COUNT, LEARNED, PARTS, recipes_of, renders, store_of, whole_photos
+from research.world.whole_photos import COUNT, PARTS, recipes_of, renders, store_of, whole_photos
 from research.world.whole_rows import SHIPPED, predicted_rows, rows_of
 from research.world.whole_scores import score as score_photo
 
@@ -57,7 +57,7 @@ def score(
     if predictions is None:
         first, rows_on = SHIPPED, partial(rows_of, estimator=Estimator(model, threads=1))
     else:
-        keys = [one.key for one in recipes_of(part, store_of(data, part) if part in LEARNED else None, count)]
+        keys = [one.key for one in recipes_of(part, count)]
         first = predictions.resolve().name
         rows_on = partial(predicted_rows, name=first, maps=read_predictions(predictions, keys))
     judged = Judgement()

@@ -17,29 +17,18 @@ from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.dataset import distributions
 from anyprobe.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe.dataset.camera import Shot, draw_shot, one_photo
-from anyprobe.dataset.catalog import MapAsset, normalize_map
-from anyprobe.dataset.lighting import add_lamp, draw_variant
 from anyprobe.dataset.recipe import Recipe, digest, read_recipes, world_recipes
-from anyprobe.dataset.sky import direction_at, tint
 from anyprobe.errors import InputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.light.environment import MAP_HEIGHT, integral
+from anyprobe.light.environment import MAP_HEIGHT
 from research.left_out import load_left_out
-from research.world.whole_render import MAP_PATHS, PATHS, Render, render_scene
-from research.world.whole_scenes import Scene, before_black_cloth, draw_scene
+from research.world.whole_render import Render, render_scene
+from research.world.whole_scenes import Scene, draw_scene
 
 COUNT, SEED = 100, 2041
-TRAIN_SHRINK, TRAIN_PATHS, TRAIN_MAP_PATHS = 2, 9, 9
-"""Photos to learn from are smaller by that factor, and have fewer paths through a pixel."""
-OWN_SHAPES, VARIANTS = 200, 160
-"""Beside the assets to learn from."""
-LAMP_POWERS, LAMP_DEG = (1.0, 40.0), (2.0, 15.0)
-"""Of a lamp, in shares of the power of all else, and its radius."""
 LISTS = {"test": "whole_test.txt", "left-out": "whole_left_out.txt"}
-LEARNED = ("train", "lamps")
-PARTS = (*LISTS, *LEARNED)
-"""Held-out maps and shapes; training assets that no shipped weights learn from, to choose by; and the others; the same
-under a lamp in a dark room, half of them on and before black cloth."""
+PARTS = tuple(LISTS)
+"""Held-out maps and shapes; training assets that no shipped weights learn from, to choose by."""
 KEY, KEY_SPREAD = 0.22, 0.35
 """As in dataset.distributions, for meters that see the frame itself: objects in 85 real photos have a mean linear
 radiance of .09 .13 .23 .29 .39 (10 25 50 75 90 %), frames of .16 .20 .24 .34 .43."""
@@ -75,44 +64,16 @@ class WholePhoto:
     family: str = "table"
 
 
-def recipes_of(part: str, store: AssetStore | None = None, count: int = COUNT) -> list[Recipe]:
-    """The first `count` recipes of a part. Those of "test" and "left-out" never change; others are over a store."""
-    if part in LISTS:
-        return read_recipes(Path(__file__).parent / LISTS[part])[:count]
-    if part not in LEARNED or store is None:
-        raise InputError(f"part {part!r}: expected one of {', '.join(PARTS)}, train with its store; choose one of them")
-    return world_recipes(store, count, SEED)
+def recipes_of(part: str, count: int = COUNT) -> list[Recipe]:
+    """Return the first `count` recipes of a part, which never change."""
+    if part not in LISTS:
+        raise InputError(f"part {part!r}: expected one of {', '.join(PARTS)}; choose one of them")
+    return read_recipes(Path(__file__).parent / LISTS[part])[:count]
 
 
 def store_of(data: Path, part: str) -> AssetStore:
-    """The maps and shapes of a part, from a data folder with hdri and meshes."""
-    if part in LEARNED:
-        return _training_store(data, lamps=part == "lamps")
+    """Return the maps and shapes of a part, from a data folder with hdri and meshes."""
     return load_left_out(data) if part == "left-out" else load_asset_store(data, "test", commercial_only=False)
-
-
-def _training_store(data: Path, lamps: bool) -> AssetStore:
-    """What shipped weights may learn from, with shapes of our own and lights made of two maps and lamps; or, with
-    lamps, under lights of which one lamp sends most."""
-    store = load_asset_store(data, "train", procedural_shapes=OWN_SHAPES)
-    rng, maps = np.random.default_rng(SEED), [asset.radiance for asset in store.maps.values()]
-    made = (
-        MapAsset(
-            id=f"{k:08x}", name=f"variant-{k}", licence="own", indoor=bool(k % 2), radiance=draw_variant(rng, maps)
-        )
-        for k in range(VARIANTS)
-    )
-    if not lamps:
-        return AssetStore([*store.maps.values(), *made], store.shapes.values())
-    return AssetStore((replace(one, radiance=_lamp_lit(rng, one.radiance)) for one in made), store.shapes.values())
-
-
-def _lamp_lit(rng: np.random.Generator, radiance: np.ndarray) -> np.ndarray:
-    """A map [H, 2H, 3] with a lamp of LAMP_POWERS times its own power."""
-    direction = direction_at(rng.uniform(0, 2 * np.pi), np.arcsin(rng.uniform(-0.15, 0.98)))
-    radius = np.radians(np.exp(rng.uniform(*np.log(LAMP_DEG))))
-    power = luminance(integral(radiance)) * np.exp(rng.uniform(*np.log(LAMP_POWERS)))
-    return normalize_map(add_lamp(radiance, direction, radius, power * tint(rng, 0.25), rng.uniform(0.1, 1.5)))
 
 
 def whole_photos(data: Path, part: str, kept: Path, count: int = COUNT) -> Iterator[WholePhoto]:
@@ -129,18 +90,12 @@ def whole_photos(data: Path, part: str, kept: Path, count: int = COUNT) -> Itera
 def renders(
     store: AssetStore, part: str, kept: Path, count: int = COUNT, first: int = 0
 ) -> Iterator[tuple[Recipe, Scene, Render]]:
-    """What whole_photos photographs, from number `first` on."""
-    for recipe in recipes_of(part, store, count)[first:]:
+    """Yield what whole_photos photographs, from number `first` on."""
+    for recipe in recipes_of(part, count)[first:]:
         path = kept / part / f"{recipe.key}.npz"
-        scene = draw_scene(recipe, store, bare=part in LEARNED and path.is_file())
-        sizes = (PATHS, MAP_PATHS)
-        if part in LEARNED:
-            scene = replace(scene, phone=scene.phone.shrunk(TRAIN_SHRINK), cut_out="")
-            sizes = (TRAIN_PATHS, TRAIN_MAP_PATHS)
+        scene = draw_scene(recipe, store)
         if not path.is_file():
-            if part == "lamps" and int(recipe.key, 16) % 2:
-                scene = before_black_cloth(scene)
-            _write(path, render_scene(scene, store.map(recipe.map_id).radiance, *sizes))
+            _write(path, render_scene(scene, store.map(recipe.map_id).radiance))
         yield recipe, scene, _read(path)
 
 

@@ -37,8 +37,6 @@ FLOORS, WALLS, SECONDS, CUT_OUTS = 0.5, 0.2, 0.25, 0.2
 BORDER = 0.02
 """Of the photo's sides, that the object keeps off its border."""
 TRIES = 200
-BLACK_CLOTH = 0.015
-"""Albedo of black velvet, as photographers hang it."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -75,11 +73,6 @@ class Phone:
         """Field of view of the longer side."""
         return float(np.degrees(2 * np.arctan(max(self.width, self.height) / 2 / self.focal)))
 
-    def shrunk(self, factor: int) -> Phone:
-        """The same with fewer pixels."""
-        sides = self.width // factor, self.height // factor
-        return replace(self, focal=self.focal / factor, width=sides[0], height=sides[1])
-
     def pixels(self, points: np.ndarray) -> np.ndarray:
         """World points [..., 3] to x, y [px]."""
         seen = (points - self.position) @ self.world_from_camera
@@ -108,8 +101,8 @@ class Scene:
     cut_out: str
 
 
-def draw_scene(recipe: Recipe, store: AssetStore, bare: bool = False) -> Scene:
-    """The same for the same recipe and assets. bare: without what is around the object, which takes the longest."""
+def draw_scene(recipe: Recipe, store: AssetStore) -> Scene:
+    """Return the scene of a recipe: the same for the same recipe and assets."""
     rng = recipe.rng()
     kind, brighter = recipe.material % 4, recipe.material // 4
     alpha = float(distributions.draw_alphas(rng, np.array([kind]))[0])
@@ -121,8 +114,6 @@ def draw_scene(recipe: Recipe, store: AssetStore, bare: bool = False) -> Scene:
     map_yaw = float(rng.uniform(0, 2 * np.pi))
     center = (thing.mesh.positions.min(axis=0) + thing.mesh.positions.max(axis=0)) / 2
     phone = _draw_phone(rng, thing.mesh)
-    if bare:
-        return Scene(thing=thing, others=(), panels=(), center=center, map_yaw=map_yaw, phone=phone, cut_out="")
     toward = phone.position * [1, 0, 1]
     toward = toward / np.linalg.norm(toward)
     panels = [_draw_table(rng)]
@@ -135,15 +126,6 @@ def draw_scene(recipe: Recipe, store: AssetStore, bare: bool = False) -> Scene:
     return Scene(
         thing=thing, others=others, panels=tuple(panels), center=center, map_yaw=map_yaw, phone=phone, cut_out=cut_out
     )
-
-
-def before_black_cloth(scene: Scene) -> Scene:
-    """The same on black cloth that hangs down behind the object, with nothing else around."""
-    cloth = Cover(kind="cloth", albedo=np.full((4, 4, 3), BLACK_CLOTH, np.float32), alpha=1.0, side=4.0)
-    toward = scene.phone.position * [1, 0, 1]
-    wall = _draw_wall(np.random.default_rng(int(1e6 * scene.map_yaw)), toward / np.linalg.norm(toward))
-    panels = scene.panels[0], wall
-    return replace(scene, others=(), panels=tuple(replace(panel, cover=cloth) for panel in panels))
 
 
 def _standing(mesh: Mesh, rng: np.random.Generator) -> Mesh:

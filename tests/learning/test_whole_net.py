@@ -57,7 +57,7 @@ def test_every_loss_reaches_the_weights():
     net = WholeNet()
     truth = lift[:, :3]
     _, profiles = source_profiles(torch.exp(truth).mean(dim=1))
-    batch = {"truth": truth, "context": context, "profiles": profiles, "up": up + torch.tensor([0.0, 0.8, 0.6])}
+    batch = {"truth": truth, "context": context, "profiles": profiles, "colors": torch.rand(len(up), SOURCES, 3) + 0.5, "up": up + torch.tensor([0.0, 0.8, 0.6])}
     losses = WholeLoss()(net(context, tan_half, lift, said, surroundings, up), batch)
     assert set(losses) == set(WEIGHTS)
     for name, loss in losses.items():
@@ -88,7 +88,8 @@ def test_drawing_sources_keeps_the_power():
     places = torch.nn.functional.normalize(torch.randn(3, SOURCES, 3, generator=generator), dim=2)
     profiles = torch.rand(3, SOURCES, len(RADII_DEG), generator=generator).cumsum(dim=2) / 4
     spread = torch.full((3, 1, 64, 128), 1 / (4 * np.pi))
-    soft, drawn, powers = draw(shown, above, spread, places, profiles)
+    tints = torch.zeros(3, SOURCES, 3)
+    soft, drawn, powers = draw(shown, above, spread, places, profiles, tints)
     angles = torch.from_numpy(pixel_solid_angles(64))
     for one in (drawn,):
         power = ((one - shown) * angles).sum(dim=(2, 3))
@@ -109,12 +110,42 @@ def test_a_drawn_source_has_the_size_that_its_profile_says():
         area = 1 - np.cos(np.radians(np.minimum(RADII_DEG, size)))
         profiles = torch.zeros(1, SOURCES, len(RADII_DEG))
         profiles[0, 0] = torch.from_numpy(area / area[-1]).float() * 0.7
-        _, drawn, _ = draw(shown, above, torch.full((1, 1, 64, 128), 1 / (4 * np.pi)), places, profiles)
+        even, tints = torch.full((1, 1, 64, 128), 1 / (4 * np.pi)), torch.zeros(1, SOURCES, 3)
+        _, drawn, _ = draw(shown, above, even, places, profiles, tints)
         _, found = source_profiles(drawn[:, 0])
         spread = (5.0 / total - 0.7) * (1 - np.cos(np.radians(size))) / 2
         assert found[0, 0, last] == pytest.approx(0.7 + spread, abs=0.06)
         if last:
             assert found[0, 0, last - 1] < 0.5
+
+
+def test_a_source_has_its_own_colour_and_the_rest_makes_up_for_it():
+    draw = SourceMap()
+    shown, above = torch.full((1, 3, 64, 128), 0.01), torch.tensor([[6.0, 5.0, 4.0]])
+    places = torch.tensor([[[0.0, 0.6, -0.8]] + [[0.0, -1.0, 0.0]] * 3])
+    profiles = torch.zeros(1, SOURCES, len(RADII_DEG))
+    profiles[0, 0] = 0.3
+    tints = torch.zeros(1, SOURCES, 3)
+    tints[0, 0] = torch.tensor([0.4, 0.0, -0.4])
+    soft, drawn, _ = draw(shown, above, torch.full((1, 1, 64, 128), 1 / (4 * np.pi)), places, profiles, tints)
+    angles = torch.from_numpy(pixel_solid_angles(64))
+    source = ((drawn - soft) * angles).sum(dim=(2, 3))[0]
+    expected = above[0] * torch.exp(tints[0, 0])
+    torch.testing.assert_close(source / source.sum(), expected / expected.sum(), rtol=1e-3, atol=1e-3)
+    torch.testing.assert_close(((drawn - shown) * angles).sum(dim=(2, 3)), above, rtol=1e-3, atol=1e-3)
+
+
+def test_the_nearest_seen_place_is_found_across_the_seam():
+    net = WholeNet()
+    surroundings = torch.zeros(2, 4, 64, 128)
+    surroundings[0, :, 28:36, 120:126] = torch.tensor([0.8, 0.2, 0.1, 1.0])[:, None, None]
+    surroundings[0, :, 28:36, 60:66] = torch.tensor([0.1, 0.2, 0.9, 1.0])[:, None, None]
+    near = net._nearest(surroundings)
+    torch.testing.assert_close(near[0, :3, 16, 1], torch.tensor([0.8, 0.2, 0.1]), atol=0.02, rtol=0)
+    torch.testing.assert_close(near[0, :3, 16, 33], torch.tensor([0.1, 0.2, 0.9]), atol=0.02, rtol=0)
+    assert near[0, 3, 16, 1] < near[0, 3, 16, 10] < near[0, 3, 0, 10]
+    assert (near[0, 4] == 1).all()
+    assert (near[1] == 0).all()
 
 
 def test_profiles_of_discs_are_their_areas():

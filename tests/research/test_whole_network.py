@@ -19,17 +19,19 @@ from anyprobe.core.latlong import pixel_directions  # noqa: E402
 from anyprobe.errors import InputError  # noqa: E402
 from anyprobe.estimate.estimator import Estimator  # noqa: E402
 from anyprobe.estimate.runtime import weights_folder  # noqa: E402
+from anyprobe.estimate.ground import up_of  # noqa: E402
+from research.scenes.camera import TakenPhoto  # noqa: E402
+from research.scenes.pairs import Known, known_of  # noqa: E402
 from research.whole_network import train as training  # noqa: E402
 from research.whole_network.export import TOLERANCE, export_whole  # noqa: E402
-from research.whole_network.pairs import Known, known_of  # noqa: E402
-from research.whole_network.train import Pairs, WholeRunConfig, train_whole  # noqa: E402
-from research.world.whole_photos import WholePhoto, recipes_of  # noqa: E402
+from research.whole_network.score import score_pairs  # noqa: E402
+from research.whole_network.train import Pairs, WholeRunConfig, begin_from, load_whole_net, train_whole  # noqa: E402
 
 CONFIG = WholeRunConfig(name="tiny", steps=3, batch=2, warmup=1)
 
 
 @pytest.fixture(scope="module")
-def photo() -> WholePhoto:
+def photo() -> TakenPhoto:
     """A sphere left of the middle, before planks, lit from the right and above; the camera looks down and leans."""
     rgba = np.roll(sphere_photo(), -14, axis=1)
     height, width = rgba.shape[:2]
@@ -39,33 +41,34 @@ def photo() -> WholePhoto:
     picture = np.where(mask[..., None], rgba[..., :3], behind).astype(np.uint8)
     towards = pixel_directions(64) @ np.array([0.8, 0.5, -0.33])
     truth = np.repeat(np.exp(1.5 * towards)[..., None], 3, axis=2).astype(np.float32)
-    return WholePhoto(
-        recipe=recipes_of("test")[0],
-        picture=picture,
-        mask=mask,
-        truth=truth,
-        long_fov_deg=50.0,
-        fov_known=True,
-        pitch_deg=20.0,
-        roll_deg=5.0,
-        contact=(width / 2, height * 0.8),
-        cut_out="",
-        map_name="map",
-        shape_name="sphere",
-    )
+    return TakenPhoto(picture=picture, mask=mask, true_mask=mask, truth=truth, long_fov_deg=50.0)
+
+
+UP = up_of(20.0, 5.0)
 
 
 @pytest.fixture(scope="module")
 def known(photo) -> dict[str, Known]:
-    """By how it is taken: as it is, in a mirror, cut out."""
-    estimator, ways = Estimator(threads=1), {"plain": (False, False), "mirrored": (True, False), "cut": (False, True)}
-    return {name: known_of(photo, estimator, np.random.default_rng(1), *way) for name, way in ways.items()}
+    """What is known of it as it is, in a mirror, and cut out."""
+    estimator = Estimator(threads=1)
+    flipped = {
+        name: np.ascontiguousarray(getattr(photo, name)[:, ::-1]) for name in ("picture", "mask", "true_mask", "truth")
+    }
+    ways = {
+        "plain": (photo, UP, False),
+        "mirrored": (replace(photo, **flipped), UP * [-1, 1, 1], False),
+        "cut": (photo, UP, True),
+    }
+    return {name: known_of(taken, up, estimator, cut, 0, 7) for name, (taken, up, cut) in ways.items()}
 
 
 def test_known_has_the_shapes_that_it_says(known):
     one = known["plain"]
     shapes = {part.name: getattr(one, part.name).shape for part in fields(Known)}
     assert shapes == {
+        "image": (128, 128, 4),
+        "family": (),
+        "scene": (),
         "context": (96, 96, 5),
         "tan_half": (),
         "lift": (7, 64, 128),
@@ -141,8 +144,40 @@ def test_left_and_right_change_places_together():
     assert found["said"] is batch["said"]
 
 
+def test_what_is_clipped_stays_clipped_in_less_light():
+    picture = torch.tensor([1.0, 0.5]).reshape(1, 1, 1, 2).expand(1, 4, 1, 2)
+    darker = training._brighter(picture, torch.full((1, 3, 1, 1), -1.0))
+    assert darker[0, 0, 0, 0] == 1.0
+    assert darker[0, 0, 0, 1] < 0.4
+
+
+def test_a_panorama_takes_the_place_of_the_photo(folder):
+    batch = Pairs(folder).batch(np.random.default_rng(0), 20, given_up=0.0, panoramas=1.0)
+    assert not batch["context"].any()
+    cover = batch["surroundings"][:, 3]
+    assert 0 < cover.mean() < 1
+    known = (cover > 0)[:, None].expand(-1, 3, -1, -1)
+    shown = torch.where(known, training.display(batch["truth"]).clip(max=1.0), torch.zeros(()))
+    torch.testing.assert_close(batch["surroundings"][:, :3], shown)
+
+
+def test_added_files_are_learned_from_when_a_run_grows(folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "pairs")
+    pairs = Pairs(tmp_path / "pairs")
+    assert pairs.grown() is pairs
+    shutil.copy(folder / "000001.npz", tmp_path / "pairs" / "000002.npz")
+    assert len(pairs.grown()) == len(pairs) + 1
+
+
+def test_scores_are_of_photos_and_of_cut_outs(folder, checkpoint):
+    net, _ = load_whole_net(checkpoint)
+    scores = score_pairs(net, Pairs(folder))
+    assert {"ldr_rmse", "dominant_deg", "pitch_deg", "ground_ldr_rmse", "cut-out_ldr_rmse"} <= set(scores)
+    assert all(np.isfinite(value) for value in scores.values())
+
+
 def test_pairs_are_asked_for_where_there_are_none(tmp_path):
-    with pytest.raises(InputError, match="research.whole_network pairs"):
+    with pytest.raises(InputError, match="research.scenes pairs"):
         Pairs(tmp_path)
 
 

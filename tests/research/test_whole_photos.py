@@ -25,7 +25,7 @@ from research.world import whole as whole_command
 from research.world import whole_photos as whole
 from research.world.tables import ALBEDO, KINDS, draw_cover
 from research.world.whole_render import Render
-from research.world.whole_scenes import before_black_cloth, draw_scene
+from research.world.whole_scenes import draw_scene
 from research.world.whole_scores import brightest_places, score, stage, summary, world_from_photo
 
 RADIANCE = np.exp(np.random.default_rng(3).normal(0, 1, (64, 128, 3))).astype(np.float32)
@@ -75,16 +75,6 @@ def test_a_scene_is_a_function_of_its_recipe():
     again = draw_scene(RECIPES[5], STORE)
     np.testing.assert_array_equal(again.thing.mesh.positions, SCENES[5].thing.mesh.positions)
     assert again.phone.pitch_deg == SCENES[5].phone.pitch_deg != SCENES[6].phone.pitch_deg
-    bare = draw_scene(RECIPES[5], STORE, bare=True)
-    np.testing.assert_array_equal(bare.phone.position, again.phone.position)
-    assert not bare.panels
-
-
-def test_black_cloth_lies_under_the_object_and_hangs_behind_it():
-    scene = before_black_cloth(SCENES[6])
-    assert [float(panel.cover.albedo.max()) < 0.02 for panel in scene.panels] == [True, True]
-    toward = scene.phone.position * [1, 0, 1]
-    assert scene.panels[1].world_from_panel[:3, 3] @ toward < 0 < scene.panels[1].world_from_panel[:3, 2] @ toward
 
 
 def test_covers_have_the_measured_albedos():

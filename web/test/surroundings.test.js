@@ -7,7 +7,7 @@ import { luminance } from "../src/core/color.js";
 import { inverseResponse, response } from "../src/core/response.js";
 import { lightOfObject } from "../src/networks/lightOfObject.js";
 import { cropObject } from "../src/photo/crop.js";
-import { backdropDoubts, useSurroundings } from "../src/photo/surroundings.js";
+import { backdropDoubts, isDarkBeside, useSurroundings } from "../src/photo/surroundings.js";
 
 const PIXELS = 64 * 128;
 const WHITE = 0.97;
@@ -79,3 +79,12 @@ test("a background tints what it does not show, unless the object's material is 
   assert.ok(red > 1.1 * blue, `${red}, ${blue}`);
   for (const value of await behind(new Float32Array(8))) assert.ok(Math.abs(value - 0.4) < 1e-6);
 });
+
+for (const [beside, isDark] of [[50, true], [60, false]]) {
+  test(`surroundings of ${beside} beside an object of 160 are ${isDark ? "" : "not "}dark`, () => {
+    const [width, height] = [40, 30];
+    const mask = Float32Array.from({ length: width * height }, (_, i) => (i % width < 10 ? 1 : 0));
+    const rgba = new Uint8ClampedArray(4 * width * height).map((_, i) => (i % 4 === 3 ? 255 : mask[i >> 2] ? 160 : beside));
+    assert.equal(isDarkBeside({ width, height, rgba }, mask), isDark);
+  });
+}

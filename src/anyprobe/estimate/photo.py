@@ -17,7 +17,14 @@ from anyprobe.estimate.ground import NOTED, Ground, estimate_ground
 from anyprobe.estimate.known import KnownNormals, Panorama, PhotoBackground, asked_surroundings, find_normals
 from anyprobe.estimate.normals_hint import SHORTEST
 from anyprobe.estimate.runtime import NORMALS_SIZE
-from anyprobe.estimate.surroundings import at_rows, hides_backdrop, is_cut_out, turned, visible_surroundings
+from anyprobe.estimate.surroundings import (
+    at_rows,
+    hides_backdrop,
+    is_cut_out,
+    is_dark_beside,
+    turned,
+    visible_surroundings,
+)
 from anyprobe.estimate.window import sample_window
 from anyprobe.files.images import ImageSource, Pixels, read_image
 from anyprobe.given_material import Albedo
@@ -221,6 +228,8 @@ def load_photo(
         doubtful = is_opaque and not scale and hides_backdrop(pixels.rgb, found.mask)
         doubts = backdrop_doubts(pixels.name) if doubtful else ()
         return replace(photo, surroundings=None, warnings=photo.warnings + doubts)
+    if not around.is_asked and is_dark_beside(pixels.rgb, found.mask):
+        return replace(photo, surroundings=None)
     return replace(photo, ground=_ground(photo, hints.pitch_deg, pixels.posture_deg))
 
 

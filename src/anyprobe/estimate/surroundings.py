@@ -56,6 +56,10 @@ BACKDROP_DAMPING = 1e-6
 """Added to the normal equations of a backdrop's shading, so that few pixels have one too."""
 PLAIN_SHARE: float = contract("ground")["plain_share"]
 """A background of which so much is no farther from its median colour than this is one colour with flaws: a cut-out."""
+DARK_BESIDE: float = contract("ground")["dark_beside"]
+"""Mean display luminance beside the object over the object's, below which surroundings are taken for unlit and tell
+nothing of the light: in rendered photos of all families the object alone is then nearer to the dominant light
+(`python -m research.scenes dark`)."""
 SAMPLES: int = contract("ground")["samples"]
 """Pixels along the longer side that are looked at for that, at least."""
 PLAIN: float = _CONTRACT["plain"]
@@ -234,6 +238,15 @@ def is_cut_out(
         np.logical_and.reduce((np.abs(display - fit) <= PLAIN_STEP).T).mean() >= PLAIN_SHARE
         for fit in (np.median(display, axis=0), _backdrop(display, beside))
     )
+
+
+def is_dark_beside(rgb: Float[np.ndarray, "H W 3"], mask: Float[np.ndarray, "H W"]) -> bool:
+    """Return whether what is beside the object is much darker than it, as in a dark room or before black cloth."""
+    step = max(1, max(mask.shape) // SAMPLES)
+    display, inside = luminance(rgb[::step, ::step]), mask[::step, ::step] >= 0.5
+    if inside.all() or not inside.any():
+        return False
+    return bool(display[~inside].mean() < DARK_BESIDE * display[inside].mean())
 
 
 def _backdrop(display: np.ndarray, beside: np.ndarray) -> np.ndarray:

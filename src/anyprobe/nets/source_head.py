@@ -34,6 +34,8 @@ COMPONENTS = 4
 """Of the mixture on the sphere that the context adds to where light may come from."""
 EDGE_DEG = 3.0
 """Width of the soft edge of a disc that is drawn, all of it inside."""
+MOST_TINT = 1.5
+"""Bound of ln of a source's colour over that of all light above white."""
 LEAST_SR = 1e-5
 """Of a ring's size, so that none divides by zero."""
 SHARPEST = 10.0
@@ -51,7 +53,11 @@ class SourceHead(nn.Module):
         of_direction = nn.Linear(code, 128), nn.Linear(128, 4 * COMPONENTS)
         self.profile = nn.Sequential(of_profile[0], nn.LeakyReLU(0.1), of_profile[1])
         self.direction = nn.Sequential(of_direction[0], nn.LeakyReLU(0.1), of_direction[1])
-        with torch.no_grad():  # untrained, every direction is as likely as before
+        of_color = nn.Linear(code, 64), nn.Linear(64, SOURCES * 3)
+        self.color = nn.Sequential(of_color[0], nn.LeakyReLU(0.1), of_color[1])
+        with torch.no_grad():  # untrained, every direction is as likely as before, and every source as all light is
+            of_color[1].weight.mul_(0.1)
+            of_color[1].bias.zero_()
             of_direction[1].weight.mul_(0.1)
             of_direction[1].bias.zero_()
             of_profile[1].bias.copy_(torch.tensor([1.5, 1.5, 1.0, -1.0]).flip(0).repeat(SOURCES) - 0.3)
@@ -61,6 +67,10 @@ class SourceHead(nn.Module):
         logit = self.profile(code).float().reshape(-1, SOURCES, len(RADII_DEG))
         # the widest disc first, then of each the part in the next smaller one
         return torch.exp(torch.cumsum(F.logsigmoid(logit), dim=2)).flip(2)
+
+    def tints(self, code: torch.Tensor) -> torch.Tensor:
+        """Return ln of what the sources' colours are multiplied by, [N, SOURCES, 3]."""
+        return MOST_TINT * torch.tanh(self.color(code).float().unflatten(1, (SOURCES, 3)))
 
     def ln_density(self, code: torch.Tensor, present: torch.Tensor, directions: torch.Tensor) -> torch.Tensor:
         """ln of a mixture of von Mises-Fisher distributions in shares of an even one, [N, P]; zero where present [N, 1]
@@ -148,19 +158,24 @@ class SourceMap(nn.Module):
         left = ((above @ self.luminance)[:, None] - before).clamp(min=0.0)
         return torch.minimum(inward, left).unflatten(1, (len(RADII_DEG), SOURCES)).transpose(1, 2)
 
-    def forward(self, shown: torch.Tensor, above: torch.Tensor, spread: torch.Tensor, places, profiles):
+    def colors(self, above: torch.Tensor, tints: torch.Tensor) -> torch.Tensor:
+        """Return colours of luminance 1 [N, S, 3]: that of all power above white [N, 3] times exp(tints [N, S, 3])."""
+        tinted = above[:, None].clamp(min=1e-9) * torch.exp(tints)
+        return tinted / (tinted @ self.luminance)[..., None].clamp(min=1e-9)
+
+    def forward(self, shown: torch.Tensor, above: torch.Tensor, spread: torch.Tensor, places, profiles, tints):
         """Radiance without the sources [N, 3, H, 2H], the whole of it, and the sources' powers [N, S, R] in luminance.
 
         shown: [N, 3, H, 2H]; above: power above white [N, 3]; spread: density over directions [N, 1, H, 2H] of the part
             of it that no source has;
-        places [N, S, 3]; profiles [N, S, R].
+        places [N, S, 3]; profiles [N, S, R]; tints [N, S, 3] of SourceHead.tints.
         """
         rings = self.rings(places)
         power = self.powers(profiles, rings, shown.flatten(2), above)
-        bright = (above @ self.luminance).clamp(min=1e-9)
-        color = above / bright[:, None]  # [N, 3], of luminance 1
         density = power / (rings @ self.solid_angles).clamp(min=LEAST_SR)
-        drawn = torch.einsum("nsr,nsrp->np", density, rings).unflatten(1, shown.shape[2:])[:, None]
-        rest = (bright - power.sum(dim=(1, 2))).clamp(min=0.0)
-        soft = shown + (color * rest[:, None])[:, :, None, None] * spread
-        return soft, soft + color[:, :, None, None] * drawn, power
+        colors = self.colors(above, tints)
+        colored = density[..., None] * colors[:, :, None]  # [N, S, R, 3]
+        drawn = torch.einsum("nsrc,nsrp->ncp", colored, rings).unflatten(2, shown.shape[2:])
+        rest = (above - torch.einsum("nsr,nsc->nc", power, colors)).clamp(min=0.0)
+        soft = shown + rest[:, :, None, None] * spread
+        return soft, soft + drawn, power

@@ -64,6 +64,7 @@ export const CONTRACT = {
     "plain_step": 0.012,
     "backdrop_level": 0.1,
     "plain_share": 0.9,
+    "dark_beside": 0.35,
     "samples": 128
   },
   "exposure": {

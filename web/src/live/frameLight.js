@@ -10,7 +10,7 @@ import { shown, step } from "../light/temporal.js";
 import { cropObject } from "../photo/crop.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
 import { REFUSED } from "../photo/quality.js";
-import { isCutOut } from "../photo/surroundings.js";
+import { isCutOut, isDarkBeside } from "../photo/surroundings.js";
 import { readFrame } from "./videoFrames.js";
 import { blockMeans, hasMoved } from "./motion.js";
 
@@ -134,7 +134,7 @@ export class FrameLight {
     this.masked = masked;
     Object.assign(this, await this.findMask(picture, this.#hintsIn(picture)));
     this.box = objectBox(this.mask, picture.width);
-    this.isAlone = isCutOut(picture, this.mask);
+    this.isAlone = isCutOut(picture, this.mask) || isDarkBeside(picture, this.mask);
     if (this.masked !== masked) return false; // clicked meanwhile: found anew at the next frame
     const { before } = this;
     this.before = null;

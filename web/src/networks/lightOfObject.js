@@ -9,7 +9,7 @@ import { turnedBack } from "../core/frames.js";
 import { CROP_SIZE, contextOf } from "../photo/crop.js";
 import { exposureDoubts } from "../photo/exposure.js";
 import { groundDoubts, groundOf, upOf } from "../photo/ground.js";
-import { backdropDoubts, coverageOf, isCutOut, seeSurroundings, useSurroundings, withoutTransparent } from "../photo/surroundings.js";
+import { backdropDoubts, coverageOf, isCutOut, isDarkBeside, seeSurroundings, useSurroundings, withoutTransparent } from "../photo/surroundings.js";
 
 /**
  * Luminance of display values between which a pixel says something of the light, and the share of such pixels from which
@@ -36,7 +36,7 @@ const { black: BLACK, white: WHITE, enough: ENOUGH } = CONTRACT.exposure;
  */
 export async function lightOfObject(models, picture, longFovDeg, crop, options) {
   const { surroundings = "auto", pitchDeg, emitters = "mode", isAlone, ...given } = options;
-  const isAuto = surroundings === "auto" && !(isAlone ?? isCutOut(picture, crop.mask));
+  const isAuto = surroundings === "auto" && !(isAlone ?? (isCutOut(picture, crop.mask) || isDarkBeside(picture, crop.mask)));
   const isUnasked = surroundings === "auto" && !isAuto && isAlone === undefined;
   const isShown = isAuto || surroundings === "photo" || surroundings === true;
   const isOpaque = !isAuto || isAlone !== undefined; // frames have no transparency, and "photo" takes pixels as they are

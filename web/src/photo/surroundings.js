@@ -149,6 +149,28 @@ export function isCutOut({ width, height, rgba }, mask) {
 }
 
 /**
+ * Whether what is beside the object is much darker than it, as in a dark room or before black cloth: it then tells nothing
+ * of the light.
+ *
+ * @param {import("./picture.js").Picture} picture
+ * @param {Float32Array} mask
+ */
+export function isDarkBeside({ width, height, rgba }, mask) {
+  const step = Math.max(1, Math.floor(Math.max(width, height) / CONTRACT.ground.samples));
+  const [sums, counts] = [[0, 0], [0, 0]]; // beside the object, and on it
+  for (let y = 0; y < height; y += step) {
+    for (let x = 0; x < width; x += step) {
+      const pixel = y * width + x;
+      const which = mask[pixel] >= 0.5 ? 1 : 0;
+      sums[which] += luminance(rgba[4 * pixel], rgba[4 * pixel + 1], rgba[4 * pixel + 2]);
+      counts[which]++;
+    }
+  }
+  if (counts[0] === 0 || counts[1] === 0) return false;
+  return sums[0] / counts[0] < CONTRACT.ground.dark_beside * (sums[1] / counts[1]);
+}
+
+/**
  * A line where what is beside the object of an opaque cut-out is bright enough for a studio's backdrop;
  * anyprobe.estimate.doubts has the same.
  *

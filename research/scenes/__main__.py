@@ -1,0 +1,93 @@
+"""python -m research.scenes: commands pairs, sheet, score, dark.
+
+Rendering needs Mitsuba 3, mitsuba-oidn and an LLVM of 17 or newer.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from anyprobe.cli.app import main as run_command
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
+from research.results import commit, write_result
+from research.scenes.dark import dark_rows, dark_table
+from research.scenes.layouts import FAMILIES
+from research.scenes.pairs import IN_FILE, PARTS, make_pairs
+from research.scenes.photos import scene_photos
+from research.world.judgement import ALL, CUT_OUTS, Judgement, print_groups
+from research.world.whole_rows import SHIPPED, rows_of
+from research.world.whole_scores import score as score_photo
+
+app = typer.Typer(no_args_is_help=True)
+Data = Annotated[Path, typer.Option(help="Folder with hdri and meshes.")]
+
+
+@app.command()
+def pairs(
+    data: Data,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the files.")] = Path("runs/scenes"),
+    first: Annotated[int, typer.Option(min=0, help="First scene.")] = 0,
+    scenes: Annotated[int, typer.Option(min=1, help="Up to this one.")] = 70_000,
+    every: Annotated[int, typer.Option(min=1, help="Make one file of so many: for several processes.")] = 1,
+    part: Annotated[str, typer.Option(help=f"One of {', '.join(PARTS)}.")] = "train",
+) -> None:
+    """Render scenes under fresh lights and write what the estimator knows of their photos; goes on where it stopped."""
+    start = time.monotonic()
+    for number, path in enumerate(make_pairs(data, out, first, scenes, every, part), 1):
+        typer.echo(f"{path}: {number * IN_FILE / (time.monotonic() - start):.2f} scenes a second")
+
+
+@app.command()
+def sheet(
+    data: Data,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for FAMILY.jpg.")] = Path("runs/scenes-sheet"),
+    part: Annotated[str, typer.Option(help=f"One of {', '.join(PARTS)}.")] = "train",
+    count: Annotated[int, typer.Option(min=1, help="Photos of each family.")] = 12,
+) -> None:
+    """Draw photos with their masks, and their light, of each family."""
+    from research.scenes.sheet import draw_sheets
+
+    for path in draw_sheets(data, out, part, FAMILIES, count):
+        typer.echo(path)
+
+
+@app.command()
+def score(
+    data: Data,
+    kept: Annotated[Path, typer.Option(help="Folder for the renders.")] = Path("runs/world"),
+    part: Annotated[str, typer.Option(help="test or left-out.")] = "left-out",
+    family: Annotated[list[str] | None, typer.Option(help="Only this one; repeat for more.")] = None,
+    model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="File to write.")] = None,
+) -> None:
+    """Print the figures of the object alone and of the whole photo, with standard errors by map, by family."""
+    judged, estimator = Judgement(), Estimator(model, threads=1)
+    for photo in scene_photos(data, part, kept, tuple(family or FAMILIES)):
+        rows = score_photo(photo, rows_of(photo, estimator))
+        judged.add([CUT_OUTS] if photo.cut_out else [ALL, photo.family], photo.map_name, rows)
+        typer.echo(f"{photo.recipe.key} LDR RMSE {rows[SHIPPED]['ldr_rmse']:.3f}", err=True)
+    groups = judged.table()
+    print_groups(groups, part)
+    content = {"commit": commit(), "model": model_id(model), "groups": groups}
+    write_result(out or Path(f"runs/scenes-{part}.json"), content)
+
+
+@app.command()
+def dark(
+    folder: Annotated[Path, typer.Argument(help="Folder of pairs, in which research.scenes pairs wrote.")],
+    model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
+) -> None:
+    """Print what surroundings are worth by how dark they are beside the object: why dark ones are left out."""
+    rows = np.array(list(dark_rows(sorted(folder.glob("*.npz")), Models(model, threads=1))))
+    for line in dark_table(rows):
+        typer.echo(line)
+
+
+if __name__ == "__main__":
+    run_command(app)
