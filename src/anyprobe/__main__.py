@@ -1,6 +1,6 @@
 """python -m anyprobe: the command line."""
 
-from anyprobe.cli.app import main
+from anyprobe_command import main
 
 if __name__ == "__main__":
     main()

@@ -18,6 +18,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from anyprobe.core.arrays import plain_array
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
 from anyprobe.files.images import ImageSource
 from anyprobe.files.raw import RAW_SUFFIXES
@@ -248,6 +249,8 @@ class Hints:
                 raise InputError(
                     f"expected a file, its bytes, a picture or an array, got the number {value}", subject=name
                 )
+            if isinstance(value, np.ma.MaskedArray):
+                plain_array(value, name, subject=name)
         if self.fov_deg is not None and not 1.0 < self.fov_deg < 170.0:
             raise InvalidPhoto(
                 "expected a field of view of more than 1 and less than 170 degrees along the longer side, "

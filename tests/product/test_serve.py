@@ -447,6 +447,8 @@ def test_openapi_describes_every_address(client):
     paths = client.get("/openapi.json").json()["paths"]
     assert set(paths) == {
         "/healthz",
+        "/readyz",
+        "/metrics",
         "/v1/estimate",
         "/v1/fuse",
         "/v1/detail",

@@ -308,5 +308,5 @@ def test_surroundings_much_darker_than_the_object_tell_nothing(beside, known):
     dark[~inside] *= np.random.default_rng(0).uniform(0.5, 1.5, dark[~inside].shape)  # else it is one colour
     dark[~inside] *= 0.6 * beside / luminance(dark[~inside]).mean()
     dark = (255 * dark.clip(0, 1)).astype(np.uint8)
-    assert load_photo(dark, mask=mask, fov_deg=FOV_DEG).use_background is known
-    assert load_photo(dark, mask=mask, fov_deg=FOV_DEG, surroundings="photo").use_background
+    assert (load_photo(dark, mask=mask, fov_deg=FOV_DEG).surroundings is not None) is known
+    assert load_photo(dark, mask=mask, fov_deg=FOV_DEG, surroundings="photo").surroundings is not None

@@ -82,7 +82,7 @@ def test_whatever_a_decoder_raises_is_one_line_or_a_damaged_frame(made, monkeypa
         def __exit__(self, *_):
             pass
 
-    monkeypatch.setattr("anyprobe.video.clip._open", lambda path: Container(0))
+    monkeypatch.setattr("anyprobe.video.clip.open_video", lambda path: Container(0))
     with pytest.raises(InputError, match="convert it to mp4"):
         list(read_frames(clip, []))
 

@@ -121,7 +121,7 @@ class FixedLight:
         self.light, self.seen = replace(find_dominant_light(radiance), direction=direction, error_deg=12.0), []
 
     def from_photo(self, photo):
-        self.seen.append(photo.use_background)
+        self.seen.append(photo.surroundings is not None)
         return self
 
     def dominant_light(self):
@@ -133,7 +133,7 @@ def test_estimators_answer_in_the_camera_s_frame_for_the_object_alone_and_the_wh
     write(folder, LAMP | {"lamp": " ".join(map(str, direction))})
     (photo,) = load_lamps(folder, read_real(folder))
     estimator = FixedLight(direction)
-    angles = lamp_angles(replace(photo, photo=replace(photo.photo, use_background=True)), {}, {"": estimator})
+    angles = lamp_angles(replace(photo, photo=replace(photo.photo, surroundings=PhotoBackground())), {}, {"": estimator})
     assert list(angles) == [CONSTANT, ALONE, DEFAULT]
     for way in (ALONE, DEFAULT):
         assert angles[way].deg == pytest.approx(0, abs=1e-3)

@@ -25,7 +25,6 @@ ONLY = {
     "onnx": {"train"},
     "openvino": {"estimate"},
     "rembg": {"masks"},
-    "pooch": {"masks"},
     "trimesh": {"files"},
     "rawpy": {"files"},
     "pillow_jxl": {"files"},
@@ -39,6 +38,7 @@ ONLY = {
     "starlette": {"serve"},
     "uvicorn": {"cli", "serve"},
     "cryptography": {"serve"},
+    "prometheus_client": {"serve"},
 }
 """Packages that not every part may import."""
 

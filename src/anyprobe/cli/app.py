@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import os
 import signal
 import sys
 import threading
+import traceback
 import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -31,6 +33,23 @@ from anyprobe.cli.train import train, weights
 from anyprobe.cli.video import video
 from anyprobe.errors import AnyprobeError
 from anyprobe.files import exr
+
+TRACEBACK = "ANYPROBE_TRACEBACK"
+"""Environment variable that lets errors which nobody foresaw through as they are."""
+
+NO_MORE = (
+    "expected more {} than the system gives this process; end other programs, raise its limits, or give less at once"
+)
+SHORT_OF = {
+    errno.ENOMEM: "memory",
+    errno.EAGAIN: "processes or threads",
+    errno.EMFILE: "open files",
+    errno.ENFILE: "open files",
+}
+"""What the system's refusals, by number, mean."""
+
+LEAST_COLUMNS = 20
+"""Of a terminal, as COLUMNS says; with fewer, which is no terminal's width, tables would be cut to nothing."""
 
 USERS = (estimate, mask, relight, video, match, export, materials, serve, doctor)
 MAKERS = (evaluate, train, weights)
@@ -85,7 +104,13 @@ def main(command: Callable[[], Any] = app) -> None:
     except AnyprobeError as error:
         print(f"anyprobe: {OPTIONS.line(error.notice)}", file=sys.stderr)
         sys.exit(2)
+    except MemoryError:
+        print(f"anyprobe: {NO_MORE.format('memory')}", file=sys.stderr)
+        sys.exit(2)
     except OSError as error:  # a folder that may not be looked into, a disk that is full
+        if error.errno in SHORT_OF and not error.filename:
+            print(f"anyprobe: {NO_MORE.format(SHORT_OF[error.errno])}", file=sys.stderr)
+            sys.exit(2)
         where = error.filename or "a file"
         print(f"anyprobe: {where}: cannot be used ({error.strerror or error}); check the path", file=sys.stderr)
         sys.exit(2)
@@ -93,6 +118,25 @@ def main(command: Callable[[], Any] = app) -> None:
         if end.code == 130:
             print("anyprobe: interrupted", file=sys.stderr)
         raise
+    except Exception as error:
+        if os.environ.get(TRACEBACK):
+            raise
+        print(f"anyprobe: {_fault(error)}", file=sys.stderr)
+        sys.exit(1)
+
+
+def _fault(error: Exception) -> str:
+    """Return one line on an error that nobody foresaw, and where it came from."""
+    said = " ".join(str(error).split())[:160]
+    if "start new thread" in said:
+        return NO_MORE.format("threads")
+    steps = traceback.extract_tb(error.__traceback__)
+    ours = [step for step in steps if os.sep + "anyprobe" + os.sep in step.filename] or steps
+    where = f" at {os.path.basename(ours[-1].filename)}:{ours[-1].lineno}" if ours else ""
+    return (
+        f"a fault of anyprobe or of a package that it uses, {type(error).__name__}{where}: {said or 'no words'}; "
+        f"report it with what anyprobe doctor prints ({TRACEBACK}=1 shows all steps)"
+    )
 
 
 @contextlib.contextmanager
@@ -102,6 +146,11 @@ def own_lines() -> Iterator[None]:
     SIGTERM ends it as Ctrl-C does, so that nothing half-written stays. All of this changes what the whole process has;
     only the command line owns one.
     """
+    _forget_no_width()
+    for stream in (sys.stdout, sys.stderr):  # a name that the terminal's encoding lacks is no reason to end
+        with contextlib.suppress(AttributeError, OSError, ValueError):  # none, or a caller's own
+            getattr(stream, "reconfigure")(errors="backslashreplace")  # noqa: B009  # of files alone
+    os.environ.setdefault("PYTHONSAFEPATH", "1")  # a random.py in the working folder is not Python's in children either
     before, exr.quiet = exr.quiet, silenced
     ours = threading.current_thread() is threading.main_thread()
     handler = signal.signal(signal.SIGTERM, _end) if ours else None
@@ -113,6 +162,13 @@ def own_lines() -> Iterator[None]:
         exr.quiet = before
         if ours:
             signal.signal(signal.SIGTERM, handler)
+
+
+def _forget_no_width() -> None:
+    """Drop a COLUMNS that no terminal has."""
+    said = os.environ.get("COLUMNS", "")
+    if said.isdecimal() and int(said) < LEAST_COLUMNS:
+        del os.environ["COLUMNS"]
 
 
 def _end(number: int, _: object) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sys
 import time
@@ -9,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
@@ -87,17 +88,18 @@ def estimate(
     listed = list_photos(photos)
     estimator = by.estimator(segmenter=taken.finder.segmenter, **fine.settings(size))
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
-    steps = track(listed, "estimating", console=talk, transient=True, disable=len(listed) < 2 or not talk.is_terminal)
+    shows = len(listed) > 1 and talk.is_terminal
+    progress: Any = track(listed, "estimating", console=talk, transient=True, disable=not shows)
     call = EstimateCall(
         estimator=estimator, out=out, hints=hints, as_json=as_json, listed=listed, colorspace=colorspace
     )
+    with contextlib.closing(progress) as steps:  # else its thread outlives an error, and the process never ends
+        done = [call.together(steps, poses)] if poses is not None else [call.one(path) for path in steps]
     if poses is not None:
-        done = [call.together(steps, poses)]
         _report(done, talk, out)
         if taken.strict and done[0].warnings:
             raise typer.Exit(2)
         return
-    done = [call.one(path) for path in steps]
     failed = [one for one in done if one.error]
     if len(done) > 1 or not failed:
         _report(done, talk, out)

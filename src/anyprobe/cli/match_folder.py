@@ -28,6 +28,7 @@ from anyprobe.cli.options import (
 )
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
+from anyprobe.files.paths import same_file_key
 from anyprobe.notices import Notice, give
 
 SURE = 0.5
@@ -67,7 +68,7 @@ def match(
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     with talk.status("reading the panoramas"):
         library = open_library(folder)
-    if out.resolve() == folder.resolve() or folder.resolve() in out.resolve().parents:
+    if Path(same_file_key(out)).is_relative_to(same_file_key(folder)):
         raise InputError(f"-o {out}: is within the folder of panoramas, which it would add to; choose another")
     hints = hints_for(photo, taken.hints())
     estimator = by.estimator(segmenter=taken.finder.segmenter)

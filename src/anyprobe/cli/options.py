@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin,
 import typer
 
 from anyprobe.detail.plausible import DETAILS
-from anyprobe.errors import AnyprobeError, InputError, InvalidMask, MissingExtra, OutputError
+from anyprobe.errors import AnyprobeError, InputError, InvalidMask, InvalidPhoto, MissingExtra, OutputError
 from anyprobe.estimate.settings import Settings
 from anyprobe.files.exr import HEADER_BYTES, parse_header
-from anyprobe.files.paths import open_regular, visible_files
+from anyprobe.files.paths import folds_case, open_regular, read_stream, same_file_key, visible_files
 from anyprobe.hints import HINTS, PICTURES, Hint, Hints
 from anyprobe.notices import Words, give
 
@@ -294,7 +294,11 @@ def need_torch(what: str) -> None:
 
 def photo_source(path: Path) -> Path | bytes:
     """A photo's path, or what standard input holds where the path is `-`."""
-    return sys.stdin.buffer.read() if path == STDIN else path
+    if path != STDIN:
+        return path
+    if sys.stdin is None:  # closed, as a service's may be
+        raise InvalidPhoto("expected a photo, got a closed input; name a file, or pipe one in", source="stdin")
+    return read_stream(sys.stdin.buffer, "stdin", InvalidPhoto)
 
 
 def photo_name(path: Path) -> str:
@@ -358,13 +362,20 @@ def result_stem(photo: Path, listed: list[Path]) -> str:
 
 def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given: Iterable[Any]) -> None:
     """Refuse results of one name for two photos, and one that would replace a photo or what else is given."""
-    twins = [other for other in listed if result_stem(other, listed) == result_stem(photo, listed)]
+    targets = list(targets)
+    folds = bool(targets) and folds_case(targets[0].parent)
+
+    def name_of(one: Path) -> str:
+        stem = result_stem(one, listed)
+        return stem.casefold() if folds else stem
+
+    twins = [other for other in listed if name_of(other) == name_of(photo)]
     if twins and twins[0] != photo:
         raise OutputError(f"expected names that differ, got {twins[0]} before it; rename one of them", source=photo)
-    inputs = {one.resolve(): one for one in (*listed, *given) if isinstance(one, Path)}
+    inputs = {same_file_key(one): one for one in (*listed, *given) if isinstance(one, Path)}
     for target in targets:
-        if target.resolve() in inputs:
-            lost = inputs[target.resolve()]
+        if same_file_key(target) in inputs:
+            lost = inputs[same_file_key(target)]
             raise OutputError(f"the result would replace {lost}; choose another folder with -o", source=photo)
 
 
@@ -388,7 +399,7 @@ def _file_for(photo: Path, given: Path, kind: str, suffixes: tuple[str, ...]) ->
             # the glob finds stem.0002.png too, which is another photo's
             if candidate.stem != stem or candidate.suffix.lower() not in suffixes:
                 continue
-            if candidate.resolve() != photo.resolve():
+            if same_file_key(candidate) != same_file_key(photo):
                 return candidate
     text = f"expected {photo.stem}.png or {photo.stem}_{kind}.png in {given}, found neither"
     raise InvalidMask(text, subject=kind, source=photo)

@@ -31,6 +31,7 @@ from anyprobe.cli.options import (
     with_bundles,
 )
 from anyprobe.errors import OutputError, arguments_named
+from anyprobe.files.paths import same_file_key
 from anyprobe.hints import HINTS
 
 if TYPE_CHECKING:
@@ -159,7 +160,7 @@ def relight(
     else:
         refuse_unused(context, "without an .exr", "colorspace")
     inputs = (photo, light, *hints.files().values())
-    if out.resolve() in {one.resolve() for one in inputs if isinstance(one, Path)}:
+    if same_file_key(out) in {same_file_key(one) for one in inputs if isinstance(one, Path)}:
         raise OutputError(f"{out}: the result would replace an input; choose another name with -o")
     check_writable(out)
     traced = uses_mitsuba(renderer)

@@ -13,12 +13,16 @@ from typing import Annotated, Any
 
 import typer
 
-from anyprobe.errors import InputError, MissingExtra
+from anyprobe.errors import InputError, MissingExtra, OutputError
 from anyprobe.estimate.runtime import DEFAULT_MODEL
+from anyprobe.files.cores import usable_cores
+from anyprobe.serve.limits import DRAIN_S, Limits
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 """What browsers call a server of their own machine."""
 MIN_TOKEN = 8
+SHARED_MEMORY = "/dev/shm"
+"""A folder in memory that Linux has, in containers too."""
 EVERYWHERE = ("0.0.0.0", "::", "")
 """Hosts that stand for all addresses of this machine."""
 
@@ -45,9 +49,13 @@ def serve(
         str | None,
         typer.Option(
             help="Token of 8 letters or more that clients must send, or none; default: a new one if other machines "
-            "can connect."
+            "can connect.",
+            envvar="ANYPROBE_TOKEN",
         ),
     ] = None,
+    drain: Annotated[
+        float, typer.Option(help="Seconds for what it has begun, when it is to end (SIGTERM).", min=0, max=600)
+    ] = DRAIN_S,
     model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL,
 ) -> None:
     """Serve the web page and the HTTP API. All is computed here; nothing leaves this machine."""
@@ -56,10 +64,10 @@ def serve(
 
     from anyprobe.estimate.estimator import Estimator
     from anyprobe.serve.api import create_app
-    from anyprobe.serve.door import settings, write_certificate
-    from anyprobe.serve.limits import Limits
+    from anyprobe.serve.door import DrainingServer, settings, write_certificate
     from anyprobe.serve.page import Page, write_static
 
+    _find_temporary_folder()
     estimator = Estimator(model, threads=1)
     page = Page(estimator, model)
     if static is not None:
@@ -67,8 +75,7 @@ def serve(
         size = sum(path.stat().st_size for path in written)
         print(f"{static}: {len(written)} files, {size / 2**20:.0f} MiB; see docs/serve.md", file=sys.stderr)
         return
-    num_workers = workers or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else workers or 2
-    limits = Limits(max_bytes=max_mb * 2**20, workers=num_workers)
+    limits = Limits(max_bytes=max_mb * 2**20, workers=workers or usable_cores(), drain_s=drain)
     names = [name.lower() for name in allow_host or []]
     with _open_port(host, port) as listening, tempfile.TemporaryDirectory() as folder:
         shown = own_address() if host in EVERYWHERE else host
@@ -94,7 +101,17 @@ def serve(
             if not https:
                 _say("other machines get no camera over http, and others may read along; add --https")
         app.state.pool.warm()
-        uvicorn.Server(uvicorn.Config(app, **settings(), **encrypted)).run(sockets=[listening])
+        DrainingServer(uvicorn.Config(app, **settings(drain), **encrypted), app.state.pool).run(sockets=[listening])
+
+
+def _find_temporary_folder() -> None:
+    """Use shared memory for temporary files where no folder can be written, as in a container with a read-only root."""
+    try:
+        tempfile.gettempdir()
+    except OSError as error:
+        if not os.access(SHARED_MEMORY, os.W_OK):
+            raise OutputError("no folder for temporary files can be written; let TMPDIR name one") from error
+        tempfile.tempdir = os.environ["TMPDIR"] = SHARED_MEMORY
 
 
 def _say(line: str) -> None:
@@ -120,7 +137,9 @@ def _open_port(host: str, port: int) -> socket.socket:
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         listening = socket.socket(family, kind, protocol)
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        # on Windows that word would let a second server take the port of one that runs
+        alone = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
+        listening.setsockopt(socket.SOL_SOCKET, alone, 1)
         listening.bind(address)
     except OSError as error:
         raise InputError(

@@ -21,7 +21,10 @@ from anyprobe.errors import AnyprobeError, InputError, MissingExtra
 ATTEMPTS = 3
 """How often a task is tried whose workers die."""
 
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+_OF_CHILDREN = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "PYTHONSAFEPATH"), "1"
+)
+"""Environment of processes: one thread, and no modules from the working folder, whose random.py is not Python's."""
 
 Work = Callable[[Any, Callable[[int], None]], Any]
 """work(task, report) does a task, calls report(n) on the way, and returns its result; all of it can be pickled."""
@@ -120,8 +123,8 @@ def one_thread() -> Iterator[None]:
     NumPy's products of small matrices are on every path that makes pairs, and its second thread would spin
     between them on a core that another worker needs.
     """
-    old = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
+    old = {name: os.environ.get(name) for name in _OF_CHILDREN}
+    os.environ.update(_OF_CHILDREN)
     try:
         yield
     finally:

@@ -137,7 +137,7 @@ def _claim(path: Path, content: Path) -> None:
         except FileExistsError:
             raise
         except OSError:  # a file system without links: the name first, its content by a rename a moment later
-            path.open("x").close()
+            path.touch(exist_ok=False)
     except FileExistsError as error:
         raise InputError(
             f"{path}: expected none, but another process has just written one; "

@@ -28,7 +28,7 @@ from anyprobe.detail.library import (
     write_library,
 )
 from anyprobe.errors import AnyprobeError, InputError
-from anyprobe.files.paths import natural_order, open_regular
+from anyprobe.files.paths import home_folder, natural_order, open_regular
 from anyprobe.files.radiance import read_radiance
 
 _SUFFIXES = (".exr", ".hdr")
@@ -61,7 +61,7 @@ def open_library(folder: str | Path | None = None) -> Library:
     if not folder.is_dir():
         raise InputError("no such folder; name one of .exr or .hdr maps", source=folder)
     stamps = _stamps(folder)
-    name = hashlib.sha256(str(folder.resolve()).encode()).hexdigest()[:16]
+    name = hashlib.sha256(os.path.realpath(folder).encode(errors="surrogateescape")).hexdigest()[:16]
     path = _cache_folder() / f"{name}.zip"
     before = stored_index(path)
     try:
@@ -175,7 +175,9 @@ def _make_room(path: Path) -> None:
 
 
 def _cache_folder() -> Path:
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    home = home_folder()
+    nowhere = Path(os.devnull)  # in which nothing can be kept
+    base = os.environ.get("XDG_CACHE_HOME") or (nowhere if home is None else home / ".cache")
     return Path(base) / "anyprobe" / "detail"
 
 

@@ -116,7 +116,7 @@ def _read_spec(path: Path) -> NormalsSpec:
             "expected a spec beside the graph, found none; see docs/inputs.md for what it holds", source=path
         )
     try:
-        values = json.loads(path.read_text(encoding="utf-8"))
+        values = json.loads(path.read_bytes())  # of any Unicode
         known = {one.name for one in fields(NormalsSpec)}
         if not isinstance(values, dict) or not {"axes", "size"} <= set(values) <= known:
             raise ValueError(f"axes and size, and of {', '.join(sorted(known))} no others")

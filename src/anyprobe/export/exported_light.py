@@ -18,6 +18,7 @@ import numpy as np
 from anyprobe.core.frames import is_rotation
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.export.target_frames import FRONT, TargetFrame, webxr
+from anyprobe.files.paths import is_there, read_regular
 from anyprobe.files.radiance import HALF_MAX, HALF_MIN, map_attributes, read_radiance, write_exr, write_hdr
 from anyprobe.light.dominant_light import DominantLight, split_dominant_light
 from anyprobe.light.environment import check_radiance, rotate
@@ -38,6 +39,8 @@ SH_DEFINITION = (
 
 BRIGHTEST_RADIANCE = 1e12
 """Above it squares and sums leave what float32 holds; the sun in candela per square metre is 1.6e9."""
+MAX_SIDECAR_BYTES = 2**26
+"""Of a .json beside a map; ours are of a few kilobytes, of many photos a little more."""
 ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "response", "warnings", "detail")
 """What an export keeps of the estimate's sidecar: not its SH and dominant light, which turn with the map."""
 
@@ -329,11 +332,23 @@ def float_where_long(digits: str) -> int | float:
 
 
 def said_beside(path: Path) -> dict[str, Any]:
-    """The .json that an estimate or an export wrote beside a map; {} where there is none of ours."""
+    """Return the .json that an estimate or an export wrote beside a map; {} where there is none or another kind.
+
+    Raises:
+        InputError: it is damaged or cannot be read, so that nobody knows what it said.
+    """
     own, other = (path.with_name(f"{stem}.json") for stem in (path.stem, path.stem.removesuffix("_ambient")))
-    beside = own if own.is_file() else other
-    try:
-        said = json.loads(beside.read_text(encoding="utf-8"), parse_int=float_where_long)
-    except (OSError, ValueError, RecursionError):  # not ours: the map itself is all that is needed
+    beside = own if is_there(own) else other
+    if not is_there(beside):
         return {}
+    try:  # of any Unicode, with a byte order mark or without
+        data = read_regular(beside, str(beside), InputError, max_bytes=MAX_SIDECAR_BYTES)
+        said = json.loads(data, parse_int=float_where_long)
+    except InputError:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise InputError(
+            f"{beside}: expected the .json beside {path.name} as it was written, got a damaged one "
+            f"({' '.join(str(error).split())[:80]}); save the light again, or move the .json away"
+        ) from error
     return said if isinstance(said, dict) else {}

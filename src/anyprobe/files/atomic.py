@@ -21,6 +21,9 @@ from anyprobe.errors import OutputError
 SCRATCH = ".anyprobe-"
 """What the folders begin with that hold files until all are written; the machine and the process's number follow."""
 
+WAITS, WAITS_S = os.name == "nt", (0.02, 0.1, 0.5)
+"""Whether a rename may be refused for a moment, and how long it is waited for."""
+
 STALE_S = 86_400.0
 """Age of such a folder that is abandoned, whichever machine's process made it."""
 
@@ -41,7 +44,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         _refuse_folder(target, path)
         target.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
-        os.replace(temporary, target)
+        _replace(temporary, target)
     except OutputError:
         raise
     except OSError as error:
@@ -110,6 +113,16 @@ def unwritable(
     return OutputError(f"{path}: cannot be written ({reason}); {advice} or free some space")
 
 
+def _replace(source: Path, target: Path) -> None:
+    """Rename a file over another. On Windows whoever reads that one, a virus scanner say, refuses it for a moment."""
+    for wait_s in WAITS_S if WAITS else ():
+        try:
+            return os.replace(source, target)
+        except PermissionError:
+            time.sleep(wait_s)
+    os.replace(source, target)
+
+
 def _replace_all(files: list[Path], folder: Path, old: Path) -> None:
     """Move files into folder, what they replace into `old`; undo everything if one fails."""
     placed: list[Path] = []
@@ -119,9 +132,9 @@ def _replace_all(files: list[Path], folder: Path, old: Path) -> None:
             if target.is_dir():
                 raise OutputError("is a folder, not a file to replace; choose another with -o", source=target)
             if target.exists():
-                os.replace(target, old / file.name)
+                _replace(target, old / file.name)
             placed.append(target)
-            os.replace(file, target)
+            _replace(file, target)
     except BaseException:
         for target in placed:
             target.unlink(missing_ok=True)

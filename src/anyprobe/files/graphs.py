@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from anyprobe.errors import ModelError
+from anyprobe.files.cores import usable_cores
 from anyprobe.files.onnx_runtime import onnxruntime
+
+SHORT = ("bad_alloc", "memory", "alloc", "thread", "resource", "too many open files")
+"""Words of errors that come from the system and not from a graph."""
 
 MOST_THREADS = 2
 """On more, sums of convolutions are split elsewhere, and their last bits differ; nor are the graphs any faster."""
@@ -27,17 +30,25 @@ def open_graph(path: Path, threads: int | None = None) -> onnxruntime.InferenceS
         ModelError: it cannot be read.
     """
     options = onnxruntime.SessionOptions()
-    options.log_severity_level = 3
+    options.log_severity_level = 4  # errors are raised, and said once
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.add_session_config_entry("session.disable_quant_qdq", "1")
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    options.intra_op_num_threads = even_threads(threads or cores)
-    try:
-        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # the runtime has no common base class for its errors
+    for count in sorted(
+        {even_threads(threads or usable_cores()), 1}, reverse=True
+    ):  # one needs no thread of the system
+        options.intra_op_num_threads = count
+        try:
+            return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # the runtime has no common base class for its errors
+            fault = error
+    if any(word in str(fault).lower() for word in SHORT) or isinstance(fault, MemoryError):
         raise ModelError(
-            "expected a readable ONNX graph, got a damaged file; reinstall anyprobe", source=path.name
-        ) from error
+            "cannot be opened, as the system gives no more memory or threads "
+            f"({' '.join(str(fault).split())[:120]}); end other programs, or raise the limits",
+            source=path.name,
+        ) from fault
+    text = "expected a readable ONNX graph, got a damaged file; reinstall anyprobe"
+    raise ModelError(text, source=path.name) from fault
 
 
 def even_threads(threads: int) -> int:

@@ -17,6 +17,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from PIL import ExifTags, Image, ImageFile, ImageOps
 
+from anyprobe.core.arrays import plain_array
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.errors import InvalidEnvironment, InvalidPhoto
@@ -365,6 +366,7 @@ def _from_linear(pixels: np.ndarray, name: str) -> Pixels:
 
 def _from_array(values: np.ndarray, name: str) -> Pixels:
     """Check and scale an array to float32 in [0, 1]."""
+    values = plain_array(values, name, InvalidPhoto)
     if values.ndim == 2:
         values = values[..., None]
     if values.ndim != 3 or values.shape[2] not in (1, 3, 4):

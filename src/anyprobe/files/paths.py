@@ -1,4 +1,4 @@
-"""Names of files: in the order people count in, for libraries that take UTF-8 alone, and whether they end."""
+"""Names of files: the user's own folder, the order people count in, libraries that take UTF-8 alone, files that end."""
 
 from __future__ import annotations
 
@@ -15,6 +15,44 @@ from anyprobe.errors import InputError, OutputError
 
 MAX_BYTES = 2**31
 """Longest file that is read whole."""
+
+CHUNK_BYTES = 2**20
+"""Bytes of a pipe that are read at a time."""
+
+
+def home_folder() -> Path | None:
+    """Return the user's own folder; None where the system names none, as for a container's user without an entry."""
+    try:
+        return Path.home()
+    except (RuntimeError, OSError, KeyError):
+        return None
+
+
+def is_there(path: Path) -> bool:
+    """Return whether a file is there, and may be looked at; a folder above it may be a file, a loop or closed."""
+    try:
+        return path.is_file()
+    except (OSError, RuntimeError, ValueError):
+        return False
+
+
+def same_file_key(path: Path) -> str:
+    """Return what two names of one file have in common: links followed as far as they lead, case where it counts."""
+    real = os.path.normcase(os.path.realpath(path))
+    return real.casefold() if folds_case(Path(real).parent) else real
+
+
+def folds_case(folder: Path) -> bool:
+    """Return whether Name and name are one file there, as on Windows and macOS; the folder need not exist yet."""
+    real = Path(os.path.realpath(folder))
+    for one in (real, *real.parents):
+        other = one.with_name(one.name.swapcase()) if one.name else one
+        if other != one and os.path.exists(one):
+            try:
+                return os.path.samefile(one, other)
+            except OSError:  # the other is not there
+                return False
+    return os.name == "nt"
 
 
 def natural_order(name: str) -> list[tuple[bool, int, str]]:
@@ -66,6 +104,18 @@ def read_regular(
         if size > max_bytes:
             raise fault(f"expected at most {max_bytes / 2**20:g} MiB, got {size / 2**20:.0f}; shrink it", source=name)
         return stream.read(size)
+
+
+def read_stream(stream: BinaryIO, name: str, fault: type[InputError], max_bytes: int = MAX_BYTES) -> bytes:
+    """Read all bytes of a pipe, which may have no end; fault where they are more than max_bytes."""
+    parts: list[bytes] = []
+    size = 0
+    while part := stream.read(CHUNK_BYTES):
+        parts.append(part)
+        size += len(part)
+        if size > max_bytes:
+            raise fault(f"{name}: expected at most {max_bytes / 2**20:g} MiB, got more; shrink it")
+    return b"".join(parts)
 
 
 def read_rest(stream: BinaryIO) -> bytes:

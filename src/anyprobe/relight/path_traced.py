@@ -150,7 +150,7 @@ def mitsuba_runs() -> bool:
         "import mitsuba as mi; mi.set_variant('llvm_ad_rgb'); import drjit as dr; "
         "assert dr.sum(mi.Float([1, 2, 3]))[0] == 6"
     )
-    return not subprocess.run([sys.executable, "-c", trial], capture_output=True, check=False).returncode
+    return not subprocess.run([sys.executable, "-P", "-c", trial], capture_output=True, check=False).returncode
 
 
 def trace_mesh(

@@ -23,10 +23,11 @@ from anyprobe.estimate.multiview import estimate_crops
 from anyprobe.estimate.result import Light
 from anyprobe.export.targets import TARGETS, find_target
 from anyprobe.serve import answers, openapi, tasks
+from anyprobe.serve.counters import Counted, Metrics
 from anyprobe.serve.guards import BodyLimit, HeadAsGet, OwnNamesOnly, OwnPagesOnly, SecureHeaders, TokenOnly
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.page import Page, add_page
-from anyprobe.serve.pool import Busy, Cancellation, Cancelled, WorkerPool
+from anyprobe.serve.pool import Busy, Cancellation, Cancelled, Ending, WorkerPool
 from anyprobe.serve.problems import problem
 from anyprobe.serve.tasks import TooManyPixels, Upload
 from anyprobe.serve.uploads import read_upload, read_views, take_unread
@@ -58,7 +59,7 @@ def create_app(
         hosts: names a browser may call this server by; others get 400, so that a foreign name
             pointed at this machine opens nothing.
         addresses: whether it may be called by any IP address besides.
-        token: asked for by all addresses but /healthz; None: nothing is asked for.
+        token: asked for by all addresses but /healthz and /readyz; None: nothing is asked for.
         origins: pages of other origins that may use the API; none by default.
     """
     limits = limits or Limits()
@@ -89,12 +90,39 @@ def create_app(
         )
     app.add_middleware(OwnNamesOnly, names=hosts, addresses=addresses)
     app.add_middleware(HeadAsGet)
-    app.add_middleware(SecureHeaders)  # the last added stands first
+    app.add_middleware(SecureHeaders)
+    metrics = Metrics(pool, limits.workers + limits.waiting)
+    app.add_middleware(Counted, metrics=metrics)  # the last added stands first
     _add_error_lines(app, limits)
+    _add_state(app, estimator, limits, pool, metrics)
     _add_api(app, estimator, limits, pool)
     if page is not None:
         add_page(app, page, pool)
     return app
+
+
+def _add_state(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPool, metrics: Metrics) -> None:
+    """The addresses that tell who runs the server how it is."""
+
+    @app.get("/healthz", summary="Is the server up, and how busy is it?", tags=["server"], openapi_extra=openapi.HEALTH)
+    async def healthz() -> dict[str, Any]:
+        return {
+            "status": "ok",
+            "version": __version__,
+            "model": estimator.model_id,
+            "taken": pool.taken,
+            "places": limits.workers + limits.waiting,
+        }
+
+    @app.get("/readyz", summary="Would a photo be taken now?", tags=["server"], openapi_extra=openapi.READY)
+    async def readyz() -> dict[str, str]:
+        if why := pool.unready():
+            raise HTTPException(503, f"not ready: {why}", {"Retry-After": str(limits.retry_after_s)})
+        return {"status": "ready"}
+
+    @app.get("/metrics", summary="Counts for Prometheus.", tags=["server"], openapi_extra=openapi.METRICS_ROUTE)
+    async def prometheus() -> Response:
+        return metrics.answer()
 
 
 def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPool) -> None:
@@ -112,16 +140,6 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
 
     async def cut(request: Request, upload: Upload, first: bool = True) -> tasks.Cut:
         return await decode(request, tasks.cut, upload, first, first and "mask" in upload.include)
-
-    @app.get("/healthz", summary="Is the server up, and how busy is it?", tags=["server"], openapi_extra=openapi.HEALTH)
-    async def healthz() -> dict[str, Any]:
-        return {
-            "status": "ok",
-            "version": __version__,
-            "model": estimator.model_id,
-            "taken": pool.taken,
-            "places": limits.workers + limits.waiting,
-        }
 
     @app.post("/v1/estimate", openapi_extra=openapi.ESTIMATE_ROUTE, tags=["light"], response_class=Response)
     async def estimate(request: Request) -> Response:
@@ -240,6 +258,11 @@ def _add_error_lines(app: FastAPI, limits: Limits) -> None:
         await take_unread(request)
         text = f"all {limits.workers + limits.waiting} places are taken; try again in a moment"
         return line(text, 429, {"Retry-After": str(limits.retry_after_s)})
+
+    @app.exception_handler(Ending)
+    async def ending(request: Request, error: Ending) -> Response:
+        headers = {"Retry-After": str(limits.retry_after_s), "Connection": "close"}
+        return line("the server is to end; send it to another, or again in a moment", 503, headers)
 
     @app.exception_handler(Cancelled)
     @app.exception_handler(ClientDisconnect)

@@ -9,6 +9,8 @@ import asyncio
 import datetime
 import ipaddress
 import logging
+import math
+import socket
 import time
 from collections.abc import Sequence
 from contextlib import suppress
@@ -16,10 +18,12 @@ from pathlib import Path
 from typing import Any
 
 import h11
+import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from anyprobe.errors import MissingExtra
 from anyprobe.serve import limits
+from anyprobe.serve.pool import WorkerPool
 
 
 class DoorProtocol(H11Protocol):
@@ -85,6 +89,18 @@ class DoorProtocol(H11Protocol):
             self._head = None
 
 
+class DrainingServer(uvicorn.Server):
+    """uvicorn, which tells the queue that the end is near: what has begun has some seconds, the rest gets 503."""
+
+    def __init__(self, config: uvicorn.Config, pool: WorkerPool) -> None:
+        super().__init__(config)
+        self._pool = pool
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._pool.drain()
+        await super().shutdown(sockets)
+
+
 class FewLines(logging.Filter):
     """Lets so many lines a minute through; the first of the next minute says how many were left out."""
 
@@ -101,13 +117,28 @@ class FewLines(logging.Filter):
         return self._count <= self._most
 
 
-def settings() -> dict[str, Any]:
+class FewLinesHandler(logging.StreamHandler):
+    """Writes the lines of all libraries on stderr, no more than FewLines lets through."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.addFilter(FewLines())
+        self.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
+
+
+def bound_log() -> None:
+    """Have one handler write what any library logs: a client may make each of them speak."""
+    root = logging.getLogger()
+    for old in [one for one in root.handlers if isinstance(one, FewLinesHandler)]:
+        root.removeHandler(old)
+    root.addHandler(FewLinesHandler())
+
+
+def settings(drain_s: float = limits.DRAIN_S) -> dict[str, Any]:
     """uvicorn settings with limits that fit this process. Sets up its descriptors and logs too."""
     descriptors = _most_descriptors()
     limited = min(limits.MAX_CONNECTIONS, max(16, descriptors - limits.SPARE_DESCRIPTORS))
-    few = FewLines()
-    for name in ("asyncio", "uvicorn.error", "anyprobe.serve"):
-        logging.getLogger(name).addFilter(few)
+    bound_log()
     return {
         "http": type("Door", (DoorProtocol,), {"max_connections": limited}),
         "ws": "none",
@@ -115,7 +146,9 @@ def settings() -> dict[str, Any]:
         "timeout_keep_alive": limits.IDLE_S,
         "backlog": 128,
         "server_header": False,
+        "log_config": None,
         "log_level": "warning",
+        "timeout_graceful_shutdown": math.ceil(drain_s) + 2,
     }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
+import re
 import secrets
 import time
 from collections.abc import Collection
@@ -36,7 +37,10 @@ RECEIVED = "anyprobe.received"
 
 COOKIE = "anyprobe_token"
 
-OPEN_PATHS = ("/healthz",)
+HOST = re.compile(r"(\[[0-9a-fA-F:.%]+\]|[^\s:@/\\?#\[\],]+)(?::[0-9]{0,5})?")
+"""A name or an address, and a port: nothing before an @, which would be the name's place in another reader's eyes."""
+
+OPEN_PATHS = ("/healthz", "/readyz")
 """What no token is asked for."""
 
 
@@ -92,8 +96,9 @@ class OwnNamesOnly:
         if scope["type"] == "lifespan":
             return await self._app(scope, receive, send)
         host = Headers(scope=scope).get("host", "")
-        name = host[: host.find("]") + 1] if host.startswith("[") else host.partition(":")[0]
-        if {"*", name.lower()} & set(self._names) or (self._addresses and _is_address(name)):
+        found = HOST.fullmatch(host)
+        name = found[1].lower() if found else ""
+        if "*" in self._names or name in self._names or (self._addresses and _is_address(name)):
             return await self._app(scope, receive, send)
         text = (
             f"host: expected {' or '.join(self._names)}, got {host[:60]!r}; "
@@ -124,7 +129,8 @@ class TokenOnly:
         if scheme.lower() == "bearer" and self._fits(bearer) or self._fits(request.cookies.get(COOKIE, "")):
             return await self._app(scope, receive, send)
         if scope["method"] in SAFE_METHODS and self._fits(request.query_params.get("token", "")):
-            answer: Response = RedirectResponse(request.url.remove_query_params("token").path, 303)
+            here = "/" + request.url.path.lstrip("/\\")  # two strokes would begin another host's address
+            answer: Response = RedirectResponse(here, 303)
             secure = scope["scheme"] == "https"
             answer.set_cookie(COOKIE, self._token.decode(), httponly=True, samesite="strict", secure=secure)
             return await answer(scope, receive, send)

@@ -39,6 +39,10 @@ LINES_PER_MINUTE = 60
 """Lines of the log; what is beyond them is counted."""
 
 
+DRAIN_S = 8.0
+"""Seconds for what has begun when the server is to end."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Limits:
     """Bounds that keep memory flat and answers prompt.
@@ -54,6 +58,7 @@ class Limits:
         quick_s: seconds of the processor for decoding a JPEG, PNG or WebP before it waits with the slow formats.
         decode_s: seconds of the processor for decoding any file, and for an export; beyond them 422.
         decode_mb: memory for that, beyond the idle process's own; beyond it 422.
+        drain_s: seconds for what has begun when the server is to end; then 503. Containers are killed after 10.
     """
 
     max_bytes: int = 32 * 2**20
@@ -67,3 +72,4 @@ class Limits:
     quick_s: float = 2.5
     decode_s: float = 8.0
     decode_mb: int = 900
+    drain_s: float = DRAIN_S

@@ -185,6 +185,12 @@ def _multiview() -> dict[str, Any]:
 FUSE_ROUTE = _multiview()
 TARGETS_ROUTE = {"responses": _AT_THE_DOOR}
 HEALTH = {"responses": {status: text for status, text in _AT_THE_DOOR.items() if status != "401"}}
+READY = {"responses": HEALTH["responses"] | {"503": _error("it starts, ends, or all places are taken")}}
+METRICS_ROUTE = {
+    "responses": _AT_THE_DOOR
+    | {"200": {"description": "Prometheus text", "content": {"text/plain": {"schema": {"type": "string"}}}}}
+    | {"501": _error("prometheus-client is not installed")}
+}
 MASK_ROUTE = _upload(
     _texts("place", "camera"),
     ["png", "json"],

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import threading
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -20,9 +21,15 @@ from anyprobe.serve.tasks import ready
 
 Answer = TypeVar("Answer")
 
+log = logging.getLogger("anyprobe.serve")
+
 
 class Busy(Exception):
     """Every worker and every place in the queue is taken."""
+
+
+class Ending(Exception):
+    """The server is to end; this piece of work is no longer done."""
 
 
 class Cancelled(Exception):
@@ -79,6 +86,9 @@ class WorkerPool:
             "slow": Lane(seconds=limits.decode_s, memory_mb=limits.decode_mb, niceness=5),
         }
         self._uploads: list[_Upload] = []
+        self._warming: list[Future] = []
+        self._ends: asyncio.Event = asyncio.Event()
+        self._is_draining = False
         self.taken = 0
         """Requests that hold a place now."""
 
@@ -87,8 +97,10 @@ class WorkerPool:
         """Hold a place in the queue: from before the body is read until the answer is made.
 
         Raises:
-            Busy: there is none.
+            Busy: there is none. Ending: the server is to end.
         """
+        if self._is_draining:
+            raise Ending
         if self._is_full() and not await self._make_room():
             raise Busy
         self.taken += 1
@@ -157,29 +169,71 @@ class WorkerPool:
 
         Raises:
             Cancelled: gone() returned; what waited is dropped, what ran stops at its next step.
+            Ending: the server is to end, and its time for that is over.
         """
         cancellation = Cancellation()
-        future = asyncio.get_running_loop().run_in_executor(self._threads[kind], _run, work, cancellation)
-        leaving: asyncio.Future[Any] = asyncio.ensure_future(gone())
         try:
-            await asyncio.wait([future, leaving], return_when=asyncio.FIRST_COMPLETED)
+            future = asyncio.get_running_loop().run_in_executor(self._threads[kind], _run, work, cancellation)
+        except RuntimeError as error:  # the threads are shut down
+            raise Ending from error
+        leaving: asyncio.Future[Any] = asyncio.ensure_future(gone())
+        ending = asyncio.ensure_future(self._ends.wait())
+        try:
+            await asyncio.wait([future, leaving, ending], return_when=asyncio.FIRST_COMPLETED)
         finally:
             leaving.cancel()
+            ending.cancel()
             if not future.done():
                 cancellation.cancel()
+        if self._ends.is_set() and not future.done():
+            future.add_done_callback(_forget)
+            raise Ending
         return await asyncio.shield(future)
 
     def warm(self) -> None:
-        """Have a process of each kind ready, in threads of their own."""
-        for name, lane in self._lanes.items():
-            self._threads[name].submit(lane.call, ready)
+        """Have a process of each kind ready, in threads of their own; unready says when they are, or why not."""
+        self._warming = [self._threads[name].submit(lane.call, ready) for name, lane in self._lanes.items()]
+        for one in self._warming:
+            one.add_done_callback(_log_fault)
+
+    def unready(self) -> str:
+        """Return why no photo would be taken now; "" where one would."""
+        if self._is_draining:
+            return "the server is to end"
+        if any(not one.done() for one in self._warming):
+            return "the decoding processes start"
+        if any(one.cancelled() or one.exception() for one in self._warming):
+            self.warm()
+            return "the decoding processes cannot be started; the log says why"
+        if self._is_full():
+            return "all places are taken"
+        return ""
+
+    def drain(self) -> None:
+        """Take nothing more; give what has begun limits.drain_s. Called within the event loop."""
+        self._is_draining = True
+        asyncio.get_running_loop().call_later(self._limits.drain_s, self._ends.set)
 
     def close(self) -> None:
-        """Let the running work end; drop what waits."""
+        """Let the running work end, or after a drain no more than its current step; drop what waits."""
+        over = self._is_draining  # then nobody waits for an answer any more
+        for lane in self._lanes.values() if over else ():
+            lane.close()
         for threads in self._threads.values():
-            threads.shutdown(wait=True, cancel_futures=True)
+            threads.shutdown(wait=not over, cancel_futures=True)
         for lane in self._lanes.values():
             lane.close()
+
+
+def _forget(future: asyncio.Future) -> None:
+    """Take the error of work that nobody waits for any more, so that it is not logged as lost."""
+    if not future.cancelled():
+        future.exception()
+
+
+def _log_fault(future: Future) -> None:
+    if not future.cancelled() and (error := future.exception()) is not None:
+        log.error("%s", error)
 
 
 def _run(work: Callable[[Cancellation], Answer], cancellation: Cancellation) -> Answer:

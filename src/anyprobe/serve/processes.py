@@ -17,8 +17,9 @@ import threading
 import time
 import traceback
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 from typing import IO, Any, ParamSpec, TypeVar
 
 from anyprobe.errors import AnyprobeError, InputError
@@ -34,7 +35,14 @@ USED_UP_MB = 400
 WALL_FACTOR, START_S = 3.0, 10.0
 """Wall clock for a piece of work: times the processor's seconds, as others want the processor too, and for imports."""
 
-SIGXCPU = getattr(signal, "SIGXCPU", -1)
+IMPORTS_S = 60.0
+"""Wall clock for the start of a process: about a second of the processor, which others may have."""
+
+SIGXCPU, SIGKILL = getattr(signal, "SIGXCPU", -1), getattr(signal, "SIGKILL", 9)
+"""As numbers, also where the system has none of them."""
+
+READY = "ready"
+"""What a process says once its imports are done."""
 
 MAX_CALLS = 500
 """Pieces of work after which it is replaced too: libraries leak."""
@@ -48,6 +56,10 @@ class TooMuchMemory(InputError):
     """Decoding took more memory than it may, or ended the process."""
 
 
+class WorkerLost(AnyprobeError):
+    """A process could not be started, or was ended from outside, and another too."""
+
+
 class Lane:
     """Processes of one kind, started when they are needed; each does one piece of work at a time."""
 
@@ -55,6 +67,7 @@ class Lane:
         """seconds: of the processor, for a piece of work; memory_mb: beyond what an idle process has."""
         self._seconds, self._memory_mb, self._niceness = seconds, memory_mb, niceness
         self._idle: list[_Worker] = []
+        self._busy: list[_Worker] = []
         self._lock = threading.Lock()
         self._closed = False
         weakref.finalize(self, _end_all, self._idle)
@@ -62,28 +75,70 @@ class Lane:
     def call(self, work: Callable[Given, Answer], *given: Given.args, **named: Given.kwargs) -> Answer:
         """What a function of a module, as those of serve.tasks, returns there; blocks until then.
 
+        A process that ends meanwhile may have been ended from outside: the work is done once more, in another.
+
         Raises:
-            AnyprobeError: as the function does. TooSlow, TooMuchMemory: it was ended.
+            AnyprobeError: as the function does. TooSlow, TooMuchMemory: it was ended. WorkerLost: the machine lacks
+                something, or somebody ends processes.
         """
-        with self._lock:
-            worker = self._idle.pop() if self._idle else None
-        worker = worker or _Worker(self._memory_mb, self._niceness)
+        task = partial(work, *given, **named)
         try:
-            answer = worker.call((partial(work, *given, **named), self._seconds), self._seconds)
+            return _outcome(self._do(task))
+        except _Ended as first:
+            log.warning("a decoding process ended (%s); its work is done once more", first)
+        try:
+            return _outcome(self._do(task))
+        except _Ended as again:
+            log.error("a decoding process ended twice at the same work (%s)", again)
+            if again.from_outside:
+                raise WorkerLost(f"decoding processes end ({again}); is memory short?") from again
+            raise TooMuchMemory(
+                "expected a file that can be decoded here, got one that takes too much; "
+                "send it smaller, or as PNG or JPEG"
+            ) from again
+
+    def _do(self, task: Callable[[], Any]) -> dict[str, Any]:
+        """What a process answers to a task."""
+        worker = self._next()
+        with self._lock:
+            self._busy.append(worker)
+            if self._closed:  # while it started
+                worker.kill()
+        try:
+            answer = worker.call((task, self._seconds), self._seconds)
         except BaseException:
             worker.end()
             raise
+        finally:
+            with self._lock:
+                self._busy.remove(worker)
         with self._lock:
             keep = not self._closed and answer.pop("keep")
             if keep:
                 self._idle.append(worker)
         if not keep:
             worker.end()
-        return _outcome(answer)
+        return answer
+
+    def _next(self) -> _Worker:
+        """A process that waits for work, a new one where there is none."""
+        while True:
+            if self._closed:
+                raise WorkerLost("the server is to end")
+            with self._lock:
+                worker = self._idle.pop() if self._idle else None
+            if worker is None:
+                return _Worker(self._memory_mb, self._niceness)
+            if worker.is_alive():
+                return worker
+            worker.end()
 
     def close(self) -> None:
+        """End all processes, those at work too; whoever waits for these gets WorkerLost."""
         with self._lock:
             self._closed = True
+            for worker in self._busy:
+                worker.kill()
             _end_all(self._idle)
 
 
@@ -92,47 +147,87 @@ def _end_all(workers: list[_Worker]) -> None:
         workers.pop().end()
 
 
+class _Ended(Exception):
+    """A process ended before it answered. from_outside: whether a signal that files do not cause ended it."""
+
+    def __init__(self, status: int | None) -> None:
+        super().__init__(f"signal {-status}" if status is not None and status < 0 else f"status {status}")
+        self.from_outside = status is not None and -status in (signal.SIGTERM, signal.SIGINT, SIGKILL)
+
+
 class _Worker:
     """One process, and the pipes to it."""
 
     def __init__(self, memory_mb: int, niceness: int) -> None:
-        path = os.pathsep.join(folder for folder in sys.path if folder)
         threads = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL")}
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", f"from {__name__} import work; work({memory_mb}, {niceness})"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            env={**os.environ, **threads, "PYTHONPATH": path},
-        )
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-c", f"from {__name__} import work; work({memory_mb}, {niceness})"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                env={**os.environ, **threads, "PYTHONPATH": os.pathsep.join(_import_path()), "PYTHONSAFEPATH": "1"},
+            )
+        except OSError as error:
+            raise WorkerLost(f"no decoding process can be started ({error.strerror or error})") from error
         assert self._process.stdin is not None  # as PIPE asks
         assert self._process.stdout is not None
         self._questions, self._answers = self._process.stdin, self._process.stdout
+        try:
+            self._await_ready()
+        except BaseException:
+            self.end()
+            raise
+
+    def _await_ready(self) -> None:
+        """Wait for its imports.
+
+        Raises:
+            WorkerLost: it ended, or took too long; with what it said.
+        """
+        stderr = self._process.stderr
+        assert stderr is not None
+        with _ended_after(self._process, IMPORTS_S) as late:
+            try:
+                ready = pickle.load(self._answers) == READY
+            except (OSError, EOFError, pickle.UnpicklingError):
+                ready = False
+        if ready:
+            stderr.close()
+            return
+        self._process.kill()
+        said = stderr.read(-1).decode(errors="replace").strip().splitlines()[-8:]
+        stderr.close()
+        self._process.wait(5)
+        why = "takes too long to start" if late.is_set() else "ends as it starts"
+        raise WorkerLost(f"a decoding process {why} (status {self._process.returncode}): {' | '.join(said)}")
+
+    def kill(self) -> None:
+        self._process.kill()
+
+    def is_alive(self) -> bool:
+        return self._process.poll() is None
 
     def call(self, message: Any, seconds: float) -> dict[str, Any]:
-        late = threading.Event()
+        with _ended_after(self._process, WALL_FACTOR * seconds + START_S) as late:
+            try:
+                _send(self._questions, message)
+                return pickle.load(self._answers)
+            except (OSError, EOFError, pickle.UnpicklingError) as error:
+                status = self._status()
+                if late.is_set() or status == -SIGXCPU:
+                    raise TooSlow(
+                        f"expected a file that is decoded within {seconds:g} seconds, got a slower one; "
+                        "send it smaller, or as PNG or JPEG"
+                    ) from error
+                raise _Ended(status) from error
 
-        def end() -> None:
-            late.set()
-            self._process.kill()
-
-        timer = threading.Timer(WALL_FACTOR * seconds + START_S, end)
-        timer.start()
+    def _status(self) -> int | None:
+        """How it ended; None where it did not, though its pipe is closed."""
         try:
-            _send(self._questions, message)
-            return pickle.load(self._answers)
-        except (OSError, EOFError, pickle.UnpicklingError) as error:
-            if late.is_set() or self._process.wait(5) == -SIGXCPU:
-                raise TooSlow(
-                    f"expected a file that is decoded within {seconds:g} seconds, got a slower one; "
-                    "send it smaller, or as PNG or JPEG"
-                ) from error
-            raise TooMuchMemory(
-                "expected a file that can be decoded here, got one that takes too much; "
-                "send it smaller, or as PNG or JPEG"
-            ) from error
-        finally:
-            timer.cancel()
+            return self._process.wait(5)
+        except subprocess.TimeoutExpired:
+            return None
 
     def end(self) -> None:
         self._process.kill()
@@ -140,6 +235,34 @@ class _Worker:
         for pipe in (self._questions, self._answers):
             with contextlib.suppress(OSError):
                 pipe.close()
+
+
+@contextlib.contextmanager
+def _ended_after(process: subprocess.Popen, seconds: float) -> Iterator[threading.Event]:
+    """A process that is killed unless the block ends before; the event says that it was."""
+    late = threading.Event()
+
+    def end() -> None:
+        late.set()
+        process.kill()
+
+    timer = threading.Timer(seconds, end)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield late
+    finally:
+        timer.cancel()
+
+
+def _import_path() -> list[str]:
+    """Where modules are imported from in a process: as here, but for the working folder, unless this package is there.
+
+    A random.py in it would be taken for Python's.
+    """
+    own = os.path.realpath(Path(__file__).parents[2])
+    here = os.path.realpath(os.curdir)  # the working folder may be gone
+    return [one for one in sys.path if one and (os.path.realpath(one) != here or here == own)]
 
 
 def _outcome(answer: dict[str, Any]) -> Any:
@@ -163,14 +286,16 @@ def work(memory_mb: int, niceness: int) -> None:
     """Do pieces of work until there are no more: the process's main function."""
     given, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     nowhere = os.open(os.devnull, os.O_RDWR)
-    for number in (0, 1, 2):  # C libraries print
+    for number in (0, 1):  # C libraries print
         os.dup2(nowhere, number)
     from anyprobe.serve import tasks
 
+    os.dup2(nowhere, 2)
     with contextlib.suppress(AttributeError, OSError):
         os.nice(niceness)
     tasks.ready()
     _bound_memory(memory_mb)
+    _send(answers, READY)
     for count in range(1, MAX_CALLS + 1):
         try:
             task, seconds = pickle.load(given)

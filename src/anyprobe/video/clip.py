@@ -1,20 +1,23 @@
 """Clips on disk: upright frames with their times, pieces written whole, and pieces joined.
 
-PyAV (the libraries of FFmpeg) reads whatever it can: mp4, mov, webm, mkv, avi, gif.
+PyAV reads mp4, mov, webm, mkv, avi, gif and more; see pyav.CONTAINERS.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from anyprobe.errors import InputError, MissingExtra
+from anyprobe.errors import AnyprobeError, InputError, OutputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.video.frame_pixels import shown_pixels
+from anyprobe.video.pyav import known_interface, open_video, pyav
 
 CODEC = "libx264"
 QUALITY = {"crf": "18", "preset": "medium", "bf": "0"}
@@ -58,26 +61,19 @@ class Clip:
     warnings: tuple[str, ...] = ()
 
 
-def _av():
-    try:
-        import av
-    except ImportError as error:
-        raise MissingExtra("av", "video", "reading and writing video") from error
-    return av
-
-
+@known_interface()
 def open_clip(path: Path) -> Clip:
     """Look at a video's header.
 
     Raises:
-        InputError: absent, or not a video. MissingExtra: PyAV is not installed.
+        InputError: absent, or not a video. MissingExtra: PyAV is not installed. AnyprobeError: it is another version.
     """
-    av = _av()
+    av = pyav()
     if not path.is_file():
         found = "is a folder, not a video" if path.is_dir() else "no such file"
         raise InputError(f"{path}: {found}; check the path")
     try:
-        with _open(path) as container:
+        with open_video(path) as container:
             if container.format.name == "image2" or container.format.name.endswith("_pipe"):
                 raise InputError(f"{path}: is a still picture, not a video; anyprobe estimate and relight take it")
             if not container.streams.video:
@@ -100,7 +96,7 @@ def open_clip(path: Path) -> Clip:
 
 def _pictures():
     """Dispositions of streams that are pictures beside the clip."""
-    kinds = _av().stream.Disposition
+    kinds = pyav().stream.Disposition
     return kinds.attached_pic | kinds.timed_thumbnails | kinds.still_image
 
 
@@ -110,18 +106,13 @@ def _rank(stream) -> tuple[bool, bool, int, int]:
     if context is None:
         return False, False, 0, -stream.index
     moves = context.name not in STILLS or stream.frames > 1
-    default = bool(stream.disposition & _av().stream.Disposition.default)
+    default = bool(stream.disposition & pyav().stream.Disposition.default)
     return moves, default, context.width * context.height, -stream.index
 
 
 def _several(path: Path, stream, others: int) -> str:
     size = f"{stream.codec_context.width} x {stream.codec_context.height}"
     return f"{path.name}: holds {others + 1} videos; takes stream {stream.index} ({size})"
-
-
-def _open(path: Path):
-    """The file, opened by its content; its title may be of any encoding."""
-    return _av().open(str(path), metadata_errors="replace")
 
 
 def _unreadable(path: Path, error: Exception) -> InputError:
@@ -138,13 +129,18 @@ def read_frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
     was. A file that is cut off ends early.
 
     Raises:
-        InputError: not one picture can be decoded, because of its codec, say.
+        InputError: not one picture can be decoded, because of its codec, say. AnyprobeError: PyAV is another version.
     """
-    av = _av()
+    with known_interface():
+        yield from _frames(clip, damaged)
+
+
+def _frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
+    av = pyav()
     index, first_s, last_s = 0, None, -1.0
     size: tuple[int, int] | None = None
     sizes: set[tuple[int, int]] = set()
-    with _open(clip.path) as container:  # open_clip has seen that it can be
+    with open_video(clip.path) as container:  # open_clip has seen that it can be
         stream = next(one for one in container.streams.video if one.index == clip.stream)
         stream.thread_type = "AUTO"
         packets = container.demux(stream)
@@ -195,15 +191,35 @@ def clip_size(clip: Clip) -> tuple[int, int]:
     return (0, 0) if frame is None else (frame.rgb.shape[1], frame.rgb.shape[0])
 
 
+@contextmanager
+def _written(path: Path) -> Iterator[Any]:
+    """An FFmpeg file to write to, whole or not at all.
+
+    Raises:
+        OutputError: this build of FFmpeg cannot write it. AnyprobeError: PyAV is another version.
+    """
+    av = pyav()
+    try:
+        with known_interface(), atomic_path(path) as temporary, av.open(str(temporary), "w") as container:
+            yield container
+    except (av.error.FFmpegError, ValueError) as error:
+        if isinstance(error, AnyprobeError):
+            raise
+        reason = getattr(error, "strerror", None) or type(error).__name__
+        raise OutputError(
+            f"{path}: FFmpeg cannot write it as H.264 ({reason}); install PyAV from the package index, with libx264"
+        ) from error
+
+
 def write_piece(path: Path, frames: Sequence[tuple[float, np.ndarray]]) -> None:
     """Write frames (time_s, [H, W, 3] uint8) as one H.264 file, whole or not at all.
 
     Odd sizes lose a row or a column, which the codec asks for. Every piece starts anew, so that
     pieces written one after another are the same bytes whenever that was.
     """
-    av = _av()
+    av = pyav()
     height, width = (n // 2 * 2 for n in frames[0][1].shape[:2])
-    with atomic_path(path) as temporary, av.open(str(temporary), "w") as container:
+    with _written(path) as container:
         stream = container.add_stream(CODEC, options=QUALITY)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         stream.sample_aspect_ratio = Fraction(1)
@@ -221,11 +237,10 @@ def write_piece(path: Path, frames: Sequence[tuple[float, np.ndarray]]) -> None:
 
 def join_pieces(path: Path, pieces: Sequence[Path]) -> None:
     """Put pieces behind each other without encoding them again; their times already follow each other."""
-    av = _av()
-    with atomic_path(path) as temporary, av.open(str(temporary), "w") as out:
+    with _written(path) as out:
         target = None
         for piece in pieces:
-            with av.open(str(piece)) as container:
+            with open_video(piece) as container:
                 source = container.streams.video[0]
                 target = target or out.add_stream_from_template(source)
                 for packet in container.demux(source):

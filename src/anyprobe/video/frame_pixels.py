@@ -6,6 +6,7 @@ take it: by the primaries, else BT.709 for HD and BT.601 for smaller pictures.
 
 from __future__ import annotations
 
+import math
 import struct
 from fractions import Fraction
 from pathlib import Path
@@ -43,6 +44,9 @@ HD = (1280, 576)
 MOST_ASPECT = 4
 """Pixels are made square where they are up to so many times as wide as high, or as high as wide."""
 
+LEAST_AREA = 0.01
+"""Area of a square that a display matrix shows as one, over the product of its sides' lengths."""
+
 BITS = 8
 
 NARROW, FULL = 1, 2
@@ -79,7 +83,7 @@ def shown_pixels(
             f"{path}: expected at most {MAX_PIXELS // 1_000_000} million pixels, "
             f"got {picture.width} x {picture.height}; shrink it first"
         )
-    turns, mirrors = round((picture.rotation or 0) / 90) % 4, _mirrors(picture)
+    turns, mirrors = _turns_and_mirrors(_display_matrix(picture))
     own = (height, width) if turns % 2 else (width, height)
     target = own
     if size is not None and size != own:
@@ -102,17 +106,36 @@ def shown_pixels(
     return placed(rgb), None if radiance is None else placed(radiance), own
 
 
-def _mirrors(picture) -> tuple[int, int] | None:
-    """1 or -1 for the order of rows and of columns where the file's display matrix shows a frame as in a mirror, its
-    rows and columns changed about first where it stands on its side; None where it only turns."""
-    said = [bytes(one) for one in picture.side_data if one.type.name == "DISPLAYMATRIX"]
-    if not said or len(said[0]) < 36:
+def _display_matrix(picture) -> tuple[int, int, int, int] | None:
+    """a, b, c, d of the file's display matrix, by which x, y is shown at a x + c y, b x + d y; None without one."""
+    try:
+        data = bytes(picture.side_data["DISPLAYMATRIX"])
+    except (LookupError, ValueError):  # this kind of side data is unknown to it
         return None
-    a, b, _, c, d, *_ = struct.unpack("=9i", said[0][:36])  # shown at a x + c y, b x + d y
-    if a * d - b * c >= 0:
+    if len(data) < 36:
         return None
+    a, b, _, c, d, *_ = struct.unpack("=9i", data[:36])
+    return a, b, c, d
+
+
+def _turns_and_mirrors(matrix: tuple[int, int, int, int] | None) -> tuple[int, tuple[int, int] | None]:
+    """Quarter turns, counter-clockwise, that show a frame upright; and 1 or -1 for the order of rows and of columns
+    where the matrix shows it as in a mirror, its rows and columns changed about first where it stands on its side.
+
+    A matrix that brings the picture onto a line or a point, as old writers leave it, says nothing.
+    """
+    if matrix is None:
+        return 0, None
+    a, b, c, d = matrix
+    area = a * d - b * c
+    if abs(area) <= LEAST_AREA * math.hypot(a, b) * math.hypot(c, d):
+        return 0, None
+    # as av_display_rotation_get has it, which the scaler's own players go by
+    turns = round(-math.atan2(b / math.hypot(b, d), a / math.hypot(a, c)) / (math.pi / 2)) % 4
+    if area > 0:
+        return turns, None
     down, right = (d, a) if abs(a) >= abs(b) else (b, c)
-    return -1 if down < 0 else 1, -1 if right < 0 else 1
+    return turns, (-1 if down < 0 else 1, -1 if right < 0 else 1)
 
 
 def _converted(picture, stored: tuple[int, int], path: Path) -> tuple[np.ndarray, np.ndarray | None]:

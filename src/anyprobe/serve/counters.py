@@ -1,0 +1,86 @@
+"""Requests, seconds and the queue as Prometheus asks for them, at /metrics."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from starlette.responses import Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from anyprobe.errors import MissingExtra
+from anyprobe.serve.pool import WorkerPool
+
+SECONDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0)
+"""Upper bounds of the histogram's bins."""
+
+ELSEWHERE = "other"
+"""The route of what was refused before it had one, or has none: addresses are clients' words and without number."""
+
+
+class Metrics:
+    """What an application counts; one of its own for each, so that several fit into a process."""
+
+    def __init__(self, pool: WorkerPool, places: int) -> None:
+        try:
+            import prometheus_client as prometheus
+        except ImportError:  # the server works without; /metrics says what is missing
+            self._prometheus: Any = None
+            return
+        self._prometheus = prometheus
+        self._registry = prometheus.CollectorRegistry()
+        more = {"registry": self._registry}
+        self._requests = prometheus.Counter("anyprobe_requests", "Answered requests.", ["route", "status"], **more)
+        self._seconds = prometheus.Histogram(
+            "anyprobe_request_seconds", "From head to last byte.", ["route"], buckets=SECONDS, **more
+        )
+        prometheus.Gauge("anyprobe_places_taken", "Requests that hold a place in the queue.", **more).set_function(
+            lambda: pool.taken
+        )
+        prometheus.Gauge("anyprobe_places", "Places of the queue, those at work included.", **more).set(places)
+        prometheus.Gauge("anyprobe_ready", "1 where a photo would be taken now.", **more).set_function(
+            lambda: not pool.unready()
+        )
+        prometheus.ProcessCollector(**more)
+
+    def count(self, scope: Scope, status: int, seconds: float) -> None:
+        """Count an answered request."""
+        if self._prometheus is None:
+            return
+        route = getattr(scope.get("route"), "path", ELSEWHERE)
+        self._requests.labels(route, str(status)).inc()
+        self._seconds.labels(route).observe(seconds)
+
+    def answer(self) -> Response:
+        """Return what Prometheus reads.
+
+        Raises:
+            MissingExtra: prometheus-client is not installed.
+        """
+        if self._prometheus is None:
+            raise MissingExtra("prometheus-client", "serve", "/metrics")
+        text = self._prometheus.generate_latest(self._registry)
+        return Response(text, media_type=self._prometheus.CONTENT_TYPE_LATEST)
+
+
+class Counted:
+    """Counts every request and its seconds."""
+
+    def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
+        self._app, self._metrics = app, metrics
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            return await self._app(scope, receive, send)
+        start, status = time.perf_counter(), 500
+
+        async def noted(message: Message) -> None:
+            nonlocal status
+            if message["type"] == "http.response.start":
+                status = message["status"]
+            await send(message)
+
+        try:
+            await self._app(scope, receive, noted)
+        finally:
+            self._metrics.count(scope, status, time.perf_counter() - start)

@@ -1,0 +1,105 @@
+"""PyAV (the libraries of FFmpeg): what it may open, and its faults as one line.
+
+Its interface changes with every major version, so that only arguments of all versions are passed, and what it does not
+know is named with its version.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from anyprobe.errors import AnyprobeError, InputError, MissingExtra
+
+CONTAINERS = (
+    "mov matroska webm avi gif apng webp_anim jpegxl_anim mpegts mpeg mpegvideo m4v h264 hevc vvc evc obu av1 ivf flv "
+    "live_flv kux asf asf_o ogg mxf gxf lxf dv nut rm wtv nsv nuv yuv4mpegpipe mjpeg ingenient mjpeg_2000 smjpeg "
+    "mpjpeg dirac dnxhd vc1 vc1test cavsvideo avs2 avs3 apv h261 h263 mlv mods swf flic film_cpk ipmovie smk bink roq"
+).split()
+"""FFmpeg's readers that open one file and no other: playlists (hls, dash, concat, imf), patterns of names (image2),
+network sessions (sdp, rtsp) and devices (lavfi, v4l2) are none of them."""
+
+PICTURE_READERS = (
+    "bmp cri dds dpx exr gem gif hdr j2k jpeg jpegls jpegxl jpegxs pam pbm pcx pfm pgm pgmyuv pgx phm photocd pictor "
+    "png ppm psd qdraw qoi sgi sunrast svg tiff vbn webp xbm xpm xwd"
+).split()
+"""Still pictures, which are read to be named as such; FFmpeg calls their readers NAME_pipe."""
+
+ONE_FILE = {
+    "format_whitelist": ",".join((*CONTAINERS, *(f"{kind}_pipe" for kind in PICTURE_READERS))),
+    "protocol_whitelist": "file",
+    "enable_drefs": "0",  # parts of a .mov that lie in other files
+    "use_absolute_path": "0",
+}
+"""Options under which FFmpeg opens the file that is named and nothing else."""
+
+PLAYLISTS = (b"#EXTM3U", b"ffconcat", b"<?xml", b"<MPD", b"v=0", b"[playlist]", b"<asx", b"<smil")
+"""First bytes of files that name other files."""
+
+TESTED = "av>=17,<20"
+"""Versions that the tests have passed with."""
+
+
+def pyav() -> Any:
+    """Import PyAV.
+
+    Raises:
+        MissingExtra: it is not installed.
+    """
+    try:
+        import av
+    except ImportError as error:
+        raise MissingExtra("av", "video", "reading and writing video") from error
+    return av
+
+
+def open_video(path: Path) -> Any:
+    """Open a file by its content, and no other file that it names.
+
+    Raises:
+        InputError: it is a playlist, or another kind of file that is not read.
+    """
+    av = pyav()
+    url = f"file:{os.path.abspath(path)}"  # a name as `concat:a|b` is a file's here
+    try:
+        try:
+            return av.open(url, metadata_errors="replace", options=dict(ONE_FILE))
+        except TypeError:  # since PyAV 19 a title may be of any encoding
+            return av.open(url, options=dict(ONE_FILE))
+    except av.error.ArgumentError as error:
+        raise _not_opened(path) from error
+
+
+def _not_opened(path: Path) -> InputError:
+    with open(path, "rb") as stream:
+        start = stream.read(64).lstrip(b"\xef\xbb\xbf \t\r\n").lower()
+    if start.startswith(tuple(word.lower() for word in PLAYLISTS)):
+        return InputError(f"{path}: expected a video, got a playlist, which names other files; name the video itself")
+    return InputError(
+        f"{path}: expected a file that holds a video, got a kind that is not opened, as it may name other files or "
+        "none; convert it to mp4"
+    )
+
+
+@contextmanager
+def known_interface() -> Iterator[None]:
+    """Turn what another version of PyAV no longer takes or has into one line with that version.
+
+    Raises:
+        AnyprobeError: a call that it does not take, or a name that it does not have.
+    """
+    try:
+        yield
+    except (TypeError, AttributeError, NotImplementedError) as error:
+        av = pyav()
+        if isinstance(error, AnyprobeError | getattr(getattr(av, "error", None), "FFmpegError", ())):
+            raise
+        version = getattr(av, "__version__", "of an unknown version")
+        said = " ".join(str(error).split())[:120]
+        raise AnyprobeError(
+            f"PyAV {version}: expected an interface that anyprobe knows, got another ({type(error).__name__}: {said}); "
+            f"pip install '{TESTED}'"
+        ) from error

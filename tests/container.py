@@ -1,0 +1,194 @@
+"""Build the Dockerfile's image and run it as a careful operator would: python -m tests.container [--steps]
+
+Where no builder is running, or with --steps, the Dockerfile's own steps are run here one by one instead, into a folder:
+as another user without a home where this is root's process, so that nothing but temporary folders can be written.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCKERFILE = ROOT / "Dockerfile"
+PREFIX = "/opt/anyprobe"
+END_S = 12.0
+"""Seconds within which the server must have ended after SIGTERM."""
+USER = 10001
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """One instruction of a Dockerfile."""
+
+    word: str
+    text: str
+
+    def words(self) -> list[str]:
+        """Return what it runs; a list where it is written as one."""
+        return json.loads(self.text) if self.text.startswith("[") else shlex.split(self.text)
+
+
+def read_steps(path: Path = DOCKERFILE) -> list[Step]:
+    """Return a Dockerfile's instructions in order, lines that go on joined."""
+    text = re.sub(r"\\\n\s*", "", path.read_text(encoding="utf-8"))
+    lines = [line for line in text.splitlines() if line and not line.startswith("#")]
+    return [Step(word=word, text=rest.strip()) for word, _, rest in (line.partition(" ") for line in lines)]
+
+
+def has_builder() -> bool:
+    """Return whether docker can build here."""
+    docker = shutil.which("docker")
+    if docker is None:
+        return False
+    return not subprocess.run([docker, "info"], capture_output=True, check=False).returncode
+
+
+def build_by_steps(folder: Path, python: str = sys.executable) -> Path:
+    """Run the steps of the build in a folder; return what stands for PREFIX there."""
+    source, prefix = folder / "source", folder / "anyprobe"
+    source.mkdir()
+    for step in read_steps():
+        if step.word == "COPY" and not step.text.startswith("--from"):
+            *names, place = step.words()
+            for name in names:
+                target = source / (name if place == "./" else place)
+                if (ROOT / name).is_dir():
+                    shutil.copytree(ROOT / name, target, ignore=shutil.ignore_patterns("__pycache__"))
+                else:
+                    shutil.copy(ROOT / name, target)
+        if step.word == "RUN":
+            order = step.text.replace(PREFIX, str(prefix))
+            order = re.sub(r"^python ", f"{shlex.quote(python)} ", order)
+            subprocess.run(order, shell=True, check=True, cwd=source)
+    return prefix
+
+
+def exec_words(prefix: Path) -> list[str]:
+    """Return the image's command with its programs in a folder."""
+    by_word = {step.word: step for step in read_steps()}
+    return [str(prefix / "bin" / by_word["ENTRYPOINT"].words()[0]), *by_word["ENTRYPOINT"].words()[1:]]
+
+
+def as_nobody(words: list[str], readable: Path) -> list[str]:
+    """Return a command as the image's user, where this is root's process and that user can read the folder."""
+    setpriv = shutil.which("setpriv")
+    if setpriv is None or os.geteuid() != 0:
+        return words
+    drop = [setpriv, f"--reuid={USER}", f"--regid={USER}", "--clear-groups"]
+    tried = subprocess.run([*drop, words[0], "--version"], capture_output=True, check=False)
+    return [*drop, *words] if not tried.returncode else words
+
+
+@contextlib.contextmanager
+def run_by_steps(folder: Path, port: int) -> Iterator[Callable[[], int]]:
+    """Run the server without a home in a folder that it cannot write; yields what ends it and says how."""
+    prefix = build_by_steps(folder)
+    work = folder / "work"
+    work.mkdir(mode=0o755)
+    order = as_nobody([*exec_words(prefix), "--port", str(port), "--token", "none"], prefix)
+    environment = {"PATH": f"{prefix}/bin:{os.environ['PATH']}", "PYTHONDONTWRITEBYTECODE": "1"}
+    process = subprocess.Popen(order, cwd=work, env=environment)
+
+    def end() -> int:
+        process.send_signal(signal.SIGTERM)
+        return process.wait(60)
+
+    try:
+        yield end
+        left = sorted(path.name for path in work.iterdir())
+        assert not left, f"written into the working folder: {left}"
+    finally:
+        process.kill()
+
+
+@contextlib.contextmanager
+def run_by_docker(port: int) -> Iterator[Callable[[], int]]:
+    """Build the image, and run it with a root that cannot be written and a user that the image does not know."""
+    subprocess.run(["docker", "build", "-t", "anyprobe-test", str(ROOT)], check=True)
+    order = "docker run -d --read-only --cap-drop ALL --security-opt no-new-privileges --user 54321:54321".split()
+    order += ["-p", f"127.0.0.1:{port}:8000", "anyprobe-test", "--host", "0.0.0.0", "--token", "none"]
+    name = subprocess.run(order, check=True, capture_output=True, text=True).stdout.strip()
+
+    def end() -> int:
+        subprocess.run(["docker", "stop", "--time", "60", name], check=True, capture_output=True)
+        wait = subprocess.run(["docker", "wait", name], check=True, capture_output=True, text=True)
+        return int(wait.stdout)
+
+    try:
+        yield end
+    finally:
+        print(subprocess.run(["docker", "logs", name], capture_output=True, text=True, check=False).stderr[-2000:])
+        subprocess.run(["docker", "rm", "-f", name], capture_output=True, check=False)
+
+
+def check(port: int, end: Callable[[], int]) -> None:
+    """Ask a running server for all that the documentation promises, then end it."""
+    base = f"http://127.0.0.1:{port}"
+
+    def ask(address: str, data: bytes | None = None) -> tuple[int, bytes]:
+        try:
+            with urllib.request.urlopen(f"{base}{address}", data, timeout=60) as answer:
+                return answer.status, answer.read()
+        except urllib.error.HTTPError as error:
+            return error.code, error.read()
+
+    until = time.monotonic() + 120
+    while True:
+        try:
+            if ask("/readyz")[0] == 200:
+                break
+        except OSError:
+            pass
+        assert time.monotonic() < until, "not ready within two minutes"
+        time.sleep(0.2)
+    photo = (ROOT / "examples" / "table.jpg").read_bytes()
+    status, answer = ask("/v1/estimate", photo)
+    assert status == 200, answer
+    assert json.loads(answer)["mask"]["source"] == "network", answer
+    assert not any("small mask network" in line for line in json.loads(answer)["warnings"]), "U2-Net-p is not in it"
+    assert ask("/v1/estimate?format=exr", photo)[0] == 200
+    assert b"anyprobe_requests_total" in ask("/metrics")[1]
+    health = next(step for step in read_steps() if step.word == "HEALTHCHECK")
+    words = json.loads(health.text.partition(" CMD ")[2])
+    words = [word.replace("8000", str(port)) for word in words]
+    subprocess.run([sys.executable, *words[1:]], check=True, timeout=10)
+    start = time.monotonic()
+    status = end()
+    took = time.monotonic() - start
+    assert took < END_S, f"ended after {took:.1f} s"
+    print(f"ready, asked, and ended after {took:.1f} s with status {status}")
+
+
+def main() -> None:
+    """Run what can be run here."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--steps", action="store_true", help="run the Dockerfile's steps here, without docker")
+    parser.add_argument("--port", type=int, default=18765)
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        os.chmod(folder, 0o755)
+        by_docker = has_builder() and not given.steps
+        print("built and run by docker" if by_docker else "no builder is used: the Dockerfile's steps, here")
+        running = run_by_docker(given.port) if by_docker else run_by_steps(Path(folder), given.port)
+        with running as end:
+            check(given.port, end)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,122 @@
+"""Commands work wherever the user's home is, or is not, as in containers."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from support.two_phase import two_phase
+
+from anyprobe.files.paths import home_folder, is_there
+from anyprobe.files.radiance import write_exr
+from anyprobe.masks import networks, weights
+from anyprobe.masks.weights import find_weights, kept_in
+
+pwd = pytest.importorskip("pwd", reason="needs POSIX")
+
+
+def no_entry(number):
+    raise KeyError(f"getpwuid(): uid not found: {number}")
+
+
+def none_at_all(tmp_path, monkeypatch):
+    monkeypatch.delenv("HOME")
+    monkeypatch.setattr(pwd, "getpwuid", no_entry)
+
+
+def a_file(tmp_path, monkeypatch):
+    (tmp_path / "home").touch()
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+
+
+def absent(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path / "nowhere"))
+
+
+def a_loop(tmp_path, monkeypatch):
+    (tmp_path / "home").symlink_to(tmp_path / "home")
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+
+
+def the_null_device(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", os.devnull)
+
+
+def read_only(tmp_path, monkeypatch):
+    (tmp_path / "home").mkdir(mode=0o555)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+
+
+def closed(tmp_path, monkeypatch):
+    """As another user's; root may look into it, so it is said by what Python asks."""
+    home, real = tmp_path / "home", os.stat
+    home.mkdir(mode=0o000)
+
+    def refused(path, *rest, **named):
+        if str(path).startswith(f"{home}/"):
+            raise PermissionError(13, "Permission denied", str(path))
+        return real(path, *rest, **named)
+
+    monkeypatch.setattr(os, "stat", refused)
+    monkeypatch.setenv("HOME", str(home))
+
+
+def tilde_and_none(tmp_path, monkeypatch):
+    none_at_all(tmp_path, monkeypatch)
+    monkeypatch.setenv("U2NET_HOME", "~/models")
+
+
+HOMES = [none_at_all, a_file, absent, a_loop, the_null_device, read_only, closed, tilde_and_none]
+
+
+@pytest.fixture(params=HOMES, ids=lambda home: home.__name__)
+def home(request, tmp_path, monkeypatch):
+    """A home of some kind, without weights of U2-Net-p anywhere."""
+    for name in ("U2NET_HOME", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(weights, "PACKAGES", ())
+    monkeypatch.setattr(weights.sys, "prefix", str(tmp_path / "environment"))
+    networks.shared_network.cache_clear()
+    request.param(tmp_path, monkeypatch)
+    yield
+    networks.shared_network.cache_clear()
+
+
+def test_no_weights_are_found_there_and_all_places_are_named(home):
+    assert find_weights() is None
+    assert all(not is_there(folder / weights.NAME) for folder, _ in kept_in())
+
+
+def test_estimate_mask_and_doctor_work_there(home, command, work, photo_rgba, networks_opened_once):
+    Image.fromarray(photo_rgba[..., :3]).save("photo.png")
+    for order in (("estimate", "photo.png"), ("mask", "photo.png"), ("doctor",)):
+        outcome = command(*order)
+        assert (outcome.status, "Traceback" in outcome.err) == (0, False), (order, outcome.err)
+    assert (work / "light" / "photo.exr").is_file()
+
+
+def test_match_works_there_without_its_cache(home, command, work, photo_path, networks_opened_once):
+    (work / "maps").mkdir()
+    write_exr(work / "maps" / "a.exr", two_phase(32))
+    outcome = command("match", photo_path, "maps")
+    assert outcome.status == 0, outcome.err
+    assert not [one for one in work.iterdir() if one.name == "~"]
+
+
+def test_a_server_starts_there(home, estimator):
+    pytest.importorskip("fastapi", reason="needs the serve extra")
+    from anyprobe.estimate.runtime import DEFAULT_MODEL
+    from anyprobe.serve.page import Page
+
+    assert "weights/u2netp.onnx" not in Page(estimator, DEFAULT_MODEL).files
+
+
+def test_the_home_is_the_users(monkeypatch, tmp_path):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert home_folder() == tmp_path
+    monkeypatch.delenv("U2NET_HOME", raising=False)
+    assert kept_in()[0][0] == tmp_path / ".u2net"
+    monkeypatch.setenv("U2NET_HOME", "~/models")
+    assert kept_in()[0][0] == Path(tmp_path / "models")

@@ -1,0 +1,154 @@
+"""Decoding processes: what the working folder holds never runs in them, and one that ends is replaced."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+pytest.importorskip("fastapi", reason="needs the serve extra")
+pytest.importorskip("python_multipart", reason="needs the serve extra")
+
+from fastapi.testclient import TestClient
+
+from anyprobe.serve import processes, tasks
+from anyprobe.serve.answers import png as as_png
+from anyprobe.serve.api import create_app
+from anyprobe.serve.processes import Lane, TooMuchMemory, WorkerLost
+from anyprobe.serve.tasks import Upload
+
+
+@pytest.fixture
+def photo(photo_rgba) -> bytes:
+    return as_png(photo_rgba)
+
+
+@pytest.fixture
+def lane():
+    lane = Lane(seconds=30.0, memory_mb=900)
+    yield lane
+    lane.close()
+
+
+def source(lane, photo) -> str:
+    return lane.call(tasks.mask, Upload(photo=photo), 10**9, True)["source"]
+
+
+def end_itself(flag: str, number: int, times: int) -> str:
+    """In a process: end by a signal, for so many times; then answer."""
+    with open(flag, "a+", encoding="utf-8") as stream:
+        stream.write("x")
+        stream.seek(0)
+        count = len(stream.read())
+    if count <= times:
+        if number:
+            os.kill(os.getpid(), number)
+        os._exit(3)
+    return "done"
+
+
+MODULES = (
+    "random queue types numpy PIL pickle signal threading logging onnxruntime anyprobe socket sitecustomize".split()
+)
+
+
+def test_a_module_in_the_working_folder_is_not_taken_for_pythons(lane, photo, work):
+    for name in MODULES:
+        (work / f"{name}.py").write_text(f"open({str(work / 'ran')!r}, 'w').close(); raise SystemExit\n")
+    assert source(lane, photo) == "alpha"
+    assert not (work / "ran").exists()
+
+
+@pytest.mark.parametrize("given", ["", ".", "{here}", "{here}/../{name}"])
+def test_nor_is_one_that_the_path_of_imports_leads_to(lane, photo, work, monkeypatch, given):
+    (work / "queue.py").write_text("raise SystemExit\n")
+    monkeypatch.syspath_prepend(given.format(here=work, name=work.name))
+    assert source(lane, photo) == "alpha"
+
+
+def test_children_of_pools_take_no_modules_from_there_either(work):
+    """spawn imports pickle and socket before it hears of the parent's path."""
+    from anyprobe.dataset.process_pools import one_thread
+
+    for name in ("pickle", "socket", "numpy"):
+        (work / f"{name}.py").write_text("raise SystemExit(9)\n")
+    order = [sys.executable, "-c", "import pickle, socket"]
+    assert subprocess.run(order, check=False).returncode == 9
+    with one_thread():
+        assert subprocess.run(order, check=False).returncode == 0
+
+
+def test_one_that_cannot_start_is_500_and_its_reason_is_logged(estimator, photo, monkeypatch, caplog):
+    monkeypatch.setattr(processes, "__name__", "anyprobe.no_such_module")
+    with TestClient(create_app(estimator)) as client, caplog.at_level(logging.ERROR):
+        answer = client.post("/v1/estimate", content=photo)
+    assert answer.status_code == 500
+    assert "log" in answer.json()["error"]
+    assert "No module named 'anyprobe.no_such_module'" in caplog.text
+
+
+def test_a_machine_without_room_for_another_process_is_500(estimator, photo, monkeypatch):
+    def full(*_, **__):
+        raise BlockingIOError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(processes.subprocess, "Popen", full)
+    with TestClient(create_app(estimator)) as client:
+        assert client.post("/v1/estimate", content=photo).status_code == 500
+
+
+def test_one_that_was_ended_while_it_waited_is_replaced(lane, photo):
+    assert source(lane, photo) == "alpha"
+    (worker,) = lane._idle
+    worker._process.kill()
+    assert source(lane, photo) == "alpha"
+    (worker,) = lane._idle
+    worker._process.kill()
+    worker._process.wait(5)
+    assert source(lane, photo) == "alpha"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
+@pytest.mark.parametrize("number", ["SIGKILL", "SIGTERM", "SIGSEGV", None])
+def test_work_whose_process_ended_is_done_once_more(lane, tmp_path, number):
+    ended_by = getattr(signal, number) if number else 0
+    assert lane.call(end_itself, str(tmp_path / "flag"), ended_by, 1) == "done"
+    fault = WorkerLost if number in ("SIGKILL", "SIGTERM") else TooMuchMemory
+    with pytest.raises(fault):
+        lane.call(end_itself, str(tmp_path / "other"), ended_by, 2)
+
+
+def test_a_worker_killed_at_work_costs_no_photo(estimator, photo, monkeypatch):
+    """Every process is ended a moment after its first photo came; all are answered."""
+    killed, call = [], processes._Worker.call
+
+    def ended_meanwhile(self, message, seconds):
+        if len(killed) < 3 and self not in killed and len(killed) % 2 == 0:
+            killed.append(self)
+            self._process.kill()
+        elif len(killed) % 2:
+            killed.append(None)
+        return call(self, message, seconds)
+
+    monkeypatch.setattr(processes._Worker, "call", ended_meanwhile)
+    with TestClient(create_app(estimator)) as client:
+        assert [client.post("/v1/mask", content=photo).status_code for _ in range(4)] == [200] * 4
+    assert len([one for one in killed if one]) == 2
+
+
+def test_a_closed_lane_leaves_no_process(photo):
+    lane = Lane(seconds=30.0, memory_mb=900)
+    threads = [threading.Thread(target=source, args=(lane, photo)) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    ended = [worker._process for worker in lane._idle]
+    lane.close()
+    time.sleep(0.1)
+    assert all(process.poll() is not None for process in ended)

@@ -1,0 +1,272 @@
+"""Short of memory, threads or a terminal; closed inputs; loops of links; faults that nobody foresaw: one line each."""
+
+from __future__ import annotations
+
+import errno
+import io
+import json
+import os
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+from PIL import Image
+from support.two_phase import two_phase
+
+import anyprobe
+from anyprobe.cli import app
+from anyprobe.errors import InputError, InvalidEnvironment, InvalidPhoto, ModelError
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.result import Light
+from anyprobe.files import graphs, paths
+from anyprobe.files.graphs import open_graph
+from anyprobe.masks.networks import default_graph
+
+
+@pytest.fixture
+def failing(monkeypatch, photo_path, networks_opened_once):
+    """Makes an estimate raise this."""
+
+    def fail(error: BaseException) -> None:
+        def raises(*_, **__):
+            raise error
+
+        monkeypatch.setattr(Estimator, "from_photo", raises)
+
+    return fail
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "words"),
+    [
+        (MemoryError(), 2, "expected more memory"),
+        (np._core._exceptions._ArrayMemoryError((9,), np.dtype(float)), 2, "expected more memory"),
+        (OSError(errno.ENOMEM, "Cannot allocate memory"), 2, "expected more memory"),
+        (BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable"), 2, "expected more processes or threads"),
+        (OSError(errno.EMFILE, "Too many open files"), 2, "expected more open files"),
+        (RuntimeError("can't start new thread"), 1, "expected more threads"),
+        (TypeError("open() got an\nunexpected keyword"), 1, "TypeError at estimate.py"),
+        (RecursionError("maximum recursion depth exceeded"), 1, "RecursionError"),
+        (AssertionError(), 1, "no words"),
+    ],
+)
+def test_what_a_command_cannot_get_or_did_not_foresee_is_one_line(
+    command, work, photo_path, failing, error, status, words
+):
+    failing(error)
+    outcome = command("estimate", photo_path)
+    assert outcome.status == status
+    (line,) = outcome.err.splitlines()
+    assert line.startswith("anyprobe: ")
+    assert words in line
+    assert outcome.out == ""
+
+
+def test_who_wants_all_steps_gets_them(monkeypatch, work, photo_path, failing):
+    failing(KeyError("steps"))
+    monkeypatch.setenv(app.TRACEBACK, "1")
+    monkeypatch.setattr(sys, "argv", ["anyprobe", "estimate", str(photo_path)])
+    with pytest.raises(KeyError):
+        app.main()
+
+
+def test_an_error_in_the_loop_leaves_no_thread(work, photo_path, failing, monkeypatch):
+    """Python 3.13.0 waits for it for ever."""
+    error = ZeroDivisionError("kept, with its frames, as a traceback is")
+    failing(error)
+    before = set(threading.enumerate())
+    monkeypatch.setenv(app.TRACEBACK, "1")
+    monkeypatch.setattr(sys, "argv", ["anyprobe", "estimate", str(photo_path), str(photo_path.parent)])
+    with pytest.raises(ZeroDivisionError) as kept:
+        app.main()
+    assert kept.value is error
+    assert set(threading.enumerate()) <= before
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        ("pthread_setaffinity_np failed: thread", "no more memory or threads"),
+        ("Exception during initialization: std::bad_alloc", "no more memory or threads"),
+        ("Protobuf parsing failed", "damaged file; reinstall"),
+    ],
+)
+def test_a_graph_is_called_damaged_only_where_it_is(monkeypatch, said, words):
+    def session(*_, **__):
+        raise RuntimeError(said)
+
+    monkeypatch.setattr(graphs.onnxruntime, "InferenceSession", session)
+    with pytest.raises(ModelError, match=words):
+        open_graph(default_graph())
+
+
+def test_without_another_thread_a_graph_is_run_by_this_one(monkeypatch):
+    real, asked = graphs.onnxruntime.InferenceSession, []
+
+    def session(path, options, **named):
+        asked.append(options.intra_op_num_threads)
+        if options.intra_op_num_threads > 1:
+            raise RuntimeError("pthread_create failed, error code: 11")
+        return real(path, options, **named)
+
+    monkeypatch.setattr(graphs.onnxruntime, "InferenceSession", session)
+    assert open_graph(default_graph(), 2).get_inputs()
+    assert asked == [2, 1]
+
+
+def run(*arguments: str, **named) -> subprocess.CompletedProcess:
+    order = [sys.executable, "-c", "from anyprobe_command import main; main()", *arguments]
+    return subprocess.run(order, capture_output=True, text=True, check=False, timeout=120, **named)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits memory by RLIMIT_AS")
+@pytest.mark.parametrize("megabytes", [150, 420])
+def test_a_process_short_of_memory_ends_in_lines_without_a_traceback(photo_path, work, megabytes):
+    import resource
+
+    def limited() -> None:
+        resource.setrlimit(resource.RLIMIT_AS, (megabytes * 2**20,) * 2)
+
+    done = run("estimate", str(photo_path), preexec_fn=limited)
+    assert done.returncode != 0
+    assert "Traceback" not in done.stderr
+    assert "damaged" not in done.stderr
+    assert not list(work.glob("light/*"))
+
+
+# Terminals
+
+
+@pytest.mark.parametrize("columns", ["0", "00", "1", "-5", "wide", ""])
+def test_a_width_that_no_terminal_has_cuts_nothing(photo_path, work, columns, monkeypatch):
+    done = run("estimate", str(photo_path), env={**os.environ, "COLUMNS": columns})
+    assert done.returncode == 0
+    assert "dominant light" in done.stderr
+    assert "results: " in done.stderr
+
+
+# Inputs
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs a shell that closes an input")
+@pytest.mark.parametrize("order", ["estimate -", "mask -", "relight - --insert sphere", "match - ."])
+def test_a_closed_input_is_one_line(order, work):
+    line = f"'{sys.executable}' -m anyprobe {order} <&-"
+    done = subprocess.run(line, shell=True, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert len(done.stderr.splitlines()) == 1, done.stderr
+    assert "closed input" in done.stderr
+
+
+def test_an_input_without_an_end_is_refused(monkeypatch):
+    monkeypatch.setattr(paths, "CHUNK_BYTES", 10)
+
+    class Endless(io.RawIOBase):
+        def read(self, size=-1):
+            assert 0 < size <= 10
+            return b"x" * size
+
+    with pytest.raises(InvalidPhoto, match="stdin: expected at most"):
+        paths.read_stream(Endless(), "stdin", InvalidPhoto, 100)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links need a right there")
+@pytest.mark.parametrize(
+    "order", ["estimate {}", "mask {}", "estimate plain.png --mask {}", "relight {} --insert sphere"]
+)
+def test_a_loop_of_links_is_one_line(command, work, photo_rgba, order):
+    os.symlink("loop.png", "loop.png")
+    Image.fromarray(photo_rgba).save("plain.png")
+    assert "loop.png" in command(*order.format("loop.png").split()).complaint
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links need a right there")
+def test_a_loop_of_links_as_the_place_of_results_is_one_line(command, work, photo_path):
+    os.symlink("out", "out")
+    for order in (
+        ("estimate", photo_path, "-o", "out"),
+        ("match", photo_path, "out"),
+        ("relight", photo_path, "-o", "out"),
+    ):
+        outcome = command(*order)
+        assert outcome.status == 2, outcome.err
+        assert "Traceback" not in outcome.err
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.float32])
+@pytest.mark.parametrize("field", ["photo", "mask", "depth", "normals", "surroundings"])
+def test_a_masked_array_is_refused_and_says_how_to_fill_it(photo_rgba, kind, field):
+    masked = np.ma.masked_array(photo_rgba[..., :3].astype(kind) / (1 if kind == np.uint8 else 255), mask=False)
+    given = {field: masked} if field != "photo" else {}
+    with pytest.raises(InputError, match="masked array; fill it first"):
+        anyprobe.load_photo(masked if field == "photo" else photo_rgba, anyprobe.Hints(**given))
+
+
+def test_a_light_of_a_masked_array_is_refused():
+    with pytest.raises(InvalidEnvironment, match="masked array"):
+        Light(radiance=np.ma.masked_array(two_phase(8)))
+
+
+def test_other_classes_of_arrays_are_taken_as_arrays(photo_rgba):
+    class Own(np.ndarray):
+        def __array_finalize__(self, of):
+            pass
+
+        def min(self, *_, **__):
+            raise AssertionError
+
+    plain = anyprobe.load_photo(photo_rgba.astype(np.float32) / 255)
+    own = anyprobe.load_photo((photo_rgba.astype(np.float32) / 255).view(Own))
+    np.testing.assert_array_equal(plain.rgb, own.rgb)
+
+
+# Sidecars
+
+
+@pytest.fixture
+def saved(tmp_path):
+    light = Light(radiance=two_phase(16), info={"photo": "kept.jpg"})
+    path = light.save(tmp_path / "light.exr")
+    light.save(tmp_path / "light.json")
+    return path
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-32"])
+def test_a_sidecar_of_any_unicode_is_read(saved, encoding):
+    beside = saved.with_suffix(".json")
+    beside.write_bytes(beside.read_text(encoding="utf-8").encode(encoding))
+    assert Light.load(saved).info["photo"] == "kept.jpg"
+
+
+@pytest.mark.parametrize("damage", ["cut", "empty", "latin", "zeros", "deep", "text"])
+def test_a_damaged_sidecar_is_refused_as_load_says(saved, damage, command, work):
+    beside = saved.with_suffix(".json")
+    data = beside.read_bytes()
+    damaged = {
+        "cut": data[: len(data) // 2],
+        "empty": b"",
+        "latin": data.replace(b"kept", b"k\xe9pt"),
+        "zeros": bytes(len(data)),
+        "deep": b"[" * 200_000,
+        "text": b"not JSON",
+    }[damage]
+    beside.write_bytes(damaged)
+    with pytest.raises(InputError, match="damaged one .*save the light again, or move the .json away"):
+        Light.load(saved)
+    assert "light.json" in command("export", saved, "--to", "three", "-o", work / "out").complaint
+
+
+@pytest.mark.parametrize("said", [[1, 2], {"name": "of another program"}, "text", None])
+def test_a_json_of_another_program_is_left_alone(saved, said):
+    saved.with_suffix(".json").write_text(json.dumps(said), encoding="utf-8")
+    assert "photo" not in Light.load(saved).info
+
+
+def test_a_pipe_beside_a_map_is_not_waited_for(saved):
+    if not hasattr(os, "mkfifo"):
+        pytest.skip("needs POSIX")
+    saved.with_suffix(".json").unlink()
+    os.mkfifo(saved.with_suffix(".json"))
+    assert "photo" not in Light.load(saved).info
