@@ -143,7 +143,7 @@ def measure(
             line["wander_deg"] = wander_deg(run[start:], poses[start:])
         if name != "truth" and sequence.jump_s is not None:
             line["followed_s"] = followed_s(shown[name], raw, round(sequence.jump_s * FPS))
-        elif name.startswith("filtered") and sequence.name not in ("still", "object sways"):
+        elif name.startswith("filtered") and sequence.name != "still":
             line["lag_s"] = rounded(lag_s(shown[name], raw))
         yield line
 

@@ -45,11 +45,6 @@ EMITTER_HEIGHT, EMITTER_LEFT, EMITTER_RIGHT = np.radians([45.0, -140.0, 140.0])
 
 ORBIT_DEG_S, SWING_DEG_S = 30.0, 60.0
 
-WIDE, HIGH = 640, 480
-SWAY_PX, SWAY_HZ = 20.0, 0.3
-LIGHTS = 200
-"""Frames of the sequence in which the object sways."""
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Scene:
@@ -63,17 +58,13 @@ class Scene:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sequence:
-    """yaw [radians] of the camera and azimuth of the emitter at time t [s]; jump_s: when the emitter jumps.
-
-    shift: of the object to the right at time t in a picture WIDE pixels wide; None: it fills its picture.
-    """
+    """yaw [radians] of the camera and azimuth of the emitter at time t [s]; jump_s: when the emitter jumps."""
 
     name: str
     seconds: float
     yaw: Callable[[float], float]
     emitter: Callable[[float], float]
     jump_s: float | None = None
-    shift: Callable[[float], float] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -86,7 +77,7 @@ class Taken:
 
 
 def sequences(seconds: float) -> list[Sequence]:
-    """Four of so many seconds, in which the emitter jumps after two thirds; and one of LIGHTS frames."""
+    """Four of so many seconds, in one of which the emitter jumps after two thirds."""
     jump_s = round(seconds * 2 / 3 * FPS) / FPS
     orbit, swing = np.radians([ORBIT_DEG_S, SWING_DEG_S])
     return [
@@ -100,13 +91,6 @@ def sequences(seconds: float) -> list[Sequence]:
             jump_s=jump_s,
         ),
         Sequence(name="emitter swings", seconds=seconds, yaw=lambda t: 0.0, emitter=lambda t: EMITTER_LEFT - swing * t),
-        Sequence(
-            name="object sways",
-            seconds=LIGHTS / FPS,
-            yaw=lambda t: 0.0,
-            emitter=lambda t: EMITTER_LEFT,
-            shift=lambda t: SWAY_PX * np.sin(2 * np.pi * SWAY_HZ * t),
-        ),
     ]
 
 
@@ -175,29 +159,16 @@ def film(scene: Scene, sequence: Sequence, seed: int = 0) -> Iterator[Taken]:
             mask = drawn[..., 3] > 0.5
             gain = gain or OBJECT_MEAN / float(luminance(drawn[mask][:, :3]).mean())
             truth = np.maximum(shrink(rotate(light, camera.world_from_camera.T), MAP_HEIGHT), 0.0) * gain
-        seen, tan_half = drawn, camera.tan_half
-        if sequence.shift is not None:
-            seen, tan_half = _placed(drawn, round(sequence.shift(time_s))), tan_half * WIDE / SIZE
-        mask = seen[..., 3] > 0.5
+        mask = drawn[..., 3] > 0.5
         background = np.full((*mask.shape, 3), OBJECT_MEAN, np.float32)
-        rgb = one_photo(shot, seen[..., :3] * gain, mask, background, rng)
-        frayed = fray(drawn[..., 3] > 0.5, EDGE_PX, EDGE_DEPTH, rng).astype(np.float32)[..., None]
-        if sequence.shift is not None:
-            frayed = _placed(frayed, round(sequence.shift(time_s)))
+        rgb = one_photo(shot, drawn[..., :3] * gain, mask, background, rng)
+        frayed = fray(mask, EDGE_PX, EDGE_DEPTH, rng).astype(np.float32)
         photo = Photo(
             rgb=rgb.astype(np.float32) / 255,
-            mask=frayed[..., 0],
-            long_fov_deg=float(np.degrees(2 * np.arctan(tan_half))),
+            mask=frayed,
+            long_fov_deg=float(np.degrees(2 * np.arctan(camera.tan_half))),
             fov_source="given",
             name=f"{scene.name} {sequence.name} {index}",
             warnings=(),
         )
         yield Taken(time_s=time_s, photo=photo, truth=truth)
-
-
-def _placed(picture: np.ndarray, shift: int) -> np.ndarray:
-    """In the middle of an empty picture [HIGH, WIDE, C], moved to the right."""
-    whole = np.zeros((HIGH, WIDE, picture.shape[2]), np.float32)
-    top, left = (HIGH - SIZE) // 2, (WIDE - SIZE) // 2 + shift
-    whole[top : top + SIZE, left : left + SIZE] = picture
-    return whole

@@ -54,8 +54,8 @@ class Timed(MaskFollower):
 class EveryFrame(Timed):
     """Finds each frame's mask as a photo's is found."""
 
-    def _quickly(self, frame, name, own):
-        return None
+    def _followed(self, rgb):
+        return False
 
 
 def main() -> None:

@@ -5,7 +5,7 @@
 Headless Chromium with a fake camera that shows the example; the page as `anyprobe serve --static` writes it,
 the package as `npm pack` makes it in a plain page with an import map, both over WASM, with one thread and with
 two. The rounds take turns, so that a slow minute of the machine is nobody's; of each figure the median, the
-least and the most. worker_ms is the networks' processor time a light (Linux). --pages adds the page of other
+least and the most. worker_ms is the networks' processor time a light (Linux), memory_mb what page and workers hold in the end. --pages adds the page of other
 clones, an older one for instance. Needs Chromium, Node.js and the packages of web/ and tests/browser. Prints one
 JSON object a line.
 """
@@ -79,7 +79,10 @@ def main() -> None:
             frame = np.pad(np.asarray(image.convert("RGB")), ((0, 0), (80, 80), (0, 0)), mode="edge")
         noise = np.random.default_rng(7)
         frames = [np.clip(frame + noise.normal(0, 2, frame.shape), 0, 255).astype(np.uint8) for _ in range(30)]
-        flags = camera_flags(write_y4m(folder / "camera.y4m", frames))
+        flags = [
+            *camera_flags(write_y4m(folder / "camera.y4m", frames)),
+            "--enable-blink-features=ForceEagerMeasureMemory",
+        ]
         seen: dict[tuple[str, int], list[dict]] = {}
         for _ in range(given.rounds):
             for key, site in sites.items():

@@ -1,15 +1,16 @@
-// A page of the example webxr.js in a stand-in for a session. arguments: { page, estimates }: estimates, whether the
-// session has a light estimate of its own. What the page asks of the session, what enters and leaves the scene in which
-// order, two states of its light, where a controller's select puts the spheres, and the canvas lit and by default.
+// A page of the example of WebXR in a session of the emulator IWER, which has no camera-access: its views get a camera, and
+// getCameraImage a texture of vase.png, the lowest row first. arguments: { page, estimates }: estimates, whether the session
+// has a light estimate of its own in the place of the camera. What was asked for, what enters and leaves the scene in which
+// order, two states of its light, where a select puts the spheres, the view's pose, and the canvas lit and by default.
 
-export default async ({ page, context, url, arguments: given }) => {
-  await context.grantPermissions(["camera"], { origin: new URL(url).origin });
-  await page.addInitScript(standIn, given.estimates);
+export default async ({ page, url, arguments: given }) => {
+  const emulator = await (await fetch(`${url}iwer/iwer.js`)).text();
+  await page.addInitScript(`${emulator};(${standIn})(${given.estimates}, globalThis.IWER ?? IWER);`);
   await page.goto(url + given.page);
   await page.click("#ARButton:has-text('START AR')");
-  await page.evaluate(() => stage.renderer.xr.dispatchEvent({ type: "sessionstart" }));
   await page.waitForFunction(() => stage.light, null, { polling: 100 });
   const lit = await page.evaluate(() => stage.state());
+  await page.evaluate(() => (stage.gain = 0.6));
   const hasChanged = (before) => stage.light.lightProbe.sh.toArray().some((value, i) => Math.abs(value - before[i]) > 1e-3);
   await page.waitForFunction(hasChanged, lit.sh, { polling: 100 });
   return page.evaluate(async (lit) => {
@@ -21,14 +22,15 @@ export default async ({ page, context, url, arguments: given }) => {
     const moved = scene.children.find(({ type, children }) => type === "Group" && children.length === 9).position.toArray();
     controller.matrixWorld.identity(); // back, so that the two canvases show the same
     controller.dispatchEvent({ type: "select" });
-    renderer.xr.dispatchEvent({ type: "sessionend" });
-    return { asked: stage.asked, events, lit, later, moved, ended: await stage.state() };
+    await stage.session.end();
+    const { mode, features, hasAskedForACamera, worldFromCamera, fovDeg } = stage;
+    return { mode, features, hasAskedForACamera, worldFromCamera, fovDeg, events, lit, later, moved, ended: await stage.state() };
   }, lit);
 };
 
 /** Runs before the page: its renderer and scene are heard of as three.js's developer tools hear of them. */
-function standIn(estimates) {
-  globalThis.stage = { asked: null, events: [], light: null };
+function standIn(estimates, { XRDevice, XRSession, XRView, XRFrame, metaQuest3 }) {
+  globalThis.stage = { events: [], light: null, gain: 1, hasAskedForACamera: false };
   const note = (what, object) => {
     if (!object.lightProbe && !object.isLight) return;
     stage.events.push(`${what} ${object.lightProbe ? "estimate" : object.type}`);
@@ -42,7 +44,6 @@ function standIn(estimates) {
       detail.addEventListener("childremoved", ({ child }) => note("remove", child));
     } else if (detail.isWebGLRenderer) {
       stage.renderer = detail;
-      detail.xr.getSession = () => session;
       const { render } = detail;
       detail.render = (scene, camera) => {
         stage.camera = camera;
@@ -50,38 +51,82 @@ function standIn(estimates) {
       };
     }
   });
-  Object.defineProperty(navigator, "xr", {
-    value: {
-      isSessionSupported: async () => true,
-      requestSession: (mode, { optionalFeatures }) => {
-        stage.asked = [mode, optionalFeatures];
-        return new Promise(() => {}); // the button's own session is not opened
-      },
-    },
-  });
-  const session = { requestAnimationFrame: (call) => requestAnimationFrame((time) => call(time, frame)) };
-  if (estimates) session.requestLightProbe = async () => new EventTarget();
-  const frame = {
-    session,
-    getLightEstimate: () => ({
-      sphericalHarmonicsCoefficients: Float32Array.from({ length: 27 }, (_, i) => 1 / (1 + i) + 1e-5 * performance.now()),
-      primaryLightIntensity: { x: 3, y: 2, z: 1 },
-      primaryLightDirection: { x: 0.6, y: 0.8, z: 0 },
-    }),
+  if (navigator.mediaDevices) navigator.mediaDevices.getUserMedia = async () => ((stage.hasAskedForACamera = true), new MediaStream());
+
+  const supportedFeatures = [...metaQuest3.supportedFeatures, "camera-access", "light-estimation"];
+  const device = new XRDevice({ ...metaQuest3, supportedFeatures }, { stereoEnabled: false });
+  device.installRuntime({ forceInstall: true });
+  device.quaternion.set(0, Math.sin(0.3), 0, Math.cos(0.3)); // looks 34 degrees to the left
+  const { requestSession } = navigator.xr;
+  navigator.xr.requestSession = async function (mode, asked) {
+    stage.session = await requestSession.call(navigator.xr, mode, asked);
+    stage.mode = mode;
+    stage.features = [...(asked.requiredFeatures ?? []), ...(asked.optionalFeatures ?? [])];
+    if (estimates) stage.session.requestLightProbe = async () => new EventTarget();
+    return stage.session;
   };
+  const picture = Object.assign(new Image(), { src: "/vase.png" });
+  const camera = { width: 512, height: 512 };
+  if (!estimates) {
+    Object.defineProperty(XRView.prototype, "camera", {
+      get() {
+        stage.worldFromCamera = [...this.transform.matrix];
+        return stage.features.includes("camera-access") ? camera : undefined;
+      },
+    });
+    const { get } = Object.getOwnPropertyDescriptor(XRView.prototype, "projectionMatrix");
+    Object.defineProperty(XRView.prototype, "projectionMatrix", {
+      get() {
+        const matrix = Float32Array.from(get.call(this)); // of the camera's square picture, as those of phones are
+        matrix[0] = matrix[5];
+        matrix[8] = matrix[9] = 0;
+        stage.fovDeg = (2 * Math.atan(1 / matrix[5]) * 180) / Math.PI;
+        return matrix;
+      },
+    });
+  }
   globalThis.XRWebGLBinding = class {
+    constructor(session, gl) {
+      this.gl = gl;
+      this.texture = gl.createTexture();
+    }
+    getCameraImage() {
+      const { gl } = this;
+      const bound = gl.getParameter(gl.TEXTURE_BINDING_2D);
+      const drawn = new OffscreenCanvas(512, 512).getContext("2d");
+      drawn.filter = `brightness(${stage.gain})`;
+      drawn.fillStyle = "#888";
+      drawn.fillRect(0, 0, 512, 512);
+      drawn.drawImage(picture, 0, 0);
+      gl.bindTexture(gl.TEXTURE_2D, this.texture);
+      gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, true);
+      gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, drawn.canvas);
+      gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
+      gl.bindTexture(gl.TEXTURE_2D, bound);
+      return this.texture;
+    }
     getReflectionCubeMap() {
       return null;
     }
   };
-  /** Drawn now: three.js stops its own loop when a session starts. */
+  XRFrame.prototype.getLightEstimate = () => ({
+    sphericalHarmonicsCoefficients: Float32Array.from({ length: 27 }, (_, i) => 1 / (1 + i) + 1e-5 * performance.now()),
+    primaryLightIntensity: { x: 3, y: 2, z: 1 },
+    primaryLightDirection: { x: 0.6, y: 0.8, z: 0 },
+  });
+  /** Drawn now, by the scene's own camera. */
   stage.state = async () => {
-    for (let i = 0; i < 2; i++) await new Promise(requestAnimationFrame);
-    stage.renderer.render(stage.scene, stage.camera);
-    const canvas = document.querySelector("canvas");
+    for (let i = 0; i < 2; i++) await new Promise((resolve) => setTimeout(resolve, 50));
+    const { renderer } = stage;
+    const isPresenting = renderer.xr.enabled;
+    renderer.xr.enabled = false;
+    renderer.setRenderTarget(null);
+    renderer.render(stage.scene, stage.camera);
+    const canvas = renderer.domElement;
     const { width, height } = canvas;
     const copy = Object.assign(document.createElement("canvas"), { width, height }).getContext("2d");
     copy.drawImage(canvas, 0, 0);
+    renderer.xr.enabled = isPresenting;
     const bytes = copy.getImageData(0, 0, width, height).data;
     let text = "";
     for (let i = 0; i < bytes.length; i += 8192) text += String.fromCharCode(...bytes.subarray(i, i + 8192));

@@ -1,7 +1,8 @@
 // How soon and how often lights of the camera's video come. arguments: { kind: "page" | "package", threads, seconds }; for
 // the package the address is of a page with its import map. first_light_s counts from the wish for the camera, the networks
 // not yet fetched; megabytes are all that was fetched until then, as the server sent it; worker_ms is the processor time of
-// the networks' threads a light, which other programs on the machine do not change.
+// the networks' threads a light, which other programs on the machine do not change; memory_mb is what the page and its
+// workers hold in the end.
 
 import { readFileSync, readdirSync } from "node:fs";
 import { openPage } from "./page_steps.mjs";
@@ -70,5 +71,6 @@ export default async ({ page, context, url, arguments: { kind, threads, seconds 
     return lights.length - before;
   }, seconds);
   const worker_ms = (workerMs() - before) / Math.max(count, 1);
-  return { lights_per_s: count / seconds, worker_ms, first_light_s: first, megabytes: loaded / 1e6 };
+  const { bytes: held } = await page.evaluate(() => performance.measureUserAgentSpecificMemory());
+  return { lights_per_s: count / seconds, worker_ms, first_light_s: first, megabytes: loaded / 1e6, memory_mb: held / 1e6 };
 };

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 from support.browser import run_steps, serve
-from support.bundlers import BUNDLERS, VITE, Bundler, emitted, page
+from support.bundlers import BUNDLERS, RUNTIME, THREE, VITE, Bundler, emitted, install, page, run
 
 ROOT = Path(__file__).parents[2]
 WEB = ROOT / "web"
@@ -90,10 +91,48 @@ def test_only_what_is_used_is_emitted(packed, tmp_path, program, files):
         assert not any("jspi" in name for name in found)
 
 
-def test_package_without_its_graphs_is_not_packed(tmp_path):
-    """Outside a clone there is nothing to copy: npm pack fails."""
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["esbuild", "rollup"])
+def test_bundler_that_copies_no_files_fails_at_build_time(packed, tmp_path, name):
+    """Of the plain package, in a line that names the core."""
+    bundler = replace(BUNDLERS[name], sources={"main.js": 'import { AnyProbe } from "anyprobe"; globalThis.x = AnyProbe;'})
+    with pytest.raises(AssertionError, match=r"this-bundler-copies-no-files-import-anyprobe-core\.js"):
+        bundler.build(packed, tmp_path)
+
+
+@pytest.mark.slow
+def test_types_are_found_as_older_typescript_looks_for_them(packed, tmp_path):
+    """By `main` and `typesVersions`, without `exports`."""
+    program = """
+    import { AnyProbe, type Light } from "anyprobe";
+    import { AnyProbe as Core } from "anyprobe/core";
+    import { encodeExr } from "anyprobe/exr";
+    import { ProbeLight } from "anyprobe/three";
+    export const light = async (one: Light) => new ProbeLight(await AnyProbe.load()).update(one);
+    export const others = [Core, encodeExr];
+    """
+    (tmp_path / "main.ts").write_text(program)
+    (tmp_path / "package.json").write_text('{"private": true}')
+    install(tmp_path, packed, "typescript@5.9.3", "@types/three@0.187.0", RUNTIME, THREE)
+    options = ("--noEmit", "--strict", "--skipLibCheck", "--target", "es2022", "--lib", "es2022,dom,esnext.disposable")
+    run(tmp_path, "npx", "tsc", *options, "--moduleResolution", "node10", "--module", "commonjs", "main.ts")
+
+
+@pytest.mark.parametrize(
+    ("around", "line"),
+    [
+        ("src/anyprobe/weights", "npm pack: expected the packages of web/, got none; run npm ci first"),
+        (None, "npm pack: expected a clone of anyprobe around web/"),
+    ],
+)
+def test_what_npm_pack_lacks_is_said_in_one_line(tmp_path, around, line):
+    if shutil.which("npm") is None:
+        pytest.skip("needs npm")
     web = tmp_path / "web"
     shutil.copytree(WEB, web, ignore=shutil.ignore_patterns("node_modules", "weights", "dist", "LICENSE"))
-    ended = subprocess.run(["npm", "pack"], cwd=web, capture_output=True, check=False)
+    if around:
+        (tmp_path / around).mkdir(parents=True)
+    ended = subprocess.run(["npm", "pack"], cwd=web, capture_output=True, text=True, check=False)
     assert ended.returncode != 0
+    assert line in ended.stderr
     assert not list(web.glob("*.tgz"))

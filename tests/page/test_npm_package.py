@@ -133,11 +133,13 @@ def test_package_holds_what_its_readme_says_and_no_more(plain_site):
         "LICENSE",
         "README.md",
         "dist",
+        "examples",
         "package.json",
         "src",
         "types",
         "weights",
     }
+    assert {path.name for path in (package / "examples").iterdir()} == {"babylon", "fiber", "public", "three", "webxr"}
     assert sum(path.stat().st_size for path in package.rglob("*") if path.is_file()) < 16 * 2**20
 
 
@@ -161,6 +163,15 @@ def test_weights_that_are_not_those_of_the_package_are_refused(plain_site, tmp_p
     with serve({"/": site}, headers=ISOLATED) as url:
         seen = run_steps("package_refused.mjs", url, {"page": "index.html"}, complaints_allowed=True)
     assert re.search("light.onnx could not be fetched from .*its hash is not sha384-", seen)
+
+
+def test_where_threads_cannot_start_one_gives_the_light(plain_site, estimator):
+    with serve({"/": plain_site}, headers=ISOLATED) as url:
+        seen = run_steps("package_threads.mjs", url, {"page": "index.html"})
+    assert (seen["isolated"], seen["threads"]) == (True, 1)
+    assert [line for line in seen["said"] if "threads could not start" in line]
+    expected = estimator(VASE, fov_deg=FOV_DEG).sh9().ravel()
+    assert np.linalg.norm(np.subtract(seen["sh9"], expected)) < 1e-3 * np.linalg.norm(expected)
 
 
 def test_every_kind_of_picture_gives_one_light_and_faults_are_named(plain_site, estimator):
@@ -233,17 +244,16 @@ def test_example_draws_spheres_with_their_shadows_behind_the_vase(built, estimat
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["webxr", "estimated"])
 def test_probe_light_stands_in_for_the_estimate_of_a_session(built, estimator, tmp_path, name):
-    with Image.open(VASE) as image:
-        frame = np.pad(np.asarray(image.convert("RGB")), ((0, 0), (80, 80), (0, 0)), mode="edge")
-    darker = (0.6 * frame).astype(np.uint8)
-    video = write_y4m(tmp_path / "camera.y4m", [frame, darker], order=[0] * 30 + [1] * 30)
-    arguments = {"page": "index.html", "estimates": name == "estimated"}
+    """In the emulator IWER, to whose views a camera with the vase's picture is added."""
     site = built("webxr", None if name == "webxr" else without_the_swap())
-    with serve({"/": site}, headers=ISOLATED) as url:
-        seen = run_steps("package_webxr.mjs", url, arguments, flags=camera_flags(video))
-    mode, features = seen["asked"]
-    assert mode == "immersive-ar"
-    assert "light-estimation" in features
+    shutil.copy(VASE, site)
+    folders = {"/": site, "/iwer/": ROOT / "tests" / "browser" / "node_modules" / "iwer" / "build"}
+    with serve(folders, headers=ISOLATED) as url:
+        arguments = {"page": "index.html", "estimates": name == "estimated"}
+        seen = run_steps("package_webxr.mjs", url, arguments)
+    assert seen["mode"] == "immersive-ar"
+    assert ("camera-access" in seen["features"]) == (name == "webxr")
+    assert not seen["hasAskedForACamera"]
     default = "HemisphereLight"
     assert seen["events"] == [
         f"add {default}",
@@ -268,11 +278,18 @@ def test_probe_light_stands_in_for_the_estimate_of_a_session(built, estimator, t
         return
     assert seen["lit"]["intensity"] > 0
     assert max(seen["lit"]["color"]) == pytest.approx(1)
-    direction = estimator(frame, click=(0.5 * frame.shape[1], 0.55 * frame.shape[0])).dominant_light().direction
-    assert np.dot(position / np.linalg.norm(position), direction) > np.cos(np.radians(15))
+    with Image.open(VASE) as image:
+        frame = np.asarray(image.convert("RGB"))
+    direction = estimator(frame, click=(256, 280), fov_deg=seen["fovDeg"]).dominant_light().direction
+    world = np.reshape(seen["worldFromCamera"], (4, 4)).T[:3, :3] @ direction
+    assert np.dot(position / np.linalg.norm(position), world) > np.cos(np.radians(15))
 
 
 @pytest.mark.parametrize("name", ["three", "fiber", "babylon", "webxr"])
 def test_examples_are_short(name):
     (program,) = (EXAMPLES / name).glob("main.*")
     assert len(program.read_text().splitlines()) <= 80
+
+
+def test_readme_shows_the_example_of_three_js_in_full():
+    assert (EXAMPLES / "three" / "main.js").read_text() in (WEB / "README.md").read_text()

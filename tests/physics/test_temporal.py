@@ -269,3 +269,68 @@ def test_nothing_turns_faster_than_it_may(rng):
     steps = [angle_deg(a, b) for a, b in zip(toward, toward[1:], strict=False)]
     assert max(steps) < np.degrees(MOST_TURN) / FPS + 0.1
     assert max(steps) > 2
+
+
+def steps_deg(states: list[FilterState]) -> list[float]:
+    toward = [find_dominant_light(state.radiance).direction for state in states]
+    return [angle_deg(a, b) for a, b in zip(toward, toward[1:], strict=False)]
+
+
+def lamps(*placed: tuple) -> np.ndarray:
+    """A map of lamps: direction, power and radius in degrees of each."""
+    found = []
+    for at, power, radius_deg in placed:
+        d = np.asarray(at, float) / np.linalg.norm(at)
+        found.append(Source(direction=d, power=power * np.ones(3), radius=np.radians(radius_deg)))
+    return ROOM + draw_sources(64, found)
+
+
+def test_one_frame_with_another_leader_is_not_shown(rng):
+    frames = [seen(rng) for _ in range(FPS)] + [seen(rng, sun=-SUN)] + [seen(rng) for _ in range(FPS)]
+    states = run(frames, [1 / FPS] * len(frames))
+    assert states[FPS].held
+    assert not states[FPS + 1].held
+    assert max(steps_deg(states[1:])) < 5
+
+
+def test_two_sources_that_change_rank_move_no_dominant_light():
+    frames = [
+        lamps((SUN, 2.0 + 0.5 * (-1) ** (i // 3), 4.2), (LAMP, 2.0 - 0.5 * (-1) ** (i // 3), 6.0)) for i in range(45)
+    ]
+    states = run(frames, [1 / FPS] * len(frames))
+    assert max(angle_deg(a, b) for a, b in zip(map(raw, frames), map(raw, frames[1:]), strict=False)) > 60
+    assert max(steps_deg(states)) < 5
+
+
+def raw(radiance: np.ndarray) -> np.ndarray:
+    return find_dominant_light(radiance).direction
+
+
+def test_a_wide_source_turns_as_one():
+    """It goes 20 degrees to the side at once: what is shown turns there, and is never two."""
+    to = rotation_y(np.radians(20)) @ SUN
+    frames = [lamps((SUN, 6.0, 14.0))] * FPS + [lamps((to, 6.0, 14.0))] * FPS
+    states = run(frames, [1 / FPS] * len(frames))
+    assert 2 < max(steps_deg(states)) < np.degrees(MOST_TURN) / FPS + 0.5
+    assert angle_deg(raw(states[-1].radiance), to) < 2
+    assert all(len(state.sources) == 1 for state in states)
+
+
+def test_the_light_stays_while_the_object_looks_the_same(rng):
+    """Estimates are elsewhere from then on: what is shown turns slowly, and not at all in the first half second."""
+    other = rotation_y(np.radians(90)) @ SUN
+    frames = [seen(rng) for _ in range(FPS)] + [seen(rng, sun=other) for _ in range(3 * FPS)]
+    state, states = None, []
+    for frame in frames:
+        state = step(state, frame, 1 / FPS, looks_same=True)
+        states.append(state)
+    assert max(steps_deg(states)) < 4
+    assert angle_deg(raw(states[FPS + FPS // 2].radiance), raw(states[FPS - 1].radiance)) < 4
+
+
+def test_a_light_is_followed_as_soon_as_the_object_looks_another_way(rng):
+    other = rotation_y(np.radians(90)) @ SUN
+    state = None
+    for i in range(2 * FPS + FPS // 2):
+        state = step(state, seen(rng, sun=SUN if i < 2 * FPS else other), 1 / FPS, looks_same=i != 2 * FPS)
+    assert angle_deg(raw(state.radiance), other) < 6

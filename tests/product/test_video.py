@@ -31,7 +31,7 @@ from anyprobe.render.shapes import sphere
 from anyprobe.render.spheres import sphere_images
 from anyprobe.video import run as run_module
 from anyprobe.video.clip import clip_size, join_pieces, open_clip, read_frames, write_piece
-from anyprobe.video.following import MaskFollower, Seen, inner_point
+from anyprobe.video.following import MaskFollower, inner_point
 from anyprobe.video.run import ClipRun, VirtualObject
 
 COUNT, FPS = 10, 24
@@ -475,22 +475,3 @@ def test_file_that_is_no_video_is_refused(command, work, name, content, words):
         (work / name).write_bytes(content)
     assert words in command("video", name, "-o", "out").complaint
     assert not (work / "out").exists()
-
-
-def test_a_mask_moves_with_the_picture_between_two_looks(rng):
-    """By whole pixels of the tile that is compared; what is another picture is found anew."""
-    ground = rng.uniform(40, 90, (240, 320, 3)).repeat(1, axis=0)
-    rows, columns = np.mgrid[0:240, 0:320]
-
-    def frame(x: float, y: float) -> tuple[np.ndarray, np.ndarray]:
-        inside = np.hypot(columns - x, rows - y) < 40
-        shaded = 120 + 2 * (columns - x)[..., None]
-        return np.where(inside[..., None], shaded, ground).clip(0, 255).astype(np.uint8), inside
-
-    first, mask = frame(150, 120)
-    seen = Seen(first, mask.astype(np.float32))
-    for x, y in ((150, 120), (163, 112), (141, 127)):
-        picture, inside = frame(x, y)
-        moved = seen.moved(picture) > 0.5
-        assert (moved & inside).sum() / (moved | inside).sum() > 0.93
-    assert seen.moved(rng.integers(0, 255, (240, 320, 3)).astype(np.uint8)) is None

@@ -62,6 +62,32 @@ def _soft_mask(mask: np.ndarray) -> np.ndarray:
     return np.concatenate([grey, np.full((*mask.shape, 1), 255)], axis=-1).astype(np.uint8)
 
 
+def _led(radiance: np.ndarray) -> dict[str, np.ndarray]:
+    """Frames in which two lamps change rank and another flashes up, whether the object looks the same in each, and the
+    lights shown after some of them."""
+    base, frames, shown, state = split_sources(radiance)[0], [], [], None
+    same = np.array([i not in (0, 26, 27) for i in range(40)])
+    for i in range(40):
+        strong = 3.0 + (2.5 if i % 5 < 2 else -1.5) * (8 < i < 20)
+        lamps = [
+            Source(direction=_unit(np.array([0.3, 0.6, 0.7])), power=np.full(3, strong), radius=0.08),
+            Source(direction=_unit(np.array([-0.9, 0.3, -0.2])), power=np.full(3, 3.4), radius=0.08),
+        ]
+        if i in (22, 23, 30):
+            lamps.append(Source(direction=_unit(np.array([0.1, 0.2, -0.9])), power=np.full(3, 12.0), radius=0.1))
+        frames.append((base + draw_sources(len(radiance), lamps)).astype(np.float32))
+        state = step(state, frames[-1], 1 / 15, looks_same=bool(same[i]))
+        if i % 4 == 3:
+            shown.append(_rows(state.sources))
+    counts = np.array([len(rows) for rows in shown], np.float32)
+    return {
+        "led_frames": np.array(frames),
+        "led_same": same.astype(np.float32),
+        "led_counts": counts,
+        "led_sources": np.concatenate(shown),
+    }
+
+
 def _filtered(radiance: np.ndarray) -> dict[str, np.ndarray]:
     """Frames with noise, a slow change, a jump, a cut and another jump, and the light after them; then with sources
     that tremble, one of them blinking, seen by a camera that turns: the steady light in the world and in the last one.
@@ -90,6 +116,7 @@ def _filtered(radiance: np.ndarray) -> dict[str, np.ndarray]:
         turning.append(np.maximum(rotate(world, pose.T), 0.0).astype(np.float32))
         state = step(state, turning[-1], seconds, world_from_camera=pose)
     soft, sources = split_sources(turning[-1])
+    found |= _led(radiance)
     return found | {
         "split_soft": soft,
         "split_sources": _rows(sources),

@@ -6,6 +6,7 @@ import { Light } from "./light/light.js";
 import { checkSource } from "./live/frameSource.js";
 import { Tracker } from "./live/tracker.js";
 import { checkSetup, requireBrowser } from "./networks/setup.js";
+import { THREADS_FAILED } from "./networks/words.js";
 import { WorkerClient } from "./networks/workerClient.js";
 import { checkHints, checkLight, checkNames, longFovOf, wrong } from "./options.js";
 import { hintsOf } from "./photo/hints.js";
@@ -35,12 +36,21 @@ export class AnyProbe {
     checkNames("load", options);
     requireBrowser();
     const { worker, onProgress, ...given } = checkSetup(options, files);
-    const client = new WorkerClient(worker, onProgress);
+    const opened = async (asked) => {
+      const client = new WorkerClient(worker, onProgress);
+      try {
+        return new this(client, await client.ask("open", asked, options.signal));
+      } catch (error) {
+        client.end(); // an engine that did not open once never does
+        throw error;
+      }
+    };
     try {
-      return new this(client, await client.ask("open", given, options.signal));
+      return await opened(given);
     } catch (error) {
-      client.end(); // an engine that did not open once never does
-      throw error;
+      if (error.code !== THREADS_FAILED) throw error;
+      console.warn(`anyprobe: ${given.threads} threads could not start (${error.message}); one is used.`);
+      return opened({ ...given, threads: 1 });
     }
   }
 
@@ -104,13 +114,15 @@ export class AnyProbe {
     checkLight(options);
     if (typeof onLight !== "function") throw wrong("onLight", "a function", onLight);
     const followed = checkSource(source);
-    const { surroundings, pitchDeg, emitters, onError, onLost, onMissed, pose, signal, withViews = false } = options;
+    const { surroundings, pitchDeg, emitters, mask, onError, onLost, onMissed, pose, signal, withViews = false } = options;
+    refuseBoth(options);
     const material = describe(options.material);
     this.#client.check();
     signal?.throwIfAborted();
     this.#tracker?.stop();
     const tracker = (this.#tracker = new Tracker(followed, this.#client, {
       pose,
+      mask,
       onMissed,
       onLight: (answer) => (answer.lost ? onLost?.(answer) : onLight(answer.light, answer)),
       onError: onError ?? ((error) => reportError(error)),
@@ -132,12 +144,8 @@ export class AnyProbe {
 
   /** The mask that is given, the picture's own, or what is found. */
   async #maskOf(picture, options) {
-    const isGiven = (name) => options[name] !== undefined && options[name] !== null;
-    const marks = ["click", "exclude", "box"].filter((name) => isGiven(name) && options[name].length > 0);
-    if (isGiven("mask") && marks.length) {
-      throw new AnyProbeError("invalid-option", `mask and ${marks.join(", ")}: expected one of them, got both; leave one out`);
-    }
-    if (isGiven("mask")) return { quality: null, ...lookAtGiven(await readMask(options.mask, picture, options.signal), picture.width) };
+    const marks = refuseBoth(options);
+    if (isGiven(options.mask)) return { quality: null, ...lookAtGiven(await readMask(options.mask, picture, options.signal), picture.width) };
     const own = marks.length ? null : maskFromAlpha(picture);
     if (own) return { mask: own, quality: null, warnings: alphaDoubts(own) };
     const found = await this.#findMask(picture, options);
@@ -153,6 +161,15 @@ export class AnyProbe {
 
 if (Symbol.dispose) {
   AnyProbe.prototype[Symbol.dispose] = AnyProbe.prototype.dispose;
+}
+
+const isGiven = (value) => value !== undefined && value !== null;
+
+/** Names of the marks that are given; a mask beside them is refused. */
+function refuseBoth(options) {
+  const marks = ["click", "exclude", "box"].filter((name) => isGiven(options[name]) && options[name].length > 0);
+  if (!isGiven(options.mask) || !marks.length) return marks;
+  throw new AnyProbeError("invalid-option", `mask and ${marks.join(", ")}: expected one of them, got both; leave one out`);
 }
 
 function nothingFound({ fullWidth, fullHeight }, marks) {

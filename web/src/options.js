@@ -14,7 +14,7 @@ export const OPTIONS = {
   load: ["engine", "threads", "weights", "runtime", "worker", "onProgress", "signal"],
   mask: [...HINTS, "signal"],
   estimate: [...HINTS, ...LENS, ...LIGHT, "mask", "normals", "signal"],
-  track: [...HINTS, ...LENS, ...LIGHT, "onError", "onLost", "onMissed", "withViews", "pose", "signal"],
+  track: [...HINTS, ...LENS, ...LIGHT, "mask", "onError", "onLost", "onMissed", "withViews", "pose", "signal"],
   "tracker.mark": HINTS,
   "tracker.set": LIGHT,
 };

@@ -318,6 +318,23 @@ test("the filter in the world, of a camera that turns", { skip }, () => {
   assertMostlyClose(shown(state, poseAt(found.frameSeconds.length - 1)), floats("turning_camera"), 1e-3, "in the camera");
 });
 
+test("the leader of sources that change rank", { skip }, () => {
+  const [frames, same, counts] = ["led_frames", "led_same", "led_counts"].map(floats);
+  const size = frames.length / same.length;
+  const rows = [];
+  const lengths = [];
+  let state = null;
+  same.forEach((looksSame, i) => {
+    state = step(state, frames.subarray(i * size, (i + 1) * size), 1 / 15, null, Boolean(looksSame));
+    if (i % 4 !== 3) return;
+    const sources = shownSources(state).filter(({ power }) => power.some((value) => value > 0));
+    rows.push(...rowsOf(sources));
+    lengths.push(sources.length);
+  });
+  assert.deepEqual(lengths, [...counts]);
+  assertClose(rows, floats("led_sources"), 1e-4, "sources");
+});
+
 test("blurs of Python's own map", { skip }, () => {
   assertClose(irradianceMap(floats("radiance"), 64), floats("irradiance_map"), 1e-4, "irradiance map");
   assertClose(blurCosinePower(floats("radiance"), 64, 3, 5), floats("blurred"), 1e-4, "blur");

@@ -273,3 +273,28 @@ test("a picture whose transparency leaves nearly all of it is doubted", async ()
   const { warnings } = await probe.estimate({ width: 64, height: 64, rgba });
   assert.match(warnings[0], /its transparency makes 100% of the photo the object; .*give click, box or mask/);
 });
+
+test("masks of the app's own go with the frames: one, one for each, and what MediaPipe gives", async () => {
+  globalThis.createImageBitmap = async () => ({});
+  const half = { width: 32, height: 24, data: Float32Array.from({ length: 32 * 24 }, (_, i) => (i % 32 < 16 ? 1 : 0)) };
+  const ofMediaPipe = { width: 64, height: 48, getAsFloat32Array: () => new Float32Array(64 * 48).fill(1) };
+  const frame = { width: 64, height: 48 };
+  const given = async (options, about = {}) => {
+    const masks = [];
+    const client = { spares: [], check: () => {}, give: (_, time, pose, mask) => masks.push(mask), ask: async () => {} };
+    const faults = [];
+    const probe = new AnyProbe(client, { hasMask: false, engine: "wasm", threads: 1 });
+    const tracker = probe.track(null, () => {}, { ...options, onError: ({ code, message }) => faults.push(`${code} ${message}`) });
+    for (let i = 0; i < 2; i++) await tracker.offer(frame, about);
+    return { masks, faults };
+  };
+  const share = (mask) => mask && [mask.width, mask.height, mask.data.reduce((sum, value) => sum + value, 0) / mask.data.length];
+  assert.deepEqual((await given({ mask: half })).masks.map(share), [[64, 48, 0.5], null], "the first frame's");
+  assert.deepEqual((await given({ mask: async () => ofMediaPipe })).masks.map(share), [[64, 48, 1], [64, 48, 1]]);
+  assert.deepEqual((await given({ mask: () => null })).masks.map(share), [[64, 48, 0], [64, 48, 0]], "not in the frame");
+  assert.deepEqual((await given({}, { mask: half })).masks.map(share), [[64, 48, 0.5], [64, 48, 0.5]]);
+  assert.match((await given({ mask: new Float32Array(5) })).faults[0], /^invalid-option mask: expected 64 x 48 numbers, got 5/);
+  const square = { width: 24, height: 24, data: new Float32Array(24 * 24) };
+  assert.match((await given({ mask: square })).faults[0], /^invalid-option mask: expected the picture's aspect/);
+  assert.throws(() => open().track(null, () => {}, { mask: half, click: [1, 1] }), refused(/^mask and click: expected one of them/));
+});

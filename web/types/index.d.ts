@@ -129,12 +129,21 @@ export type GivenMaterial =
   | MaterialName
   | { name?: MaterialName; albedo?: number | [number, number, number]; roughness?: number };
 
+/** A mask: numbers in [0, 1] of the picture's aspect (an MPMask of MediaPipe too), or a picture; null: none. */
+export type GivenMask =
+  | null
+  | Float32Array
+  | Mask
+  | { mask: Float32Array }
+  | { width: number; height: number; getAsFloat32Array(): Float32Array }
+  | Exclude<ImageSource, CameraTexture | Picture>;
+
 export interface EstimateOptions extends Hints, Lens, LightOptions, Cancellable {
   /**
    * White on the object, or opaque there: a picture of the same aspect, or numbers in [0, 1] of the picture's size; what `mask`
    * gives, or the mask of a light. In the place of click, exclude and box.
    */
-  mask?: null | Float32Array | Mask | { mask: Float32Array } | Exclude<ImageSource, CameraTexture | Picture>;
+  mask?: GivenMask;
   /** Normals of the object in the camera's frame, three numbers a pixel of the picture, unit, zero where unknown. */
   normals?: Float32Array;
 }
@@ -151,6 +160,11 @@ export type Pose =
   | { matrixWorld: { elements: ArrayLike<number> } };
 
 export interface TrackOptions extends Hints, Lens, LightOptions, Cancellable {
+  /**
+   * Where the object is: in the first frame, from which it is followed; or a function that says it of every frame, such as a
+   * segmenter of the app's, null where the object is not in it. In the place of click, exclude and box.
+   */
+  mask?: GivenMask | ((frame: FrameSource) => GivenMask | Promise<GivenMask>);
   /** The camera's pose, asked for whenever a frame is taken: the lights are then in the world, and still there while it turns. */
   pose?: () => Pose;
   /** What ends the tracking, once: a fault, or a camera's track that has ended. */
@@ -240,10 +254,10 @@ export interface Mask {
 export interface Tracker {
   readonly running: boolean;
   /**
-   * A frame of one's own: in an XR session's callback, the camera's texture and the view's pose. time: of performance.now(), when
-   * it was taken. Settles when the frame may be changed or closed.
+   * A frame of one's own: in an XR session's callback, the camera's texture and the view's pose. mask: where the object is in
+   * it. time: of performance.now(), when it was taken. Settles when the frame may be changed or closed.
    */
-  offer(frame: FrameSource, about?: { pose?: Pose; time?: number }): Promise<void>;
+  offer(frame: FrameSource, about?: { pose?: Pose; mask?: GivenMask; time?: number }): Promise<void>;
   /** The object is somewhere else, in the source's pixels. Where nothing is found there, the one before is followed on. */
   mark(hints?: Hints): Promise<void>;
   /** Another kind of light; what is not named stays as it is. */

@@ -1,6 +1,6 @@
 /** anyprobe/three: estimates in three.js. */
 
-import type { DirectionalLight, Group, LightProbe, Mesh, Object3D, Object3DEventMap, Texture, WebGLRenderer } from "three";
+import type { DirectionalLight, Group, LightProbe, Mesh, Object3D, Object3DEventMap, PerspectiveCamera, Texture, Vector3 as Place, WebGLRenderer } from "three";
 import type { AnyProbe, Light, Mask, Tracker, TrackOptions, TrackSource, Vector3 } from "./index.js";
 
 export interface ProbeLightEventMap extends Object3DEventMap {
@@ -23,6 +23,11 @@ export declare class ProbeLight extends Group<ProbeLightEventMap> {
   update(light: Light, camera?: Object3D | null): void;
   /** camera: whose pose is asked for whenever a frame is taken, so that the light stays still in the world. */
   track(source: TrackSource, options?: TrackOptions & { camera?: Object3D | null }): Tracker;
+  /**
+   * In the animation loop of an XR session that was asked for with requiredFeatures: ["camera-access"]: follow the light of its
+   * camera's picture, in the world. frame: an XRFrame, null outside a session. Whether there was a picture.
+   */
+  offerCamera(renderer: WebGLRenderer, frame: object | null | undefined, options?: TrackOptions): boolean;
   stop(): void;
   dispose(): void;
 }
@@ -36,6 +41,29 @@ export declare class EnvironmentTexture {
 
 /** Show radiance as the photo's camera does; before the first picture is drawn. */
 export declare function installCameraCurve(renderer: WebGLRenderer): void;
+
+/**
+ * The ground that a photo's object stands on, in the frame of its camera, which looks along -Z from the origin. Its own +Y is up,
+ * its origin the foot of the real object, whose height is 1.
+ */
+export declare class PhotoGround extends Group {
+  /** camera: of the photo's field of view. pitchDeg: how far it looks down, where it is known; default: as light.ground has it. */
+  constructor(light: Light, camera: PerspectiveCamera, options?: { pitchDeg?: number });
+  readonly pitchDeg: number;
+  /** Of the real object's base, as MaskOccluder takes it. */
+  readonly distance: number;
+  /** In the mask's pixels. */
+  readonly focalPx: number;
+  /** The plane that catches shadows. */
+  readonly catcher: Mesh;
+  /** The place on the ground that a pixel of the mask's size shows, in this group; null where it shows none. */
+  at(pixel: readonly [x: number, y: number]): Place | null;
+  /** Stand an object on the ground at a pixel, with a contact shadow under it. */
+  stand<T extends Object3D>(object: T, pixel: readonly [x: number, y: number]): T;
+  /** Let the dominant light cast the shadows of what stands here; again after a light or an object has changed. */
+  castFrom(lights: ProbeLight): void;
+  dispose(): void;
+}
 
 /** A soft round spot on the ground (+Y up), of side 1. */
 export declare class ContactShadow extends Mesh {

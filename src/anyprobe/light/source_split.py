@@ -1,15 +1,16 @@
 """A map as its soft part and a few discrete sources, which a filter over time can turn and fade.
 
 The brightest pixel is a source's first place; twice the source moves to the middle of what is brighter than its
-surroundings, the median of the ring around. What it has above that, within reach_deg, is taken out of the map, and
-the next one is looked for apart_deg away. What is wider than most_radius_deg stays in the soft part: averages of it
-overlap, and show no source twice. split_sources and draw_sources keep the power of every source.
+surroundings, the median of the ring around. What it has above that, within reach_deg, is taken out of the map, and the
+next one is looked for apart_deg away. What is wider than most_radius_deg is measured again by the numbers of `wide`;
+what is wider than theirs stays in the soft part: averages of it overlap, and show no source twice. split_sources and
+draw_sources keep the power of every source.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -24,10 +25,15 @@ if TYPE_CHECKING:
 
 RULES = contract("source_split")
 MOST: int = RULES["most"]
-REACH, RING, APART = (np.cos(np.radians(RULES[name])) for name in ("reach_deg", "ring_deg", "apart_deg"))
+NAMES = ("reach_deg", "ring_deg", "apart_deg")
+SCALES = tuple(
+    (*(np.cos(np.radians(rules[name])) for name in NAMES), float(np.radians(rules["most_radius_deg"])))
+    for rules in (RULES, RULES["wide"])
+)
+"""Of compact and of wide sources: cosines of reach, ring and apart, and the largest radius."""
 LEAST_SHARE: float = RULES["least_share"]
 """Of the map's power: less is no source."""
-LEAST_RADIUS, MOST_RADIUS = (float(np.radians(RULES[name])) for name in ("least_radius_deg", "most_radius_deg"))
+LEAST_RADIUS = float(np.radians(RULES["least_radius_deg"]))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -48,26 +54,40 @@ def split_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[np.ndarray, t
     least = LEAST_SHARE * float(bright @ angles[:, 0])
     sources: list[Source] = []
     for _ in range(MOST):
-        center = d[int(np.argmax(bright))].astype(np.float64)
-        for _ in range(2):
-            cosine = d @ center
-            near = np.flatnonzero(cosine > REACH)
-            level = _median(soft[(cosine > RING) & (cosine <= REACH)]) if len(near) else np.zeros(3, np.float32)
-            excess = np.maximum(soft[near] - level, 0.0)
-            energy = luminance(excess) * angles[near, 0]
-            total = float(energy.sum())
-            if total <= least:
+        peak = d[int(np.argmax(bright))].astype(np.float64)
+        for reach, ring, apart, most_radius in SCALES:  # noqa: B007
+            found = _around(soft, peak, reach, ring, least)
+            if found is None:
                 return soft.reshape(radiance.shape), tuple(sources)
-            center = _unit(energy @ d[near])
-        turned = np.arccos(np.clip(d[near] @ center, -1.0, 1.0))
-        bright[d @ center > APART] = 0.0
-        radius = float(np.sqrt(3.0 * (energy @ np.square(turned)) / total))
-        if radius > MOST_RADIUS:
-            continue
-        power = (excess * angles[near]).sum(axis=0)
-        sources.append(Source(direction=center, power=power.astype(np.float64), radius=max(radius, LEAST_RADIUS)))
-        soft[near] -= excess
+            near, excess, source = found
+            if source.radius <= most_radius:
+                soft[near] -= excess
+                sources.append(replace(source, radius=max(source.radius, LEAST_RADIUS)))
+                break
+        bright[d @ source.direction > apart] = 0.0
     return soft.reshape(radiance.shape), tuple(sources)
+
+
+def _around(
+    soft: np.ndarray, center: np.ndarray, reach: float, ring: float, least: float
+) -> tuple[np.ndarray, np.ndarray, Source] | None:
+    """Of soft [P, 3]: pixels [K] near the middle of what is brighter around a place, what they have more than their
+    surroundings [K, 3], and that as a source; None where its power is no more than `least`."""
+    d, angles = _grid(int(np.sqrt(len(soft) / 2)))
+    for _ in range(2):
+        cosine = d @ center
+        near = np.flatnonzero(cosine > reach)
+        level = _median(soft[(cosine > ring) & (cosine <= reach)]) if len(near) else np.zeros(3, np.float32)
+        excess = np.maximum(soft[near] - level, 0.0)
+        energy = luminance(excess) * angles[near, 0]
+        total = float(energy.sum())
+        if total <= least:
+            return None
+        center = _unit(energy @ d[near])
+    turned = np.arccos(np.clip(d[near] @ center, -1.0, 1.0))
+    power = (excess * angles[near]).sum(axis=0).astype(np.float64)
+    radius = float(np.sqrt(3.0 * (energy @ np.square(turned)) / total))
+    return near, excess, Source(direction=center, power=power, radius=radius)
 
 
 def draw_sources(height: int, sources: Iterable[Source]) -> Float[np.ndarray, "H 2*H 3"]:

@@ -14,6 +14,17 @@ power and ln radius of its size; a place less than slack_deg off has not moved, 
 most_turn_deg_s. A source that is new grows to its whole power in fade_s, and one that is not seen for patience_s fades
 as fast. While two places share one source's power in this way, their sum is what the frames' sources have in all.
 
+**The leader** is the strongest source, by the root of its power times the part of it within PEAK of its middle. It
+stays the leader until another is lead_ratio times as strong; as long as that part is not lead_margin times another's,
+the two exchange what it takes, so that sources which change rank from frame to frame move no dominant light. A frame
+is odd where the leader is not found, or another source is lead_ratio times as strong. It is held back; the second in a
+row is believed.
+
+**The object looks the same** where the caller knows that its shading did not change: then its light did not. Once that
+is so for same.after_s, places are averaged whatever they do, and odd frames are held back for as long as the leader has
+led, at least and at most same.odd_s. What is odd for longer is a better estimate of the same light: the leader takes
+the place of the frame's strongest source, and what is shown turns there by same.most_turn_deg_s.
+
 **The view.** Estimates of one light from two sides differ, by more than those of one side tremble. view goes from 0 to
 1 while the camera turns by view.turn_deg from where it was when the source last moved. A motion is then measured not
 from the average but, view of the way, from the values of the last view.recent_s, and is what goes beyond view times
@@ -30,6 +41,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from anyprobe.core.color import luminance
+from anyprobe.core.contract import contract
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.light.environment import check_radiance, rotate
 from anyprobe.light.source_split import Source, draw_sources, split_sources
@@ -52,6 +64,12 @@ MOST_TURN: float = float(np.radians(RULES["most_turn_deg_s"]))
 PATIENCE_S: float = RULES["patience_s"]
 FADE_S: float = RULES["fade_s"]
 MOST: int = RULES["most"]
+SAME_AFTER_S: float = RULES["same"]["after_s"]
+LEAST_ODD_S, MOST_ODD_S = RULES["same"]["odd_s"]
+SAME_MOST_TURN: float = float(np.radians(RULES["same"]["most_turn_deg_s"]))
+LEAD_RATIO, LEAD_MARGIN = float(RULES["lead_ratio"]), float(RULES["lead_margin"])
+PEAK: float = float(np.radians(contract("dominant_light")["blur_deg"]))
+"""Of the cap within which find_dominant_light compares."""
 VIEW_TURN, VIEW_MOST_TURN = (float(np.radians(RULES["view"][name])) for name in ("turn_deg", "most_turn_deg_s"))
 VIEW_SLACK = float(np.radians(RULES["view"]["slack_deg"]))
 VIEW_SLACK_SIZE = float(np.sqrt(3.0) * np.log(RULES["view"]["slack_ratio"]))
@@ -65,6 +83,7 @@ class Track:
     place: its direction, [3] float64. size: ln power and ln radius, [4]. recent: [7], both of the last RECENT_S.
     shown: [3] unit, towards it. share: of its power that is shown. pose: world_from_camera of the last frame in which
     it moved, or of its first. turns: it has moved, and what is shown is not there yet. unseen_s: since a frame had it.
+    leads: it is the leader.
     """
 
     place: Steady
@@ -75,6 +94,7 @@ class Track:
     pose: np.ndarray
     turns: bool = False
     unseen_s: float = 0.0
+    leads: bool = False
 
     @property
     def direction(self) -> np.ndarray:
@@ -93,13 +113,17 @@ class FilterState:
     """What one frame hands to the next.
 
     soft: y of the soft part, [H, 2H, 3] float32. power: ln of the sources' luminance in all, [1].
-    tracks: the sources. held: whether the last frame was held back.
+    tracks: the sources. held: whether the last frame was held back. odd_s: for how long frames have been odd. led_s:
+    since the leader is one. same_s: since the object looked another way.
     """
 
     soft: Steady
     power: Steady
     tracks: tuple[Track, ...]
     held: bool = False
+    odd_s: float = 0.0
+    led_s: float = 0.0
+    same_s: float = 0.0
 
     @property
     def sources(self) -> tuple[Source, ...]:
@@ -108,7 +132,11 @@ class FilterState:
         asked = sum(share * float(luminance(one.power)) for one, share in whole)
         there = max(float(np.exp(self.power.steady[0])) - OFFSET, 0.0)
         scale = min(1.0, there / asked) if asked > 0.0 else 0.0
-        return tuple(replace(one, power=one.power * (scale * share)) for one, share in whole if share > 0.0)
+        found = [replace(one, power=one.power * (scale * share)) for one, share in whole]
+        for at in range(len(self.tracks)):
+            if self.tracks[at].leads:
+                _put_first(found, at)
+        return tuple(one for one in found if luminance(one.power) > 0.0)
 
     @property
     def radiance(self) -> Float[np.ndarray, "H 2*H 3"]:
@@ -130,6 +158,7 @@ def step(
     dt_s: float,
     smoothing: Smoothing | None = None,
     world_from_camera: Float[np.ndarray, "3 3"] | None = None,
+    looks_same: bool = False,
 ) -> FilterState:
     """The state after one more frame; pure.
 
@@ -139,6 +168,7 @@ def step(
         dt_s: seconds since the last frame, > 0; may differ from frame to frame.
         world_from_camera: [3, 3] of this frame's camera when it took the picture, for all frames or none. The state is
             then in the world.
+        looks_same: whether the object's shading is that of the last frames; False where that is not known.
     """
     c = smoothing or Smoothing()
     soft, sources = split_sources(check_radiance(radiance, "frame's light"))
@@ -150,26 +180,52 @@ def step(
     power = np.log([OFFSET + sum(float(luminance(one.power)) for one in sources)])
     if state is not None and not (np.isfinite(dt_s) and dt_s > 0):
         raise ValueError(f"expected dt_s > 0, got {dt_s}")
-    is_cut = state is not None and _apart(y, state.soft.fast) > c.cut_level
-    if state is not None and is_cut and not state.held:
-        return replace(state, held=True)
-    if state is None or is_cut:
-        tracks = tuple(_new(one, pose, share=1.0) for one in sources)
-        return FilterState(soft=begin_filter(y), power=begin_filter(power), tracks=tracks)
+    if state is None:
+        return _begun(y, power, sources, pose, SAME_AFTER_S)
+    same_s = state.same_s + dt_s if looks_same else 0.0
+    is_same = same_s > SAME_AFTER_S
+    pairs = _pairs(state.tracks, sources)
+    is_cut = _apart(y, state.soft.fast) > c.cut_level
+    odd_s = state.odd_s + dt_s if is_cut or _is_odd(state.tracks, sources, pairs) else 0.0
+    patience = min(max(state.led_s, LEAST_ODD_S), MOST_ODD_S) if is_same else dt_s
+    if 0.0 < odd_s <= patience:
+        return replace(state, held=True, odd_s=odd_s, same_s=same_s)
+    if is_cut and not is_same:
+        return _begun(y, power, sources, pose, same_s)
+    known = state.tracks
+    if is_same and odd_s > 0.0:
+        known, pairs = _moved_leader(known, sources, pairs)
+    tracks = _follow(known, sources, pairs, pose, dt_s, c, is_same)
+    leader = _leader_of(tracks, is_same)
     return FilterState(
         soft=advance(state.soft, y, dt_s, _apart, c),
         power=advance(state.power, power, dt_s, _distance, c),
-        tracks=_follow(state.tracks, sources, pose, dt_s, c),
+        tracks=_led_by(leader, tracks),
+        odd_s=0.0 if is_same else odd_s,
+        led_s=state.led_s + dt_s if odd_s == 0.0 and leader is not None and tracks[leader].leads else 0.0,
+        same_s=same_s,
     )
 
 
+def _begun(y: np.ndarray, power: np.ndarray, sources: Sequence[Source], pose: np.ndarray, same_s: float) -> FilterState:
+    """The first state, or that after a cut."""
+    tracks = tuple(_new(one, pose, share=1.0) for one in sources)
+    soft, powers = begin_filter(y), begin_filter(power)
+    return FilterState(soft=soft, power=powers, tracks=_led_by(_leader_of(tracks), tracks), same_s=same_s)
+
+
 def _follow(
-    tracks: Sequence[Track], sources: Sequence[Source], pose: np.ndarray, dt_s: float, c: Smoothing
+    tracks: Sequence[Track],
+    sources: Sequence[Source],
+    pairs: dict[int, int],
+    pose: np.ndarray,
+    dt_s: float,
+    c: Smoothing,
+    is_same: bool,
 ) -> tuple[Track, ...]:
     """What is known of the sources after one more frame."""
-    pairs = _pairs(tracks, sources)
     followed = [
-        _seen(track, sources[pairs[i]], pose, dt_s, c) if i in pairs else _unseen(track, dt_s)
+        _seen(track, sources[pairs[i]], pose, dt_s, c, is_same) if i in pairs else _unseen(track, dt_s)
         for i, track in enumerate(tracks)
     ]
     taken = set(pairs.values())
@@ -178,6 +234,65 @@ def _follow(
     followed = [track for track in followed if track.share > 0.0]
     weakest_last = sorted(followed, key=lambda track: -track.share)  # stable: of equals the older one stays
     return tuple(weakest_last[:MOST])
+
+
+def _peak(source: Source, share: float = 1.0) -> float:
+    """Luminance of a drawn source, summed within PEAK of its middle; share: of its power."""
+    edge = 1.0 - np.cos(source.radius)
+    beyond = max(np.cos(PEAK) - np.cos(source.radius), 0.0) / edge
+    return float(luminance(source.power)) * share * (1.0 - beyond**2)
+
+
+def _strength(source: Source, share: float = 1.0) -> float:
+    """Return how a source ranks: between its power and what find_dominant_light goes by, where wide ones are dull."""
+    return float(np.sqrt(float(luminance(source.power)) * share * _peak(source, share)))
+
+
+def _moved_leader(
+    tracks: tuple[Track, ...], sources: Sequence[Source], pairs: dict[int, int]
+) -> tuple[tuple[Track, ...], dict[int, int]]:
+    """The tracks with the leader's place at the frame's strongest source, and the pairs with these two."""
+    leader = next((at for at, track in enumerate(tracks) if track.leads), None)
+    if leader is None or not sources:
+        return tracks, pairs
+    first = int(np.argmax([_strength(one) for one in sources]))
+    place = begin_filter(np.asarray(sources[first].direction, np.float64))
+    moved = replace(tracks[leader], place=place, turns=True)
+    others = {at: j for at, j in pairs.items() if at != leader and j != first}
+    return (*tracks[:leader], moved, *tracks[leader + 1 :]), {**others, leader: first}
+
+
+def _leader_of(tracks: Sequence[Track], is_same: bool = False) -> int | None:
+    """Which of them is the leader; None where there are none."""
+    ranks = [_strength(track.source, track.share) for track in tracks]
+    for at, track in enumerate(tracks):
+        if track.leads and (is_same or max(ranks) <= LEAD_RATIO * ranks[at]):
+            return at
+    return int(np.argmax(ranks)) if ranks else None
+
+
+def _led_by(leader: int | None, tracks: Sequence[Track]) -> tuple[Track, ...]:
+    return tuple(replace(track, leads=at == leader) for at, track in enumerate(tracks))
+
+
+def _is_odd(tracks: Sequence[Track], sources: Sequence[Source], pairs: dict[int, int]) -> bool:
+    """Whether a frame shows another leader than the one that is known."""
+    for at, track in enumerate(tracks):
+        if track.leads:
+            most = max((_strength(one) for one in sources), default=0.0)
+            return at not in pairs or bool(most > LEAD_RATIO * _strength(sources[pairs[at]]))
+    return False
+
+
+def _put_first(sources: list[Source], leader: int) -> None:
+    """Give the leader of others, in place, what it takes to be LEAD_MARGIN times as strong as each."""
+    for at in range(len(sources)):
+        mine, other = _peak(sources[leader]), _peak(sources[at])
+        if at == leader or mine <= 0.0 or LEAD_MARGIN * other <= mine:
+            continue
+        given = (LEAD_MARGIN * other - mine) / (1.0 + LEAD_MARGIN)
+        sources[at] = replace(sources[at], power=sources[at].power * (1.0 - given / other))
+        sources[leader] = replace(sources[leader], power=sources[leader].power * (1.0 + given / mine))
 
 
 def _pairs(tracks: Sequence[Track], sources: Sequence[Source]) -> dict[int, int]:
@@ -208,18 +323,20 @@ def _new(source: Source, pose: np.ndarray, share: float) -> Track:
     return Track(place=begin_filter(place), size=begin_filter(size), recent=recent, shown=place, share=share, pose=pose)
 
 
-def _seen(track: Track, source: Source, pose: np.ndarray, dt_s: float, c: Smoothing) -> Track:
+def _seen(track: Track, source: Source, pose: np.ndarray, dt_s: float, c: Smoothing, is_same: bool) -> Track:
     view = min(_turned(track.pose, pose) / VIEW_TURN, 1.0)
     place, size = track.place, track.size
     near, like = toward(place.steady, track.recent[:3], view), toward(size.steady, track.recent[3:], view)
-    place = advance(place, source.direction, dt_s, _distance, c, near, max(view * VIEW_SLACK, SLACK))
+    slack = np.pi if is_same else max(view * VIEW_SLACK, SLACK)
+    place = advance(place, source.direction, dt_s, _distance, c, near, slack)
     size = advance(size, _size(source), dt_s, _distance, c, like, view * VIEW_SLACK_SIZE)
     newest = np.concatenate([place.fast, size.fast])
     moves = place.motion > 0.0
     seen = replace(track, place=place, size=size, share=min(track.share + dt_s / FADE_S, 1.0), unseen_s=0.0)
     angle = _angle(track.shown, seen.direction)
     turns = moves or track.turns
-    turn = (MOST_TURN if turns else MOST_TURN ** (1.0 - view) * VIEW_MOST_TURN**view) * dt_s
+    most_turn = SAME_MOST_TURN if is_same else MOST_TURN
+    turn = (most_turn if turns else most_turn ** (1.0 - view) * VIEW_MOST_TURN**view) * dt_s
     shown = track.shown + (min(1.0, turn / angle) if angle > 0.0 else 1.0) * (seen.direction - track.shown)
     return replace(
         seen,

@@ -1,7 +1,4 @@
-"""The object's mask from frame to frame: from a folder, or found anew around a point of the last one.
-
-Each frame's mask owes nothing to the last one's edge, so that no error grows from frame to frame.
-"""
+"""The object's mask from frame to frame: from a folder, or found once and moved with the object (video.held_mask)."""
 
 from __future__ import annotations
 
@@ -13,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from anyprobe.errors import InputError, InvalidMask
-from anyprobe.estimate.known import Panorama
+from anyprobe.estimate.ground import estimate_ground
+from anyprobe.estimate.known import Panorama, PhotoBackground
 from anyprobe.estimate.photo import Photo, load_photo, object_box
 from anyprobe.estimate.surroundings import SurroundingsSource, read_surroundings
 from anyprobe.files.digests import digest_of
@@ -22,27 +20,18 @@ from anyprobe.files.paths import visible_files
 from anyprobe.hints import AUTO, NONE, PHOTO
 from anyprobe.masks.depth import CARRIED, is_carried
 from anyprobe.masks.networks import shared_network
-from anyprobe.masks.resize import resize
 from anyprobe.masks.search import MARGIN, Prompts, Window, choose, look
 from anyprobe.video.clip import Frame
+from anyprobe.video.held_mask import MOST_CHANGE, Held, follow, found_in, hold, lit_mask, mask_in
 
 GROWTH = 0.08
 """The box prompt is the last mask's, grown by this share on every side."""
 
-MOST_CHANGE = 1.4
-"""An object that is so many times larger or smaller than in the last frame is another."""
+ODD = 2
+"""So many frames after one in which the object was not where it could be, the picture before it is tried first."""
 
-ANEW = 8
-"""Every so many frames the mask is found anew, by one look around the last one; between, it moves with the picture."""
-
-_SIDE = 128
-"""Of the window around the object that is compared from frame to frame."""
-
-ROOM = 0.25
-"""Of that window on every side, in the longer sides of the object; what moves further is looked for."""
-
-ALIKE = 0.8
-"""Correlation of the moved object with itself where its mask was found, below which that is found anew."""
+DECIDED = 30
+"""Frames in a row that differ from those before in whether they show more than the object, until that counts."""
 
 COARSE_PX = 128
 """Longer side of the mask that the inner point is looked for in."""
@@ -57,7 +46,9 @@ class MaskFollower:
     """Frames in order become photos whose object is marked.
 
     hints: what the caller said about the first frame; may be empty. last: x, y of a point well
-    inside the last mask, that mask's pixels, and its box; None before the first.
+    inside the last mask, that mask's pixels, and its box; None before the first. held: the mask that moves with the
+    object, None where it is to be found. shows_more: whether frames show more than the object, see load_photo's AUTO:
+    decided by the first and, as exposures come and go, again by DECIDED that differ; None where it is not asked.
     """
 
     def __init__(
@@ -97,11 +88,27 @@ class MaskFollower:
             self._panorama = read_surroundings(surroundings, above_white=True)
         self._every = {**every_frame, "surroundings": word}
         self.last: list[float] | None = None
-        self._seen: Seen | None = None
+        self.held: Held | None = None
+        self._before: Held | None = None  # what was held until it was lost, so many frames ago
+        self._lost_for = 0
+        self.shows_more: bool | None = None
+        self._otherwise = 0  # frames in a row
 
-    def look_anew(self) -> None:
-        """The next mask is looked for, not moved from the last frame's: what is not kept must not matter later."""
-        self._seen = None
+    @property
+    def looks_same(self) -> bool:
+        """Whether the last frame's object was found, and looked as in the frames before, which had its light."""
+        return self.held is not None and self.held.looks_same
+
+    def settle(self) -> None:
+        """Forget what is not kept on disk: a run that goes on must give what one that never ended does."""
+        self._before, self._otherwise = None, 0
+        if self.held is not None:
+            self.held = replace(self.held, refused=0, other=None)
+
+    def go_on(self, last: list[float] | None, held: Held | None, shows_more: bool | None) -> None:
+        """From what was kept; held None: the mask is found anew around the last one."""
+        self.last, self.held, self.shows_more = last, held, shows_more
+        self._before, self._otherwise = None, 0
 
     def content(self) -> dict[str, Any]:
         """What files and surroundings hold, wherever they lie: a digest each, or a word."""
@@ -113,8 +120,22 @@ class MaskFollower:
 
     def photo(self, frame: Frame) -> Photo:
         """The frame as a photo with its mask and what is known around it; InvalidMask where there is no mask."""
-        photo = self._marked(frame)
+        photo = self._decided(self._marked(frame))
         return photo if self._panorama is None else replace(photo, surroundings=Panorama(small=self._panorama))
+
+    def _decided(self, photo: Photo) -> Photo:
+        """The frame's photo, of which what lies around the object is used as in the frames before."""
+        if self._every["surroundings"] != AUTO:
+            return photo
+        shows_more = photo.surroundings is not None
+        self._otherwise = self._otherwise + 1 if shows_more != self.shows_more else 0
+        if self.shows_more is None or self._otherwise >= DECIDED:
+            self.shows_more, self._otherwise = shows_more, 0
+        if shows_more == self.shows_more:
+            return photo
+        if not self.shows_more:
+            return replace(photo, surroundings=None, ground=None)
+        return replace(photo, surroundings=PhotoBackground(), ground=estimate_ground(photo))
 
     def _marked(self, frame: Frame) -> Photo:
         name = f"frame {frame.index}"
@@ -125,31 +146,50 @@ class MaskFollower:
             own[kind] = paths[frame.index]
         if not self.finds:
             return self._load(frame, name, own)
-        where = self.hints if self.last is None else _prompts_from(self.last, frame.rgb.shape)
-        photo = self._quickly(frame, name, own) or self._load(frame, name, own, **where)
-        pixels = float(photo.mask.sum())
-        if self.last is not None and not 1 / MOST_CHANGE < pixels / self.last[2] < MOST_CHANGE:
+        known = self.held, self._before, self._lost_for
+        if "segmenter" not in self.hints and self._followed(frame.rgb):
+            photo = replace(
+                self._load(frame, name, own, mask=lit_mask(self.held, frame.rgb.shape)), mask_source="network"
+            )
+            whole = mask_in(self.held, frame.rgb.shape)
+        else:
+            where = self.hints if self.last is None else _prompts_from(self.last, frame.rgb.shape)
+            photo = self._load(frame, name, own, **where)
+            whole = photo.mask
+            if "segmenter" not in self.hints:
+                self.held = hold(frame.rgb, whole)
+                photo = replace(photo, mask=lit_mask(self.held, whole.shape))
+        last = _last_of(whole)
+        if self.last is not None and not 1 / MOST_CHANGE < last[2] / self.last[2] < MOST_CHANGE:
+            self.held, self._before, self._lost_for = known
             first = "" if self.hints else "look at the first frame's mask, pass box= around the object there, or "
             raise InvalidMask(
                 f"{name}: expected the object of about {self.last[2]:.0f} pixels at {self.last[0]:.0f},"
-                f"{self.last[1]:.0f}, got {pixels:.0f} pixels; {first}pass mask=, one file a frame"
+                f"{self.last[1]:.0f}, got {last[2]:.0f} pixels; {first}pass mask=, one file a frame"
             )
-        self.last = [*inner_point(photo.mask), pixels, *_grown_box(photo.mask)]
+        self.last = last
         return photo
 
-    def _quickly(self, frame: Frame, name: str, own: Mapping[str, Path]) -> Photo | None:
-        """The photo by the last mask, moved or looked for around where it was; None where it has to be found."""
-        if self.last is None or "segmenter" in self.hints:
-            return None
-        mask = None
-        if frame.index % ANEW and self._seen is not None:
-            mask = self._seen.moved(frame.rgb)
+    def _followed(self, rgb: np.ndarray) -> bool:
+        """Whether the held mask was found again in a frame, or another one around it; it is then the held one."""
+        if self.held is None:
+            return False
+        self._lost_for += 1
+        if self._lost_for > ODD:
+            self._before = None
+        for held in (self._before, self.held):
+            found = None if held is None else found_in(held, rgb)
+            if found is not None and found.is_sure:
+                self._before = None if held is self._before else self._before
+                self.held = follow(held, rgb, found, lambda mask: _looked_for(rgb, _last_of(mask)))
+                return True
+        mask = _looked_for(rgb, self.last)
         if mask is None:
-            mask = _looked_for(frame.rgb, self.last)
-            self._seen = None if mask is None else Seen(frame.rgb, mask)
-        if mask is None:
-            return None
-        return replace(self._load(frame, name, own, mask=mask), mask_source="network")
+            return False
+        if self._before is None:
+            self._before, self._lost_for = self.held, 0
+        self.held = hold(rgb, mask)
+        return True
 
     def _load(self, frame: Frame, name: str, own: Mapping[str, Any], **where: Any) -> Photo:
         """The frame with files of its own; errors say which frame, or which of its files."""
@@ -161,6 +201,11 @@ class MaskFollower:
                 raise
             files = ", ".join(path.name for path in own.values())
             raise type(error)(f"{name} with {files}: {error}") from error
+
+
+def _last_of(mask: np.ndarray) -> list[float]:
+    """MaskFollower.last of a mask [H, W]."""
+    return [*inner_point(mask), float(mask.sum()), *_grown_box(mask)]
 
 
 def _looked_for(rgb: np.ndarray, last: list[float]) -> np.ndarray | None:
@@ -181,51 +226,6 @@ def _prompts_from(last: list[float], shape: tuple[int, ...]) -> dict:
     x0, y0, x1, y1 = last[3:]
     whole = (x1 - x0) * (y1 - y0) >= shape[0] * shape[1]
     return {"click": last[:2]} if whole else {"click": last[:2], "box": (x0, y0, x1, y1)}
-
-
-class Seen:
-    """What a frame [H, W, 3] uint8 shows in a window around its object, whose mask is [H, W]."""
-
-    def __init__(self, rgb: np.ndarray, mask: np.ndarray) -> None:
-        self.mask = mask
-        height, width = mask.shape
-        self.window = Window(x0=0, y0=0, x1=width, y1=height).around(object_box(mask), ROOM)
-        window = self.window
-        cover = resize(mask[window.y0 : window.y1, window.x0 : window.x1], _SIDE, _SIDE) > 0.5
-        tile = self._tile_of(rgb)
-        self._cover = cover.astype(np.float64)
-        self._object = self._cover * (tile - tile[cover].mean() if cover.any() else tile)
-
-    def moved(self, rgb: np.ndarray) -> np.ndarray | None:
-        """The mask where its object is in another frame of the same size: by the shift at which what it covers
-        correlates most (Padfield 2012); None where that is not alike."""
-        tile, count = self._tile_of(rgb), float(self._cover.sum())
-        spectrum = np.fft.rfft2(np.stack([tile, tile**2]))
-        cover, object_ = np.conj(np.fft.rfft2(np.stack([self._cover, self._object])))
-        agree, total, square = np.fft.irfft2(
-            [spectrum[0] * object_, spectrum[0] * cover, spectrum[1] * cover], (_SIDE, _SIDE)
-        )
-        spread = np.sqrt(np.maximum(square - total**2 / count, 1e-6) * max(float((self._object**2).sum()), 1e-6))
-        shifts = (np.arange(_SIDE) + _SIDE // 2) % _SIDE - _SIDE // 2
-        near = abs(shifts) <= _SIDE * ROOM / (1 + 2 * ROOM)
-        alike = np.where(np.outer(near, near), agree / spread, -1.0)
-        row, column = np.unravel_index(alike.argmax(), alike.shape)
-        if alike[row, column] < ALIKE:
-            return None
-        down, across = shifts[row], shifts[column]
-        x, y = (round(shift * length / _SIDE) for shift, length in zip((across, down), self.window.size, strict=True))
-        height, width = self.mask.shape
-        moved = np.zeros_like(self.mask)
-        moved[max(0, y) : height + min(0, y), max(0, x) : width + min(0, x)] = self.mask[
-            max(0, -y) : height - max(0, y), max(0, -x) : width - max(0, x)
-        ]
-        return moved
-
-    def _tile_of(self, rgb: np.ndarray) -> np.ndarray:
-        """Green of the window, [_SIDE, _SIDE]."""
-        window = self.window
-        green = rgb[window.y0 : window.y1, window.x0 : window.x1, 1]
-        return resize(green.astype(np.float32), _SIDE, _SIDE).astype(np.float64)
 
 
 def _bytes_of(path: Path) -> bytes:

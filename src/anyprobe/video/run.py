@@ -134,21 +134,21 @@ class ClipRun:
                 notes.append(frame.note)
             if frame.index < done.next_index:
                 if frame.index == done.stage_index and self.virtual is not None:
-                    self.follower.last = done.stage_last
+                    self.follower.go_on(done.stage_last, None, done.stage_shows_more)
                     self._stage = _set_up(self.follower.photo(frame), self.virtual, done.ground)
                 continue
             if frame.index == done.next_index and done.next_index:
-                self.follower.last, self._shown, self._preview = done.last, None, None
-                self.follower.look_anew()
+                self._shown, self._preview = None, None
+                self.follower.go_on(done.last, done.mask, done.shows_more)
             done.frames.append(self._one(frame))
             if self.virtual is not None:
                 pictures.append((frame.time_s, self._picture(frame)))
             previews.append((frame.time_s, self._light_picture(frame.index)))
             watch(frame.index + 1)
             if (frame.index + 1) % save_every == 0:
+                self.follower.settle()
                 self._save(frame.index + 1, pictures, previews)
                 pictures, previews = [], []
-                self.follower.look_anew()
         if frame is None:
             raise InputError(f"{self.clip.path}: no frame of it can be decoded; convert it to mp4")
         if frame.index + 1 > done.next_index:
@@ -175,7 +175,7 @@ class ClipRun:
             raise InputError(f"poses: expected one a frame, got {len(self.poses)}; make the others")
         if frame.index % self.every and done.light is not None:
             return {**record, **(self._turned(frame.index) or self._same())}
-        before = self.follower.last
+        before = self.follower.last, self.follower.shows_more
         try:
             self._photo = self.follower.photo(frame)
             light = self._estimate(self._photo, frame.index)
@@ -185,11 +185,15 @@ class ClipRun:
             if frame.index == 0 and self.follower.hints:
                 raise
             self._photo = None
+            if done.light is None:
+                self.follower.go_on(
+                    self.follower.last, None, self.follower.shows_more
+                )  # as a run that goes on finds the first light's object
             kept = self._turned(frame.index) or self._same()
             return {**record, "error": " ".join(str(error).splitlines()), **kept}
         dt_s = max(frame.time_s - done.light_time_s, 1e-3)
         pose = None if self.poses is None else self.poses[frame.index]
-        done.light = step(done.light, light.radiance, dt_s, world_from_camera=pose)
+        done.light = step(done.light, light.radiance, dt_s, world_from_camera=pose, looks_same=self.follower.looks_same)
         done.light_time_s, self._shown, self._preview = frame.time_s, None, None
         steady = self._seen(frame.index)
         if self.library is not None:
@@ -206,7 +210,7 @@ class ClipRun:
         if self.virtual is not None and self._stage is None:
             done.ground = None if light.ground is None else light.ground.info()
             self._stage = _set_up(self._photo, self.virtual, done.ground)
-            done.stage_index, done.stage_last = frame.index, before
+            done.stage_index, (done.stage_last, done.stage_shows_more) = frame.index, before
             material = self._stage.material(self.virtual.material, steady * np.float32(done.gain))
             done.material = {key: np.asarray(value).tolist() for key, value in asdict(material).items()}
         return {**record, **describe(steady), "held": done.light.held}
@@ -295,7 +299,7 @@ class ClipRun:
             write_piece(self._piece(done.pieces, LIGHT), previews)
             done.pieces += 1
         done.next_index = next_index
-        done.last = self.follower.last
+        done.last, done.mask, done.shows_more = self.follower.last, self.follower.held, self.follower.shows_more
         save_progress(self.folder, done)
 
     def _piece(self, number: int, kind: str = "") -> Path:

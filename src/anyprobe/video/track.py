@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -20,6 +20,8 @@ from anyprobe.light.dominant_light import split_dominant_light
 from anyprobe.light.harmonics import project
 from anyprobe.light.steady import Steady
 from anyprobe.light.temporal import FilterState, Track
+from anyprobe.video.held_mask import Held, held_in
+from anyprobe.video.registration import Motion
 
 STATE = ".state.npz"
 
@@ -28,6 +30,7 @@ PIECES = ".pieces"
 
 MAPS = ("steady", "fast", "last")
 """Of light.steady.Steady: arrays, all else are numbers."""
+MASK_ARRAYS = ("picture", "marked", "cover")
 MATCH_ARRAYS = ("candidate_from_estimate", "ln_gain")
 
 
@@ -38,9 +41,11 @@ class Progress:
     settings: what the result depends on; another run may go on only with the same.
     next_index: the first frame that is not done. frames: records of those that are.
     light: the filter's state, and time_s of the light it last saw.
-    last: of the follower. pieces: of light.mp4, and of relit.mp4, that are written.
-    stage_index: the frame that the virtual object was placed in. stage_last: last as it was before that frame, by which
-    its mask is found again. ground: of that frame's light, Ground.info. material: the object's, as plain numbers.
+    last, mask, shows_more: of the follower; mask: its `held`.
+    pieces: of light.mp4, and of relit.mp4, that are written.
+    stage_index: the frame that the virtual object was placed in. stage_last, stage_shows_more: as they were before that
+    frame, by which its mask is found again. ground: of that frame's light, Ground.info. material: the object's, as
+    plain numbers.
     gain: of the light that the relit clip shows, see relight.appearance.least_scale.
     panorama: [64, 128, 4 or 5] of the surroundings that frames have shown so far, in the world: linear radiance times
     cover, and cover; from an .exr or .hdr also how much of the cover is measured above white.
@@ -53,9 +58,12 @@ class Progress:
     light: FilterState | None = None
     light_time_s: float = 0.0
     last: list[float] | None = None
+    mask: Held | None = None
+    shows_more: bool | None = None
     pieces: int = 0
     stage_index: int | None = None
     stage_last: list[float] | None = None
+    stage_shows_more: bool | None = None
     ground: dict | None = None
     material: dict | None = None
     gain: float = 1.0
@@ -66,9 +74,15 @@ class Progress:
 
 def save_progress(folder: Path, progress: Progress) -> None:
     """Write it whole or not at all."""
-    words = asdict(progress)
+    words = asdict(replace(progress, mask=None))
     light, panorama, held = words.pop("light"), words.pop("panorama"), words.pop("held")
     arrays = {} if panorama is None else {"panorama": panorama}
+    if progress.mask is not None:
+        arrays |= {f"mask_{name}": getattr(progress.mask, name) for name in MASK_ARRAYS}
+        words["mask"] = {
+            name: getattr(progress.mask, name) for name in ("offset", "finds", "error_px", "age", "unlike")
+        }
+        words["mask"]["motion"] = asdict(progress.mask.motion)
     if held is not None:
         match = held["match"]
         arrays |= {"held_features": held["features"]} | {f"held_{name}": match.pop(name) for name in MATCH_ARRAYS}
@@ -113,11 +127,22 @@ def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
             light, panorama = words.pop("filter", None), kept["panorama"] if "panorama" in kept else None
             if light is not None:
                 light = _filter_state({**light, "soft": {**light["soft"], **{name: kept[name] for name in MAPS}}})
-            match, held = words.pop("match", None), None
+            mask, match, held = words.pop("mask", None), words.pop("match", None), None
+            if mask is not None:
+                mask = held_in(
+                    *(kept[f"mask_{name}"] for name in MASK_ARRAYS[:2]),
+                    cover=kept["mask_cover"],
+                    **{
+                        **mask,
+                        "offset": tuple(mask["offset"]),
+                        "unlike": tuple(mask["unlike"]),
+                        "motion": Motion(**mask["motion"]),
+                    },
+                )
             if match is not None:
                 match = Match(**match, **{name: kept[f"held_{name}"] for name in MATCH_ARRAYS})
                 held = HeldMatch(match=match, features=kept["held_features"])
-        found = Progress(light=light, panorama=panorama, held=held, **words)
+        found = Progress(light=light, panorama=panorama, held=held, mask=mask, **words)
     except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
         text = (
             "expected what a run of this version left, got another or damaged file; restart, or choose another folder"
@@ -153,8 +178,8 @@ def _filter_state(kept: dict[str, Any]) -> FilterState:
         filtered = {name: steady(words[name]) for name in ("place", "size")}
         return Track(**{**words, **filtered, **{name: np.array(words[name]) for name in ("recent", "shown", "pose")}})
 
-    tracks = tuple(map(track, kept["tracks"]))
-    return FilterState(soft=steady(kept["soft"]), power=steady(kept["power"]), tracks=tracks, held=kept["held"])
+    parts = {"soft": steady(kept["soft"]), "power": steady(kept["power"]), "tracks": tuple(map(track, kept["tracks"]))}
+    return FilterState(**{**kept, **parts})
 
 
 def describe(radiance: np.ndarray) -> dict[str, Any]:

@@ -1,14 +1,10 @@
-/** Spheres in augmented reality as three.js's webxr_ar_lighting lights them; a video stands in for what the session estimates. */
+/** Spheres in augmented reality as three.js's webxr_ar_lighting lights them; by the camera's picture in the place of what the session estimates. */
 
 import { AnyProbe } from "anyprobe";
 import { ProbeLight, installCameraCurve } from "anyprobe/three";
 import * as THREE from "three";
 import { RoomEnvironment } from "three/addons/environments/RoomEnvironment.js";
 import { ARButton } from "three/addons/webxr/ARButton.js";
-
-const video = Object.assign(document.createElement("video"), { muted: true, loop: true, playsInline: true });
-video.srcObject = await navigator.mediaDevices.getUserMedia({ video: { facingMode: "environment" } });
-await video.play();
 
 const renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
 renderer.setSize(innerWidth, innerHeight);
@@ -25,7 +21,6 @@ scene.environment = defaultEnvironment;
 
 const xrLight = new ProbeLight(await AnyProbe.load());
 installCameraCurve(renderer);
-renderer.xr.addEventListener("sessionstart", () => xrLight.track(video, { camera }));
 renderer.xr.addEventListener("sessionend", () => xrLight.stop());
 xrLight.addEventListener("estimationstart", () => {
   scene.add(xrLight);
@@ -63,9 +58,18 @@ controller.addEventListener("select", () => place(controller.matrixWorld));
 scene.add(group, ground, controller);
 // with depth, three.js itself hides what stands behind real things
 const depthSensing = { usagePreference: ["gpu-optimized"], dataFormatPreference: ["luminance-alpha", "float32"] };
-document.body.append(ARButton.createButton(renderer, { optionalFeatures: ["light-estimation", "depth-sensing"], depthSensing }));
+document.body.append(
+  ARButton.createButton(renderer, {
+    requiredFeatures: ["camera-access"],
+    optionalFeatures: ["depth-sensing"],
+    depthSensing,
+  }),
+);
 
-renderer.setAnimationLoop(() => renderer.render(scene, camera));
+renderer.setAnimationLoop((time, frame) => {
+  xrLight.offerCamera(renderer, frame);
+  renderer.render(scene, camera);
+});
 addEventListener("resize", () => {
   renderer.setSize(innerWidth, innerHeight);
   camera.aspect = innerWidth / innerHeight;

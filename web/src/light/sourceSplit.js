@@ -11,8 +11,12 @@ import { pixelDirections, pixelSolidAngles } from "../core/latlong.js";
 
 const rules = CONTRACT.source_split;
 const radians = (degrees) => (degrees * Math.PI) / 180;
-const [REACH, RING, APART] = [rules.reach_deg, rules.ring_deg, rules.apart_deg].map((degrees) => Math.cos(radians(degrees)));
-const [LEAST_RADIUS, MOST_RADIUS] = [radians(rules.least_radius_deg), radians(rules.most_radius_deg)];
+/** Of compact and of wide sources: cosines of reach, ring and apart, and the largest radius. */
+const SCALES = [rules, rules.wide].map((scale) => {
+  const [reach, ring, apart] = [scale.reach_deg, scale.ring_deg, scale.apart_deg].map((degrees) => Math.cos(radians(degrees)));
+  return { reach, ring, apart, mostRadius: radians(scale.most_radius_deg) };
+});
+const LEAST_RADIUS = radians(rules.least_radius_deg);
 
 /**
  * The map without its discrete sources, and these, the one with the brightest pixel first.
@@ -37,40 +41,55 @@ export function splitSources(radiance, height) {
   for (let tried = 0; tried < rules.most; tried++) {
     let peak = 0;
     for (let pixel = 1; pixel < bright.length; pixel++) if (bright[pixel] > bright[peak]) peak = pixel;
-    let center = [d[3 * peak], d[3 * peak + 1], d[3 * peak + 2]];
-    let part;
-    for (let round = 0; round < 2; round++) {
-      part = above(soft, height, center);
-      if (part.total <= least) return { soft, sources };
-      center = unit(part.mean);
+    const first = [d[3 * peak], d[3 * peak + 1], d[3 * peak + 2]];
+    let [center, apart] = [first, 0];
+    for (const scale of SCALES) {
+      const found = sourceAround(soft, height, first, scale, least);
+      if (found === null) return { soft, sources };
+      [center, apart] = [found.direction, scale.apart];
+      const { near, excess, power, radius } = found;
+      if (radius > scale.mostRadius) continue;
+      near.forEach((pixel, i) => {
+        for (let c = 0; c < 3; c++) soft[3 * pixel + c] -= excess[3 * i + c];
+      });
+      sources.push({ direction: center, power, radius: Math.max(radius, LEAST_RADIUS) });
+      break;
     }
-    const { near, excess, total, power } = part;
-    inCap(height, center, APART, (pixel) => (bright[pixel] = 0));
-    let squares = 0;
-    near.forEach((pixel, i) => {
-      const turned = Math.acos(Math.min(cosineOf(d, pixel, center), 1));
-      const energy = luminance(excess[3 * i], excess[3 * i + 1], excess[3 * i + 2]) * angles[Math.floor(pixel / width)];
-      squares += energy * turned * turned;
-    });
-    const radius = Math.sqrt((3 * squares) / total);
-    if (radius > MOST_RADIUS) continue;
-    near.forEach((pixel, i) => {
-      for (let c = 0; c < 3; c++) soft[3 * pixel + c] -= excess[3 * i + c];
-    });
-    sources.push({ direction: center, power, radius: Math.max(radius, LEAST_RADIUS) });
+    inCap(height, center, apart, (pixel) => (bright[pixel] = 0));
   }
   return { soft, sources };
 }
 
+/** What is brighter around a place than its surroundings, as a source; null where its power is no more than `least`. */
+function sourceAround(soft, height, place, scale, least) {
+  const width = 2 * height;
+  const d = pixelDirections(height);
+  const angles = pixelSolidAngles(height);
+  let [direction, part] = [place, null];
+  for (let round = 0; round < 2; round++) {
+    part = above(soft, height, direction, scale);
+    if (part.total <= least) return null;
+    direction = unit(part.mean);
+  }
+  const { near, excess, total, power } = part;
+  let squares = 0;
+  near.forEach((pixel, i) => {
+    const turned = Math.acos(Math.min(cosineOf(d, pixel, direction), 1));
+    const energy = luminance(excess[3 * i], excess[3 * i + 1], excess[3 * i + 2]) * angles[Math.floor(pixel / width)];
+    squares += energy * turned * turned;
+  });
+  return { direction, near, excess, power, radius: Math.sqrt((3 * squares) / total) };
+}
+
 /** What lies around a direction above the median of the ring around that. */
-function above(soft, height, center) {
+function above(soft, height, center, { reach, ring: around }) {
   const width = 2 * height;
   const d = pixelDirections(height);
   const angles = pixelSolidAngles(height);
   const near = [];
   const ring = [[], [], []];
-  inCap(height, center, RING, (pixel, cosine) => {
-    if (cosine > REACH) near.push(pixel);
+  inCap(height, center, around, (pixel, cosine) => {
+    if (cosine > reach) near.push(pixel);
     else ring.forEach((values, c) => values.push(soft[3 * pixel + c]));
   });
   const level = ring.map((values) => (values.length ? values.sort((a, b) => a - b)[(values.length - 1) >> 1] : 0));

@@ -23,7 +23,11 @@ const [VIEW_SLACK, VIEW_SLACK_SIZE] = [radians(rules.view.slack_deg), Math.sqrt(
 const RECENT_S = rules.view.recent_s;
 /** Stands for the pose where none is known. */
 const STILL = [1, 0, 0, 0, 1, 0, 0, 0, 1];
-const { patience_s: PATIENCE_S, fade_s: FADE_S, most: MOST } = rules;
+const { patience_s: PATIENCE_S, fade_s: FADE_S, most: MOST, lead_ratio: LEAD_RATIO, lead_margin: LEAD_MARGIN } = rules;
+const { after_s: SAME_AFTER_S, odd_s: [LEAST_ODD_S, MOST_ODD_S] } = rules.same;
+const SAME_MOST_TURN = radians(rules.same.most_turn_deg_s);
+/** Of the cap within which findDominantLight compares. */
+const PEAK = radians(CONTRACT.dominant_light.blur_deg);
 
 /**
  * The state after one more frame; the state given stays as it is.
@@ -33,8 +37,9 @@ const { patience_s: PATIENCE_S, fade_s: FADE_S, most: MOST } = rules;
  * @param {number} dt seconds since the last frame, > 0
  * @param {number[] | null} [worldFromCamera] nine numbers, row by row, of this frame's camera when it took the picture; for
  *   all frames or none. The state is then in the world.
+ * @param {boolean} [looksSame] whether the object's shading is that of the last frames; false where that is not known
  */
-export function step(state, radiance, dt, worldFromCamera = null, smoothing = SMOOTHING) {
+export function step(state, radiance, dt, worldFromCamera = null, looksSame = false, smoothing = SMOOTHING) {
   let { soft, sources } = splitSources(radiance, MAP_HEIGHT);
   const pose = worldFromCamera ?? STILL;
   if (worldFromCamera) {
@@ -43,17 +48,33 @@ export function step(state, radiance, dt, worldFromCamera = null, smoothing = SM
   }
   const y = encode(soft);
   const power = Float64Array.of(Math.log(OFFSET + sources.reduce((sum, one) => sum + luminance(...one.power), 0)));
-  const isCut = state !== null && rms(y, state.soft.fast) > smoothing.cutLevel;
-  if (isCut && !state.held) return { ...state, held: true };
-  if (state === null || isCut) {
-    return { soft: begin(y), power: begin(power), tracks: sources.map((one) => fresh(one, pose, 1)), held: false };
-  }
+  if (state === null) return begun(y, power, sources, pose, SAME_AFTER_S);
+  const sameS = looksSame ? state.sameS + dt : 0;
+  const isSame = sameS > SAME_AFTER_S;
+  const pairs = pairsOf(state.tracks, sources);
+  const isCut = rms(y, state.soft.fast) > smoothing.cutLevel;
+  const oddS = isCut || showsAnotherLeader(state.tracks, sources, pairs) ? state.oddS + dt : 0;
+  const patience = isSame ? Math.min(Math.max(state.ledS, LEAST_ODD_S), MOST_ODD_S) : dt;
+  if (oddS > 0 && oddS <= patience) return { ...state, held: true, oddS, sameS };
+  if (isCut && !isSame) return begun(y, power, sources, pose, sameS);
+  const known = isSame && oddS > 0 ? movedLeader(state.tracks, sources, pairs) : { tracks: state.tracks, pairs };
+  const tracks = follow(known.tracks, sources, known.pairs, pose, dt, smoothing, isSame);
+  const leader = leaderOf(tracks, isSame);
   return {
     soft: advance(state.soft, y, dt, rms, smoothing),
     power: advance(state.power, power, dt, distance, smoothing),
-    tracks: follow(state.tracks, sources, pose, dt, smoothing),
+    tracks: ledBy(leader, tracks),
     held: false,
+    oddS: isSame ? 0 : oddS,
+    ledS: oddS === 0 && tracks[leader]?.leads ? state.ledS + dt : 0,
+    sameS,
   };
+}
+
+/** The first state, or that after a cut. */
+function begun(y, power, sources, pose, sameS) {
+  const tracks = sources.map((one) => fresh(one, pose, 1));
+  return { soft: begin(y), power: begin(power), tracks: ledBy(leaderOf(tracks), tracks), held: false, oddS: 0, ledS: 0, sameS };
 }
 
 /** The light to show, linear radiance, in a camera's frame. @param {number[] | null} [worldFromCamera] as of step */
@@ -74,19 +95,69 @@ export function shownSources({ tracks, power }) {
   const asked = whole.reduce((sum, one) => sum + one.share * luminance(...one.power), 0);
   const there = Math.max(Math.exp(power.steady[0]) - OFFSET, 0);
   const scale = asked > 0 ? Math.min(1, there / asked) : 0;
-  return whole.map(({ direction, radius, power: own, share }) => ({ direction, radius, power: own.map((value) => value * scale * share) }));
+  const found = whole.map(({ direction, radius, power: own, share }) => ({ direction, radius, power: own.map((value) => value * scale * share) }));
+  tracks.forEach(({ leads }, at) => leads && putFirst(found, at));
+  return found;
 }
 
 /** What is known of the sources after one more frame. */
-function follow(tracks, sources, pose, dt, smoothing) {
-  const pairs = pairsOf(tracks, sources);
-  const followed = tracks.map((track, i) => (pairs.has(i) ? seen(track, sources[pairs.get(i)], pose, dt, smoothing) : unseen(track, dt)));
+function follow(tracks, sources, pairs, pose, dt, smoothing, isSame) {
+  const followed = tracks.map((track, i) => (pairs.has(i) ? seen(track, sources[pairs.get(i)], pose, dt, smoothing, isSame) : unseen(track, dt)));
   const taken = new Set(pairs.values());
   sources.forEach((one, j) => taken.has(j) || followed.push(fresh(one, pose, Math.min(dt / FADE_S, 1))));
   return followed
     .filter(({ share }) => share > 0)
     .sort((a, b) => b.share - a.share) // stable: of equals the older one stays
     .slice(0, MOST);
+}
+
+/** Luminance of a drawn source, summed within PEAK of its middle; share of its power. */
+function peakOf({ power, radius }, share = 1) {
+  const beyond = Math.max(Math.cos(PEAK) - Math.cos(radius), 0) / (1 - Math.cos(radius));
+  return luminance(...power) * share * (1 - beyond * beyond);
+}
+
+/** How a source ranks: between its power and what the dominant light goes by, in which wide ones are dull. */
+const strengthOf = (source, share = 1) => Math.sqrt(luminance(...source.power) * share * peakOf(source, share));
+
+/** The tracks with the leader's place at the frame's strongest source, and the pairs with these two. */
+function movedLeader(tracks, sources, pairs) {
+  const leader = tracks.findIndex(({ leads }) => leads);
+  if (leader < 0 || sources.length === 0) return { tracks, pairs };
+  const ranks = sources.map((one) => strengthOf(one));
+  const first = ranks.indexOf(Math.max(...ranks));
+  const moved = { ...tracks[leader], place: begin(Float64Array.from(sources[first].direction)), turns: true };
+  const others = [...pairs].filter(([at, j]) => at !== leader && j !== first);
+  return { tracks: tracks.map((track, at) => (at === leader ? moved : track)), pairs: new Map([...others, [leader, first]]) };
+}
+
+/** Which of them is the leader; -1 where there are none. */
+function leaderOf(tracks, isSame = false) {
+  const ranks = tracks.map((track) => strengthOf(sourceOf(track), track.share));
+  const most = Math.max(...ranks);
+  const leader = tracks.findIndex(({ leads }, at) => leads && (isSame || most <= LEAD_RATIO * ranks[at]));
+  return leader < 0 ? ranks.indexOf(most) : leader;
+}
+
+const ledBy = (leader, tracks) => tracks.map((track, at) => ({ ...track, leads: at === leader }));
+
+/** Whether a frame shows another leader than the one that is known. */
+function showsAnotherLeader(tracks, sources, pairs) {
+  const at = tracks.findIndex(({ leads }) => leads);
+  if (at < 0) return false;
+  return !pairs.has(at) || Math.max(...sources.map((one) => strengthOf(one))) > LEAD_RATIO * strengthOf(sources[pairs.get(at)]);
+}
+
+/** Give the leader of others, in place, what it takes to be LEAD_MARGIN times as strong as each. */
+function putFirst(sources, leader) {
+  const scaled = (source, gain) => ({ ...source, power: source.power.map((value) => value * gain) });
+  for (let at = 0; at < sources.length; at++) {
+    const [mine, other] = [peakOf(sources[leader]), peakOf(sources[at])];
+    if (at === leader || mine <= 0 || LEAD_MARGIN * other <= mine) continue;
+    const given = (LEAD_MARGIN * other - mine) / (1 + LEAD_MARGIN);
+    sources[at] = scaled(sources[at], 1 - given / other);
+    sources[leader] = scaled(sources[leader], 1 + given / mine);
+  }
 }
 
 /** Which source of the frame is which known one: indices of sources by those of tracks. */
@@ -125,14 +196,14 @@ const directionOf = ({ place: { steady } }) => unit([...steady]);
 function fresh(source, pose, share) {
   const [place, size] = [Float64Array.from(source.direction), sizeOf(source)];
   const recent = Float64Array.of(...place, ...size);
-  return { place: begin(place), size: begin(size), recent, shown: source.direction, share, pose, turns: false, unseenS: 0 };
+  return { place: begin(place), size: begin(size), recent, shown: source.direction, share, pose, turns: false, unseenS: 0, leads: false };
 }
 
-function seen(track, source, pose, dt, smoothing) {
+function seen(track, source, pose, dt, smoothing, isSame) {
   const view = Math.min(turnedBy(track.pose, pose) / VIEW_TURN, 1);
   const near = approach(track.place.steady, track.recent.subarray(0, 3), view);
   const like = approach(track.size.steady, track.recent.subarray(3), view);
-  const slack = Math.max(view * VIEW_SLACK, SLACK);
+  const slack = isSame ? Math.PI : Math.max(view * VIEW_SLACK, SLACK);
   const place = advance(track.place, Float64Array.from(source.direction), dt, distance, smoothing, near, slack);
   const size = advance(track.size, sizeOf(source), dt, distance, smoothing, like, view * VIEW_SLACK_SIZE);
   const newest = Float64Array.of(...place.fast, ...size.fast);
@@ -140,7 +211,8 @@ function seen(track, source, pose, dt, smoothing) {
   const wanted = directionOf({ place });
   const angle = angleOf(track.shown, wanted);
   const turns = moves || track.turns;
-  const turn = (turns ? MOST_TURN : MOST_TURN ** (1 - view) * VIEW_MOST_TURN ** view) * dt;
+  const mostTurn = isSame ? SAME_MOST_TURN : MOST_TURN;
+  const turn = (turns ? mostTurn : mostTurn ** (1 - view) * VIEW_MOST_TURN ** view) * dt;
   const part = angle > 0 ? Math.min(1, turn / angle) : 1;
   return {
     place,
@@ -151,6 +223,7 @@ function seen(track, source, pose, dt, smoothing) {
     pose: moves ? pose : track.pose,
     turns: turns && turn < angle,
     unseenS: 0,
+    leads: track.leads,
   };
 }
 

@@ -4,9 +4,10 @@ import { foreign, receivedError } from "../errors.js";
 import { Light } from "../light/light.js";
 import { checkHints, checkLight, checkNames, longFovOf, rotationOfPose } from "../options.js";
 import { hintsOf } from "../photo/hints.js";
+import { readMask } from "../photo/source.js";
 import { describe } from "../photo/material.js";
 import { checkFrame, follow, isEarly, sizeOf } from "./frameSource.js";
-import { takeFrame } from "./videoFrames.js";
+import { readSize, takeFrame } from "./videoFrames.js";
 
 /** Rates are means over this many seconds. */
 const WINDOW_S = 2;
@@ -23,6 +24,7 @@ export class Tracker {
   #source;
   #client;
   #pose;
+  #mask;
   #size = null; // of the pictures that hints are in pixels of
   #given;
   #opening = null;
@@ -33,13 +35,16 @@ export class Tracker {
   /**
    * @param {HTMLVideoElement | HTMLCanvasElement | OffscreenCanvas | MediaStreamTrack | null} source null: frames are offered
    * @param {import("../networks/workerClient.js").WorkerClient} client
-   * @param {{onLight: (answer: object) => void, onError: (error: Error) => void, onMissed?: () => void, pose?: () => object}} events
-   *   pose: of the camera in the world, asked for when a frame is taken
+   * @param {{onLight: (answer: object) => void, onError: (error: Error) => void, onMissed?: () => void, pose?: () => object,
+   *   mask?: object | ((frame: object) => object)}} events
+   *   pose: of the camera in the world, asked for when a frame is taken; mask: where the object is in the first frame, or a
+   *   function that says it of each one, null where it is not in it
    */
-  constructor(source, client, { onLight, onError, onMissed, pose }) {
+  constructor(source, client, { onLight, onError, onMissed, pose, mask }) {
     this.#source = source;
     this.#client = client;
     this.#pose = pose;
+    this.#mask = mask;
     Object.assign(this, { onLight, onError, onMissed });
     this.running = false;
     this.mask = null; // the last one found
@@ -81,12 +86,13 @@ export class Tracker {
    * A frame of one's own, and the camera's pose when it was taken. The newest is worked on, the others are dropped.
    *
    * @param {import("../../types/index.d.ts").FrameSource} frame
-   * @param {{pose?: object, time?: number}} [about] pose: 16 numbers column by column, something with `matrix` or `elements`
-   *   of these, or nine row by row; time: of performance.now(), milliseconds
+   * @param {{pose?: object, mask?: object, time?: number}} [about] pose: 16 numbers column by column, something with `matrix` or
+   *   `elements` of these, or nine row by row; mask: where the object is in it; time: of performance.now(), milliseconds
    * @returns {Promise<void>} when the frame may be changed or closed
    */
-  async offer(frame, { pose, time = performance.now() } = {}) {
-    if (!this.running || (frame?.texture && this.#isReading)) return;
+  async offer(frame, { pose, mask, time = performance.now() } = {}) {
+    const isSlow = frame?.texture || mask || this.#mask;
+    if (!this.running || (isSlow && this.#isReading)) return;
     try {
       checkFrame(frame);
       const rotation = pose === undefined || pose === null ? null : rotationOfPose(pose);
@@ -96,13 +102,26 @@ export class Tracker {
       }
       if (isEarly(frame)) return;
       this.#isReading = true;
-      const taken = await takeFrame(frame, this.#client.spares).finally(() => (this.#isReading = false));
+      const taking = Promise.all([takeFrame(frame, this.#client.spares), this.#maskOf(frame, mask)]);
+      const [taken, given] = await taking.finally(() => (this.#isReading = false));
       await this.#opening;
-      if (this.running) this.#client.give(taken, time / 1000, rotation);
+      if (this.running) this.#client.give(taken, time / 1000, rotation, given);
       else taken.frame.close?.();
     } catch (error) {
       this.fail(error?.name === "DataCloneError" ? foreign("frame") : error); // a bitmap of a tainted canvas
     }
+  }
+
+  /** The caller's own mask of a frame, as small as the frame is looked at; null where there is none. */
+  async #maskOf(frame, offered) {
+    let mask = offered;
+    if (mask === undefined && typeof this.#mask === "function") mask = await this.#mask(frame);
+    else if (mask === undefined) [mask, this.#mask] = [this.#mask, undefined]; // of the first frame alone
+    if (mask === undefined) return null;
+    const [fullWidth, fullHeight] = sizeOf(frame);
+    const [width, height] = readSize(fullWidth, fullHeight);
+    if (mask === null) return { width, height, data: new Float32Array(width * height) };
+    return { width, height, data: await readMask(mask, { width, height, fullWidth, fullHeight }) };
   }
 
   stop() {
@@ -143,6 +162,7 @@ export class Tracker {
   #hear(answer) {
     if (!this.running || (!this.#isOpen && !answer.error)) return;
     if (answer.error) return this.fail(receivedError(answer.error));
+    if (answer.held) return;
     if (!answer.lost) noteTime(this.updates);
     if (answer.missed) this.onMissed?.();
     if (!answer.light) return this.onLight(answer);

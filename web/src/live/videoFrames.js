@@ -67,6 +67,12 @@ function isReadable({ format, rotation, flip, visibleRect, displayWidth, display
   );
 }
 
+/** Width and height at which a frame is looked at. */
+export function readSize(width, height) {
+  const scale = Math.min(1, LONG_PX / Math.max(width, height));
+  return [width, height].map((length) => Math.max(1, Math.round(length * scale)));
+}
+
 /**
  * A frame as a picture of at most LONG_PX.
  *
@@ -74,8 +80,7 @@ function isReadable({ format, rotation, flip, visibleRect, displayWidth, display
  * @returns {import("../photo/picture.js").Picture}
  */
 export function readFrame(frame) {
-  const scale = Math.min(1, LONG_PX / Math.max(frame.width, frame.height));
-  const size = [frame.width, frame.height].map((length) => Math.round(length * scale));
+  const size = readSize(frame.width, frame.height);
   if (!frame.bytes) return draw(frame, size);
   return frame.format === "RGBA" ? upright(frame) : convert(frame, size);
 }

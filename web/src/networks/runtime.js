@@ -10,6 +10,9 @@ const MAX_THREADS = 4;
 const MODULES = { wasm: "ort.wasm.min.mjs", webgpu: "ort.jspi.min.mjs" };
 const BINARIES = { wasm: "ort-wasm-simd-threaded.wasm", webgpu: "ort-wasm-simd-threaded.jspi.wasm" };
 
+/** Threads that have not started after so long never do; only their start counts, not what is fetched. */
+const START_MS = 20_000;
+
 let bundled = null;
 
 /** The runtime's module, where a bundler put it into this thread. */
@@ -40,6 +43,7 @@ export async function openRuntime(runtime, engine, most, onProgress) {
   ort.env.wasm.wasmPaths = isFolder ? runtime : { wasm: runtime.wasm, mjs: runtime.glue };
   ort.env.wasm.wasmBinary = await fetching;
   ort.env.wasm.numThreads = threads;
+  ort.env.wasm.initTimeout = threads > 1 ? START_MS : 0;
   ort.env.logLevel = "error";
   return { ort, threads };
 }

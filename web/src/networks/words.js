@@ -7,8 +7,12 @@ import { give, notice } from "../notices.js";
 const IMPORT_FAULT = /dynamically imported module|importing a module script failed|\.wasm could not be fetched .*an HTML page/i;
 export const VITE_NEEDS = 'Vite\'s development server needs optimizeDeps: { exclude: ["anyprobe"] }';
 
-/** @param {Error & {code?: string}} error */
-export function openingFault(error) {
+/** Code, within this package, of networks that did not open on several threads: they are opened again on one. */
+export const THREADS_FAILED = "threads-failed";
+
+/** @param {Error & {code?: string}} error @param {number} [threads] that the runtime was to start */
+export function openingFault(error, threads = 1) {
+  if (threads > 1 && error.code === undefined) return new AnyProbeError(THREADS_FAILED, String(error.message ?? error));
   const said = String(error.message ?? error).replace(/\.$/, "");
   const advice = IMPORT_FAULT.test(said) ? `; ${VITE_NEEDS}` : "";
   return new AnyProbeError(error.code ?? "failed", `The networks could not be opened: ${said}${advice}.`);

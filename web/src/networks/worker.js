@@ -7,20 +7,17 @@
  */
 
 import { AnyProbeError, sentError } from "../errors.js";
-import { notice } from "../notices.js";
 import { describe } from "../light/light.js";
 import { shadeSpheres } from "../light/spheres.js";
 import { cropNormals, cropObject } from "../photo/crop.js";
-import { SmallNetwork, U2NetP, untilGivenUp } from "../photo/maskNetworks.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
-import { REFUSED, examine, expectedIou, warningsOf } from "../photo/quality.js";
-import { findObject, glance, maskOf } from "../photo/search.js";
 import { FrameLight } from "../live/frameLight.js";
 import { Newest } from "../live/newest.js";
 import { lightOfObject } from "./lightOfObject.js";
+import { findMask, videoMasks } from "./masks.js";
 import { Models } from "./models.js";
 import { openRuntime } from "./runtime.js";
-import { openingFault, smallNetworkWarning } from "./words.js";
+import { openingFault } from "./words.js";
 
 /** Between two tries while no object is seen. */
 const LOST_MS = 100;
@@ -31,12 +28,14 @@ let live = null;
 const tasks = {
   async open({ runtime, weights, engine, threads: most }) {
     const onProgress = (progress) => self.postMessage({ progress });
+    let threads = 1;
     try {
-      const { ort, threads } = await openRuntime(runtime, engine, most, onProgress);
-      models = await Models.open(ort, weights, { providers: [engine], onProgress });
+      const opened = await openRuntime(runtime, engine, most, onProgress);
+      threads = opened.threads;
+      models = await Models.open(opened.ort, weights, { providers: [engine], onProgress });
       return { engine, threads, hasMask: models.hasMask || models.hasU2netp };
     } catch (error) {
-      throw openingFault(error);
+      throw openingFault(error, threads);
     }
   },
 
@@ -45,7 +44,7 @@ const tasks = {
    * a line where that is little, and the seconds it took without the opening of a network.
    */
   mask({ picture, hints }, isGivenUp) {
-    return findMask(picture, hints, isGivenUp);
+    return findMask(models, picture, hints, isGivenUp);
   },
 
   /** The light, and for a page that shows them its stages and three spheres. */
@@ -61,7 +60,7 @@ const tasks = {
   },
 
   startLive({ hints, longFovDeg, options, withViews }) {
-    const lights = new FrameLight(models, findMaskQuickly, hints, longFovDeg, options, withViews);
+    const lights = new FrameLight(models, videoMasks(models), hints, longFovDeg, options, withViews);
     const frames = new Newest(
       (given) => sendLight(lights, given),
       ({ frame }) => letGo(frame),
@@ -69,8 +68,8 @@ const tasks = {
     live = { lights, frames };
   },
 
-  frame({ frame, time, pose }) {
-    live.frames.offer({ frame, time, pose });
+  frame({ frame, time, pose, mask }) {
+    live.frames.offer({ frame, time, pose, mask });
   },
 
   markLive({ hints }) {
@@ -83,10 +82,10 @@ const tasks = {
 };
 
 /** The light of a frame to the caller, unless it has begun anew meanwhile. */
-async function sendLight(lights, { frame, time, pose }) {
+async function sendLight(lights, { frame, time, pose, mask }) {
   let answer;
   try {
-    answer = await lights.next(frame, time, pose);
+    answer = await lights.next(frame, time, pose, mask);
   } catch (error) {
     answer = { error: sentError(error) };
   }
@@ -104,42 +103,6 @@ function memoryOf({ radiance, confidence, prefiltered }) {
 function letGo(frame) {
   if (frame.bytes) self.postMessage({ spare: frame.bytes.buffer }, [frame.bytes.buffer]);
   else frame.close();
-}
-
-/** The mask of a still picture. */
-async function findMask(picture, hints, isGivenUp) {
-  const network = models.hasU2netp ? new U2NetP(models) : smallNetwork();
-  await network.open();
-  const start = performance.now();
-  const found = await searchBy(untilGivenUp(network, isGivenUp), picture, hints);
-  return { ...found, seconds: (performance.now() - start) / 1000 };
-}
-
-async function searchBy(network, picture, hints) {
-  const found = await findObject(network, picture, hints);
-  const { width, height } = picture;
-  const nothing = { mask: new Float32Array(width * height), quality: 0, warnings: [notice("no-object", "nothing stands out there")] };
-  if (!found) return nothing;
-  const evidence = examine(found, width, height, hints);
-  const quality = expectedIou(evidence, network.name);
-  if (quality < REFUSED) return nothing;
-  const warnings = warningsOf(evidence, quality);
-  if (network.name === "small") warnings.push(smallNetworkWarning(hints));
-  return { mask: maskOf(found, width, height), quality, warnings };
-}
-
-/** The same by the small network at one look, for video: without what would be said of it. */
-async function findMaskQuickly(picture, hints) {
-  const { width, height } = picture;
-  const network = smallNetwork();
-  const found = await glance(network, picture, hints);
-  if (!found) return { mask: new Float32Array(width * height), quality: 0 };
-  return { mask: maskOf(found, width, height), quality: expectedIou(examine(found, width, height, hints), network.name) };
-}
-
-function smallNetwork() {
-  if (models.hasMask) return new SmallNetwork(models);
-  throw new AnyProbeError("no-object", "No mask network is loaded: pass a mask, or load one (weights.mask, weights.u2netp).");
 }
 
 function checkObject(mask, width) {

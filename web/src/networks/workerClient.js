@@ -74,8 +74,8 @@ export class WorkerClient {
   }
 
   /** A frame of a video; onLive hears its light, unless a newer one overtakes it. */
-  give({ frame, transfer }, time, pose = null) {
-    if (!this.#fault) this.#worker.postMessage({ task: "frame", frame, time, pose }, transfer);
+  give({ frame, transfer }, time, pose = null, mask = null) {
+    if (!this.#fault) this.#worker.postMessage({ task: "frame", frame, time, pose, mask }, transfer);
   }
 
   /** Throws once it has ended. */

@@ -20,7 +20,6 @@ import { resize } from "./resize.js";
 const { inside: INSIDE, search: NUMBERS } = CONTRACT.mask;
 const { grid: GRID, margin: MARGIN, edge_cells: EDGE_CELLS, split: SPLIT } = NUMBERS;
 const CELLS = GRID * GRID;
-const NO_HINTS = { on: [], off: [], box: null };
 
 /**
  * @param {import("./maskNetworks.js").U2NetP | import("./maskNetworks.js").SmallNetwork} network
@@ -38,10 +37,10 @@ export async function findObject(network, picture, hints) {
   return found && lookCloser(network, picture, found, hints);
 }
 
-/** One look at the whole picture, for video. */
-export async function glance(network, picture, hints) {
-  const photo = [0, 0, picture.width, picture.height];
-  return choose(photo, await look(network, picture, photo, hints), NO_HINTS);
+/** One look at the box of the object that a video's last frame had there, and a margin. */
+export async function lookAgain(network, picture, hints) {
+  const window = around([0, 0, picture.width, picture.height], hints.box, MARGIN);
+  return choose(window, await look(network, picture, window, hints), hints);
 }
 
 /** A finding as a mask of the whole picture, with the soft edge that the network gives. */
@@ -219,7 +218,7 @@ function distance(colors, part, seeds) {
 }
 
 /** A box and a margin in its longer sides, as far as they are in a window. */
-function around([x0, y0, x1, y1], box, margin) {
+export function around([x0, y0, x1, y1], box, margin) {
   const more = margin * Math.max(box[2] - box[0], box[3] - box[1]);
   return [
     Math.max(x0, Math.floor(box[0] - more)),

@@ -52,7 +52,7 @@ const isOf = (source, name) => typeof globalThis[name] === "function" && source 
 
 const DRAWABLE = ["HTMLImageElement", "HTMLVideoElement", "HTMLCanvasElement", "OffscreenCanvas", "ImageBitmap", "VideoFrame", "ImageData"];
 const IMAGES = `an address, a Blob or File, ${DRAWABLE.join(", ")}, { gl, texture, width, height } or { width, height, rgba }`;
-const MASKS = `a Float32Array of the picture's pixels, what probe.mask() gives, a light's mask, an address, a Blob or File, ${DRAWABLE.join(", ")}`;
+const MASKS = `a Float32Array of the picture's pixels, { data, width, height } of one, what probe.mask() gives, a light's mask, a MediaPipe mask, an address, a Blob or File, ${DRAWABLE.join(", ")}`;
 
 /** What can be drawn: fetched and decoded where it is an address or a file, waited for where it is on its way. */
 async function open(source, name, expected, signal) {
@@ -189,16 +189,24 @@ const MOST_UNEVEN = 0.01;
  */
 export async function readMask(mask, picture, signal) {
   const { width, height } = picture;
-  const numbers = [mask, mask?.data, mask?.mask].find((values) => values instanceof Float32Array);
+  const isOfMediaPipe = typeof mask?.getAsFloat32Array === "function";
+  const numbers = isOfMediaPipe ? mask.getAsFloat32Array() : [mask, mask?.data, mask?.mask].find((values) => values instanceof Float32Array);
+  if (numbers && numbers.length === mask.width * mask.height) {
+    checkAspect(mask, picture);
+    return resize(checkShares(numbers), 1, [mask.width, mask.height], [width, height]);
+  }
   if (numbers) return fit(checkShares(numbers), "mask", 1, picture);
   const ready = await open(mask, "mask", MASKS, signal);
   const [fullWidth, fullHeight] = sizeOf(ready);
-  if (Math.abs((fullWidth * height) / (fullHeight * width) - 1) > MOST_UNEVEN) {
-    throw new AnyProbeError("invalid-option", `mask: expected the picture's aspect, ${width} x ${height}, got ${fullWidth} x ${fullHeight}`);
-  }
+  checkAspect({ width: fullWidth, height: fullHeight }, picture);
   const { rgba } = isImageData(ready) ? { rgba: ready.data } : draw(ready, fullWidth, fullHeight, 1, "mask");
   const values = maskFromAlpha({ rgba }) ?? brightness(rgba);
   return resize(values, 1, [fullWidth, fullHeight], [width, height]);
+}
+
+function checkAspect(mask, { width, height }) {
+  if (Math.abs((mask.width * height) / (mask.height * width) - 1) <= MOST_UNEVEN) return;
+  throw new AnyProbeError("invalid-option", `mask: expected the picture's aspect, ${width} x ${height}, got ${mask.width} x ${mask.height}`);
 }
 
 /** The outer tenths of the range are flattened, as anyprobe.masks.sources does: the noise of JPEG around black and white. */

@@ -5,4 +5,5 @@ export { installCameraCurve } from "./cameraCurve.js";
 export { ContactShadow } from "./contactShadow.js";
 export { EnvironmentTexture } from "./environmentTexture.js";
 export { MaskOccluder } from "./occluder.js";
+export { PhotoGround } from "./photoGround.js";
 export { ProbeLight } from "./probeLight.js";

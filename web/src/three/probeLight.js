@@ -21,6 +21,7 @@ export class ProbeLight extends Group {
   #texture = null;
   #hasStarted = false;
   #hasWarned = false;
+  #isBlind = false; // the session's views have no camera, and that was said
 
   /**
    * @param {import("../anyprobe.js").AnyProbe} probe
@@ -93,9 +94,34 @@ export class ProbeLight extends Group {
     return this.#tracker;
   }
 
+  /**
+   * In an XR session's animation loop: follow the light of the camera whose picture the session shows, by the pose of its view.
+   * The session must have been asked for with requiredFeatures: ["camera-access"].
+   *
+   * @param {import("three").WebGLRenderer} renderer
+   * @param {XRFrame | null} frame of the loop; null outside a session
+   * @param {object} [options] of AnyProbe.track, for the first frame
+   * @returns {boolean} whether there was a picture
+   */
+  offerCamera(renderer, frame, options = {}) {
+    const views = frame?.getViewerPose(renderer.xr.getReferenceSpace())?.views ?? [];
+    const view = views.find(({ camera }) => camera);
+    if (views.length > 0 && !view && !this.#isBlind) {
+      this.#isBlind = true;
+      console.warn('ProbeLight: the session has no camera picture; ask for it with requiredFeatures: ["camera-access"], on a device and browser that give it');
+    }
+    if (!view) return false;
+    const { width, height } = view.camera;
+    if (!this.#tracker?.running) this.track(null, { projectionMatrix: view.projectionMatrix, ...options });
+    const texture = renderer.xr.getBinding().getCameraImage(view.camera);
+    this.#tracker.offer({ gl: renderer.getContext(), texture, width, height }, { pose: view.transform });
+    return true;
+  }
+
   stop() {
     this.#tracker?.stop();
     this.#tracker = null;
+    this.#isBlind = false;
     if (this.#hasStarted) this.dispatchEvent({ type: "estimationend" });
     this.#hasStarted = false;
   }

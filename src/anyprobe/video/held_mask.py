@@ -1,0 +1,222 @@
+"""An object's mask, held in the picture in which it was found and moved with the object to each further frame.
+
+The same in web/src/live/heldMask.js. Numbers in capitals are the contract's "held_mask".
+
+**In every frame** the object is registered (video.registration) against the key, from where it lay in the last one; the
+mask is the key's, moved. Where that is unsure the mask is looked for in the frame, which becomes the key; should the
+next frame be registered against the key before, the frame between was an odd one, and that key is the key again.
+
+**A mask found anew**, every EVERY frames, is moved back to the key. Where its IoU with the mask there is AGREES or
+more,
+the mask becomes the mean of it and what was found before, MOST finds at most. Where it is less, it counts for nothing
+unless PATIENCE finds in a row, EVERY_REFUSED frames apart, are as alike to each other: then the last becomes the mask.
+One of MOST_CHANGE times the mask's pixels, or so much fewer, is another object's and counts for nothing at all.
+
+**The key is replaced** by a frame in which it is found but is less alike than FADED.
+
+**The object looks the same**, so that its light did not change, where it is found and 1 - alike is at most
+other_light.times that of the last REMEMBERED frames (median) and other_light.more.
+
+**For the light** the mask is narrowed by `narrow` = NARROW of the longer side of its box, and NARROW_ERROR times the
+error that registration expects of itself, at most NARROW_MOST pixels: beside its edge lies what is not the object's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from PIL import Image
+
+from anyprobe.core.contract import contract
+from anyprobe.masks.check import object_box
+from anyprobe.masks.search import Window
+from anyprobe.video.registration import REACH, Key, Motion, Registered, begin_key, luma, register
+
+NUMBERS = contract("held_mask")
+EVERY, EVERY_REFUSED, PATIENCE = NUMBERS["every"], NUMBERS["every_refused"], NUMBERS["patience"]
+AGREES, MOST, FADED = NUMBERS["agrees"], NUMBERS["most"], NUMBERS["faded"]
+NARROW, NARROW_ERROR, NARROW_MOST = NUMBERS["narrow"], NUMBERS["narrow_error"], NUMBERS["narrow_most"]
+MOST_CHANGE: float = NUMBERS["most_change"]
+REMEMBERED, TIMES, MORE = NUMBERS["remembered"], NUMBERS["other_light"]["times"], NUMBERS["other_light"]["more"]
+ROOM = NUMBERS["room"]
+"""Of the key's window on every side, in the longer sides of the object: a mask found anew reaches no further."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Held:
+    """A mask and the picture that it is held in.
+
+    picture: luma [h, w] float32 of the key's window, whose first pixel is at `offset` (x, y). marked: cover [h, w] by
+    which the key was made; cover: what is held there now, the mean of `finds` masks.
+    motion: of the object from the key to the last frame, error_px: what is expected to be wrong of it.
+    age: frames since a mask was looked for. refused: finds in a row that did not agree; other: the last of them.
+    unlike: 1 - alike of the last frames. looks_same: whether the last frame's object looks as in those before.
+    """
+
+    picture: np.ndarray
+    offset: tuple[int, int]
+    marked: np.ndarray
+    cover: np.ndarray
+    key: Key
+    finds: int = 1
+    motion: Motion = Motion()
+    error_px: float = 0.0
+    age: int = 0
+    refused: int = 0
+    other: np.ndarray | None = None
+    unlike: tuple[float, ...] = ()
+    looks_same: bool = False
+
+
+def hold(rgb: np.ndarray, mask: np.ndarray, finds: int = 1) -> Held:
+    """A mask [H, W] that was found in a frame [H, W, 3] uint8."""
+    height, width = mask.shape
+    window = Window(x0=0, y0=0, x1=width, y1=height).around(object_box(mask), ROOM)
+    inside = slice(window.y0, window.y1), slice(window.x0, window.x1)
+    return held_in(luma(rgb[inside]), mask[inside].astype(np.float32), offset=(window.x0, window.y0), finds=finds)
+
+
+def held_in(picture: np.ndarray, marked: np.ndarray, *, offset: tuple[int, int], **more) -> Held:
+    """The same of its parts; more: of Held."""
+    key = begin_key(picture, marked, offset)
+    return Held(**{"cover": marked, **more}, picture=picture, offset=offset, marked=marked, key=key)
+
+
+def found_in(held: Held, rgb: np.ndarray) -> Registered:
+    """Where the object lies in another frame, looked for around where it was last."""
+    height, width = rgb.shape[:2]
+    x0, y0, x1, y1 = _box(held)
+    more = (REACH + 0.1) * max(x1 - x0, y1 - y0)
+    window = Window(x0=0, y0=0, x1=width, y1=height).around((x0 - more, y0 - more, x1 + more, y1 + more), 0.0)
+    if window.x1 - window.x0 < 8 or window.y1 - window.y0 < 8:
+        return Registered(motion=held.motion, alike=0.0, inside=0.0, agreed=0.0, error_px=float("inf"))
+    picture = luma(rgb[window.y0 : window.y1, window.x0 : window.x1])
+    return register(held.key, picture, held.motion, (window.x0, window.y0))
+
+
+def follow(held: Held, rgb: np.ndarray, found: Registered, find: Callable[[np.ndarray], np.ndarray | None]) -> Held:
+    """After one more frame, in which the object was `found` for sure.
+
+    find: a mask [H, W] of the frame, given where the mask is now; None where there is none.
+    """
+    usual = float(np.median(held.unlike)) if held.unlike else 1.0 - found.alike
+    held = replace(
+        held,
+        motion=found.motion,
+        error_px=found.error_px,
+        age=held.age + 1,
+        unlike=(*held.unlike, 1.0 - found.alike)[-REMEMBERED:],
+        looks_same=1.0 - found.alike <= TIMES * usual + MORE,
+    )
+    if held.age >= (EVERY_REFUSED if held.refused else EVERY):
+        held = _looked(held, rgb, find(mask_in(held, rgb.shape)))
+    if found.alike < FADED:
+        newer = hold(rgb, mask_in(held, rgb.shape), held.finds)
+        other = None if held.other is None else _carried(held, held.other, newer)
+        held = replace(
+            newer,
+            error_px=held.error_px,
+            age=held.age,
+            refused=held.refused,
+            other=other,
+            unlike=held.unlike,
+            looks_same=held.looks_same,
+        )
+    return held
+
+
+def _looked(held: Held, rgb: np.ndarray, mask: np.ndarray | None) -> Held:
+    """After a mask was looked for."""
+    held = replace(held, age=0)
+    if mask is None:
+        return held
+    there = _in_key(held, mask)
+    if not 1 / MOST_CHANGE < float(there.sum()) / float(held.cover.sum()) < MOST_CHANGE:
+        return held
+    if _iou(held.cover, there) >= AGREES:
+        share = np.float32(1.0 / min(held.finds + 1, MOST))
+        cover = held.cover + share * (there - held.cover)
+        return replace(held, cover=cover, finds=held.finds + 1, refused=0, other=None)
+    stays = held.other is not None and _iou(held.other, there) >= AGREES
+    refused = held.refused + 1 if stays else 1
+    return hold(rgb, mask) if refused >= PATIENCE else replace(held, refused=refused, other=there)
+
+
+def mask_in(held: Held, shape: tuple[int, ...], cover: np.ndarray | None = None) -> np.ndarray:
+    """The mask [H, W] float32 in the last frame, of that shape; cover: another one of the key's."""
+    cover = held.cover if cover is None else cover
+    height, width = shape[:2]
+    mask = np.zeros((height, width), np.float32)
+    x0, y0, x1, y1 = (int(round(v)) for v in _box(held))
+    x0, y0, x1, y1 = max(x0 - 2, 0), max(y0 - 2, 0), min(x1 + 2, width), min(y1 + 2, height)
+    if x0 >= x1 or y0 >= y1:
+        return mask
+    key, motion = held.key, held.motion
+    back = np.linalg.inv(motion.matrix())
+    first = back @ (np.array([x0 - motion.x, y0 - motion.y]) - key.center) + key.center - held.offset
+    mask[y0:y1, x0:x1] = _turned(cover, back, first, x1 - x0, y1 - y0)
+    return mask
+
+
+def _turned(cover: np.ndarray, matrix: np.ndarray, first: np.ndarray, width: int, height: int) -> np.ndarray:
+    """[height, width] float32 of a cover, linear between its pixels, zero beside it: the place p of the result is at
+    matrix p + first."""
+    affine = (*matrix[0], first[0], *matrix[1], first[1])
+    image = Image.fromarray(np.ascontiguousarray(cover, np.float32))
+    return np.asarray(image.transform((width, height), Image.Transform.AFFINE, affine, Image.Resampling.BILINEAR))
+
+
+def lit_mask(held: Held, shape: tuple[int, ...]) -> np.ndarray:
+    """The mask in the last frame as the light is to be estimated by."""
+    x0, y0, x1, y1 = object_box(held.cover)
+    narrow = NARROW * max(x1 - x0, y1 - y0) + NARROW_ERROR * held.error_px
+    cover = narrowed(held.cover, min(narrow, NARROW_MOST))
+    return mask_in(held, shape, cover if (cover > 0.5).any() else held.cover)
+
+
+def narrowed(cover: np.ndarray, pixels: float) -> np.ndarray:
+    """A cover [h, w] whose edge lies so many pixels further inside: the least of four neighbours, again and again, and
+    for a fraction the mean of the last two."""
+    whole = int(pixels)
+    for _ in range(whole):
+        cover = _least(cover)
+    part = np.float32(pixels - whole)
+    return cover if part == 0 else cover + part * (_least(cover) - cover)
+
+
+def _least(cover: np.ndarray) -> np.ndarray:
+    padded = np.pad(cover, 1)
+    sides = padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]
+    return np.minimum.reduce([cover, *sides])
+
+
+def _in_key(held: Held, mask: np.ndarray) -> np.ndarray:
+    """A mask of the last frame in the key's window, [h, w] float32."""
+    height, width = held.cover.shape
+    key, motion = held.key, held.motion
+    first = motion.matrix() @ (held.offset - key.center) + key.center + (motion.x, motion.y)
+    return _turned(mask, motion.matrix(), first, width, height)
+
+
+def _carried(held: Held, cover: np.ndarray, to: Held) -> np.ndarray:
+    """A cover of one key's window in that of the frame which it was last moved to."""
+    height, width = to.cover.shape
+    shape = to.offset[1] + height, to.offset[0] + width
+    return mask_in(held, shape, cover)[to.offset[1] :, to.offset[0] :]
+
+
+def _box(held: Held) -> tuple[float, float, float, float]:
+    """Around the key's window's object in the last frame."""
+    x0, y0, x1, y1 = object_box(held.cover)
+    corners = np.array([[x0, y0], [x1, y0], [x0, y1], [x1, y1]]) + held.offset - held.key.center
+    places = corners @ held.motion.matrix().T + held.key.center + (held.motion.x, held.motion.y)
+    left, top = places.min(axis=0)
+    right, bottom = places.max(axis=0)
+    return float(left), float(top), float(right), float(bottom)
+
+
+def _iou(one: np.ndarray, other: np.ndarray) -> float:
+    one, other = one > 0.5, other > 0.5
+    return float((one & other).sum() / max((one | other).sum(), 1))

@@ -1,0 +1,120 @@
+"""A mask that is found once and moved with its object, and what masks found anew count."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from anyprobe.video import following
+from anyprobe.video.clip import Frame
+from anyprobe.video.following import MaskFollower
+from anyprobe.video.held_mask import EVERY, EVERY_REFUSED, PATIENCE, follow, found_in, hold, lit_mask, mask_in, narrowed
+from anyprobe.video.registration import Motion
+
+SHAPE = (240, 320)
+
+
+def frame(motion: Motion | None = None, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """A shaded egg before a bright wall, [240, 320, 3] uint8, and where it is, [240, 320] bool."""
+    motion = motion or Motion()
+    y, x = np.mgrid[0 : SHAPE[0], 0 : SHAPE[1]] + 0.5
+    places = np.stack([x - 150 - motion.x, y - 120 - motion.y], axis=-1) @ np.linalg.inv(motion.matrix()).T
+    u, v = np.moveaxis(places, -1, 0)
+    inside = np.clip(50.0 - np.hypot(u, 1.3 * v) + 0.5, 0.0, 1.0)
+    object_ = 90.0 + 0.5 * u - 0.4 * v + 12.0 * np.sin(0.12 * u)
+    seen = inside * object_ + (1.0 - inside) * (215.0 + 0.06 * x)
+    seen = seen + np.random.default_rng(seed).normal(0.0, 2.0, SHAPE)
+    return np.clip(np.round(seen), 0, 255).astype(np.uint8)[..., None].repeat(3, axis=-1), inside
+
+
+def iou(one: np.ndarray, other: np.ndarray) -> float:
+    return float(((one > 0.5) & (other > 0.5)).sum() / ((one > 0.5) | (other > 0.5)).sum())
+
+
+def never(mask):
+    raise AssertionError("looked for though it is not time yet")
+
+
+def test_a_mask_moves_with_its_object_by_fractions_of_a_pixel():
+    held = hold(*frame())
+    for index in range(1, EVERY):
+        truth = Motion(x=3.3 * index, y=-1.7 * index, angle=0.015 * index, scale=0.012 * index)
+        rgb, inside = frame(truth, seed=index)
+        found = found_in(held, rgb)
+        assert found.is_sure
+        held = follow(held, rgb, found, never)
+        beside = np.abs(mask_in(held, SHAPE) - inside)
+        assert iou(mask_in(held, SHAPE), inside) > 0.985
+        assert beside.max() < 0.6  # nowhere off by a pixel
+
+
+def test_another_picture_is_not_taken_for_the_object(rng):
+    held = hold(*frame())
+    assert not found_in(held, rng.integers(0, 255, (*SHAPE, 3)).astype(np.uint8)).is_sure
+    assert not found_in(held, np.full((*SHAPE, 3), 128, np.uint8)).is_sure
+
+
+def test_a_mask_that_does_not_agree_counts_once_it_stays_so():
+    rgb, inside = frame()
+    held = hold(rgb, inside)
+    wide = inside.copy()
+    wide[85:155, 185:220] = 1.0  # a handle that was never there
+    masks = iter([wide, np.roll(wide, 60, axis=0)] + [wide] * PATIENCE)
+    asked = 0
+
+    def find(mask):
+        nonlocal asked
+        asked += 1
+        return next(masks)
+
+    for count in range(1, EVERY + (PATIENCE + 1) * EVERY_REFUSED + 1):
+        held = follow(held, rgb, found_in(held, rgb), find)
+        is_last = count == EVERY + (PATIENCE + 1) * EVERY_REFUSED
+        assert iou(mask_in(held, SHAPE), wide if is_last else inside) > 0.99
+    assert asked == PATIENCE + 2
+
+
+def test_masks_that_agree_are_averaged():
+    rgb, inside = frame()
+    held = hold(rgb, inside)
+    for _ in range(EVERY):
+        held = follow(held, rgb, found_in(held, rgb), lambda mask: np.roll(inside, 2, axis=1))
+    assert held.finds == 2
+    assert np.abs(mask_in(held, SHAPE) - (inside + np.roll(inside, 2, axis=1)) / 2).max() < 0.2
+
+
+@pytest.mark.parametrize("pixels", [1.0, 2.0])
+def test_a_narrowed_mask_lies_inside(pixels):
+    inside = frame()[1]
+    rows, columns = (np.flatnonzero((inside > 0.5).any(axis=axis)) for axis in (1, 0))
+    narrow = narrowed(inside, pixels) > 0.5
+    assert np.flatnonzero(narrow.any(axis=0))[0] == columns[0] + int(pixels)
+    assert np.flatnonzero(narrow.any(axis=1))[-1] == rows[-1] - int(pixels)
+    assert narrow.sum() > (narrowed(inside, pixels + 0.6) > 0.5).sum()
+
+
+def test_what_is_less_sure_is_narrowed_more():
+    held = hold(*frame())
+    sure, unsure = (lit_mask(replace(held, error_px=error), SHAPE).sum() for error in (0.0, 1.5))
+    assert unsure < sure < mask_in(held, SHAPE).sum()
+
+
+def test_one_odd_frame_changes_nothing_after_it(rng, monkeypatch):
+    looked = []
+
+    def looked_for(rgb, last):
+        looked.append(last)
+        return np.roll(frame()[1], 30, axis=1).astype(np.float32)
+
+    monkeypatch.setattr(following, "_looked_for", looked_for)
+    follower = MaskFollower({}, {"box": (95, 75, 205, 165)}, {})
+    masks = []
+    for index in range(5):
+        rgb = frame(seed=index)[0] if index != 2 else rng.integers(0, 255, (*SHAPE, 3)).astype(np.uint8)
+        masks.append(follower.photo(Frame(index=index, time_s=index / 15, rgb=rgb)).mask)
+    assert len(looked) == 1
+    assert iou(masks[1], masks[2]) < 0.8
+    assert iou(masks[1], masks[3]) > 0.98
+    assert iou(masks[1], masks[4]) > 0.98

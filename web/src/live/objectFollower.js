@@ -1,0 +1,203 @@
+/**
+ * Where the object is in every frame: as anyprobe.video.following, found once by what is marked, or given, and moved with the
+ * picture from there on.
+ *
+ * @typedef {(picture: object, hints: object) => Promise<{mask: Float32Array, quality: number}>} Find its mask is empty where
+ *   nothing was found
+ * @typedef {{find: Find, again: Find, has: boolean, checks: boolean}} Masks find: of what is marked, all looks that a still
+ *   picture has; again: of an object that is known, by one look at its box; has: whether there is a network; checks: whether it
+ *   is quick enough to look now and then at an object that is followed well
+ */
+
+import { objectBox } from "../photo/picture.js";
+import { REFUSED } from "../photo/quality.js";
+import { resize } from "../photo/resize.js";
+import { shrink } from "../photo/parts.js";
+import { foundIn, follow, hold, isOneObject, litMask, maskIn } from "./heldMask.js";
+import { isSure } from "./registration.js";
+
+/** The box prompt is the last mask's, grown by this share on every side. */
+const GROWTH = 0.08;
+
+/** So many frames after one in which the object was not where it could be, the picture before it is tried first. */
+const ODD = 2;
+
+/** Longer side of the mask that the inner point is looked for in. */
+const COARSE_PX = 128;
+
+export class ObjectFollower {
+  #held = null; // the mask that moves with the object
+  #before = null; // what was held until it was lost, so many frames ago
+  #lostFor = 0;
+  #given = null; // picture and mask of the caller's, of which a held mask is made when a frame comes without
+  #kept = null; // what was followed before the last mark
+
+  /** @param {Masks} masks @param {import("../photo/picture.js").Hints} hints as shares of width and height */
+  constructor(masks, hints) {
+    Object.assign(this, { masks, hints, quality: null, last: null });
+  }
+
+  /** Whether the last frame's object was found, and looked as in the frames before, which had its light. */
+  get looksSame() {
+    return this.#held?.looksSame ?? false;
+  }
+
+  /** New clicks or a new box: the mask is found anew at the next frame. Where they find nothing, the last object stays. */
+  mark(hints) {
+    const { last, quality } = this;
+    if (last) this.#kept = { hints: this.hints, last, quality, held: this.#held, given: this.#given };
+    Object.assign(this, { hints, last: null });
+    this.#held = this.#given = this.#before = null;
+  }
+
+  /** Nothing that was marked or found is where it was. */
+  forget() {
+    this.mark({ on: [], off: [], box: null });
+    this.#kept = null;
+  }
+
+  /**
+   * The object's mask in a frame.
+   *
+   * @param {import("../photo/picture.js").Picture} picture
+   * @param {{data: Float32Array, width: number, height: number} | null} given the caller's own mask of it
+   * @returns {Promise<{mask: Float32Array, lit: Float32Array, isNew: boolean, missed?: true} | null>} lit: as the light is to be
+   *   estimated by; null: it is not seen, or something was marked meanwhile
+   */
+  async next(picture, given = null) {
+    const found = given ? this.#take(picture, given) : this.last ? await this.#move(picture) : await this.#findMarked(picture);
+    return found && objectBox(found.lit, picture.width) ? found : null;
+  }
+
+  /** A mask of the caller's own, which is not doubted; frames without one move it. */
+  #take(picture, { data, width, height }) {
+    const isFit = width === picture.width && height === picture.height;
+    const mask = isFit ? data : resize(data, 1, [width, height], [picture.width, picture.height]);
+    this.quality = this.#held = this.#before = this.#kept = null;
+    if (!objectBox(mask, picture.width)) return null;
+    this.#given = { picture, mask };
+    this.last = lastOf(mask, picture.width);
+    return { mask, lit: mask, isNew: true };
+  }
+
+  async #findMarked(picture) {
+    const { hints } = this;
+    const { mask, quality } = await this.masks.find(picture, hintsIn(hints, picture));
+    if (this.hints !== hints) return null; // clicked meanwhile: found anew at the next frame
+    const kept = this.#kept;
+    this.#kept = null;
+    const isFound = objectBox(mask, picture.width) !== null;
+    if (kept && !(isFound && quality >= REFUSED)) {
+      Object.assign(this, { hints: kept.hints, last: kept.last, quality: kept.quality });
+      this.#held = kept.held;
+      this.#given = kept.given;
+      const found = await this.#move(picture);
+      return found && { ...found, missed: true };
+    }
+    if (!isFound) return null;
+    this.quality = quality;
+    return this.#begin(picture, mask);
+  }
+
+  #begin(picture, mask) {
+    this.#held = hold(picture, mask);
+    this.last = lastOf(mask, picture.width);
+    return { mask, lit: litMask(this.#held), isNew: true };
+  }
+
+  /** The held mask where its object is now. */
+  async #move(picture) {
+    const { hints } = this;
+    const known = [this.#held, this.#before, this.#lostFor];
+    if (this.#given) {
+      this.#held = hold(this.#given.picture, this.#given.mask);
+      this.#given = null;
+    }
+    const isNew = await this.#isFollowed(picture);
+    if (this.hints !== hints || isNew === null) return null;
+    const mask = maskIn(this.#held);
+    const last = lastOf(mask, picture.width);
+    if (!objectBox(mask, picture.width) || !isOneObject(last.count, this.last.count)) {
+      [this.#held, this.#before, this.#lostFor] = known;
+      return null;
+    }
+    this.last = last;
+    return { mask, lit: litMask(this.#held), isNew };
+  }
+
+  /** Whether the mask is another one than was held; null: the object is not seen. */
+  async #isFollowed(picture) {
+    const { hints, masks } = this;
+    const find = masks.has && masks.checks && (async (mask) => (await this.#lookedFor(picture, lastOf(mask, picture.width)))?.mask ?? null);
+    if (++this.#lostFor > ODD) this.#before = null;
+    for (const held of [this.#before, this.#held]) {
+      const found = held && foundIn(held, picture);
+      if (!found || !isSure(found)) continue;
+      const next = await follow(held, picture, found, find);
+      if (this.hints !== hints) return null;
+      if (held === this.#before) this.#before = null;
+      this.#held = next;
+      return false;
+    }
+    if (!masks.has) return null;
+    const found = (await this.#lookedFor(picture, this.last)) ?? (await this.#lookedFor(picture, this.last, masks.find));
+    if (!found || this.hints !== hints) return null;
+    if (!this.#before) [this.#before, this.#lostFor] = [this.#held, 0];
+    this.quality = found.quality;
+    this.#held = hold(picture, found.mask);
+    return true;
+  }
+
+  /** The mask by one look at the last one's box and a margin, or by another search; null where nothing is there. */
+  async #lookedFor(picture, { point, box }, search = this.masks.again) {
+    const found = await search(picture, { on: [point], off: [], box });
+    return objectBox(found.mask, picture.width) ? found : null;
+  }
+}
+
+/** In pixels. */
+function hintsIn({ on, off, box }, { width, height }) {
+  const pixels = (points) => points.map(([x, y]) => [x * width, y * height]);
+  return { on: pixels(on), off: pixels(off), box: box && [0, 2].flatMap((i) => pixels([box.slice(i, i + 2)])[0]) };
+}
+
+/** A point well inside a mask, its pixels and its box, grown, by which it is looked for; all of it made when it is read. */
+function lastOf(mask, width) {
+  return {
+    count: mask.reduce((sum, value) => sum + value, 0),
+    get point() {
+      return innerPoint(mask, width);
+    },
+    get box() {
+      const [x0, y0, x1, y1] = objectBox(mask, width);
+      const [right, down] = [GROWTH * (x1 - x0), GROWTH * (y1 - y0)];
+      return [Math.max(x0 - right, 0), Math.max(y0 - down, 0), Math.min(x1 + right, width), Math.min(y1 + down, mask.length / width)];
+    },
+  };
+}
+
+/** x, y of a pixel far from the edge of a mask that is not empty; of several the most central. */
+export function innerPoint(mask, width) {
+  const height = mask.length / width;
+  const step = Math.max(1, Math.ceil(Math.max(width, height) / COARSE_PX));
+  const half = Math.floor(step / 2);
+  const [across, down] = [width, height].map((length) => Math.ceil((length - half) / step));
+  let inside = Uint8Array.from({ length: across * down }, (_, i) => (mask[(half + step * Math.floor(i / across)) * width + half + step * (i % across)] > 0.5 ? 1 : 0));
+  let left = inside;
+  while (left.includes(1)) {
+    inside = left;
+    left = shrink(left, across, 1);
+  }
+  const cells = [];
+  inside.forEach((value, i) => value && cells.push([i % across, Math.floor(i / across)]));
+  if (cells.length === 0) return pointOf(mask, width); // thinner than a step
+  const mean = [0, 1].map((axis) => cells.reduce((sum, cell) => sum + cell[axis], 0) / cells.length);
+  const away = ([x, y]) => (x - mean[0]) ** 2 + (y - mean[1]) ** 2;
+  const nearest = cells.reduce((best, cell) => (away(cell) < away(best) ? cell : best));
+  return nearest.map((cell) => cell * step + half);
+}
+
+const pointOf = (mask, width) => {
+  const at = mask.indexOf(mask.reduce((a, b) => Math.max(a, b), 0));
+  return [at % width, Math.floor(at / width)];
+};

@@ -1,0 +1,395 @@
+/**
+ * Where the object of one picture, the key, lies in another one, to a fraction of a pixel: anyprobe.video.registration, where
+ * the rules stand and what each name means. Both are held to tests/product/cases/registration.json.
+ *
+ * @typedef {{width: number, height: number, values: Float32Array}} Luma a picture, or the window of one at an offset
+ * @typedef {{x: number, y: number, angle: number, scale: number}} Motion pixels, radians clockwise, natural logarithm
+ * @typedef {{motion: Motion, alike: number, inside: number, agreed: number, errorPx: number}} Registered
+ */
+
+import { CONTRACT } from "../core/contract.js";
+
+const { fine_px: FINE_PX, coarse_px: COARSE_PX, points: POINTS, reach: REACH, pull: PULL, ...NUMBERS } = CONTRACT.registration;
+const { steps: STEPS, done_px: DONE_PX, spread: SPREAD, least: LEAST, least_gain: LEAST_GAIN } = NUMBERS;
+const { alike: ALIKE, inside: INSIDE, agreed: AGREED, error: ERROR } = NUMBERS;
+
+/** Numbers in a row of a level: what the four parts of a motion change, the key's value, one. */
+const TERMS = 6;
+
+/** No motion. @type {Motion} */
+export const STILL = Object.freeze({ x: 0, y: 0, angle: 0, scale: 0 });
+
+/** [a, b, c, d] of e^scale R(angle), row by row. @param {Motion} motion */
+export function matrixOf({ angle, scale }) {
+  const [cos, sin] = [Math.exp(scale) * Math.cos(angle), Math.exp(scale) * Math.sin(angle)];
+  return [cos, -sin, sin, cos];
+}
+
+/** Whether a motion is to be believed. @param {Registered} found */
+export const isSure = ({ alike, inside, agreed }) => alike >= ALIKE && inside >= INSIDE && agreed >= AGREED;
+
+/**
+ * Luma (R + 2 G + B) / 4 of a window of a picture.
+ *
+ * @param {import("../photo/picture.js").Picture} picture
+ * @param {number[]} window x0, y0, x1, y1 in whole pixels
+ * @returns {Luma}
+ */
+export function lumaOf({ width, rgba }, [x0, y0, x1, y1]) {
+  const values = new Float32Array((x1 - x0) * (y1 - y0));
+  for (let y = y0, to = 0; y < y1; y++) {
+    for (let at = 4 * (y * width + x0), end = 4 * (y * width + x1); at < end; at += 4) {
+      values[to++] = (rgba[at] + 2 * rgba[at + 1] + rgba[at + 2]) / 4;
+    }
+  }
+  return { width: x1 - x0, height: y1 - y0, values };
+}
+
+/**
+ * What a picture shows of its object.
+ *
+ * @param {Luma} picture
+ * @param {Float32Array} mask cover of its object, of the picture's shape, not empty
+ * @param {number[]} [offset] x, y of their first pixel in the frame
+ */
+export function beginKey(picture, mask, offset = [0, 0]) {
+  const { center, radius, longer } = placeOf(mask, picture.width, offset);
+  const [fine, coarse] = [FINE_PX, COARSE_PX].map((most) => Math.max(0, Math.ceil(Math.log2(longer / most))));
+  const first = aligned(offset, coarse);
+  const pictures = pyramid(smoothed(cut(picture, coarse, offset)), coarse);
+  const covers = pyramid(cut({ ...picture, values: mask }, coarse, offset), coarse);
+  const levels = [];
+  for (let level = fine; level <= coarse; level++) levels.push(levelOf(pictures[level], covers[level].values, level, first, center, radius));
+  return { center, radius, fine, coarse, levels, ...coarseBox(pictures[coarse], covers[coarse].values, coarse, first, center) };
+}
+
+/**
+ * Where a key's object lies in another picture, looked for around a start.
+ *
+ * @param {ReturnType<typeof beginKey>} key
+ * @param {Luma} picture
+ * @param {Motion} start
+ * @param {number[]} [offset] as of beginKey
+ * @returns {Registered}
+ */
+export function register(key, picture, start, offset = [0, 0]) {
+  const pictures = pyramid(smoothed(cut(picture, key.coarse, offset)), key.coarse);
+  const first = aligned(offset, key.coarse);
+  let found = { motion: searched(key, pictures[key.coarse], start, first), alike: 0, inside: 0, agreed: 0, errorPx: Infinity };
+  for (let level = key.coarse; level >= key.fine; level--) {
+    found = alignedTo(key, key.levels[level - key.fine], pictures[level], found.motion, level, first);
+    if (found.inside === 0) break;
+  }
+  return found;
+}
+
+/** Centre, radius and longer side of what a mask covers. */
+function placeOf(mask, width, [left, top]) {
+  let [count, sumX, sumY, squares, x0, y0, x1, y1] = [0, 0, 0, 0, Infinity, Infinity, -1, -1];
+  for (let i = 0; i < mask.length; i++) {
+    if (!(mask[i] > 0.5)) continue;
+    const [x, y] = [i % width, Math.floor(i / width)];
+    count++;
+    sumX += x;
+    sumY += y;
+    squares += x * x + y * y;
+    [x0, y0, x1, y1] = [Math.min(x0, x), Math.min(y0, y), Math.max(x1, x), Math.max(y1, y)];
+  }
+  const [meanX, meanY] = [sumX / count, sumY / count];
+  const radius = Math.sqrt(Math.max(squares / count - meanX ** 2 - meanY ** 2, 0)) || 1;
+  return { center: [meanX + 0.5 + left, meanY + 0.5 + top], radius, longer: Math.max(x1 - x0, y1 - y0) + 1 };
+}
+
+/** Values and cover of the box that is searched by, and the place from the centre of its first cell. */
+function coarseBox({ width, values }, cover, coarse, first, center) {
+  const most = cover.reduce((a, b) => Math.max(a, b), 0);
+  const isIn = (value) => (most > 0.5 ? value > 0.5 : value >= most); // an object may be thinner than a cell
+  let [x0, y0, x1, y1] = [Infinity, Infinity, -1, -1];
+  cover.forEach((value, i) => {
+    if (!isIn(value)) return;
+    const [x, y] = [i % width, Math.floor(i / width)];
+    [x0, y0, x1, y1] = [Math.min(x0, x), Math.min(y0, y), Math.max(x1, x), Math.max(y1, y)];
+  });
+  const [across, down] = [x1 - x0 + 1, y1 - y0 + 1];
+  const cells = new Float64Array(across * down);
+  const inside = new Float64Array(across * down);
+  for (let i = 0; i < cells.length; i++) {
+    const at = (y0 + Math.floor(i / across)) * width + x0 + (i % across);
+    cells[i] = values[at];
+    inside[i] = isIn(cover[at]) ? 1 : 0;
+  }
+  const start = [x0, y0].map((cell, axis) => (cell + 0.5) * 2 ** coarse + first[axis] - center[axis]);
+  return { across, down, cells, cover: inside, start };
+}
+
+/** Places and rows of a level's points. */
+function levelOf({ width, height, values }, cover, level, [left, top], [cx, cy], radius) {
+  const size = 2 ** (level + 1);
+  let points = [];
+  for (let y = 1; y < height - 1; y++) {
+    for (let at = y * width + 1; at < (y + 1) * width - 1; at++) if (cover[at] > 0.5) points.push(at);
+  }
+  const slope = (at) => (values[at + 1] - values[at - 1]) ** 2 + (values[at + width] - values[at - width]) ** 2;
+  if (points.length > POINTS) {
+    const slopes = Float64Array.from(points, slope);
+    const least = slopes.slice().sort()[points.length - POINTS];
+    let equals = POINTS - slopes.reduce((count, value) => count + (value > least), 0);
+    points = points.filter((_, i) => slopes[i] > least || (slopes[i] === least && equals-- > 0));
+  }
+  const places = new Float64Array(2 * points.length);
+  const rows = new Float64Array(TERMS * points.length);
+  points.forEach((at, i) => {
+    const u = ((at % width) + 0.5) * 2 ** level + left - cx;
+    const v = (Math.floor(at / width) + 0.5) * 2 ** level + top - cy;
+    const gx = (values[at + 1] - values[at - 1]) / size;
+    const gy = (values[at + width] - values[at - width]) / size;
+    places.set([u, v], 2 * i);
+    rows.set([gx, gy, (gy * u - gx * v) / radius, (gx * u + gy * v) / radius, values[at], 1], TERMS * i);
+  });
+  return { count: points.length, places, rows };
+}
+
+/** The motion mended at one level. */
+function alignedTo(key, { count, places, rows }, picture, motion, step, first) {
+  const [values, left, sizes] = [0, 1, 2].map(() => new Float64Array(count));
+  const weights = new Float64Array(count).fill(1);
+  const there = new Uint8Array(count);
+  let [moved, seen, gain, fit, normal] = [Infinity, 0, 1, null, null];
+  for (let turn = 0; ; turn++) {
+    seen = sample(picture, places, motion, key.center, first, 2 ** step, values, there);
+    if (seen < TERMS) return { motion, alike: 0, inside: 0, agreed: 0, errorPx: Infinity };
+    for (let i = 0; i < count; i++) weights[i] *= there[i];
+    normal = normalOf(rows, values, weights);
+    [fit] = solved(normal.matrix, [normal.right]);
+    let known = 0;
+    for (let i = 0, at = 0; i < count; i++, at += TERMS) {
+      let value = values[i];
+      for (let term = 0; term < TERMS; term++) value -= rows[at + term] * fit[term];
+      left[i] = value;
+      if (there[i]) sizes[known++] = Math.abs(value);
+    }
+    gain = Math.max(fit[4], LEAST_GAIN);
+    if (turn === STEPS || moved <= DONE_PX * 2 ** step) break;
+    const reach = SPREAD * Math.max(1.4826 * medianOf(sizes.subarray(0, known)), LEAST);
+    const delta = [0, 1, 2, 3].map((term) => fit[term] / gain);
+    moved = Math.hypot(delta[0], delta[1]) + Math.hypot(delta[2], delta[3]);
+    motion = composed(motion, delta, key.radius);
+    for (let i = 0; i < count; i++) weights[i] = 1 / (1 + (left[i] / reach) ** 2);
+  }
+  const { alike, total, squares } = judged(values, left, weights);
+  const units = [0, 1, 2, 3].map((axis) => Array.from({ length: TERMS }, (_, i) => (i === axis ? 1 : 0)));
+  const trace = solved(normal.matrix, units).reduce((sum, column, axis) => sum + column[axis], 0);
+  const errorPx = (ERROR * Math.sqrt((trace * squares) / total)) / gain;
+  return { motion, alike: fit[4] > 0 ? alike : 0, inside: seen / count, agreed: total / seen, errorPx };
+}
+
+/** Weighted correlation of values and their fit, the sum of the weights, and of the squares that are left. */
+function judged(values, left, weights) {
+  let [total, sumV, sumF, squares] = [0, 0, 0, 0];
+  for (let i = 0; i < values.length; i++) {
+    total += weights[i];
+    sumV += weights[i] * values[i];
+    sumF += weights[i] * (values[i] - left[i]);
+    squares += weights[i] * left[i] * left[i];
+  }
+  let [vv, ff, vf] = [0, 0, 0];
+  for (let i = 0; i < values.length; i++) {
+    const [v, f] = [values[i] - sumV / total, values[i] - left[i] - sumF / total];
+    vv += weights[i] * v * v;
+    ff += weights[i] * f * f;
+    vf += weights[i] * v * f;
+  }
+  return { alike: vf / Math.sqrt(Math.max(vv * ff, 1e-12)), total, squares };
+}
+
+/** The normal equations of weighted rows: matrix [6][6] and right side [6]. */
+function normalOf(rows, values, weights) {
+  const matrix = Array.from({ length: TERMS }, () => new Float64Array(TERMS));
+  const right = new Float64Array(TERMS);
+  for (let i = 0, at = 0; i < values.length; i++, at += TERMS) {
+    const weight = weights[i];
+    if (weight === 0) continue;
+    for (let a = 0; a < TERMS; a++) {
+      const part = weight * rows[at + a];
+      right[a] += part * values[i];
+      const line = matrix[a];
+      for (let b = a; b < TERMS; b++) line[b] += part * rows[at + b];
+    }
+  }
+  const trace = matrix.reduce((sum, line, a) => sum + line[a], 0);
+  for (let a = 0; a < TERMS; a++) {
+    for (let b = 0; b < a; b++) matrix[a][b] = matrix[b][a];
+    matrix[a][a] += 1e-9 * trace + 1e-12;
+  }
+  return { matrix, right };
+}
+
+/** Solutions x of matrix x = right, for each right side, by Gauss with pivots. */
+function solved(matrix, rights) {
+  const size = matrix.length;
+  const lines = matrix.map((line, i) => [...line, ...rights.map((right) => right[i])]);
+  for (let a = 0; a < size; a++) {
+    let pivot = a;
+    for (let b = a + 1; b < size; b++) if (Math.abs(lines[b][a]) > Math.abs(lines[pivot][a])) pivot = b;
+    [lines[a], lines[pivot]] = [lines[pivot], lines[a]];
+    for (let b = 0; b < size; b++) {
+      if (b === a) continue;
+      const share = lines[b][a] / lines[a][a];
+      for (let c = a; c < lines[b].length; c++) lines[b][c] -= share * lines[a][c];
+    }
+  }
+  return rights.map((_, k) => lines.map((line, a) => line[size + k] / line[a]));
+}
+
+/** The middle of numbers, which are put in another order; of an even count the mean of both. */
+function medianOf(values) {
+  const middle = values.length >> 1;
+  const high = smallest(values, middle);
+  if (values.length % 2) return high;
+  let low = -Infinity;
+  for (let i = 0; i < middle; i++) if (values[i] > low) low = values[i];
+  return (low + high) / 2;
+}
+
+/** The number of a rank, by Hoare's selection: afterwards nothing before it is larger. */
+function smallest(values, rank) {
+  let [low, high] = [0, values.length - 1];
+  while (low < high) {
+    const pivot = values[(low + high) >> 1];
+    let [i, j] = [low, high];
+    while (i <= j) {
+      while (values[i] < pivot) i++;
+      while (values[j] > pivot) j--;
+      if (i > j) break;
+      const kept = values[i];
+      values[i++] = values[j];
+      values[j--] = kept;
+    }
+    if (rank <= j) high = j;
+    else if (rank >= i) low = i;
+    else break;
+  }
+  return values[rank];
+}
+
+/** W o Delta^-1. @param {number[]} delta */
+function composed({ x, y, angle, scale }, [dx, dy, turn, growth], radius) {
+  const turned = { angle: angle - turn / radius, scale: scale - growth / radius };
+  const [a, b, c, d] = matrixOf(turned);
+  return { x: x - (a * dx + b * dy), y: y - (c * dx + d * dy), ...turned };
+}
+
+/** The start moved by whole cells of the coarse level to where the object is likeliest. */
+function searched({ across, down, cells, cover, start: begin, coarse, center }, picture, start, first) {
+  const longer = Math.max(across, down);
+  const reach = Math.ceil(REACH * longer);
+  const cell = 2 ** coarse;
+  const [wide, high] = [across + 2 * reach, down + 2 * reach];
+  const places = new Float64Array(2 * wide * high);
+  for (let i = 0; i < wide * high; i++) {
+    places[2 * i] = ((i % wide) - reach) * cell + begin[0];
+    places[2 * i + 1] = (Math.floor(i / wide) - reach) * cell + begin[1];
+  }
+  const seen = new Float64Array(wide * high);
+  const there = new Uint8Array(wide * high);
+  sample(picture, places, start, center, first, cell, seen, there);
+  const covered = [];
+  cover.forEach((value, i) => value && covered.push([i, Math.floor(i / across) * wide + (i % across)]));
+  const mean = covered.reduce((sum, [i]) => sum + cells[i], 0) / covered.length;
+  const power = covered.reduce((sum, [i]) => sum + (cells[i] - mean) ** 2, 0);
+  let [best, likeliest] = [[0, 0], -Infinity];
+  for (let dy = -reach; dy <= reach; dy++) {
+    for (let dx = -reach; dx <= reach; dx++) {
+      const shift = (dy + reach) * wide + dx + reach;
+      let [agree, total, square, known] = [0, 0, 0, 0];
+      for (const [i, at] of covered) {
+        const value = seen[at + shift];
+        agree += value * (cells[i] - mean);
+        total += value;
+        square += value * value;
+        known += there[at + shift];
+      }
+      const spread = Math.sqrt(Math.max(square - total ** 2 / covered.length, 1e-6) * Math.max(power, 1e-6));
+      const alike = (known / covered.length >= INSIDE ? agree / spread : -1) - (PULL * (dx * dx + dy * dy)) / reach ** 2;
+      if (alike > likeliest) [best, likeliest] = [[dx, dy], alike];
+    }
+  }
+  const [a, b, c, d] = matrixOf(start);
+  const [x, y] = best.map((cells) => cells * cell);
+  return { ...start, x: start.x + a * x + b * y, y: start.y + c * x + d * y };
+}
+
+/**
+ * What a level of a picture shows at places moved, linear between its pixels' centres.
+ *
+ * @param {Float64Array} places x, y from the centre
+ * @param {number} cell pixels of the level, of the frame's
+ * @param {Float64Array} values written: of places beside the picture that of its nearest pixel
+ * @param {Uint8Array} there written: 1 where a place is in the picture
+ * @returns {number} how many are
+ */
+function sample({ width, height, values: pixels }, places, motion, [cx, cy], [left, top], cell, values, there) {
+  const [a, b, c, d] = matrixOf(motion);
+  const [right, below] = [Math.min(1, width - 1), width * Math.min(1, height - 1)];
+  let count = 0;
+  for (let i = 0; i < values.length; i++) {
+    const [u, v] = [places[2 * i], places[2 * i + 1]];
+    let x = (a * u + b * v + cx + motion.x - left) / cell - 0.5;
+    let y = (c * u + d * v + cy + motion.y - top) / cell - 0.5;
+    there[i] = x >= 0 && x <= width - 1 && y >= 0 && y <= height - 1 ? 1 : 0;
+    count += there[i];
+    x = Math.min(Math.max(x, 0), width - 1);
+    y = Math.min(Math.max(y, 0), height - 1);
+    const [column, row] = [Math.min(Math.floor(x), Math.max(width - 2, 0)), Math.min(Math.floor(y), Math.max(height - 2, 0))];
+    x -= column;
+    y -= row;
+    const at = row * width + column;
+    const above = pixels[at] * (1 - x) + pixels[at + right] * x;
+    values[i] = above * (1 - y) + (pixels[at + below] * (1 - x) + pixels[at + below + right] * x) * y;
+  }
+  return count;
+}
+
+/** [1 2 1] / 4 along rows, then columns, the border repeated. @param {Luma} picture */
+function smoothed({ width, height, values }) {
+  const [along, out] = [new Float32Array(values.length), new Float32Array(values.length)];
+  for (let y = 0, i = 0; y < height; y++) {
+    for (let x = 0; x < width; x++, i++) {
+      along[i] = (values[x ? i - 1 : i] + values[x < width - 1 ? i + 1 : i] + 2 * values[i]) / 4;
+    }
+  }
+  for (let y = 0, i = 0; y < height; y++) {
+    const [up, down] = [y ? -width : 0, y < height - 1 ? width : 0];
+    for (let x = 0; x < width; x++, i++) out[i] = (along[i + up] + along[i + down] + 2 * along[i]) / 4;
+  }
+  return { width, height, values: out };
+}
+
+/** A picture and so many halvings of it. */
+function pyramid(picture, coarse) {
+  const levels = [picture];
+  for (let level = 0; level < coarse; level++) {
+    const { width, values } = levels[level];
+    const [w, h] = [levels[level].width >> 1, levels[level].height >> 1];
+    const half = new Float32Array(w * h);
+    for (let y = 0, to = 0; y < h; y++) {
+      for (let x = 0, at = 2 * y * width; x < w; x++, at += 2, to++) {
+        half[to] = (values[at] + values[at + width + 1] + values[at + width] + values[at + 1]) / 4;
+      }
+    }
+    levels.push({ width: w, height: h, values: half });
+  }
+  return levels;
+}
+
+const aligned = (offset, coarse) => offset.map((at) => Math.ceil(at / 2 ** coarse) * 2 ** coarse);
+
+/** Without the rows and columns before the first offset that is a multiple of 2^coarse. */
+function cut({ width, height, values }, coarse, offset) {
+  const [left, top] = aligned(offset, coarse).map((at, axis) => at - offset[axis]);
+  if (!left && !top) return { width, height, values };
+  const [w, h] = [width - left, height - top];
+  const out = new Float32Array(w * h);
+  for (let y = 0; y < h; y++) out.set(values.subarray((y + top) * width + left, (y + top + 1) * width), y * w);
+  return { width: w, height: h, values: out };
+}

@@ -1,0 +1,54 @@
+/** Where the object is, by the mask network that is loaded: U2-Net-p, else the small one. */
+
+import { AnyProbeError } from "../errors.js";
+import { notice } from "../notices.js";
+import { SmallNetwork, U2NetP, untilGivenUp } from "../photo/maskNetworks.js";
+import { REFUSED, examine, expectedIou, warningsOf } from "../photo/quality.js";
+import { findObject, lookAgain, maskOf } from "../photo/search.js";
+import { smallNetworkWarning } from "./words.js";
+
+/**
+ * The mask of a still picture, with the IoU to expect, a line where that is little, and the seconds it took without the opening
+ * of a network.
+ *
+ * @param {import("./models.js").Models} models
+ * @param {import("../photo/picture.js").Picture} picture
+ * @param {import("../photo/picture.js").Hints} hints
+ * @param {() => boolean} isGivenUp
+ */
+export async function findMask(models, picture, hints, isGivenUp) {
+  const network = networkOf(models);
+  await network.open();
+  const start = performance.now();
+  const { evidence, ...found } = await searchBy(untilGivenUp(network, isGivenUp), picture, hints, findObject);
+  const warnings = evidence ? warningsOf(evidence, found.quality) : [notice("no-object", "nothing stands out there")];
+  if (evidence && network.name === "small") warnings.push(smallNetworkWarning(hints));
+  return { ...found, warnings, seconds: (performance.now() - start) / 1000 };
+}
+
+/**
+ * How a video's masks are found: what is marked as in a still picture, and an object that is known by one look where it was.
+ * U2-Net-p, which takes the time of many frames, looks where the object has been lost alone.
+ *
+ * @param {import("./models.js").Models} models
+ * @returns {import("../live/objectFollower.js").Masks}
+ */
+export function videoMasks(models) {
+  const by = (search) => (picture, hints) => searchBy(networkOf(models), picture, hints, search);
+  return { find: by(findObject), again: by(lookAgain), has: models.hasMask || models.hasU2netp, checks: !models.hasU2netp };
+}
+
+async function searchBy(network, picture, hints, search) {
+  const { width, height } = picture;
+  const found = await search(network, picture, hints);
+  const evidence = found && examine(found, width, height, hints);
+  const quality = found ? expectedIou(evidence, network.name) : 0;
+  if (quality < REFUSED) return { mask: new Float32Array(width * height), quality: 0, evidence: null };
+  return { mask: maskOf(found, width, height), quality, evidence };
+}
+
+function networkOf(models) {
+  if (models.hasU2netp) return new U2NetP(models);
+  if (models.hasMask) return new SmallNetwork(models);
+  throw new AnyProbeError("no-object", "No mask network is loaded: pass a mask, or load one (weights.mask, weights.u2netp).");
+}

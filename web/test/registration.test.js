@@ -1,0 +1,55 @@
+/** Where a known object lies in another picture: the vectors that Python is held to as well. */
+
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { test } from "node:test";
+
+import { beginKey, isSure, matrixOf, register } from "../src/live/registration.js";
+
+const { key: ABOUT, cases: CASES } = JSON.parse(readFileSync(new URL("../../tests/product/cases/registration.json", import.meta.url), "utf8"));
+const { width, height } = ABOUT;
+const bytesOf = (text) => Float32Array.from(Buffer.from(text, "base64"));
+const motionOf = ([x, y, angle, scale]) => ({ x, y, angle, scale });
+const key = beginKey({ width, height, values: bytesOf(ABOUT.picture) }, bytesOf(ABOUT.mask).map((value) => value / 255));
+const isNear = (got, wanted, within, name) => assert.ok(Math.abs(got - wanted) <= within, `${name}: ${got}, expected ${wanted}`);
+
+/** By how much two motions differ where places at the object's radius come to lie, pixels. */
+function apart(one, other) {
+  const [m, n] = [one, other].map(matrixOf);
+  const places = [[1, 0], [0, 1], [-1, 0], [0, -1]].map((place) => place.map((value) => value * key.radius));
+  return Math.max(
+    ...places.flatMap(([u, v]) => [
+      Math.abs(one.x - other.x + (m[0] - n[0]) * u + (m[1] - n[1]) * v),
+      Math.abs(one.y - other.y + (m[2] - n[2]) * u + (m[3] - n[3]) * v),
+    ]),
+  );
+}
+
+test("the key is that of the vectors", () => {
+  ABOUT.center.forEach((value, axis) => isNear(key.center[axis], value, 1e-9, "center"));
+  isNear(key.radius, ABOUT.radius, 1e-6, "radius");
+  assert.deepEqual([key.fine, key.coarse, key.levels.length], [ABOUT.fine, ABOUT.coarse, ABOUT.levels.length]);
+  ABOUT.levels.forEach(({ points, rows_sum: sums }, level) => {
+    const { count, rows } = key.levels[level];
+    assert.equal(count, points);
+    sums.forEach((wanted, term) => {
+      let sum = 0;
+      for (let at = term; at < rows.length; at += sums.length) sum += rows[at];
+      isNear(sum, wanted, 1e-6 * Math.abs(wanted) + 1e-3, `level ${level}, term ${term}`);
+    });
+  });
+});
+
+for (const { name, picture, start, offset, motion, truth, ...wanted } of CASES) {
+  test(`an object is where the vectors have it: ${name}`, () => {
+    const found = register(key, { width, height, values: bytesOf(picture) }, motionOf(start), offset);
+    assert.equal(isSure(found), wanted.is_sure);
+    if (truth === null) return assert.equal(isSure(found), false);
+    isNear(apart(found.motion, motionOf(motion)), 0, 0.01, "from Python's");
+    isNear(apart(found.motion, motionOf(truth)), 0, name.includes("shadow") ? 0.5 : 0.2, "from the truth");
+    isNear(found.alike, wanted.alike, 0.005, "alike");
+    isNear(found.inside, wanted.inside, 0.005, "inside");
+    isNear(found.agreed, wanted.agreed, 0.005, "agreed");
+    isNear(found.errorPx, wanted.error_px, 0.005, "error");
+  });
+}
