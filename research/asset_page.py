@@ -52,12 +52,15 @@ The {count} files that the frozen test set is rendered from, as the manifests of
 name a file by the first eight digits of its SHA-256, so `--frozen` needs these very files. They are not in the
 repository, and no network is trained on them.
 
-No command fetches or prepares them: `research.fetch_assets` gets other assets, for training. To make them yourself,
-take each file from its source below and prepare it as follows; prepared with other software, it may have another
-SHA-256, and `--frozen` does not find it:
+`python -m research.fetch_assets test DIR` fetches the sources below at a fixed commit each, prepares them and checks
+SHA-256: all 30 maps, and of the shapes drill and goathead. It writes `DIR/frozen_public.txt`, the 224 of the 1,000
+frozen recipes that these suffice for (`anyprobe evaluate --hdri DIR/hdri/test --meshes DIR/meshes/test --recipes
+DIR/frozen_public.txt`). Duck, gargoyle, horse, kitten, lionstatue, penguin and teapot cannot be had: what decimated
+them to 16,000 triangles and closed their holes was not recorded, and other software makes another SHA-256. How files
+are prepared:
 
 - **Maps**: read as linear floats; NaN, infinite and negative values set to 0; averaged to 512 x 256 pixels, columns
-  as in the source; OpenEXR with half floats and PIZ compression.
+  as in the source; halved until nothing is above 65,504; OpenEXR with half floats and PIZ compression.
 - **Shapes**: vertices merged, small loose parts removed, holes closed, decimated to 16,000 triangles at most, +Y up,
   smallest enclosing sphere of radius 1 around the origin; binary PLY.
 

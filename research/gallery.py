@@ -76,7 +76,7 @@ def main() -> None:
     (DOCS / "gallery").mkdir(exist_ok=True)
     estimator, lines = Estimator(), [HEAD]
     for scene in SCENES:
-        photo, truth = photograph(scene)
+        photo, truth, _ = photograph(scene)
         light = estimator.from_photo(photo).radiance
         light = light * np.float32(least_scale(photo, light))
         stage = Stage(photo, open_object("sphere"))
@@ -113,8 +113,8 @@ docs/detail.jpg`). The light is the estimate's, the places are invented: [detail
 """
 
 
-def photograph(scene: Scene) -> tuple[Photo, np.ndarray]:
-    """The photo with its mask, and the true map [64, 128, 3] in its camera's frame and exposure."""
+def photograph(scene: Scene) -> tuple[Photo, np.ndarray, np.ndarray]:
+    """The photo with its mask, the true map [64, 128, 3] in its camera's frame and exposure, and the depth [H, W]."""
     mi = open_mitsuba()
     rng = np.random.default_rng(scene.seed)
     radiance = scene.light(rng, MAP_ROWS)
@@ -139,15 +139,19 @@ def photograph(scene: Scene) -> tuple[Photo, np.ndarray]:
     truth = np.maximum(rotate(shrink(radiance, 4 * MAP_HEIGHT), world_from_camera.T), 0.0)
     photo = Photo(rgb=np.clip(display, 0, 1).astype(np.float32), mask=mask, long_fov_deg=FOV_DEG, fov_source="given",
                   name=scene.name, warnings=())  # fmt: skip
-    return photo, shrink(truth, MAP_HEIGHT).astype(np.float32) * np.float32(gain)
+    return photo, shrink(truth, MAP_HEIGHT).astype(np.float32) * np.float32(gain), depth_of(mi, described, "table")
 
 
 def object_share(mi, described: dict) -> np.ndarray:
     """How much of every pixel shows the object, [H, W]: rays that meet it in a scene of nothing else."""
-    alone = {key: described[key] for key in ("type", "object", "sensor")}
+    return (depth_of(mi, described) > 0).astype(np.float32)
+
+
+def depth_of(mi, described: dict, *beside: str) -> np.ndarray:
+    """Mean distance [H, W] of what rays meet of the object and what is named beside it, 0 where none does."""
+    alone = {key: described[key] for key in ("type", "object", "sensor", *beside)}
     alone["integrator"] = {"type": "aov", "aovs": "d:depth"}
-    depth = np.array(mi.render(mi.load_dict(alone)))[..., -1]
-    return (depth > 0).astype(np.float32)
+    return np.array(mi.render(mi.load_dict(alone)))[..., -1]
 
 
 def table(mi, rng: np.random.Generator) -> dict:

@@ -3,10 +3,12 @@
     python -m research.paper_chain DATA                               # the frozen pairs
     python -m research.paper_chain DATA --part world --kept DIR       # path-traced, see research.world
     python -m research.paper_chain DATA --part left-out --kept DIR    # to choose by
+    python -m research.paper_chain DATA --part frozen_public.txt      # of research.fetch_assets test
 
-Spread is the standard deviation over the pairs of a pixel of the LDR map, mean over pixels; above .8 is the share of
-pixels that Eq. 8 gives to the HDR branch. Standard errors by map and shape. The last rows are the first model less each
-other one, pair by pair.
+One flat colour and the blurred truths are made of the truth itself: they say what the figures' scale is. Spread is the
+standard deviation over the pairs of a pixel of the LDR map, mean over pixels; above .8 is the share of pixels that Eq.
+8 gives to the HDR branch. Standard errors by map and shape. The last rows are the first model less each other one, pair
+by pair.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from anyprobe.dataset.pair import Pair
 from anyprobe.dataset.recipe import read_recipes
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Models
-from anyprobe.evaluate.methods import Method, baselines, model_methods
+from anyprobe.evaluate.methods import Method, baselines, model_methods, truth_methods
 from anyprobe.evaluate.scoring import FROZEN, score_pairs
 from anyprobe.evaluate.standard_errors import clustered_error
 from anyprobe.light.reconstruct import THRESHOLD
@@ -36,6 +38,7 @@ from research.world.pairs import world_pairs
 
 FIGURES = {
     "ldr_rmse": "LDR RMSE",
+    "ldr_gain_rmse": "after best gain",
     "ldr_ssim": "SSIM",
     "total_power_stops": "power, stops",
     "dominant_light_deg": "dominant light, mean",
@@ -44,16 +47,16 @@ PAIRS = 300
 
 
 def pairs_of(part: str, data: Path, kept: Path | None) -> list[Pair]:
-    """The frozen test pairs, the first PAIRS; the world test pairs, path-traced; or those of assets that nothing learns
-    from."""
-    if part == "frozen":
+    """The frozen test pairs, the first PAIRS; the world test pairs, path-traced; those of assets that nothing learns
+    from; or those of a list of recipes."""
+    if part == "frozen" or Path(part).is_file():
         store = AssetStore(load_maps(data / "hdri" / "test"), load_shapes(data / "meshes" / "test"))
-        return list(kept_pairs(read_recipes(FROZEN)[:PAIRS], store, kept))
+        return list(kept_pairs(read_recipes(FROZEN if part == "frozen" else part)[:PAIRS], store, kept))
     if part == "left-out":
         return list(left_out_pairs(data, kept))
     if part == "world":
         return list(world_pairs(data, "test", kept))
-    raise InputError(f"--part {part}: expected frozen, world or left-out, got another; name one")
+    raise InputError(f"--part {part}: expected frozen, world, left-out or a file of recipes, got another; name one")
 
 
 def spread(maps: list[np.ndarray]) -> float:
@@ -78,7 +81,7 @@ def differences(rows: list[dict], others: list[dict], maps: list[str], shapes: l
 def main(
     data: Path,
     model: Annotated[list[str] | None, typer.Option(help="Name or folder of a model; may be repeated.")] = None,
-    part: Annotated[str, typer.Option(help="frozen, world or left-out.")] = "frozen",
+    part: Annotated[str, typer.Option(help="frozen, world, left-out or a file of recipes.")] = "frozen",
     kept: Annotated[Path | None, typer.Option(help="Folder of rendered pairs.")] = None,
 ) -> None:
     """Print the table."""
@@ -86,7 +89,7 @@ def main(
     methods: dict[str, Method] = {}
     for name in model or ["paper", "lift"]:
         methods[name] = next(iter(model_methods(Models(name, threads=1), name).values()))
-    methods["mean map"] = baselines()["mean map"]
+    methods |= {"mean map": baselines()["mean map"], **truth_methods()}
     maps: dict[str, list[np.ndarray]] = {name: [] for name in methods}
 
     def watch(index: int, pair: Pair, estimates: dict) -> None:

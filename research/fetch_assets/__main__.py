@@ -1,4 +1,6 @@
-"""python -m research.fetch_assets polyhaven: free maps and models for training from their publisher."""
+"""python -m research.fetch_assets polyhaven: free maps and models for training from their publisher.
+
+python -m research.fetch_assets test DIR: the files of the frozen test set, each from its own source."""
 
 from __future__ import annotations
 
@@ -14,17 +16,16 @@ from rich.table import Table
 from anyprobe.cli.app import main
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
-from research.fetch_assets import polyhaven
-from research.fetch_assets.download import Client, ServerBusy
+from research.fetch_assets import frozen_set, polyhaven
+from research.fetch_assets.download import PAUSE_S, Client, ServerBusy
 
 STATUSES = ("fetched", "complete", "kept", "failed", "not tried")
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
-@app.command()
+@app.command("polyhaven")
 def fetch(
-    source: Annotated[Literal["polyhaven"], typer.Argument(help="Publisher; polyhaven is polyhaven.com, all CC0.")],
     kind: Annotated[Literal["hdris", "models", "all"], typer.Option("--type", help="Maps, models or both.")] = "all",
     category: Annotated[
         list[str] | None, typer.Option(help="Only assets in this category; several times: in all of them.")
@@ -40,7 +41,7 @@ def fetch(
     dry_run: Annotated[bool, typer.Option("--dry-run", help="List the assets, fetch nothing.")] = False,
     api: Annotated[str | None, typer.Option(hidden=True, help="Another address of the API.")] = None,
 ) -> None:
-    """Fetch CC0 maps and models; run again to go on, what is complete is not asked for twice."""
+    """Fetch CC0 maps and models of polyhaven.com; run again to go on, what is complete is not asked for twice."""
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
     columns = (TextColumn("{task.description}", markup=False), BarColumn())
     columns += (DownloadColumn(), TransferSpeedColumn())
@@ -73,6 +74,32 @@ def fetch(
         talk.print(f"anyprobe: {stopped}", soft_wrap=True)
     if stopped or any(one.status == "failed" for one in outcomes):
         raise typer.Exit(2)
+
+
+@app.command("test")
+def fetch_test(
+    to: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for hdri/test and meshes/test.")],
+    pause: Annotated[float, typer.Option(min=0, help="Seconds between two requests.")] = PAUSE_S,
+    host: Annotated[str, typer.Option(hidden=True, help="Another address of the sources.")] = frozen_set.HOST,
+) -> None:
+    """Fetch what can be had of the frozen test set's maps and shapes; run again to go on."""
+    talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
+    client = Client(pause_s=pause, say=lambda text: talk.print(text, soft_wrap=True))
+    counts: Counter[str] = Counter()
+    try:
+        for one in frozen_set.fetch_all(frozen_set.frozen_files(), to, client, host):
+            counts[one.status] += 1
+            reason = f": {' '.join(one.error.splitlines())}" if one.error else ""
+            if one.status == "cannot be had":
+                reason = f": prepared by software that was not recorded, from {one.file_row.source}"
+            talk.print(f"{one.file_row.file}: {one.status}{reason}", soft_wrap=True)
+    except ServerBusy as error:
+        talk.print(f"anyprobe: {error}", soft_wrap=True)
+        raise typer.Exit(2) from error
+    talk.print(", ".join(f"{count} {status}" for status, count in counts.items()), soft_wrap=True)
+    if counts["failed"]:
+        raise typer.Exit(2)
+    typer.echo(to / frozen_set.RECIPES)
 
 
 def _fetch_all(library: polyhaven.Library, chosen: list, progress: Progress) -> tuple[list, str]:

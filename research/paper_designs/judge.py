@@ -60,15 +60,8 @@ def scores(nets: Designs, tables: Tables, chosen: Which) -> dict[str, np.ndarray
 
 def _block(nets: Designs, batch: Batch, rows: int, side: int) -> dict[str, torch.Tensor]:
     estimate = nets["image"](batch.photo)
-    seen = inputs_of(batch, estimate)
-    normals, mask = picture_of(batch.normals, side), picture_of(batch.photo[..., 3:], side)
     found = _figures("image", picture_of(estimate, side), picture_of(batch.irradiance, side), wraps=False)
-    pixels = {name: nets[name](seen[design.sees]).clip(0, 1) for name, design in DESIGNS.items()}
-    pixels["ideal_on_estimate"] = nets["ideal"](seen["estimate"]).clip(0, 1)
-    maps = {name: picture_of(values, rows) for name, values in pixels.items()}
-    maps["georgoulis"] = unwrap_sphere(picture_of(nets["georgoulis"](batch.photo), side).clip(0, 1), rows)
-    mirror = nets["meka"](torch.cat([batch.photo, batch.normals], dim=2)).clip(0, 1)
-    maps["meka"] = unwrap_mirror(picture_of(mirror, side), normals, mask, rows)
+    pixels, maps = estimated_maps(nets, batch, estimate, rows, side)
     truth, ln_truth = picture_of(batch.ldr, rows), picture_of(batch.ln_radiance, rows)
     for name, ldr in maps.items():
         found |= _figures(name, ldr, truth, wraps=True)
@@ -76,6 +69,24 @@ def _block(nets: Designs, batch: Batch, rows: int, side: int) -> dict[str, torch
             ln_radiance = picture_of(nets["hdr"](pixels[name]), rows)
             found |= _hdr_figures(name, ln_radiance, ldr, ln_truth)
     return found
+
+
+def estimated_maps(
+    nets: Designs, batch: Batch, estimate: torch.Tensor, rows: int, side: int
+) -> tuple[dict[str, torch.Tensor], dict[str, torch.Tensor]]:
+    """LDR maps by design: in the order of blocks [B, Q, 3], without the rivals; and as pictures [B, 3, rows, 2 rows].
+
+    estimate: what nets["image"] makes of the photos.
+    """
+    seen = inputs_of(batch, estimate)
+    normals, mask = picture_of(batch.normals, side), picture_of(batch.photo[..., 3:], side)
+    pixels = {name: nets[name](seen[design.sees]).clip(0, 1) for name, design in DESIGNS.items()}
+    pixels["ideal_on_estimate"] = nets["ideal"](seen["estimate"]).clip(0, 1)
+    maps = {name: picture_of(values, rows) for name, values in pixels.items()}
+    maps["georgoulis"] = unwrap_sphere(picture_of(nets["georgoulis"](batch.photo), side).clip(0, 1), rows)
+    mirror = nets["meka"](torch.cat([batch.photo, batch.normals], dim=2)).clip(0, 1)
+    maps["meka"] = unwrap_mirror(picture_of(mirror, side), normals, mask, rows)
+    return pixels, maps
 
 
 def _figures(name: str, estimate: torch.Tensor, truth: torch.Tensor, wraps: bool) -> dict[str, torch.Tensor]:

@@ -27,5 +27,5 @@ def test_models_are_compared_pair_by_pair():
 
 
 def test_another_part_is_refused(tmp_path):
-    with pytest.raises(InputError, match="expected frozen, world or left-out"):
+    with pytest.raises(InputError, match="expected frozen, world, left-out or a file of recipes"):
         pairs_of("train", tmp_path, None)

@@ -18,10 +18,11 @@ from anyprobe import __version__
 from anyprobe.cli.options import OPTIONS
 from anyprobe.errors import ModelError
 from anyprobe.estimate.runtime import DEFAULT_MODEL
+from anyprobe.estimate.settings import MODEL_HELP
 from anyprobe.notices import FETCH_MASKS
 
 
-def doctor(model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL) -> None:
+def doctor(model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL) -> None:
     """Check the installation. Prints versions and model hashes, and estimates the light of a drawn sphere."""
     from anyprobe.estimate.runtime import file_hashes
     from anyprobe.files.onnx_runtime import onnxruntime

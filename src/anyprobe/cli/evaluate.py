@@ -20,6 +20,7 @@ from anyprobe.cli.options import folder_option
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES
+from anyprobe.estimate.settings import MODEL_HELP
 
 if TYPE_CHECKING:
     from anyprobe.dataset.asset_store import AssetStore
@@ -64,7 +65,7 @@ def evaluate(
         Path | None, typer.Option(help="Folder of maps KEY.exr or KEY.hdr to score in the model's place.")
     ] = None,
     out: Annotated[Path, folder_option("Folder for scores.json and pictures.png.")] = Path("evaluation"),
-    model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL,
+    model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL,
     engine: Annotated[str, typer.Option(help=f"Engine: {', '.join(ENGINES)}.")] = DEFAULT_ENGINE,
 ) -> None:
     """Score a model, or any program's maps, on a test set. Renders it, scores two baselines beside, prints tables."""

@@ -15,6 +15,7 @@ import typer
 
 from anyprobe.errors import InputError, MissingExtra, OutputError
 from anyprobe.estimate.runtime import DEFAULT_MODEL
+from anyprobe.estimate.settings import MODEL_HELP
 from anyprobe.files.cores import usable_cores
 from anyprobe.serve.limits import DRAIN_S, Limits
 
@@ -56,7 +57,7 @@ def serve(
     drain: Annotated[
         float, typer.Option(help="Seconds for what it has begun, when it is to end (SIGTERM).", min=0, max=600)
     ] = DRAIN_S,
-    model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL,
+    model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL,
 ) -> None:
     """Serve the web page and the HTTP API. All is computed here; nothing leaves this machine."""
     _need_serve()

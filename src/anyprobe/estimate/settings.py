@@ -11,6 +11,9 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
 from anyprobe.masks.segmenters import SegmenterSource
 
+MODEL_HELP = "lift; paper: stages of Park et al. 2020 in our layers, begun as lift; or a folder of ONNX graphs."
+"""Of --model."""
+
 
 def _setting(default: Any, help: str, metavar: str | None = None) -> Any:
     return field(default=default, metadata={"help": help, "metavar": metavar})
@@ -36,7 +39,7 @@ class Settings:
         InputError: another detail or size.
     """
 
-    model: str = _setting(DEFAULT_MODEL, "Bundled model or folder of ONNX graphs.")
+    model: str = _setting(DEFAULT_MODEL, MODEL_HELP)
     threads: int | None = _setting(None, "Threads of the engine; default: its choice.")
     engine: str = _setting(DEFAULT_ENGINE, f"Engine: {', '.join(ENGINES)}.", "NAME")
     emitters: str = _setting(

@@ -1,0 +1,66 @@
+"""Draw a figure of the paper again: python -m research.paper_designs.figures 6|7|12|13|14|15|16.
+
+6, 12, 13 and 14 are of a run that `python -m research.paper_designs train --scale S --pairs N --seeds K` has ended; 15
+and 16 are of the shipped `paper`. With --real, 12 and 15 are of photos of yours, and go to runs/, which git ignores; 13
+adds the angles to their lamps.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from anyprobe.cli.app import main as run_command
+from anyprobe.errors import InputError
+
+HERE = Path(__file__).parent
+UNCOMMITTED = Path("runs/paper_figures")
+FIGURES = ("6", "7", "12", "13", "14", "15", "16")
+
+
+def main(
+    figure: Annotated[str, typer.Argument(help=f"The paper's number: {', '.join(FIGURES)}.")],
+    data: Annotated[Path, typer.Option(help="Folder with hdri/test and meshes/test, for 7 and 16.")] = Path("data"),
+    runs: Annotated[Path, typer.Option(help="Folder that train wrote.")] = Path("runs/paper_designs"),
+    scale: Annotated[str, typer.Option(help="As of train.")] = "small",
+    pairs: Annotated[int, typer.Option(help="As of train.")] = 10_000,
+    seed: Annotated[int, typer.Option(help="As of train.")] = 0,
+    real: Annotated[
+        list[Path] | None, typer.Option(help="Folder of real photos with lights.csv or manifest.csv; repeat for more.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder for the picture.")] = None,
+) -> None:
+    """Draw one figure."""
+    if figure not in FIGURES:
+        raise InputError(f"{figure}: expected a figure of {', '.join(FIGURES)}, got another; see docs/paper.md")
+    to = out or (UNCOMMITTED if real and figure in ("12", "15") else HERE)
+    if figure == "7":
+        from research.paper_designs.figures.losses import draw_targets
+
+        return draw_targets(data, to)
+    if figure == "15":
+        from research.paper_designs.figures import mixed
+
+        return mixed.draw_real(real, to) if real else mixed.draw_scenes(to)
+    if figure == "16":
+        from research.paper_designs.figures.textured import draw_textured
+
+        return draw_textured(data, to)
+    from research.paper_designs.figures import losses, relit, rivals
+    from research.paper_designs.figures.trained import trained
+
+    one = trained(runs, scale, pairs, seed)
+    if figure == "6":
+        losses.draw_losses(one, to)
+    elif figure == "12":
+        rivals.draw_real(one, real, to) if real else rivals.draw_synthetic(one, to)
+    elif figure == "13":
+        rivals.draw_bars(one, real or [], to)
+    else:
+        relit.draw_relit(one, to)
+
+
+if __name__ == "__main__":
+    run_command(lambda: typer.run(main))

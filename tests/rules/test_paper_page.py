@@ -1,0 +1,71 @@
+"""docs/paper.md names files that are there, functions that they have, and every element of the paper."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "paper.md"
+NAMED = re.compile(r"`((?:src|research|tests|docs|examples|benchmarks)/[\w./-]+)`(?:: (`[\w.]+`(?:, `[\w.]+`)*))?")
+FIGURES = range(1, 17)
+
+
+def missing(page: str) -> list[str]:
+    """The files that a page names and that are not there, and the names that a file does not have."""
+    found = []
+    for path, names in NAMED.findall(page):
+        if not (ROOT / path).exists():
+            found.append(path)
+        elif names:
+            there = names_in((ROOT / path).read_text(encoding="utf-8"))
+            found += [f"{path}: {name}" for name in re.findall(r"`([\w.]+)`", names) if name not in there]
+    return found
+
+
+def names_in(source: str) -> set[str]:
+    """Functions, classes and constants of a file, and methods as Class.method."""
+    found = set()
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            found.add(node.name)
+        if isinstance(node, ast.ClassDef):
+            found |= {f"{node.name}.{one.name}" for one in node.body if isinstance(one, ast.FunctionDef)}
+        targets = (
+            node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+        )
+        found |= {one.id for one in targets if isinstance(one, ast.Name)}
+    return found
+
+
+def untold(page: str) -> list[str]:
+    """The paper's equations and figures that no row of a table begins with."""
+    rows = re.findall(r"^\| ([^|]+?) \|", page, re.MULTILINE)
+    drawn = [row.split(",")[0] for row in rows if re.match(r"(Fig\. )?\d+\b", row)]
+    figures = {int(number) for row in drawn for number in re.findall(r"\d+", row)}
+    wanted = [f"Eq. {number}" for number in range(1, 9)] + ["Sect. 3.5", "Sect. 4.2", "Sect. 5"]
+    lacking = [one for one in wanted if not any(row.startswith(f"{one},") for row in rows)]
+    return lacking + [f"Fig. {number}" for number in FIGURES if number not in figures]
+
+
+def test_what_the_page_names_is_there():
+    page = PAGE.read_text(encoding="utf-8")
+    assert missing(page) == []
+    assert len(NAMED.findall(page)) > 30
+
+
+def test_every_element_of_the_paper_has_a_row():
+    page = PAGE.read_text(encoding="utf-8")
+    assert untold(page) == []
+    assert "## Table 1" in page
+    assert "Section 4.1" in page
+
+
+def test_planted_faults_are_found():
+    page = "| `src/anyprobe/no.py` | `research/gallery.py`: `photograph`, `nothing` | `docs/paper.md` |"
+    assert missing(page) == ["src/anyprobe/no.py", "research/gallery.py: nothing"]
+    assert untold("| Eq. 1, a | x |\n| 6, losses | y |\n| Sect. 4.2, 80 photos | z |")[:2] == ["Eq. 2", "Eq. 3"]
+    figures = untold("| 6, losses | y |")
+    assert "Fig. 7" in figures
+    assert "Fig. 6" not in figures
