@@ -30,6 +30,10 @@ BEYOND = {
 }
 
 
+SAME_AS_CHROME = "chromium"
+"""Our own chrome is chromium."""
+
+
 def name_of(title: str) -> str:
     """Egg Shell (Brown) is egg-shell-brown."""
     return "-".join(re.findall(r"[a-z0-9]+", title.lower()))
@@ -37,7 +41,7 @@ def name_of(title: str) -> str:
 
 def why_not(one: dict[str, Any]) -> str:
     """Why a material is left out; empty where it is not."""
-    if name_of(one["name"]) in contract("materials")["named"]:
+    if name_of(one["name"]) in [*contract("materials")["named"], SAME_AS_CHROME]:
         return "is one of our own"
     return next((why for key, why in BEYOND.items() if one.get(key)), "")
 

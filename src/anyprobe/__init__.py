@@ -29,6 +29,12 @@ from anyprobe.scatter.materials import Material
 
 __version__ = "0.2.0"
 
+
+def __dir__() -> list[str]:
+    """Return the public names alone, for completion."""
+    return [*__all__, "__version__"]
+
+
 __all__ = [
     "AnyprobeError",
     "DominantLight",

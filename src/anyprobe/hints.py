@@ -137,6 +137,7 @@ class Hints:
             photo's own file, as phones write it; near, far: where to cut it, in its unit, which gives the mask too.
         fov_deg: field of view of the photo's longer side, in degrees; else from EXIF, else 65.
         pitch_deg: how far the camera looks down, in degrees: 0 level, 90 straight down.
+        roll_deg: how far it is turned to the left about its axis, in degrees; with pitch_deg.
         normals: the object's normal map of the photo's size in the camera's frame, see normals_hint.read_normals;
             "sphere"; or a function from a picture [H, W, 3] in [0, 1] to its normals [h, w, 3].
         material: the object's: a Material, or a name: "chrome", "gold", "plastic", "matte" or a measured one, see
@@ -202,6 +203,12 @@ class Hints:
         numbers=(1,),
         in_web="pitchDeg",
     )
+    roll_deg: float | None = _hint(
+        "camera",
+        "How far the camera is turned to the left about its axis, degrees, beside its pitch.",
+        name="roll",
+        numbers=(1,),
+    )
     normals: NormalsSource | NormalsEstimator | None = _hint(
         "light",
         "The object's normal map: (n + 1) / 2 in a picture of the photo's size; +X right, +Y up, +Z toward the camera; "
@@ -239,7 +246,7 @@ class Hints:
 
     def __post_init__(self) -> None:
         check_together([name for name, _ in self.given()])
-        for name in ("near", "far", "fov_deg", "pitch_deg", "roughness"):
+        for name in ("near", "far", "fov_deg", "pitch_deg", "roll_deg", "roughness"):
             value = getattr(self, name)
             if value is not None and not isinstance(value, Real):
                 raise InputError(f"expected a number, got {type(value).__name__} {str(value)[:40]!r}", subject=name)
@@ -260,6 +267,12 @@ class Hints:
         if self.pitch_deg is not None and not -90.0 <= self.pitch_deg <= 90.0:
             raise InputError(
                 f"expected -90 to 90 degrees that the camera looks down, got {self.pitch_deg:g}", subject="pitch_deg"
+            )
+        if self.roll_deg is not None and self.pitch_deg is None:
+            raise InputError("expected a pitch with it, got none", subject="roll_deg", remedy=give("pitch_deg"))
+        if self.roll_deg is not None and not -60.0 <= self.roll_deg <= 60.0:
+            raise InputError(
+                f"expected -60 to 60 degrees, got {self.roll_deg:g}; turn the photo upright first", subject="roll_deg"
             )
         self.surface()
 

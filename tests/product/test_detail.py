@@ -12,7 +12,7 @@ from support.places import place
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
-from anyprobe.detail.blend import _enlarge
+from anyprobe.detail.blend import enlarged_planes
 from anyprobe.detail.library import codes_of, decode, encode, richness_of, write_library
 from anyprobe.detail.library_folder import open_library
 from anyprobe.detail.match import find_match, seen_in_photo
@@ -102,7 +102,7 @@ def test_no_seam_behind_the_camera_and_no_pinch_at_the_poles(library, estimate):
 def test_smooth_fields_grow_without_a_seam_or_a_pinch():
     """Of order 1 and 2 they are the same at four times the size, across the seam and over the poles too."""
     small, large = ((d @ [0.3, 0.8, -0.5] + d[..., 0] * d[..., 2])[None] for d in map(pixel_directions, (64, 256)))
-    np.testing.assert_allclose(_enlarge(small, 256), large, atol=0.004)
+    np.testing.assert_allclose(enlarged_planes(small, 256), large, atol=0.004)
 
 
 def test_the_same_input_gives_the_same_bits_and_another_seed_another_place(library, estimate):

@@ -9,7 +9,8 @@ import pytest
 
 import anyprobe
 from anyprobe.estimate import outputs
-from anyprobe.estimate.outputs import GAP, ROW, draw_matches, draw_preview
+from anyprobe.estimate.outputs import CAPTION, GAP, PANORAMA_ROW, ROW, draw_matches, draw_preview
+from anyprobe.scatter.materials import MATERIALS
 
 
 @pytest.fixture
@@ -33,11 +34,12 @@ def test_a_bright_light_clips_no_white_sphere(photo_path, captions, radiance, ex
     photo = anyprobe.load_photo(photo_path)
     light = anyprobe.Light(radiance=np.full((64, 128, 3), radiance, np.float32))
     picture = draw_preview(photo, light)
-    assert captions[2:5] == [f"{sphere}, {exposure}" for sphere in ("matte", "silver", "mirror")]
-    assert captions[5:] == ["map, -2 EV", "map, 0 EV", "map, +2 EV"]
+    assert captions[0].startswith("panorama, in the frame of the camera, ")
+    assert captions[1:] == ["photo", "mask", *(f"{sphere}, {exposure}" for sphere in ("matte", "satin", "mirror"))]
+    assert all(name in MATERIALS for name in ("matte", "satin", "mirror"))
     width = round(photo.rgb.shape[1] * ROW / photo.rgb.shape[0])
     middle = GAP + 2 * (width + GAP) + ROW // 2
-    shown = picture[GAP + ROW // 2, middle]
+    shown = picture[2 * GAP + PANORAMA_ROW + CAPTION + ROW // 2, middle]
     assert (shown < 1).all()
     assert (shown > 0.6).all() or radiance < 0.9
 
@@ -56,7 +58,8 @@ def test_a_narrow_photo_keeps_its_captions_apart(photo_rgba, captions):
     narrow = anyprobe.load_photo(np.tile(photo_rgba[:, 48:80], (4, 1, 1)))  # 21 pixels wide in the preview
     light = anyprobe.Light(radiance=np.ones((64, 128, 3), np.float32))
     whole = draw_preview(narrow, light)
-    assert whole.shape == (2 * (ROW + outputs.CAPTION + GAP) + GAP, 3 * (2 * ROW + GAP) + GAP, 3)
-    gap = whole[GAP + ROW + 1 : GAP + ROW + outputs.CAPTION]
+    assert whole.shape == (PANORAMA_ROW + ROW + 2 * (CAPTION + GAP) + GAP, 2 * PANORAMA_ROW + 2 * GAP, 3)
+    below = 2 * GAP + PANORAMA_ROW + CAPTION + ROW
+    gap = whole[below + 1 : below + CAPTION]
     lit = np.flatnonzero((gap > 0.5).any(axis=(0, 2)))
     assert (np.diff(lit) >= GAP).sum() == 4  # between five captions

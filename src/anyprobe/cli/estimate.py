@@ -22,6 +22,7 @@ from anyprobe.cli.options import (
     OPTIONS,
     ColorspaceOption,
     DetailOptions,
+    FrameOption,
     JsonOption,
     ModelOptions,
     ObjectOptions,
@@ -38,6 +39,8 @@ from anyprobe.cli.options import (
     with_bundles,
 )
 from anyprobe.cli.tables import print_table
+from anyprobe.detail.place_picture import check_panorama_rows
+from anyprobe.detail.plausible import DETAILS
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.hints import Hints
 
@@ -55,6 +58,7 @@ class Done:
     photo: Path
     stem: str = ""
     main: DominantLight | None = None
+    toward: np.ndarray | None = None
     level_stops: float | None = None
     is_exposed: bool = True
     seconds: float = 0.0
@@ -76,22 +80,33 @@ def estimate(
         Path | None,
         typer.Option(help="JSON with each photo's camera rotation: all photos, views of one object, give one light."),
     ] = None,
-    size: Annotated[int | None, typer.Option(help="Rows of a map with detail: 64, 128, 256 or 512 (default).")] = None,
+    size: Annotated[int, typer.Option(help="Rows of the panorama: 64, 128, 256, 512, 1024 or 2048.")] = 512,
+    frame: FrameOption = "level",
     colorspace: ColorspaceOption = "rec709",
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Estimate the environment map around an object. Writes <stem>.exr, .hdr, .json and .png per photo."""
+    """Estimate the light around an object. Writes a panorama, <stem>_panorama.exr, with <stem>_origin.png (where it is
+    seen, estimated, invented), the estimate's own map <stem>.exr and .hdr, a .json, and a preview <stem>.png."""
     if poses is not None:
-        refuse_unused(context, "beside --poses", "detail", "detail_library", "size")
+        refuse_unused(context, "beside --poses", "detail", "detail_library")
+    check_panorama_rows(size)
     hints = taken.hints()
     listed = list_photos(photos)
-    estimator = by.estimator(segmenter=taken.finder.segmenter, **fine.settings(size))
+    detailed = {"size": min(max(size, 64), 512)} if fine.given.detail != DETAILS[0] else {}
+    estimator = by.estimator(segmenter=taken.finder.segmenter, **fine.settings(), **detailed)
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     shows = len(listed) > 1 and talk.is_terminal
     progress: Any = track(listed, "estimating", console=talk, transient=True, disable=not shows)
     call = EstimateCall(
-        estimator=estimator, out=out, hints=hints, as_json=as_json, listed=listed, colorspace=colorspace
+        estimator=estimator,
+        out=out,
+        hints=hints,
+        as_json=as_json,
+        listed=listed,
+        colorspace=colorspace,
+        size=size,
+        frame=frame,
     )
     with contextlib.closing(progress) as steps:  # else its thread outlives an error, and the process never ends
         done = [call.together(steps, poses)] if poses is not None else [call.one(path) for path in steps]
@@ -119,6 +134,8 @@ class EstimateCall:
     as_json: bool
     listed: list[Path]
     colorspace: str = "rec709"
+    size: int = 512
+    frame: str = "level"
 
     def one(self, path: Path) -> Done:
         """Estimate one photo and write its files; an error of ours ends this photo alone."""
@@ -174,11 +191,13 @@ class EstimateCall:
         from anyprobe.estimate.outputs import write_results
 
         stem = result_stem(path, self.listed)
-        written = write_results(photo, light, self.out, stem, self.colorspace)
+        begun = time.perf_counter()
+        written = write_results(photo, light, self.out, stem, self.colorspace, size=self.size, frame=self.frame)
+        seconds += time.perf_counter() - begun
         if self.as_json:
             files = {kind: str(target) for kind, target in written.items()}
             print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
-        main = light.dominant_light()
+        main, ground = light.dominant_light(), light.ground
         uncertainty = light.origin.uncertainty
         unsure = None if uncertainty is None else uncertainty.get("level_stops")
         crop = light.stages["photo"]
@@ -187,6 +206,7 @@ class EstimateCall:
             photo=path,
             stem=stem,
             main=main,
+            toward=main.direction if ground is None else ground.level_from_camera @ main.direction,
             level_stops=unsure,
             is_exposed=not exposure_doubts(pixels[:, :3] / pixels[:, 3:], photo.name),
             seconds=seconds,
@@ -201,7 +221,7 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
         if one.main is None:
             table.add_row(one.photo.name, "failed")
             continue
-        x, y, z = one.main.direction
+        x, y, z = one.main.direction if one.toward is None else one.toward
         azimuth, elevation = np.degrees(np.arctan2(x, -z)), np.degrees(np.arcsin(np.clip(y, -1, 1)))
         side = "right" if azimuth >= 0 else "left"
         where = f"{abs(azimuth):.0f}° {side}, {abs(elevation):.0f}° {'up' if elevation >= 0 else 'down'}"
@@ -216,6 +236,6 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
     written = [one.stem for one in done if not one.error]
     if written:  # on a line of its own, which a narrow terminal does not cut into pieces
         name = written[0] if len(written) == 1 else "<stem>"
-        talk.print(f"results: {out / name}.{{exr,hdr,json,png}}", soft_wrap=True)
+        talk.print(f"results: {out / name}_panorama.exr, _origin.png, .exr, .hdr, .json, .png", soft_wrap=True)
     for warning in dict.fromkeys(line for one in done for line in one.warnings):
         talk.print(f"warning: {OPTIONS.line(warning)}", soft_wrap=True)

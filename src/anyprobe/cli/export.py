@@ -10,9 +10,10 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from anyprobe.cli.options import folder_option
+from anyprobe.cli.options import FrameOption, folder_option
 from anyprobe.errors import InputError
-from anyprobe.export.exported_light import check_front, origin_beside
+from anyprobe.estimate.ground import Ground
+from anyprobe.export.exported_light import MAP_FROM_CAMERA, check_front, origin_beside, said_beside
 from anyprobe.export.targets import TARGETS
 
 CLIPPED_SAID = 0.02
@@ -36,9 +37,10 @@ def export(
         typer.Option(
             metavar="YAW,ELEVATION[,ROLL]",
             help="Camera orientation, degrees: yaw to the left, elevation (positive looks down), roll; or a rotation "
-            "matrix, nine numbers row by row. Default: the export is in the camera's frame.",
+            "matrix, nine numbers row by row. Default: level, see --frame.",
         ),
     ] = None,
+    frame: FrameOption = "level",
     exposure: Annotated[float, typer.Option(help="Exposure change in stops: 1 doubles the light.")] = 0.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object per target on stdout.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
@@ -53,9 +55,13 @@ def export(
         radiance = read_radiance(light, _MAX_PIXELS)
         check_front(light)
         origin = origin_beside(light)
+        turn = rotation
+        ground = Ground.of(said_beside(light).get("ground"))
+        if rotation is None and frame == "level" and ground is not None and MAP_FROM_CAMERA not in origin:
+            turn, origin = ground.level_from_camera, {**origin, "level": ground.said_level()}
         for name in names:
             written = targets.export(
-                radiance, name, folder, light.stem, world_from_camera=rotation, exposure_ev=exposure, origin=origin
+                radiance, name, folder, light.stem, world_from_camera=turn, exposure_ev=exposure, origin=origin
             )
             lost = json.loads((folder / f"{light.stem}_{name}.json").read_text(encoding="utf-8"))["clipped_energy"]
             if as_json:

@@ -74,7 +74,7 @@ def mask(
 
 
 def _line(found: dict[str, Any]) -> str:
-    sure = "" if found["confidence"] is None else f", expected IoU {found['confidence']:.2f}"
+    sure = f", {found['said']}" if found["said"] else ""
     return f"{found['mask']}: by {found['source']}, {100 * found['share']:.0f} % of the photo{sure}"
 
 
@@ -100,6 +100,7 @@ def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: Seg
         "mask": str(targets["mask"]),
         "source": found.source,
         "confidence": None if found.confidence is None else round(float(found.confidence), 4),
+        "said": found.said,
         "share": round(float((found.mask > 0.5).mean()), 4),
         "warnings": [*pixels.warnings, *scale_doubts(pixels.radiance, pixels.name), *found.warnings],
     }

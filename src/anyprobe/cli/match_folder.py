@@ -6,7 +6,7 @@ import glob
 import json
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -30,6 +30,11 @@ from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe.files.paths import same_file_key
 from anyprobe.notices import Notice, give
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from anyprobe.detail.plate import Plate
 
 SURE = 0.5
 """Difference of misfits from which on one map is clearly better than another."""
@@ -100,6 +105,7 @@ def match(
                 f"and what is behind it ask for different exposures; look at {stem}_match.png before you take it"
             )
             warnings.append(Notice(text, code="match-level"))
+        warnings += kind_doubts(light.plate, library.lights[chosen[0].index], chosen[0].name)
         write_png(scratch / f"{stem}_match.png", draw_matches(loaded, light, shown))
         said = {
             "photo": loaded.name,
@@ -133,6 +139,24 @@ def match(
     talk.print(f"results: {out / stem}_*", soft_wrap=True)
     if taken.strict and warnings:
         raise typer.Exit(2)
+
+
+def kind_doubts(plate: Plate | None, radiance: np.ndarray, name: str) -> list[Notice]:
+    """Return a warning where a panorama [H, 2H, 3] is outdoors and the photo shows nothing of that, or the other way
+    round."""
+    from anyprobe.detail.kind import is_outdoors, shows_outdoors
+
+    if plate is None:
+        return []
+    is_out, shows = is_outdoors(radiance), shows_outdoors(plate)
+    if is_out == shows:
+        return []
+    text = (
+        "looks like a place outdoors, and the photo shows neither sky nor plants; look before you take it"
+        if is_out
+        else "looks like a place indoors, and the photo shows sky or plants; look before you take it"
+    )
+    return [Notice(text, code="match-kind", source=name)]
 
 
 def _older_maps(out: Path, stem: str, new: set[str]) -> list[str]:

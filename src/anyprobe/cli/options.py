@@ -39,6 +39,10 @@ Colorspace = Literal["rec709", "acescg"]
 ColorspaceOption = Annotated[
     Colorspace, typer.Option(help="Linear primaries of the .exr: Rec. 709 or ACEScg; its header says which.")
 ]
+Frame = Literal["level", "camera"]
+FrameOption = Annotated[
+    Frame, typer.Option(help="level: +Y is up in the place, by the camera's pitch and roll; camera: its own frame.")
+]
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")]
 
 
@@ -140,6 +144,10 @@ class ObjectOptions(MaskOptions):
             help="Estimate the normals with this ONNX graph; FILE.json beside it describes it (docs/inputs.md).",
         ),
     ] = None
+    camera: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Lens, pitch and roll of a .fspy, or of the .json that fSpy exports."),
+    ] = None
     metal: Annotated[bool, typer.Option("--metal", help="The object is bare metal: chrome, if no --material.")] = False
 
     def hints(self) -> Hints:
@@ -151,6 +159,8 @@ class ObjectOptions(MaskOptions):
             if hints.normals is not None:
                 raise InputError("expected one of them, got both", subject=("normals", "normals_from"))
             hints = replace(hints, normals=open_normals_model(self.normals_from))
+        if self.camera is not None:
+            hints = replace(hints, **self._camera(hints))
         if not self.metal:
             return hints
         hints = hints if hints.material is not None else replace(hints, material="chrome")
@@ -159,6 +169,17 @@ class ObjectOptions(MaskOptions):
             text = "expected a metal, got another; leave one out"
             raise InputError(text, subject=("metal", "material"), source=hints.material)
         return hints
+
+    def _camera(self, hints: Hints) -> dict[str, float]:
+        """Return what --camera gives, as hints; InputError where an option gives the same."""
+        from anyprobe.files.fspy import read_fspy
+
+        found = read_fspy(Path(str(self.camera)))
+        given = {"fov_deg": found.long_fov_deg, "pitch_deg": found.pitch_deg, "roll_deg": found.roll_deg}
+        for name in given:
+            if getattr(hints, name) is not None:
+                raise InputError("expected one of them, got both", subject=("camera", name))
+        return given
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -180,13 +201,12 @@ class DetailOptions:
 
     given: Annotated[Settings, ("detail", "detail_library")]
 
-    def settings(self, size: int | None = None) -> dict[str, Any]:
-        """For Estimator; size: of --size. InputError for what does nothing without detail."""
+    def settings(self) -> dict[str, Any]:
+        """For Estimator. InputError for what does nothing without detail."""
         library = self.given.detail_library
-        given = {name: it for name, it in (("size", size), ("detail_library", library)) if it is not None}
+        given = {} if library is None else {"detail_library": library}
         if self.given.detail == DETAILS[0] and given:
-            remedy = give(detail=DETAILS[1])
-            raise InputError("does nothing without detail", subject=next(iter(given)), remedy=remedy)
+            raise InputError("does nothing without detail", subject="detail_library", remedy=give(detail=DETAILS[1]))
         return {"detail": self.given.detail, **given}
 
     def library(self) -> Library | None:
@@ -332,7 +352,9 @@ def list_photos(photos: list[Path]) -> list[Path]:
             chosen.append(path)
             continue
         found = visible_files(path, PICTURES)
-        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit")} | {p.name for p in found}
+        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit", "origin")} | {
+            p.name for p in found
+        }
         maps = {p for p in found if p.suffix.lower() == ".exr" and _is_map(p)}
         previews = {p.with_suffix(".png") for p in maps if p.with_suffix(".json").is_file()}
         found = [p for p in found if p.stem not in written and p not in maps | previews]

@@ -37,6 +37,7 @@ from anyprobe.hints import HINTS
 if TYPE_CHECKING:
     from anyprobe.estimate.ground import Ground
     from anyprobe.estimate.photo import Photo
+    from anyprobe.estimate.result import Light
     from anyprobe.relight.insert import Stage
     from anyprobe.render.mesh import Mesh
 
@@ -56,6 +57,8 @@ OF_ESTIMATES = [
     *("normals_from", "metal", "emitters", "model", "engine", "threads", "detail", "detail_library"),
 ]
 """Parameters that an estimate alone depends on."""
+PANORAMA_ROWS = 256
+"""Of the panorama that an inserted object mirrors."""
 placing = arguments_named(size="scale", turn_deg="turn")
 """Decorates what places an object."""
 SHAPES = "sphere, vase, pebble, block, solid"
@@ -170,7 +173,9 @@ def relight(
         loaded = load_photo(source, hints, name=photo_name(photo), segmenter=segmenter)
     with progress("estimating the light", silent):
         radiance, gain, ground, doubts = _radiance(loaded, light, by, fine)
-    stage = placing(Stage)(loaded, mesh, Arrangement(size=size, at=foot, turn_deg=turn, ground=ground))
+    stage = placing(Stage)(
+        loaded, mesh, Arrangement(size=size, at=foot, turn_deg=turn, ground=ground, match_shadow=True)
+    )
     names = STRIP if strip else (material,)
     stored = stored_as(source)
     plain = stored.plain and kind == ".png"
@@ -271,6 +276,11 @@ def _radiance(
 
     found = by.estimator(**fine.settings()).from_photo(photo)
     if photo.material is not None:  # which settles the level
-        return found.radiance, 1.0, found.ground, found.warnings
+        return _place(found), 1.0, found.ground, found.warnings
     gain = least_scale(photo, found.radiance)
-    return found.radiance * np.float32(gain), gain, found.ground, found.warnings
+    return _place(found) * np.float32(gain), gain, found.ground, found.warnings
+
+
+def _place(found: Light) -> np.ndarray:
+    """What an inserted object mirrors: the place around, in the camera's frame."""
+    return found.radiance if found.origin.detail is not None else found.panorama(PANORAMA_ROWS, frame="camera").radiance

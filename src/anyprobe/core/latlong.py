@@ -14,7 +14,7 @@ from array_api_compat import array_namespace
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-KEPT_ROWS = 128
+KEPT_ROWS = 512
 """Directions of maps up to so many rows are computed once."""
 
 

@@ -80,10 +80,10 @@ def blend(
     shown, cover = _shown(seen, rest, rows)
     fixed = shown * cover + (1 - _measured(seen)) * sum(_disc(light, rows) for light in lights)
     free = detailed * (1 - cover)
-    free *= _enlarge(_towards(free, fixed, rest, goal), rows)
+    free *= enlarged_planes(_towards(free, fixed, rest, goal), rows)
     # once more, for what reducing to 64 rows left
     lack = goal - project(_interleaved(free + fixed))
-    free *= _enlarge(_harmonics_step(_shrunk(free), lack), rows)
+    free *= enlarged_planes(_harmonics_step(_shrunk(free), lack), rows)
     return _interleaved(free + fixed)
 
 
@@ -117,7 +117,7 @@ def _detailed(rest: np.ndarray, phi: np.ndarray) -> np.ndarray:
     for share, band in zip(shares, bands, strict=True):
         field = field + (share - shares[-1]) * band
     ln_all = shares[-1] * phi
-    ln_all += _enlarge(field, phi.shape[1])
+    ln_all += enlarged_planes(field, phi.shape[1])
     np.exp(ln_all, out=ln_all)
     ln_all -= FLOOR
     return np.maximum(ln_all, 0.0, out=ln_all)
@@ -190,7 +190,7 @@ def _shown(seen: np.ndarray | None, rest: np.ndarray, rows: int) -> tuple[np.nda
     cover = _planar(seen[..., 3:4])
     display = _planar(seen[..., :3]) / np.maximum(cover, _LEAST_COVER)
     radiance = np.where(display > 1, display, inverse_response(display))
-    gain = np.maximum(_enlarge(rest, rows).mean(axis=0) / np.maximum(radiance.mean(axis=0), _LEAST_COVER), 1.0)
+    gain = np.maximum(enlarged_planes(rest, rows).mean(axis=0) / np.maximum(radiance.mean(axis=0), _LEAST_COVER), 1.0)
     clipped = (display >= _CLIPPED).any(axis=0) & (_measured(seen)[0] < 0.5)
     return np.where(clipped, radiance * gain, radiance), cover
 
@@ -269,7 +269,7 @@ def _spline(old: int, new: int) -> np.ndarray:
     return weights
 
 
-def _enlarge(planes: np.ndarray, rows: int) -> np.ndarray:
+def enlarged_planes(planes: np.ndarray, rows: int) -> np.ndarray:
     """Smooth values [3, h, 2h] at more rows, [3, rows, 2 rows]; over a pole lies the other side."""
     height, width = planes.shape[1:]
     if rows == height:

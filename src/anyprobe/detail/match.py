@@ -61,10 +61,13 @@ def find_matches(
     library: Library,
     rank: int | None = None,
     pitches_deg: Sequence[float] = PITCHES_DEG,
+    prices: np.ndarray | None = None,
 ) -> list[Match]:
     """All candidates, the best first; or the one of a rank (modulo their number) alone.
 
-    pitches_deg: that the camera may have, evenly spread.
+    Args:
+        pitches_deg: that the camera may have, evenly spread.
+        prices: [N] that candidates cost more; None: nothing.
     """
     features = features_of(radiance)
     if confidence is None:
@@ -73,6 +76,7 @@ def find_matches(
         weight = np.maximum(reduced(confidence[..., None].astype(np.float32), FEATURE_ROWS), LEAST_CONFIDENCE)
     spectra = _spectra(library)
     plain = PLAIN_PRICE * np.maximum(np.log(RICH / np.maximum(library.richness, 1e-3)), 0.0)[:, None] ** 2
+    plain = plain if prices is None else plain + prices[:, None]
     costs, gains = zip(*(_compare(features, weight, spectra, plain, pitch) for pitch in pitches_deg), strict=True)
     cost = np.stack(costs, axis=1)  # [N, pitches, columns]
     best = cost.reshape(len(cost), -1).min(axis=1)

@@ -12,10 +12,12 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, uv_to_direction
+from anyprobe.detail.kind import PRICE, prices
 from anyprobe.detail.library import FEATURE_ROWS, Library
 from anyprobe.detail.library_folder import check_unchanged, open_library
 from anyprobe.detail.likeness import Shown, best_places, gain_of
 from anyprobe.detail.match import Match, find_matches
+from anyprobe.detail.plate import Plate
 from anyprobe.errors import InputError, OutputError
 from anyprobe.files.radiance import HALF_MAX, read_radiance, write_exr_planes
 from anyprobe.light.environment import integral, reduced, rotate
@@ -144,6 +146,7 @@ def rank_maps(
     *,
     is_pitch_estimated: bool = False,
     roll_deg: float = 0.0,
+    plate: Plate | None = None,
 ) -> list[MatchedMap]:
     """All maps of a folder, the best first.
 
@@ -153,6 +156,8 @@ def rank_maps(
         light_from_camera: [3, 3].
         pitch_deg: how far the camera looks down, where it is known; kept unless is_pitch_estimated.
         roll_deg: of the camera, which is kept, see estimate.ground.Ground.
+        plate: what the photo shows beside its object; panoramas of another kind, in- or outdoors, cost
+            detail.kind.PRICE.
     """
     if roll_deg:  # as of a camera that is not rolled
         unrolled = rotation_z(np.radians(roll_deg))
@@ -167,8 +172,8 @@ def rank_maps(
     if shown is not None:
         camera = rotate(radiance, light_from_camera.T)
         places = best_places(shown, library.lights, pitch_deg, is_estimated=is_pitch_estimated)
-        order = np.argsort(places.misfit, kind="stable").tolist()
-        found_turns, misfits = places.map_from_camera, places.misfit
+        found_turns, cost = places.map_from_camera, places.misfit + prices(plate, library.lights, PRICE)
+        misfits, order = cost, np.argsort(cost, kind="stable").tolist()
         gains = {i: gain_of(shown, camera, library.lights[i], found_turns[i]) / library.levels[i] for i in order}
         turns = found_turns @ light_from_camera.T
     else:

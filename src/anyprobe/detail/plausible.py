@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.detail.blend import blend
+from anyprobe.detail.kind import MATCH_PRICE, prices
 from anyprobe.detail.library import Library
 from anyprobe.detail.library_folder import open_library
-from anyprobe.detail.match import find_match
+from anyprobe.detail.match import find_matches
+from anyprobe.detail.plate import Plate
 from anyprobe.errors import InputError
 from anyprobe.light.environment import MAP_HEIGHT, check_radiance
 
@@ -58,6 +60,8 @@ def add_detail(
     rows: int = ROWS,
     seed: int = 0,
     seen: np.ndarray | None = None,
+    plate: Plate | None = None,
+    pitch_deg: float | None = None,
 ) -> Detailed:
     """An estimate's map with the detail of a real place; the same input gives the same bits.
 
@@ -68,6 +72,8 @@ def add_detail(
         rows: one of SIZES.
         seed: 0 takes the candidate that agrees best, 1 the next, and so on.
         seen: [rows, 2 rows, 4 or 5] what is known of the surroundings, see detail.blend.
+        plate: what the photo shows beside its object: a place of its kind, in- or outdoors, is preferred.
+        pitch_deg: how far the camera looks down, so that what stands on a ground stays there; None: not known.
     Raises:
         InvalidEnvironment, InputError: one line that says what to do.
     """
@@ -81,6 +87,8 @@ def add_detail(
             subject="estimate",
         )
     library = library if isinstance(library, Library) else open_library(library)
-    match = find_match(radiance, confidence, library, seed)
+    known = {} if pitch_deg is None else {"pitches_deg": (pitch_deg,)}
+    asked = prices(plate, library.lights, MATCH_PRICE)
+    match = find_matches(radiance, confidence, library, seed, prices=asked, **known)[0]
     detailed = blend(radiance, library.candidate(match.index), match.candidate_from_estimate, match.ln_gain, rows, seen)
     return Detailed(radiance=detailed, name=match.name, seed=seed, warnings=library.warnings)

@@ -16,8 +16,10 @@ from anyprobe.detail.likeness import MATCH_ROWS, Shown, shown_by
 from anyprobe.detail.plausible import DETAILS, ROWS
 from anyprobe.errors import InputError
 from anyprobe.estimate.doubts import ground_doubts, light_doubts
-from anyprobe.estimate.known import FROM_DEPTH, PhotoBackground
+from anyprobe.estimate.known import FROM_DEPTH, KnownNormals, PhotoBackground
+from anyprobe.estimate.mirror_ball import CHROME, is_mirror_ball, said_of_ball
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
+from anyprobe.estimate.normals_hint import normals_from_outline
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
 from anyprobe.estimate.refine import (
     ENOUGH_EXPOSED,
@@ -43,7 +45,7 @@ from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.segmenters import SegmenterSource, load_segmenter
 from anyprobe.masks.sources import MaskSource
 from anyprobe.notices import leave_out
-from anyprobe.scatter.materials import Material
+from anyprobe.scatter.materials import Material, material_named
 
 
 class Estimator:
@@ -99,6 +101,12 @@ class Estimator:
         """Other processes open the networks anew."""
         return Estimator, (self.settings,)
 
+    def __repr__(self) -> str:
+        settings = self.settings
+        parts = [f"model={settings.model!r}", f"engine={settings.engine!r}", f"emitters={settings.emitters!r}"]
+        parts += [f"detail={settings.detail!r}"] if settings.detail != DETAILS[0] else []
+        return f"Estimator({', '.join(parts)})"
+
     def _set(self, settings: Settings) -> None:
         segmenter = settings.segmenter
         self.segmenter = load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter
@@ -137,6 +145,7 @@ class Estimator:
         far: float | None = None,
         fov_deg: float | None = None,
         pitch_deg: float | None = None,
+        roll_deg: float | None = None,
         normals: NormalsSource | NormalsEstimator | None = None,
         material: Material | str | None = None,
         albedo: Albedo | None = None,
@@ -150,8 +159,8 @@ class Estimator:
             source: path, bytes, Pillow image or array ([H, W, 3 or 4], uint8 or float in [0, 1]); or a Photo of
                 load_photo, whose hints were given there, but for the material.
             hints: all that is given of the object, the camera and the light.
-            mask, click, exclude, box, depth, near, far, fov_deg, pitch_deg, normals, material, albedo, roughness,
-                surroundings: see Hints; these replace what `hints` holds.
+            mask, click, exclude, box, depth, near, far, fov_deg, pitch_deg, roll_deg, normals, material, albedo,
+                roughness, surroundings: see Hints; these replace what `hints` holds.
         Raises:
             InvalidPhoto, InvalidMask, InputError: with one line that says what to do.
             TypeError: an unknown keyword; names the one that it is most like.
@@ -169,6 +178,7 @@ class Estimator:
             far=far,
             fov_deg=fov_deg,
             pitch_deg=pitch_deg,
+            roll_deg=roll_deg,
             normals=normals,
             material=material,
             albedo=albedo,
@@ -214,7 +224,21 @@ class Estimator:
         """
         start = time.perf_counter() if start is None else start
         light = self.from_crop(photo, crop_object(photo, PHOTO_SIZE), start, material=material)
+        if material is None and photo.material is None and photo.normals is None and self.models.lifts:
+            light = self._unwrapped(light, photo, start)
+        if isinstance(photo.surroundings, PhotoBackground):
+            light = replace(light, plate=photo.plate())
         return light if self.settings.detail == DETAILS[0] else self._with_detail(light, photo)
+
+    def _unwrapped(self, light: Light, photo: Photo, start: float) -> Light:
+        """The light of a mirror ball, of a photo of one; else as it is."""
+        said = light.origin.object
+        if said is None or not is_mirror_ball(photo, said["metal"]):
+            return light
+        values = normals_from_outline(photo.mask, photo.long_fov_deg)
+        ball = replace(photo, normals=KnownNormals(values=values))
+        found = self.from_crop(ball, crop_object(ball, PHOTO_SIZE), start, material=material_named(CHROME))
+        return replace(found, warnings=(*found.warnings, said_of_ball(photo.name)))
 
     def _with_detail(self, light: Light, photo: Photo) -> Light:
         """Add plausible detail that continues what is known of the surroundings."""
@@ -341,6 +365,7 @@ def estimate(
     far: float | None = None,
     fov_deg: float | None = None,
     pitch_deg: float | None = None,
+    roll_deg: float | None = None,
     normals: NormalsSource | NormalsEstimator | None = None,
     material: Material | str | None = None,
     albedo: Albedo | None = None,
@@ -361,7 +386,7 @@ def estimate(
     Args:
         source: path, bytes, Pillow image or array ([H, W, 3 or 4], uint8 or float in [0, 1]); or a Photo of load_photo.
         hints: all that is given of the object, the camera and the light.
-        mask, click, exclude, box, depth, near, far, fov_deg, pitch_deg, normals, material, albedo, roughness,
+        mask, click, exclude, box, depth, near, far, fov_deg, pitch_deg, roll_deg, normals, material, albedo, roughness,
             surroundings: see Hints; these replace what `hints` holds.
         model, threads, engine, emitters, segmenter, detail, size, detail_library: see Settings.
     Raises:
@@ -390,6 +415,7 @@ def estimate(
         far=far,
         fov_deg=fov_deg,
         pitch_deg=pitch_deg,
+        roll_deg=roll_deg,
         normals=normals,
         material=material,
         albedo=albedo,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from anyprobe.core.contract import contract
+from anyprobe.core.frames import rotation_x, rotation_z
 from anyprobe.errors import InputError
 from anyprobe.masks.check import object_box
 
@@ -63,6 +64,18 @@ class Ground:
     def up(self) -> np.ndarray:
         """Unit vector [3] away from the ground, in the camera's frame."""
         return up_of(self.pitch_deg, self.roll_deg)
+
+    @property
+    def level_from_camera(self) -> np.ndarray:
+        """Rotation [3, 3] from the camera's frame to one whose +Y is up, the camera's azimuth kept."""
+        return rotation_x(-np.radians(self.pitch_deg)) @ rotation_z(np.radians(self.roll_deg))
+
+    def said_level(self) -> str:
+        """Return how a map that is level came to be so, as one line for a sidecar."""
+        return (
+            f"+Y is up: turned by the camera's pitch of {self.pitch_deg:.1f} and roll of {self.roll_deg:.1f} degrees, "
+            f"{self.source}, give or take {self.pitch_error_deg:.0f}"
+        )
 
     @staticmethod
     def of(info: dict[str, Any] | None) -> Ground | None:

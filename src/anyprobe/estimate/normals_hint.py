@@ -56,6 +56,18 @@ def normals_from_outline(mask: Float[np.ndarray, "H W"], long_fov_deg: float) ->
     Raises:
         InputError: the outline is no sphere's.
     """
+    normals, overlap = sphere_of_outline(mask, long_fov_deg)
+    if overlap < ROUND:
+        raise InputError(
+            f"expected a sphere, got a mask that shares {overlap:.0%} with the nearest circle; "
+            "mask the sphere alone and whole, or give its normals",
+            subject="normals",
+        )
+    return normals
+
+
+def sphere_of_outline(mask: Float[np.ndarray, "H W"], long_fov_deg: float) -> tuple[np.ndarray, float]:
+    """Return the normals [H, W, 3] of the sphere nearest to an outline, and their overlap: intersection over union."""
     focal = max(mask.shape) / 2 / np.tan(np.radians(long_fov_deg) / 2)
     solid_angle, axis = 0.0, np.zeros(3)
     for part in _strips(_box(mask > 0.0)):
@@ -77,14 +89,7 @@ def normals_from_outline(mask: Float[np.ndarray, "H W"], long_fov_deg: float) ->
         s = along - np.sqrt(np.maximum(radius**2 - 1.0 + along**2, 0.0))
         n = (s[..., None] * d - axis) / radius
         normals[part] = np.where(inside[..., None], n, 0.0)
-    overlap = shared / covered
-    if overlap < ROUND:
-        raise InputError(
-            f"expected a sphere, got a mask that shares {overlap:.0%} with the nearest circle; "
-            "mask the sphere alone and whole, or give its normals",
-            subject="normals",
-        )
-    return normals
+    return normals, shared / covered
 
 
 def _rays(part: Part, shape: tuple[int, int], focal: float) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""What one photo leaves on disk: .exr, .hdr, .json and .png, all four or none, and the picture that shows a mask."""
+"""What one photo leaves on disk: panorama, map, sidecar and preview, all or none, and the picture that shows a mask."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from PIL import Image, ImageDraw, ImageFilter, ImageFont
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
+from anyprobe.detail.place_picture import DRAWN_ROWS, Panorama
 from anyprobe.estimate.photo import Photo
-from anyprobe.estimate.result import Light
+from anyprobe.estimate.result import LEVEL, Light
 from anyprobe.files.atomic import atomic_files
 from anyprobe.files.images import write_png
+from anyprobe.light.environment import rotate
 from anyprobe.masks.prompts import Point
 from anyprobe.render.spheres import sphere_images
 
@@ -25,9 +27,13 @@ if TYPE_CHECKING:
 
     from anyprobe.detail.matching import MatchedMap
 
-EXPOSURES_EV = (-2.0, 0.0, 2.0)
-SPHERES = {"diffuse": "matte", "silver": "silver", "mirror": "mirror"}
-ROW = 256
+SPHERES = {"diffuse": "matte", "silver": "satin", "mirror": "mirror"}
+"""Names of materials by those of render.spheres."""
+ROW, PANORAMA_ROW = 256, 512
+_MATTE = 0.7
+"""Radiance of the bright side of a matte sphere in the median row of matches."""
+_BRIGHT, _BRIGHTEST = 0.75, 0.9
+"""Mean display values from which on a panorama is shown darker."""
 _SPHERE = 128
 GAP = 8
 CAPTION = 20
@@ -35,33 +41,52 @@ BACKGROUND, CAPTION_COLOR = (20, 20, 20), (220, 220, 220)
 Captioned = tuple[str, np.ndarray]
 
 
-def draw_preview(photo: Photo, light: Light) -> Float[np.ndarray, "H W 3"]:
-    """Display picture [H, W, 3] in [0, 1]: photo | its mask | spheres over the map at three exposures, with captions.
+def draw_preview(photo: Photo, light: Light, panorama: Panorama | None = None) -> Float[np.ndarray, "H W 3"]:
+    """Return a display picture [H, W, 3] in [0, 1]: the panorama over photo, mask and spheres, with captions.
 
     The spheres share one exposure, a whole or half EV at which the matte one does not clip, 0 at most.
+
+    Args:
+        panorama: of the light; None: made here.
     """
     picture = _fit(photo.rgb, ROW)
-    first: list[Captioned] = [("photo", picture), ("mask", draw_overlay(picture, _fit(photo.mask, ROW)))]
-    spheres = sphere_images(light.radiance, _SPHERE)
+    given: list[Captioned] = [("photo", picture), ("mask", draw_overlay(picture, _fit(photo.mask, ROW)))]
+    return _sheet(light, light.panorama() if panorama is None else panorama, given)
+
+
+def draw_light(light: Light) -> Float[np.ndarray, "H W 3"]:
+    """Return the same sheet of a light alone."""
+    return _sheet(light, light.panorama(), [])
+
+
+def _sheet(light: Light, panorama: Panorama, given: list[Captioned]) -> np.ndarray:
+    in_camera = panorama.radiance
+    if panorama.is_level:
+        in_camera = np.maximum(rotate(panorama.radiance, panorama.frame_from_camera.T), 0.0)
+    spheres = sphere_images(in_camera, _SPHERE)
     ev = min(0.0, math.floor(-2 * math.log2(max(spheres["diffuse"].max(), 1e-6))) / 2)
+    row = [*given]
     for name, sphere in spheres.items():
-        first.append((f"{SPHERES[name]}, {_stops(ev)}", _fit(response(sphere * 2.0**ev), ROW)))
-    maps = [(f"map, {_stops(ev)}", _fit(response(light.radiance * 2.0**ev), ROW)) for ev in EXPOSURES_EV]
-    return _captioned([first, maps])
+        row.append((f"{SPHERES[name]}, {_stops(ev)}", _fit(response(sphere * 2.0**ev), ROW)))
+    level = float(np.mean(response(panorama.radiance)))
+    shown = 0.0 if level < _BRIGHT else -1.0 if level < _BRIGHTEST else -2.0
+    caption = f"panorama, {'level' if panorama.is_level else 'in the frame of the camera'}, {_stops(shown)}"
+    return _captioned([[(caption, _fit(response(panorama.radiance * 2.0**shown), PANORAMA_ROW))], row])
 
 
 def draw_matches(photo: Photo, light: Light, matches: Sequence[tuple[MatchedMap, np.ndarray]]) -> np.ndarray:
-    """Display picture [H, W, 3] in [0, 1]: photo, then a row for the estimate and for each match with its map in the
-    light's frame: spheres, all at one exposure, and the map."""
-    rows = [("estimate", light.radiance)]
+    """Return a display picture [H, W, 3] in [0, 1]: photo and mask, then a row for the estimate and for each match,
+    each with the photo, spheres at one exposure for all, and its map in the light's frame."""
+    rows = [("estimate", light.panorama(256, frame="camera").radiance)]
     rows += [(f"{one.rank + 1}: {one.name}", radiance) for one, radiance in matches]
     drawn = [(caption, sphere_images(radiance, _SPHERE), radiance) for caption, radiance in rows]
-    brightest = max(spheres["diffuse"].max() for _, spheres, _ in drawn)
-    gain = 2.0 ** min(0.0, math.floor(-2 * math.log2(max(brightest, 1e-6))) / 2)
+    level = float(np.median([np.percentile(spheres["diffuse"].max(axis=-1), 90) for _, spheres, _ in drawn]))
+    gain = 2.0 ** (round(2 * math.log2(_MATTE / max(level, 1e-6))) / 2)
     picture = _fit(photo.rgb, ROW)
     sheet: list[list[Captioned]] = [[("photo", picture), ("mask", draw_overlay(picture, _fit(photo.mask, ROW)))]]
     for caption, spheres, radiance in drawn:
-        shown = [(SPHERES[name], _fit(response(sphere * gain), ROW)) for name, sphere in spheres.items()]
+        shown = [("photo", picture)]
+        shown += [(SPHERES[name], _fit(response(sphere * gain), ROW)) for name, sphere in spheres.items()]
         sheet.append([*shown, (caption, _fit(response(radiance * gain), ROW))])
     return _captioned(sheet)
 
@@ -71,20 +96,21 @@ def _stops(ev: float) -> str:
 
 
 def _captioned(rows: list[list[Captioned]]) -> np.ndarray:
-    """Rows of pictures ROW high, each above its caption."""
+    """Return rows of pictures, each above its caption."""
     font = ImageFont.load_default(14)
-    placed, widest = [], 0
-    for index, row in enumerate(rows):
+    placed, widest, top = [], 0, GAP
+    for row in rows:
         left = GAP
         for text, picture in row:
             caption = _drawable(text)
-            placed.append((left, GAP + index * (ROW + CAPTION + GAP), caption, picture))
+            placed.append((left, top, caption, picture))
             left += max(picture.shape[1], round(font.getlength(caption))) + GAP
         widest = max(widest, left)
-    canvas = Image.new("RGB", (widest, GAP + len(rows) * (ROW + CAPTION + GAP)), BACKGROUND)
+        top += max((len(picture) for _, picture in row), default=0) + CAPTION + GAP
+    canvas = Image.new("RGB", (widest, top), BACKGROUND)
     for left, top, caption, picture in placed:
         canvas.paste(Image.fromarray(to_bytes(picture)), (left, top))
-        ImageDraw.Draw(canvas).text((left, top + ROW + 2), caption, CAPTION_COLOR, font)
+        ImageDraw.Draw(canvas).text((left, top + len(picture) + 2), caption, CAPTION_COLOR, font)
     return np.asarray(canvas, np.float32) / 255
 
 
@@ -102,23 +128,42 @@ def _fit(picture: np.ndarray, height: int) -> np.ndarray:
     return np.asarray(resized, dtype=np.float32) / 255
 
 
-OUTPUT_SUFFIXES = (".exr", ".hdr", ".json", ".png")
+OUTPUT_SUFFIXES = ("_panorama.exr", "_origin.png", ".exr", ".hdr", ".json", ".png")
 
 
-def write_results(photo: Photo, light: Light, folder: Path, stem: str, colorspace: str = "rec709") -> dict[str, Path]:
-    """Write <stem>.exr, .hdr, .json and .png into folder, replacing older ones; the .exr in a colorspace of Light.save.
+def write_results(
+    photo: Photo,
+    light: Light,
+    folder: Path,
+    stem: str,
+    colorspace: str = "rec709",
+    *,
+    size: int = DRAWN_ROWS,
+    frame: str = LEVEL,
+) -> dict[str, Path]:
+    """Write OUTPUT_SUFFIXES of a photo into folder, replacing older ones; every .exr in a colorspace of Light.save.
 
+    Args:
+        size, frame: of the panorama, see Light.panorama.
     Returns:
-        Suffix without dot -> path.
+        What a file is ("panorama", "origin", "exr", "hdr", "json", "png") -> path.
     Raises:
         OutputError: the folder cannot be made or written; what was there stays as it was.
     """
+    panorama = light.panorama(size, frame=frame)
     with atomic_files(folder) as scratch:
+        panorama.save(scratch / f"{stem}_panorama.exr", colorspace=colorspace)
+        panorama.save_origin(scratch / f"{stem}_origin.png")
         light.save(scratch / f"{stem}.exr", colorspace=colorspace)
         for kind in ("hdr", "json"):
             light.save(scratch / f"{stem}.{kind}")
-        write_png(scratch / f"{stem}.png", draw_preview(photo, light))
-    return {suffix[1:]: folder / f"{stem}{suffix}" for suffix in OUTPUT_SUFFIXES}
+        write_png(scratch / f"{stem}.png", draw_preview(photo, light, panorama))
+    return {_kind(suffix): folder / f"{stem}{suffix}" for suffix in OUTPUT_SUFFIXES}
+
+
+def _kind(suffix: str) -> str:
+    """What write_results calls a file."""
+    return suffix[1:].partition(".")[0] if suffix.startswith("_") else suffix[1:]
 
 
 EDGE = (0.1, 1.0, 0.4)

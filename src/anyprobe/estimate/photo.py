@@ -11,6 +11,7 @@ import numpy as np
 from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
 from anyprobe.detail.match import seen_in_photo
+from anyprobe.detail.plate import Plate, keep_plate
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.doubts import backdrop_doubts, exposure_doubts, scale_doubts
 from anyprobe.estimate.ground import NOTED, Ground, estimate_ground
@@ -100,6 +101,10 @@ class Photo:
         panorama = self.surroundings.full if isinstance(self.surroundings, Panorama) else None
         return None if panorama is None else at_rows(panorama, rows)
 
+    def plate(self) -> Plate | None:
+        """Return what it shows beside its object, small enough to keep; None: nothing."""
+        return keep_plate(self.rgb, self.mask, self.long_fov_deg, self.radiance, self.hidden)
+
     def without_pixels(self) -> Photo:
         """What is known of it, for when its object is cut out already: photos are large."""
         rgb, mask = self.rgb[:0].copy(), self.mask[:0].copy()  # views would hold all of them
@@ -153,6 +158,7 @@ def load_photo(
     far: float | None = None,
     fov_deg: float | None = None,
     pitch_deg: float | None = None,
+    roll_deg: float | None = None,
     normals: NormalsSource | NormalsEstimator | None = None,
     material: Material | str | None = None,
     albedo: Albedo | None = None,
@@ -167,7 +173,7 @@ def load_photo(
         hints: all that is given of the object, the camera and the light.
         name: what messages call the photo; None: its file's name, or what it is.
         segmenter: what finds the object in the place of our network: a name of masks.segmenters, or a Segmenter.
-        mask, click, exclude, box, depth, near, far, fov_deg, pitch_deg, normals, material, albedo, roughness,
+        mask, click, exclude, box, depth, near, far, fov_deg, pitch_deg, roll_deg, normals, material, albedo, roughness,
             surroundings: see Hints; these replace what `hints` holds.
     Raises:
         InvalidPhoto, InvalidMask, InputError: with one line that says what to do.
@@ -185,6 +191,7 @@ def load_photo(
         far=far,
         fov_deg=fov_deg,
         pitch_deg=pitch_deg,
+        roll_deg=roll_deg,
         normals=normals,
         material=material,
         albedo=albedo,
@@ -230,7 +237,7 @@ def load_photo(
         return replace(photo, surroundings=None, warnings=photo.warnings + doubts)
     if not around.is_asked and is_dark_beside(pixels.rgb, found.mask):
         return replace(photo, surroundings=None)
-    return replace(photo, ground=_ground(photo, hints.pitch_deg, pixels.posture_deg))
+    return replace(photo, ground=_ground(photo, hints, pixels.posture_deg))
 
 
 def _field_of_view(given: float | None, pixels: Pixels) -> tuple[float, str]:
@@ -242,10 +249,10 @@ def _field_of_view(given: float | None, pixels: Pixels) -> tuple[float, str]:
     return DEFAULT_LONG_FOV_DEG, "default"
 
 
-def _ground(photo: Photo, pitch_deg: float | None, posture_deg: tuple[float, float] | None) -> Ground:
-    """Estimate the ground: by the given pitch, else by pitch and roll that the file notes, else by a guess."""
-    if pitch_deg is not None or posture_deg is None:
-        return estimate_ground(photo)
+def _ground(photo: Photo, hints: Hints, posture_deg: tuple[float, float] | None) -> Ground:
+    """Estimate the ground: by the given pitch and roll, else by those that the file notes, else by a guess."""
+    if hints.pitch_deg is not None or posture_deg is None:
+        return estimate_ground(photo, roll_deg=hints.roll_deg)
     noted_pitch_deg, roll_deg = posture_deg
     return replace(estimate_ground(photo, pitch_deg=noted_pitch_deg, roll_deg=roll_deg), source=NOTED)
 

@@ -15,6 +15,8 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import is_rotation
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
+from anyprobe.detail.place_picture import DRAWN_ROWS, Panorama, check_panorama_rows, compose, in_frame
+from anyprobe.detail.plate import Plate
 from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
@@ -37,6 +39,8 @@ if TYPE_CHECKING:
     from anyprobe.render.mesh import Mesh
     from anyprobe.scatter.materials import Material
 
+LEVEL, CAMERA = FRAMES = ("level", "camera")
+"""Frames of panoramas and exports."""
 MIRROR_ERROR_DEG = 180 / 64
 """A pixel of the map that a mirror is unwrapped to."""
 BEHIND = -0.5
@@ -60,6 +64,7 @@ class Light:
         map_from_camera: [3, 3] rotation from the camera's frame to the map's: what rotate has done since.
         origin: how the estimate came about.
         find_shown: gives `shown`; None where nothing is known of it.
+        plate: what the photo shows beside its object, for panorama; None where that is nothing, or not kept.
     """
 
     radiance: np.ndarray
@@ -71,6 +76,7 @@ class Light:
     map_from_camera: np.ndarray = field(default_factory=lambda: np.eye(3))
     origin: Origin = field(default_factory=Origin)
     find_shown: Callable[[], Shown | None] | None = None
+    plate: Plate | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "warnings", tuple(map(as_notice, self.warnings)))
@@ -94,8 +100,10 @@ class Light:
         return f"<{', '.join(parts)}>"
 
     def _repr_png_(self) -> bytes:
-        """The display picture, for notebooks."""
-        return png_bytes(to_bytes(response(self.radiance)))
+        """Return the sheet of panorama and spheres, for notebooks."""
+        from anyprobe.estimate.outputs import draw_light
+
+        return png_bytes(to_bytes(draw_light(self)))
 
     @classmethod
     def load(cls, path: str | Path) -> Light:
@@ -186,10 +194,61 @@ class Light:
             raise InputError(
                 "expected a light without it, got one that has it; begin with the estimate", subject="detail"
             )
-        found = add_detail(self.radiance, self.confidence, library=library, rows=size, seed=seed, seen=seen)
+        is_camera = np.allclose(self.map_from_camera, np.eye(3))
+        found = add_detail(
+            self.radiance,
+            self.confidence,
+            library=library,
+            rows=size,
+            seed=seed,
+            seen=seen,
+            plate=self.plate,
+            pitch_deg=self.ground.pitch_deg if is_camera and self.ground is not None else None,
+        )
         origin = replace(self.origin, detail=found.info())
         warnings = self.warnings + tuple(map(as_notice, found.warnings))
         return replace(self, radiance=found.radiance, warnings=warnings, origin=origin)
+
+    def panorama(self, size: int = DRAWN_ROWS, *, frame: str = LEVEL) -> Panorama:
+        """Return one picture of the place, `size` x 2 `size`: the photo, continued all around under this light.
+
+        It shows what the photo shows at the photo's own resolution, without the object; ground, walls and sky go on
+        from there; light sources are round, of their own size. Its nine spherical harmonics are this light's.
+
+        Args:
+            size: rows, one of detail.place_picture.PANORAMA_SIZES.
+            frame: "level", +Y is up as far as the camera's pitch and roll are known, or "camera", the frame of
+                radiance. A light that was rotated keeps its own frame.
+        Raises:
+            InputError: another size or frame.
+        """
+        check_panorama_rows(size)
+        is_level, turn = self._panorama_frame(frame)
+        radiance, origin = compose(
+            in_frame(self.radiance, turn),
+            self.plate,
+            turn @ self.map_from_camera,
+            size,
+            is_detailed=self.origin.detail is not None,
+        )
+        said = {name: str(value) for name, value in frame_of(turn @ self.map_from_camera).items()}
+        said |= {"model": self.origin.model or "", "scale": SCALE}
+        return Panorama(
+            radiance=radiance,
+            origin=origin,
+            frame_from_camera=turn @ self.map_from_camera,
+            is_level=is_level,
+            attributes=said,
+        )
+
+    def _panorama_frame(self, frame: str) -> tuple[bool, np.ndarray]:
+        """Whether a panorama is level, and the rotation [3, 3] from this map's frame to its own."""
+        if frame not in FRAMES:
+            raise InputError(f"expected {' or '.join(FRAMES)}, got {frame!r}; choose one", subject="frame")
+        ground = self.ground
+        if frame != LEVEL or ground is None or not np.allclose(self.map_from_camera, np.eye(3)):
+            return False, np.eye(3)
+        return True, ground.level_from_camera
 
     @property
     def ground(self) -> Ground | None:
@@ -236,6 +295,7 @@ class Light:
             self.pitch_deg,
             is_pitch_estimated=not is_known,
             roll_deg=self.ground.roll_deg if self.ground is not None and self.ground.is_known else 0.0,
+            plate=self.plate,
         )
         return ranked[:best]
 
@@ -254,12 +314,17 @@ class Light:
     def export(self, target: str, folder: str | Path = "export", stem: str = "light", **settings: Any) -> list[Path]:
         """Write the light for three, blender, unity, unreal, usd or another of docs/export.md's targets.
 
-        All files, named <stem>_<target>, or none. settings: world_from_camera, exposure_ev.
+        All files, named <stem>_<target>, or none. It is level as far as the camera's pitch and roll are known.
+        settings: frame ("camera" leaves it in the camera's frame), world_from_camera, exposure_ev.
         """
         from anyprobe.export.exported_light import origin_of, origin_turned
         from anyprobe.export.targets import export
 
         origin = origin_of(self.sidecar()) | origin_turned(self.map_from_camera)
+        is_level, turn = self._panorama_frame(settings.pop("frame", LEVEL))
+        if is_level and settings.get("world_from_camera") is None and self.ground is not None:
+            settings["world_from_camera"] = turn
+            origin["level"] = self.ground.said_level()
         return export(self.radiance, target, folder, stem, origin=origin, **settings)
 
     def sidecar(self) -> dict[str, Any]:
@@ -268,7 +333,7 @@ class Light:
         return {
             "version": SIDECAR_VERSION,
             **self.info,
-            **self._frame(),
+            **frame_of(self.map_from_camera),
             "scale": SCALE,
             "exposure_ev": 0.0,
             "response": {"curve": "sigmoid", "exponent": MEAN_CURVE.exponent, "sigma": MEAN_CURVE.sigma},
@@ -289,12 +354,6 @@ class Light:
             "notices": [one.as_json() for one in self.warnings],
         }
 
-    def _frame(self) -> dict[str, Any]:
-        """The map's axes, and the rotation to them if they are not the camera's."""
-        if np.allclose(self.map_from_camera, np.eye(3)):
-            return {"frame": FRAME}
-        return {"frame": TURNED, "map_from_camera": _numbers(self.map_from_camera)}
-
     def _mean_confidence(self) -> float | None:
         """Over the sphere."""
         if self.confidence is None:
@@ -308,8 +367,8 @@ class Light:
         """
         path = Path(path)
         kind = path.suffix.lower()
-        turned = {name: str(value) for name, value in self._frame().items()}
-        attributes = {"model": self.origin.model or "", **turned, "scale": SCALE}
+        own_frame = {name: str(value) for name, value in frame_of(self.map_from_camera).items()}
+        attributes = {"model": self.origin.model or "", **own_frame, "scale": SCALE}
         if self.origin.detail is not None:
             attributes["detail"] = "{kind}, from {from}, seed {seed}".format(**self.origin.detail)
         if kind == ".exr":
@@ -330,6 +389,13 @@ class Light:
         else:
             raise OutputError(f"expected .exr, .hdr, .json or .png, got {kind or 'no suffix'}", source=path)
         return path
+
+
+def frame_of(map_from_camera: np.ndarray) -> dict[str, Any]:
+    """Return a map's axes in words, and the rotation to them if they are not the camera's."""
+    if np.allclose(map_from_camera, np.eye(3)):
+        return {"frame": FRAME}
+    return {"frame": TURNED, "map_from_camera": _numbers(map_from_camera)}
 
 
 def _numbers(array: np.ndarray) -> list:

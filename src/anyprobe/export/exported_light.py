@@ -41,7 +41,7 @@ BRIGHTEST_RADIANCE = 1e12
 """Above it squares and sums leave what float32 holds; the sun in candela per square metre is 1.6e9."""
 MAX_SIDECAR_BYTES = 2**26
 """Of a .json beside a map; ours are of a few kilobytes, of many photos a little more."""
-ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "response", "warnings", "detail")
+ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "response", "warnings", "detail", "level")
 """What an export keeps of the estimate's sidecar: not its SH and dominant light, which turn with the map."""
 
 
@@ -337,9 +337,9 @@ def said_beside(path: Path) -> dict[str, Any]:
     Raises:
         InputError: it is damaged or cannot be read, so that nobody knows what it said.
     """
-    own, other = (path.with_name(f"{stem}.json") for stem in (path.stem, path.stem.removesuffix("_ambient")))
-    beside = own if is_there(own) else other
-    if not is_there(beside):
+    stems = (path.stem, path.stem.removesuffix("_ambient"), path.stem.removesuffix("_panorama"))
+    beside = next((one for one in (path.with_name(f"{stem}.json") for stem in stems) if is_there(one)), None)
+    if beside is None:
         return {}
     try:  # of any Unicode, with a byte order mark or without
         data = read_regular(beside, str(beside), InputError, max_bytes=MAX_SIDECAR_BYTES)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anyprobe.core.color import REC709_CHROMATICITIES, luminance, xyz_from_rgb
+from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError
 from anyprobe.export import cube_textures, scene_files
 from anyprobe.export.exported_light import (
@@ -39,6 +40,7 @@ from anyprobe.export.target_frames import (
     webxr,
 )
 from anyprobe.files.atomic import atomic_files
+from anyprobe.files.ultra_hdr import write_ultra_hdr
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -180,6 +182,26 @@ def write_three(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     return {"half_float": "HDRLoader makes halfs of .hdr: what is above 65504 is clamped there"}
 
 
+def write_jpeg(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
+    """<name>.jpg: Ultra HDR, for three.js's UltraHDRLoader; rolled as three's maps are."""
+    rolled = THREE.roll(light.radiance)
+    most = write_ultra_hdr(folder / f"{light.name}.jpg", rolled)
+    return {
+        "ultra_hdr": {
+            "most_radiance": round(most, 4),
+            "loader": "three.js UltraHDRLoader; mapping EquirectangularReflection",
+        },
+        "clipped_energy": _share_above(light.radiance, most),
+    }
+
+
+def _share_above(radiance: np.ndarray, limit: float) -> float:
+    """Share of a map's energy [H, 2H, 3] above a limit."""
+    areas = pixel_solid_angles(len(radiance))[..., None].astype(np.float64)
+    energy = float((radiance * areas).sum())
+    return float((np.maximum(radiance - limit, 0.0) * areas).sum()) / energy if energy > 0 else 0.0
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Target:
     """How a light is written for one program or format.
@@ -224,6 +246,11 @@ TARGETS = {
         frame=FRONT,
         checked="Babylon.js 9.34 shows it as it is, set as `gltf` says",
         sources=True,
+    ),
+    "ultrahdr": Target(
+        write=write_jpeg,
+        frame=THREE,
+        checked="by the format, three.js's source (UltraHDRLoader) and our own reader; not run in a browser",
     ),
     "cube": Target(write=cube_textures.write_faces, frame=FRONT, checked=f"{_THREE} (HDRCubeTextureLoader)"),
     "ktx2": Target(write=cube_textures.write_ktx2, frame=FRONT, checked=f"{_THREE} (KTX2Loader)"),

@@ -18,18 +18,21 @@ from anyprobe.masks.quality import DOUBTFUL, REFUSED, examine
 from anyprobe.masks.search import Finding, Prompts, find_object, finding_of, look_closer
 from anyprobe.masks.segmenters import Segmenter, SegmenterSource, load_segmenter
 from anyprobe.masks.sources import MaskSource, mask_from_alpha, mask_from_file, mask_from_function
+from anyprobe.masks.words import RIGHT, color_doubts, verdict
 from anyprobe.notices import Notice, as_notice, give
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FoundMask:
     """mask [H, W] float32 in [0, 1], 1 on the object; source: "mask", "function", "depth", "click", "box",
-    "alpha", "network" or "segmenter"; confidence: the IoU to expect, see quality; None where the mask was given;
+    "alpha", "network" or "segmenter"; confidence: the IoU to expect, see quality, None where the mask was given; said:
+    the same in words, see words, or empty;
     warnings: one line each, where the mask may well be wrong; prompts: as they were understood."""
 
     mask: np.ndarray
     source: str
     confidence: float | None = None
+    said: str = ""
     warnings: tuple[str, ...] = ()
     prompts: Prompts = Prompts()
 
@@ -123,11 +126,20 @@ def _judged(
     confidence = evidence.expected_iou(network.name)
     if confidence < REFUSED or not (mask > 0.5).any():
         raise _nothing(pixels, prompts)
-    warnings = [] if confidence >= DOUBTFUL else [_doubt(pixels.name, confidence, evidence.doubts())]
+    doubts = [*color_doubts(pixels.rgb, mask, tuple(prompts.on) if prompts.box is None else ())]
+    is_doubtful = confidence < DOUBTFUL
+    doubts += evidence.doubts() if is_doubtful else []
+    said = verdict(doubts, is_doubtful=is_doubtful)
+    warnings = [] if said == RIGHT else [_doubt(pixels.name, said)]
     if network.warning and source != "segmenter":
         warnings.append(as_notice(network.warning, pixels.name))
     return FoundMask(
-        mask=check_mask(mask), source=source, confidence=confidence, warnings=tuple(warnings), prompts=prompts
+        mask=check_mask(mask),
+        source=source,
+        confidence=confidence,
+        said=said,
+        warnings=tuple(warnings),
+        prompts=prompts,
     )
 
 
@@ -170,10 +182,9 @@ def _nothing(pixels: Pixels, prompts: Prompts) -> InvalidMask:
     )
 
 
-def _doubt(name: str, confidence: float, doubts: list[str]) -> Notice:
-    because = f": {doubts[0]}" if doubts else ""
+def _doubt(name: str, said: str) -> Notice:
     return Notice(
-        f"the mask may be wrong (expected quality {confidence:.2f}{because})",
+        f"the mask {said}; look at it",
         code="mask-doubtful",
         source=name,
         remedy=give("box", "click", "exclude", "mask"),

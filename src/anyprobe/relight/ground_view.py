@@ -13,7 +13,7 @@ import numpy as np
 
 from anyprobe.core.frames import orthonormal_basis
 from anyprobe.errors import InputError
-from anyprobe.estimate.ground import GIVEN, LEAST_SLOPE_DEG, Ground, estimate_ground
+from anyprobe.estimate.ground import GIVEN, LEAST_SLOPE_DEG, Ground, estimate_ground, up_of
 from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
 
@@ -23,6 +23,9 @@ degrees that estimates take would stretch a sphere near its border; too narrow a
 
 VIEW_STRIP_PIXELS = 1 << 18
 """Pixels whose places on the ground are worked out at once: some 200 bytes each."""
+
+LEAST_ROLL_DEG = 4.0
+"""An estimated roll below this is as likely none."""
 
 LEAST_ABOVE = 0.02
 """Ground is used up to this far below the horizon, of the photo's height."""
@@ -140,6 +143,7 @@ def view_of(photo: Photo, pitch_deg: float | None = None, found: Ground | None =
             f"{pitch_deg:g} degrees down and a base {below_axis:.0f} degrees below its axis; give another",
             subject="pitch_deg",
         )
-    tilt = np.radians(pitch_deg)
-    up = np.array([0.0, np.cos(tilt), np.sin(tilt)])
+    known = found if found is not None else ground
+    roll_deg = known.roll_deg if known.is_known or abs(known.roll_deg) >= LEAST_ROLL_DEG else 0.0
+    up = up_of(pitch_deg, roll_deg)
     return View(width=width, height=height, focal=float(focal), up=up), pitch_deg

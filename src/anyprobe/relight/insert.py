@@ -21,6 +21,7 @@ from anyprobe.relight.ground_map import with_ground
 from anyprobe.relight.ground_view import VIEW_STRIP_PIXELS, View, view_of
 from anyprobe.relight.path_traced import GROUND_RADII, NUM_PATHS, GroundDisc, open_mitsuba, trace_mesh
 from anyprobe.relight.placement import Placement, Side, place_beside
+from anyprobe.relight.real_shadow import shadow_depth
 from anyprobe.relight.shadow import NUM_DIRECTIONS, SHADOW_CELLS, GroundShadow, sky_irradiance
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.picture import draw_mesh
@@ -29,26 +30,19 @@ from anyprobe.scatter.materials import Material, material_named
 
 BORDER_PX = 2
 """Kept around the object's window for its soft edge."""
-
 MOST_DRAWN = 512
 """Pixels that an object is drawn across; in larger photos it is enlarged, as their own pixels are hardly sharper."""
-
 ENLARGED_SUPERSAMPLE = 2
 """Points of a pixel, along a side, of an object that is enlarged."""
-
 MOST_SHADED = 1024
 """Places along a side of the shadow's part of the photo where it is worked out, four times its own grid; in larger
 photos it is enlarged."""
-
 THREADS = 2
 """That darken strips of the ground at a time."""
-
 MOST_PATHS = 1 << 25
 """The most paths that are traced for one object."""
-
 MIRRORED_DIRECTIONS, MIRRORED_GRID = 32, 64
 """Of the shadow on the ground that an object mirrors."""
-
 LEAST_SHADOW = 1 / 1024
 """A quarter of a display step; where less is missing the photo stays as it is."""
 
@@ -209,7 +203,8 @@ class Arrangement:
 
     size: its height over the real object's. at: x, y of its foot in the photo [px], None for
     beside the real object. turn_deg: about its vertical axis. pitch_deg: how far the camera looks
-    down, None for the ground's. ground: of the photo's estimate (Light.ground); None: guessed.
+    down, None for the ground's. ground: of the photo's estimate (Light.ground); None: guessed. match_shadow: whether
+    the shadow is made as deep as the real object's, where one is seen, see relight.real_shadow.
     """
 
     size: float = 0.5
@@ -217,6 +212,7 @@ class Arrangement:
     turn_deg: float = 0.0
     pitch_deg: float | None = None
     ground: Ground | None = None
+    match_shadow: bool = False
 
 
 class Stage:
@@ -232,6 +228,7 @@ class Stage:
                 f"expected a pixel of {width} x {height}, got {at[0]:g},{at[1]:g}; choose another", subject="at"
             )
         self.photo = photo
+        self.is_shadow_matched = arrangement.match_shadow
         self.view: View
         self.view, pitch_deg = view_of(photo, arrangement.pitch_deg, arrangement.ground)
         if not np.isfinite(arrangement.turn_deg):
@@ -258,6 +255,11 @@ class Stage:
             said.append(
                 f"no room beside the object: the inserted one stands {NOT_BESIDE[side]}; try another place or size"
             )
+        if not self.placement.stands:
+            said.append(
+                "the place beside the object may not be the surface that it stands on: the inserted one may seem to "
+                "float; choose its place"
+            )
         pixels = self.view.pixels(self.placement.mesh.positions)
         if (pixels < -0.5).any() or (pixels > np.array([self.view.width, self.view.height]) + 0.5).any():
             said.append("part of the inserted object is outside the photo; choose another place or make it smaller")
@@ -277,7 +279,10 @@ class Stage:
     def shadow(self, radiance: np.ndarray, count: int = NUM_DIRECTIONS, grid: int = SHADOW_CELLS) -> GroundShadow:
         """The object's shadow under a map [H, 2H, 3] of the camera's frame."""
         spot = self.placement
-        return GroundShadow(spot.mesh, spot.foot, spot.radius, self.view.up, radiance, count, grid)
+        shadow = GroundShadow(spot.mesh, spot.foot, spot.radius, self.view.up, radiance, count, grid)
+        if self.is_shadow_matched:
+            shadow.ratio = shadow.ratio ** shadow_depth(self.photo, self.view, radiance)
+        return shadow
 
     def relit(
         self,

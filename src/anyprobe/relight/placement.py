@@ -13,11 +13,12 @@ from enum import StrEnum
 
 import numpy as np
 
-from anyprobe.core.frames import rotation_x, rotation_y
+from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.errors import InputError, InvalidMesh
 from anyprobe.estimate.ground import contact_of
 from anyprobe.estimate.photo import Photo, object_box
 from anyprobe.relight.ground_view import View
+from anyprobe.relight.real_surface import STANDS, RealSurface
 from anyprobe.render.mesh import Mesh
 
 LEAST_SHARE = 0.35
@@ -34,6 +35,10 @@ FLAT = 0.6
 
 LEAST_HEIGHT = 1e-3
 """Of a virtual object, of its width: sizes are said by its height."""
+
+NEARER_SHARES = (1.0, 0.75, 0.55, 0.4)
+"""Of the size that fits, tried one after the other where the surface under the real object ends: smaller stands
+nearer."""
 
 TRIES, LEAST_STEP, CLOSE_PX = 24, 0.5, 0.5
 """To fit it, how much smaller each may make it, and pixels that do not matter."""
@@ -58,6 +63,7 @@ class Placement:
     mesh: in the camera's frame. foot: [3] point of the ground below its middle. radius: of the
     smallest sphere around it. pitch_deg: camera's, downwards. share: its size over what was asked.
     side: in front of or behind the real object for want of room beside; behind, that hides part of it.
+    stands: whether the photo shows the same surface there as under the real object.
     """
 
     mesh: Mesh
@@ -66,6 +72,7 @@ class Placement:
     pitch_deg: float
     share: float = 1.0
     side: Side = Side.asked
+    stands: bool = True
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -105,7 +112,8 @@ def place_beside(
     depth = -view.on_ground(x, row)[2]
     real = max(box[3] - box[1], FLAT * (box[2] - box[0]))
     height = real / view.focal * depth * size
-    upright = rotation_x(np.radians(pitch_deg)) @ rotation_y(np.radians(turn_deg))
+    rolled = rotation_z(-np.arctan2(view.up[0], view.up[1]))
+    upright = rolled @ rotation_x(np.radians(pitch_deg)) @ rotation_y(np.radians(turn_deg))
     unit = _unit_high(mesh)
     if at is not None:
         foot = view.on_ground(*at)
@@ -124,8 +132,11 @@ def place_beside(
     spot, side = find_spot(
         view, Outline(photo.mask), row, view.row_at_depth(depth + back), min(1.0, 1 / size), extent_at
     )
+    spot, side, stands = _on_surface(
+        view, Outline(photo.mask), RealSurface(photo, (x, row)), row, spot, side, extent_at
+    )
     placed = _standing(unit, upright, _foot(view, spot), height * spot.share, pitch_deg)
-    return replace(placed, share=spot.share, side=side)
+    return replace(placed, share=spot.share, side=side, stands=stands)
 
 
 def check_height(mesh: Mesh) -> None:
@@ -185,6 +196,38 @@ def find_spot(
         return best, Side.front
     far = Spot(x=view.width if sides[0][1] > 0 else 0, y=behind, share=most_behind)
     return _fit(far, bounds, view.farthest_row, extent_at), Side.behind
+
+
+def _on_surface(
+    view: View, outline: Outline, surface: RealSurface, row: float, spot: Spot, side: Side, extent_at: Extent
+) -> tuple[Spot, Side, bool]:
+    """The spot, or if the surface under the real object is not there, one on either side that is: nearer, and smaller.
+
+    Returns:
+        also whether it stands on that surface; the spot stays if none does.
+    """
+
+    def support(one: Spot) -> float:
+        left, _, right, _ = extent_at(one)
+        return surface.support(one.x, one.y, right - left)
+
+    if support(spot) >= STANDS or side == Side.behind:
+        return spot, side, support(spot) >= STANDS
+    edge = _MARGIN * view.width
+    bounds = edge, edge, view.width - edge, view.height - edge
+    left, _, right, _ = outline.box
+    best, most = spot, support(spot)
+    for share in NEARER_SHARES:
+        for x, way in ((right, 1), (left, -1)):
+            tried = _fit(
+                Spot(x=x, y=row, share=min(share, spot.share)), bounds, view.farthest_row, extent_at, outline, way
+            )
+            found = support(tried)
+            if tried.share >= LEAST_SHARE * share and found > most + 1e-6:
+                best, most = tried, found
+        if most >= STANDS:
+            return best, Side.beside, True
+    return spot, side, False
 
 
 def _fit(

@@ -66,10 +66,18 @@ def _named(key: str) -> dict[str, Material]:
 
 
 PRESETS, MEASURED = _named("named"), _named("measured")
-"""Our own: chrome reflects as chromium does (Johnson and Christy 1974, at 650, 550 and 450 nm); and those of the
-Physically Based database (physicallybased.info, CC0) that Material can express, see research.measured_materials."""
-MATERIALS: dict[str, Material] = PRESETS | MEASURED
-"""By name."""
+"""Our own: chrome reflects as chromium does (Johnson and Christy 1974, at 650, 550 and 450 nm), mirror reflects all
+light, and plaster to rubber are typical of their kind, not measured; and those of the Physically Based database
+(physicallybased.info, CC0) that Material can express, see research.measured_materials."""
+ELEMENTS = (
+    "beryllium cesium cobalt germanium iridium lithium magnesium manganese mercury molybdenum palladium platinum "
+    "potassium rubidium silicon sodium titanium tungsten vanadium zinc"
+).split()
+"""Measured ones that hardly any object is made of."""
+MATERIALS: dict[str, Material] = (
+    PRESETS | {name: one for name, one in MEASURED.items() if name not in ELEMENTS} | {n: MEASURED[n] for n in ELEMENTS}
+)
+"""By name; chemical elements that few own are last."""
 
 
 def material_named(name: str, *also: str) -> Material:

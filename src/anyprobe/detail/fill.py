@@ -1,0 +1,175 @@
+"""The place of an object filled from around it, from coarse to fine with patches of what is seen.
+
+After Wexler et al. 2007: every pixel of the hole is the mean of what the patches around it would have there, each the
+nearest of all that are seen; patches of the same height in the picture are preferred, which keeps a ground's
+perspective and a horizon's place. Coarse levels compare with all patches, finer ones with those around what was found.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from PIL import Image
+
+PATCH = 3
+"""Pixels from a patch's middle to its sides."""
+COARSE_PX = 56
+"""Longer side of the coarsest level."""
+LEVEL_STEP = 1.6
+"""Ratio of one level's size to the next coarser one's."""
+ROUNDS = 4
+"""Times that patches are looked for anew on each level."""
+MOST_PATCHES = 6000
+"""Seen patches that are compared with at most."""
+ROW_PRICE = 6.0
+"""Squared distance of two patches that are the picture's height apart, in mean squared ln radiance of a pixel."""
+FLOOR = 0.02
+"""Added to radiance before its logarithm."""
+NEIGHBORS = ((0, 0), (0, 2), (0, -2), (2, 0), (-2, 0))
+
+
+def fill_hole(radiance: np.ndarray, hole: np.ndarray) -> np.ndarray:
+    """Return linear radiance [H, W, 3] with the pixels of a hole [H, W] replaced by what may be behind them."""
+    if not hole.any() or hole.all():
+        return radiance
+    ln = np.log(np.maximum(radiance, 0.0) + FLOOR).astype(np.float32)
+    sizes = _sizes(hole.shape)
+    filled = np.zeros(0)
+    source = np.zeros((0, 2))
+    for level, (width, height) in enumerate(sizes):
+        cover = _scaled((~hole).astype(np.float32)[..., None], (width, height))
+        known = cover[..., 0] > 0.999
+        if not known.any():
+            known = cover[..., 0] >= cover.max()
+        own = _scaled(ln * ~hole[..., None], (width, height)) / np.maximum(cover, 1e-3)
+        if level == 0:
+            filled = np.where(known[..., None], own, _smooth(own, known))
+        else:
+            filled = np.where(known[..., None], own, _scaled(filled, (width, height), smooth=True))
+        filled, source = _level(filled, known, source)
+    return np.where(hole[..., None], np.maximum(np.exp(filled) - FLOOR, 0.0), radiance).astype(np.float32)
+
+
+def _sizes(shape: tuple[int, int]) -> list[tuple[int, int]]:
+    """Widths and heights of the levels, the coarsest first."""
+    count = max(0, int(np.ceil(np.log(max(shape) / COARSE_PX) / np.log(LEVEL_STEP))))
+    scales = [LEVEL_STEP**-k for k in range(count, -1, -1)]
+    return [(max(4, round(shape[1] * s)), max(4, round(shape[0] * s))) for s in scales]
+
+
+def _level(filled: np.ndarray, known: np.ndarray, source: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """One level [H, W, 3] with its hole filled anew, and where each pixel's patch is from [H, W, 2] in shares."""
+    height, width = known.shape
+    whole = _eroded(known)
+    if not whole.any():
+        return filled, source
+    near = ~whole
+    at = np.argwhere(near)
+    seen = np.argwhere(whole)
+    is_coarse = not source.size or max(height, width) <= 1.7 * COARSE_PX
+    if len(seen) > MOST_PATCHES:
+        seen = seen[np.random.default_rng(0).permutation(len(seen))[:MOST_PATCHES]]
+    place = np.sqrt(ROW_PRICE) / height
+    if not is_coarse:
+        rows = np.clip((at[:, 0] + 0.5) / height * len(source), 0, len(source) - 1).astype(int)
+        columns = np.clip((at[:, 1] + 0.5) / width * source.shape[1], 0, source.shape[1] - 1).astype(int)
+        shift = source[rows, columns] * (height, width)
+        from_ = np.clip(np.round(shift + at), 0, (height - 1, width - 1)).astype(int)
+    for _ in range(ROUNDS if is_coarse else 1):
+        if is_coarse:
+            from_ = seen[_nearest(_patches(filled, at), _patches(filled, seen), at[:, 0] * place, seen[:, 0] * place)]
+        else:
+            from_ = _searched(filled, at, from_, whole, place)
+        filled = _voted(filled, known, at, from_)
+    shifts = np.zeros((height, width, 2), np.float32)
+    shifts[near] = (from_ - at) / (height, width)
+    return filled, shifts
+
+
+def _patches(picture: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """[P, K] patches around pixels [P, 2], over the border by its nearest pixel; scaled to a mean over pixels."""
+    padded = np.pad(picture, ((PATCH, PATCH), (PATCH, PATCH), (0, 0)), mode="edge")
+    side = 2 * PATCH + 1
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (side, side), axis=(0, 1))
+    return windows[at[:, 0], at[:, 1]].reshape(len(at), -1) / side
+
+
+def _nearest(wanted: np.ndarray, seen: np.ndarray, row: np.ndarray, seen_row: np.ndarray) -> np.ndarray:
+    """Index [P] of the nearest of seen patches [N, K] to each wanted [P, K]."""
+    seen = np.concatenate([seen, seen_row[:, None]], axis=1).astype(np.float32)
+    wanted = np.concatenate([wanted, row[:, None]], axis=1).astype(np.float32)
+    half = 0.5 * (seen * seen).sum(axis=1)
+    found = [np.argmax(part @ seen.T - half, axis=1) for part in np.array_split(wanted, -(-len(wanted) // 1024))]
+    return np.concatenate(found)
+
+
+def _searched(filled: np.ndarray, at: np.ndarray, from_: np.ndarray, whole: np.ndarray, place: float) -> np.ndarray:
+    """Better patches among those that continue the neighbours' [P, 2]."""
+    height, width = whole.shape
+    wanted = _patches(filled, at)
+    shift = np.zeros((height, width, 2), int)
+    shift[at[:, 0], at[:, 1]] = from_ - at
+    has = np.zeros((height, width), bool)
+    has[at[:, 0], at[:, 1]] = True
+    best, cost = from_, np.full(len(at), np.inf, np.float32)
+    for down, across in NEIGHBORS:
+        row = np.clip(at[:, 0] + down, 0, height - 1)
+        column = np.clip(at[:, 1] + across, 0, width - 1)
+        tried = np.clip(at + shift[row, column], 0, (height - 1, width - 1))
+        ok = has[row, column] & whole[tried[:, 0], tried[:, 1]]
+        price = ((_patches(filled, tried) - wanted) ** 2).sum(axis=1) + ((tried[:, 0] - at[:, 0]) * place) ** 2
+        better = ok & (price < cost)
+        best = np.where(better[:, None], tried, best)
+        cost = np.where(better, price, cost)
+    return best
+
+
+def _voted(filled: np.ndarray, known: np.ndarray, at: np.ndarray, from_: np.ndarray) -> np.ndarray:
+    """Each pixel of the hole as the mean of what the patches over it have there."""
+    height, width = known.shape
+    wide = width + 2 * PATCH
+    flat = np.pad(filled, ((PATCH, PATCH), (PATCH, PATCH), (0, 0)), mode="edge").reshape(-1, 3)
+    target, source = ((one + PATCH) @ (wide, 1) for one in (at, from_))
+    sums = np.zeros((len(flat), 4), np.float32)
+    for down in range(-PATCH, PATCH + 1):
+        for across in range(-PATCH, PATCH + 1):
+            step, weight = down * wide + across, np.float32(np.exp(-(down * down + across * across) / 4.0))
+            sums[target + step, :3] += weight * flat.take(source + step, axis=0)  # each pixel once a step
+            sums[target + step, 3] += weight
+    sums = sums.reshape(height + 2 * PATCH, wide, 4)[PATCH:-PATCH, PATCH:-PATCH]
+    mean = sums[..., :3] / np.maximum(sums[..., 3:], 1e-9)
+    return np.where((known | (sums[..., 3] == 0))[..., None], filled, mean).astype(np.float32)
+
+
+def _eroded(known: np.ndarray) -> np.ndarray:
+    """Pixels [H, W] around which a whole patch is known."""
+    result = np.pad(known, PATCH, constant_values=False)
+    height, width = known.shape
+    for axis, size in ((0, height), (1, width)):
+        result = np.logical_and.reduce([np.take(result, range(k, k + size), axis) for k in range(2 * PATCH + 1)])
+    return result
+
+
+def _smooth(own: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """What is known [H, W, 3] spread over all pixels: means over growing areas."""
+    height, width = known.shape
+    layer, share = own * known[..., None], known.astype(np.float32)[..., None]
+    result, left = np.zeros_like(own), np.ones_like(share)
+    reach = 1
+    while left.max() > 1e-3 and reach < 4 * max(height, width):
+        size = (max(1, width // reach), max(1, height // reach))
+        mean = _scaled(_scaled(np.dstack([layer, share]), size), (width, height), smooth=True)
+        trust = np.clip(mean[..., 3:] * 2, 0, 1) * left
+        result += trust * mean[..., :3] / np.maximum(mean[..., 3:], 1e-6)
+        left = left - trust
+        reach *= 2
+    return result
+
+
+def _scaled(picture: np.ndarray, size: tuple[int, int], *, smooth: bool = False) -> np.ndarray:
+    """[H, W, C] at another size (width, height): means over areas, or between pixels."""
+    way = Image.Resampling.BILINEAR if smooth else Image.Resampling.BOX
+    planes = [
+        np.asarray(Image.fromarray(np.ascontiguousarray(picture[..., k], np.float32)).resize(size, way))
+        for k in range(picture.shape[-1])
+    ]
+    return np.stack(planes, axis=-1)

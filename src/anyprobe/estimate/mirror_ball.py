@@ -1,0 +1,102 @@
+"""A mirror ball, known by itself: its outline is a circle, and it shows what a mirror would.
+
+A mirror shows its surroundings finely all over, so no smooth shading explains its ln radiance; and near its rim it
+shows what the photo shows beside it. The first is always asked for, and either the second or that the network takes it
+for a metal.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from anyprobe.core.frames import reflect
+from anyprobe.core.response import inverse_response
+from anyprobe.estimate.normals_hint import sphere_of_outline
+from anyprobe.estimate.photo import Photo
+from anyprobe.light.harmonics import sh_basis
+from anyprobe.masks.check import object_box
+from anyprobe.notices import Notice, give
+
+ROUND = 0.95
+"""Overlap of a mask with a circle from which on it may be a ball's."""
+FINE = 0.28
+"""Standard deviation of ln radiance beside smooth shading, from which on a ball may be a mirror."""
+METAL, AGREE = 0.7, 0.9
+"""Probability of a metal, or correlation of the rim with what it should show, from which on it is a mirror."""
+LEAST_PIXELS = 25
+"""Of the rim, for a correlation."""
+MOST_SIDE = 192
+"""Pixels across the ball that are looked at."""
+LEAST_SIDE_PX = 24
+"""A smaller ball shows too little."""
+FACING, INNER = 0.15, 0.4
+"""Least n.wo of what counts, and of what smooth shading is fitted to."""
+FLOOR = 0.02
+"""Added to radiance before its logarithm."""
+CHROME = "chrome"
+"""The material that a recognised ball is taken for."""
+
+
+def said_of_ball(name: str) -> Notice:
+    """Return the warning that says what was done."""
+    text = (
+        "the object is round and shows its surroundings, so it was unwrapped as a mirror ball of chrome, which it may "
+        "not be"
+    )
+    return Notice(text, code="mirror-ball", source=name, remedy=give("material"))
+
+
+def is_mirror_ball(photo: Photo, metal: float) -> bool:
+    """Return whether the object of a photo is a mirror ball; metal: the network's probability of a metal."""
+    x0, y0, x1, y1 = object_box(photo.mask)
+    side, other = max(x1 - x0, y1 - y0), min(x1 - x0, y1 - y0)
+    if other < max(LEAST_SIDE_PX, 0.8 * side):
+        return False
+    step = max(1, int(side // MOST_SIDE))
+    mask, rgb = photo.mask[::step, ::step], photo.rgb[::step, ::step]
+    normals, overlap = sphere_of_outline(mask, photo.long_fov_deg)
+    if overlap < ROUND:
+        return False
+    d, focal = _rays(mask.shape, photo.long_fov_deg)
+    facing = -(normals * d).sum(axis=-1)
+    on = (mask > 0.99) & (facing > FACING)
+    ln = np.log(inverse_response(rgb) + FLOOR)
+    if _fineness(normals, ln.mean(axis=-1), on & (facing > INNER)) < FINE:
+        return False
+    return metal >= METAL or _agreement(reflect(-d, normals), ln, on, mask, focal) >= AGREE
+
+
+def _rays(shape: tuple[int, int], long_fov_deg: float) -> tuple[np.ndarray, float]:
+    """Unit directions [H, W, 3] of a photo's pixels, and its focal length in pixels."""
+    height, width = shape
+    focal = max(shape) / 2 / np.tan(np.radians(long_fov_deg) / 2)
+    y, x = np.mgrid[:height, :width] + 0.5
+    d = np.stack([(x - width / 2) / focal, (height / 2 - y) / focal, -np.ones_like(x)], axis=-1)
+    return d / np.linalg.norm(d, axis=-1, keepdims=True), float(focal)
+
+
+def _fineness(normals: np.ndarray, level: np.ndarray, on: np.ndarray) -> float:
+    """Standard deviation of ln radiance [H, W] beside the best sum of harmonics of the normal."""
+    n = normals[on].astype(np.float64)
+    if len(n) < 100:
+        return 0.0
+    x, y, z = n.T
+    terms = np.concatenate([sh_basis(n), np.stack([x**3, y**3, x * y * z], axis=-1)], axis=-1)
+    fit, *_ = np.linalg.lstsq(terms, level[on], rcond=None)
+    return float(np.std(level[on] - terms @ fit))
+
+
+def _agreement(wi: np.ndarray, ln: np.ndarray, on: np.ndarray, mask: np.ndarray, focal: float) -> float:
+    """Correlation of what a ball reflects from wi [H, W, 3] with what the photo shows there; 0 if of too little."""
+    height, width = mask.shape
+    front = np.maximum(-wi[..., 2], 0.05)
+    column, row = width / 2 + focal * wi[..., 0] / front, height / 2 - focal * wi[..., 1] / front
+    inside = on & (wi[..., 2] < -0.3) & (column > 0) & (column < width) & (row > 0) & (row < height)
+    at = row[inside].astype(int), column[inside].astype(int)
+    free = mask[at] < 0.01
+    if free.sum() < LEAST_PIXELS:
+        return 0.0
+    shown, own = ln[at][free].mean(axis=-1), ln[inside][free].mean(axis=-1)
+    if min(shown.std(), own.std()) < 0.05:
+        return 0.0
+    return float(np.corrcoef(shown, own)[0, 1])

@@ -1,0 +1,108 @@
+"""Whether a place in the photo is on the surface that the real object stands on: by colour, brightness and edges.
+
+The surface is what is seen around the object's foot, and what that is joined to without a strong edge. Where its own
+texture has such edges, colour and brightness decide alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from PIL import Image
+
+from anyprobe.core.response import inverse_response
+from anyprobe.estimate.photo import Photo
+from anyprobe.masks.check import object_box
+
+CELLS = 128
+"""Cells along the photo's longer side."""
+RIM = 0.12
+"""Reach around the foot that is surely the surface, of the object's width."""
+HUE = 4.0
+"""How much more a difference of colour shares counts than one of ln radiance: shadows differ in brightness."""
+EDGE = 0.22
+"""Difference of neighbouring cells that the surface does not go on over; more where its own texture has more."""
+ALIKE = 2.5
+"""Distance from the surface's colours, in their standard deviations, up to which a place may be on it."""
+LEAST_SPREAD = 0.12
+FLOOR = 0.02
+"""Added to radiance before its logarithm."""
+STANDS = 0.5
+"""Share of a foot's cells that must be on the surface."""
+
+
+class RealSurface:
+    """The surface under the real object of a photo."""
+
+    def __init__(self, photo: Photo, contact: tuple[float, float]) -> None:
+        """Args: contact: x, y [px] where the object touches it."""
+        height, width = photo.mask.shape
+        self.cell = max(height, width) / CELLS
+        size = max(1, round(width / self.cell)), max(1, round(height / self.cell))
+        linear = np.log(inverse_response(_shrunk(photo.rgb, size)) + FLOOR)
+        level = linear.mean(axis=-1, keepdims=True)
+        self.features = np.concatenate([0.6 * level, HUE * 0.25 * (linear - level)], axis=-1)
+        hidden = _shrunk(photo.mask[..., None], size)[..., 0] > 0.05
+        seeds = self._seeds(photo, contact, hidden)
+        self.known = bool(seeds.sum() >= 4)
+        self.on = np.zeros_like(hidden)
+        if self.known:
+            self.on = self._grown(seeds, hidden)
+
+    def _seeds(self, photo: Photo, contact: tuple[float, float], hidden: np.ndarray) -> np.ndarray:
+        """Cells beside and before the foot."""
+        x0, _, x1, _ = (one / self.cell for one in object_box(photo.mask))
+        reach = max(2.0, RIM * (x1 - x0))
+        row, column = np.mgrid[: hidden.shape[0], : hidden.shape[1]] + 0.5
+        foot = contact[1] / self.cell
+        around = (column > x0 - reach) & (column < x1 + reach) & (row > foot - 0.8 * reach) & (row < foot + 1.5 * reach)
+        return around & ~hidden
+
+    def _grown(self, seeds: np.ndarray, hidden: np.ndarray) -> np.ndarray:
+        """Cells that are joined to the seeds, or of their colours."""
+        middle = np.median(self.features[seeds], axis=0)
+        spread = np.maximum(1.5 * np.median(np.abs(self.features[seeds] - middle), axis=0), LEAST_SPREAD)
+        alike = (np.abs(self.features - middle) / spread).max(axis=-1) < ALIKE
+        steps = [np.linalg.norm(np.diff(self.features, axis=axis), axis=-1) for axis in (0, 1)]
+        own = [
+            step[(seeds[1:] & seeds[:-1]) if axis == 0 else (seeds[:, 1:] & seeds[:, :-1])]
+            for axis, step in enumerate(steps)
+        ]
+        usual = float(np.median(np.concatenate(own))) if sum(map(len, own)) else 0.0
+        open_ = [step < max(EDGE, 2.0 * usual) for step in steps]
+        joined = seeds.copy()
+        for _ in range(2 * CELLS):
+            grown = joined.copy()
+            grown[1:] |= joined[:-1] & open_[0]
+            grown[:-1] |= joined[1:] & open_[0]
+            grown[:, 1:] |= joined[:, :-1] & open_[1]
+            grown[:, :-1] |= joined[:, 1:] & open_[1]
+            grown &= ~hidden
+            if (grown == joined).all():
+                break
+            joined = grown
+        return (joined & self._near_enough(middle, spread)) | (alike & ~hidden)
+
+    def _near_enough(self, middle: np.ndarray, spread: np.ndarray) -> np.ndarray:
+        """Cells whose colours are not far from the surface's: edges may have gaps."""
+        return (np.abs(self.features - middle) / spread).max(axis=-1) < 2.5 * ALIKE
+
+    def support(self, x: float, y: float, wide: float) -> float:
+        """Return the share of a foot around pixel x, y, so wide, that stands on it; 1 where it is not known."""
+        if not self.known:
+            return 1.0
+        reach = max(0.5 * wide / self.cell, 1.0)
+        row, column = np.mgrid[: self.on.shape[0], : self.on.shape[1]] + 0.5
+        across, down = (column - x / self.cell) / reach, (row - y / self.cell) / (0.5 * reach)
+        foot = across**2 + down**2 <= 1
+        return float(self.on[foot].mean()) if foot.any() else 0.0
+
+
+def _shrunk(picture: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Means over areas, [H, W, C] to size (width, height)."""
+    planes = [
+        np.asarray(
+            Image.fromarray(np.ascontiguousarray(picture[..., k], np.float32)).resize(size, Image.Resampling.BOX)
+        )
+        for k in range(picture.shape[-1])
+    ]
+    return np.stack(planes, axis=-1)

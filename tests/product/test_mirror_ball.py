@@ -1,0 +1,65 @@
+"""A mirror ball is known by what it shows; balls of other materials are not taken for one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import anyprobe
+from anyprobe.core.frames import reflect
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
+from anyprobe.core.response import response
+from anyprobe.estimate.mirror_ball import is_mirror_ball
+from anyprobe.estimate.photo import load_photo
+from anyprobe.light.filtering import irradiance_map
+
+FOV = 60.0
+
+
+def rich_map() -> np.ndarray:
+    """[64, 128, 3]: fine structure all around."""
+    noise = np.random.default_rng(4).normal(0, 1, (16, 32, 3))
+    d = direction_to_uv(pixel_directions(64))
+    return np.exp(0.9 * bilinear(noise, d) - 1.2).astype(np.float32)
+
+
+def ball_photo(radiance: np.ndarray, kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """uint8 [240, 320, 3] and mask of a ball under a map, which is its background too."""
+    height, width = 240, 320
+    focal = width / 2 / np.tan(np.radians(FOV) / 2)
+    y, x = np.mgrid[:height, :width] + 0.5
+    d = np.stack([(x - width / 2) / focal, (height / 2 - y) / focal, -np.ones_like(x)], axis=-1)
+    d /= np.linalg.norm(d, axis=-1, keepdims=True)
+    axis, radius = np.array([0.05, -0.08, -1.0]) / np.linalg.norm([0.05, -0.08, -1.0]), 0.3
+    along = d @ axis
+    inside = along**2 - 1 + radius**2
+    on = inside > 0
+    n = (((along - np.sqrt(np.maximum(inside, 0)))[..., None] * d - axis) / radius)[on]
+    picture = bilinear(radiance, direction_to_uv(d))
+    if kind == "mirror":
+        picture[on] = 0.8 * bilinear(radiance, direction_to_uv(reflect(-d[on], n)))
+    else:
+        picture[on] = 0.6 * bilinear(irradiance_map(radiance), direction_to_uv(n)) / np.pi
+    return np.round(response(picture) * 255).astype(np.uint8), on.astype(np.float32)
+
+
+@pytest.mark.parametrize("kind", ["mirror", "matte"])
+def test_only_a_ball_that_shows_its_place_is_one(kind):
+    picture, mask = ball_photo(rich_map(), kind)
+    photo = load_photo(picture, mask=mask, fov_deg=FOV)
+    assert is_mirror_ball(photo, 0.0) == (kind == "mirror")  # by what its rim shows, whatever the network says
+    square = np.zeros_like(mask)
+    square[60:180, 100:220] = 1
+    assert not is_mirror_ball(load_photo(picture, mask=square, fov_deg=FOV), 1.0)
+
+
+def test_it_is_unwrapped_with_a_line_unless_a_material_is_given():
+    radiance = rich_map()
+    picture, mask = ball_photo(radiance, "mirror")
+    found = anyprobe.estimate(picture, mask=mask, fov_deg=FOV)
+    assert any("unwrapped as a mirror ball" in line for line in found.warnings)
+    seen = pixel_directions(64)[..., 2] > -0.3
+    error = np.abs(response(found.radiance * 0.55 / 0.8) - response(radiance))[seen]
+    assert np.median(error) < 0.06
+    given = anyprobe.estimate(picture, mask=mask, fov_deg=FOV, material="matte")
+    assert not any("mirror ball" in line for line in given.warnings)

@@ -1,0 +1,166 @@
+"""The panorama: what the photo shows, continued, under the estimate's own light, level and with whole sources."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import anyprobe
+from anyprobe.core.frames import rotation_x, rotation_z
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
+from anyprobe.core.response import inverse_response, response
+from anyprobe.detail.fill import fill_hole
+from anyprobe.detail.place_picture import compose
+from anyprobe.detail.plate import keep_plate
+from anyprobe.errors import InputError
+from anyprobe.estimate.ground import up_of
+from anyprobe.files.radiance import read_radiance
+from anyprobe.light.harmonics import project
+
+FOV = 60.0
+
+
+def place_map() -> np.ndarray:
+    """[64, 128, 3]: blue sky over brown ground, and a lamp above white."""
+    d = pixel_directions(64)
+    sky = np.clip(d[..., 1:2] * 20 + 0.5, 0, 1)
+    base = sky * np.array([0.3, 0.45, 0.8]) + (1 - sky) * np.array([0.3, 0.2, 0.12])
+    lamp = 60.0 * (d @ np.array([0.6, 0.7, 0.39]) > np.cos(np.radians(5)))[..., None]
+    return (base + lamp).astype(np.float32)
+
+
+def photo_of(radiance: np.ndarray, height: int = 150, width: int = 200) -> np.ndarray:
+    """Display values [H, W, 3] of what a level camera sees of a map."""
+    focal = width / 2 / np.tan(np.radians(FOV) / 2)
+    y, x = np.mgrid[:height, :width] + 0.5
+    d = np.stack([(x - width / 2) / focal, (height / 2 - y) / focal, -np.ones_like(x)], axis=-1)
+    return response(bilinear(radiance, direction_to_uv(d / np.linalg.norm(d, axis=-1, keepdims=True)))).astype(
+        np.float32
+    )
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    """A map, its plate with an object in the middle, and the panorama with where it is from."""
+    radiance = place_map()
+    photo, mask = photo_of(radiance), np.zeros((150, 200), np.float32)
+    mask[50:110, 80:120] = 1.0
+    photo = np.where(mask[..., None] > 0, np.array([1.0, 0.0, 1.0], np.float32), photo)
+    plate = keep_plate(photo, mask, FOV)
+    return radiance, plate, compose(radiance, plate, np.eye(3), 256)
+
+
+def test_harmonics_are_the_estimates(drawn):
+    radiance, _, (picture, _) = drawn
+    before, after = project(radiance), project(picture)
+    assert np.linalg.norm(after - before) < 0.01 * np.linalg.norm(before)
+
+
+def test_the_photo_is_shown_and_the_object_is_not(drawn):
+    radiance, _, (picture, origin) = drawn
+    assert picture.shape == (256, 512, 3)
+    seen = origin[..., 0] > 0.99
+    truth = bilinear(radiance, direction_to_uv(pixel_directions(256)))
+    assert seen.mean() > 0.02
+    assert np.abs(response(picture) - response(truth))[seen].max() < 0.1
+    magenta = (response(picture)[..., 0] > 0.8) & (response(picture)[..., 1] < 0.3)
+    assert not magenta.any()
+    np.testing.assert_allclose(origin.sum(axis=-1), 1.0, atol=1e-5)
+    middle = origin[128, 256]
+    assert middle[2] > 0.9  # where the object stood
+
+
+def test_what_is_beside_the_photo_goes_on(drawn):
+    """Sky above ground, 10 degrees beside the photo."""
+    _, _, (picture, _) = drawn
+    beside = picture[:, 256 + round((FOV / 2 + 10) / 180 * 256)]
+    assert beside[110, 2] > 1.3 * beside[110, 0]  # blue above
+    assert beside[140, 0] > 1.3 * beside[140, 2]  # brown below
+
+
+def test_a_sun_keeps_its_power_in_half_floats_or_is_written_in_floats(tmp_path):
+    d, areas = pixel_directions(512), pixel_solid_angles(512)
+    towards = np.array([0.3, 0.6, -0.74]) / np.linalg.norm([0.3, 0.6, -0.74])
+    near = d @ towards > np.cos(np.radians(0.6))
+    power = 200.0
+    radiance = np.full((512, 1024, 3), 0.2, np.float32)
+    radiance[near] += power / float((near * areas).sum())
+    light = anyprobe.Light(radiance=radiance)
+    made = light.panorama(512)
+    path = made.save(tmp_path / "sun_panorama.exr")
+    kept = read_radiance(path)
+    assert kept.max() == pytest.approx(made.radiance.max(), rel=1e-3)
+    total = [float((one.mean(axis=-1) * areas).sum()) for one in (radiance, kept)]
+    assert total[1] == pytest.approx(total[0], rel=0.01)
+
+
+def test_a_disc_is_round_and_whole():
+    radiance = place_map()
+    picture, _ = compose(radiance, None, np.eye(3), 256)
+    d = pixel_directions(256)
+    bright = picture.mean(axis=-1) > 5.0
+    inside = d[bright]
+    middle = inside.mean(axis=0) / np.linalg.norm(inside.mean(axis=0))
+    reach = np.degrees(np.arccos(np.clip(inside @ middle, -1, 1)))
+    area = float(np.broadcast_to(pixel_solid_angles(256), bright.shape)[bright].sum())
+    circle = 2 * np.pi * (1 - np.cos(np.radians(reach.max())))
+    assert area > 0.85 * circle  # a square of that reach has 2 / pi of it
+
+
+def test_level_turns_up_to_up():
+    for pitch, roll in ((20.0, 0.0), (35.0, 8.0), (-10.0, -5.0)):
+        turn = rotation_x(-np.radians(pitch)) @ rotation_z(np.radians(roll))
+        np.testing.assert_allclose(turn @ up_of(pitch, roll), [0, 1, 0], atol=1e-12)
+
+
+def test_the_frame_of_a_panorama_and_of_exports(tmp_path, monkeypatch):
+    ground = {
+        "pitch_deg": 30.0,
+        "pitch_error_deg": 3.0,
+        "roll_deg": 0.0,
+        "contact": [1.0, 2.0],
+        "source": "estimated",
+        "is_doubtful": False,
+    }
+    light = anyprobe.Light(radiance=place_map(), info={"ground": ground})
+    level, camera = light.panorama(64), light.panorama(64, frame="camera")
+    assert level.is_level
+    assert not camera.is_level
+    np.testing.assert_allclose(camera.frame_from_camera, np.eye(3))
+    np.testing.assert_allclose(level.frame_from_camera @ up_of(30.0), [0, 1, 0], atol=1e-12)
+    with pytest.raises(InputError, match="frame: expected level or camera"):
+        light.panorama(64, frame="world")
+    with pytest.raises(InputError, match="size: expected one of"):
+        light.panorama(100)
+    exported = {f: light.export("blender", tmp_path / f, frame=f) for f in ("level", "camera")}
+    said = [json.loads(next(p for p in paths if p.suffix == ".json").read_text()) for paths in exported.values()]
+    assert said[0]["origin"]["level"].startswith("+Y is up: turned by the camera's pitch of 30.0")
+    assert "level" not in said[1]["origin"]
+    np.testing.assert_allclose(said[1]["world_from_camera"], np.eye(3))
+    np.testing.assert_allclose(np.array(said[0]["world_from_camera"]) @ up_of(30.0), [0, 1, 0], atol=1e-5)
+    level.save(tmp_path / "a_panorama.exr")
+    again = anyprobe.Light.load(tmp_path / "a_panorama.exr")
+    np.testing.assert_allclose(again.map_from_camera, level.frame_from_camera, atol=1e-5)
+
+
+def test_a_hole_is_filled_from_around_it():
+    """Stripes of one height each go on through it."""
+    rows = np.linspace(0.1, 0.9, 90)[:, None, None] * np.ones((1, 120, 3))
+    hole = np.zeros((90, 120), bool)
+    hole[30:60, 40:80] = True
+    given = np.where(hole[..., None], 0.0, rows).astype(np.float32)
+    filled = fill_hole(inverse_response(given), hole)
+    error = np.abs(response(filled) - rows)[hole]
+    assert error.mean() < 0.04
+    np.testing.assert_array_equal(fill_hole(given, np.zeros_like(hole)), given)
+
+
+def test_a_light_without_photo_has_a_panorama_of_its_own_map():
+    light = anyprobe.Light(radiance=place_map())
+    made = light.panorama(128)
+    assert made.origin[..., 1].min() == 1.0
+    assert np.linalg.norm(project(made.radiance) - light.sh9()) < 0.01 * np.linalg.norm(light.sh9())
+    assert replace(light, info={"photo": "x"}).panorama(64).radiance.shape == (64, 128, 3)
