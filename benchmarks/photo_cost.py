@@ -1,8 +1,8 @@
 """What a photo costs a server, in processor time and memory: python benchmarks/photo_cost.py [--photos 5] [--workers 1]
 
 Starts `anyprobe serve`, sends it photos one after another, without a mask (the example's .jpg) and with one (an alpha
-channel), and prints one JSON object: seconds of processor time a photo of all its processes, which other programs on the
-machine hardly change, and MB that they hold together, pages that they share counted once (Linux).
+channel), and prints one JSON object: seconds of processor time a photo of all its processes, which other programs on
+the machine hardly change, and MB that they hold together, pages that they share counted once (Linux).
 """
 
 from __future__ import annotations

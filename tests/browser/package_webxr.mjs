@@ -46,8 +46,8 @@ function standIn(estimates, { XRDevice, XRSession, XRView, XRFrame, metaQuest3 }
       stage.renderer = detail;
       const { render } = detail;
       detail.render = (scene, camera) => {
-        stage.camera = camera;
-        render.call(detail, scene, camera);
+        if (scene === stage.scene) stage.camera = camera;
+        if (scene !== stage.scene || stage.isDrawing) render.call(detail, scene, camera); // in software every frame takes long
       };
     }
   });
@@ -57,6 +57,7 @@ function standIn(estimates, { XRDevice, XRSession, XRView, XRFrame, metaQuest3 }
   const device = new XRDevice({ ...metaQuest3, supportedFeatures }, { stereoEnabled: false });
   device.installRuntime({ forceInstall: true });
   device.quaternion.set(0, Math.sin(0.3), 0, Math.cos(0.3)); // looks 34 degrees to the left
+  Object.defineProperty(navigator.xr, "offerSession", { value: undefined }); // the button's click asks for it
   const { requestSession } = navigator.xr;
   navigator.xr.requestSession = async function (mode, asked) {
     stage.session = await requestSession.call(navigator.xr, mode, asked);
@@ -92,6 +93,8 @@ function standIn(estimates, { XRDevice, XRSession, XRView, XRFrame, metaQuest3 }
     }
     getCameraImage() {
       const { gl } = this;
+      if (this.gain === stage.gain || !picture.complete) return this.texture;
+      this.gain = stage.gain;
       const bound = gl.getParameter(gl.TEXTURE_BINDING_2D);
       const drawn = new OffscreenCanvas(512, 512).getContext("2d");
       drawn.filter = `brightness(${stage.gain})`;
@@ -121,7 +124,9 @@ function standIn(estimates, { XRDevice, XRSession, XRView, XRFrame, metaQuest3 }
     const isPresenting = renderer.xr.enabled;
     renderer.xr.enabled = false;
     renderer.setRenderTarget(null);
+    stage.isDrawing = true;
     renderer.render(stage.scene, stage.camera);
+    stage.isDrawing = false;
     const canvas = renderer.domElement;
     const { width, height } = canvas;
     const copy = Object.assign(document.createElement("canvas"), { width, height }).getContext("2d");

@@ -250,7 +250,7 @@ def test_probe_light_stands_in_for_the_estimate_of_a_session(built, estimator, t
     folders = {"/": site, "/iwer/": ROOT / "tests" / "browser" / "node_modules" / "iwer" / "build"}
     with serve(folders, headers=ISOLATED) as url:
         arguments = {"page": "index.html", "estimates": name == "estimated"}
-        seen = run_steps("package_webxr.mjs", url, arguments)
+        seen = run_steps("package_webxr.mjs", url, arguments, viewport=(320, 240))
     assert seen["mode"] == "immersive-ar"
     assert ("camera-access" in seen["features"]) == (name == "webxr")
     assert not seen["hasAskedForACamera"]
