@@ -1,4 +1,4 @@
-"""python -m research.scenes: commands pairs, sheet, score, dark.
+"""python -m research.scenes: commands pairs, sheet, score, goes-on, dark.
 
 Rendering needs Mitsuba 3, mitsuba-oidn and an LLVM of 17 or newer.
 """
@@ -17,6 +17,8 @@ from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
 from research.results import commit, write_result
 from research.scenes.dark import dark_rows, dark_table
+from research.scenes.estimates import estimates_of
+from research.scenes.goes_on import goes_on_table
 from research.scenes.layouts import FAMILIES
 from research.scenes.pairs import IN_FILE, PARTS, make_pairs
 from research.scenes.photos import scene_photos
@@ -78,13 +80,24 @@ def score(
     write_result(out or Path(f"runs/scenes-{part}.json"), content)
 
 
+@app.command("goes-on")
+def goes_on(
+    folder: Annotated[Path, typer.Argument(help="Folder of pairs, in which research.scenes pairs wrote.")],
+    model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
+) -> None:
+    """Print how good maps are by how much what is seen goes on beside it."""
+    for line in goes_on_table(estimates_of(sorted(folder.glob("*.npz")), Models(model, threads=1))):
+        typer.echo(line)
+
+
 @app.command()
 def dark(
     folder: Annotated[Path, typer.Argument(help="Folder of pairs, in which research.scenes pairs wrote.")],
     model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
 ) -> None:
     """Print what surroundings are worth by how dark they are beside the object: why dark ones are left out."""
-    rows = np.array(list(dark_rows(sorted(folder.glob("*.npz")), Models(model, threads=1))))
+    found = estimates_of(sorted(folder.glob("*.npz")), Models(model, threads=1))
+    rows = np.array(list(dark_rows(found)))
     for line in dark_table(rows):
         typer.echo(line)
 

@@ -2,55 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from anyprobe.core.color import luminance
-from anyprobe.estimate.runtime import WHOLE, WHOLE_INPUTS, Models
 from anyprobe.evaluate.metrics import direction_error_deg
 from anyprobe.light.dominant_light import find_dominant_light
+from research.scenes.estimates import PairEstimate
 from research.scenes.layouts import FAMILIES
 
 BOUNDS = (0.0, 0.2, 0.35, 0.5, 0.7, 1.0, 2.0, np.inf)
 """Of the mean display luminance beside the object over the object's."""
-LEAST_PX = 50
 
 
-def dark_rows(files: Sequence[Path], models: Models) -> Iterator[tuple[int, float, float, float]]:
+def dark_rows(estimates: Iterable[PairEstimate]) -> Iterator[tuple[int, float, float, float]]:
     """Yield family, darkness beside the object, and angles [degrees] between the true dominant light and that of the
     object alone and of the whole photo, for each pair with surroundings."""
-    for path in files:
-        with np.load(path) as stored:
-            part = {name: stored[name] for name in stored.files if name != "scene"}
-        for k in range(len(part["up"])):
-            context, crop = part["context"][k] / np.float32(255), part["image"][k] / np.float32(255)
-            inside = crop[..., 3] > 0.5
-            beside = (context[..., 4] > 0.5) & (context[..., 3] < 0.02)
-            if beside.sum() < LEAST_PX or not inside.any():
-                continue
-            own = luminance(crop[inside][:, :3] / crop[inside][:, 3:]).mean()
-            lift = part["lift"][k][None].astype(np.float32)
-            given = {
-                "context": context.transpose(2, 0, 1)[None],
-                "tan_half": part["tan_half"][k].reshape(1, 1),
-                "alone_expected": lift[:, :3],
-                "alone_radiance": lift[:, 3:6],
-                "alone_confidence": lift[:, 6:],
-                "posterior": part["posterior"][k][None],
-                "surroundings": part["surroundings"][k][None].astype(np.float32) / 255,
-                "up": np.zeros((1, 3), np.float32),
-            }
-            drawn, *_ = models._run[WHOLE](*(given[name] for name in WHOLE_INPUTS))
-            truth = _main(part["truth"][k].astype(np.float32))
-            errors = (direction_error_deg(_main(one), truth) for one in (lift[0, 3:6], drawn[0]))
-            yield int(part["family"][k]), float(luminance(context[beside][:, :3]).mean() / max(own, 1e-3)), *errors
-
-
-def _main(ln_radiance: np.ndarray) -> np.ndarray:
-    """Return the dominant light's direction of a map [3, H, 2H]."""
-    return find_dominant_light(np.exp(ln_radiance).transpose(1, 2, 0)).direction
+    for one in estimates:
+        if not one.is_cut_out:
+            truth = find_dominant_light(one.truth).direction
+            alone, whole = (
+                direction_error_deg(find_dominant_light(guess).direction, truth) for guess in (one.alone, one.whole)
+            )
+            yield one.family, one.beside, alone, whole
 
 
 def dark_table(rows: np.ndarray) -> Iterator[str]:

@@ -57,7 +57,13 @@ def test_every_loss_reaches_the_weights():
     net = WholeNet()
     truth = lift[:, :3]
     _, profiles = source_profiles(torch.exp(truth).mean(dim=1))
-    batch = {"truth": truth, "context": context, "profiles": profiles, "colors": torch.rand(len(up), SOURCES, 3) + 0.5, "up": up + torch.tensor([0.0, 0.8, 0.6])}
+    batch = {
+        "truth": truth,
+        "context": context,
+        "profiles": profiles,
+        "colors": torch.rand(len(up), SOURCES, 3) + 0.5,
+        "up": up + torch.tensor([0.0, 0.8, 0.6]),
+    }
     losses = WholeLoss()(net(context, tan_half, lift, said, surroundings, up), batch)
     assert set(losses) == set(WEIGHTS)
     for name, loss in losses.items():

@@ -14,7 +14,6 @@ import pytest
 from PIL import Image
 from support.browser import run_steps, serve
 from support.bundlers import build_example, pack
-from support.camera import camera_flags, write_y4m
 from support.page_spheres import MOST_OFF, SPHERES, drawn_by_package, typical_difference
 
 ROOT = Path(__file__).parents[2]

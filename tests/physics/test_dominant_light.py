@@ -146,10 +146,12 @@ def test_a_large_map_has_another_dominant_light(height):
 
 
 def test_a_light_that_the_rest_of_the_map_contradicts_is_less_sure():
-    """The error grows with the angle to the mean direction, and has a limit."""
+    """The error grows with the spread of the map's light about the direction, and has a limit."""
     key, _ = disc(CENTRES["left"], 6.0)
     fill, _ = disc(CENTRES["ahead"], 40.0)
     alone, with_fill = (find_dominant_light(20 * key + level * fill).error_deg for level in (0.0, 0.2))
-    np.testing.assert_allclose(alone, ERROR["factor"] * ERROR["offset_deg"] ** ERROR["exponent"], rtol=0.02)
-    assert alone + 10 < with_fill < ERROR["most_deg"]
+    even = 4.0  # degrees: the mean distance from the middle of a disc of 6
+    expected = ERROR["factor"] * (even + ERROR["offset_deg"]) ** ERROR["exponent"]
+    np.testing.assert_allclose(alone, expected, rtol=0.05)
+    assert alone + 3 < with_fill < ERROR["most_deg"]
     assert find_dominant_light(np.ones((64, 128, 3), np.float32)).error_deg == ERROR["most_deg"]

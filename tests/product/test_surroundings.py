@@ -22,6 +22,7 @@ from anyprobe.estimate.surroundings import (
     CLIPPED,
     SEEN,
     TINT_FLOOR,
+    GoesOn,
     read_surroundings,
     turned,
     use_surroundings,
@@ -29,6 +30,9 @@ from anyprobe.estimate.surroundings import (
 )
 from anyprobe.files.radiance import write_exr, write_hdr
 from anyprobe.light.environment import rotate
+
+STAYS = GoesOn(share=0.0)
+"""What is seen does not go on beside it."""
 
 
 def test_a_photo_shows_the_map_beside_its_object_in_the_crops_frame():
@@ -130,7 +134,7 @@ def test_a_panorama_of_radiance_may_be_unfinished(tmp_path):
     surroundings_map = read_surroundings(tmp_path / "p.exr", above_white=True)
     np.testing.assert_allclose(surroundings_map[..., 3], alpha)
     guess = np.full((64, 128, 3), 3.0, np.float32)
-    found = use_surroundings(answered(guess), surroundings_map, tint=False).radiance
+    found = use_surroundings(answered(guess), surroundings_map, tint=False, goes_on=STAYS).radiance
     np.testing.assert_allclose(found[:32], lit_room()[:32], rtol=1e-3, atol=1e-3)
     np.testing.assert_allclose(found[32], (lit_room()[32] + 3.0) / 2, rtol=1e-3)
     np.testing.assert_allclose(found[33:], 3.0)
@@ -178,7 +182,7 @@ def test_what_is_known_takes_the_place_of_the_guess():
     surroundings_map[:8] = [*response(np.full(3, 0.5)), 1.0]
     surroundings_map[8:16] = [1.0, 1.0, 1.0, 1.0]  # clipped: at least white, and brighter if the guess is
     surroundings_map[16:24] = 0.5 * np.array([*response(np.full(3, 0.5)), 1.0])
-    found = use_surroundings(outputs, surroundings_map)
+    found = use_surroundings(outputs, surroundings_map, goes_on=STAYS)
     np.testing.assert_allclose(found.radiance[:8], 0.5, rtol=1e-3)
     np.testing.assert_allclose(found.radiance[8:16], 3.0)
     np.testing.assert_allclose(found.radiance[16:24], 1.75, rtol=1e-3)
@@ -233,12 +237,12 @@ def test_a_guess_takes_on_half_of_the_colour_that_it_misses():
     outputs = answered(grey)
     surroundings_map = np.zeros((64, 128, 4), np.float32)
     surroundings_map[:16] = np.append(response(blue[0, 0]), 1.0)
-    found = use_surroundings(outputs, surroundings_map).radiance[40, 64]
+    found = use_surroundings(outputs, surroundings_map, goes_on=STAYS).radiance[40, 64]
     asked = (blue[0, 0] + TINT_FLOOR) / (0.3 + TINT_FLOOR)
     np.testing.assert_allclose(found[2] / found[0], (asked[2] / asked[0]) ** 0.5, rtol=1e-3)
     np.testing.assert_allclose(np.log(found).mean(), np.log(0.3), atol=1e-5)  # its brightness stays
-    known = use_surroundings(outputs, surroundings_map, tint=False)
-    np.testing.assert_array_equal(known.radiance[40, 64], 0.3 * np.ones(3, np.float32))
+    known = use_surroundings(outputs, surroundings_map, tint=False, goes_on=STAYS)
+    np.testing.assert_allclose(known.radiance[40, 64], 0.3 * np.ones(3, np.float32), rtol=1e-5)
 
 
 def test_surroundings_change_the_light_and_are_noted():
@@ -310,3 +314,18 @@ def test_surroundings_much_darker_than_the_object_tell_nothing(beside, known):
     dark = (255 * dark.clip(0, 1)).astype(np.uint8)
     assert (load_photo(dark, mask=mask, fov_deg=FOV_DEG).surroundings is not None) is known
     assert load_photo(dark, mask=mask, fov_deg=FOV_DEG, surroundings="photo").surroundings is not None
+
+
+def test_what_is_seen_goes_on_beside_it_the_more_the_nearer():
+    """A guess is drawn towards the nearest seen colour; light above white stays, and nothing seen changes nothing."""
+    guess = np.full((64, 128, 3), 0.1, np.float32)
+    guess[32, 100] = 20.0
+    outputs = Outputs(radiance=guess, irradiance=guess, ldr=guess, ln_radiance=guess)
+    surroundings = np.zeros((64, 128, 4), np.float32)
+    surroundings[24:40, 40:60] = [0.8, 0.8, 0.8, 1.0]
+    radiance = use_surroundings(outputs, surroundings, tint=False).radiance
+    levels = radiance[32, [62, 70, 80, 96], 0]
+    assert levels[0] > levels[1] > levels[2] > levels[3] > 0.1
+    assert levels[0] < inverse_response(np.float32(0.8))
+    assert radiance[32, 100, 0] > 19.0
+    np.testing.assert_array_equal(use_surroundings(outputs, 0 * surroundings, tint=False).radiance, guess)

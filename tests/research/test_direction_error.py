@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("torch", reason="needs the train extra")
-
 from research.direction_error import OFFSET_DEG, SHARE, fitted
 
 

@@ -18,14 +18,14 @@ from support.scenes import sphere_photo  # noqa: E402
 from anyprobe.core.latlong import pixel_directions  # noqa: E402
 from anyprobe.errors import InputError  # noqa: E402
 from anyprobe.estimate.estimator import Estimator  # noqa: E402
-from anyprobe.estimate.runtime import weights_folder  # noqa: E402
 from anyprobe.estimate.ground import up_of  # noqa: E402
+from anyprobe.estimate.runtime import weights_folder  # noqa: E402
 from research.scenes.camera import TakenPhoto  # noqa: E402
 from research.scenes.pairs import Known, known_of  # noqa: E402
 from research.whole_network import train as training  # noqa: E402
 from research.whole_network.export import TOLERANCE, export_whole  # noqa: E402
 from research.whole_network.score import score_pairs  # noqa: E402
-from research.whole_network.train import Pairs, WholeRunConfig, begin_from, load_whole_net, train_whole  # noqa: E402
+from research.whole_network.train import Pairs, WholeRunConfig, load_whole_net, train_whole  # noqa: E402
 
 CONFIG = WholeRunConfig(name="tiny", steps=3, batch=2, warmup=1)
 

@@ -9,6 +9,7 @@ channel is the share of the cover that is measured above white too: a display va
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +17,7 @@ from PIL import Image
 
 from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
-from anyprobe.core.latlong import pixel_directions
+from anyprobe.core.latlong import bilinear, pixel_directions
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Outputs
@@ -43,6 +44,15 @@ TINT: float = _CONTRACT["tint"]
 chosen on pairs that no run learns from."""
 TINT_FLOOR: float = _CONTRACT["tint_floor"]
 """Added to radiance before its logarithm is compared."""
+_GOES_ON = _CONTRACT["goes_on"]
+GOES_ON_ROWS: int = _GOES_ON["rows"]
+GOES_ON_COVER: float = _GOES_ON["least_cover"]
+GOES_ON_SHARE: float = _GOES_ON["share"]
+GOES_ON_DEG: float = _GOES_ON["reach_deg"]
+"""How what is seen goes on beside it: rows of the map at which the nearest seen place is looked for; cover from which
+on a place counts as seen; the share of a guess up to white that the nearest seen colour replaces beside it; and the
+angle [degrees] after which that share is a factor e less. Share and angle were chosen on left-out renders of all
+families (`python -m research.scenes goes-on`)."""
 LEAST_COVER = 1e-3
 """What colours are divided by at least, where next to nothing is covered."""
 PANORAMA_ROWS = 512
@@ -259,21 +269,67 @@ def _backdrop(display: np.ndarray, beside: np.ndarray) -> np.ndarray:
     return terms @ np.linalg.solve(normal, terms.T @ display.astype(np.float64))
 
 
-def use_surroundings(outputs: Outputs, surroundings: np.ndarray, *, tint: bool = True, sure: float = SEEN) -> Outputs:
+@dataclass(frozen=True, slots=True)
+class GoesOn:
+    """How what is seen goes on beside it: share of the nearest seen colour at once, and the angle [degrees] after which
+    it is a factor e less."""
+
+    share: float = GOES_ON_SHARE
+    reach_deg: float = GOES_ON_DEG
+
+
+def use_surroundings(
+    outputs: Outputs, surroundings: np.ndarray, *, tint: bool = True, sure: float = SEEN, goes_on: GoesOn = GoesOn()
+) -> Outputs:
     """A model's answer with what is known of the map [H, 2H, 4 or 5] in the place of its guess.
 
     Display values mean radiance by the mean camera curve; a clipped place may be brighter than it looks.
     tint: whether the guess takes on some of the colour that it misses there; not where the object's own is known.
-    sure: confidence of what is known.
+    sure: confidence of what is known. goes_on: how the guess follows it.
     """
     shown, clipped, cover = radiance_of(surroundings)
     guessed = outputs.radiance * _tint(outputs.radiance, shown, cover) if tint else outputs.radiance
+    guessed = _continued(guessed, surroundings, goes_on)
     seen = _brightened(shown, clipped, guessed)
     radiance = (guessed + cover * (seen - guessed)).astype(np.float32)
     confidence = outputs.confidence
     if confidence is not None:
         confidence = (confidence + cover[..., 0] * (sure - confidence)).astype(np.float32)
     return outputs.with_map(radiance, confidence)
+
+
+def nearest_seen(surroundings: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return the display colours [H, 2H, 3] of the nearest seen place and the angle [degrees] to it [H, 2H, 1], between
+    the middles of GOES_ON_ROWS rows; None where nothing is seen."""
+    height = len(surroundings)
+    step = height // GOES_ON_ROWS
+    coarse = (
+        surroundings[..., :4].reshape(GOES_ON_ROWS, step, 2 * GOES_ON_ROWS, step, 4).mean(axis=(1, 3)).reshape(-1, 4)
+    )
+    seen = coarse[:, 3] >= GOES_ON_COVER
+    if not seen.any():
+        return None
+    d = pixel_directions(GOES_ON_ROWS).reshape(-1, 3)
+    cosine = d @ d[seen].T
+    which = cosine.argmax(axis=1)
+    colors = np.minimum(coarse[seen, :3] / coarse[seen, 3:], 1.0)[which]
+    degrees = np.degrees(np.arccos(np.clip(np.take_along_axis(cosine, which[:, None], axis=1), -1.0, 1.0)))
+    found = np.concatenate([colors, degrees], axis=1).reshape(GOES_ON_ROWS, 2 * GOES_ON_ROWS, 4).astype(np.float32)
+    u, v = np.meshgrid((np.arange(2 * height) + 0.5) / (2 * height), (np.arange(height) + 0.5) / height)
+    fine = bilinear(found, np.stack([u, v], axis=-1).astype(np.float32))
+    return fine[..., :3], fine[..., 3:]
+
+
+def _continued(guessed: np.ndarray, surroundings: np.ndarray, goes_on: GoesOn) -> np.ndarray:
+    """Return a guess [H, 2H, 3] that goes on from what is seen: more so the nearer it is; light above white stays."""
+    nearest = nearest_seen(surroundings)
+    if nearest is None:
+        return guessed
+    colors, degrees = nearest
+    share = goes_on.share * np.exp(-degrees / goes_on.reach_deg)
+    shown = np.minimum(guessed, 1.0)
+    display = response(shown)
+    return inverse_response(display + share * (colors - display)) + (guessed - shown)
 
 
 def _brightened(shown: np.ndarray, clipped: np.ndarray, guessed: np.ndarray) -> np.ndarray:

@@ -105,24 +105,27 @@ def _moment(radiance: np.ndarray) -> np.ndarray:
     return np.einsum("hw,hwc->c", luminance(radiance) * pixel_solid_angles(height), pixel_directions(height))
 
 
-def angle_to_mean(radiance: Float[np.ndarray, "H 2*H 3"], direction: np.ndarray) -> float:
-    """Degrees between a unit direction and where a map's light comes from in the mean; 180 where that is nowhere."""
-    return _angle(_moment(radiance), direction)
+def spread_about(radiance: Float[np.ndarray, "H 2*H 3"], direction: np.ndarray) -> float:
+    """Return the mean angle [degrees] between a unit direction and where a map's light comes from.
 
-
-def _angle(moment: np.ndarray, direction: np.ndarray) -> float:
-    length = float(np.linalg.norm(moment))
-    if length <= 0:
-        return 180.0
-    return float(np.degrees(np.arccos(np.clip(moment @ direction / length, -1.0, 1.0))))
-
-
-def direction_error(angle_deg: float) -> float:
-    """Degrees by which an estimated dominant light is off at most in two of three cases.
-
-    angle_deg: between it and its map's mean direction: where the rest of the map is bright elsewhere, it is less sure.
+    Directions are weighed by luminance^ERROR["power"] dw: bright places elsewhere make a direction doubtful, the dim
+    rest of the map hardly. A black map gives 90.
     """
-    grown = ERROR["factor"] * (angle_deg + ERROR["offset_deg"]) ** ERROR["exponent"]
+    height = radiance.shape[0]
+    weight = luminance(radiance).astype(np.float64) ** ERROR["power"] * pixel_solid_angles(height)
+    total = float(weight.sum())
+    if total <= 0:
+        return 90.0
+    angle = np.arccos(np.clip(pixel_directions(height) @ direction, -1.0, 1.0))
+    return float(np.degrees((weight * angle).sum() / total))
+
+
+def direction_error(spread_deg: float) -> float:
+    """Return how many degrees an estimated dominant light is off at most in two of three cases.
+
+    spread_deg: of spread_about.
+    """
+    grown = ERROR["factor"] * (spread_deg + ERROR["offset_deg"]) ** ERROR["exponent"]
     return min(grown, ERROR["most_deg"])
 
 
@@ -179,7 +182,7 @@ def split_dominant_light(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[Domina
         color=(perpendicular / peak if peak > 0 else np.ones(3)).astype(np.float32),
         solid_angle=float(solid_angles[lobe].sum()),
         directionality=directionality,
-        error_deg=direction_error(_angle(moment, direction)),
+        error_deg=direction_error(spread_about(radiance, direction)),
     )
     rest = radiance.copy()
     rest[source] -= np.where(perpendicular > 0, excess, 0.0)  # a channel without light stays whole

@@ -44,8 +44,8 @@ class WholePrediction:
     """ln_shown [N, 3, 64, 128]: ln radiance up to white; ln_power [N, 3]: of ln(power above white + POWER_FLOOR);
     logit [N, 1, 64, 128]: ln of that power's density; ln_expected, ln_soft, ln_radiance [N, 3, 64, 128]: all power
     where it is likely, the same without what sources send, with them; places [N, S, 3], profiles [N, S, R], powers
-    [N, S, R] and colors [N, S, 3] of the sources (nets.source_head); posture [N, 4] (nets.context_net); confidence_logit [N, 1, 64, 128].
-    ln_context [N, P]: what the context says alone of where light comes from."""
+    [N, S, R] and colors [N, S, 3] of the sources (nets.source_head); posture [N, 4] (nets.context_net);
+    confidence_logit [N, 1, 64, 128]; ln_context [N, P]: what the context says alone of where light comes from."""
 
     ln_shown: torch.Tensor
     ln_power: torch.Tensor
@@ -167,8 +167,8 @@ class WholeNet(nn.Module):
         )
 
     def _nearest(self, surroundings: torch.Tensor) -> torch.Tensor:
-        """Return of every direction the nearest seen place, [N, 5, 32, 64]: its display RGB, the angle to it in turns of
-        pi, and whether anything is seen at all; zero where nothing is."""
+        """Return the nearest seen place of every direction, [N, 5, 32, 64]: its display RGB, the angle to it over pi,
+        and whether anything is seen at all; zero where nothing is."""
         coarse = F.avg_pool2d(surroundings, MAP_HEIGHT // SEEN_ROWS).flatten(2).float()  # [N, 4, P]
         cover = coarse[:, 3]
         colors = coarse[:, :3] / cover[:, None].clamp(min=SEEN_COVER)
@@ -178,7 +178,8 @@ class WholeNet(nn.Module):
         share = torch.softmax(NEAREST * cosine + weight[:, None], dim=2)  # [N, P, P]
         seen = torch.einsum("nqp,ncp->ncq", share, colors)
         nearest = torch.einsum("nqp,qp->nq", share, cosine).clamp(-1 + 1e-6, 1 - 1e-6)
-        near = torch.cat([seen, (torch.acos(nearest) / torch.pi)[:, None]], dim=1).unflatten(2, (SEEN_ROWS, 2 * SEEN_ROWS))
+        near = torch.cat([seen, (torch.acos(nearest) / torch.pi)[:, None]], dim=1)
+        near = near.unflatten(2, (SEEN_ROWS, 2 * SEEN_ROWS))
         near = F.interpolate(wrap(near, 1), scale_factor=2.0, mode="bilinear", align_corners=False)[..., 2:-2]
         some = (cover.amax(dim=1) >= SEEN_COVER).float()[:, None, None, None].expand_as(near[:, :1])
         return torch.cat([near * some, some], dim=1)

@@ -245,9 +245,10 @@ export const CONTRACT = {
     "lobe_level": 0.5,
     "ring_px": 3,
     "error": {
-      "factor": 3.77,
+      "power": 1.5,
+      "factor": 6.11,
       "offset_deg": 10.0,
-      "exponent": 0.75,
+      "exponent": 0.55,
       "most_deg": 90.0
     }
   },
@@ -258,6 +259,7 @@ export const CONTRACT = {
     "seen": 0.9,
     "tint": 0.5,
     "tint_floor": 0.05,
-    "plain": 0.00784313725490196
+    "plain": 0.00784313725490196,
+    "goes_on": {"rows": 32, "least_cover": 0.5, "share": 0.5, "reach_deg": 60}
   }
 };

@@ -141,21 +141,32 @@ export function findDominantLight(radiance, height) {
   irradiance.forEach((value, c) => (irradiance[c] = Math.max(value, 0)));
   const most = Math.max(...irradiance);
   const color = most > 0 ? irradiance.map((value) => value / most) : [1, 1, 1];
-  const errorDeg = directionError(angleBetween(moment, direction));
+  const errorDeg = directionError(spreadAbout(bright, height, direction));
   return { direction, irradiance, color, solidAngle: lobeAngle, directionality, errorDeg, pixels, surrounding };
 }
 
-/** Degrees between a vector and a unit direction; 180 from no vector. */
-function angleBetween(vector, direction) {
-  const length = Math.hypot(...vector);
-  if (length <= 0) return 180;
-  const cosine = vector.reduce((sum, value, axis) => sum + value * direction[axis], 0) / length;
-  return (Math.acos(Math.min(Math.max(cosine, -1), 1)) * 180) / Math.PI;
+/**
+ * Mean angle in degrees between a unit direction and where a map's light comes from: bright places elsewhere make a
+ * direction doubtful, the dim rest of the map hardly. A black map gives 90.
+ *
+ * @param {Float32Array} bright luminance of each pixel
+ */
+function spreadAbout(bright, height, direction) {
+  const d = pixelDirections(height);
+  const rowAngles = pixelSolidAngles(height);
+  let [total, sum] = [0, 0];
+  for (let pixel = 0; pixel < bright.length; pixel++) {
+    const weight = bright[pixel] ** ERROR.power * rowAngles[Math.floor(pixel / (2 * height))];
+    const cosine = d[3 * pixel] * direction[0] + d[3 * pixel + 1] * direction[1] + d[3 * pixel + 2] * direction[2];
+    total += weight;
+    sum += weight * Math.acos(Math.min(Math.max(cosine, -1), 1));
+  }
+  return total > 0 ? (180 / Math.PI) * (sum / total) : 90;
 }
 
-/** Degrees by which a dominant light so far from its map's mean direction is off at most in two of three estimates. */
-function directionError(angleDeg) {
-  return Math.min(ERROR.factor * (angleDeg + ERROR.offset_deg) ** ERROR.exponent, ERROR.most_deg);
+/** Degrees by which a dominant light of such a spread about it is off at most in two of three estimates. */
+function directionError(spreadDeg) {
+  return Math.min(ERROR.factor * (spreadDeg + ERROR.offset_deg) ** ERROR.exponent, ERROR.most_deg);
 }
 
 /**

@@ -8,6 +8,7 @@ import { CROP_SIZE, focalPx } from "./crop.js";
 import { median } from "./ground.js";
 import { notice } from "../notices.js";
 
+const GOES_ON = CONTRACT.surroundings.goes_on;
 const PIXELS = 2 * MAP_HEIGHT * MAP_HEIGHT;
 
 /** Samples of the crop around the object that are left out: its edge is not where the mask says. */
@@ -171,6 +172,68 @@ export function isDarkBeside({ width, height, rgba }, mask) {
 }
 
 /**
+ * Display colours of the nearest seen place of every direction and the angle to it in degrees, four numbers a pixel,
+ * between the middles of GOES_ON.rows rows; null where nothing is seen.
+ *
+ * @param {Float32Array} surroundings
+ */
+export function nearestSeen(surroundings) {
+  const rows = GOES_ON.rows;
+  const [columns, step] = [2 * rows, MAP_HEIGHT / rows];
+  const directions = pixelDirections(rows);
+  const [places, colors] = [[], []]; // of what is seen
+  for (let cell = 0; cell < rows * columns; cell++) {
+    const sums = [0, 0, 0, 0];
+    for (let k = 0; k < step * step; k++) {
+      const row = step * Math.floor(cell / columns) + Math.floor(k / step);
+      const pixel = row * 2 * MAP_HEIGHT + step * (cell % columns) + (k % step);
+      for (let channel = 0; channel < 4; channel++) sums[channel] += surroundings[channel * PIXELS + pixel];
+    }
+    if (sums[3] < GOES_ON.least_cover * step * step) continue;
+    places.push(...directions.subarray(3 * cell, 3 * cell + 3));
+    colors.push(...sums.slice(0, 3).map((sum) => Math.min(sum / sums[3], 1)));
+  }
+  if (colors.length === 0) return null;
+  const coarse = new Float32Array(4 * rows * columns);
+  for (let cell = 0; cell < rows * columns; cell++) {
+    const [x, y, z] = directions.subarray(3 * cell, 3 * cell + 3);
+    let [best, most] = [0, -2];
+    for (let i = 0; i < places.length; i += 3) {
+      const cosine = x * places[i] + y * places[i + 1] + z * places[i + 2];
+      if (cosine > most) [best, most] = [i, cosine];
+    }
+    coarse.set(colors.slice(best, best + 3), 4 * cell);
+    coarse[4 * cell + 3] = (Math.acos(Math.min(Math.max(most, -1), 1)) * 180) / Math.PI;
+  }
+  return enlarged(coarse, rows);
+}
+
+/** Four numbers a pixel of a map of so many rows, at MAP_HEIGHT rows: between the pixels' middles, across the seam. */
+function enlarged(coarse, rows) {
+  const [columns, step] = [2 * rows, MAP_HEIGHT / rows];
+  const fine = new Float32Array(4 * PIXELS);
+  for (let pixel = 0; pixel < PIXELS; pixel++) {
+    const v = Math.min(Math.max((Math.floor(pixel / (2 * MAP_HEIGHT)) + 0.5) / step - 0.5, 0), rows - 1);
+    const u = ((pixel % (2 * MAP_HEIGHT)) + 0.5) / step - 0.5;
+    const [top, left] = [Math.floor(v), Math.floor(u)];
+    for (let corner = 0; corner < 4; corner++) {
+      const [down, right] = [corner >> 1, corner & 1];
+      const share = (down ? v - top : 1 - v + top) * (right ? u - left : 1 - u + left);
+      const from = 4 * (Math.min(top + down, rows - 1) * columns + ((left + right + columns) % columns));
+      for (let k = 0; k < 4; k++) fine[4 * pixel + k] += share * coarse[from + k];
+    }
+  }
+  return fine;
+}
+
+/** A predicted radiance drawn by a share to the nearest seen display value; what is above white stays. */
+function continued(predicted, nearest, share) {
+  const shown = Math.min(predicted, 1);
+  const display = response(shown);
+  return inverseResponse(display + share * (nearest - display)) + predicted - shown;
+}
+
+/**
  * A line where what is beside the object of an opaque cut-out is bright enough for a studio's backdrop;
  * anyprobe.estimate.doubts has the same.
  *
@@ -224,9 +287,11 @@ function backdropOf(terms, values) {
  * @param {Float32Array} surroundings of seeSurroundings
  * @param {boolean} [tints] whether the prediction takes on that colour
  * @param {number} [sure] confidence of what is known
+ * @param {{share: number, reach_deg: number}} [goesOn] how the prediction follows what is seen beside it
  */
-export function useSurroundings(stages, surroundings, tints = true, sure = SEEN) {
+export function useSurroundings(stages, surroundings, tints = true, sure = SEEN, goesOn = GOES_ON) {
   const tint = tints ? tintOf(stages.radiance, surroundings) : [1, 1, 1];
+  const nearest = nearestSeen(surroundings);
   const radiance = new Float32Array(stages.radiance.length);
   const predicted = new Float64Array(3);
   const display = new Float64Array(3);
@@ -235,6 +300,10 @@ export function useSurroundings(stages, surroundings, tints = true, sure = SEEN)
     const cover = surroundings[3 * PIXELS + pixel];
     for (let channel = 0; channel < 3; channel++) {
       predicted[channel] = stages.radiance[to + channel] * tint[channel];
+      if (nearest) {
+        const share = goesOn.share * Math.exp(-nearest[4 * pixel + 3] / goesOn.reach_deg);
+        predicted[channel] = continued(predicted[channel], nearest[4 * pixel + channel], share);
+      }
       display[channel] = surroundings[channel * PIXELS + pixel] / Math.max(cover, 1e-3);
       seen[channel] = inverseResponse(display[channel]);
     }
