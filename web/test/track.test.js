@@ -168,7 +168,7 @@ test("another kind of light leaves what it does not name", async () => {
   assert.ok(material instanceof Float32Array);
   await tracker.set({ material: "gold" });
   assert.deepEqual([Object.keys(asked[1][1]), asked[1][1].material instanceof Float32Array], [["material"], true]);
-  await assert.rejects(() => tracker.set({ material: "wood" }), refused(/^material: expected one of chrome, /));
+  await assert.rejects(() => tracker.set({ material: "granite" }), refused(/^material: expected one of chrome, /));
   await tracker.set();
   await tracker.mark();
 });
