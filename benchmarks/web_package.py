@@ -5,9 +5,9 @@
 Headless Chromium with a fake camera that shows the example; the page as `anyprobe serve --static` writes it,
 the package as `npm pack` makes it in a plain page with an import map, both over WASM, with one thread and with
 two. The rounds take turns, so that a slow minute of the machine is nobody's; of each figure the median, the
-least and the most. worker_ms is the networks' processor time a light (Linux), memory_mb what page and workers hold in
-the end. --pages adds the page of other clones, an older one for instance. Needs Chromium, Node.js and the packages of
-web/ and tests/browser. Prints one JSON object a line.
+least and the most. worker_ms is the networks' processor time a light (Linux), memory_mb what page and workers
+hold in the end. --pages adds the page of other clones, an older one for instance. Needs Chromium, Node.js and
+the packages of web/ and tests/browser. Prints one JSON object a line.
 """
 
 from __future__ import annotations

@@ -95,8 +95,8 @@ def test_only_what_is_used_is_emitted(packed, tmp_path, program, files):
 @pytest.mark.parametrize("name", ["esbuild", "rollup"])
 def test_bundler_that_copies_no_files_fails_at_build_time(packed, tmp_path, name):
     """Of the plain package, in a line that names the core."""
-    main = 'import { AnyProbe } from "anyprobe"; globalThis.x = AnyProbe;'
-    bundler = replace(BUNDLERS[name], sources={"main.js": main})
+    source = 'import { AnyProbe } from "anyprobe"; globalThis.x = AnyProbe;'
+    bundler = replace(BUNDLERS[name], sources={"main.js": source})
     with pytest.raises(AssertionError, match=r"this-bundler-copies-no-files-import-anyprobe-core\.js"):
         bundler.build(packed, tmp_path)
 

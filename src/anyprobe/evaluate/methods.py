@@ -105,8 +105,8 @@ def truth_methods() -> dict[str, Method]:
     def blurred(pair: Pair, radius_deg: float) -> Estimate:
         return Estimate(ldr=blur_cap(response(pair.radiance), np.radians(radius_deg)).clip(0.0, 1.0))
 
-    rows = {f"truth blurred by {deg} degrees": partial(blurred, radius_deg=deg) for deg in BLURS_DEG}
-    return {"one flat colour": flat} | rows
+    rows: dict[str, Method] = {f"truth blurred by {deg} degrees": partial(blurred, radius_deg=deg) for deg in BLURS_DEG}
+    return {"one flat colour": flat, **rows}
 
 
 @lru_cache(maxsize=1)

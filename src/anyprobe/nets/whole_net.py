@@ -97,7 +97,7 @@ class WholeNet(nn.Module):
         self.emitters, self.sources, self.source_map = EmitterHead(code), SourceHead(code), SourceMap()
         with torch.no_grad():
             self.head.weight.mul_(0.1)
-            self.head.bias.zero_()
+            nn.init.zeros_(self.head.bias)  # type: ignore[arg-type]
             for parameter in self.emitters.power[2].parameters():  # untrained, it stays as the object alone says
                 parameter.mul_(0.1)
 

@@ -147,11 +147,10 @@ class MaskFollower:
         if not self.finds:
             return self._load(frame, name, own)
         known = self.held, self._before, self._lost_for
-        if "segmenter" not in self.hints and self._followed(frame.rgb):
-            photo = replace(
-                self._load(frame, name, own, mask=lit_mask(self.held, frame.rgb.shape)), mask_source="network"
-            )
-            whole = mask_in(self.held, frame.rgb.shape)
+        held = None if "segmenter" in self.hints else self._followed(frame.rgb)
+        if held is not None:
+            photo = replace(self._load(frame, name, own, mask=lit_mask(held, frame.rgb.shape)), mask_source="network")
+            whole = mask_in(held, frame.rgb.shape)
         else:
             where = self.hints if self.last is None else _prompts_from(self.last, frame.rgb.shape)
             photo = self._load(frame, name, own, **where)
@@ -170,26 +169,28 @@ class MaskFollower:
         self.last = last
         return photo
 
-    def _followed(self, rgb: np.ndarray) -> bool:
-        """Whether the held mask was found again in a frame, or another one around it; it is then the held one."""
-        if self.held is None:
-            return False
+    def _followed(self, rgb: np.ndarray) -> Held | None:
+        """Return the held mask as it was found again in a frame, or another one around it; None where it is lost."""
+        if self.held is None or self.last is None:
+            return None
         self._lost_for += 1
         if self._lost_for > ODD:
             self._before = None
         for held in (self._before, self.held):
-            found = None if held is None else found_in(held, rgb)
+            if held is None:
+                continue
+            found = found_in(held, rgb)
             if found is not None and found.is_sure:
                 self._before = None if held is self._before else self._before
                 self.held = follow(held, rgb, found, lambda mask: _looked_for(rgb, _last_of(mask)))
-                return True
+                return self.held
         mask = _looked_for(rgb, self.last)
         if mask is None:
-            return False
+            return None
         if self._before is None:
             self._before, self._lost_for = self.held, 0
         self.held = hold(rgb, mask)
-        return True
+        return self.held
 
     def _load(self, frame: Frame, name: str, own: Mapping[str, Any], **where: Any) -> Photo:
         """The frame with files of its own; errors say which frame, or which of its files."""
