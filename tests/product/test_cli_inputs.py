@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 from support.folders import snapshot
 
-from anyprobe.cli.options import hints_for
+from anyprobe.cli.photo_files import hints_for
 from anyprobe.core.response import response
 from anyprobe.files.paths import natural_order
 from anyprobe.files.radiance import read_radiance

@@ -27,16 +27,18 @@ from anyprobe.cli.options import (
     ModelOptions,
     ObjectOptions,
     QuietOption,
-    check_names,
     folder_option,
+    refuse_unused,
+    with_bundles,
+)
+from anyprobe.cli.photo_files import (
+    check_names,
     hints_for,
     list_photos,
     photo_line,
     photo_name,
     photo_source,
-    refuse_unused,
     result_stem,
-    with_bundles,
 )
 from anyprobe.cli.tables import print_table
 from anyprobe.detail.place_picture import check_panorama_rows

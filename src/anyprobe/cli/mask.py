@@ -9,20 +9,15 @@ from typing import Annotated, Any
 
 import typer
 
-from anyprobe.cli.options import (
-    OPTIONS,
-    JsonOption,
-    MaskOptions,
-    QuietOption,
+from anyprobe.cli.options import OPTIONS, JsonOption, MaskOptions, QuietOption, folder_option, with_bundles
+from anyprobe.cli.photo_files import (
     check_names,
-    folder_option,
     hints_for,
     list_photos,
     photo_line,
     photo_name,
     photo_source,
     result_stem,
-    with_bundles,
 )
 from anyprobe.errors import AnyprobeError, InputError, InvalidMask
 from anyprobe.hints import Hints

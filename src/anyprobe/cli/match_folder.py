@@ -20,12 +20,9 @@ from anyprobe.cli.options import (
     ObjectOptions,
     QuietOption,
     folder_option,
-    hints_for,
-    photo_name,
-    photo_source,
-    result_stem,
     with_bundles,
 )
+from anyprobe.cli.photo_files import hints_for, photo_name, photo_source, result_stem
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe.files.paths import same_file_key

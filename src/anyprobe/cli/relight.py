@@ -22,14 +22,11 @@ from anyprobe.cli.options import (
     ModelOptions,
     ObjectOptions,
     QuietOption,
-    hints_for,
-    photo_name,
-    photo_source,
     pixels_of,
     refuse_unused,
-    result_stem,
     with_bundles,
 )
+from anyprobe.cli.photo_files import hints_for, photo_name, photo_source, result_stem
 from anyprobe.errors import OutputError, arguments_named
 from anyprobe.files.paths import same_file_key
 from anyprobe.hints import HINTS

@@ -11,12 +11,10 @@ from typing import Any, Never
 
 import numpy as np
 
-from anyprobe.detail.background import background_of
-from anyprobe.detail.likeness import MATCH_ROWS, Shown, shown_by
 from anyprobe.detail.plausible import DETAILS, ROWS
 from anyprobe.errors import InputError
 from anyprobe.estimate.doubts import ground_doubts, light_doubts
-from anyprobe.estimate.known import FROM_DEPTH, KnownNormals, PhotoBackground
+from anyprobe.estimate.known import KnownNormals, PhotoBackground
 from anyprobe.estimate.mirror_ball import CHROME, is_mirror_ball, said_of_ball
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
 from anyprobe.estimate.normals_hint import normals_from_outline
@@ -24,8 +22,11 @@ from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
 from anyprobe.estimate.refine import (
     ENOUGH_EXPOSED,
     camera_map,
+    check_use,
     object_info,
     predict,
+    shown_of,
+    usable,
     well_exposed_fraction,
     with_estimated_ground,
     with_exposure,
@@ -36,7 +37,6 @@ from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, MODE, PHOTO_SIZE, Models, model_id
 from anyprobe.estimate.settings import Settings
 from anyprobe.estimate.sidecar import Origin
-from anyprobe.estimate.surroundings import radiance_of
 from anyprobe.files.images import ImageSource
 from anyprobe.given_material import Albedo, as_material
 from anyprobe.hints import Hints, NormalsEstimator, NormalsSource, SurroundingsSource, check_keywords, combine
@@ -44,7 +44,6 @@ from anyprobe.masks.depth import DepthSource
 from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.segmenters import SegmenterSource, load_segmenter
 from anyprobe.masks.sources import MaskSource
-from anyprobe.notices import leave_out
 from anyprobe.scatter.materials import Material, material_named
 
 
@@ -264,8 +263,8 @@ class Estimator:
         """
         loaded = time.perf_counter()
         material = photo.material if material is None else as_material(material)
-        crop, merged_surroundings = self._usable(photo, crop, merged_surroundings)
-        self._check_use(crop, material)
+        crop, merged_surroundings = usable(self.models, photo, crop, merged_surroundings)
+        check_use(self.models, crop, material)
         exposed = well_exposed_fraction(crop.image)
         known = crop.surroundings_map if merged_surroundings is None else merged_surroundings
         found = predict(self.models, crop, photo.ground, material)
@@ -296,7 +295,7 @@ class Estimator:
                 "ln_radiance": outputs.ln_radiance,
             },
             camera_from_crop=crop.camera_from_crop,
-            find_shown=None if outputs.normals is None else partial(_shown, crop, outputs.normals),
+            find_shown=None if outputs.normals is None else partial(shown_of, crop, outputs.normals),
             origin=Origin(
                 photo=photo.name,
                 model=self.model_id,
@@ -314,37 +313,9 @@ class Estimator:
             ),
         )
 
-    def _usable(
-        self, photo: Photo, crop: Crop, merged_surroundings: np.ndarray | None
-    ) -> tuple[Crop, np.ndarray | None]:
-        """Leave out what nobody asked for where the model does not take it: the background, normals of a depth map."""
-        if self.models.lifts:
-            return crop, merged_surroundings
-        if isinstance(photo.surroundings, PhotoBackground) and not photo.surroundings.is_asked:
-            crop, merged_surroundings = replace(crop, surroundings_map=None), None
-        if photo.normals is not None and photo.normals.origin == FROM_DEPTH:
-            crop = replace(crop, normals=None)
-        return crop, merged_surroundings
-
-    def _check_use(self, crop: Crop, material: Material | None) -> None:
-        """Refuse hints that the model does not take: only the one that lifts pixels takes any."""
-        hints = (("normals", crop.normals), ("surroundings", crop.surroundings_map), ("material", material))
-        given = [name for name, value in hints if value is not None]
-        if given and not self.models.lifts:
-            text = f"expected a model that takes them, got {self.models.name}; use {DEFAULT_MODEL}"
-            raise InputError(text, subject=given, remedy=leave_out(*given))
-
 
 def _rounded(confidence: float | None) -> float | None:
     return confidence and round(confidence, 4)
-
-
-def _shown(crop: Crop, normals: np.ndarray) -> Shown | None:
-    """What the photo shows of an object of these normals [64, 64, 3] in the crop's frame, and beside it."""
-    behind = None
-    if crop.surroundings_map is not None:
-        behind = background_of(*radiance_of(crop.surroundings_map), crop.camera_from_crop, MATCH_ROWS)
-    return shown_by(crop.image, normals, crop.tan_half, crop.camera_from_crop, behind)
 
 
 @lru_cache(maxsize=2)

@@ -31,7 +31,7 @@ class PhotoBackground:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Panorama:
+class GivenPanorama:
     """What a file says of the map, in the camera's frame, see estimate.surroundings.
 
     small: [64, 128, 4 or 5]; full: the same with as many rows as the file has, 512 at most; None where nobody needs it.
@@ -52,12 +52,12 @@ class KnownNormals:
     origin: str = "given"
 
 
-def asked_surroundings(asked: SurroundingsSource | None) -> PhotoBackground | Panorama | None:
+def asked_surroundings(asked: SurroundingsSource | None) -> PhotoBackground | GivenPanorama | None:
     """Read what a caller says of the surroundings; nothing said is "auto"."""
     if asked is None or (isinstance(asked, str) and asked in (AUTO, PHOTO, NONE)):
         return None if asked == NONE else PhotoBackground(is_asked=asked == PHOTO)
     small, full = read_panorama(asked)
-    return Panorama(small=small, full=full)
+    return GivenPanorama(small=small, full=full)
 
 
 def find_normals(

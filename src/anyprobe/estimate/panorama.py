@@ -14,7 +14,7 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.response import response
-from anyprobe.estimate.known import Panorama
+from anyprobe.estimate.known import GivenPanorama
 from anyprobe.estimate.photo import Crop, Photo, crop_object
 from anyprobe.estimate.runtime import PHOTO_SIZE
 from anyprobe.estimate.surroundings import CLIPPED, LEAST_COVER, over, radiance_of, surroundings_of
@@ -33,7 +33,7 @@ DIFFER = 0.12
 
 def cut_out(photo: Photo, *, first: bool) -> Crop:
     """The crop of one photo of several; surroundings from a file are of the first one's frame alone."""
-    is_foreign = not first and isinstance(photo.surroundings, Panorama)
+    is_foreign = not first and isinstance(photo.surroundings, GivenPanorama)
     return crop_object(replace(photo, surroundings=None) if is_foreign else photo, PHOTO_SIZE)
 
 

@@ -15,7 +15,7 @@ from anyprobe.detail.plate import Plate, keep_plate
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.doubts import backdrop_doubts, exposure_doubts, scale_doubts
 from anyprobe.estimate.ground import NOTED, Ground, estimate_ground
-from anyprobe.estimate.known import KnownNormals, Panorama, PhotoBackground, asked_surroundings, find_normals
+from anyprobe.estimate.known import GivenPanorama, KnownNormals, PhotoBackground, asked_surroundings, find_normals
 from anyprobe.estimate.normals_hint import SHORTEST
 from anyprobe.estimate.runtime import NORMALS_SIZE
 from anyprobe.estimate.surroundings import (
@@ -85,7 +85,7 @@ class Photo:
     mask_source: str = "mask"
     mask_confidence: float | None = None
     normals: KnownNormals | None = None
-    surroundings: PhotoBackground | Panorama | None = None
+    surroundings: PhotoBackground | GivenPanorama | None = None
     ground: Ground | None = None
     exposure: float | None = None
     radiance: np.ndarray | None = None
@@ -98,7 +98,7 @@ class Photo:
         if isinstance(self.surroundings, PhotoBackground):
             beside = self.mask if self.hidden is None else np.maximum(self.mask, self.hidden)
             return seen_in_photo(self.rgb, beside, self.long_fov_deg, rows, self.radiance)
-        panorama = self.surroundings.full if isinstance(self.surroundings, Panorama) else None
+        panorama = self.surroundings.full if isinstance(self.surroundings, GivenPanorama) else None
         return None if panorama is None else at_rows(panorama, rows)
 
     def plate(self) -> Plate | None:
@@ -109,7 +109,7 @@ class Photo:
         """What is known of it, for when its object is cut out already: photos are large."""
         rgb, mask = self.rgb[:0].copy(), self.mask[:0].copy()  # views would hold all of them
         normals = self.normals and replace(self.normals, values=self.normals.values[:0].copy())
-        surroundings = None if isinstance(self.surroundings, Panorama) else self.surroundings
+        surroundings = None if isinstance(self.surroundings, GivenPanorama) else self.surroundings
         bare = replace(self, rgb=rgb, mask=mask, normals=normals, radiance=None, hidden=None)
         return replace(bare, surroundings=surroundings)
 
@@ -308,7 +308,7 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
         if surroundings_map is None and background.is_asked:
             text = "expected a photo that shows more than its object, found one colour behind it"
             raise InputError(text, source=photo.name, remedy=leave_out("surroundings"))
-    elif isinstance(photo.surroundings, Panorama):
+    elif isinstance(photo.surroundings, GivenPanorama):
         surroundings_map = turned(photo.surroundings.small, camera_from_crop)
     return Crop(
         image=image,

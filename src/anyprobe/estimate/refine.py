@@ -11,12 +11,17 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
+from anyprobe.detail.background import background_of
+from anyprobe.detail.likeness import MATCH_ROWS, Shown, shown_by
+from anyprobe.errors import InputError
 from anyprobe.estimate.ground import Ground, ground_by_posture
+from anyprobe.estimate.known import FROM_DEPTH, PhotoBackground
 from anyprobe.estimate.material_hint import use_material
-from anyprobe.estimate.photo import Crop
-from anyprobe.estimate.runtime import Models, Outputs
-from anyprobe.estimate.surroundings import use_surroundings
+from anyprobe.estimate.photo import Crop, Photo
+from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, Outputs
+from anyprobe.estimate.surroundings import radiance_of, use_surroundings
 from anyprobe.light.environment import integral, rotate
+from anyprobe.notices import leave_out
 from anyprobe.scatter.materials import Material
 
 BLACK, WHITE, ENOUGH_EXPOSED = (contract("exposure")[name] for name in ("black", "white", "enough"))
@@ -36,6 +41,28 @@ class Prediction:
     outputs: Outputs
     ground: Ground | None
     used: Mapping[str, Any] = field(default_factory=dict)
+
+
+def usable(
+    models: Models, photo: Photo, crop: Crop, merged_surroundings: np.ndarray | None
+) -> tuple[Crop, np.ndarray | None]:
+    """Leave out what nobody asked for where the model does not take it: the background, normals of a depth map."""
+    if models.lifts:
+        return crop, merged_surroundings
+    if isinstance(photo.surroundings, PhotoBackground) and not photo.surroundings.is_asked:
+        crop, merged_surroundings = replace(crop, surroundings_map=None), None
+    if photo.normals is not None and photo.normals.origin == FROM_DEPTH:
+        crop = replace(crop, normals=None)
+    return crop, merged_surroundings
+
+
+def check_use(models: Models, crop: Crop, material: Material | None) -> None:
+    """Refuse hints that the model does not take: only the one that lifts pixels takes any."""
+    hints = (("normals", crop.normals), ("surroundings", crop.surroundings_map), ("material", material))
+    given = [name for name, value in hints if value is not None]
+    if given and not models.lifts:
+        text = f"expected a model that takes them, got {models.name}; use {DEFAULT_MODEL}"
+        raise InputError(text, subject=given, remedy=leave_out(*given))
 
 
 def predict(models: Models, crop: Crop, ground: Ground | None, material: Material | None) -> Prediction:
@@ -112,3 +139,11 @@ def object_info(posterior: Mapping[str, float] | None) -> dict[str, Any]:
             "color_deg": round(posterior["color_error"], 1),
         },
     }
+
+
+def shown_of(crop: Crop, normals: np.ndarray) -> Shown | None:
+    """Return what the photo shows of an object of these normals [64, 64, 3] in the crop's frame, and beside it."""
+    behind = None
+    if crop.surroundings_map is not None:
+        behind = background_of(*radiance_of(crop.surroundings_map), crop.camera_from_crop, MATCH_ROWS)
+    return shown_by(crop.image, normals, crop.tan_half, crop.camera_from_crop, behind)

@@ -224,19 +224,15 @@ class Light:
         """
         check_panorama_rows(size)
         is_level, turn = self._panorama_frame(frame)
-        radiance, origin = compose(
-            in_frame(self.radiance, turn),
-            self.plate,
-            turn @ self.map_from_camera,
-            size,
-            is_detailed=self.origin.detail is not None,
-        )
-        said = {name: str(value) for name, value in frame_of(turn @ self.map_from_camera).items()}
+        turned, from_camera = in_frame(self.radiance, turn), turn @ self.map_from_camera
+        is_detailed = self.origin.detail is not None
+        radiance, origin = compose(turned, self.plate, from_camera, size, is_detailed=is_detailed)
+        said = {name: str(value) for name, value in frame_of(from_camera).items()}
         said |= {"model": self.origin.model or "", "scale": SCALE}
         return Panorama(
             radiance=radiance,
             origin=origin,
-            frame_from_camera=turn @ self.map_from_camera,
+            frame_from_camera=from_camera,
             is_level=is_level,
             attributes=said,
         )

@@ -63,8 +63,8 @@ def read_fspy(path: str | Path) -> FoundCamera:
     except (ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError) as error:
         raise InputError(f"{wanted}, got something else; check the file", source=name) from error
     if not is_solved:
-        text = "expected a solved camera, got none; set fSpy's vanishing points, then save"
-        raise InputError(text, source=name)
+        unsolved = "expected a solved camera, got none; set fSpy's vanishing points, then save"
+        raise InputError(unsolved, source=name)
     if not (is_rotation(rows) and 1 < fov < 170):
         raise InputError(f"{wanted}, got a camera that is none; solve it again in fSpy", source=name)
     up = rows.T @ (0.0, 0.0, 1.0)

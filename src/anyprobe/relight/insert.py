@@ -252,22 +252,17 @@ class Stage:
         said = []
         side = self.placement.side
         if side in NOT_BESIDE:
-            said.append(
-                f"no room beside the object: the inserted one stands {NOT_BESIDE[side]}; try another place or size"
-            )
+            text = f"no room beside the object: the inserted one stands {NOT_BESIDE[side]}"
+            said.append(f"{text}; try another place or size")
         if not self.placement.stands:
-            said.append(
-                "the place beside the object may not be the surface that it stands on: the inserted one may seem to "
-                "float; choose its place"
-            )
+            text = "the place beside the object may not be the surface that it stands on"
+            said.append(f"{text}: the inserted one may seem to float; choose its place")
         pixels = self.view.pixels(self.placement.mesh.positions)
         if (pixels < -0.5).any() or (pixels > np.array([self.view.width, self.view.height]) + 0.5).any():
             said.append("part of the inserted object is outside the photo; choose another place or make it smaller")
         if (self.photo.mask[-1] > 0.5).any():
-            said.append(
-                "the real object runs over the photo's lower border, so where it touches the ground is not seen; "
-                "choose the inserted object's place"
-            )
+            text = "the real object runs over the photo's lower border, so where it touches the ground is not seen"
+            said.append(f"{text}; choose the inserted object's place")
         return tuple(said)
 
     def on(self, photo: Photo) -> Stage:

@@ -24,7 +24,7 @@ from anyprobe.scatter.materials import Material
 NAME = "anyprobe_material"
 
 
-def register(mi) -> None:
+def register_material(mi) -> None:
     """Make NAME known to the module `mitsuba`; its variant must be set, its base classes belong to it."""
     import drjit as dr
 
@@ -130,7 +130,7 @@ def open_mitsuba():
 
     if mi.variant() != "llvm_ad_rgb":
         mi.set_variant("llvm_ad_rgb")
-    register(mi)
+    register_material(mi)
     return mi
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.ground import estimate_ground
-from anyprobe.estimate.known import Panorama, PhotoBackground
+from anyprobe.estimate.known import GivenPanorama, PhotoBackground
 from anyprobe.estimate.photo import Photo, load_photo, object_box
 from anyprobe.estimate.surroundings import SurroundingsSource, read_surroundings
 from anyprobe.files.digests import digest_of
@@ -121,7 +121,7 @@ class MaskFollower:
     def photo(self, frame: Frame) -> Photo:
         """The frame as a photo with its mask and what is known around it; InvalidMask where there is no mask."""
         photo = self._decided(self._marked(frame))
-        return photo if self._panorama is None else replace(photo, surroundings=Panorama(small=self._panorama))
+        return photo if self._panorama is None else replace(photo, surroundings=GivenPanorama(small=self._panorama))
 
     def _decided(self, photo: Photo) -> Photo:
         """The frame's photo, of which what lies around the object is used as in the frames before."""

@@ -17,7 +17,7 @@ from anyprobe.detail.match import exposed_match, hold_match
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import Ground
-from anyprobe.estimate.known import Panorama
+from anyprobe.estimate.known import GivenPanorama
 from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
 from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import Light
@@ -225,7 +225,7 @@ class ClipRun:
         done = self.progress
         crop = cut_out(photo, first=False)
         world_from_crop = self.poses[index] @ crop.camera_from_crop
-        if isinstance(photo.surroundings, Panorama) and done.panorama is None:
+        if isinstance(photo.surroundings, GivenPanorama) and done.panorama is None:
             crop = replace(crop, surroundings_map=turned(photo.surroundings.small, self.poses[0].T @ world_from_crop))
         if crop.surroundings_map is not None:
             done.panorama = lay_over(window(crop.surroundings_map, world_from_crop), done.panorama)
