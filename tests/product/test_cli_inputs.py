@@ -145,7 +145,7 @@ def test_an_error_of_a_mask_names_the_photo_it_is_of(work, command, photo_rgba, 
     outcome = command("estimate", "photos", "--mask", "masks", "-o", "out", "--json", "-q", *poses)
     assert outcome.status == 2
     (line,) = (one for one in outcome.err.splitlines() if one.startswith("anyprobe: "))
-    assert line.startswith("anyprobe: photos/b.png: mask: expected white on the object, got an empty mask")
+    assert line.startswith("anyprobe: photos/b.png: --mask: expected white on the object, got an empty mask")
     if not together:
         given = [json.loads(one) for one in outcome.out.splitlines()]
         assert line == f"anyprobe: {given[1]['error']}"
@@ -157,7 +157,7 @@ def test_an_error_of_a_mask_names_the_photo_it_is_of(work, command, photo_rgba, 
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (("--model", "nobody"), "'nobody': expected one of"),
+        (("--model", "nobody"), "--model: expected one of lift, paper,"),
         (("--model", ""), "expected one of"),
         (("--box", "1,2,3"), "X0,Y0,X1,Y1"),
         (("--box", "a,b,c,d"), "X0,Y0,X1,Y1"),
@@ -165,16 +165,16 @@ def test_an_error_of_a_mask_names_the_photo_it_is_of(work, command, photo_rgba, 
         (("--fov", "400"), "more than 1 and less than 170 degrees"),
         (("--fov", "nan"), "more than 1 and less than 170 degrees"),
         (("--box", "20,10,110,90", "--mask", "photos/sphere.png"), "expected one of them"),
-        (("--exclude", "20,10", "--mask", "photos/sphere.png"), "--exclude: expected --click, --box or neither"),
-        (("--near", "0", "--mask", "photos/sphere.png"), "--near: expected --depth"),
-        (("--far", "3"), "--far: expected --depth"),
-        (("--size", "256"), "--size: does nothing without --detail plausible"),
-        (("--detail-library", "photos"), "--detail-library: does nothing without --detail plausible"),
+        (("--exclude", "20,10", "--mask", "photos/sphere.png"), "--exclude and --mask: expected one of them"),
+        (("--near", "0", "--mask", "photos/sphere.png"), "--near: expected a depth image to cut, got none; pass --depth FILE"),
+        (("--far", "3"), "--far: expected a depth image to cut, got none; pass --depth FILE"),
+        (("--size", "100"), "--size: expected one of 64, 128, 256, 512, 1024, 2048 rows, got 100"),
+        (("--detail-library", "photos"), "--detail-library: does nothing without detail; pass --detail plausible"),
         (("--size", "256", "--detail", "sharp"), "expected one of none, plausible"),
-        (("--material", "wood"), "--material: expected one of chrome"),
+        (("--material", "granite"), "--material: expected one of chrome"),
         (("--albedo", "7"), "--albedo: expected one number"),
         (("--emitters", "bright"), "--emitters: expected one of mode, expected, got 'bright'"),
-        (("--emitters", "expected", "--model", "paper"), "got paper; use lift"),
+        (("--emitters", "expected", "--model", "paper"), "got paper; pass --model lift"),
     ],
 )
 def test_senseless_option(work, command, photo_path, arguments, word):

@@ -179,7 +179,7 @@ def test_emitters_are_spread_where_that_is_asked(client, estimator, photo, photo
         ("?fov=nan", None, "a number"),
         ("?fov=500", None, "170"),
         ("?include=everything", None, "radiance"),
-        ("?material=wood", None, "chrome"),
+        ("?material=granite", None, "chrome"),
         ("?normals=cube", None, "or sphere"),
         ("?surroundings=room", None, "or photo"),
         ("?albedo=0.5,0.5", None, "a number or R,G,B"),

@@ -173,7 +173,7 @@ class EstimateCall:
             try:
                 return load_photo(path, hints, segmenter=self.estimator.segmenter)
             except AnyprobeError as error:
-                raise InputError(error, source=error.notice.source or path) from error
+                raise InputError(photo_line(path, error), code=error.code) from error
 
         photos = map(load, steps)
         first = next(photos)

@@ -170,7 +170,7 @@ def _nothing(pixels: Pixels, prompts: Prompts) -> InvalidMask:
     name, source = pixels.name, source_of(prompts)
     height, width = pixels.rgb.shape[:2]
     if source == "network":
-        text = "expected an object that can be told from its surroundings, but nothing stands out"
+        text = "expected an object that can be told from its surroundings, or an alpha channel, but nothing stands out"
         return InvalidMask(text, code="no-object", source=name, remedy=give("click", "box", "mask"))
     shown = f"the {source}" if prompts.on or prompts.box is not None else "the clicks beside it"
     return InvalidMask(
