@@ -103,9 +103,15 @@ def test_sidecar_with_a_number_that_is_none(command, light_path, work, number):
     assert said["origin"] == {"model": "m", "confidence": None, "warnings": ["a", None], "response": {"sigma": None}}
 
 
-@pytest.mark.parametrize("text", ["[" * 100_000, "not JSON", "[1]"])
-def test_json_that_is_no_sidecar(command, light_path, work, text):
+@pytest.mark.parametrize("text", ["[" * 100_000, "not JSON"])
+def test_damaged_json_is_refused(command, light_path, work, text):
     light_path.with_suffix(".json").write_text(text)
+    assert "got a damaged one" in command("export", light_path, "--to", "webxr", "-q").complaint
+    assert not (work / "export").exists()
+
+
+def test_json_that_is_no_sidecar(command, light_path, work):
+    light_path.with_suffix(".json").write_text("[1]")
     assert command("export", light_path, "--to", "webxr", "-q").status == 0
     assert json.loads((work / "export" / "vase_webxr.json").read_text())["origin"] == {}
 

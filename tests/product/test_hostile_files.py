@@ -18,7 +18,7 @@ from PIL import Image
 
 from anyprobe.errors import InputError, InvalidEnvironment, InvalidMesh, InvalidPhoto
 from anyprobe.estimate.result import Light
-from anyprobe.estimate.sidecar import SCALE
+from anyprobe.estimate.sidecar import SCALE, SIDECAR_VERSION
 from anyprobe.files import exr
 from anyprobe.files.declared_size import declared_pixels, photo_header
 from anyprobe.files.exr import read_exr

@@ -37,8 +37,10 @@ def photo_line(photo: Path, error: AnyprobeError) -> str:
     """Return an error as one line that begins with the photo."""
     notice = error.notice
     if notice.source in (str(photo), photo_name(photo)):
-        return f"{notice.source}: {OPTIONS.line(notice.of(''))}"
-    return " ".join(f"{photo}: {OPTIONS.line(notice)}".splitlines())  # a name may hold a line break
+        line = f"{notice.source}: {OPTIONS.line(notice.of(''))}"
+    else:
+        line = f"{photo}: {OPTIONS.line(notice)}"
+    return " ".join(line.splitlines())  # a name may hold a line break
 
 
 def hints_for(photo: Path, hints: Hints) -> Hints:

@@ -230,11 +230,7 @@ class Light:
         said = {name: str(value) for name, value in frame_of(from_camera).items()}
         said |= {"model": self.origin.model or "", "scale": SCALE}
         return Panorama(
-            radiance=radiance,
-            origin=origin,
-            frame_from_camera=from_camera,
-            is_level=is_level,
-            attributes=said,
+            radiance=radiance, origin=origin, frame_from_camera=from_camera, is_level=is_level, attributes=said
         )
 
     def _panorama_frame(self, frame: str) -> tuple[bool, np.ndarray]:
