@@ -283,7 +283,9 @@ def test_a_map_is_written_in_the_same_bytes_each_time(tmp_path, rng):
 @pytest.mark.parametrize("key", ["well_exposed_fraction", "camera_from_crop"])
 def test_a_sidecar_s_long_number_is_one_line(tmp_path, rng, key):
     write_hdr(tmp_path / "map.hdr", rng.random((8, 16, 3), np.float32))
-    said = json.dumps({"scale": SCALE, "size": [16, 8], key: 7}).replace("7}", "9" * 400 + "}")
+    said = json.dumps({"version": SIDECAR_VERSION, "scale": SCALE, "size": [16, 8], key: 7}).replace(
+        "7}", "9" * 400 + "}"
+    )
     (tmp_path / "map.json").write_text(said)
     assert "save the light again" in refused(InputError, Light.load, tmp_path / "map.hdr")
 
