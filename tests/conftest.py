@@ -23,6 +23,13 @@ from anyprobe.estimate import estimator as estimate_module  # noqa: E402
 from anyprobe.estimate.estimator import Estimator  # noqa: E402
 
 
+@pytest.fixture(autouse=True)
+def _own_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Undo what the command line sets for the children of its process, which tests share."""
+    monkeypatch.setenv("PYTHONSAFEPATH", "1")  # so that its absence is what monkeypatch comes back to
+    monkeypatch.delenv("PYTHONSAFEPATH")
+
+
 def pytest_configure() -> None:
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # by a shell that runs tests in the background; its children
         signal.signal(signal.SIGINT, signal.default_int_handler)  # would inherit it, and never end by Ctrl-C

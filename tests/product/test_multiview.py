@@ -284,7 +284,7 @@ def test_photos_with_poses_give_one_light(command, work, photo_path):
     given = json.loads(done.out)
     assert given["fused"] == [photo_path.name, "other.png"]
     assert {path.name for path in (work / "one").iterdir()} == {
-        f"{photo_path.stem}.{kind}" for kind in ("exr", "hdr", "json", "png")
+        f"{photo_path.stem}{kind}" for kind in (".exr", ".hdr", ".json", ".png", "_panorama.exr", "_origin.png")
     }
     lights = [anyprobe.estimate(photo_path), anyprobe.estimate(other)]
     expected = fuse_lights(lights, poses).radiance

@@ -105,10 +105,12 @@ def test_a_mirrored_ground_has_its_pattern(photo):
     """The left half of the ground is red and the right half green: so is the sphere's lower half."""
     rgb = np.full_like(photo.rgb, 0.5)
     stage = Stage(photo, sphere(48))
-    middle = round(float(stage.view.pixels(stage.placement.foot)[0]))
+    foot = stage.view.pixels(stage.placement.foot)
+    middle = round(float(foot[0]))
     rgb[:, :middle], rgb[:, middle:] = (0.7, 0.1, 0.1), (0.1, 0.7, 0.1)
     plain = load_photo(rgb, mask=photo.mask)
-    drawn = Stage(plain, sphere(48)).draw(np.zeros((64, 128, 3), np.float32), MIRROR, "own")
+    there = Stage(plain, sphere(48), Arrangement(at=(float(foot[0]), float(foot[1]))))
+    drawn = there.draw(np.zeros((64, 128, 3), np.float32), MIRROR, "own")
     size = len(drawn)
     row = round(0.6 * size)
     assert drawn[row, round(0.3 * size), 0] > 3 * drawn[row, round(0.3 * size), 1]

@@ -73,7 +73,7 @@ def exported(target: str, folder, suffix: str, **options) -> bytes:
         ("estimate", "not", "click, exclude, box, depth, near, far, fov,"),
         ("estimate", "clik", "detail, size, format"),
         ("estimate", "world_from_camera", "material"),
-        ("mask", "material", "one of click, exclude, box, depth, near, far, fov, pitch, format, got"),
+        ("mask", "material", "one of click, exclude, box, depth, near, far, fov, pitch, roll, format, got"),
         ("photo", "fov", "expected none here"),
         ("fuse", "clik", "surroundings"),
         ("export/three", "yaw", "one of exposure, world_from_camera, got"),
@@ -107,6 +107,7 @@ def test_all_that_is_described_is_taken(client, photo):
     given = {
         "fov": "60",
         "pitch": "20",
+        "roll": "1",
         "normals": "sphere",
         "surroundings": "photo",
         "material": "matte",
