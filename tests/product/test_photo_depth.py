@@ -134,9 +134,7 @@ def test_nobody_pays_for_depth_that_was_not_asked_for():
 def test_a_photo_without_depth_is_told():
     plain = depth_files.jpeg(PICTURE)
     for source in (plain, (PICTURE * 255).astype(np.uint8)):
-        with pytest.raises(
-            InvalidMask, match="expected a photo whose file carries depth, .* found none; .*leave out depth"
-        ):
+        with pytest.raises(InvalidMask, match="expected a photo whose file carries depth, .*; leave out depth"):
             load_photo(source, depth="photo", mask=np.ones((HEIGHT, WIDTH), np.float32))
 
 
