@@ -45,7 +45,7 @@ def test_the_ground_is_given_or_estimated():
     found = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG)
     assert found.ground.source == "estimated"
     assert -20 < found.ground.pitch_deg < 80
-    assert found.sidecar()["ground"]["pitch_deg"] == found.ground.pitch_deg
+    assert found.sidecar()["ground"]["pitch_deg"] == round(found.ground.pitch_deg, 2)
     assert anyprobe.estimate(photo, mask=mask, surroundings="none").ground is None
 
 
