@@ -53,7 +53,8 @@ function standIn(estimates, { XRDevice, XRSession, XRView, XRFrame, metaQuest3 }
   });
   if (navigator.mediaDevices) navigator.mediaDevices.getUserMedia = async () => ((stage.hasAskedForACamera = true), new MediaStream());
 
-  const supportedFeatures = [...metaQuest3.supportedFeatures, "camera-access", "light-estimation"];
+  const known = metaQuest3.supportedFeatures.filter((name) => name !== "depth-sensing"); // of which the stand-in binding has none
+  const supportedFeatures = [...known, "camera-access", "light-estimation"];
   const device = new XRDevice({ ...metaQuest3, supportedFeatures }, { stereoEnabled: false });
   device.installRuntime({ forceInstall: true });
   device.quaternion.set(0, Math.sin(0.3), 0, Math.cos(0.3)); // looks 34 degrees to the left

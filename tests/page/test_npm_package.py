@@ -278,7 +278,8 @@ def test_probe_light_stands_in_for_the_estimate_of_a_session(built, estimator, t
     assert seen["lit"]["intensity"] > 0
     assert max(seen["lit"]["color"]) == pytest.approx(1)
     with Image.open(VASE) as image:
-        frame = np.asarray(image.convert("RGB"))
+        grey = Image.new("RGBA", image.size, "#888")
+        frame = np.asarray(Image.alpha_composite(grey, image.convert("RGBA")).convert("RGB"))
     direction = estimator(frame, click=(256, 280), fov_deg=seen["fovDeg"]).dominant_light().direction
     world = np.reshape(seen["worldFromCamera"], (4, 4)).T[:3, :3] @ direction
     assert np.dot(position / np.linalg.norm(position), world) > np.cos(np.radians(15))

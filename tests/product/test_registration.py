@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support.registration_cases import FILE
 
-from anyprobe.video.registration import Motion, begin_key, register
+from anyprobe.video.registration import Motion, begin_key, locate_key
 
 CASES = json.loads(FILE.read_text(encoding="utf-8"))
 ABOUT = CASES["key"]
@@ -45,7 +45,7 @@ def test_the_key_is_that_of_the_vectors(key):
 
 @pytest.mark.parametrize("case", CASES["cases"], ids=lambda case: case["name"])
 def test_an_object_is_where_the_vectors_have_it(key, case):
-    found = register(key, bytes_of(case["picture"]), motion_of(case["start"]), tuple(case["offset"]))
+    found = locate_key(key, bytes_of(case["picture"]), motion_of(case["start"]), tuple(case["offset"]))
     assert found.is_sure == case["is_sure"]
     if case["truth"] is None:
         assert not found.is_sure

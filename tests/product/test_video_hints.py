@@ -103,7 +103,7 @@ def test_the_object_stands_where_it_stood_after_an_end(tmp_path, estimator, monk
     def found(rgb, click=None, box=None, mask=None, **given):
         return load_photo(rgb, mask=grown if click is None else sphere_mask(), **given)
 
-    monkeypatch.setattr(MaskFollower, "_followed", lambda *asked: False)
+    monkeypatch.setattr(MaskFollower, "_followed", lambda *asked: None)
 
     monkeypatch.setattr(following, "load_photo", found)
     plain = sphere_frame(made_map())

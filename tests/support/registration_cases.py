@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from anyprobe.video.registration import Motion, begin_key, register
+from anyprobe.video.registration import Motion, begin_key, locate_key
 
 FILE = Path(__file__).parents[1] / "product" / "cases" / "registration.json"
 STILL = Motion()
@@ -65,7 +65,7 @@ def write_cases(path: Path = FILE) -> None:
         asked = dict(given)
         truth, start = asked.pop("truth", STILL), asked.pop("start", STILL)
         picture, offset = drawn(truth, **asked, seed=2)[0], asked.get("offset", (0, 0))
-        found = register(key, picture.astype(np.float32), start, offset)
+        found = locate_key(key, picture.astype(np.float32), start, offset)
         case: dict[str, Any] = {"name": name, "picture": _text(picture), "offset": list(offset)}
         case |= {"start": _words(start), "truth": None if asked.get("other") else _words(truth)}
         case["motion"] = _words(found.motion)

@@ -15,7 +15,7 @@ function frameOf(left, noise, random) {
   for (let i = 0; i < count; i++) {
     const [x, y] = [i % WIDTH, Math.floor(i / WIDTH)];
     const isInside = x >= left && x < left + 60 && y >= 30 && y < 90;
-    bytes[i] = (isInside ? 180 : 60) + noise * (random() - 0.5);
+    bytes[i] = (isInside ? 180 : 90) + noise * (random() - 0.5);
   }
   const chroma = (offset) => ({ offset, stride: WIDTH / 2 });
   const layout = [{ offset: 0, stride: WIDTH }, chroma(count), chroma(1.25 * count)];

@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
-import { beginKey, isSure, matrixOf, register } from "../src/live/registration.js";
+import { beginKey, isSure, locateKey, matrixOf } from "../src/live/registration.js";
 
 const { key: ABOUT, cases: CASES } = JSON.parse(readFileSync(new URL("../../tests/product/cases/registration.json", import.meta.url), "utf8"));
 const { width, height } = ABOUT;
@@ -42,7 +42,7 @@ test("the key is that of the vectors", () => {
 
 for (const { name, picture, start, offset, motion, truth, ...wanted } of CASES) {
   test(`an object is where the vectors have it: ${name}`, () => {
-    const found = register(key, { width, height, values: bytesOf(picture) }, motionOf(start), offset);
+    const found = locateKey(key, { width, height, values: bytesOf(picture) }, motionOf(start), offset);
     assert.equal(isSure(found), wanted.is_sure);
     if (truth === null) return assert.equal(isSure(found), false);
     isNear(apart(found.motion, motionOf(motion)), 0, 0.01, "from Python's");

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 RULES = contract("source_split")
 MOST: int = RULES["most"]
 NAMES = ("reach_deg", "ring_deg", "apart_deg")
-WIDTHS = tuple(
+COMPACT_AND_WIDE = tuple(
     (*(np.cos(np.radians(rules[name])) for name in NAMES), float(np.radians(rules["most_radius_deg"])))
     for rules in (RULES, RULES["wide"])
 )
@@ -55,7 +55,7 @@ def split_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[np.ndarray, t
     sources: list[Source] = []
     for _ in range(MOST):
         peak = d[int(np.argmax(bright))].astype(np.float64)
-        for reach, ring, apart, most_radius in WIDTHS:  # noqa: B007
+        for reach, ring, apart, most_radius in COMPACT_AND_WIDE:  # noqa: B007
             found = _around(soft, peak, reach, ring, least)
             if found is None:
                 return soft.reshape(radiance.shape), tuple(sources)

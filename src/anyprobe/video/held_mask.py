@@ -32,7 +32,7 @@ from PIL import Image
 from anyprobe.core.contract import contract
 from anyprobe.masks.check import object_box
 from anyprobe.masks.search import Window
-from anyprobe.video.registration import MOST_SHIFT, Key, Motion, Registered, begin_key, luma, register
+from anyprobe.video.registration import SEARCH_REACH, Key, Motion, Registered, begin_key, locate_key, luma
 
 NUMBERS = contract("held_mask")
 EVERY, EVERY_REFUSED, PATIENCE = NUMBERS["every"], NUMBERS["every_refused"], NUMBERS["patience"]
@@ -88,12 +88,12 @@ def found_in(held: Held, rgb: np.ndarray) -> Registered:
     """Where the object lies in another frame, looked for around where it was last."""
     height, width = rgb.shape[:2]
     x0, y0, x1, y1 = _box(held)
-    more = (MOST_SHIFT + 0.1) * max(x1 - x0, y1 - y0)
+    more = (SEARCH_REACH + 0.1) * max(x1 - x0, y1 - y0)
     window = Window(x0=0, y0=0, x1=width, y1=height).around((x0 - more, y0 - more, x1 + more, y1 + more), 0.0)
     if window.x1 - window.x0 < 8 or window.y1 - window.y0 < 8:
         return Registered(motion=held.motion, alike=0.0, inside=0.0, agreed=0.0, error_px=float("inf"))
     picture = luma(rgb[window.y0 : window.y1, window.x0 : window.x1])
-    return register(held.key, picture, held.motion, (window.x0, window.y0))
+    return locate_key(held.key, picture, held.motion, (window.x0, window.y0))
 
 
 def follow(held: Held, rgb: np.ndarray, found: Registered, find: Callable[[np.ndarray], np.ndarray | None]) -> Held:

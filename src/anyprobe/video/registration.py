@@ -22,16 +22,16 @@ where there are more (of equals any). Each has t, the key's value, and the row (
 / r, t, 1), (u, v) its place from c and r the root mean square of |(u, v)| over the pixels inside the mask; g per
 pixel of level 0.
 
-**Search** at the level `coarse`: at the start's angle and scale, the key's box grown by `reach` = ceil(MOST_SHIFT *
+**Search** at the level `coarse`: at the start's angle and scale, the key's box grown by `reach` = ceil(SEARCH_REACH *
 longer side in cells) is sampled in the picture; of the shifts by whole cells up to `reach` each way the one with the
 greatest correlation of the box's covered cells, less PULL * (distance / reach)^2, is taken.
 
 **Alignment** from `coarse` to `fine`, at most STEPS rounds a level: v = the picture's values at W(points), linear
 between centres; points outside the picture have weight 0. The rows are fitted to v by weighted least squares, (d, a,
 b); weights are 1 / (1 + (e / (SPREAD s))^2) of the residuals e before (1 in the first round) and s = 1.4826 median
-|e| over points in the picture, at least LEAST_SPREAD. Then delta = d / a (a at least LEAST_GAIN), its third and fourth
-over r, and W becomes W o Delta^-1: angle -= delta_3, scale -= delta_4, (x, y) -= e^scale R(angle) (delta_1, delta_2). A
-round that moves no corner by more than DONE_PX of the level's pixels is the last of its level.
+|e| over points in the picture, at least LEAST_SPREAD. Then delta = d / a (a at least LEAST_GAIN), its third and
+fourth over r, and W becomes W o Delta^-1: angle -= delta_3, scale -= delta_4, (x, y) -= e^scale R(angle) (delta_1,
+delta_2). A round that moves no corner by more than DONE_PX of the level's pixels is the last of its level.
 
 **Result.** alike: correlation of v and the fit over the points of the last level, weighted. inside: share of its
 points in the picture. error_px: expected shift of the outline, sqrt(trace of the covariance of d / a) times ERROR. It
@@ -48,7 +48,7 @@ from anyprobe.core.contract import contract
 
 NUMBERS = contract("registration")
 FINE_PX, COARSE_PX, POINTS = NUMBERS["fine_px"], NUMBERS["coarse_px"], NUMBERS["points"]
-MOST_SHIFT, PULL = NUMBERS["reach"], NUMBERS["pull"]
+SEARCH_REACH, PULL = NUMBERS["reach"], NUMBERS["pull"]
 STEPS, DONE_PX, SPREAD, LEAST_SPREAD, LEAST_GAIN = (
     NUMBERS[name] for name in ("steps", "done_px", "spread", "least", "least_gain")
 )
@@ -150,7 +150,7 @@ def begin_key(picture: np.ndarray, mask: np.ndarray, offset: tuple[int, int] = (
     )
 
 
-def register(key: Key, picture: np.ndarray, start: Motion, offset: tuple[int, int] = (0, 0)) -> Registered:
+def locate_key(key: Key, picture: np.ndarray, start: Motion, offset: tuple[int, int] = (0, 0)) -> Registered:
     """Where the key's object lies in a luma picture [H, W], looked for around `start`."""
     pictures = _pyramid(_smoothed(_cut(picture, key.coarse, offset)), key.coarse)
     offset = _aligned(offset, key.coarse)
@@ -210,7 +210,7 @@ def _composed(motion: Motion, delta: np.ndarray, radius: float) -> Motion:
 def _searched(key: Key, picture: np.ndarray, start: Motion, offset: tuple[int, int]) -> Motion:
     """The start moved by whole cells of the coarse level to where the object is likeliest."""
     height, width = key.cells.shape
-    reach, cell = int(np.ceil(MOST_SHIFT * max(height, width))), 2.0**key.coarse
+    reach, cell = int(np.ceil(SEARCH_REACH * max(height, width))), 2.0**key.coarse
     y, x = np.mgrid[-reach : height + reach, -reach : width + reach]
     grid = np.stack([x, y], axis=-1) * cell + key.start
     places = grid @ start.matrix().T + key.center + (start.x, start.y)

@@ -12,7 +12,7 @@ import { pixelDirections, pixelSolidAngles } from "../core/latlong.js";
 const rules = CONTRACT.source_split;
 const radians = (degrees) => (degrees * Math.PI) / 180;
 /** Of compact and of wide sources: cosines of reach, ring and apart, and the largest radius. */
-const SCALES = [rules, rules.wide].map((scale) => {
+const COMPACT_AND_WIDE = [rules, rules.wide].map((scale) => {
   const [reach, ring, apart] = [scale.reach_deg, scale.ring_deg, scale.apart_deg].map((degrees) => Math.cos(radians(degrees)));
   return { reach, ring, apart, mostRadius: radians(scale.most_radius_deg) };
 });
@@ -43,7 +43,7 @@ export function splitSources(radiance, height) {
     for (let pixel = 1; pixel < bright.length; pixel++) if (bright[pixel] > bright[peak]) peak = pixel;
     const first = [d[3 * peak], d[3 * peak + 1], d[3 * peak + 2]];
     let [center, apart] = [first, 0];
-    for (const scale of SCALES) {
+    for (const scale of COMPACT_AND_WIDE) {
       const found = sourceAround(soft, height, first, scale, least);
       if (found === null) return { soft, sources };
       [center, apart] = [found.direction, scale.apart];

@@ -10,7 +10,7 @@ import { CONTRACT } from "../core/contract.js";
 import { median } from "../photo/ground.js";
 import { objectBox } from "../photo/picture.js";
 import { around } from "../photo/search.js";
-import { STILL, beginKey, lumaOf, matrixOf, register } from "./registration.js";
+import { STILL, beginKey, locateKey, lumaOf, matrixOf } from "./registration.js";
 
 const { every: EVERY, every_refused: EVERY_REFUSED, patience: PATIENCE, agrees: AGREES, most: MOST, ...NUMBERS } = CONTRACT.held_mask;
 const { most_change: MOST_CHANGE, faded: FADED, room: ROOM, remembered: REMEMBERED, other_light: OTHER_LIGHT } = NUMBERS;
@@ -46,7 +46,7 @@ export function foundIn(held, picture) {
   if (window[2] - window[0] < LEAST_PX || window[3] - window[1] < LEAST_PX) {
     return { motion: held.motion, alike: 0, inside: 0, agreed: 0, errorPx: Infinity };
   }
-  return register(held.key, lumaOf(picture, window), held.motion, window);
+  return locateKey(held.key, lumaOf(picture, window), held.motion, window);
 }
 
 /**

@@ -72,7 +72,7 @@ export function beginKey(picture, mask, offset = [0, 0]) {
  * @param {number[]} [offset] as of beginKey
  * @returns {Registered}
  */
-export function register(key, picture, start, offset = [0, 0]) {
+export function locateKey(key, picture, start, offset = [0, 0]) {
   const pictures = pyramid(smoothed(cut(picture, key.coarse, offset)), key.coarse);
   const first = aligned(offset, key.coarse);
   let found = { motion: searched(key, pictures[key.coarse], start, first), alike: 0, inside: 0, agreed: 0, errorPx: Infinity };
