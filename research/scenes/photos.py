@@ -10,13 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.dataset.asset_store import AssetStore
-from anyprobe.files.atomic import atomic_path
 from research.scenes.camera import take
 from research.scenes.layouts import FAMILIES, draw_layout
 from research.scenes.pairs import store_of
 from research.scenes.render import render_layout
-from research.world.whole_photos import WholePhoto
-from research.world.whole_render import Render
+from research.world.whole_photos import WholePhoto, read_render, write_render
 
 COUNTS = {"ground": 100, "table": 30, "things": 30, "dark": 20, "procedural": 20}
 """Photos of each family in a part."""
@@ -44,10 +42,10 @@ def scene_photos(data: Path, part: str, kept: Path, families: tuple[str, ...] = 
 def _photo(store: AssetStore, part: str, family: str, number: int, path: Path) -> WholePhoto:
     layout = draw_layout(family, f"{part} photos", number, store)
     if not path.is_file():
-        _write(path, render_layout(layout, QUALITY))
+        write_render(path, render_layout(layout, QUALITY))
     rng = np.random.default_rng((zlib.crc32(f"{part} {family}".encode()), number))
     phone = layout.phone
-    taken = take(_read(path), phone.long_fov_deg, rng)
+    taken = take(read_render(path), phone.long_fov_deg, rng)
     cut_out = ("alpha", "plain")[rng.integers(2)] if rng.random() < CUT_OUTS else ""
     picture, inside = taken.picture, taken.true_mask
     if cut_out == "alpha":
@@ -71,22 +69,3 @@ def _photo(store: AssetStore, part: str, family: str, number: int, path: Path) -
         shape_name=layout.shape_name,
         family=family,
     )
-
-
-def _write(path: Path, render: Render) -> None:
-    with atomic_path(path) as temporary, open(temporary, "wb") as stream:
-        np.savez_compressed(
-            stream,
-            picture=render.picture.clip(0, 6e4).astype(np.float16),
-            mask=np.round(render.mask * 255).astype(np.uint8),
-            truth=render.truth,
-        )
-
-
-def _read(path: Path) -> Render:
-    with np.load(path, allow_pickle=False) as stored:
-        return Render(
-            picture=stored["picture"].astype(np.float32),
-            mask=stored["mask"].astype(np.float32) / 255,
-            truth=stored["truth"],
-        )

@@ -95,8 +95,8 @@ def renders(
         path = kept / part / f"{recipe.key}.npz"
         scene = draw_scene(recipe, store)
         if not path.is_file():
-            _write(path, render_scene(scene, store.map(recipe.map_id).radiance))
-        yield recipe, scene, _read(path)
+            write_render(path, render_scene(scene, store.map(recipe.map_id).radiance))
+        yield recipe, scene, read_render(path)
 
 
 def photograph(recipe: Recipe, scene: Scene, render: Render, store: AssetStore, shot: int = 0) -> WholePhoto:
@@ -156,7 +156,7 @@ def _taken(shot: Shot, radiance: np.ndarray, balance: np.ndarray, rng: np.random
     return one_photo(balanced, square, whole, None, rng)[:height, :width]
 
 
-def _write(path: Path, render: Render) -> None:
+def write_render(path: Path, render: Render) -> None:
     with atomic_path(path) as temporary, open(temporary, "wb") as stream:
         np.savez_compressed(
             stream,
@@ -166,7 +166,7 @@ def _write(path: Path, render: Render) -> None:
         )
 
 
-def _read(path: Path) -> Render:
+def read_render(path: Path) -> Render:
     with np.load(path, allow_pickle=False) as stored:
         return Render(
             picture=stored["picture"].astype(np.float32),
