@@ -1,4 +1,4 @@
-# The server of anyprobe: docker build -t anyprobe . && docker run --read-only -p 8000:8000 anyprobe (docs/serve.md).
+# The server of anyprobe: docker build -t anyprobe . && docker run --read-only -p 8000:8000 anyprobe (docs/how-to/serve.md).
 
 FROM python:3.13-slim AS build
 WORKDIR /source

@@ -2,7 +2,7 @@
 
     python benchmarks/flicker.py [--json] [--seconds 3] [--only SCENE] [--cache FOLDER] [--web]
 
-docs/video.md says what the figures mean. --json prints one object a line, medians over the scenes last.
+docs/how-to/video.md says what the figures mean. --json prints one object a line, medians over the scenes last.
 --cache keeps the estimates, so that another filter is tried on the same ones in seconds. --web adds the npm package's
 filter, in Node.js, on the same estimates. --drawn 200 208 takes eight drawn scenes instead, and the camera turns alone.
 """

@@ -6,7 +6,7 @@ Each place has a map, a shape and a material; the camera goes round the object, 
 exposure and white balance locked. DATA: held-out maps and shapes of DATA/hdri/test and DATA/meshes/test, or with
 --left-out the training assets that no shipped weights learn from; without --data all are our own. With --room the
 photos show the light behind the object too, as walls so much farther than the camera, and three lights are compared:
-of none of it given, of each photo given its own, and of all given what any shows. docs/inputs.md has the figures.
+of none of it given, of each photo given its own, and of all given what any shows. Figures: docs/how-to/inputs.md.
 """
 
 from __future__ import annotations

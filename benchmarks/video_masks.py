@@ -3,7 +3,7 @@
     python benchmarks/video_masks.py [--clip examples/table.mp4] [--frames 48] [--move 0]
 
 Frames are enlarged to 640 x 480. With --move the camera moves: the frame is cut out of an enlarged one, by so many
-pixels further from frame to frame. Needs the weights of U2-Net-p (docs/masks.md). Prints one JSON object:
+pixels further from frame to frame. Needs the weights of U2-Net-p (docs/how-to/masks.md). Prints one JSON object:
 
 masks, whole   frames a second of processor time: of finding masks alone, and from decoding to the filtered light
 rival_...      the same with two looks at every frame

@@ -1,4 +1,4 @@
-"""Draw docs/gallery.md and docs/gallery/*.jpg: photos of known light, the light estimated, an object relit by both.
+"""Draw docs/explanation/gallery.md and docs/gallery/*.jpg: photos, true and estimated light, an object relit by both.
 
     python -m research.gallery       # Mitsuba 3 (pip install '.[relight]', libllvm19)
 
@@ -87,7 +87,7 @@ def main() -> None:
             SECTION.format(name=scene.name, inserted=scene.inserted, path=path.name, errors=errors(light, truth))
         )
         print(path, flush=True)
-    (DOCS / "gallery.md").write_text("\n".join([*lines, TAIL]), encoding="utf-8")
+    (DOCS / "explanation" / "gallery.md").write_text("\n".join([*lines, TAIL]), encoding="utf-8")
 
 
 HEAD = """# Gallery
@@ -98,7 +98,7 @@ a sphere inserted in the estimated light, the same in the true light. Scenes wer
 """
 SECTION = """## {name}
 
-![Photo, light, {inserted} sphere relit by the estimate and by the truth](gallery/{path})
+![Photo, light, {inserted} sphere relit by the estimate and by the truth](../gallery/{path})
 
 {errors}
 """
@@ -106,10 +106,10 @@ SECTION = """## {name}
 
 TAIL = """## Chrome with plausible detail
 
-![Photos; chrome spheres of the plain estimate, with detail, and of the truth; the maps of the three](detail.jpg)
+![Photos; chrome spheres of the plain estimate, with detail, and of the truth; the maps of the three](../detail.jpg)
 
 Ten scenes, not selected, that are in no library (`python -m research.detail_library.measure --pairs 10 --sheet
-docs/detail.jpg`). The light is the estimate's, the places are invented: [detail](detail.md).
+docs/detail.jpg`). The light is the estimate's, the places are invented: [detail](../how-to/detail.md).
 """
 
 

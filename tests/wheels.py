@@ -1,6 +1,6 @@
 """Which wheels the newest releases of the dependencies have for each system: python -m tests.wheels
 
-Asks the package index that PIP_INDEX_URL names, else PyPI, once a package; prints the table of docs/systems.md.
+Ask the index that PIP_INDEX_URL names, else PyPI, once a package; print the table of docs/reference/systems.md.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ def main(data: Path, archive: Path, python: str) -> None:
 
 
 def walk(photo: Path, archive: str, folder: Path) -> None:
-    """In Blender: install, estimate, insert, render, as in docs/blender.md."""
+    """In Blender: install, estimate, insert, render, as in docs/how-to/blender.md."""
     import bpy
 
     seconds, begun = {}, time.monotonic()

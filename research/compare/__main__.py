@@ -33,7 +33,7 @@ def compare(
     out: Annotated[Path, typer.Option("-o", "--out", help="File to write.")] = Path("runs/compare.json"),
     kept: Annotated[Path | None, typer.Option(help="Folder that keeps rendered pairs for the next time.")] = None,
 ) -> None:
-    """Score every method on the frozen test set, by every figure of docs/evaluation.md."""
+    """Score every method on the frozen test set, by every figure of docs/reference/evaluation.md."""
     names = model or [DEFAULT_MODEL]
     methods = baselines()
     titles = titles_of(names)

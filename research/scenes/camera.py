@@ -17,8 +17,8 @@ from anyprobe.light.environment import MAP_HEIGHT
 from research.world.whole_render import Render
 
 KEY, KEY_SPREAD = 0.22, 0.4
-"""Median of the radiance that the meter brings its mean to (docs/evaluation.md, whole photos), and the deviation of
-its logarithm."""
+"""Median of the radiance that the meter brings its mean to (docs/reference/evaluation.md, whole photos), and the
+deviation of its logarithm."""
 CONTRAST, SATURATION = 0.15, 0.18
 """Standard deviations of what a phone's picture style adds to contrast and saturation."""
 VIGNETTE = 0.35

@@ -1,7 +1,7 @@
 """Hints: what is given about the object of a photo, about the photo's camera and about the light.
 
 Whoever adds one adds a field to Hints, with its type again in HintsDict. From the fields come the keywords of Python,
-the options of the command line, the form and query fields of HTTP and their description; docs/inputs.md explains them.
+the options of the command line, the form and query fields of HTTP and their description (docs/how-to/inputs.md).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A browser shows the page the same colours of a file as Python reads, within 1 %, where docs/files.md says so."""
+"""A browser shows the page the same colours as Python reads, within 1 %, where docs/reference/files.md says so."""
 
 from __future__ import annotations
 

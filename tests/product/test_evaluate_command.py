@@ -233,7 +233,7 @@ def test_a_list_of_recipes_keeps_its_conditions(work, command, rendered, scored_
 
 def test_printed_headings_are_those_of_the_documents():
     """Whose table lacks the gain's column until a run of the whole set fills it."""
-    lines = (Path(__file__).parents[2] / "docs" / "results.md").read_text(encoding="utf-8").splitlines()
+    lines = (Path(__file__).parents[2] / "docs" / "explanation" / "results.md").read_text(encoding="utf-8").splitlines()
     first = next(line for line in lines if line.startswith("| |"))
     documented = [heading.strip() for heading in first.strip("| ").split("|")]
     assert documented == [one for one in scoring.HEADINGS.values() if one in documented]

@@ -70,7 +70,7 @@ def test_every_hint_is_described_over_http():
 
     carried = {hint.name for hint in HINTS.values()}
     assert carried <= set(openapi.form_names(openapi.ESTIMATE_ROUTE))
-    page = (ROOT / "docs" / "serve.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "how-to" / "serve.md").read_text(encoding="utf-8")
     assert {name for name in carried if f"`{name}`" not in page} == set()
 
 

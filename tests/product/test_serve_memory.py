@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow
 SIZE = (5773, 4330)
 """25 million pixels."""
 MOST_MB = 700
-"""Of the 800 that are the goal and the 900 that it may take (docs/security.md)."""
+"""Of the 800 that are the goal and the 900 that it may take (docs/reference/security.md)."""
 
 PROGRAM = """
 import resource, sys

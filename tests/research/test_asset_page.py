@@ -21,7 +21,7 @@ from research.asset_page import asset_page, frozen_page, main
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = Path(anyprobe.__file__).parent / "weights" / "ASSETS.md"
-TEST_ASSETS = ROOT / "docs" / "test-assets.md"
+TEST_ASSETS = ROOT / "docs" / "reference" / "test-assets.md"
 DATA = Path(os.environ.get("ANYPROBE_DATA", ROOT / "data"))
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 SIDES = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]

@@ -1,4 +1,4 @@
-"""docs/paper.md names files that are there, functions that they have, and every element of the paper."""
+"""docs/explanation/paper.md names files that are there, functions that they have, and every element of the paper."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs" / "paper.md"
+PAGE = ROOT / "docs" / "explanation" / "paper.md"
 NAMED = re.compile(r"`((?:src|research|tests|docs|examples|benchmarks)/[\w./-]+)`(?:: (`[\w.]+`(?:, `[\w.]+`)*))?")
 FIGURES = range(1, 17)
 
@@ -63,7 +63,7 @@ def test_every_element_of_the_paper_has_a_row():
 
 
 def test_planted_faults_are_found():
-    page = "| `src/anyprobe/no.py` | `research/gallery.py`: `photograph`, `nothing` | `docs/paper.md` |"
+    page = "| `src/anyprobe/no.py` | `research/gallery.py`: `photograph`, `nothing` | `docs/explanation/paper.md` |"
     assert missing(page) == ["src/anyprobe/no.py", "research/gallery.py: nothing"]
     assert untold("| Eq. 1, a | x |\n| 6, losses | y |\n| Sect. 4.2, 80 photos | z |")[:2] == ["Eq. 2", "Eq. 3"]
     figures = untold("| 6, losses | y |")

@@ -2,7 +2,7 @@
 
 python blender_each_sphere.py script.py size answer.npy
 
-The script is opened in the text editor and run there, as docs/export.md says. Every sphere fills the
+The script is opened in the text editor and run there, as docs/how-to/export.md says. Every sphere fills the
 picture of an orthographic camera that looks along +Y; answer.npy holds [3, size, size, 3], linear.
 """
 

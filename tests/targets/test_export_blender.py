@@ -87,7 +87,7 @@ def test_world_is_turned_or_the_sun_counts_twice(target, python, tmp_path):
 
 
 def test_spheres_look_otherwise_than_our_own_renderer_draws_them(python, tmp_path):
-    """The script opened in Blender's text editor, as docs/export.md says.
+    """The script opened in Blender's text editor, as docs/how-to/export.md says.
 
     Its glossy sphere has no Fresnel term, ours reflects a little more towards its edge.
     """

@@ -34,7 +34,9 @@ def main(
 ) -> None:
     """Draw one figure."""
     if figure not in FIGURES:
-        raise InputError(f"{figure}: expected a figure of {', '.join(FIGURES)}, got another; see docs/paper.md")
+        raise InputError(
+            f"{figure}: expected a figure of {', '.join(FIGURES)}, got another; see docs/explanation/paper.md"
+        )
     to = out or (UNCOMMITTED if real and figure in ("12", "15") else HERE)
     if figure == "7":
         from research.paper_designs.figures.losses import draw_targets

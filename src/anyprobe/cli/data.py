@@ -38,7 +38,7 @@ class PlanOptions:
         Literal["object", "map"] | None, typer.Option(help="Pairs of objects (default), or maps for the HDR network.")
     ] = None
     conditions: Annotated[
-        Conditions | None, typer.Option(help="clean (default), or world: as phones take them, see docs/data.md.")
+        Conditions | None, typer.Option(help="clean (default), or world: as phones take them, see docs/how-to/data.md.")
     ] = None
     pairs: Annotated[int | None, typer.Option(min=1, metavar="N", help="Render the first N; default: all.")] = None
     shard_size: Annotated[int | None, typer.Option(min=1, metavar="N", help="Pairs per shard; default: 500.")] = None

@@ -153,7 +153,7 @@ class ObjectOptions(_Others, MaskOptions):
         Path | None,
         typer.Option(
             metavar="FILE.onnx",
-            help="Estimate the normals with this ONNX graph; FILE.json beside it describes it (docs/inputs.md).",
+            help="Estimate the normals with this ONNX graph; FILE.json beside it describes it (docs/how-to/inputs.md).",
         ),
     ] = None
     camera: Annotated[

@@ -74,7 +74,7 @@ def serve(
     if static is not None:
         written = write_static(page, static)
         size = sum(path.stat().st_size for path in written)
-        print(f"{static}: {len(written)} files, {size / 2**20:.0f} MiB; see docs/serve.md", file=sys.stderr)
+        print(f"{static}: {len(written)} files, {size / 2**20:.0f} MiB; see docs/how-to/serve.md", file=sys.stderr)
         return
     limits = Limits(max_bytes=max_mb * 2**20, workers=workers or usable_cores(), drain_s=drain)
     names = [name.lower() for name in allow_host or []]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from anyprobe.train.dataloader import ShardSource
 
 _RUNS = Path("runs")
-RunName = Annotated[str, typer.Argument(metavar="RUN", help="Named run; see docs/training.md.")]
+RunName = Annotated[str, typer.Argument(metavar="RUN", help="Named run; see docs/how-to/training.md.")]
 
 
 def train(

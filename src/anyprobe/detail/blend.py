@@ -32,8 +32,8 @@ order 4 .70, of order 6 .26, of order 8 .05."""
 BANDS = (192.0, 768.0)
 """Variances of the blurs between bands: a half at orders 16 and 32."""
 CONTRAST = (0.22, 0.13, 0.16)
-"""Deviation of ln radiance in each band that a candidate is brought to, near to that of real maps; docs/detail.md has
-the power that this gives. Made-up detail adds its own variance to the error, so that more costs more."""
+"""Deviation of ln radiance in each band that a candidate is brought to, near to that of real maps; the power that
+this gives: docs/how-to/detail.md. Made-up detail adds its own variance to the error, so that more costs more."""
 CONTRAST_GAIN = 1.6
 """By this factor, or its inverse, at most."""
 CEILING = 1.5

@@ -111,7 +111,7 @@ def open_normals_model(path: Path, threads: int | None = None) -> NormalsEstimat
 
 def _read_spec(path: Path) -> NormalsSpec:
     if not path.is_file():
-        raise InputError(f"{path}: expected a spec beside the graph, found none; see docs/inputs.md for what it holds")
+        raise InputError(f"{path}: expected a spec beside the graph, found none; see docs/how-to/inputs.md")
     try:
         values = json.loads(path.read_bytes())  # of any Unicode
         known = {one.name for one in fields(NormalsSpec)}

@@ -301,7 +301,7 @@ class Light:
         return draw_under(self.radiance, mesh, material, **camera)
 
     def export(self, target: str, folder: str | Path = "export", stem: str = "light", **settings: Any) -> list[Path]:
-        """Write the light for three, blender, unity, unreal, usd or another of docs/export.md's targets.
+        """Write the light for three, blender, unity, unreal, usd or another of docs/how-to/export.md's targets.
 
         All files, named <stem>_<target>, or none. It is level as far as the camera's pitch and roll are known.
         settings: frame ("camera" leaves it in the camera's frame), world_from_camera, exposure_ev.

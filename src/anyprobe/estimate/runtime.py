@@ -39,9 +39,9 @@ Run = Callable[..., list[np.ndarray]]
 def open_engine(session: onnxruntime.InferenceSession, path: Path, engine: str, threads: int | None) -> Run:
     """Run the graph at path, which session has open and checked, by an engine.
 
-    openvino-bf16 computes in bfloat16 where the processor can: the fastest, and a little less exact (docs/results.md);
-    the others in float32. cuda is ONNX Runtime on an NVIDIA GPU. A graph that OpenVINO cannot read (2026.4 reduces
-    whole.onnx over the wrong axes) is left to ONNX Runtime, with a RuntimeWarning.
+    openvino-bf16 computes in bfloat16 where the processor can: the fastest, and a little less exact
+    (docs/explanation/results.md); the others in float32. cuda is ONNX Runtime on an NVIDIA GPU. A graph that OpenVINO
+    cannot read (2026.4 reduces whole.onnx over the wrong axes) is left to ONNX Runtime, with a RuntimeWarning.
 
     Raises:
         InputError: no such engine, or cuda without a runtime or a GPU for it; MissingExtra: it is not installed.
@@ -123,7 +123,7 @@ POSTERIOR = ("metal", "red", "green", "blue", "reflectance_error", "level_error"
 its logarithm, of ln of the map's level and of its mean colour in degrees."""
 EMITTERS: tuple[str, str] = tuple(contract("graph")["emitters"])
 """What a map may be asked for: emitters where a guess is nearest to all that is likely, or their light spread over all
-places as likely as it is; see docs/conventions.md."""
+places as likely as it is; see docs/reference/conventions.md."""
 MODE, EXPECTED = EMITTERS
 FIRST_STAGES = (LIFT_STAGES[0], STAGES[0])
 PHOTO_SIZE: int = contract("sizes")["crop"]

@@ -116,7 +116,7 @@ HEADINGS = {
     "total_power_median_stops": "median",
     "ldr_ssim": "LDR SSIM",
 }
-"""What is printed, under the headings of docs/results.md; the other metrics are in scores.json."""
+"""What is printed, under the headings of docs/explanation/results.md; the other metrics are in scores.json."""
 
 MEDIANS = {"dominant_light_median_deg": "dominant_light_deg", "total_power_median_stops": "total_power_stops"}
 

@@ -136,7 +136,7 @@ def parse_poses(data: bytes, file: str, photos: int | None = None) -> Poses:
     try:
         content = json.loads(data)  # UTF-8, with a byte order mark or without, or another Unicode
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{file}: cannot be read as a JSON file of camera poses; see docs/inputs.md") from error
+        raise InputError(f"{file}: cannot be read as a JSON file of camera poses; see docs/how-to/inputs.md") from error
     frames = content.get("frames") if isinstance(content, dict) else None
     names = None
     if isinstance(frames, list) and all(isinstance(one, dict) for one in frames):

@@ -184,7 +184,7 @@ def write_exr(
     """Write a map [H, 2H, 3] as OpenEXR with envmap and chromaticities, atomically.
 
     envmap says latitude-longitude and no more: OpenEXR would have +Z in the centre column, our map has
-    what its "anyprobe:frame" says (docs/conventions.md).
+    what its "anyprobe:frame" says (docs/reference/conventions.md).
 
     Args:
         half: 16-bit floats, clamped at 65504; else 32-bit, exact.

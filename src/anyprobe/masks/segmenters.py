@@ -108,7 +108,7 @@ class Rembg:
 class Sam:
     """An encoder and a decoder of the SAM family as ONNX files: SAM and MobileSAM, or SAM 2, which has finer features.
 
-    The files are those that the models' own export scripts and samexporter write (see docs/masks.md).
+    The files are those that the models' own export scripts and samexporter write (see docs/how-to/masks.md).
     """
 
     needs_prompt = True

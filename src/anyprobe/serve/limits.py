@@ -1,4 +1,4 @@
-"""Limits of requests, all of them; docs/security.md lists them."""
+"""Limits of requests, all of them; docs/reference/security.md lists them."""
 
 from __future__ import annotations
 
