@@ -24,6 +24,7 @@ from places import draw_place
 from anyprobe.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.known import PhotoBackground
 from anyprobe.estimate.multiview import fuse_lights
 from anyprobe.estimate.photo import Photo, crop_object
 from anyprobe.evaluate.scoring import score
@@ -68,10 +69,10 @@ def measure(store: AssetStore, places: int, arc_deg: float, room: float | None, 
 def seen(photo: Photo) -> Photo:
     """The photo, given what it shows beside the object; as it is where that is all black."""
     try:
-        crop_object(replace(photo, use_background=True))
+        crop_object(replace(photo, surroundings=PhotoBackground()))
     except InputError:
         return photo
-    return replace(photo, use_background=True)
+    return replace(photo, surroundings=PhotoBackground())
 
 
 def main() -> None:

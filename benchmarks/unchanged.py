@@ -1,7 +1,8 @@
 """Whether this tree answers as a commit does, after a change of names or places.
 
-Each version answers in processes of its own: the graphs' outputs, estimates with every input, requests, the scores of
-pairs (with --data), pairs made on the fly and a short training. What differs is listed; the exit status is 1 then.
+Each version answers in processes of its own: the graphs' outputs, estimates with every input, exports, requests, the
+scores of pairs (with --data), pairs made on the fly and a short training. What differs is listed; the exit status is 1
+then. The wording of messages may differ.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ from PIL import Image
 ROOT = Path(__file__).parents[1]
 PHOTO = ROOT / "examples" / "table.png"
 PORT = 8765
-TIMED = ("seconds", "photo")
-"""Keys of a sidecar that no two runs share."""
+TIMED = ("seconds", "photo", "warnings", "notices")
+"""Keys of a sidecar that no two runs share, and those whose wording may change."""
 
 INPUTS = {
     "plain": [],
@@ -58,7 +59,7 @@ REQUESTS = (
     *("POST /v1/estimate?surroundings=none&emitters=expected", "POST /v1/estimate?material=gold"),
     "POST /v1/estimate?box=1",
 )
-"""Each sends the example; the last is refused."""
+"""Each sends the example; of one that is refused the status counts."""
 
 PAIRS = """
 import dataclasses, hashlib
@@ -158,6 +159,13 @@ class Version:
                 found[f"{name} {path.suffix}"] = answer_digest(path.read_bytes())
         return found
 
+    def exports(self) -> dict[str, str]:
+        """The example's light for every target."""
+        self.run("-m", "anyprobe", "estimate", str(PHOTO), "-q", "-o", "exported")
+        self.run("-m", "anyprobe", "export", "exported/table.exr", "--to", "all", "-o", "exports")
+        found = sorted(path for path in (self.folder / "exports").rglob("*") if path.is_file())
+        return {path.name: answer_digest(path.read_bytes()) for path in found}
+
     def requests(self) -> dict[str, str]:
         command = [sys.executable, "-m", "anyprobe", "serve", "--port", str(PORT), "--workers", "1"]
         server = subprocess.Popen(command, cwd=self.folder, env=self.environment, stdout=subprocess.DEVNULL)
@@ -174,7 +182,7 @@ class Version:
                     with urllib.request.urlopen(asked) as reply:
                         found[request] = f"{reply.status} {answer_digest(reply.read())}"
                 except urllib.error.HTTPError as error:
-                    found[request] = f"{error.code} {answer_digest(error.read())}"
+                    found[request] = str(error.code)
             return found
         finally:
             server.terminate()
@@ -235,7 +243,9 @@ def main() -> None:
     parser.add_argument("commit", help="what to compare with")
     parser.add_argument("--data", type=Path, help="folder with hdri/test and meshes/test, for the frozen scores")
     parser.add_argument("--pairs", type=int, default=20, help="frozen pairs to score")
-    parser.add_argument("--only", nargs="*", default=["graphs", "estimates", "requests", "scores", "training"])
+    parser.add_argument(
+        "--only", nargs="*", default=["graphs", "estimates", "exports", "requests", "scores", "training"]
+    )
     options = parser.parse_args()
     options.data = options.data and options.data.resolve()  # commands run in a folder of their own
     differing = 0

@@ -23,8 +23,9 @@ from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.runtime import EMITTERS
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.objects import OBJECTS
-from anyprobe.hints import AUTO, HINTS, NONE, PHOTO, renamed
+from anyprobe.hints import AUTO, HINTS, NONE, PHOTO
 from anyprobe.light.environment import check_radiance
+from anyprobe.notices import Words
 from anyprobe.relight.appearance import least_scale
 from anyprobe.relight.insert import PHOTO_MATERIAL, Arrangement, Stage
 from anyprobe.render.spheres import sphere_images
@@ -292,8 +293,23 @@ def spheres_under(radiance: np.ndarray) -> np.ndarray:
 def warnings_of(lines: list[str]) -> Any:
     """Lines under the node and in ComfyUI's log."""
     for line in lines:
-        LOG.warning("%s", line)
-    return ui.PreviewText("\n".join(lines)) if lines else None
+        LOG.warning("%s", INPUTS.line(line))
+    return ui.PreviewText("\n".join(map(INPUTS.line, lines))) if lines else None
+
+
+class InputWords(Words):
+    """Arguments as inputs of the nodes."""
+
+    verb = "connect or set"
+
+    def name(self, argument: str) -> str:
+        return HINTS[argument].name if argument in HINTS else argument
+
+    def giving(self, argument: str, value: str) -> str:
+        return f"{self.name(argument)} {value}".strip()
+
+
+INPUTS = InputWords()
 
 
 @contextmanager
@@ -302,7 +318,7 @@ def library_errors() -> Iterator[None]:
     try:
         yield
     except anyprobe.AnyprobeError as error:
-        raise ValueError(renamed(str(error), lambda hint: hint.name)) from error
+        raise ValueError(INPUTS.line(error.notice)) from error
 
 
 class AnyprobeExtension(ComfyExtension):

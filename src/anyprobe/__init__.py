@@ -24,6 +24,7 @@ from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.estimate.result import Light
 from anyprobe.hints import Hints
 from anyprobe.light.dominant_light import DominantLight
+from anyprobe.notices import Notice
 from anyprobe.scatter.materials import Material
 
 __version__ = "0.2.0"
@@ -48,6 +49,7 @@ __all__ = [
     "Material",
     "MissingExtra",
     "ModelError",
+    "Notice",
     "OutputError",
     "Photo",
     "Settings",

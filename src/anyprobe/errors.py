@@ -13,17 +13,80 @@ AnyprobeError
 Each message is one line: what is wrong and what to do; of a value, what was expected and what came.
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any, ClassVar
+
+from anyprobe.notices import Notice, Remedy
+
 
 class AnyprobeError(Exception):
-    """Root of the tree; the command line prints it as one line and exits with 2."""
+    """Root of the tree; the command line prints it as one line and exits with 2.
+
+    Attributes:
+        notice: the same as data: code, subject, text, remedy, source.
+    """
+
+    default_code: ClassVar[str] = "failed"
+    notice: Notice
+
+    def __init__(
+        self,
+        text: object = "",
+        *,
+        code: str = "",
+        subject: str | Iterable[str] = (),
+        remedy: Iterable[Remedy] = (),
+        source: object = "",
+    ) -> None:
+        """Take the parts of a Notice; a Notice or an error as text gives those that are left out."""
+        text = text.notice if isinstance(text, AnyprobeError) else text
+        notice = Notice(text, code=code, subject=subject, remedy=remedy, source=source)
+        self.notice = notice if notice.code else Notice(notice, code=self.default_code)
+        super().__init__(self.notice)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Errors cross processes with their notice."""
+        return _restore, (type(self), self.notice)
+
+    @property
+    def code(self) -> str:
+        """What it is, for programs: see docs/reference/errors.md."""
+        return self.notice.code
+
+    @property
+    def subject(self) -> tuple[str, ...]:
+        """Keywords of the arguments concerned."""
+        return self.notice.subject
+
+
+def _restore(kind: type[AnyprobeError], notice: Notice) -> AnyprobeError:
+    error = kind.__new__(kind)
+    AnyprobeError.__init__(error, notice)
+    return error
+
+
+@contextmanager
+def arguments_named(**names: str) -> Iterator[None]:
+    """Name the arguments that errors are about as the caller's own: `size="scale"` where it passes size=scale."""
+    try:
+        yield
+    except InputError as error:
+        raise _restore(type(error), error.notice.naming(names)) from error
 
 
 class InputError(AnyprobeError, ValueError):
     """The caller's input is at fault."""
 
+    default_code = "invalid-option"
+
 
 class InvalidPhoto(InputError):
     """The photo cannot be read as one."""
+
+    default_code = "invalid-image"
 
 
 class InvalidMask(InputError):
@@ -33,21 +96,31 @@ class InvalidMask(InputError):
 class InvalidEnvironment(InputError):
     """The map is not an equirectangular radiance map."""
 
+    default_code = "invalid-map"
+
 
 class InvalidMesh(InputError):
     """The mesh cannot be rendered."""
+
+    default_code = "invalid-mesh"
 
 
 class OutputError(AnyprobeError, OSError):
     """A result could not be written; nothing half-written is left."""
 
+    default_code = "not-written"
+
 
 class ModelError(AnyprobeError):
     """A network file is absent, damaged or of another contract."""
 
+    default_code = "invalid-model"
+
 
 class MissingExtra(AnyprobeError, ImportError):
     """An optional dependency is absent; the message names the extra."""
+
+    default_code = "unsupported"
 
     def __init__(self, package: str, extra: str, purpose: str) -> None:
         super().__init__(f"{purpose} needs the package {package}; from a clone: pip install '.[{extra}]'")

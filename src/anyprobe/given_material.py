@@ -54,8 +54,8 @@ def given_material(
     if roughness is not None:
         if not LEAST_ROUGHNESS <= roughness <= 1:
             raise InputError(
-                f"roughness: expected a number from {LEAST_ROUGHNESS:g} to 1, got {roughness:g}; "
-                "0.1 is polished, 1 is matte"
+                f"expected a number from {LEAST_ROUGHNESS:g} to 1, got {roughness:g}; 0.1 is polished, 1 is matte",
+                subject="roughness",
             )
         material = replace(material, alpha=alpha_from_roughness(roughness))
     if albedo is None:
@@ -63,11 +63,14 @@ def given_material(
     values = np.asarray(albedo, np.float64).reshape(-1)
     if values.size not in (1, 3) or not ((values > 0) & (values <= 1)).all():
         raise InputError(
-            f"albedo: expected one number or three above 0 and up to 1, got {', '.join(f'{v:g}' for v in values)}; "
-            "a grey card has 0.18"
+            f"expected one number or three above 0 and up to 1, got {', '.join(f'{v:g}' for v in values)}; "
+            "a grey card has 0.18",
+            subject="albedo",
         )
     if not np.any(material.albedo):
-        raise InputError(f"albedo: expected a material that has one, got the metal {name}; leave one of them out")
+        raise InputError(
+            f"expected a material that has one, got the metal {name}; leave one of them out", subject="albedo"
+        )
     return replace(material, albedo=np.broadcast_to(values, 3).copy())
 
 
@@ -81,14 +84,17 @@ def as_material(
     """
     if not isinstance(material, Material | str | None):
         raise InputError(
-            f"material: expected a Material or one of {', '.join(PRESETS)} or a measured one's name, "
+            f"expected a Material or one of {', '.join(PRESETS)} or a measured one's name, "
             f"got {type(material).__name__}; "
-            "give an albedo alone as albedo="
+            "give an albedo alone as albedo=",
+            subject="material",
         )
     try:
         values = None if albedo is None else [float(v) for v in np.asarray(albedo, np.float64).reshape(-1)]
     except (TypeError, ValueError) as error:
-        raise InputError(f"albedo: expected one number or three, got {' '.join(repr(albedo).split())}") from error
+        raise InputError(
+            f"expected one number or three, got {' '.join(repr(albedo).split())}", subject="albedo"
+        ) from error
     if not isinstance(material, Material):
         return given_material(material, values, roughness)
     if albedo is not None or roughness is not None:
@@ -109,7 +115,8 @@ def _checked(material: Material) -> Material:
         colors = np.full((2, 3), np.nan)
     if not (((colors >= 0) & (colors <= 1)).all() and 0.01 <= alpha <= 1):  # NaN fails too
         raise InputError(
-            f"material: expected albedo and f0 of one number or three in 0 to 1 and alpha in 0.01 to 1, "
-            f"got {' '.join(f'{albedo}, {f0} and {alpha}'.split())}"
+            f"expected albedo and f0 of one number or three in 0 to 1 and alpha in 0.01 to 1, "
+            f"got {' '.join(f'{albedo}, {f0} and {alpha}'.split())}",
+            subject="material",
         )
     return Material(albedo=colors[0], f0=colors[1], alpha=alpha)

@@ -1,21 +1,20 @@
 """Hints: what is given about the object of a photo, about the photo's camera and about the light.
 
-Whoever adds one adds a field to Hints, with its type again in HintsDict. From the fields come the keywords of Python,
-the options of the command line, the form and query fields of HTTP and their description (docs/how-to/inputs.md).
+Whoever adds one adds a field to Hints and the keyword to estimate, Estimator.__call__ and load_photo. From the fields
+come the options of the command line, the form and query fields of HTTP and their description; docs/how-to/inputs.md
+explains them.
 """
 
 from __future__ import annotations
 
 import inspect
 import os
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from numbers import Real
 from pathlib import Path
-from typing import Any, Literal, TypedDict, TypeVar
+from typing import Any, Literal
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from anyprobe.given_material import Albedo, as_material
 from anyprobe.masks.depth import CARRIED, DepthSource
 from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.sources import MaskSource
+from anyprobe.notices import give, leave_out
 from anyprobe.scatter.materials import Material
 
 NormalsEstimator = Callable[[np.ndarray], np.ndarray]
@@ -51,7 +51,6 @@ MAX_NUMBER = 1e6
 """No number that a text gives is as large."""
 
 About = Literal["place", "camera", "light"]
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -61,6 +60,7 @@ class Hint:
     Attributes:
         about: "place", where the object is; "camera"; or "light", on which the estimate alone depends.
         help: a line for people.
+        keyword: of Python: the field's name.
         name: of its option, form field and query parameter; "": the field's.
         metavar: the form of its text.
         numbers: how many numbers its text may hold, with commas between; none: it is a word or a file.
@@ -73,6 +73,7 @@ class Hint:
 
     about: About
     help: str
+    keyword: str = ""
     name: str = ""
     metavar: str | None = None
     numbers: tuple[int, ...] = ()
@@ -86,7 +87,7 @@ class Hint:
         """What a text stands for: a number, numbers, or the text itself.
 
         Raises:
-            InputError: other numbers; the line begins with the name.
+            InputError: other numbers.
         """
         if not self.numbers:
             return text
@@ -96,7 +97,7 @@ class Hint:
             found = ()
         if len(found) not in self.numbers or not all(abs(one) < MAX_NUMBER for one in found):  # NaN fails too
             example = f"; for instance {self.example}" if self.example else ""
-            raise InputError(f"{self.name}: expected {self._form()}, got {text[:60]!r}{example}")
+            raise InputError(f"expected {self._form()}, got {text[:60]!r}{example}", subject=self.keyword)
         return found[0] if self.numbers == (1,) else found
 
     def _form(self) -> str:
@@ -107,7 +108,9 @@ class Hint:
     def read_word(self, text: str) -> str:
         """One of the words that stand in place of a file that comes otherwise; InputError for another."""
         if text not in self.words:
-            raise InputError(f"{self.name}: expected {' or '.join(('a file part', *self.words))}, got {text[:60]!r}")
+            raise InputError(
+                f"expected {' or '.join(('a file part', *self.words))}, got {text[:60]!r}", subject=self.keyword
+            )
         return text
 
     def read_path(self, text: str) -> str | Path:
@@ -117,26 +120,6 @@ class Hint:
 
 def _hint(about: About, help: str, **more: Any) -> Any:
     return field(default=None, metadata={"hint": Hint(about=about, help=help, **more)})
-
-
-class HintsDict(TypedDict, total=False):
-    """Hints as keywords."""
-
-    mask: MaskSource | None
-    click: Clicks | None
-    exclude: Clicks | None
-    box: Sequence[float] | None
-    depth: DepthSource | None
-    near: float | None
-    far: float | None
-    fov_deg: float | None
-    pitch_deg: float | None
-    roll_deg: float | None
-    normals: NormalsSource | NormalsEstimator | None
-    material: Material | str | None
-    albedo: Albedo | None
-    roughness: float | None
-    surroundings: SurroundingsSource | None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -266,27 +249,30 @@ class Hints:
         for name in ("near", "far", "fov_deg", "pitch_deg", "roll_deg", "roughness"):
             value = getattr(self, name)
             if value is not None and not isinstance(value, Real):
-                raise InputError(f"{name}: expected a number, got {type(value).__name__} {str(value)[:40]!r}")
+                raise InputError(f"expected a number, got {type(value).__name__} {str(value)[:40]!r}", subject=name)
         for name in ("mask", "depth", "normals", "surroundings"):
             value = getattr(self, name)
             if isinstance(value, Real):
-                raise InputError(f"{name}: expected a file, its bytes, a picture or an array, got the number {value}")
+                raise InputError(
+                    f"expected a file, its bytes, a picture or an array, got the number {value}", subject=name
+                )
             if isinstance(value, np.ma.MaskedArray):
-                plain_array(value, name)
+                plain_array(value, name, subject=name)
         if self.fov_deg is not None and not 1.0 < self.fov_deg < 170.0:
             raise InvalidPhoto(
-                "fov_deg: expected a field of view of more than 1 and less than 170 degrees along the longer side, "
-                f"got {self.fov_deg:g}"
+                "expected a field of view of more than 1 and less than 170 degrees along the longer side, "
+                f"got {self.fov_deg:g}",
+                subject="fov_deg",
             )
         if self.pitch_deg is not None and not -90.0 <= self.pitch_deg <= 90.0:
             raise InputError(
-                f"pitch_deg: expected -90 to 90 degrees that the camera looks down, got {self.pitch_deg:g}"
+                f"expected -90 to 90 degrees that the camera looks down, got {self.pitch_deg:g}", subject="pitch_deg"
             )
         if self.roll_deg is not None and self.pitch_deg is None:
-            raise InputError("roll_deg: expected pitch_deg with it, got none; give both, or neither")
+            raise InputError("expected a pitch with it, got none", subject="roll_deg", remedy=give("pitch_deg"))
         if self.roll_deg is not None and not -60.0 <= self.roll_deg <= 60.0:
             raise InputError(
-                f"roll_deg: expected -60 to 60 degrees, got {self.roll_deg:g}; turn the photo upright first"
+                f"expected -60 to 60 degrees, got {self.roll_deg:g}; turn the photo upright first", subject="roll_deg"
             )
         self.surface()
 
@@ -310,80 +296,46 @@ class Hints:
         return {name: value for name, value in self.given() if isinstance(value, Path)}
 
 
-HINTS: dict[str, Hint] = {
-    one.name: replace(one.metadata["hint"], name=one.metadata["hint"].name or one.name) for one in fields(Hints)
-}
+def _named(name: str, hint: Hint) -> Hint:
+    return replace(hint, keyword=name, name=hint.name or name)
+
+
+HINTS: dict[str, Hint] = {one.name: _named(one.name, one.metadata["hint"]) for one in fields(Hints)}
 """By the field's name, in the order of Hints."""
 
 
-def as_hints(hints: Hints | None, more: Mapping[str, Any]) -> Hints:
-    """Hints with more of them; what a keyword gives counts. TypeError names the hint that an unknown one is like."""
-    for name in more.keys() - HINTS.keys():
-        alike = [own for own, hint in HINTS.items() if hint.name == name] or get_close_matches(name, HINTS, n=1)
-        advice = f"; did you mean {alike[0]}?" if alike else f": {', '.join(HINTS)}"
-        raise TypeError(f"{name}: expected one of the hints{advice}")
-    return replace(Hints() if hints is None else hints, **more)
+def combine(hints: Hints | None, **given: Any) -> Hints:
+    """Return hints with the keywords among `given` that are not None; these win."""
+    return replace(Hints() if hints is None else hints, **{name: one for name, one in given.items() if one is not None})
 
 
-def check_together(given: Sequence[str], called: Callable[[str], str] = str) -> None:
-    """InputError, in one line, where the hints of these names do not go together.
+def check_keywords(unknown: Mapping[str, Any], function: Callable[..., Any]) -> None:
+    """Refuse keywords that a function does not have.
 
-    called: what the line calls a hint, as its option.
+    Raises:
+        TypeError: names the parameter that the first is most like, by its name in Python or at another door.
+    """
+    for name in unknown:
+        known = [one.name for one in inspect.signature(function).parameters.values() if one.kind != one.VAR_KEYWORD]
+        alike = [own for own, hint in HINTS.items() if hint.name == name and own in known]
+        alike = alike or get_close_matches(name, known, n=1)
+        advice = f"did you mean {alike[0]}?" if alike else f"it has {', '.join(known)}"
+        raise TypeError(f"{function.__qualname__}() has no keyword {name}; {advice}")
+
+
+def check_together(given: Sequence[str]) -> None:
+    """Refuse hints of these names that do not go together.
+
+    Raises:
+        InputError: several that give the mask, or one that needs another.
     """
     cut = [name for name in ("near", "far") if name in given]
     ways = [name for name in ("mask", "depth", "box", "click") if name in given and (name != "depth" or cut)]
     if len(ways) > 1 and ways != ["box", "click"]:
         got = "both" if len(ways) == 2 else f"all {len(ways)}"
-        raise InputError(f"{' and '.join(map(called, ways))}: expected one of them, got {got}")
+        raise InputError(f"expected one of them, got {got}", subject=ways)
     if "exclude" in given and ways and ways[0] in ("mask", "depth"):
-        raise InputError(
-            f"{called('exclude')}: expected {called('click')}, {called('box')} or neither with it, "
-            f"got {called(ways[0])}; leave one of them out"
-        )
+        both = "exclude", ways[0]
+        raise InputError("expected one of them, got both", subject=both, remedy=leave_out(*both))
     if cut and "depth" not in given:
-        raise InvalidMask(
-            f"{called(cut[0])}: expected {called('depth')} with it, a depth image to cut, got none; add it"
-        )
-
-
-@contextmanager
-def said_as(**options: str) -> Iterator[None]:
-    """What the library says of an argument is said of the option that gives it: at="--at"."""
-    try:
-        yield
-    except InputError as error:
-        name, _, rest = str(error).partition(": ")
-        if name not in options:
-            raise
-        raise type(error)(f"{options[name]}: {rest}") from error
-
-
-def renamed(text: str, called: Callable[[Hint], str]) -> str:
-    """A line of the library, which names hints as Python's arguments (`mask=`), with another door's names for them.
-
-    A value may follow: `surroundings=photo`.
-    """
-
-    def name(found: re.Match[str]) -> str:
-        option = called(HINTS[found[1]])
-        return f"{option.split()[0]} {found[2]}" if found[2] else option
-
-    return re.sub(rf"\b({'|'.join(HINTS)})=([a-z]+|[-\d.]+(?:,[-\d.]+)+|)(?=[\s,;.)]|$)", name, text)
-
-
-def spread(*kinds: type) -> Callable[[Function], Function]:
-    """Shows the fields of dataclasses as a function's own keywords, to help() and completion, in place of **more."""
-
-    def shown(function: Function) -> Function:
-        signature = inspect.signature(function)
-        own = [one for one in signature.parameters.values() if one.kind != one.VAR_KEYWORD]
-        more = [
-            inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=one.type)
-            for kind in kinds
-            for one in fields(kind)
-            if one.name not in signature.parameters
-        ]
-        function.__signature__ = signature.replace(parameters=[*own, *more])  # type: ignore[attr-defined]
-        return function
-
-    return shown
+        raise InvalidMask("expected a depth image to cut, got none", subject=cut[0], remedy=give("depth"))

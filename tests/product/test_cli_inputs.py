@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 from support.folders import snapshot
 
-from anyprobe.cli.options import hints_for
+from anyprobe.cli.photo_files import hints_for
 from anyprobe.core.response import response
 from anyprobe.files.paths import natural_order
 from anyprobe.files.radiance import read_radiance
@@ -145,7 +145,7 @@ def test_an_error_of_a_mask_names_the_photo_it_is_of(work, command, photo_rgba, 
     outcome = command("estimate", "photos", "--mask", "masks", "-o", "out", "--json", "-q", *poses)
     assert outcome.status == 2
     (line,) = (one for one in outcome.err.splitlines() if one.startswith("anyprobe: "))
-    assert line.startswith("anyprobe: photos/b.png: mask: expected white on the object, got an empty mask")
+    assert line.startswith("anyprobe: photos/b.png: --mask: expected white on the object, got an empty mask")
     if not together:
         given = [json.loads(one) for one in outcome.out.splitlines()]
         assert line == f"anyprobe: {given[1]['error']}"
@@ -157,7 +157,7 @@ def test_an_error_of_a_mask_names_the_photo_it_is_of(work, command, photo_rgba, 
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (("--model", "nobody"), "'nobody': expected one of"),
+        (("--model", "nobody"), "--model: expected one of lift, paper,"),
         (("--model", ""), "expected one of"),
         (("--box", "1,2,3"), "X0,Y0,X1,Y1"),
         (("--box", "a,b,c,d"), "X0,Y0,X1,Y1"),
@@ -165,15 +165,19 @@ def test_an_error_of_a_mask_names_the_photo_it_is_of(work, command, photo_rgba, 
         (("--fov", "400"), "more than 1 and less than 170 degrees"),
         (("--fov", "nan"), "more than 1 and less than 170 degrees"),
         (("--box", "20,10,110,90", "--mask", "photos/sphere.png"), "expected one of them"),
-        (("--exclude", "20,10", "--mask", "photos/sphere.png"), "--exclude: expected --click, --box or neither"),
-        (("--near", "0", "--mask", "photos/sphere.png"), "--near: expected --depth"),
-        (("--far", "3"), "--far: expected --depth"),
-        (("--detail-library", "photos"), "--detail-library: does nothing without --detail plausible"),
+        (("--exclude", "20,10", "--mask", "photos/sphere.png"), "--exclude and --mask: expected one of them"),
+        (
+            ("--near", "0", "--mask", "photos/sphere.png"),
+            "--near: expected a depth image to cut, got none; pass --depth FILE",
+        ),
+        (("--far", "3"), "--far: expected a depth image to cut, got none; pass --depth FILE"),
+        (("--size", "100"), "--size: expected one of 64, 128, 256, 512, 1024, 2048 rows, got 100"),
+        (("--detail-library", "photos"), "--detail-library: does nothing without detail; pass --detail plausible"),
         (("--size", "256", "--detail", "sharp"), "expected one of none, plausible"),
-        (("--material", "unobtainium"), "--material: expected one of "),
+        (("--material", "granite"), "--material: expected one of chrome"),
         (("--albedo", "7"), "--albedo: expected one number"),
-        (("--emitters", "bright"), "emitters 'bright': expected one of mode, expected"),
-        (("--emitters", "expected", "--model", "paper"), "got paper; use lift"),
+        (("--emitters", "bright"), "--emitters: expected one of mode, expected, got 'bright'"),
+        (("--emitters", "expected", "--model", "paper"), "got paper; pass --model lift"),
     ],
 )
 def test_senseless_option(work, command, photo_path, arguments, word):
@@ -250,7 +254,8 @@ def test_odd_kinds_of_photos_are_converted(work, command, photo_rgba, mask_path)
     rgb.save(odd / "plain.png")
     outcome = command("estimate", "odd", "-o", "out", "--mask", mask_path)
     assert outcome.status == 0, outcome.err
-    maps = {path.stem: read_radiance(path) for path in (work / "out").glob("*.exr") if "_panorama" not in path.name}
+    found = [path for path in (work / "out").glob("*.exr") if not path.stem.endswith("_panorama")]
+    maps = {path.stem: read_radiance(path) for path in found}
     assert len(maps) == 8
     np.testing.assert_array_equal(maps["palette"], maps["palette_twin"])
     np.testing.assert_array_equal(maps["grey"], maps["grey_twin"])

@@ -88,7 +88,7 @@ def test_failed_self_test_is_one_line_and_status_2(command, monkeypatch):
 def test_unknown_model(command):
     outcome = command("doctor", "--model", "nobody")
     assert outcome.status == 2
-    assert outcome.err.startswith("anyprobe: model 'nobody'")
+    assert outcome.err.startswith("anyprobe: --model: expected one of")
     with pytest.raises(ModelError):
         doctor.self_test("nobody")
 

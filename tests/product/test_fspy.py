@@ -11,7 +11,9 @@ import pytest
 from anyprobe.cli.options import ObjectOptions
 from anyprobe.core.frames import rotation_x, rotation_z
 from anyprobe.errors import InputError
+from anyprobe.estimate.settings import Settings
 from anyprobe.files.fspy import read_fspy
+from anyprobe.hints import Hints
 
 PITCH, ROLL = 25.0, -6.0
 
@@ -36,6 +38,10 @@ def write(path, said) -> None:
     path.write_bytes(struct.pack("<4sIII", b"fspy", 1, len(text), 3) + text + b"jpg")
 
 
+def options(given=None, **more):
+    return ObjectOptions(given=given or Hints(), finder=Settings(), **more)
+
+
 def test_lens_pitch_and_roll(tmp_path):
     write(tmp_path / "a.fspy", project())
     (tmp_path / "a.json").write_text(json.dumps(project()["cameraParameters"]))
@@ -44,7 +50,7 @@ def test_lens_pitch_and_roll(tmp_path):
         assert found.long_fov_deg == pytest.approx(50.0)
         assert found.pitch_deg == pytest.approx(PITCH)
         assert found.roll_deg == pytest.approx(ROLL)
-    hints = ObjectOptions(camera=tmp_path / "a.fspy").hints()
+    hints = options(camera=tmp_path / "a.fspy").hints()
     assert (hints.fov_deg, hints.roll_deg) == (pytest.approx(50.0), pytest.approx(ROLL))
 
 
@@ -65,5 +71,6 @@ def test_what_is_no_camera_is_one_line(tmp_path):
         with pytest.raises(InputError, match=words):
             read_fspy(tmp_path / name)
     write(tmp_path / "solved.fspy", project())
-    with pytest.raises(InputError, match="--camera and --fov"):
-        ObjectOptions(camera=tmp_path / "solved.fspy", fov_deg=50.0).hints()
+    with pytest.raises(InputError) as refused:
+        options(Hints(fov_deg=50.0), camera=tmp_path / "solved.fspy").hints()
+    assert refused.value.subject == ("camera", "fov_deg")

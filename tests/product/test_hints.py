@@ -7,6 +7,7 @@ import ast
 import inspect
 import json
 import re
+import sys
 from dataclasses import fields
 from pathlib import Path
 
@@ -17,11 +18,10 @@ from PIL import Image
 
 import anyprobe
 from anyprobe.cli.app import app
-from anyprobe.cli.options import line_of
 from anyprobe.errors import InputError
-from anyprobe.estimate.estimator import Estimator, Settings, SettingsDict, estimate
+from anyprobe.estimate.estimator import Estimator, Settings, estimate
 from anyprobe.estimate.photo import load_photo
-from anyprobe.hints import HINTS, Hints, HintsDict, renamed
+from anyprobe.hints import HINTS, Hints
 from anyprobe.relight.ground_view import view_of
 
 ROOT = Path(__file__).parents[2]
@@ -38,10 +38,38 @@ def interface(name: str) -> set[str]:
 # One place
 
 
-@pytest.mark.parametrize(("kind", "keywords"), [(Hints, HintsDict), (Settings, SettingsDict)])
-def test_keywords_are_the_fields(kind, keywords):
-    types = {name: one.__forward_arg__ for name, one in keywords.__annotations__.items()}
-    assert types == {one.name: one.type for one in fields(kind)}
+SIGNATURES = {
+    "estimate": (estimate, (Hints, Settings)),
+    "Estimator()": (Estimator.__call__, (Hints,)),
+    "load_photo": (load_photo, (Hints,)),
+    "Estimator": (Estimator.__init__, (Settings,)),
+}
+
+
+@pytest.mark.parametrize("name", SIGNATURES)
+def test_keywords_are_the_fields(name):
+    """They are written out, with the fields' types and defaults."""
+    function, kinds = SIGNATURES[name]
+    keywords = inspect.signature(function).parameters
+    for one in (one for kind in kinds for one in fields(kind)):
+        assert (keywords[one.name].annotation, keywords[one.name].default) == (one.type, one.default)
+
+
+@pytest.mark.parametrize("name", SIGNATURES)
+def test_keywords_arrive(name, monkeypatch, estimator):
+    """Each by itself, as the field of its name."""
+    function, kinds = SIGNATURES[name]
+    given = object()
+
+    def combined(hints, **keywords):
+        raise LookupError([one for one, value in keywords.items() if value is given])
+
+    for module in ("estimator", "photo"):
+        monkeypatch.setattr(sys.modules[f"anyprobe.estimate.{module}"], "combine", combined)
+    for one in (one.name for one in fields(Hints) if Hints in kinds):
+        first = (estimator, "photo.png") if name == "Estimator()" else ("photo.png",)
+        with pytest.raises(LookupError, match=rf"^\['{one}'\]$"):
+            function(*first, **{one: given})
 
 
 @pytest.mark.parametrize("kind", [Hints, Settings])
@@ -54,8 +82,7 @@ def test_every_field_is_described(kind):
 
 def test_help_shows_what_estimate_takes():
     shown = list(inspect.signature(estimate).parameters)
-    assert shown == ["source", "hints", *HINTS, *(one.name for one in fields(Settings))]
-    assert "more" in inspect.getdoc(estimate)
+    assert shown == ["source", "hints", *HINTS, *(one.name for one in fields(Settings)), "unknown"]
 
 
 @pytest.mark.parametrize("command", ["estimate", "relight", "video"])
@@ -92,8 +119,9 @@ def test_javascript_takes_the_same_hints():
 
 @pytest.mark.parametrize("text", ["1", "1,2,3", "a,b", "nan,1", "inf,1", "1e9,1", ""])
 def test_what_is_no_pair_of_numbers_is_refused(text):
-    with pytest.raises(InputError, match=r"^click: expected X,Y in pixels, got .*; for instance 120,90$"):
+    with pytest.raises(InputError, match=r"; for instance 120,90$") as error:
         HINTS["click"].read(text)
+    assert error.value.subject == ("click",)
 
 
 def test_texts_are_read_as_what_they_mean():
@@ -103,54 +131,30 @@ def test_texts_are_read_as_what_they_mean():
     assert HINTS["material"].read("gold") == "gold"
     assert HINTS["normals"].read_path("sphere") == "sphere"
     assert HINTS["normals"].read_path("n.png") == Path("n.png")
-    with pytest.raises(InputError, match="^normals: expected a file part or sphere, got 'n.png'$"):
+    with pytest.raises(InputError) as error:
         HINTS["normals"].read_word("n.png")
+    assert error.value.subject == ("normals",)
 
 
 # What does not go together
 
 TOGETHER = [
-    ({"mask": "m.png", "box": (1, 2, 90, 90)}, "mask and box: expected one of them"),
-    ({"depth": "d.npy", "near": 1.0, "click": (3, 3)}, "depth and click: expected one of them"),
-    ({"mask": "m.png", "exclude": (3, 3)}, "exclude: expected click, box or neither with it, got mask"),
-    ({"far": 3.0}, "far: expected depth with it"),
-    ({"fov_deg": float("nan")}, "fov_deg: expected a field of view"),
-    ({"pitch_deg": 91.0}, "pitch_deg: expected -90 to 90 degrees"),
-    ({"material": "gold", "albedo": 0.5}, "albedo: expected a material that has one"),
+    ({"mask": "m.png", "box": (1, 2, 90, 90)}, ("mask", "box")),
+    ({"depth": "d.npy", "near": 1.0, "click": (3, 3)}, ("depth", "click")),
+    ({"mask": "m.png", "exclude": (3, 3)}, ("exclude", "mask")),
+    ({"far": 3.0}, ("far",)),
+    ({"fov_deg": float("nan")}, ("fov_deg",)),
+    ({"pitch_deg": 91.0}, ("pitch_deg",)),
+    ({"material": "gold", "albedo": 0.5}, ("albedo",)),
 ]
 
 
-@pytest.mark.parametrize(("given", "line"), TOGETHER)
-def test_what_does_not_go_together_is_refused_before_anything_is_read(given, line):
-    with pytest.raises(InputError, match=f"^{re.escape(line)}") as error:
+@pytest.mark.parametrize(("given", "subject"), TOGETHER)
+def test_what_does_not_go_together_is_refused_before_anything_is_read(given, subject):
+    with pytest.raises(InputError) as error:
         load_photo("absent.png", **given)
+    assert error.value.subject == subject
     assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("options", "line"),
-    [
-        (("--mask", "m.png", "--click", "3,3"), "--mask and --click: expected one of them, got both"),
-        (("--fov", "0"), "--fov: expected a field of view"),
-        (("--pitch", "91"), "--pitch: expected -90 to 90 degrees"),
-    ],
-)
-def test_the_command_line_names_its_options(work, command, options, line):
-    Image.new("L", (8, 8)).save("m.png")
-    assert command("estimate", "absent.png", *options).complaint.startswith(f"anyprobe: {line}")
-
-
-def test_a_line_names_what_its_reader_can_give():
-    """A file's name is none of ours."""
-    line = "a.png: pass click= on it, or box=, or (mask=); mask=3.png stays; roughness="
-    assert line_of("b.jpg: pass box=130,100.5,325,385") == "b.jpg: pass --box 130,100.5,325,385"
-    assert line_of(f"{line}\n") == (
-        "a.png: pass --click X,Y on it, or --box X0,Y0,X1,Y1, or (--mask FILE); mask=3.png stays; --roughness NUMBER"
-    )
-    assert (
-        renamed(line, lambda hint: hint.name)
-        == "a.png: pass click on it, or box, or (mask); mask=3.png stays; roughness"
-    )
 
 
 def test_the_library_names_no_option():
@@ -186,8 +190,9 @@ def test_a_photo_that_is_loaded_already_is_taken(estimator, photo_rgba):
 
 
 def test_a_photo_that_is_loaded_already_takes_no_other_hints(estimator, photo_rgba):
-    with pytest.raises(InputError, match="^click and fov_deg: expected with a picture, .* give it to load_photo$"):
+    with pytest.raises(InputError) as error:
         estimator(load_photo(photo_rgba), click=(3, 3), fov_deg=40.0)
+    assert error.value.subject == ("click", "fov_deg")
 
 
 def test_hints_may_come_as_one_and_keywords_count_before_them(estimator, photo_rgba):
@@ -197,8 +202,11 @@ def test_hints_may_come_as_one_and_keywords_count_before_them(estimator, photo_r
 
 @pytest.mark.parametrize("call", [load_photo, estimate, Estimator])
 def test_an_unknown_keyword_is_refused(call, photo_rgba):
-    with pytest.raises(TypeError, match="masc"):
-        call(photo_rgba if call is not Estimator else "lift", masc=1)
+    near = {"masc": "mask", "fov": "fov_deg", "materials": "material"} if call is not Estimator else {"engin": "engine"}
+    near |= {"detial": "detail"} if call is not load_photo else {}
+    for unknown, meant in near.items():
+        with pytest.raises(TypeError, match=rf"{unknown}; did you mean {meant}\?$"):
+            call(photo_rgba if call is not Estimator else "lift", **{unknown: 1})
 
 
 def test_other_settings_share_the_networks(estimator):
@@ -243,10 +251,8 @@ def test_metal_contradicts_a_material_that_is_none(work, command):
 
 
 def test_keywords_of_python_say_what_they_want():
-    with pytest.raises(InputError, match="^fov_deg: expected a number, got str '50'$"):
+    with pytest.raises(InputError, match="expected a number, got str '50'$") as error:
         Hints(fov_deg="50")
-    for name, like in (("fov", "fov_deg"), ("pitch", "pitch_deg"), ("marterial", "material")):
-        with pytest.raises(TypeError, match=f"^{name}: expected one of the hints; did you mean {like}[?]$"):
-            anyprobe.estimate(np.zeros((8, 8, 3), np.uint8), **{name: 1})
+    assert error.value.subject == ("fov_deg",)
     with pytest.raises(InputError, match="^threads: expected 1 or more, got -1"):
         anyprobe.Estimator(threads=-1)

@@ -18,7 +18,7 @@ from PIL import Image
 
 from anyprobe.errors import InputError, InvalidEnvironment, InvalidMesh, InvalidPhoto
 from anyprobe.estimate.result import Light
-from anyprobe.estimate.sidecar import SCALE
+from anyprobe.estimate.sidecar import SCALE, SIDECAR_VERSION
 from anyprobe.files import exr
 from anyprobe.files.declared_size import declared_pixels, photo_header
 from anyprobe.files.exr import read_exr
@@ -283,7 +283,9 @@ def test_a_map_is_written_in_the_same_bytes_each_time(tmp_path, rng):
 @pytest.mark.parametrize("key", ["well_exposed_fraction", "camera_from_crop"])
 def test_a_sidecar_s_long_number_is_one_line(tmp_path, rng, key):
     write_hdr(tmp_path / "map.hdr", rng.random((8, 16, 3), np.float32))
-    said = json.dumps({"scale": SCALE, "size": [16, 8], key: 7}).replace("7}", "9" * 400 + "}")
+    said = json.dumps({"version": SIDECAR_VERSION, "scale": SCALE, "size": [16, 8], key: 7}).replace(
+        "7}", "9" * 400 + "}"
+    )
     (tmp_path / "map.json").write_text(said)
     assert "save the light again" in refused(InputError, Light.load, tmp_path / "map.hdr")
 

@@ -10,7 +10,7 @@ import OpenEXR
 import pytest
 from PIL import Image
 
-from anyprobe.cli.options import hints_for, list_photos
+from anyprobe.cli.photo_files import hints_for, list_photos
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.files.images import read_image
 from anyprobe.files.paths import visible_files

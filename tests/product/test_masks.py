@@ -21,6 +21,7 @@ from anyprobe.masks.parts import fill_holes, label_parts
 from anyprobe.masks.prompts import BOX_LEVEL, check_clicks, draw_prompts
 from anyprobe.masks.quality import DOUBTFUL, Evidence
 from anyprobe.masks.sources import mask_from_file
+from anyprobe.notices import give
 
 GREY = np.full((120, 160, 3), 0.5, np.float32)
 
@@ -322,13 +323,16 @@ def test_a_photo_in_the_place_of_a_mask_is_named(rng):
 
 
 def test_nothing_to_find():
-    with pytest.raises(InvalidMask, match="pass click="):
+    with pytest.raises(InvalidMask) as error:
         load_photo(GREY)
+    assert error.value.code == "no-object"
+    assert {one.name for one in error.value.notice.remedy} == {"click", "box", "mask"}
 
 
 def test_near_without_depth():
-    with pytest.raises(InvalidMask, match="near: expected depth with it"):
+    with pytest.raises(InvalidMask) as error:
         load_photo(GREY, near=3.0)
+    assert (error.value.subject, error.value.notice.remedy) == (("near",), give("depth"))
 
 
 # The picture that shows a mask
@@ -417,12 +421,12 @@ def test_results_among_the_photos_are_not_photos(tmp_path, monkeypatch, command)
     ("options", "words"),
     [
         (("--click", "10"), ("--click", "X,Y")),
-        (("--depth", "a.png", "--near", "1", "--exclude", "5,5"), ("--exclude", "got --depth")),
-        (("--click", "80,60", "--far", "9"), ("--far: expected --depth",)),
+        (("--depth", "a.png", "--near", "1", "--exclude", "5,5"), ("--exclude and --depth",)),
+        (("--click", "80,60", "--far", "9"), ("--far: ", "pass --depth FILE")),
         (("--click", "500,10"), ("X < 160", "500,10")),
         (("--depth", "gone.png", "--near", "1"), ("gone.png",)),
         (("--depth", "a.png", "--near", "1", "--box", "1,2,90,90"), ("--depth and --box",)),
-        (("--depth", "a.png"), ("--near or --far",)),
+        (("--depth", "a.png"), ("--depth: ", "--near NUMBER or --far NUMBER")),
         (("--near", "3"), ("--depth",)),
         ((), ("a.png", "--click X,Y")),
     ],

@@ -28,6 +28,7 @@ from anyprobe.detail.matching import stops_apart
 from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.ground import Ground, up_of
 from anyprobe.estimate.result import Light
+from anyprobe.estimate.sidecar import Origin
 from anyprobe.files.radiance import read_radiance, write_exr
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
@@ -79,9 +80,8 @@ def test_an_object_without_one_colour_is_compared_by_the_others():
     assert found.misfit.argmin() == 2
 
 
-def ground(source: str, pitch_deg: float) -> dict:
-    """Of a light's info."""
-    return Ground(pitch_deg=pitch_deg, pitch_error_deg=5.0, roll_deg=0.0, contact=(32, 40), source=source).info()
+def ground(source: str, pitch_deg: float) -> Ground:
+    return Ground(pitch_deg=pitch_deg, pitch_error_deg=5.0, roll_deg=0.0, contact=(32, 40), source=source)
 
 
 @pytest.mark.parametrize(("yaw", "pitch_deg"), [(0.3, 0), (2.0, 20), (4.4, 45)])
@@ -197,7 +197,7 @@ def test_a_light_without_its_photo_is_compared_by_its_map(folder, camera_light):
 @pytest.mark.parametrize("info", [{"pitch_deg": 12.0}, {"ground": ground("exif", 12.0)}])
 def test_a_pitch_that_is_known_is_kept(folder, camera_light, by, info):
     """Which is eight degrees from where the maps fit best."""
-    light = replace(camera_light[0], info=info, **({"find_shown": None} if by == "map" else {}))
+    light = replace(camera_light[0], origin=Origin(**info), **({"find_shown": None} if by == "map" else {}))
     for turned in (light, light.rotate(world_from_camera(1.0, np.radians(-30)))):
         ranked = turned.match(folder)
         assert {one.by for one in ranked} == {by}
@@ -214,9 +214,9 @@ def test_a_roll_that_the_photo_notes_is_kept(folder, by):
     turn = world_from_camera(YAW, np.radians(pitch_deg), np.radians(roll_deg))
     np.testing.assert_allclose(turn.T @ [0, 1, 0], up_of(pitch_deg, roll_deg), atol=1e-9)
     radiance = np.maximum(reduced(rotate(place(2), turn.T), 64), 0.0)
-    noted = Ground(pitch_deg=pitch_deg, pitch_error_deg=2.0, roll_deg=roll_deg, contact=(32, 40), source="exif").info()
+    noted = Ground(pitch_deg=pitch_deg, pitch_error_deg=2.0, roll_deg=roll_deg, contact=(32, 40), source="exif")
     shown = (lambda: shown_under(place(2), turn)) if by == "photo" else None
-    best = Light(radiance=radiance, find_shown=shown, info={"ground": noted}).match(folder, best=1)[0]
+    best = Light(radiance=radiance, find_shown=shown, origin=Origin(ground=noted)).match(folder, best=1)[0]
     assert (best.name, best.by) == ("place-2", by)
     np.testing.assert_allclose(best.map_from_light.T @ [0, 1, 0], up_of(pitch_deg, roll_deg), atol=1e-6)
     assert best.pitch_deg == pytest.approx(pitch_deg, abs=1e-3)
@@ -224,7 +224,7 @@ def test_a_roll_that_the_photo_notes_is_kept(folder, by):
 
 
 def test_a_pitch_that_is_estimated_moves_within_its_error(folder, camera_light):
-    light = replace(camera_light[0], info={"ground": ground("estimated", 12.0)})
+    light = replace(camera_light[0], origin=Origin(ground=ground("estimated", 12.0)))
     ranked = light.match(folder)
     assert 2 < ranked[0].pitch_deg - 12 < 9
     assert all(abs(one.pitch_deg - 12) < 9 for one in ranked)

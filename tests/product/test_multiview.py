@@ -17,6 +17,7 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.errors import InputError
 from anyprobe.estimate.multiview import NOT_GIVEN, OFFSET, fuse, fuse_lights
 from anyprobe.estimate.result import Light
+from anyprobe.estimate.sidecar import Origin
 from anyprobe.files.declared_size import photo_header
 from anyprobe.files.images import read_image
 from anyprobe.files.poses import read_poses
@@ -91,7 +92,7 @@ def seen_from(world: np.ndarray, pose: np.ndarray, **info) -> Light:
     known = D[..., 2] > 0
     radiance = np.maximum(rotate(world, pose.T), 0.0)
     radiance = np.where(known[..., None], radiance, 0.02).astype(np.float32)
-    return Light(radiance=radiance, confidence=np.where(known, 1.0, 0.02).astype(np.float32), info=info)
+    return Light(radiance=radiance, confidence=np.where(known, 1.0, 0.02).astype(np.float32), origin=Origin(**info))
 
 
 def test_each_photo_tells_of_the_side_that_its_object_faces():
@@ -115,7 +116,7 @@ def test_each_photo_tells_of_the_side_that_its_object_faces():
 
 def test_exposures_that_photos_tell_are_made_one():
     poses = [np.eye(3), rotation_y(0.0)]
-    dark, bright = (Light(radiance=flat(0.2 * e), info={"exposure": e}) for e in (1.0, 4.0))
+    dark, bright = (Light(radiance=flat(0.2 * e), origin=Origin(exposure=e)) for e in (1.0, 4.0))
     np.testing.assert_allclose(fuse_lights([dark, bright], poses).radiance, 0.2, rtol=1e-4)
     np.testing.assert_allclose(fuse_lights([bright, dark], poses).radiance, 0.8, rtol=1e-4)
     untold = Light(radiance=flat(0.8))

@@ -143,4 +143,4 @@ def test_a_photo_takes_a_callable_for_its_normals():
     mask = sphere_mask()
     rgb = np.uint8(200 * np.repeat(mask[..., None], 3, axis=-1))
     photo = load_photo(rgb, mask=np.uint8(255 * mask), normals=answering(np.eye(3)), fov_deg=60.0)
-    assert np.linalg.norm(photo.normals[mask > 0.5], axis=-1).min() > 0.99
+    assert np.linalg.norm(photo.normals.values[mask > 0.5], axis=-1).min() > 0.99

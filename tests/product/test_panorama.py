@@ -14,6 +14,7 @@ from support.room_photos import FOV_DEG, room_photo, smooth_map
 
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.response import inverse_response, response
+from anyprobe.estimate.known import GivenPanorama
 from anyprobe.estimate.multiview import fuse_lights
 from anyprobe.estimate.panorama import DIFFER, lay_over, seen_from, window
 from anyprobe.estimate.photo import Photo, crop_object, load_photo
@@ -186,7 +187,7 @@ def test_exposures_that_photos_tell_are_made_one_there_too(estimator):
 def test_a_panorama_from_a_file_is_of_the_first_camera(estimator):
     first = rotate(smooth_map(), POSES[0].T)
     panorama = np.concatenate([response(first), np.ones((64, 128, 1), np.float32)], axis=-1)
-    photos = [replace(take(pose), use_background=False, surroundings_map=panorama) for pose in POSES[:3]]
+    photos = [replace(take(pose), surroundings=GivenPanorama(small=panorama)) for pose in POSES[:3]]
     light = estimator.multiview(photos, POSES[:3])
     assert np.abs(response(light.radiance) - response(first)).mean() < 0.01
 

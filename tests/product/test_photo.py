@@ -46,7 +46,7 @@ def assert_one_line(caught, *words: str) -> None:
 def test_no_mask_names_the_three_ways():
     with pytest.raises(InvalidMask) as caught:
         load_photo(np.zeros((64, 64, 3), dtype=np.uint8))
-    assert_one_line(caught, "mask=", "box=", "alpha")
+    assert_one_line(caught, "mask=", "box=", "click=")
 
 
 def test_mask_goes_before_alpha():

@@ -118,10 +118,10 @@ def portrait() -> bytes:
 def test_it_gives_normals_and_mask():
     _, on, normals = ball()
     photo = load_photo(portrait(), depth="photo", near=0.6, far=2.0, fov_deg=FOV_DEG, surroundings="none")
-    assert (photo.mask_source, photo.normals_from_depth, photo.warnings) == ("depth", True, ())
+    assert (photo.mask_source, photo.normals.origin, photo.warnings) == ("depth", "depth", ())
     assert ((photo.mask > 0.5) == on).mean() > 0.999
-    known = photo.normals.any(axis=-1)
-    error = np.degrees(np.arccos(np.clip((photo.normals[known] * normals[known]).sum(axis=-1), -1, 1)))
+    known = photo.normals.values.any(axis=-1)
+    error = np.degrees(np.arccos(np.clip((photo.normals.values[known] * normals[known]).sum(axis=-1), -1, 1)))
     assert (known.sum() > 0.7 * on.sum(), np.median(error) < 1.0) == (True, True)
 
 
@@ -134,7 +134,7 @@ def test_nobody_pays_for_depth_that_was_not_asked_for():
 def test_a_photo_without_depth_is_told():
     plain = depth_files.jpeg(PICTURE)
     for source in (plain, (PICTURE * 255).astype(np.uint8)):
-        with pytest.raises(InvalidMask, match="expected a photo whose file carries depth, .* found none; leave depth"):
+        with pytest.raises(InvalidMask, match="expected a photo whose file carries depth, .*; leave out depth"):
             load_photo(source, depth="photo", mask=np.ones((HEIGHT, WIDTH), np.float32))
 
 
@@ -150,7 +150,7 @@ def test_commands_take_the_same_word(work, command):
     (work / "plain.jpg").write_bytes(depth_files.jpeg(PICTURE))
     for name in ("mask", "estimate"):
         line = command(name, "plain.jpg", "--depth", "photo", "--near", "0.6").complaint
-        assert line.startswith("anyprobe: plain.jpg: expected a photo whose file carries depth")
+        assert line.startswith("anyprobe: plain.jpg: --depth: expected a photo whose file carries depth")
 
 
 # Faults

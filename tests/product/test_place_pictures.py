@@ -16,7 +16,8 @@ from anyprobe.detail.fill import fill_hole
 from anyprobe.detail.place_picture import compose
 from anyprobe.detail.plate import keep_plate
 from anyprobe.errors import InputError
-from anyprobe.estimate.ground import up_of
+from anyprobe.estimate.ground import Ground, up_of
+from anyprobe.estimate.sidecar import Origin
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.harmonics import project
 
@@ -125,7 +126,7 @@ def test_the_frame_of_a_panorama_and_of_exports(tmp_path, monkeypatch):
         "source": "estimated",
         "is_doubtful": False,
     }
-    light = anyprobe.Light(radiance=place_map(), info={"ground": ground})
+    light = anyprobe.Light(radiance=place_map(), origin=Origin(ground=Ground.of(ground)))
     level, camera = light.panorama(64), light.panorama(64, frame="camera")
     assert level.is_level
     assert not camera.is_level
@@ -163,4 +164,4 @@ def test_a_light_without_photo_has_a_panorama_of_its_own_map():
     made = light.panorama(128)
     assert made.origin[..., 1].min() == 1.0
     assert np.linalg.norm(project(made.radiance) - light.sh9()) < 0.01 * np.linalg.norm(light.sh9())
-    assert replace(light, info={"photo": "x"}).panorama(64).radiance.shape == (64, 128, 3)
+    assert replace(light, origin=Origin(photo="x")).panorama(64).radiance.shape == (64, 128, 3)

@@ -36,18 +36,16 @@ from support.picture_files import (
 )
 
 import anyprobe
-from anyprobe.core.response import inverse_response, response
-from anyprobe.errors import InvalidMask, InvalidPhoto, MissingExtra
+from anyprobe.core.response import response
+from anyprobe.errors import InvalidPhoto, MissingExtra
 from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.files.apple_gain import apple_headroom
 from anyprobe.files.color_encoding import ADOBE_RGB, PRIMARIES, by_code_points, by_numbers
 from anyprobe.files.declared_size import declared_pixels
 from anyprobe.files.exr import read_exr
-from anyprobe.files.headers import jxl_size
+from anyprobe.files.headers import TURNS, jxl_size
 from anyprobe.files.images import read_image
 from anyprobe.files.radiance import read_linear, read_radiance, write_hdr_picture
-from anyprobe.files.stored_pixels import TURNS
-from anyprobe.masks.find import find_mask
 
 CASES = Path(__file__).parent / "cases"
 LINEAR = scene()
@@ -470,38 +468,11 @@ def turned_jpeg(rgb: np.ndarray, orientation: int) -> bytes:
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
-def test_where_stored_pixels_are_shown(orientation):
+def test_every_orientation_is_brought_upright(orientation):
     """One spot in a picture that is darker elsewhere."""
     rgb = np.full((48, 64, 3), 0.2)
     rgb[8:12, 20:26] = 0.9
-    data = turned_jpeg(rgb, orientation)
-    found = read_image(data)
-    np.testing.assert_allclose(found.rgb, rgb, atol=0.2)
-    spot = np.argwhere(np.asarray(Image.open(io.BytesIO(data)).convert("L")) > 128)  # row, column
-    box = (*spot.min(axis=0)[::-1], *(spot.max(axis=0)[::-1] + 1))
-    assert (found.stored is None) == (orientation == 1)
-    np.testing.assert_allclose(box if found.stored is None else found.stored.box(box), (20, 8, 26, 12))
-
-
-@pytest.mark.parametrize("kind", ["wide", "narrow", "turned"])
-def test_a_box_may_be_in_pixels_as_stored_where_nothing_is_there_as_shown(kind):
-    rgb = case("plain.png").rgb
-    if kind == "turned":
-        rgb = np.pad(rgb, ((0, 0), (0, 400), (0, 0)), mode="edge")
-        data, box = turned_jpeg(rgb, 6), (55, 320 + 400 - 230, 195, 320 + 400 - 90)
-    else:
-        times = 2 if kind == "wide" else 0.5
-        narrow = rgb[:, ::2] if kind == "wide" else rgb.repeat(2, axis=1)
-        data = exr(inverse_response(narrow).astype(np.float32), pixelAspectRatio=float(times))
-        box = (90 / times, 55, 230 / times, 195)
-    pixels = read_image(data)
-    wanted = find_mask(pixels, box=(90, 55, 230, 195))
-    assert not [line for line in wanted.warnings if "mask --fetch" not in line]
-    found = find_mask(pixels, box=box)
-    np.testing.assert_array_equal(found.mask, wanted.mask)
-    assert any("box=90,55,230,195" in line for line in found.warnings)
-    with pytest.raises(InvalidMask, match=r"as shown|expected X0,Y0"):
-        find_mask(replace(pixels, stored=None), box=box)
+    np.testing.assert_allclose(read_image(turned_jpeg(rgb, orientation)).rgb, rgb, atol=0.2)
 
 
 # OpenEXR, .hdr, TIFF of floats

@@ -489,7 +489,7 @@ def test_light_of_an_estimate_is_taken(command, work, photo_path):
 def test_mesh_that_lies_flat_is_refused(command, work, photo_path, photo, height):
     (work / "card.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 1 {height} 1\nv 0 0 1\nf 1 3 2\nf 1 4 3\n")
     said = command("relight", photo_path, "--insert", "card.obj", "--renderer", "own").complaint
-    assert "--insert card.obj: expected a mesh with a height, got one that lies flat; turn it so that +Y is up" in said
+    assert "--insert: expected a mesh with a height, got one that lies flat; turn it so that +Y is up" in said
     with pytest.raises(InvalidMesh, match="^mesh: expected a mesh with a height"):
         Stage(photo, open_object("card.obj"))
     (work / "card.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n")

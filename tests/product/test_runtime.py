@@ -145,14 +145,14 @@ def test_other_emitters_are_asked_of_the_same_sessions():
     assert spread._run is drawn._run
     assert (drawn.emitters, spread.emitters) == ("mode", "expected")
     assert spread(crop, 0.2).radiance.max() < 0.7 * drawn(crop, 0.2).radiance.max()
-    with pytest.raises(InputError, match="got paper; use lift"):
+    with pytest.raises(InputError, match="got paper; pass model=lift"):
         Models("paper", threads=1).with_emitters(EXPECTED)
 
 
 def test_emitters_that_are_not_known_are_refused():
-    with pytest.raises(InputError, match="emitters 'bright': expected one of mode, expected"):
+    with pytest.raises(InputError, match="emitters: expected one of mode, expected, got 'bright'"):
         Models(emitters="bright")
-    with pytest.raises(InputError, match="emitters expected: expected a model that estimates .* got paper; use lift"):
+    with pytest.raises(InputError, match="emitters: expected a model that estimates .* got paper; pass model=lift"):
         Models("paper", emitters=EXPECTED)
 
 

@@ -12,10 +12,11 @@ from support.two_phase import two_phase
 
 import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_y, world_from_camera
-from anyprobe.estimate.sidecar import SCALE, current_names
+from anyprobe.estimate.sidecar import Origin
 from anyprobe.export.exported_light import check_front, map_from_camera
 from anyprobe.files.objects import OBJECTS
 from anyprobe.files.radiance import read_radiance, write_hdr
+from anyprobe.notices import Notice, give
 
 TURN = rotation_y(0.7) @ rotation_x(-0.5)
 TURNS = {"left": rotation_y(np.pi / 2), "askew": TURN}
@@ -27,9 +28,12 @@ def light():
         radiance=two_phase(32),
         confidence=np.full((32, 64), 0.3, np.float32),
         well_exposed_fraction=0.75,
-        warnings=("too dark", "too bright"),
+        warnings=(
+            "too dark",
+            Notice("too bright", code="bright", source="vase.png", remedy=give("mask", fov_deg="40")),
+        ),
         camera_from_crop=rotation_x(0.2),
-        info={"photo": "vase.png", "model": "m-0", "exposure": 0.02, "mask": {"source": "alpha"}},
+        origin=Origin(photo="vase.png", model="m-0", exposure=0.02, mask={"source": "alpha"}, more={"by": "another"}),
     )
 
 
@@ -52,6 +56,7 @@ def test_a_saved_light_is_opened_again(light, tmp_path, kind, turn):
         light.warnings,
         light.info,
     )
+    assert [one.as_json() for one in again.warnings] == [one.as_json() for one in light.warnings]
     assert again.confidence is None
     alike = {"sh9", "dominant_light", "confidence", "map_from_camera"}
     given, before = again.sidecar(), light.sidecar()
@@ -72,7 +77,7 @@ def test_a_map_without_its_sidecar_is_a_light(light, tmp_path):
 def test_a_light_of_the_page_is_opened(light, tmp_path):
     """Its .json says less than ours."""
     path = light.save(tmp_path / "vase.exr")
-    less = {"well_exposed_fraction", "warnings", "camera_from_crop", "confidence"}
+    less = {"well_exposed_fraction", "warnings", "notices", "camera_from_crop", "confidence"}
     said = {key: value for key, value in light.sidecar().items() if key not in less}
     (tmp_path / "vase.json").write_text(json.dumps(said))
     again = anyprobe.Light.load(path)
@@ -80,51 +85,13 @@ def test_a_light_of_the_page_is_opened(light, tmp_path):
     np.testing.assert_array_equal(again.camera_from_crop, np.eye(3))
 
 
-OLDER = {
-    1: {
-        "told": 0.75,
-        "main_light": {"confidence": 0.5},
-        "lamps": "drawn",
-        "known": {"normals": True},
-        "seconds": {"turn": 0.1},
-    },
-    3: {
-        "version": 3,
-        "well_exposed_fraction": 0.75,
-        "dominant_light": {"directionality": 0.5},
-        "emitters": "mode",
-        "priors": {"normals": True},
-        "seconds": {"rotate": 0.1},
-    },
-    2: {
-        "version": 2,
-        "well_exposed_fraction": 0.75,
-        "dominant_light": {"confidence": 0.5},
-        "emitters": "mode",
-        "priors": {"normals": True},
-        "seconds": {"turn": 0.1},
-    },
-}
-
-
-@pytest.mark.parametrize("version", OLDER)
-def test_a_sidecar_of_an_older_version_has_todays_names(light, tmp_path, version):
-    """Its confidence is the map's, and stays."""
+@pytest.mark.parametrize("version", [None, 3, 5])
+def test_a_sidecar_of_another_version_is_refused(light, tmp_path, version):
     path = light.save(tmp_path / "vase.exr")
-    said = {"scale": SCALE, "size": [64, 32], "confidence": 0.3, **OLDER[version]}
-    (tmp_path / "vase.json").write_text(json.dumps(said))
-    again = anyprobe.Light.load(path)
-    assert again.well_exposed_fraction == 0.75
-    assert again.info == {"emitters": "mode", "hints": {"normals": True}, "seconds": {"rotate": 0.1}}
-    renamed = current_names(said)
-    assert (renamed["dominant_light"], renamed["confidence"]) == ({"directionality": 0.5}, 0.3)
-
-
-@pytest.mark.parametrize("change", [{"seconds": [1]}, {"lamps": ["drawn"]}, {"main_light": None}])
-def test_a_damaged_older_sidecar_ends_nothing(light, tmp_path, change):
-    path = light.save(tmp_path / "vase.exr")
-    (tmp_path / "vase.json").write_text(json.dumps({"scale": SCALE, "size": [64, 32], **change}))
-    assert anyprobe.Light.load(path).well_exposed_fraction == 1.0
+    (tmp_path / "vase.json").write_text(json.dumps(light.sidecar() | {"version": version}))
+    with pytest.raises(anyprobe.InputError) as error:
+        anyprobe.Light.load(path)
+    assert (error.value.code, error.value.notice.source) == ("invalid-option", str(path))
 
 
 def test_the_servers_answer_may_lie_beside_a_map(light, tmp_path):
@@ -139,7 +106,7 @@ def test_the_servers_answer_may_lie_beside_a_map(light, tmp_path):
 def test_a_photo_may_be_called_ambient(light, tmp_path, own):
     """vase_ambient.exr is an export's second map only where no photo of this name has a .json."""
     light.save(tmp_path / "vase.json")
-    other = anyprobe.Light(radiance=light.radiance, well_exposed_fraction=0.25, info={"photo": "vase_ambient.png"})
+    other = anyprobe.Light(radiance=light.radiance, well_exposed_fraction=0.25, origin=Origin(photo="vase_ambient.png"))
     path = other.save(tmp_path / "vase_ambient.exr")
     if own:
         other.save(tmp_path / "vase_ambient.json")
@@ -149,7 +116,7 @@ def test_a_photo_may_be_called_ambient(light, tmp_path, own):
 def test_lights_of_disk_are_fused(light, tmp_path):
     """The exposure is in the sidecar."""
     for name, gain in (("a", 1.0), ("b", 0.5)):
-        one = anyprobe.Light(radiance=gain * made_map(), info={"exposure": gain, "photo": name})
+        one = anyprobe.Light(radiance=gain * made_map(), origin=Origin(exposure=gain, photo=name))
         one.save(tmp_path / f"{name}.exr")
         one.save(tmp_path / f"{name}.json")
     loaded = [anyprobe.Light.load(tmp_path / f"{name}.exr") for name in "ab"]
@@ -161,7 +128,9 @@ def test_lights_of_disk_are_fused(light, tmp_path):
     [
         ({"well_exposed_fraction": "much"}, "as it was written"),
         ({"well_exposed_fraction": 2}, "as it was written"),
-        ({"warnings": 3}, "as it was written"),
+        ({"warnings": 3, "notices": []}, "as it was written"),
+        ({"ground": {"pitch_deg": 3}}, "as it was written"),
+        ({"notices": [{"code": "x"}]}, "as it was written"),
         ({"camera_from_crop": [[1, 2], [3]]}, "as it was written"),
         ({"camera_from_crop": (2 * np.eye(3)).tolist()}, "as it was written"),
     ],

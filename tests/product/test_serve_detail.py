@@ -114,8 +114,8 @@ def test_what_cannot_be_used_is_one_line(client, photo, tmp_path, route, body, q
     }
     answer = client.post(f"/v1/{route}?{query}", content=bodies[body])
     assert answer.status_code == 422, answer.text
-    assert words in answer.json()["error"]
-    assert str(tmp_path) not in answer.json()["error"]
+    assert words in answer.json()["detail"]
+    assert str(tmp_path) not in answer.json()["detail"]
 
 
 def test_a_confidence_of_another_size_is_refused(client, tmp_path):
@@ -125,12 +125,12 @@ def test_a_confidence_of_another_size_is_refused(client, tmp_path):
     }
     answer = client.post("/v1/detail", files=files)
     assert answer.status_code == 422
-    assert "expected the map's size" in answer.json()["error"]
+    assert "expected the map's size" in answer.json()["detail"]
 
 
 def test_a_size_without_detail_is_refused(client, photo):
     answer = client.post("/v1/estimate?size=64", content=photo)
-    assert (answer.status_code, answer.json()["error"]) == (
+    assert (answer.status_code, answer.json()["detail"]) == (
         422,
-        "size: does nothing without detail=plausible; add that, or leave it out",
+        "size: does nothing without detail; send detail plausible; leave out size",
     )

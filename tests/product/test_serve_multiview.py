@@ -116,7 +116,7 @@ def test_poses_are_read_beside_the_event_loop(client, pictures, monkeypatch):
     monkeypatch.setattr("anyprobe.serve.uploads.parse_poses", parse)
     answer = client.post("/v1/fuse", files=parts(pictures))
     assert not loops
-    assert (answer.status_code, answer.json()["error"]) == (422, "seen in a thread")
+    assert (answer.status_code, answer.json()["detail"]) == (422, "seen in a thread")
 
 
 @pytest.mark.parametrize(
@@ -139,7 +139,7 @@ def test_poses_are_read_beside_the_event_loop(client, pictures, monkeypatch):
 def test_what_cannot_be_used_is_named_in_one_line(client, pictures, change, data, word):
     answer = client.post("/v1/fuse", files=change(parts(pictures)) or None, data=data)
     assert answer.status_code == 422, answer.text
-    line = answer.json()["error"]
+    line = answer.json()["detail"]
     assert word in line
     assert "\n" not in line
 

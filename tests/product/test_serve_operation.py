@@ -53,7 +53,7 @@ def test_it_is_alive_from_the_start_and_ready_once_its_processes_are(estimator, 
         app.state.pool.warm()
         assert client.get("/healthz").status_code == 200
         answer = client.get("/readyz")
-        assert (answer.status_code, "start" in answer.json()["error"]) == (503, True)
+        assert (answer.status_code, "start" in answer.json()["detail"]) == (503, True)
         assert answer.headers["Retry-After"]
         go_on.set()
         end = time.monotonic() + 60
@@ -61,7 +61,7 @@ def test_it_is_alive_from_the_start_and_ready_once_its_processes_are(estimator, 
             time.sleep(0.1)
         assert client.get("/readyz").json() == {"status": "ready"}
         app.state.pool.taken = 10**6
-        assert "taken" in client.get("/readyz").json()["error"]
+        assert "taken" in client.get("/readyz").json()["detail"]
         assert client.get("/healthz").status_code == 200
         app.state.pool.taken = 0
 
@@ -73,9 +73,9 @@ def test_what_cannot_start_is_not_ready_and_tries_again(estimator, monkeypatch):
     with TestClient(app) as client:
         app.state.pool.warm()
         end = time.monotonic() + 60
-        while "log" not in (said := client.get("/readyz").json()).get("error", "") and time.monotonic() < end:
+        while "log" not in (said := client.get("/readyz").json()).get("detail", "") and time.monotonic() < end:
             time.sleep(0.1)
-        assert "cannot be started" in said["error"]
+        assert "cannot be started" in said["detail"]
         monkeypatch.setattr(processes, "__name__", name)
         while (status := client.get("/readyz").status_code) != 200 and time.monotonic() < end + 60:
             time.sleep(0.1)
@@ -118,7 +118,7 @@ def test_without_the_library_all_else_works(estimator, photo, monkeypatch):
     with TestClient(create_app(estimator)) as client:
         assert client.post("/v1/mask", content=photo).status_code == 200
         answer = client.get("/metrics")
-        assert (answer.status_code, "prometheus-client" in answer.json()["error"]) == (501, True)
+        assert (answer.status_code, "prometheus-client" in answer.json()["detail"]) == (501, True)
 
 
 # The log

@@ -53,7 +53,7 @@ def as_hdr(radiance: np.ndarray, folder) -> bytes:
 def refusal(answer, status: int = 422) -> str:
     """The one line of an answer that refuses."""
     assert answer.status_code == status, answer.text
-    line = answer.json()["error"]
+    line = answer.json()["detail"]
     assert "\n" not in line
     return line
 
@@ -198,7 +198,7 @@ def test_each_address_answers_with_statuses_that_are_described_for_it():
                     assert answer.status_code == status, (address, answer.text)
                     seen.add(status)
                 if answer.status_code >= 400:
-                    assert set(answer.json()) == {"error"}
+                    assert {"type", "title", "status", "detail", "code"} <= set(answer.json())
     assert seen == {400, 401, 403, 406, 413, 422, 429}
 
 

@@ -89,7 +89,7 @@ def test_one_that_cannot_start_is_500_and_its_reason_is_logged(estimator, photo,
     with TestClient(create_app(estimator)) as client, caplog.at_level(logging.ERROR):
         answer = client.post("/v1/estimate", content=photo)
     assert answer.status_code == 500
-    assert "log" in answer.json()["error"]
+    assert "log" in answer.json()["detail"]
     assert "No module named 'anyprobe.no_such_module'" in caplog.text
 
 

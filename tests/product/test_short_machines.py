@@ -20,6 +20,7 @@ from anyprobe.cli import app
 from anyprobe.errors import InputError, InvalidEnvironment, InvalidPhoto, ModelError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.result import Light
+from anyprobe.estimate.sidecar import Origin
 from anyprobe.files import graphs, paths
 from anyprobe.files.graphs import open_graph
 from anyprobe.masks.networks import default_graph
@@ -227,7 +228,7 @@ def test_other_classes_of_arrays_are_taken_as_arrays(photo_rgba):
 
 @pytest.fixture
 def saved(tmp_path):
-    light = Light(radiance=two_phase(16), info={"photo": "kept.jpg"})
+    light = Light(radiance=two_phase(16), origin=Origin(photo="kept.jpg"))
     path = light.save(tmp_path / "light.exr")
     light.save(tmp_path / "light.json")
     return path

@@ -144,10 +144,10 @@ def test_a_panorama_of_radiance_may_be_unfinished(tmp_path):
     ("source", "says"),
     [
         (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\nabc", "surroundings: bytes: expected 4 whole rows"),
-        (b"\x76\x2f\x31\x01 and no more", "surroundings: bytes: expected an OpenEXR picture"),
+        (b"\x76\x2f\x31\x01 and no more", "surroundings bytes: expected an OpenEXR picture"),
         (np.zeros((64, 64, 3), np.uint8), "twice as wide as high"),
         (np.zeros((64, 128, 4), np.uint8), "not transparent"),
-        ("nowhere.png", "surroundings: nowhere.png"),
+        ("nowhere.png", "surroundings nowhere.png"),
     ],
 )
 def test_what_is_no_panorama_is_refused_in_one_line(source, says):
@@ -312,8 +312,8 @@ def test_surroundings_much_darker_than_the_object_tell_nothing(beside, known):
     dark[~inside] *= np.random.default_rng(0).uniform(0.5, 1.5, dark[~inside].shape)  # else it is one colour
     dark[~inside] *= 0.6 * beside / luminance(dark[~inside]).mean()
     dark = (255 * dark.clip(0, 1)).astype(np.uint8)
-    assert load_photo(dark, mask=mask, fov_deg=FOV_DEG).use_background is known
-    assert load_photo(dark, mask=mask, fov_deg=FOV_DEG, surroundings="photo").use_background
+    assert (load_photo(dark, mask=mask, fov_deg=FOV_DEG).surroundings is not None) is known
+    assert load_photo(dark, mask=mask, fov_deg=FOV_DEG, surroundings="photo").surroundings is not None
 
 
 def test_what_is_seen_goes_on_beside_it_the_more_the_nearer():

@@ -146,7 +146,7 @@ def test_command_reads_poses_and_goes_on_with_the_same_alone(command, work, made
     assert command(*order).status == 0
     assert json.loads((work / "out" / "track.json").read_text())["settings"]["poses"]
     (work / "poses.json").write_text(json.dumps(matrices[::-1]))
-    assert "expected --poses as when" in command(*order).complaint
+    assert "--poses: expected what the run in out was begun with" in command(*order).complaint
     assert "expected one of them" in command(*order, "--insert", "sphere").complaint
 
 
@@ -184,7 +184,7 @@ def test_what_another_version_left_is_one_line(begin, tmp_path, cut):
     begin(tmp_path / "out")(lambda done: None)
     state = tmp_path / "out" / ".state.npz"
     state.write_bytes(state.read_bytes()[:cut])
-    with pytest.raises(InputError, match="another or damaged file; --restart"):
+    with pytest.raises(InputError, match="another or damaged file; restart"):
         begin(tmp_path / "out")
 
 
@@ -296,7 +296,7 @@ def test_finished_run_does_nothing_again(begin, tmp_path):
 
 def test_other_settings_are_refused(begin, tmp_path):
     begin(tmp_path, size=0.8)(lambda done: None)
-    with pytest.raises(InputError, match="expected size as when it was begun"):
+    with pytest.raises(InputError, match="size: expected what the run in"):
         begin(tmp_path, size=0.9)
 
 
@@ -305,8 +305,8 @@ def test_options_that_differ_are_named_as_on_the_command_line(command, work, mad
     order = ("video", made / "clip.mp4", "-o", "out", "-q")
     assert command(*order, "--box", "30,10,100,90", "--fov", 50, "--insert", "sphere").status == 0
     said = command(*order, "--fov", 40, "--albedo", 0.5, "--every", 2).complaint
-    expected = "--every, --box, --fov, --material, --insert"
-    assert f"out: expected {expected} as when it was begun, got another or none" in said
+    expected = "--every and --box and --fov and --material and --insert"
+    assert f"{expected}: expected what the run in out was begun with, got another or none" in said
 
 
 @pytest.mark.usefixtures("networks_opened_once")
@@ -329,7 +329,7 @@ def test_progress_is_said_from_the_first_frame_on(command, work, made, monkeypat
         (("--box", "12,32,700,90"), "box: expected X0,Y0,X1,Y1"),
         (("--box", "12,32"), "--box: expected X0,Y0,X1,Y1"),
         (("--box", "12,32,70,90", "--mask", "."), "expected one of them"),
-        (("--surroundings", "absent.png", "--mask", "."), "surroundings: absent.png"),
+        (("--surroundings", "absent.png", "--mask", "."), "--surroundings absent.png"),
         (("--mask", "."), "no frame gave a light"),
         (("--mask", "absent"), "anyprobe: --mask absent: no such file or folder; check the path"),
         (("--insert", "bunni"), "sphere, vase"),

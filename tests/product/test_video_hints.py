@@ -61,11 +61,11 @@ def test_a_panorama_is_read_once_and_told_to_every_frame_as_to_a_photo(tmp_path,
         write_exr(path, 3 * values[..., :3])
     frame = first_frame(write_clip(tmp_path / "clip.mp4", [sphere_frame(made_map())]))
     masks = write_masks(tmp_path / "masks", 1)
-    expected = load_photo(frame.rgb, mask=masks / "0000.png", surroundings=path).surroundings_map
+    expected = load_photo(frame.rgb, mask=masks / "0000.png", surroundings=path).surroundings.small
     follower = MaskFollower({"mask": masks}, {}, {}, path)
     path.unlink()
     for _ in range(2):
-        np.testing.assert_array_equal(follower.photo(frame).surroundings_map, expected)
+        np.testing.assert_array_equal(follower.photo(frame).surroundings.small, expected)
     assert expected.shape[-1] == (4 if kind == "png" else 5)
 
 
@@ -140,10 +140,10 @@ def test_other_masks_or_another_panorama_under_the_same_name_are_refused(command
     assert command(*order, *given).status == 0
     assert command(*order, *given).status == 0
     Image.fromarray(panorama + np.uint8(20)).save(work / "around.png")
-    assert "expected --surroundings as when" in command(*order, *given).complaint
+    assert "--surroundings: expected what the run in out was begun with" in command(*order, *given).complaint
     Image.fromarray(panorama).save(work / "around.png")
     Image.fromarray(np.roll(sphere_mask(), 1, axis=0)).save(masks / "0001.png")
-    assert "expected --mask as when" in command(*order, *given).complaint
+    assert "--mask: expected what the run in out was begun with" in command(*order, *given).complaint
     Image.fromarray(sphere_mask()).save(masks / "0001.png")
     masks.rename(work / "moved")
     assert command(*order, "--mask", "moved", *given[2:]).status == 0
@@ -159,13 +159,13 @@ def test_another_mesh_or_clip_under_the_same_name_is_refused(command, work):
     order = ("video", "clip.mp4", "-o", "out", "-q", "--mask", "masks", "--insert", "mesh.obj")
     assert command(*order).status == 0
     mesh[0].write_text(mesh[1].replace("v 0 1 0", "v 0 2 0"))
-    assert "expected --insert as when" in command(*order).complaint
+    assert "--insert: expected what the run in out was begun with" in command(*order).complaint
     mesh[0].write_text(mesh[1])
     assert command(*order).status == 0
     data = bytearray(clip.read_bytes())
     data[-1] ^= 1  # in the last box, which says what wrote it
     clip.write_bytes(data)
-    assert "expected the clip as when" in command(*order).complaint
+    assert ": expected what the run in out was begun with" in command(*order).complaint
 
 
 @pytest.mark.usefixtures("networks_opened_once")

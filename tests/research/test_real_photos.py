@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
+from anyprobe.estimate.known import PhotoBackground
 from anyprobe.evaluate.methods import Estimate
 from anyprobe.files.radiance import write_hdr
 from anyprobe.light.dominant_light import find_dominant_light
@@ -121,7 +122,7 @@ class FixedLight:
         self.light, self.seen = replace(find_dominant_light(radiance), direction=direction, error_deg=12.0), []
 
     def from_photo(self, photo):
-        self.seen.append(photo.use_background)
+        self.seen.append(photo.surroundings is not None)
         return self
 
     def dominant_light(self):
@@ -133,7 +134,8 @@ def test_estimators_answer_in_the_camera_s_frame_for_the_object_alone_and_the_wh
     write(folder, LAMP | {"lamp": " ".join(map(str, direction))})
     (photo,) = load_lamps(folder, read_real(folder))
     estimator = FixedLight(direction)
-    angles = lamp_angles(replace(photo, photo=replace(photo.photo, use_background=True)), {}, {"": estimator})
+    shown = replace(photo.photo, surroundings=PhotoBackground())
+    angles = lamp_angles(replace(photo, photo=shown), {}, {"": estimator})
     assert list(angles) == [CONSTANT, ALONE, DEFAULT]
     for way in (ALONE, DEFAULT):
         assert angles[way].deg == pytest.approx(0, abs=1e-3)

@@ -70,7 +70,7 @@ def test_colour_is_of_the_dominant_light_and_sky_is_signed():
 
 
 def test_an_estimate_says_its_own_error(monkeypatch):
-    light = Light(radiance=TRUTH, info={})
+    light = Light(radiance=TRUTH)
     said = replace(light.dominant_light(), error_deg=3.5)
     monkeypatch.setattr(Light, "dominant_light", lambda self: said)
     rows = score(judged(), {"estimate": light, "map": TRUTH})

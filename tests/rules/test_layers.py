@@ -14,8 +14,8 @@ import anyprobe
 SOURCE = Path(anyprobe.__file__).parent
 
 ORDER = (
-    "errors core light scatter given_material render files export detail nets masks hints dataset estimate relight "
-    "video evaluate train serve cli __init__ __main__"
+    "notices errors core light scatter given_material render files export detail nets masks hints dataset estimate "
+    "relight video evaluate train serve cli __init__ __main__"
 ).split()
 """A part may import itself and the parts before it."""
 

@@ -14,6 +14,7 @@ from anyprobe.core.response import inverse_response, response
 from anyprobe.estimate.doubts import ground_doubts
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import ESTIMATED, GIVEN, GUESSED, Ground, estimate_ground
+from anyprobe.estimate.known import KnownNormals, PhotoBackground
 from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.estimate.runtime import EXPECTED, weights_folder
 from anyprobe.given_material import given_material, material_input
@@ -146,7 +147,7 @@ def _given_masks(folder: Path) -> list[dict]:
         read, _ = look_at_given(mask)
         (folder / f"given_{index}.f32").write_bytes(mask.astype("<f4").tobytes())
         (folder / f"given_{index}_read.f32").write_bytes(read.astype("<f4").tobytes())
-    return [{"width": 120, "said": look_at_given(mask)[1]} for mask in cases]
+    return [{"width": 120, "said": [(one.code, one.text) for one in look_at_given(mask)[1]]} for mask in cases]
 
 
 SHAPES = [
@@ -214,7 +215,7 @@ def _ground_doubts() -> list[dict]:
                 "pitch_deg": pitch_deg,
                 "error_deg": error_deg,
                 "source": source,
-                "said": list(ground_doubts(ground, "photo")),
+                "said": [(one.code, one.text) for one in ground_doubts(ground, "photo")],
             }
         )
     return cases
@@ -256,13 +257,13 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
     of_soft = estimator.from_photo(soft)
     answers["radiance_soft"], answers["sh9_soft"] = of_soft.radiance, of_soft.sh9()
     if estimator.models.lifts:
-        with_background = replace(loaded, use_background=True, hidden=None)
+        with_background = replace(loaded, surroundings=PhotoBackground(), hidden=None)
         answers["surroundings"] = crop_object(with_background).surroundings_map.transpose(2, 0, 1)
         lit = estimator.from_photo(with_background)
         answers["radiance_surroundings"], answers["confidence_surroundings"] = lit.radiance, lit.confidence
         for name, pitch_deg in (("auto", None), ("auto_pitch", 35.0)):
             ground = estimate_ground(loaded, pitch_deg=pitch_deg)
-            with_ground = replace(loaded, use_background=True, hidden=None, ground=ground)
+            with_ground = replace(loaded, surroundings=PhotoBackground(), hidden=None, ground=ground)
             answers["context"] = crop_object(with_ground).context.transpose(2, 0, 1)
             lit = estimator.from_photo(with_ground)
             answers[f"ground_{name}"] = [lit.ground.pitch_deg, lit.ground.pitch_error_deg]
@@ -275,7 +276,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         answers["surroundings_transparent"] = cut.surroundings_map.transpose(2, 0, 1)
         answers["radiance_expected"] = estimator.with_settings(emitters=EXPECTED).from_photo(loaded).radiance
         answers["normals"] = _normals(loaded.mask)
-        with_normals = replace(loaded, normals=answers["normals"])
+        with_normals = replace(loaded, normals=KnownNormals(values=answers["normals"]))
         answers["normals_crop"] = crop_object(with_normals).normals.transpose(2, 0, 1)
         answers["radiance_normals"] = estimator.from_photo(with_normals).radiance
         for name, given in GIVEN_MATERIALS.items():
@@ -284,7 +285,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
             crop = crop_object(loaded)
             outputs = estimator.models(crop.image, crop.tan_half, None, None, material)
             answers[f"radiance_{name}"] = rotate(outputs.radiance, crop.camera_from_crop).clip(0.0)
-        answers["uncertainty"] = list(light.info["uncertainty"].values())
+        answers["uncertainty"] = list(light.origin.uncertainty.values())
     rgb, found = photo[..., :3].astype(np.float32) / 255, {}
     for name, hints in HINTS.items():
         finding = find_object(small_network(), rgb, Prompts(**hints))

@@ -65,7 +65,7 @@ export const OWN_FILES = {
 export async function exportTarget(result, target) {
   const body = await encodeExr(result.light.radiance, MAP_HEIGHT);
   const answer = await fetch(new URL(`v1/export/${target}`, document.baseURI), { method: "POST", body });
-  if (!answer.ok) throw new Error((await answer.json()).error);
+  if (!answer.ok) throw new Error((await answer.json()).detail);
   return answer.blob();
 }
 

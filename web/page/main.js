@@ -10,7 +10,7 @@ import { ProbeOpener } from "./probe.js";
 import { LiveSession } from "./live/session.js";
 import { maskFromAlpha, objectBox } from "../src/photo/picture.js";
 import { openPhoto } from "./openPhoto.js";
-import { inPage } from "./inPage.js";
+import { inPage, sentence } from "./words.js";
 import { readExample } from "./example.js";
 import { showQuality } from "./view/maskQuality.js";
 import { askReflections } from "./reflections.js";
@@ -134,7 +134,7 @@ function showAgain() {
 /** The picture's own transparency or the mask network's proposal; null without both: then a click is needed. */
 async function ownMask(picture, isLate) {
   const mask = maskFromAlpha(picture);
-  if (mask) return { mask, quality: null, warnings: [] };
+  if (mask) return { mask, quality: null, notices: [] };
   const probe = await networks.open();
   return probe.hasMask ? findMask(picture, editor.hints, isLate) : null;
 }
@@ -179,10 +179,10 @@ async function estimate(found, hints, isLate) {
   const { picture, longFovDeg } = opened;
   const mask = found?.mask ?? null;
   const box = mask && objectBox(mask, picture.width);
-  if (!box && opened.mask) return stay(found?.warnings[0], isLate);
+  if (!box && opened.mask) return stay(found?.notices[0], isLate);
   editor.show(mask, box ? hints : NO_HINTS);
   showQuality(box ? found : null);
-  if (!box) return showNothing(found?.warnings[0]);
+  if (!box) return showNothing(found?.notices[0]);
   const { seconds, ...kept } = found;
   Object.assign(opened, { mask, box, hints, found: kept, result: null });
   const probe = await networks.open();
@@ -192,10 +192,7 @@ async function estimate(found, hints, isLate) {
   if (isLate()) return;
   opened.result = result;
   showLight();
-  if (found.warnings.length) {
-    return tell(`Estimated. ${inPage(found.warnings[0])} Click on the object below, or draw a box around it.`, "warning");
-  }
-  const [doubt] = result.light.warnings;
+  const [doubt] = [...found.notices, ...result.light.notices];
   if (doubt) return tell(`Estimated, but ${inPage(doubt)}.`, "warning");
   const search = seconds === undefined ? "" : `object found in ${seconds.toFixed(1)} s, `;
   tell(`Estimated: ${search}light in ${result.seconds.toFixed(1)} s. If the outline is wrong, click on the object below, or draw a box around it.`);
@@ -206,7 +203,7 @@ async function stay(why, isLate) {
   const { mask, hints, found, result } = opened;
   if (result) editor.show(mask, hints);
   else await estimate(found, hints, isLate); // its light was on its way
-  if (!isLate()) tell(`${why} The last object and its light stay: click on the object below, or draw a box around it.`, "warning");
+  if (!isLate()) tell(`${sentence(why)} The last object and its light stay: click on the object below, or draw a box around it.`, "warning");
 }
 
 /** Nothing of the last light is left. @param {string} [why] where it was looked for */
@@ -214,7 +211,7 @@ function showNothing(why) {
   Object.assign(opened, NOTHING);
   hideLight();
   const advice = "Click on the object in the picture “Object” below, or draw a box around it.";
-  setStatus(why ? `${why} ${advice}` : advice, why ? "warning" : "");
+  setStatus(why ? `${sentence(why)} ${advice}` : advice, why ? "warning" : "");
 }
 
 /** The picture alone. */
@@ -250,7 +247,7 @@ async function openExample() {
   const mine = ++choice;
   const { picture, mask, longFovDeg, result } = await readExample();
   if (mine !== choice) return;
-  const found = { mask, quality: null, warnings: [] };
+  const found = { mask, quality: null, notices: [] };
   put({ picture, longFovDeg, lensDeg: longFovDeg, name: "example", isExample: true, mask, box: objectBox(mask, picture.width), found, result });
   if (soften.checked) return examine(async () => found);
   setStatus("This is an example. Choose a photo of an object of one material, or use the camera.");

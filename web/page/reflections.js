@@ -28,7 +28,7 @@ export async function askReflections({ radiance, confidence, prefiltered }) {
   }
   const address = new URL(`v1/detail?format=hdr&size=${ROWS}`, document.baseURI);
   const answer = await fetch(address, { method: "POST", body });
-  if (!answer.ok) throw new Error((await answer.json()).error);
+  if (!answer.ok) throw new Error((await answer.json()).detail);
   const found = decodeHdr(new Uint8Array(await answer.arrayBuffer()));
   return { ...found, levels: prefilterSharp(found.radiance, found.height, prefiltered) };
 }

@@ -1,6 +1,7 @@
 /** The light around an object of one material: pictures and videos in, lights out. */
 
 import { AnyProbeError } from "./errors.js";
+import { described } from "./notices.js";
 import { Light } from "./light/light.js";
 import { checkSource } from "./live/frameSource.js";
 import { Tracker } from "./live/tracker.js";
@@ -56,14 +57,15 @@ export class AnyProbe {
   /**
    * Where the object is: numbers in [0, 1] of the picture's size, or of 1600 pixels along its longer side.
    *
-   * @returns {Promise<{mask: Float32Array, width: number, height: number, quality: number | null, warnings: string[],
+   * @returns {Promise<{mask: Float32Array, width: number, height: number, quality: number | null, warnings: string[], notices: import("./notices.js").Notice[],
    *   seconds: number}>} quality: the IoU to expect, null without a mask network; warnings: a line where that is below 0.81
    */
   async mask(image, options = {}) {
     checkNames("mask", options);
     this.#client.check();
     const picture = await readSource(image, options.signal);
-    return { ...(await this.#findMask(picture, options)), width: picture.width, height: picture.height };
+    const found = await this.#findMask(picture, options);
+    return { ...found, ...described(found.warnings), width: picture.width, height: picture.height };
   }
 
   /**
@@ -87,7 +89,8 @@ export class AnyProbe {
     const { mask, quality, warnings } = await this.#maskOf(picture, options);
     const asked = { picture, mask, normals, longFovDeg, options: { surroundings, pitchDeg, emitters, material } };
     const { light } = await this.#client.ask("estimate", asked, signal);
-    return new Light({ ...light, warnings: [...warnings, ...light.warnings], mask: { data: mask, width, height, quality, warnings } });
+    const own = { data: mask, width, height, quality, ...described(warnings) };
+    return new Light({ ...light, warnings: [...warnings, ...light.warnings], mask: own });
   }
 
   /** estimate for a page that shows the networks' stages and three spheres too; a picture in memory and its mask. */

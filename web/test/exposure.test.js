@@ -25,12 +25,12 @@ function pictureOf(share, grey, rest = 128) {
 
 function doubts(share, grey) {
   const { picture, mask } = pictureOf(share, grey);
-  return exposureDoubts(picture, mask);
+  return exposureDoubts(picture, mask).map(({ code, text }) => `${code}: ${text}`);
 }
 
 test("a black and a clipped object are doubtful, and what to do is said", () => {
-  assert.deepEqual(doubts(0.9, 5), ["90% of the object is nearly black; little can be estimated from it; expose longer"]);
-  assert.deepEqual(doubts(0.9, 254), ["90% of the object is clipped; where its light comes from is uncertain; expose shorter"]);
+  assert.deepEqual(doubts(0.9, 5), ["object-dark: 90% of the object is nearly black; little can be estimated from it; expose longer"]);
+  assert.deepEqual(doubts(0.9, 254), ["object-clipped: 90% of the object is clipped; where its light comes from is uncertain; expose shorter"]);
 });
 
 test("others are not, nor is no object", () => {
@@ -43,6 +43,6 @@ test("it is among the warnings of a light", async () => {
   for (const [grey, count] of [[5, 1], [128, 0]]) {
     const { picture, mask } = pictureOf(1, grey);
     const { warnings } = await lightOfObject(models, picture, 65, cropObject(picture, mask, 65), { surroundings: "none" });
-    assert.equal(warnings.filter((line) => line.includes("little can be estimated")).length, count);
+    assert.equal(warnings.filter(({ code }) => code === "object-dark").length, count);
   }
 });

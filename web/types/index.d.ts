@@ -224,10 +224,19 @@ export declare class Light {
   readonly ground: { pitchDeg: number; pitchErrorDeg: number; source: "given" | "estimated" | "guessed" } | null;
   /** What makes it doubtful though nothing failed: of the mask where it was found, of a black or clipped object, of the camera's pitch. */
   readonly warnings: string[];
+  /** The same as data, for pages that put them into their own words. */
+  readonly notices: Notice[];
   /** Of a tracked frame that came with a pose: directions are in the world. */
   readonly isInWorld?: boolean;
   /** Where the object is, as MaskOccluder of anyprobe/three takes it. */
   readonly mask: Mask | null;
+}
+
+/** What is doubtful: its code, a text without the names of options, and the options that mend it. */
+export interface Notice {
+  code: string;
+  text: string;
+  remedy: { do: "give" | "leave out"; name: string; value?: string }[];
 }
 
 /** Numbers in [0, 1], 1 on the object. */
@@ -239,6 +248,7 @@ export interface Mask {
   quality?: number | null;
   /** Of a still picture's. */
   warnings?: string[];
+  notices?: Notice[];
 }
 
 export interface Tracker {
@@ -269,7 +279,7 @@ export declare class AnyProbe {
    * with a line on what looks wrong where that is little, and one where weights.u2netp is missing. seconds: how long the search
    * took, without the opening of a network.
    */
-  mask(image: ImageSource, options?: Hints & Cancellable): Promise<{ mask: Float32Array; width: number; height: number; quality: number | null; warnings: string[]; seconds: number }>;
+  mask(image: ImageSource, options?: Hints & Cancellable): Promise<{ mask: Float32Array; width: number; height: number; quality: number | null; warnings: string[]; notices: Notice[]; seconds: number }>;
   /** The light around the object of one picture, in the frame of its camera. */
   estimate(image: ImageSource, options?: EstimateOptions): Promise<Light>;
   /** The light of every frame of a playing video, a canvas or a camera's track, steady on a still scene. One source at a time. */

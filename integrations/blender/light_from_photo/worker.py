@@ -22,7 +22,7 @@ def main(folder: Path) -> None:
     try:
         found = {"estimate": estimate, "upright": upright, "materials": materials}[order["do"]](order, folder)
     except AnyprobeError as error:
-        found = {"error": in_the_panel(str(error))}
+        found = {"error": in_the_panel(error.notice)}
     except MemoryError:
         found = {"error": "Not enough memory for this photo; make it smaller"}
     answer(folder, found)
@@ -137,23 +137,35 @@ PANEL = {
     "exclude": "a Ctrl-click",
     "box": "a box",
     "mask": "a mask picture",
-    "fov": "the Field of view",
-    "pitch": "the Pitch",
+    "fov_deg": "the Field of view",
+    "pitch_deg": "the Pitch",
     "normals": "a Normal map",
     "material": "the Material",
 }
-"""What the library's arguments are here, by the names of its hints."""
-MARKED = "a click", "a Ctrl-click", "a box"
+"""What the library's arguments are here, by their keywords."""
+MARKED = ("click", "exclude", "box")
+"""Arguments that Mark Object sets."""
 
 
-def in_the_panel(line: str) -> str:
-    """A line of the library, whose advice is for Python, with Blender's."""
-    from anyprobe.hints import renamed
-    from anyprobe.masks.weights import REMEDY
+def in_the_panel(notice) -> str:
+    """Return a notice of the library as one line that names what the panel has."""
+    from anyprobe.notices import Notice, Words
 
-    line = line.replace(f"for a better one {REMEDY}", "look at Object of this photo among the images")
-    said = renamed(line, lambda hint: PANEL.get(hint.name, hint.name))
-    return f"{said} (by Mark Object)" if said != line and any(one in said for one in MARKED) else said
+    class PanelWords(Words):
+        verb = "give"
+
+        def name(self, argument: str) -> str:
+            return PANEL.get(argument, argument)
+
+        def giving(self, argument: str, value: str) -> str:
+            return f"{self.name(argument)} {value}".strip()
+
+        def action(self, name: str) -> str:
+            return "look at Object of this photo among the images"
+
+    line = PanelWords().line(notice)
+    marked = isinstance(notice, Notice) and any(one.do == "give" and one.name in MARKED for one in notice.remedy)
+    return f"{line} (by Mark Object)" if marked else line
 
 
 PANORAMA_ROWS = 1024

@@ -26,7 +26,7 @@ from anyprobe.cli.export import export
 from anyprobe.cli.mask import mask
 from anyprobe.cli.match_folder import match
 from anyprobe.cli.material_list import materials
-from anyprobe.cli.options import line_of
+from anyprobe.cli.options import OPTIONS
 from anyprobe.cli.relight import relight
 from anyprobe.cli.serve import serve
 from anyprobe.cli.train import train, weights
@@ -102,7 +102,7 @@ def main(command: Callable[[], Any] = app) -> None:
         with own_lines():
             command()
     except AnyprobeError as error:
-        print(f"anyprobe: {line_of(error)}", file=sys.stderr)
+        print(f"anyprobe: {OPTIONS.line(error.notice)}", file=sys.stderr)
         sys.exit(2)
     except MemoryError:
         print(f"anyprobe: {NO_MORE.format('memory')}", file=sys.stderr)

@@ -15,9 +15,11 @@ import typer
 from rich.console import Console
 
 from anyprobe import __version__
-from anyprobe.cli.options import MODEL_HELP
+from anyprobe.cli.options import OPTIONS
 from anyprobe.errors import ModelError
 from anyprobe.estimate.runtime import DEFAULT_MODEL
+from anyprobe.estimate.settings import MODEL_HELP
+from anyprobe.notices import FETCH_MASKS
 
 
 def doctor(model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL) -> None:
@@ -96,11 +98,12 @@ def _numbers(version: str) -> tuple[int, ...]:
 
 def mask_network() -> str:
     """Which network finds objects in photos here."""
-    from anyprobe.masks.weights import REMEDY, SHA256, find_weights
+    from anyprobe.masks.weights import SHA256, find_weights
 
     found = find_weights()
     if found is None:
-        return f"masks by the small network alone; for U2-Net-p, which is right far more often, {REMEDY}"
+        advice = OPTIONS.action(FETCH_MASKS)
+        return f"masks by the small network alone; for U2-Net-p, which is right far more often, {advice}"
     return f"masks by U2-Net-p, {found.source}: {found.path} sha256 {SHA256}"
 
 

@@ -19,6 +19,7 @@ from rich.progress import track
 from rich.table import Table
 
 from anyprobe.cli.options import (
+    OPTIONS,
     ColorspaceOption,
     DetailOptions,
     FrameOption,
@@ -26,21 +27,24 @@ from anyprobe.cli.options import (
     ModelOptions,
     ObjectOptions,
     QuietOption,
-    check_names,
     folder_option,
+    refuse_unused,
+    with_bundles,
+)
+from anyprobe.cli.photo_files import (
+    check_names,
     hints_for,
-    line_of,
     list_photos,
+    photo_line,
     photo_name,
     photo_source,
-    refuse_unused,
     result_stem,
-    with_bundles,
 )
 from anyprobe.cli.tables import print_table
 from anyprobe.detail.place_picture import check_panorama_rows
+from anyprobe.detail.plausible import DETAILS
 from anyprobe.errors import AnyprobeError, InputError
-from anyprobe.hints import Hints, said_as
+from anyprobe.hints import Hints
 
 if TYPE_CHECKING:
     from anyprobe.estimate.estimator import Estimator
@@ -88,12 +92,11 @@ def estimate(
     seen, estimated, invented), the estimate's own map <stem>.exr and .hdr, a .json, and a preview <stem>.png."""
     if poses is not None:
         refuse_unused(context, "beside --poses", "detail", "detail_library")
-    with said_as(size="--size"):
-        check_panorama_rows(size)
+    check_panorama_rows(size)
     hints = taken.hints()
     listed = list_photos(photos)
-    detailed = {"size": min(max(size, 64), 512)} if fine.detail != "none" else {}
-    estimator = by.estimator(segmenter=taken.segmenter, **fine.settings(), **detailed)
+    detailed = {"size": min(max(size, 64), 512)} if fine.given.detail != DETAILS[0] else {}
+    estimator = by.estimator(segmenter=taken.finder.segmenter, **fine.settings(), **detailed)
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     shows = len(listed) > 1 and talk.is_terminal
     progress: Any = track(listed, "estimating", console=talk, transient=True, disable=not shows)
@@ -146,11 +149,11 @@ class EstimateCall:
             self._check(path, hints)
             photo = load_photo(photo_source(path), hints, name=photo_name(path), segmenter=self.estimator.segmenter)
             light = self.estimator.from_photo(photo, start)
-            return self._write(path, photo, light, sum(light.info["seconds"].values()))
+            return self._write(path, photo, light, sum((light.origin.seconds or {}).values()))
         except AnyprobeError as error:
-            line = _line(path, error)
+            line = photo_line(path, error)
             if self.as_json:
-                print(json.dumps({"photo": str(path), "error": line}), flush=True)
+                print(json.dumps({"photo": str(path), "error": line, "code": error.code}), flush=True)
             return Done(photo=path, error=line)
 
     def together(self, steps: Iterable[Path], poses: Path) -> Done:
@@ -170,7 +173,7 @@ class EstimateCall:
             try:
                 return load_photo(path, hints, segmenter=self.estimator.segmenter)
             except AnyprobeError as error:
-                raise InputError(_line(path, error)) from error
+                raise InputError(photo_line(path, error), code=error.code) from error
 
         photos = map(load, steps)
         first = next(photos)
@@ -197,7 +200,7 @@ class EstimateCall:
             files = {kind: str(target) for kind, target in written.items()}
             print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
         main, ground = light.dominant_light(), light.ground
-        uncertainty = light.info.get("uncertainty")
+        uncertainty = light.origin.uncertainty
         unsure = None if uncertainty is None else uncertainty.get("level_stops")
         crop = light.stages["photo"]
         pixels = crop[crop[..., 3] > 0.5]
@@ -211,14 +214,6 @@ class EstimateCall:
             seconds=seconds,
             warnings=light.warnings,
         )
-
-
-def _line(path: Path, error: AnyprobeError) -> str:
-    """One line that says which photo an error is of; that of its mask may not."""
-    text = line_of(error)
-    if not text.startswith((f"{path}: ", f"{photo_name(path)}: ")):
-        text = f"{path}: {text}"
-    return " ".join(text.splitlines())  # a name may hold a line break
 
 
 def _report(done: list[Done], talk: Console, out: Path) -> None:
@@ -245,4 +240,4 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
         name = written[0] if len(written) == 1 else "<stem>"
         talk.print(f"results: {out / name}_panorama.exr, _origin.png, .exr, .hdr, .json, .png", soft_wrap=True)
     for warning in dict.fromkeys(line for one in done for line in one.warnings):
-        talk.print(f"warning: {line_of(warning)}", soft_wrap=True)
+        talk.print(f"warning: {OPTIONS.line(warning)}", soft_wrap=True)

@@ -16,10 +16,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from anyprobe.cli.data import Conditions
-from anyprobe.cli.options import MODEL_HELP, folder_option
+from anyprobe.cli.options import folder_option
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES
+from anyprobe.estimate.settings import MODEL_HELP
 
 if TYPE_CHECKING:
     from anyprobe.dataset.asset_store import AssetStore

@@ -9,22 +9,20 @@ from typing import Annotated, Any
 
 import typer
 
-from anyprobe.cli.options import (
-    JsonOption,
-    MaskOptions,
-    QuietOption,
+from anyprobe.cli.options import OPTIONS, JsonOption, MaskOptions, QuietOption, folder_option, with_bundles
+from anyprobe.cli.photo_files import (
     check_names,
-    folder_option,
     hints_for,
-    line_of,
     list_photos,
+    photo_line,
     photo_name,
     photo_source,
     result_stem,
-    with_bundles,
 )
 from anyprobe.errors import AnyprobeError, InputError, InvalidMask
 from anyprobe.hints import Hints
+from anyprobe.masks.segmenters import SegmenterSource
+from anyprobe.notices import give
 
 
 @with_bundles
@@ -55,16 +53,16 @@ def mask(
     failed = False
     for path in listed:
         try:
-            found = _one(path, out, hints_for(path, hints), listed, pointed.segmenter)
+            found = _one(path, out, hints_for(path, hints), listed, pointed.finder.segmenter)
             if as_json:
                 print(json.dumps(found), flush=True)
             elif not quiet:
                 typer.echo(_line(found))
             for warning in [] if quiet else found["warnings"]:
-                print(f"warning: {line_of(warning)}", file=sys.stderr)
+                print(f"warning: {OPTIONS.line(warning)}", file=sys.stderr)
             failed |= pointed.strict and bool(found["warnings"])
         except AnyprobeError as error:
-            print(f"anyprobe: {line_of(error)}", file=sys.stderr)
+            print(f"anyprobe: {photo_line(path, error)}", file=sys.stderr)
             failed = True
     if failed:
         raise typer.Exit(2)
@@ -75,7 +73,7 @@ def _line(found: dict[str, Any]) -> str:
     return f"{found['mask']}: by {found['source']}, {100 * found['share']:.0f} % of the photo{sure}"
 
 
-def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: str | None) -> dict[str, Any]:
+def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: SegmenterSource | None) -> dict[str, Any]:
     """Write one photo's two files; what was found and how, for JSON."""
     from anyprobe.estimate.doubts import scale_doubts
     from anyprobe.estimate.outputs import draw_overlay
@@ -86,7 +84,7 @@ def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: str
     targets = {kind: out / f"{result_stem(path, listed)}_{kind}.png" for kind in ("overlay", "mask")}
     check_names(path, listed, targets.values(), hints.files().values())
     if hints.depth is not None and hints.near is None and hints.far is None:
-        raise InvalidMask("--depth: expected --near or --far with it, where to cut, got neither; add one of them")
+        raise InvalidMask("expected where to cut, got neither", subject="depth", remedy=give("near", "far"))
     pixels = read_image(photo_source(path), photo_name(path), with_depth=is_carried(hints.depth))
     found = find_mask(pixels, **hints.place(), segmenter=segmenter)
     overlay = draw_overlay(pixels.rgb, found.mask, found.prompts.on, found.prompts.off)

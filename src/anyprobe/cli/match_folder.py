@@ -14,21 +14,19 @@ from rich.table import Table
 
 from anyprobe.cli.export import target_names
 from anyprobe.cli.options import (
+    OPTIONS,
     JsonOption,
     ModelOptions,
     ObjectOptions,
     QuietOption,
     folder_option,
-    hints_for,
-    line_of,
-    photo_name,
-    photo_source,
-    result_stem,
     with_bundles,
 )
+from anyprobe.cli.photo_files import hints_for, photo_name, photo_source, result_stem
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe.files.paths import same_file_key
+from anyprobe.notices import Notice, give
 
 if TYPE_CHECKING:
     import numpy as np
@@ -75,7 +73,7 @@ def match(
     if Path(same_file_key(out)).is_relative_to(same_file_key(folder)):
         raise InputError(f"-o {out}: is within the folder of panoramas, which it would add to; choose another")
     hints = hints_for(photo, taken.hints())
-    estimator = by.estimator(segmenter=taken.segmenter)
+    estimator = by.estimator(segmenter=taken.finder.segmenter)
     loaded = load_photo(photo_source(photo), hints, name=photo_name(photo), segmenter=estimator.segmenter)
     light = estimator.from_photo(loaded)
     with talk.status("comparing"):
@@ -84,30 +82,33 @@ def match(
     files = {one.rank: f"{stem}_{one.rank + 1}_{_file_name(one.name)}.exr" for one in chosen}
     warnings = [*light.warnings, *library.warnings]
     if light.pitch_deg is None and (light.shown is None or light.shown.behind is None):
-        warnings.append("the camera's pitch is not known: maps may be tilted; give it with --pitch")
+        text = "the camera's pitch is not known: maps may be tilted"
+        warnings.append(Notice(text, code="pitch-unknown", remedy=give("pitch_deg")))
     older = _older_maps(out, stem, set(files.values()))
     if older:
-        warnings.append(
-            f"{out}: has maps of this photo from earlier matches ({len(older)}, such as {older[0]}); delete them, "
+        text = (
+            f"has maps of this photo from earlier matches ({len(older)}, such as {older[0]}); delete them, "
             "or choose another folder with -o"
         )
+        warnings.append(Notice(text, code="older-results", source=out))
     with atomic_files(out) as scratch, talk.status("writing"):
         for one in chosen:
             one.write(scratch / files[one.rank])
         shown = [(one, one.radiance(256)) for one in chosen]
         apart = stops_apart(shown[0][1], light.radiance)
         if abs(apart) > STOPS_APART:
-            warnings.append(
+            text = (
                 f"the first map lights the object's visible side {apart:+.1f} stops beside the estimate: the object "
                 f"and what is behind it ask for different exposures; look at {stem}_match.png before you take it"
             )
+            warnings.append(Notice(text, code="match-level"))
         warnings += kind_doubts(light.plate, library.lights[chosen[0].index], chosen[0].name)
         write_png(scratch / f"{stem}_match.png", draw_matches(loaded, light, shown))
         said = {
             "photo": loaded.name,
             "folder": str(folder),
             "maps": len(ranked),
-            "warnings": warnings,
+            "warnings": [OPTIONS.line(one) for one in warnings],
             "matches": [one.sidecar() | ({"written": files[one.rank]} if one in chosen else {}) for one in ranked],
         }
         (scratch / f"{stem}_match.json").write_text(json.dumps(said, indent=1) + "\n", encoding="utf-8")
@@ -131,14 +132,14 @@ def match(
     if near > 1:
         talk.print(f"{near} of {len(ranked)} panoramas explain the photo about as well; look at {stem}_match.png")
     for warning in warnings:
-        talk.print(f"warning: {line_of(warning)}", soft_wrap=True)
+        talk.print(f"warning: {OPTIONS.line(warning)}", soft_wrap=True)
     talk.print(f"results: {out / stem}_*", soft_wrap=True)
     if taken.strict and warnings:
         raise typer.Exit(2)
 
 
-def kind_doubts(plate: Plate | None, radiance: np.ndarray, name: str) -> list[str]:
-    """Return a line where a panorama [H, 2H, 3] is outdoors and the photo shows nothing of that, or the other way
+def kind_doubts(plate: Plate | None, radiance: np.ndarray, name: str) -> list[Notice]:
+    """Return a warning where a panorama [H, 2H, 3] is outdoors and the photo shows nothing of that, or the other way
     round."""
     from anyprobe.detail.kind import is_outdoors, shows_outdoors
 
@@ -147,11 +148,12 @@ def kind_doubts(plate: Plate | None, radiance: np.ndarray, name: str) -> list[st
     is_out, shows = is_outdoors(radiance), shows_outdoors(plate)
     if is_out == shows:
         return []
-    if is_out:
-        return [
-            f"{name} looks like a place outdoors, and the photo shows neither sky nor plants; look before you take it"
-        ]
-    return [f"{name} looks like a place indoors, and the photo shows sky or plants; look before you take it"]
+    text = (
+        "looks like a place outdoors, and the photo shows neither sky nor plants; look before you take it"
+        if is_out
+        else "looks like a place indoors, and the photo shows sky or plants; look before you take it"
+    )
+    return [Notice(text, code="match-kind", source=name)]
 
 
 def _older_maps(out: Path, stem: str, new: set[str]) -> list[str]:

@@ -15,24 +15,21 @@ import numpy as np
 import typer
 
 from anyprobe.cli.options import (
+    OPTIONS,
     ColorspaceOption,
     DetailOptions,
     JsonOption,
     ModelOptions,
     ObjectOptions,
     QuietOption,
-    hints_for,
-    line_of,
-    photo_name,
-    photo_source,
     pixels_of,
     refuse_unused,
-    result_stem,
     with_bundles,
 )
-from anyprobe.errors import OutputError
+from anyprobe.cli.photo_files import hints_for, photo_name, photo_source, result_stem
+from anyprobe.errors import OutputError, arguments_named
 from anyprobe.files.paths import same_file_key
-from anyprobe.hints import HINTS, said_as
+from anyprobe.hints import HINTS
 
 if TYPE_CHECKING:
     from anyprobe.estimate.ground import Ground
@@ -59,7 +56,7 @@ OF_ESTIMATES = [
 """Parameters that an estimate alone depends on."""
 PANORAMA_ROWS = 256
 """Of the panorama that an inserted object mirrors."""
-placing = said_as(at="--at", size="--scale", turn_deg="--turn", pitch_deg="--pitch")
+placing = arguments_named(size="scale", turn_deg="turn")
 """Decorates what places an object."""
 SHAPES = "sphere, vase, pebble, block, solid"
 
@@ -84,7 +81,7 @@ class InsertOptions:
         """The pixel of --at; None where it is absent."""
         if self.at is None:
             return None
-        x, y = pixels_of("--at", self.at, 2, "X,Y", "400,380")
+        x, y = pixels_of("at", self.at, 2, "X,Y", "400,380")
         return x, y
 
     def refuse(self, context: typer.Context) -> None:
@@ -98,7 +95,7 @@ class InsertOptions:
         from anyprobe.relight.placement import check_height
         from anyprobe.scatter.materials import material_named
 
-        with said_as(material="--insert-material", object="--insert", mesh=f"--insert {insert}"):
+        with arguments_named(material="insert_material", object="insert", mesh="insert"):
             if self.insert_material != PHOTO_MATERIAL:
                 material_named(self.insert_material, PHOTO_MATERIAL)
             mesh = open_object(insert)
@@ -152,7 +149,7 @@ def relight(
     if strip:
         refuse_unused(context, "beside --strip, which shows all materials", "insert_material")
     material, size, strict = placed.insert_material, placed.scale, taken.strict
-    hints, segmenter = hints_for(photo, taken.hints()), taken.segmenter
+    hints, segmenter = hints_for(photo, taken.hints()), taken.finder.segmenter
     foot, mesh = placed.foot(), placed.mesh(insert)
     out = out or Path("relit") / f"{result_stem(photo, [photo])}_relit.png"
     kind = out.suffix.lower()
@@ -221,7 +218,7 @@ def relight(
     }
     for line in warnings:
         if not silent:
-            print(f"warning: {line_of(line)}", file=sys.stderr)
+            print(f"warning: {OPTIONS.line(line)}", file=sys.stderr)
     if as_json:
         print(json.dumps(summary))
     elif not quiet:
@@ -283,4 +280,4 @@ def _radiance(
 
 def _place(found: Light) -> np.ndarray:
     """What an inserted object mirrors: the place around, in the camera's frame."""
-    return found.radiance if "detail" in found.info else found.panorama(PANORAMA_ROWS, frame="camera").radiance
+    return found.radiance if found.origin.detail is not None else found.panorama(PANORAMA_ROWS, frame="camera").radiance

@@ -13,9 +13,9 @@ from typing import Annotated, Any
 
 import typer
 
-from anyprobe.cli.options import MODEL_HELP
 from anyprobe.errors import InputError, MissingExtra, OutputError
 from anyprobe.estimate.runtime import DEFAULT_MODEL
+from anyprobe.estimate.settings import MODEL_HELP
 from anyprobe.files.cores import usable_cores
 from anyprobe.serve.limits import DRAIN_S, Limits
 

@@ -15,23 +15,20 @@ from rich.console import Console
 from rich.progress import Progress
 
 from anyprobe.cli.options import (
+    OPTIONS,
     DetailOptions,
     JsonOption,
     ModelOptions,
     ObjectOptions,
     QuietOption,
     folder_option,
-    line_of,
-    option_of,
-    said_of_hints,
     with_bundles,
 )
 from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer, placing, progress
-from anyprobe.errors import InputError
-from anyprobe.hints import HINTS
+from anyprobe.errors import InputError, arguments_named
 
-CALLED = {"clip": "the clip", "clip_digest": "the clip", "insert_digest": "--insert", "object_material": "--material"}
-"""Settings of a run that are called otherwise than their option."""
+named_as_options = arguments_named(clip_digest="clip", insert_digest="insert", object_material="material")
+"""Decorates what checks the settings of a run."""
 LINE_S = 5
 """Between two lines of progress where there is no terminal."""
 
@@ -81,8 +78,8 @@ def video(
     object_material = hints.surface()
     folders = {kind: path for kind, path in hints.files().items() if kind in HINT_SUFFIXES}
     first: dict[str, Any] = {key: value for key, value in hints.given() if key in ("click", "exclude", "box")}
-    if taken.segmenter:
-        first["segmenter"] = taken.segmenter
+    if taken.finder.segmenter:
+        first["segmenter"] = taken.finder.segmenter
     foot = placed.foot()
     if poses is not None and name is not None:
         raise InputError("--poses and --insert: expected one of them; relit clips need a camera that stands still")
@@ -103,8 +100,7 @@ def video(
     apart = {*first, *folders, "surroundings", "material", "albedo", "roughness"}
     every_frame = {key: value for key, value in hints.given() if key not in apart}
     check_writable(out / "track.json")
-    with said_of_hints():
-        follower = MaskFollower(folders, first, every_frame, hints.surroundings)
+    follower = MaskFollower(folders, first, every_frame, hints.surroundings)
     with progress("opening the model", quiet):
         estimator, library = by.estimator(), fine.library()
     settings = {
@@ -118,7 +114,7 @@ def video(
         "normals_from": None if taken.normals_from is None else str(taken.normals_from),
         "poses": None if turned is None else digest_of([turned.tobytes()]),
         **follower.content(),
-        "emitters": by.emitters,
+        "emitters": by.settings.emitters,
         "object_material": None if object_material is None else repr(object_material),
         "insert": name,
         "insert_digest": None if given_mesh is None else digest_of([part.tobytes() for part in given_mesh]),
@@ -130,7 +126,7 @@ def video(
     }
     if restart:
         forget_run(out)
-    run = ClipRun(
+    run = named_as_options(ClipRun)(
         header,
         out,
         estimator,
@@ -142,7 +138,6 @@ def video(
         poses=turned,
         material=object_material,
         library=library,
-        called=_called,
     )
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     begun, start = run.progress.next_index, time.monotonic()
@@ -157,13 +152,13 @@ def video(
         raise
     seconds = time.monotonic() - start
     for index, line in outcome.bad:
-        talk.print(f"warning: {_named(index, line_of(line))} (the light before it is kept)", soft_wrap=True)
+        talk.print(f"warning: {_named(index, OPTIONS.line(line))} (the light before it is kept)", soft_wrap=True)
     if outcome.damaged:
         talk.print(f"warning: {clip.name}: {outcome.damaged} damaged pieces left out", soft_wrap=True)
     lent = () if library is None else library.warnings
     warnings = [*header.warnings, *lent, *outcome.notes, *run.place_warnings]
     for line in warnings:
-        talk.print(f"warning: {line_of(line)}", soft_wrap=True)
+        talk.print(f"warning: {OPTIONS.line(line)}", soft_wrap=True)
     summary = {
         "track": str(out / "track.json"),
         "light": str(out / "light.mp4"),
@@ -181,13 +176,6 @@ def video(
     talk.print(f"{out}: {outcome.frames} frames, {len(outcome.bad)} bad{speed}", soft_wrap=True)
     if taken.strict and (warnings or outcome.bad or outcome.damaged):
         raise typer.Exit(2)
-
-
-def _called(setting: str) -> str:
-    """What the user knows a setting of a run by."""
-    if setting in HINTS:
-        return option_of(setting)
-    return CALLED.get(setting, f"--{setting.replace('_', '-')}")
 
 
 def _named(index: int, line: str) -> str:

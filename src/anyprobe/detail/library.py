@@ -125,7 +125,7 @@ def encode(radiance: np.ndarray, name: str = "map") -> bytes:
     bright = luminance(small)
     floor = DARKEST * float((bright * weights).sum() / (4 * np.pi))
     if not 0 < floor < np.inf:
-        raise InputError(f"{name}: expected light, got a black map; take it out of the library")
+        raise InputError("expected light, got a black map; take it out of the library", source=name)
     mean = np.exp(float((np.log(np.maximum(bright, floor)) * weights).sum() / (4 * np.pi)))
     power = np.maximum(small / np.float32(mean), DARKEST) ** EXPONENT
     stream = io.BytesIO()
@@ -157,7 +157,7 @@ def decode() -> np.ndarray:
 def entry_of(name: str, radiance: np.ndarray, digest: str = "") -> Entry:
     """A map [H, 2H, 3] as a library holds it; InputError where it has fewer rows than are compared."""
     if len(radiance) < MATCH_ROWS:
-        raise InputError(f"{name}: expected at least {MATCH_ROWS} rows, got {len(radiance)}; take a larger one")
+        raise InputError(f"expected at least {MATCH_ROWS} rows, got {len(radiance)}; take a larger one", source=name)
     light, level = light_of(radiance)
     return Entry(name, encode(radiance, name), light.astype(np.float16), level, digest)
 
@@ -200,7 +200,7 @@ def pack_library(
             levels.append(one.level)
             digests.append(one.digest)
         if not names:
-            raise InputError("library: expected at least one map, got none; check the folder")
+            raise InputError("expected at least one map, got none; check the folder", subject="library")
         _put_array(file, "features.npy", np.stack(features))
         if len(lights) == len(names):
             _put_array(file, "lights.npy", np.stack(lights))
@@ -251,7 +251,9 @@ def read_library(path: Path, stored: Path | io.BytesIO) -> Library:
     with zipfile.ZipFile(stored) as file:
         index = json.loads(file.read("index.json"))
         if index["version"] not in (_VERSION, OWN_VERSION):
-            raise InputError(f"{path}: expected a library of version {_VERSION}, got {index['version']}; make it anew")
+            raise InputError(
+                f"expected a library of version {_VERSION}, got {index['version']}; make it anew", source=path
+            )
         features = np.load(io.BytesIO(file.read("features.npy"))).astype(np.float32)
         count, lights = len(index["names"]), lights_in(file)
         if lights is None:  # as the pictures have them, whose light sources are cut off
@@ -275,7 +277,9 @@ def read_library(path: Path, stored: Path | io.BytesIO) -> Library:
 def _picture(stored: str | bytes, index: int, digest: str) -> np.ndarray:
     with zipfile.ZipFile(stored if isinstance(stored, str) else io.BytesIO(stored)) as file:
         if digest and json.loads(file.read("index.json"))["digests"][index : index + 1] != [digest]:
-            raise InputError(f"{stored!s}: expected the library as it was opened, got one written anew; open it again")
+            raise InputError(
+                "expected the library as it was opened, got one written anew; open it again", source=stored
+            )
         codes = codes_of(file.read(f"{index}.jpg"))
     codes.setflags(write=False)
     return codes

@@ -57,9 +57,9 @@ def open_library(folder: str | Path | None = None) -> Library:
             return _opened(folder, 0)
         except (KeyError, ValueError, zipfile.BadZipFile) as error:
             expected = "expected a folder of .exr or .hdr maps, got a ZIP archive; unpack it"
-            raise InputError(f"{folder}: {expected}") from error
+            raise InputError(f"{expected}", source=folder) from error
     if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; name one of .exr or .hdr maps")
+        raise InputError("no such folder; name one of .exr or .hdr maps", source=folder)
     stamps = _stamps(folder)
     name = hashlib.sha256(os.path.realpath(folder).encode(errors="surrogateescape")).hexdigest()[:16]
     path = _cache_folder() / f"{name}.zip"
@@ -85,7 +85,7 @@ def _stamps(folder: Path) -> list[tuple[str, int, int]]:
         folders[:] = sorted(one for one in folders if not one.startswith("."))
         found += [Path(place, one) for one in names if one.lower().endswith(_SUFFIXES) and not one.startswith(".")]
         if len(found) > MOST_MAPS:
-            raise InputError(f"{folder}: expected at most {MOST_MAPS} maps, got more; name a folder within it")
+            raise InputError(f"expected at most {MOST_MAPS} maps, got more; name a folder within it", source=folder)
     stamps = []
     for path in found:
         size, changed = 0, 0  # of a link to nowhere
@@ -162,7 +162,9 @@ def _digest(path: Path) -> str:
 def check_unchanged(library: Library, index: int) -> None:
     """InputError where the file of a map has other bytes than when the library read it."""
     if _digest(library.files[index]) != library.digests[index]:
-        raise InputError(f"{library.files[index]}: expected the map that was compared, got another; run match again")
+        raise InputError(
+            "expected the map that was compared, got another; run match again", source=library.files[index]
+        )
 
 
 def _make_room(path: Path) -> None:

@@ -91,7 +91,7 @@ class MatchedMap:
         """
         path = Path(path)
         if path.suffix.lower() != ".exr":
-            raise OutputError(f"{path}: expected .exr, got {path.suffix or 'no suffix'}; name it .exr")
+            raise OutputError(f"expected .exr, got {path.suffix or 'no suffix'}; name it .exr", source=path)
         source = self._source()
         height = len(source)
         is_half = bool((source.max(axis=(0, 1)) * self.gain).max() <= HALF_MAX)
@@ -165,7 +165,7 @@ def rank_maps(
         light_from_camera = light_from_camera @ unrolled.T
     library = folder if isinstance(folder, Library) else open_library(folder)
     if not library.files:
-        raise InputError(f"{library.path}: expected a folder of .exr and .hdr maps, got a library without files")
+        raise InputError("expected a folder of .exr and .hdr maps, got a library without files", source=library.path)
     order: Sequence[int]
     turns: np.ndarray | dict[int, np.ndarray]
     misfits: np.ndarray | dict[int, float]

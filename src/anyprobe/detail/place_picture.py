@@ -86,7 +86,7 @@ class Panorama:
         elif kind == ".png":
             write_png(path, response(self.radiance))
         else:
-            raise OutputError(f"{path}: expected .exr, .hdr or .png, got {kind or 'no suffix'}")
+            raise OutputError(f"expected .exr, .hdr or .png, got {kind or 'no suffix'}", source=path)
         return path
 
     def save_origin(self, path: str | Path) -> Path:
@@ -99,7 +99,7 @@ def check_panorama_rows(size: int) -> None:
     """Raise InputError where a panorama cannot have so many rows."""
     if size not in PANORAMA_SIZES:
         raise InputError(
-            f"size: expected one of {', '.join(map(str, PANORAMA_SIZES))} rows, got {size}; choose another"
+            f"expected one of {', '.join(map(str, PANORAMA_SIZES))} rows, got {size}; choose another", subject="size"
         )
 
 

@@ -25,14 +25,16 @@ ROWS = SIZES[-1]
 def check_detail(detail: str) -> bool:
     """Whether detail is asked for; InputError where the word is none of DETAILS."""
     if detail not in DETAILS:
-        raise InputError(f"detail {detail!r}: expected one of {', '.join(DETAILS)}")
+        raise InputError(f"expected one of {', '.join(DETAILS)}, got {detail!r}", subject="detail")
     return detail != DETAILS[0]
 
 
 def check_rows(rows: int) -> None:
     """InputError where a map with detail cannot have so many rows."""
     if rows not in SIZES:
-        raise InputError(f"size: expected one of {', '.join(map(str, SIZES))} rows, got {rows}; choose another")
+        raise InputError(
+            f"expected one of {', '.join(map(str, SIZES))} rows, got {rows}; choose another", subject="size"
+        )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -77,11 +79,12 @@ def add_detail(
     """
     check_rows(rows)
     if seed < 0:
-        raise InputError(f"seed: expected 0 or more, got {seed}; 0 takes the best match")
+        raise InputError(f"expected 0 or more, got {seed}; 0 takes the best match", subject="seed")
     radiance = check_radiance(radiance, "estimate")
     if len(radiance) < MAP_HEIGHT:
         raise InputError(
-            f"estimate: expected at least {MAP_HEIGHT} rows, got {len(radiance)}; take the map as it was estimated"
+            f"expected at least {MAP_HEIGHT} rows, got {len(radiance)}; take the map as it was estimated",
+            subject="estimate",
         )
     library = library if isinstance(library, Library) else open_library(library)
     known = {} if pitch_deg is None else {"pitches_deg": (pitch_deg,)}

@@ -10,6 +10,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
 from anyprobe.estimate.ground import ESTIMATED, GIVEN_ERROR_DEG, USUAL_ERROR_DEG, USUAL_PITCH_DEG, Ground, up_of
 from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.notices import Notice, give
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -32,7 +33,7 @@ DIRECTIONAL = 0.25
 """Share of light from one side from which on its direction matters."""
 
 
-def scale_doubts(radiance: Float[np.ndarray, "H W 3"] | None, name: str) -> tuple[str, ...]:
+def scale_doubts(radiance: Float[np.ndarray, "H W 3"] | None, name: str) -> tuple[Notice, ...]:
     """Of a photo of linear radiance, most of which is above white: its unit may be another."""
     if radiance is None:
         return ()
@@ -42,52 +43,54 @@ def scale_doubts(radiance: Float[np.ndarray, "H W 3"] | None, name: str) -> tupl
     if white < _WHITE_SHARE:
         return ()
     times = _MIDDLE / float(np.median(levels))
-    return (f"{name}: {white:.0%} of the photo is above 1, which is white; multiply its radiance by {times:.2g}",)
+    text = f"{white:.0%} of the photo is above 1, which is white; multiply its radiance by {times:.2g}"
+    return (Notice(text, code="above-white", source=name),)
 
 
 def exposure_doubts(
     rgb: Float[np.ndarray, "N 3"], name: str, radiance: Float[np.ndarray, "N 3"] | None = None
-) -> tuple[str, ...]:
+) -> tuple[Notice, ...]:
     """Of an object's pixels [N, 3] that are mostly black, or clipped in a large part; radiance: theirs, if known."""
     dark = float((luminance(rgb) <= _DARK).mean())
     if dark >= DARK_SHARE:
         advice = "expose longer, or multiply a file of radiance"
-        return (f"{name}: {dark:.0%} of the object is nearly black; little can be estimated from it; {advice}",)
+        text = f"{dark:.0%} of the object is nearly black; little can be estimated from it; {advice}"
+        return (Notice(text, code="object-dark", source=name),)
     clipped = float(np.logical_and.reduce((rgb >= _CLIPPED).T).mean())
     if clipped < _CLIPPED_SHARE:
         return ()
     advice = "expose shorter"
     if radiance is not None:
         advice = f"multiply its radiance by {_MIDDLE / np.median(luminance(radiance)):.2g}, so that white is 1"
-    return (f"{name}: {clipped:.0%} of the object is clipped; where its light comes from is uncertain; {advice}",)
+    text = f"{clipped:.0%} of the object is clipped; where its light comes from is uncertain; {advice}"
+    return (Notice(text, code="object-clipped", source=name),)
 
 
-def backdrop_doubts(name: str) -> tuple[str, ...]:
+def backdrop_doubts(name: str) -> tuple[Notice, ...]:
     """Of an object before one colour, which may be a cut-out's or a studio's."""
-    return (
-        f"{name}: what is behind the object is of one colour, so it and the ground are not used; "
-        "pass surroundings=photo if that is a real backdrop",
-    )
+    text = "what is behind the object is of one colour and taken for a cut-out's; a real backdrop must be asked for"
+    return (Notice(text, code="plain-backdrop", source=name, remedy=give(surroundings="photo")),)
 
 
-def ground_doubts(ground: Ground | None, name: str) -> tuple[str, ...]:
+def ground_doubts(ground: Ground | None, name: str) -> tuple[Notice, ...]:
     """Of a guessed pitch that the object's place in the photo contradicts, and of one that is estimated badly."""
     if ground is not None and ground.source == ESTIMATED and ground.pitch_error_deg > UNSURE_DEG:
-        return (
-            f"{name}: the camera seems to look {ground.pitch_deg:.0f} degrees down, give or take "
-            f"{ground.pitch_error_deg:.0f}; give the pitch",
+        text = (
+            f"the camera seems to look {ground.pitch_deg:.0f} degrees down, give or take {ground.pitch_error_deg:.0f}"
         )
+        return (Notice(text, code="pitch-unsure", source=name, remedy=give("pitch_deg")),)
     if ground is None or not ground.is_doubtful:
         return ()
-    return (
-        f"{name}: the object stands so high in the photo that the ground was guessed from that alone, of a camera "
-        f"that looks {ground.pitch_deg:.0f} degrees down; give the pitch",
+    text = (
+        "the object stands so high in the photo that the ground was guessed from that alone, of a camera "
+        f"that looks {ground.pitch_deg:.0f} degrees down"
     )
+    return (Notice(text, code="ground-guessed", source=name, remedy=give("pitch_deg")),)
 
 
 def light_doubts(
     radiance: Float[np.ndarray, "H 2*H 3"], ground: Ground | None, pitch_deg: float | None, name: str
-) -> tuple[str, ...]:
+) -> tuple[Notice, ...]:
     """Of a dominant light from below the horizon, in the camera's frame.
 
     ground: None for a cut-out, of which pitch_deg may be given.
@@ -101,7 +104,8 @@ def light_doubts(
     below = -float(np.degrees(np.arcsin(np.clip(main.direction @ up, -1.0, 1.0))))
     if below < BELOW_DEG + error or main.directionality < DIRECTIONAL:
         return ()
-    return (
-        f"{name}: the dominant light comes from {below:.0f} degrees below the horizon, which is rare; "
-        "check the mask and the exposure, or give the pitch",
+    text = (
+        f"the dominant light comes from {below:.0f} degrees below the horizon, which is rare; "
+        "check the mask and the exposure"
     )
+    return (Notice(text, code="light-below", source=name, remedy=give("pitch_deg")),)

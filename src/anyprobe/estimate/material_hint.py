@@ -220,7 +220,7 @@ def use_material(
         how = {"material": done, "measured": True, "above_white": mirrored is not None}
         return outputs.with_map(radiance, confidence), how
     if outputs.normals is None:
-        raise InputError("material: expected a model that estimates normals, got one that does not; use lift")
+        raise InputError("expected a model that estimates normals, got one that does not; use lift", subject="material")
     gain = fit_gain(outputs.radiance, image, outputs.normals, tan_half, material) ** TRUST
     return outputs.with_map(outputs.radiance * gain, outputs.confidence), {"material": done, "gain": _list(gain)}
 

@@ -15,6 +15,7 @@ from anyprobe.estimate.normals_hint import sphere_of_outline
 from anyprobe.estimate.photo import Photo
 from anyprobe.light.harmonics import sh_basis
 from anyprobe.masks.check import object_box
+from anyprobe.notices import Notice, give
 
 ROUND = 0.95
 """Overlap of a mask with a circle from which on it may be a ball's."""
@@ -36,12 +37,13 @@ CHROME = "chrome"
 """The material that a recognised ball is taken for."""
 
 
-def said_of_ball(name: str) -> str:
-    """Return the line that says what was done."""
-    return (
-        f"{name}: the object is round and shows its surroundings, so it was unwrapped as a mirror ball of chrome; "
-        "if it is none, pass material="
+def said_of_ball(name: str) -> Notice:
+    """Return the warning that says what was done."""
+    text = (
+        "the object is round and shows its surroundings, so it was unwrapped as a mirror ball of chrome, which it may "
+        "not be"
     )
+    return Notice(text, code="mirror-ball", source=name, remedy=give("material"))
 
 
 def is_mirror_ball(photo: Photo, metal: float) -> bool:

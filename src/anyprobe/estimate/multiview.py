@@ -16,9 +16,10 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
 from anyprobe.estimate.photo import Crop, Photo
 from anyprobe.estimate.result import Light
-from anyprobe.estimate.sidecar import Info
+from anyprobe.estimate.sidecar import Origin
 from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.temporal import OFFSET
+from anyprobe.notices import Notice
 from anyprobe.scatter.materials import Material
 
 if TYPE_CHECKING:
@@ -82,7 +83,11 @@ SURE = 2.0
 """The power of its confidence that a map counts with, pixel by pixel; chosen on assets that no weights learned from."""
 _LEAST = 1e-4
 """Weight of a pixel of which a map says nothing."""
-NOT_GIVEN = "exposure: expected photos that all say theirs (EXIF), got some that do not; taken to be the same for all"
+NOT_GIVEN = Notice(
+    "expected photos that all say theirs (EXIF), got some that do not; taken to be the same for all",
+    code="exposure-unknown",
+    subject="exposure",
+)
 
 
 def cut_photos(photos: Iterable[Photo], start: float | None = None) -> tuple[list[tuple[Photo, Crop]], list[float]]:
@@ -94,7 +99,9 @@ def cut_photos(photos: Iterable[Photo], start: float | None = None) -> tuple[lis
     taken, spent = [], []
     for k, photo in enumerate(photos):  # which may be loaded only now, one after another
         if not isinstance(photo, Photo):
-            raise InputError(f"photos: expected what load_photo returns, got {type(photo).__name__}; load each first")
+            raise InputError(
+                f"expected what load_photo returns, got {type(photo).__name__}; load each first", subject="photos"
+            )
         taken.append((photo.without_pixels(), cut_out(photo, first=k == 0)))
         spent.append(time.perf_counter() - start)
         start += spent[-1]
@@ -156,7 +163,7 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
         InputError: no light, not as many poses as lights, or a pose that is no rotation.
     """
     turns, first = _turns(len(lights), world_from_camera), lights[0]
-    gains, given = _gains([light.info.get("exposure") for light in lights])
+    gains, given = _gains([light.origin.exposure for light in lights])
     turned = [first] + [light.rotate(turn) for light, turn in zip(lights[1:], turns[1:], strict=True)]
     maps = np.stack([light.radiance * np.float32(gain) for light, gain in zip(turned, gains, strict=True)])
     sure = np.stack([np.ones(maps.shape[1:3]) if one.confidence is None else one.confidence for one in turned])
@@ -171,17 +178,17 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
         well_exposed_fraction=float(np.mean([light.well_exposed_fraction for light in lights])),
         warnings=tuple(dict.fromkeys(notes)),
         find_shown=first.find_shown if len(lights) == 1 else None,
-        info=_fused_info(lights),
+        origin=_fused_origin(lights),
     )
 
 
 def _turns(count: int, world_from_camera: Sequence[np.ndarray] | np.ndarray) -> list[np.ndarray]:
     """first_from_camera [3, 3] of each photo."""
     if not count or count != len(world_from_camera):
-        raise InputError(f"poses: expected one a light, got {len(world_from_camera)} for {count} lights")
+        raise InputError(f"expected one a light, got {len(world_from_camera)} for {count} lights", subject="poses")
     for number, pose in enumerate(world_from_camera, start=1):
         if not is_rotation(np.asarray(pose)):
-            raise InputError(f"poses: expected rotations [3, 3], got another matrix for photo {number}")
+            raise InputError(f"expected rotations [3, 3], got another matrix for photo {number}", subject="poses")
     return [np.asarray(world_from_camera[0]).T @ np.asarray(pose) for pose in world_from_camera]
 
 
@@ -193,10 +200,8 @@ def _gains(exposures: list[float | None]) -> tuple[list[float], bool]:
     return [given[0] / one for one in given], True
 
 
-def _fused_info(lights: Sequence[Light]) -> Info:
-    """The first photo's, the names of all, and the seconds of all, step by step."""
-    info: Info = {**lights[0].info, "fused": [light.info.get("photo") for light in lights]}
-    given = [light.info["seconds"] for light in lights if "seconds" in light.info]
-    if given:
-        info["seconds"] = {step: round(sum(one[step] for one in given), 4) for step in given[0]}
-    return info
+def _fused_origin(lights: Sequence[Light]) -> Origin:
+    """Return the first photo's origin, with the names of all and the seconds of all, step by step."""
+    given = [light.origin.seconds for light in lights if light.origin.seconds]
+    seconds = {step: round(sum(one[step] for one in given), 4) for step in given[0]} if given else None
+    return replace(lights[0].origin, fused=[light.origin.photo for light in lights], seconds=seconds)

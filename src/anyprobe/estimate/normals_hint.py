@@ -59,8 +59,9 @@ def normals_from_outline(mask: Float[np.ndarray, "H W"], long_fov_deg: float) ->
     normals, overlap = sphere_of_outline(mask, long_fov_deg)
     if overlap < ROUND:
         raise InputError(
-            f"normals: expected a sphere, got a mask that shares {overlap:.0%} with the nearest circle; "
-            "mask the sphere alone and whole, or give its normals"
+            f"expected a sphere, got a mask that shares {overlap:.0%} with the nearest circle; "
+            "mask the sphere alone and whole, or give its normals",
+            subject="normals",
         )
     return normals
 
@@ -156,28 +157,33 @@ def read_normals(source: NormalsSource, shape: tuple[int, int]) -> Float[np.ndar
     values, name, from_picture = _read(source)
     if values.shape != (*shape, 3):
         raise InputError(
-            f"{name}: expected normals of the photo's size {shape[1]} x {shape[0]}, three a pixel, got "
-            f"shape {values.shape}; render them through the photo's camera"
+            f"expected normals of the photo's size {shape[1]} x {shape[0]}, three a pixel, got "
+            f"shape {values.shape}; render them through the photo's camera",
+            source=name,
         )
     values = np.where(np.isfinite(values), values, 0.0).astype(np.float32)
     length = np.linalg.norm(values, axis=-1, keepdims=True)
     known = length > SHORTEST
     if not known.any():
-        raise InputError(f"{name}: expected unit normals where the object is, found none; a picture holds (n + 1) / 2")
+        raise InputError(
+            "expected unit normals where the object is, found none; a picture holds (n + 1) / 2", source=name
+        )
     is_unit = (np.abs(length[known] - 1.0) < NEAR_UNIT).mean() >= UNIT_SHARE
     if not (is_unit or from_picture) and (values >= 0.0).all():
         raise InputError(
-            f"{name}: expected unit vectors in floats, got values of a picture, (n + 1) / 2; pass 2 * values - 1"
+            "expected unit vectors in floats, got values of a picture, (n + 1) / 2; pass 2 * values - 1", source=name
         )
     if from_picture and not is_unit:
         raise InputError(
-            f"{name}: expected a picture of (n + 1) / 2, got one most of whose vectors are far from unit length, as a "
-            "photo's are; pass a normal map, or sphere"
+            "expected a picture of (n + 1) / 2, got one most of whose vectors are far from unit length, as a "
+            "photo's are; pass a normal map, or sphere",
+            source=name,
         )
     if (values[known[..., 0], 2] > 0).mean() < FACING:
         raise InputError(
-            f"{name}: expected normals towards the camera (+X right, +Y up, +Z to it), most look away; "
-            "flip Y and Z if they come from OpenCV, turn them if they are the world's"
+            "expected normals towards the camera (+X right, +Y up, +Z to it), most look away; "
+            "flip Y and Z if they come from OpenCV, turn them if they are the world's",
+            source=name,
         )
     return np.where(known, values / np.maximum(length, SHORTEST), 0.0)
 
@@ -188,25 +194,27 @@ def _read(source: NormalsSource) -> tuple[np.ndarray, str, bool]:
         return _decoded(source, "normals")
     if isinstance(source, bytes):
         if source.startswith(EXR_MAGIC):
-            raise InputError("normals: expected a PNG picture of (n + 1) / 2, got an .exr; send it as 16-bit PNG")
+            raise InputError(
+                "expected a PNG picture of (n + 1) / 2, got an .exr; send it as 16-bit PNG", subject="normals"
+            )
         return _decoded(source, "normals")
     path = Path(source)
     if not path.is_file():
-        raise InputError(f"{path}: no such file; check the path to the normal map")
+        raise InputError("no such file; check the path to the normal map", source=path)
     if path.suffix.lower() == ".npy":
         try:
             with open_regular(path, InputError) as stream:
                 values = np.load(stream, allow_pickle=False)
         except Exception as error:  # its headers are parsed as Python, which fails in every way
-            raise InputError(f"{path.name}: expected an array in a .npy file, got a damaged one") from error
+            raise InputError("expected an array in a .npy file, got a damaged one", source=path.name) from error
         if not isinstance(values, np.ndarray):
-            raise InputError(f"{path.name}: expected one array in a .npy file, got an .npz of several")
+            raise InputError("expected one array in a .npy file, got an .npz of several", source=path.name)
         return _decoded(values, path.name)
     try:
         with path.open("rb") as stream:
             is_exr = stream.read(len(EXR_MAGIC)) == EXR_MAGIC
     except OSError as error:
-        raise InputError(f"{path}: expected a normal map that can be read, got {error.strerror}") from error
+        raise InputError(f"expected a normal map that can be read, got {error.strerror}", source=path) from error
     if is_exr:
         return read_exr(path, path.name, InputError, MAX_PIXELS)[..., :3], path.name, False
     return _decoded(path, path.name)

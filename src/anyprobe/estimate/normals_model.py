@@ -73,7 +73,7 @@ def open_normals_model(path: Path, threads: int | None = None) -> NormalsEstimat
     spec = _read_spec(path.with_suffix(".json"))
     frame = spec.frame()
     if not path.is_file():
-        raise InputError(f"{path}: no such file; check the path to the ONNX graph")
+        raise InputError("no such file; check the path to the ONNX graph", source=path)
     session = open_graph(path, threads)
     height, width = (spec.size, spec.size) if isinstance(spec.size, int) else spec.size
     wanted = {one.name: one for one in session.get_inputs()}
@@ -83,8 +83,9 @@ def open_normals_model(path: Path, threads: int | None = None) -> NormalsEstimat
     missing = [one for one in wanted if one != name and one not in spec.inputs]
     if name not in wanted or output not in outputs or missing:
         raise ModelError(
-            f"{path.name}: expected a graph with input {name} and output {output}, and a spec that gives all other "
-            f"inputs, got {', '.join(wanted)} and {', '.join(outputs)}; mend {path.with_suffix('.json').name}"
+            f"expected a graph with input {name} and output {output}, and a spec that gives all other "
+            f"inputs, got {', '.join(wanted)} and {', '.join(outputs)}; mend {path.with_suffix('.json').name}",
+            source=path.name,
         )
     dtypes = {"tensor(int64)": np.int64, "tensor(float16)": np.float16}
     others = {one: np.asarray(value, dtypes.get(wanted[one].type, np.float32)) for one, value in spec.inputs.items()}
@@ -97,13 +98,13 @@ def open_normals_model(path: Path, threads: int | None = None) -> NormalsEstimat
             values = np.asarray(session.run([output], given)[0], np.float32)
         except Exception as error:  # the runtime has no common base class for its errors
             text = " ".join(str(error).split())[:80]
-            raise ModelError(f"{path.name}: expected to take 1 x 3 x {height} x {width}, got: {text}") from error
+            raise ModelError(f"expected to take 1 x 3 x {height} x {width}, got: {text}", source=path.name) from error
         values = values[0] if values.ndim == 4 else values
         answer = values.shape
         if values.ndim == 3:
             values = values[:3].transpose(1, 2, 0) if answer[0] in (3, 4) else values[..., :3]
         if values.ndim != 3 or values.shape[-1] != 3:
-            raise ModelError(f"{path.name}: expected three numbers a pixel, got shape {answer}")
+            raise ModelError(f"expected three numbers a pixel, got shape {answer}", source=path.name)
         return (2.0 * values - 1.0 if spec.encoding == "picture" else values) @ frame.T
 
     return estimate
@@ -111,7 +112,9 @@ def open_normals_model(path: Path, threads: int | None = None) -> NormalsEstimat
 
 def _read_spec(path: Path) -> NormalsSpec:
     if not path.is_file():
-        raise InputError(f"{path}: expected a spec beside the graph, found none; see docs/how-to/inputs.md")
+        raise InputError(
+            "expected a spec beside the graph, found none; see docs/how-to/inputs.md for what it holds", source=path
+        )
     try:
         values = json.loads(path.read_bytes())  # of any Unicode
         known = {one.name for one in fields(NormalsSpec)}
@@ -125,7 +128,7 @@ def _read_spec(path: Path) -> NormalsSpec:
         if spec.encoding not in ("vector", "picture"):
             raise ValueError("encoding vector or picture")
     except (ValueError, TypeError) as error:
-        raise InputError(f"{path}: expected a spec with {' '.join(str(error).split())[:120]}") from error
+        raise InputError(f"expected a spec with {' '.join(str(error).split())[:120]}", source=path) from error
     return spec
 
 
@@ -152,7 +155,7 @@ def estimated_normals(
     window = np.ascontiguousarray(rgb[rows, columns], np.float32)
     answer = np.asarray(estimator(window), np.float32)
     if answer.ndim != 3 or answer.shape[-1] != 3:
-        raise InputError(f"normals: expected an estimator that answers [h, w, 3], got shape {answer.shape}")
+        raise InputError(f"expected an estimator that answers [h, w, 3], got shape {answer.shape}", subject="normals")
     center = (columns.start + columns.stop) / 2, (rows.start + rows.stop) / 2
     values = _resized(answer, *window.shape[:2]) @ _turn(center, mask.shape, long_fov_deg).T
     length = np.linalg.norm(values, axis=-1, keepdims=True)
@@ -183,8 +186,9 @@ def _check_outline(normals: np.ndarray, inside: np.ndarray, rim_px: float) -> No
     facing = float(normals[inside][:, 2].mean())
     if lean < OUTWARD or facing < 0.0:
         raise InputError(
-            "normals: expected an estimator's in the camera's frame (+X right, +Y up, +Z towards it), got some that "
-            f"lean outwards by {lean:.2f} at the outline and face the camera by {facing:.2f}; mend the axes"
+            "expected an estimator's in the camera's frame (+X right, +Y up, +Z towards it), got some that "
+            f"lean outwards by {lean:.2f} at the outline and face the camera by {facing:.2f}; mend the axes",
+            subject="normals",
         )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.response import response
+from anyprobe.estimate.known import GivenPanorama
 from anyprobe.estimate.photo import Crop, Photo, crop_object
 from anyprobe.estimate.runtime import PHOTO_SIZE
 from anyprobe.estimate.surroundings import CLIPPED, LEAST_COVER, over, radiance_of, surroundings_of
@@ -32,7 +33,8 @@ DIFFER = 0.12
 
 def cut_out(photo: Photo, *, first: bool) -> Crop:
     """The crop of one photo of several; surroundings from a file are of the first one's frame alone."""
-    return crop_object(photo if first else replace(photo, surroundings_map=None), PHOTO_SIZE)
+    is_foreign = not first and isinstance(photo.surroundings, GivenPanorama)
+    return crop_object(replace(photo, surroundings=None) if is_foreign else photo, PHOTO_SIZE)
 
 
 def window(surroundings_map: np.ndarray, world_from_crop: Float[np.ndarray, "3 3"], gain: float = 1.0) -> np.ndarray:

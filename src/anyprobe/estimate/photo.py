@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Unpack
+from typing import Never
 
 import numpy as np
 
@@ -12,40 +13,30 @@ from anyprobe.core.frames import turn_towards
 from anyprobe.detail.match import seen_in_photo
 from anyprobe.detail.plate import Plate, keep_plate
 from anyprobe.errors import InputError, InvalidMask
-from anyprobe.estimate.depth_normals import normals_from_depth
 from anyprobe.estimate.doubts import backdrop_doubts, exposure_doubts, scale_doubts
 from anyprobe.estimate.ground import NOTED, Ground, estimate_ground
-from anyprobe.estimate.normals_hint import SHORTEST, normals_from_outline, read_normals
-from anyprobe.estimate.normals_model import estimated_normals
+from anyprobe.estimate.known import GivenPanorama, KnownNormals, PhotoBackground, asked_surroundings, find_normals
+from anyprobe.estimate.normals_hint import SHORTEST
 from anyprobe.estimate.runtime import NORMALS_SIZE
 from anyprobe.estimate.surroundings import (
     at_rows,
     hides_backdrop,
     is_cut_out,
     is_dark_beside,
-    read_panorama,
     turned,
     visible_surroundings,
 )
 from anyprobe.estimate.window import sample_window
 from anyprobe.files.images import ImageSource, Pixels, read_image
-from anyprobe.hints import (
-    AUTO,
-    NONE,
-    PHOTO,
-    SPHERE,
-    Hints,
-    HintsDict,
-    NormalsEstimator,
-    NormalsSource,
-    as_hints,
-    spread,
-)
+from anyprobe.given_material import Albedo
+from anyprobe.hints import Hints, NormalsEstimator, NormalsSource, SurroundingsSource, check_keywords, combine
 from anyprobe.masks.check import object_box
-from anyprobe.masks.depth import DepthSource, chosen_depth, is_carried
+from anyprobe.masks.depth import DepthSource, is_carried
 from anyprobe.masks.find import find_mask
+from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.segmenters import SegmenterSource
-from anyprobe.masks.sources import mask_from_alpha
+from anyprobe.masks.sources import MaskSource, mask_from_alpha
+from anyprobe.notices import Notice, as_notice, leave_out
 from anyprobe.scatter.materials import Material
 
 DEFAULT_LONG_FOV_DEG: float = contract("lens")["default_long_fov_deg"]
@@ -72,17 +63,12 @@ class Photo:
         long_fov_deg: field of view of the longer side.
         fov_source: "given", "exif" or "default".
         name: what messages call it.
-        warnings: one line each, for the user.
+        warnings: what is doubtful, for the user.
         mask_source: how the object was found, see masks.find.FoundMask.
         mask_confidence: of the mask network, in [0, 1]; None where it was not asked.
-        normals: [H, W, 3] known ones in the camera's frame, unit or zero; None where none were given.
-        normals_from_depth: whether they came of a depth image.
-        use_background: whether what the photo shows beside the object is known of the map.
-        asked_background: whether that was asked for, so that it is refused where it cannot be.
+        normals: the object's; None where they are not known.
+        surroundings: what is known of the map besides: the photo's own background, a panorama, or None: nothing.
         ground: given or guessed; None where the object is cut out, or something else was asked.
-        surroundings_map: [64, 128, 4 or 5] what a file says of the map, in the camera's frame, see
-            estimate.surroundings; None where there was none.
-        panorama: the same at its own rows, 512 at most.
         exposure: how much light it took, see files.images.Pixels; None where nothing says so.
         radiance: [H, W, 3] linear, above white too, see files.images.Pixels; None where display values say all.
         pitch_deg: how far the camera looks down; None where it is not given.
@@ -95,16 +81,12 @@ class Photo:
     long_fov_deg: float
     fov_source: str
     name: str
-    warnings: tuple[str, ...]
+    warnings: tuple[Notice, ...]
     mask_source: str = "mask"
     mask_confidence: float | None = None
-    normals: np.ndarray | None = None
-    normals_from_depth: bool = False
-    use_background: bool = False
-    asked_background: bool = False
+    normals: KnownNormals | None = None
+    surroundings: PhotoBackground | GivenPanorama | None = None
     ground: Ground | None = None
-    surroundings_map: np.ndarray | None = None
-    panorama: np.ndarray | None = None
     exposure: float | None = None
     radiance: np.ndarray | None = None
     pitch_deg: float | None = None
@@ -113,10 +95,11 @@ class Photo:
 
     def seen(self, rows: int) -> np.ndarray | None:
         """What is known of the map, [rows, 2 rows, 4 or 5], for one with detail (detail.blend); None: nothing."""
-        if self.use_background:
+        if isinstance(self.surroundings, PhotoBackground):
             beside = self.mask if self.hidden is None else np.maximum(self.mask, self.hidden)
             return seen_in_photo(self.rgb, beside, self.long_fov_deg, rows, self.radiance)
-        return None if self.panorama is None else at_rows(self.panorama, rows)
+        panorama = self.surroundings.full if isinstance(self.surroundings, GivenPanorama) else None
+        return None if panorama is None else at_rows(panorama, rows)
 
     def plate(self) -> Plate | None:
         """Return what it shows beside its object, small enough to keep; None: nothing."""
@@ -125,8 +108,10 @@ class Photo:
     def without_pixels(self) -> Photo:
         """What is known of it, for when its object is cut out already: photos are large."""
         rgb, mask = self.rgb[:0].copy(), self.mask[:0].copy()  # views would hold all of them
-        bare = replace(self, rgb=rgb, mask=mask, normals=None, radiance=None, hidden=None)
-        return replace(bare, surroundings_map=None, panorama=None)
+        normals = self.normals and replace(self.normals, values=self.normals.values[:0].copy())
+        surroundings = None if isinstance(self.surroundings, GivenPanorama) else self.surroundings
+        bare = replace(self, rgb=rgb, mask=mask, normals=normals, radiance=None, hidden=None)
+        return replace(bare, surroundings=surroundings)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -158,85 +143,118 @@ class Crop:
     context: np.ndarray | None = None
 
 
-@spread(Hints)
 def load_photo(
     source: ImageSource | Pixels,
     hints: Hints | None = None,
     *,
     name: str | None = None,
     segmenter: SegmenterSource | None = None,
-    **more: Unpack[HintsDict],
+    mask: MaskSource | None = None,
+    click: Clicks | None = None,
+    exclude: Clicks | None = None,
+    box: Sequence[float] | None = None,
+    depth: DepthSource | None = None,
+    near: float | None = None,
+    far: float | None = None,
+    fov_deg: float | None = None,
+    pitch_deg: float | None = None,
+    roll_deg: float | None = None,
+    normals: NormalsSource | NormalsEstimator | None = None,
+    material: Material | str | None = None,
+    albedo: Albedo | None = None,
+    roughness: float | None = None,
+    surroundings: SurroundingsSource | None = None,
+    **unknown: Never,
 ) -> Photo:
     """Read a photo, find its object, and keep what else is given of it.
 
     Args:
         source: path, bytes, Pillow image or array, see read_image; or what that gave.
-        hints: what is given of the object, the camera and the light, see Hints; or by keyword.
+        hints: all that is given of the object, the camera and the light.
         name: what messages call the photo; None: its file's name, or what it is.
         segmenter: what finds the object in the place of our network: a name of masks.segmenters, or a Segmenter.
+        mask, click, exclude, box, depth, near, far, fov_deg, pitch_deg, roll_deg, normals, material, albedo, roughness,
+            surroundings: see Hints; these replace what `hints` holds.
     Raises:
         InvalidPhoto, InvalidMask, InputError: with one line that says what to do.
+        TypeError: an unknown keyword; names the one that it is most like.
     """
-    hints = as_hints(hints, more)
-    carried = is_carried(hints.depth)
-    pixels = source if isinstance(source, Pixels) else read_image(source, name, with_depth=carried)
-    asked = AUTO if hints.surroundings is None else hints.surroundings
-    word = asked if isinstance(asked, str) and asked in (AUTO, PHOTO, NONE) else None
-    surroundings_map, panorama = (None, None) if word else read_panorama(asked)
+    check_keywords(unknown, load_photo)
+    hints = combine(
+        hints,
+        mask=mask,
+        click=click,
+        exclude=exclude,
+        box=box,
+        depth=depth,
+        near=near,
+        far=far,
+        fov_deg=fov_deg,
+        pitch_deg=pitch_deg,
+        roll_deg=roll_deg,
+        normals=normals,
+        material=material,
+        albedo=albedo,
+        roughness=roughness,
+        surroundings=surroundings,
+    )
+    pixels = source
+    if not isinstance(pixels, Pixels):
+        pixels = read_image(pixels, name, with_depth=is_carried(hints.depth))
+    around = asked_surroundings(hints.surroundings)
     scale = scale_doubts(pixels.radiance, pixels.name)
     try:
         found = find_mask(pixels, **hints.place(), segmenter=segmenter)
     except InvalidMask as error:
-        raise InvalidMask("; ".join([str(error), *scale])) from error
-    if hints.fov_deg is not None:
-        long_fov_deg, fov_source = float(hints.fov_deg), "given"
-    elif pixels.long_fov_deg is not None:
-        long_fov_deg, fov_source = pixels.long_fov_deg, "exif"
-    else:
-        long_fov_deg, fov_source = DEFAULT_LONG_FOV_DEG, "default"
-    normals = _known_normals(hints.normals, pixels.rgb, found.mask, long_fov_deg)
-    depth_doubts: tuple[str, ...] = ()
-    depth = chosen_depth(hints.depth, pixels)
-    by_depth = normals is None and depth is not None
-    if normals is None and depth is not None:
-        normals, depth_doubts = _normals_by_depth(depth, found.mask, long_fov_deg, fov_source, pixels.name)
+        raise InvalidMask(error.notice.adding(scale[0].text) if scale else error) from error
+    long_fov_deg, fov_source = _field_of_view(hints.fov_deg, pixels)
+    known, depth_doubts = find_normals(hints, pixels, found.mask, long_fov_deg, fov_source)
+    is_whole = isinstance(around, PhotoBackground) and around.is_asked
+    exposure = () if scale else _exposure_doubts(pixels, found.mask)
     photo = Photo(
         rgb=pixels.rgb,
         mask=found.mask,
         long_fov_deg=long_fov_deg,
         fov_source=fov_source,
         name=pixels.name,
-        warnings=pixels.warnings
-        + scale
-        + found.warnings
-        + depth_doubts
-        + _exposure_doubts(pixels, found.mask, said=bool(scale)),
+        warnings=tuple(map(as_notice, (*pixels.warnings, *scale, *found.warnings, *depth_doubts, *exposure))),
         mask_source=found.source,
         mask_confidence=found.confidence,
-        normals=normals,
-        normals_from_depth=by_depth and normals is not None,
-        surroundings_map=surroundings_map,
-        panorama=panorama,
+        normals=known,
+        surroundings=around,
         exposure=pixels.exposure,
         radiance=pixels.radiance,
         pitch_deg=hints.pitch_deg,
         material=hints.surface(),
-        hidden=None if word == PHOTO else _hidden(pixels.alpha),
+        hidden=None if is_whole else _hidden(pixels.alpha),
     )
-    is_asked = word == PHOTO
-    if word not in (PHOTO, AUTO):
+    if not isinstance(around, PhotoBackground):
         return photo
-    if not is_asked and is_cut_out(pixels.rgb, found.mask, pixels.alpha):
+    if not around.is_asked and is_cut_out(pixels.rgb, found.mask, pixels.alpha):
         is_opaque = pixels.alpha is None or mask_from_alpha(pixels.alpha) is None
         doubtful = is_opaque and not scale and hides_backdrop(pixels.rgb, found.mask)
-        return replace(photo, warnings=photo.warnings + backdrop_doubts(pixels.name)) if doubtful else photo
-    if not is_asked and is_dark_beside(pixels.rgb, found.mask):
-        return photo
-    ground = estimate_ground(photo, roll_deg=hints.roll_deg)
-    if hints.pitch_deg is None and pixels.posture_deg is not None:
-        pitch_deg, roll_deg = pixels.posture_deg
-        ground = replace(estimate_ground(photo, pitch_deg=pitch_deg, roll_deg=roll_deg), source=NOTED)
-    return replace(photo, use_background=True, asked_background=is_asked, ground=ground)
+        doubts = backdrop_doubts(pixels.name) if doubtful else ()
+        return replace(photo, surroundings=None, warnings=photo.warnings + doubts)
+    if not around.is_asked and is_dark_beside(pixels.rgb, found.mask):
+        return replace(photo, surroundings=None)
+    return replace(photo, ground=_ground(photo, hints, pixels.posture_deg))
+
+
+def _field_of_view(given: float | None, pixels: Pixels) -> tuple[float, str]:
+    """Field of view of the longer side in degrees, and where it is from."""
+    if given is not None:
+        return float(given), "given"
+    if pixels.long_fov_deg is not None:
+        return pixels.long_fov_deg, "exif"
+    return DEFAULT_LONG_FOV_DEG, "default"
+
+
+def _ground(photo: Photo, hints: Hints, posture_deg: tuple[float, float] | None) -> Ground:
+    """Estimate the ground: by the given pitch and roll, else by those that the file notes, else by a guess."""
+    if hints.pitch_deg is not None or posture_deg is None:
+        return estimate_ground(photo, roll_deg=hints.roll_deg)
+    noted_pitch_deg, roll_deg = posture_deg
+    return replace(estimate_ground(photo, pitch_deg=noted_pitch_deg, roll_deg=roll_deg), source=NOTED)
 
 
 def _hidden(alpha: np.ndarray | None) -> np.ndarray | None:
@@ -251,37 +269,10 @@ def _of_object(mask: np.ndarray, picture: np.ndarray) -> np.ndarray:
     return picture[::step, ::step][mask[::step, ::step] > 0.5]
 
 
-def _exposure_doubts(pixels: Pixels, mask: np.ndarray, *, said: bool) -> tuple[str, ...]:
-    """Of the object; said: of the whole photo already."""
-    if said:
-        return ()
+def _exposure_doubts(pixels: Pixels, mask: np.ndarray) -> tuple[Notice, ...]:
+    """Warn of an object that is too dark or too bright."""
     radiance = None if pixels.radiance is None else _of_object(mask, pixels.radiance)
     return exposure_doubts(_of_object(mask, pixels.rgb), pixels.name, radiance)
-
-
-def _known_normals(
-    source: NormalsSource | NormalsEstimator | None, rgb: np.ndarray, mask: np.ndarray, long_fov_deg: float
-) -> np.ndarray | None:
-    if source is None:
-        return None
-    if callable(source):
-        return estimated_normals(source, rgb, mask, long_fov_deg)
-    if isinstance(source, str) and source == SPHERE:
-        return normals_from_outline(mask, long_fov_deg)
-    return read_normals(source, mask.shape)
-
-
-def _normals_by_depth(
-    source: DepthSource, mask: np.ndarray, long_fov_deg: float, fov_source: str, name: str
-) -> tuple[np.ndarray | None, tuple[str, ...]]:
-    """Normals of a depth image, None where they would be worse than the network's, and what is doubtful of them."""
-    found = normals_from_depth(source, mask, long_fov_deg)
-    if found.normals is None:
-        return None, (f"{name}: {found.doubt}; normals are estimated from the photo, pass normals= if you have them",)
-    if fov_source == "default":
-        line = f"{name}: normals are from depth seen through an assumed lens of {long_fov_deg:g} degrees; pass fov_deg="
-        return found.normals, (line,)
-    return found.normals, ()
 
 
 def crop_object(photo: Photo, size: int = 128) -> Crop:
@@ -301,7 +292,7 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
     camera_from_crop = turn_towards(ray)
     normals = None
     if photo.normals is not None:
-        mean = sample_window(photo.normals, photo.mask, center, side, NORMALS_SIZE)[..., :3]
+        mean = sample_window(photo.normals.values, photo.mask, center, side, NORMALS_SIZE)[..., :3]
         length = np.linalg.norm(mean, axis=-1, keepdims=True)
         mean = mean / np.maximum(length, SHORTEST) @ camera_from_crop
         normals = np.where(length > SHORTEST, mean, 0.0).astype(np.float32)
@@ -309,18 +300,16 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
     radiance = None
     if photo.radiance is not None:
         radiance = np.maximum(sample_window(photo.radiance, photo.mask, center, side, size)[..., :3], 0.0)
-    surroundings_map = None
-    if photo.use_background:
+    surroundings_map, background = None, photo.surroundings if isinstance(photo.surroundings, PhotoBackground) else None
+    if background is not None:
         surroundings_map = visible_surroundings(
             photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half), photo.radiance, photo.hidden
         )
-        if surroundings_map is None and photo.asked_background:
-            raise InputError(
-                f"{photo.name}: expected a photo that shows more than its object, found one colour behind it; "
-                f"leave the surroundings out"
-            )
-    elif photo.surroundings_map is not None:
-        surroundings_map = turned(photo.surroundings_map, camera_from_crop)
+        if surroundings_map is None and background.is_asked:
+            text = "expected a photo that shows more than its object, found one colour behind it"
+            raise InputError(text, source=photo.name, remedy=leave_out("surroundings"))
+    elif isinstance(photo.surroundings, GivenPanorama):
+        surroundings_map = turned(photo.surroundings.small, camera_from_crop)
     return Crop(
         image=image,
         camera_from_crop=camera_from_crop,
@@ -330,7 +319,7 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
         normals=normals,
         surroundings_map=surroundings_map,
         radiance=radiance,
-        context=_context(photo, center, side) if photo.use_background else None,
+        context=_context(photo, center, side) if background is not None else None,
     )
 
 

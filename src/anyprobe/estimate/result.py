@@ -20,7 +20,7 @@ from anyprobe.detail.plate import Plate
 from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
-from anyprobe.estimate.sidecar import FRAME, SCALE, SIDECAR_VERSION, TURNED, Info, current_names, restored
+from anyprobe.estimate.sidecar import FRAME, SCALE, SIDECAR_VERSION, TURNED, Origin, restored
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.images import png_bytes, write_png
 from anyprobe.files.radiance import map_attributes, write_exr, write_hdr
@@ -28,6 +28,7 @@ from anyprobe.light.dominant_light import DominantLight, find_dominant_light
 from anyprobe.light.environment import check_radiance, integral, rotate
 from anyprobe.light.harmonics import project
 from anyprobe.light.light_sources import LightSource, find_light_sources
+from anyprobe.notices import Notice, as_notice
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -56,12 +57,12 @@ class Light:
         confidence: [H, 2H] in [0, 1]: probability that a pixel's display value is within 0.1 of the truth; None where
             unknown, as of the model `paper`.
         well_exposed_fraction: share of the object's pixels that are neither black nor clipped, in [0, 1].
-        warnings: one line each.
+        warnings: what is doubtful; each is a line of text with its code, subject and remedy, see notices.Notice.
         stages: the networks' inputs and outputs, in the crop's frame: photo [128, 128, 4],
             irradiance [128, 128, 3], ldr [64, 128, 3], ln_radiance [64, 128, 3].
         camera_from_crop: [3, 3] rotation from the crop's frame to the camera's.
         map_from_camera: [3, 3] rotation from the camera's frame to the map's: what rotate has done since.
-        info: how the estimate came about.
+        origin: how the estimate came about.
         find_shown: gives `shown`; None where nothing is known of it.
         plate: what the photo shows beside its object, for panorama; None where that is nothing, or not kept.
     """
@@ -69,15 +70,16 @@ class Light:
     radiance: np.ndarray
     confidence: np.ndarray | None = None
     well_exposed_fraction: float = 1.0
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Notice, ...] = ()
     stages: dict[str, np.ndarray] = field(default_factory=dict)
     camera_from_crop: np.ndarray = field(default_factory=lambda: np.eye(3))
     map_from_camera: np.ndarray = field(default_factory=lambda: np.eye(3))
-    info: Info = field(default_factory=Info)
+    origin: Origin = field(default_factory=Origin)
     find_shown: Callable[[], Shown | None] | None = None
     plate: Plate | None = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "warnings", tuple(map(as_notice, self.warnings)))
         for name, value in (("radiance", check_radiance(self.radiance, "light")), ("confidence", self.confidence)):
             if value is not None:
                 own = np.array(value)  # a caller's array may change
@@ -90,7 +92,7 @@ class Light:
         confidence = self._mean_confidence()
         parts = [
             f"Light {height} x {width}",
-            *([str(self.info["photo"])] if "photo" in self.info else []),
+            *([self.origin.photo] if self.origin.photo else []),
             f"dominant light towards ({x:.2f}, {y:.2f}, {z:.2f})",
             *([] if confidence is None else [f"confidence {confidence:.2f}"]),
             *([f"{len(self.warnings)} warnings"] if self.warnings else []),
@@ -119,9 +121,9 @@ class Light:
         path = Path(path)
         radiance, said, turn = read_with_origin(path)
         if said.get("scale") == SCALE and said.get("size") == [radiance.shape[1], radiance.shape[0]]:
-            return cls(radiance=radiance, map_from_camera=turn, **restored(current_names(said), path))
+            return cls(radiance=radiance, map_from_camera=turn, **restored(said, path))
         model = map_attributes(path).get("model")
-        return cls(radiance=radiance, map_from_camera=turn, info={"model": model} if model else {})
+        return cls(radiance=radiance, map_from_camera=turn, origin=Origin(model=model or None))
 
     def sh9(self) -> Float[np.ndarray, "9 3"]:
         """Radiance in nine real spherical harmonics, [9, 3]; order and signs of WebXR and three.js."""
@@ -134,7 +136,7 @@ class Light:
 
     def _is_measured(self, direction: np.ndarray) -> bool:
         """Whether a mirror shows what is there, unclipped; at its rim, which shows what is behind it, too little."""
-        if self.confidence is None or not self.info.get("hints", {}).get("above_white"):
+        if self.confidence is None or not (self.origin.hints or {}).get("above_white"):
             return False
         toward_camera = (self.map_from_camera @ self.camera_from_crop).T @ direction
         at = bilinear(self.confidence[..., None], direction_to_uv(direction))
@@ -156,8 +158,9 @@ class Light:
         rotation = np.asarray(rotation, dtype=np.float64)
         if not is_rotation(rotation):
             raise InputError(
-                f"rotation: expected a [3, 3] rotation matrix, got {' '.join(str(rotation).split())}; "
-                "build it with anyprobe.core.frames"
+                f"expected a [3, 3] rotation matrix, got {' '.join(str(rotation).split())}; "
+                "build it with anyprobe.core.frames",
+                subject="rotation",
             )
         turned = replace(
             self, radiance=rotate(self.radiance, rotation), map_from_camera=rotation @ self.map_from_camera
@@ -177,7 +180,7 @@ class Light:
         """The light with plausible detail, `size` rows high: sharp mirror images, the same spherical harmonics.
 
         The structure is of the best match in a library, a folder of .exr and .hdr maps (None: our own rooms, streets
-        and studios), not measured: info["detail"] says so, and the confidence stays the estimate's.
+        and studios), not measured: `origin.detail` says so, and the confidence stays the estimate's.
 
         Args:
             seed: 0 takes the best match, 1 the next, and so on.
@@ -187,8 +190,10 @@ class Light:
         """
         from anyprobe.detail.plausible import add_detail
 
-        if "detail" in self.info:
-            raise InputError("detail: expected a light without it, got one that has it; begin with the estimate")
+        if self.origin.detail is not None:
+            raise InputError(
+                "expected a light without it, got one that has it; begin with the estimate", subject="detail"
+            )
         is_camera = np.allclose(self.map_from_camera, np.eye(3))
         found = add_detail(
             self.radiance,
@@ -200,8 +205,9 @@ class Light:
             plate=self.plate,
             pitch_deg=self.ground.pitch_deg if is_camera and self.ground is not None else None,
         )
-        info: Info = {**self.info, "detail": found.info()}
-        return replace(self, radiance=found.radiance, warnings=self.warnings + found.warnings, info=info)
+        origin = replace(self.origin, detail=found.info())
+        warnings = self.warnings + tuple(map(as_notice, found.warnings))
+        return replace(self, radiance=found.radiance, warnings=warnings, origin=origin)
 
     def panorama(self, size: int = DRAWN_ROWS, *, frame: str = LEVEL) -> Panorama:
         """Return one picture of the place, `size` x 2 `size`: the photo, continued all around under this light.
@@ -218,27 +224,19 @@ class Light:
         """
         check_panorama_rows(size)
         is_level, turn = self._panorama_frame(frame)
-        radiance, origin = compose(
-            in_frame(self.radiance, turn),
-            self.plate,
-            turn @ self.map_from_camera,
-            size,
-            is_detailed="detail" in self.info,
-        )
-        said = {name: str(value) for name, value in frame_of(turn @ self.map_from_camera).items()}
-        said |= {"model": str(self.info.get("model", "")), "scale": SCALE}
+        turned, from_camera = in_frame(self.radiance, turn), turn @ self.map_from_camera
+        is_detailed = self.origin.detail is not None
+        radiance, origin = compose(turned, self.plate, from_camera, size, is_detailed=is_detailed)
+        said = {name: str(value) for name, value in frame_of(from_camera).items()}
+        said |= {"model": self.origin.model or "", "scale": SCALE}
         return Panorama(
-            radiance=radiance,
-            origin=origin,
-            frame_from_camera=turn @ self.map_from_camera,
-            is_level=is_level,
-            attributes=said,
+            radiance=radiance, origin=origin, frame_from_camera=from_camera, is_level=is_level, attributes=said
         )
 
     def _panorama_frame(self, frame: str) -> tuple[bool, np.ndarray]:
         """Whether a panorama is level, and the rotation [3, 3] from this map's frame to its own."""
         if frame not in FRAMES:
-            raise InputError(f"frame: expected {' or '.join(FRAMES)}, got {frame!r}; choose one")
+            raise InputError(f"expected {' or '.join(FRAMES)}, got {frame!r}; choose one", subject="frame")
         ground = self.ground
         if frame != LEVEL or ground is None or not np.allclose(self.map_from_camera, np.eye(3)):
             return False, np.eye(3)
@@ -247,12 +245,17 @@ class Light:
     @property
     def ground(self) -> Ground | None:
         """What the object stands on, in the camera's frame; None where that is not known, as of a cut-out."""
-        return Ground.of(self.info.get("ground"))
+        return self.origin.ground
+
+    @property
+    def info(self) -> dict[str, Any]:
+        """How the estimate came about, ready for JSON."""
+        return self.origin.as_json()
 
     @property
     def pitch_deg(self) -> float | None:
         """How far the camera looks down, where that was given or is estimated well."""
-        given, ground = self.info.get("pitch_deg"), self.ground
+        given, ground = self.origin.pitch_deg, self.ground
         return ground.pitch_deg if given is None and ground is not None and ground.is_sure else given
 
     @cached_property
@@ -274,7 +277,7 @@ class Light:
         """
         from anyprobe.detail.matching import rank_maps
 
-        is_known = self.info.get("pitch_deg") is not None or (self.ground is not None and self.ground.is_known)
+        is_known = self.origin.pitch_deg is not None or (self.ground is not None and self.ground.is_known)
         ranked = rank_maps(
             self.radiance,
             self.confidence,
@@ -340,6 +343,7 @@ class Light:
             },
             "camera_from_crop": _numbers(self.camera_from_crop),
             "warnings": list(self.warnings),
+            "notices": [one.as_json() for one in self.warnings],
         }
 
     def _mean_confidence(self) -> float | None:
@@ -356,9 +360,9 @@ class Light:
         path = Path(path)
         kind = path.suffix.lower()
         own_frame = {name: str(value) for name, value in frame_of(self.map_from_camera).items()}
-        attributes = {"model": str(self.info.get("model", "")), **own_frame, "scale": SCALE}
-        if "detail" in self.info:
-            attributes["detail"] = "{kind}, from {from}, seed {seed}".format(**self.info["detail"])
+        attributes = {"model": self.origin.model or "", **own_frame, "scale": SCALE}
+        if self.origin.detail is not None:
+            attributes["detail"] = "{kind}, from {from}, seed {seed}".format(**self.origin.detail)
         if kind == ".exr":
             write_exr(
                 path,
@@ -375,7 +379,7 @@ class Light:
         elif kind == ".png":
             write_png(path, response(self.radiance))
         else:
-            raise OutputError(f"{path}: expected .exr, .hdr, .json or .png, got {kind or 'no suffix'}")
+            raise OutputError(f"expected .exr, .hdr, .json or .png, got {kind or 'no suffix'}", source=path)
         return path
 
 

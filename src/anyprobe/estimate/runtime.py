@@ -22,6 +22,7 @@ from anyprobe.files.onnx_runtime import onnxruntime
 from anyprobe.given_material import MATERIAL_INPUTS, material_input
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.reconstruct import LN_MAX, reconstruct
+from anyprobe.notices import give
 from anyprobe.scatter.materials import Material
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def open_engine(session: onnxruntime.InferenceSession, path: Path, engine: str, 
     if engine == "cuda":
         session = _open_cuda(path)
     if engine not in ENGINES:
-        raise InputError(f"engine {engine!r}: expected one of {', '.join(ENGINES)}")
+        raise InputError(f"expected one of {', '.join(ENGINES)}, got {engine!r}", subject="engine")
     if engine in PRECISION:
         shapes = {given.name: given.shape for given in session.get_inputs()}
         run = _openvino(path, shapes, threads, PRECISION[engine])
@@ -67,8 +68,10 @@ def _open_cuda(path: Path) -> onnxruntime.InferenceSession:
         if CUDA in session.get_providers():
             return session
     raise InputError(
-        "engine 'cuda': expected an NVIDIA GPU and onnxruntime-gpu in the place of onnxruntime, found none; "
-        f"use {DEFAULT_ENGINE}"
+        "expected an NVIDIA GPU and onnxruntime-gpu in the place of onnxruntime, found none",
+        code="unsupported",
+        subject="engine",
+        remedy=give(engine=DEFAULT_ENGINE),
     )
 
 
@@ -178,8 +181,9 @@ def weights_folder(model: str) -> Path:
             return folder
     names = bundled_models()
     raise ModelError(
-        f"model {model!r}: expected one of {', '.join(names) or 'none installed'}, or a folder with "
-        "light.onnx, or with irradiance.onnx, illumination.onnx and hdr.onnx"
+        f"expected one of {', '.join(names) or 'none installed'}, or a folder with light.onnx, or with "
+        f"irradiance.onnx, illumination.onnx and hdr.onnx, got {model!r}",
+        subject="model",
     )
 
 
@@ -229,11 +233,12 @@ class Models:
 
     def _check_emitters(self, emitters: str) -> str:
         if emitters not in EMITTERS:
-            raise InputError(f"emitters {emitters!r}: expected one of {', '.join(EMITTERS)}")
+            raise InputError(f"expected one of {', '.join(EMITTERS)}, got {emitters!r}", subject="emitters")
         if emitters != MODE and not self.lifts:
             raise InputError(
-                f"emitters {emitters}: expected a model that estimates their distribution, got {self.name}; "
-                f"use {DEFAULT_MODEL}"
+                f"expected a model that estimates their distribution, got {self.name}",
+                subject="emitters",
+                remedy=give(model=DEFAULT_MODEL),
             )
         return emitters
 
@@ -341,7 +346,7 @@ def _open(path: Path, stage: str, threads: int | None) -> onnxruntime.InferenceS
     for key, value in {**CONTRACT, "stage": stage}.items():
         if found.get(key) != value:
             raise ModelError(
-                f"{path.name}: expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version"
+                f"expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version", source=path.name
             )
     if stage == WHOLE:
         _check_names(path, "inputs", WHOLE_INPUTS, session.get_inputs())
@@ -356,7 +361,8 @@ def _check_names(path: Path, what: str, expected: tuple[str, ...], found: list) 
     names = tuple(one.name for one in found)
     if names != expected:
         raise ModelError(
-            f"{path.name}: expected {what} {', '.join(expected)}, got {', '.join(names)}; use weights of this version"
+            f"expected {what} {', '.join(expected)}, got {', '.join(names)}; use weights of this version",
+            source=path.name,
         )
 
 
@@ -365,7 +371,7 @@ def file_hashes(model: str) -> dict[str, str]:
     folder = weights_folder(model)
     missing = next((stage for stage in stages_of(folder) if not (folder / f"{stage}.onnx").is_file()), None)
     if missing is not None:
-        raise ModelError(f"{folder}: expected {missing}.onnx in it, found none; get the whole model")
+        raise ModelError(f"expected {missing}.onnx in it, found none; get the whole model", source=folder)
     return {
         stage: hashlib.sha256((folder / f"{stage}.onnx").read_bytes()).hexdigest()[:12] for stage in stages_of(folder)
     }

@@ -1,8 +1,9 @@
-"""What the .json beside a map says: its names, also of older versions, and their types."""
+"""What the .json beside a map says: its names and their types."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypedDict
 
@@ -10,24 +11,18 @@ import numpy as np
 
 from anyprobe.core.frames import is_rotation
 from anyprobe.errors import InputError
+from anyprobe.estimate.ground import Ground
+from anyprobe.notices import Notice, as_notice
 
 SIDECAR_VERSION = 4
-"""Version of the sidecar; one that says none is of version 1. Older names stand below."""
-FIRST_NAMES = {"told": "well_exposed_fraction", "main_light": "dominant_light", "lamps": "emitters", "known": "hints"}
-"""Keys of a sidecar of version 1, which says no version, and of today's."""
-OLDER_NAMES = {"priors": "hints"}
-"""The same of versions 2 and 3."""
-_EMITTERS = {"drawn": "mode", "spread": "expected"}
-"""The same for the values of `emitters`."""
-OLDER_NAMES_INSIDE = {"dominant_light": {"confidence": "directionality"}, "seconds": {"turn": "rotate"}}
-"""The same for what is within a key, up to version 2."""
+"""Version of the sidecar; another one is refused."""
 FRAME = "right-handed, +X right, +Y up, the camera looks along -Z; u = 0.5 + atan2(x, -z) / 2 pi, row 0 is +Y"
 TURNED = "right-handed, +X right, +Y up of a map that was turned by map_from_camera; u = 0.5 + atan2(x, -z) / 2 pi"
 SCALE = "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white"
 
 OF_THE_MAP = (
     "version frame map_from_camera scale exposure_ev response size confidence well_exposed_fraction sh9 "
-    "dominant_light camera_from_crop warnings radiance stages"
+    "dominant_light camera_from_crop warnings notices radiance stages"
 ).split()
 """What a sidecar, or the server's answer kept as one, holds besides a light's info."""
 
@@ -62,61 +57,87 @@ class Uncertainty(TypedDict):
     color_deg: float
 
 
-class Info(TypedDict, total=False):
-    """How an estimate came about.
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Origin:
+    """How a light came about. None where it is not known: a Light need not be an estimate.
 
-    photo: file name; model: name and hash; emitters: "mode" or "expected"; exposure: of EXIF, relative;
-    long_fov_deg: field of view of the photo's longer side, and where it is from ("exif", "given", "default");
-    hints: what was given of the object; object and uncertainty: None from a model that does not estimate them
-    (`paper`); seconds: by step.
-
-    Some lights lack a key: exposure where no EXIF says it; pitch_deg, how far the camera looks down, where that was not
-    given; ground (estimate.ground.Ground), of cut-outs; fused, the photos of a multiview light; detail, where that is
-    from, see with_detail. A Light that is no estimate of this release may lack any.
+    Attributes:
+        photo: file name.
+        model: name and hash.
+        emitters: "mode" or "expected".
+        exposure: of EXIF, relative.
+        long_fov_deg, fov_source: field of view of the photo's longer side, and whether it is "given", of "exif", of the
+            poses' lens, or "default".
+        pitch_deg: how far the camera looks down, where that was given.
+        ground: what the object stands on; None for cut-outs.
+        mask: how the object was found.
+        hints: what was given and used, and the numbers that it gave.
+        object, uncertainty: None from a model that does not estimate them (`paper`).
+        crop: what the network saw.
+        fused: names of the photos of a multiview light.
+        seconds: time by step.
+        detail: where invented detail is from, see Light.with_detail.
+        more: keys of a sidecar that this version does not know.
     """
 
-    photo: str
-    model: str
-    emitters: str
-    exposure: float
-    long_fov_deg: float
-    fov_source: str
-    pitch_deg: float
-    ground: dict[str, Any]
-    mask: MaskInfo
-    hints: dict[str, Any]
-    object: ObjectInfo | None
-    uncertainty: Uncertainty | None
-    crop: CropInfo
-    fused: list[str | None]
-    seconds: dict[str, float]
-    detail: dict[str, Any]
+    photo: str | None = None
+    model: str | None = None
+    emitters: str | None = None
+    exposure: float | None = None
+    long_fov_deg: float | None = None
+    fov_source: str | None = None
+    pitch_deg: float | None = None
+    ground: Ground | None = None
+    mask: MaskInfo | None = None
+    hints: dict[str, Any] | None = None
+    object: ObjectInfo | None = None
+    uncertainty: Uncertainty | None = None
+    crop: CropInfo | None = None
+    fused: list[str | None] | None = None
+    seconds: dict[str, float] | None = None
+    detail: dict[str, Any] | None = None
+    more: Mapping[str, Any] = field(default_factory=dict)
 
+    def as_json(self) -> dict[str, Any]:
+        """Return what is known, ready for JSON. An estimate names object and uncertainty even where they are None."""
+        known = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "more"}
+        nulls = ("object", "uncertainty") if self.emitters is not None else ()
+        found = {name: value for name, value in known.items() if value is not None or name in nulls}
+        if self.ground is not None:
+            found["ground"] = self.ground.info()
+        return {**found, **self.more}
 
-def current_names(said: Mapping[str, Any]) -> dict[str, Any]:
-    """A sidecar under the names of SIDECAR_VERSION."""
-    names = OLDER_NAMES if "version" in said else FIRST_NAMES
-    renamed = {names.get(name, name): value for name, value in said.items()}
-    if str(renamed.get("emitters")) in _EMITTERS:
-        renamed["emitters"] = _EMITTERS[renamed["emitters"]]
-    for key, names in OLDER_NAMES_INSIDE.items():
-        if isinstance(renamed.get(key), Mapping):
-            renamed[key] = {names.get(name, name): value for name, value in renamed[key].items()}
-    return renamed
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Origin:
+        """Build one from as_json's data.
+
+        Raises:
+            TypeError, KeyError: a ground of other data.
+        """
+        names = {one.name for one in fields(cls)} - {"more"}
+        known = {name: value for name, value in data.items() if name in names}
+        more = {name: value for name, value in data.items() if name not in names}
+        return cls(**known | {"ground": Ground.of(data.get("ground"))}, more=more)
 
 
 def restored(said: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    """A sidecar as a Light's attributes (the page writes fewer); the rest is its info."""
+    """Return a sidecar as a Light's attributes (the page writes fewer); the rest is its origin."""
+    if said.get("version") != SIDECAR_VERSION:
+        text = f"expected a .json of version {SIDECAR_VERSION} beside it, got {said.get('version')!r}; estimate again"
+        raise InputError(text, source=path)
     try:
         exposed = float(said.get("well_exposed_fraction", 1.0))
-        warnings = tuple(str(line) for line in said.get("warnings", ()))
+        lines, notices = said.get("warnings", ()), said.get("notices", ())
+        warnings = tuple(map(Notice.from_json, notices)) if notices else tuple(as_notice(str(line)) for line in lines)
         camera_from_crop = np.array(said.get("camera_from_crop", np.eye(3)), dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        exposed, warnings, camera_from_crop = np.nan, (), np.zeros(0)
+        origin = Origin.from_json({name: value for name, value in said.items() if name not in OF_THE_MAP})
+    except (KeyError, TypeError, ValueError, OverflowError):
+        exposed, warnings, camera_from_crop, origin = np.nan, (), np.zeros(0), Origin()
     if not (0 <= exposed <= 1 and is_rotation(camera_from_crop)):
         raise InputError(
-            f"{path}: expected the .json beside it as it was written, got another well_exposed_fraction or "
-            "camera_from_crop; save the light again, or move the .json away"
+            "expected the .json beside it as it was written, got another well_exposed_fraction or "
+            "camera_from_crop; save the light again, or move the .json away",
+            source=path,
         )
-    info = {name: value for name, value in said.items() if name not in OF_THE_MAP}
-    return {"well_exposed_fraction": exposed, "warnings": warnings, "camera_from_crop": camera_from_crop, "info": info}
+    attributes = {"well_exposed_fraction": exposed, "warnings": warnings, "camera_from_crop": camera_from_crop}
+    return attributes | {"origin": origin}

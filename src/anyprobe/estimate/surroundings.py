@@ -1,7 +1,7 @@
 """Surroundings: the part of the environment map that is seen, in the photo's background or in a partial panorama.
 
 An object shows light from all directions, but its own colour and the level stay ambiguous; what the camera sees of
-the surroundings is a small part of the environment map, but exact.
+the surroundings is a small part, but exact.
 
 Surroundings are [64, 128, 4]: display RGB times cover, and cover in [0, 1]. In those from an .exr or .hdr a fifth
 channel is the share of the cover that is measured above white too: a display value above 1 is that radiance there.
@@ -54,7 +54,7 @@ on a place counts as seen; the share of a guess up to white that the nearest see
 angle [degrees] after which that share is a factor e less. Share and angle were chosen on left-out renders of all
 families (`python -m research.scenes goes-on`)."""
 LEAST_COVER = 1e-3
-"""What colours are divided by at least, where next to nothing is covered."""
+"""Divisor of colours where next to nothing is covered."""
 PANORAMA_ROWS = 512
 """At which a panorama is kept for maps with detail."""
 LINEAR = 5
@@ -109,14 +109,15 @@ def _read_panorama(source: SurroundingsSource) -> tuple[np.ndarray, bool]:
         linear = read_linear(source, MAX_PIXELS)
         picture = _displayed(source) if linear is None else linear
     except InputError as error:
-        raise InputError(f"surroundings: {error}") from error
+        raise InputError(error, subject="surroundings") from error
     height, width = picture.shape[:2]
     if width != 2 * height:
         raise InputError(
-            f"surroundings: expected a panorama twice as wide as high, or {PHOTO!r}, got {width} x {height} pixels"
+            f"expected a panorama twice as wide as high, or {PHOTO!r}, got {width} x {height} pixels",
+            subject="surroundings",
         )
     if not picture[..., 3].any():
-        raise InputError("surroundings: expected pixels that are not transparent, found none")
+        raise InputError("expected pixels that are not transparent, found none", subject="surroundings")
     return picture, linear is not None
 
 
@@ -287,12 +288,11 @@ def use_surroundings(
     sure: confidence of what is known. goes_on: how the guess follows it.
     """
     shown, clipped, cover = radiance_of(surroundings)
-    guessed = outputs.radiance * _tint(outputs.radiance, shown, cover) if tint else outputs.radiance
-    guessed = _continued(guessed, surroundings, goes_on)
+    tinted = outputs.radiance * _tint(outputs.radiance, shown, cover) if tint else outputs.radiance
+    guessed = _continued(tinted, surroundings, goes_on)
     seen = _brightened(shown, clipped, guessed)
     radiance = (guessed + cover * (seen - guessed)).astype(np.float32)
-    confidence = outputs.confidence
-    if confidence is not None:
+    if (confidence := outputs.confidence) is not None:
         confidence = (confidence + cover[..., 0] * (sure - confidence)).astype(np.float32)
     return outputs.with_map(radiance, confidence)
 

@@ -111,14 +111,15 @@ def prepare(
         InvalidEnvironment: not a map, or brighter than BRIGHTEST_RADIANCE.
     """
     if not name or name.startswith(".") or name != Path(name).name or "\\" in name or not name.isprintable():
-        raise InputError(f"name: expected a file name without its suffix, got {name!r}; rename the map")
+        raise InputError(f"expected a file name without its suffix, got {name!r}; rename the map", subject="name")
     if not abs(exposure_ev) <= 30:
-        raise InputError(f"exposure: expected stops from -30 to 30, got {exposure_ev}; 1 doubles the light")
+        raise InputError(f"expected stops from -30 to 30, got {exposure_ev}; 1 doubles the light", subject="exposure")
     turn = np.eye(3) if world_from_camera is None else np.asarray(world_from_camera, dtype=np.float64)
     if not is_rotation(turn):
         raise InputError(
-            f"world_from_camera: expected a [3, 3] rotation matrix, got {' '.join(str(turn).split())}; "
-            "a mirrored or scaled one would bend the light"
+            f"expected a [3, 3] rotation matrix, got {' '.join(str(turn).split())}; "
+            "a mirrored or scaled one would bend the light",
+            subject="world_from_camera",
         )
     radiance = check_radiance(radiance, name)
     if not np.array_equal(turn, np.eye(3)):
@@ -126,8 +127,9 @@ def prepare(
     radiance = check_radiance(radiance * np.float32(2.0**exposure_ev), name)
     if radiance.max() > BRIGHTEST_RADIANCE:
         raise InvalidEnvironment(
-            f"{name}: expected radiance of at most {BRIGHTEST_RADIANCE:g}, got {radiance.max():.3g}; divide all of "
-            "it by one number, or lower the exposure"
+            f"expected radiance of at most {BRIGHTEST_RADIANCE:g}, got {radiance.max():.3g}; divide all of "
+            "it by one number, or lower the exposure",
+            source=name,
         )
     main, ambient = split_dominant_light(radiance)
     lights: tuple[DirectionalLight, ...] = (
@@ -288,7 +290,7 @@ def check_front(path: Path) -> None:
     Raises:
         InputError: the map would be a quarter or half turn off.
     """
-    wanted = f"{path}: expected a map with the front in its centre"
+    wanted = "expected a map with the front in its centre"
     advice = "take the file that estimate wrote"
     frame = map_attributes(path).get("frame", "")
     if f"u = {FRONT.u}" in frame:
@@ -296,9 +298,9 @@ def check_front(path: Path) -> None:
     said = said_beside(path)
     turned = said.get("map")
     if isinstance(turned, Mapping) and turned.get("rolled_quarters_right"):
-        raise InputError(f"{wanted}, got one exported for {said.get('target')}; {advice}")
+        raise InputError(f"{wanted}, got one exported for {said.get('target')}; {advice}", source=path)
     if "u = " in frame:
-        raise InputError(f"{wanted}, got one with {frame[frame.index('u = ') :]}; {advice}")
+        raise InputError(f"{wanted}, got one with {frame[frame.index('u = ') :]}; {advice}", source=path)
 
 
 def map_from_camera(path: Path) -> Float[np.ndarray, "3 3"]:
@@ -317,8 +319,9 @@ def map_from_camera(path: Path) -> Float[np.ndarray, "3 3"]:
         turn = np.zeros(0)
     if not is_rotation(turn):
         raise InputError(
-            f"{path}: expected {MAP_FROM_CAMERA} to be a rotation, got {' '.join(str(given).split())[:120]}; "
-            "save the light again"
+            f"expected {MAP_FROM_CAMERA} to be a rotation, got {' '.join(str(given).split())[:120]}; "
+            "save the light again",
+            source=path,
         )
     return turn
 

@@ -238,7 +238,7 @@ def write_mitsuba(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     try:
         write_channels(path, channels, attributes, latlong=False)  # whose rows lie elsewhere
     except RuntimeError as error:  # its only report of a full disk
-        raise OutputError(f"{path}: cannot be written ({' '.join(str(error).split())})") from error
+        raise OutputError(f"cannot be written ({' '.join(str(error).split())})", source=path) from error
     scene = (
         read_template("mitsuba.xml")
         .replace("{name}", light.name.replace("--", "__"))

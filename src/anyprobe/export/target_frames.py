@@ -109,8 +109,9 @@ class TargetFrame:
         width = radiance.shape[1]
         if width * self.quarters % 4:
             raise InvalidEnvironment(
-                f"map: expected a width that 4 divides, to be turned by a quarter, got {width}; "
-                "resize the map to an even height"
+                f"expected a width that 4 divides, to be turned by a quarter, got {width}; "
+                "resize the map to an even height",
+                subject="map",
             )
         return np.roll(radiance, width * self.quarters // 4, axis=1)
 

@@ -311,5 +311,5 @@ def export(
 def find_target(name: str) -> Target:
     """The target of a name; InputError that lists all of them if there is none."""
     if not isinstance(name, str) or name not in TARGETS:
-        raise InputError(f"target: expected one of {', '.join(TARGETS)}, got {name!r}; choose one")
+        raise InputError(f"expected one of {', '.join(TARGETS)}, got {name!r}; choose one", subject="target")
     return TARGETS[name]

@@ -99,7 +99,7 @@ def atomic_files(folder: str | os.PathLike[str]) -> Iterator[Path]:
 
 def _refuse_folder(target: Path, path: str | os.PathLike[str]) -> None:
     if target.is_dir():
-        raise OutputError(f"{path}: is a folder; add the name of a file to write")
+        raise OutputError("is a folder; add the name of a file to write", source=path)
 
 
 def unwritable(
@@ -130,7 +130,7 @@ def _replace_all(files: list[Path], folder: Path, old: Path) -> None:
         for file in files:
             target = folder / file.name
             if target.is_dir():
-                raise OutputError(f"{target}: is a folder, not a file to replace; choose another with -o")
+                raise OutputError("is a folder, not a file to replace; choose another with -o", source=target)
             if target.exists():
                 _replace(target, old / file.name)
             placed.append(target)

@@ -136,16 +136,18 @@ def read_float_tiff(data: bytes, name: str) -> FloatPicture | None:
     whole = planar == 1 and samples in range(1, MAX_SAMPLES + 1) and tile in range(65536) and predictor in (1, 2, 3)
     if not whole or len(bits) != 1 or not bits <= {16, 32, 64}:
         raise InvalidPhoto(
-            f"{name}: expected a TIFF of floats of 16, 32 or 64 bits, channels together, got another layout; "
-            "save it as OpenEXR (.exr)"
+            "expected a TIFF of floats of 16, 32 or 64 bits, channels together, got another layout; "
+            "save it as OpenEXR (.exr)",
+            source=name,
         )
     size = bits.pop() // 8
     pieces = -(-width // tile) if tile else 1
     row = (tile or width) * samples * size
     if row * pieces * height > MOST_BYTES:
         raise InvalidPhoto(
-            f"{name}: expected at most {MOST_BYTES >> 20} MB of numbers, got {row * pieces * height >> 20} MB; "
-            "save fewer channels, without tiles"
+            f"expected at most {MOST_BYTES >> 20} MB of numbers, got {row * pieces * height >> 20} MB; "
+            "save fewer channels, without tiles",
+            source=name,
         )
     try:
         kept = {tag: entries[tag] for tag in KEPT if tag in entries}

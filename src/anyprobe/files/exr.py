@@ -227,7 +227,8 @@ def read_channels(
         if isinstance(error, fault):
             raise
         advice = "save it flat" if "deep" in str(error) else "save it again"
-        raise fault(f"{name}: expected an OpenEXR picture, got a damaged or empty file ({error}); {advice}") from error
+        text = f"expected an OpenEXR picture, got a damaged or empty file ({error}); {advice}"
+        raise fault(text, source=name) from error
     width, height = np.maximum(header.display[1] - header.display[0], header.data[1] - header.data[0]).tolist()
     if header.decoded > max_pixels:
         raise fault(
@@ -235,14 +236,16 @@ def read_channels(
             f"got {width} x {height} and {header.decoded / 1e6:.0f} million; shrink it first"
         )
     if max(width, height) > MOST_SIDE_PX:
-        raise fault(f"{name}: expected sides of at most {MOST_SIDE_PX} pixels, got {width} x {height}; shrink it first")
+        raise fault(
+            f"expected sides of at most {MOST_SIDE_PX} pixels, got {width} x {height}; shrink it first", source=name
+        )
     try:
         _check_whole(data, header)
         stream = io.BytesIO(header.plain + data[len(header.plain) :])
         with quiet(), OpenEXR.File(stream, separate_channels=True, num_threads=0) as file:
             return header, {key: channel.pixels for key, channel in file.channels().items()}
     except (RuntimeError, ValueError, KeyError, TypeError, OSError, MemoryError) as error:
-        raise fault(f"{name}: expected an OpenEXR picture, got a damaged or empty file; save it again") from error
+        raise fault("expected an OpenEXR picture, got a damaged or empty file; save it again", source=name) from error
 
 
 def read_exr(
@@ -273,7 +276,7 @@ def read_exr(
     shape = tuple((header.data[1] - header.data[0]).tolist()[::-1])
     if any(layer is None or layer.shape != shape for layer in layers):
         listed = ", ".join(sorted(found)[:20]) or "none"
-        raise fault(f"{name}: expected channels R, G, B or Y of full size, got {listed}; save a flat RGB picture")
+        raise fault(f"expected channels R, G, B or Y of full size, got {listed}; save a flat RGB picture", source=name)
     pixels = np.empty((*shape, len(layers)), dtype=np.float32)
     for i, layer in enumerate(layers):
         pixels[..., i] = layer

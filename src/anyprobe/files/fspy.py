@@ -40,12 +40,12 @@ def read_fspy(path: str | Path) -> FoundCamera:
         InputError: no such file, another one, or one without a solved camera.
     """
     path = Path(path)
-    wanted = f"{path.name}: expected a .fspy, or the .json that fSpy exports"
+    name, wanted = path.name, "expected a .fspy, or the .json that fSpy exports"
     with open_regular(path, InputError, "a .fspy, or the .json that fSpy exports") as stream:
         head = stream.read(HEAD.size)
         if head.startswith(MAGIC):
             if len(head) < HEAD.size or HEAD.unpack(head)[1] != VERSION or HEAD.unpack(head)[2] > MOST_BYTES:
-                raise InputError(f"{wanted}, got a damaged one or another version; save it with fSpy 1.0")
+                raise InputError(f"{wanted}, got a damaged one or another version; save it with fSpy 1.0", source=name)
             text = stream.read(HEAD.unpack(head)[2])
         else:
             text = head + stream.read(MOST_BYTES)
@@ -61,11 +61,12 @@ def read_fspy(path: str | Path) -> FoundCamera:
         rows = np.array(camera["cameraTransform"]["rows"], np.float64)[:3, :3]
         fov = np.degrees(max(float(camera["horizontalFieldOfView"]), float(camera["verticalFieldOfView"])))
     except (ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError) as error:
-        raise InputError(f"{wanted}, got something else; check the file") from error
+        raise InputError(f"{wanted}, got something else; check the file", source=name) from error
     if not is_solved:
-        raise InputError(f"{path.name}: expected a solved camera, got none; set fSpy's vanishing points, then save")
+        unsolved = "expected a solved camera, got none; set fSpy's vanishing points, then save"
+        raise InputError(unsolved, source=name)
     if not (is_rotation(rows) and 1 < fov < 170):
-        raise InputError(f"{wanted}, got a camera that is none; solve it again in fSpy")
+        raise InputError(f"{wanted}, got a camera that is none; solve it again in fSpy", source=name)
     up = rows.T @ (0.0, 0.0, 1.0)
     return FoundCamera(
         long_fov_deg=float(fov),

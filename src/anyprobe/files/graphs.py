@@ -43,10 +43,12 @@ def open_graph(path: Path, threads: int | None = None) -> onnxruntime.InferenceS
             fault = error
     if any(word in str(fault).lower() for word in SHORT) or isinstance(fault, MemoryError):
         raise ModelError(
-            f"{path.name}: cannot be opened, as the system gives no more memory or threads "
-            f"({' '.join(str(fault).split())[:120]}); end other programs, or raise the limits"
+            "cannot be opened, as the system gives no more memory or threads "
+            f"({' '.join(str(fault).split())[:120]}); end other programs, or raise the limits",
+            source=path.name,
         ) from fault
-    raise ModelError(f"{path.name}: expected a readable ONNX graph, got a damaged file; reinstall anyprobe") from fault
+    text = "expected a readable ONNX graph, got a damaged file; reinstall anyprobe"
+    raise ModelError(text, source=path.name) from fault
 
 
 def even_threads(threads: int) -> int:

@@ -23,6 +23,7 @@ from PIL import (
 )
 
 from anyprobe.errors import InvalidPhoto, MissingExtra
+from anyprobe.notices import CHOOSE_PHOTO, USE_VIDEO, Remedy
 
 MAX_PIXELS = 100_000_000
 """Largest photo that is decoded; the header is looked at first."""
@@ -123,17 +124,17 @@ def check_size(width: int, height: int, name: str) -> None:
     """InvalidPhoto where a picture is too large to be decoded or too small for a photo."""
     if width * height > MAX_PIXELS:
         raise InvalidPhoto(
-            f"{name}: expected at most {MAX_PIXELS // 1_000_000} million pixels, "
-            f"got {width} x {height}; shrink it first"
+            f"expected at most {MAX_PIXELS // 1_000_000} million pixels, got {width} x {height}; shrink it first",
+            source=name,
         )
     if max(width, height) > MAX_SIDE_PX:
         raise InvalidPhoto(
-            f"{name}: expected at most {MAX_SIDE_PX} pixels on either side, got {width} x {height}; cut it"
+            f"expected at most {MAX_SIDE_PX} pixels on either side, got {width} x {height}; cut it", source=name
         )
     if min(width, height) < MIN_SIDE_PX:
         raise InvalidPhoto(
-            f"{name}: expected at least {MIN_SIDE_PX} pixels on either side, "
-            f"got {width} x {height}; use the original photo"
+            f"expected at least {MIN_SIDE_PX} pixels on either side, got {width} x {height}; use the original photo",
+            source=name,
         )
 
 
@@ -173,19 +174,32 @@ def exif_exposure(image: Image.Image) -> float | None:
     return exposure if 0.0 < exposure < np.inf else None
 
 
-def kind_of(head: bytes, num_bytes: int) -> str:
-    """What a file is that no reader takes, and what to do, for a message."""
+def kind_of(head: bytes, num_bytes: int) -> tuple[str, tuple[Remedy, ...]]:
+    """Return what a file is that no reader takes, and what to do about it."""
     if head[4:8] == b"ftyp":
-        return BRANDS.get(head[8:12], "a video; anyprobe video takes it")
+        cut = BRANDS.get(head[8:12])
+        return ("a video", (Remedy("run", USE_VIDEO),)) if cut is None else (cut, ())
     said = next((said for start, said in KINDS_BY_START.items() if head.startswith(start)), None)
-    return (
-        said or f"{num_bytes} bytes of something else; check the path, or convert it: to OpenEXR if it holds radiance"
-    )
+    if said is not None:
+        return said, ()
+    return f"{num_bytes} bytes of something else", (Remedy("run", CHOOSE_PHOTO),)
 
 
 def is_turned(image: Image.Image) -> bool:
     """Whether its reader has turned it already: a JPEG XL that is not a JPEG packed anew."""
     return image.format == "JXL" and not getattr(image, "jpeg", False)
+
+
+TURNS = {
+    2: Image.Transpose.FLIP_LEFT_RIGHT,
+    3: Image.Transpose.ROTATE_180,
+    4: Image.Transpose.FLIP_TOP_BOTTOM,
+    5: Image.Transpose.TRANSPOSE,
+    6: Image.Transpose.ROTATE_270,
+    7: Image.Transpose.TRANSVERSE,
+    8: Image.Transpose.ROTATE_90,
+}
+"""Turn that brings a picture upright, by EXIF orientation."""
 
 
 def orientation_of(image: Image.Image) -> int:
@@ -258,7 +272,9 @@ def _check_scans(stream: BinaryIO, name: str) -> None:
         at = marker.end()
         scans += marker[1] == b"\xda"
         if scans > MAX_SCANS:
-            raise InvalidPhoto(f"{name}: expected at most {MAX_SCANS} scans, got more; save it again as PNG or JPEG")
+            raise InvalidPhoto(
+                f"expected at most {MAX_SCANS} scans, got more; save it again as PNG or JPEG", source=name
+            )
         at += int.from_bytes(data[at : at + 2], "big") if marker[1] not in b"\x01\xd8" else 0
 
 

@@ -39,6 +39,7 @@ from anyprobe.files.exr import EXR_MAGIC, read_exr
 from anyprobe.files.gain_map import UNREAD, gain_map_of, misses_gain_map
 from anyprobe.files.headers import (
     MAX_PIXELS,
+    TURNS,
     UnknownPicture,
     check_size,
     exif_exposure,
@@ -54,7 +55,7 @@ from anyprobe.files.photo_depth import photo_depth
 from anyprobe.files.radiance import decode_hdr
 from anyprobe.files.raw import HEAD_BYTES, develop, is_raw
 from anyprobe.files.rgbe import HDR_MAGIC
-from anyprobe.files.stored_pixels import TURNS, StoredPixels, stored_by_exif, stored_by_exr
+from anyprobe.notices import Notice
 
 ImageSource = str | os.PathLike[str] | bytes | Image.Image | np.ndarray
 
@@ -74,7 +75,6 @@ class Pixels:
         warnings: one line each, for the user.
         radiance: [H, W, 3] float32, linear Rec. 709 in the photo's exposure units (white at 1), of a picture that holds
             light above white: OpenEXR, .hdr, TIFF of floats, PQ, HLG, a gain map. None of any other.
-        stored: how the file's pixels lie, where they are turned or made square to be shown, else None.
         depth: [h, w] float32, upright, see files.photo_depth; None where the file carries none or nobody asked.
     """
 
@@ -86,7 +86,6 @@ class Pixels:
     exposure: float | None = None
     posture_deg: tuple[float, float] | None = None
     radiance: np.ndarray | None = None
-    stored: StoredPixels | None = None
     depth: np.ndarray | None = None
 
 
@@ -173,19 +172,18 @@ def _from_stream(
     """Decode an open file or buffer, by what its first bytes say."""
     head = stream.read(64)
     if not head:
-        raise InvalidPhoto(f"{name}: expected an image, got an empty file; copy or save it again")
+        raise InvalidPhoto("expected an image, got an empty file; copy or save it again", source=name)
     if head.startswith(TIFF_STARTS):
         head += stream.read(HEAD_BYTES)
     stream.seek(0)
     if head.startswith(EXR_MAGIC):
         data = stream.read(num_bytes)
-        pixels = _from_linear(read_exr(data, name, InvalidPhoto, MAX_PIXELS, rec709=True), name)
-        return replace(pixels, stored=stored_by_exr(data, pixels.rgb.shape[1::-1]))
+        return _from_linear(read_exr(data, name, InvalidPhoto, MAX_PIXELS, rec709=True), name)
     if head.startswith(HDR_MAGIC):
         try:
             return _from_linear(decode_hdr(stream.read(num_bytes), name, MAX_PIXELS), name)
         except InvalidEnvironment as error:
-            raise InvalidPhoto(str(error)) from error
+            raise InvalidPhoto(error, code="invalid-image") from error
     if is_raw(head, file_name):
         return _from_raw(stream, num_bytes, name)
     try:
@@ -195,8 +193,9 @@ def _from_stream(
         found = read_float_tiff(stream.read(num_bytes), name) if head.startswith(TIFF_STARTS) else None
         if found is not None:
             return _from_float_tiff(found, name, as_data)
-        expected = f"{name}: expected an image (JPEG, PNG, WebP, TIFF, HEIC, AVIF, EXR, RAW, ...), got"
-        raise InvalidPhoto(f"{expected} {kind_of(head, num_bytes)}") from error
+        expected = "expected an image (JPEG, PNG, WebP, TIFF, HEIC, AVIF, EXR, RAW, ...), got"
+        kind, remedy = kind_of(head, num_bytes)
+        raise InvalidPhoto(f"{expected} {kind}", source=name, remedy=remedy) from error
     with image:
         if image.format == "TIFF" and image.mode == "F":
             stream.seek(0)
@@ -224,7 +223,7 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
                 deep = heif_sixteen_bits(stream)
         image.load()
         long_fov_deg, exposure, posture_deg = exif_fov_deg(image), exif_exposure(image), apple_posture_deg(image)
-        orientation, stored = orientation_of(image), image.size
+        orientation = orientation_of(image)
         if deep is not None:
             deep = turned_upright(deep, orientation)
             alpha = deep[..., -1] if deep.shape[2] in (2, 4) else None
@@ -238,8 +237,9 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
     except Exception as error:  # decoders raise whatever the bad bytes lead them to
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InvalidPhoto(
-            f"{name}: expected a whole image, got a damaged or unusual one ({reason}); copy it again, or open and save "
-            "it in another program"
+            f"expected a whole image, got a damaged or unusual one ({reason}); copy it again, or open and save "
+            "it in another program",
+            source=name,
         ) from error
     del picture, deep  # pixels; they are in values now
     pixels = _from_array(done.values, name)
@@ -253,9 +253,10 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
         notes += (UNREAD,)
     if gain_map is not None:
         radiance = gain_map.radiance(pixels.rgb, TURNS.get(orientation))
-    notes = tuple(f"{name}: {note}" for note in (*notes, *done.warnings))
+    notes = tuple(Notice(note, code="colors", source=name) for note in (*notes, *done.warnings))
     if animated:
-        notes += (f"{name}: expected one picture, got several frames or pages; the first is used",)
+        text = "expected one picture, got several frames or pages; the first is used"
+        notes += (Notice(text, code="several-pictures", source=name),)
     return replace(
         pixels,
         long_fov_deg=long_fov_deg,
@@ -263,7 +264,6 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
         exposure=exposure,
         posture_deg=posture_deg,
         radiance=radiance,
-        stored=stored_by_exif(orientation, stored, pixels.rgb.shape[1::-1]),
         depth=None if depth is None else turned_upright(depth, orientation),
     )
 
@@ -311,7 +311,7 @@ def _upright(image: Image.Image) -> Image.Image:
 def _from_raw(stream: BinaryIO, num_bytes: int, name: str) -> Pixels:
     radiance, notes = develop(stream.read(num_bytes), name)
     stream.seek(0)
-    warnings = tuple(f"{name}: {note}" for note in notes)
+    warnings = tuple(Notice(note, code="raw", source=name) for note in notes)
     pixels = replace(_from_linear(radiance, name), warnings=warnings, radiance=None)  # none is above the sensor's white
     try:
         with open_picture(stream, name) as preview:  # which has the EXIF
@@ -337,7 +337,7 @@ def _from_float_tiff(found: FloatPicture, name: str, as_data: bool) -> Pixels:
         times = 1.0 if found.premultiplied or not alpha.size else alpha
         pixels = _from_linear(np.concatenate([linear * times, alpha], axis=-1), name)
         doubt = found.profile == b"" and pixels.radiance is None
-        notes = (f"{name}: {TAKEN_FOR_LINEAR}",) if doubt else ()
+        notes = (Notice(TAKEN_FOR_LINEAR, code="colors", source=name),) if doubt else ()
         return _with_exif(replace(pixels, warnings=notes), found.image)
     _check_finite(values, name)
     done = shown(color, replace(encoding, brighter=bool(color.max() > 1.0)))
@@ -347,7 +347,7 @@ def _from_float_tiff(found: FloatPicture, name: str, as_data: bool) -> Pixels:
 
 def _check_finite(pixels: np.ndarray, name: str) -> None:
     if not np.isfinite(pixels).all():
-        raise InvalidPhoto(f"{name}: expected finite radiance, got NaN or infinity; repair the picture first")
+        raise InvalidPhoto("expected finite radiance, got NaN or infinity; repair the picture first", source=name)
 
 
 def _from_linear(pixels: np.ndarray, name: str) -> Pixels:
@@ -371,7 +371,8 @@ def _from_array(values: np.ndarray, name: str) -> Pixels:
         values = values[..., None]
     if values.ndim != 3 or values.shape[2] not in (1, 3, 4):
         raise InvalidPhoto(
-            f"{name}: expected [height, width] with 1, 3 or 4 channels, got shape {values.shape}; put the channels last"
+            f"expected [height, width] with 1, 3 or 4 channels, got shape {values.shape}; put the channels last",
+            source=name,
         )
     check_size(values.shape[1], values.shape[0], name)
     if values.dtype.kind == "u" and values.dtype.itemsize <= 2:
@@ -380,13 +381,14 @@ def _from_array(values: np.ndarray, name: str) -> Pixels:
         low, high = float(values.min()), float(values.max())
         if not (low >= -1e-4 and high <= 1.0 + 1e-4):  # 1e-4: rounding of a resize; NaN fails too
             raise InvalidPhoto(
-                f"{name}: expected float display values from 0 to 1, got {low:.3g} to {high:.3g}; "
-                "scale them, or save linear radiance as .exr"
+                f"expected float display values from 0 to 1, got {low:.3g} to {high:.3g}; "
+                "scale them, or save linear radiance as .exr",
+                source=name,
             )
         display = values.astype(np.float32)
         np.clip(display, 0.0, 1.0, out=display)
     else:
-        raise InvalidPhoto(f"{name}: expected uint8, uint16 or float values, got {values.dtype}; convert it")
+        raise InvalidPhoto(f"expected uint8, uint16 or float values, got {values.dtype}; convert it", source=name)
     alpha = None
     if display.shape[2] == 4 and (display[..., 3] < 1.0).any():
         alpha = np.ascontiguousarray(display[..., 3])

@@ -42,18 +42,20 @@ def read_mesh(path: str | Path) -> Mesh:
     suffix = path.suffix.lower()
     if suffix not in MESH_SUFFIXES and not path.is_dir():
         raise InvalidMesh(
-            f"{path.name}: expected a mesh in {', '.join(MESH_SUFFIXES)}, got {suffix or 'no suffix'}; export it again"
+            f"expected a mesh in {', '.join(MESH_SUFFIXES)}, got {suffix or 'no suffix'}; export it again",
+            source=path.name,
         )
     data = read_regular(path, path.name, InvalidMesh, "a mesh file")
     announced = _check_header(data, suffix, path.name)
     parts = _read_parts(data, suffix, path.name)
     if not parts:
-        raise InvalidMesh(f"{path.name}: expected triangles, got none; is the file empty?")
+        raise InvalidMesh("expected triangles, got none; is the file empty?", source=path.name)
     positions, faces = put_together(parts)
     if announced is not None and len(faces) < announced:
         raise InvalidMesh(
-            f"{path.name}: expected {announced:,} faces as its header says, got {len(faces):,}; "
-            "is the file cut? fetch or export it again"
+            f"expected {announced:,} faces as its header says, got {len(faces):,}; "
+            "is the file cut? fetch or export it again",
+            source=path.name,
         )
     check_triangles(positions, faces, path.name)
     used = np.zeros(len(positions), dtype=bool)
@@ -69,7 +71,7 @@ def _check_header(data: bytes, suffix: str, name: str) -> int | None:
     """Refuse by its first bytes what is empty, cut or far too large; the faces they announce, if any."""
     size, start = len(data), data[:_HEADER_BYTES]
     if size == 0:
-        raise InvalidMesh(f"{name}: expected a mesh, got an empty file (0 bytes); fetch it again")
+        raise InvalidMesh("expected a mesh, got an empty file (0 bytes); fetch it again", source=name)
     faces, whole = None, 0
     if suffix == ".ply":
         found = _PLY_FACES.search(start.partition(b"end_header")[0])
@@ -83,11 +85,11 @@ def _check_header(data: bytes, suffix: str, name: str) -> int | None:
         faces = int.from_bytes(start[80:84], "little")
         whole = 84 + 50 * faces
     if faces is not None and faces > MAX_FACES:
-        raise InvalidMesh(f"{name}: expected at most {MAX_FACES:,} faces, got {faces:,}; decimate it first")
+        raise InvalidMesh(f"expected at most {MAX_FACES:,} faces, got {faces:,}; decimate it first", source=name)
     if size < whole:
         raise InvalidMesh(
-            f"{name}: expected {whole:,} bytes as its header says, got {size:,}; "
-            "the file is cut: fetch or export it again"
+            f"expected {whole:,} bytes as its header says, got {size:,}; the file is cut: fetch or export it again",
+            source=name,
         )
     return faces
 
@@ -111,7 +113,7 @@ def _read_parts(data: bytes, suffix: str, name: str) -> list[tuple[np.ndarray, n
         copies = [(matrix, one) for matrix, one in copies if isinstance(one, trimesh.Trimesh) and len(one.faces)]
         faces = sum(len(one.faces) for _, one in copies)
         if faces > MAX_FACES:  # a small file may place a mesh many times
-            raise InvalidMesh(f"{name}: expected at most {MAX_FACES:,} faces, got {faces:,}; decimate it first")
+            raise InvalidMesh(f"expected at most {MAX_FACES:,} faces, got {faces:,}; decimate it first", source=name)
         return [_placed(matrix, one.vertices, one.faces) for matrix, one in copies]
     except InvalidMesh:
         raise
@@ -119,10 +121,11 @@ def _read_parts(data: bytes, suffix: str, name: str) -> list[tuple[np.ndarray, n
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         if suffix == ".ply" and "unexpected length" in reason:
             raise InvalidMesh(
-                f"{name}: expected polygons of one kind in a binary PLY, got several, or a cut file; export triangles"
+                "expected polygons of one kind in a binary PLY, got several, or a cut file; export triangles",
+                source=name,
             ) from error
         raise InvalidMesh(
-            f"{name}: expected a readable {suffix[1:].upper()} file, got {reason}; export it again"
+            f"expected a readable {suffix[1:].upper()} file, got {reason}; export it again", source=name
         ) from error
 
 

@@ -50,7 +50,7 @@ def open_object(name: str) -> Mesh:
         return OBJECTS[name]()
     if not Path(name).suffix:
         raise InputError(
-            f"object: expected one of {', '.join(OBJECTS)} or a mesh file (.glb, .obj, .ply), got {name!r}"
+            f"expected one of {', '.join(OBJECTS)} or a mesh file (.glb, .obj, .ply), got {name!r}", subject="object"
         )
     return read_mesh(name)
 
@@ -78,9 +78,9 @@ def draw_under(
         InputError: another size or field of view, or as of open_object and material_named.
     """
     if not (isinstance(size, Integral) and 1 <= size <= MOST_SIDE):
-        raise InputError(f"size: expected a whole number of pixels from 1 to {MOST_SIDE}, got {size}")
+        raise InputError(f"expected a whole number of pixels from 1 to {MOST_SIDE}, got {size}", subject="size")
     if not (isinstance(fov_deg, Real) and 0 < fov_deg < 180):
-        raise InputError(f"fov_deg: expected more than 0 and less than 180 degrees, got {fov_deg}")
+        raise InputError(f"expected more than 0 and less than 180 degrees, got {fov_deg}", subject="fov_deg")
     mesh = mesh if isinstance(mesh, Mesh) else open_object(str(mesh))
     material = material if isinstance(material, Material) else material_named(material)
     turn = np.eye(3) if world_from_camera is None else world_from_camera

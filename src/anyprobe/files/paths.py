@@ -84,15 +84,15 @@ def open_regular(path: str | os.PathLike[str], fault: type[InputError], what: st
     try:
         mode = os.stat(path).st_mode
     except (OSError, ValueError) as error:
-        raise fault(f"{path}: no such file; check the path") from error
+        raise fault("no such file; check the path", source=path) from error
     if not stat.S_ISREG(mode):
         kind = "a folder" if stat.S_ISDIR(mode) else "a pipe or device"
-        raise fault(f"{path}: is {kind}, not {what}; name a file")
+        raise fault(f"is {kind}, not {what}; name a file", source=path)
     try:
         with open(path, "rb") as stream:
             yield stream
     except OSError as error:
-        raise fault(f"{path}: cannot be read ({error.strerror or error}); check the permissions") from error
+        raise fault(f"cannot be read ({error.strerror or error}); check the permissions", source=path) from error
 
 
 def read_regular(
@@ -102,7 +102,7 @@ def read_regular(
     with open_regular(path, fault, what) as stream:
         size = os.fstat(stream.fileno()).st_size
         if size > max_bytes:
-            raise fault(f"{name}: expected at most {max_bytes / 2**20:g} MiB, got {size / 2**20:.0f}; shrink it")
+            raise fault(f"expected at most {max_bytes / 2**20:g} MiB, got {size / 2**20:.0f}; shrink it", source=name)
         return stream.read(size)
 
 
@@ -143,8 +143,9 @@ def utf8_path(path: str | os.PathLike[str]) -> Iterator[str]:
                 link.symlink_to(os.path.abspath(name))
             except OSError as error:
                 raise OutputError(
-                    f"{name}: expected a name in UTF-8, got other bytes, and no link to it can be made "
-                    f"({error.strerror or error}); rename it"
+                    f"expected a name in UTF-8, got other bytes, and no link to it can be made "
+                    f"({error.strerror or error}); rename it",
+                    source=name,
                 ) from error
             yield str(link)
     else:

@@ -77,8 +77,9 @@ def photo_depth(image: Image.Image, stream: BinaryIO | None, name: str) -> Float
     except Exception as error:  # decoders raise whatever the bad bytes lead them to
         reason = str(error) if isinstance(error, _Unread) else "a damaged one"
         raise InvalidMask(
-            f"{name}: expected a depth map that can be used in the file, got {reason}; leave depth out, or give it as "
-            "a picture"
+            f"expected a depth map that can be used in the file, got {reason}; leave depth out, or give it as "
+            "a picture",
+            source=name,
         ) from error
 
 

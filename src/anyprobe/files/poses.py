@@ -98,13 +98,13 @@ class Poses:
         for what, names in (("poses of", self.names), ("photos", [photo.name for photo in bare])):
             name, count = Counter(names).most_common(1)[0] if names else ("", 0)
             if count > 1:
-                raise InputError(f"{self.file}: expected names that differ, got two {what} {name}; rename one")
+                raise InputError(f"expected names that differ, got two {what} {name}; rename one", source=self.file)
         places = {name: place for place, name in enumerate(self.names)}
         found = []
         for photo, plain in zip(photos, bare, strict=True):
             one = places.get(plain.name, places.get(plain.stem))  # some write no suffix
             if one is None:
-                raise InputError(f"{self.file}: expected a pose of {photo.name}, got none of that name")
+                raise InputError(f"expected a pose of {photo.name}, got none of that name", source=self.file)
             found.append(one)
         return found
 
@@ -136,7 +136,9 @@ def parse_poses(data: bytes, file: str, photos: int | None = None) -> Poses:
     try:
         content = json.loads(data)  # UTF-8, with a byte order mark or without, or another Unicode
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{file}: cannot be read as a JSON file of camera poses; see docs/how-to/inputs.md") from error
+        raise InputError(
+            "cannot be read as a JSON file of camera poses; see docs/how-to/inputs.md", source=file
+        ) from error
     frames = content.get("frames") if isinstance(content, dict) else None
     names = None
     if isinstance(frames, list) and all(isinstance(one, dict) for one in frames):
@@ -155,8 +157,9 @@ def parse_poses(data: bytes, file: str, photos: int | None = None) -> Poses:
         _check_count(file, len(matrices), photos)
     if photos is not None and len(matrices) > max(photos, MOST_POSES):
         raise InputError(
-            f"{file}: expected at most {MOST_POSES} poses for {photos} photos, got {len(matrices)}; "
-            "leave out those of other photos"
+            f"expected at most {MOST_POSES} poses for {photos} photos, got {len(matrices)}; "
+            "leave out those of other photos",
+            source=file,
         )
     rotations = np.array([_rotation(file, number, matrix) for number, matrix in enumerate(matrices, start=1)])
     common = _lens_keys(content)
@@ -167,7 +170,7 @@ def parse_poses(data: bytes, file: str, photos: int | None = None) -> Poses:
 def _check_count(file: str, poses: int, photos: int) -> None:
     """InputError unless poses without names are as many as the photos."""
     if poses != photos:
-        raise InputError(f"{file}: expected {photos} poses, one a photo in order, got {poses}")
+        raise InputError(f"expected {photos} poses, one a photo in order, got {poses}", source=file)
 
 
 def _lens_keys(entry: Any) -> dict[str, Any]:
@@ -183,8 +186,9 @@ def _lens(file: str, given: dict[str, Any]) -> Lens:
         if value is None or (isinstance(value, int | float) and 0 < value < below):
             return value
         raise InputError(
-            f"{file}: expected {key} to be a number above 0{' and below pi' * (below < 4)}, got {value!r:.60}; "
-            "repair it or leave it out"
+            f"expected {key} to be a number above 0{' and below pi' * (below < 4)}, got {value!r:.60}; "
+            "repair it or leave it out",
+            source=file,
         )
 
     def tangent(focal: str, size: str, angle: str) -> float | None:
@@ -203,18 +207,19 @@ def _rotation(file: str, number: int, matrix: Any) -> np.ndarray:
     except (TypeError, ValueError, OverflowError):
         values = np.zeros(0)
     if values.shape not in ((3, 3), (3, 4), (4, 4)):
-        raise InputError(f"{file}: pose {number}: expected 3 x 3, 3 x 4 or 4 x 4 numbers, got something else")
+        raise InputError(f"pose {number}: expected 3 x 3, 3 x 4 or 4 x 4 numbers, got something else", source=file)
     if values.shape == (4, 4) and np.abs(values[3, :3]).max() > TOLERANCE:
         raise InputError(
-            f"{file}: pose {number}: expected rows, the last one 0 0 0 1, got columns (as of ARKit or three.js); "
-            "transpose it"
+            f"pose {number}: expected rows, the last one 0 0 0 1, got columns (as of ARKit or three.js); transpose it",
+            source=file,
         )
     rotation = values[:3, :3]
     off = np.abs(rotation @ rotation.T - np.eye(3)).max()
     if not (off <= TOLERANCE and np.linalg.det(rotation) > 0):  # NaN fails too
         raise InputError(
-            f"{file}: pose {number}: expected a rotation, got a matrix that is scaled, sheared or mirrored; "
-            "leave the scale out"
+            f"pose {number}: expected a rotation, got a matrix that is scaled, sheared or mirrored; "
+            "leave the scale out",
+            source=file,
         )
     u, _, vh = np.linalg.svd(rotation)
     return u @ vh

@@ -70,10 +70,13 @@ def read_radiance(path: str | os.PathLike[str], max_pixels: int = MAX_MAP_PIXELS
     suffix = path.suffix.lower()
     if suffix not in (".hdr", ".exr"):
         if path.is_dir():
-            raise InvalidEnvironment(f"{path.name}: expected a map in .hdr or .exr, got a folder; name the maps in it")
+            raise InvalidEnvironment(
+                "expected a map in .hdr or .exr, got a folder; name the maps in it", source=path.name
+            )
         raise InvalidEnvironment(
-            f"{path.name}: expected a map in .hdr or .exr, got {suffix or 'no suffix'}; "
-            "a picture of 8 or 16 bits does not hold radiance"
+            f"expected a map in .hdr or .exr, got {suffix or 'no suffix'}; "
+            "a picture of 8 or 16 bits does not hold radiance",
+            source=path.name,
         )
     with open_regular(path, InvalidEnvironment, "a radiance map") as stream:
         start = stream.read(HDR_HEADER_BYTES)
@@ -114,7 +117,7 @@ def read_linear(source: object, max_pixels: int) -> np.ndarray | None:
     else:
         return None
     if not np.isfinite(pixels).all():
-        raise InputError(f"{name}: expected finite radiance, got NaN or infinity; repair the picture first")
+        raise InputError("expected finite radiance, got NaN or infinity; repair the picture first", source=name)
     cover = np.clip(pixels[..., 3:], 0.0, 1.0) if pixels.shape[2] == 4 else np.ones_like(pixels[..., :1])
     return np.concatenate([np.maximum(pixels[..., :3], 0.0) * (cover > 0), cover], axis=-1)
 
@@ -212,10 +215,10 @@ def write_exr(
             # a disk that fills up at the last few kilobytes is not reported: see whether they are there
             read_exr(temporary, temporary.name, InvalidEnvironment, radiance.size)
         except InvalidEnvironment as error:
-            raise OutputError(f"{path}: cannot be written (the file came out cut); free some space") from error
+            raise OutputError("cannot be written (the file came out cut); free some space", source=path) from error
         except RuntimeError as error:  # its only report of a full disk or a closed folder
             reason = " ".join(str(error).replace(str(temporary), str(path)).split())
-            raise OutputError(f"{path}: cannot be written ({reason})") from error
+            raise OutputError(f"cannot be written ({reason})", source=path) from error
     return clipped_share
 
 
@@ -231,7 +234,7 @@ def write_exr_planes(path: str | os.PathLike[str], planes: np.ndarray, attribute
             write_channels(temporary, dict(zip("RGB", planes, strict=True)), said)
         except RuntimeError as error:
             reason = " ".join(str(error).replace(str(temporary), str(path)).split())
-            raise OutputError(f"{path}: cannot be written ({reason})") from error
+            raise OutputError(f"cannot be written ({reason})", source=path) from error
 
 
 def map_attributes(path: str | os.PathLike[str]) -> dict[str, str]:
@@ -248,11 +251,11 @@ def _check_kind(start: bytes, suffix: str, name: str) -> None:
     """Refuse a file whose first bytes are those of another format than its suffix."""
     wanted = "a Radiance .hdr file" if suffix == ".hdr" else "an OpenEXR .exr file"
     if not start:
-        raise InvalidEnvironment(f"{name}: expected {wanted}, got a damaged one of 0 bytes; fetch it again")
+        raise InvalidEnvironment(f"expected {wanted}, got a damaged one of 0 bytes; fetch it again", source=name)
     kind = next((kind for magic, kind in KINDS.items() if start.startswith(magic)), suffix)
     if kind != suffix:
         advice = f"name it {kind}" if kind.startswith(".") else "8 bits do not hold radiance, take .hdr or .exr"
-        raise InvalidEnvironment(f"{name}: expected {wanted}, got {kind}; {advice}")
+        raise InvalidEnvironment(f"expected {wanted}, got {kind}; {advice}", source=name)
 
 
 def decode_hdr(data: bytes, name: str, max_pixels: int) -> np.ndarray:
@@ -272,7 +275,9 @@ def decode_hdr(data: bytes, name: str, max_pixels: int) -> np.ndarray:
     except EOFError as error:
         raise _cut(name, header.height) from error
     except ValueError as error:
-        raise InvalidEnvironment(f"{name}: expected new run-length coding or none, got the old; save again") from error
+        raise InvalidEnvironment(
+            "expected new run-length coding or none, got the old; save again", source=name
+        ) from error
     return to_rec709(np.ascontiguousarray(header.upright(radiance)), header.primaries, name, InvalidEnvironment)
 
 

@@ -68,7 +68,7 @@ def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
     start = data[:HDR_HEADER_BYTES]
     blank = BLANK.search(start)
     if not data.startswith(HDR_MAGIC) or blank is None:
-        raise InvalidEnvironment(f"{name}: expected a Radiance .hdr file, got other or no data; copy it again")
+        raise InvalidEnvironment("expected a Radiance .hdr file, got other or no data; copy it again", source=name)
     exposure, form = np.ones(3), _FORMATS[0]
     primaries: tuple[float, ...] = REC709_CHROMATICITIES
     for line in start[: blank.start()].split(b"\n"):
@@ -83,28 +83,31 @@ def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
         if key == b"COLORCORR":
             exposure *= _factors(value, 3, "COLORCORR to be three numbers > 0", name)
         if key == b"GAMMA" and not np.allclose(_factors(value, 1, "GAMMA to be 1", name), 1.0, atol=1e-3):
-            raise InvalidEnvironment(f"{name}: expected GAMMA=1, got {_shown(value)}; save it as linear radiance")
+            raise InvalidEnvironment(f"expected GAMMA=1, got {_shown(value)}; save it as linear radiance", source=name)
         if key == b"PRIMARIES":
             try:
                 primaries = tuple(float(number) for number in value.split())
             except ValueError as error:
                 raise InvalidEnvironment(
-                    f"{name}: expected PRIMARIES to be eight numbers, got {_shown(value)}; repair the header"
+                    f"expected PRIMARIES to be eight numbers, got {_shown(value)}; repair the header", source=name
                 ) from error
     if form not in _FORMATS:
-        raise InvalidEnvironment(f"{name}: expected FORMAT=32-bit_rle_rgbe, got {_shown(form)}; save it as RGBE")
+        raise InvalidEnvironment(f"expected FORMAT=32-bit_rle_rgbe, got {_shown(form)}; save it as RGBE", source=name)
     if primaries == UNSTATED or form != _FORMATS[0]:
         primaries = REC709_CHROMATICITIES if form == _FORMATS[0] else XYZ
     if not (np.isfinite(exposure) & (exposure > 0.0)).all():
-        raise InvalidEnvironment(f"{name}: expected EXPOSURE to be a number > 0; repair the header")
+        raise InvalidEnvironment("expected EXPOSURE to be a number > 0; repair the header", source=name)
     line, _, _ = data[blank.end() : HDR_HEADER_BYTES].partition(b"\n")
     size = RESOLUTION.fullmatch(line.strip())
     if size is None or size[1][1:] == size[3][1:]:
-        raise InvalidEnvironment(f"{name}: expected the size as -Y H +X W, got {_shown(line[:40])!r}; save it again")
+        raise InvalidEnvironment(
+            f"expected the size as -Y H +X W, got {_shown(line[:40])!r}; save it again", source=name
+        )
     height, width = int(size[2]), int(size[4])
     if not 0 < height * width <= max_pixels:
         raise InvalidEnvironment(
-            f"{name}: expected at most {max_pixels / 1e6:.0f} million pixels, got {width} x {height}; shrink it first"
+            f"expected at most {max_pixels / 1e6:.0f} million pixels, got {width} x {height}; shrink it first",
+            source=name,
         )
     red, green, blue = exposure.tolist()
     return HdrHeader(
@@ -124,7 +127,7 @@ def _factors(value: bytes, count: int, expected: str, name: str) -> np.ndarray:
     except ValueError:
         numbers = np.array([-1.0])
     if len(numbers) != count or not (np.isfinite(numbers) & (numbers >= 0.0)).all():
-        raise InvalidEnvironment(f"{name}: expected {expected}, got {_shown(value)}; repair the header")
+        raise InvalidEnvironment(f"expected {expected}, got {_shown(value)}; repair the header", source=name)
     return np.where(numbers == 0.0, 1.0, numbers)
 
 

@@ -27,13 +27,14 @@ def check_radiance(radiance: np.ndarray, name: str = "map") -> Float[np.ndarray,
     shape = radiance.shape
     if radiance.ndim != 3 or shape[2] != 3 or shape[1] != 2 * shape[0] or shape[0] == 0:
         raise InvalidEnvironment(
-            f"{name}: expected width = 2 x height and 3 channels, got shape {shape}; "
-            "convert a cube map or mirror sphere to latitude-longitude first"
+            f"expected width = 2 x height and 3 channels, got shape {shape}; "
+            "convert a cube map or mirror sphere to latitude-longitude first",
+            source=name,
         )
     if not np.isfinite(radiance).all():
-        raise InvalidEnvironment(f"{name}: expected finite radiance, got NaN or infinity; repair the map first")
+        raise InvalidEnvironment("expected finite radiance, got NaN or infinity; repair the map first", source=name)
     if (radiance < 0).any():
-        raise InvalidEnvironment(f"{name}: expected radiance >= 0, got {radiance.min():.3g}; repair the map first")
+        raise InvalidEnvironment(f"expected radiance >= 0, got {radiance.min():.3g}; repair the map first", source=name)
     return np.asarray(radiance, dtype=np.float32)
 
 

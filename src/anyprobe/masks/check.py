@@ -6,6 +6,7 @@ import numpy as np
 
 from anyprobe.core.contract import contract
 from anyprobe.errors import InvalidMask
+from anyprobe.notices import Notice, give
 
 MIN_OBJECT_PX = contract("mask")["least_object_px"]
 """Smallest longer side of the object's bounding box."""
@@ -15,17 +16,23 @@ def check_mask(mask: np.ndarray) -> np.ndarray:
     """Return the mask as float32 [H, W], or raise InvalidMask: empty, too small, NaN."""
     mask = np.asarray(mask, dtype=np.float32)
     if mask.ndim != 2 or not (mask.size and mask.min() >= 0.0 and mask.max() <= 1.0):
-        raise InvalidMask(f"mask: expected [height, width] in 0 to 1, got shape {mask.shape} or values outside")
+        raise InvalidMask(
+            f"expected [height, width] in 0 to 1, got shape {mask.shape} or values outside", subject="mask"
+        )
     if not (mask > 0.5).any():
         raise InvalidMask(
-            f"mask: expected white on the object, got an empty mask (largest value {mask.max():.2f}); "
-            "paint the object white; labels of a file, 0 and 1, times 255"
+            f"expected white on the object, got an empty mask (largest value {mask.max():.2f}); "
+            "paint the object white; labels of a file, 0 and 1, times 255",
+            code="no-object",
+            subject="mask",
         )
     x0, y0, x1, y1 = object_box(mask)
     if max(x1 - x0, y1 - y0) < MIN_OBJECT_PX:
         raise InvalidMask(
-            f"mask: expected an object at least {MIN_OBJECT_PX} pixels across, got {x1 - x0} x {y1 - y0}; "
-            "use a larger photo or go closer"
+            f"expected an object at least {MIN_OBJECT_PX} pixels across, got {x1 - x0} x {y1 - y0}; "
+            "use a larger photo or go closer",
+            code="no-object",
+            subject="mask",
         )
     return mask
 
@@ -55,30 +62,34 @@ FEW_PX: int = _GIVEN["few_px"]
 def look_at_given(mask: np.ndarray) -> tuple[np.ndarray, list[str]]:
     """A mask [H, W] that was given, and a line for whatever is odd about it. A segmenter's overlay, which is
     translucent on the object too, is brought to 1 there."""
-    lines = []
+    lines: list[str] = []
     most = float(mask.max())
     if most < FULL:
-        lines.append(
+        text = (
             f"the mask is nowhere white (at most {most:.2f}), as a segmenter's overlay is; read as if it were: "
             "save the mask itself, white on black, to be sure"
         )
+        lines.append(Notice(text, code="mask-grey"))
         mask = mask / most
     inside = mask > 0.5
     border = np.concatenate([inside[0], inside[-1], inside[:, 0], inside[:, -1]])
     if inside.mean() > MOSTLY and border.mean() > FULL:
-        lines.append(
+        text = (
             f"the mask covers {inside.mean():.0%} of the photo and its borders, as one does that is white around the "
             "object; invert it if so: white is the object"
         )
+        lines.append(Notice(text, code="mask-inverted"))
     grey = (mask > GREY[0]) & (mask < GREY[1])
     if grey.sum() > GREY_SHARE * inside.sum():
-        lines.append("the mask is grey over wide areas; give one that is white on the object and black beside it")
+        text = "the mask is grey over wide areas; give one that is white on the object and black beside it"
+        lines.append(Notice(text, code="mask-grey"))
     x0, y0, x1, y1 = object_box(mask)
     if max(x1 - x0, y1 - y0) < FEW_PX:
-        lines.append(
+        text = (
             f"the object is {x1 - x0} x {y1 - y0} pixels in its mask; use a larger photo or go closer: "
             "so few tell little of the light"
         )
+        lines.append(Notice(text, code="object-small"))
     return mask.astype(np.float32), lines
 
 
@@ -91,4 +102,5 @@ def alpha_doubts(mask: np.ndarray) -> list[str]:
     share = float((mask > 0.5).mean())
     if share <= ALPHA_MOST:
         return []
-    return [f"its transparency makes {share:.0%} of the photo the object; pass click=, box= or mask= if it is smaller"]
+    text = f"its transparency makes {share:.0%} of the photo the object; if it is smaller, say where it is"
+    return [Notice(text, code="alpha-wide", remedy=give("click", "box", "mask"))]

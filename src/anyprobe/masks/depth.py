@@ -17,6 +17,7 @@ from anyprobe.files.headers import MAX_PIXELS
 from anyprobe.files.images import Pixels
 from anyprobe.files.paths import open_regular
 from anyprobe.masks.check import check_mask
+from anyprobe.notices import give, leave_out
 
 DepthSource = str | os.PathLike[str] | bytes | np.ndarray
 
@@ -45,8 +46,11 @@ def chosen_depth(source: DepthSource | None, pixels: Pixels) -> DepthSource | No
         return source
     if pixels.depth is None:
         raise InvalidMask(
-            f"{pixels.name}: expected a photo whose file carries depth, as HEIC and JPEG portraits of phones do, found "
-            "none; leave depth out, or give it as a picture"
+            "expected a photo whose file carries depth, as HEIC and JPEG portraits of phones do, found "
+            "none; give it as a picture",
+            subject="depth",
+            source=pixels.name,
+            remedy=leave_out("depth"),
         )
     return pixels.depth
 
@@ -66,22 +70,26 @@ def read_depth(source: DepthSource) -> np.ndarray:
     else:
         name = "depth" if isinstance(source, bytes) else Path(source).name
         if not isinstance(source, bytes) and not Path(source).is_file():
-            raise InvalidMask(f"{source}: no such file; check the path")
+            raise InvalidMask("no such file; check the path", subject="depth", source=source)
         try:
             values = _reader(source)(source, name)
         except InvalidMask:
             raise
         except Exception as error:  # decoders raise whatever the bad bytes lead them to
             raise InvalidMask(
-                f"{name}: expected a depth image (16-bit PNG, TIFF, EXR, .npy), got something else; export it again"
+                "expected a depth image (16-bit PNG, TIFF, EXR, .npy), got something else; export it again",
+                subject="depth",
+                source=name,
             ) from error
     values = np.asarray(values)
     if values.ndim == 3 and values.shape[2] == 1:
         values = values[..., 0]
     if values.ndim != 2 or values.size == 0 or values.dtype.kind not in "uif":
         raise InvalidMask(
-            f"{name}: expected one depth a pixel, [height, width], got {values.dtype} of shape {values.shape}; "
-            "export the depth itself, not a coloured picture of it"
+            f"expected one depth a pixel, [height, width], got {values.dtype} of shape {values.shape}; "
+            "export the depth itself, not a coloured picture of it",
+            subject="depth",
+            source=name,
         )
     return values.astype(np.float32)
 
@@ -92,8 +100,9 @@ def depth_of_view(source: DepthSource, shape: tuple[int, int]) -> np.ndarray:
     height, width = shape
     if abs(depth.shape[1] / depth.shape[0] / (width / height) - 1.0) > ASPECT_TOLERANCE:
         raise InvalidMask(
-            f"depth: expected the photo's view, {width} x {height} or that shape smaller, "
-            f"got {depth.shape[1]} x {depth.shape[0]}; crop both alike"
+            f"expected the photo's view, {width} x {height} or that shape smaller, "
+            f"got {depth.shape[1]} x {depth.shape[0]}; crop both alike",
+            subject="depth",
         )
     return depth
 
@@ -112,11 +121,13 @@ def mask_from_depth(
     """
     if near is None and far is None:
         raise InvalidMask(
-            "depth: expected where to cut, got neither near nor far; pass near= and far= in the depth image's unit"
+            "expected where to cut, in the depth image's unit, got neither near nor far",
+            subject="depth",
+            remedy=give("near", "far"),
         )
     low, high = 0.0 if near is None else float(near), np.inf if far is None else float(far)
     if not 0.0 <= low < high:
-        raise InvalidMask(f"depth: expected 0 <= near < far, got near {low:g} and far {high:g}")
+        raise InvalidMask(f"expected 0 <= near < far, got {low:g} and {high:g}", subject=("near", "far"))
     depth = depth_of_view(source, shape)
     height, width = shape
     rows = (np.arange(height) + 0.5) * depth.shape[0] / height
@@ -126,10 +137,11 @@ def mask_from_depth(
     inside = measured & (depth >= low) & (depth <= high)
     if not inside.any():
         if not measured.any():
-            raise InvalidMask("depth: expected measured depths, got none above zero; check the file")
+            raise InvalidMask("expected measured depths, got none above zero; check the file", subject="depth")
         raise InvalidMask(
-            f"depth: expected something from {low:g} to {high:g}, found none; the image holds "
-            f"{depth[measured].min():g} to {depth[measured].max():g}"
+            f"expected something from {low:g} to {high:g}, found none; the image holds "
+            f"{depth[measured].min():g} to {depth[measured].max():g}",
+            subject="depth",
         )
     return check_mask(inside.astype(np.float32))
 
@@ -152,11 +164,15 @@ def _opened(source: _File) -> str | os.PathLike[str] | io.BytesIO:
 def _read_picture(source: _File, name: str) -> np.ndarray:
     with Image.open(_opened(source), formats=["PNG", "TIFF", "PPM"]) as image:
         if image.width * image.height > MAX_PIXELS:
-            raise InvalidMask(f"{name}: expected at most {MAX_PIXELS // 1_000_000} million pixels")
+            raise InvalidMask(
+                f"expected at most {MAX_PIXELS // 1_000_000} million pixels", subject="depth", source=name
+            )
         values = np.asarray(image.convert("RGB") if image.mode == "P" else image)
         if image.mode == "P":
             if np.ptp(values, axis=-1).any():
-                raise InvalidMask(f"{name}: expected depth, got a coloured picture of it; save the depth itself")
+                raise InvalidMask(
+                    "expected depth, got a coloured picture of it; save the depth itself", subject="depth", source=name
+                )
             return values[..., 0]
         if image.format == "PPM":  # stretched to all of its range
             scale = 65535 if image.mode.startswith("I") else 255
@@ -185,7 +201,9 @@ def _read_exr(source: _File, name: str) -> np.ndarray:
             if channels[channel].shape != tuple((header.data[1] - header.data[0]).tolist()[::-1]):
                 raise ValueError("a channel of fewer pixels than its window")
             return square_pixels(in_display(channels[channel], header), header, MAX_PIXELS, nearest=True)
-    raise InvalidMask(f"{name}: expected a channel Z, V, Y or R, got {', '.join(sorted(found)) or 'none'}")
+    raise InvalidMask(
+        f"expected a channel Z, V, Y or R, got {', '.join(sorted(found)) or 'none'}", subject="depth", source=name
+    )
 
 
 def _is_of_color(key: str, found: Mapping[str, np.ndarray]) -> bool:

@@ -10,7 +10,6 @@ import numpy as np
 from anyprobe.core.color import to_bytes
 from anyprobe.errors import InvalidMask
 from anyprobe.files.images import Pixels
-from anyprobe.files.stored_pixels import StoredPixels
 from anyprobe.masks.check import alpha_doubts, check_mask, look_at_given
 from anyprobe.masks.depth import DepthSource, chosen_depth, mask_from_depth
 from anyprobe.masks.networks import Network, shared_network
@@ -20,6 +19,7 @@ from anyprobe.masks.search import Finding, Prompts, find_object, finding_of, loo
 from anyprobe.masks.segmenters import Segmenter, SegmenterSource, load_segmenter
 from anyprobe.masks.sources import MaskSource, mask_from_alpha, mask_from_file, mask_from_function
 from anyprobe.masks.words import RIGHT, color_doubts, verdict
+from anyprobe.notices import Notice, as_notice, give
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -58,8 +58,6 @@ def find_mask(
 ) -> FoundMask:
     """The object's mask: by the first given of mask, depth to cut, click or box, alpha; else by what stands out.
 
-    Clicks and boxes that find nothing in the pixels as shown are tried in those that the file stores, with a warning.
-
     Args:
         mask, click, exclude, box, depth, near, far: as hints.Hints has them.
         segmenter: what finds it: a name of load_segmenter, a Network or a Segmenter; None: U2-Net-p where its
@@ -76,40 +74,9 @@ def find_mask(
     if depth is not None and (near is not None or far is not None):
         return _given(mask_from_depth(depth, shape, near, far), "depth", pixels.name)
     if near is not None or far is not None:
-        raise InvalidMask("near, far: expected a depth image to cut, got none; pass depth= too")
-    given = click, exclude, box
-    try:
-        return _find(pixels, check_prompts(*given, *shape[::-1]), segmenter)
-    except InvalidMask:
-        if pixels.stored is None or all(one is None for one in given):
-            raise
-        try:
-            prompts = _as_stored(check_prompts(*given, *pixels.stored.size), pixels.stored)
-            found = _find(pixels, prompts, segmenter)
-        except InvalidMask:
-            prompts = None
-        if prompts is None:
-            raise
-    return replace(found, warnings=(_stored_line(pixels, prompts), *found.warnings))
-
-
-def _as_stored(prompts: Prompts, stored: StoredPixels) -> Prompts:
-    """Prompts in pixels as shown, of those in pixels as stored."""
-    on, off = ([stored.point(*one) for one in points] for points in (prompts.on, prompts.off))
-    return Prompts(on=on, off=off, box=None if prompts.box is None else stored.box(prompts.box))
-
-
-def _stored_line(pixels: Pixels, prompts: Prompts) -> str:
-    height, width = pixels.rgb.shape[:2]
-    stored = "" if pixels.stored is None else " x ".join(map(str, pixels.stored.size))
-    better: list[tuple[str, tuple[float, ...]]] = [("click", point) for point in prompts.on]
-    better += [("exclude", point) for point in prompts.off]
-    better += [] if prompts.box is None else [("box", prompts.box)]
-    shown = " ".join(f"{name}={','.join(f'{number:g}' for number in one)}" for name, one in better)
-    return (
-        f"{pixels.name}: nothing is there in the {width} x {height} pixels as shown, so it was taken for pixels as "
-        f"stored ({stored}); pass {shown}"
-    )
+        subject = "near" if far is None else "far"
+        raise InvalidMask("expected a depth image to cut, got none", subject=subject, remedy=give("depth"))
+    return _find(pixels, check_prompts(click, exclude, box, *shape[::-1]), segmenter)
 
 
 def _find(pixels: Pixels, prompts: Prompts, segmenter: SegmenterSource | None) -> FoundMask:
@@ -119,14 +86,14 @@ def _find(pixels: Pixels, prompts: Prompts, segmenter: SegmenterSource | None) -
         alpha = mask_from_alpha(pixels.alpha)
         if alpha is not None:
             cut_out, doubts = _given(alpha, "alpha", pixels.name), alpha_doubts(alpha)
-            return replace(cut_out, warnings=(*cut_out.warnings, *(f"{pixels.name}: {one}" for one in doubts)))
+            return replace(cut_out, warnings=(*cut_out.warnings, *(as_notice(one, pixels.name) for one in doubts)))
     finder = load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter
     if finder is not None and not isinstance(finder, Network):
         return _segmented(pixels, prompts, finder, "segmenter" if source == "network" else source)
     network = shared_network() if finder is None else finder
     found = find_object(network, pixels.rgb, prompts)
     if found is None:
-        raise InvalidMask(_nothing(pixels, prompts))
+        raise _nothing(pixels, prompts)
     return _judged(pixels, prompts, found, found.mask(*pixels.rgb.shape[1::-1]), network, source)
 
 
@@ -134,7 +101,7 @@ def check_prompts(click: Clicks | None, exclude: Clicks | None, box, width: int,
     """Clicks and a box as a caller gives them, or InvalidMask where they are not on a photo of that size."""
     return Prompts(
         on=check_clicks(() if click is None else click, width, height),
-        off=check_clicks(() if exclude is None else exclude, width, height, "click beside"),
+        off=check_clicks(() if exclude is None else exclude, width, height, "exclude"),
         box=None if box is None else check_box(box, width, height),
     )
 
@@ -147,7 +114,7 @@ def source_of(prompts: Prompts) -> str:
 
 def _given(mask: np.ndarray, source: str, name: str) -> FoundMask:
     mask, warnings = look_at_given(mask)
-    return FoundMask(mask=mask, source=source, warnings=tuple(f"{name}: {line}" for line in warnings))
+    return FoundMask(mask=mask, source=source, warnings=tuple(as_notice(line, name) for line in warnings))
 
 
 def _judged(
@@ -158,14 +125,14 @@ def _judged(
     evidence = examine(found, width, height, prompts)
     confidence = evidence.expected_iou(network.name)
     if confidence < REFUSED or not (mask > 0.5).any():
-        raise InvalidMask(_nothing(pixels, prompts))
+        raise _nothing(pixels, prompts)
     doubts = [*color_doubts(pixels.rgb, mask, tuple(prompts.on) if prompts.box is None else ())]
     is_doubtful = confidence < DOUBTFUL
     doubts += evidence.doubts() if is_doubtful else []
     said = verdict(doubts, is_doubtful=is_doubtful)
     warnings = [] if said == RIGHT else [_doubt(pixels.name, said)]
     if network.warning and source != "segmenter":
-        warnings.append(f"{pixels.name}: {network.warning}")
+        warnings.append(as_notice(network.warning, pixels.name))
     return FoundMask(
         mask=check_mask(mask),
         source=source,
@@ -182,39 +149,43 @@ def _segmented(pixels: Pixels, prompts: Prompts, segmenter: Segmenter, source: s
     if segmenter.needs_prompt and not prompts.on and box is None:
         found = find_object(network, rgb, prompts)
         if found is None:
-            raise InvalidMask(_nothing(pixels, prompts))
+            raise _nothing(pixels, prompts)
         box = found.window.box_of(found.part)
     cover = np.asarray(segmenter.segment(to_bytes(rgb), prompts.on, prompts.off, box), np.float32)
     if cover.shape != rgb.shape[:2] or not np.isfinite(cover).all():
         raise InvalidMask(
-            f"segmenter: expected a cover [{rgb.shape[0]}, {rgb.shape[1]}] in 0 to 1, got shape {cover.shape} "
-            "or NaN; report it to the plug-in's author"
+            f"expected a cover [{rgb.shape[0]}, {rgb.shape[1]}] in 0 to 1, got shape {cover.shape} "
+            "or NaN; report it to the plug-in's author",
+            subject="segmenter",
         )
     cover = np.clip(cover, 0.0, 1.0)
     found = finding_of(cover, prompts)
     if found is None:
-        raise InvalidMask(_nothing(pixels, prompts))
+        raise _nothing(pixels, prompts)
     agreed = look_closer(network, rgb, found, Prompts()).agreed
     return _judged(pixels, prompts, replace(found, agreed=agreed), found.only(cover), network, source)
 
 
-def _nothing(pixels: Pixels, prompts: Prompts) -> str:
+def _nothing(pixels: Pixels, prompts: Prompts) -> InvalidMask:
     name, source = pixels.name, source_of(prompts)
     height, width = pixels.rgb.shape[:2]
     if source == "network":
-        return (
-            f"{name}: expected an object that can be told from its surroundings, but nothing stands out; "
-            "pass click=, box= or mask=, or a photo with an alpha channel"
-        )
+        text = "expected an object that can be told from its surroundings, or an alpha channel, but nothing stands out"
+        return InvalidMask(text, code="no-object", source=name, remedy=give("click", "box", "mask"))
     shown = f"the {source}" if prompts.on or prompts.box is not None else "the clicks beside it"
-    return (
-        f"{name}: expected an object at {shown} in {width} x {height} pixels as shown, found none that stands out; "
-        "click elsewhere on it, draw box=, or pass mask="
+    return InvalidMask(
+        f"expected an object at {shown} in {width} x {height} pixels as shown, found none that stands out; "
+        "click elsewhere on it",
+        code="no-object",
+        source=name,
+        remedy=give("box", "mask"),
     )
 
 
-def _doubt(name: str, said: str) -> str:
-    return (
-        f"{name}: the mask {said}; look at it, then pass "
-        "box= around the object, click= on it, exclude= beside it, or mask="
+def _doubt(name: str, said: str) -> Notice:
+    return Notice(
+        f"the mask {said}; look at it",
+        code="mask-doubtful",
+        source=name,
+        remedy=give("box", "click", "exclude", "mask"),
     )

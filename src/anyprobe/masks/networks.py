@@ -15,7 +15,8 @@ from anyprobe.errors import ModelError
 from anyprobe.files.graphs import open_graph
 from anyprobe.masks.prompts import BOX_LEVEL, CLICK_SIGMA_PX, Point, draw_prompts
 from anyprobe.masks.resize import resize
-from anyprobe.masks.weights import REMEDY, find_weights
+from anyprobe.masks.weights import GET_WEIGHTS, find_weights
+from anyprobe.notices import Notice
 
 U2NETP, SMALL = contract("mask")["u2netp"], contract("mask")["small"]
 MEAN, SPREAD = (np.array(U2NETP[key], np.float32) for key in ("mean", "spread"))
@@ -63,7 +64,7 @@ class U2NetP:
     def __init__(self, named: str = "") -> None:
         found = find_weights(named or None)
         if found is None:
-            raise ModelError(f"u2netp: expected its weights, found none; {REMEDY}")
+            raise ModelError("expected its weights, found none", source="u2netp", remedy=GET_WEIGHTS)
         self._session = open_graph(found.path)
         self._input, self._output = self._session.get_inputs()[0].name, self._session.get_outputs()[0].name
 
@@ -79,18 +80,22 @@ class SmallNetwork:
     """Our own network of 160 x 160, trained on renders alone; its fourth channel is the prompts."""
 
     name = "small"
-    warning = f"found by the small mask network, which is wrong on one photo in three; for a better one {REMEDY}"
+    warning: str = Notice(
+        "found by the small mask network, which is wrong on one photo in three",
+        code="small-network",
+        remedy=GET_WEIGHTS,
+    )
 
     def __init__(self, path: str | Path = "") -> None:
         path = Path(path) if path else default_graph()
         if not path.is_file():
-            raise ModelError(f"{path}: the mask network is missing; reinstall anyprobe")
+            raise ModelError("the mask network is missing; reinstall anyprobe", source=path)
         self._session = open_graph(path)
         found = self._session.get_modelmeta().custom_metadata_map
         for key, value in MASK_CONTRACT.items():
             if found.get(key) != value:
                 raise ModelError(
-                    f"{path.name}: expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version"
+                    f"expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version", source=path.name
                 )
 
     def cover(self, rgb, on=(), off=(), box=None) -> np.ndarray:

@@ -59,12 +59,13 @@ def check_clicks(clicks: Clicks, width: int, height: int, name: str = "click") -
         if points.ndim != 2 or points.shape[1] != 2:
             raise ValueError
     except (TypeError, ValueError) as error:
-        raise InvalidMask(f"{name}: expected X,Y in pixels, or several of them, got {clicks!r}") from error
+        raise InvalidMask(f"expected X,Y in pixels, or several of them, got {clicks!r}", subject=name) from error
     for x, y in points:
         if not (0 <= x < width and 0 <= y < height):
             raise InvalidMask(
-                f"{name}: expected X,Y with 0 <= X < {width} and 0 <= Y < {height}, got {x:g},{y:g}; "
-                "count pixels from the top left of the photo as shown, upright"
+                f"expected X,Y with 0 <= X < {width} and 0 <= Y < {height}, got {x:g},{y:g}; "
+                "count pixels from the top left of the photo as shown, upright",
+                subject=name,
             )
     return [(float(x), float(y)) for x, y in points]
 
@@ -74,18 +75,22 @@ def check_box(box: Sequence[float], width: int, height: int) -> tuple[float, flo
     try:
         x0, y0, x1, y1 = (float(v) for v in box)
     except (TypeError, ValueError) as error:
-        raise InvalidMask(f"box: expected four numbers X0,Y0,X1,Y1 in pixels, got {box!r}") from error
+        raise InvalidMask(f"expected four numbers X0,Y0,X1,Y1 in pixels, got {box!r}", subject="box") from error
     shown = f"{x0:g},{y0:g},{x1:g},{y1:g}"
     if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
         raise InvalidMask(
-            f"box: expected X0,Y0,X1,Y1 with 0 <= X0 < X1 <= {width} and 0 <= Y0 < Y1 <= {height}, "
-            f"got {shown}; count pixels from the top left of the photo as shown, upright"
+            f"expected X0,Y0,X1,Y1 with 0 <= X0 < X1 <= {width} and 0 <= Y0 < Y1 <= {height}, "
+            f"got {shown}; count pixels from the top left of the photo as shown, upright",
+            subject="box",
         )
     if max(x1 - x0, y1 - y0) < MIN_OBJECT_PX:
         raise InvalidMask(
-            f"box: expected an object at least {MIN_OBJECT_PX} pixels across, got the box {shown}; "
-            "use a larger photo or go closer"
+            f"expected an object at least {MIN_OBJECT_PX} pixels across, got the box {shown}; "
+            "use a larger photo or go closer",
+            subject="box",
         )
     if (x1 - x0) * (y1 - y0) >= width * height:
-        raise InvalidMask(f"box: expected some background around the box, got the whole photo {shown}; draw it closer")
+        raise InvalidMask(
+            f"expected some background around the box, got the whole photo {shown}; draw it closer", subject="box"
+        )
     return x0, y0, x1, y1

@@ -57,7 +57,9 @@ def load_segmenter(name: str) -> Network | Segmenter:
     found = {one.name: one for one in entry_points(group=GROUP)}
     if name not in found:
         known = ", ".join(sorted({*OWN, *found}))
-        raise InputError(f"segmenter: expected one of {known}, got {name!r}; install the package that brings it")
+        raise InputError(
+            f"expected one of {known}, got {name!r}; install the package that brings it", subject="segmenter"
+        )
     try:
         return found[name].load()(argument)
     except AnyprobeError:
@@ -128,7 +130,7 @@ class Sam:
         files = sorted(folder.glob(f"*{part}*.onnx"))
         if len(files) != 1:
             raise ModelError(
-                f"{folder}: expected one file *{part}*.onnx, got {len(files)}; name the folder of one model"
+                f"expected one file *{part}*.onnx, got {len(files)}; name the folder of one model", source=folder
             )
         return open_graph(files[0])
 

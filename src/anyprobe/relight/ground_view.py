@@ -139,8 +139,9 @@ def view_of(photo: Photo, pitch_deg: float | None = None, found: Ground | None =
         pitch_deg = float(max(pitch_deg, LEAST_SLOPE_DEG - below_axis))
     if not (-60 <= pitch_deg <= 90 and below_axis + pitch_deg > 1.0):
         raise InputError(
-            f"pitch_deg: expected the object's base below the horizon, got a camera that looks "
-            f"{pitch_deg:g} degrees down and a base {below_axis:.0f} degrees below its axis; give another"
+            f"expected the object's base below the horizon, got a camera that looks "
+            f"{pitch_deg:g} degrees down and a base {below_axis:.0f} degrees below its axis; give another",
+            subject="pitch_deg",
         )
     known = found if found is not None else ground
     roll_deg = known.roll_deg if known.is_known or abs(known.roll_deg) >= LEAST_ROLL_DEG else 0.0

@@ -221,24 +221,28 @@ class Stage:
     def __init__(self, photo: Photo, mesh: Mesh, arrangement: Arrangement | None = None) -> None:
         arrangement = arrangement or Arrangement()
         if not 0.02 <= arrangement.size <= 20:
-            raise InputError(f"size: expected 0.02 to 20 times the real object, got {arrangement.size:g}")
+            raise InputError(f"expected 0.02 to 20 times the real object, got {arrangement.size:g}", subject="size")
         (height, width), at = photo.mask.shape, arrangement.at
         if at is not None and not (0 <= at[0] <= width and 0 <= at[1] <= height):
-            raise InputError(f"at: expected a pixel of {width} x {height}, got {at[0]:g},{at[1]:g}; choose another")
+            raise InputError(
+                f"expected a pixel of {width} x {height}, got {at[0]:g},{at[1]:g}; choose another", subject="at"
+            )
         self.photo = photo
         self.is_shadow_matched = arrangement.match_shadow
         self.view: View
         self.view, pitch_deg = view_of(photo, arrangement.pitch_deg, arrangement.ground)
         if not np.isfinite(arrangement.turn_deg):
-            raise InputError(f"turn_deg: expected degrees, got {arrangement.turn_deg}")
+            raise InputError(f"expected degrees, got {arrangement.turn_deg}", subject="turn_deg")
         self.placement: Placement = place_beside(
             mesh, photo, self.view, pitch_deg, arrangement.size, arrangement.at, arrangement.turn_deg
         )
         if self.placement.mesh.positions[:, 2].max() >= 0:
-            raise InputError("size: the object reaches behind the camera; make it smaller or place it farther away")
+            raise InputError(
+                "the object reaches behind the camera; make it smaller or place it farther away", subject="size"
+            )
         window = window_of(self.placement, self.view)
         if window is None:
-            raise InputError("at: the photo shows nothing of the object there; choose another place")
+            raise InputError("the photo shows nothing of the object there; choose another place", subject="at")
         self.window: ObjectWindow = window
 
     @property
@@ -248,22 +252,17 @@ class Stage:
         said = []
         side = self.placement.side
         if side in NOT_BESIDE:
-            said.append(
-                f"no room beside the object: the inserted one stands {NOT_BESIDE[side]}; try another place or size"
-            )
+            text = f"no room beside the object: the inserted one stands {NOT_BESIDE[side]}"
+            said.append(f"{text}; try another place or size")
         if not self.placement.stands:
-            said.append(
-                "the place beside the object may not be the surface that it stands on: the inserted one may seem to "
-                "float; choose its place"
-            )
+            text = "the place beside the object may not be the surface that it stands on"
+            said.append(f"{text}: the inserted one may seem to float; choose its place")
         pixels = self.view.pixels(self.placement.mesh.positions)
         if (pixels < -0.5).any() or (pixels > np.array([self.view.width, self.view.height]) + 0.5).any():
             said.append("part of the inserted object is outside the photo; choose another place or make it smaller")
         if (self.photo.mask[-1] > 0.5).any():
-            said.append(
-                "the real object runs over the photo's lower border, so where it touches the ground is not seen; "
-                "choose the inserted object's place"
-            )
+            text = "the real object runs over the photo's lower border, so where it touches the ground is not seen"
+            said.append(f"{text}; choose the inserted object's place")
         return tuple(said)
 
     def on(self, photo: Photo) -> Stage:
@@ -387,7 +386,7 @@ def uses_mitsuba(renderer: str) -> bool:
         InputError: no such renderer. MissingExtra: "mitsuba" where it cannot run.
     """
     if renderer not in RENDERERS:
-        raise InputError(f"renderer: expected one of {', '.join(RENDERERS)}, got {renderer!r}")
+        raise InputError(f"expected one of {', '.join(RENDERERS)}, got {renderer!r}", subject="renderer")
     if renderer == "own":
         return False
     try:

@@ -113,4 +113,4 @@ def write_passes(path: Path, passes: Passes, colorspace: str, own: np.ndarray | 
             write_channels(temporary, channels, {"chromaticities": COLORSPACES[colorspace]}, latlong=False)
         except RuntimeError as error:  # its only report of a full disk or a closed folder
             reason = " ".join(str(error).replace(str(temporary), str(path)).split())
-            raise OutputError(f"{path}: cannot be written ({reason})") from error
+            raise OutputError(f"cannot be written ({reason})", source=path) from error

@@ -118,7 +118,9 @@ def place_beside(
     if at is not None:
         foot = view.on_ground(*at)
         if not np.isfinite(foot).all():
-            raise InputError(f"at: {at[0]:g},{at[1]:g} is above the horizon; point lower, or pitch the camera down")
+            raise InputError(
+                f"{at[0]:g},{at[1]:g} is above the horizon; point lower, or pitch the camera down", subject="at"
+            )
         return _standing(unit, upright, foot, height, pitch_deg)
     turned = unit.positions @ upright.T
 
@@ -141,7 +143,9 @@ def check_height(mesh: Mesh) -> None:
     """InvalidMesh where a mesh lies flat: its height is what sizes are said by."""
     width, height, depth = np.ptp(mesh.positions, axis=0)
     if height < LEAST_HEIGHT * max(width, depth):
-        raise InvalidMesh("mesh: expected a mesh with a height, got one that lies flat; turn it so that +Y is up")
+        raise InvalidMesh(
+            "expected a mesh with a height, got one that lies flat; turn it so that +Y is up", subject="mesh"
+        )
 
 
 class Outline:

@@ -44,15 +44,15 @@ def make_mesh(positions: np.ndarray, faces: np.ndarray, name: str = "mesh", crea
     centre = (positions.max(axis=0) + positions.min(axis=0)) / 2
     radius = np.linalg.norm(positions - centre, axis=1).max()
     if radius == 0:
-        raise InvalidMesh(f"{name}: expected an extended shape, got all vertices in one point; export it again")
+        raise InvalidMesh("expected an extended shape, got all vertices in one point; export it again", source=name)
     positions = (positions - centre) / radius
     edges = positions[faces[:, 1:]] - positions[faces[:, :1]]
     if np.abs(np.cross(edges[:, 0], edges[:, 1])).max() < MIN_AREA:
-        raise InvalidMesh(f"{name}: expected faces with an area, got {len(faces):,} without; export it again")
+        raise InvalidMesh(f"expected faces with an area, got {len(faces):,} without; export it again", source=name)
     shared = np.bincount(faces.reshape(-1)).astype(np.float64)
     if (shared**2).sum() > MAX_PAIRS:
         raise InvalidMesh(
-            f"{name}: expected at most some thousand faces at a vertex, got {shared.max():,.0f}; remesh it first"
+            f"expected at most some thousand faces at a vertex, got {shared.max():,.0f}; remesh it first", source=name
         )
     normals = corner_normals(positions, faces, crease_deg)
     return Mesh(positions=positions.astype(np.float32), faces=faces, normals=normals.astype(np.float32))
@@ -100,17 +100,18 @@ def _moved(mesh: Mesh, positions: np.ndarray, normals: np.ndarray) -> Mesh:
 def check_triangles(positions: np.ndarray, faces: np.ndarray, name: str) -> None:
     """Raise InvalidMesh unless there are 1 ... MAX_FACES faces that name finite vertices."""
     if len(faces) == 0 or len(positions) == 0:
-        raise InvalidMesh(f"{name}: expected triangles, got none; is the file empty?")
+        raise InvalidMesh("expected triangles, got none; is the file empty?", source=name)
     if len(faces) > MAX_FACES:
-        raise InvalidMesh(f"{name}: expected at most {MAX_FACES:,} faces, got {len(faces):,}; decimate it first")
+        raise InvalidMesh(f"expected at most {MAX_FACES:,} faces, got {len(faces):,}; decimate it first", source=name)
     low, high = int(faces.min()), int(faces.max())
     if low < 0 or high >= len(positions):
         raise InvalidMesh(
-            f"{name}: expected faces that name vertices 0 to {len(positions) - 1}, "
-            f"got {low if low < 0 else high}; export it again"
+            f"expected faces that name vertices 0 to {len(positions) - 1}, "
+            f"got {low if low < 0 else high}; export it again",
+            source=name,
         )
     if not (np.abs(positions) <= np.finfo(np.float32).max).all():  # squares of these still fit
-        raise InvalidMesh(f"{name}: expected finite vertices, got NaN or infinity; repair the mesh first")
+        raise InvalidMesh("expected finite vertices, got NaN or infinity; repair the mesh first", source=name)
 
 
 def corner_normals(

@@ -89,8 +89,9 @@ def material_named(name: str, *also: str) -> Material:
     alike = get_close_matches(key, [*MATERIALS, *also], n=3) or [one for one in MATERIALS if key and key in one][:3]
     advice = f"did you mean {' or '.join(alike)}?" if alike else "`anyprobe materials` lists them"
     raise InputError(
-        f"material: expected one of {', '.join([*PRESETS, *also])} or of {len(MEASURED)} measured ones, "
-        f"got {str(name)[:60]!r}; {advice}"
+        f"expected one of {', '.join([*PRESETS, *also])} or of {len(MEASURED)} measured ones, "
+        f"got {str(name)[:60]!r}; {advice}",
+        subject="material",
     )
 
 

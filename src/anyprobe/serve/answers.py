@@ -19,6 +19,8 @@ from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import Light
 from anyprobe.files.images import png_bytes
 from anyprobe.masks.check import object_box
+from anyprobe.notices import Notice
+from anyprobe.serve.problems import FIELDS, notice_json
 
 JSON = "application/json"
 
@@ -56,7 +58,7 @@ def light_response(light: Light, media: str, include: frozenset[str], mask: byte
 
 def light_json(light: Light, include: frozenset[str], mask: bytes | None) -> dict[str, Any]:
     """The sidecar, and arrays as {shape, dtype, base64}: little-endian float32, row by row; mask: as PNG."""
-    answer = light.sidecar()
+    answer = light.sidecar() | _warnings(light.warnings)
     if "radiance" in include:
         answer["radiance"] = packed(light.radiance)
     if "stages" in include:
@@ -83,8 +85,13 @@ def mask_json(photo: Photo) -> dict[str, Any]:
         "share": round(float(photo.mask.mean()), 6),
         "source": photo.mask_source,
         "confidence": None if sure is None else round(sure, 4),
-        "warnings": list(photo.warnings),
+        **_warnings(photo.warnings),
     }
+
+
+def _warnings(notices: tuple[Notice, ...]) -> dict[str, Any]:
+    """Return warnings as lines, and as data, that name form fields."""
+    return {"warnings": [FIELDS.line(one) for one in notices], "notices": [notice_json(one) for one in notices]}
 
 
 def mask_png(mask: np.ndarray) -> bytes:

@@ -28,6 +28,7 @@ from anyprobe.serve.guards import BodyLimit, HeadAsGet, OwnNamesOnly, OwnPagesOn
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.page import Page, add_page
 from anyprobe.serve.pool import Busy, Cancellation, Cancelled, Ending, WorkerPool
+from anyprobe.serve.problems import problem
 from anyprobe.serve.tasks import TooManyPixels, Upload
 from anyprobe.serve.uploads import read_upload, read_views, take_unread
 
@@ -247,10 +248,10 @@ def _leaving(request: Request) -> Callable[[], Any]:
 
 
 def _add_error_lines(app: FastAPI, limits: Limits) -> None:
-    """Every error as {"error": one line}; what was not foreseen is logged and not sent."""
+    """Answer every error as problem details; what was not foreseen is logged and not sent."""
 
-    def line(error: object, status: int, headers: dict[str, str] | None = None) -> JSONResponse:
-        return JSONResponse({"error": tasks.form_line(error)}, status, headers)
+    def line(error: object, status: int, headers: dict[str, str] | None = None) -> Response:
+        return problem(status, error.notice if isinstance(error, AnyprobeError) else str(error), headers)
 
     @app.exception_handler(Busy)
     async def busy(request: Request, error: Busy) -> Response:
@@ -281,7 +282,7 @@ def _add_error_lines(app: FastAPI, limits: Limits) -> None:
         if isinstance(error, MissingExtra):
             return line(error, 501)
         log.error("%s", error)  # it may name a path of this machine
-        return line("the server is not whole; its log says more", 500)
+        return line("the server is not set up completely; its log says more", 500)
 
     @app.exception_handler(Exception)
     async def unforeseen(request: Request, error: Exception) -> Response:

@@ -13,8 +13,10 @@ from urllib.parse import urlsplit
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import JSONResponse, RedirectResponse, Response
+from starlette.responses import RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from anyprobe.serve.problems import problem
 
 SECURITY_HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",  # these two let the page's networks use threads
@@ -57,7 +59,7 @@ class BodyLimit:
             return await self._app(scope, receive, send)
         length = Headers(scope=scope).get("content-length", "0")
         if length.isdigit() and int(length[:20]) > self._max_bytes:
-            answer = JSONResponse({"error": too_large(self._max_bytes)}, 413, {"Connection": "close"})
+            answer = problem(413, too_large(self._max_bytes), {"Connection": "close"})
             return await answer(scope, receive, send)
         scope[RECEIVED], start, more = 0, time.monotonic(), True
 
@@ -102,7 +104,7 @@ class OwnNamesOnly:
             f"host: expected {' or '.join(self._names)}, got {host[:60]!r}; "
             "to serve under another name, start with --allow-host NAME"
         )
-        return await JSONResponse({"error": text}, 400)(scope, receive, send)
+        return await problem(400, text)(scope, receive, send)
 
 
 def _is_address(name: str) -> bool:
@@ -134,8 +136,8 @@ class TokenOnly:
             return await answer(scope, receive, send)
         text = "expected the server's token, got none or another; open the address that it printed, or send "
         headers = {"WWW-Authenticate": "Bearer", "Connection": "close"}
-        refusal = JSONResponse({"error": text + "Authorization: Bearer TOKEN"}, 401, headers)
-        return await refusal(scope, receive, send)
+        answer = problem(401, text + "Authorization: Bearer TOKEN", headers)
+        return await answer(scope, receive, send)
 
     def _fits(self, given: str) -> bool:
         return secrets.compare_digest(given.strip().encode(), self._token)
@@ -168,7 +170,7 @@ class OwnPagesOnly:
             headers = Headers(scope=scope)
             if _is_foreign(headers) and headers.get("origin") not in self._origins:
                 text = "pages of other origins may not use this server; start it with --allow-origin ORIGIN"
-                return await JSONResponse({"error": text}, 403)(scope, receive, send)
+                return await problem(403, text)(scope, receive, send)
         return await self._app(scope, receive, send)
 
 

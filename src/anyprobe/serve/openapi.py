@@ -5,9 +5,15 @@ Form models of FastAPI would read the whole body before an endpoint can hold its
 
 from __future__ import annotations
 
+import json
+from dataclasses import fields
+from importlib import resources
 from typing import Any
 
-from anyprobe.hints import HINTS
+from anyprobe.detail.plausible import DETAILS, SIZES
+from anyprobe.estimate.runtime import EMITTERS
+from anyprobe.estimate.settings import Settings
+from anyprobe.hints import HINTS, Hint
 from anyprobe.serve.limits import MAX_PHOTOS
 
 FORM = "multipart/form-data"
@@ -15,40 +21,90 @@ FORM = "multipart/form-data"
 _FILE = {"type": "string", "format": "binary"}
 
 
-def _texts(*about: str) -> dict[str, str]:
-    """Hints about these that come as text, and their lines; of a file that has none, the word in its place."""
-    found = [hint for hint in HINTS.values() if hint.about in about]
-    return {hint.name: hint.help for hint in found if hint.words or not hint.suffixes}
+Schemas = dict[str, dict[str, Any]]
 
 
-def _files(*about: str) -> dict[str, str]:
-    """Hints about these that come as file parts."""
+def _texts(*about: str) -> Schemas:
+    """Schemas of hints about these that come as text; of a file, of the words in its place."""
     found = [hint for hint in HINTS.values() if hint.about in about]
-    return {hint.name: hint.help for hint in found if hint.suffixes}
+    return {hint.name: _text_schema(hint) for hint in found if hint.words or not hint.suffixes}
+
+
+def _files(*about: str) -> Schemas:
+    """Schemas of hints about these that come as file parts."""
+    found = [hint for hint in HINTS.values() if hint.about in about and hint.suffixes]
+    return {hint.name: _described(_file_schema(hint), hint.help) for hint in found}
+
+
+def _text_schema(hint: Hint) -> dict[str, Any]:
+    schema: dict[str, Any] = {"type": "string"}
+    if hint.words:
+        schema = {"type": "string", "enum": list(hint.words)}
+    elif hint.numbers:
+        kinds = [_numbers_schema(count) for count in hint.numbers]
+        schema = kinds[0] if len(kinds) == 1 else {"anyOf": kinds}
+    return _described({"type": "array", "items": schema} if hint.repeated else schema, hint.help)
+
+
+def _file_schema(hint: Hint) -> dict[str, Any]:
+    return {"anyOf": [_FILE, {"type": "string", "enum": list(hint.words)}]} if hint.words else _FILE
+
+
+def _numbers_schema(count: int) -> dict[str, Any]:
+    """One number, or several with commas between."""
+    number = r"-?\d+(\.\d+)?"
+    return {"type": "number"} if count == 1 else {"type": "string", "pattern": f"^{','.join([number] * count)}$"}
+
+
+def _described(schema: dict[str, Any], text: str) -> dict[str, Any]:
+    return {**schema, "description": text}
+
+
+def _setting_help(name: str) -> str:
+    """The description of a setting."""
+    return str(next(one.metadata["help"] for one in fields(Settings) if one.name == name))
 
 
 _EXPORT = {
-    "exposure": "stops, -30 to 30; 1 doubles the light",
-    "world_from_camera": "how the camera stood: YAW,ELEVATION[,ROLL] in degrees, turned left, raised (looking down), "
-    "rolled; or a rotation, nine numbers row by row; else the export is in the camera's frame",
+    "exposure": _described({"type": "number", "minimum": -30, "maximum": 30}, "stops; 1 doubles the light"),
+    "world_from_camera": _described(
+        {"anyOf": [_numbers_schema(count) for count in (2, 3, 9)]},
+        "how the camera stood: YAW,ELEVATION[,ROLL] in degrees, turned left, raised (looking down), "
+        "rolled; or a rotation, nine numbers row by row; else the export is in the camera's frame",
+    ),
 }
 
 _ANSWER = {
-    "emitters": "mode, light sources at their most likely places, sharp, for shadows and highlights; or expected, the "
-    "mean radiance, soft, which lights dull objects better",
-    "include": "any of radiance, stages, mask, with commas: carried by the JSON answer besides",
+    "emitters": _described({"type": "string", "enum": list(EMITTERS)}, _setting_help("emitters")),
+    "include": _described(
+        {"type": "string"}, "any of radiance, stages, mask, with commas: carried by the JSON answer besides"
+    ),
 }
 
 
 _DETAIL = {
-    "detail": "none, or plausible: the structure of a real-looking place under the estimated light, for mirrors",
-    "size": "rows of a map with detail: 64, 128, 256 or 512, which is the default",
+    "detail": _described({"type": "string", "enum": list(DETAILS)}, _setting_help("detail")),
+    "size": _described({"type": "integer", "enum": list(SIZES)}, _setting_help("size")),
 }
 
 
+_NAMES = {"type": "array", "items": {"type": "string"}}
+_REMEDY = {"do": {"enum": ["give", "leave out", "run"]}, "name": {"type": "string"}, "value": {"type": "string"}}
+_PROBLEM = {
+    "type": "object",
+    "properties": {
+        **{name: {"type": "string"} for name in ("type", "title", "detail", "code", "text")},
+        "status": {"type": "integer"},
+        "subject": {**_NAMES, "description": "fields that the error is about"},
+        "remedy": {"type": "array", "items": {"type": "object", "properties": _REMEDY}},
+    },
+    "required": ["type", "title", "status", "detail", "code"],
+}
+"""Problem details of RFC 9457, see serve.problems."""
+
+
 def _error(text: str) -> dict[str, Any]:
-    schema = {"type": "object", "properties": {"error": {"type": "string"}}}
-    return {"description": text, "content": {"application/json": {"schema": schema}}}
+    return {"description": text, "content": {"application/problem+json": {"schema": _PROBLEM}}}
 
 
 _AT_THE_DOOR = {
@@ -68,32 +124,41 @@ _ERRORS = _AT_THE_DOOR | {
 }
 
 
-def _upload(
-    options: dict[str, str], formats: list[str], answer: dict[str, Any], files: dict[str, str]
-) -> dict[str, Any]:
-    fields: dict[str, Any] = {"photo": _FILE}
-    fields |= {name: {"type": "string", "description": text} for name, text in options.items()}
-    fields |= {name: {**_FILE, "description": text} for name, text in files.items()}
-    form = {"schema": {"type": "object", "required": ["photo"], "properties": fields}}
+def _upload(options: Schemas, formats: list[str], answer: dict[str, Any], files: Schemas) -> dict[str, Any]:
+    form = {"schema": {"type": "object", "required": ["photo"], "properties": {"photo": _FILE, **options, **files}}}
     errors = {status: text for status, text in _ERRORS.items() if formats or status != "406"}
-    extra = {"format": f"{' or '.join(formats)}; instead of Accept"} if formats else {}
+    extra = {"format": _described({"type": "string", "enum": formats}, "instead of Accept")} if formats else {}
     return {
         "parameters": [
-            {"in": "query", "name": name, "schema": {"type": "string"}, "description": text}
-            for name, text in (options | extra).items()
+            {"in": "query", "name": name, "schema": schema, "description": schema["description"]}
+            for name, schema in (options | extra).items()
         ],
         "requestBody": {"required": True, "content": {FORM: form, "image/*": {"schema": _FILE}}},
         "responses": {"200": {"description": "done", "content": answer}, **errors},
     }
 
 
-_ANY: dict[str, Any] = {"schema": {"type": "object"}}
+_SIDECAR = json.loads((resources.files("anyprobe") / "estimate" / "sidecar.schema.json").read_text(encoding="utf-8"))
+_LIGHT: dict[str, Any] = {"schema": {key: part for key, part in _SIDECAR.items() if key != "$schema"}}
+_NUMBER = {"type": "number"}
+_FOUND_MASK: dict[str, Any] = {
+    "schema": {
+        "type": "object",
+        "properties": {
+            **{name: {"type": "string"} for name in ("photo", "source")},
+            **{name: {"type": "array", "items": {"type": "integer"}} for name in ("size", "box")},
+            "share": _NUMBER,
+            "confidence": {"anyOf": [_NUMBER, {"type": "null"}]},
+            **{name: _SIDECAR["properties"][name] for name in ("warnings", "notices")},
+        },
+    }
+}
 _BYTES = {"schema": _FILE}
 
 ESTIMATE_ROUTE = _upload(
     _texts("place", "camera", "light") | _ANSWER | _DETAIL,
     ["json", "exr", "hdr", "png"],
-    {"application/json": _ANY, "image/x-exr": _BYTES, "image/vnd.radiance": _BYTES, "image/png": _BYTES},
+    {"application/json": _LIGHT, "image/x-exr": _BYTES, "image/vnd.radiance": _BYTES, "image/png": _BYTES},
     files=_files("place", "light"),
 )
 
@@ -102,16 +167,16 @@ def _multiview() -> dict[str, Any]:
     """As ESTIMATE_ROUTE, of several photos in a form."""
     texts = {**_texts("camera", "light"), **_ANSWER, **_DETAIL}
     poses = "JSON: camera to world, a list of matrices, or transforms.json"
-    fields: dict[str, Any] = {
+    parts: Schemas = {
         "photo": {"type": "array", "items": _FILE, "description": f"1 to {MAX_PHOTOS} photos of one object"},
         "poses": {**_FILE, "description": poses},
         "mask": {"type": "array", "items": _FILE, "description": "none, or one a photo in their order"},
-        "box": {"type": "array", "items": {"type": "string"}, "description": "none, or one a photo"},
+        "box": {"type": "array", "items": _numbers_schema(4), "description": "none, or one a photo"},
+        **texts,
     }
-    fields |= {name: {"type": "string", "description": text} for name, text in texts.items()}
-    form = {"schema": {"type": "object", "required": ["photo", "poses"], "properties": fields}}
+    form = {"schema": {"type": "object", "required": ["photo", "poses"], "properties": parts}}
     return {
-        "parameters": [one for one in ESTIMATE_ROUTE["parameters"] if one["name"] in (*fields, "format")],
+        "parameters": [one for one in ESTIMATE_ROUTE["parameters"] if one["name"] in (*parts, "format")],
         "requestBody": {"required": True, "content": {FORM: form}},
         "responses": ESTIMATE_ROUTE["responses"],
     }
@@ -127,14 +192,17 @@ METRICS_ROUTE = {
     | {"501": _error("prometheus-client is not installed")}
 }
 MASK_ROUTE = _upload(
-    _texts("place", "camera"), ["png", "json"], {"image/png": _BYTES, "application/json": _ANY}, files=_files("place")
+    _texts("place", "camera"),
+    ["png", "json"],
+    {"image/png": _BYTES, "application/json": _FOUND_MASK},
+    files=_files("place"),
 )
 PHOTO_ROUTE = _upload({}, [], {"image/png": _BYTES}, files={})
 DETAIL_ROUTE = _upload(
     {"size": _DETAIL["size"]},
     ["json", "exr", "hdr", "png"],
     ESTIMATE_ROUTE["responses"]["200"]["content"],
-    files={"confidence": "map of the same size: how much each direction counts, 0 to 1"},
+    files={"confidence": _described(_FILE, "map of the same size: how much each direction counts, 0 to 1")},
 )
 EXPORT_ROUTE = _upload(_EXPORT, [], {"application/zip": _BYTES}, files={})
 
@@ -147,7 +215,3 @@ def form_names(address: dict[str, Any]) -> list[str]:
 def query_names(address: dict[str, Any]) -> list[str]:
     """What it reads behind the question mark."""
     return [one["name"] for one in address["parameters"]]
-
-
-OLD_NAMES = {"lamps": "emitters", "click_off": "exclude"}
-"""Names of older clients that are still read, and what they are called now."""

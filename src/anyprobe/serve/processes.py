@@ -271,9 +271,7 @@ def _outcome(answer: dict[str, Any]) -> Any:
         return answer["result"]
     if "fault" in answer:
         raise RuntimeError(f"in a decoding process: {answer['fault']}")
-    error = answer["kind"].__new__(answer["kind"])
-    Exception.__init__(error, answer["error"])
-    raise error
+    raise answer["error"]
 
 
 def _send(pipe: IO[bytes], message: Any) -> None:
@@ -314,9 +312,9 @@ def _answer(task: Callable[[], Any]) -> dict[str, Any]:
         return {"result": task()}
     except MemoryError:
         text = "expected a file that fits in memory when decoded, got a larger one; send it smaller"
-        return {"kind": TooMuchMemory, "error": text}
+        return {"error": TooMuchMemory(text)}
     except AnyprobeError as error:
-        return {"kind": TooMuchMemory if isinstance(error.__cause__, MemoryError) else type(error), "error": str(error)}
+        return {"error": TooMuchMemory(error) if isinstance(error.__cause__, MemoryError) else error}
     except Exception:
         return {"fault": traceback.format_exc(limit=8)}
 

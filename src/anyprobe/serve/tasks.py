@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +15,14 @@ from PIL import Image
 from anyprobe.core.frames import rotation_of
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail
 from anyprobe.errors import InputError, InvalidEnvironment
-from anyprobe.estimate.estimator import SettingsDict
 from anyprobe.estimate.panorama import cut_out
 from anyprobe.estimate.photo import Crop, Photo, load_photo
 from anyprobe.estimate.result import Light
 from anyprobe.files.declared_size import declared_pixels
 from anyprobe.files.images import read_image
 from anyprobe.files.radiance import map_attributes, read_radiance
-from anyprobe.hints import Hints, renamed
+from anyprobe.hints import Hints
+from anyprobe.notices import give, leave_out
 from anyprobe.serve.answers import mask_json, mask_png, png, zip_folder
 from anyprobe.serve.limits import MAX_MAP_ROWS, MAX_PANORAMA_PIXELS, QUICK_BYTES
 
@@ -41,7 +41,7 @@ class Upload:
         photo: the file's bytes, as sent.
         name: file name without folders, for messages; "photo" where none came.
         hints: what is given of its object; files as their bytes.
-        settings: emitters, detail and size, as far as they are asked for.
+        settings: those of Settings that are asked for: emitters, detail and size.
         confidence: bytes of a map that says how much each direction of a map counts.
         include: what the JSON answer shall carry besides: "radiance", "stages", "mask".
         exposure: stops that an export is brightened by.
@@ -51,7 +51,7 @@ class Upload:
     photo: bytes
     name: str = "photo"
     hints: Hints = Hints()
-    settings: SettingsDict = field(default_factory=SettingsDict)
+    settings: dict[str, Any] = field(default_factory=dict)
     confidence: bytes | None = None
     include: frozenset[str] = frozenset()
     exposure: float | None = None
@@ -63,7 +63,8 @@ class Upload:
         if check_detail(self.settings.get("detail", DETAILS[0])):
             return self.settings.get("size", ROWS)
         if "size" in self.settings:
-            raise InputError("size: does nothing without detail=plausible; add that, or leave it out")
+            remedy = (*give(detail="plausible"), *leave_out("size"))
+            raise InputError("does nothing without detail", subject="size", remedy=remedy)
         return None
 
     def pictures(self) -> list[tuple[str, bytes]]:
@@ -78,13 +79,10 @@ class Upload:
         return all(one.startswith(QUICK_STARTS) for one in pictures) and sum(map(len, pictures)) <= QUICK_BYTES
 
 
-def form_line(said: object) -> str:
-    """An error or a warning as one line that names form fields: `mask=` is `mask` there."""
-    return renamed(" ".join(str(said).split()), lambda hint: hint.name)
-
-
 class TooManyPixels(InputError):
     """A picture's header claims more pixels than the server decodes."""
+
+    default_code = "too-large"
 
 
 def ready() -> None:
@@ -158,11 +156,14 @@ def sharpened(upload: Upload, max_pixels: int) -> Light:
             confidence = read_radiance(path)[..., 0].clip(0.0, 1.0)
     with _map_file(upload.photo) as path:
         if "detail" in map_attributes(path):
-            raise InvalidEnvironment("map: expected one without detail, got one that has it; send the estimate")
+            raise InvalidEnvironment(
+                "expected one without detail, got one that has it; send the estimate", source="map"
+            )
         radiance = read_radiance(path)
     if confidence is not None and confidence.shape != radiance.shape[:2]:
         raise InvalidEnvironment(
-            f"confidence: expected the map's size {radiance.shape[:2]}, got {confidence.shape}; send both of one size"
+            f"expected the map's size {radiance.shape[:2]}, got {confidence.shape}; send both of one size",
+            subject="confidence",
         )
     return Light(radiance=radiance, confidence=confidence).with_detail(size=upload.settings.get("size", ROWS))
 
@@ -179,14 +180,14 @@ def _map_file(data: bytes, name: str = "map") -> Iterator[Path]:
             check_front(path)
             yield path
         except InputError as error:
-            raise InvalidEnvironment(str(error).replace(str(path), name)) from error
+            is_its = error.notice.source in (str(path), path.name)
+            raise InvalidEnvironment(error.notice.of(name) if is_its else error) from error
 
 
 def _open(upload: Upload, max_pixels: int) -> Photo:
     """The photo with its object marked, under the name it was sent with."""
     _check_pixels(upload, max_pixels)
-    photo = load_photo(upload.photo, upload.hints, name=upload.name)
-    return replace(photo, warnings=tuple(map(form_line, photo.warnings)))
+    return load_photo(upload.photo, upload.hints, name=upload.name)
 
 
 def _check_pixels(upload: Upload, max_pixels: int) -> None:
@@ -194,4 +195,4 @@ def _check_pixels(upload: Upload, max_pixels: int) -> None:
     for name, picture in upload.pictures():
         bound = min(max_pixels, MAX_PANORAMA_PIXELS) if picture is upload.hints.surroundings else max_pixels
         if declared_pixels(picture) > bound:
-            raise TooManyPixels(f"{name}: expected at most {bound / 1e6:g} million pixels; shrink it first")
+            raise TooManyPixels(f"expected at most {bound / 1e6:g} million pixels; shrink it first", source=name)

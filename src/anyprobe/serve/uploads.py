@@ -17,20 +17,17 @@ from starlette.requests import ClientDisconnect, Request
 
 from anyprobe.detail.plausible import DETAILS, SIZES
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
-from anyprobe.estimate.estimator import SettingsDict
-from anyprobe.estimate.runtime import EMITTERS, EXPECTED, MODE
+from anyprobe.estimate.runtime import EMITTERS
 from anyprobe.files.poses import parse_poses
-from anyprobe.hints import HINTS, SPHERE, Hints, check_together, said_as
+from anyprobe.hints import HINTS, Hints
 from anyprobe.serve.guards import RECEIVED
 from anyprobe.serve.limits import MAX_PHOTOS, UNREAD_S
-from anyprobe.serve.openapi import FORM, FUSE_ROUTE, OLD_NAMES, form_names, query_names
+from anyprobe.serve.openapi import FORM, FUSE_ROUTE, form_names, query_names
 from anyprobe.serve.pool import WorkerPool
 from anyprobe.serve.tasks import Upload
 
 FILES = {field: hint for field, hint in HINTS.items() if hint.suffixes}
 """Hints that are file parts."""
-OLD_WORDS = {"ball": SPHERE, "drawn": MODE, "spread": EXPECTED}
-"""Words of older clients, and what they are now."""
 
 
 async def take_unread(request: Request) -> None:
@@ -64,7 +61,7 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
             photo = await request.body()
     refuse_unknown(form, request.query_params, address)
     if not photo:
-        raise InvalidPhoto("photo: expected an image as the body, or as the form's part 'photo', got nothing; send one")
+        raise InvalidPhoto("expected an image as the body, or as a part of the form, got nothing", subject="photo")
     option = Options(form, request.query_params)
     return Upload(
         photo=photo,
@@ -98,14 +95,14 @@ async def read_views(request: Request, pool: WorkerPool) -> tuple[list[Upload], 
     unused = [name for name in files if name in FILES and name != "mask"]
     unused += [name for name in ("click", "exclude") if option.texts(name)]
     if unused:
-        raise InvalidPhoto(f"{unused[0]}: expected a mask or a box a photo, got what one photo alone can have")
+        raise InputError("expected a mask or a box a photo, got what one photo alone can have", subject=unused[0])
     refuse_unknown(form, request.query_params, FUSE_ROUTE)
     if not 1 <= len(photos) <= MAX_PHOTOS:
-        raise InvalidPhoto(f"photo: expected 1 to {MAX_PHOTOS} file parts of this name, got {len(photos)}")
+        raise InvalidPhoto(f"expected 1 to {MAX_PHOTOS} file parts of this name, got {len(photos)}", subject="photo")
     boxes = [HINTS["box"].read(text) for text in option.texts("box")]
     for name, each in (("mask", masks), ("box", boxes)):
         if len(each) not in (0, len(photos)):
-            raise InvalidMask(f"{name}: expected none or one a photo, got {len(each)} for {len(photos)} photos")
+            raise InvalidMask(f"expected none or one a photo, got {len(each)} for {len(photos)} photos", subject=name)
     turns, fovs = await asyncio.to_thread(_poses_of, photos, poses)
     common = option.hints({}, "camera", "light")
     settings, include = option.settings(), option.include()
@@ -149,9 +146,9 @@ def refuse_unknown(form: FormData, query: QueryParams, address: dict[str, Any]) 
     read = (("form field", form, form_names(address)), ("query parameter", query, query_names(address)))
     for kind, given, known in read:
         for name in given:
-            if OLD_NAMES.get(name, name) not in known:
+            if name not in known:
                 wanted = f"one of {', '.join(known)}" if known else "none here"
-                raise InputError(f"{kind}: expected {wanted}, got {name[:60]!r}")
+                raise InputError(f"expected {wanted}, got {name[:60]!r}", source=kind)
 
 
 async def _file(form: FormData, field: str) -> tuple[bytes, str]:
@@ -164,28 +161,26 @@ def _refuse_twice(form: FormData, field: str) -> None:
     """InputError where a part that counts once came more often."""
     count = len(form.getlist(field))
     if count > 1:
-        raise InputError(f"{field}: expected one part of this name, got {count}; send one")
+        raise InputError(f"expected one part of this name, got {count}; send one", subject=field)
 
 
 async def read_part(part: UploadFile | str, field: str) -> tuple[bytes, str]:
     """A file part's bytes and its name without folders; InvalidPhoto or InvalidMask if it is text."""
     if not isinstance(part, UploadFile):
         fault = InvalidMask if field == "mask" else InvalidPhoto
-        raise fault(f"{field}: expected a file, got text; send it as a file part (curl -F {field}=@FILE)")
+        raise fault(f"expected a file, got text; send it as a file part (curl -F {field}=@FILE)", subject=field)
     name = PurePosixPath((part.filename or "").replace("\\", "/")).name
     return await part.read(), "".join(c for c in name if c.isprintable())[:120] or field
 
 
 class Options:
-    """Text fields by name, today's or an older one, read as what they mean."""
+    """Text fields by name, read as what they mean."""
 
     def __init__(self, form: FormData, query: QueryParams) -> None:
         self._form, self._query = form, query
 
     def texts(self, name: str) -> list[str]:
-        names = [name, *(old for old, new in OLD_NAMES.items() if new == name)]
-        given = [text for one in names for text in self._form.getlist(one) if isinstance(text, str)]
-        given = given or [text for one in names for text in self._query.getlist(one)]
+        given = [text for text in self._form.getlist(name) if isinstance(text, str)] or self._query.getlist(name)
         return [text.strip() for text in given if text.strip()]
 
     def number(self, name: str) -> float | None:
@@ -195,7 +190,7 @@ class Options:
     def text(self, name: str) -> str | None:
         texts = self.texts(name)
         if len(texts) > 1:
-            raise InputError(f"{name}: expected one value, got {len(texts)}; send one")
+            raise InputError(f"expected one value, got {len(texts)}; send one", subject=name)
         return texts[0] if texts else None
 
     def turn(self, name: str) -> tuple[float, ...] | None:
@@ -206,7 +201,7 @@ class Options:
     def include(self) -> frozenset[str]:
         found = {word.strip() for text in self.texts("include") for word in text.split(",")}
         if more := found - {"radiance", "stages", "mask"}:
-            raise InvalidPhoto(f"include: expected any of mask, radiance, stages, got {more}")
+            raise InputError(f"expected any of mask, radiance, stages, got {more}", subject="include")
         return frozenset(found)
 
     def hints(self, files: Mapping[str, bytes], *about: str) -> Hints:
@@ -218,15 +213,12 @@ class Options:
             if hint.repeated:
                 given[field] = [hint.read(text) for text in self.texts(hint.name)]
             elif (text := self.text(hint.name)) is not None:
-                given[field] = hint.read_word(OLD_WORDS.get(text, text)) if hint.suffixes else hint.read(text)
-        called = {field: hint.name for field, hint in HINTS.items()}
-        check_together([field for field, value in given.items() if value], called.__getitem__)
-        with said_as(**called):
-            return Hints(**given)
+                given[field] = hint.read_word(text) if hint.suffixes else hint.read(text)
+        return Hints(**given)
 
-    def settings(self) -> SettingsDict:
+    def settings(self) -> dict[str, Any]:
         """How the light is estimated, as far as it is said."""
-        given: SettingsDict = {}
+        given: dict[str, Any] = {}
         if (emitters := self.one_of("emitters", EMITTERS)) is not None:
             given["emitters"] = emitters
         if (detail := self.one_of("detail", DETAILS)) is not None:
@@ -238,18 +230,17 @@ class Options:
     def one_of(self, name: str, known: Sequence[str]) -> str | None:
         """One of these words; None where none came."""
         text = self.text(name)
-        word = OLD_WORDS.get(text or "", text)
-        if word not in (None, *known):
-            raise InputError(f"{name}: expected one of {', '.join(known)}, got {str(word)[:60]!r}")
-        return word
+        if text not in (None, *known):
+            raise InputError(f"expected one of {', '.join(known)}, got {str(text)[:60]!r}", subject=name)
+        return text
 
 
 def parse_numbers(name: str, text: str, *counts: int, shape: str = "a number") -> tuple[float, ...]:
-    """So many finite numbers with commas between; InvalidPhoto, which says their shape, if they are not."""
+    """Return finite numbers between commas, as many as one of `counts`; InputError for other text."""
     try:
         found = tuple(float(part) for part in text.split(","))
     except ValueError:
         found = ()
     if len(found) not in counts or not all(abs(number) < 1e6 for number in found):  # NaN fails too
-        raise InvalidPhoto(f"{name}: expected {shape}, got {text[:60]!r}")
+        raise InputError(f"expected {shape}, got {text[:60]!r}", subject=name)
     return found

@@ -16,7 +16,6 @@ import numpy as np
 
 from anyprobe.errors import AnyprobeError, InputError, OutputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.stored_pixels import StoredPixels
 from anyprobe.video.frame_pixels import shown_pixels
 from anyprobe.video.pyav import known_interface, open_video, pyav
 
@@ -38,7 +37,7 @@ class Frame:
 
     index: as they are decoded, from 0. time_s: since the first. rgb: [H, W, 3] uint8, upright, square pixels, sRGB.
     radiance: [H, W, 3] float32 of PQ and HLG, see frame_pixels.shown_pixels. note: a line on its size, of the first
-    one of another. stored: how its pixels lie in the file, where that differs; see files.images.Pixels.
+    one of another.
     """
 
     index: int
@@ -46,7 +45,6 @@ class Frame:
     rgb: np.ndarray
     radiance: np.ndarray | None = None
     note: str = ""
-    stored: StoredPixels | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -153,9 +151,9 @@ def _frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
                     return
                 pictures = []
                 for picture in packet.decode():
-                    rgb, radiance, stored = shown_pixels(picture, _pixel_aspect(stream), size, clip.path)
-                    size = size or stored.shown
-                    pictures.append((picture.time, rgb, radiance, stored))
+                    rgb, radiance, own = shown_pixels(picture, _pixel_aspect(stream), size, clip.path)
+                    size = size or own
+                    pictures.append((picture.time, rgb, radiance, own))
             except InputError:
                 raise
             except av.error.EOFError:
@@ -165,15 +163,13 @@ def _frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
                     raise _unreadable(clip.path, error) from error
                 damaged.append(index)
                 continue
-            for shown_s, rgb, radiance, stored in pictures:
-                own = stored.shown
+            for shown_s, rgb, radiance, own in pictures:
                 time_s = index / clip.fps if shown_s is None else float(shown_s)
                 first_s = time_s if first_s is None else first_s
                 last_s = max(time_s - first_s, last_s + LEAST_STEP_S) if index else 0.0
                 note = "" if size is None or own == size or own in sizes else _resized(clip.path, index, own, size)
                 sizes.add(own)
-                lie = stored.or_none() if own == size else None
-                yield Frame(index=index, time_s=last_s, rgb=rgb, radiance=radiance, note=note, stored=lie)
+                yield Frame(index=index, time_s=last_s, rgb=rgb, radiance=radiance, note=note)
                 index += 1
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.ground import estimate_ground
+from anyprobe.estimate.known import GivenPanorama, PhotoBackground
 from anyprobe.estimate.photo import Photo, load_photo, object_box
 from anyprobe.estimate.surroundings import SurroundingsSource, read_surroundings
 from anyprobe.files.digests import digest_of
@@ -63,16 +64,21 @@ class MaskFollower:
         surroundings: of load_photo, for every frame; a panorama is read here, once.
         """
         if is_carried(every_frame.get("depth")):
-            raise InputError(f"depth: expected a folder with one file for each frame, got {CARRIED}, which clips lack")
+            text = f"expected a folder with one file for each frame, got {CARRIED}, which clips lack"
+            raise InputError(text, subject="depth")
         given = {kind: folder for kind, folder in folders.items() if folder is not None}
         for kind, folder in given.items():
             if not folder.is_dir():
-                raise InputError(f"{kind}: expected a folder with one file for each frame, got {folder}")
+                raise InputError(f"expected a folder with one file for each frame, got {folder}", subject=kind)
         self._files = {kind: visible_files(folder, HINT_SUFFIXES[kind]) for kind, folder in given.items()}
         cut = {"near", "far"} & {name for name, value in every_frame.items() if value is not None}
         self.finds = "mask" not in self._files and not ("depth" in self._files and cut)
         if hints and not self.finds:
-            raise InputError("mask= or depth=, and a box or clicks: expected one of them, got both")
+            ways = (
+                "mask" if "mask" in self._files else "depth",
+                *(one for one in ("box", "click", "exclude") if one in hints),
+            )
+            raise InputError("expected one of them, got both", subject=ways)
         self.hints = hints
         self._panorama: np.ndarray | None = None  # [64, 128, 4 or 5], see estimate.surroundings
         word = NONE
@@ -115,20 +121,21 @@ class MaskFollower:
     def photo(self, frame: Frame) -> Photo:
         """The frame as a photo with its mask and what is known around it; InvalidMask where there is no mask."""
         photo = self._decided(self._marked(frame))
-        return photo if self._panorama is None else replace(photo, surroundings_map=self._panorama)
+        return photo if self._panorama is None else replace(photo, surroundings=GivenPanorama(small=self._panorama))
 
     def _decided(self, photo: Photo) -> Photo:
         """The frame's photo, of which what lies around the object is used as in the frames before."""
         if self._every["surroundings"] != AUTO:
             return photo
-        self._otherwise = self._otherwise + 1 if photo.use_background != self.shows_more else 0
+        shows_more = photo.surroundings is not None
+        self._otherwise = self._otherwise + 1 if shows_more != self.shows_more else 0
         if self.shows_more is None or self._otherwise >= DECIDED:
-            self.shows_more, self._otherwise = photo.use_background, 0
-        if photo.use_background == self.shows_more:
+            self.shows_more, self._otherwise = shows_more, 0
+        if shows_more == self.shows_more:
             return photo
-        return replace(
-            photo, use_background=self.shows_more, ground=estimate_ground(photo) if self.shows_more else None
-        )
+        if not self.shows_more:
+            return replace(photo, surroundings=None, ground=None)
+        return replace(photo, surroundings=PhotoBackground(), ground=estimate_ground(photo))
 
     def _marked(self, frame: Frame) -> Photo:
         name = f"frame {frame.index}"
@@ -188,8 +195,7 @@ class MaskFollower:
     def _load(self, frame: Frame, name: str, own: Mapping[str, Any], **where: Any) -> Photo:
         """The frame with files of its own; errors say which frame, or which of its files."""
         try:
-            stored = None if self.last is not None else frame.stored  # boxes of our own are as shown
-            pixels = replace(read_image(frame.rgb, name), radiance=frame.radiance, stored=stored)
+            pixels = replace(read_image(frame.rgb, name), radiance=frame.radiance)
             return load_photo(pixels, **self._every, **own, **where)
         except InputError as error:
             if not own or any(path.name in str(error) for path in own.values()):

@@ -17,7 +17,6 @@ from anyprobe.core.response import inverse_response
 from anyprobe.errors import InputError
 from anyprobe.files.color_encoding import HLG, PQ, UNSPECIFIED, ColorEncoding, by_code_points, is_srgb, to_display
 from anyprobe.files.headers import MAX_PIXELS
-from anyprobe.files.stored_pixels import StoredPixels
 
 BT709, RGB, FCC, BT601, SMPTE240M, BT2020 = 1, 0, 4, 5, 7, 9
 
@@ -66,7 +65,7 @@ def square_size(width: int, height: int, aspect: Fraction | None) -> tuple[int, 
 
 def shown_pixels(
     picture, aspect: Fraction | None, size: tuple[int, int] | None, path: Path
-) -> tuple[np.ndarray, np.ndarray | None, StoredPixels]:
+) -> tuple[np.ndarray, np.ndarray | None, tuple[int, int]]:
     """What a player shows of an av.VideoFrame.
 
     Args:
@@ -74,7 +73,7 @@ def shown_pixels(
         size: width and height to fit it into, with black bars where the shape differs; None: its own.
     Returns:
         rgb [H, W, 3] uint8, sRGB; of PQ and HLG radiance [H, W, 3] float32, linear Rec. 709 above diffuse white (1) and
-        by core.response below, else None; and how its pixels lie in the file, before it was fitted.
+        by core.response below, else None; and its own width and height, before it was fitted.
     Raises:
         InputError: it has too many pixels, or colours that cannot be converted.
     """
@@ -104,18 +103,7 @@ def shown_pixels(
         canvas[top : top + target[1], left : left + target[0]] = upright
         return canvas
 
-    return placed(rgb), None if radiance is None else placed(radiance), _lie(picture, own, turns, mirrors)
-
-
-def _lie(picture, shown: tuple[int, int], turns: int, mirrors: tuple[int, int] | None) -> StoredPixels:
-    across, down = (-1 if turns in (2, 3) else 1, -1 if turns in (1, 2) else 1) if mirrors is None else mirrors[::-1]
-    return StoredPixels(
-        size=(picture.width, picture.height),
-        shown=shown,
-        transposed=bool(turns % 2),
-        mirrored_x=across < 0,
-        mirrored_y=down < 0,
-    )
+    return placed(rgb), None if radiance is None else placed(radiance), own
 
 
 def _display_matrix(picture) -> tuple[int, int, int, int] | None:

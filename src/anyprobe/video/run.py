@@ -17,6 +17,7 @@ from anyprobe.detail.match import exposed_match, hold_match
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import Ground
+from anyprobe.estimate.known import GivenPanorama
 from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
 from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import Light
@@ -95,7 +96,6 @@ class ClipRun:
         poses: np.ndarray | None = None,
         material: Material | None = None,
         library: Library | None = None,
-        called: Callable[[str], str] = str,
     ) -> None:
         """Args:
         settings: plain values that the result depends on; a folder goes on only with the same.
@@ -107,12 +107,11 @@ class ClipRun:
         material: the real object's, if given.
         library: of the detail that maps and mirror images get; the light itself, its harmonics and the shadow stay
             without.
-        called: what an error calls a setting, as its option.
         """
         self.clip, self.folder, self.estimator, self.follower = clip, folder, estimator, follower
         self.material, self.library = material, library
         self.every, self.exr, self.virtual, self.poses = every, exr, virtual, poses
-        self.progress = load_progress(folder, settings, called) or Progress(settings=settings)
+        self.progress = load_progress(folder, settings) or Progress(settings=settings)
         self._stage: Stage | None = None
         self._shown: tuple[GroundShadow, np.ndarray] | None = None  # shadow and object under the last light
         self._photo: Photo | None = None
@@ -209,7 +208,7 @@ class ClipRun:
         if self.virtual is not None:
             done.gain = 1.0 if self.material is not None else least_scale(self._photo, steady)
         if self.virtual is not None and self._stage is None:
-            done.ground = light.info.get("ground")
+            done.ground = None if light.ground is None else light.ground.info()
             self._stage = _set_up(self._photo, self.virtual, done.ground)
             done.stage_index, (done.stage_last, done.stage_shows_more) = frame.index, before
             material = self._stage.material(self.virtual.material, steady * np.float32(done.gain))
@@ -221,13 +220,13 @@ class ClipRun:
 
         A panorama from a file is of frame 0's camera, whichever frame is the first that gives a light.
         """
-        if self.poses is None or (photo.surroundings_map is None and not photo.use_background):
+        if self.poses is None or photo.surroundings is None:
             return self.estimator.from_photo(photo, material=self.material)
         done = self.progress
         crop = cut_out(photo, first=False)
         world_from_crop = self.poses[index] @ crop.camera_from_crop
-        if photo.surroundings_map is not None and done.panorama is None:
-            crop = replace(crop, surroundings_map=turned(photo.surroundings_map, self.poses[0].T @ world_from_crop))
+        if isinstance(photo.surroundings, GivenPanorama) and done.panorama is None:
+            crop = replace(crop, surroundings_map=turned(photo.surroundings.small, self.poses[0].T @ world_from_crop))
         if crop.surroundings_map is not None:
             done.panorama = lay_over(window(crop.surroundings_map, world_from_crop), done.panorama)
         known = None

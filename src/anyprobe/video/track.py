@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -113,10 +112,9 @@ def forget_progress(folder: Path) -> None:
         folder.rmdir()
 
 
-def load_progress(folder: Path, settings: dict[str, Any], called: Callable[[str], str] = str) -> Progress | None:
+def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
     """What a run left, None if nothing.
 
-    called: what an error calls a setting, or a name within one, as its option.
     Raises:
         InputError: it was left by a run with other settings, or is damaged.
     """
@@ -146,18 +144,15 @@ def load_progress(folder: Path, settings: dict[str, Any], called: Callable[[str]
                 held = HeldMatch(match=match, features=kept["held_features"])
         found = Progress(light=light, panorama=panorama, held=held, mask=mask, **words)
     except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
-        raise InputError(
-            f"{path}: expected what a run of this version left, got another or damaged file; --restart, or another "
-            "folder with -o"
-        ) from error
+        text = (
+            "expected what a run of this version left, got another or damaged file; restart, or choose another folder"
+        )
+        raise InputError(text, source=path) from error
     now = json.loads(json.dumps(settings))
     then = found.settings
     if then != now:
-        changed = ", ".join(dict.fromkeys(map(called, _differing(then, now))))
-        raise InputError(
-            f"{folder}: expected {changed} as when it was begun, got another or none; give the same, choose another "
-            "folder with -o, or --restart"
-        )
+        text = f"expected what the run in {folder} was begun with, got another or none; give the same, or restart"
+        raise InputError(text, subject=_differing(then, now))
     return found
 
 

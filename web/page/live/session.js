@@ -196,7 +196,7 @@ export class LiveSession {
     if (!still || this.size !== size || still.width !== size.width || still.height !== size.height) return;
     this.still = still;
     this.editor.showOn(still, mask, this.marked);
-    this.onMask({ quality, warnings: [] });
+    this.onMask({ quality, notices: [] });
   }
 
   /** What the camera shows now, or null where it has been stopped meanwhile. */

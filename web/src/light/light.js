@@ -1,6 +1,7 @@
 /** Light (noun): what an estimate returns, as anyprobe's Light in Python. */
 
 import { MAP_HEIGHT } from "../core/latlong.js";
+import { described } from "../notices.js";
 import { rotate, rotateOne } from "./environment.js";
 import { findDominantLight } from "./dominantLight.js";
 import { prefilter } from "./prefilter.js";
@@ -14,7 +15,7 @@ import { project } from "./harmonics.js";
 export class Light {
   /** @param {ReturnType<typeof describe>} parts */
   constructor(parts) {
-    Object.assign(this, parts);
+    Object.assign(this, parts, described(parts.notices ?? parts.warnings));
   }
 
   /** The map as a picture of four floats a pixel, for a float texture: row 0 is +Y, the centre column -Z. */

@@ -1,6 +1,7 @@
 /** Where the object is, by the mask network that is loaded: U2-Net-p, else the small one. */
 
 import { AnyProbeError } from "../errors.js";
+import { notice } from "../notices.js";
 import { SmallNetwork, U2NetP, untilGivenUp } from "../photo/maskNetworks.js";
 import { REFUSED, examine, expectedIou, warningsOf } from "../photo/quality.js";
 import { findObject, lookAgain, maskOf } from "../photo/search.js";
@@ -20,7 +21,7 @@ export async function findMask(models, picture, hints, isGivenUp) {
   await network.open();
   const start = performance.now();
   const { evidence, ...found } = await searchBy(untilGivenUp(network, isGivenUp), picture, hints, findObject);
-  const warnings = evidence ? warningsOf(evidence, found.quality) : ["Nothing stands out there."];
+  const warnings = evidence ? warningsOf(evidence, found.quality) : [notice("no-object", "nothing stands out there")];
   if (evidence && network.name === "small") warnings.push(smallNetworkWarning(hints));
   return { ...found, warnings, seconds: (performance.now() - start) / 1000 };
 }

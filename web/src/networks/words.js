@@ -1,6 +1,7 @@
 /** What the networks' thread says in words: of masks, and of networks that did not open. */
 
 import { AnyProbeError } from "../errors.js";
+import { give, notice } from "../notices.js";
 
 /** As Chromium, Firefox and Safari call it. */
 const IMPORT_FAULT = /dynamically imported module|importing a module script failed|\.wasm could not be fetched .*an HTML page/i;
@@ -20,6 +21,6 @@ export function openingFault(error, threads = 1) {
 /** Of masks of the network that learned from renders alone. @param {import("../photo/picture.js").Hints} hints */
 export function smallNetworkWarning({ on, box }) {
   const isMarked = on.length > 0 || Boolean(box);
-  const other = isMarked ? "pass a mask" : "mark the object";
-  return `The mask was found by the small network, which is wrong on one photo in three; load U2-Net-p (weights.u2netp), or ${other}.`;
+  const text = "the mask was found by the small network, which is wrong on one photo in three";
+  return notice("small-network", text, give("weights.u2netp", ...(isMarked ? ["mask"] : ["click", "box", "mask"])));
 }

@@ -2,13 +2,14 @@
 
 import { CONTRACT } from "../core/contract.js";
 import { luminance } from "../core/color.js";
+import { notice } from "../notices.js";
 
 const DOUBT = CONTRACT.exposure.doubt;
 
 /**
  * @param {import("./picture.js").Picture} picture
  * @param {Float32Array} mask
- * @returns {string[]} a line where little can be estimated
+ * @returns {import("../notices.js").Notice[]} one where little can be estimated
  */
 export function exposureDoubts({ width, height, rgba }, mask) {
   const step = Math.max(1, Math.floor(Math.sqrt(mask.reduce((sum, cover) => sum + cover, 0) / DOUBT.samples)));
@@ -23,9 +24,9 @@ export function exposureDoubts({ width, height, rgba }, mask) {
       if (Math.min(...rgb) >= DOUBT.clipped) clipped++;
     }
   }
-  const line = (share, what) => [`${Math.round(100 * share)}% of the object is ${what}`];
+  const doubt = (code, share, what) => [notice(code, `${Math.round(100 * share)}% of the object is ${what}`)];
   if (count === 0) return [];
-  if (dark / count >= DOUBT.dark_share) return line(dark / count, "nearly black; little can be estimated from it; expose longer");
+  if (dark / count >= DOUBT.dark_share) return doubt("object-dark", dark / count, "nearly black; little can be estimated from it; expose longer");
   if (clipped / count < DOUBT.clipped_share) return [];
-  return line(clipped / count, "clipped; where its light comes from is uncertain; expose shorter");
+  return doubt("object-clipped", clipped / count, "clipped; where its light comes from is uncertain; expose shorter");
 }

@@ -3,6 +3,7 @@
 import { CONTRACT } from "../core/contract.js";
 import { turned } from "../core/frames.js";
 import { focalPx } from "./crop.js";
+import { give, notice } from "../notices.js";
 
 const GROUND = CONTRACT.ground;
 const RADIANS = Math.PI / 180;
@@ -83,18 +84,19 @@ export function groundOf({ width, height }, longFovDeg, { cameraFromCrop, mask, 
  * A line where the pitch is estimated badly, or was guessed from the object's place alone; anyprobe.estimate.doubts has the same.
  *
  * @param {ReturnType<typeof groundOf> | null} ground
- * @returns {string[]}
+ * @returns {import("../notices.js").Notice[]}
  */
 export function groundDoubts(ground) {
   if (ground === null) return [];
   const { pitchDeg, pitchErrorDeg, source } = ground;
   const pitch = pitchDeg.toFixed(0);
   if (source === "estimated" && pitchErrorDeg > GROUND.unsure_deg) {
-    return [`the camera seems to look ${pitch} degrees down, give or take ${pitchErrorDeg.toFixed(0)}; give the pitch`];
+    const text = `the camera seems to look ${pitch} degrees down, give or take ${pitchErrorDeg.toFixed(0)}`;
+    return [notice("pitch-unsure", text, give("pitchDeg"))];
   }
   if (source !== "guessed" || pitchDeg <= GROUND.usual_pitch_deg) return [];
   const guess = "the object stands so high in the photo that the ground was guessed from that alone";
-  return [`${guess}, of a camera that looks ${pitch} degrees down; give the pitch`];
+  return [notice("ground-guessed", `${guess}, of a camera that looks ${pitch} degrees down`, give("pitchDeg"))];
 }
 
 /** @param {number[]} values */

@@ -1,6 +1,7 @@
 /** What is odd about a mask that was given, as anyprobe.masks.check. */
 
 import { CONTRACT } from "../core/contract.js";
+import { give, notice } from "../notices.js";
 import { objectBox } from "./picture.js";
 
 const { full: FULL, mostly: MOSTLY, grey: GREY, grey_share: GREY_SHARE, few_px: FEW_PX, alpha_most: ALPHA_MOST } = CONTRACT.mask.given;
@@ -13,7 +14,7 @@ const percent = (share) => `${(100 * share).toFixed(0)}%`;
  *
  * @param {Float32Array} mask
  * @param {number} width of the picture
- * @returns {{mask: Float32Array, warnings: string[]}}
+ * @returns {{mask: Float32Array, warnings: import("../notices.js").Notice[]}}
  */
 export function lookAtGiven(mask, width) {
   const warnings = [];
@@ -21,7 +22,7 @@ export function lookAtGiven(mask, width) {
   if (most <= 0.5) return { mask, warnings }; // nothing is marked
   if (most < FULL) {
     const advice = "save the mask itself, white on black, to be sure";
-    warnings.push(`the mask is nowhere white (at most ${most.toFixed(2)}), as a segmenter's overlay is; read as if it were: ${advice}`);
+    warnings.push(notice("mask-grey", `the mask is nowhere white (at most ${most.toFixed(2)}), as a segmenter's overlay is; read as if it were: ${advice}`));
     mask = mask.map((value) => value / most);
   }
   const height = mask.length / width;
@@ -35,14 +36,14 @@ export function lookAtGiven(mask, width) {
   }
   if (inside > MOSTLY * mask.length && border > FULL * 2 * (width + height)) {
     const advice = "invert it if so: white is the object";
-    warnings.push(`the mask covers ${percent(inside / mask.length)} of the photo and its borders, as one does that is white around the object; ${advice}`);
+    warnings.push(notice("mask-inverted", `the mask covers ${percent(inside / mask.length)} of the photo and its borders, as one does that is white around the object; ${advice}`));
   }
   if (grey > GREY_SHARE * inside) {
-    warnings.push("the mask is grey over wide areas; give one that is white on the object and black beside it");
+    warnings.push(notice("mask-grey", "the mask is grey over wide areas; give one that is white on the object and black beside it"));
   }
   const [x0, y0, x1, y1] = objectBox(mask, width);
   if (Math.max(x1 - x0, y1 - y0) < FEW_PX) {
-    warnings.push(`the object is ${x1 - x0} x ${y1 - y0} pixels in its mask; use a larger photo or go closer: so few tell little of the light`);
+    warnings.push(notice("object-small", `the object is ${x1 - x0} x ${y1 - y0} pixels in its mask; use a larger photo or go closer: so few tell little of the light`));
   }
   return { mask, warnings };
 }
@@ -51,10 +52,11 @@ export function lookAtGiven(mask, width) {
  * A line where a picture's transparency leaves nearly all of it as the object.
  *
  * @param {Float32Array} mask
- * @returns {string[]}
+ * @returns {import("../notices.js").Notice[]}
  */
 export function alphaDoubts(mask) {
   const share = mask.reduce((sum, value) => sum + (value > 0.5), 0) / mask.length;
   if (share <= ALPHA_MOST) return [];
-  return [`its transparency makes ${percent(share)} of the photo the object; give click, box or mask if it is smaller`];
+  const text = `its transparency makes ${percent(share)} of the photo the object; if it is smaller, say where it is`;
+  return [notice("alpha-wide", text, give("click", "box", "mask"))];
 }

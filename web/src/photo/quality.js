@@ -5,6 +5,7 @@
 
 import { CONTRACT } from "../core/contract.js";
 import { borderShare, boxOf, expectedOf, singleOf } from "./search.js";
+import { give, notice } from "../notices.js";
 
 const { quality: QUALITY, search: NUMBERS } = CONTRACT.mask;
 const { fits: FITS } = QUALITY;
@@ -91,9 +92,10 @@ export function doubts(evidence) {
     .map(([, words]) => words);
 }
 
-/** A line of what looks wrong, where little is to be expected. @returns {string[]} */
+/** A line of what looks wrong, where little is to be expected. @returns {import("../notices.js").Notice[]} */
 export function warningsOf(evidence, quality) {
   if (quality >= DOUBTFUL) return [];
   const [first] = doubts(evidence);
-  return [`The mask may be wrong (expected IoU ${quality.toFixed(2)}${first ? `: ${first}` : ""}).`];
+  const text = `the mask may be wrong (expected quality ${quality.toFixed(2)}${first ? `: ${first}` : ""})`;
+  return [notice("mask-doubtful", text, give("box", "click", "exclude", "mask"))];
 }

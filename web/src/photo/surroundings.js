@@ -6,6 +6,7 @@ import { MAP_HEIGHT, pixelDirections, pixelSolidAngles } from "../core/latlong.j
 import { inverseResponse, response } from "../core/response.js";
 import { CROP_SIZE, focalPx } from "./crop.js";
 import { median } from "./ground.js";
+import { notice } from "../notices.js";
 
 const GOES_ON = CONTRACT.surroundings.goes_on;
 const PIXELS = 2 * MAP_HEIGHT * MAP_HEIGHT;
@@ -238,7 +239,7 @@ function continued(predicted, nearest, share) {
  *
  * @param {import("./picture.js").Picture} picture
  * @param {Float32Array} mask
- * @returns {string[]}
+ * @returns {import("../notices.js").Notice[]}
  */
 export function backdropDoubts({ width, height, rgba }, mask) {
   const step = Math.max(1, Math.floor(Math.max(width, height) / CONTRACT.ground.samples));
@@ -252,8 +253,8 @@ export function backdropDoubts({ width, height, rgba }, mask) {
     }
   }
   if (levels.length === 0 || median(levels) <= CONTRACT.ground.backdrop_level) return [];
-  const cause = "what is behind the object is of one colour, so it and the ground are not used";
-  return [`${cause}; if that is a real backdrop, choose surroundings "photo"`];
+  const text = "what is behind the object is of one colour and taken for a cut-out's; a real backdrop must be asked for";
+  return [notice("plain-backdrop", text, [{ do: "give", name: "surroundings", value: "photo" }])];
 }
 
 /** Coefficients, per channel, of the terms [N][6] that are nearest to the values [3][N]: by elimination. */

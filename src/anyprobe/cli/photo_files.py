@@ -1,0 +1,125 @@
+"""Photos that a command is given, the files that belong to each, and what their results are called."""
+
+from __future__ import annotations
+
+import glob
+import sys
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from anyprobe.cli.options import OPTIONS
+from anyprobe.errors import AnyprobeError, InputError, InvalidMask, InvalidPhoto, OutputError
+from anyprobe.files.exr import HEADER_BYTES, parse_header
+from anyprobe.files.paths import folds_case, open_regular, read_stream, same_file_key, visible_files
+from anyprobe.hints import HINTS, PICTURES, Hints
+
+STDIN = Path("-")
+"""A photo that comes through standard input."""
+
+
+def photo_source(path: Path) -> Path | bytes:
+    """A photo's path, or what standard input holds where the path is `-`."""
+    if path != STDIN:
+        return path
+    if sys.stdin is None:  # closed, as a service's may be
+        raise InvalidPhoto("expected a photo, got a closed input; name a file, or pipe one in", source="stdin")
+    return read_stream(sys.stdin.buffer, "stdin", InvalidPhoto)
+
+
+def photo_name(path: Path) -> str:
+    """What a photo is called in messages."""
+    return "stdin" if path == STDIN else path.name
+
+
+def photo_line(photo: Path, error: AnyprobeError) -> str:
+    """Return an error as one line that begins with the photo."""
+    notice = error.notice
+    if notice.source in (str(photo), photo_name(photo)):
+        line = f"{notice.source}: {OPTIONS.line(notice.of(''))}"
+    else:
+        line = f"{photo}: {OPTIONS.line(notice)}"
+    return " ".join(line.splitlines())  # a name may hold a line break
+
+
+def hints_for(photo: Path, hints: Hints) -> Hints:
+    """The hints of one photo: folders of masks, depth images, normals or panoramas become the file of its name."""
+    files: dict[str, Any] = {
+        name: _file_for(photo, path, name, HINTS[name].suffixes) for name, path in hints.files().items()
+    }
+    return replace(hints, **files)
+
+
+def list_photos(photos: list[Path]) -> list[Path]:
+    """Files as given; folders as the photos in them, in natural order, without hidden files, environment maps and
+    what anyprobe wrote: NAME_mask, NAME_overlay and NAME_relit beside NAME, and NAME.png beside a map of that name; nor
+    NAME.jpg.png, a mask of NAME.jpg."""
+    chosen: list[Path] = []
+    for path in photos:
+        if not path.is_dir():
+            chosen.append(path)
+            continue
+        found = visible_files(path, PICTURES)
+        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit", "origin")} | {
+            p.name for p in found
+        }
+        maps = {p for p in found if p.suffix.lower() == ".exr" and _is_map(p)}
+        previews = {p.with_suffix(".png") for p in maps if p.with_suffix(".json").is_file()}
+        found = [p for p in found if p.stem not in written and p not in maps | previews]
+        if not found:
+            raise InputError("no photos in this folder; check the path", source=path)
+        chosen += found
+    return list(dict.fromkeys(chosen))
+
+
+def _is_map(path: Path) -> bool:
+    """Whether an .exr is twice as wide as high, as environment maps are; nothing is decoded."""
+    try:
+        with open_regular(path, InputError) as stream:
+            low, high = parse_header(stream.read(HEADER_BYTES)).display
+    except ValueError:  # what reads it says why
+        return False
+    return bool(high[0] - low[0] == 2 * (high[1] - low[1]))
+
+
+def result_stem(photo: Path, listed: list[Path]) -> str:
+    """What a photo's results are called: its stem; with the suffix (photo_heic) where another photo has the same."""
+    if photo == STDIN:
+        return photo_name(photo)
+    alike = any(other.stem == photo.stem and other.suffix != photo.suffix for other in listed)
+    return f"{photo.stem}_{photo.suffix[1:]}" if alike and photo.suffix else photo.stem
+
+
+def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given: Iterable[Any]) -> None:
+    """Refuse results of one name for two photos, and one that would replace a photo or what else is given."""
+    targets = list(targets)
+    folds = bool(targets) and folds_case(targets[0].parent)
+
+    def name_of(one: Path) -> str:
+        stem = result_stem(one, listed)
+        return stem.casefold() if folds else stem
+
+    twins = [other for other in listed if name_of(other) == name_of(photo)]
+    if twins and twins[0] != photo:
+        raise OutputError(f"expected names that differ, got {twins[0]} before it; rename one of them", source=photo)
+    inputs = {same_file_key(one): one for one in (*listed, *given) if isinstance(one, Path)}
+    for target in targets:
+        if same_file_key(target) in inputs:
+            lost = inputs[same_file_key(target)]
+            raise OutputError(f"the result would replace {lost}; choose another folder with -o", source=photo)
+
+
+def _file_for(photo: Path, given: Path, kind: str, suffixes: tuple[str, ...]) -> Path:
+    """The file itself, or by stem from a folder (NAME.*, NAME_<kind>.*, or the photo's whole name and a suffix)."""
+    if not given.is_dir():
+        return given
+    for stem in (f"{photo.stem}_{kind}", photo.stem, photo.name):
+        for candidate in sorted(given.glob(f"{glob.escape(stem)}.*")):
+            # the glob finds stem.0002.png too, which is another photo's
+            if candidate.stem != stem or candidate.suffix.lower() not in suffixes:
+                continue
+            if same_file_key(candidate) != same_file_key(photo):
+                return candidate
+    text = f"expected {photo.stem}.png or {photo.stem}_{kind}.png in {given}, found neither"
+    raise InvalidMask(text, subject=kind, source=photo)

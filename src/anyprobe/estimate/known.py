@@ -1,0 +1,103 @@
+"""What is known beside the photo: normals and surroundings, and where they are from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from anyprobe.errors import InputError
+from anyprobe.estimate.depth_normals import normals_from_depth
+from anyprobe.estimate.normals_hint import normals_from_outline, read_normals
+from anyprobe.estimate.normals_model import estimated_normals
+from anyprobe.estimate.surroundings import read_panorama
+from anyprobe.files.images import Pixels
+from anyprobe.hints import AUTO, NONE, PHOTO, SPHERE, Hints, NormalsEstimator, NormalsSource, SurroundingsSource
+from anyprobe.masks.depth import DepthSource, chosen_depth
+from anyprobe.notices import Notice, give
+
+FROM_DEPTH = "depth"
+"""Origin of normals that are from a depth image, which nobody gave as normals."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PhotoBackground:
+    """Take what the photo shows around its object as part of the map.
+
+    is_asked: whether the caller asked for it, so that a photo without one is refused.
+    """
+
+    is_asked: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class GivenPanorama:
+    """What a file says of the map, in the camera's frame, see estimate.surroundings.
+
+    small: [64, 128, 4 or 5]; full: the same with as many rows as the file has, 512 at most; None where nobody needs it.
+    """
+
+    small: np.ndarray
+    full: np.ndarray | None = None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class KnownNormals:
+    """KnownNormals of the object.
+
+    values: [H, W, 3] in the camera's frame, unit, or zero where unknown. origin: "given", or "depth".
+    """
+
+    values: np.ndarray
+    origin: str = "given"
+
+
+def asked_surroundings(asked: SurroundingsSource | None) -> PhotoBackground | GivenPanorama | None:
+    """Read what a caller says of the surroundings; nothing said is "auto"."""
+    if asked is None or (isinstance(asked, str) and asked in (AUTO, PHOTO, NONE)):
+        return None if asked == NONE else PhotoBackground(is_asked=asked == PHOTO)
+    small, full = read_panorama(asked)
+    return GivenPanorama(small=small, full=full)
+
+
+def find_normals(
+    hints: Hints, pixels: Pixels, mask: np.ndarray, long_fov_deg: float, fov_source: str
+) -> tuple[KnownNormals | None, tuple[Notice, ...]]:
+    """KnownNormals that are given, else those of a depth image, and what is doubtful of them."""
+    given = _known_normals(hints.normals, pixels.rgb, mask, long_fov_deg)
+    if given is not None:
+        return KnownNormals(values=given), ()
+    depth = chosen_depth(hints.depth, pixels)
+    if depth is None:
+        return None, ()
+    values, doubts = _normals_by_depth(depth, mask, long_fov_deg, fov_source, pixels.name)
+    return None if values is None else KnownNormals(values=values, origin=FROM_DEPTH), doubts
+
+
+def _known_normals(
+    source: NormalsSource | NormalsEstimator | None, rgb: np.ndarray, mask: np.ndarray, long_fov_deg: float
+) -> np.ndarray | None:
+    if source is None:
+        return None
+    if callable(source):
+        return estimated_normals(source, rgb, mask, long_fov_deg)
+    if isinstance(source, str) and source == SPHERE:
+        return normals_from_outline(mask, long_fov_deg)
+    try:
+        return read_normals(source, mask.shape)
+    except InputError as error:
+        raise InputError(error, subject="normals") from error
+
+
+def _normals_by_depth(
+    source: DepthSource, mask: np.ndarray, long_fov_deg: float, fov_source: str, name: str
+) -> tuple[np.ndarray | None, tuple[Notice, ...]]:
+    """Normals of a depth image, None where the network's are better, and what is doubtful of them."""
+    found = normals_from_depth(source, mask, long_fov_deg)
+    if found.normals is None:
+        text = f"{found.doubt}; normals are estimated from the photo"
+        return None, (Notice(text, code="depth-unused", source=name, remedy=give("normals")),)
+    if fov_source == "default":
+        text = f"normals are from depth seen through an assumed lens of {long_fov_deg:g} degrees"
+        return found.normals, (Notice(text, code="assumed-lens", source=name, remedy=give("fov_deg")),)
+    return found.normals, ()

@@ -1,0 +1,149 @@
+"""From a crop to the light around it, step by step: each takes a Prediction and returns another."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.core.contract import contract
+from anyprobe.detail.background import background_of
+from anyprobe.detail.likeness import MATCH_ROWS, Shown, shown_by
+from anyprobe.errors import InputError
+from anyprobe.estimate.ground import Ground, ground_by_posture
+from anyprobe.estimate.known import FROM_DEPTH, PhotoBackground
+from anyprobe.estimate.material_hint import use_material
+from anyprobe.estimate.photo import Crop, Photo
+from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, Outputs
+from anyprobe.estimate.surroundings import radiance_of, use_surroundings
+from anyprobe.light.environment import integral, rotate
+from anyprobe.notices import leave_out
+from anyprobe.scatter.materials import Material
+
+BLACK, WHITE, ENOUGH_EXPOSED = (contract("exposure")[name] for name in ("black", "white", "enough"))
+"""Display values between which a pixel is well exposed, and the share of such pixels below which confidence falls."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Prediction:
+    """What is known of the light, in the crop's frame.
+
+    Attributes:
+        outputs: of the networks, refined.
+        ground: what the object stands on; None for a cut-out.
+        used: which hints were used, and the numbers that they gave.
+    """
+
+    outputs: Outputs
+    ground: Ground | None
+    used: Mapping[str, Any] = field(default_factory=dict)
+
+
+def usable(
+    models: Models, photo: Photo, crop: Crop, merged_surroundings: np.ndarray | None
+) -> tuple[Crop, np.ndarray | None]:
+    """Leave out what nobody asked for where the model does not take it: the background, normals of a depth map."""
+    if models.lifts:
+        return crop, merged_surroundings
+    if isinstance(photo.surroundings, PhotoBackground) and not photo.surroundings.is_asked:
+        crop, merged_surroundings = replace(crop, surroundings_map=None), None
+    if photo.normals is not None and photo.normals.origin == FROM_DEPTH:
+        crop = replace(crop, normals=None)
+    return crop, merged_surroundings
+
+
+def check_use(models: Models, crop: Crop, material: Material | None) -> None:
+    """Refuse hints that the model does not take: only the one that lifts pixels takes any."""
+    hints = (("normals", crop.normals), ("surroundings", crop.surroundings_map), ("material", material))
+    given = [name for name, value in hints if value is not None]
+    if given and not models.lifts:
+        text = f"expected a model that takes them, got {models.name}; use {DEFAULT_MODEL}"
+        raise InputError(text, subject=given, remedy=leave_out(*given))
+
+
+def predict(models: Models, crop: Crop, ground: Ground | None, material: Material | None) -> Prediction:
+    """Run the networks."""
+    up = crop.camera_from_crop.T @ ground.up if ground is not None and ground.is_known else None
+    outputs = models(crop.image, crop.tan_half, crop.normals, crop.surroundings_map, material, crop.context, up)
+    return Prediction(outputs=outputs, ground=ground, used={"normals": crop.normals is not None})
+
+
+def with_estimated_ground(found: Prediction, crop: Crop) -> Prediction:
+    """Replace a guessed ground by the networks' own estimate."""
+    ground, posture = found.ground, found.outputs.posture
+    if ground is None or ground.is_known or posture is None:
+        return found
+    return replace(found, ground=ground_by_posture(ground, posture, crop.camera_from_crop))
+
+
+def with_material(found: Prediction, crop: Crop, material: Material | None) -> Prediction:
+    """Fit the light's level and colour to the object's material; a mirror shows part of the map."""
+    if material is None:
+        return found
+    outputs, used = use_material(found.outputs, crop.image, crop.tan_half, material, crop.normals, crop.radiance)
+    return replace(found, outputs=outputs, used={**found.used, **used})
+
+
+def with_exposure(found: Prediction, exposed: float) -> Prediction:
+    """Lower the confidence where little of the object is well exposed; exposed: share of its pixels."""
+    outputs = found.outputs
+    if outputs.confidence is None:
+        return found
+    confidence = outputs.confidence * min(1.0, exposed / ENOUGH_EXPOSED)
+    return replace(found, outputs=replace(outputs, confidence=confidence))
+
+
+def with_surroundings(found: Prediction, surroundings_map: np.ndarray | None, *, tint: bool) -> Prediction:
+    """Put known surroundings [64, 128, 4 or 5] into the map; tint: bring the rest to their colour."""
+    if surroundings_map is None:
+        return found
+    share = round(float(integral(surroundings_map[..., 3:])[0] / (4 * np.pi)), 4)
+    outputs = use_surroundings(found.outputs, surroundings_map, tint=tint)
+    return replace(found, outputs=outputs, used={**found.used, "surroundings": share})
+
+
+def camera_map(outputs: Outputs, crop: Crop) -> tuple[np.ndarray, np.ndarray | None]:
+    """Turn radiance [H, 2H, 3] and confidence [H, 2H], or None, into the camera's frame."""
+    layers = [outputs.radiance] if outputs.confidence is None else [outputs.radiance, outputs.confidence]
+    turned = rotate(np.dstack(layers), crop.camera_from_crop)
+    confidence = None if outputs.confidence is None else turned[..., 3].clip(0.0, 1.0)
+    return np.maximum(turned[..., :3], 0.0), confidence
+
+
+def well_exposed_fraction(image: np.ndarray) -> float:
+    """Share of the object's pixels of a crop [S, S, 4] that are neither black nor clipped."""
+    object_pixels = image[image[..., 3] > 0.5]
+    if not len(object_pixels):
+        return 0.0
+    display = luminance(object_pixels[:, :3] / object_pixels[:, 3:])
+    return float(((display > BLACK) & (display < WHITE)).mean())
+
+
+def object_info(posterior: Mapping[str, float] | None) -> dict[str, Any]:
+    """What a model says of the object and of its own errors, in stops and degrees; None where it says nothing."""
+    if posterior is None:
+        return {"object": None, "uncertainty": None}
+    stop = math.log(2.0)
+    return {
+        "object": {
+            "metal": round(posterior["metal"], 3),
+            "reflectance": [round(posterior[name], 3) for name in ("red", "green", "blue")],
+            "reflectance_stops": round(posterior["reflectance_error"] / stop, 2),
+        },
+        "uncertainty": {
+            "level_stops": round(posterior["level_error"] / stop, 2),
+            "color_deg": round(posterior["color_error"], 1),
+        },
+    }
+
+
+def shown_of(crop: Crop, normals: np.ndarray) -> Shown | None:
+    """Return what the photo shows of an object of these normals [64, 64, 3] in the crop's frame, and beside it."""
+    behind = None
+    if crop.surroundings_map is not None:
+        behind = background_of(*radiance_of(crop.surroundings_map), crop.camera_from_crop, MATCH_ROWS)
+    return shown_by(crop.image, normals, crop.tan_half, crop.camera_from_crop, behind)

@@ -1,0 +1,82 @@
+"""How lights are estimated, whatever the photo."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
+from anyprobe.errors import InputError
+from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
+from anyprobe.masks.segmenters import SegmenterSource
+
+MODEL_HELP = "lift; paper: stages of Park et al. 2020 in our layers, begun as lift; or a folder of ONNX graphs."
+"""Of --model."""
+
+
+def _setting(default: Any, help: str, metavar: str | None = None) -> Any:
+    return field(default=default, metadata={"help": help, "metavar": metavar})
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Settings:
+    """How lights are estimated, whatever the photo.
+
+    Attributes:
+        model: name of a bundled one, "lift" or "paper", or a folder of graphs.
+        threads: of the engine; None leaves the choice to it.
+        engine: what runs the graphs: "onnxruntime", "openvino", "openvino-bf16" or "cuda".
+        emitters: "mode", light sources at their most likely positions (sharp shadows and highlights), or "expected",
+            the mean radiance over all positions (soft, and truer on matte objects).
+        segmenter: what finds the object in photos without a mask, instead of the built-in network: a name of
+            masks.segmenters ("rembg", "sam:FOLDER", a plug-in), or a Segmenter.
+        detail: "none", or "plausible": the structure of a real-looking place, see Light.with_detail; of single photos,
+            not of several together.
+        size: rows of a map with detail: 64, 128, 256 or 512.
+        detail_library: folder of maps that detail is from; None: our own.
+    Raises:
+        InputError: another detail or size.
+    """
+
+    model: str = _setting(DEFAULT_MODEL, MODEL_HELP)
+    threads: int | None = _setting(None, "Threads of the engine; default: its choice.")
+    engine: str = _setting(DEFAULT_ENGINE, f"Engine: {', '.join(ENGINES)}.", "NAME")
+    emitters: str = _setting(
+        MODE,
+        "mode: light sources at their most likely positions, with sharp shadows and highlights; expected: "
+        "the mean over all positions, with soft shadows and a smaller error on matte objects.",
+        "mode|expected",
+    )
+    segmenter: SegmenterSource | None = _setting(
+        None,
+        "Segmenter to use instead of the built-in network: rembg[:MODEL], sam:FOLDER or a plug-in.",
+        "NAME[:ARGUMENT]",
+    )
+    detail: str = _setting(
+        DETAILS[0],
+        "plausible: add invented high-frequency detail that fits the estimate, for sharp reflections.",
+        "none|plausible",
+    )
+    size: int = _setting(ROWS, "Rows of a map with detail: 64, 128, 256 or 512.")
+    detail_library: str | Path | None = _setting(
+        None, "Folder of .exr and .hdr maps to take it from; default: the built-in library."
+    )
+
+    def __post_init__(self) -> None:
+        check_detail(self.detail)
+        check_rows(self.size)
+        if self.threads is not None and self.threads < 1:
+            raise InputError(
+                f"expected 1 or more, got {self.threads}; leave it out to use all cores", subject="threads"
+            )
+
+    def changes(self) -> dict[str, Any]:
+        """Return the settings that are not defaults."""
+        values = {one.name: (getattr(self, one.name), one.default) for one in fields(self)}
+        return {name: value for name, (value, default) in values.items() if value != default}
+
+    @property
+    def networks(self) -> tuple[str, int | None, str]:
+        """What the networks are opened by."""
+        return self.model, self.threads, self.engine

@@ -1,0 +1,178 @@
+"""Notices: what is wrong or doubtful, as data that every door puts into its own words.
+
+An error carries one (`error.notice`), and every warning is one. Arguments are named as Python's keywords; the command
+line, HTTP, the page, Blender and ComfyUI each have a Words that names them as their users do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+FETCH_MASKS, CHOOSE_PHOTO, USE_VIDEO = "fetch-masks", "choose-photo", "use-video"
+_ACTIONS = {
+    FETCH_MASKS: "run anyprobe mask --fetch, once and online",
+    CHOOSE_PHOTO: "check the path, or convert it: to OpenEXR if it holds radiance",
+    USE_VIDEO: "anyprobe video takes it",
+}
+"""What to do that is no argument."""
+
+
+@dataclass(frozen=True, slots=True)
+class Remedy:
+    """One thing that may be done.
+
+    Attributes:
+        do: "give" the argument, "leave out" it, or "run" an action.
+        name: the argument's keyword in Python ("pitch_deg"), or the action ("fetch-masks").
+        value: the text to give; "": the caller's choice.
+    """
+
+    do: Literal["give", "leave out", "run"]
+    name: str
+    value: str = ""
+
+
+def give(*names: str, **values: str) -> tuple[Remedy, ...]:
+    """Return a remedy for each argument: any of them mends it. Of `values`, with the text to give."""
+    return (*(Remedy("give", one) for one in names), *(Remedy("give", one, text) for one, text in values.items()))
+
+
+def leave_out(*names: str) -> tuple[Remedy, ...]:
+    """Return a remedy for each argument that may be left out."""
+    return tuple(Remedy("leave out", one) for one in names)
+
+
+class Notice(str):
+    """One fault or doubt. As a string it is one line in Python's words.
+
+    Attributes:
+        code: what it is, for programs: see docs/reference/errors.md.
+        subject: keywords of the arguments concerned.
+        text: what was expected and what came, without the names of arguments.
+        remedy: which arguments to give or to leave out.
+        source: the photo or file concerned, as messages call it; "" where there is none.
+    """
+
+    code: str
+    subject: tuple[str, ...]
+    text: str
+    remedy: tuple[Remedy, ...]
+    source: str
+
+    def __new__(
+        cls,
+        text: object,
+        *,
+        code: str = "",
+        subject: str | Iterable[str] = (),
+        remedy: Iterable[Remedy] = (),
+        source: object = "",
+    ) -> Notice:
+        """Build one; a Notice as text gives what the other arguments leave out."""
+        old = text if isinstance(text, Notice) else None
+        text = old.text if old is not None else str(text)
+        code = code or (old.code if old is not None else "")
+        subject = ((subject,) if isinstance(subject, str) else tuple(dict.fromkeys(subject))) or (
+            () if old is None else old.subject
+        )
+        remedy = tuple(remedy) or (() if old is None else old.remedy)
+        source = str(source) or ("" if old is None else old.source)
+        source = "" if source in subject else source
+        self = super().__new__(cls, PYTHON.compose(subject, source, text, remedy))
+        self.code, self.subject, self.text, self.remedy, self.source = code, subject, text, remedy, source
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Notices cross processes whole."""
+        return _restore, (self.as_json(),)
+
+    def adding(self, text: str) -> Notice:
+        """Return it with more text."""
+        more = f"{self.text}; {text}"
+        return Notice(more, code=self.code, subject=self.subject, remedy=self.remedy, source=self.source)
+
+    def of(self, source: object) -> Notice:
+        """Return it about another photo or file; "": about none."""
+        return Notice(self.text, code=self.code, subject=self.subject, remedy=self.remedy, source=source)
+
+    def naming(self, names: Mapping[str, str]) -> Notice:
+        """Return it with arguments under other names."""
+        subject = [names.get(one, one) for one in self.subject]
+        remedy = [replace(one, name=names.get(one.name, one.name)) for one in self.remedy]
+        return Notice(self.text, code=self.code, subject=subject, remedy=remedy, source=self.source)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it as plain data; see from_json."""
+        remedy = [
+            {"do": one.do, "name": one.name, **({"value": one.value} if one.value else {})} for one in self.remedy
+        ]
+        found = {"code": self.code, "subject": list(self.subject), "text": self.text, "remedy": remedy}
+        return {**found, "source": self.source} if self.source else found
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Notice:
+        """Build one from as_json's data.
+
+        Raises:
+            KeyError, TypeError: other data.
+        """
+        remedy = [Remedy(**one) for one in data["remedy"]]
+        rest = {name: data.get(name, "") for name in ("code", "source")}
+        return cls(data["text"], subject=data["subject"], remedy=remedy, **rest)
+
+
+def _restore(data: Mapping[str, Any]) -> Notice:
+    return Notice.from_json(data)
+
+
+def as_notice(line: str, source: object = "") -> Notice:
+    """Return a warning as a Notice about the given source; a plain line becomes the text of one."""
+    if isinstance(line, Notice):
+        return line.of(source) if source else line
+    return Notice(line, code="doubt", source=source)
+
+
+class Words:
+    """How a door names arguments: here as Python's keywords. Other doors override name, giving or action."""
+
+    verb = "pass"
+
+    def name(self, argument: str) -> str:
+        """Return what users call an argument."""
+        return argument
+
+    def giving(self, argument: str, value: str) -> str:
+        """Return how users give it; value "": any."""
+        return f"{self.name(argument)}={value}"
+
+    def action(self, name: str) -> str:
+        """Return what users do for an action; "" where they cannot."""
+        return _ACTIONS[name]
+
+    def line(self, notice: str) -> str:
+        """Return a notice, an error's or a plain text as one line in these words."""
+        if isinstance(notice, Notice):
+            notice = self.compose(notice.subject, notice.source, notice.text, notice.remedy)
+        return " ".join(notice.splitlines())
+
+    def compose(self, subject: tuple[str, ...], source: str, text: str, remedy: tuple[Remedy, ...]) -> str:
+        """Return "subject source: text; remedy"."""
+        names = " and ".join(map(self.name, subject))
+        head = " ".join(one for one in (names, source) if one)
+        return "; ".join([f"{head}: {text}" if head else text, *self._remedies(remedy)])
+
+    def _remedies(self, remedy: tuple[Remedy, ...]) -> list[str]:
+        given = [self.giving(one.name, one.value) for one in remedy if one.do == "give"]
+        dropped = [self.name(one.name) for one in remedy if one.do == "leave out"]
+        found = [f"{self.verb} {_either(given)}"] if given else []
+        found += [f"leave out {_either(dropped)}"] if dropped else []
+        return found + [done for one in remedy if one.do == "run" and (done := self.action(one.name))]
+
+
+def _either(names: list[str]) -> str:
+    return " or ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+PYTHON = Words()

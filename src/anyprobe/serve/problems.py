@@ -1,0 +1,47 @@
+"""Errors as answers: problem details of RFC 9457, with the notice's code, and its arguments as form fields."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from http import HTTPStatus
+from typing import Any
+
+from starlette.responses import JSONResponse
+
+from anyprobe.hints import HINTS
+from anyprobe.notices import Notice, Words
+
+MEDIA_TYPE = "application/problem+json"
+
+
+class FormWords(Words):
+    """Arguments as form fields and query parameters."""
+
+    verb = "send"
+
+    def name(self, argument: str) -> str:
+        """Return the field of a hint or setting."""
+        return HINTS[argument].name if argument in HINTS else argument
+
+    def giving(self, argument: str, value: str) -> str:
+        """Return the field and its value."""
+        return f"{self.name(argument)} {value}".strip()
+
+
+FIELDS = FormWords()
+
+
+def problem(status: int, notice: str, headers: Mapping[str, str] | None = None) -> JSONResponse:
+    """Return an error's answer; the code of a plain line is that of its status ("not-found")."""
+    title = HTTPStatus(status).phrase
+    code = notice.code if isinstance(notice, Notice) else title.lower().replace(" ", "-")
+    body = {"type": "about:blank", "title": title, "status": status, "detail": FIELDS.line(notice), "code": code}
+    if isinstance(notice, Notice):
+        said = notice_json(notice)
+        body |= {name: said[name] for name in ("text", "subject", "remedy") if said[name]}
+    return JSONResponse(body, status, dict(headers or {}), media_type=MEDIA_TYPE)
+
+
+def notice_json(notice: Notice) -> dict[str, Any]:
+    """Return a notice as data that names form fields."""
+    return notice.naming({name: FIELDS.name(name) for name in HINTS}).as_json()
