@@ -23,8 +23,8 @@ import numpy as np
 from sequences import FPS, Scene, Sequence, camera_pose, drawn_scene, film, scenes, sequences
 
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.evaluate.metrics import color_angle_deg
 from anyprobe.files.atomic import atomic_path
+from anyprobe.learning.evaluate.metrics import color_angle_deg
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.harmonics import project
 from anyprobe.light.temporal import step

@@ -28,7 +28,7 @@ SIZE = (7360, 4912)
 RELIGHT = "from anyprobe.cli.app import main; main()"
 COPY = """
 import sys
-from anyprobe.files.images import read_image, write_png
+from anyprobe.pictures.images import read_image, write_png
 write_png(sys.argv[2], read_image(sys.argv[1]).rgb)
 """
 

@@ -41,7 +41,7 @@ from measure import cpu_model
 from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
-from anyprobe.evaluate.metrics import color_angle_deg
+from anyprobe.learning.evaluate.metrics import color_angle_deg
 from anyprobe.light.environment import rotate
 from anyprobe.light.harmonics import irradiance
 from anyprobe.render.spheres import diffuse, sphere_normals

@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.files.images import read_image
 from anyprobe.masks.find import find_mask
 from anyprobe.masks.networks import shared_network
+from anyprobe.pictures.images import read_image
 
 EXAMPLES = [Path(__file__).parent.parent / "examples" / f"{name}.png" for name in ("vase", "table")]
 

@@ -16,14 +16,14 @@ import torch
 from measure import held_mb
 
 from anyprobe.core.response import MEAN_CURVE, response
-from anyprobe.dataset.asset_store import AssetStore, load_asset_store
-from anyprobe.dataset.catalog import load_maps, load_shapes
-from anyprobe.dataset.pair import render_pair
-from anyprobe.dataset.pairs import LN_RANGE, Batch, PairConfig, PairSource
-from anyprobe.dataset.process_pools import one_thread
-from anyprobe.dataset.recipe import MATERIAL_CHOICES, VIEWPOINTS, Recipe
-from anyprobe.train.config import RunConfig
-from anyprobe.train.dataloader import make_pairs, stream
+from anyprobe.learning.dataset.asset_store import AssetStore, load_asset_store
+from anyprobe.learning.dataset.catalog import load_maps, load_shapes
+from anyprobe.learning.dataset.pair import render_pair
+from anyprobe.learning.dataset.pairs import LN_RANGE, Batch, PairConfig, PairSource
+from anyprobe.learning.dataset.process_pools import one_thread
+from anyprobe.learning.dataset.recipe import MATERIAL_CHOICES, VIEWPOINTS, Recipe
+from anyprobe.learning.train.config import RunConfig
+from anyprobe.learning.train.dataloader import make_pairs, stream
 
 MEMORY_POINTS = 50
 """Readings of the memory, spread evenly over the pairs."""

@@ -10,12 +10,12 @@ from anyprobe.core.color import luminance, to_bytes
 from anyprobe.core.frames import normalize, rotation_y, world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import response
-from anyprobe.dataset.asset_store import AssetStore
-from anyprobe.dataset.camera import Shot, draw_shot, exposure, one_photo
-from anyprobe.dataset.distributions import draw_alpha, draw_material
-from anyprobe.dataset.mask_errors import disturb_mask
-from anyprobe.dataset.pair import shade_surface
 from anyprobe.estimate.photo import Photo
+from anyprobe.learning.dataset.asset_store import AssetStore
+from anyprobe.learning.dataset.camera import Shot, draw_shot, exposure, one_photo
+from anyprobe.learning.dataset.distributions import draw_alpha, draw_material
+from anyprobe.learning.dataset.mask_errors import disturb_mask
+from anyprobe.learning.dataset.pair import shade_surface
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.render.surface import frame_object, see
 

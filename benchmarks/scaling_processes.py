@@ -21,8 +21,8 @@ from tempfile import TemporaryDirectory
 
 from measure import cpu_model
 
-from anyprobe.train.config import RUNS
-from anyprobe.train.logger import LOG_STEPS
+from anyprobe.learning.train.config import RUNS
+from anyprobe.learning.train.logger import LOG_STEPS
 
 ANYPROBE = Path(sys.executable).with_name("anyprobe")
 TORCHRUN = (sys.executable, "-m", "torch.distributed.run", "--standalone")

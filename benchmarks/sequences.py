@@ -15,11 +15,11 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import CameraCurve
-from anyprobe.dataset.camera import Shot, one_photo
-from anyprobe.dataset.mask_errors import fray
-from anyprobe.dataset.room import room
-from anyprobe.dataset.sky import direction_at, sky, soft_cap, studio
 from anyprobe.estimate.photo import Photo
+from anyprobe.learning.dataset.camera import Shot, one_photo
+from anyprobe.learning.dataset.mask_errors import fray
+from anyprobe.learning.dataset.room import room
+from anyprobe.learning.dataset.sky import direction_at, sky, soft_cap, studio
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.picture import draw_mesh

@@ -21,13 +21,13 @@ from pathlib import Path
 import numpy as np
 from places import draw_place
 
-from anyprobe.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.known import PhotoBackground
 from anyprobe.estimate.multiview import fuse_lights
 from anyprobe.estimate.photo import Photo, crop_object
-from anyprobe.evaluate.scoring import score
+from anyprobe.learning.dataset.asset_store import AssetStore, load_asset_store
+from anyprobe.learning.evaluate.scoring import score
 from research.left_out import load_left_out
 
 MOST = 8

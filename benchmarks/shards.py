@@ -10,8 +10,8 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from anyprobe.train.config import lift, smoke
-from anyprobe.train.dataloader import ShardSource, make_pairs
+from anyprobe.learning.train.config import lift, smoke
+from anyprobe.learning.train.dataloader import ShardSource, make_pairs
 
 BATCH = 32
 

@@ -11,10 +11,10 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.dataset.catalog import load_maps
-from anyprobe.dataset.room import room
-from anyprobe.dataset.sky import sky
 from anyprobe.errors import InputError
+from anyprobe.learning.dataset.catalog import load_maps
+from anyprobe.learning.dataset.room import room
+from anyprobe.learning.dataset.sky import sky
 from anyprobe.scatter.materials import Material
 from anyprobe.scatter.microfacet import f0_from_ior
 

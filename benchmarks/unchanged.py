@@ -63,17 +63,17 @@ REQUESTS = (
 
 PAIRS = """
 import dataclasses, hashlib
-from anyprobe.dataset.asset_store import load_asset_store
-from anyprobe.dataset.pair import render_pair
-from anyprobe.dataset.recipe import full_plan, world_recipes
+from anyprobe.learning.dataset.asset_store import load_asset_store
+from anyprobe.learning.dataset.pair import render_pair
+from anyprobe.learning.dataset.recipe import full_plan, world_recipes
 assets = load_asset_store(None, "train", procedural_maps=2, procedural_shapes=2)
 recipes = [full_plan(assets, conditions=c).recipe(k) for c in (0, 1) for k in (3, 50)] + world_recipes(assets, 8, 1)
 for number, recipe in enumerate(recipes):
     pair = render_pair(recipe, assets, textured=number % 3 == 0)
     for part in ("photo", "irradiance", "radiance", "map_from_camera", "gain"):
         print("exact", number, part, hashlib.sha256(getattr(pair, part).tobytes()).hexdigest())
-from anyprobe.train.config import RUNS, smoke
-from anyprobe.train.dataloader import make_pairs
+from anyprobe.learning.train.config import RUNS, smoke
+from anyprobe.learning.train.dataloader import make_pairs
 from pathlib import Path
 for name in ("lift", "whole"):
     if name not in RUNS: continue
@@ -206,7 +206,10 @@ class Version:
         return found
 
     def training(self) -> dict[str, str]:
-        found = lines(self.run("-c", PAIRS))
+        pairs = PAIRS  # before the learning wing, its rooms stood in the package itself
+        if not (self.tree / "src/anyprobe/learning").is_dir():
+            pairs = pairs.replace("anyprobe.learning.", "anyprobe.")
+        found = lines(self.run("-c", pairs))
         self.run("-m", "anyprobe", "train", "lift", "--dry-run", "20", "--no-compile")
         (checkpoint,) = (self.folder / "runs").rglob("checkpoint.pt")
         return found | lines(self.run("-c", WEIGHTS, str(checkpoint)))

@@ -23,7 +23,7 @@ from anyprobe import estimate
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.export.targets import export
-from anyprobe.files.radiance import read_radiance
+from anyprobe.maps.radiance import read_radiance
 from anyprobe.render.spheres import sphere_images, sphere_normals
 
 ROOT = Path(__file__).parents[1]

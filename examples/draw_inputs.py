@@ -16,12 +16,12 @@ from PIL import Image, ImageDraw, ImageFont
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
-from anyprobe.dataset.asset_store import AssetStore, own_map
-from anyprobe.dataset.catalog import ShapeAsset
-from anyprobe.dataset.pair import render_pair
-from anyprobe.dataset.recipe import balanced_recipes
 from anyprobe.estimate.runtime import Models
-from anyprobe.evaluate.methods import GIVEN_HINTS, run_with_hints
+from anyprobe.learning.dataset.asset_store import AssetStore, own_map
+from anyprobe.learning.dataset.catalog import ShapeAsset
+from anyprobe.learning.dataset.pair import render_pair
+from anyprobe.learning.dataset.recipe import balanced_recipes
+from anyprobe.learning.evaluate.methods import GIVEN_HINTS, run_with_hints
 from anyprobe.render.shapes import figure
 from anyprobe.render.spheres import diffuse, silver
 

@@ -24,10 +24,10 @@ from PIL import Image
 from anyprobe.core.color import luminance, to_bytes
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import response
-from anyprobe.dataset.room import room
-from anyprobe.dataset.sky import direction_at, soft_cap
 from anyprobe.estimate.photo import Photo
 from anyprobe.files.objects import open_object
+from anyprobe.learning.dataset.room import room
+from anyprobe.learning.dataset.sky import direction_at, soft_cap
 from anyprobe.light.environment import shrink
 from anyprobe.relight.insert import Arrangement, Stage, lay_object_over, within
 from anyprobe.relight.shadow import sky_irradiance

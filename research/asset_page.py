@@ -12,12 +12,12 @@ from typing import Annotated
 import typer
 
 from anyprobe.cli.app import main as run_command
-from anyprobe.dataset.asset_store import load_asset_store
-from anyprobe.dataset.catalog import MAP_SUFFIXES, MESH_SUFFIXES, allows_commercial_use, file_id, listed_rows
-from anyprobe.dataset.recipe import read_recipes
 from anyprobe.errors import InputError
-from anyprobe.evaluate.scoring import FROZEN
 from anyprobe.files.atomic import atomic_path
+from anyprobe.learning.dataset.asset_store import load_asset_store
+from anyprobe.learning.dataset.catalog import MAP_SUFFIXES, MESH_SUFFIXES, allows_commercial_use, file_id, listed_rows
+from anyprobe.learning.dataset.recipe import read_recipes
+from anyprobe.learning.evaluate.scoring import FROZEN
 
 FOLDERS = {
     "hdri/train": ("Maps", MAP_SUFFIXES),
@@ -35,22 +35,22 @@ PAGE = """\
 
 The {count} files of a data folder that training uses, as the folder's manifests state them; written by
 `python -m research.asset_page`. Files whose licence forbids commercial use, or is not clear, are excluded
-(`anyprobe.dataset.catalog.allows_commercial_use`). None of these files is in the package: networks were trained on
-images rendered with them, with maps rotated, blended and relit, and shapes rotated, mirrored, stretched, bent and
-joined. [CC BY 3.0](https://creativecommons.org/licenses/by/3.0/) and
+(`anyprobe.learning.dataset.catalog.allows_commercial_use`). None of these files is in the package: networks were
+trained on images rendered with them, with maps rotated, blended and relit, and shapes rotated, mirrored, stretched,
+bent and joined. [CC BY 3.0](https://creativecommons.org/licenses/by/3.0/) and
 [4.0](https://creativecommons.org/licenses/by/4.0/) require naming the author, as MIT, BSD and Apache licences do.
 
-Training also uses procedural maps and shapes of anyprobe's own (`anyprobe.dataset.sky`,
-`anyprobe.dataset.room`, `anyprobe.render.shapes`): they have no files, and are anyprobe's, Apache-2.0.
+Training also uses procedural maps and shapes of anyprobe's own (`anyprobe.learning.dataset.sky`,
+`anyprobe.learning.dataset.room`, `anyprobe.render.shapes`): they have no files, and are anyprobe's, Apache-2.0.
 """
 
 TEST_PAGE = """\
 # Test assets
 
 The {count} files that the frozen test set is rendered from, as the manifests of a data folder state them; written by
-`python -m research.asset_page DATA --test`. Recipes (`src/anyprobe/evaluate/frozen.txt`, `research/world/test.txt`)
-name a file by the first eight digits of its SHA-256, so `--frozen` needs these very files. They are not in the
-repository, and no network is trained on them.
+`python -m research.asset_page DATA --test`. Recipes (`src/anyprobe/learning/evaluate/frozen.txt`,
+`research/world/test.txt`) name a file by the first eight digits of its SHA-256, so `--frozen` needs these very files.
+They are not in the repository, and no network is trained on them.
 
 `python -m research.fetch_assets test DIR` fetches the sources below at a fixed commit each, prepares them and checks
 SHA-256: all 30 maps, and of the shapes drill and goathead. It writes `DIR/frozen_public.txt`, the 224 of the 1,000

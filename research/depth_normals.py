@@ -18,15 +18,15 @@ import numpy as np
 import typer
 
 from anyprobe.cli.app import main as run_command
-from anyprobe.dataset.asset_store import AssetStore
-from anyprobe.dataset.catalog import load_maps, load_shapes
-from anyprobe.dataset.pair import Pair, _draw, _look, render_pair
-from anyprobe.dataset.recipe import read_recipes
 from anyprobe.estimate.depth_normals import normals_from_depth
 from anyprobe.estimate.normals_hint import SHORTEST
 from anyprobe.estimate.runtime import NORMALS_SIZE, Models
-from anyprobe.evaluate.methods import true_normals
-from anyprobe.evaluate.scoring import FROZEN, score
+from anyprobe.learning.dataset.asset_store import AssetStore
+from anyprobe.learning.dataset.catalog import load_maps, load_shapes
+from anyprobe.learning.dataset.pair import Pair, _draw, _look, render_pair
+from anyprobe.learning.dataset.recipe import read_recipes
+from anyprobe.learning.evaluate.methods import true_normals
+from anyprobe.learning.evaluate.scoring import FROZEN, score
 
 PAIRS = 60
 FIGURES = ("ldr_rmse", "dominant_light_deg")

@@ -20,10 +20,10 @@ import typer
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.contract import contract
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models
-from anyprobe.evaluate.metrics import direction_error_deg
+from anyprobe.learning.evaluate.metrics import direction_error_deg
+from anyprobe.learning.whole_network.families import FAMILIES
 from anyprobe.light.dominant_light import direction_error, find_dominant_light, spread_about
 from research.scenes.estimates import estimates_of
-from research.scenes.layouts import FAMILIES
 
 SHARE = 2 / 3
 OFFSET_DEG: float = contract("dominant_light")["error"]["offset_deg"]

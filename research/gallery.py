@@ -18,11 +18,11 @@ from PIL import Image, ImageDraw, ImageFont
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.color import luminance, to_bytes
 from anyprobe.core.response import response
-from anyprobe.dataset.textured import draw_texture
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import Photo
-from anyprobe.evaluate.metrics import color_angle_deg, direction_error_deg, power_ratio_stops
 from anyprobe.files.objects import open_object
+from anyprobe.learning.dataset.textured import draw_texture
+from anyprobe.learning.evaluate.metrics import color_angle_deg, direction_error_deg, power_ratio_stops
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.relight.appearance import least_scale

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.dataset.asset_store import AssetStore
-from anyprobe.dataset.pair import Pair, Trace, render_pair
-from anyprobe.dataset.recipe import Recipe
 from anyprobe.files.atomic import atomic_path
+from anyprobe.learning.dataset.asset_store import AssetStore
+from anyprobe.learning.dataset.pair import Pair, Trace, render_pair
+from anyprobe.learning.dataset.recipe import Recipe
 from anyprobe.scatter.materials import Material
 
 ARRAYS = ("photo", "irradiance", "radiance", "map_from_camera", "gain", "normals")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from anyprobe.dataset.asset_store import AssetStore, load_asset_store
-from anyprobe.dataset.pair import Pair
-from anyprobe.dataset.recipe import balanced_recipes, world_recipes
 from anyprobe.errors import InputError
+from anyprobe.learning.dataset.asset_store import AssetStore, load_asset_store
+from anyprobe.learning.dataset.pair import Pair
+from anyprobe.learning.dataset.recipe import balanced_recipes, world_recipes
 from research.kept_pairs import kept_pairs
 
 PAIRS = 240

@@ -23,17 +23,17 @@ import typer
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import response
-from anyprobe.dataset.asset_store import AssetStore
-from anyprobe.dataset.catalog import MapAsset, load_maps, load_shapes
-from anyprobe.dataset.pair import Pair, render_pair
-from anyprobe.dataset.recipe import balanced_recipes
-from anyprobe.detail.background import background_of
-from anyprobe.detail.likeness import MATCH_ROWS, Places, Shown, best_places, gain_of, light_of, shown_by
 from anyprobe.estimate.photo import CONTEXT_SCALE, CONTEXT_SIZE
 from anyprobe.estimate.runtime import Models
 from anyprobe.estimate.surroundings import hidden, on_plane, radiance_of, surroundings_of, use_surroundings
+from anyprobe.learning.dataset.asset_store import AssetStore
+from anyprobe.learning.dataset.catalog import MapAsset, load_maps, load_shapes
+from anyprobe.learning.dataset.pair import Pair, render_pair
+from anyprobe.learning.dataset.recipe import balanced_recipes
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.masks.resize import resize
+from anyprobe.match.background import background_of
+from anyprobe.match.likeness import MATCH_ROWS, Places, Shown, best_places, gain_of, light_of, shown_by
 from anyprobe.render.surface import pixel_rays
 from research.compare.figures import relight_scores
 from research.left_out import load_left_out

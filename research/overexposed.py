@@ -17,11 +17,11 @@ from rich.progress import track
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.contract import contract
 from anyprobe.core.response import inverse_response, response
-from anyprobe.dataset.pair import Pair
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models
-from anyprobe.evaluate.methods import model_methods
-from anyprobe.evaluate.metrics import direction_error_deg
-from anyprobe.evaluate.standard_errors import clustered_error
+from anyprobe.learning.dataset.pair import Pair
+from anyprobe.learning.evaluate.methods import model_methods
+from anyprobe.learning.evaluate.metrics import direction_error_deg
+from anyprobe.learning.evaluate.standard_errors import clustered_error
 from anyprobe.light.dominant_light import find_dominant_light
 from research.left_out import left_out_pairs
 

@@ -22,15 +22,15 @@ from rich.progress import track
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.response import response
-from anyprobe.dataset.asset_store import AssetStore
-from anyprobe.dataset.catalog import load_maps, load_shapes
-from anyprobe.dataset.pair import Pair
-from anyprobe.dataset.recipe import read_recipes
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Models
-from anyprobe.evaluate.methods import Method, baselines, model_methods, truth_methods
-from anyprobe.evaluate.scoring import FROZEN, score_pairs
-from anyprobe.evaluate.standard_errors import clustered_error
+from anyprobe.learning.dataset.asset_store import AssetStore
+from anyprobe.learning.dataset.catalog import load_maps, load_shapes
+from anyprobe.learning.dataset.pair import Pair
+from anyprobe.learning.dataset.recipe import read_recipes
+from anyprobe.learning.evaluate.methods import Method, baselines, model_methods, truth_methods
+from anyprobe.learning.evaluate.scoring import FROZEN, score_pairs
+from anyprobe.learning.evaluate.standard_errors import clustered_error
 from anyprobe.light.reconstruct import THRESHOLD
 from research.kept_pairs import kept_pairs
 from research.left_out import left_out_pairs

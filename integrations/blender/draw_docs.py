@@ -47,10 +47,10 @@ def main(archive: Path, python: str) -> None:
     from PIL import Image, ImageDraw, ImageFont
 
     from anyprobe.core.color import luminance
-    from anyprobe.dataset.asset_store import sky
     from anyprobe.export.target_frames import BLENDER
-    from anyprobe.files.radiance import write_exr
+    from anyprobe.learning.dataset.asset_store import sky
     from anyprobe.light.dominant_light import find_dominant_light
+    from anyprobe.maps.radiance import write_exr
     from anyprobe.render.shapes import lathe
 
     with tempfile.TemporaryDirectory() as scratch:

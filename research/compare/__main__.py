@@ -9,12 +9,12 @@ import typer
 from rich.progress import track
 
 from anyprobe.cli.app import main as run_command
-from anyprobe.dataset.asset_store import AssetStore
-from anyprobe.dataset.catalog import load_maps, load_shapes
-from anyprobe.dataset.recipe import digest, read_recipes
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
-from anyprobe.evaluate.methods import baselines, model_methods
-from anyprobe.evaluate.scoring import FROZEN, GROUPS, score_pairs
+from anyprobe.learning.dataset.asset_store import AssetStore
+from anyprobe.learning.dataset.catalog import load_maps, load_shapes
+from anyprobe.learning.dataset.recipe import digest, read_recipes
+from anyprobe.learning.evaluate.methods import baselines, model_methods
+from anyprobe.learning.evaluate.scoring import FROZEN, GROUPS, score_pairs
 from research.compare.figures import score_pair
 from research.compare.study import difference, means
 from research.kept_pairs import kept_pairs

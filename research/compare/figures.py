@@ -15,9 +15,17 @@ import numpy as np
 from anyprobe.core.frames import reflect, world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import response
-from anyprobe.dataset.pair import LN_RANGE, Pair
-from anyprobe.evaluate.methods import Estimate
-from anyprobe.evaluate.metrics import color_angle_deg, direction_error_deg, power_ratio_stops, psnr, rmse, si_rmse, ssim
+from anyprobe.learning.dataset.pair import LN_RANGE, Pair
+from anyprobe.learning.evaluate.methods import Estimate
+from anyprobe.learning.evaluate.metrics import (
+    color_angle_deg,
+    direction_error_deg,
+    power_ratio_stops,
+    psnr,
+    rmse,
+    si_rmse,
+    ssim,
+)
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, integral
 from anyprobe.light.harmonics import COSINE_LOBE, project

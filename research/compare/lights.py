@@ -8,7 +8,7 @@ import numpy as np
 
 from anyprobe.core.color import REC709, luminance
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.evaluate.metrics import direction_error_deg
+from anyprobe.learning.evaluate.metrics import direction_error_deg
 from anyprobe.light.dominant_light import connected, dilate
 from anyprobe.light.filtering import blur_cap
 

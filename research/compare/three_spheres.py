@@ -15,7 +15,7 @@ import numpy as np
 
 from anyprobe.core.frames import reflect
 from anyprobe.core.latlong import bilinear, direction_to_uv
-from anyprobe.evaluate.metrics import color_angle_deg, rmse, si_rmse
+from anyprobe.learning.evaluate.metrics import color_angle_deg, rmse, si_rmse
 from anyprobe.light.environment import shrink
 from anyprobe.render.spheres import SILVER_ALPHA, SILVER_F0, sphere_normals
 from anyprobe.scatter.microfacet import schlick_weight

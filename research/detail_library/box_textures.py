@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from anyprobe.dataset.sky import GROUNDS, tint
+from anyprobe.learning.dataset.sky import GROUNDS, tint
 from research.detail_library.boxes import Boxes, lines, noise, turbulence
 
 PLAIN, WOOD, BOOKS, FABRIC, FACADE, LEAVES, GRID = range(7)

@@ -1,6 +1,6 @@
 """Make the library that anyprobe.detail comes with, of rooms, streets and studios of our own:
 
-    python -m research.detail_library.draw src/anyprobe/detail/own.zip
+    python -m research.detail_library.draw src/anyprobe/match/own.zip
 
 The same seed gives the same maps on the same machine; a few minutes on two cores.
 """
@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.detail.library import encode, write_library
+from anyprobe.match.library import encode, write_library
 from research.detail_library.outdoors import detailed_outdoor
 from research.detail_library.rooms import detailed_room, detailed_studio
 

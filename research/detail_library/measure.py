@@ -28,20 +28,20 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.dataset.asset_store import AssetStore, own_shape
-from anyprobe.dataset.catalog import MapAsset, load_maps, load_shapes, normalize_map
-from anyprobe.dataset.pair import Pair, render_pair
-from anyprobe.dataset.recipe import balanced_recipes
-from anyprobe.detail.library import Library, encode, write_library
-from anyprobe.detail.library_folder import open_library
-from anyprobe.detail.match import find_match
 from anyprobe.detail.plausible import add_detail
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import Models
 from anyprobe.files.objects import draw_under
+from anyprobe.learning.dataset.asset_store import AssetStore, own_shape
+from anyprobe.learning.dataset.catalog import MapAsset, load_maps, load_shapes, normalize_map
+from anyprobe.learning.dataset.pair import Pair, render_pair
+from anyprobe.learning.dataset.recipe import balanced_recipes
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.light.harmonics import project
+from anyprobe.match.alignment import find_match
+from anyprobe.match.library import Library, encode, write_library
+from anyprobe.match.library_folder import open_library
 from research.detail_library.outdoors import detailed_outdoor
 from research.detail_library.rooms import detailed_room
 

@@ -8,12 +8,12 @@ import numpy as np
 
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.dataset.pair import Pair
 from anyprobe.errors import ModelError
 from anyprobe.estimate.runtime import POSTERIOR, Models, Outputs
-from anyprobe.evaluate.calibration import NEAREST, right_of
-from anyprobe.evaluate.metrics import power_ratio_stops
 from anyprobe.given_material import LEAST_REFLECTANCE
+from anyprobe.learning.dataset.pair import Pair
+from anyprobe.learning.evaluate.calibration import NEAREST, right_of
+from anyprobe.learning.evaluate.metrics import power_ratio_stops
 from anyprobe.light.environment import integral
 from anyprobe.scatter.materials import total_reflectance
 

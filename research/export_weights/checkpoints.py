@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 
 from anyprobe.errors import ModelError
-from anyprobe.train.checkpoint import current_weight_names, init_weights_id, read_checkpoint, read_init_weights
+from anyprobe.learning.train.checkpoint import current_weight_names, init_weights_id, read_checkpoint, read_init_weights
 
 
 def mean_checkpoint(checkpoint: Path, other: Path, path: Path, share: float = 0.5) -> Path:

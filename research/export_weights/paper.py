@@ -19,13 +19,13 @@ import typer
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.color import luminance
-from anyprobe.dataset.pair import Pair
+from anyprobe.learning.dataset.pair import Pair
+from anyprobe.learning.train.checkpoint import read_checkpoint
+from anyprobe.learning.train.config import paper_on
+from anyprobe.learning.train.logger import run_folder
+from anyprobe.learning.train.loop import load_nets
 from anyprobe.light.environment import integral
 from anyprobe.light.reconstruct import blend_weight, reconstruct
-from anyprobe.train.checkpoint import read_checkpoint
-from anyprobe.train.config import paper_on
-from anyprobe.train.logger import run_folder
-from anyprobe.train.loop import load_nets
 from research.export_weights.checkpoints import mean_checkpoint
 from research.left_out import left_out_pairs
 

@@ -19,13 +19,13 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 
-from anyprobe.dataset.recipe import digest, read_recipes
 from anyprobe.errors import AnyprobeError, InvalidEnvironment, InvalidMesh
-from anyprobe.evaluate.scoring import FROZEN
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.exr import read_channels
 from anyprobe.files.paths import utf8_path
-from anyprobe.files.radiance import decode_hdr
+from anyprobe.learning.dataset.recipe import digest, read_recipes
+from anyprobe.learning.evaluate.scoring import FROZEN
+from anyprobe.maps.exr import read_channels
+from anyprobe.maps.radiance import decode_hdr
 from research.fetch_assets.download import Client, DownloadError, RemoteFile, ServerBusy
 from research.fetch_assets.manifest import Manifest
 

@@ -6,8 +6,8 @@ import csv
 from collections.abc import Sequence
 from pathlib import Path
 
-from anyprobe.dataset.catalog import Row, read_table
 from anyprobe.files.atomic import atomic_path, held
+from anyprobe.learning.dataset.catalog import Row, read_table
 
 
 class Manifest:

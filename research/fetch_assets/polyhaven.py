@@ -19,7 +19,7 @@ from pathlib import Path
 
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.radiance import read_radiance
+from anyprobe.maps.radiance import read_radiance
 from research.fetch_assets.download import Client, DownloadError, RemoteFile, ServerBusy, Watch, md5_of
 from research.fetch_assets.gltf import buffer_paths, pack_glb, read_gltf
 from research.fetch_assets.manifest import Manifest

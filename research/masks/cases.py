@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.files.images import read_image
 from anyprobe.masks.sources import mask_from_file
+from anyprobe.pictures.images import read_image
 
 BOX_MARGIN = 0.04
 """A given box leaves so much of the object's longer side free on every side."""

@@ -17,15 +17,15 @@ from PIL import Image, ImageDraw
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.color import to_bytes
-from anyprobe.dataset.asset_store import draw_map
-from anyprobe.dataset.lighting import Illuminator
-from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
 from anyprobe.estimate.outputs import draw_overlay
-from anyprobe.files.images import read_image
+from anyprobe.learning.dataset.asset_store import draw_map
+from anyprobe.learning.dataset.lighting import Illuminator
+from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces
+from anyprobe.learning.mask_network.composites import draw_scene
+from anyprobe.learning.mask_network.examples import cover_box, unasked_target
+from anyprobe.learning.mask_network.foregrounds import TexturePool, ViewSource
 from anyprobe.masks.find import find_mask
-from research.mask_network.composites import draw_scene
-from research.mask_network.examples import cover_box, unasked_target
-from research.mask_network.foregrounds import TexturePool, ViewSource
+from anyprobe.pictures.images import read_image
 
 SIZE = 480
 TILE = 240

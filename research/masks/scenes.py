@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from anyprobe.dataset.asset_store import AssetStore
-from anyprobe.dataset.lighting import Illuminator
-from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
-from research.mask_network.composites import draw_scene
-from research.mask_network.examples import cover_box, inside_click, unasked_target
-from research.mask_network.foregrounds import TexturePool, ViewSource
+from anyprobe.learning.dataset.asset_store import AssetStore
+from anyprobe.learning.dataset.lighting import Illuminator
+from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces
+from anyprobe.learning.mask_network.composites import draw_scene
+from anyprobe.learning.mask_network.examples import cover_box, inside_click, unasked_target
+from anyprobe.learning.mask_network.foregrounds import TexturePool, ViewSource
 from research.masks.cases import Case, make_case
 
 SIZE = 480

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from anyprobe.errors import InvalidMask
-from anyprobe.files.images import read_image
 from anyprobe.masks.find import find_mask
 from anyprobe.masks.segmenters import Segmenter
+from anyprobe.pictures.images import read_image
 from research.masks.cases import Case, iou
 
 PROMPTS = ("auto", "click", "box")

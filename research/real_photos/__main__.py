@@ -22,7 +22,7 @@ from anyprobe.cli.app import main as run_command
 from anyprobe.cli.tables import print_table
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
-from anyprobe.evaluate.methods import baselines, model_methods
+from anyprobe.learning.evaluate.methods import baselines, model_methods
 from research.figure_tables import print_figures
 from research.model_names import titles_of
 from research.real_photos import hidden as hidden_ring

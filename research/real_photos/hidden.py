@@ -21,11 +21,11 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.outputs import draw_overlay
 from anyprobe.estimate.photo import load_photo
-from anyprobe.evaluate.metrics import rmse
-from anyprobe.evaluate.standard_errors import rounded
-from anyprobe.files.images import read_image
 from anyprobe.hints import NONE
+from anyprobe.learning.evaluate.metrics import rmse
+from anyprobe.learning.evaluate.standard_errors import rounded
 from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.pictures.images import read_image
 from research.clustered import with_error
 from research.real_photos.lamps import ALONE, DEFAULT
 from research.real_photos.sheet import strip

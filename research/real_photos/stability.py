@@ -12,9 +12,9 @@ from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import AnyprobeError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import load_photo
-from anyprobe.evaluate.metrics import direction_error_deg
-from anyprobe.files.images import read_image
 from anyprobe.hints import NONE
+from anyprobe.learning.evaluate.metrics import direction_error_deg
+from anyprobe.pictures.images import read_image
 from research.clustered import upper_decile
 from research.real_photos.lamps import ALONE, DEFAULT
 

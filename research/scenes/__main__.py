@@ -15,11 +15,11 @@ import typer
 from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
+from anyprobe.learning.whole_network.families import FAMILIES
 from research.results import commit, write_result
 from research.scenes.dark import dark_rows, dark_table
 from research.scenes.estimates import estimates_of
 from research.scenes.goes_on import goes_on_table
-from research.scenes.layouts import FAMILIES
 from research.scenes.pairs import IN_FILE, PARTS, make_pairs
 from research.scenes.photos import scene_photos
 from research.world.judgement import ALL, CUT_OUTS, Judgement, print_groups

@@ -10,9 +10,9 @@ from PIL import Image, ImageFilter
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.dataset import distributions
-from anyprobe.dataset.camera import SUBSAMPLINGS, compress, draw_curve
-from anyprobe.dataset.mask_errors import disturb_mask
+from anyprobe.learning.dataset import distributions
+from anyprobe.learning.dataset.camera import SUBSAMPLINGS, compress, draw_curve
+from anyprobe.learning.dataset.mask_errors import disturb_mask
 from anyprobe.light.environment import MAP_HEIGHT
 from research.world.whole_render import Render
 

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from anyprobe.evaluate.metrics import direction_error_deg
+from anyprobe.learning.evaluate.metrics import direction_error_deg
+from anyprobe.learning.whole_network.families import FAMILIES
 from anyprobe.light.dominant_light import find_dominant_light
 from research.scenes.estimates import PairEstimate
-from research.scenes.layouts import FAMILIES
 
 BOUNDS = (0.0, 0.2, 0.35, 0.5, 0.7, 1.0, 2.0, np.inf)
 """Of the mean display luminance beside the object over the object's."""

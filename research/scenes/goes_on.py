@@ -8,9 +8,9 @@ import numpy as np
 
 from anyprobe.core.response import response
 from anyprobe.estimate.surroundings import GoesOn
-from anyprobe.evaluate.metrics import power_ratio_stops, rmse
+from anyprobe.learning.evaluate.metrics import power_ratio_stops, rmse
+from anyprobe.learning.whole_network.families import FAMILIES
 from research.scenes.estimates import PairEstimate
-from research.scenes.layouts import FAMILIES
 
 TRIED = (
     GoesOn(0.0, 60.0),

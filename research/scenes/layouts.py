@@ -13,12 +13,13 @@ import numpy as np
 
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv
-from anyprobe.dataset import distributions
-from anyprobe.dataset.asset_store import AssetStore
-from anyprobe.dataset.catalog import normalize_map
-from anyprobe.dataset.lighting import add_lamp
-from anyprobe.dataset.pair import _painted
-from anyprobe.dataset.sky import direction_at, tint
+from anyprobe.learning.dataset import distributions
+from anyprobe.learning.dataset.asset_store import AssetStore
+from anyprobe.learning.dataset.catalog import normalize_map
+from anyprobe.learning.dataset.lighting import add_lamp
+from anyprobe.learning.dataset.pair import _painted
+from anyprobe.learning.dataset.sky import direction_at, tint
+from anyprobe.learning.whole_network.families import FAMILIES
 from anyprobe.light.environment import shrink
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.render.mesh import Mesh
@@ -28,7 +29,6 @@ from research.scenes.lights import draw_place, draw_procedural_light, draw_real_
 from research.world.tables import Cover, draw_cover
 from research.world.whole_scenes import Panel, Phone, Thing, _draw_second, _placed, _standing
 
-FAMILIES = ("ground", "table", "things", "dark", "procedural")
 SHARES = (0.4, 0.2, 0.18, 0.12, 0.1)
 """Shares of the families among the scenes that are learned from."""
 SEED = 3107

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from anyprobe.core.color import luminance
-from anyprobe.dataset.catalog import normalize_map
-from anyprobe.dataset.lighting import add_lamp, blend_maps, move_dominant_light, turn
-from anyprobe.dataset.room import room
-from anyprobe.dataset.sky import direction_at, sky, studio, tint
+from anyprobe.learning.dataset.catalog import normalize_map
+from anyprobe.learning.dataset.lighting import add_lamp, blend_maps, move_dominant_light, turn
+from anyprobe.learning.dataset.room import room
+from anyprobe.learning.dataset.sky import direction_at, sky, studio, tint
 from anyprobe.light.environment import integral, shrink
 
 CONTRAST = 0.12

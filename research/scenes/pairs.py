@@ -9,17 +9,18 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.photo import CONTEXT_SIZE, crop_object, load_photo
 from anyprobe.estimate.runtime import PHOTO_SIZE, lift_inputs
 from anyprobe.files.atomic import atomic_path
+from anyprobe.learning.dataset.asset_store import AssetStore, load_asset_store
+from anyprobe.learning.whole_network.families import FAMILIES
 from anyprobe.light.environment import MAP_HEIGHT, rotate
 from research.left_out import load_left_out
 from research.scenes.camera import TakenPhoto, mirrored, take
-from research.scenes.layouts import FAMILIES, draw_family, draw_layout
+from research.scenes.layouts import draw_family, draw_layout
 from research.scenes.render import render_layout
 
 PARTS = ("train", "left-out", "test")

@@ -15,16 +15,16 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
-from anyprobe.dataset.distributions import draw_material
-from anyprobe.dataset.lighting import Illuminator
-from anyprobe.dataset.pairs import Batch, PairConfig, PairSource
-from anyprobe.dataset.surfaces import SurfaceConfig, SurfaceSet, build_surfaces
 from anyprobe.files.atomic import atomic_path
-from anyprobe.nets.light_net import LightNet
-from anyprobe.train.checkpoint import load_init_weights
-from anyprobe.train.config import LightConfig, lift
-from anyprobe.train.dataloader import load_assets
-from anyprobe.train.lift import Lift
+from anyprobe.learning.dataset.distributions import draw_material
+from anyprobe.learning.dataset.lighting import Illuminator
+from anyprobe.learning.dataset.pairs import Batch, PairConfig, PairSource
+from anyprobe.learning.dataset.surfaces import SurfaceConfig, SurfaceSet, build_surfaces
+from anyprobe.learning.nets.light_net import LightNet
+from anyprobe.learning.train.checkpoint import load_init_weights
+from anyprobe.learning.train.config import LightConfig, lift
+from anyprobe.learning.train.dataloader import load_assets
+from anyprobe.learning.train.lift import Lift
 
 SIZE = 32
 """Side of the kept pictures."""

@@ -26,16 +26,16 @@ from torch.nn import functional as F
 from anyprobe.core.color import REC709
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.dataset.asset_store import load_asset_store
-from anyprobe.dataset.pair import Pair
-from anyprobe.dataset.recipe import read_recipes
-from anyprobe.evaluate.scoring import FROZEN
+from anyprobe.learning.dataset.asset_store import load_asset_store
+from anyprobe.learning.dataset.pair import Pair
+from anyprobe.learning.dataset.recipe import read_recipes
+from anyprobe.learning.evaluate.scoring import FROZEN
+from anyprobe.learning.nets.emitter_head import EmitterHead
+from anyprobe.learning.nets.lifting import given_or_estimated
+from anyprobe.learning.nets.light_net import LightNet
+from anyprobe.learning.train.checkpoint import load_init_weights
+from anyprobe.learning.train.lift import Lift
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.nets.emitter_head import EmitterHead
-from anyprobe.nets.lifting import given_or_estimated
-from anyprobe.nets.light_net import LightNet
-from anyprobe.train.checkpoint import load_init_weights
-from anyprobe.train.lift import Lift
 from research.harmonics import real_basis
 from research.kept_pairs import kept_pairs
 from research.left_out import left_out_pairs

@@ -16,8 +16,8 @@ from torch.nn import functional as F
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import inverse_response
-from anyprobe.nets.emitter_head import POWER_FLOOR
-from anyprobe.nets.lifting import lift_to_map, map_pixel, mirror_direction, pyramid
+from anyprobe.learning.nets.emitter_head import POWER_FLOOR
+from anyprobe.learning.nets.lifting import lift_to_map, map_pixel, mirror_direction, pyramid
 from anyprobe.render.surface import pixel_rays
 from research.harmonics import real_basis
 

@@ -18,13 +18,13 @@ from anyprobe.core.color import REC709
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import direction_to_uv, pixel_directions
 from anyprobe.core.response import CameraCurve, response
-from anyprobe.dataset import distributions
-from anyprobe.dataset.batch_shading import pixel_wo
-from anyprobe.dataset.distributions import METALS
-from anyprobe.dataset.seen_surroundings import ASPECTS, GAIN_STOPS, TURN_COLUMNS
-from anyprobe.dataset.surfaces import ELEVATION_SINES
+from anyprobe.learning.dataset import distributions
+from anyprobe.learning.dataset.batch_shading import pixel_wo
+from anyprobe.learning.dataset.distributions import METALS
+from anyprobe.learning.dataset.seen_surroundings import ASPECTS, GAIN_STOPS, TURN_COLUMNS
+from anyprobe.learning.dataset.surfaces import ELEVATION_SINES
+from anyprobe.learning.nets.lifting import mirror_direction
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.nets.lifting import mirror_direction
 from anyprobe.render.reflectance import lookup_coords
 from anyprobe.scatter.microfacet import albedo_table, directional_albedo, f0_from_ior
 from research.second_stage.first_stage import SeenSurfaces

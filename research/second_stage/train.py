@@ -23,14 +23,14 @@ from torch.nn import functional as F
 from anyprobe.core.color import REC709
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError
-from anyprobe.evaluate.calibration import CLOSE
 from anyprobe.files.atomic import atomic_path
+from anyprobe.learning.evaluate.calibration import CLOSE
+from anyprobe.learning.nets.blocks import autocast
+from anyprobe.learning.nets.emitter_head import POWER_FLOOR
+from anyprobe.learning.train.config import LightConfig
+from anyprobe.learning.train.dataloader import stream
+from anyprobe.learning.train.lift import display
 from anyprobe.light.environment import shrink
-from anyprobe.nets.blocks import autocast
-from anyprobe.nets.emitter_head import POWER_FLOOR
-from anyprobe.train.config import LightConfig
-from anyprobe.train.dataloader import stream
-from anyprobe.train.lift import display
 from research.second_stage.first_stage import SeenSurfaces
 from research.second_stage.net import SecondGuess, SecondStage
 from research.second_stage.reflectance_pairs import BASE_ROWS, ReflectanceBatch, ReflectanceConfig, ReflectanceSource
@@ -125,7 +125,7 @@ def open_source(config: SecondConfig, data: Path, folder: Path) -> ReflectanceSo
     """The batches of a run; maps and matrices are made once and kept in the folder."""
     maps, matrices = folder / "maps.npy", folder / "matrices.npy"
     if not maps.is_file():
-        from anyprobe.train.dataloader import load_assets, make_maps
+        from anyprobe.learning.train.dataloader import load_assets, make_maps
 
         store = load_assets(config.light, data)
         small = [shrink(one, BASE_ROWS).transpose(2, 0, 1) for one in make_maps(config.light, store)]

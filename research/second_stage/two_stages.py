@@ -8,8 +8,8 @@ from __future__ import annotations
 import torch
 from torch.nn import functional as F
 
+from anyprobe.learning.nets.emitter_head import EmitterHead
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.nets.emitter_head import EmitterHead
 from research.second_stage.net import FINE, SIZE, SecondGuess, grown
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from anyprobe.dataset.asset_store import AssetStore, load_asset_store
-from anyprobe.dataset.pair import Pair, Trace
-from anyprobe.dataset.recipe import Recipe, digest, read_recipes, world_recipes
 from anyprobe.errors import InputError
+from anyprobe.learning.dataset.asset_store import AssetStore, load_asset_store
+from anyprobe.learning.dataset.pair import Pair, Trace
+from anyprobe.learning.dataset.recipe import Recipe, digest, read_recipes, world_recipes
 from anyprobe.relight.path_traced import open_mitsuba, trace_mesh
 from research.kept_pairs import kept_pairs
 from research.left_out import load_left_out

@@ -21,14 +21,14 @@ import torch
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
-from anyprobe.dataset.batch_shading import pixel_wo, shade_batch
-from anyprobe.dataset.distributions import KINDS
-from anyprobe.dataset.lighting import Illuminator
-from anyprobe.dataset.occlusion import hidden_cells
-from anyprobe.dataset.pair import _draw, _look, is_painted, render_pair
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models
-from anyprobe.evaluate.methods import run_with_hints
-from anyprobe.evaluate.metrics import direction_error_deg
+from anyprobe.learning.dataset.batch_shading import pixel_wo, shade_batch
+from anyprobe.learning.dataset.distributions import KINDS
+from anyprobe.learning.dataset.lighting import Illuminator
+from anyprobe.learning.dataset.occlusion import hidden_cells
+from anyprobe.learning.dataset.pair import _draw, _look, is_painted, render_pair
+from anyprobe.learning.evaluate.methods import run_with_hints
+from anyprobe.learning.evaluate.metrics import direction_error_deg
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
 from anyprobe.relight.path_traced import trace_mesh

@@ -18,8 +18,8 @@ import typer
 from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_MODEL, model_id
-from anyprobe.evaluate.benchmark import read_predictions, write_photo
 from anyprobe.files.atomic import atomic_files
+from anyprobe.learning.evaluate.benchmark import read_predictions, write_photo
 from research.results import commit, write_result
 from research.world.judgement import ALL, CUT_OUTS, Judgement, print_groups
 from research.world.whole_photos import COUNT, PARTS, recipes_of, renders, store_of, whole_photos

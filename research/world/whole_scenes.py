@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
-from anyprobe.dataset import distributions
-from anyprobe.dataset.asset_store import AssetStore
-from anyprobe.dataset.pair import _painted, is_painted
-from anyprobe.dataset.recipe import Recipe
+from anyprobe.learning.dataset import distributions
+from anyprobe.learning.dataset.asset_store import AssetStore
+from anyprobe.learning.dataset.pair import _painted, is_painted
+from anyprobe.learning.dataset.recipe import Recipe
 from anyprobe.render.mesh import Mesh
 from anyprobe.scatter.materials import Material
 from research.world.tables import Cover, draw_cover

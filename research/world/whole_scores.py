@@ -15,7 +15,7 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.result import Light
-from anyprobe.evaluate.metrics import direction_error_deg, gain_rmse, power_ratio_stops, rmse, ssim
+from anyprobe.learning.evaluate.metrics import direction_error_deg, gain_rmse, power_ratio_stops, rmse, ssim
 from anyprobe.light.dominant_light import DominantLight, find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, rotate
 from anyprobe.light.filtering import blur_cap

@@ -20,13 +20,13 @@ import numpy as np
 
 from anyprobe.core.arrays import plain_array
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
-from anyprobe.files.images import ImageSource
-from anyprobe.files.raw import RAW_SUFFIXES
 from anyprobe.given_material import Albedo, as_material
 from anyprobe.masks.depth import CARRIED, DepthSource
 from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.sources import MaskSource
 from anyprobe.notices import give, leave_out
+from anyprobe.pictures.images import ImageSource
+from anyprobe.pictures.raw import RAW_SUFFIXES
 from anyprobe.scatter.materials import Material
 
 NormalsEstimator = Callable[[np.ndarray], np.ndarray]

@@ -16,11 +16,14 @@ import OpenEXR
 from PIL import Image
 from support import depth_files, picture_files
 
+from anyprobe.estimate import poses
 from anyprobe.estimate.normals_hint import read_normals
 from anyprobe.estimate.result import Light
 from anyprobe.export.exported_light import check_front, said_beside
-from anyprobe.files import declared_size, images, meshes, poses, radiance
+from anyprobe.files import meshes
+from anyprobe.maps import radiance
 from anyprobe.masks.depth import read_depth
+from anyprobe.pictures import declared_size, images
 from anyprobe.video.clip import open_clip, read_frames
 from fuzz.seeds import instanced_glb, multipart_exr
 from research.fetch_assets.gltf import buffer_paths, pack_glb, read_gltf

@@ -129,7 +129,7 @@ def reading(folder: Path, name: str, data: bytes | str, call: str) -> str:
     return python(READ.format(call=call.replace("PATH", repr(str(path))), folder=str(folder)))
 
 
-IMAGE = "from anyprobe.files.images import read_image; read_image(PATH)"
+IMAGE = "from anyprobe.pictures.images import read_image; read_image(PATH)"
 MESH = "from anyprobe.files.meshes import read_mesh; read_mesh(PATH)"
 
 
@@ -408,7 +408,7 @@ def _(folder: Path) -> str:
 
 GUEST = """
 import io, sys, threading, warnings, os, time
-from anyprobe.files.images import read_image
+from anyprobe.pictures.images import read_image
 data = open({path!r}, "rb").read()
 {body}
 """

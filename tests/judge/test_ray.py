@@ -12,9 +12,9 @@ import pytest
 from support.drawn_pairs import DrawnRenderer
 from support.folders import snapshot
 
-from anyprobe.dataset import render_job
-from anyprobe.dataset.process_pools import WorkerFailed, run_local, run_ray
 from anyprobe.errors import AnyprobeError, InputError
+from anyprobe.learning.dataset import render_job
+from anyprobe.learning.dataset.process_pools import WorkerFailed, run_local, run_ray
 
 pytest.importorskip("ray", reason="the package ray is not installed")
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # Ray's own, and its many open files

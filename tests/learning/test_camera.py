@@ -8,7 +8,8 @@ import pytest
 from anyprobe.core.color import to_bytes
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import CameraCurve, inverse_response, response
-from anyprobe.dataset.camera import (
+from anyprobe.errors import InputError, InvalidEnvironment
+from anyprobe.learning.dataset.camera import (
     OBJECT_RANGE,
     SUBSAMPLINGS,
     Shot,
@@ -19,7 +20,6 @@ from anyprobe.dataset.camera import (
     exposure_for_clipping,
     one_photo,
 )
-from anyprobe.errors import InputError, InvalidEnvironment
 
 SIZE = 64
 CLEAN = Shot(metering=0.5, object_key=0.3, scene_key=0.25, white_balance=np.ones(3, np.float32), curve=CameraCurve())

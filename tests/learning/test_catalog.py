@@ -9,9 +9,9 @@ import pytest
 from support.mesh_files import obj, ply
 
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.dataset.catalog import allows_commercial_use, load_maps, load_shapes
 from anyprobe.errors import InputError, InvalidEnvironment, InvalidMesh
-from anyprobe.files.radiance import write_exr, write_hdr
+from anyprobe.learning.dataset.catalog import allows_commercial_use, load_maps, load_shapes
+from anyprobe.maps.radiance import write_exr, write_hdr
 
 WHITE = np.ones((8, 16, 3), np.float32)
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])

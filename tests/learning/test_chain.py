@@ -10,10 +10,10 @@ pytest.importorskip("tensorboard", reason="needs the train extra")
 
 from support.some_batch import some_batch  # noqa: E402
 
+from anyprobe.learning.nets.light_net import LightNet  # noqa: E402
+from anyprobe.learning.train.chain import GRADUAL_SHARE, NUM_EPOCHS, Chain, brightest_loss, gradual_target, sharpness  # noqa: E402
+from anyprobe.learning.train.config import paper, smoke  # noqa: E402
 from anyprobe.light.filtering import blur_cosine_power  # noqa: E402
-from anyprobe.nets.light_net import LightNet  # noqa: E402
-from anyprobe.train.chain import GRADUAL_SHARE, NUM_EPOCHS, Chain, brightest_loss, gradual_target, sharpness  # noqa: E402
-from anyprobe.train.config import paper, smoke  # noqa: E402
 
 
 def test_exponent_is_the_cube_of_the_epoch():

@@ -10,10 +10,10 @@ pytest.importorskip("onnx", reason="needs the train extra")
 pytest.importorskip("tensorboard", reason="needs the train extra")
 
 from anyprobe.errors import InputError, ModelError  # noqa: E402
-from anyprobe.train.checkpoint import load_weights, save_init_weights  # noqa: E402
-from anyprobe.train.config import normals, smoke  # noqa: E402
-from anyprobe.train.export_onnx import export_graphs  # noqa: E402
-from anyprobe.train.loop import load_nets, make_learner, save_checkpoint, train  # noqa: E402
+from anyprobe.learning.train.checkpoint import load_weights, save_init_weights  # noqa: E402
+from anyprobe.learning.train.config import normals, smoke  # noqa: E402
+from anyprobe.learning.train.export_onnx import export_graphs  # noqa: E402
+from anyprobe.learning.train.loop import load_nets, make_learner, save_checkpoint, train  # noqa: E402
 
 CONFIG = smoke(normals())
 

@@ -11,10 +11,10 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
-from anyprobe.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.dataset.pairs import Batch, PairConfig, PairSource  # noqa: E402
-from anyprobe.dataset.surfaces import SurfaceConfig, SurfaceSet, build_surfaces  # noqa: E402
-from anyprobe.train.dataloader import stream  # noqa: E402
+from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
+from anyprobe.learning.dataset.pairs import Batch, PairConfig, PairSource  # noqa: E402
+from anyprobe.learning.dataset.surfaces import SurfaceConfig, SurfaceSet, build_surfaces  # noqa: E402
+from anyprobe.learning.train.dataloader import stream  # noqa: E402
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from torch import nn  # noqa: E402
 from torch.multiprocessing import spawn  # noqa: E402
 
 from anyprobe.errors import InputError  # noqa: E402
-from anyprobe.train.loop import ProcessGroup  # noqa: E402
+from anyprobe.learning.train.loop import ProcessGroup  # noqa: E402
 
 
 def work(rank: int, port: int, folder: str) -> None:

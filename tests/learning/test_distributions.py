@@ -8,12 +8,12 @@ pytest.importorskip("torch", reason="needs the train extra")
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.dataset import distributions
-from anyprobe.dataset.asset_store import draw_map
-from anyprobe.dataset.camera import draw_shot, exposure, phone_shot
-from anyprobe.dataset.lighting import Illuminator
-from anyprobe.dataset.pairs import PairConfig, PairSource
-from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
+from anyprobe.learning.dataset import distributions
+from anyprobe.learning.dataset.asset_store import draw_map
+from anyprobe.learning.dataset.camera import draw_shot, exposure, phone_shot
+from anyprobe.learning.dataset.lighting import Illuminator
+from anyprobe.learning.dataset.pairs import PairConfig, PairSource
+from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces
 from anyprobe.scatter.materials import total_reflectance
 from research.world.materials import kind_given_alpha
 

@@ -6,9 +6,9 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 pytest.importorskip("onnx", reason="needs the train extra")
 pytest.importorskip("tensorboard", reason="needs the train extra")
 
-from anyprobe.nets.light_net import LightNet, display  # noqa: E402
-from anyprobe.train.chain import Chain  # noqa: E402
-from anyprobe.train.from_lift import chain_from_lift  # noqa: E402
+from anyprobe.learning.nets.light_net import LightNet, display  # noqa: E402
+from anyprobe.learning.train.chain import Chain  # noqa: E402
+from anyprobe.learning.train.from_lift import chain_from_lift  # noqa: E402
 
 
 def test_the_chains_illumination_net_answers_as_lift_does_of_the_same_picture():

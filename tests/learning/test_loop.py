@@ -19,20 +19,20 @@ from typer.testing import CliRunner  # noqa: E402
 
 from anyprobe.cli.app import app  # noqa: E402
 from anyprobe.core.response import response  # noqa: E402
-from anyprobe.dataset.asset_store import draw_map  # noqa: E402
-from anyprobe.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.dataset.pairs import PairSource  # noqa: E402
-from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.errors import InputError, ModelError, OutputError  # noqa: E402
 from anyprobe.estimate.runtime import Models  # noqa: E402
-from anyprobe.nets.paper import NETS  # noqa: E402
-from anyprobe.train import export_onnx  # noqa: E402
-from anyprobe.train.chain import Chain  # noqa: E402
-from anyprobe.train.checkpoint import init_weights_id, load_init_weights, save_init_weights  # noqa: E402
-from anyprobe.train.config import LightConfig, lift, normals, paper, paper_irradiance, smoke  # noqa: E402
-from anyprobe.train.lift import Lift  # noqa: E402
-from anyprobe.train.logger import run_folder  # noqa: E402
-from anyprobe.train.loop import learning_rate, load_nets, train  # noqa: E402
+from anyprobe.learning.dataset.asset_store import draw_map  # noqa: E402
+from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
+from anyprobe.learning.dataset.pairs import PairSource  # noqa: E402
+from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
+from anyprobe.learning.nets.paper import NETS  # noqa: E402
+from anyprobe.learning.train import export_onnx  # noqa: E402
+from anyprobe.learning.train.chain import Chain  # noqa: E402
+from anyprobe.learning.train.checkpoint import init_weights_id, load_init_weights, save_init_weights  # noqa: E402
+from anyprobe.learning.train.config import LightConfig, lift, normals, paper, paper_irradiance, smoke  # noqa: E402
+from anyprobe.learning.train.lift import Lift  # noqa: E402
+from anyprobe.learning.train.logger import run_folder  # noqa: E402
+from anyprobe.learning.train.loop import learning_rate, load_nets, train  # noqa: E402
 from research.export_weights.checkpoints import mean_checkpoint  # noqa: E402
 
 

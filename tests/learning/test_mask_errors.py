@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from anyprobe.dataset.mask_errors import (
+from anyprobe.learning.dataset.mask_errors import (
     KEPT_SHARE,
     LEAST_OBJECT_PX,
     cut_off,

@@ -8,8 +8,8 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
 from anyprobe.core.response import inverse_response  # noqa: E402
-from anyprobe.nets.blocks import FoldedConv  # noqa: E402
-from anyprobe.nets.paper import HdrNet, IlluminationNet, IrradianceNet  # noqa: E402
+from anyprobe.learning.nets.blocks import FoldedConv  # noqa: E402
+from anyprobe.learning.nets.paper import HdrNet, IlluminationNet, IrradianceNet  # noqa: E402
 
 
 def test_each_net_gives_the_size_the_next_one_takes():

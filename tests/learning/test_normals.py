@@ -10,9 +10,9 @@ from support.some_batch import some_batch  # noqa: E402
 from torch.nn import functional as F  # noqa: E402
 
 from anyprobe.core.frames import rotation_x  # noqa: E402
-from anyprobe.nets.lifting import given_or_estimated  # noqa: E402
-from anyprobe.nets.light_net import LightNet  # noqa: E402
-from anyprobe.train.lift import Normals, normals_loss  # noqa: E402
+from anyprobe.learning.nets.lifting import given_or_estimated  # noqa: E402
+from anyprobe.learning.nets.light_net import LightNet  # noqa: E402
+from anyprobe.learning.train.lift import Normals, normals_loss  # noqa: E402
 
 
 def facing(count: int = 2) -> torch.Tensor:

@@ -6,13 +6,13 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
 from anyprobe.core.frames import world_from_camera  # noqa: E402
-from anyprobe.dataset import surfaces as surfaces_module  # noqa: E402
-from anyprobe.dataset.asset_store import draw_map  # noqa: E402
-from anyprobe.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.dataset.occlusion import AZIMUTHS, RINGS, SIDE, cell_directions, hidden_cells, mirrored  # noqa: E402
-from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
-from anyprobe.dataset.shadows import moved, shade_hidden  # noqa: E402
-from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
+from anyprobe.learning.dataset import surfaces as surfaces_module  # noqa: E402
+from anyprobe.learning.dataset.asset_store import draw_map  # noqa: E402
+from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
+from anyprobe.learning.dataset.occlusion import AZIMUTHS, RINGS, SIDE, cell_directions, hidden_cells, mirrored  # noqa: E402
+from anyprobe.learning.dataset.pairs import PairConfig, PairSource  # noqa: E402
+from anyprobe.learning.dataset.shadows import moved, shade_hidden  # noqa: E402
+from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.render.mesh import make_mesh  # noqa: E402
 from anyprobe.render.shapes import sphere  # noqa: E402
 from anyprobe.render.surface import frame_object, see  # noqa: E402

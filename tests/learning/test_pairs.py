@@ -12,14 +12,21 @@ from anyprobe.core.frames import world_from_camera  # noqa: E402
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions  # noqa: E402
 from anyprobe.core.response import MEAN_CURVE, inverse_response  # noqa: E402
 from anyprobe.core.sampling import hammersley  # noqa: E402
-from anyprobe.dataset import batch_shading, lighting, pairs, photograph  # noqa: E402
-from anyprobe.dataset.asset_store import draw_map, room, sky, studio  # noqa: E402
-from anyprobe.dataset.camera import draw_shot, one_photo  # noqa: E402
-from anyprobe.dataset.distributions import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
-from anyprobe.dataset.lighting import Illuminator, LitMaterial  # noqa: E402
-from anyprobe.dataset.mask_errors import widen  # noqa: E402
-from anyprobe.dataset.pairs import GIVEN_NORMALS_ERROR_DEG, PairConfig, PairSource  # noqa: E402
-from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceConfig, SurfaceSet, build_surfaces, drawn_part, see_views  # noqa: E402
+from anyprobe.learning.dataset import batch_shading, lighting, pairs, photograph  # noqa: E402
+from anyprobe.learning.dataset.asset_store import draw_map, room, sky, studio  # noqa: E402
+from anyprobe.learning.dataset.camera import draw_shot, one_photo  # noqa: E402
+from anyprobe.learning.dataset.distributions import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
+from anyprobe.learning.dataset.lighting import Illuminator, LitMaterial  # noqa: E402
+from anyprobe.learning.dataset.mask_errors import widen  # noqa: E402
+from anyprobe.learning.dataset.pairs import GIVEN_NORMALS_ERROR_DEG, PairConfig, PairSource  # noqa: E402
+from anyprobe.learning.dataset.surfaces import (  # noqa: E402
+    NUM_ELEVATIONS,
+    SurfaceConfig,
+    SurfaceSet,
+    build_surfaces,
+    drawn_part,
+    see_views,
+)
 from anyprobe.light.octahedral import build_pyramid  # noqa: E402
 from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
 from anyprobe.render.reflectance import normal_to_reflectance_xy, reflectance_normals  # noqa: E402

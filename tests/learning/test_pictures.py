@@ -15,14 +15,14 @@ pytest.importorskip("tensorboard", reason="needs the train extra")
 
 from support.some_batch import some_batch  # noqa: E402
 
-from anyprobe.dataset.asset_store import draw_map  # noqa: E402
-from anyprobe.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.dataset.pairs import PairSource  # noqa: E402
-from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
-from anyprobe.train import loop  # noqa: E402
-from anyprobe.train.config import lift, normals, paper, smoke  # noqa: E402
-from anyprobe.train.logger import side_by_side  # noqa: E402
-from anyprobe.train.loop import LEARNERS, make_learner, train  # noqa: E402
+from anyprobe.learning.dataset.asset_store import draw_map  # noqa: E402
+from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
+from anyprobe.learning.dataset.pairs import PairSource  # noqa: E402
+from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
+from anyprobe.learning.train import loop  # noqa: E402
+from anyprobe.learning.train.config import lift, normals, paper, smoke  # noqa: E402
+from anyprobe.learning.train.logger import side_by_side  # noqa: E402
+from anyprobe.learning.train.loop import LEARNERS, make_learner, train  # noqa: E402
 
 SHOWN = (paper, lift, normals)
 

@@ -5,10 +5,10 @@ import pytest
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import direction_to_uv, pixel_directions, pixel_solid_angles
-from anyprobe.dataset import room as rooms
-from anyprobe.dataset.asset_store import draw_map, room, sky, studio
-from anyprobe.dataset.catalog import normalize_map
-from anyprobe.dataset.lighting import (
+from anyprobe.learning.dataset import room as rooms
+from anyprobe.learning.dataset.asset_store import draw_map, room, sky, studio
+from anyprobe.learning.dataset.catalog import normalize_map
+from anyprobe.learning.dataset.lighting import (
     add_lamp,
     blend_maps,
     draw_variant,
@@ -17,7 +17,7 @@ from anyprobe.dataset.lighting import (
     turn,
     white_balance,
 )
-from anyprobe.dataset.sky import (
+from anyprobe.learning.dataset.sky import (
     REC709_FROM_XYZ,
     clear_sky,
     direction_at,

@@ -13,12 +13,19 @@ import pytest
 
 from anyprobe.core.response import MEAN_CURVE, inverse_response
 from anyprobe.core.sampling import hammersley
-from anyprobe.dataset import pair as pair_module
-from anyprobe.dataset.asset_store import AssetStore, load_asset_store
-from anyprobe.dataset.catalog import MapAsset, ShapeAsset
-from anyprobe.dataset.pair import _draw, fibonacci_viewpoint, is_too_thin, render_map_pair, render_pair, shot_of
-from anyprobe.dataset.recipe import VIEWPOINTS, Recipe, balanced_recipes, digest, full_plan
 from anyprobe.errors import InputError, InvalidMesh
+from anyprobe.learning.dataset import pair as pair_module
+from anyprobe.learning.dataset.asset_store import AssetStore, load_asset_store
+from anyprobe.learning.dataset.catalog import MapAsset, ShapeAsset
+from anyprobe.learning.dataset.pair import (
+    _draw,
+    fibonacci_viewpoint,
+    is_too_thin,
+    render_map_pair,
+    render_pair,
+    shot_of,
+)
+from anyprobe.learning.dataset.recipe import VIEWPOINTS, Recipe, balanced_recipes, digest, full_plan
 from anyprobe.light.environment import rotate
 from anyprobe.render.mesh import make_mesh
 from anyprobe.render.picture import draw_mesh
@@ -120,8 +127,9 @@ def test_the_test_set_is_balanced(store) -> None:
 def test_a_pair_is_the_same_whatever_the_threads() -> None:
     """Clean and worldly, rendered anew in two processes with another number of threads: bit for bit."""
     script = (
-        "import hashlib; from anyprobe.dataset.asset_store import load_asset_store;"
-        "from anyprobe.dataset.recipe import full_plan; from anyprobe.dataset.pair import render_pair;"
+        "import hashlib; from anyprobe.learning.dataset.asset_store import load_asset_store;"
+        "from anyprobe.learning.dataset.recipe import full_plan;"
+        "from anyprobe.learning.dataset.pair import render_pair;"
         "stock = load_asset_store(None, 'train', procedural_maps=1, procedural_shapes=1);"
         "pairs = [render_pair(full_plan(stock, conditions=c).recipe(3), stock) for c in (0, 1)];"
         "parts = [(p.photo, p.irradiance, p.radiance, p.map_from_camera, p.gain) for p in pairs];"

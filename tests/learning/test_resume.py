@@ -14,13 +14,13 @@ pytest.importorskip("tensorboard", reason="needs the train extra")
 
 from support.some_batch import some_batch  # noqa: E402
 
-from anyprobe.dataset.asset_store import AssetStore  # noqa: E402
-from anyprobe.dataset.catalog import MapAsset  # noqa: E402
 from anyprobe.errors import InputError, ModelError  # noqa: E402
-from anyprobe.train import loop  # noqa: E402
-from anyprobe.train.checkpoint import agreed, differing, save_init_weights  # noqa: E402
-from anyprobe.train.config import normals, smoke  # noqa: E402
-from anyprobe.train.dataloader import name_assets  # noqa: E402
+from anyprobe.learning.dataset.asset_store import AssetStore  # noqa: E402
+from anyprobe.learning.dataset.catalog import MapAsset  # noqa: E402
+from anyprobe.learning.train import loop  # noqa: E402
+from anyprobe.learning.train.checkpoint import agreed, differing, save_init_weights  # noqa: E402
+from anyprobe.learning.train.config import normals, smoke  # noqa: E402
+from anyprobe.learning.train.dataloader import name_assets  # noqa: E402
 
 CONFIG = smoke(normals(), 4)
 PAIRS = SimpleNamespace(batch=lambda step: some_batch())

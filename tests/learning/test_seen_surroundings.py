@@ -8,8 +8,15 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 from anyprobe.core.frames import rotation_y  # noqa: E402
 from anyprobe.core.latlong import pixel_directions  # noqa: E402
 from anyprobe.core.response import MEAN_CURVE, response  # noqa: E402
-from anyprobe.dataset.seen_surroundings import MOST_OTHERS, _shown, draw_frame, gather, photo_surroundings, unsteady  # noqa: E402
 from anyprobe.estimate.surroundings import visible_surroundings  # noqa: E402
+from anyprobe.learning.dataset.seen_surroundings import (  # noqa: E402
+    MOST_OTHERS,
+    _shown,
+    draw_frame,
+    gather,
+    photo_surroundings,
+    unsteady,
+)
 
 
 def tone(light: torch.Tensor) -> torch.Tensor:

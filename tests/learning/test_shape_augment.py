@@ -7,11 +7,11 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
-from anyprobe.dataset.asset_store import draw_map  # noqa: E402
-from anyprobe.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
-from anyprobe.dataset.shape_augment import draw_reshaping, join_some, reshape, reshape_some  # noqa: E402
-from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
+from anyprobe.learning.dataset.asset_store import draw_map  # noqa: E402
+from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
+from anyprobe.learning.dataset.pairs import PairConfig, PairSource  # noqa: E402
+from anyprobe.learning.dataset.shape_augment import draw_reshaping, join_some, reshape, reshape_some  # noqa: E402
+from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.render.surface import pixel_rays  # noqa: E402
 
 SIZE, TAN_HALF = 64, 0.4

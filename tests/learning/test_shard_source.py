@@ -15,14 +15,14 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 pytest.importorskip("tensorboard", reason="needs the train extra")
 
 from anyprobe.core.response import response  # noqa: E402
-from anyprobe.dataset import render_job, shards  # noqa: E402
-from anyprobe.dataset.pair import render_pair  # noqa: E402
-from anyprobe.dataset.pairs import PairConfig  # noqa: E402
-from anyprobe.dataset.samples import StoreRenderer  # noqa: E402
 from anyprobe.errors import InputError  # noqa: E402
-from anyprobe.train.config import normals, smoke  # noqa: E402
-from anyprobe.train.dataloader import ShardSource  # noqa: E402
-from anyprobe.train.loop import train  # noqa: E402
+from anyprobe.learning.dataset import render_job, shards  # noqa: E402
+from anyprobe.learning.dataset.pair import render_pair  # noqa: E402
+from anyprobe.learning.dataset.pairs import PairConfig  # noqa: E402
+from anyprobe.learning.dataset.samples import StoreRenderer  # noqa: E402
+from anyprobe.learning.train.config import normals, smoke  # noqa: E402
+from anyprobe.learning.train.dataloader import ShardSource  # noqa: E402
+from anyprobe.learning.train.loop import train  # noqa: E402
 
 SETTINGS = {"pairs": 6, "shard_size": 4, "procedural_maps": 2, "procedural_shapes": 2}
 

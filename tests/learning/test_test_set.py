@@ -6,9 +6,9 @@ from collections import Counter
 
 import pytest
 
-from anyprobe.dataset.recipe import Recipe, digest, read_recipes
 from anyprobe.errors import InputError
-from anyprobe.evaluate.scoring import FROZEN
+from anyprobe.learning.dataset.recipe import Recipe, digest, read_recipes
+from anyprobe.learning.evaluate.scoring import FROZEN
 
 RECIPES = [Recipe(kind="object", map_id="00000001", shape_id="00000002", material=3, view=k, seed=k) for k in range(5)]
 

@@ -8,16 +8,17 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
 from anyprobe.core.sampling import hammersley  # noqa: E402
-from anyprobe.dataset import pair as pair_module  # noqa: E402
-from anyprobe.dataset import pairs, photograph  # noqa: E402
-from anyprobe.dataset.asset_store import load_asset_store  # noqa: E402
-from anyprobe.dataset.distributions import METALS, draw_material  # noqa: E402
-from anyprobe.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.dataset.pair import render_pair  # noqa: E402
-from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
-from anyprobe.dataset.recipe import full_plan  # noqa: E402
-from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
-from anyprobe.dataset.textured import (  # noqa: E402
+from anyprobe.errors import InputError  # noqa: E402
+from anyprobe.learning.dataset import pair as pair_module  # noqa: E402
+from anyprobe.learning.dataset import pairs, photograph  # noqa: E402
+from anyprobe.learning.dataset.asset_store import load_asset_store  # noqa: E402
+from anyprobe.learning.dataset.distributions import METALS, draw_material  # noqa: E402
+from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
+from anyprobe.learning.dataset.pair import render_pair  # noqa: E402
+from anyprobe.learning.dataset.pairs import PairConfig, PairSource  # noqa: E402
+from anyprobe.learning.dataset.recipe import full_plan  # noqa: E402
+from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
+from anyprobe.learning.dataset.textured import (  # noqa: E402
     MOST_ALBEDO,
     ON_METAL,
     SECOND_SHARE,
@@ -30,7 +31,6 @@ from anyprobe.dataset.textured import (  # noqa: E402
     paint_some,
     smooth_noise,
 )
-from anyprobe.errors import InputError  # noqa: E402
 from anyprobe.render.picture import draw_mesh  # noqa: E402
 from anyprobe.scatter.materials import Material  # noqa: E402
 

@@ -8,11 +8,11 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles  # noqa: E402
-from anyprobe.nets.context_net import ContextNet  # noqa: E402
-from anyprobe.nets.source_head import RADII_DEG, SOURCES, SourceHead, SourceMap  # noqa: E402
-from anyprobe.nets.whole_net import SAID, WholeNet  # noqa: E402
-from research.whole_network.losses import WEIGHTS, WholeLoss, posture_losses, profile_loss  # noqa: E402
-from research.whole_network.source_profiles import source_profiles  # noqa: E402
+from anyprobe.learning.nets.context_net import ContextNet  # noqa: E402
+from anyprobe.learning.nets.source_head import RADII_DEG, SOURCES, SourceHead, SourceMap  # noqa: E402
+from anyprobe.learning.nets.whole_net import SAID, WholeNet  # noqa: E402
+from anyprobe.learning.whole_network.losses import WEIGHTS, WholeLoss, posture_losses, profile_loss  # noqa: E402
+from anyprobe.learning.whole_network.source_profiles import source_profiles  # noqa: E402
 
 
 def cap(direction, radius_deg: float) -> torch.Tensor:

@@ -14,8 +14,8 @@ from PIL import Image
 from support.browser import run_steps, serve
 from support.picture_files import REC2020_FROM_REC709, eight, gamma_curve, icc, png, pq, scene, sixteen, srgb, ultra_hdr
 
-from anyprobe.files.color_encoding import by_code_points
-from anyprobe.files.images import read_image
+from anyprobe.pictures.color_encoding import by_code_points
+from anyprobe.pictures.images import read_image
 
 pytestmark = pytest.mark.slow
 

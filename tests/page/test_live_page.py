@@ -18,9 +18,9 @@ from support.mesh_files import glb
 from anyprobe.core.color import luminance
 from anyprobe.core.response import response
 from anyprobe.export.targets import TARGETS
-from anyprobe.files.radiance import read_radiance
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.harmonics import project
+from anyprobe.maps.radiance import read_radiance
 
 pytestmark = pytest.mark.slow
 

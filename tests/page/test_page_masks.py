@@ -11,7 +11,7 @@ from support.page_masks import PageAnswer, can_run, page_masks
 
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import load_photo
-from anyprobe.files.images import read_image
+from anyprobe.pictures.images import read_image
 from research.masks.cases import iou, photo_cases
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -8,7 +8,7 @@ import pytest
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.evaluate.metrics import color_angle_deg
+from anyprobe.learning.evaluate.metrics import color_angle_deg
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.filtering import blur_cap
 from anyprobe.light.source_split import Source, draw_sources

@@ -11,8 +11,8 @@ from PIL import ExifTags, Image
 
 from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.photo import load_photo
-from anyprobe.files.apple_note import apple_posture_deg
-from anyprobe.files.images import read_image
+from anyprobe.pictures.apple_note import apple_posture_deg
+from anyprobe.pictures.images import read_image
 
 SIDES = {1: ((0, 1, 0), (-1, 0, 0)), 3: ((0, -1, 0), (1, 0, 0)), 6: ((-1, 0, 0), (0, -1, 0)), 8: ((1, 0, 0), (0, 1, 0))}
 

@@ -14,9 +14,10 @@ from support.mesh_files import glb, obj, off, ply, stl
 
 from anyprobe.core.frames import world_from_camera
 from anyprobe.errors import InvalidEnvironment, InvalidMesh
-from anyprobe.files import meshes, radiance
+from anyprobe.files import meshes
 from anyprobe.files.meshes import read_mesh
-from anyprobe.files.radiance import read_radiance, write_exr, write_hdr
+from anyprobe.maps import radiance
+from anyprobe.maps.radiance import read_radiance, write_exr, write_hdr
 from anyprobe.render import mesh as mesh_module
 from anyprobe.render.mesh import make_mesh
 from anyprobe.render.shapes import sphere

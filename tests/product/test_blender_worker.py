@@ -15,7 +15,7 @@ from PIL import Image
 
 import anyprobe
 from anyprobe.core.frames import is_rotation
-from anyprobe.files.radiance import read_radiance
+from anyprobe.maps.radiance import read_radiance
 from anyprobe.masks.networks import SmallNetwork
 
 ROOT = Path(__file__).parents[2]

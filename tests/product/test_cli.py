@@ -22,8 +22,8 @@ from support.scenes import sphere_photo
 import anyprobe
 from anyprobe.cli.estimate import Done, _report
 from anyprobe.files import atomic
-from anyprobe.files.radiance import read_radiance
 from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.maps.radiance import read_radiance
 
 SUFFIXES = {".exr", ".hdr", ".json", ".png", "_panorama.exr", "_origin.png"}
 pytestmark = pytest.mark.usefixtures("networks_opened_once")

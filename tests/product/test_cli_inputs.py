@@ -17,8 +17,8 @@ from support.folders import snapshot
 from anyprobe.cli.photo_files import hints_for
 from anyprobe.core.response import response
 from anyprobe.files.paths import natural_order
-from anyprobe.files.radiance import read_radiance
 from anyprobe.hints import Hints
+from anyprobe.maps.radiance import read_radiance
 
 pytestmark = pytest.mark.usefixtures("networks_opened_once")
 

@@ -9,9 +9,9 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 pytest.importorskip("onnx", reason="needs the train extra")
 pytest.importorskip("tensorboard", reason="needs the train extra")
 
-from anyprobe.train import loop  # noqa: E402
-from anyprobe.train.config import RUNS, smoke  # noqa: E402
-from anyprobe.train.loop import make_learner, save_checkpoint  # noqa: E402
+from anyprobe.learning.train import loop  # noqa: E402
+from anyprobe.learning.train.config import RUNS, smoke  # noqa: E402
+from anyprobe.learning.train.loop import make_learner, save_checkpoint  # noqa: E402
 
 TEST_ASSETS = ("--hdri", "h", "--meshes", "m")
 
@@ -21,12 +21,12 @@ TEST_ASSETS = ("--hdri", "h", "--meshes", "m")
     [
         (("train", "lift", "--device", "gpu"), "--device gpu: expected one of cpu, cuda"),
         (("train", "lift", "--steps", "9", "--dry-run", "2"), "--steps 9: expected it or --dry-run"),
-        (("train", "mask"), "in a clone, with python -m research.mask_network"),
+        (("train", "mask"), "in a clone, with python -m anyprobe.learning.mask_network"),
         (("train", "lift", "--init-weights", "none.pt"), "none.pt: no such file"),
         (("train", "paper"), "expected --init-weights with a trained irradiance net, got none"),
         (("train", "lift", "--teacher", "lift.pt"), "--teacher lift.pt: expected a run of the paper's chain, got lift"),
         (("weights", "o", "lift", "--data", "d"), "--data d: does nothing without --mean-map"),
-        (("weights", "o", "mask"), "in a clone, with python -m research.mask_network"),
+        (("weights", "o", "mask"), "in a clone, with python -m anyprobe.learning.mask_network"),
         (("weights", "o", "lift", "--mean-map", "m.exr"), "no such checkpoint; train first"),
         (("evaluate", *TEST_ASSETS, "--frozen", "--seed", "5"), "--seed 5: expected pairs that are drawn"),
         (("evaluate", *TEST_ASSETS, "--frozen", "--pairs", "2000"), "--pairs 2000: expected at most the 1000"),

@@ -13,16 +13,16 @@ from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from anyprobe.detail.blend import enlarged_planes
-from anyprobe.detail.library import codes_of, decode, encode, richness_of, write_library
-from anyprobe.detail.library_folder import open_library
-from anyprobe.detail.match import find_match, seen_in_photo
 from anyprobe.detail.plausible import add_detail
 from anyprobe.errors import InputError, InvalidEnvironment
-from anyprobe.files.radiance import write_exr
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.harmonics import project
+from anyprobe.maps.radiance import write_exr
+from anyprobe.match.alignment import find_match, seen_in_photo
+from anyprobe.match.library import codes_of, decode, encode, richness_of, write_library
+from anyprobe.match.library_folder import open_library
 
 
 @pytest.fixture(scope="module")

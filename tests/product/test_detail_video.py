@@ -14,12 +14,12 @@ pytest.importorskip("av", reason="the extra `video` is not installed")
 from support.clips import sphere_frame, write_clip, write_masks
 
 from anyprobe.core.frames import rotation_y
-from anyprobe.detail.library_folder import open_library
-from anyprobe.detail.match import exposed_match, hold_match
-from anyprobe.files.radiance import map_attributes, read_radiance, write_exr
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.harmonics import project
+from anyprobe.maps.radiance import map_attributes, read_radiance, write_exr
+from anyprobe.match.alignment import exposed_match, hold_match
+from anyprobe.match.library_folder import open_library
 from anyprobe.relight.insert import Arrangement
 from anyprobe.render.shapes import sphere
 from anyprobe.video import run as run_module
@@ -141,7 +141,7 @@ def test_a_stopped_run_goes_on_with_the_place_that_it_held(begin, tmp_path, monk
     again = begin(tmp_path / "stopped")
     assert again.progress.next_index == 3
     chosen = []
-    monkeypatch.setattr("anyprobe.detail.match.find_match", lambda *given: chosen.append(given))
+    monkeypatch.setattr("anyprobe.match.alignment.find_match", lambda *given: chosen.append(given))
     again(lambda done: None)
     assert not chosen
     assert results(tmp_path / "stopped") == results(tmp_path / "whole")

@@ -19,9 +19,9 @@ from anyprobe.errors import InputError
 from anyprobe.estimate import estimator
 from anyprobe.estimate.runtime import Models
 from anyprobe.estimate.sidecar import Origin
-from anyprobe.files.radiance import map_attributes, read_radiance, write_exr
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cosine_power
+from anyprobe.maps.radiance import map_attributes, read_radiance, write_exr
 
 
 @pytest.fixture

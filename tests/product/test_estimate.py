@@ -21,10 +21,10 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.estimate.photo import crop_object
 from anyprobe.estimate.runtime import DEFAULT_MODEL, PHOTO_SIZE, Outputs, bundled_models
-from anyprobe.files.radiance import map_attributes, read_radiance
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
 from anyprobe.light.reconstruct import reconstruct
+from anyprobe.maps.radiance import map_attributes, read_radiance
 
 FOV_DEG = 70.0
 HEIGHT, WIDTH, DIAMETER = 192, 256, 80

@@ -13,18 +13,18 @@ from support.folders import snapshot
 from support.some_pair import sphere_pair
 
 from anyprobe.cli.evaluate import SEED
-from anyprobe.dataset import catalog
-from anyprobe.dataset import pair as pair_module
-from anyprobe.dataset.asset_store import AssetStore, own_map, own_shape
-from anyprobe.dataset.recipe import WORLD, balanced_recipes, digest, world_recipes
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models
-from anyprobe.evaluate import methods, scoring
-from anyprobe.evaluate.benchmark import read_predictions
-from anyprobe.evaluate.metrics import power_ratio_stops
-from anyprobe.evaluate.standard_errors import clustered_error
-from anyprobe.files.images import read_image
-from anyprobe.files.radiance import write_exr, write_hdr
+from anyprobe.learning.dataset import catalog
+from anyprobe.learning.dataset import pair as pair_module
+from anyprobe.learning.dataset.asset_store import AssetStore, own_map, own_shape
+from anyprobe.learning.dataset.recipe import WORLD, balanced_recipes, digest, world_recipes
+from anyprobe.learning.evaluate import methods, scoring
+from anyprobe.learning.evaluate.benchmark import read_predictions
+from anyprobe.learning.evaluate.metrics import power_ratio_stops
+from anyprobe.learning.evaluate.standard_errors import clustered_error
 from anyprobe.light.environment import reduced
+from anyprobe.maps.radiance import write_exr, write_hdr
+from anyprobe.pictures.images import read_image
 
 TRUTH = ["one flat colour", "truth blurred by 15 degrees", "truth blurred by 30 degrees"]
 ASSETS = ("--hdri", "h", "--meshes", "m", "--pairs", "4")

@@ -15,7 +15,7 @@ from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import Origin
 from anyprobe.export.target_frames import BLENDER
 from anyprobe.export.targets import TARGETS, export
-from anyprobe.files.radiance import read_radiance
+from anyprobe.maps.radiance import read_radiance
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from anyprobe.errors import InvalidEnvironment
 from anyprobe.estimate.result import Light
 from anyprobe.export.target_frames import OPENEXR, THREE
 from anyprobe.export.targets import export
-from anyprobe.files.radiance import read_radiance
+from anyprobe.maps.radiance import read_radiance
 
 TAU = 2 * np.pi
 LAYOUTS = {

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from anyprobe.export.targets import export
-from anyprobe.files.radiance import read_radiance
+from anyprobe.maps.radiance import read_radiance
 
 
 def map_like(value: float) -> np.ndarray:

@@ -16,7 +16,7 @@ av = pytest.importorskip("av", reason="needs the video extra")
 from anyprobe.core.color import rec709_from_rgb  # noqa: E402
 from anyprobe.core.response import inverse_response  # noqa: E402
 from anyprobe.errors import InputError  # noqa: E402
-from anyprobe.files.color_encoding import PRIMARIES  # noqa: E402
+from anyprobe.pictures.color_encoding import PRIMARIES  # noqa: E402
 from anyprobe.video.clip import Frame, open_clip, read_frames, write_piece  # noqa: E402
 
 LINEAR = np.array([[[0.7, 0.7, 0.7], [0.6, 0.1, 0.1], [0.1, 0.5, 0.1], [0.1, 0.15, 0.6], [0.03, 0.03, 0.03]]])

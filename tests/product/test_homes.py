@@ -10,7 +10,7 @@ from PIL import Image
 from support.two_phase import two_phase
 
 from anyprobe.files.paths import home_folder, is_there
-from anyprobe.files.radiance import write_exr
+from anyprobe.maps.radiance import write_exr
 from anyprobe.masks import networks, weights
 from anyprobe.masks.weights import find_weights, kept_in
 

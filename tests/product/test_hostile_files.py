@@ -17,15 +17,15 @@ from fuzz.seeds import endless_gif, endless_jpeg, endless_tiff, hidden_hdr, inst
 from PIL import Image
 
 from anyprobe.errors import InputError, InvalidEnvironment, InvalidMesh, InvalidPhoto
+from anyprobe.estimate.poses import read_poses
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import SCALE, SIDECAR_VERSION
-from anyprobe.files import exr
-from anyprobe.files.declared_size import declared_pixels, photo_header
-from anyprobe.files.exr import read_exr
-from anyprobe.files.images import read_image
 from anyprobe.files.meshes import read_mesh
-from anyprobe.files.poses import read_poses
-from anyprobe.files.radiance import read_linear, read_radiance, write_hdr
+from anyprobe.maps import exr
+from anyprobe.maps.exr import read_exr
+from anyprobe.maps.radiance import read_linear, read_radiance, write_hdr
+from anyprobe.pictures.declared_size import declared_pixels, photo_header
+from anyprobe.pictures.images import read_image
 
 
 def refused(kind, function, *arguments) -> str:
@@ -163,7 +163,7 @@ def test_a_file_without_an_end_is_not_waited_for(tmp_path, path, read):
 
 
 def test_a_long_number_in_a_name_of_the_poses_is_a_name():
-    from anyprobe.files.poses import parse_poses
+    from anyprobe.estimate.poses import parse_poses
 
     names = ["9" * 5000 + ".png", "8.png"]
     frames = [{"file_path": name, "transform_matrix": np.eye(3).tolist()} for name in names]
@@ -204,7 +204,7 @@ def test_a_process_that_forks_while_another_thread_reads_goes_on():
 import os, sys, threading, warnings
 warnings.simplefilter("ignore")
 from fuzz.seeds import multipart_exr
-from anyprobe.files.images import read_image
+from anyprobe.pictures.images import read_image
 data = multipart_exr(64, 300)
 stop = threading.Event()
 def again():

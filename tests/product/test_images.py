@@ -15,9 +15,9 @@ from PIL import Image, ImageCms
 from anyprobe.core.response import response
 from anyprobe.errors import InvalidPhoto, MissingExtra, OutputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.declared_size import declared_pixels
-from anyprobe.files.headers import MAX_PIXELS
-from anyprobe.files.images import read_image, write_png
+from anyprobe.pictures.declared_size import declared_pixels
+from anyprobe.pictures.headers import MAX_PIXELS
+from anyprobe.pictures.images import read_image, write_png
 
 HEIGHT, WIDTH = 40, 60
 

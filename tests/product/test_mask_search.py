@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from anyprobe.errors import InvalidMask
-from anyprobe.files.images import read_image
 from anyprobe.masks.find import find_mask
 from anyprobe.masks.quality import examine
 from anyprobe.masks.resize import resize
 from anyprobe.masks.search import GRID, Prompts, Window, find_object, finding_of
+from anyprobe.pictures.images import read_image
 
 HEIGHT, WIDTH = 240, 320
 

@@ -161,8 +161,8 @@ def test_it_is_put_where_it_can_be_written(nowhere, monkeypatch):
 def test_the_real_weights_find_a_vase(request):
     if weights.find_weights() is None:
         pytest.skip("needs U2-Net-p: anyprobe mask --fetch")
-    from anyprobe.files.images import read_image
     from anyprobe.masks.find import find_mask
+    from anyprobe.pictures.images import read_image
 
     pixels = read_image(request.config.rootpath / "examples" / "vase.png")
     found = find_mask(read_image(pixels.rgb), segmenter="u2netp")

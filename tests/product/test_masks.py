@@ -12,7 +12,6 @@ from PIL import Image
 from anyprobe.errors import InvalidMask, ModelError
 from anyprobe.estimate.outputs import EDGE, draw_overlay
 from anyprobe.estimate.photo import load_photo
-from anyprobe.files.images import read_image
 from anyprobe.masks.check import look_at_given
 from anyprobe.masks.depth import mask_from_depth, read_depth
 from anyprobe.masks.find import find_mask, require_plausible
@@ -22,6 +21,7 @@ from anyprobe.masks.prompts import BOX_LEVEL, check_clicks, draw_prompts
 from anyprobe.masks.quality import DOUBTFUL, Evidence
 from anyprobe.masks.sources import mask_from_file
 from anyprobe.notices import give
+from anyprobe.pictures.images import read_image
 
 GREY = np.full((120, 160, 3), 0.5, np.float32)
 

@@ -16,22 +16,22 @@ from support.scenes import sphere_photo
 from typer.testing import CliRunner
 
 import anyprobe
-from anyprobe.cli import match_folder
+from anyprobe.cli import match as match_folder
 from anyprobe.cli.app import app
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
-from anyprobe.detail import library_folder as libraries
-from anyprobe.detail.background import background_of
-from anyprobe.detail.library_folder import open_library
-from anyprobe.detail.likeness import MATCH_ROWS, Shown, best_places, gain_of, light_of, schlick_coat
-from anyprobe.detail.matching import stops_apart
 from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.ground import Ground, up_of
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import Origin
-from anyprobe.files.radiance import read_radiance, write_exr
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
+from anyprobe.maps.radiance import read_radiance, write_exr
+from anyprobe.match import library_folder as libraries
+from anyprobe.match.background import background_of
+from anyprobe.match.library_folder import open_library
+from anyprobe.match.likeness import MATCH_ROWS, Shown, best_places, gain_of, light_of, schlick_coat
+from anyprobe.match.ranking import stops_apart
 
 ROOT = Path(__file__).parents[2]
 YAW, PITCH = 2.0, np.radians(20)

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.evaluate.metrics import color_angle_deg, direction_error_deg, power_ratio_stops, psnr, rmse, si_rmse, ssim
+from anyprobe.learning.evaluate.metrics import (
+    color_angle_deg,
+    direction_error_deg,
+    power_ratio_stops,
+    psnr,
+    rmse,
+    si_rmse,
+    ssim,
+)
 from anyprobe.render.spheres import sphere_images, sphere_normals
 
 

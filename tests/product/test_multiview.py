@@ -16,14 +16,14 @@ from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.errors import InputError
 from anyprobe.estimate.multiview import NOT_GIVEN, OFFSET, fuse, fuse_lights
+from anyprobe.estimate.poses import read_poses
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import Origin
-from anyprobe.files.declared_size import photo_header
-from anyprobe.files.images import read_image
-from anyprobe.files.poses import read_poses
-from anyprobe.files.radiance import read_radiance
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import integral, rotate
+from anyprobe.maps.radiance import read_radiance
+from anyprobe.pictures.declared_size import photo_header
+from anyprobe.pictures.images import read_image
 
 D = pixel_directions(64)
 ONE = np.ones((2, 64, 128), np.float32)

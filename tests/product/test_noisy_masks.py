@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from anyprobe.evaluate.methods import ERROR_PX, HOLES, noisy_mask
+from anyprobe.learning.evaluate.methods import ERROR_PX, HOLES, noisy_mask
 
 DISC = np.hypot(*np.mgrid[-63.5:64, -63.5:64]) < 40
 

@@ -12,18 +12,18 @@ import OpenEXR
 import pytest
 from PIL import Image, TiffImagePlugin
 
-from anyprobe.detail import library_folder
-from anyprobe.detail.library_folder import open_library
 from anyprobe.errors import InputError, InvalidMask, InvalidMesh
 from anyprobe.estimate.photo import load_photo
-from anyprobe.files.headers import jxl_size
-from anyprobe.files.images import read_image
+from anyprobe.estimate.poses import read_poses
 from anyprobe.files.meshes import read_mesh
 from anyprobe.files.objects import draw_under
-from anyprobe.files.poses import read_poses
-from anyprobe.files.radiance import read_radiance, write_exr, write_hdr
 from anyprobe.hints import Hints
+from anyprobe.maps.radiance import read_radiance, write_exr, write_hdr
 from anyprobe.masks.depth import depth_of_view
+from anyprobe.match import library_folder
+from anyprobe.match.library_folder import open_library
+from anyprobe.pictures.headers import jxl_size
+from anyprobe.pictures.images import read_image
 
 ONE = np.ones((8, 8), np.float32)
 
@@ -142,7 +142,7 @@ def test_size_of_a_jpeg_xl_is_that_of_its_codestream():
 
 
 def test_tiles_of_a_float_picture_are_counted(monkeypatch):
-    monkeypatch.setattr("anyprobe.files.deep_pixels.MOST_BYTES", 1 << 20)
+    monkeypatch.setattr("anyprobe.pictures.deep_pixels.MOST_BYTES", 1 << 20)
     stream = io.BytesIO()
     info = TiffImagePlugin.ImageFileDirectory_v2()
     Image.fromarray(np.ones((600, 600), np.float32)).save(stream, "TIFF", tiffinfo=info)

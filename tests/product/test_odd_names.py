@@ -12,8 +12,8 @@ from support.two_phase import two_phase
 
 from anyprobe.errors import InputError, OutputError
 from anyprobe.export.targets import export
-from anyprobe.files.exr import exr_pixels, read_exr
-from anyprobe.files.radiance import map_attributes, write_exr
+from anyprobe.maps.exr import exr_pixels, read_exr
+from anyprobe.maps.radiance import map_attributes, write_exr
 
 
 @pytest.mark.parametrize("name", [b"caf\xe9.exr", b"caf\xe9/map.exr", b"caf\xe9/m\xe9.\xe9xr"])

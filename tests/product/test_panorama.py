@@ -211,7 +211,7 @@ def test_a_clip_gathers_what_its_frames_have_shown(given, tmp_path, estimator):
     pytest.importorskip("av", reason="the extra `video` is not installed")
     from support.clips import write_clip
 
-    from anyprobe.files.radiance import read_radiance
+    from anyprobe.maps.radiance import read_radiance
     from anyprobe.video import run as run_module
     from anyprobe.video.clip import open_clip
     from anyprobe.video.following import MaskFollower

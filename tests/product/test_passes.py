@@ -14,11 +14,11 @@ from anyprobe.core.color import COLORSPACES, rec709_from_rgb
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InvalidEnvironment
 from anyprobe.estimate.photo import load_photo
-from anyprobe.files.exr import read_channels, read_exr, write_channels
-from anyprobe.files.icc import encoding_of
-from anyprobe.files.images import read_image
-from anyprobe.files.kept_encoding import Stored, stored_as, write_as
-from anyprobe.files.radiance import read_radiance, write_exr
+from anyprobe.maps.exr import read_channels, read_exr, write_channels
+from anyprobe.maps.radiance import read_radiance, write_exr
+from anyprobe.pictures.icc import encoding_of
+from anyprobe.pictures.images import read_image
+from anyprobe.pictures.kept_encoding import Stored, stored_as, write_as
 from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.relight.passes import passes_of, write_passes
 from anyprobe.render.shapes import sphere

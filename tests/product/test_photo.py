@@ -9,11 +9,11 @@ from PIL import Image
 from anyprobe.core.color import to_bytes
 from anyprobe.errors import InvalidMask, InvalidPhoto
 from anyprobe.estimate.photo import DEFAULT_LONG_FOV_DEG, Photo, crop_object, load_photo
-from anyprobe.files.images import read_image
 from anyprobe.masks.check import check_mask
 from anyprobe.masks.find import find_mask
 from anyprobe.masks.prompts import check_box
 from anyprobe.masks.sources import mask_from_file
+from anyprobe.pictures.images import read_image
 
 
 def disc(height: int, width: int, x: float, y: float, radius: float) -> np.ndarray:

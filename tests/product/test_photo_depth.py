@@ -16,9 +16,9 @@ from support.depth_files import (
 
 from anyprobe import load_photo
 from anyprobe.errors import InputError, InvalidMask
-from anyprobe.files.images import read_image
-from anyprobe.files.photo_depth import MOST_PIXELS
 from anyprobe.masks.depth import read_depth
+from anyprobe.pictures.images import read_image
+from anyprobe.pictures.photo_depth import MOST_PIXELS
 from anyprobe.video.following import MaskFollower
 
 HEIGHT, WIDTH, FOV_DEG = 96, 128, 50.0
@@ -196,7 +196,7 @@ def test_what_cannot_be_used_is_one_line(reason):
 
 @pytest.mark.parametrize("name", ["HEIC, disparity", "GDepth", "Apple's JPEG"])
 def test_a_depth_map_too_large_is_not_decoded(name, monkeypatch):
-    monkeypatch.setattr("anyprobe.files.photo_depth.MOST_PIXELS", HEIGHT * WIDTH - 1)
+    monkeypatch.setattr("anyprobe.pictures.photo_depth.MOST_PIXELS", HEIGHT * WIDTH - 1)
     assert MOST_PIXELS > 1e7
     with pytest.raises(InvalidMask, match="one of 128 x 96 pixels"):
         read_image(made(name), with_depth=True)

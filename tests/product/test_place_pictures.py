@@ -12,14 +12,14 @@ import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import inverse_response, response
-from anyprobe.detail.fill import fill_hole
 from anyprobe.detail.place_picture import compose
-from anyprobe.detail.plate import keep_plate
 from anyprobe.errors import InputError
 from anyprobe.estimate.ground import Ground, up_of
 from anyprobe.estimate.sidecar import Origin
-from anyprobe.files.radiance import read_radiance
 from anyprobe.light.harmonics import project
+from anyprobe.maps.radiance import read_radiance
+from anyprobe.match.fill import fill_hole
+from anyprobe.match.plate import keep_plate
 
 FOV = 60.0
 

@@ -12,8 +12,8 @@ import pytest
 
 from anyprobe.core.frames import rotation_y
 from anyprobe.errors import InputError
-from anyprobe.files.headers import upright_size
-from anyprobe.files.poses import MOST_POSES, Lens, Poses, parse_poses, read_poses
+from anyprobe.estimate.poses import MOST_POSES, Lens, Poses, parse_poses, read_poses
+from anyprobe.pictures.headers import upright_size
 
 
 @pytest.mark.parametrize("size", [(60, 40), (40, 60)])

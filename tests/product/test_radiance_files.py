@@ -12,8 +12,8 @@ import pytest
 
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment, OutputError
-from anyprobe.files.exr import read_exr
-from anyprobe.files.radiance import map_attributes, read_radiance, write_exr, write_hdr
+from anyprobe.maps.exr import read_exr
+from anyprobe.maps.radiance import map_attributes, read_radiance, write_exr, write_hdr
 
 
 def draw_map(height: int, seed: int = 0) -> np.ndarray:

@@ -39,13 +39,13 @@ import anyprobe
 from anyprobe.core.response import response
 from anyprobe.errors import InvalidPhoto, MissingExtra
 from anyprobe.estimate.photo import crop_object, load_photo
-from anyprobe.files.apple_gain import apple_headroom
-from anyprobe.files.color_encoding import ADOBE_RGB, PRIMARIES, by_code_points, by_numbers
-from anyprobe.files.declared_size import declared_pixels
-from anyprobe.files.exr import read_exr
-from anyprobe.files.headers import TURNS, jxl_size
-from anyprobe.files.images import read_image
-from anyprobe.files.radiance import read_linear, read_radiance, write_hdr_picture
+from anyprobe.maps.exr import read_exr
+from anyprobe.maps.radiance import read_linear, read_radiance, write_hdr_picture
+from anyprobe.pictures.apple_gain import apple_headroom
+from anyprobe.pictures.color_encoding import ADOBE_RGB, PRIMARIES, by_code_points, by_numbers
+from anyprobe.pictures.declared_size import declared_pixels
+from anyprobe.pictures.headers import TURNS, jxl_size
+from anyprobe.pictures.images import read_image
 
 CASES = Path(__file__).parent / "cases"
 LINEAR = scene()

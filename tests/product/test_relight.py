@@ -19,9 +19,9 @@ from anyprobe.core.response import response
 from anyprobe.errors import InputError, InvalidMesh
 from anyprobe.estimate.ground import USUAL_ERROR_DEG, contact_of
 from anyprobe.estimate.photo import load_photo
-from anyprobe.files.images import read_image
 from anyprobe.files.objects import OBJECTS, open_object
 from anyprobe.light.filtering import irradiance_map
+from anyprobe.pictures.images import read_image
 from anyprobe.relight.appearance import least_scale, material_from_photo
 from anyprobe.relight.ground_view import View
 from anyprobe.relight.insert import Arrangement, Stage, cast_shadow

@@ -24,11 +24,11 @@ from support.folders import names, snapshot
 from support.mesh_files import obj
 
 from anyprobe.cli import data as data_command
-from anyprobe.dataset import render_job, shards
-from anyprobe.dataset.process_pools import run_local
-from anyprobe.dataset.samples import Sample, StoreRenderer, decode_part
 from anyprobe.errors import InputError, OutputError
-from anyprobe.files.radiance import write_hdr
+from anyprobe.learning.dataset import render_job, shards
+from anyprobe.learning.dataset.process_pools import run_local
+from anyprobe.learning.dataset.samples import Sample, StoreRenderer, decode_part
+from anyprobe.maps.radiance import write_hdr
 
 TESTS = Path(__file__).parents[1]
 PATIENCE_S = 300  # for a machine that is busy with other things

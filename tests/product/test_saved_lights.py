@@ -15,7 +15,7 @@ from anyprobe.core.frames import rotation_x, rotation_y, world_from_camera
 from anyprobe.estimate.sidecar import Origin
 from anyprobe.export.exported_light import check_front, map_from_camera
 from anyprobe.files.objects import OBJECTS
-from anyprobe.files.radiance import read_radiance, write_hdr
+from anyprobe.maps.radiance import read_radiance, write_hdr
 from anyprobe.notices import Notice, give
 
 TURN = rotation_y(0.7) @ rotation_x(-0.5)

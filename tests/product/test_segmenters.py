@@ -9,9 +9,9 @@ import pytest
 from PIL import Image
 
 from anyprobe.errors import InputError, InvalidMask, MissingExtra, ModelError
-from anyprobe.files.images import read_image
 from anyprobe.masks import find, segmenters
 from anyprobe.masks.segmenters import Rembg, Sam, load_segmenter
+from anyprobe.pictures.images import read_image
 
 HEIGHT, WIDTH = 90, 160
 OBJECT = (slice(20, 70), slice(60, 120))

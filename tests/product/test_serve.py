@@ -16,7 +16,7 @@ from support.depth_files import gdepth_jpeg
 from support.scenes import made_map
 
 from anyprobe.core.frames import rotation_y
-from anyprobe.files.radiance import read_radiance
+from anyprobe.maps.radiance import read_radiance
 
 pytest.importorskip("fastapi", reason="needs the serve extra")
 pytest.importorskip("python_multipart", reason="needs the serve extra")

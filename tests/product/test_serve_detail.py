@@ -10,10 +10,10 @@ from support.places import place
 
 from anyprobe.core.frames import rotation_y
 from anyprobe.estimate.result import Light
-from anyprobe.files.radiance import map_attributes, read_radiance, write_exr
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.harmonics import project
+from anyprobe.maps.radiance import map_attributes, read_radiance, write_exr
 
 pytest.importorskip("fastapi", reason="needs the serve extra")
 pytest.importorskip("python_multipart", reason="needs the serve extra")

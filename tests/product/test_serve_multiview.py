@@ -17,7 +17,7 @@ from fastapi.testclient import TestClient
 from anyprobe.core.frames import rotation_y
 from anyprobe.errors import InputError
 from anyprobe.estimate.multiview import fuse_lights
-from anyprobe.files.poses import parse_poses
+from anyprobe.estimate.poses import parse_poses
 from anyprobe.given_material import given_material
 from anyprobe.serve.answers import png as as_png
 from anyprobe.serve.api import create_app

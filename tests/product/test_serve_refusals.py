@@ -15,7 +15,7 @@ import pytest
 from anyprobe.core.frames import rotation_y, world_from_camera
 from anyprobe.estimate.runtime import DEFAULT_MODEL
 from anyprobe.export.targets import export
-from anyprobe.files.radiance import write_hdr
+from anyprobe.maps.radiance import write_hdr
 
 pytest.importorskip("fastapi", reason="needs the serve extra")
 pytest.importorskip("python_multipart", reason="needs the serve extra")

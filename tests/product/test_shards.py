@@ -16,12 +16,20 @@ from PIL import Image
 from support.drawn_pairs import DrawnRenderer
 from support.folders import names, snapshot
 
-from anyprobe.dataset import shards
-from anyprobe.dataset.pair import render_map_pair, render_pair
-from anyprobe.dataset.recipe import Recipe
-from anyprobe.dataset.render_job import SETTINGS
-from anyprobe.dataset.samples import ARRAYS, NORMALS, Sample, StoreRenderer, decode_normals, decode_part, encode_normals
 from anyprobe.errors import InputError, OutputError
+from anyprobe.learning.dataset import shards
+from anyprobe.learning.dataset.pair import render_map_pair, render_pair
+from anyprobe.learning.dataset.recipe import Recipe
+from anyprobe.learning.dataset.render_job import SETTINGS
+from anyprobe.learning.dataset.samples import (
+    ARRAYS,
+    NORMALS,
+    Sample,
+    StoreRenderer,
+    decode_normals,
+    decode_part,
+    encode_normals,
+)
 
 KINDS = ("object", "map")
 

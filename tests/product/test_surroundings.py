@@ -28,8 +28,8 @@ from anyprobe.estimate.surroundings import (
     use_surroundings,
     visible_surroundings,
 )
-from anyprobe.files.radiance import write_exr, write_hdr
 from anyprobe.light.environment import rotate
+from anyprobe.maps.radiance import write_exr, write_hdr
 
 STAYS = GoesOn(share=0.0)
 """What is seen does not go on beside it."""

@@ -10,9 +10,9 @@ import pytest
 from PIL import Image
 
 from anyprobe.export.targets import export
-from anyprobe.files.gain_map import find_gain_map
-from anyprobe.files.jpeg_parts import jpeg_pictures
-from anyprobe.files.ultra_hdr import write_ultra_hdr
+from anyprobe.pictures.gain_map import find_gain_map
+from anyprobe.pictures.jpeg_parts import jpeg_pictures
+from anyprobe.pictures.ultra_hdr import write_ultra_hdr
 
 
 def smooth_light() -> np.ndarray:

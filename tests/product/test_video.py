@@ -24,8 +24,8 @@ from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.sidecar import FRAME, SCALE
-from anyprobe.files.radiance import read_radiance
 from anyprobe.light.harmonics import project
+from anyprobe.maps.radiance import read_radiance
 from anyprobe.relight.insert import Arrangement
 from anyprobe.render.shapes import sphere
 from anyprobe.render.spheres import sphere_images

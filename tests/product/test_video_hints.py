@@ -16,7 +16,7 @@ from support.clips import sphere_frame, sphere_mask, write_clip, write_masks
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
 from anyprobe.estimate.photo import load_photo
-from anyprobe.files.radiance import read_radiance, write_exr
+from anyprobe.maps.radiance import read_radiance, write_exr
 from anyprobe.relight.insert import Arrangement
 from anyprobe.render.shapes import sphere
 from anyprobe.video import following

@@ -12,8 +12,8 @@ pytest.importorskip("torch", reason="needs the train extra")
 import torch
 
 from anyprobe.errors import InputError
-from anyprobe.train.config import smoke
-from anyprobe.train.loop import load_nets, make_learner, save_checkpoint
+from anyprobe.learning.train.config import smoke
+from anyprobe.learning.train.loop import load_nets, make_learner, save_checkpoint
 from research import ablations
 from research.ablations import ABLATIONS, OTHER_MODEL, lift_trial, network_method, score
 

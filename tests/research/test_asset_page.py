@@ -11,11 +11,11 @@ import pytest
 from support.mesh_files import ply
 
 import anyprobe
-from anyprobe.dataset.catalog import file_id
-from anyprobe.dataset.recipe import Recipe, read_recipes
 from anyprobe.errors import InputError
-from anyprobe.evaluate.scoring import FROZEN
-from anyprobe.files.radiance import write_hdr
+from anyprobe.learning.dataset.catalog import file_id
+from anyprobe.learning.dataset.recipe import Recipe, read_recipes
+from anyprobe.learning.evaluate.scoring import FROZEN
+from anyprobe.maps.radiance import write_hdr
 from research import asset_page as module
 from research.asset_page import asset_page, frozen_page, main
 

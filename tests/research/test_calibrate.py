@@ -8,8 +8,8 @@ import pytest
 from support.some_pair import sphere_pair
 
 from anyprobe.core.response import response
-from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.errors import InputError, ModelError
+from anyprobe.learning.dataset.asset_store import AssetStore
 from anyprobe.scatter.materials import total_reflectance
 from research import left_out
 from research.export_weights.calibrate import calibrate, calibrate_errors, fit_logit, to_logit

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.detail.library import codes_of, encode, richness_of
+from anyprobe.match.library import codes_of, encode, richness_of
 from research.detail_library.boxes import Builder, cast, lines, turbulence, visible
 from research.detail_library.outdoors import detailed_outdoor
 from research.detail_library.rooms import detailed_room, detailed_studio

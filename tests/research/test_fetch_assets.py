@@ -20,10 +20,10 @@ from support.polyhaven_server import Fault, PolyHaven, tetrahedron
 
 from anyprobe import __version__
 from anyprobe.cli.app import main
-from anyprobe.dataset.catalog import allows_commercial_use, load_maps, load_shapes
 from anyprobe.errors import OutputError
 from anyprobe.files.meshes import read_mesh
-from anyprobe.files.radiance import read_radiance, write_exr, write_hdr
+from anyprobe.learning.dataset.catalog import allows_commercial_use, load_maps, load_shapes
+from anyprobe.maps.radiance import read_radiance, write_exr, write_hdr
 from research.fetch_assets import download
 from research.fetch_assets.__main__ import app
 from research.fetch_assets.download import Client, DownloadError, RemoteFile

@@ -15,11 +15,11 @@ import pytest
 from support.polyhaven_server import Fault, PolyHaven
 
 from anyprobe.cli.app import main
-from anyprobe.dataset.catalog import file_id, load_maps, load_shapes
-from anyprobe.dataset.recipe import Recipe, digest, read_recipes
 from anyprobe.errors import InvalidEnvironment, InvalidMesh
-from anyprobe.evaluate.scoring import FROZEN
-from anyprobe.files.radiance import write_hdr
+from anyprobe.learning.dataset.catalog import file_id, load_maps, load_shapes
+from anyprobe.learning.dataset.recipe import Recipe, digest, read_recipes
+from anyprobe.learning.evaluate.scoring import FROZEN
+from anyprobe.maps.radiance import write_hdr
 from research.fetch_assets import download, frozen_set
 from research.fetch_assets.__main__ import app
 from research.fetch_assets.frozen_set import FrozenFile, frozen_files, merged, ply, read_obj, small_map, turned

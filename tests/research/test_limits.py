@@ -10,9 +10,9 @@ from support.some_pair import sphere_pair
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.dataset.asset_store import draw_map
-from anyprobe.dataset.recipe import WORLD
-from anyprobe.evaluate.metrics import gain_rmse, rmse
+from anyprobe.learning.dataset.asset_store import draw_map
+from anyprobe.learning.dataset.recipe import WORLD
+from anyprobe.learning.evaluate.metrics import gain_rmse, rmse
 from anyprobe.scatter.materials import Material
 from research.limits import sphere as sphere_limit
 from research.limits.figures import MEAN_MAP, Limits, alpha_bin, groups, kind_of

@@ -94,7 +94,7 @@ def test_calibration_asks_for_either_of_two_objects_where_none_is_marked(monkeyp
         )
         for k, disc in enumerate(discs)
     ]
-    monkeypatch.setattr("anyprobe.dataset.asset_store.load_asset_store", lambda *_, **__: None)
+    monkeypatch.setattr("anyprobe.learning.dataset.asset_store.load_asset_store", lambda *_, **__: None)
     monkeypatch.setattr("research.masks.scenes.rendered_cases", lambda *_: scenes)
     both = list(calibrate._cases("", 12, [], 6, 1))
     assert [other is None for _, _, other in both].count(False) == 12

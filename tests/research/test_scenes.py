@@ -9,11 +9,12 @@ import pytest
 
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import inverse_response
-from anyprobe.dataset.asset_store import load_asset_store
+from anyprobe.learning.dataset.asset_store import load_asset_store
+from anyprobe.learning.whole_network.families import FAMILIES
 from anyprobe.light.environment import rotate
 from anyprobe.relight.path_traced import mitsuba_runs
 from research.scenes.camera import mirrored, take
-from research.scenes.layouts import FAMILIES, SHARES, draw_family, draw_layout
+from research.scenes.layouts import SHARES, draw_family, draw_layout
 from research.world.whole_render import Render
 
 

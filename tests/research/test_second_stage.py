@@ -10,7 +10,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
 from anyprobe.core.sampling import hammersley  # noqa: E402
-from anyprobe.dataset.asset_store import own_map  # noqa: E402
+from anyprobe.learning.dataset.asset_store import own_map  # noqa: E402
 from anyprobe.light.environment import shrink  # noqa: E402
 from anyprobe.light.harmonics import sh_basis  # noqa: E402
 from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402

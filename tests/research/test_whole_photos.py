@@ -13,13 +13,13 @@ from typer.testing import CliRunner
 
 from anyprobe.core.color import luminance
 from anyprobe.core.response import inverse_response
-from anyprobe.dataset.asset_store import AssetStore
-from anyprobe.dataset.catalog import MapAsset, ShapeAsset
-from anyprobe.dataset.recipe import WORLD, world_recipes
 from anyprobe.errors import InputError
 from anyprobe.estimate.ground import up_of
-from anyprobe.files.radiance import write_exr
+from anyprobe.learning.dataset.asset_store import AssetStore
+from anyprobe.learning.dataset.catalog import MapAsset, ShapeAsset
+from anyprobe.learning.dataset.recipe import WORLD, world_recipes
 from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.maps.radiance import write_exr
 from anyprobe.render.shapes import lathe
 from research.world import whole as whole_command
 from research.world import whole_photos as whole

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from anyprobe.core.color import luminance
-from anyprobe.dataset import distributions
-from anyprobe.dataset.asset_store import AssetStore
-from anyprobe.dataset.catalog import MapAsset, ShapeAsset
-from anyprobe.dataset.pair import render_pair
-from anyprobe.dataset.recipe import WORLD, Recipe, read_recipes, world_recipes
 from anyprobe.errors import InputError
-from anyprobe.evaluate.scoring import FROZEN
+from anyprobe.learning.dataset import distributions
+from anyprobe.learning.dataset.asset_store import AssetStore
+from anyprobe.learning.dataset.catalog import MapAsset, ShapeAsset
+from anyprobe.learning.dataset.pair import render_pair
+from anyprobe.learning.dataset.recipe import WORLD, Recipe, read_recipes, world_recipes
+from anyprobe.learning.evaluate.scoring import FROZEN
 from anyprobe.render.shapes import sphere
 from anyprobe.scatter.materials import total_reflectance
 from research.limits.__main__ import limits

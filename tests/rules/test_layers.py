@@ -14,23 +14,27 @@ import anyprobe
 SOURCE = Path(anyprobe.__file__).parent
 
 ORDER = (
-    "notices errors core light scatter given_material render files export detail nets masks hints dataset estimate "
-    "relight video evaluate train serve cli __init__ __main__"
+    "notices errors core light scatter given_material render files maps pictures export match detail masks hints "
+    "estimate relight video serve learning.nets learning.dataset learning.evaluate learning.train "
+    "learning.mask_network learning.whole_network cli __init__ __main__"
 ).split()
-"""A part may import itself and the parts before it."""
+"""A part may import itself and the parts before it. What users run imports nothing of `learning`: it stands above."""
 
 ONLY = {
-    "torch": {"render", "nets", "dataset", "train", "cli"},
+    "torch": {
+        *("render", "learning.nets", "learning.dataset", "learning.train", "cli"),
+        *("learning.mask_network", "learning.whole_network"),
+    },
     "onnxruntime": {"files"},
-    "onnx": {"train"},
+    "onnx": {"learning.train", "learning.mask_network", "learning.whole_network"},
     "openvino": {"estimate"},
     "rembg": {"masks"},
     "trimesh": {"files"},
-    "rawpy": {"files"},
-    "pillow_jxl": {"files"},
+    "rawpy": {"pictures"},
+    "pillow_jxl": {"pictures"},
     "typer": {"cli"},
-    "rich": {"cli", "train"},
-    "ray": {"dataset"},
+    "rich": {"cli", "learning.train"},
+    "ray": {"learning.dataset"},
     "av": {"video"},
     "mitsuba": {"relight"},
     "drjit": {"relight"},
@@ -59,7 +63,9 @@ class Import:
 
 def imports_in(path: Path, root: Path) -> Iterator[Import]:
     relative = path.relative_to(root)
-    part = relative.parts[0].removesuffix(".py")
+    part = part_of(relative.with_suffix("").parts)
+    if relative.name == "__main__.py" and len(relative.parts) > 1:
+        part = "cli"  # a command of its own
 
     def visit(node: ast.AST, function: str) -> Iterator[Import]:
         for child in ast.iter_child_nodes(node):
@@ -71,14 +77,19 @@ def imports_in(path: Path, root: Path) -> Iterator[Import]:
                 module = child.module or ""
                 # `from anyprobe import files` asks for a part, `from anyprobe import __version__` does not
                 found = [(module, child.level)]
-                if module == "anyprobe":
-                    found = [(f"anyprobe.{alias.name}", child.level) for alias in child.names]
+                if module in ("anyprobe", "anyprobe.learning"):
+                    found = [(f"{module}.{alias.name}", child.level) for alias in child.names]
             for module, level in found:
                 place = f"{relative}:{child.lineno}"
                 yield Import(part=part, place=place, function=inside, module=module, level=level)
             yield from visit(child, inside)
 
     yield from visit(ast.parse(path.read_text(encoding="utf-8")), "")
+
+
+def part_of(names: tuple[str, ...] | list[str]) -> str:
+    """Return the part that a module within the package belongs to: a room, or a room of the learning wing."""
+    return ".".join(names[:2]) if names[0] == "learning" else names[0]
 
 
 def all_imports(root: Path) -> list[Import]:
@@ -90,7 +101,7 @@ def faults(root: Path) -> list[str]:
     wrong = []
     for one in all_imports(root):
         package, *rest = one.module.split(".")
-        asked = (rest or ["__init__"])[0] if package == "anyprobe" else ""
+        asked = part_of(rest or ["__init__"]) if package == "anyprobe" else ""
         if one.level:
             wrong.append(f"{one.place}: relative import of {one.module or '.'}")
         elif one.part not in ORDER:
@@ -112,11 +123,9 @@ def test_imports_point_downwards():
 
 
 def test_every_part_of_the_order_exists_and_no_other():
-    found = {
-        path.stem if path.suffix == ".py" else path.name
-        for path in SOURCE.iterdir()
-        if path.suffix == ".py" or (path / "__init__.py").is_file()
-    }
+    found = {path.stem for path in SOURCE.glob("*.py")}
+    found |= {path.parent.name for path in SOURCE.glob("*/__init__.py")} - {"learning"}
+    found |= {f"learning.{path.parent.name}" for path in SOURCE.glob("learning/*/__init__.py")}
     assert found == set(ORDER)
 
 
@@ -135,9 +144,18 @@ def test_every_permission_is_used():
         ("core/a.py", "from anyprobe import files", "core imports files"),
         ("core/a.py", "import anyprobe", "core imports __init__"),
         ("estimate/a.py", "def f():\n    if True:\n        import torch.nn", "estimate imports torch"),
-        ("estimate/a.py", "class A:\n    def f(self):\n        from anyprobe.train import b", "imports train"),
-        ("train/a.py", "from . import b", "relative import"),
-        ("train/a.py", "from ..core import b", "relative import"),
+        (
+            "estimate/a.py",
+            "class A:\n    def f(self):\n        from anyprobe.learning.train import b",
+            "imports learning.train",
+        ),
+        ("serve/a.py", "def f():\n    from anyprobe.learning import nets", "serve imports learning.nets"),
+        ("cli/a.py", "from anyprobe.learning.train import b", None),
+        ("learning/nets/a.py", "import anyprobe.learning.train.b", "learning.nets imports learning.train"),
+        ("learning/nets/a.py", "import torch", None),
+        ("learning/train/__main__.py", "import typer\nfrom anyprobe.cli import b", None),
+        ("learning/train/a.py", "from . import b", "relative import"),
+        ("learning/train/a.py", "from ..core import b", "relative import"),
         ("web/a.py", "import json", "web has no place"),
         ("cli/a.py", "import torch", "torch outside need_torch"),
         ("render/a.py", "def f():\n    import torch.nn", "torch outside compile_kernel"),
@@ -150,7 +168,7 @@ def test_every_permission_is_used():
 )
 def test_rule_names_a_planted_fault(tmp_path, file, code, fault):
     path = tmp_path / file
-    path.parent.mkdir(exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(code)
     found = faults(tmp_path)
     assert len(found) == (0 if fault is None else 1)

@@ -15,15 +15,25 @@ SOURCE = Path(anyprobe.__file__).parent
 
 def modules(root: Path) -> list[str]:
     """Dotted names below the package, of all but __init__."""
-    found = (p.relative_to(root).with_suffix("").as_posix().replace("/", ".") for p in root.rglob("*.py"))
+    found = (
+        p.relative_to(root).with_suffix("").as_posix().replace("/", ".")
+        for p in root.rglob("*.py")
+        if not of_one_network(p)
+    )
     return [name for name in found if not name.endswith("__init__")]
+
+
+def of_one_network(path: Path) -> bool:
+    """Whether a module belongs to the training of one network, which nothing else imports: its names are its own."""
+    return path.parent.name.endswith("_network")
 
 
 def shared(root: Path) -> list[str]:
     """Names that modules or packages of two layers have, but for a layer and the command that is named as it."""
     rooms = [(name.split(".")[0], name.split(".")[-1]) for name in modules(root) if "." in name]
-    packages = {path.parent.name for path in root.glob("*/__init__.py")}
-    rooms += [(name, name) for name in packages]
+    found = [path.parent.relative_to(root).parts for path in root.rglob("__init__.py") if path.parent != root]
+    packages = {names[-1] for names in found}
+    rooms += [(names[0], names[-1]) for names in found]
     layers = Counter(name for layer, name in set(rooms) if not (layer == "cli" and name in packages))
     return sorted(name for name, count in layers.items() if count > 1)
 
@@ -60,6 +70,7 @@ def twice(root: Path) -> set[str]:
     found = Counter(
         node.name
         for path in root.rglob("*.py")
+        if not of_one_network(path)
         for node in ast.parse(path.read_text(encoding="utf-8")).body
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef) and not node.name.startswith("_")
     )
@@ -75,7 +86,7 @@ def shared_constants(root: Path) -> set[str]:
     """Names of constants that a module imports from another, and that more than one module of a tree defines."""
     defined: Counter[str] = Counter()
     imported = set()
-    for path in root.rglob("*.py"):
+    for path in (path for path in root.rglob("*.py") if not of_one_network(path)):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         targets = [one for node in tree.body if isinstance(node, ast.Assign) for one in node.targets]
         targets += [node.target for node in tree.body if isinstance(node, ast.AnnAssign)]

@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.dataset.pair import MapPair, Pair
-from anyprobe.dataset.recipe import Plan, Recipe
-from anyprobe.dataset.samples import CONDITIONS, Sample, encode_map_pair, encode_pair
+from anyprobe.learning.dataset.pair import MapPair, Pair
+from anyprobe.learning.dataset.recipe import Plan, Recipe
+from anyprobe.learning.dataset.samples import CONDITIONS, Sample, encode_map_pair, encode_pair
 from anyprobe.scatter.materials import Material
 
 

@@ -20,11 +20,11 @@ from support.zscore import Measured, measured
 
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.sampling import hammersley
-from anyprobe.dataset.asset_store import room, sky, studio
-from anyprobe.dataset.catalog import normalize_map
-from anyprobe.files.radiance import read_radiance
+from anyprobe.learning.dataset.asset_store import room, sky, studio
+from anyprobe.learning.dataset.catalog import normalize_map
 from anyprobe.light.environment import shrink
 from anyprobe.light.octahedral import Pyramid, build_pyramid
+from anyprobe.maps.radiance import read_radiance
 from anyprobe.render.integrate import Shading, shade
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import lathe, sphere, superquadric

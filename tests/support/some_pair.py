@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from anyprobe.core.response import response
-from anyprobe.dataset.asset_store import draw_map
-from anyprobe.dataset.pair import Pair
-from anyprobe.dataset.recipe import Recipe
+from anyprobe.learning.dataset.asset_store import draw_map
+from anyprobe.learning.dataset.pair import Pair
+from anyprobe.learning.dataset.recipe import Recipe
 from anyprobe.light.environment import shrink
 from anyprobe.render.spheres import diffuse, sphere_normals
 from anyprobe.scatter.materials import Material

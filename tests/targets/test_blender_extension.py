@@ -26,7 +26,7 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.estimate.ground import contact_of
 from anyprobe.export.target_frames import BLENDER
 from anyprobe.export.targets import export
-from anyprobe.files.radiance import read_radiance, write_exr
+from anyprobe.maps.radiance import read_radiance, write_exr
 from anyprobe.masks.check import object_box
 from anyprobe.relight.ground_view import view_of
 

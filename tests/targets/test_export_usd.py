@@ -8,8 +8,8 @@ from support.two_phase import assert_same_way_round, probe_directions, two_phase
 
 from anyprobe.core.latlong import bilinear
 from anyprobe.export.targets import export
-from anyprobe.files.radiance import read_radiance
 from anyprobe.light.light_sources import split_light_sources
+from anyprobe.maps.radiance import read_radiance
 
 pytestmark = pytest.mark.slow
 pytest.importorskip("pxr", reason="usd-core is needed (pip install usd-core)")

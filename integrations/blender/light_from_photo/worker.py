@@ -78,8 +78,8 @@ def estimate(order: dict, folder: Path) -> dict:
     from anyprobe.estimate.outputs import draw_overlay
     from anyprobe.export.target_frames import BLENDER
     from anyprobe.export.targets import export
-    from anyprobe.files.images import write_png
     from anyprobe.masks.check import object_box
+    from anyprobe.pictures.images import write_png
     from anyprobe.relight.ground_view import view_of
 
     say(folder, 0.2, "Opening the networks")

@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from anyprobe.core.response import response
-from anyprobe.dataset.catalog import load_maps
+from anyprobe.learning.dataset.catalog import load_maps
 from anyprobe.light.environment import shrink
 from anyprobe.light.filtering import blur_cosine_power
 from research.paper_designs.figures.sheet import Tile, save, sheet

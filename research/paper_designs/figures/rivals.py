@@ -10,7 +10,7 @@ import numpy as np
 from anyprobe.core.frames import normalize
 from anyprobe.core.response import inverse_response
 from anyprobe.estimate.runtime import Models
-from anyprobe.evaluate.metrics import direction_error_deg
+from anyprobe.learning.evaluate.metrics import direction_error_deg
 from anyprobe.light.dominant_light import find_dominant_light
 from research.compare.figures import mirror_sphere, sphere_scores
 from research.paper_designs.figures.real import RealPhoto, real_maps, real_photos

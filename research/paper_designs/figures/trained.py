@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from anyprobe.dataset.catalog import allows_commercial_use
 from anyprobe.errors import InputError
+from anyprobe.learning.dataset.catalog import allows_commercial_use
 from anyprobe.light.reconstruct import reconstruct
 from research.fetch_assets.frozen_set import frozen_files
 from research.paper_designs.blocks import picture_of

@@ -24,7 +24,7 @@ from anyprobe.cli.estimate import estimate
 from anyprobe.cli.evaluate import evaluate
 from anyprobe.cli.export import export
 from anyprobe.cli.mask import mask
-from anyprobe.cli.match_folder import match
+from anyprobe.cli.match import match
 from anyprobe.cli.material_list import materials
 from anyprobe.cli.options import OPTIONS
 from anyprobe.cli.relight import relight
@@ -32,7 +32,7 @@ from anyprobe.cli.serve import serve
 from anyprobe.cli.train import train, weights
 from anyprobe.cli.video import video
 from anyprobe.errors import AnyprobeError
-from anyprobe.files import exr
+from anyprobe.maps import exr
 
 TRACEBACK = "ANYPROBE_TRACEBACK"
 """Environment variable that lets errors which nobody foresaw through as they are."""

@@ -74,8 +74,8 @@ def render(
     address: Annotated[str | None, typer.Option(help="Address of the Ray cluster; default: a new one here.")] = None,
 ) -> None:
     """Render training pairs into shards. WebDataset reads them; finished ones are kept, whatever happens."""
-    from anyprobe.dataset import render_job
     from anyprobe.errors import InputError
+    from anyprobe.learning.dataset import render_job
 
     if address is not None and engine != "ray":
         raise InputError("--address: expected --engine ray with it, got local; add it")
@@ -109,13 +109,13 @@ def render(
 
 
 def _make() -> Callable:
-    from anyprobe.dataset.samples import StoreRenderer
+    from anyprobe.learning.dataset.samples import StoreRenderer
 
     return StoreRenderer
 
 
 def _engine(engine: str, address: str | None, workers: int, say: Callable, job) -> Callable:
-    from anyprobe.dataset import process_pools, shards
+    from anyprobe.learning.dataset import process_pools, shards
 
     if engine == "local":
         return partial(process_pools.run_local, workers=workers, say=say)
@@ -175,7 +175,7 @@ def status(
     folder: Folder, as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False
 ) -> None:
     """Print how much of a dataset is rendered. Shards, pairs, bytes, and what is missing."""
-    from anyprobe.dataset import render_job
+    from anyprobe.learning.dataset import render_job
 
     found = render_job.job_status(folder)
     if as_json:
@@ -212,7 +212,7 @@ def verify(
     workers: Annotated[int, typer.Option(min=1, metavar="N", help="Processes for --render.")] = 2,
 ) -> None:
     """Check every shard. Its SHA-256, members, offsets, images and, if asked, pairs rendered again."""
-    from anyprobe.dataset import render_job, shards
+    from anyprobe.learning.dataset import render_job, shards
 
     plan = render_job.read_plan(folder)
     render_job.check_versions(folder, plan)  # another release's shards are no damaged ones

@@ -110,7 +110,7 @@ def mask_network() -> str:
 def self_test(model: str) -> tuple[float, float]:
     """Seconds for one photo of a white sphere lit from the upper left, and the dominant light's error in degrees."""
     from anyprobe.estimate.estimator import Estimator
-    from anyprobe.evaluate.metrics import direction_error_deg
+    from anyprobe.learning.evaluate.metrics import direction_error_deg
     from anyprobe.render.spheres import diffuse, sphere_normals
 
     toward = np.array([-0.6, 0.6, 0.53])

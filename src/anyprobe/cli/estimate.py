@@ -159,7 +159,7 @@ class EstimateCall:
     def together(self, steps: Iterable[Path], poses: Path) -> Done:
         """One light of all photos, under the first one's name; any error ends all of it."""
         from anyprobe.estimate.photo import load_photo
-        from anyprobe.files.poses import read_poses
+        from anyprobe.estimate.poses import read_poses
 
         start = time.perf_counter()
         given = read_poses(poses)

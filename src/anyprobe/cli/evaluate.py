@@ -23,10 +23,10 @@ from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES
 from anyprobe.estimate.settings import MODEL_HELP
 
 if TYPE_CHECKING:
-    from anyprobe.dataset.asset_store import AssetStore
-    from anyprobe.dataset.pair import Pair
-    from anyprobe.dataset.recipe import Recipe
-    from anyprobe.evaluate.methods import Estimate, Method
+    from anyprobe.learning.dataset.asset_store import AssetStore
+    from anyprobe.learning.dataset.pair import Pair
+    from anyprobe.learning.dataset.recipe import Recipe
+    from anyprobe.learning.evaluate.methods import Estimate, Method
 
 PAIRS = 200
 SEED = 2020
@@ -85,13 +85,13 @@ def evaluate(
     for both, option, expected, other in refused:
         if both:
             raise InputError(f"{option}: expected {expected}, got {other}; leave one of them out")
-    from anyprobe.dataset.pair import render_pair
-    from anyprobe.dataset.recipe import digest
     from anyprobe.estimate.runtime import model_id
-    from anyprobe.evaluate.methods import baselines, truth_methods, with_noisy_mask
-    from anyprobe.evaluate.scoring import METRICS, score_pairs
     from anyprobe.files.atomic import atomic_path
-    from anyprobe.files.images import write_png
+    from anyprobe.learning.dataset.pair import render_pair
+    from anyprobe.learning.dataset.recipe import digest
+    from anyprobe.learning.evaluate.methods import baselines, truth_methods, with_noisy_mask
+    from anyprobe.learning.evaluate.scoring import METRICS, score_pairs
+    from anyprobe.pictures.images import write_png
 
     trace = None
     if path_traced:
@@ -160,8 +160,8 @@ def _judged(
 ) -> dict[str, Method]:
     """What is judged beside the baselines: maps of a folder, or a model."""
     from anyprobe.estimate.runtime import Models
-    from anyprobe.evaluate.benchmark import predicted, read_predictions
-    from anyprobe.evaluate.methods import baselines, model_methods, truth_methods
+    from anyprobe.learning.evaluate.benchmark import predicted, read_predictions
+    from anyprobe.learning.evaluate.methods import baselines, model_methods, truth_methods
 
     if predictions is not None:
         if title in baselines() | truth_methods():
@@ -175,8 +175,8 @@ def _judged(
 
 def _write_photos(folder: Path, pairs: Iterable[Pair], advance: Callable[[], None]) -> None:
     """What a method is given of every pair: all of them, or nothing."""
-    from anyprobe.evaluate.benchmark import write_pair
     from anyprobe.files.atomic import atomic_files
+    from anyprobe.learning.evaluate.benchmark import write_pair
 
     with atomic_files(folder) as scratch:
         for pair in pairs:
@@ -188,11 +188,11 @@ def _test_set(
     hdri: Path, meshes: Path, pairs: int, seed: int | None, path: Path | None, conditions: Conditions, talk: Console
 ) -> tuple[list[Recipe], AssetStore]:
     """Recipes of so many pairs, drawn by seed, of a list at path or the frozen ones, and the assets they name."""
-    from anyprobe.dataset.asset_store import AssetStore
-    from anyprobe.dataset.catalog import load_maps, load_shapes
-    from anyprobe.dataset.recipe import balanced_recipes, read_recipes
-    from anyprobe.dataset.samples import CONDITIONS
-    from anyprobe.evaluate.scoring import FROZEN
+    from anyprobe.learning.dataset.asset_store import AssetStore
+    from anyprobe.learning.dataset.catalog import load_maps, load_shapes
+    from anyprobe.learning.dataset.recipe import balanced_recipes, read_recipes
+    from anyprobe.learning.dataset.samples import CONDITIONS
+    from anyprobe.learning.evaluate.scoring import FROZEN
 
     def warn(line: str) -> None:
         talk.print(f"warning: {line}", soft_wrap=True)
@@ -214,7 +214,7 @@ class Watch:
     """Sees every pair with its estimates: calibration, the irradiance image, and a grid of pictures."""
 
     def __init__(self, methods: Mapping[str, Method], title: str, pairs: int) -> None:
-        from anyprobe.evaluate.calibration import Calibration
+        from anyprobe.learning.evaluate.calibration import Calibration
 
         judged = (
             name for name in methods if name == title or name.startswith(f"{title}, ") and name.endswith(" given")
@@ -226,8 +226,8 @@ class Watch:
 
     def __call__(self, index: int, pair: Pair, estimates: Mapping[str, Estimate]) -> None:
         from anyprobe.core.response import response
-        from anyprobe.evaluate.metrics import psnr, rmse, ssim
-        from anyprobe.evaluate.scoring import groups_of
+        from anyprobe.learning.evaluate.metrics import psnr, rmse, ssim
+        from anyprobe.learning.evaluate.scoring import groups_of
 
         # whole picture, as in the paper's Table 1
         estimated = estimates[self.title].irradiance
@@ -267,7 +267,7 @@ def _cells(pair: Pair, estimates: Mapping[str, Estimate]) -> np.ndarray:
 
 
 def _print(table: dict, errors: dict) -> None:
-    from anyprobe.evaluate.scoring import HEADINGS
+    from anyprobe.learning.evaluate.scoring import HEADINGS
 
     show = Console(highlight=False)
     for group in next(iter(table.values())):

@@ -47,7 +47,7 @@ def export(
 ) -> None:
     """Export lights to Blender, Unity, three.js and others. A .json beside each file describes its orientation."""
     from anyprobe.export import targets
-    from anyprobe.files.radiance import read_radiance
+    from anyprobe.maps.radiance import read_radiance
 
     names = target_names(",".join(to))
     rotation = None if world_from_camera is None else parse_rotation(world_from_camera)

@@ -77,9 +77,9 @@ def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: Seg
     """Write one photo's two files; what was found and how, for JSON."""
     from anyprobe.estimate.doubts import scale_doubts
     from anyprobe.estimate.outputs import draw_overlay
-    from anyprobe.files.images import read_image, write_png
     from anyprobe.masks.depth import is_carried
     from anyprobe.masks.find import find_mask
+    from anyprobe.pictures.images import read_image, write_png
 
     targets = {kind: out / f"{result_stem(path, listed)}_{kind}.png" for kind in ("overlay", "mask")}
     check_names(path, listed, targets.values(), hints.files().values())

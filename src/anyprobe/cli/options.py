@@ -24,8 +24,8 @@ from anyprobe.hints import HINTS, PICTURES, Hint, Hints
 from anyprobe.notices import Words, give
 
 if TYPE_CHECKING:
-    from anyprobe.detail.library import Library
     from anyprobe.estimate.estimator import Estimator
+    from anyprobe.match.library import Library
 
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON on stdout.")]
@@ -205,7 +205,7 @@ class DetailOptions:
 
     def library(self) -> Library | None:
         """What detail is from; None where none is asked for."""
-        from anyprobe.detail.library_folder import open_library
+        from anyprobe.match.library_folder import open_library
 
         is_asked = self.settings()["detail"] != DETAILS[0]
         return open_library(self.given.detail_library) if is_asked else None

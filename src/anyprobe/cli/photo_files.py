@@ -11,9 +11,9 @@ from typing import Any
 
 from anyprobe.cli.options import OPTIONS
 from anyprobe.errors import AnyprobeError, InputError, InvalidMask, InvalidPhoto, OutputError
-from anyprobe.files.exr import HEADER_BYTES, parse_header
 from anyprobe.files.paths import folds_case, open_regular, read_stream, same_file_key, visible_files
 from anyprobe.hints import HINTS, PICTURES, Hints
+from anyprobe.maps.exr import HEADER_BYTES, parse_header
 
 STDIN = Path("-")
 """A photo that comes through standard input."""

@@ -137,10 +137,10 @@ def relight(
     from anyprobe.core.color import to_bytes
     from anyprobe.estimate.photo import load_photo
     from anyprobe.files.atomic import check_writable
-    from anyprobe.files.headers import MAX_PIXELS
-    from anyprobe.files.images import picture_bytes, write_png
-    from anyprobe.files.kept_encoding import stored_as, write_as
-    from anyprobe.files.radiance import opaque_linear
+    from anyprobe.maps.radiance import opaque_linear
+    from anyprobe.pictures.headers import MAX_PIXELS
+    from anyprobe.pictures.images import picture_bytes, write_png
+    from anyprobe.pictures.kept_encoding import stored_as, write_as
     from anyprobe.relight.insert import Arrangement, Stage, uses_mitsuba
     from anyprobe.relight.passes import passes_of, write_passes
 

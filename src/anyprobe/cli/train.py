@@ -12,8 +12,8 @@ from anyprobe.cli.options import need_torch
 from anyprobe.errors import InputError
 
 if TYPE_CHECKING:
-    from anyprobe.train.config import RunConfig
-    from anyprobe.train.dataloader import ShardSource
+    from anyprobe.learning.train.config import RunConfig
+    from anyprobe.learning.train.dataloader import ShardSource
 
 _RUNS = Path("runs")
 RunName = Annotated[str, typer.Argument(metavar="RUN", help="Named run; see docs/how-to/training.md.")]
@@ -47,9 +47,9 @@ def train(
     """Train a model on rendered pairs. An interrupted run resumes exactly."""
     _refuse_mask(run)
     need_torch("training")
-    from anyprobe.train import loop
-    from anyprobe.train.config import RUNS as NAMED
-    from anyprobe.train.config import smoke
+    from anyprobe.learning.train import loop
+    from anyprobe.learning.train.config import RUNS as NAMED
+    from anyprobe.learning.train.config import smoke
 
     if steps is not None and dry_run is not None:
         raise InputError(f"--steps {steps}: expected it or --dry-run, which has its own, got both; leave one out")
@@ -85,7 +85,7 @@ def train(
 
 def _rendered(shards: Path, data: Path | None, chosen: RunConfig, device: str, workers: int) -> ShardSource:
     """The batches of a rendered dataset; InputError where the run cannot learn from it."""
-    from anyprobe.train.dataloader import ShardSource
+    from anyprobe.learning.train.dataloader import ShardSource
 
     if workers:
         raise InputError("--workers: expected pairs made on the fly, got --shards; leave one of them out")
@@ -102,7 +102,7 @@ def _refuse_mask(run: str) -> None:
     if run == "mask":
         raise InputError(
             "run 'mask': expected a run that estimates light, got the network that proposes the object; "
-            "train and export it in a clone, with python -m research.mask_network"
+            "train and export it in a clone, with python -m anyprobe.learning.mask_network"
         )
 
 
@@ -121,10 +121,10 @@ def weights(
     if data is not None and mean_map is None:
         raise InputError(f"--data {data}: does nothing without --mean-map; leave it out")
     need_torch("training")
-    from anyprobe.train.checkpoint import keep_apart, read_checkpoint, save_init_weights
-    from anyprobe.train.config import RUNS as NAMED
-    from anyprobe.train.dataloader import make_pairs
-    from anyprobe.train.export_onnx import export_graphs, write_mean_map
+    from anyprobe.learning.train.checkpoint import keep_apart, read_checkpoint, save_init_weights
+    from anyprobe.learning.train.config import RUNS as NAMED
+    from anyprobe.learning.train.dataloader import make_pairs
+    from anyprobe.learning.train.export_onnx import export_graphs, write_mean_map
 
     if mean_map is not None and run not in NAMED:
         raise InputError(

@@ -61,9 +61,9 @@ def video(
     resumes. Clicks and box are of the first frame; --mask, --depth and --normals are folders of one file a frame,
     sorted by name (--normals may be sphere).
     """
+    from anyprobe.estimate.poses import read_poses
     from anyprobe.files.atomic import check_writable
     from anyprobe.files.digests import digest_of, sampled_digest
-    from anyprobe.files.poses import read_poses
     from anyprobe.relight.insert import Arrangement, uses_mitsuba
     from anyprobe.video.clip import clip_size, open_clip
     from anyprobe.video.following import HINT_SUFFIXES, MaskFollower

@@ -20,11 +20,11 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import inverse_response, response
-from anyprobe.detail.library import decode
 from anyprobe.light.dominant_light import DominantLight, split_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, reduced
 from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.harmonics import project, sh_basis
+from anyprobe.match.library import decode
 
 HELD = 9.0
 """Sharpness of the blur b_l = exp(-l (l + 1) / 18) of order l; an estimate holds 1 - (1 - b)^3: of order 3 .88, of

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.detail.plate import DrawnPlate
+from anyprobe.match.plate import DrawnPlate
 
 CONTINUED_FLOOR = 0.02
 """Added to radiance before its logarithm."""

@@ -20,14 +20,14 @@ from anyprobe.core.color import luminance
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.detail.continued import CONTINUED_FLOOR, continue_around
-from anyprobe.detail.plate import DrawnPlate, Plate, seen_in
 from anyprobe.errors import InputError, OutputError
-from anyprobe.files.images import write_png
-from anyprobe.files.radiance import HALF_MAX, write_exr, write_hdr
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.harmonics import project, sh_basis
 from anyprobe.light.light_sources import LightSource, split_light_sources
+from anyprobe.maps.radiance import HALF_MAX, write_exr, write_hdr
+from anyprobe.match.plate import DrawnPlate, Plate, seen_in
+from anyprobe.pictures.images import write_png
 
 PANORAMA_SIZES = (64, 128, 256, 512, 1024, 2048)
 DRAWN_ROWS = 512

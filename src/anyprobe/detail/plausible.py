@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.detail.blend import blend
-from anyprobe.detail.kind import MATCH_PRICE, prices
-from anyprobe.detail.library import Library
-from anyprobe.detail.library_folder import open_library
-from anyprobe.detail.match import find_matches
-from anyprobe.detail.plate import Plate
 from anyprobe.errors import InputError
 from anyprobe.light.environment import MAP_HEIGHT, check_radiance
+from anyprobe.match.alignment import find_matches
+from anyprobe.match.kind import MATCH_PRICE, prices
+from anyprobe.match.library import Library
+from anyprobe.match.library_folder import open_library
+from anyprobe.match.plate import Plate
 
 DETAILS = ("none", "plausible")
 SIZES = (64, 128, 256, 512)

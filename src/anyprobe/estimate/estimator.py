@@ -37,13 +37,13 @@ from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, MODE, PHOTO_SIZE, Models, model_id
 from anyprobe.estimate.settings import Settings
 from anyprobe.estimate.sidecar import Origin
-from anyprobe.files.images import ImageSource
 from anyprobe.given_material import Albedo, as_material
 from anyprobe.hints import Hints, NormalsEstimator, NormalsSource, SurroundingsSource, check_keywords, combine
 from anyprobe.masks.depth import DepthSource
 from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.segmenters import SegmenterSource, load_segmenter
 from anyprobe.masks.sources import MaskSource
+from anyprobe.pictures.images import ImageSource
 from anyprobe.scatter.materials import Material, material_named
 
 

@@ -11,10 +11,10 @@ from anyprobe.estimate.depth_normals import normals_from_depth
 from anyprobe.estimate.normals_hint import normals_from_outline, read_normals
 from anyprobe.estimate.normals_model import estimated_normals
 from anyprobe.estimate.surroundings import read_panorama
-from anyprobe.files.images import Pixels
 from anyprobe.hints import AUTO, NONE, PHOTO, SPHERE, Hints, NormalsEstimator, NormalsSource, SurroundingsSource
 from anyprobe.masks.depth import DepthSource, chosen_depth
 from anyprobe.notices import Notice, give
+from anyprobe.pictures.images import Pixels
 
 FROM_DEPTH = "depth"
 """Origin of normals that are from a depth image, which nobody gave as normals."""

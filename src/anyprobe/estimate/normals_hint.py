@@ -10,11 +10,11 @@ import numpy as np
 
 from anyprobe.core.contract import contract
 from anyprobe.errors import InputError
-from anyprobe.files.exr import EXR_MAGIC, read_exr
-from anyprobe.files.headers import MAX_PIXELS
-from anyprobe.files.images import read_image
 from anyprobe.files.paths import open_regular
 from anyprobe.hints import NormalsSource
+from anyprobe.maps.exr import EXR_MAGIC, read_exr
+from anyprobe.pictures.headers import MAX_PIXELS
+from anyprobe.pictures.images import read_image
 
 if TYPE_CHECKING:
     from jaxtyping import Float

@@ -17,15 +17,15 @@ from anyprobe.detail.place_picture import DRAWN_ROWS, Panorama
 from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import LEVEL, Light
 from anyprobe.files.atomic import atomic_files
-from anyprobe.files.images import write_png
 from anyprobe.light.environment import rotate
 from anyprobe.masks.prompts import Point
+from anyprobe.pictures.images import write_png
 from anyprobe.render.spheres import sphere_images
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-    from anyprobe.detail.matching import MatchedMap
+    from anyprobe.match.ranking import MatchedMap
 
 SPHERES = {"diffuse": "matte", "silver": "satin", "mirror": "mirror"}
 """Names of materials by those of render.spheres."""

@@ -10,8 +10,6 @@ import numpy as np
 
 from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
-from anyprobe.detail.match import seen_in_photo
-from anyprobe.detail.plate import Plate, keep_plate
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.doubts import backdrop_doubts, exposure_doubts, scale_doubts
 from anyprobe.estimate.ground import NOTED, Ground, estimate_ground
@@ -27,7 +25,6 @@ from anyprobe.estimate.surroundings import (
     visible_surroundings,
 )
 from anyprobe.estimate.window import sample_window
-from anyprobe.files.images import ImageSource, Pixels, read_image
 from anyprobe.given_material import Albedo
 from anyprobe.hints import Hints, NormalsEstimator, NormalsSource, SurroundingsSource, check_keywords, combine
 from anyprobe.masks.check import object_box
@@ -36,7 +33,10 @@ from anyprobe.masks.find import find_mask
 from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.segmenters import SegmenterSource
 from anyprobe.masks.sources import MaskSource, mask_from_alpha
+from anyprobe.match.alignment import seen_in_photo
+from anyprobe.match.plate import Plate, keep_plate
 from anyprobe.notices import Notice, as_notice, leave_out
+from anyprobe.pictures.images import ImageSource, Pixels, read_image
 from anyprobe.scatter.materials import Material
 
 DEFAULT_LONG_FOV_DEG: float = contract("lens")["default_long_fov_deg"]
@@ -69,8 +69,8 @@ class Photo:
         normals: the object's; None where they are not known.
         surroundings: what is known of the map besides: the photo's own background, a panorama, or None: nothing.
         ground: given or guessed; None where the object is cut out, or something else was asked.
-        exposure: how much light it took, see files.images.Pixels; None where nothing says so.
-        radiance: [H, W, 3] linear, above white too, see files.images.Pixels; None where display values say all.
+        exposure: how much light it took, see pictures.images.Pixels; None where nothing says so.
+        radiance: [H, W, 3] linear, above white too, see pictures.images.Pixels; None where display values say all.
         pitch_deg: how far the camera looks down; None where it is not given.
         material: the object's; None where it is not given.
         hidden: [H, W] bool, pixels that are transparent, whose colours mean nothing; None where there are none.

@@ -11,8 +11,6 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
-from anyprobe.detail.background import background_of
-from anyprobe.detail.likeness import MATCH_ROWS, Shown, shown_by
 from anyprobe.errors import InputError
 from anyprobe.estimate.ground import Ground, ground_by_posture
 from anyprobe.estimate.known import FROM_DEPTH, PhotoBackground
@@ -21,6 +19,8 @@ from anyprobe.estimate.photo import Crop, Photo
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, Outputs
 from anyprobe.estimate.surroundings import radiance_of, use_surroundings
 from anyprobe.light.environment import integral, rotate
+from anyprobe.match.background import background_of
+from anyprobe.match.likeness import MATCH_ROWS, Shown, shown_by
 from anyprobe.notices import leave_out
 from anyprobe.scatter.materials import Material
 

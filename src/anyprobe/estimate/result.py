@@ -16,26 +16,26 @@ from anyprobe.core.frames import is_rotation
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.detail.place_picture import DRAWN_ROWS, Panorama, check_panorama_rows, compose, in_frame
-from anyprobe.detail.plate import Plate
 from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
 from anyprobe.estimate.sidecar import FRAME, SCALE, SIDECAR_VERSION, TURNED, Origin, restored
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.images import png_bytes, write_png
-from anyprobe.files.radiance import map_attributes, write_exr, write_hdr
 from anyprobe.light.dominant_light import DominantLight, find_dominant_light
 from anyprobe.light.environment import check_radiance, integral, rotate
 from anyprobe.light.harmonics import project
 from anyprobe.light.light_sources import LightSource, find_light_sources
+from anyprobe.maps.radiance import map_attributes, write_exr, write_hdr
+from anyprobe.match.plate import Plate
 from anyprobe.notices import Notice, as_notice
+from anyprobe.pictures.images import png_bytes, write_png
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-    from anyprobe.detail.library import Library
-    from anyprobe.detail.likeness import Shown
-    from anyprobe.detail.matching import MatchedMap
+    from anyprobe.match.library import Library
+    from anyprobe.match.likeness import Shown
+    from anyprobe.match.ranking import MatchedMap
     from anyprobe.render.mesh import Mesh
     from anyprobe.scatter.materials import Material
 
@@ -266,7 +266,7 @@ class Light:
     def match(self, folder: Library | str | Path, *, best: int | None = None) -> list[MatchedMap]:
         """A folder's .exr and .hdr panoramas, the one first that lights the object most as its photo shows it.
 
-        Each with the rotation, exposure and tint that bring it into this light's frame; see detail.matching. A light
+        Each with the rotation, exposure and tint that bring it into this light's frame; see match.ranking. A light
         that is not of one photo (of several, loaded from a file) is compared by its map, which is less certain. A
         camera's pitch that was given, or that the photo notes, is kept, with the roll that it notes.
 
@@ -275,7 +275,7 @@ class Light:
         Raises:
             InputError: no such folder, or no panoramas in it.
         """
-        from anyprobe.detail.matching import rank_maps
+        from anyprobe.match.ranking import rank_maps
 
         is_known = self.origin.pitch_deg is not None or (self.ground is not None and self.ground.is_known)
         ranked = rank_maps(

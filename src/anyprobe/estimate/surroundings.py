@@ -21,11 +21,11 @@ from anyprobe.core.latlong import bilinear, pixel_directions
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Outputs
-from anyprobe.files.headers import MAX_PIXELS
-from anyprobe.files.images import read_image
-from anyprobe.files.radiance import read_linear
 from anyprobe.hints import PHOTO, SurroundingsSource
 from anyprobe.light.environment import MAP_HEIGHT, rotate
+from anyprobe.maps.radiance import read_linear
+from anyprobe.pictures.headers import MAX_PIXELS
+from anyprobe.pictures.images import read_image
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float

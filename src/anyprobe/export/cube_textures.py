@@ -23,7 +23,7 @@ import numpy as np
 
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.export.exported_light import ExportedLight, template
-from anyprobe.files.radiance import HALF_MAX, write_hdr_picture
+from anyprobe.maps.radiance import HALF_MAX, write_hdr_picture
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Float16, UInt8

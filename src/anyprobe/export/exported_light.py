@@ -19,11 +19,11 @@ from anyprobe.core.frames import is_rotation
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.export.target_frames import FRONT, TargetFrame, webxr
 from anyprobe.files.paths import is_there, read_regular
-from anyprobe.files.radiance import HALF_MAX, HALF_MIN, map_attributes, read_radiance, write_exr, write_hdr
 from anyprobe.light.dominant_light import DominantLight, split_dominant_light
 from anyprobe.light.environment import check_radiance, rotate
 from anyprobe.light.harmonics import project
 from anyprobe.light.light_sources import split_light_sources
+from anyprobe.maps.radiance import HALF_MAX, HALF_MIN, map_attributes, read_radiance, write_exr, write_hdr
 
 if TYPE_CHECKING:
     from jaxtyping import Float

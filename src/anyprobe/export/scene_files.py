@@ -31,11 +31,11 @@ from anyprobe.export.exported_light import (
     write_maps,
 )
 from anyprobe.export.target_frames import OPENEXR, gltf
-from anyprobe.files.exr import write_channels
-from anyprobe.files.images import png_bytes
 from anyprobe.files.meshes import glb_file
 from anyprobe.light.environment import reduced
 from anyprobe.light.octahedral import build_pyramid
+from anyprobe.maps.exr import write_channels
+from anyprobe.pictures.images import png_bytes
 from anyprobe.render.integrate import NUM_EMITTERS, shade_specular
 from anyprobe.render.picture import LIGHT_ROWS
 

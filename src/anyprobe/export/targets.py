@@ -40,7 +40,7 @@ from anyprobe.export.target_frames import (
     webxr,
 )
 from anyprobe.files.atomic import atomic_files
-from anyprobe.files.ultra_hdr import write_ultra_hdr
+from anyprobe.pictures.ultra_hdr import write_ultra_hdr
 
 if TYPE_CHECKING:
     from jaxtyping import Float

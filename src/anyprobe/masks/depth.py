@@ -12,12 +12,12 @@ import numpy as np
 from PIL import Image
 
 from anyprobe.errors import InputError, InvalidMask
-from anyprobe.files.exr import EXR_MAGIC, in_display, read_channels, square_pixels
-from anyprobe.files.headers import MAX_PIXELS
-from anyprobe.files.images import Pixels
 from anyprobe.files.paths import open_regular
+from anyprobe.maps.exr import EXR_MAGIC, in_display, read_channels, square_pixels
 from anyprobe.masks.check import check_mask
 from anyprobe.notices import give, leave_out
+from anyprobe.pictures.headers import MAX_PIXELS
+from anyprobe.pictures.images import Pixels
 
 DepthSource = str | os.PathLike[str] | bytes | np.ndarray
 

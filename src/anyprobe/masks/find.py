@@ -9,7 +9,6 @@ import numpy as np
 
 from anyprobe.core.color import to_bytes
 from anyprobe.errors import InvalidMask
-from anyprobe.files.images import Pixels
 from anyprobe.masks.check import alpha_doubts, check_mask, look_at_given
 from anyprobe.masks.depth import DepthSource, chosen_depth, mask_from_depth
 from anyprobe.masks.networks import Network, shared_network
@@ -20,6 +19,7 @@ from anyprobe.masks.segmenters import Segmenter, SegmenterSource, load_segmenter
 from anyprobe.masks.sources import MaskSource, mask_from_alpha, mask_from_file, mask_from_function
 from anyprobe.masks.words import RIGHT, color_doubts, verdict
 from anyprobe.notices import Notice, as_notice, give
+from anyprobe.pictures.images import Pixels
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -13,11 +13,11 @@ from PIL import Image
 from anyprobe.core.color import luminance, to_bytes
 from anyprobe.core.contract import contract
 from anyprobe.errors import InvalidMask, InvalidPhoto
-from anyprobe.files.exr import EXR_MAGIC, read_exr
-from anyprobe.files.headers import MAX_PIXELS
-from anyprobe.files.images import read_image
 from anyprobe.files.paths import open_regular
+from anyprobe.maps.exr import EXR_MAGIC, read_exr
 from anyprobe.masks.check import check_mask
+from anyprobe.pictures.headers import MAX_PIXELS
+from anyprobe.pictures.images import read_image
 
 MaskPicture = str | os.PathLike[str] | bytes | Image.Image | np.ndarray
 MaskFunction = Callable[[np.ndarray], np.ndarray]

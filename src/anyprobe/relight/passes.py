@@ -10,7 +10,7 @@ import numpy as np
 
 from anyprobe.core.color import COLORSPACES, from_rec709
 from anyprobe.errors import OutputError
-from anyprobe.files.radiance import HALF_MAX
+from anyprobe.maps.radiance import HALF_MAX
 from anyprobe.relight.insert import Stage, plate_of, ratio_over, within
 from anyprobe.relight.shadow import GroundShadow
 from anyprobe.scatter.materials import Material
@@ -102,7 +102,7 @@ def write_passes(path: Path, passes: Passes, colorspace: str, own: np.ndarray | 
     own: of Passes.layers.
     """
     from anyprobe.files.atomic import atomic_path
-    from anyprobe.files.exr import write_channels
+    from anyprobe.maps.exr import write_channels
 
     layers = passes.layers(lambda rgb: from_rec709(rgb, colorspace), own)
     half = all(np.abs(one).max() <= HALF_MAX for one in layers.values())

@@ -17,9 +17,9 @@ from starlette.responses import JSONResponse, Response
 from anyprobe.core.color import to_bytes
 from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import Light
-from anyprobe.files.images import png_bytes
 from anyprobe.masks.check import object_box
 from anyprobe.notices import Notice
+from anyprobe.pictures.images import png_bytes
 from anyprobe.serve.problems import FIELDS, notice_json
 
 JSON = "application/json"

@@ -29,8 +29,8 @@ from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.runtime import stages_of, weights_folder
 from anyprobe.export.targets import TARGETS
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.images import read_image
 from anyprobe.masks.weights import find_weights
+from anyprobe.pictures.images import read_image
 from anyprobe.serve.answers import light_json, mask_png, png
 from anyprobe.serve.guards import SECURITY_HEADERS
 from anyprobe.serve.pool import Cancellation, WorkerPool

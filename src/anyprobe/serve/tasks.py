@@ -18,11 +18,11 @@ from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.estimate.panorama import cut_out
 from anyprobe.estimate.photo import Crop, Photo, load_photo
 from anyprobe.estimate.result import Light
-from anyprobe.files.declared_size import declared_pixels
-from anyprobe.files.images import read_image
-from anyprobe.files.radiance import map_attributes, read_radiance
 from anyprobe.hints import Hints
+from anyprobe.maps.radiance import map_attributes, read_radiance
 from anyprobe.notices import give, leave_out
+from anyprobe.pictures.declared_size import declared_pixels
+from anyprobe.pictures.images import read_image
 from anyprobe.serve.answers import mask_json, mask_png, png, zip_folder
 from anyprobe.serve.limits import MAX_MAP_ROWS, MAX_PANORAMA_PIXELS, QUICK_BYTES
 

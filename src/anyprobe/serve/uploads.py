@@ -17,8 +17,8 @@ from starlette.requests import ClientDisconnect, Request
 
 from anyprobe.detail.plausible import DETAILS, SIZES
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
+from anyprobe.estimate.poses import parse_poses
 from anyprobe.estimate.runtime import EMITTERS
-from anyprobe.files.poses import parse_poses
 from anyprobe.hints import HINTS, Hints
 from anyprobe.serve.guards import RECEIVED
 from anyprobe.serve.limits import MAX_PHOTOS, UNREAD_S

@@ -15,12 +15,12 @@ from anyprobe.estimate.known import GivenPanorama, PhotoBackground
 from anyprobe.estimate.photo import Photo, load_photo, object_box
 from anyprobe.estimate.surroundings import SurroundingsSource, read_surroundings
 from anyprobe.files.digests import digest_of
-from anyprobe.files.images import read_image
 from anyprobe.files.paths import visible_files
 from anyprobe.hints import AUTO, NONE, PHOTO
 from anyprobe.masks.depth import CARRIED, is_carried
 from anyprobe.masks.networks import shared_network
 from anyprobe.masks.search import MARGIN, Prompts, Window, choose, look
+from anyprobe.pictures.images import read_image
 from anyprobe.video.clip import Frame
 from anyprobe.video.held_mask import MOST_CHANGE, Held, follow, found_in, hold, lit_mask, mask_in
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from anyprobe.core.response import inverse_response
 from anyprobe.errors import InputError
-from anyprobe.files.color_encoding import HLG, PQ, UNSPECIFIED, ColorEncoding, by_code_points, is_srgb, to_display
-from anyprobe.files.headers import MAX_PIXELS
+from anyprobe.pictures.color_encoding import HLG, PQ, UNSPECIFIED, ColorEncoding, by_code_points, is_srgb, to_display
+from anyprobe.pictures.headers import MAX_PIXELS
 
 BT709, RGB, FCC, BT601, SMPTE240M, BT2020 = 1, 0, 4, 5, 7, 9
 

@@ -12,8 +12,6 @@ import numpy as np
 
 from anyprobe.core.color import to_bytes
 from anyprobe.detail.blend import blend
-from anyprobe.detail.library import Library
-from anyprobe.detail.match import exposed_match, hold_match
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import Ground
@@ -23,8 +21,10 @@ from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import FRAME, SCALE
 from anyprobe.estimate.surroundings import turned
-from anyprobe.files.radiance import write_exr
 from anyprobe.light.temporal import step
+from anyprobe.maps.radiance import write_exr
+from anyprobe.match.alignment import exposed_match, hold_match
+from anyprobe.match.library import Library
 from anyprobe.relight.appearance import least_scale
 from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.relight.shadow import GroundShadow

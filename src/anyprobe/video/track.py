@@ -12,7 +12,6 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from anyprobe.detail.match import HeldMatch, Match
 from anyprobe.errors import InputError
 from anyprobe.estimate.sidecar import FRAME, SCALE
 from anyprobe.files.atomic import atomic_path
@@ -20,6 +19,7 @@ from anyprobe.light.dominant_light import split_dominant_light
 from anyprobe.light.harmonics import project
 from anyprobe.light.steady import Steady
 from anyprobe.light.temporal import FilterState, Track
+from anyprobe.match.alignment import HeldMatch, Match
 from anyprobe.video.held_mask import Held, held_in
 from anyprobe.video.registration import Motion
 

@@ -1,0 +1,240 @@
+"""Which maps and shapes there are, whose they are by the manifest.csv beside them, and how they are read."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.core.latlong import bilinear, pixel_solid_angles
+from anyprobe.errors import InputError, InvalidEnvironment
+from anyprobe.files.meshes import MESH_SUFFIXES, read_mesh
+from anyprobe.files.paths import visible_files
+from anyprobe.light.environment import shrink
+from anyprobe.maps.radiance import read_radiance
+from anyprobe.render.mesh import Mesh
+
+MAP_ROWS = 256
+"""Rows of a map in memory; larger ones are averaged down."""
+
+DARKEST = 1e-8
+"""Mean luminance below which a map counts as black."""
+
+MAP_SUFFIXES = (".exr", ".hdr")
+
+STRANGE_MAPS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".pfm")
+STRANGE_MESHES = (".gltf", ".fbx", ".dae", ".3ds", ".blend", ".usd", ".usdz", ".3mf")
+"""Files that may be meant as assets: listed as unusable. Others are ignored."""
+
+Report = Callable[[str], None]
+Asset = TypeVar("Asset", "MapAsset", "ShapeAsset")
+
+_OPEN = re.compile(
+    r"cc ?0\b|creative commons zero\b|public domain\b|own\b"
+    r"|(cc by|(cc|creative commons) attribution)( licence)?(?= v?\d|[;,(]|$)"
+    r"|(the )?mit( licence| repository)?$"
+    r"|apache( licence)?,?( version)? 2(\.0)?( licence)?$"
+    r"|0bsd\b|bsd (style|\d)\b"
+)
+"""How the licences below begin, or read as a whole where more could say of another than the file."""
+_CLOSED = re.compile(
+    r"commercial|\b(nc|nd|sa)\b|no ?deriv|share ?alike|resale|\b(not|only|unknown|unclear|probably)\b|\?"
+    r"|\b(research|academic|educational|editorial|personal|private) (use|purpose)|examples licence"
+)
+"""What takes back what the beginning gave, or leaves it in doubt, wherever it stands."""
+
+
+def allows_commercial_use(licence: str) -> bool:
+    """Whether shipped weights may learn from an asset under this licence text.
+
+    CC0, public domain, CC BY, MIT, Apache, BSD, by their short, long and SPDX names. Anything unclear is
+    refused, as are files whose repository is open but whose own origin is not stated.
+    """
+    text = re.sub(r"[\s_\u2010-\u2015-]+", " ", licence.casefold()).strip().replace("license", "licence")
+    return bool(_OPEN.match(text)) and not _CLOSED.search(text)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MapAsset:
+    """A real map: radiance [256, 512, 3], mean luminance 1 over the sphere; id as of file_id.
+
+    lifted: whether its light above white was made up, as of a map that had 8 bits; the manifest says so.
+    """
+
+    name: str
+    id: str
+    licence: str
+    indoor: bool
+    radiance: np.ndarray
+    lifted: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ShapeAsset:
+    """A shape in the unit sphere, +Y up; id as of file_id."""
+
+    name: str
+    id: str
+    licence: str
+    mesh: Mesh
+
+
+def file_id(path: str | Path) -> str:
+    """The first 8 hex digits of SHA-256 of the file's bytes: the same asset under any name."""
+    with open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()[:8]
+
+
+def load_maps(folder: Path, *, commercial_only: bool = False, report: Report | None = None) -> list[MapAsset]:
+    """Every map of a folder, normalised; `category` of the manifest says indoor or outdoor.
+
+    Args:
+        commercial_only: leave out what allows_commercial_use refuses.
+        report: called with one line for each file that cannot be used, and for those left out;
+            the others go on. Without it the first bad file raises.
+    Raises:
+        InputError: no folder, a damaged manifest, or no file that can be used.
+    """
+
+    def load(path: Path, row: dict[str, str]) -> MapAsset:
+        radiance = read_radiance(path)
+        mean = mean_luminance(radiance)
+        if not DARKEST <= mean < np.inf:
+            raise InvalidEnvironment(
+                f"{path.name}: expected light, got a map of mean luminance {mean:.2g}; save it again"
+            )
+        return MapAsset(
+            name=path.stem,
+            id=file_id(path),
+            licence=row["licence"],
+            indoor=row.get("category", "") in ("indoor", "studio"),
+            radiance=normalize_map(_fit(radiance)),
+            lifted=row.get("lifted", "0") == "1",
+        )
+
+    return _load(Path(folder), MAP_SUFFIXES, STRANGE_MAPS, load, commercial_only, report)
+
+
+def load_shapes(folder: Path, *, commercial_only: bool = False, report: Report | None = None) -> list[ShapeAsset]:
+    """Every mesh of a folder; arguments and errors as of load_maps."""
+
+    def load(path: Path, row: dict[str, str]) -> ShapeAsset:
+        return ShapeAsset(name=path.stem, id=file_id(path), licence=row["licence"], mesh=read_mesh(path))
+
+    return _load(Path(folder), MESH_SUFFIXES, STRANGE_MESHES, load, commercial_only, report)
+
+
+def normalize_map(radiance: np.ndarray) -> np.ndarray:
+    """Scale a map to mean luminance 1 over the sphere; maps have no scale of their own."""
+    return np.asarray(radiance / max(mean_luminance(radiance), DARKEST), dtype=np.float32)
+
+
+def mean_luminance(radiance: np.ndarray) -> float:
+    """Mean over the sphere; infinite where float32 overflows."""
+    weights = pixel_solid_angles(radiance.shape[0])
+    with np.errstate(over="ignore"):
+        return (luminance(radiance) * weights).sum() / (4 * np.pi)
+
+
+def _fit(radiance: np.ndarray) -> np.ndarray:
+    """Bring a map to MAP_ROWS rows; a height that is no multiple of it is interpolated up to one first."""
+    height = radiance.shape[0]
+    multiple = -(-height // MAP_ROWS) * MAP_ROWS
+    if multiple != height:
+        v, u = ((np.arange(n, dtype=np.float32) + 0.5) / n for n in (multiple, 2 * multiple))
+        bands = [np.stack(np.meshgrid(u, rows), axis=-1) for rows in np.split(v, MAP_ROWS // 8)]
+        radiance = np.concatenate([bilinear(radiance, uv) for uv in bands])
+    return shrink(radiance, MAP_ROWS)
+
+
+def _load(
+    folder: Path,
+    suffixes: tuple[str, ...],
+    strange: tuple[str, ...],
+    load: Callable[[Path, dict[str, str]], Asset],
+    commercial_only: bool,
+    report: Report | None,
+) -> list[Asset]:
+    """Load what can be used, report the rest."""
+    assets: list[Asset] = []
+    bad = refused = 0
+    expected = "/".join(suffixes)
+    for path, row in listed_rows(folder, suffixes, strange):
+        try:
+            if path.suffix.lower() in strange:
+                raise InputError(f"{path.name}: expected {expected}, got {path.suffix}; convert it or take it away")
+            if commercial_only and not allows_commercial_use(row["licence"]):
+                refused += 1
+                continue
+            if not path.exists():
+                raise InputError(f"{path.name}: expected in {folder} by its manifest.csv, found none; fetch it again")
+            assets.append(load(path, row))
+        except InputError as error:
+            if report is None:
+                raise
+            report(" ".join(str(error).splitlines()))
+            bad += 1
+    if bad and not assets:
+        raise InputError(
+            f"{folder}: expected {expected} files that can be used, got {bad} that cannot; see the lines above"
+        )
+    if refused and report is not None:
+        report(
+            f"{folder}: {refused} files left out, their licence does not allow commercial use "
+            "or is not stated in manifest.csv"
+        )
+    return assets
+
+
+def listed_rows(
+    folder: Path, suffixes: tuple[str, ...], strange: tuple[str, ...]
+) -> Iterator[tuple[Path, dict[str, str]]]:
+    """Each file of the folder with its row of the manifest (the folder's own or its parent's)."""
+    if not folder.is_dir():
+        raise InputError(f"{folder}: expected a folder of {'/'.join(suffixes)} files, found none; check the path")
+    files = {path.name for path in visible_files(folder, suffixes + strange)}
+    place = folder.resolve()
+    rows: dict[str, dict[str, str]] = {}
+    for home in (place, place.parent):
+        for row in read_table(home / "manifest.csv")[1]:
+            listed = Path(row["file"])
+            folders = (row.get("split", ""), listed.parent.name if home != place else "")
+            if any(name not in ("", place.name) for name in folders):
+                continue
+            ours = home == place or place.name in folders  # a parent's row without either may be anybody's
+            if listed.name in files or (ours and listed.name):
+                rows.setdefault(listed.name, row)
+    if not files | set(rows):
+        raise InputError(f"{folder}: expected {'/'.join(suffixes)} files, found none; check the path")
+    for name in sorted(files | set(rows)):
+        yield folder / name, {"licence": "not stated"} | rows.get(name, {})
+
+
+Row = dict[str, str]
+
+
+def read_table(path: Path) -> tuple[list[str], list[Row]]:
+    """Columns and rows of a manifest.csv, none if there is none; a short row's missing fields are empty.
+
+    Raises:
+        InputError: no table in UTF-8 with the column file.
+    """
+    if not path.is_file():
+        return [], []
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:  # spreadsheets put a mark before
+            reader = csv.DictReader(stream)
+            rows = [{key: value or "" for key, value in row.items() if key} for row in reader]
+            columns = [name for name in reader.fieldnames or [] if name]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: expected a table in UTF-8, got a damaged file ({error}); repair it") from error
+    if "file" not in columns:
+        raise InputError(f"{path}: expected a table with the column file; move it away")
+    return columns, rows

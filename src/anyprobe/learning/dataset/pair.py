@@ -1,0 +1,304 @@
+"""What a recipe renders to, point by point in perspective: a photo with its targets (Pair), or a map alone (MapPair).
+
+Nothing here is a lookup in a reflectance map, as the pairs made on the fly for training
+are: every visible point is shaded by itself, in NumPy, so that bytes do not depend on a compiler.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.core.frames import rotation_y, world_from_camera
+from anyprobe.core.latlong import bilinear, direction_to_uv
+from anyprobe.core.response import MEAN_CURVE, response
+from anyprobe.core.sampling import hammersley
+from anyprobe.errors import InputError, InvalidMesh
+from anyprobe.learning.dataset import distributions
+from anyprobe.learning.dataset.asset_store import AssetStore
+from anyprobe.learning.dataset.camera import Shot, as_planes, draw_shot, exposure_for_clipping
+from anyprobe.learning.dataset.distributions import SPECULAR_BELOW, draw_alpha, draw_material
+from anyprobe.learning.dataset.photograph import LitObjects, photograph
+from anyprobe.learning.dataset.recipe import EXPOSURES, VIEWPOINTS, WORLD, Recipe
+from anyprobe.learning.dataset.textured import draw_factor, draw_share, factor_at, paint
+from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
+from anyprobe.light.octahedral import Pyramid
+from anyprobe.render.integrate import Shading, shade
+from anyprobe.render.mesh import Mesh
+from anyprobe.render.surface import Camera, Surface, frame_object, pixel_rays, see
+from anyprobe.scatter.materials import Material
+
+Trace = Callable[[Mesh, Camera, np.ndarray, Material], np.ndarray]
+"""A mesh, a camera, the map [H, 2H, 3] in the mesh's world and a material, its albedo [3] or [F, 3, 3] at the corners
+of the faces, to linear RGB (and more) [S, S, 3+]."""
+
+NUM_SAMPLES = 64
+LN_RANGE = (-7.0, 9.0)
+"""Bounds of ln radiance in targets: 0.001 to 8000 of the photo's white."""
+
+LINE = 2.2**2 / 128
+"""Area of a line one pixel wide across a photo of 128, which shows 2.2 of the unit sphere's world at most."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Pair:
+    """An object's photo and its light.
+
+    photo [S, S, 4] uint8: display RGB, zero outside the mask, and the mask as the user gives it.
+    irradiance [S, S, 3] uint8: display values through the mean curve, zero off the object.
+    radiance [64, 128, 3]: the map in the camera's frame and the photo's exposure units.
+    map_from_camera [3, 3]; gain [3]: from the stored map to radiance above.
+    tan_half: tangent of half the angle that the photo's side takes in.
+    normals [S, S, 3]: in the camera's frame, zero off the object; only for methods that are given normals.
+    material: of the object, or of the larger part of one of two, under its texture if it has any.
+    """
+
+    recipe: Recipe
+    photo: np.ndarray
+    irradiance: np.ndarray
+    radiance: np.ndarray
+    map_from_camera: np.ndarray
+    gain: np.ndarray
+    tan_half: float
+    normals: np.ndarray
+    material: Material
+    map_name: str
+    shape_name: str
+    indoor: bool
+
+    @property
+    def specular(self) -> bool:
+        """The paper's border: alpha below 0.5."""
+        return self.material.alpha < SPECULAR_BELOW
+
+    @property
+    def crop(self) -> np.ndarray:
+        """What the networks read, [S, S, 4] float32: display RGB times mask, and mask."""
+        return self.photo.astype(np.float32) / 255.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MapPair:
+    """ldr [64, 128, 3] uint8 and ln_radiance [64, 128, 3] float16: what the paper's HDR network learns from (Sect.
+    3.4) and ours of `hdr_curves`; those of other runs learn from the maps of photos' pairs."""
+
+    recipe: Recipe
+    ldr: np.ndarray
+    ln_radiance: np.ndarray
+    map_from_camera: np.ndarray
+    gain: np.ndarray
+    map_name: str
+    indoor: bool
+
+
+def fibonacci_viewpoint(index: int) -> tuple[float, float]:
+    """Yaw and elevation [radians] of one of VIEWPOINTS points spread evenly over the upper hemisphere."""
+    return float(index * np.pi * (3.0 - np.sqrt(5.0))), float(np.arcsin((index + 0.5) / VIEWPOINTS))
+
+
+def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, textured: bool = False) -> Pair:
+    """The pair of an "object" recipe; raises InputError if the store lacks its map or shape, or it is not visible.
+
+    trace: makes the photo in the place of our shading; the irradiance stays what no shadow falls on. Under WORLD
+        conditions, painted objects get a mild texture by it, which our shading leaves out.
+    textured: the same object not quite uniform: a third with a mild texture, a third of two materials, a third both
+        (dataset.textured). Irradiance and map know of it by the photo's exposure alone. Not with trace, which is
+        given one material.
+    """
+    if textured and trace is not None:
+        raise InputError("textured: expected objects shaded here, got another renderer; leave one of the two out")
+    asset, shape, rng = store.map(recipe.map_id), store.shape(recipe.shape_id), recipe.rng()
+    drawn = _draw(recipe, rng)
+    material = drawn.material
+    camera, surface = _look(shape.mesh, drawn, shape.name)
+    # the map turns about the shape, so that shape and light are not tied together
+    map_from_camera = rotation_y(drawn.map_yaw) @ camera.world_from_camera
+    pyramid = store.pyramid(recipe.map_id)
+    shading = shade_surface(pyramid, surface, map_from_camera, material.alpha)
+    normals = np.zeros((*surface.mask.shape, 3), np.float32)
+    normals[surface.mask] = surface.normals
+    reflected = shading.radiance(material)
+    if textured:
+        relit = partial(shade_surface, pyramid, surface, map_from_camera)
+        reflected = _textured_radiance(material, shading, relit, normals, rng.spawn(1)[0])
+    if trace is not None:
+        map_from_world = map_from_camera @ camera.world_from_camera.T
+        surroundings = rotate(asset.radiance, map_from_world.T)
+        coat = _painted(material, shape.mesh, rng.spawn(1)[0]) if is_painted(recipe) else material
+        reflected = trace(shape.mesh, camera, surroundings, coat)[surface.mask][:, :3]
+    light = shrink(rotate(asset.radiance, map_from_camera.T), MAP_HEIGHT)
+    picture = np.zeros((*surface.mask.shape, 3), reflected.dtype)
+    picture[surface.mask] = reflected
+    lit = LitObjects(
+        radiance=np.ascontiguousarray(np.moveaxis(picture, -1, 0)[None]),
+        mask=surface.mask[None, None],
+        on_object=[float(luminance(reflected).mean())],
+        brightness=luminance(light)[None],
+        maps=lambda _: light,
+        by_phone=[recipe.conditions == WORLD],
+    )
+
+    def behind(gain: list[float]) -> np.ndarray | None:
+        if not recipe.conditions:
+            return None
+        away = -pixel_rays(camera.tan_half, camera.size) @ map_from_camera.T.astype(np.float32)
+        return as_planes(np.asarray(bilinear(asset.radiance, direction_to_uv(away)) * gain[0]))
+
+    taken = photograph(
+        [drawn.shot],
+        lit,
+        rng,
+        behind=behind,
+        grain=lambda: as_planes(rng.standard_normal(tuple(normals.shape), np.float32)),
+        flawed=recipe.conditions > 0,
+    )
+    (shot,), (gain,), (mask,) = taken.shots, taken.gain, taken.mask
+    irradiance = np.zeros(normals.shape, np.uint8)
+    gains = np.asarray(gain * shot.white_balance, np.float32)
+    irradiance[surface.mask] = np.round(response(shading.irradiance * gains, MEAN_CURVE) * 255.0)
+    return Pair(
+        recipe=recipe,
+        photo=np.dstack([np.moveaxis(taken.photo[0], 0, -1), mask * 255]).astype(np.uint8, order="C"),
+        irradiance=irradiance,
+        radiance=np.asarray(light * gains, np.float32),
+        map_from_camera=map_from_camera,
+        gain=gains,
+        tan_half=camera.tan_half,
+        normals=normals,
+        material=material,
+        map_name=asset.name,
+        shape_name=shape.name,
+        indoor=asset.indoor,
+    )
+
+
+def is_painted(recipe: Recipe) -> bool:
+    """Whether an object's recipe is of the kind painted of the world's priors."""
+    return recipe.conditions == WORLD and distributions.KINDS[recipe.material % 4] == "painted"
+
+
+def _painted(material: Material, mesh: Mesh, rng: np.random.Generator) -> Material:
+    """Under a mild texture that lies on the mesh: albedo [F, 3, 3], at the corners of the faces."""
+    corners = mesh.positions[mesh.faces].reshape(-1, 3).astype(np.float32)
+    factor = factor_at(corners, mesh.normals.reshape(-1, 3).astype(np.float32), rng)
+    return replace(paint(material, factor.reshape(-1, 3, 3)), f0=material.f0)
+
+
+def _textured_radiance(
+    material: Material,
+    shading: Shading,
+    shade_again: Callable[[float], Shading],
+    normals: np.ndarray,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Radiance [P, 3] of an object that is not quite uniform.
+
+    Args:
+        shading: the P pixels of the object, with the first material's alpha; shade_again: with another.
+        normals: [S, S, 3], zero off the object.
+    """
+    mask, kind = normals.any(axis=-1), rng.integers(3)
+    if kind != 1:
+        material = paint(material, draw_factor(normals, rng)[mask])
+    radiance = shading.radiance(material)
+    if kind == 0:
+        return radiance
+    second, share = draw_material(rng, draw_alpha(rng)), draw_share(normals, rng)[mask][:, None]
+    return (1 - share) * radiance + share * shade_again(second.alpha).radiance(second)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Drawn:
+    """What a recipe leaves to chance but for noise and mask errors."""
+
+    world_from_camera: np.ndarray
+    fov_deg: float
+    material: Material
+    map_yaw: float
+    shot: Shot
+
+
+def _draw(recipe: Recipe, rng: np.random.Generator) -> _Drawn:
+    """In the order that makes a recipe's bytes."""
+    yaw, elevation = fibonacci_viewpoint(recipe.view)
+    turned = world_from_camera(yaw + rng.uniform(0, 2 * np.pi), elevation)
+    fov_deg = rng.uniform(10.0, 45.0)
+    if recipe.conditions == WORLD:
+        kind, brighter = recipe.material % 4, recipe.material // 4
+        alpha = float(distributions.draw_alphas(rng, np.array([kind]))[0])
+        material = distributions.draw_one(rng, kind, alpha, (brighter + rng.random()) / 2)
+    else:
+        alpha = draw_alpha(rng, recipe.material % 2 == 0)
+        material = draw_material(rng, alpha, bool(recipe.material // 2 % 2))
+    map_yaw = rng.uniform(0, 2 * np.pi)
+    shot = draw_shot(rng, min(recipe.conditions, 1))
+    return _Drawn(world_from_camera=turned, fov_deg=fov_deg, material=material, map_yaw=map_yaw, shot=shot)
+
+
+def shot_of(recipe: Recipe) -> Shot:
+    """How the photo of an "object" recipe is taken, without taking it; under WORLD but for its metering and white."""
+    return _draw(recipe, recipe.rng()).shot
+
+
+def _look(mesh: Mesh, drawn: _Drawn, name: str) -> tuple[Camera, Surface]:
+    """The camera of a pair and what it sees of the shape; from quarter turns aside where that is nothing, as of cards
+    seen edge on."""
+    turned = drawn.world_from_camera
+    for _ in range(4):
+        camera = frame_object(mesh, turned, fov_deg=drawn.fov_deg)
+        surface = see(mesh, camera)
+        if surface.mask.any():
+            return camera, surface
+        turned = rotation_y(np.pi / 2) @ turned
+    raise InvalidMesh(
+        f"{name}: expected a shape that {camera.size} pixels can show, got one too thin from all sides; leave it out"
+    )
+
+
+def is_too_thin(mesh: Mesh) -> bool:
+    """Whether photos show next to nothing of a shape: a line at most, see LINE.
+
+    From all sides a shape covers in the mean no more than a quarter of its surface (Cauchy).
+    """
+    corners = mesh.positions[mesh.faces]
+    edges = corners[:, 1:] - corners[:, :1]
+    surface = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1).sum() / 2
+    return bool(surface / 4 < LINE)
+
+
+def render_map_pair(recipe: Recipe, store: AssetStore) -> MapPair:
+    """The pair of a "map" recipe (Sect. 3.5): a view of a map through a camera of random curve.
+
+    The exposure that clips 5 to 15 % of the sphere, as in hdrcnn, times 0.5 to 2.0, the
+    recipe's exposure number being the fifth of that range (in stops) it lies in.
+    """
+    asset, rng = store.map(recipe.map_id), recipe.rng()
+    yaw, elevation = fibonacci_viewpoint(recipe.view)
+    map_from_camera = world_from_camera(yaw + rng.uniform(0, 2 * np.pi), elevation)
+    light = shrink(rotate(asset.radiance, map_from_camera.T), MAP_HEIGHT)
+    shot = draw_shot(rng, recipe.conditions)
+    gain = exposure_for_clipping(luminance(light), rng.uniform(0.05, 0.15))
+    gain *= 0.5 * 4.0 ** ((recipe.material + rng.random()) / EXPOSURES)
+    gains = np.asarray(gain * shot.white_balance, np.float32)
+    return MapPair(
+        recipe=recipe,
+        ldr=np.round(response(light * gains, shot.curve) * 255.0).astype(np.uint8),
+        ln_radiance=np.log(np.clip(light * gains, 1e-6, None)).clip(*LN_RANGE).astype(np.float16),
+        map_from_camera=map_from_camera,
+        gain=gains,
+        map_name=asset.name,
+        indoor=asset.indoor,
+    )
+
+
+def shade_surface(
+    pyramid: Pyramid, surface: Surface, map_from_camera: np.ndarray, alpha: float, num_samples: int = NUM_SAMPLES
+) -> Shading:
+    """Shade every visible point under a map whose frame is map_from_camera away."""
+    turn = map_from_camera.T.astype(np.float32)
+    u = hammersley(num_samples)
+    return shade(pyramid, surface.normals @ turn, surface.wo @ turn, float(alpha), u)

@@ -1,0 +1,272 @@
+"""The twenty bytes that a pair is rendered from, and which recipes a dataset or a test set has, in a fixed order."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import gcd
+from pathlib import Path
+
+import numpy as np
+
+from anyprobe.errors import InputError
+from anyprobe.learning.dataset.asset_store import AssetStore
+
+RECIPE_VERSION = 2
+"""Raised whenever the same fields would give another pair."""
+DRAWS = 1
+"""Raised whenever other scenes would be drawn; a better renderer alone shows the same ones anew."""
+
+KINDS = ("object", "map")
+NO_SHAPE = "00000000"
+VIEWPOINTS = 23
+"""Camera positions on the upper hemisphere, as in the paper's Sect. 3.5."""
+MATERIAL_CHOICES = 8
+EXPOSURES = 5
+WORLD = 2
+"""Conditions of photos with dataset.distributions, flawed as the world gives them."""
+
+_LAYOUT = struct.Struct(">BB4s4sBBQ")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Recipe:
+    """What one pair is made of; the same recipe gives the same pair bit for bit on the CPU.
+
+    kind: "object" for photo and irradiance, "map" for an LDR map and its ln radiance.
+    map_id, shape_id: 8 hexadecimal digits, the assets' ids in an AssetStore.
+    material: for objects 0 to 7: bit 0 diffuse rather than specular, bit 1 metal, bit 2 a
+        second draw of the two, or under WORLD bits 0 and 1 the kind of distributions.KINDS, bit 2 the
+        brighter half of that kind; for maps the exposure's number, 0 to 4.
+    view: Fibonacci viewpoint, 0 to 22.
+    conditions: 0 for the paper's clean photos, 1 for photos as the world gives them, WORLD (objects
+        alone) for these with the world's materials, metering and white balance.
+    seed: all else is drawn from it and from the fields above.
+    """
+
+    kind: str
+    map_id: str
+    shape_id: str = NO_SHAPE
+    material: int
+    view: int
+    conditions: int = 0
+    seed: int
+
+    def to_bytes(self) -> bytes:
+        """Version, kind and conditions, map, shape, material, view, seed; big-endian."""
+        return _LAYOUT.pack(
+            RECIPE_VERSION,
+            2 * KINDS.index(self.kind) + (4 if self.conditions == WORLD else self.conditions),
+            bytes.fromhex(self.map_id),
+            bytes.fromhex(self.shape_id),
+            self.material,
+            self.view,
+            self.seed,
+        )
+
+    def to_hex(self) -> str:
+        """40 hexadecimal digits."""
+        return self.to_bytes().hex()
+
+    @classmethod
+    def from_hex(cls, text: str) -> Recipe:
+        """Inverse of to_hex; raises InputError on anything else."""
+        try:
+            version, flags, map_id, shape_id, material, view, seed = _LAYOUT.unpack(bytes.fromhex(text))
+        except (ValueError, struct.error) as error:
+            raise InputError(
+                f"recipe {text[:48]!r}: expected {2 * _LAYOUT.size} hexadecimal digits, got {len(text)} characters"
+            ) from error
+        if version != RECIPE_VERSION:
+            raise InputError(
+                f"recipe {text}: expected version {RECIPE_VERSION}, got {version}; use the release that wrote it"
+            )
+        kind = flags // 2 % 2
+        count = EXPOSURES if kind else MATERIAL_CHOICES
+        if flags > 4 or material >= count or view >= VIEWPOINTS:
+            raise InputError(
+                f"recipe {text}: expected kind < 2, material < {count}, view < {VIEWPOINTS}, "
+                f"got {kind if flags < 5 else flags // 2}, {material}, {view}"
+            )
+        return cls(
+            kind=KINDS[kind],
+            map_id=map_id.hex(),
+            shape_id=shape_id.hex(),
+            material=material,
+            view=view,
+            conditions=WORLD if flags == 4 else flags % 2,
+            seed=seed,
+        )
+
+    @property
+    def key(self) -> str:
+        """The pair's name: 16 hexadecimal digits of the bytes' SHA-256."""
+        return hashlib.sha256(self.to_bytes()).hexdigest()[:16]
+
+    def rng(self) -> np.random.Generator:
+        """A fresh stream of random numbers that depends on every field."""
+        drawn_from = bytes([DRAWS]) + self.to_bytes()[1:]
+        return np.random.default_rng(np.frombuffer(hashlib.sha256(drawn_from).digest(), np.uint32))
+
+
+def digest(recipes: list[Recipe]) -> str:
+    """The identity of a whole set: SHA-256 over the recipes in order, 16 digits."""
+    return hashlib.sha256(b"".join(recipe.to_bytes() for recipe in recipes)).hexdigest()[:16]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Plan:
+    """Every combination of maps, shapes, materials and views once, well mixed.
+
+    The first N recipes are a fair sample: specular and diffuse alternate, and the rest
+    walks through all combinations in steps near the golden section of their number.
+    """
+
+    kind: str
+    map_ids: tuple[str, ...]
+    shape_ids: tuple[str, ...]
+    conditions: int
+    seed: int
+
+    @property
+    def count(self) -> int:
+        """The paper's: shapes x maps x 8 materials x 23 views, or maps x 23 views x 5 exposures."""
+        if self.kind == "map":
+            return len(self.map_ids) * VIEWPOINTS * EXPOSURES
+        return len(self.shape_ids) * len(self.map_ids) * MATERIAL_CHOICES * VIEWPOINTS
+
+    def recipe(self, index: int) -> Recipe:
+        """Recipe number index, 0 to count - 1."""
+        if not 0 <= index < self.count:
+            raise IndexError(f"expected an index below {self.count}, got {index}")
+        radices = (len(self.map_ids), VIEWPOINTS)
+        shape_id = NO_SHAPE
+        if self.kind == "map":
+            place, view, material = _digits(_shuffled(index, self.count, self.seed), (*radices, EXPOSURES))
+        else:
+            half = _shuffled(index // 2, self.count // 2, self.seed)
+            place, view, shape, material = _digits(half, (*radices, len(self.shape_ids), MATERIAL_CHOICES // 2))
+            shape_id, material = self.shape_ids[shape], 2 * material + index % 2
+        return Recipe(
+            kind=self.kind,
+            map_id=self.map_ids[place],
+            shape_id=shape_id,
+            material=material,
+            view=view,
+            conditions=self.conditions,
+            seed=_seed(self.seed, index),
+        )
+
+
+def full_plan(store: AssetStore, kind: str = "object", conditions: int = 0, seed: int = 2020) -> Plan:
+    """The whole dataset over a stock."""
+    if not store.maps or (kind == "object" and not store.shapes):
+        raise InputError(
+            f"dataset: expected at least one map and one shape, got {len(store.maps)} and {len(store.shapes)}"
+        )
+    return Plan(
+        kind=kind,
+        map_ids=tuple(sorted(store.maps)),
+        shape_ids=tuple(sorted(store.shapes)),
+        conditions=conditions,
+        seed=seed,
+    )
+
+
+def balanced_recipes(store: AssetStore, count: int, seed: int = 2020, conditions: int = 0) -> list[Recipe]:
+    """A test set: in turn specular/diffuse, indoor/outdoor, every shape alike; the rest at random.
+
+    Only one kind of place if the maps have no other.
+    """
+
+    def material(k: int, rng: np.random.Generator) -> int:
+        return k % 2 + 2 * int(rng.random() < 0.4) + 4 * int(rng.integers(2))
+
+    return _test_set(store, count, seed, conditions, 2, lambda k: k // 4, material)
+
+
+def world_recipes(store: AssetStore, count: int, seed: int) -> list[Recipe]:
+    """A test set under the world's distributions: in turn their KINDS, the darker and the brighter half of
+    each, indoor/outdoor, every shape alike; the rest at random."""
+    return _test_set(
+        store,
+        count,
+        seed,
+        WORLD,
+        MATERIAL_CHOICES,
+        lambda k: k // (2 * MATERIAL_CHOICES) + k,
+        lambda k, rng: k % MATERIAL_CHOICES,
+    )
+
+
+def _test_set(
+    store: AssetStore,
+    count: int,
+    seed: int,
+    conditions: int,
+    run: int,
+    shape: Callable[[int], int],
+    material: Callable[[int, np.random.Generator], int],
+) -> list[Recipe]:
+    """Recipes 0 to count - 1: of shape number shape(k), of material(k, rng), `run` of one kind of place in turn."""
+    if not store.maps or not store.shapes:
+        raise InputError(
+            f"test set: expected at least one map and one shape, got {len(store.maps)} and {len(store.shapes)}"
+        )
+    ids, shapes = sorted(store.maps), sorted(store.shapes)
+    by_place = {place: [i for i in ids if store.maps[i].indoor == place] or ids for place in (True, False)}
+    recipes = []
+    for k in range(count):
+        rng = np.random.default_rng((seed, k))
+        places = by_place[bool(k // run % 2)]
+        recipes.append(
+            Recipe(
+                kind="object",
+                map_id=places[rng.integers(len(places))],
+                shape_id=shapes[shape(k) % len(shapes)],
+                material=material(k, rng),
+                view=int(rng.integers(VIEWPOINTS)),
+                conditions=conditions,
+                seed=_seed(seed, k),
+            )
+        )
+    return recipes
+
+
+def _seed(seed: int, index: int) -> int:
+    return int.from_bytes(hashlib.sha256(f"{seed} {index}".encode()).digest()[:8], "big")
+
+
+def _shuffled(index: int, count: int, seed: int) -> int:
+    """A permutation of range(count): steps coprime with count, near its golden section."""
+    step = max(1, int(count * 0.6180339887))
+    while gcd(step, count) != 1:
+        step += 1
+    return (index * step + seed) % count
+
+
+def _digits(value: int, radices: tuple[int, ...]) -> list[int]:
+    """Mixed-radix digits of value, most significant first."""
+    digits = []
+    for radix in reversed(radices):
+        value, digit = divmod(value, radix)
+        digits.append(digit)
+    return digits[::-1]
+
+
+def read_recipes(path: str | os.PathLike[str]) -> list[Recipe]:
+    """One recipe a line, the first line `# <digest>`; raises InputError if the digest is another."""
+    try:
+        lines = Path(path).read_text(encoding="ascii").split("\n")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: expected a text file of recipes, one a line, got none readable") from error
+    recipes = [Recipe.from_hex(line.strip()) for line in lines[1:] if line.strip()]
+    if lines[0] != f"# {digest(recipes)}":
+        raise InputError(
+            f"{path}: expected the first line '# {digest(recipes)}', got {lines[0][:40]!r}; "
+            "the list was edited or cut short"
+        )
+    return recipes

@@ -1,0 +1,367 @@
+"""A rendered dataset: dataset.json, its shards, and rendering those that are missing."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from anyprobe import __version__
+from anyprobe.errors import InputError, OutputError
+from anyprobe.files.atomic import held
+from anyprobe.learning.dataset import shards
+from anyprobe.learning.dataset.asset_store import PROCEDURAL_VERSION
+from anyprobe.learning.dataset.process_pools import run_local
+from anyprobe.learning.dataset.recipe import RECIPE_VERSION
+from anyprobe.learning.dataset.samples import CONDITIONS, FORMATS, StoreRenderer, decode_part, same
+
+
+def render_again(job: RenderJob, task: tuple[int, tuple[int, ...]], report: Callable[[int], None]) -> str:
+    """What differs when some pairs of a shard (by number in the dataset) are rendered anew; empty if nothing."""
+    shard, numbers = task
+    renderer = _renderer(job)
+    stored = dict(shards.read_samples(shards.tar_path(job.folder, shard)))
+    for count, number in enumerate(numbers, 1):
+        sample = renderer.sample(renderer.recipe(number))
+        if sample.key not in stored:
+            return f"pair {number} ({sample.key}) is not in it"
+        for name, data in sample.parts.items():
+            old = stored[sample.key].get(name, b"")
+            if not same(name, old, data):
+                return f"{sample.key}.{name} differs when rendered again{_first_difference(name, old, data)}"
+        report(count)
+    return ""
+
+
+def _first_difference(name: str, old: bytes, new: bytes) -> str:
+    if name != "json":
+        return ""
+    a, b = decode_part(name, old), decode_part(name, new)
+    keys = [key for key in {**a, **b} if a.get(key) != b.get(key)]
+    return f" ({', '.join(keys[:3])})"
+
+
+def differing_pairs(
+    folder: Path,
+    data: Path | None,
+    make: Make,
+    among: Sequence[int],
+    count: int,
+    *,
+    workers: int,
+    say: Callable[[str], None],
+) -> dict[int, str]:
+    """What differs, by shard, when `count` random pairs of some shards are rendered again."""
+    job = _job(folder, data, make)
+    tasks = choose_pairs(job.plan, among, count)
+    results = run_local(partial(render_again, job), tasks, lambda task, n: None, workers=workers, say=say)
+    return {shard: wrong for (shard, _), wrong in results.items() if wrong}
+
+
+def choose_pairs(plan: Mapping, among: Sequence[int], count: int) -> list[tuple[int, tuple[int, ...]]]:
+    """So many pairs of some shards by lot, or all if they are fewer: (shard, numbers of its pairs)."""
+    numbers = [number for shard in among for number in shard_range(plan, shard)]
+    chosen = sorted(np.random.default_rng().permutation(numbers)[:count].tolist())
+    return [(shard, tuple(group)) for shard, group in groupby(chosen, lambda number: number // plan["shard_size"])]
+
+
+NAME = "dataset.json"
+SETTINGS: dict[str, Any] = {
+    "kind": "object",
+    "split": "train",
+    "conditions": "clean",
+    "seed": 2020,
+    "pairs": None,
+    "shard_size": 500,
+    "procedural_maps": 0,
+    "procedural_shapes": 0,
+    "commercial_only": False,
+}
+"""What a dataset is made by, and what stands for what is not given; pairs None means all."""
+
+WORDS = {"kind": ("object", "map"), "split": ("train", "test"), "conditions": CONDITIONS}
+"""What the settings that are words may be."""
+
+PROCEDURAL = 32
+"""Maps and shapes of our own when no folder of assets is given."""
+
+BYTES_PER_PAIR = {"object": 45_000, "map": 60_000}
+"""Expected until a shard has shown it."""
+
+Make = Callable[..., StoreRenderer]
+"""make(settings, data) opens the renderer; importable by name, as workers call it too."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RenderJob:
+    """One dataset: where it lies, how it is made and from which folder of assets."""
+
+    folder: Path
+    data: Path | None
+    make: Make
+
+    @property
+    def plan(self) -> dict:
+        """The content of dataset.json."""
+        return read_plan(self.folder)
+
+    def missing(self) -> list[int]:
+        """The shards that are not there yet, or not of the size their index says."""
+        return [shard for shard in range(num_shards(self.plan)) if not shards.is_done(self.folder, shard)]
+
+
+def _job(folder: Path, data: Path | None, make: Make) -> RenderJob:
+    data = None if data is None else Path(os.path.abspath(data))
+    return RenderJob(folder=Path(os.path.abspath(folder)), data=data, make=make)
+
+
+@lru_cache(maxsize=1)
+def _renderer(job: RenderJob) -> StoreRenderer:
+    """The renderer, opened once a process; InputError if its assets are not the dataset's."""
+    # what is left out of a folder of assets was said when the dataset was begun
+    return _open(job, job.plan, report=lambda line: None)
+
+
+def _open(job: RenderJob, plan: Mapping, **options) -> StoreRenderer:
+    """The renderer of a plan; InputError if it is not over the plan's assets."""
+    if job.data is None and plan["procedural_maps"] < len(plan["maps"]):
+        raise InputError("--data: expected the folder of assets that the dataset was begun with, got none")
+    renderer = job.make({name: plan[name] for name in SETTINGS}, job.data, **options)
+    _same_assets(job.folder, plan, renderer)
+    return renderer
+
+
+def num_shards(plan: Mapping) -> int:
+    """How many shards a plan has."""
+    return -(-plan["pairs"] // plan["shard_size"])
+
+
+def shard_range(plan: Mapping, shard: int) -> range:
+    """The recipe numbers of a shard."""
+    return range(shard * plan["shard_size"], min((shard + 1) * plan["shard_size"], plan["pairs"]))
+
+
+def read_plan(folder: Path) -> dict:
+    """dataset.json of a folder; InputError if there is none or it is not one."""
+    path = folder / NAME
+    try:
+        plan = json.loads(path.read_text(encoding="utf-8"))
+        if plan["format"] not in FORMATS:
+            raise InputError(f"{path}: expected format {FORMATS[-1]}, got {plan['format']}; use another version")
+        plan.setdefault("commercial_only", True)  # what it was before there was a choice
+        _check_plan(plan)
+    except FileNotFoundError as error:
+        raise InputError(f"{folder}: expected a rendered dataset, found no {NAME}; check the path") from error
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: expected the plan of a dataset, got damage ({error})") from error
+    return plan
+
+
+def _check_plan(plan: Mapping) -> None:
+    """ValueError, KeyError or TypeError where a plan lacks anything that is read of it later."""
+    for name, default in SETTINGS.items():
+        expected = int if default is None else type(default)
+        if type(plan[name]) is not expected or plan[name] not in WORDS.get(name, (plan[name],)):
+            raise ValueError(f"{name.replace('_', ' ')} {plan[name]!r}")
+    if min(plan["pairs"], plan["shard_size"]) < 1:
+        raise ValueError(f"{plan['pairs']} pairs, {plan['shard_size']} a shard")
+    for asset in (*plan["maps"], *plan["shapes"]):
+        if not {"id", "name"} <= set(asset):
+            raise ValueError(f"the asset {asset!r}")
+
+
+def begin(
+    folder: Path, given: Mapping[str, object], data: Path | None, make: Make, *, resume: bool, **options
+) -> RenderJob:
+    """Write dataset.json of a new dataset, or check that an old one can go on.
+
+    given: the settings the caller chose; others are the old dataset's, or as in SETTINGS.
+    options go to make in this process.
+
+    Raises:
+        InputError: something lies in the folder, or the dataset was made by other settings or assets.
+    """
+    job = _job(folder, data, make)
+    folder, data = job.folder, job.data
+    if resume:
+        old = read_plan(folder)
+        for name, value in given.items():
+            if old[name] != value:
+                raise InputError(
+                    f"{folder.name}: --resume expected {name.replace('_', ' ')} {old[name]}, as the dataset was "
+                    f"begun, got {value}; give the same or another folder"
+                )
+        check_versions(folder, old)
+        _open(job, old, **options)
+        return job
+    _refuse_occupied(folder)
+    own = {} if data is not None else {"procedural_maps": PROCEDURAL, "procedural_shapes": PROCEDURAL}
+    if given.get("kind") == "map":
+        own["procedural_shapes"] = 0
+    settings = {**SETTINGS, **own, **given}
+    renderer = make(settings, data, **options)
+    pairs = renderer.count if settings["pairs"] is None else settings["pairs"]
+    if not 1 <= pairs <= renderer.count:
+        raise InputError(
+            f"--pairs: expected 1 to {renderer.count}, as many as {len(renderer.maps)} maps and "
+            f"{len(renderer.shapes)} shapes give, got {pairs}"
+        )
+    plan = {**_versions(), **settings, "pairs": pairs, "maps": renderer.maps, "shapes": renderer.shapes}
+    # loading the assets took a while: another process may have begun a dataset here
+    shards.write_durably(folder / NAME, json.dumps(plan, indent=1) + "\n", new=True)
+    return job
+
+
+def _versions() -> dict[str, object]:
+    """Of whatever would make other pairs of the same settings."""
+    return {
+        "format": FORMATS[-1],
+        "anyprobe_version": __version__,
+        "recipe_version": RECIPE_VERSION,
+        "procedural_version": PROCEDURAL_VERSION,
+    }
+
+
+def check_versions(folder: Path, plan: Mapping) -> None:
+    """InputError if the dataset is of another release: of the same settings this one would make other pairs."""
+    for name, value in _versions().items():
+        if plan.get(name) != value:
+            raise InputError(
+                f"{folder}: expected {name.replace('_', ' ')} {plan.get(name)}, as the dataset was begun, "
+                f"got {value}; use that release, or another folder"
+            )
+
+
+def _same_assets(folder: Path, plan: Mapping, renderer: StoreRenderer) -> None:
+    for what, notes in (("map", renderer.maps), ("shape", renderer.shapes)):
+        names = {one["id"]: one["name"] for one in plan[f"{what}s"]}
+        got = {one["id"]: one["name"] for one in notes}
+        for key in sorted(names.keys() ^ got.keys()):
+            name = names.get(key) or got[key]
+            expected, came = (f"{what} {key} ({name})", "none") if key in names else (f"no {what} {key}", name)
+            raise InputError(
+                f"{folder.name}: expected {expected}, as the dataset was begun, got {came}; "
+                "give the same assets or another folder"
+            )
+
+
+def _refuse_occupied(folder: Path) -> None:
+    if not folder.exists():
+        return
+    if (folder / NAME).exists():
+        raise InputError(
+            f"{folder}: expected a new folder, got a dataset; go on with it by --resume, or choose another"
+        )
+    if not folder.is_dir():
+        raise InputError(f"{folder}: expected a new folder, got a file; choose another")
+    if any(path for path in folder.iterdir() if not shards.is_temporary(path)):
+        raise InputError(f"{folder}: expected a new or empty folder, got one with files; choose another")
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold a dataset against a second writer, until the block or the process ends."""
+    with held(folder / NAME, wait=False) as alone:
+        if not alone:
+            raise InputError(f"{folder.name}: expected one writer, but another process renders into it; wait for it")
+        yield
+
+
+def check_space(job: RenderJob, missing: Sequence[int]) -> int:
+    """Bytes that the missing shards will need, by those that are there; OutputError if they do not fit."""
+    plan = job.plan
+    done = [shard for shard in range(num_shards(plan)) if shard not in set(missing)][:20]
+    each = float(BYTES_PER_PAIR[plan["kind"]])
+    if done:
+        paths = [shards.tar_path(job.folder, shard) for shard in done]
+        each = sum(p.stat().st_size for p in paths) / sum(len(shard_range(plan, s)) for s in done)
+    needed = int(each * sum(len(shard_range(plan, shard)) for shard in missing))
+    free = shutil.disk_usage(job.folder).free
+    if needed > free:
+        raise OutputError(
+            f"{job.folder}: expected {needed / 1e9:.1f} GB of free space for {len(missing)} shards, "
+            f"got {free / 1e9:.1f}; free some, or ask for fewer --pairs in another folder"
+        )
+    return needed
+
+
+def render_shard(job: RenderJob, shard: int, report: Callable[[int], None]) -> None:
+    """Render one shard; report(n) after each pair. Any process on any machine may do this."""
+    renderer = _renderer(job)
+
+    def samples():
+        for count, index in enumerate(shard_range(job.plan, shard), 1):
+            yield renderer.sample(renderer.recipe(index))
+            report(count)
+
+    shards.write_shard(job.folder, shard, samples())
+
+
+def render_missing(job: RenderJob, engine: Callable, watch: Callable[[int, int], None]) -> None:
+    """Render what is missing with engine(work, tasks, watch): run_local or run_ray of process_pools.
+
+    watch(shard, pairs done in it) reports the progress.
+    """
+    with locked(job.folder):
+        shards.remove_temporaries(job.folder)
+        missing = job.missing()
+        check_space(job, missing)
+        try:
+            engine(partial(render_shard, job), missing, watch)
+        finally:
+            with suppress(OSError):
+                shards.remove_temporaries(job.folder)
+        left = job.missing()
+    if left:
+        raise OutputError(
+            f"{job.folder}: expected shard {left[0]} here after it was rendered, found none; "
+            "every machine must see the folder under this path"
+        )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Status:
+    """How far a dataset is."""
+
+    shards: int
+    shards_done: int
+    pairs: int
+    pairs_done: int
+    bytes: int
+    groups: dict[str, int]
+    missing: list[int]
+
+
+def job_status(folder: Path) -> Status:
+    """Count what is there, by the indices."""
+    plan, pairs, size = read_plan(folder), 0, 0
+    groups: Counter[str] = Counter()
+    missing: list[int] = []
+    for shard in range(num_shards(plan)):
+        if not shards.is_done(folder, shard):
+            missing.append(shard)
+            continue
+        index = shards.read_index(folder, shard)
+        groups.update(index.groups)
+        pairs, size = pairs + index.pairs, size + index.size
+    return Status(
+        shards=num_shards(plan),
+        shards_done=num_shards(plan) - len(missing),
+        pairs=plan["pairs"],
+        pairs_done=pairs,
+        bytes=size,
+        groups=dict(groups),
+        missing=missing,
+    )

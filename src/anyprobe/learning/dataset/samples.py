@@ -1,0 +1,189 @@
+"""A pair as named bytes, as stored in a shard, and its renderer."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from anyprobe.errors import InputError
+from anyprobe.learning.dataset.asset_store import load_asset_store
+from anyprobe.learning.dataset.pair import MapPair, Pair, is_too_thin, render_map_pair, render_pair
+from anyprobe.learning.dataset.recipe import Recipe, full_plan
+from anyprobe.pictures.images import png_bytes
+
+CONDITIONS = ("clean", "world")
+
+FORMATS = (1, 2)
+"""Formats of datasets that are read; the last is written. Objects of format 1 have no normals."""
+NORMALS = "normals.png"
+ARRAYS = {
+    "object": {
+        "photo.png": ((128, 128, 4), "uint8"),
+        "irradiance.png": ((128, 128, 3), "uint8"),
+        NORMALS: ((128, 128, 3), "uint8"),
+    },
+    "map": {"ldr.png": ((64, 128, 3), "uint8"), "ln_radiance.npy": ((64, 128, 3), "float16")},
+}
+"""By kind, the shape and type of each array of a sample; json stands beside them."""
+
+
+def arrays_of(kind: str, form: int) -> dict[str, tuple[tuple[int, ...], str]]:
+    """ARRAYS of a kind in a dataset of a format."""
+    return {name: what for name, what in ARRAYS[kind].items() if form > 1 or name != NORMALS}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Sample:
+    """A pair's name, its parts (photo.png and so on) in their order, and what it is counted under."""
+
+    key: str
+    parts: dict[str, bytes]
+    groups: tuple[str, ...] = ()
+
+
+_Report = Callable[[str], None] | None
+
+
+class StoreRenderer:
+    """Renders every combination of the assets of a folder, and of our own."""
+
+    def __init__(self, settings: Mapping, data: Path | None, report: _Report = None) -> None:
+        self.kind = settings["kind"]
+        self.store = load_asset_store(
+            data,
+            settings["split"],
+            commercial_only=settings["commercial_only"],
+            procedural_maps=settings["procedural_maps"],
+            procedural_shapes=settings["procedural_shapes"],
+            with_shapes=self.kind == "object",
+            report=report,
+        )
+        if self.kind == "object":
+            self._leave_out_lines(report)
+        conditions = CONDITIONS.index(settings["conditions"])
+        self.plan = full_plan(self.store, self.kind, conditions, settings["seed"])
+        self.count = self.plan.count
+        self.maps = _notes(self.store.maps)
+        self.shapes = _notes(self.store.shapes) if self.kind == "object" else []
+
+    def _leave_out_lines(self, report: _Report) -> None:
+        """Without the shapes that photos would not show."""
+        for shape in [one for one in self.store.shapes.values() if is_too_thin(one.mesh)]:
+            del self.store.shapes[shape.id]
+            if report is not None:
+                report(f"{shape.name}: expected a shape that photos show, got one thinner than a pixel; left out")
+
+    def recipe(self, index: int) -> Recipe:
+        """Recipe number index of the plan."""
+        return self.plan.recipe(index)
+
+    def sample(self, recipe: Recipe) -> Sample:
+        """Its pair."""
+        if recipe.kind == "object":
+            return encode_pair(render_pair(recipe, self.store))
+        return encode_map_pair(render_map_pair(recipe, self.store))
+
+
+def encode_pair(pair: Pair) -> Sample:
+    """photo.png (RGBA), irradiance.png, normals.png and json of an object's pair."""
+    fields = {
+        "shape_id": pair.recipe.shape_id,
+        "shape": pair.shape_name,
+        "specular": bool(pair.specular),
+        "alpha": float(pair.material.alpha),
+        "f0": _numbers(pair.material.f0),
+        "albedo": _numbers(pair.material.albedo),
+        "tan_half": float(pair.tan_half),
+    }
+    return Sample(
+        key=pair.recipe.key,
+        parts={
+            "photo.png": png_bytes(pair.photo),
+            "irradiance.png": png_bytes(pair.irradiance),
+            NORMALS: png_bytes(encode_normals(pair.normals)),
+            "json": _json(pair, fields),
+        },
+        groups=("specular" if pair.specular else "diffuse", _place(pair)),
+    )
+
+
+def encode_normals(normals: np.ndarray) -> np.ndarray:
+    """Unit normals [S, S, 3], zero off the object, to uint8: round(127 n) + 128, and 0 off the object."""
+    inside = normals.any(axis=-1, keepdims=True)
+    return np.where(inside, np.round(127.0 * normals) + 128.0, 0.0).astype(np.uint8)
+
+
+def decode_normals(image: np.ndarray) -> np.ndarray:
+    """Back to [S, S, 3] float32: unit to rounding of half a degree, zero off the object."""
+    inside = image.any(axis=-1, keepdims=True)
+    return np.where(inside, (image.astype(np.float32) - 128.0) / 127.0, 0.0).astype(np.float32)
+
+
+def encode_map_pair(pair: MapPair) -> Sample:
+    """ldr.png, ln_radiance.npy and json of a map's pair."""
+    array = io.BytesIO()
+    np.save(array, np.ascontiguousarray(pair.ln_radiance, np.float16))
+    return Sample(
+        key=pair.recipe.key,
+        parts={"ldr.png": png_bytes(pair.ldr), "ln_radiance.npy": array.getvalue(), "json": _json(pair, {})},
+        groups=(_place(pair),),
+    )
+
+
+def decode_part(name: str, data: bytes) -> Any:
+    """A part as it was before encoding, by the end of its name; InputError if it is none."""
+    try:
+        if name.endswith(".npy"):
+            return np.load(io.BytesIO(data), allow_pickle=False)
+        if name.endswith(".png"):
+            return np.asarray(Image.open(io.BytesIO(data), formats=["PNG"]))
+        return json.loads(data)
+    except (OSError, SyntaxError, ValueError, EOFError) as error:
+        what = " ".join(str(error).split())[:80] or type(error).__name__
+        raise InputError(f"{name}: expected a readable file, got damage ({what}); render it again") from error
+
+
+def same(name: str, first: bytes, second: bytes) -> bool:
+    """Whether two parts hold the same values bit for bit, however they were packed."""
+    if first == second:
+        return True
+    a, b = decode_part(name, first), decode_part(name, second)
+    if isinstance(a, dict) or isinstance(b, dict):
+        return a == b
+    return a.shape == b.shape and a.dtype == b.dtype and a.tobytes() == b.tobytes()
+
+
+def _json(pair: Pair | MapPair, more: dict) -> bytes:
+    recipe = pair.recipe
+    fields = {
+        "recipe": recipe.to_hex(),
+        "kind": recipe.kind,
+        "conditions": CONDITIONS[recipe.conditions],
+        "map_id": recipe.map_id,
+        "map": pair.map_name,
+        "indoor": bool(pair.indoor),
+        "view": recipe.view,
+        "map_from_camera": _numbers(pair.map_from_camera),
+        "gain": _numbers(pair.gain),
+    }
+    return json.dumps({**fields, **more}, allow_nan=False).encode()
+
+
+def _numbers(values) -> list[float]:
+    return np.asarray(values, np.float64).tolist()
+
+
+def _place(pair: Pair | MapPair) -> str:
+    return "indoor" if pair.indoor else "outdoor"
+
+
+def _notes(assets: Mapping) -> list[dict[str, str]]:
+    """What dataset.json says of maps or shapes."""
+    return [{"id": i, "name": assets[i].name, "licence": assets[i].licence} for i in sorted(assets)]

@@ -1,0 +1,84 @@
+"""What an object's light becomes where it hides part of its surroundings from itself (dataset.occlusion)."""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+
+from anyprobe.learning.dataset.occlusion import AZIMUTHS, RINGS, SIDE, cell_directions, cell_weights
+
+CELL_SHARPNESS = 25.0
+"""Sharpness of the spherical Gaussian as wide as a cell: a lobe is never taken for narrower."""
+
+
+def moved(hidden: torch.Tensor, old_from_new: torch.Tensor, offset: torch.Tensor) -> torch.Tensor:
+    """The cells [B, AZIMUTHS, S, S] of pictures whose points are moved, as in dataset.shape_augment.Reshaping.
+
+    Azimuths turn with the picture, to the nearest; that it is drawn out or gets deeper is left out.
+
+    Args:
+        old_from_new: [B, 2, 2], offset: [B, 2], in halves of the picture, x right, y up.
+    """
+    size = hidden.shape[-1]
+    across = (torch.arange(size, dtype=torch.float32) + 0.5) / size * 2 - 1
+    up, right = torch.meshgrid(-across, across, indexing="ij")
+    old = torch.einsum("bij,hwj->bhwi", old_from_new, torch.stack([right, up], dim=-1))
+    grid = (old + offset[:, None, None]) * old.new_tensor([1.0, -1.0])
+    there = F.grid_sample(hidden.float(), grid.to(hidden.device), mode="nearest", align_corners=False)
+    turn = torch.atan2(old_from_new[:, 0, 1] - old_from_new[:, 1, 0], old_from_new[:, 0, 0] + old_from_new[:, 1, 1])
+    steps = torch.round(turn * AZIMUTHS / (2 * torch.pi)).long().tolist()
+    return torch.stack([one.roll(k, dims=0) for one, k in zip(there, steps, strict=True)]).to(hidden.dtype)
+
+
+@torch.no_grad()
+def shade_hidden(
+    hidden: torch.Tensor,
+    normals: torch.Tensor,
+    wo: torch.Tensor,
+    alpha: torch.Tensor,
+    radiance: torch.Tensor,
+    glow: torch.Tensor,
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """What becomes of diffuse and of specular light where the object hides part of its surroundings.
+
+    Hidden cells show the object itself, as bright as it is in the mean.
+
+    Args:
+        hidden: [B, AZIMUTHS, SIDE, SIDE] uint8.
+        normals: [B, 3, S, S]; wo: [B, S, S, 3]; alpha: [B].
+        radiance: [B, H, 2H, 3], the maps in the camera's frame; glow: [B, 3], the object's own mean radiance.
+    Returns:
+        Factors [B, 3, S, S] of the diffuse and of the specular radiance.
+    """
+    count, size = len(normals), normals.shape[-1]
+    d = torch.from_numpy(cell_directions()).to(normals.device)
+    weights = torch.from_numpy(cell_weights(radiance.shape[1])).to(normals.device)
+    light = torch.einsum("cp,bpk->bck", weights, radiance.reshape(count, -1, 3))
+    factors = normals.new_ones(2, count, 3, SIDE, SIDE)
+    small = F.interpolate(normals, size=(SIDE, SIDE), mode="nearest").permute(0, 2, 3, 1)
+    eye = F.interpolate(wo.permute(0, 3, 1, 2), size=(SIDE, SIDE), mode="nearest").permute(0, 2, 3, 1)
+    bits = 1 << torch.arange(RINGS, device=normals.device, dtype=torch.uint8)
+    for one in range(count):
+        some = (hidden[one] != 0).any(dim=0) & (small[one].abs().sum(dim=-1) > 0)
+        if not some.any():
+            continue
+        n, toward = small[one][some], eye[one][some]
+        shown = (hidden[one][:, some].T[..., None] & bits == 0).reshape(len(n), -1).float()  # [P, cells]
+        facing = (n @ d.T).clip(min=0.0)
+        for part, lobe in enumerate((facing, facing.sign() * _lobe(n, toward, alpha[one], d))):
+            whole = lobe @ light[one]
+            left = (lobe * shown) @ light[one] + (lobe * (1 - shown)).sum(1, keepdim=True) * glow[one]
+            factors[part, one, :, some] = ((left + 1e-6) / (whole + 1e-6)).T
+    wide = F.interpolate(factors.flatten(0, 1), size=(size, size), mode="bilinear", align_corners=False)
+    diffuse, specular = wide.unflatten(0, (2, count))
+    return diffuse, specular
+
+
+def _lobe(n: torch.Tensor, wo: torch.Tensor, alpha: torch.Tensor, d: torch.Tensor) -> torch.Tensor:
+    """A GGX lobe as a spherical Gaussian (Wang et al. 2009), no narrower than a cell: [P, cells]."""
+    cosine = (n * wo).sum(dim=-1, keepdim=True).clip(min=0.1)
+    mirror = 2 * cosine * n - wo
+    middle = F.normalize(torch.lerp(n, mirror, (1 - alpha) * ((1 - alpha).sqrt() + alpha)), dim=-1)
+    sharpness = 1 / (2 * alpha**2 * cosine)
+    sharpness = 1 / (1 / sharpness + 1 / CELL_SHARPNESS)
+    return torch.exp(sharpness * (middle @ d.T - 1))

@@ -1,0 +1,183 @@
+"""Augmentation of shape: rasterised normal images deformed without their mesh.
+
+A surface seen in perspective is the logarithm of its depth over the picture, rho(x, y), for x and y of the
+points on the plane at depth 1. Its normal is along (rho_x, rho_y, 1 + x rho_x + y rho_y), so rho's slopes can
+be read off it, and any other smooth rho is a surface again, of which the same points are seen: in perspective
+what Belhumeur, Kriegman and Yuille (The Bas-Relief Ambiguity, IJCV 1999) do to depth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+
+from anyprobe.learning.dataset.shadows import moved
+
+UPRIGHT_DEG = 15.0
+"""Standard deviation of the angle by which half of the pictures are rolled; the others are rolled by any."""
+STRETCH = 0.15
+"""Standard deviation of the logarithm by which a picture is drawn out along one axis and in along the other."""
+DEPTH = 0.3
+"""Standard deviation of the logarithm by which slopes are made steeper."""
+_MARGIN = (1.04, 1.2)
+"""The picture's side over the longer side of the object's box, as where surfaces are drawn."""
+SLOW, FAST = (1.0, 4.0), (6.0, 25.0)
+"""Speeds of the waves that bend the surface and that are pressed into it [radians over half the picture]."""
+MOST_SLOW, MOST_FAST = 0.5, 0.4
+"""Their slopes sum to no more."""
+JOINED = (0.25, 0.7)
+"""Size of a surface that is put before another, of its own."""
+_LEAST = 0.02
+"""Cosine between a normal and the ray to the eye, at least: an interpolated one may have turned away."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Reshaping:
+    """What becomes of B surfaces; places are in halves of the picture, x right, y up.
+
+    old_from_new [B, 2, 2], offset [B, 2]: where each new place was.
+    deeper [B]: how many times steeper the surface gets.
+    waves [B, K, 2, 2]: slope, then speed, along x and y, of waves that are added; phases [B, K].
+    """
+
+    old_from_new: torch.Tensor
+    offset: torch.Tensor
+    deeper: torch.Tensor
+    waves: torch.Tensor
+    phases: torch.Tensor
+
+
+def reshape_some(
+    normals: torch.Tensor,
+    tan_half: torch.Tensor,
+    rng: np.random.Generator,
+    share: float,
+    hidden: torch.Tensor | None = None,
+) -> torch.Tensor:
+    """Another shape for about a share of the surfaces; arguments and result as for `reshape`.
+
+    hidden: their cells of dataset.occlusion, which are moved along in place.
+    """
+    some = np.nonzero(rng.random(len(normals)) < share)[0]
+    if len(some) == 0:
+        return normals
+    result = normals.clone()
+    reshaping = draw_reshaping((normals[some].abs().sum(dim=1) > 0).cpu().numpy(), rng)
+    result[some] = reshape(normals[some], tan_half[some], reshaping)
+    if hidden is not None:
+        hidden[some] = moved(hidden[some], reshaping.old_from_new, reshaping.offset)
+    return result
+
+
+def join_some(
+    normals: torch.Tensor,
+    tan_half: torch.Tensor,
+    others: torch.Tensor,
+    other_tan_half: torch.Tensor,
+    rng: np.random.Generator,
+    share: float,
+) -> torch.Tensor:
+    """Put another surface, smaller and turned, before about a share of the surfaces, as a limb or a knob would be.
+
+    Arguments and result as for `reshape`; the others are as many.
+    """
+    some = np.nonzero(rng.random(len(normals)) < share)[0]
+    if len(some) == 0:
+        return normals
+    places = []
+    for mask in (normals[some].abs().sum(dim=1) > 0).cpu().numpy():
+        scale = np.exp(rng.uniform(*np.log(JOINED)))
+        on_mask = rng.choice(np.argwhere(mask))[::-1]
+        centre = ((on_mask + 0.5) * 2 / len(mask) - 1) * [1.0, -1.0]
+        centre = np.clip(centre, -1 + 1.2 * scale, 1 - 1.2 * scale)  # all of it inside the picture
+        old_from_new = _turn(rng.uniform(0, 2 * np.pi)) / scale
+        places.append((old_from_new, -old_from_new @ centre, 1.0, np.zeros((0, 2, 2)), np.zeros(0)))
+    before = reshape(others[some], other_tan_half[some], _stack(places), tan_half[some])
+    result = normals.clone()
+    result[some] = torch.where(before.abs().sum(dim=1, keepdim=True) > 0, before, normals[some])
+    return result
+
+
+def draw_reshaping(masks: np.ndarray, rng: np.random.Generator) -> Reshaping:
+    """Rolled, drawn out, deeper or flatter, bent and with a relief, for objects of masks [B, S, S], on the CPU.
+
+    Each object fills its picture as it did before.
+    """
+    return _stack([_draw(mask, rng) for mask in masks])
+
+
+def _stack(each: list[tuple]) -> Reshaping:
+    parts = (torch.from_numpy(np.stack(part).astype(np.float32)) for part in zip(*each, strict=True))
+    return Reshaping(**dict(zip(Reshaping.__slots__, parts, strict=True)))
+
+
+def _draw(mask: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+    """The parts of one object's Reshaping, in their order."""
+    roll = rng.normal(0.0, np.radians(UPRIGHT_DEG)) if rng.random() < 0.5 else rng.uniform(0, 2 * np.pi)
+    along, drawn_out = rng.uniform(0, np.pi), np.exp(rng.normal(0.0, STRETCH))
+    new_from_old = _turn(roll) @ _turn(along) @ np.diag([drawn_out, 1 / drawn_out]) @ _turn(-along)
+    row, column = np.nonzero(mask)
+    places = (np.stack([column, row], axis=1) + 0.5) * 2 / mask.shape[0] - 1
+    places = places * [1.0, -1.0] @ new_from_old.T
+    low, high = places.min(axis=0), places.max(axis=0)
+    half = (high - low).max() / 2 * rng.uniform(*_MARGIN)
+    old_from_new = np.linalg.inv(new_from_old)
+    waves = [_waves(rng, SLOW, MOST_SLOW), _waves(rng, FAST, MOST_FAST)]
+    return (
+        old_from_new * half,
+        old_from_new @ (low + high) / 2,
+        np.exp(rng.normal(0.0, DEPTH)),
+        np.concatenate(waves),
+        rng.uniform(0, 2 * np.pi, 6),
+    )
+
+
+def _waves(rng: np.random.Generator, speeds: tuple[float, float], most: float) -> np.ndarray:
+    """Three plane waves [3, 2, 2]: slope and speed along x and y."""
+    angle = rng.uniform(0, 2 * np.pi, 3)
+    along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    slope = rng.dirichlet(np.ones(3)) * rng.uniform(0.0, most)
+    speed = np.exp(rng.uniform(np.log(speeds[0]), np.log(speeds[1]), 3))
+    return np.stack([along * slope[:, None], along * speed[:, None]], axis=1)
+
+
+def _turn(angle: float) -> np.ndarray:
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.array([[cos, -sin], [sin, cos]])
+
+
+def reshape(
+    normals: torch.Tensor, tan_half: torch.Tensor, reshaping: Reshaping, new_tan_half: torch.Tensor | None = None
+) -> torch.Tensor:
+    """Give surfaces of normals [B, 3, S, S], camera frame, zero outside the objects, another shape: normals that are
+    unit and visible inside the objects.
+
+    tan_half: [B] of half the field of view; new_tan_half: that of the result, by default the same.
+    """
+    device, size = normals.device, normals.shape[-1]
+    across = (torch.arange(size, device=device, dtype=torch.float32) + 0.5) / size * 2 - 1
+    up, right = torch.meshgrid(-across, across, indexing="ij")
+    new = torch.stack([right, up], dim=-1)  # [S, S, 2]
+    old = torch.einsum("bij,hwj->bhwi", reshaping.old_from_new.to(device), new)
+    old = old + reshaping.offset.to(device)[:, None, None]
+    grid = old * old.new_tensor([1.0, -1.0])  # where grid_sample's y goes down
+    n = F.grid_sample(normals, grid, padding_mode="zeros", align_corners=False)
+    inside = n.square().sum(dim=1, keepdim=True) > 0.25
+    n = n.movedim(1, -1)
+    t = tan_half.to(device).reshape(-1, 1, 1)
+    facing = n[..., 2] - t * (n[..., :2] * old).sum(dim=-1)  # n . (-x, -y, 1)
+    length = torch.sqrt(1 + t**2 * old.square().sum(dim=-1))
+    slope = n[..., :2] / torch.maximum(facing, _LEAST * length)[..., None]  # rho_x, rho_y
+    linear = reshaping.old_from_new.mT / torch.linalg.det(reshaping.old_from_new).sqrt()[:, None, None]
+    slope = torch.einsum("bij,bhwj->bhwi", (linear * reshaping.deeper[:, None, None]).to(device), slope)
+    waves, phases = reshaping.waves.to(device), reshaping.phases.to(device)
+    for wave, phase in zip(waves.unbind(dim=1), phases.unbind(dim=1), strict=True):
+        swing = torch.cos(torch.einsum("bi,hwi->bhw", wave[:, 1], new) + phase[:, None, None])
+        slope = slope + swing[..., None] * wave[:, None, None, 0]
+    t = t if new_tan_half is None else new_tan_half.to(device).reshape(-1, 1, 1)
+    depth = 1 + t * (slope * new).sum(dim=-1)
+    result = torch.cat([slope, depth[..., None]], dim=-1).movedim(-1, 1)
+    return torch.where(inside, F.normalize(result, dim=1), 0.0)

@@ -1,0 +1,73 @@
+"""python -m anyprobe.learning.mask_network: commands train, export."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from anyprobe.cli.app import main as run_command
+from anyprobe.errors import InputError
+from anyprobe.learning.mask_network.export import export_mask
+from anyprobe.learning.mask_network.train import MaskRunConfig, smoke, train_mask
+from anyprobe.learning.train.checkpoint import keep_apart, save_init_weights
+
+RUNS = Path("runs")
+WEIGHTS = Path("src/anyprobe/weights/mask")
+
+app = typer.Typer(no_args_is_help=True)
+
+
+@app.command()
+def train(
+    data: Annotated[
+        Path | None, typer.Option(help="Folder with hdri/train and meshes/train; else our own maps and shapes.")
+    ] = None,
+    runs: Annotated[Path, typer.Option(help="Folder for checkpoints, logs and caches.")] = RUNS,
+    steps: Annotated[int | None, typer.Option(min=1, help="Steps in all; the run's own number otherwise.")] = None,
+    dry_run: Annotated[int | None, typer.Option(min=1, metavar="N", help="N small steps, to try a machine.")] = None,
+    init_weights: Annotated[
+        Path | None, typer.Option(help="Weights to begin from, kept by export --keep; the same ones to resume.")
+    ] = None,
+    keep_every: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Keep the checkpoint after every N steps.")
+    ] = None,
+) -> None:
+    """Train the network that proposes the object; resumes exactly."""
+    if dry_run is not None and steps is not None:
+        raise InputError("--dry-run: expected its own number of steps, got --steps; leave one of them out")
+    config = MaskRunConfig() if steps is None else replace(MaskRunConfig(), steps=steps)
+    if dry_run is not None:
+        config = smoke(config, dry_run)
+        (runs / config.name / "checkpoint.pt").unlink(missing_ok=True)
+    every = keep_every or config.steps
+    for stop in range(every, config.steps + every, every):
+        checkpoint = train_mask(config, data=data, runs=runs, stop_after=stop, start=init_weights)
+        if keep_every is not None:
+            shutil.copy(checkpoint, checkpoint.with_name(f"after_{min(stop, config.steps):06d}.pt"))
+    typer.echo(checkpoint)
+
+
+@app.command()
+def export(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run's folder, or its checkpoint.")] = RUNS / "mask",
+    to: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Folder for mask.onnx.")] = WEIGHTS,
+    keep: Annotated[
+        Path | None, typer.Option(help="Also keep the weights in this .pt, to begin another training from.")
+    ] = None,
+) -> None:
+    """Export a trained run as ONNX and check it against torch."""
+    checkpoint = run / "checkpoint.pt" if run.is_dir() else run
+    if keep is not None:
+        keep_apart(checkpoint, keep)
+    typer.echo(f"{to / 'mask.onnx'}: within {export_mask(checkpoint, to):.2g} of torch")
+    if keep is not None:
+        save_init_weights(checkpoint, keep, holds="net")
+        typer.echo(keep)
+
+
+if __name__ == "__main__":
+    run_command(app)

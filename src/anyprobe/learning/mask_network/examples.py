@@ -1,0 +1,334 @@
+"""Training examples: photos with prompts as a user would give them, and which pixels the object meant covers.
+
+Batch number k is a function of (seed, k) alone, as for pairs: a run that was killed
+goes on with exactly the scenes it would have seen. Far cheaper than a new scene is the same one
+photographed again: mirrored, cropped, in other tones, by another phone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+
+from anyprobe.core.color import to_bytes
+from anyprobe.learning.dataset.camera import SUBSAMPLINGS, blur, compress
+from anyprobe.learning.dataset.pairs import slide
+from anyprobe.learning.mask_network.composites import ASPECTS, GREY, Scene, draw_scene
+from anyprobe.learning.mask_network.foregrounds import LitView, ViewSource
+from anyprobe.masks.prompts import draw_prompts
+
+SIZE = 160
+"""Side of the examples' pictures: that of the mask network's input."""
+
+CLEAR_LEAD = 1.4
+"""Without a prompt the first object must weigh so much more than the second, or it would be anybody's guess."""
+
+MIN_TARGET_PX = 60
+"""Area below which an object is no target."""
+
+CENTRE_SIGMA = 0.35
+"""Standard deviation of the weight around the picture's centre, in sides."""
+
+PROMPTS = {"none": 0.45, "click": 0.25, "clicks": 0.1, "box": 0.2}
+"""Shares of the kinds of prompts: nothing, a click, up to three and some beside the object, a loose box."""
+
+CLOSE_SHARE = 0.4
+"""So many photos are second looks: the object fills much of them, and there is always a prompt."""
+
+CLOSE_PROMPTS = {"click": 0.3, "clicks": 0.15, "box": 0.55}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SceneConfig:
+    """batch: photos a step, each a retake of a random scene, with `prompts` prompts each; scenes kept, and how many
+    of them are new at each step; views kept, and how many scenes one new view serves; textures: patterns drawn at the
+    start."""
+
+    batch: int = 16
+    prompts: int = 2
+    scenes: int = 320
+    fresh: int = 1
+    views: int = 40
+    scenes_per_view: int = 12
+    textures: int = 240
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Batch:
+    """photo [B, 3, S, S]; of each P examples: prompt channel [B, P, S, S] and the target's cover, mask [B, P, S, S]."""
+
+    photo: torch.Tensor
+    prompt: torch.Tensor
+    mask: torch.Tensor
+
+
+class SceneSource:
+    """Endless batches; `batch(k)` for consecutive k is fast."""
+
+    def __init__(self, views: ViewSource, config: SceneConfig) -> None:
+        self.config, self.views = config, views
+        self._views: dict[int, LitView] = {}
+        self._scenes: dict[int, Scene] = {}
+
+    @torch.no_grad()
+    def batch(self, step: int) -> Batch:
+        """The examples of step number `step`."""
+        config = self.config
+        first = step * config.fresh
+        scenes = slide(self._scenes, range(first, first + config.scenes), self._draw)
+        rng = np.random.default_rng((config.seed, 5, step))
+        photos, prompts, masks = [], [], []
+        for which in rng.integers(len(scenes), size=config.batch):
+            photo, examples = _examples(rng, scenes[which], config.prompts)
+            photos.append(photo)
+            prompts.append(torch.from_numpy(np.stack([prompt for prompt, _ in examples])))
+            masks.append(torch.stack([mask for _, mask in examples]))
+        return Batch(photo=torch.stack(photos), prompt=torch.stack(prompts), mask=torch.stack(masks))
+
+    def _draw(self, number: int) -> Scene:
+        """Scene number `number`, of one of the views then kept."""
+        oldest = number // self.config.scenes_per_view
+        views = slide(self._views, range(oldest, oldest + self.config.views), self.views.view)
+        rng = np.random.default_rng((self.config.seed, 2, number))
+        return draw_scene(rng, views[rng.integers(len(views))], self.views.textures)
+
+
+def unasked_target(scene: Scene) -> int | None:
+    """The object meant without a prompt: most cover weighted towards the photo's centre.
+
+    None where there is none, or where a second one weighs nearly as much.
+    """
+    top, bottom, left, right = scene.bounds
+    size = scene.photo.shape[-1]
+    weight = torch.from_numpy(
+        np.outer(_centre_weight(size, (top + bottom) / 2), _centre_weight(size, (left + right) / 2)).astype(np.float32)
+    )
+    if not len(scene.covers):
+        return None
+    scores = (scene.covers * weight).sum(dim=(1, 2)).numpy()
+    order = np.argsort(-scores)
+    best = int(order[0])
+    if scene.covers[best].sum() < MIN_TARGET_PX * (size / SIZE) ** 2:
+        return None
+    if len(order) > 1 and scores[best] < CLEAR_LEAD * scores[order[1]]:
+        return None
+    return best
+
+
+def _examples(
+    rng: np.random.Generator, scene: Scene, count: int
+) -> tuple[torch.Tensor, list[tuple[np.ndarray, torch.Tensor]]]:
+    """A retake's photo [3, S, S], and `count` prompts of different kinds with their answers."""
+    which = _draw_target(rng, scene)
+    if which is None or rng.random() >= CLOSE_SHARE:
+        scene, which, shares = retake(rng, scene, SIZE), None, PROMPTS
+    else:
+        part = part_around(rng, cover_box(scene.covers[which]), scene.bounds)
+        scene, shares = retake(rng, scene, SIZE, part), CLOSE_PROMPTS
+    kinds = rng.choice(list(shares), size=count, replace=False, p=list(shares.values()))
+    return scene.photo, [ask(rng, scene, str(kind), which) for kind in kinds]
+
+
+def _draw_target(rng: np.random.Generator, scene: Scene) -> int | None:
+    """An object large enough to be meant, large ones more often; None where there is none."""
+    areas = scene.covers.sum(dim=(1, 2)).numpy() if len(scene.covers) else np.zeros(0)
+    possible = np.flatnonzero(areas >= MIN_TARGET_PX)
+    if not len(possible):
+        return None
+    return int(rng.choice(possible, p=areas[possible] ** 0.5 / (areas[possible] ** 0.5).sum()))
+
+
+def ask(rng: np.random.Generator, scene: Scene, kind: str, which: int | None = None) -> tuple[np.ndarray, torch.Tensor]:
+    """A prompt of a kind of PROMPTS and the answer to it: channel [S, S], target's cover [S, S].
+
+    Where there is none but no object stands out, there is a click after all.
+
+    which: the object meant; else a random one.
+    """
+    if which is None:
+        which = _draw_target(rng, scene)
+    if which is None:
+        return np.zeros((SIZE, SIZE), np.float32), torch.zeros(SIZE, SIZE)
+    if kind == "none":
+        best = unasked_target(scene)
+        if best is not None:
+            return np.zeros((SIZE, SIZE), np.float32), scene.covers[best]
+        kind = "click"
+    cover = scene.covers[which]
+    if kind == "box":
+        box = cover_box(cover)
+        reach = 0.08 * max(box[2] - box[0], box[3] - box[1])
+        moved = np.array(box, np.float64) + rng.normal(0.0, reach, 4) + reach * np.array([-1, -1, 1, 1])
+        return draw_prompts(SIZE, box=np.clip(moved, 0, SIZE).tolist()), cover
+    on = [inside_click(rng, cover)]
+    off: list[tuple[float, float]] = []
+    if kind == "clicks":
+        on += [inside_click(rng, cover) for _ in range(int(rng.integers(0, 3)))]
+        for _ in range(int(rng.integers(0, 3))):
+            off.append(_click_beside(rng, scene, which))
+    return draw_prompts(SIZE, on, off), cover
+
+
+def cover_box(cover: torch.Tensor) -> tuple[int, int, int, int]:
+    """Bounding box x0, y0, x1, y1 of cover > 0.5."""
+    rows = torch.nonzero((cover > 0.5).any(dim=1)).flatten()
+    columns = torch.nonzero((cover > 0.5).any(dim=0)).flatten()
+    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+
+
+def _centre_weight(size: int, centre: float) -> np.ndarray:
+    return np.exp(-0.5 * ((np.arange(size) + 0.5 - centre) / (CENTRE_SIGMA * size)) ** 2)
+
+
+def inside_click(rng: np.random.Generator, cover: torch.Tensor) -> tuple[float, float]:
+    """A point on the object, mostly well inside it."""
+    inside = cover.numpy()
+    if rng.random() < 0.8:
+        soft = blur(cover, 3.0).numpy()
+        inside = np.where(soft >= np.quantile(soft[inside > 0.5], 0.4), inside, 0.0)
+    return _pixel(rng, inside > 0.5)
+
+
+def _click_beside(rng: np.random.Generator, scene: Scene, which: int) -> tuple[float, float]:
+    """A point off the target: on another object, else around it, else anywhere in the photo."""
+    top, bottom, left, right = scene.bounds
+    photo = np.zeros((SIZE, SIZE), bool)
+    photo[top:bottom, left:right] = True
+    off = photo & (scene.covers[which].numpy() < 0.1)
+    others: Sequence[int] = [i for i in range(len(scene.covers)) if i != which]
+    if others and rng.random() < 0.6:
+        return _pixel(rng, off & (scene.covers[int(rng.choice(others))].numpy() > 0.5), off)
+    near = blur(scene.covers[which], 5.0).numpy() > 0.03
+    return _pixel(rng, off & near, off)
+
+
+def _pixel(rng: np.random.Generator, *choices: np.ndarray) -> tuple[float, float]:
+    """A random pixel's centre x, y in the first choice that is not empty; the middle if all are."""
+    for choice in choices:
+        rows, columns = np.nonzero(choice)
+        if len(rows):
+            at = int(rng.integers(len(rows)))
+            return float(columns[at]) + 0.5, float(rows[at]) + 0.5
+    return SIZE / 2, SIZE / 2
+
+
+MIRRORED_SHARE = 0.5
+
+CROPPED_SHARE = 0.6
+"""So many retakes show a part of the photo, of another shape; the rest its whole."""
+
+SMALLEST_CROP = 0.5
+"""Sides of a crop in those of the photo."""
+
+CLOSE_SIDES = (1.3, 2.4)
+"""Side of a second look in the object's longer sides."""
+
+
+SHAKEN_SHARE, SHARPENED_SHARE, JPEG_SHARE = 0.1, 0.4, 0.4
+
+Part = tuple[float, float, float, float]
+"""x, y of the upper left corner, width and height of a part of a photo, in pixels of the square."""
+
+
+def retake(rng: np.random.Generator, scene: Scene, size: int, part: Part | None = None) -> Scene:
+    """Another photo of the same objects, `size` pixels across, with their covers; colours keep their order.
+
+    part: what it shows; else CROPPED_SHARE of the retakes show a random part.
+    """
+    bounds = scene.bounds
+    if part is None and rng.random() < CROPPED_SHARE:
+        part = _draw_part(rng, bounds)
+    if part is None:
+        top, bottom, left, right = bounds
+        part = float(left), float(top), float(right - left), float(bottom - top)
+    photo, covers, bounds = _crop(scene.photo, scene.covers, part, size)
+    if rng.random() < MIRRORED_SHARE:
+        photo, covers = photo.flip(-1), covers.flip(-1)
+        bounds = (bounds[0], bounds[1], size - bounds[3], size - bounds[2])
+    top, bottom, left, right = bounds
+    toned = torch.full_like(photo, GREY)
+    inside = photo[:, top:bottom, left:right].clip(1e-4, 1.0)
+    gain = torch.from_numpy(np.exp(rng.normal(0, 0.06, 3)).astype(np.float32))[:, None, None]
+    inside = (gain * inside ** float(np.exp(rng.normal(0, 0.2)))).clip(0.0, 1.0)
+    toned[:, top:bottom, left:right] = _by_a_phone(rng, inside)
+    return Scene(photo=toned, covers=covers, bounds=bounds)
+
+
+def _by_a_phone(rng: np.random.Generator, photo: torch.Tensor) -> torch.Tensor:
+    """What a phone makes of a photo [3, H, W]: contrast, saturation, sharpening, shake, noise, JPEG; some of it."""
+    if rng.random() < 0.5:
+        grey = photo.mean(dim=0, keepdim=True)
+        photo = grey + float(rng.uniform(0.6, 1.5)) * (photo - grey)
+        photo = 0.5 + float(rng.uniform(0.8, 1.3)) * (photo - 0.5)
+    if rng.random() < SHAKEN_SHARE:
+        photo = _shake(rng, photo)
+    elif rng.random() < SHARPENED_SHARE:
+        smooth = F.avg_pool2d(F.pad(photo[None], (1, 1, 1, 1), mode="replicate"), 3, 1)[0]
+        photo = photo + float(rng.uniform(0.3, 1.5)) * (photo - smooth)
+    if rng.random() < 0.4:
+        grain = rng.standard_normal(photo.shape, np.float32) * rng.uniform(0.005, 0.05)
+        photo = photo + torch.from_numpy(grain)
+    photo = photo.clip(0.0, 1.0)
+    if rng.random() < JPEG_SHARE:
+        picture = to_bytes(photo.permute(1, 2, 0).numpy())
+        stored = compress(np.ascontiguousarray(picture), int(rng.integers(30, 96)), SUBSAMPLINGS[rng.integers(3)])
+        photo = torch.from_numpy(stored).permute(2, 0, 1) / 255.0
+    return photo
+
+
+def _shake(rng: np.random.Generator, photo: torch.Tensor) -> torch.Tensor:
+    """Motion blur along a short line of random direction."""
+    reach, angle = rng.uniform(1.0, 3.5), rng.uniform(0, np.pi)
+    kernel = np.zeros((7, 7), np.float32)
+    for along in np.linspace(-reach, reach, 15):
+        kernel[round(3 + along * np.sin(angle)), round(3 + along * np.cos(angle))] += 1 / 15
+    weights = torch.from_numpy(kernel).expand(3, 1, 7, 7)
+    return F.conv2d(F.pad(photo[None], (3, 3, 3, 3), mode="replicate"), weights, groups=3)[0]
+
+
+def part_around(rng: np.random.Generator, box: tuple[int, int, int, int], bounds: tuple[int, ...]) -> Part:
+    """What a second look at a box x0, y0, x1, y1 shows: its surroundings within the photo, not quite centred."""
+    top, bottom, left, right = bounds
+    x0, y0, x1, y1 = box
+    longer = max(x1 - x0, y1 - y0)
+    side = longer * float(np.exp(rng.uniform(np.log(CLOSE_SIDES[0]), np.log(CLOSE_SIDES[1]))))
+    width, height = min(side, right - left), min(side, bottom - top)
+    x, y = np.array([x0 + x1, y0 + y1]) / 2 + rng.normal(0.0, 0.08 * longer, 2) - np.array([width, height]) / 2
+    return float(np.clip(x, left, right - width)), float(np.clip(y, top, bottom - height)), width, height
+
+
+def _draw_part(rng: np.random.Generator, bounds: tuple[int, int, int, int]) -> Part:
+    top, bottom, left, right = bounds
+    aspect = float(rng.choice(ASPECTS))
+    longest = min((right - left) / min(1.0, aspect), (bottom - top) / min(1.0, 1 / aspect))
+    longer = longest * float(rng.uniform(SMALLEST_CROP, 1.0))
+    width, height = longer * min(1.0, aspect), longer * min(1.0, 1 / aspect)
+    return float(rng.uniform(left, right - width)), float(rng.uniform(top, bottom - height)), width, height
+
+
+def _crop(
+    photo: torch.Tensor, covers: torch.Tensor, part: Part, size: int
+) -> tuple[torch.Tensor, torch.Tensor, tuple[int, int, int, int]]:
+    """A part of the photo brought to the square's full width or height, grey beside it."""
+    stored = photo.shape[-1]
+    x, y, width, height = part
+    inner = [max(1, round(size * side / max(width, height))) for side in (height, width)]
+    finer = 2 if max(width, height) > 1.3 * size else 1  # averaged where it shrinks
+    fine = [finer * side for side in inner]
+    columns = (x + (torch.arange(fine[1]) + 0.5) * width / fine[1]) / stored * 2 - 1
+    rows = (y + (torch.arange(fine[0]) + 0.5) * height / fine[0]) / stored * 2 - 1
+    grid = torch.stack(torch.meshgrid(columns, rows, indexing="xy"), dim=-1)
+    both = F.grid_sample(torch.cat([photo, covers])[None], grid[None], align_corners=False)
+    both = F.avg_pool2d(both, finer)[0] if finer > 1 else both[0]
+    start = (size - inner[0]) // 2, (size - inner[1]) // 2
+    inside = (slice(start[0], start[0] + inner[0]), slice(start[1], start[1] + inner[1]))
+    square = photo.new_full((3, size, size), GREY)
+    square[(slice(None), *inside)] = both[:3]
+    seen = covers.new_zeros(len(covers), size, size)
+    seen[(slice(None), *inside)] = both[3:]
+    return square, seen, (start[0], start[0] + inner[0], start[1], start[1] + inner[1])

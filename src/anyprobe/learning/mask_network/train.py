@@ -1,0 +1,199 @@
+"""The mask network's training: its own small loop, one checkpoint that resumes exactly."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import time
+from copy import deepcopy
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import torch
+from torch.nn import functional as F
+
+from anyprobe.files.atomic import atomic_path
+from anyprobe.learning.dataset.asset_store import AssetStore
+from anyprobe.learning.dataset.lighting import Illuminator
+from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces
+from anyprobe.learning.mask_network.examples import Batch, SceneConfig, SceneSource
+from anyprobe.learning.mask_network.foregrounds import TexturePool, ViewSource
+from anyprobe.learning.mask_network.net import MaskNet
+from anyprobe.learning.nets.blocks import autocast
+from anyprobe.learning.train.checkpoint import agreed, load_init_weights, load_weights, read_checkpoint, resumed
+from anyprobe.learning.train.config import LightConfig
+from anyprobe.learning.train.dataloader import load_assets, make_maps, name_assets
+from anyprobe.learning.train.logger import RunLogger, run_folder
+from anyprobe.learning.train.loop import CHECKPOINT_SECONDS, learning_rate
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MaskRunConfig:
+    """name: of the run's folder; the learning rate rises over warmup steps and falls over the last cooldown share.
+
+    small: side of the pictures in the first small_steps steps, which cost a third there and teach what an
+    object is as well; the rest are at full size and teach its edge. averaged: decay of the running mean of the
+    weights, which is what is exported.
+    """
+
+    name: str = "mask"
+    steps: int = 9_000
+    small: int = 96
+    small_steps: int = 4_500
+    learning_rate: float = 1e-3
+    weight_decay: float = 1e-4
+    warmup: int = 50
+    cooldown: float = 0.7
+    averaged: float = 0.998
+    seed: int = 5
+    scenes: SceneConfig = field(default_factory=lambda: SceneConfig(seed=105))
+    surfaces: SurfaceConfig = field(
+        default_factory=lambda: SurfaceConfig(views=1, procedural=40, figures=50, parts=25, stretch=0.2, size=192)
+    )
+    light: LightConfig = field(default_factory=lambda: LightConfig(procedural=20))
+
+
+def smoke(config: MaskRunConfig, steps: int) -> MaskRunConfig:
+    """The same run made small: a dry run for any machine."""
+    return replace(
+        config,
+        name=f"{config.name}-dry",
+        steps=steps,
+        warmup=2,
+        scenes=replace(config.scenes, batch=4, scenes=4, views=2, textures=4),
+        surfaces=replace(config.surfaces, views=1, procedural=2, figures=0, parts=0),
+        light=replace(config.light, procedural=2),
+    )
+
+
+def make_scenes(config: MaskRunConfig, store: AssetStore, cache: Path) -> SceneSource:
+    """The endless scenes of a run: training assets, if there are any, and our own."""
+    radiance = make_maps(config.light, store)
+    surfaces = build_surfaces(list(store.shapes.values()), config.surfaces, cache)
+    textures = TexturePool(config.scenes.seed, config.scenes.textures, radiance)
+    views = ViewSource(Illuminator(radiance, compiled=False), surfaces, textures, config.scenes.seed)
+    return SceneSource(views, config.scenes)
+
+
+def mask_loss(logits: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
+    """Cross entropy of every pixel plus 1 - soft IoU of every picture; an empty target has no IoU."""
+    entropy = F.binary_cross_entropy_with_logits(logits, target)
+    cover = torch.sigmoid(logits)
+    shared = (cover * target).sum(dim=(1, 2, 3))
+    either = (cover + target - cover * target).sum(dim=(1, 2, 3))
+    full = (target.sum(dim=(1, 2, 3)) > 0).float()
+    return 2.0 * entropy + ((1 - (shared + 1) / (either + 1)) * full).mean()
+
+
+def shrink(batch: Batch, size: int) -> Batch:
+    """The same examples [B, C, size, size], averaged over areas."""
+    parts = (batch.photo, batch.prompt, batch.mask)
+    photo, prompt, mask = (F.interpolate(one, size=(size, size), mode="area") for one in parts)
+    return Batch(photo=photo, prompt=prompt, mask=mask)
+
+
+def train_mask(
+    config: MaskRunConfig,
+    *,
+    data: Path | None,
+    runs: Path,
+    stop_after: int | None = None,
+    scenes: SceneSource | None = None,
+    start: Path | None = None,
+) -> Path:
+    """Train to config.steps, going on from the checkpoint of runs/<config.name> when there is one; its path.
+
+    Args, errors: as of train.loop.train; scenes: the batches, when they are at hand already.
+    """
+    torch.manual_seed(config.seed)
+    path = runs / config.name / "checkpoint.pt"
+    net = MaskNet().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
+    mean = deepcopy(net)
+    first = 0
+    stored, origin = resumed(path, config, {}, start, holds="net")
+    if stored is not None:
+        load_weights(mean, stored["net"], path)
+        load_weights(net, stored["moving"], path)
+        optimizer.load_state_dict(stored["optimizer"])
+        first = stored["step"]
+    elif start is not None:
+        load_init_weights(net, start)
+        mean.load_state_dict(net.state_dict())
+    folder = run_folder(runs, config.name)
+    last = config.steps if stop_after is None else min(stop_after, config.steps)
+    if first >= last:
+        return path
+    if scenes is None:
+        store = load_assets(config.light, data)
+        origin = agreed(path, origin, {"assets": name_assets(store)})
+        scenes = make_scenes(config, store, runs / "cache")
+        del store  # hundreds of maps, of which the scenes keep what they need
+    learner = SimpleNamespace(columns=("loss", "iou"), nets=net)
+    logger = RunLogger(folder, config.name, learner, first, last, config.steps)
+    saved, each = time.monotonic(), config.scenes.batch * config.scenes.prompts
+    with logger:
+        for step in range(first, last):
+            rate = learning_rate(config, step)
+            for group in optimizer.param_groups:
+                group["lr"] = rate
+            batch = scenes.batch(step)
+            if step < config.small_steps:
+                batch = shrink(batch, config.small)
+            figures = _step(net, optimizer, batch)
+            _follow(mean, net, min(config.averaged, (step + 1) / (step + 20)))
+            logger.note(step + 1, (step + 1) * each, each, figures, rate)
+            if time.monotonic() - saved > CHECKPOINT_SECONDS or step + 1 == last:
+                with atomic_path(path) as temporary:
+                    torch.save(
+                        {
+                            "net": mean.state_dict(),
+                            "moving": net.state_dict(),
+                            "optimizer": optimizer.state_dict(),
+                            "step": step + 1,
+                            "config": json.dumps(dataclasses.asdict(config)),
+                            "origin": origin,
+                        },
+                        temporary,
+                    )
+                saved = time.monotonic()
+    return path
+
+
+def load_mask_net(checkpoint: Path) -> tuple[MaskNet, dict]:
+    """The trained network of a checkpoint (the mean of its weights), ready to run, and its stored step and
+    configuration; ModelError if there is none, or of another release."""
+    stored = read_checkpoint(checkpoint, holds="net")
+    net = MaskNet()
+    load_weights(net, stored["net"], checkpoint)
+    return net.eval().requires_grad_(False), {"step": stored["step"], **json.loads(stored["config"])}
+
+
+def _step(net: MaskNet, optimizer: torch.optim.Optimizer, batch: Batch) -> dict[str, torch.Tensor]:
+    """One step; the loss and the mean IoU of the examples that have a target."""
+    net.train()
+    photo = batch.photo.repeat_interleave(batch.prompt.shape[1], dim=0)
+    image = torch.cat([photo, batch.prompt.flatten(0, 1)[:, None]], dim=1)
+    with autocast("cpu"):
+        logits = net.logits(image.contiguous(memory_format=torch.channels_last)).float()
+    mask = batch.mask.flatten(0, 1)[:, None]
+    loss = mask_loss(logits, mask)
+    optimizer.zero_grad(set_to_none=True)
+    loss.backward()
+    torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
+    optimizer.step()
+    found, true = logits.detach() > 0, mask > 0.5
+    full = true.sum(dim=(1, 2, 3)) > 0
+    iou = (found & true).sum(dim=(1, 2, 3)) / (found | true).sum(dim=(1, 2, 3)).clip(min=1)
+    return {"loss": loss, "iou": iou[full].mean()}
+
+
+@torch.no_grad()
+def _follow(mean: MaskNet, net: MaskNet, decay: float) -> None:
+    """Move the running mean of the weights, and of the statistics, towards those of now."""
+    for kept, new in zip(mean.state_dict().values(), net.state_dict().values(), strict=True):
+        if kept.is_floating_point():
+            kept.lerp_(new, 1.0 - decay)
+        else:
+            kept.copy_(new)

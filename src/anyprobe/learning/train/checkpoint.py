@@ -1,0 +1,260 @@
+"""Checkpoints: reading them, resuming the run they are of and no other, and their weights alone, in half floats, to
+begin another run from or to average with."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import zipfile
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, Field, asdict, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import nn
+
+from anyprobe.errors import InputError, ModelError
+from anyprobe.files.atomic import atomic_path
+from anyprobe.learning.train.from_lift import chain_from_lift
+
+RENAMED = (
+    ("light.lamps.flux.", "light.emitters.power."),
+    ("light.object.around.", "light.object.surroundings."),
+    (".rise.", ".up."),
+)
+"""Parts of LightNet that older checkpoints call by the first name."""
+FREE = ("name", "steps")
+"""Settings that may change: the folder's name, and how long the run is."""
+EXPLAINED = {
+    "pairs.lanes": "pairs.lanes (processes times --workers, 2 without workers) of",
+    "processes": "as many processes as",
+    "assets": "--data with",
+    "start": "--init-weights with",
+    "teacher": "--teacher with",
+}
+
+
+def check_goes_on(path: Path, stored: Mapping[str, Any], config: Any) -> None:
+    """Refuse to go on from a checkpoint that has weights alone, with other settings, or to fewer steps than are done.
+
+    stored: of read_checkpoint. config: a run's configuration, a dataclass with `steps`.
+
+    Raises:
+        InputError: naming the first setting that differs.
+        ModelError: it was kept without what the next step needs.
+    """
+    if "optimizer" not in stored:
+        raise ModelError(
+            f"{path}: expected a run's checkpoint, got weights that were kept to be scored; train in another "
+            "folder with --init-weights"
+        )
+    for name, then, now in differing(config, json.loads(stored["config"])):
+        if name not in FREE:
+            raise _another_run(path, name, then, now)
+    if config.steps < stored["step"]:
+        raise InputError(
+            f"{path}: expected steps of at least the {stored['step']} that are done, got {config.steps}; "
+            "give more --steps, or train in another --runs folder"
+        )
+
+
+def agreed(path: Path, began: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, Any]:
+    """The origin of the run at path: what is known of how it began, and of now; InputError where these differ."""
+    for name, value in now.items():
+        if began.get(name, value) != value:
+            raise _another_run(path, name, began[name], value)
+    return {**now, **began}
+
+
+def resumed(
+    path: Path, config: Any, origin: dict[str, Any], start: Path | None, device: str = "cpu", holds: str = "nets"
+) -> tuple[dict[str, Any] | None, dict[str, Any]]:
+    """The run's checkpoint, None where there is none yet, and its origin: `origin`, and the weights it began from.
+
+    Raises:
+        InputError, ModelError: of read_checkpoint and check_goes_on, or an origin that differs.
+    """
+    if start is not None:
+        origin["start"] = init_weights_id(start)
+    if not path.is_file():
+        return None, {"start": None, **origin}
+    stored = read_checkpoint(path, device, holds)
+    check_goes_on(path, stored, config)
+    return stored, agreed(path, stored.get("origin", {}), origin)
+
+
+def differing(config: Any, stored: Mapping[str, Any], part: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Name, as part.name, then its stored value and the one now, of each setting in which a dataclass differs from
+    its stored form; one that is not stored had its default."""
+    for setting in fields(config):
+        now = getattr(config, setting.name)
+        then = stored[setting.name] if setting.name in stored else _default(setting, now)
+        if is_dataclass(now):
+            yield from differing(now, then, f"{part}{setting.name}.")
+        elif then != now:
+            yield part + setting.name, then, now
+
+
+def _default(setting: Field, now: Any) -> Any:
+    """A setting's default in its stored form; the value now where it has none."""
+    value = now
+    if setting.default is not MISSING:
+        value = setting.default
+    elif setting.default_factory is not MISSING:
+        value = setting.default_factory()
+    return asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
+
+
+def _another_run(path: Path, name: str, then: Any, now: Any) -> InputError:
+    return InputError(
+        f"{path}: expected {EXPLAINED.get(name, name)} {'nothing' if then is None else then}, as the run began, "
+        f"got {now}; go on as it began, or train in another --runs folder"
+    )
+
+
+def read_checkpoint(path: Path, device: str = "cpu", holds: str = "nets") -> dict[str, Any]:
+    """What save_checkpoint wrote: weights, step, the configuration in JSON, and what else there is.
+
+    holds: the name that has the weights.
+
+    Raises:
+        ModelError: no file, a damaged one, or none of a run.
+    """
+    if not path.is_file():
+        raise ModelError(f"{path}: no such checkpoint; train first")
+    with path.open("rb") as stream:
+        try:
+            stored = torch.load(stream, map_location=device, weights_only=True)
+        except Exception as error:  # torch raises many kinds for a damaged file
+            raise _no_checkpoint(path, "a damaged file") from error
+    if not isinstance(stored, Mapping):
+        raise _no_checkpoint(path, f"a {type(stored).__name__}")
+    if not isinstance(stored.get(holds), Mapping):
+        raise _no_checkpoint(path, f"a file without {holds}")
+    try:
+        config = json.loads(stored["config"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise _no_checkpoint(path, "a file without its configuration") from error
+    if not isinstance(config, dict) or not isinstance(stored.get("step"), int):
+        raise _no_checkpoint(path, "a file without its configuration or step")
+    return dict(stored)
+
+
+def current_weight_names(
+    weights: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.Tensor]
+) -> dict[str, torch.Tensor]:
+    """Weights under the names that networks of this release have (`wanted`), where they were RENAMED."""
+    result = {}
+    for name, value in weights.items():
+        renamed = name
+        for old, new in RENAMED:
+            renamed = renamed.replace(old, new)
+        result[renamed if renamed in wanted else name] = value
+    return result
+
+
+def load_weights(nets: nn.Module, weights: Mapping[str, torch.Tensor], path: Path) -> None:
+    """Give networks the weights that a checkpoint at path holds; ModelError that names the first that does not fit."""
+    wanted = nets.state_dict()
+    weights = current_weight_names(weights, wanted)
+    for name in {**wanted, **weights}:
+        expected, found = (
+            list(state[name].shape) if isinstance(state.get(name), torch.Tensor) else "none"
+            for state in (wanted, weights)
+        )
+        if expected != found:
+            raise ModelError(
+                f"{path}: expected this run's weights, with {name} {expected}, got {found}; "
+                "take the release that trained it, or train again in another folder"
+            )
+    nets.load_state_dict(weights)
+
+
+def _no_checkpoint(path: Path, found: str) -> ModelError:
+    return ModelError(f"{path}: expected a run's checkpoint, got {found}; train again, or put a copy back")
+
+
+ADDED = ("light.object.material.", "light.posterior.")
+"""Parts that weights of older releases lack; they begin untrained."""
+SMALL = 1024
+"""Tensors of fewer numbers stay float32: statistics and biases, which weigh nothing."""
+
+
+def save_init_weights(checkpoint: Path, path: Path, holds: str = "nets") -> None:
+    """Keep a checkpoint's weights, of this name in it, at path, compressed, large tensors as float16.
+
+    Raises:
+        InputError: path is the checkpoint.
+        ModelError: no checkpoint, or a damaged one.
+    """
+    stored = read_checkpoint(checkpoint, holds=holds)
+    keep_apart(checkpoint, path)
+    halved = {
+        name: value.half() if value.is_floating_point() and value.numel() >= SMALL else value
+        for name, value in stored[holds].items()
+    }
+    with atomic_path(path) as temporary:
+        _save_deflated(halved, temporary)
+
+
+def _save_deflated(weights: dict[str, torch.Tensor], path: Path) -> None:
+    """torch.save with a compressed archive, which torch.load reads too: half floats lose a twelfth."""
+    plain = io.BytesIO()
+    torch.save(weights, plain)
+    with zipfile.ZipFile(plain) as source, zipfile.ZipFile(path, "w") as target:
+        for name in source.namelist():
+            target.writestr(zipfile.ZipInfo(name), source.read(name), zipfile.ZIP_DEFLATED, compresslevel=9)
+
+
+def keep_apart(checkpoint: Path, path: Path) -> None:
+    """InputError if path is the run's checkpoint: what is kept is less, and must not take its place."""
+    if checkpoint.exists() and path.exists() and path.samefile(checkpoint):
+        raise InputError(
+            f"{path}: expected another place to keep weights in, got the run's own checkpoint; choose another"
+        )
+
+
+def load_init_weights(nets: nn.Module, path: Path, lift: Path | None = None) -> None:
+    """Give networks the weights that save_init_weights or keep_run kept; ModelError if they are none of theirs.
+
+    Whole networks that the file lacks begin as the same layers of `lift` where it has them, from its weights at lift or
+    from path, see train.from_lift; else untrained.
+    """
+    fresh = nets.state_dict()
+    kept = current_weight_names(read_init_weights(path)[0], fresh)
+    layers = chain_from_lift(kept if lift is None else read_init_weights(lift)[0], fresh)
+    if layers and lift is None:
+        kept = layers
+    have = {name.split(".")[0] for name in kept}
+    lacking = {name: x for name, x in fresh.items() if name.startswith(ADDED) or name.split(".")[0] not in have}
+    if have & {name for name, _ in nets.named_children()}:
+        kept = lacking | {name: x for name, x in layers.items() if name in lacking} | kept
+    try:
+        nets.load_state_dict(kept)
+    except Exception as error:  # other names, other shapes, no weights at all
+        raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
+
+
+def init_weights_id(path: Path) -> str:
+    """Which weights to begin from these are: the first 16 hex digits of the file's SHA-256; ModelError if there is
+    no such file."""
+    if not path.is_file():
+        raise ModelError(f"{path}: no such file; keep weights with `anyprobe weights --keep`")
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()[:16]
+
+
+def read_init_weights(path: Path) -> tuple[dict[str, torch.Tensor], int | None]:
+    """The weights that a file keeps, as float32, and how many pairs they have seen, if it says so."""
+    try:
+        kept = torch.load(path, map_location="cpu", weights_only=True)
+        weights, pairs = (kept["nets"], kept.get("pairs")) if kept.get("nets") else (kept, None)
+        return {name: value.float() if value.is_floating_point() else value for name, value in weights.items()}, pairs
+    except Exception as error:  # torch raises many kinds for a damaged file
+        raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
+
+
+def _not_of_this_run(path: Path, found: str) -> ModelError:
+    return ModelError(f"{path}: expected weights of this run, kept by `anyprobe weights --keep`, got {found}")

@@ -1,0 +1,270 @@
+"""Checkpoint -> ONNX graph with its contract, half-float storage, checked against torch."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from anyprobe.errors import ModelError
+from anyprobe.estimate.runtime import CONTRACT, LIFT_INPUTS, LIFT_OUTPUTS, NORMALS_SIZE, PHOTO_SIZE
+from anyprobe.files.atomic import atomic_path
+from anyprobe.given_material import MATERIAL_INPUTS
+from anyprobe.learning.dataset.pairs import PairSource
+from anyprobe.learning.nets.light_net import LightNet
+from anyprobe.learning.train.checkpoint import read_checkpoint
+from anyprobe.learning.train.loop import load_nets, pairs_seen
+from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.maps.radiance import write_exr
+
+
+def write_mean_map(source: PairSource, path: Path, batches: int = 64) -> None:
+    """exp(mean ln radiance) over pairs, in the camera's frame and the photos' exposure units, as .exr."""
+    stride = 6  # neighbouring batches share lights
+    total = torch.zeros(())
+    for k in range(batches):
+        total = total + source.batch(k * stride).ln_radiance.mean(dim=0).cpu()
+    mean = torch.exp(total / batches).permute(1, 2, 0).numpy()
+    write_exr(path, np.ascontiguousarray(mean))
+
+
+_PHOTO = (1, 4, PHOTO_SIZE, PHOTO_SIZE)
+_NORMALS = (1, 3, NORMALS_SIZE, NORMALS_SIZE)
+SURROUNDINGS = (1, 4, MAP_HEIGHT, 2 * MAP_HEIGHT)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Sureness:
+    """How a graph corrects its claims (evaluate.calibration): slope and offset of the confidence logit, and factors
+    of the errors of reflectance, level and colour."""
+
+    logit: tuple[float, float] = (1.0, 0.0)
+    errors: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+
+AS_LEARNED = Sureness()
+FLOATS = "float32"
+"""What a graph's metadata says that it computes in."""
+LARGE = 8192
+"""Layers of so many weights and more keep them as int8, a scale for each output channel, where that is asked."""
+LINEAR, CONVOLUTIONS = 2, 4
+"""Kinds of layers, by the dimensions of their weights."""
+TOLERANCE = 0.02
+"""Largest difference of display values or ln radiance that storing weights small may make."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Graph:
+    """One graph: its network, and the shapes of its inputs and names of its outputs in order.
+
+    median: compare by the median difference, where a last bit may move a pixel to its neighbour.
+    small: which layers keep their weights as int8, see store_int8.
+    """
+
+    net: nn.Module
+    inputs: dict[str, tuple[int, ...]]
+    outputs: tuple[str, ...] = ("output",)
+    median: bool = False
+    small: tuple[int, ...] = ()
+
+
+class LightGraph(nn.Module):
+    """Outputs of LightNet in the order of LIFT_OUTPUTS: irradiance, ln radiance with emitters at their mode, confidence
+    [N, 1, 64, 128] in [0, 1], normals, expected ln radiance, posterior [N, 7] as estimate.runtime.POSTERIOR has it.
+
+    """
+
+    def __init__(self, net: LightNet, sureness: Sureness = AS_LEARNED) -> None:
+        super().__init__()
+        self.net = net
+        self.sureness = sureness
+
+    def forward(
+        self,
+        photo: torch.Tensor,
+        tan_half: torch.Tensor,
+        given_normals: torch.Tensor,
+        surroundings: torch.Tensor,
+        material: torch.Tensor,
+    ) -> tuple[torch.Tensor, ...]:
+        guess = self.net(photo, tan_half, given_normals, surroundings, material)
+        slope, offset = self.sureness.logit
+        of_reflectance, of_level, of_color = self.sureness.errors
+        confidence = torch.sigmoid(slope * guess.confidence_logit + offset)
+        metal, others = guess.posterior.split([1, 6], dim=1)
+        factors = others.new_tensor([1.0, 1.0, 1.0, of_reflectance, of_level, 10 * of_color])
+        posterior = torch.cat([torch.sigmoid(metal), torch.exp(others) * factors], dim=1)
+        shown = guess.features.irradiance, guess.ln_radiance, confidence, guess.normals, guess.ln_expected
+        return *shown, posterior
+
+
+def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str, Graph]:
+    """The graphs that a run's networks become, by stage."""
+    if "light" in nets:
+        net = LightGraph(cast(LightNet, nets["light"]), sureness).eval()
+        shapes = dict(zip(LIFT_INPUTS, (_PHOTO, (1, 1), _NORMALS, SURROUNDINGS, (1, MATERIAL_INPUTS)), strict=True))
+        return {"light": Graph(net=net, inputs=shapes, outputs=LIFT_OUTPUTS, median=True, small=(CONVOLUTIONS,))}
+    seen: dict[str, tuple[int, ...]] = {"input": _PHOTO, "tan_half": (1, 1)}
+    inputs: dict[str, dict[str, tuple[int, ...]]]
+    inputs = {"irradiance": seen, "illumination": seen, "hdr": {"input": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}}
+    return {
+        stage: Graph(net=net, inputs=inputs[stage], median=stage == "illumination", small=(LINEAR,))
+        for stage, net in nets.items()
+        if stage in inputs
+    }
+
+
+def export_graphs(checkpoint: Path, folder: Path, sureness: Sureness = AS_LEARNED) -> dict[str, float]:
+    """Write the graphs of a run and return each one's largest difference from torch.
+
+    Raises:
+        ModelError: a graph disagrees with its network by more than TOLERANCE.
+    """
+    nets = load_nets(checkpoint)
+    stored = read_checkpoint(checkpoint)
+    config = json.loads(stored["config"])
+    recipe = {
+        "run": config["name"],
+        "steps": str(stored["step"]),
+        "pairs": str(pairs_seen(stored)),
+        "config": stored["config"],
+        "sureness": " ".join(f"{value:g}" for value in (*sureness.logit, *sureness.errors)),
+        **provenance(stored),
+    }
+    return {
+        stage: _export_stage(stage, graph, recipe, folder / f"{stage}.onnx")
+        for stage, graph in graphs_of(nets, sureness).items()
+    }
+
+
+def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
+    """Provenance of a checkpoint's weights besides its own steps, as far as known:
+
+    start           identity of the file of weights that the run began from, or "nothing"
+    teacher         identity of the file of weights whose maps were learned from, beside the truth
+    assets          the maps and shapes of its data, as dataloader.name_assets has them
+    mean_with       identity of the file of weights that they are the mean with
+    mean_with_pairs the pairs that those have seen
+    mean_with_share how much of the mean those are
+    """
+    origin, other = stored.get("origin", {}), stored.get("mean_with", {})
+    known = {
+        "start": (origin["start"] or "nothing") if "start" in origin else None,
+        "teacher": origin.get("teacher"),
+        "assets": origin.get("assets"),
+        "mean_with": other.get("start"),
+        "mean_with_pairs": other.get("pairs"),
+        "mean_with_share": other.get("share"),
+    }
+    return {name: str(value) for name, value in known.items() if value is not None}
+
+
+def _export_stage(stage: str, graph: Graph, recipe: dict[str, str], path: Path) -> float:
+    """One network: batch normalisation folded, weights stored small, computed as float32."""
+    import onnx
+
+    from anyprobe.files.onnx_runtime import onnxruntime
+
+    generator = torch.Generator().manual_seed(0)
+    examples = tuple(_smooth(shape, generator) for shape in graph.inputs.values())
+    with atomic_path(path) as temporary:
+        torch.onnx.export(
+            graph.net,
+            examples,
+            str(temporary),
+            input_names=list(graph.inputs),
+            output_names=list(graph.outputs),
+            dynamic_axes={name: {0: "n"} for name in (*graph.inputs, *graph.outputs)},
+            opset_version=17,
+            dynamo=False,
+        )
+        model = onnx.load(str(temporary))
+        store_half(model)
+        if graph.small:
+            store_int8(model, graph.small)
+        onnx.helper.set_model_props(model, {**CONTRACT, "stage": stage, "computes": FLOATS, **recipe})
+        onnx.checker.check_model(model)
+        onnx.save(model, str(temporary))
+        session = onnxruntime.InferenceSession(str(temporary), providers=["CPUExecutionProvider"])
+        with torch.no_grad():
+            expected = graph.net(*examples)
+        expected = (expected,) if isinstance(expected, torch.Tensor) else expected
+        found = session.run(None, dict(zip(graph.inputs, (one.numpy() for one in examples), strict=True)))
+        typical = np.median if graph.median else np.max
+        difference = max(float(typical(np.abs(a - b.numpy()))) for a, b in zip(found, expected, strict=True))
+        if not difference <= TOLERANCE:
+            raise ModelError(f"{stage}: expected ONNX within {TOLERANCE} of torch, got {difference:.3g}")
+    return difference
+
+
+def _smooth(shape: tuple[int, ...], generator: torch.Generator) -> torch.Tensor:
+    """Numbers in [0, 1]; pictures as smooth as photos are, since in noise a last bit may turn a normal around."""
+    if len(shape) < 4:
+        return torch.rand(shape, generator=generator)
+    coarse = torch.rand((*shape[:2], 8, 8), generator=generator)
+    return F.interpolate(coarse, size=shape[2:], mode="bilinear", align_corners=False)
+
+
+def store_half(model) -> None:
+    """Keep large float32 weights as float16 behind a Cast, equal ones once; the runtime widens them when it opens."""
+    import onnx
+    from onnx import numpy_helper
+
+    exact: set[str] = set()
+    for node in [one for one in model.graph.node if one.op_type == "Constant"]:  # the tracer writes each use anew
+        tensor = next((a.t for a in node.attribute if a.HasField("t")), None)
+        if tensor is not None and numpy_helper.to_array(tensor).size >= 1024:
+            tensor.name = node.output[0]
+            model.graph.initializer.append(tensor)
+            model.graph.node.remove(node)
+            exact.add(tensor.name)  # directions and the like, whose angles half floats would blur
+    casts: list[Any] = []
+    kept: dict[Any, str] = {}
+    renamed: dict[str, str] = {}
+    for tensor in list(model.graph.initializer):
+        values = numpy_helper.to_array(tensor)
+        if values.dtype != np.float32 or values.size < 1024:
+            continue
+        name = tensor.name
+        first = kept.setdefault((values.shape, values.tobytes()), name)
+        if first == name and name in exact:
+            continue
+        model.graph.initializer.remove(tensor)
+        if first != name:
+            renamed[name] = first
+            continue
+        model.graph.initializer.append(numpy_helper.from_array(values.astype(np.float16), name + "_half"))
+        casts.append(onnx.helper.make_node("Cast", [name + "_half"], [name], to=onnx.TensorProto.FLOAT))
+    for node in model.graph.node:
+        node.input[:] = [renamed.get(name, name) for name in node.input]
+    for node in reversed(casts):
+        model.graph.node.insert(0, node)
+
+
+def store_int8(model, kinds: tuple[int, ...] = (LINEAR, CONVOLUTIONS)) -> None:
+    """Keep the weights of large layers of some kinds, which store_half has halved, as int8 behind a DequantizeLinear;
+    the runtime widens them once, when it opens."""
+    import onnx
+    from onnx import numpy_helper
+
+    for node in [one for one in model.graph.node if one.op_type == "Cast"]:
+        tensor = next((one for one in model.graph.initializer if one.name == node.input[0]), None)
+        if tensor is None or len(tensor.dims) not in kinds or np.prod(tensor.dims) < LARGE:
+            continue
+        name, values = node.output[0], numpy_helper.to_array(tensor).astype(np.float32)
+        scale = np.maximum(np.abs(values).reshape(len(values), -1).max(axis=1), 1e-8) / 127
+        steps = np.round(values / scale.reshape(-1, *[1] * (values.ndim - 1))).astype(np.int8)
+        model.graph.initializer.remove(tensor)
+        parts = {"int8": steps, "scale": scale, "zero": np.zeros(len(values), np.int8)}
+        model.graph.initializer.extend(numpy_helper.from_array(part, f"{name}_{kind}") for kind, part in parts.items())
+        widened = onnx.helper.make_node("DequantizeLinear", [f"{name}_{kind}" for kind in parts], [name], axis=0)
+        place = list(model.graph.node).index(node)
+        model.graph.node.remove(node)
+        model.graph.node.insert(place, widened)

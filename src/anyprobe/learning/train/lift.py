@@ -1,0 +1,197 @@
+"""Losses of the network that ships (LightNet), and of its normal estimator trained alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import cast
+
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from anyprobe.learning.dataset.pairs import Batch
+from anyprobe.learning.evaluate.calibration import CLOSE
+from anyprobe.learning.nets.blocks import autocast
+from anyprobe.learning.nets.emitter_head import POWER_FLOOR
+from anyprobe.learning.nets.light_net import LightNet, LightPrediction, display
+from anyprobe.learning.train.map_losses import Sent, clipped_where_white, shown_losses
+
+
+def normals_loss(normals: torch.Tensor, batch: Batch, where: torch.Tensor | float = 1.0) -> torch.Tensor:
+    """Mean of 1 - cos(error) over the object's inner pixels.
+
+    Args:
+        normals: unit [N, 3, 64, 64].
+        where: [N, 1, 64, 64], 0 where pixels do not count.
+    """
+    true = F.avg_pool2d(batch.normals, 2)
+    inside = (F.avg_pool2d(batch.photo[:, 3:], 2) > 0.99).float() * where
+    inside = inside * (true.square().sum(dim=1, keepdim=True) > 0.25)
+    along = (F.normalize(true, dim=1) * normals).sum(dim=1, keepdim=True)
+    return ((1 - along) * inside).sum() / inside.sum().clip(min=1.0)
+
+
+def irradiance_loss(estimate: torch.Tensor, target: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+    """Mean squared error of images [B, 3, S, S] per object pixel, so that small objects count as much as large."""
+    share = mask.mean(dim=(1, 2, 3)).clip(min=0.02)
+    return (((estimate - target) ** 2).mean(dim=(1, 2, 3)) / share).mean()
+
+
+class Normals:
+    """Loss of NormalsNet, from the photo alone; float32 weights, the arithmetic of nets.blocks.autocast."""
+
+    columns = ("normals",)
+
+    def __init__(self, config: object, device: str) -> None:
+        self.device = device
+        self.nets = self.networks()
+        self.nets.to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+    @staticmethod
+    def networks() -> nn.ModuleDict:
+        """Untrained."""
+        return nn.ModuleDict({"light": LightNet()})
+
+    def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
+        """The same whatever the progress."""
+        return {"normals": normals_loss(self._guess(batch), batch)}
+
+    def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
+        """Photos, true normals and those it guesses, as colours: (n + 1) / 2 inside the mask."""
+        inside = F.avg_pool2d(batch.photo[:, 3:], 2)
+        true, guess = F.avg_pool2d(batch.normals, 2), self._guess(batch) * inside
+        return batch.photo[:, :3], 0.5 + 0.5 * true, 0.5 + 0.5 * guess
+
+    def _guess(self, batch: Batch) -> torch.Tensor:
+        net = cast(LightNet, self.nets["light"])
+        with autocast(self.device):
+            photo = batch.photo.contiguous(memory_format=torch.channels_last)
+            return net.normals(photo, *net.camera_rays(batch.tan_half[:, None]))
+
+
+METAL_F0 = 0.25
+"""Mean f0 above which a material is called a metal: dielectrics stay below a tenth."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LiftConfig:
+    """Weight of each loss; 0 leaves it out."""
+
+    irradiance: float = 3.0
+    normals: float = 0.3
+    alpha: float = 0.2
+    ldr: float = 1.0
+    scales: float = 0.5
+    structure: float = 0.15
+    ln: float = 0.08
+    transport: float = 0.25
+    confidence: float = 0.05
+    emitters: float = 0.04
+    power: float = 0.1
+    level: float = 0.1
+    color: float = 0.03
+    material: float = 0.05
+
+
+def given_normals(batch: Batch) -> torch.Tensor:
+    """Normals given with the photos [N, 3, 64, 64], with their errors; zero where none are."""
+    turned = torch.einsum("nij,njhw->nihw", batch.given_normals_rotation, F.avg_pool2d(batch.normals, 2))
+    length = turned.square().sum(dim=1, keepdim=True).sqrt()
+    return torch.where(length > 0.5, turned / length.clamp(min=0.5), 0.0)
+
+
+class Lift:
+    """Losses of LightNet; float32 weights, the arithmetic of nets.blocks.autocast."""
+
+    def __init__(self, config: LiftConfig, device: str) -> None:
+        self.config, self.device = config, device
+        weighed = (field.name for field in fields(config) if field.type == "float")
+        self.columns = tuple(name for name in weighed if getattr(config, name) > 0)
+        self.nets = self.networks()
+        self.nets.to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self._sent = Sent(device)
+        # halfway between equal pixels and true solid angles
+        self._weight = 0.5 + 0.5 * self._sent.angles / self._sent.angles.mean()
+
+    @staticmethod
+    def networks() -> nn.ModuleDict:
+        """Untrained."""
+        return nn.ModuleDict({"light": LightNet()})
+
+    def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
+        """Every loss, weighted."""
+        guess, normals = self._predict(batch)
+        terms = {
+            **self._object(guess, batch, normals),
+            **self._map(guess, batch),
+            **self._emitters(guess, batch),
+            **self._posterior(guess, batch),
+        }
+        return {name: getattr(self.config, name) * terms[name] for name in self.columns}
+
+    def _predict(self, batch: Batch) -> tuple[LightPrediction, torch.Tensor]:
+        """The network's output, and the normals it was given."""
+        photo = batch.photo.contiguous(memory_format=torch.channels_last)
+        with autocast(self.device):
+            normals = given_normals(batch)
+            given = (batch.tan_half[:, None], normals, batch.surroundings, batch.given_material)
+            return self.nets["light"](photo, *given), normals
+
+    def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
+        """Photos, true LDR maps and those it estimates."""
+        guess, _ = self._predict(batch)
+        return batch.photo[:, :3], batch.ldr, display(guess.ln_radiance).clip(max=1.0)
+
+    def _object(self, guess: LightPrediction, batch: Batch, given: torch.Tensor) -> dict[str, torch.Tensor]:
+        features, mask = guess.features, batch.photo[:, 3:]
+        estimated = (given.square().sum(dim=1, keepdim=True) == 0).float()  # given normals are not learned
+        return {
+            "irradiance": irradiance_loss(features.irradiance.float(), batch.irradiance * mask, mask),
+            "normals": normals_loss(guess.normals, batch, estimated),
+            "alpha": (features.root_alpha[:, 0].float() - batch.alpha.sqrt()).abs().mean(),
+        }
+
+    def _map(self, guess: LightPrediction, batch: Batch) -> dict[str, torch.Tensor]:
+        ln = guess.ln_shown
+        shown = clipped_where_white(display(ln), batch.ldr)
+        whole = display(guess.ln_radiance.detach()).clip(max=1.0)
+        close = ((whole - batch.ldr).abs().mean(dim=1, keepdim=True) < CLOSE).float()
+        confidence = F.binary_cross_entropy_with_logits(guess.confidence_logit, close)
+        return {
+            **shown_losses(shown, batch.ldr, self._weight),
+            "ln": (self._weight * (ln - batch.ln_radiance.clip(max=0.0)).abs()).mean(),
+            "transport": self._sent.transport(guess.ln_expected, batch.ln_radiance),
+            "confidence": confidence,
+        }
+
+    def _emitters(self, guess: LightPrediction, batch: Batch) -> dict[str, torch.Tensor]:
+        """Radiance above white: its total power, and where it comes from by cross entropy."""
+        power, _ = self._sent.above_white(batch.ln_radiance)
+        ln_share = torch.log_softmax((guess.emitter_logit + torch.log(self._sent.angles)).flatten(1), dim=1)
+        return {
+            "emitters": self._sent.emitters(ln_share, batch.ln_radiance),
+            "power": (guess.ln_power - torch.log(power + POWER_FLOOR)).abs().mean(),
+        }
+
+    def _posterior(self, guess: LightPrediction, batch: Batch) -> dict[str, torch.Tensor]:
+        """The map's level and mean colour, with how wrong they are thought to be, and the object's material.
+
+        A mean error s is learned from errors e by e / s + ln s (a Laplace distribution's likelihood); the errors
+        themselves are learned as they are, or a doubtful photo would count less.
+        """
+        level = self._sent.level(guess.ln_expected, batch.ln_radiance)
+        powers = (self._sent.power(guess.ln_expected), self._sent.power(batch.ln_radiance))
+        cosine = F.cosine_similarity(*powers).clip(max=1 - 1e-5)
+        color = torch.rad2deg(torch.acos(cosine)) / 10.0
+        metal, reflectance, *scales = guess.posterior.split([1, 3, 1, 1, 1], dim=1)
+        wrong = (reflectance - batch.material[:, 2:5]).abs().mean(dim=1)
+        is_metal = (batch.material[:, 5:].mean(dim=1) > METAL_F0).float()
+        known = batch.material[:, 0]
+        kind = F.binary_cross_entropy_with_logits(metal[:, 0], is_metal, reduction="none")
+        ln_wrong, ln_level, ln_color = (one[:, 0] for one in scales)
+        material = kind + wrong * (1 + torch.exp(-ln_wrong)) + ln_wrong
+        return {
+            "level": (level + level.detach() * torch.exp(-ln_level) + ln_level).mean(),
+            "color": (color + color.detach() * torch.exp(-ln_color) + ln_color).mean(),
+            "material": (known * material).sum() / known.sum().clip(min=1.0),
+        }

@@ -1,0 +1,282 @@
+"""The training loop: one visible loop, one checkpoint that resumes exactly; in one process or in several."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import time
+import warnings
+from collections.abc import Iterable, Mapping
+from contextlib import nullcontext
+from dataclasses import replace
+from functools import reduce
+from pathlib import Path
+from typing import Any, cast
+
+import torch
+import torch.distributed as dist
+from torch import nn
+
+from anyprobe.errors import InputError, ModelError
+from anyprobe.files.atomic import atomic_path
+from anyprobe.learning.dataset.pairs import Batch, PairSource
+from anyprobe.learning.nets.light_net import LightNet
+from anyprobe.learning.train.chain import Chain, Irradiance
+from anyprobe.learning.train.checkpoint import (
+    agreed,
+    init_weights_id,
+    load_init_weights,
+    load_weights,
+    read_checkpoint,
+    resumed,
+)
+from anyprobe.learning.train.config import RunConfig
+from anyprobe.learning.train.dataloader import ShardSource, load_assets, name_assets, open_batches
+from anyprobe.learning.train.lift import Lift, Normals
+from anyprobe.learning.train.logger import Learner, RunLogger, run_folder
+
+CHECKPOINT_SECONDS = 120.0
+
+
+def learning_rate(config: Any, step: int) -> float:
+    """Linear warm-up, constant, linear cool-down to zero, of a run's configuration."""
+    falling = config.cooldown * config.steps
+    return config.learning_rate * min(1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0))
+
+
+LEARNERS: dict[str, type[Irradiance | Chain | Lift | Normals]] = {
+    "irradiance": Irradiance,
+    "paper": Chain,
+    "lift": Lift,
+    "normals": Normals,
+}
+
+
+def make_learner(
+    config: RunConfig, device: str, teacher: Path | None = None, compiled: bool = False
+) -> Irradiance | Chain | Lift | Normals:
+    """What trains: networks, and their losses by name.
+
+    teacher: weights of `lift`, of which the chain learns; compiled is of it alone.
+    """
+    kind = LEARNERS[config.model]
+    if issubclass(kind, Lift):
+        return kind(config.lift, device)
+    learner = kind(config, device)
+    if isinstance(learner, Chain) and teacher is not None:
+        networks = Lift.networks()
+        load_init_weights(networks, teacher)
+        learner.learn_from(cast(LightNet, networks["light"]), compiled)
+    return learner
+
+
+def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
+    """The trained networks of a checkpoint, ready to run; ModelError if there are none, or of another release."""
+    stored = read_checkpoint(checkpoint)
+    model = json.loads(stored["config"]).get("model", "paper")
+    if model not in LEARNERS:
+        raise ModelError(
+            f"{checkpoint}: expected a run of this release, got one of {model}; take the release that trained it"
+        )
+    nets = LEARNERS[model].networks()
+    load_weights(nets, stored["nets"], checkpoint)
+    return nets.eval().requires_grad_(False)
+
+
+def pairs_seen(stored: dict) -> int:
+    """How many pairs a checkpoint has learned from."""
+    return stored.get("pairs", stored["step"] * json.loads(stored["config"])["pairs"]["batch"])
+
+
+def save_checkpoint(
+    path: Path,
+    nets: torch.nn.ModuleDict,
+    config: RunConfig,
+    optimizer: torch.optim.Optimizer,
+    step: int,
+    pairs: int,
+    origin: Mapping[str, Any] | None = None,
+) -> None:
+    """Everything that the next step depends on; pairs depend on the step's number alone.
+
+    origin: of train.checkpoint, as far as it is known.
+    """
+    with atomic_path(path) as temporary:
+        torch.save(
+            {
+                "nets": nets.state_dict(),
+                "optimizer": optimizer.state_dict(),
+                "step": step,
+                "pairs": pairs,
+                "config": json.dumps(dataclasses.asdict(config)),
+                "origin": dict(origin or {}),
+            },
+            temporary,
+        )
+
+
+def train(
+    config: RunConfig,
+    *,
+    data: Path | None,
+    runs: Path,
+    device: str = "cpu",
+    compiled: bool = True,
+    workers: int = 0,
+    stop_after: int | None = None,
+    pairs: PairSource | ShardSource | None = None,
+    start: Path | None = None,
+    teacher: Path | None = None,
+) -> Path:
+    """Train a run's networks to config.steps, going on from its checkpoint when there is one.
+
+    Started by torchrun, its processes train together (ProcessGroup).
+
+    Args:
+        data: folder with hdri/train and meshes/train; None trains on procedural assets.
+        runs: the checkpoint, log.csv, pictures and TensorBoard events go to runs/<config.name>.
+        workers: processes that draw shapes and make pairs ahead of this one; each has lit materials of its own,
+            so that a run goes on exactly with as many as it began with. 0: this process makes its pairs.
+        stop_after: stop (with a checkpoint) once this many steps are done in all.
+        pairs: the batches, when they are at hand already, for instance rendered ones.
+        start: weights to begin from, of train.checkpoint; a run that goes on may name those that it began from.
+        teacher: weights of `lift` that the paper's chain learns from, beside the truth; layers that start lacks begin
+            as its.
+    Returns:
+        The checkpoint's path.
+    Raises:
+        InputError: a device that is not there, or a checkpoint of another run (train.checkpoint).
+        ModelError: a damaged checkpoint, or weights of another network.
+    """
+    warnings.filterwarnings("ignore", message="Dynamo detected a call to a `functools.lru_cache`")
+    processes = ProcessGroup(device)
+    device = processes.device
+    torch.manual_seed(config.seed)
+    path = runs / config.name / "checkpoint.pt"
+    if workers > 0:
+        config = replace(config, pairs=replace(config.pairs, lanes=workers * processes.size))
+    learner: Learner = make_learner(config, device, teacher, compiled)
+    nets = learner.nets
+    optimizer = torch.optim.AdamW(
+        [p for p in nets.parameters() if p.requires_grad],
+        lr=config.learning_rate,
+        betas=(0.9, 0.999),
+        weight_decay=config.weight_decay,
+    )
+    first = seen = 0
+    began: dict[str, Any] = {"processes": processes.size}
+    if config.model == "paper":
+        began["teacher"] = None if teacher is None else init_weights_id(teacher)
+    stored, origin = resumed(path, config, began, start, device)
+    if stored is not None:
+        load_weights(nets, stored["nets"], path)
+        optimizer.load_state_dict(stored["optimizer"])
+        first, seen = stored["step"], pairs_seen(stored)
+    elif start is not None:
+        load_init_weights(nets, start, teacher if isinstance(learner, Chain) else None)
+    folder = run_folder(runs, config.name)
+    last = config.steps if stop_after is None else min(stop_after, config.steps)
+    if first >= last:
+        return path
+    steps = range(first * processes.size + processes.rank, last * processes.size + processes.rank, processes.size)
+    batches: Iterable[Batch]
+    if pairs is not None:
+        if isinstance(pairs, ShardSource):
+            origin = agreed(path, origin, {"assets": pairs.identity})
+        batches = (pairs.batch(step).to(device) for step in steps)  # of several GPUs each has its own
+    else:
+        store = load_assets(config.light, data)
+        origin = agreed(path, origin, {"assets": name_assets(store)})
+        batches = open_batches(config, store, data, runs / "cache", device, compiled, steps, workers)
+        del store  # hundreds of maps, of which the batches keep what they need
+    logger = RunLogger(folder, config.name, learner, first, last, config.steps)
+    saved, each = time.monotonic(), config.pairs.batch * processes.size
+    with logger if processes.is_first else nullcontext():
+        for step, batch in enumerate(batches, start=first):
+            rate = learning_rate(config, step)
+            for group in optimizer.param_groups:
+                group["lr"] = rate
+            losses = learner.losses(batch, step / config.steps)
+            optimizer.zero_grad(set_to_none=True)
+            reduce(torch.add, losses.values()).backward()
+            due = processes.average_gradients(nets.parameters(), time.monotonic() - saved > CHECKPOINT_SECONDS)
+            for net in nets.values():
+                torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
+            optimizer.step()
+            seen += each
+            if processes.is_first:
+                logger.see(batch)
+                logger.note(step + 1, seen, each, losses, rate)
+            if due or step + 1 == last:
+                processes.average_statistics(nets)
+                if processes.is_first:
+                    save_checkpoint(path, nets, config, optimizer, step + 1, seen, origin)
+                    logger.draw(step + 1)
+                saved = time.monotonic()
+    processes.leave()
+    return path
+
+
+BACKENDS = {"cpu": "gloo", "cuda": "nccl"}
+"""What carries the tensors of each kind of device between processes."""
+
+
+class ProcessGroup:
+    """Processes that see different pairs and keep the same weights.
+
+    Every process makes step number * size + rank of the pairs; gradients are averaged, so that two processes learn as
+    one with twice the batch would (but for batch normalisation, which sees each process's pairs alone).
+    """
+
+    def __init__(self, kind: str = "cpu") -> None:
+        """As torchrun's RANK and WORLD_SIZE say; a team of one without them.
+
+        kind: of the device that every process trains on, "cpu" or "cuda"; `device` is this process's own.
+        Raises:
+            InputError: another kind, or one that this machine does not have.
+        """
+        if kind not in BACKENDS:
+            raise InputError(f"--device {kind}: expected one of {', '.join(BACKENDS)}, got another; take cpu")
+        if kind == "cuda" and not torch.cuda.is_available():
+            raise InputError("--device cuda: no GPU that torch can use; take cpu")
+        self.rank, self.size = (int(os.environ.get(name, default)) for name, default in SINGLE.items())
+        own = kind == "cuda" and self.size > 1
+        self.device = f"cuda:{os.environ.get('LOCAL_RANK', '0')}" if own else kind
+        if self.size > 1 and not dist.is_initialized():
+            dist.init_process_group(BACKENDS[kind])
+
+    @property
+    def is_first(self) -> bool:
+        """The one that logs and saves."""
+        return self.rank == 0
+
+    def average_gradients(self, parameters: Iterable[nn.Parameter], ask: bool = False) -> bool:
+        """Replace every gradient by the team's mean; returns what the first process asked."""
+        if self.size == 1:
+            return ask
+        gradients = [p.grad for p in parameters if p.grad is not None]
+        asked = gradients[0].new_tensor([float(ask and self.is_first)])
+        self._average([*gradients, asked])
+        return bool(asked > 0)
+
+    def average_statistics(self, nets: nn.Module) -> None:
+        """The same for what batch normalisation has seen; its mean is what one process of all would keep."""
+        if self.size > 1:
+            self._average([buffer for buffer in nets.buffers() if buffer.is_floating_point()])
+
+    def _average(self, tensors: list[torch.Tensor]) -> None:
+        flat = torch.cat([tensor.reshape(-1) for tensor in tensors])
+        dist.all_reduce(flat)
+        flat /= self.size
+        parts = flat.split([tensor.numel() for tensor in tensors])
+        for tensor, part in zip(tensors, parts, strict=True):
+            tensor.copy_(part.view_as(tensor))
+
+    def leave(self) -> None:
+        """Once all is done."""
+        if self.size > 1:
+            dist.destroy_process_group()
+
+
+SINGLE = {"RANK": "0", "WORLD_SIZE": "1"}

@@ -1,0 +1,108 @@
+"""Losses of maps: of the display values that they show, and of the light that they send."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch.nn import functional as F
+
+from anyprobe.core.color import REC709
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.learning.dataset.pair import LN_RANGE
+from anyprobe.light.environment import MAP_HEIGHT
+
+LOBES = (1.0, 16.0, 128.0)
+"""Powers of the cosine: what a diffuse, a glossy and a nearly mirror-like sphere see of the map."""
+FAINT = 0.02
+"""Added to radiance before its logarithm is compared: darker than this does not matter."""
+
+
+def lobe_matrices(height: int, rows: int) -> torch.Tensor:
+    """Means of a map [height, 2 height] around the pixels of one of `rows` rows, [lobes, out, in]; rows sum to 1."""
+    out, seen = (pixel_directions(h).reshape(-1, 3).astype(np.float64) for h in (rows, height))
+    cosine = np.maximum(out @ seen.T, 0.0)
+    angles = np.repeat(pixel_solid_angles(height)[:, 0], 2 * height)
+    kernels = np.stack([cosine**power * angles for power in LOBES])
+    return torch.from_numpy((kernels / kernels.sum(axis=2, keepdims=True)).astype(np.float32))
+
+
+def structure_loss(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
+    """1 - structural similarity over 7 x 7 boxes (Wang et al. 2004, Eq. 13), pictures [N, C, H, W] in [0, 1]."""
+
+    def mean(x: torch.Tensor) -> torch.Tensor:
+        return F.avg_pool2d(x, 7, stride=2)
+
+    mean_a, mean_b = mean(a), mean(b)
+    spread = mean(a * a) + mean(b * b) - mean_a**2 - mean_b**2
+    together = mean(a * b) - mean_a * mean_b
+    c1, c2 = 0.01**2, 0.03**2
+    likeness = (2 * mean_a * mean_b + c1) * (2 * together + c2)
+    return 1 - (likeness / ((mean_a**2 + mean_b**2 + c1) * (spread + c2))).mean()
+
+
+def shown_losses(shown: torch.Tensor, true: torch.Tensor, weight: torch.Tensor) -> dict[str, torch.Tensor]:
+    """How far display values [N, 3, H, 2H] are from the truth: pixel by pixel, by the weight of each; as means over
+    2, 4, 8 and 16 pixels; and in structure."""
+    difference = shown - true
+    scales, one = difference.new_zeros(()), difference
+    for _ in range(4):
+        one = F.avg_pool2d(one, 2)
+        scales = scales + one.square().mean() + 0.3 * one.abs().mean()
+    return {
+        "ldr": (weight * (difference.abs() * 0.5 + difference.square() * 2)).mean(),
+        "scales": scales,
+        "structure": structure_loss(shown.clip(max=1.0), true),
+    }
+
+
+def clipped_where_white(shown: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
+    """Display values [N, 3, H, 2H] clipped where the true ones are too: how far above white does not matter there."""
+    return torch.where((shown > 1) & (true >= 1), shown.clip(max=1.0), shown)
+
+
+class Sent:
+    """How far two maps are from each other in the light that they send; maps are ln radiance [N, 3, 64, 128]."""
+
+    def __init__(self, device: str) -> None:
+        angles = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).to(device)
+        self.angles = angles.expand(-1, 2 * MAP_HEIGHT)[None, None]
+        """Steradians [1, 1, 64, 128]."""
+        self._lobes = lobe_matrices(MAP_HEIGHT // 2, 8).to(device)
+        self._luminance = torch.tensor(REC709, device=device)
+
+    def transport(self, ln: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
+        """Mean difference of ln of what spheres of three kinds (LOBES) see: energy counts, not pixels."""
+        seen = []
+        for one in (ln, true_ln):
+            power = F.avg_pool2d(torch.exp(one.clip(*LN_RANGE)) * self.angles, 2)
+            radiance = power / F.avg_pool2d(self.angles, 2)
+            means = torch.einsum("lop,ncp->nclo", self._lobes, radiance.flatten(2))
+            seen.append(torch.log(means + FAINT))
+        return (seen[0] - seen[1]).abs().mean()
+
+    def power(self, ln: torch.Tensor) -> torch.Tensor:
+        """Radiance times solid angle over the sphere, [N, 3]."""
+        return (torch.exp(ln.clip(*LN_RANGE)) * self.angles).sum(dim=(2, 3))
+
+    def level(self, ln: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
+        """Difference of ln of the luminance of the power, [N]."""
+        level, true = (torch.log(self.power(one) @ self._luminance) for one in (ln, true_ln))
+        return (level - true).abs()
+
+    def above_white(self, true_ln: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Of the radiance above 1: power [N, 3], and each pixel's share of it [N, 64 * 128]."""
+        above = (torch.exp(true_ln) - 1).clip(min=0.0) * self.angles
+        power = above.sum(dim=(2, 3))
+        return power, above.sum(dim=1).flatten(1) / power.sum(dim=1, keepdim=True).clip(min=1e-6)
+
+    def emitters(self, ln_share: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
+        """Cross entropy of where light is thought to come from, ln of shares [N, 64 * 128], with where what is above
+        white does; maps that have little of it count less."""
+        power, share = self.above_white(true_ln)
+        mean = power.mean(dim=1)
+        return -(mean / (mean + 1.0) * (share * ln_share).sum(dim=1)).mean()
+
+    def ln_share(self, ln: torch.Tensor) -> torch.Tensor:
+        """ln of every pixel's share of the luminance of the power, [N, 64 * 128]."""
+        luminance = torch.einsum("nchw,c->nhw", torch.exp(ln.clip(*LN_RANGE)), self._luminance) * self.angles[0]
+        return torch.log(luminance.flatten(1) / luminance.sum(dim=(1, 2))[:, None] + 1e-9)

@@ -1,0 +1,112 @@
+"""WholeNet's export: one ONNX graph with its contract, its weights stored small, checked against torch."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+
+from anyprobe.errors import ModelError
+from anyprobe.estimate.photo import CONTEXT_SIZE
+from anyprobe.estimate.runtime import CONTRACT, WHOLE, WHOLE_INPUTS, WHOLE_OUTPUTS
+from anyprobe.files.atomic import atomic_path
+from anyprobe.learning.nets.whole_net import SAID, WholeNet
+from anyprobe.learning.train.export_onnx import store_half, store_int8
+from anyprobe.learning.whole_network.train import load_whole_net
+from anyprobe.light.environment import MAP_HEIGHT
+
+TOLERANCE = 0.03
+"""Largest median difference of ln radiance that storing weights in eight bits may make."""
+
+
+class WholeGraph(nn.Module):
+    """Outputs of WholeNet in the order of WHOLE_OUTPUTS: ln radiance with light sources of their sizes, ln radiance
+    with their power spread as likely as it is, confidence [N, 1, 64, 128] in [0, 1], and posture [N, 3]: pitch
+    downwards, its mean error and roll, in radians in the crop's frame."""
+
+    def __init__(self, net: WholeNet) -> None:
+        super().__init__()
+        self.net = net
+
+    def forward(
+        self,
+        context: torch.Tensor,
+        tan_half: torch.Tensor,
+        alone_expected: torch.Tensor,
+        alone_radiance: torch.Tensor,
+        alone_confidence: torch.Tensor,
+        posterior: torch.Tensor,
+        surroundings: torch.Tensor,
+        up: torch.Tensor,
+    ) -> tuple[torch.Tensor, ...]:
+        lift = torch.cat([alone_expected, alone_radiance, alone_confidence], dim=1)
+        guess = self.net(context, tan_half, lift, posterior, surroundings, up)
+        pitch, ln_error, roll, _ = guess.posture.split(1, dim=1)
+        posture = torch.cat([pitch, torch.exp(ln_error), roll], dim=1)
+        return guess.ln_radiance, guess.ln_expected, torch.sigmoid(guess.confidence_logit), posture
+
+
+def example_inputs() -> dict[str, torch.Tensor]:
+    """One photo's, smooth, by the names of WHOLE_INPUTS."""
+    generator = torch.Generator().manual_seed(0)
+
+    def smooth(channels: int, *size: int) -> torch.Tensor:
+        coarse = torch.rand((1, channels, 4, 8), generator=generator)
+        return nn.functional.interpolate(coarse, size=size, mode="bilinear", align_corners=False)
+
+    rows = MAP_HEIGHT, 2 * MAP_HEIGHT
+    values = {
+        "context": smooth(5, CONTEXT_SIZE, CONTEXT_SIZE),
+        "tan_half": torch.full((1, 1), 0.2),
+        "alone_expected": 3 * smooth(3, *rows) - 2,
+        "alone_radiance": 3 * smooth(3, *rows) - 2,
+        "alone_confidence": smooth(1, *rows),
+        "posterior": torch.full((1, SAID), 0.3),
+        "surroundings": smooth(4, *rows),
+        "up": torch.zeros(1, 3),
+    }
+    return {name: values[name] for name in WHOLE_INPUTS}
+
+
+def export_whole(checkpoint: Path, folder: Path) -> float:
+    """Write folder/whole.onnx and return its largest median difference from torch among the outputs.
+
+    Raises:
+        ModelError: the graph disagrees with the network by more than TOLERANCE.
+    """
+    import onnx
+
+    from anyprobe.files.onnx_runtime import onnxruntime
+
+    net, run = load_whole_net(checkpoint)
+    graph, inputs = WholeGraph(net).eval(), example_inputs()
+    recipe = {"run": run["name"], "steps": str(run["step"]), "pairs": str(run["step"] * run["batch"])}
+    with atomic_path(folder / f"{WHOLE}.onnx") as temporary:
+        torch.onnx.export(
+            graph,
+            tuple(inputs.values()),
+            str(temporary),
+            input_names=list(inputs),
+            output_names=list(WHOLE_OUTPUTS),
+            dynamic_axes={name: {0: "n"} for name in (*inputs, *WHOLE_OUTPUTS)},
+            opset_version=17,
+            dynamo=False,
+        )
+        model = onnx.load(str(temporary))
+        store_half(model)
+        store_int8(model)
+        about = {**CONTRACT, "stage": WHOLE, "computes": "float32", "config": json.dumps(run)}
+        onnx.helper.set_model_props(model, {**about, **recipe})
+        onnx.checker.check_model(model)
+        onnx.save(model, str(temporary))
+        session = onnxruntime.InferenceSession(str(temporary), providers=["CPUExecutionProvider"])
+        with torch.no_grad():
+            expected = graph(*inputs.values())
+        found = session.run(None, {name: value.numpy() for name, value in inputs.items()})
+        off = max(float(np.median(np.abs(a - b.numpy()))) for a, b in zip(found, expected, strict=True))
+        if not off <= TOLERANCE:
+            raise ModelError(f"whole: expected ONNX within {TOLERANCE} of torch, got {off:.3g}")
+    return off

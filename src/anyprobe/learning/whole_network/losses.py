@@ -1,0 +1,148 @@
+"""What WholeNet learns by: the map as a display and as spheres see it, its light sources, the camera's posture."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch.nn import functional as F
+
+from anyprobe.core.color import REC709
+from anyprobe.core.latlong import pixel_solid_angles
+from anyprobe.learning.dataset.pair import LN_RANGE
+from anyprobe.learning.nets.emitter_head import POWER_FLOOR
+from anyprobe.learning.nets.whole_net import WholePrediction
+from anyprobe.learning.train.lift import CLOSE, display
+from anyprobe.learning.train.map_losses import FAINT, lobe_matrices, structure_loss
+from anyprobe.light.environment import MAP_HEIGHT
+
+WEIGHTS = {
+    "drawn": 0.8,
+    "spread": 0.2,
+    "shown": 0.4,
+    "scales": 0.5,
+    "structure": 0.15,
+    "ln": 0.08,
+    "transport": 0.4,
+    "confidence": 0.05,
+    "emitters": 0.2,
+    "context": 0.15,
+    "power": 0.1,
+    "profile": 0.3,
+    "color": 0.1,
+    "level": 0.1,
+    "pitch": 0.2,
+    "roll": 0.03,
+    "stands": 0.03,
+}
+"""Of each loss."""
+SOURCE_WEIGHTS = (1.0, 0.5, 0.25, 0.25)
+"""Of the sources' profiles, the brightest first."""
+DIM_POWER = 0.1
+"""Power above white of which the loss of a direction counts half: most photos have more, and teach as much as any."""
+LEAST_SHARE = 0.05
+"""Of the power within 8 degrees of a place, from which on its colour counts in full."""
+SHARE_FLOOR = 0.02
+"""Added to shares of power before their logarithm: less hardly shows."""
+
+
+class WholeLoss:
+    """The losses of predictions, unweighted."""
+
+    def __init__(self) -> None:
+        self._angles = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).expand(-1, 2 * MAP_HEIGHT)[None, None]
+        self._weight = 0.5 + 0.5 * self._angles / self._angles.mean()  # as for lift
+        self._luminance, self._lobes = torch.tensor(REC709), lobe_matrices(MAP_HEIGHT // 2, 8)
+
+    def __call__(self, guess: WholePrediction, batch: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+        """By the names of WEIGHTS; batch: of train.Pairs."""
+        true = batch["truth"]
+        ldr = display(true).clip(max=1.0)
+        shown = self._difference(guess.ln_shown, ldr)
+        scales, one = shown.new_zeros(()), shown
+        for _ in range(4):
+            one = F.avg_pool2d(one, 2)
+            scales = scales + one.square().mean() + 0.3 * one.abs().mean()
+        close = (display(guess.ln_radiance.detach()).clip(max=1.0) - ldr).abs().mean(dim=1, keepdim=True) < CLOSE
+        above = (torch.exp(true) - 1).clip(min=0.0) * self._angles
+        power = above.sum(dim=(2, 3))
+        share = above.sum(dim=1).flatten(1) / power.sum(dim=1, keepdim=True).clip(min=1e-6)
+        counts = power.mean(dim=1) / (power.mean(dim=1) + DIM_POWER)
+        present = (batch["context"][:, 4].amax(dim=(1, 2)) > 0).float()
+        ln_context = guess.ln_context.unflatten(1, (MAP_HEIGHT, 2 * MAP_HEIGHT))[:, None]
+        return {
+            "drawn": self._weighed(self._difference(guess.ln_radiance, ldr)),
+            "spread": self._weighed(self._difference(guess.ln_expected, ldr)),
+            "shown": self._weighed(shown),
+            "scales": scales,
+            "structure": structure_loss((ldr + shown).clip(0.0, 1.0), ldr),
+            "ln": (self._weight * (guess.ln_shown - true.clip(max=0.0)).abs()).mean(),
+            "transport": sum(self._transport(ln, true) for ln in (guess.ln_expected, guess.ln_radiance)) / 2,
+            "confidence": F.binary_cross_entropy_with_logits(guess.confidence_logit, close.float()),
+            "emitters": cross_entropy(guess.logit, share, self._angles, counts),
+            "context": cross_entropy(ln_context, share, self._angles, counts * present),
+            "power": (guess.ln_power - torch.log(power + POWER_FLOOR)).abs().mean(),
+            "profile": profile_loss(guess.profiles, batch["profiles"]),
+            "color": color_loss(guess.colors, batch["colors"], batch["profiles"]),
+            "level": (self._ln_level(guess.ln_radiance) - self._ln_level(true)).abs().mean(),
+            **posture_losses(guess.posture, batch["up"], present),
+        }
+
+    @staticmethod
+    def _difference(ln: torch.Tensor, ldr: torch.Tensor) -> torch.Tensor:
+        """Of display values; where both clip, how far above white does not matter."""
+        shown = display(ln)
+        return torch.where((shown > 1) & (ldr >= 1), shown.clip(max=1.0), shown) - ldr
+
+    def _weighed(self, difference: torch.Tensor) -> torch.Tensor:
+        return (self._weight * (difference.abs() * 0.5 + difference.square() * 2)).mean()
+
+    def _ln_level(self, ln: torch.Tensor) -> torch.Tensor:
+        return torch.log((torch.exp(ln.clip(*LN_RANGE)) * self._angles).sum(dim=(2, 3)) @ self._luminance)
+
+    def _transport(self, ln: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
+        """As of lift: means over three lobes as spheres of three kinds see them."""
+        seen = []
+        for one in (ln, true_ln):
+            radiance = F.avg_pool2d(torch.exp(one.clip(*LN_RANGE)) * self._angles, 2) / F.avg_pool2d(self._angles, 2)
+            seen.append(torch.log(torch.einsum("lop,ncp->nclo", self._lobes, radiance.flatten(2)) + FAINT))
+        return (seen[0] - seen[1]).abs().mean()
+
+
+def profile_loss(profiles: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
+    """Differences of shares [N, S, R] and of their logarithms."""
+    ln = torch.log(profiles + SHARE_FLOOR) - torch.log(true + SHARE_FLOOR)
+    each = ((profiles - true).abs() + 0.2 * ln.abs()).mean(dim=(0, 2))
+    return each @ each.new_tensor(SOURCE_WEIGHTS) / sum(SOURCE_WEIGHTS)
+
+
+def color_loss(colors: torch.Tensor, true: torch.Tensor, profiles: torch.Tensor) -> torch.Tensor:
+    """Differences of ln of the sources' colours [N, S, 3] and of the true ones, where there is a source."""
+    counts = (profiles[..., 1] / LEAST_SHARE).clamp(max=1.0) * colors.new_tensor(SOURCE_WEIGHTS)
+    each = (torch.log(colors + SHARE_FLOOR) - torch.log(true + SHARE_FLOOR)).abs().mean(dim=2)
+    return (counts * each).sum() / counts.sum().clamp(min=1e-6)
+
+
+def posture_losses(posture: torch.Tensor, up: torch.Tensor, present: torch.Tensor) -> dict[str, torch.Tensor]:
+    """Of ContextNet's posture [N, 4], where there is a context, present [N]; pitch and roll in tens of degrees.
+
+    up [N, 3]: unit, in the crop's frame. Every object stands on something.
+    """
+    pitch, ln_error, roll, logit = posture.unbind(dim=1)
+
+    def mean(values: torch.Tensor) -> torch.Tensor:
+        return (values * present).sum() / present.sum().clip(min=1.0)
+
+    unit = np.radians(10.0)
+    off = (pitch - torch.asin(up[:, 2].clamp(-1.0, 1.0))).abs() / unit
+    rolled = (roll - torch.atan2(up[:, 0], up[:, 1])).abs() / unit
+    of_error = off.detach() * torch.exp(-ln_error) * unit + ln_error
+    return {"pitch": mean(off + 0.3 * of_error), "roll": mean(rolled), "stands": mean(F.softplus(-logit))}
+
+
+def cross_entropy(logit: torch.Tensor, share: torch.Tensor, angles: torch.Tensor, counts: torch.Tensor):
+    """Mean of -sum share ln p, p the distribution of logit [N, 1, H, W] per steradian, weighted by counts [N].
+
+    share: [N, H W] of the pixels; angles: [1, 1, H, W].
+    """
+    ln = torch.log_softmax((logit + torch.log(angles)).flatten(1), dim=1)
+    return -(counts * (share * ln).sum(dim=1)).mean()

@@ -1,0 +1,74 @@
+"""Scores of left-out pairs while training: what models are chosen by."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from anyprobe.core.color import luminance
+from anyprobe.core.latlong import pixel_solid_angles
+from anyprobe.core.response import response
+from anyprobe.learning.evaluate.metrics import direction_error_deg
+from anyprobe.learning.nets.blocks import autocast
+from anyprobe.learning.nets.whole_net import WholeNet
+from anyprobe.learning.whole_network.families import FAMILIES
+from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.light.environment import MAP_HEIGHT
+
+if TYPE_CHECKING:
+    from anyprobe.learning.whole_network.train import Pairs
+
+AT_ONCE = 32
+
+
+@torch.no_grad()
+def score_pairs(net: WholeNet, pairs: Pairs) -> dict[str, float]:
+    """Return figures of left-out pairs: LDR RMSE, dominant light (median; hardest third), power [stops], pitch; and LDR
+    RMSE and dominant light of each family's photos and of the cut-outs."""
+    rows = []
+    was_training = net.training
+    net.eval()
+    for start in range(0, len(pairs), AT_ONCE):
+        batch = pairs.rows(start, start + AT_ONCE)
+        names = ("context", "tan_half", "lift", "said", "surroundings", "given_up")
+        with autocast("cpu"):
+            guess = net(*(batch[name] for name in names))
+        drawn = torch.exp(guess.ln_radiance.float()).permute(0, 2, 3, 1).numpy()
+        truth = torch.exp(batch["truth"]).permute(0, 2, 3, 1).numpy()
+        present = batch["context"][:, 4].amax(dim=(1, 2)).numpy() > 0
+        true_pitch = np.arcsin(batch["up"][:, 2].numpy().clip(-1, 1))
+        pitch = np.degrees(np.abs(guess.posture[:, 0].float().numpy() - true_pitch))
+        for k in range(len(truth)):
+            group = FAMILIES[int(batch["family"][k])] if present[k] else "cut-out"
+            rows.append((group, *_figures(drawn[k], truth[k]), pitch[k] if present[k] else np.nan))
+    net.train(was_training)
+    group = np.array([row[0] for row in rows])
+    rmse, angle, power, hard, pitch = np.array([row[1:] for row in rows]).T
+    whole = group != "cut-out"
+    hardest = whole & (hard >= np.quantile(hard[whole], 2 / 3))
+    scores = {
+        "ldr_rmse": rmse[whole].mean(),
+        "dominant_deg": np.median(angle[whole]),
+        "dominant_mean_deg": angle[whole].mean(),
+        "dominant_hardest_deg": np.median(angle[hardest]),
+        "power_abs": np.abs(power[whole]).mean(),
+        "power": power[whole].mean(),
+        "pitch_deg": np.nanmedian(pitch),
+    }
+    for name in (*FAMILIES, "cut-out"):
+        some = group == name
+        if some.any():
+            scores |= {f"{name}_ldr_rmse": rmse[some].mean(), f"{name}_dominant_deg": np.median(angle[some])}
+    return {name: round(float(value), 4) for name, value in scores.items()}
+
+
+def _figures(radiance: np.ndarray, truth: np.ndarray) -> tuple[float, float, float, float]:
+    """Return LDR RMSE, the dominant light's angle, power [stops], and the true dominant light's share of all power."""
+    weights = pixel_solid_angles(MAP_HEIGHT)
+    light, main = find_dominant_light(radiance), find_dominant_light(truth)
+    ours, true = ((luminance(one) * weights).sum() for one in (radiance, truth))
+    cosine_power = luminance(main.irradiance) / max(true, 1e-9)
+    rmse = float(np.sqrt(np.mean((response(radiance) - response(truth)) ** 2)))
+    return rmse, direction_error_deg(light.direction, main.direction), float(np.log2(ours / true)), float(cosine_power)

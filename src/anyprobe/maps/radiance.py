@@ -1,0 +1,277 @@
+"""Linear radiance on disk: Radiance .hdr (RGBE) and OpenEXR .exr, environment maps and pictures of any shape.
+
+A map is latitude-longitude, row 0 up, H x 2H; ours in Rec. 709 primaries.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from anyprobe.core.color import COLORSPACES, REC709_CHROMATICITIES, SAME_CHROMATICITIES, from_rec709, rec709_from_rgb
+from anyprobe.core.latlong import pixel_solid_angles
+from anyprobe.errors import InputError, InvalidEnvironment, OutputError
+from anyprobe.files.atomic import atomic_path
+from anyprobe.files.paths import open_regular, read_rest
+from anyprobe.light.environment import check_radiance
+from anyprobe.maps.exr import EXR_MAGIC, HEADER_BYTES, exr_attributes, parse_header, read_exr, to_rec709, write_channels
+from anyprobe.maps.rgbe import (
+    HDR_HEADER_BYTES,
+    HDR_MAGIC,
+    comments,
+    decode_row,
+    encode_rows,
+    float_to_rgbe,
+    least_bytes,
+    read_comments,
+    read_header,
+    rgbe_to_float,
+)
+
+MAX_MAP_PIXELS = 16384 * 8192
+"""Largest map that is decoded; the header is looked at first."""
+
+HALF_MAX = 65504.0
+"""Largest finite half; what lies above would become infinity."""
+
+HALF_MIN = 2.0**-14
+"""Smallest half of full precision; what lies below loses digits, and is 0 from 3e-8 on."""
+
+ATTRIBUTE = "anyprobe:"
+"""What the names of our own strings in an .exr's header begin with."""
+
+KINDS = {HDR_MAGIC: ".hdr", EXR_MAGIC: ".exr", b"\x89PNG": "PNG", b"\xff\xd8\xff": "JPEG"}
+"""First bytes of files that are mistaken for one another."""
+
+
+def read_radiance(path: str | os.PathLike[str], max_pixels: int = MAX_MAP_PIXELS) -> np.ndarray:
+    """Read a .hdr or .exr map: [H, 2H, 3] float32, linear Rec. 709, >= 0.
+
+    Other primaries that the file names (an .exr's chromaticities, a .hdr's PRIMARIES) are turned
+    to Rec. 709, their white to its own; a colour outside of Rec. 709 is cut at 0.
+
+    Args:
+        max_pixels: refused above, before pixels are decoded.
+    Raises:
+        InvalidEnvironment: the file is absent, damaged, not HDR, not H x 2H, too large or of impossible primaries.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in (".hdr", ".exr"):
+        if path.is_dir():
+            raise InvalidEnvironment(
+                "expected a map in .hdr or .exr, got a folder; name the maps in it", source=path.name
+            )
+        raise InvalidEnvironment(
+            f"expected a map in .hdr or .exr, got {suffix or 'no suffix'}; "
+            "a picture of 8 or 16 bits does not hold radiance",
+            source=path.name,
+        )
+    with open_regular(path, InvalidEnvironment, "a radiance map") as stream:
+        start = stream.read(HDR_HEADER_BYTES)
+        _check_kind(start, suffix, path.name)
+        if suffix == ".hdr":
+            read_header(start, path.name, max_pixels)  # before all of it is read
+        data = start + read_rest(stream)
+    if suffix == ".hdr":
+        return check_radiance(decode_hdr(data, path.name, max_pixels), path.name)
+    return check_radiance(read_exr(data, path.name, InvalidEnvironment, max_pixels, rec709=True)[..., :3], path.name)
+
+
+def read_linear(source: object, max_pixels: int) -> np.ndarray | None:
+    """The radiance of an .exr or .hdr of any shape, path or bytes, known by its first bytes; None for any other.
+
+    Returns:
+        [H, W, 4] float32: linear Rec. 709 >= 0 times cover, and cover in [0, 1], 1 where the file has no A.
+    Raises:
+        InputError: damaged, too large, NaN.
+    """
+    if isinstance(source, str | os.PathLike):
+        name = Path(source).name
+        try:
+            with open_regular(source, InputError) as stream:
+                data = stream.read(len(EXR_MAGIC))
+                if data == EXR_MAGIC or data.startswith(HDR_MAGIC):
+                    data += read_rest(stream)
+        except InputError:  # read_image says what is wrong
+            return None
+    elif isinstance(source, bytes):
+        data, name = source, "bytes"
+    else:
+        return None
+    if data.startswith(EXR_MAGIC):
+        pixels = read_exr(data, name, InputError, max_pixels, rec709=True)
+    elif data.startswith(HDR_MAGIC):
+        pixels = decode_hdr(data, name, max_pixels)
+    else:
+        return None
+    if not np.isfinite(pixels).all():
+        raise InputError("expected finite radiance, got NaN or infinity; repair the picture first", source=name)
+    cover = np.clip(pixels[..., 3:], 0.0, 1.0) if pixels.shape[2] == 4 else np.ones_like(pixels[..., :1])
+    return np.concatenate([np.maximum(pixels[..., :3], 0.0) * (cover > 0), cover], axis=-1)
+
+
+def opaque_linear(source: Path | bytes, colorspace: str, max_pixels: int) -> np.ndarray | None:
+    """The colours of an opaque .exr in one of COLORSPACES, none cut at 0; None for any other picture.
+
+    Returns:
+        [H, W, 3] float32: the numbers of the file where they are of that colorspace.
+    Raises:
+        InputError: damaged, too large.
+    """
+    data, name = source, "bytes"
+    if isinstance(data, Path):
+        name = data.name
+        with open_regular(data, InputError) as stream:
+            data = stream.read(len(EXR_MAGIC))
+            data += read_rest(stream) if data == EXR_MAGIC else b""
+    if not data.startswith(EXR_MAGIC):
+        return None
+    pixels = read_exr(data, name, InputError, max_pixels)
+    if (pixels[..., 3:] < 1.0).any():
+        return None
+    said = parse_header(data).attributes.get("chromaticities")
+    stored = REC709_CHROMATICITIES if said is None else np.frombuffer(said[1], "<f4").astype(np.float64)
+    if np.allclose(stored, COLORSPACES[colorspace], rtol=0.0, atol=SAME_CHROMATICITIES):
+        return pixels[..., :3]
+    matrix = np.linalg.solve(rec709_from_rgb(COLORSPACES[colorspace]), rec709_from_rgb(stored))
+    return pixels[..., :3] @ matrix.T.astype(np.float32)
+
+
+def write_hdr(
+    path: str | os.PathLike[str], radiance: np.ndarray, *, attributes: Mapping[str, str] | None = None
+) -> None:
+    """Write a map [H, 2H, 3] as Radiance RGBE, new run-length coding, atomically.
+
+    Each pixel keeps 8 bits of its largest channel: the error is at most 1/255 of it.
+
+    Args:
+        attributes: stored in the header as comments that begin with "anyprobe:" + key.
+    """
+    write_hdr_picture(path, check_radiance(radiance), attributes)
+
+
+def write_hdr_picture(
+    path: str | os.PathLike[str], picture: np.ndarray, attributes: Mapping[str, str] | None = None
+) -> None:
+    """The same for a picture of any shape [H, W, 3], finite and >= 0: the face of a cube, say."""
+    height, width = picture.shape[:2]
+    header = (
+        f"#?RADIANCE\nSOFTWARE=anyprobe\n{comments(attributes or {}, ATTRIBUTE)}FORMAT=32-bit_rle_rgbe\n\n"
+        f"-Y {height} +X {width}\n"
+    ).encode()
+    pieces = [header, *encode_rows(float_to_rgbe(picture))]
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(b"".join(pieces))
+
+
+def write_exr(
+    path: str | os.PathLike[str],
+    radiance: np.ndarray,
+    *,
+    half: bool = True,
+    attributes: Mapping[str, str] | None = None,
+    colorspace: str = "rec709",
+) -> float:
+    """Write a map [H, 2H, 3] as OpenEXR with envmap and chromaticities, atomically.
+
+    envmap says latitude-longitude and no more: OpenEXR would have +Z in the centre column, our map has
+    what its "anyprobe:frame" says (docs/reference/conventions.md).
+
+    Args:
+        half: 16-bit floats, clamped at 65504; else 32-bit, exact.
+        attributes: stored in the header as strings named "anyprobe:" + key.
+        colorspace: of core.color.COLORSPACES, to which light is turned; the header has its chromaticities.
+    Returns:
+        Share of the energy, the sum of L dOmega over the channels, lost to the
+        clamp: 0 when nothing was clipped.
+    """
+    radiance = from_rec709(check_radiance(radiance), colorspace)
+    clipped_share = 0.0
+    pixels = radiance
+    if half:
+        clamped = np.minimum(radiance, np.float32(HALF_MAX))
+        weights = pixel_solid_angles(radiance.shape[0]).astype(np.float64)[:, :, None]
+        energy = float((radiance * weights).sum())
+        if energy > 0.0:
+            clipped_share = float(((radiance - clamped) * weights).sum()) / energy
+        pixels = clamped.astype(np.float16)
+    said = {f"{ATTRIBUTE}{key}": str(value) for key, value in (attributes or {}).items()}
+    channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
+    with atomic_path(path) as temporary:
+        try:
+            write_channels(temporary, channels, {"chromaticities": COLORSPACES[colorspace], **said})
+            # a disk that fills up at the last few kilobytes is not reported: see whether they are there
+            read_exr(temporary, temporary.name, InvalidEnvironment, radiance.size)
+        except InvalidEnvironment as error:
+            raise OutputError("cannot be written (the file came out cut); free some space", source=path) from error
+        except RuntimeError as error:  # its only report of a full disk or a closed folder
+            reason = " ".join(str(error).replace(str(temporary), str(path)).split())
+            raise OutputError(f"cannot be written ({reason})", source=path) from error
+    return clipped_share
+
+
+def write_exr_planes(path: str | os.PathLike[str], planes: np.ndarray, attributes: Mapping[str, str]) -> None:
+    """Write a map [3, H, 2H] of halves or floats, of which no copy is made; else as write_exr.
+
+    Raises:
+        OutputError: cannot be written.
+    """
+    said = {f"{ATTRIBUTE}{key}": value for key, value in attributes.items()}
+    with atomic_path(path) as temporary:
+        try:
+            write_channels(temporary, dict(zip("RGB", planes, strict=True)), said)
+        except RuntimeError as error:
+            reason = " ".join(str(error).replace(str(temporary), str(path)).split())
+            raise OutputError(f"cannot be written ({reason})", source=path) from error
+
+
+def map_attributes(path: str | os.PathLike[str]) -> dict[str, str]:
+    """The attributes that write_exr or write_hdr was given; none where there is no such header."""
+    try:
+        with open_regular(path, InputError) as stream:
+            start = stream.read(HEADER_BYTES)
+    except InputError:
+        return {}
+    return (read_comments if start.startswith(HDR_MAGIC) else exr_attributes)(start, ATTRIBUTE)
+
+
+def _check_kind(start: bytes, suffix: str, name: str) -> None:
+    """Refuse a file whose first bytes are those of another format than its suffix."""
+    wanted = "a Radiance .hdr file" if suffix == ".hdr" else "an OpenEXR .exr file"
+    if not start:
+        raise InvalidEnvironment(f"expected {wanted}, got a damaged one of 0 bytes; fetch it again", source=name)
+    kind = next((kind for magic, kind in KINDS.items() if start.startswith(magic)), suffix)
+    if kind != suffix:
+        advice = f"name it {kind}" if kind.startswith(".") else "8 bits do not hold radiance, take .hdr or .exr"
+        raise InvalidEnvironment(f"expected {wanted}, got {kind}; {advice}", source=name)
+
+
+def decode_hdr(data: bytes, name: str, max_pixels: int) -> np.ndarray:
+    """A whole .hdr file to radiance [H, W, 3] float32, upright, Rec. 709; or InvalidEnvironment.
+
+    EXPOSURE and COLORCORR are divided out.
+    """
+    header = read_header(data, name, max_pixels)
+    if len(data) - header.at < header.height * least_bytes(header.width):
+        raise _cut(name, header.height)
+    radiance = np.empty((header.height, header.width, 3), dtype=np.float32)
+    at, exposure = header.at, np.array(header.exposure, np.float32)
+    try:
+        for y in range(header.height):
+            row, at = decode_row(data, at, header.width)
+            radiance[y] = rgbe_to_float(row) / exposure
+    except EOFError as error:
+        raise _cut(name, header.height) from error
+    except ValueError as error:
+        raise InvalidEnvironment(
+            "expected new run-length coding or none, got the old; save again", source=name
+        ) from error
+    return to_rec709(np.ascontiguousarray(header.upright(radiance)), header.primaries, name, InvalidEnvironment)
+
+
+def _cut(name: str, height: int) -> InvalidEnvironment:
+    return InvalidEnvironment(f"{name}: expected {height} whole rows of RGBE, got fewer; fetch it again")

@@ -1,0 +1,270 @@
+"""Matching: the library map that agrees best with an estimate, its rotation and exposure, held over the frames of a
+clip; and what a photo shows, as sharp as the map with detail.
+
+Turned about the vertical alone; but which way is up in a photo is not known, so that the camera may look up a little
+or down by up to 75 degrees. Compared are ln radiance and ln shading of low orders, each difference counted by the
+estimate's confidence there; exposure and white balance are free, the latter at a price.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from PIL import Image, ImageFilter
+
+from anyprobe.core.frames import rotation_x, rotation_y
+from anyprobe.core.latlong import bilinear, pixel_directions, pixel_solid_angles
+from anyprobe.core.response import response
+from anyprobe.light.environment import reduced, rotate
+from anyprobe.match.library import FEATURE_ROWS, Library, features_of
+
+PITCHES_DEG = tuple(range(-15, 76, 10))
+"""How far the camera may look down."""
+PITCH_PRICE = 0.01
+"""Cost of a camera that looks down by a radian, squared; in units of squared ln radiance."""
+TINT_PRICE = 0.5
+"""Cost of the difference in white balance, squared, in the same units."""
+SHADING_WEIGHT = 2.0
+"""Weight of the ln shading beside that of each channel's ln radiance."""
+PLAIN_PRICE, RICH = 0.1, 0.06
+"""Cost of a candidate with little detail: ln(RICH / richness) squared; 0 above RICH; see library.richness_of."""
+LEAST_CONFIDENCE = 0.05
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Match:
+    """index, name: of the candidate. candidate_from_estimate: [3, 3] rotation. ln_gain: [3], from the candidate's
+    radiance to the estimate's. distance: mean squared difference of features, prices included."""
+
+    index: int
+    name: str
+    candidate_from_estimate: np.ndarray
+    ln_gain: np.ndarray
+    distance: float
+
+
+def find_match(radiance: np.ndarray, confidence: np.ndarray | None, library: Library, rank: int = 0) -> Match:
+    """The candidate of a library that is the best but `rank` (modulo their number) for an estimate.
+
+    Args:
+        radiance: [H, 2H, 3]; confidence: [H, 2H] in [0, 1] or None.
+    """
+    return find_matches(radiance, confidence, library, rank)[0]
+
+
+def find_matches(
+    radiance: np.ndarray,
+    confidence: np.ndarray | None,
+    library: Library,
+    rank: int | None = None,
+    pitches_deg: Sequence[float] = PITCHES_DEG,
+    prices: np.ndarray | None = None,
+) -> list[Match]:
+    """All candidates, the best first; or the one of a rank (modulo their number) alone.
+
+    Args:
+        pitches_deg: that the camera may have, evenly spread.
+        prices: [N] that candidates cost more; None: nothing.
+    """
+    features = features_of(radiance)
+    if confidence is None:
+        weight = np.ones((FEATURE_ROWS, 2 * FEATURE_ROWS, 1), np.float32)
+    else:
+        weight = np.maximum(reduced(confidence[..., None].astype(np.float32), FEATURE_ROWS), LEAST_CONFIDENCE)
+    spectra = _spectra(library)
+    plain = PLAIN_PRICE * np.maximum(np.log(RICH / np.maximum(library.richness, 1e-3)), 0.0)[:, None] ** 2
+    plain = plain if prices is None else plain + prices[:, None]
+    costs, gains = zip(*(_compare(features, weight, spectra, plain, pitch) for pitch in pitches_deg), strict=True)
+    cost = np.stack(costs, axis=1)  # [N, pitches, columns]
+    best = cost.reshape(len(cost), -1).min(axis=1)
+    order = np.argsort(best, kind="stable")
+    chosen = order if rank is None else order[[rank % len(best)]]
+    return [_placed(int(index), cost, gains, library, pitches_deg) for index in chosen]
+
+
+def _placed(
+    index: int, cost: np.ndarray, gains: tuple[np.ndarray, ...], library: Library, pitches_deg: Sequence[float]
+) -> Match:
+    """A candidate where its cost, of [N, pitches, columns], is lowest; gains: [N, columns, 3] of each pitch."""
+    pitch, column = np.unravel_index(np.argmin(cost[index]), cost.shape[1:])
+    columns = cost[index, pitch, [column - 1, column, (column + 1) % cost.shape[2]]]
+    rows = cost[index].min(axis=1)[[max(pitch - 1, 0), pitch, min(pitch + 1, len(pitches_deg) - 1)]]
+    # columns to the right are turned by -2 pi / columns about +Y each, see core.latlong
+    yaw = 2 * np.pi * (column + _lowest(columns)) / cost.shape[2]
+    pitch_deg = pitches_deg[int(pitch)] + _lowest(rows) * (PITCHES_DEG[1] - PITCHES_DEG[0])
+    return Match(
+        index=index,
+        name=library.names[index],
+        candidate_from_estimate=rotation_y(yaw) @ _level_from_camera(pitch_deg),
+        ln_gain=gains[pitch][index, column],
+        distance=float(cost[index].min()),
+    )
+
+
+def _lowest(three: np.ndarray) -> float:
+    """Where the parabola through values at -1, 0 and 1, the middle one the least, is lowest."""
+    before, least, after = three.astype(np.float64)
+    bend = before - 2 * least + after
+    return float(0.5 * (before - after) / bend) if bend > 1e-12 and min(before, after) > least else 0.0
+
+
+def _level_from_camera(pitch_deg: float) -> np.ndarray:
+    """[3, 3] of a camera that looks down by so many degrees."""
+    return rotation_x(-np.radians(pitch_deg))
+
+
+@lru_cache(maxsize=2)
+def _spectra(library: Library) -> tuple[np.ndarray, np.ndarray]:
+    """Fourier transforms along the columns of the features and of their squares, [N, 16, 17, 4]."""
+    features = library.features
+    plain, squares = (np.fft.rfft(values, axis=2).astype(np.complex64) for values in (features, features**2))
+    return plain, squares
+
+
+def _compare(
+    features: np.ndarray,
+    weight: np.ndarray,
+    spectra: tuple[np.ndarray, np.ndarray],
+    plain: np.ndarray,
+    pitch_deg: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Cost of every candidate, with its price plain [N, 1], at every turn, [N, columns], and ln gains [N, columns, 3].
+
+    At a turn by k columns, with c the candidate's features and e the estimate's: the least sum of
+    w (e(x) - s c(x - k) - g)^2 over a gain g and a contrast s in [0, 1] of each feature, since an estimate is softer
+    than its place. By correlations along the columns.
+    """
+    level = rotate(np.concatenate([features, weight], axis=-1), _level_from_camera(pitch_deg))
+    w = np.maximum(level[..., 4:], 0.0) * pixel_solid_angles(FEATURE_ROWS)[..., None]
+    w = w / w.sum()
+    e = level[..., :4]
+    first, second = spectra
+
+    def correlate(values: np.ndarray, spectrum: np.ndarray) -> np.ndarray:
+        """Sum over the sphere of values(x) c(x - k): [N, columns, 4]."""
+        wave = np.conj(np.fft.rfft(values, axis=1))
+        product = np.einsum("hfc,nhfc->nfc", np.broadcast_to(wave, spectrum.shape[1:]), spectrum, optimize=True)
+        return np.fft.irfft(np.conj(product), n=2 * FEATURE_ROWS, axis=1)
+
+    mean_e, mean_e2 = (w * e).sum(axis=(0, 1)), (w * e * e).sum(axis=(0, 1))
+    mean_c, mean_c2 = correlate(w, first), correlate(w, second)
+    mean_ec = correlate(w * e, first)
+    gain = mean_e - mean_c  # [N, columns, 4]
+    own, theirs = mean_e2 - mean_e**2, np.maximum(mean_c2 - mean_c**2, 1e-6)
+    shared = mean_ec - mean_e * mean_c
+    scale = np.clip(shared / theirs, 0.0, 1.0)
+    spread = np.maximum(own - 2 * scale * shared + scale**2 * theirs, 0.0)
+    exposure = gain[..., :3].mean(axis=-1, keepdims=True)
+    tint = ((gain[..., :3] - exposure) ** 2).mean(axis=-1)
+    cost = spread[..., :3].mean(axis=-1) + SHADING_WEIGHT * spread[..., 3] + TINT_PRICE * tint
+    cost = cost + PITCH_PRICE * np.radians(pitch_deg) ** 2
+    return cost + plain, gain[..., :3]
+
+
+MOVED = 0.35
+"""Root mean square of what the features differ by, exposure and white balance aside, from which on a place is chosen
+anew: a light turned by 10 degrees differs by 0.05 to 0.2, one turned by 30 by 0.15 to 0.6; noise of 5 % by 0.002."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class HeldMatch:
+    """match: as it was chosen. features: [16, 32, 4] of the estimate then, see library.features_of."""
+
+    match: Match
+    features: np.ndarray
+
+
+def hold_match(
+    held: HeldMatch | None, radiance: np.ndarray, confidence: np.ndarray | None, library: Library
+) -> HeldMatch:
+    """What was held, or a new choice where there is none or the estimate has moved away; pure.
+
+    A new choice for each frame of a clip would make reflections flicker: candidates that agree equally well take turns.
+
+    Args:
+        radiance: [H, 2H, 3] of this frame, all frames in one frame of reference; confidence: [H, 2H] or None.
+    """
+    features = features_of(radiance)
+    if held is not None and _apart(features, held.features) < MOVED:
+        return held
+    match = find_match(radiance, confidence, library)
+    turn, gain = (np.ascontiguousarray(one) for one in (match.candidate_from_estimate, match.ln_gain))
+    # in the order of memory that a file gives back: sums go by it, to the last bit
+    match = replace(match, candidate_from_estimate=turn, ln_gain=gain)
+    return HeldMatch(match=match, features=np.ascontiguousarray(features))
+
+
+def exposed_match(held: HeldMatch, radiance: np.ndarray) -> Match:
+    """The held match at the exposure and white balance of a frame's estimate [H, 2H, 3]."""
+    shift = _mean(features_of(radiance) - held.features)[:3]
+    return replace(held.match, ln_gain=held.match.ln_gain + shift)
+
+
+def _apart(one: np.ndarray, other: np.ndarray) -> float:
+    difference = one - other
+    return float(np.sqrt(_mean((difference - _mean(difference)) ** 2).mean()))
+
+
+def _mean(values: np.ndarray) -> np.ndarray:
+    """Over the sphere, [16, 32, C] to [C]."""
+    return (values * pixel_solid_angles(FEATURE_ROWS)[..., None]).sum(axis=(0, 1)) / (4 * np.pi)
+
+
+FINE = 1.0
+"""Pixels of the shrunk photo on one of the map's, at least."""
+EDGE = 0.04
+"""Share of the photo's shorter side over which it fades out at its border."""
+GROW = 0.015
+"""Share of the photo's longer side around the object that is left out: its edge is not where the mask says."""
+_FRONT = 0.05
+"""Least -z of a direction that a photo may show."""
+
+
+def seen_in_photo(
+    rgb: np.ndarray, mask: np.ndarray, long_fov_deg: float, rows: int, radiance: np.ndarray | None = None
+) -> np.ndarray:
+    """The map in the camera's frame as far as the photo shows it: [rows, 2 rows, 4] float32, display values times
+    cover, and cover in [0, 1], which fades out towards the border and the object.
+
+    Args:
+        rgb: [H, W, 3] display values; mask: [H, W], 1 on the object.
+        long_fov_deg: field of view of the longer side.
+        radiance: [H, W, 3], where the photo holds it above white: with a fifth channel then, the cover, and radiance in
+            the place of display values above 1.
+    """
+    height, width = mask.shape
+    focal = max(height, width) / 2 / np.tan(np.radians(long_fov_deg) / 2)
+    scale = min(1.0, FINE * rows / np.pi / focal)
+    size = (max(2, round(width * scale)), max(2, round(height * scale)))
+    colors = np.dstack([_resized((rgb if radiance is None else radiance)[..., k], size) for k in range(3)])
+    if radiance is not None:
+        colors = np.where(colors > 1, colors, response(np.maximum(colors, 0.0)))
+    picture = np.dstack([colors, _beside(mask, size)])
+    d = pixel_directions(rows)
+    depth = np.maximum(-d[..., 2], _FRONT)
+    column, row = 0.5 + focal * d[..., 0] / depth / width, 0.5 - focal * d[..., 1] / depth / height
+    inside = (d[..., 2] < -_FRONT) & (column > 0) & (column < 1) & (row > 0) & (row < 1)
+    found = np.zeros((rows, 2 * rows, 4), np.float32)
+    margin = np.minimum(np.minimum(column, 1 - column) * width, np.minimum(row, 1 - row) * height)[inside] / (
+        EDGE * min(width, height)
+    )
+    shown = bilinear(picture.astype(np.float32), np.stack([column[inside], row[inside]], axis=-1))
+    cover = shown[:, 3:] * np.clip(margin, 0.0, 1.0)[:, None]
+    found[inside] = np.concatenate([shown[:, :3] * cover, cover], axis=1)
+    return found if radiance is None else np.concatenate([found, found[..., 3:]], axis=-1)
+
+
+def _resized(plane: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    image = Image.fromarray(np.ascontiguousarray(plane, np.float32))
+    return np.asarray(image.resize(size, Image.Resampling.BOX))
+
+
+def _beside(mask: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """1 away from the object, 0 on it and close to it."""
+    plane = Image.fromarray(np.round(255 * np.clip(_resized(mask, size), 0, 1)).astype(np.uint8))
+    reach = max(1, round(GROW * max(size)))
+    grown = plane.filter(ImageFilter.MaxFilter(4 * reach + 1)).filter(ImageFilter.GaussianBlur(reach))
+    return 1.0 - np.asarray(grown, np.float32) / 255.0

@@ -1,0 +1,102 @@
+"""The background that a photo shows, compared with maps at places: brightness and hue, as of the object; the exposure
+and the white balance are free:
+
+    cost = BEHIND_WEIGHT (ln(mean square of brightness + BEHIND_FLOOR) + ln(mean square of hue + BEHIND_FLOOR / 10))
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
+from anyprobe.light.environment import reduced
+from anyprobe.match.places import YAWS, map_from_camera_at, nearest_pixels, seen_along, seen_at_yaws
+
+BEHIND_WEIGHT, BEHIND_FLOOR = 1.0, 0.02
+MOST_PIXELS, LEAST_PIXELS = 128, 4
+"""Of the background that are compared at most, and without which it is not."""
+COVERED = 0.5
+"""Share of a pixel from which on it is known."""
+CLIPPED_WEIGHT = 0.3
+"""How much a clipped pixel counts, which says only how bright it is at least."""
+LEAST_SEEN = 0.1
+"""Share that must not be clipped for a level."""
+FAINT_SEEN = 0.05
+"""Of the mean: added before logarithms, for noise."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Background:
+    """What a photo shows beside its object: B unit directions [B, 3] in the camera's frame, linear radiance there
+    [B, 3], which are clipped [B], and how much each counts [B], 1 in all."""
+
+    d: np.ndarray
+    radiance: np.ndarray
+    clipped: np.ndarray
+    share: np.ndarray
+
+    def at_yaws(self, maps: np.ndarray, pitch_deg: float) -> np.ndarray:
+        """Cost of maps [N, H, 2H, 3] where the camera looks down so far, at every yaw: [N, YAWS]."""
+        level = self.d @ map_from_camera_at(0.0, pitch_deg).T
+        return self._cost(seen_at_yaws(maps, nearest_pixels(level, maps.shape[1]))).reshape(len(maps), YAWS)
+
+    def at_turns(self, maps: np.ndarray, index: np.ndarray, map_from_camera: np.ndarray) -> np.ndarray:
+        """Cost of the maps of index [M] at rotations [M, 3, 3]: [M]."""
+        return self._cost(seen_along(maps, index, self.d @ map_from_camera.transpose(0, 2, 1)))
+
+    def level_of(self, light: np.ndarray, map_from_camera: np.ndarray) -> float | None:
+        """How much brighter than a map [H, 2H, 3] at a rotation it is; None where it is clipped."""
+        share = self.share * ~self.clipped
+        if share.sum() < LEAST_SEEN:
+            return None
+        drawn = bilinear(light, direction_to_uv(self.d @ map_from_camera.T))
+        own, theirs = (np.log(luminance(one) + 1e-3) for one in (self.radiance, drawn))
+        return float(np.exp(share @ (own - theirs) / share.sum()))
+
+    def _cost(self, drawn: np.ndarray) -> np.ndarray:
+        """Of radiance [M, B, 3] along the directions."""
+        share = self.share
+        rest = np.log(drawn + FAINT_SEEN * np.einsum("mpc,p->mc", drawn, share)[:, None] + 1e-9)
+        rest -= np.log(self.radiance + FAINT_SEEN * (share @ self.radiance) + 1e-9)
+        rest -= np.einsum("mpc,p->mc", rest, share)[:, None]
+        rest[:, self.clipped] = np.minimum(rest[:, self.clipped], 0.0)
+        brightness, hue = mean_squares(rest, share)
+        return BEHIND_WEIGHT * (np.log(brightness + BEHIND_FLOOR) + np.log(hue + BEHIND_FLOOR / 10))
+
+
+def background_of(
+    radiance: np.ndarray, clipped: np.ndarray, cover: np.ndarray, camera_from_map: np.ndarray, rows: int
+) -> Background | None:
+    """Of a map's known part, thinned out; None where that is too little.
+
+    Args:
+        radiance: [H, 2H, 3], clipped: [H, 2H, 3] bool, cover: [H, 2H, 1] in [0, 1].
+        camera_from_map: [3, 3].
+        rows: at which it is compared.
+    """
+    small = reduced(np.concatenate([radiance * cover, clipped * cover, cover], axis=-1).astype(np.float32), rows)
+    at = np.nonzero(small[..., 6] > COVERED)
+    if len(at[0]) < LEAST_PIXELS:
+        return None
+    chosen = np.random.default_rng(0).permutation(len(at[0]))[:MOST_PIXELS]
+    row, column = (one[chosen] for one in at)
+    known = small[row, column]
+    is_clipped = known[:, 3:6].max(axis=-1) > 0.5 * known[:, 6]
+    share = known[:, 6] * pixel_solid_angles(rows)[row, 0] * np.where(is_clipped, CLIPPED_WEIGHT, 1.0)
+    return Background(
+        d=pixel_directions(rows)[row, column] @ camera_from_map.T,
+        radiance=known[:, :3] / known[:, 6:],
+        clipped=is_clipped,
+        share=(share / share.sum()).astype(np.float32),
+    )
+
+
+def mean_squares(rest: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of brightness [M] and of hue [M], of differences of logarithms [M, P, 3]; share [P] sums to 1."""
+    bright = rest.mean(axis=-1)
+    whole = np.einsum("mpc,mpc,p->m", rest, rest, share)
+    brightness = np.einsum("mp,mp,p->m", bright, bright, share)
+    return brightness, np.maximum(whole - 3 * brightness, 0.0)

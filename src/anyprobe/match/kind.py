@@ -1,0 +1,69 @@
+"""Indoors or outdoors: what a photo shows beside its object, and what panoramas are.
+
+A photo shows the outdoors where it shows sky, bright and bluish above, or plants. A panorama is outdoors where its
+upper part is brighter, bluer and smoother than its lower one. Both are wrong now and then, so that they cost a little
+and forbid nothing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from anyprobe.core.latlong import pixel_directions
+from anyprobe.light.environment import reduced
+from anyprobe.match.plate import Plate
+
+KIND_ROWS = 32
+"""At which panoramas are looked at."""
+UPPER, LOWER = np.sin(np.radians(35.0)), -0.3
+"""Least and most y of the upper and of the lower part."""
+BRIGHTER, BLUER, ROUGHER = 0.6, 1.2, -3.0
+"""Weights of the logarithms' differences and of the mean step between neighbours."""
+OUTDOORS = 0.1
+"""Score of a panorama above which it is taken for one outdoors."""
+SKY_SHARE, PLANT_SHARE = 0.12, 0.15
+"""Of the photo beside its object, from which on it shows the outdoors."""
+PRICE = 0.5
+"""Of a panorama of the other kind, in units of likeness.Places.misfit."""
+MATCH_PRICE = 0.08
+"""The same in units of match.Match.distance."""
+
+
+def shows_outdoors(plate: Plate) -> bool:
+    """Return whether a photo shows sky or plants beside its object."""
+    free = plate.hidden < 20
+    if not free.any():
+        return False
+    rgb = plate.rgb.astype(np.float32) / 255
+    red, green, blue = np.moveaxis(rgb, -1, 0)
+    upper = np.arange(len(rgb))[:, None] < 0.5 * len(rgb)
+    smooth = np.zeros_like(free)
+    smooth[:, 1:] = np.abs(np.diff(rgb, axis=1)).max(axis=-1) < 0.03
+    sky = (blue > 1.2 * red) & (blue > 0.95 * green) & (blue > 0.5) & smooth & upper
+    plants = (green > 1.08 * red) & (green > 1.25 * blue) & (green > 0.08)
+    return bool((sky & free).sum() > SKY_SHARE * free.sum() or (plants & free).sum() > PLANT_SHARE * free.sum())
+
+
+def outdoor_scores(maps: np.ndarray) -> np.ndarray:
+    """Return how much each panorama [N, 32, 64, 3] looks like one outdoors, [N]; OUTDOORS is the border."""
+    d = pixel_directions(KIND_ROWS)[..., 1]
+    upper, lower = d > UPPER, d < LOWER
+    level = maps.mean(axis=-1)
+    ln = np.log(level + 1e-3 * level.mean(axis=(1, 2), keepdims=True) + 1e-9)
+    brighter = np.median(ln[:, upper], axis=1) - np.median(ln[:, lower], axis=1)
+    hue = np.log(np.maximum(maps[..., 2], 1e-9) / np.maximum(maps[..., 0], 1e-9))
+    bluer = np.median(hue[:, upper], axis=1) - np.median(hue[:, lower], axis=1)
+    rougher = np.median(np.abs(np.diff(ln, axis=2))[:, upper[:, 1:]], axis=1)
+    return BRIGHTER * brighter + BLUER * bluer + ROUGHER * rougher
+
+
+def is_outdoors(radiance: np.ndarray) -> bool:
+    """Return whether one panorama [H, 2H, 3] is taken for one outdoors."""
+    return bool(outdoor_scores(reduced(radiance, KIND_ROWS)[None])[0] > OUTDOORS)
+
+
+def prices(plate: Plate | None, maps: np.ndarray, price: float) -> np.ndarray:
+    """Return what each panorama costs more [N] for being of another kind than the photo; nothing without a photo."""
+    if plate is None:
+        return np.zeros(len(maps), np.float32)
+    return np.where((outdoor_scores(maps) > OUTDOORS) != shows_outdoors(plate), price, 0.0).astype(np.float32)

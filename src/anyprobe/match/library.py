@@ -1,0 +1,285 @@
+"""The detail library: 8-bit environment maps and a few smooth features of each, in one file; and what `match` compares.
+
+A map is kept without a scale of its own: divided by its geometric mean, and coded by a curve that has steps of a few
+percent from a thousandth to a thousand times that mean. Its light sources need no more: their power is the estimate's.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import zipfile
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from PIL import Image
+
+from anyprobe.core.color import luminance
+from anyprobe.core.latlong import pixel_solid_angles
+from anyprobe.errors import InputError
+from anyprobe.files.atomic import atomic_path
+from anyprobe.light.environment import reduced
+from anyprobe.light.filtering import blur_cosine_power
+from anyprobe.match.likeness import MATCH_ROWS, light_of
+
+_ROWS = 512
+"""The most rows of a picture."""
+FEATURE_ROWS = 16
+EXPONENT, SIGMA = 0.6, 0.6
+"""Parameters of the code x^n / (x^n + s): half of it lies below 0.43 of the mean, and 254 of 255 stands for 4,000."""
+QUALITY = 90
+"""Quality of the JPEG pictures."""
+DARKEST = 1e-3
+"""Radiance over the geometric mean below which all is black."""
+PATTERN, SHADING = 12.0, 6.0
+"""Sharpness (light.filtering) of the blurs of the features: of ln radiance, about what an estimate holds of it, orders
+up to 6; and of radiance itself, about what a dull object shows of it."""
+DETAIL = 48.0
+"""Sharpness of the blur that separates an estimate from detail: exp(-l (l + 1) / 96) of order l, a half at order 8."""
+_VERSION, OWN_VERSION = 3, 1
+"""Of the file; another is made anew. Our own, of the first, has no lights of its own and no files."""
+
+
+class Entry(NamedTuple):
+    """A map of a library: picture as encode gives it; light and level, see likeness.light_of; digest of its file."""
+
+    name: str
+    picture: bytes
+    light: np.ndarray | None = None
+    level: float = 1.0
+    digest: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MapSource:
+    """A file of a library's folder. stamp: path within the folder, bytes and time of change; digest: SHA-256 of its
+    bytes, or empty where they cannot be read; fault: why it is not in the library, or empty."""
+
+    stamp: tuple[str, int, int]
+    digest: str
+    fault: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Library:
+    """Candidates for the detail of a map.
+
+    path: the file. names [N]; features [N, 16, 32, 4] float32, see features_of; richness [N], see richness_of.
+    lights [N, 32, 64, 3] float32 and levels [N], see likeness.light_of; files: where the maps are, N of a folder, else
+    none, and relative, within the folder; digests of their bytes; faults: a line for each file that could not be read.
+    data: all bytes of the file, where it cannot be written; unkept: a line that says so.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    features: np.ndarray
+    richness: np.ndarray
+    lights: np.ndarray
+    levels: np.ndarray
+    files: tuple[Path, ...] = ()
+    relative: tuple[str, ...] = ()
+    digests: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
+    data: bytes = field(default=b"", repr=False)
+    unkept: str = ""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line each."""
+        return (*(f"left out: {fault}" for fault in self.faults), *([self.unkept] if self.unkept else []))
+
+    def digest(self) -> str:
+        """16 hexadecimal digits that identify its maps."""
+        return hashlib.sha256(self.features.tobytes()).hexdigest()[:16]
+
+    def candidate(self, index: int) -> np.ndarray:
+        """Codes of a map, [H, 2H, 3] uint8, the last two kept for the next call; see decode.
+
+        Raises:
+            InputError: the file has been written anew since it was opened, and holds another map there.
+        """
+        return _picture(self.data or str(self.path), index, self.digests[index] if self.digests else "")
+
+
+def features_of(radiance: np.ndarray) -> np.ndarray:
+    """What maps are compared by, [16, 32, 4] of [H, 2H, 3]: blurred ln radiance of each channel, and ln of blurred
+    luminance."""
+    small = np.maximum(reduced(radiance, FEATURE_ROWS), 1e-6)
+    shading = blur_cosine_power(luminance(small)[..., None], SHADING)
+    return np.concatenate([blur_cosine_power(np.log(small), PATTERN), np.log(shading)], axis=-1)
+
+
+def encode(radiance: np.ndarray, name: str = "map") -> bytes:
+    """A map [H, 2H, 3] without its scale as a picture of its codes; name: what the error calls it.
+
+    Raises:
+        InputError: next to no light.
+    """
+    small = reduced(radiance, _ROWS)
+    weights = pixel_solid_angles(small.shape[0])
+    bright = luminance(small)
+    floor = DARKEST * float((bright * weights).sum() / (4 * np.pi))
+    if not 0 < floor < np.inf:
+        raise InputError("expected light, got a black map; take it out of the library", source=name)
+    mean = np.exp(float((np.log(np.maximum(bright, floor)) * weights).sum() / (4 * np.pi)))
+    power = np.maximum(small / np.float32(mean), DARKEST) ** EXPONENT
+    stream = io.BytesIO()
+    picture = Image.fromarray(np.round(255.0 * power / (power + SIGMA)).astype(np.uint8))
+    picture.save(stream, format="JPEG", quality=QUALITY, optimize=True)
+    return stream.getvalue()
+
+
+def codes_of(picture: bytes) -> np.ndarray:
+    """Codes [H, 2H, 3] uint8 of a picture."""
+    return np.asarray(Image.open(io.BytesIO(picture), formats=["JPEG"]))
+
+
+def richness_of(code: np.ndarray) -> float:
+    """How much detail a map has: the deviation of its codes [H, 2H, 3], 0 to 1, in orders above 8 (to 32)."""
+    small = reduced(code, 4 * FEATURE_ROWS)
+    fine = small - blur_cosine_power(small, DETAIL)
+    weights = pixel_solid_angles(len(fine))[..., None]
+    return float(np.sqrt((fine**2 * weights).sum() / (12 * np.pi)))
+
+
+@lru_cache(maxsize=1)
+def decode() -> np.ndarray:
+    """Radiance over the map's geometric mean of every code, [256] float32."""
+    share = np.minimum(np.arange(256), 254.5) / 255.0
+    return np.maximum((SIGMA * share / (1.0 - share)) ** (1.0 / EXPONENT), DARKEST).astype(np.float32)
+
+
+def entry_of(name: str, radiance: np.ndarray, digest: str = "") -> Entry:
+    """A map [H, 2H, 3] as a library holds it; InputError where it has fewer rows than are compared."""
+    if len(radiance) < MATCH_ROWS:
+        raise InputError(f"expected at least {MATCH_ROWS} rows, got {len(radiance)}; take a larger one", source=name)
+    light, level = light_of(radiance)
+    return Entry(name, encode(radiance, name), light.astype(np.float16), level, digest)
+
+
+def write_library(
+    path: Path, entries: Iterable[Entry | tuple[str, bytes]], sources: list[MapSource] | None = None
+) -> None:
+    """Write the file of a library; the same maps give the same bytes.
+
+    Args:
+        entries: or names and pictures alone, see encode; lights are then the pictures'.
+        sources: the files of a folder that the entries are of; complete once the last entry is drawn.
+    Raises:
+        InputError: no maps. OutputError: cannot be written.
+    """
+    with atomic_path(path) as temporary:
+        pack_library(temporary, entries, sources)
+
+
+def pack_library(
+    target: Path | io.BytesIO, entries: Iterable[Entry | tuple[str, bytes]], sources: list[MapSource] | None
+) -> None:
+    """The same, into a file or memory."""
+    names: list[str] = []
+    features: list[np.ndarray] = []
+    richness: list[float] = []
+    lights: list[np.ndarray] = []
+    levels: list[float] = []
+    digests: list[str] = []
+    with zipfile.ZipFile(target, "w") as file:
+        for given in entries:
+            one = Entry(*given)
+            _put(file, f"{len(names)}.jpg", one.picture)
+            codes = codes_of(one.picture)
+            names.append(one.name)
+            features.append(features_of(decode()[codes]).astype(np.float16))
+            richness.append(round(richness_of(codes / np.float32(255)), 4))
+            if one.light is not None:
+                lights.append(one.light)
+            levels.append(one.level)
+            digests.append(one.digest)
+        if not names:
+            raise InputError("expected at least one map, got none; check the folder", subject="library")
+        _put_array(file, "features.npy", np.stack(features))
+        if len(lights) == len(names):
+            _put_array(file, "lights.npy", np.stack(lights))
+        index = {
+            **{"version": _VERSION, "names": names, "richness": richness, "levels": levels, "digests": digests},
+            "sources": [[list(one.stamp), one.digest, one.fault] for one in sources or []],
+        }
+        _put(file, "index.json", json.dumps(index).encode())
+
+
+def _put_array(file: zipfile.ZipFile, name: str, values: np.ndarray) -> None:
+    stream = io.BytesIO()
+    np.save(stream, values)
+    _put(file, name, stream.getvalue())
+
+
+def _put(file: zipfile.ZipFile, name: str, data: bytes) -> None:
+    """Without the time of day, so that the same library is the same file."""
+    kind = zipfile.ZIP_STORED if name.endswith(".jpg") else zipfile.ZIP_DEFLATED
+    file.writestr(zipfile.ZipInfo(name), data, compress_type=kind)
+
+
+def stored_index(path: Path) -> dict[str, Any] | None:
+    """What a file of this version says; None where it is absent, damaged or of another."""
+    try:
+        with zipfile.ZipFile(path) as file:
+            return index_in(file)
+    except (OSError, zipfile.BadZipFile):
+        return None
+
+
+def index_in(file: zipfile.ZipFile) -> dict[str, Any] | None:
+    """The same of a file that is open."""
+    try:
+        index = json.loads(file.read("index.json"))
+        return index if index["version"] == _VERSION and len(index["digests"]) == len(index["names"]) else None
+    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+        return None
+
+
+def lights_in(file: zipfile.ZipFile) -> np.ndarray | None:
+    """The lights of a library's file; None of our own, which has none."""
+    return np.load(io.BytesIO(file.read("lights.npy"))) if "lights.npy" in file.namelist() else None
+
+
+def read_library(path: Path, stored: Path | io.BytesIO) -> Library:
+    """What a library's file holds; stored: the file, path, or its bytes."""
+    with zipfile.ZipFile(stored) as file:
+        index = json.loads(file.read("index.json"))
+        if index["version"] not in (_VERSION, OWN_VERSION):
+            raise InputError(
+                f"expected a library of version {_VERSION}, got {index['version']}; make it anew", source=path
+            )
+        features = np.load(io.BytesIO(file.read("features.npy"))).astype(np.float32)
+        count, lights = len(index["names"]), lights_in(file)
+        if lights is None:  # as the pictures have them, whose light sources are cut off
+            pictures = (file.read(f"{number}.jpg") for number in range(count))
+            lights = np.stack([light_of(decode()[codes_of(one)])[0] for one in pictures])
+    sources = index.get("sources", ())
+    return Library(
+        path=path,
+        names=tuple(index["names"]),
+        features=features,
+        richness=np.array(index["richness"]),
+        lights=lights.astype(np.float32),
+        levels=np.array(index.get("levels", [1.0] * count)),
+        relative=tuple(stamp[0] for stamp, _, fault in sources if not fault),
+        digests=tuple(index.get("digests", ())),
+        faults=tuple(fault for *_, fault in sources if fault),
+    )
+
+
+@lru_cache(maxsize=2)
+def _picture(stored: str | bytes, index: int, digest: str) -> np.ndarray:
+    with zipfile.ZipFile(stored if isinstance(stored, str) else io.BytesIO(stored)) as file:
+        if digest and json.loads(file.read("index.json"))["digests"][index : index + 1] != [digest]:
+            raise InputError(
+                "expected the library as it was opened, got one written anew; open it again", source=stored
+            )
+        codes = codes_of(file.read(f"{index}.jpg"))
+    codes.setflags(write=False)
+    return codes

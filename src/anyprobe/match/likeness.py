@@ -1,0 +1,293 @@
+"""Which of many maps lights an object as its photo shows it: analysis by synthesis, without the network's map.
+
+A pixel of an object of uniform material shows a E(n) + b S(r), channel by channel: irradiance at its normal and, with
+Schlick's Fresnel term, radiance blurred by the coat around the reflected ray. For every map, camera pitch, yaw and
+coat, a and b >= 0 are fitted; what remains is compared in the logarithm, where the exposure and the object's colour are
+free. Errors of the normals change brightness far more than hue, so that both are judged by themselves:
+
+    misfit = ln(mean square of brightness + FLOOR) + HUE_WEIGHT ln(mean square of hue + FLOOR / 10)
+
+Where the photo shows its background, that of detail.background is added.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.core.frames import dot, normalize, reflect
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_solid_angles
+from anyprobe.core.response import inverse_response
+from anyprobe.light.environment import reduced
+from anyprobe.light.filtering import blur_cosine_power, irradiance_map
+from anyprobe.match.background import CLIPPED_WEIGHT, FAINT_SEEN, Background, mean_squares
+from anyprobe.match.places import YAWS, map_from_camera_at, nearest_pixels, seen_along, seen_at_yaws
+from anyprobe.render.surface import pixel_rays
+from anyprobe.scatter.microfacet import schlick_weight
+
+MATCH_ROWS = 32
+"""Of the maps that are compared."""
+PIXELS, FINE_PIXELS = 96, 160
+"""Of the object that are compared, in the search and in its refinement."""
+SHARPNESS = (2.0, 6.0, 20.0, 70.0)
+"""Of the blurs (light.filtering) that stand for coats of GGX alpha 0.5, 0.3, 0.17 and 0.1 or less."""
+PITCHES_DEG = tuple(range(-5, 81, 12))
+"""How far the camera may look down."""
+STEEPNESS = (0.8, 1.0, 1.25)
+"""Factors of the slant of estimated normals: these are too flat or too steep as a whole."""
+KEPT = 8
+"""Places of each map that are refined."""
+_CLIPPED = 0.96
+"""Display value from which on a pixel says only how bright it is at least."""
+LEAST_FACING = 0.15
+"""n.wo of a pixel that counts; estimated normals at the rim are poor."""
+F0 = 0.04
+"""Of the coat of what is no metal."""
+FLOOR, HUE_WEIGHT = 0.003, 2.0
+BATCH = 64
+"""Maps that are searched at once."""
+TINT = 0.5
+"""Share of the difference in colour between estimate and map that is applied, in the logarithm: the estimate's own
+colour is off by as much."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Shown:
+    """P pixels of an object: linear radiance [P, 3], which of them are clipped [P], and unit n and wo [P, 3] in the
+    camera's frame; behind: what the photo shows beside it."""
+
+    radiance: np.ndarray
+    clipped: np.ndarray
+    n: np.ndarray
+    wo: np.ndarray
+    behind: Background | None = None
+
+    def turned(self, rotation: np.ndarray) -> Shown:
+        """The same in a frame that a rotation [3, 3] takes the camera's to."""
+        behind = None if self.behind is None else replace(self.behind, d=self.behind.d @ rotation.T)
+        return replace(self, n=self.n @ rotation.T, wo=self.wo @ rotation.T, behind=behind)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Places:
+    """The best place of each of N maps: map_from_camera [N, 3, 3] and misfit [N], the less the better."""
+
+    map_from_camera: np.ndarray
+    misfit: np.ndarray
+
+
+def shown_by(
+    image: np.ndarray,
+    normals: np.ndarray,
+    tan_half: float,
+    camera_from_crop: np.ndarray,
+    behind: Background | None = None,
+) -> Shown | None:
+    """Pixels spread over the object of a crop; None where too few have a normal.
+
+    Args:
+        image: [2 S, 2 S, 4] display RGB times mask, and mask. normals: [S, S, 3] in the crop's frame, unit or zero.
+        tan_half: of half the angle that the crop's side takes in.
+    """
+    side = len(normals)
+    small = image.reshape(side, 2, side, 2, 4).mean(axis=(1, 3))
+    wo = pixel_rays(tan_half, side)
+    length = np.linalg.norm(normals, axis=-1)
+    n = normals / np.maximum(length, 1e-6)[..., None]
+    rows, columns = np.nonzero((small[..., 3] > 0.95) & (length > 0.5) & (dot(n, wo)[..., 0] > LEAST_FACING))
+    if len(rows) < PIXELS // 4:
+        return None
+    chosen = np.random.default_rng(0).permutation(len(rows))[:FINE_PIXELS]
+    rows, columns = rows[chosen], columns[chosen]
+    display = small[rows, columns, :3] / small[rows, columns, 3:]
+    turn = camera_from_crop.T
+    return Shown(
+        radiance=inverse_response(np.minimum(display, _CLIPPED + 0.01)),
+        clipped=display.max(axis=-1) > _CLIPPED,
+        n=n[rows, columns] @ turn,
+        wo=wo[rows, columns] @ turn,
+        behind=behind,
+    )
+
+
+def light_of(radiance: np.ndarray) -> tuple[np.ndarray, float]:
+    """What a map [H, 2H, 3] is compared by: [32, 64, 3] float32 of mean 1, and the mean of the map."""
+    small = reduced(radiance, MATCH_ROWS)
+    weights = pixel_solid_angles(len(small))[..., None] / (4 * np.pi)
+    level = max(float((small * weights).sum() / 3), 1e-12)
+    return small / np.float32(level), level
+
+
+def best_places(
+    shown: Shown, lights: np.ndarray, pitch_deg: float | None = None, *, is_estimated: bool = False
+) -> Places:
+    """The best place of each map of [N, 32, 64, 3], see light_of.
+
+    Args:
+        pitch_deg: how far the camera looks down, which is kept.
+        is_estimated: it is known to 5 degrees or so, and may be up to 9 off.
+    """
+    pitches: tuple[float, ...] = PITCHES_DEG
+    if pitch_deg is not None:
+        pitches = (pitch_deg - 5.0, pitch_deg, pitch_deg + 5.0) if is_estimated else (pitch_deg,)
+    found = [
+        _places(shown, lights[start : start + BATCH], np.asarray(pitches, np.float64))
+        for start in range(0, len(lights), BATCH)
+    ]
+    return Places(
+        map_from_camera=np.concatenate([one.map_from_camera for one in found]),
+        misfit=np.concatenate([one.misfit for one in found]),
+    )
+
+
+def gain_of(shown: Shown, estimate: np.ndarray, light: np.ndarray, map_from_camera: np.ndarray) -> np.ndarray:
+    """Gain [3] at which a map lights the object's pixels as brightly as an estimate [H, 2H, 3] does; where the photo
+    shows the background, at which it is halfway from that to as bright as that, in the logarithm.
+
+    light: [H, 2H, 3] of the map, see light_of, in its own frame.
+    """
+    own, theirs = (
+        bilinear(irradiance_map(reduced(radiance, MATCH_ROWS)), direction_to_uv(n)).mean(axis=0)
+        for radiance, n in ((estimate, shown.n), (light, shown.n @ map_from_camera.T))
+    )
+    level = luminance(own) / max(float(luminance(theirs)), 1e-12)
+    tint = np.maximum(own, 1e-12) / np.maximum(theirs * level, 1e-12)
+    behind = None if shown.behind is None else shown.behind.level_of(light, map_from_camera)
+    return (level if behind is None else np.sqrt(level * behind)) * tint**TINT
+
+
+def _places(shown: Shown, lights: np.ndarray, pitches: np.ndarray) -> Places:
+    def behind(index: np.ndarray, yaw: np.ndarray, pitch: np.ndarray) -> np.ndarray | float:
+        return 0.0 if shown.behind is None else shown.behind.at_turns(lights, index, _turns(yaw, pitch))
+
+    matt = (irradiance_map(lights) / np.pi).astype(np.float32)
+    coats = [blur_cosine_power(lights, sharpness).astype(np.float32) for sharpness in SHARPNESS]
+    misfit = np.stack([_search(shown, matt, coats, pitch) for pitch in pitches])  # [pitches, coats, N, yaws]
+    if shown.behind is not None:
+        misfit += np.stack([shown.behind.at_yaws(lights, pitch) for pitch in pitches])[:, None]
+    flat = misfit.transpose(2, 0, 3, 1).reshape(len(lights), -1)
+    best = np.argpartition(flat, KEPT, axis=1)[:, :KEPT]
+    at_pitch, at_yaw, coat = np.unravel_index(best.ravel(), (len(pitches), YAWS, 2 * len(SHARPNESS)))
+    pitch, yaw = pitches[at_pitch], at_yaw * (2 * np.pi / YAWS)
+    index = np.repeat(np.arange(len(lights)), KEPT)
+    cost, steep = _compared(shown, matt, coats, index, pitch, yaw, coat)
+    cost = cost + behind(index, yaw, pitch)
+    reach = np.diff(pitches).min() / 2 if len(pitches) > 1 else 0.0
+    around = np.array([(0, 0), (0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)])
+    around = around if reach else around[:3]
+    for share in (1.0, 0.5):
+        chosen = cost.reshape(len(lights), -1).argmin(axis=1) + np.arange(len(lights)) * (len(cost) // len(lights))
+        index, pitch, yaw, coat, steep = (one[chosen] for one in (index, pitch, yaw, coat, steep))
+        steps = around * share
+        pitch = (pitch[:, None] + reach * steps[:, 0]).ravel()
+        yaw = (yaw[:, None] + np.pi / YAWS * steps[:, 1]).ravel()
+        index, coat, steep = (np.repeat(one, len(steps)) for one in (index, coat, steep))
+        cost, steep = _compared(shown, matt, coats, index, pitch, yaw, coat, steep)
+        cost = cost + behind(index, yaw, pitch)
+    table = cost.reshape(len(lights), -1)
+    chosen = table.argmin(axis=1) + np.arange(len(lights)) * table.shape[1]
+    return Places(map_from_camera=_turns(yaw[chosen], pitch[chosen]), misfit=table.min(axis=1))
+
+
+def _turns(yaw: np.ndarray, pitch_deg: np.ndarray) -> np.ndarray:
+    """map_from_camera of M places, [M, 3, 3]."""
+    return np.stack([map_from_camera_at(*both) for both in zip(yaw, pitch_deg, strict=True)])
+
+
+def _search(shown: Shown, matt: np.ndarray, coats: list[np.ndarray], pitch_deg: float) -> np.ndarray:
+    """Misfit of every coat, map and yaw, [coats, N, yaws]."""
+    few = slice(None, PIXELS)
+    n, wo = (one[few] @ map_from_camera_at(0.0, pitch_deg).T for one in (shown.n, shown.wo))
+    coat = schlick_coat(n, wo).astype(np.float32)
+    at_n, at_r = (nearest_pixels(one, MATCH_ROWS) for one in (n, reflect(wo, n)))
+    measured = _Measured(shown, few)
+    e = seen_at_yaws(matt, at_n)
+    cost = []
+    for blurred in coats:
+        s = seen_at_yaws(blurred, at_r)
+        cost += [measured.misfit(e, s * coat), measured.misfit(None, s)]
+    return np.stack(cost).reshape(len(cost), len(matt), YAWS)
+
+
+def schlick_coat(n: np.ndarray, wo: np.ndarray) -> np.ndarray:
+    """Fresnel term [P, 1] of a dielectric coat at each pixel."""
+    return F0 + (1.0 - F0) * schlick_weight(np.maximum(dot(n, wo), 0.0))
+
+
+def _compared(
+    shown: Shown,
+    matt: np.ndarray,
+    coats: list[np.ndarray],
+    index: np.ndarray,
+    pitch_deg: np.ndarray,
+    yaw: np.ndarray,
+    coat: np.ndarray,
+    steep: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Least misfit of each of M places [M], read between pixels, and the steepness of it; given, only that."""
+    turns = _turns(yaw, pitch_deg).astype(np.float32)
+    measured, best, found = _Measured(shown, slice(None)), np.full(len(index), np.inf), np.ones(len(index))
+    for factor in STEEPNESS:
+        for number in range(2 * len(coats)):
+            which = np.nonzero((coat == number) & (True if steep is None else steep == factor))[0]
+            for part in np.array_split(which, max(1, len(which) // 256)) if len(which) else ():
+                n = _slanted(shown, factor)
+                s = seen_along(coats[number // 2], index[part], reflect(shown.wo, n) @ turns[part].transpose(0, 2, 1))
+                if number % 2:
+                    cost = measured.misfit(None, s)
+                else:
+                    e = seen_along(matt, index[part], n @ turns[part].transpose(0, 2, 1))
+                    cost = measured.misfit(e, s * schlick_coat(n, shown.wo))
+                better = cost < best[part]
+                best[part[better]], found[part[better]] = cost[better], factor
+    return best, found
+
+
+def _slanted(shown: Shown, factor: float) -> np.ndarray:
+    """Normals with their part across the line of sight scaled."""
+    along = dot(shown.n, shown.wo) * shown.wo
+    return normalize(along + factor * (shown.n - along))
+
+
+class _Measured:
+    """What the pixels of a photo show, ready to be compared with."""
+
+    def __init__(self, shown: Shown, few: slice) -> None:
+        radiance, clipped = shown.radiance[few].astype(np.float32), shown.clipped[few]
+        mean = np.maximum(radiance.mean(axis=0), 1e-2 * radiance.mean() + 1e-6)  # of a channel that is 0 everywhere
+        weight = np.where(clipped[:, None], CLIPPED_WEIGHT, 1.0) / (radiance + 2 * FAINT_SEEN * mean) ** 2
+        self.weight = (weight / weight.sum(axis=0)).astype(np.float32)
+        self.radiance, self.dark, self.clipped = radiance, (FAINT_SEEN * mean).astype(np.float32), clipped
+        self.log = np.log(radiance + self.dark)
+        share = np.where(clipped, CLIPPED_WEIGHT, 1.0)
+        self.share = (share / share.sum()).astype(np.float32)
+
+    def misfit(self, e: np.ndarray | None, s: np.ndarray) -> np.ndarray:
+        """Of pixels that show a e + b s, [M, P, 3] each, with the best a and b >= 0 of each channel: [M]."""
+        drawn = self._fitted(e, s.astype(np.float32))
+        drawn += self.dark
+        rest = np.log(drawn, out=drawn)
+        rest -= self.log
+        if self.clipped.any():
+            rest[:, self.clipped] = np.minimum(rest[:, self.clipped], 0.0)
+        rest -= np.einsum("mpc,p->mc", rest, self.share)[:, None]
+        brightness, hue = mean_squares(rest, self.share)
+        return np.log(brightness + FLOOR) + HUE_WEIGHT * np.log(hue + FLOOR / 10)
+
+    def _fitted(self, e: np.ndarray | None, s: np.ndarray) -> np.ndarray:
+        w, i = self.weight, self.radiance
+        ss, is_ = np.einsum("mpc,mpc,pc->mc", s, s, w), np.einsum("mpc,pc->mc", s, w * i)
+        alone = is_ / np.maximum(ss, 1e-12)
+        if e is None:
+            return s * alone[:, None]
+        ee, ie = np.einsum("mpc,mpc,pc->mc", e, e, w), np.einsum("mpc,pc->mc", e, w * i)
+        es = np.einsum("mpc,mpc,pc->mc", e, s, w)
+        det = np.maximum(ee * ss - es**2, 1e-6 * ee * ss + 1e-20)
+        a, b = (ie * ss - is_ * es) / det, (is_ * ee - ie * es) / det
+        only_e = ie**2 * ss >= is_**2 * ee
+        outside = (a < 0) | (b < 0)
+        a = np.where(outside, np.where(only_e, ie / np.maximum(ee, 1e-12), 0.0), a)
+        b = np.where(outside, np.where(only_e, 0.0, alone), b)
+        return (a[:, None] * e + b[:, None] * s).astype(np.float32)

@@ -1,0 +1,142 @@
+"""A photo without its object, small enough to keep: what a panorama shows of the place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from PIL import Image
+
+from anyprobe.core.color import to_bytes
+from anyprobe.core.latlong import pixel_directions
+from anyprobe.core.response import inverse_response
+from anyprobe.match.fill import fill_hole
+
+MOST_ROWS = 1024
+"""Rows of a panorama for which a plate keeps enough pixels."""
+GROW = 0.012
+"""Share of the photo's longer side around the object that is filled with it: its edge is not where the mask says."""
+LEAST_FRONT = 0.05
+"""Least -z of a direction that a photo may show."""
+LEAST_LEFT = 0.02
+"""Share of the photo that must show the place beside its object."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Plate:
+    """What a photo shows beside its object.
+
+    Attributes:
+        rgb: [H, W, 3] uint8 display values.
+        hidden: [H, W] uint8, 255 where the object or a transparent pixel hides the place.
+        tan_half: [2] tangents of half the field of view, across and down.
+        radiance: [H, W, 3] float16, linear radiance where the photo holds it above white; None: display values say all.
+    """
+
+    rgb: np.ndarray
+    hidden: np.ndarray
+    tan_half: tuple[float, float]
+    radiance: np.ndarray | None = None
+
+    def at_density(self, rows: int) -> tuple[np.ndarray, np.ndarray]:
+        """The photo with the object's place filled, at the density of a panorama of so many rows.
+
+        Returns:
+            [h, w, 3] linear radiance, and [h, w] share of each pixel that is filled.
+        """
+        size = _size_at(self.tan_half, rows, self.rgb.shape[:2])
+        linear = inverse_response(_resized(self.rgb.astype(np.float32) / 255, size))
+        if self.radiance is not None:
+            above = _resized(self.radiance.astype(np.float32), size)
+            linear = np.where(above > 1, above, linear)
+        grown = _grown(_resized(self.hidden.astype(np.float32)[..., None] / 255, size)[..., 0])
+        return fill_hole(linear, grown > 0.02), grown
+
+
+def keep_plate(
+    rgb: np.ndarray,
+    mask: np.ndarray,
+    long_fov_deg: float,
+    radiance: np.ndarray | None = None,
+    transparent: np.ndarray | None = None,
+) -> Plate | None:
+    """Return the plate of a photo [H, W, 3] with its object marked [H, W]; None where hardly any place is shown."""
+    height, width = mask.shape
+    tan = np.tan(np.radians(long_fov_deg) / 2) / max(height, width)
+    tan_half = float(tan * width), float(tan * height)
+    size = _size_at(tan_half, MOST_ROWS, (height, width))
+    step = max(1, min(width // (2 * size[0]), height // (2 * size[1])))
+    covered = mask if transparent is None else np.maximum(mask, transparent)
+    hidden = _resized(covered[::step, ::step, None].astype(np.float32), size)
+    if (hidden < 0.5).mean() < LEAST_LEFT:
+        return None
+    return Plate(
+        rgb=to_bytes(_resized(rgb[::step, ::step], size)),
+        hidden=to_bytes(hidden[..., 0]),
+        tan_half=tan_half,
+        radiance=None if radiance is None else _resized(radiance[::step, ::step], size).clip(0, 6e4).astype(np.float16),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DrawnPlate:
+    """A plate in a panorama's frame.
+
+    ln: [R, 2R, 3] ln of radiance plus FLOOR where it is known, else zero. margin: [R, 2R] degrees from the photo's
+    border inwards, negative outside. filled: [R, 2R] share that is filled, not seen.
+    """
+
+    radiance: np.ndarray
+    margin: np.ndarray
+    filled: np.ndarray
+
+
+def seen_in(plate: Plate, frame_from_camera: np.ndarray, rows: int) -> DrawnPlate:
+    """Draw a plate into a panorama of so many rows whose frame is turned by frame_from_camera [3, 3]."""
+    linear, filled = plate.at_density(rows)
+    height, width = filled.shape
+    d = pixel_directions(rows) @ frame_from_camera.astype(np.float32)  # R^T d
+    depth = np.maximum(-d[..., 2], LEAST_FRONT)
+    x, y = d[..., 0] / depth / plate.tan_half[0], d[..., 1] / depth / plate.tan_half[1]
+    front = d[..., 2] < -LEAST_FRONT
+    length = np.sqrt(1 + (x * plate.tan_half[0]) ** 2 + (y * plate.tan_half[1]) ** 2)
+    margin = np.minimum((1 - np.abs(x)) * plate.tan_half[0], (1 - np.abs(y)) * plate.tan_half[1]) / length
+    margin = np.where(front, np.degrees(margin), -90.0).astype(np.float32)
+    inside = margin > 0
+    column = np.clip((0.5 + 0.5 * x[inside]) * width - 0.5, 0, width - 1.001)
+    row = np.clip((0.5 - 0.5 * y[inside]) * height - 0.5, 0, height - 1.001)
+    picture = np.dstack([linear, filled]).astype(np.float32)
+    c0, r0 = column.astype(int), row.astype(int)
+    fx, fy = (column - c0)[:, None], (row - r0)[:, None]
+    upper = picture[r0, c0] * (1 - fx) + picture[r0, c0 + 1] * fx
+    lower = picture[r0 + 1, c0] * (1 - fx) + picture[r0 + 1, c0 + 1] * fx
+    found = np.zeros((rows, 2 * rows, 4), np.float32)
+    found[inside] = upper * (1 - fy) + lower * fy
+    return DrawnPlate(radiance=found[..., :3], margin=margin, filled=found[..., 3])
+
+
+def _size_at(tan_half: tuple[float, float], rows: int, shape: tuple[int, int]) -> tuple[int, int]:
+    """Width and height of a photo of that shape [H, W] at the density of a panorama, and no larger than it is."""
+    width, height = (2 * tan * rows / np.pi for tan in tan_half)
+    scale = min(1.0, shape[1] / width)
+    return max(4, round(width * scale)), max(4, round(height * scale))
+
+
+def _resized(picture: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Means over areas, [H, W, C] to size (width, height)."""
+    planes = [
+        Image.fromarray(np.ascontiguousarray(picture[..., k], np.float32)).resize(size, Image.Resampling.BOX)
+        for k in range(picture.shape[-1])
+    ]
+    return np.stack([np.asarray(plane) for plane in planes], axis=-1)
+
+
+def _grown(hidden: np.ndarray) -> np.ndarray:
+    """A mask [H, W] with a rim around it."""
+    reach = max(2, round(GROW * max(hidden.shape)))
+    for axis in (0, 1):
+        steps = [
+            np.roll(np.pad(hidden, reach), k, axis=axis)[reach:-reach, reach:-reach] for k in range(-reach, reach + 1)
+        ]
+        hidden = np.max(steps, axis=0)
+    return hidden

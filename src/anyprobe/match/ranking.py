@@ -1,0 +1,226 @@
+"""`match`: the panoramas of a folder, ranked by how well they light like a photo, and brought into its frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.core.frames import rotation_z
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, uv_to_direction
+from anyprobe.errors import InputError, OutputError
+from anyprobe.light.environment import integral, reduced, rotate
+from anyprobe.maps.radiance import HALF_MAX, read_radiance, write_exr_planes
+from anyprobe.match.alignment import Match, find_matches
+from anyprobe.match.kind import PRICE, prices
+from anyprobe.match.library import FEATURE_ROWS, Library
+from anyprobe.match.library_folder import check_unchanged, open_library
+from anyprobe.match.likeness import Shown, best_places, gain_of
+from anyprobe.match.plate import Plate
+
+BLOCK_ROWS = 64
+"""Rows of a large map that are turned at once."""
+PREVIEW_ROWS = 128
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class MatchedMap:
+    """A panorama of a folder, and how it lights like a photo.
+
+    Attributes:
+        rank: 0 is the best. name: its file's within the folder, without the suffix. path: of the file.
+        misfit: how badly it explains the photo; differences matter: below 0.5 two maps are hardly to be told apart.
+        by: "photo", or "map" where only the estimate's map was compared.
+        map_from_light: [3, 3] rotation, from the light's frame to the panorama's.
+        gain: [3], from the panorama's radiance to the light's units.
+    """
+
+    rank: int
+    name: str
+    misfit: float
+    by: str
+    map_from_light: np.ndarray
+    gain: np.ndarray
+    library: Library = field(repr=False)
+    index: int = field(repr=False)
+
+    @property
+    def path(self) -> Path:
+        return self.library.files[self.index]
+
+    @property
+    def exposure_ev(self) -> float:
+        """The gain in stops."""
+        return float(np.log2(self.gain.mean()))
+
+    @property
+    def tint(self) -> np.ndarray:
+        """The gain of each channel [3] over their mean."""
+        return self.gain / self.gain.mean()
+
+    @property
+    def yaw_deg(self) -> float:
+        """How far the panorama is turned to the left about its vertical."""
+        return float(np.degrees(np.arctan2(self.map_from_light[0, 2], self.map_from_light[2, 2])))
+
+    @property
+    def pitch_deg(self) -> float:
+        """How far the photo's camera looks down in it."""
+        return float(np.degrees(np.arcsin(np.clip(self.map_from_light[1, 2], -1.0, 1.0))))
+
+    def radiance(self, rows: int | None = None) -> np.ndarray:
+        """The panorama in the light's frame and units, [H, 2H, 3] float32; rows: at most so many.
+
+        Raises:
+            InputError: the file has changed since it was compared.
+        """
+        source = self._source()
+        if rows is not None:
+            source = reduced(source, rows)
+        return np.concatenate(list(self._turned(source)))
+
+    def write(self, path: str | Path) -> Path:
+        """The panorama in the light's frame and units, at its full size, as .exr of halfs; of floats where halfs clip.
+
+        Raises:
+            InputError: as of radiance. OutputError: another suffix, or it cannot be written.
+        """
+        path = Path(path)
+        if path.suffix.lower() != ".exr":
+            raise OutputError(f"expected .exr, got {path.suffix or 'no suffix'}; name it .exr", source=path)
+        source = self._source()
+        height = len(source)
+        is_half = bool((source.max(axis=(0, 1)) * self.gain).max() <= HALF_MAX)
+        planes = np.empty((3, height, 2 * height), np.float16 if is_half else np.float32)
+        row = 0
+        for block in self._turned(source):
+            planes[:, row : row + len(block)] = np.moveaxis(block, -1, 0)
+            row += len(block)
+        del source
+        attributes = {"match": self.name, "map_from_light": str(self.map_from_light.round(6).tolist())}
+        write_exr_planes(path, planes, attributes)
+        return path
+
+    def sidecar(self) -> dict[str, Any]:
+        """All of it, ready for JSON."""
+        return {
+            "rank": self.rank,
+            "name": self.name,
+            "file": str(self.path),
+            "misfit": round(self.misfit, 4),
+            "compared_by": self.by,
+            "map_from_light": self.map_from_light.round(6).tolist(),
+            "yaw_deg": round(self.yaw_deg, 2),
+            "pitch_deg": round(self.pitch_deg, 2),
+            "exposure_ev": round(self.exposure_ev, 3),
+            "tint": self.tint.round(4).tolist(),
+        }
+
+    def _source(self) -> np.ndarray:
+        check_unchanged(self.library, self.index)
+        return read_radiance(self.path)
+
+    def _turned(self, source: np.ndarray) -> Iterator[np.ndarray]:
+        """Blocks of rows of the turned map [n, 2H, 3]: nothing but the source is held whole."""
+        height = len(source)
+        u = (np.arange(2 * height) + 0.5) / (2 * height)
+        turn, gain = self.map_from_light.T.astype(np.float32), self.gain.astype(np.float32)
+        for top in range(0, height, BLOCK_ROWS):
+            v = (np.arange(top, min(top + BLOCK_ROWS, height)) + 0.5) / height
+            uv = np.stack(np.broadcast_arrays(u[None, :], v[:, None]), axis=-1)
+            d = uv_to_direction(uv).astype(np.float32) @ turn
+            yield np.maximum(bilinear(source, direction_to_uv(d)), 0.0).astype(np.float32) * gain
+
+
+def rank_maps(
+    radiance: np.ndarray,
+    confidence: np.ndarray | None,
+    shown: Shown | None,
+    folder: Library | str | Path,
+    light_from_camera: np.ndarray,
+    pitch_deg: float | None = None,
+    *,
+    is_pitch_estimated: bool = False,
+    roll_deg: float = 0.0,
+    plate: Plate | None = None,
+) -> list[MatchedMap]:
+    """All maps of a folder, the best first.
+
+    Args:
+        radiance, confidence: of the light, [H, 2H, 3] and [H, 2H], in its frame.
+        shown: what the photo shows, in the camera's frame; None: the map is compared alone.
+        light_from_camera: [3, 3].
+        pitch_deg: how far the camera looks down, where it is known; kept unless is_pitch_estimated.
+        roll_deg: of the camera, which is kept, see estimate.ground.Ground.
+        plate: what the photo shows beside its object; panoramas of another kind, in- or outdoors, cost
+            detail.kind.PRICE.
+    """
+    if roll_deg:  # as of a camera that is not rolled
+        unrolled = rotation_z(np.radians(roll_deg))
+        shown = None if shown is None else shown.turned(unrolled)
+        light_from_camera = light_from_camera @ unrolled.T
+    library = folder if isinstance(folder, Library) else open_library(folder)
+    if not library.files:
+        raise InputError("expected a folder of .exr and .hdr maps, got a library without files", source=library.path)
+    order: Sequence[int]
+    turns: np.ndarray | dict[int, np.ndarray]
+    misfits: np.ndarray | dict[int, float]
+    if shown is not None:
+        camera = rotate(radiance, light_from_camera.T)
+        places = best_places(shown, library.lights, pitch_deg, is_estimated=is_pitch_estimated)
+        found_turns, cost = places.map_from_camera, places.misfit + prices(plate, library.lights, PRICE)
+        misfits, order = cost, np.argsort(cost, kind="stable").tolist()
+        gains = {i: gain_of(shown, camera, library.lights[i], found_turns[i]) / library.levels[i] for i in order}
+        turns = found_turns @ light_from_camera.T
+    else:
+        found, to_camera = _by_map(
+            radiance, confidence, library, light_from_camera.T, None if is_pitch_estimated else pitch_deg
+        )
+        order = list(found)
+        turns = {i: one.candidate_from_estimate @ to_camera for i, one in found.items()}
+        misfits = {i: one.distance for i, one in found.items()}
+        mean = integral(reduced(radiance, FEATURE_ROWS)) / (4 * np.pi)
+        gains = {i: mean / (integral(library.lights[i]) / (4 * np.pi) * library.levels[i]) for i in order}
+    return [
+        MatchedMap(
+            rank=rank,
+            name=library.names[i],
+            misfit=float(misfits[i]),
+            by="map" if shown is None else "photo",
+            map_from_light=np.asarray(turns[i], np.float64),
+            gain=np.asarray(gains[i], np.float64),
+            library=library,
+            index=int(i),
+        )
+        for rank, i in enumerate(order)
+    ]
+
+
+def _by_map(
+    radiance: np.ndarray,
+    confidence: np.ndarray | None,
+    library: Library,
+    camera_from_light: np.ndarray,
+    pitch_deg: float | None,
+) -> tuple[dict[int, Match], np.ndarray]:
+    """Matches by index, the best first, and the rotation from the light's frame to theirs.
+
+    pitch_deg: of the camera, in whose frame it is kept; None: not known.
+    """
+    if pitch_deg is None:
+        return {one.index: one for one in find_matches(radiance, confidence, library)}, np.eye(3)
+    camera = rotate(radiance, camera_from_light)
+    sure = None if confidence is None else rotate(confidence[..., None], camera_from_light)[..., 0]
+    found = find_matches(camera, sure, library, pitches_deg=(pitch_deg,))
+    return {one.index: one for one in found}, camera_from_light
+
+
+def stops_apart(radiance: np.ndarray, other: np.ndarray) -> float:
+    """By how many stops the irradiance of a plane that faces the camera is more in a map [H, 2H, 3] than in another."""
+    facing = [integral(one * np.maximum(pixel_directions(len(one))[..., 2:], 0.0)) for one in (radiance, other)]
+    first, second = (max(float(luminance(one)), 1e-6) for one in facing)
+    return float(np.log2(first / second))

@@ -1,0 +1,62 @@
+"""How large a picture's file says that it is, of every kind that is read, before anything is decoded."""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+from typing import BinaryIO
+
+from anyprobe.errors import AnyprobeError, InputError
+from anyprobe.files.paths import open_regular
+from anyprobe.maps.exr import EXR_MAGIC, exr_pixels
+from anyprobe.maps.rgbe import HDR_MAGIC, hdr_pixels
+from anyprobe.pictures.deep_pixels import TIFF_STARTS, float_tiff_size
+from anyprobe.pictures.headers import JXL_STARTS, UnknownPicture, exif_fov_deg, jxl_size, open_picture, upright_size
+from anyprobe.pictures.raw import HEAD_BYTES, is_raw, raw_size
+
+
+def declared_pixels(data: bytes) -> int:
+    """How many pixels a file's bytes would be decoded to, nothing decoded; 0 where it is no picture or map."""
+    if data.startswith(EXR_MAGIC):
+        return exr_pixels(data)
+    if data.startswith(HDR_MAGIC):
+        return hdr_pixels(data)
+    (width, height), _ = photo_header(data)
+    return width * height
+
+
+def photo_header(source: str | os.PathLike[str] | bytes) -> tuple[tuple[int, int], float | None]:
+    """Width and height of a photo, upright, and the field of view by its EXIF, or None; nothing is decoded.
+
+    0, 0 and None where it is no photo that has them: read_image says why.
+    """
+    name = "" if isinstance(source, bytes) else Path(source).name
+    try:
+        if isinstance(source, bytes):
+            return _header(io.BytesIO(source), name)
+        with open_regular(source, InputError) as stream:
+            return _header(stream, name)
+    except (UnknownPicture, AnyprobeError):
+        return (0, 0), None
+
+
+def _header(stream: BinaryIO, name: str) -> tuple[tuple[int, int], float | None]:
+    head = stream.read(64)
+    if head.startswith(TIFF_STARTS):
+        head += stream.read(HEAD_BYTES)
+    stream.seek(0)
+    if head.startswith(JXL_STARTS):  # whose reader decodes all of what it opens
+        return jxl_size(stream.read()), None
+    size = raw_size(stream.read()) if is_raw(head, name) else None  # whose first picture is a preview
+    stream.seek(0)
+    try:
+        with open_picture(stream) as image:
+            return size or upright_size(image), exif_fov_deg(image)
+    except UnknownPicture:
+        if size is None and head.startswith(TIFF_STARTS):
+            stream.seek(0)
+            size = float_tiff_size(stream.read())
+        if size is None:
+            raise
+        return size, None

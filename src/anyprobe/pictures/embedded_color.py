@@ -1,0 +1,218 @@
+"""The colour encoding that a picture's file asks for, and its pixels in sRGB.
+
+In this order: code points of a PNG (cICP), an embedded profile, code points of HEIC and AVIF (nclx), a PNG's gAMA and
+cHRM where it does not say sRGB, EXIF's Adobe RGB (R03). Where nothing is said, sRGB.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import BinaryIO
+
+import numpy as np
+from PIL import ExifTags, Image
+
+from anyprobe.pictures.color_encoding import (
+    ADOBE_RGB,
+    OUTSIDE_SHARE,
+    ColorEncoding,
+    by_code_points,
+    by_numbers,
+    is_srgb,
+    outside_share,
+    to_display,
+)
+from anyprobe.pictures.icc import converted, encoding_of
+
+PNG_START = b"\x89PNG\r\n\x1a\n"
+PNG_CHUNKS, PNG_HEAD_BYTES = 200, 1 << 22
+"""How far the chunks before a PNG's pixels are looked through."""
+
+BOX_BYTES = 1 << 20
+"""Longest description of an AVIF that is looked through."""
+CONTAINERS = (b"iprp", b"ipco")
+MAX_BOXES = 1000
+
+USUAL_GAMMA = 1 / 2.2
+"""Most programs mean sRGB by it."""
+GAMMA_TOLERANCE = 0.005
+
+ADOBE_GAMMA = 563 / 256
+R03, INTEROPERABILITY = "R03", 1
+"""EXIF's name for Adobe RGB (DCF), and the tag that holds it."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DisplayPixels:
+    """A picture in sRGB.
+
+    values: [H, W] or [H, W, 3], uint8, uint16 or float in [0, 1]. radiance: [H, W, 3] linear Rec. 709,
+    above white too, or None. warnings: one line each, without the picture's name.
+    """
+
+    values: np.ndarray
+    radiance: np.ndarray | None = None
+    warnings: tuple[str, ...] = ()
+
+
+def said_encoding(image: Image.Image, stream: BinaryIO | None) -> tuple[ColorEncoding | None, bytes, tuple[str, ...]]:
+    """What a picture says of its colours: an encoding, or a profile; neither means sRGB. And warnings.
+
+    Args:
+        image: opened by Pillow, its file still open where it has one.
+        stream: the file, to look for what Pillow leaves out.
+    """
+    profile = image.info.get("icc_profile") or b""
+    points = _code_points(image, stream)
+    if points is not None and (image.format == "PNG" or not profile):
+        primaries, transfer, full, bits = points
+        if (primaries, transfer) == (2, 2):
+            return None, profile, ()
+        encoding = by_code_points(primaries, transfer, full, bits)
+        note = f"names a colour encoding that is not known ({primaries}, {transfer}); taken for sRGB"
+        return encoding, b"", (note,) if encoding is None else ()
+    if profile:
+        return None, profile, ()
+    if image.format == "PNG" and "srgb" not in image.info:
+        return _by_gamma(image), b"", ()
+    if image.format in ("JPEG", "MPO", "TIFF") and _is_adobe_rgb(image):
+        return by_numbers(ADOBE_RGB, ADOBE_GAMMA), b"", ()
+    return None, b"", ()
+
+
+def shown(picture: Image.Image | np.ndarray, encoding: ColorEncoding | None, profile: bytes = b"") -> DisplayPixels:
+    """A picture in sRGB: of an encoding, or of a profile, or of neither.
+
+    picture: L, RGB or CMYK of Pillow; or [H, W] or [H, W, 3] of 16 bits or floats.
+    """
+    whole = isinstance(picture, Image.Image)
+    if profile:
+        encoding = encoding_of(profile)
+        space = {"L": b"GRAY", "RGB": b"RGB ", "CMYK": b"CMYK"}[_mode(picture)]
+        if profile[16:20] != space and profile[36:40] == b"acsp":
+            return DisplayPixels(values=_plain(picture), warnings=(UNFIT,))
+        if encoding is None or (whole and not encoding.brighter and not is_srgb(encoding)):
+            return _by_table(picture, encoding, profile)
+    values = _plain(picture)
+    if encoding is None or is_srgb(encoding):
+        return DisplayPixels(values=values)
+    display, radiance = to_display(values, encoding)
+    return DisplayPixels(values=display, radiance=radiance, warnings=_outside(values, encoding))
+
+
+UNFIT = "its colour profile is damaged or of another kind of picture; taken for sRGB"
+
+
+def _mode(picture: Image.Image | np.ndarray) -> str:
+    if isinstance(picture, Image.Image):
+        return picture.mode
+    return "L" if picture.ndim == 2 else "RGB"
+
+
+def _plain(picture: Image.Image | np.ndarray) -> np.ndarray:
+    """Its values as they are, [H, W] or [H, W, 3]."""
+    if isinstance(picture, Image.Image):
+        return np.asarray(picture if picture.mode in ("L", "RGB") else picture.convert("RGB"))
+    return picture
+
+
+def _by_table(picture: Image.Image | np.ndarray, encoding: ColorEncoding | None, profile: bytes) -> DisplayPixels:
+    """By LittleCMS, with 8 bits."""
+    if not isinstance(picture, Image.Image):
+        whole = picture * 255.0 if picture.dtype.kind == "f" else picture / 257.0
+        picture = Image.fromarray(np.clip(np.round(whole), 0, 255).astype(np.uint8))
+    try:
+        values = np.asarray(converted(picture, profile))
+    except ValueError:
+        return DisplayPixels(values=_plain(picture), warnings=(UNFIT,))
+    return DisplayPixels(values=values, warnings=() if encoding is None else _outside(_plain(picture), encoding))
+
+
+def _outside(values: np.ndarray, encoding: ColorEncoding) -> tuple[str, ...]:
+    share = outside_share(values, encoding)
+    if share < OUTSIDE_SHARE:
+        return ()
+    return (f"{share:.0%} of its colours lie outside of Rec. 709 and are cut to it; their saturation is too low",)
+
+
+def _code_points(image: Image.Image, stream: BinaryIO | None) -> tuple[int, int, bool, int] | None:
+    """Primaries, transfer, whether the range is full, and bits, where the file names them by H.273's numbers."""
+    if image.format == "PNG" and stream is not None:
+        return _cicp(stream)
+    if image.format == "HEIF":
+        nclx = image.info.get("nclx_profile")
+        return None if not nclx else (int(nclx["color_primaries"]), int(nclx["transfer_characteristics"]), True, 8)
+    if image.format == "AVIF" and stream is not None:
+        return _nclx(stream)
+    return None
+
+
+def _cicp(stream: BinaryIO) -> tuple[int, int, bool, int] | None:
+    """Of a PNG's cICP chunk."""
+    place, bits = stream.tell(), 8
+    stream.seek(0)
+    data = stream.read(PNG_HEAD_BYTES)
+    stream.seek(place)
+    at = len(PNG_START)
+    for _ in range(PNG_CHUNKS if data.startswith(PNG_START) else 0):
+        size, kind = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8]
+        if kind == b"IHDR":
+            bits = data[at + 16] if at + 16 < len(data) else 8
+        if kind == b"cICP" and size == 4 and at + 12 <= len(data):
+            primaries, transfer, _, full = data[at + 8 : at + 12]
+            return primaries, transfer, full == 1, bits
+        if kind in (b"IDAT", b"IEND", b""):
+            return None
+        at += 12 + size
+    return None
+
+
+def _nclx(stream: BinaryIO) -> tuple[int, int, bool, int] | None:
+    """Of the first property of an AVIF that names code points; the decoder takes care of the range."""
+    place = stream.tell()
+    stream.seek(0)
+    data = stream.read(BOX_BYTES)
+    stream.seek(place)
+    for kind, content in _boxes(data):
+        if kind == b"meta":
+            for name, value in _boxes(content[4:]):
+                if name == b"colr" and value[:4] == b"nclx" and len(value) >= 10:
+                    return int.from_bytes(value[4:6], "big"), int.from_bytes(value[6:8], "big"), True, 8
+    return None
+
+
+def _boxes(data: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """Boxes of an ISO base media file, those within CONTAINERS too."""
+    pieces, seen = [data], 0
+    while pieces:
+        piece, at = pieces.pop(0), 0
+        while at + 8 <= len(piece) and seen < MAX_BOXES:
+            size, kind = int.from_bytes(piece[at : at + 4], "big"), piece[at + 4 : at + 8]
+            content = piece[at + 8 : at + size] if size >= 8 else piece[at + 8 :]
+            seen += 1
+            if kind in CONTAINERS:
+                pieces.append(content)
+            else:
+                yield kind, content
+            if size < 8:
+                break
+            at += size
+
+
+def _by_gamma(image: Image.Image) -> ColorEncoding | None:
+    """Of a PNG's gAMA and cHRM; sRGB's curve where its gamma is the usual one."""
+    gamma, found = image.info.get("gamma"), image.info.get("chromaticity")
+    if not gamma and not found:
+        return None
+    if gamma and (not 0.01 < gamma < 100 or abs(gamma - USUAL_GAMMA) < GAMMA_TOLERANCE):
+        gamma = None
+    white_first = tuple(map(float, found)) if found else None
+    return by_numbers(white_first and white_first[2:] + white_first[:2], None if not gamma else 1.0 / gamma)
+
+
+def _is_adobe_rgb(image: Image.Image) -> bool:
+    try:
+        return str(image.getexif().get_ifd(ExifTags.IFD.Interop).get(INTEROPERABILITY, ""))[:3] == R03
+    except Exception:  # its parser raises whatever the bad bytes lead it to
+        return False

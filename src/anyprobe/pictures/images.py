@@ -1,0 +1,398 @@
+"""Photos on disk or in memory to display values, and previews back to PNG.
+
+Whatever comes (palette, CMYK, 16 bits, rotated by EXIF, wide-gamut, HDR, RAW, float EXR)
+leaves as upright sRGB in [0, 1]; what cannot be a photo is refused in one line.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import struct
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from PIL import ExifTags, Image, ImageFile, ImageOps
+
+from anyprobe.core.arrays import plain_array
+from anyprobe.core.color import to_bytes
+from anyprobe.core.response import response
+from anyprobe.errors import InvalidEnvironment, InvalidPhoto
+from anyprobe.files.atomic import atomic_path
+from anyprobe.files.paths import open_regular
+from anyprobe.maps.exr import EXR_MAGIC, read_exr
+from anyprobe.maps.radiance import decode_hdr
+from anyprobe.maps.rgbe import HDR_MAGIC
+from anyprobe.notices import Notice
+from anyprobe.pictures.apple_note import apple_posture_deg
+from anyprobe.pictures.color_encoding import is_linear
+from anyprobe.pictures.deep_pixels import (
+    TIFF_STARTS,
+    FloatPicture,
+    full_range,
+    heif_sixteen_bits,
+    is_white_zero,
+    read_float_tiff,
+    sixteen_bits,
+    turned_upright,
+)
+from anyprobe.pictures.embedded_color import DisplayPixels, said_encoding, shown
+from anyprobe.pictures.gain_map import UNREAD, gain_map_of, misses_gain_map
+from anyprobe.pictures.headers import (
+    MAX_PIXELS,
+    TURNS,
+    UnknownPicture,
+    check_size,
+    exif_exposure,
+    exif_fov_deg,
+    is_turned,
+    kind_of,
+    open_picture,
+    orientation_of,
+)
+from anyprobe.pictures.icc import encoding_of
+from anyprobe.pictures.photo_depth import photo_depth
+from anyprobe.pictures.raw import HEAD_BYTES, develop, is_raw
+
+ImageSource = str | os.PathLike[str] | bytes | Image.Image | np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Pixels:
+    """A picture as it is displayed.
+
+    Attributes:
+        rgb: [H, W, 3] float32, display values (sRGB primaries, camera-coded) in [0, 1]; a read-only view of one
+            channel where the picture is grey.
+        alpha: [H, W] float32 in [0, 1], not premultiplied into rgb; None where all is opaque.
+        long_fov_deg: field of view of the longer side from EXIF, or None.
+        exposure: how much light the photo took, from EXIF, in seconds x ISO / f-number^2, or None.
+        posture_deg: how far the camera looks down, and its roll, where the camera noted them (iPhones), or None.
+        name: what messages call the picture.
+        warnings: one line each, for the user.
+        radiance: [H, W, 3] float32, linear Rec. 709 in the photo's exposure units (white at 1), of a picture that holds
+            light above white: OpenEXR, .hdr, TIFF of floats, PQ, HLG, a gain map. None of any other.
+        depth: [h, w] float32, upright, see files.photo_depth; None where the file carries none or nobody asked.
+    """
+
+    rgb: np.ndarray
+    alpha: np.ndarray | None
+    long_fov_deg: float | None
+    name: str
+    warnings: tuple[str, ...] = ()
+    exposure: float | None = None
+    posture_deg: tuple[float, float] | None = None
+    radiance: np.ndarray | None = None
+    depth: np.ndarray | None = None
+
+
+def read_image(
+    source: ImageSource, name: str | None = None, *, as_data: bool = False, with_depth: bool = False
+) -> Pixels:
+    """Read a photo from a path, bytes, a Pillow image or an array.
+
+    Arrays are [H, W], [H, W, 1], [H, W, 3] or [H, W, 4]: uint8, uint16, or float display values in [0, 1]. Linear
+    radiance (.exr, .hdr, a TIFF of floats without a profile, RAW) goes through the camera's response. Of an animation
+    the first frame counts.
+
+    Args:
+        as_data: the numbers as they are stored, whatever the file says of colour: normals, say.
+        with_depth: read the depth that a phone's file carries, too.
+    Raises:
+        InvalidPhoto: not an image, damaged, too small, too large, NaN.
+        InvalidMask: depth that is damaged.
+        MissingExtra: a HEIC, RAW or JPEG XL photo without its reader installed.
+    """
+    if isinstance(source, np.ndarray):
+        return _from_array(source, name or "array")
+    if isinstance(source, Image.Image):
+        name = name or Path(getattr(source, "filename", "") or "image").name
+        return _from_pillow(source, name, None, as_data, with_depth)
+    if isinstance(source, (bytes, bytearray, memoryview)):
+        data = bytes(source)
+        return _from_stream(io.BytesIO(data), len(data), name or "bytes", as_data, with_depth)
+    if not isinstance(source, (str, os.PathLike)):
+        raise InvalidPhoto(
+            f"{name or 'photo'}: expected a path, bytes, a Pillow image or an array, "
+            f"got {type(source).__name__}; convert it"
+        )
+    path = Path(source)
+    with open_regular(path, InvalidPhoto, "an image file") as stream:
+        size = os.fstat(stream.fileno()).st_size
+        return _from_stream(stream, size, name or path.name or str(path), as_data, with_depth, path.name)
+
+
+USUAL_PNG, FAST_PNG, MANY_VALUES = 6, 1, 24_000_000
+"""Compression of a PNG, and of one of so many values: a third of the time for a tenth more bytes."""
+STRIP_ROWS = 64
+"""Rows of a large picture that are converted at a time."""
+
+TAKEN_FOR_LINEAR = (
+    "a TIFF of floats without a colour profile is taken for linear radiance; if it holds display values, embed sRGB's"
+)
+
+
+def write_png(path: str | os.PathLike[str], rgb: np.ndarray) -> None:
+    """Write [H, W], [H, W, 3] or [H, W, 4] as PNG: uint8, or float display values in [0, 1]."""
+    image = np.asarray(rgb)
+    if image.dtype != np.uint8:
+        image = picture_bytes(image)
+    with atomic_path(path) as temporary:
+        level = FAST_PNG if image.size > MANY_VALUES else USUAL_PNG
+        Image.fromarray(np.ascontiguousarray(image)).save(temporary, format="PNG", compress_level=level)
+
+
+def png_bytes(picture: np.ndarray, **settings: Any) -> bytes:
+    """uint8 [H, W], [H, W, 3] or [H, W, 4] as PNG; settings: Pillow's."""
+    stream = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(picture)).save(stream, format="PNG", **settings)
+    return stream.getvalue()
+
+
+def picture_bytes(image: np.ndarray) -> np.ndarray:
+    """to_bytes, a few rows at a time where there are many values, which would not fit the processor's caches."""
+    if image.size <= MANY_VALUES:
+        return to_bytes(image)
+    result = np.empty(image.shape, np.uint8)
+
+    def convert(top: int) -> None:
+        result[top : top + STRIP_ROWS] = to_bytes(image[top : top + STRIP_ROWS])
+
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(convert, range(0, len(image), STRIP_ROWS)))
+    return result
+
+
+def _from_stream(
+    stream: BinaryIO, num_bytes: int, name: str, as_data: bool, with_depth: bool, file_name: str = ""
+) -> Pixels:
+    """Decode an open file or buffer, by what its first bytes say."""
+    head = stream.read(64)
+    if not head:
+        raise InvalidPhoto("expected an image, got an empty file; copy or save it again", source=name)
+    if head.startswith(TIFF_STARTS):
+        head += stream.read(HEAD_BYTES)
+    stream.seek(0)
+    if head.startswith(EXR_MAGIC):
+        data = stream.read(num_bytes)
+        return _from_linear(read_exr(data, name, InvalidPhoto, MAX_PIXELS, rec709=True), name)
+    if head.startswith(HDR_MAGIC):
+        try:
+            return _from_linear(decode_hdr(stream.read(num_bytes), name, MAX_PIXELS), name)
+        except InvalidEnvironment as error:
+            raise InvalidPhoto(error, code="invalid-image") from error
+    if is_raw(head, file_name):
+        return _from_raw(stream, num_bytes, name)
+    try:
+        image = open_picture(stream, name)
+    except UnknownPicture as error:
+        stream.seek(0)
+        found = read_float_tiff(stream.read(num_bytes), name) if head.startswith(TIFF_STARTS) else None
+        if found is not None:
+            return _from_float_tiff(found, name, as_data)
+        expected = "expected an image (JPEG, PNG, WebP, TIFF, HEIC, AVIF, EXR, RAW, ...), got"
+        kind, remedy = kind_of(head, num_bytes)
+        raise InvalidPhoto(f"{expected} {kind}", source=name, remedy=remedy) from error
+    with image:
+        if image.format == "TIFF" and image.mode == "F":
+            stream.seek(0)
+            found = read_float_tiff(stream.read(num_bytes), name)
+            if found is not None:
+                return _from_float_tiff(found, name, as_data)
+        return _from_pillow(image, name, stream, as_data, with_depth)
+
+
+def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data: bool, with_depth: bool) -> Pixels:
+    """Turn upright, take the transparency off, bring the colour to sRGB.
+
+    stream: the open file of the image, for what Pillow leaves out of it; None where there is none.
+    """
+    check_size(*image.size, name)
+    try:
+        # not n_frames, which walks through all of them; a phone's MPO holds a photo and its thumbnail or depth
+        animated = image.format != "MPO" and getattr(image, "is_animated", False)
+        encoding, profile, notes = (None, b"", ()) if as_data else said_encoding(image, stream)
+        deep: np.ndarray | None = None
+        picture: Image.Image | np.ndarray
+        if stream is not None and isinstance(image, ImageFile.ImageFile):
+            deep = sixteen_bits(image, lambda: _again(stream, name))
+            if encoding is not None and encoding.brighter and image.format == "HEIF":
+                deep = heif_sixteen_bits(stream)
+        image.load()
+        long_fov_deg, exposure, posture_deg = exif_fov_deg(image), exif_exposure(image), apple_posture_deg(image)
+        orientation = orientation_of(image)
+        if deep is not None:
+            deep = turned_upright(deep, orientation)
+            alpha = deep[..., -1] if deep.shape[2] in (2, 4) else None
+            picture = np.ascontiguousarray(deep[..., 0] if deep.shape[2] == 2 else deep[..., :3])
+        else:
+            picture, alpha = _opaque(_upright(image))
+            if isinstance(picture, np.ndarray) and is_white_zero(image):
+                picture = np.iinfo(picture.dtype).max - picture
+        done = DisplayPixels(values=_values(picture)) if as_data else shown(picture, encoding, profile)
+        gain_map = None if as_data or done.radiance is not None else gain_map_of(image, stream)
+    except Exception as error:  # decoders raise whatever the bad bytes lead them to
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
+        raise InvalidPhoto(
+            f"expected a whole image, got a damaged or unusual one ({reason}); copy it again, or open and save "
+            "it in another program",
+            source=name,
+        ) from error
+    del picture, deep  # pixels; they are in values now
+    pixels = _from_array(done.values, name)
+    if alpha is not None and (alpha < np.iinfo(alpha.dtype).max).any():
+        pixels = replace(pixels, alpha=np.divide(alpha, np.float32(np.iinfo(alpha.dtype).max), dtype=np.float32))
+    radiance = done.radiance
+    depth = photo_depth(image, stream, name) if with_depth else None
+    missed = not as_data and radiance is None and gain_map is None and misses_gain_map(image, stream, pixels.rgb)
+    del image
+    if missed:
+        notes += (UNREAD,)
+    if gain_map is not None:
+        radiance = gain_map.radiance(pixels.rgb, TURNS.get(orientation))
+    notes = tuple(Notice(note, code="colors", source=name) for note in (*notes, *done.warnings))
+    if animated:
+        text = "expected one picture, got several frames or pages; the first is used"
+        notes += (Notice(text, code="several-pictures", source=name),)
+    return replace(
+        pixels,
+        long_fov_deg=long_fov_deg,
+        warnings=notes,
+        exposure=exposure,
+        posture_deg=posture_deg,
+        radiance=radiance,
+        depth=None if depth is None else turned_upright(depth, orientation),
+    )
+
+
+def _again(stream: BinaryIO, name: str) -> ImageFile.ImageFile:
+    stream.seek(0)
+    return open_picture(stream, name)
+
+
+def _opaque(image: Image.Image) -> tuple[Image.Image | np.ndarray, np.ndarray | None]:
+    """A picture without its transparency (L, RGB or CMYK; or values of 16 bits or floats), and that, or None."""
+    alpha = None
+    if image.mode == "LA":
+        return image.getchannel("L"), np.asarray(image.getchannel("A"))
+    if image.has_transparency_data and not image.mode.startswith("I"):  # 16 bits have no RGBA
+        image = image.convert("RGBA")
+        alpha = np.asarray(image.getchannel("A"))
+        image = image.convert("RGB")
+    if image.mode.startswith("I;16") or image.mode == "I":  # older readers give 16 bits as I
+        values = np.asarray(image)
+        if values.min() < 0 or values.max() > 65535:
+            raise ValueError("whole numbers outside 0 to 65535")
+        return full_range(values, image), alpha
+    if image.mode == "F":
+        return np.asarray(image), alpha
+    return image if image.mode in ("L", "RGB", "CMYK") else image.convert("RGB"), alpha
+
+
+def _values(picture: Image.Image | np.ndarray) -> np.ndarray:
+    if isinstance(picture, np.ndarray):
+        return picture
+    return np.asarray(picture.convert("RGB") if picture.mode == "CMYK" else picture)
+
+
+def _upright(image: Image.Image) -> Image.Image:
+    """Turned as its EXIF asks; as it is where that asks nothing or is damaged."""
+    try:
+        if is_turned(image) or image.getexif().get(ExifTags.Base.Orientation, 1) == 1:
+            return image  # which exif_transpose would copy
+        return ImageOps.exif_transpose(image)
+    except (ValueError, KeyError, TypeError, SyntaxError, struct.error, OSError, Warning):
+        return image
+
+
+def _from_raw(stream: BinaryIO, num_bytes: int, name: str) -> Pixels:
+    radiance, notes = develop(stream.read(num_bytes), name)
+    stream.seek(0)
+    warnings = tuple(Notice(note, code="raw", source=name) for note in notes)
+    pixels = replace(_from_linear(radiance, name), warnings=warnings, radiance=None)  # none is above the sensor's white
+    try:
+        with open_picture(stream, name) as preview:  # which has the EXIF
+            return _with_exif(pixels, preview)
+    except (UnknownPicture, InvalidPhoto):
+        return pixels
+
+
+def _with_exif(pixels: Pixels, image: Image.Image) -> Pixels:
+    return replace(pixels, long_fov_deg=exif_fov_deg(image), exposure=exif_exposure(image))
+
+
+def _from_float_tiff(found: FloatPicture, name: str, as_data: bool) -> Pixels:
+    """Linear radiance, unless a profile says that they are coded; those above 1 are brighter than white."""
+    values, channels = found.values, found.values.shape[2]
+    alpha = values[..., -1:] if channels in (2, 4) else values[..., :0]
+    color = np.repeat(values[..., :1], 3, axis=-1) if channels < 3 else values[..., :3]
+    encoding = encoding_of(found.profile) if found.profile else None
+    if as_data:
+        return _with_exif(_from_array(np.concatenate([color, alpha], axis=-1), name), found.image)
+    if encoding is None or is_linear(encoding):
+        linear = color if encoding is None else encoding.linear(color)
+        times = 1.0 if found.premultiplied or not alpha.size else alpha
+        pixels = _from_linear(np.concatenate([linear * times, alpha], axis=-1), name)
+        doubt = found.profile == b"" and pixels.radiance is None
+        notes = (Notice(TAKEN_FOR_LINEAR, code="colors", source=name),) if doubt else ()
+        return _with_exif(replace(pixels, warnings=notes), found.image)
+    _check_finite(values, name)
+    done = shown(color, replace(encoding, brighter=bool(color.max() > 1.0)))
+    pixels = _from_array(np.concatenate([np.clip(done.values, 0.0, 1.0), alpha.clip(0.0, 1.0)], axis=-1), name)
+    return _with_exif(replace(pixels, radiance=done.radiance), found.image)
+
+
+def _check_finite(pixels: np.ndarray, name: str) -> None:
+    if not np.isfinite(pixels).all():
+        raise InvalidPhoto("expected finite radiance, got NaN or infinity; repair the picture first", source=name)
+
+
+def _from_linear(pixels: np.ndarray, name: str) -> Pixels:
+    """Linear radiance [H, W, 3 or 4], premultiplied by A, to display values; itself too where it is above white."""
+    check_size(pixels.shape[1], pixels.shape[0], name)
+    _check_finite(pixels, name)
+    radiance = np.maximum(pixels[..., :3], 0.0)
+    if pixels.shape[2] == 4:
+        alpha = np.clip(pixels[..., 3:], 0.0, 1.0)
+        radiance = radiance / np.where(alpha > 0.0, np.maximum(alpha, 1e-4), 1.0)  # 1e-4: no overflow
+        made = _from_array(np.concatenate([response(radiance), alpha], axis=-1), name)
+    else:
+        made = _from_array(response(radiance), name)
+    return replace(made, radiance=radiance if radiance.max() > 1.0 else None)
+
+
+def _from_array(values: np.ndarray, name: str) -> Pixels:
+    """Check and scale an array to float32 in [0, 1]."""
+    values = plain_array(values, name, InvalidPhoto)
+    if values.ndim == 2:
+        values = values[..., None]
+    if values.ndim != 3 or values.shape[2] not in (1, 3, 4):
+        raise InvalidPhoto(
+            f"expected [height, width] with 1, 3 or 4 channels, got shape {values.shape}; put the channels last",
+            source=name,
+        )
+    check_size(values.shape[1], values.shape[0], name)
+    if values.dtype.kind == "u" and values.dtype.itemsize <= 2:
+        display = np.divide(values, np.float32(np.iinfo(values.dtype).max), dtype=np.float32)
+    elif np.issubdtype(values.dtype, np.floating):
+        low, high = float(values.min()), float(values.max())
+        if not (low >= -1e-4 and high <= 1.0 + 1e-4):  # 1e-4: rounding of a resize; NaN fails too
+            raise InvalidPhoto(
+                f"expected float display values from 0 to 1, got {low:.3g} to {high:.3g}; "
+                "scale them, or save linear radiance as .exr",
+                source=name,
+            )
+        display = values.astype(np.float32)
+        np.clip(display, 0.0, 1.0, out=display)
+    else:
+        raise InvalidPhoto(f"expected uint8, uint16 or float values, got {values.dtype}; convert it", source=name)
+    alpha = None
+    if display.shape[2] == 4 and (display[..., 3] < 1.0).any():
+        alpha = np.ascontiguousarray(display[..., 3])
+    if display.shape[2] == 4:
+        display = display[..., :3].copy()
+    rgb = np.broadcast_to(display, (*display.shape[:2], 3)) if display.shape[2] == 1 else display
+    return Pixels(rgb=rgb, alpha=alpha, long_fov_deg=None, name=name)

@@ -1,0 +1,129 @@
+"""RAW photos: known by what they hold, developed linearly by LibRaw, never read from the preview inside them."""
+
+from __future__ import annotations
+
+import io
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from anyprobe.errors import InvalidPhoto, MissingExtra
+from anyprobe.pictures.headers import check_size
+
+RAW_SUFFIXES = (
+    *(".dng", ".nef", ".nrw", ".cr2", ".cr3", ".arw", ".srf", ".sr2", ".raf", ".orf", ".rw2", ".pef", ".srw"),
+    *(".3fr", ".iiq", ".rwl"),
+)
+
+STARTS = (b"FUJIFILMCCD-RAW", b"IIRO", b"IIRS", b"MMOR", b"IIU\0", b"\x00MRM", b"FOVb")
+"""First bytes of formats of their own: Fujifilm, Olympus, Panasonic, Minolta, Sigma."""
+
+CR3_BRAND, CR2_MARK = b"crx ", b"CR"
+
+DNG_VERSION, PHOTOMETRIC, COMPRESSION, NEXT_DIRECTORIES = 50706, 262, 259, 330
+MOSAIC, LINEAR_RAW = 32803, 34892
+"""Photometric interpretations of DNG and TIFF/EP: filter mosaic, and colours that are linear."""
+
+RAW_COMPRESSIONS = (34713, 32767, 32769, 32770, 65535)
+"""Of Nikon, Sony, Epson, Samsung, Pentax."""
+
+MAX_DIRECTORIES, MAX_ENTRIES = 24, 1024
+HEAD_BYTES = 1 << 20
+
+
+def is_raw(head: bytes, name: str) -> bool:
+    """Whether a file is a camera's raw data, by its first bytes; a TIFF by its directories within HEAD_BYTES of them.
+
+    name: whose suffix counts where the directories lie further on.
+    """
+    if head.startswith(STARTS) or (head[4:8] == b"ftyp" and head[8:12] == CR3_BRAND):
+        return True
+    if head[:4] not in (b"II*\0", b"MM\0*"):
+        return False
+    return head[8:10] == CR2_MARK or Path(name).suffix.lower() in RAW_SUFFIXES or _has_mosaic(head)
+
+
+def _has_mosaic(data: bytes) -> bool:
+    """Whether a directory of a TIFF is of raw data."""
+    order = "<" if data[:2] == b"II" else ">"
+    places = [struct.unpack_from(f"{order}I", data, 4)[0]] if len(data) >= 8 else []
+    seen: set[int] = set()
+    while places and len(seen) < MAX_DIRECTORIES:
+        at = places.pop(0)
+        if at in seen or not 8 <= at <= len(data) - 2:
+            continue
+        seen.add(at)
+        (count,) = struct.unpack_from(f"{order}H", data, at)
+        for k in range(min(count, MAX_ENTRIES)):
+            entry = at + 2 + 12 * k
+            if entry + 12 > len(data):
+                break
+            tag, kind, number = struct.unpack_from(f"{order}HHI", data, entry)
+            value = struct.unpack_from(f"{order}{'H' if kind == 3 else 'I'}", data, entry + 8)[0]
+            if tag == DNG_VERSION or (tag == PHOTOMETRIC and value in (MOSAIC, LINEAR_RAW)):
+                return True
+            if tag == COMPRESSION and value in RAW_COMPRESSIONS:
+                return True
+            if tag == NEXT_DIRECTORIES and kind in (4, 13):
+                places += _offsets(data, order, value if number > 1 else entry + 8, number)
+        follow = at + 2 + 12 * count
+        if follow + 4 <= len(data):
+            places += struct.unpack_from(f"{order}I", data, follow)
+    return False
+
+
+def _offsets(data: bytes, order: str, at: int, number: int) -> tuple[int, ...]:
+    number = min(number, MAX_DIRECTORIES, max(0, (len(data) - at) // 4))
+    return struct.unpack_from(f"{order}{number}I", data, at) if number > 0 else ()
+
+
+def raw_size(data: bytes) -> tuple[int, int] | None:
+    """Width and height of a raw photo, upright; None where LibRaw is missing or cannot read it."""
+    try:
+        import rawpy
+
+        with rawpy.imread(io.BytesIO(data)) as raw:
+            width, height = raw.sizes.iwidth, raw.sizes.iheight
+            return (height, width) if raw.sizes.flip in (5, 6) else (width, height)
+    except Exception:  # LibRaw's errors, and whatever the bad bytes lead it to
+        return None
+
+
+def develop(data: bytes, name: str) -> tuple[np.ndarray, tuple[str, ...]]:
+    """A raw photo as linear Rec. 709 radiance [H, W, 3] float32, upright, and warnings.
+
+    White balance of the camera, the sensor's saturation at 1, nothing brightened.
+
+    Raises:
+        MissingExtra: without its reader. InvalidPhoto: damaged, too large, or of a camera that LibRaw does not know.
+    """
+    try:
+        import rawpy
+    except ImportError as error:
+        raise MissingExtra("rawpy", "raw", f"{name}: a RAW photo") from error
+    notes: tuple[str, ...] = ()
+    try:
+        with rawpy.imread(io.BytesIO(data)) as raw:
+            check_size(raw.sizes.iwidth, raw.sizes.iheight, name)
+            balanced = all(np.isfinite(one) and one > 0 for one in raw.camera_whitebalance[:3])
+            if not balanced:
+                notes = ("expected the camera's white balance in a RAW photo, found none; daylight is taken",)
+            values = raw.postprocess(
+                gamma=(1, 1),
+                no_auto_bright=True,
+                adjust_maximum_thr=0.0,
+                use_camera_wb=balanced,
+                output_bps=16,
+                output_color=rawpy.ColorSpace.sRGB,
+            )
+    except InvalidPhoto:
+        raise
+    except Exception as error:  # LibRaw's errors, and whatever the bad bytes lead it to
+        reason = " ".join(str(error).replace("b'", "").replace("'", "").split())[:120] or type(error).__name__
+        raise InvalidPhoto(
+            f"expected a RAW photo that LibRaw can develop, got {reason}; copy it again, or export it "
+            "from a RAW converter as 16-bit TIFF",
+            source=name,
+        ) from error
+    return np.divide(values, np.float32(65535.0), dtype=np.float32), notes

@@ -1,0 +1,232 @@
+"""The network for whole photos: pairs of what is known and what is true, a run that goes on exactly, and its graph."""
+
+from __future__ import annotations
+
+import shutil
+import warnings
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="needs the train extra")
+pytest.importorskip("onnx", reason="needs the train extra")
+pytest.importorskip("tensorboard", reason="needs the train extra")
+
+from support.scenes import sphere_photo  # noqa: E402
+
+from anyprobe.core.latlong import pixel_directions  # noqa: E402
+from anyprobe.errors import InputError  # noqa: E402
+from anyprobe.estimate.estimator import Estimator  # noqa: E402
+from anyprobe.estimate.ground import up_of  # noqa: E402
+from anyprobe.estimate.runtime import weights_folder  # noqa: E402
+from anyprobe.learning.whole_network import train as training  # noqa: E402
+from anyprobe.learning.whole_network.export import TOLERANCE, export_whole  # noqa: E402
+from anyprobe.learning.whole_network.score import score_pairs  # noqa: E402
+from anyprobe.learning.whole_network.train import Pairs, WholeRunConfig, load_whole_net, train_whole  # noqa: E402
+from research.scenes.camera import TakenPhoto  # noqa: E402
+from research.scenes.pairs import Known, known_of  # noqa: E402
+
+CONFIG = WholeRunConfig(name="tiny", steps=3, batch=2, warmup=1)
+
+
+@pytest.fixture(scope="module")
+def photo() -> TakenPhoto:
+    """A sphere left of the middle, before planks, lit from the right and above; the camera looks down and leans."""
+    rgba = np.roll(sphere_photo(), -14, axis=1)
+    height, width = rgba.shape[:2]
+    behind = np.linspace(40, 200, width, dtype=np.float32)[None, :, None] * np.ones((height, 1, 3), np.float32)
+    behind[:, np.arange(width) // 8 % 2 == 1] -= 30
+    mask = rgba[..., 3] > 127
+    picture = np.where(mask[..., None], rgba[..., :3], behind).astype(np.uint8)
+    towards = pixel_directions(64) @ np.array([0.8, 0.5, -0.33])
+    truth = np.repeat(np.exp(1.5 * towards)[..., None], 3, axis=2).astype(np.float32)
+    return TakenPhoto(picture=picture, mask=mask, true_mask=mask, truth=truth, long_fov_deg=50.0)
+
+
+UP = up_of(20.0, 5.0)
+
+
+@pytest.fixture(scope="module")
+def known(photo) -> dict[str, Known]:
+    """What is known of it as it is, in a mirror, and cut out."""
+    estimator = Estimator(threads=1)
+    flipped = {
+        name: np.ascontiguousarray(getattr(photo, name)[:, ::-1]) for name in ("picture", "mask", "true_mask", "truth")
+    }
+    ways = {
+        "plain": (photo, UP, False),
+        "mirrored": (replace(photo, **flipped), UP * [-1, 1, 1], False),
+        "cut": (photo, UP, True),
+    }
+    return {name: known_of(taken, up, estimator, cut, 0, 7) for name, (taken, up, cut) in ways.items()}
+
+
+def test_known_has_the_shapes_that_it_says(known):
+    one = known["plain"]
+    shapes = {part.name: getattr(one, part.name).shape for part in fields(Known)}
+    assert shapes == {
+        "image": (128, 128, 4),
+        "family": (),
+        "scene": (),
+        "context": (96, 96, 5),
+        "tan_half": (),
+        "lift": (7, 64, 128),
+        "posterior": (7,),
+        "surroundings": (4, 64, 128),
+        "truth": (3, 64, 128),
+        "up": (3,),
+    }
+    assert np.linalg.norm(one.up) == pytest.approx(1.0, abs=1e-5)
+    assert one.surroundings.max() > 0
+    assert one.context[48, 48, 3] > 200
+    assert np.isfinite(one.truth.astype(np.float32)).all()
+
+
+def test_a_mirrored_photo_has_the_mirrored_truth(known):
+    plain, mirrored = known["plain"], known["mirrored"]
+    np.testing.assert_allclose(mirrored.truth, plain.truth[:, :, ::-1], atol=0.01)
+    np.testing.assert_allclose(mirrored.up, plain.up * [-1, 1, 1], atol=1e-5)
+    np.testing.assert_allclose(mirrored.context.astype(float), plain.context[:, ::-1], atol=2)
+    assert np.abs(plain.truth - plain.truth[:, :, ::-1]).max() > 1
+    assert abs(plain.up[0]) > 0.02
+
+
+def test_of_a_cut_out_the_object_alone_is_known(known):
+    assert known["cut"].surroundings.max() == 0
+    assert known["cut"].context.max() == 0
+    np.testing.assert_array_equal(known["cut"].truth, known["plain"].truth)
+
+
+@pytest.fixture(scope="module")
+def folder(known, tmp_path_factory):
+    """Two files of pairs."""
+    path = tmp_path_factory.mktemp("pairs")
+    for number, names in enumerate((("plain", "mirrored"), ("cut",))):
+        rows = [known[name] for name in names]
+        stacked = {one.name: np.stack([getattr(row, one.name) for row in rows]) for one in fields(Known)}
+        np.savez(path / f"{number:06d}.npz", **stacked)
+    return path
+
+
+def trained(folder, runs, config=CONFIG):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # TensorBoard warns about itself
+        return train_whole(config, pairs=folder, runs=runs)
+
+
+@pytest.fixture(scope="module")
+def checkpoint(folder, tmp_path_factory):
+    return trained(folder, tmp_path_factory.mktemp("runs"))
+
+
+def test_batches_are_of_all_files(folder, tmp_path):
+    pairs = Pairs(folder)
+    assert len(pairs) == 3
+    batch = pairs.batch(np.random.default_rng(0), 30, given_up=0.5)
+    cut = batch["context"].flatten(1).amax(dim=1) == 0
+    assert 0 < cut.sum() < 30
+    given = batch["given_up"].abs().sum(dim=1) > 0
+    assert 0 < given.sum() < 30
+    torch.testing.assert_close(batch["given_up"][given], batch["up"][given])
+    told = pairs._parts[0]["up"][:, 0]
+    assert {round(float(x), 4) for x in batch["up"][:, 0]} >= {round(float(x), 4) for x in (*told, *-told)}  # mirrored
+
+
+def test_left_and_right_change_places_together():
+    batch = {name: torch.rand(2, 3, 4, 8) for name in ("context", "lift", "surroundings", "truth")}
+    batch |= {"up": torch.tensor([[0.1, 0.9, 0.2]] * 2), "given_up": torch.zeros(2, 3), "said": torch.rand(2, 7)}
+    found = training._mirrored(batch, torch.tensor([True, False]))
+    for name in ("context", "lift", "surroundings", "truth"):
+        torch.testing.assert_close(found[name][0], batch[name][0].flip(2))
+        torch.testing.assert_close(found[name][1], batch[name][1])
+    torch.testing.assert_close(found["up"], torch.tensor([[-0.1, 0.9, 0.2], [0.1, 0.9, 0.2]]))
+    assert found["said"] is batch["said"]
+
+
+def test_what_is_clipped_stays_clipped_in_less_light():
+    picture = torch.tensor([1.0, 0.5]).reshape(1, 1, 1, 2).expand(1, 4, 1, 2)
+    darker = training._brighter(picture, torch.full((1, 3, 1, 1), -1.0))
+    assert darker[0, 0, 0, 0] == 1.0
+    assert darker[0, 0, 0, 1] < 0.4
+
+
+def test_a_panorama_takes_the_place_of_the_photo(folder):
+    batch = Pairs(folder).batch(np.random.default_rng(0), 20, given_up=0.0, panoramas=1.0)
+    assert not batch["context"].any()
+    cover = batch["surroundings"][:, 3]
+    assert 0 < cover.mean() < 1
+    known = (cover > 0)[:, None].expand(-1, 3, -1, -1)
+    shown = torch.where(known, training.display(batch["truth"]).clip(max=1.0), torch.zeros(()))
+    torch.testing.assert_close(batch["surroundings"][:, :3], shown)
+
+
+def test_added_files_are_learned_from_when_a_run_grows(folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "pairs")
+    pairs = Pairs(tmp_path / "pairs")
+    assert pairs.grown() is pairs
+    shutil.copy(folder / "000001.npz", tmp_path / "pairs" / "000002.npz")
+    assert len(pairs.grown()) == len(pairs) + 1
+
+
+def test_scores_are_of_photos_and_of_cut_outs(folder, checkpoint):
+    net, _ = load_whole_net(checkpoint)
+    scores = score_pairs(net, Pairs(folder))
+    assert {"ldr_rmse", "dominant_deg", "pitch_deg", "ground_ldr_rmse", "cut-out_ldr_rmse"} <= set(scores)
+    assert all(np.isfinite(value) for value in scores.values())
+
+
+def test_pairs_are_asked_for_where_there_are_none(tmp_path):
+    with pytest.raises(InputError, match="research.scenes pairs"):
+        Pairs(tmp_path)
+
+
+def test_a_killed_run_goes_on_exactly(folder, checkpoint, tmp_path, monkeypatch):
+    asked, predict = [], training.predict
+
+    def killed(*given):
+        asked.append(given)
+        if len(asked) == 3:
+            raise KeyboardInterrupt
+        return predict(*given)
+
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", -1.0)
+    monkeypatch.setattr(training, "predict", killed)
+    with pytest.raises(KeyboardInterrupt):
+        trained(folder, tmp_path)
+    part = tmp_path / CONFIG.name / "checkpoint.pt"
+    assert torch.load(part, weights_only=True)["step"] == 2
+    resumed = torch.load(trained(folder, tmp_path), weights_only=True)
+    straight = torch.load(checkpoint, weights_only=True)
+    assert len(asked) == 4
+    assert straight["step"] == resumed["step"] == 3
+    for kept in ("net", "moving"):
+        for name, value in straight[kept].items():
+            assert torch.equal(value, resumed[kept][name]), name
+    with pytest.raises(InputError, match="seed"):
+        trained(folder, tmp_path, replace(CONFIG, seed=8))
+    shutil.copytree(folder, tmp_path / "more")
+    shutil.copy(folder / "000001.npz", tmp_path / "more" / "000002.npz")
+    with pytest.raises(InputError, match="--data with"):  # other pairs
+        trained(tmp_path / "more", tmp_path, replace(CONFIG, steps=9))
+
+
+def test_the_graph_completes_the_first_one_and_says_how_the_camera_looks_down(checkpoint, photo, tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # torch's exporter warns about itself
+        assert export_whole(checkpoint, tmp_path) <= TOLERANCE
+    only = tmp_path / "alone"
+    only.mkdir()
+    for folder in (tmp_path, only):
+        shutil.copy(weights_folder("lift") / "light.onnx", folder)
+    given = {"mask": np.where(photo.mask, 255, 0).astype(np.uint8), "fov_deg": photo.long_fov_deg}
+    whole = Estimator(model=str(tmp_path), threads=1)(photo.picture, **given)
+    alone = Estimator(model=str(only), threads=1)(photo.picture, **given)
+    assert alone.info["ground"]["source"] == "guessed"
+    assert whole.info["ground"]["source"] == "estimated"
+    assert whole.info["ground"]["pitch_deg"] != alone.info["ground"]["pitch_deg"]
+    assert np.isfinite(whole.radiance).all()
+    assert np.abs(np.log(whole.radiance + 1e-3) - np.log(alone.radiance + 1e-3)).max() > 0.01
+    told = Estimator(model=str(tmp_path), threads=1)(photo.picture, **given, pitch_deg=30.0)
+    assert told.info["ground"]["source"] == "given"
+    assert told.info["ground"]["pitch_deg"] == 30.0
