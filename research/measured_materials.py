@@ -2,7 +2,6 @@
 
     pip download --no-deps materialxmaterials && unzip materialxmaterials-*.whl
     python -m research.measured_materials materialxMaterials/data/PhysicallyBasedMaterialX/PhysicallyBasedMaterial.json
-    cd web && npm run contract
 
 Taken are those that Lambert below one coat, or bare metal, can express. What transmits or scatters light below its
 surface, has a thin film, or is called as one of our own is left out, and printed.

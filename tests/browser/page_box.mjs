@@ -1,7 +1,7 @@
 // A box around part of the example: by mouse, by key, by finger. arguments: { box, screenshot? }
 // Boxes are shares of the picture; `outlines` are those of what was found, likewise.
 
-import { estimated, openPage, waitForStatus } from "./page_steps.mjs";
+import { estimated, openPage, outlined, waitForStatus } from "./page_steps.mjs";
 
 const STEP = 0.02; // of an arrow key
 
@@ -13,7 +13,7 @@ export default async ({ page, context, url, arguments: given }) => {
   const place = await mask.boundingBox();
   const on = (x, y) => [place.x + x * place.width, place.y + y * place.height];
   const forget = () => page.evaluate(() => (document.getElementById("status").textContent = ""));
-  const outlines = { before: await outline(page) };
+  const outlines = { before: await outlined(page) };
   let band;
   const drawn = async (name, draw) => {
     await page.click("#reset");
@@ -21,7 +21,7 @@ export default async ({ page, context, url, arguments: given }) => {
     await forget();
     await draw();
     await waitForStatus(page, /^Estimated|^Click|^Nothing stands out/);
-    outlines[name] = await outline(page);
+    outlines[name] = await outlined(page);
   };
 
   await drawn("mouse", async () => {
@@ -72,21 +72,4 @@ export default async ({ page, context, url, arguments: given }) => {
 
 async function press(page, key, times) {
   for (let i = 0; i < Math.round(times); i++) await page.keyboard.press(key);
-}
-
-/** Where the outline lies that the mask's picture shows: x0, y0, x1, y1 as shares. */
-function outline(page) {
-  return page.evaluate(() => {
-    const canvas = document.getElementById("mask");
-    const { width, height } = canvas;
-    const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
-    const found = [1, 1, 0, 0];
-    for (let i = 0; i < data.length; i += 4) {
-      if (data[i] !== 255 || data[i + 1] !== 196 || data[i + 2] !== 0) continue;
-      const [x, y] = [((i / 4) % width) / width, Math.floor(i / 4 / width) / height];
-      [found[0], found[1]] = [Math.min(found[0], x), Math.min(found[1], y)];
-      [found[2], found[3]] = [Math.max(found[2], x), Math.max(found[3], y)];
-    }
-    return found;
-  });
 }

@@ -1,7 +1,7 @@
 // The camera in every state: being opened, live, turned, its object lost, ended. arguments: { photo, broken }
 // The camera is a canvas that shows the example; it is given when `camera.allow` is called.
 
-import { estimated, openPage, status, waitForStatus } from "./page_steps.mjs";
+import { estimated, openPage, outlined, status, waitForStatus } from "./page_steps.mjs";
 
 export default async ({ page, context, url, arguments: given }) => {
   await page.addInitScript(() => {
@@ -38,7 +38,7 @@ export default async ({ page, context, url, arguments: given }) => {
       const [video, photo, frame, mask] = ["video", "photo", "frame", "mask"].map((id) => document.getElementById(id));
       return {
         status: document.getElementById("status").textContent,
-        pressed: document.getElementById("camera").getAttribute("aria-pressed"),
+        button: document.getElementById("camera").textContent,
         tracks: camera.tracks.map(({ readyState }) => readyState),
         shown: [video, photo].filter((one) => !one.hidden).map(({ id }) => id),
         aspect: frame.style.aspectRatio,
@@ -62,7 +62,7 @@ export default async ({ page, context, url, arguments: given }) => {
   await press();
   await asked();
   await page.evaluate(() => camera.allow());
-  await page.waitForSelector("#camera[aria-pressed=true]");
+  await page.waitForSelector("#camera.running");
   await page.locator("#mask").click();
   await page.evaluate(() => document.getElementById("soften").click());
   await page.waitForTimeout(200);
@@ -70,6 +70,7 @@ export default async ({ page, context, url, arguments: given }) => {
   await waitForStatus(page, /^Live, in this browser/);
   await lit(3);
   seen.live = await state();
+  seen.outline = await outlined(page);
 
   await page.setInputFiles("#file", given.broken);
   await page.waitForSelector("#status.fault");
@@ -81,6 +82,7 @@ export default async ({ page, context, url, arguments: given }) => {
   await page.waitForFunction(() => document.getElementById("frame").style.aspectRatio === "480 / 640", null, { polling: 50 });
   await lit(10); // the mask's picture too is one of these
   seen.turned = await state();
+  seen.turnedOutline = await outlined(page);
   seen.overlay = await page.evaluate(() => document.getElementById("overlay").style.visibility);
 
   await page.evaluate(() => (camera.isEmpty = true));
@@ -124,7 +126,7 @@ export default async ({ page, context, url, arguments: given }) => {
 
   // the button again: the camera is closed at once
   await page.evaluate(() => camera.allow());
-  await page.waitForSelector("#camera[aria-pressed=true]");
+  await page.waitForSelector("#camera.running");
   await press();
   seen.closed = await state();
   await waitForStatus(page, /^The camera is off; this is the photo before it/);

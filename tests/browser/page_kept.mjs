@@ -29,7 +29,6 @@ export default async ({ page, url, arguments: given }) => {
         kind: status.className,
         link: status.querySelector("a")?.hash ?? null,
         kept: { direction: direction.textContent, quality: quality.hidden ? null : quality.textContent, mask: mask.toDataURL(), buttons },
-        title: quality.title,
         hints: asked.hints,
         lights: asked.lights,
       };

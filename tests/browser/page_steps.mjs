@@ -32,6 +32,23 @@ export async function waitForStatus(page, pattern) {
 
 export const estimated = (page) => waitForStatus(page, /^Estimated/);
 
+/** Where the outline lies that is drawn on the picture: x0, y0, x1, y1 as shares. */
+export function outlined(page) {
+  return page.evaluate(() => {
+    const canvas = document.getElementById("mask");
+    const { width, height } = canvas;
+    const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
+    const found = [1, 1, 0, 0];
+    for (let i = 0; i < data.length; i += 4) {
+      if (data[i] !== 255 || data[i + 1] !== 196 || data[i + 2] !== 0) continue;
+      const [x, y] = [((i / 4) % width) / width, Math.floor(i / 4 / width) / height];
+      [found[0], found[1]] = [Math.min(found[0], x), Math.min(found[1], y)];
+      [found[2], found[3]] = [Math.max(found[2], x), Math.max(found[3], y)];
+    }
+    return found;
+  });
+}
+
 /** Names and accessible names of everything that can be focused, in the order of Tab. */
 export function focusable(page) {
   return page.evaluate(() =>
@@ -39,7 +56,7 @@ export function focusable(page) {
       .filter((one) => one.tabIndex >= 0 && !one.disabled && one.checkVisibility())
       .map((one) => ({
         id: one.id,
-        name: (one.getAttribute("aria-label") ?? one.labels?.[0]?.textContent ?? one.textContent).trim(),
+        name: (one.getAttribute("aria-label") ?? one.labels?.[0]?.textContent ?? one.querySelector("img")?.alt ?? one.textContent).trim(),
       })),
   );
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 import re
 import shutil
 import tarfile
@@ -124,6 +125,14 @@ def assert_spheres(drawn: dict, estimator) -> None:
         assert both.sum() > 0.9 * (package[..., 3] > 0.5).sum() > 500
         off = typical_difference(page, package)
         assert off <= MOST_OFF, f"{material}: {off:.4f} of white"
+
+
+def test_package_has_the_numbers_that_a_clone_imports(plain_site):
+    text = (plain_site / "node_modules" / "anyprobe" / "src" / "core" / "contract.js").read_text()
+    _, _, written = text.partition("export const CONTRACT = ")
+    shared = json.loads((ROOT / "src" / "anyprobe" / "contract.json").read_text())
+    assert json.loads(written.rstrip().removesuffix(";")) == shared
+    assert "contract.json" in (WEB / "src" / "core" / "contract.js").read_text()  # packing leaves the clone as it was
 
 
 def test_package_holds_what_its_readme_says_and_no_more(plain_site):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 from support.browser import run_steps
@@ -87,8 +88,7 @@ def test_a_mark_or_a_file_that_gives_nothing_leaves_the_last_light(page_url, bac
         complaints_allowed=True,  # the server refuses the files
     )
     first, again = seen["first"], seen["again"]
-    assert first["kept"]["quality"].startswith("Mask quality, estimated: 0.9")
-    assert "IoU" in first["title"]
+    assert first["kept"]["quality"] == "The outline looks right."
     for way, before in (("click", "first"), ("box", "first"), ("pending", "marked")):
         assert seen[way]["kept"] == seen[before]["kept"], way
         assert seen[way]["status"].startswith("Nothing stands out there. The last object and its light stay"), way
@@ -116,16 +116,19 @@ def test_camera_is_one_and_ends_with_what_takes_its_place(page_url, vase_photo, 
         viewport=(1000, 800),
         complaints_allowed=True,  # the server refuses the broken photo
     )
-    live = {"pressed": "true", "tracks": ["live"], "shown": ["video"], "aspect": "640 / 480"}
+    live = {"button": "Stop", "tracks": ["live"], "shown": ["video"], "aspect": "640 / 480"}
     assert part(seen["live"], live) == live
     assert part(seen["broken"], live) == live
     assert seen["broken"]["status"].startswith("broken.png: this file is no picture")
     assert seen["turned"]["tracks"] == ["live"]
     assert seen["turned"]["mask"] < 1
     assert seen["overlay"] == "visible"
+    # the example's vase, [.31, .20, .69, .79] of a square, in the middle of 640 x 480 and of 480 x 640
+    np.testing.assert_allclose(seen["outline"], [0.36, 0.2, 0.64, 0.79], atol=0.04)
+    np.testing.assert_allclose(seen["turnedOutline"], [0.31, 0.28, 0.69, 0.72], atol=0.04)
     assert seen["lines"] == 0
     assert seen["found"].startswith("Live, in this browser.")
-    photo = {"pressed": "false", "shown": ["photo"]}
+    photo = {"button": "Camera", "shown": ["photo"]}
     assert part(seen["ended"], photo) == photo
     assert seen["ended"]["status"].startswith(ENDED)
     assert seen["usable"] > 0

@@ -14,6 +14,7 @@ ROOT = Path(__file__).parents[2]
 WEB = ROOT / "web"
 PAGE = ROOT / "src" / "anyprobe" / "serve" / "page"
 
+CONTRACT = "../src/anyprobe/contract.json"
 PARTS = ("api", "build", "index.html", "package-lock.json", "package.json", "page", "src", "vite.config.js")
 MAX_BYTES = 10 * 2**20
 
@@ -23,7 +24,7 @@ def source_digest(web: Path) -> str:
     files = [file for part in PARTS for file in ([web / part] if (web / part).is_file() else web.rglob("*"))]
     names = {p.relative_to(web).as_posix() for p in files if p.is_file()}
     found = hashlib.sha256()
-    for name in sorted(name for name in names if name.split("/")[0] in PARTS):
+    for name in sorted([CONTRACT, *(name for name in names if name.split("/")[0] in PARTS)]):
         content = (web / name).read_bytes()
         found.update(f"{name} {len(content)}\n".encode() + content)
     return found.hexdigest()
@@ -32,13 +33,14 @@ def source_digest(web: Path) -> str:
 @pytest.fixture
 def web(tmp_path) -> Path:
     """A small folder of sources."""
-    for part in PARTS:
-        path = tmp_path / part / "x.js" if "." not in part else tmp_path / part
-        path.parent.mkdir(exist_ok=True)
+    web = tmp_path / "web"
+    for part in (*PARTS, CONTRACT):
+        path = web / part / "x.js" if "." not in part else web / part
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(part)
-    (tmp_path / "node_modules").mkdir()
-    (tmp_path / "node_modules" / "x.js").write_text("others'")
-    return tmp_path
+    (web / "node_modules").mkdir()
+    (web / "node_modules" / "x.js").write_text("others'")
+    return web
 
 
 def test_built_page_is_of_these_sources():
@@ -66,4 +68,7 @@ def test_digest_sees_every_change_and_nothing_else(web):
     (web / "node_modules" / "x.js").write_text("newer")
     assert source_digest(web) == before
     (web / "src" / "x.js").write_text("src!")
-    assert source_digest(web) != before
+    changed = source_digest(web)
+    assert changed != before
+    (web / CONTRACT).write_text("{}")
+    assert source_digest(web) not in (before, changed)

@@ -1,10 +1,17 @@
-/** The numbers that Python and JavaScript share, as a module that any browser and bundler takes: npm run contract. */
+/**
+ * For the npm package, which has no contract.json beside it: write the numbers themselves into src/core/contract.js, as plain
+ * JavaScript that every browser takes. `node build/contract.js restore` writes the import again.
+ */
 
 import { readFileSync, writeFileSync } from "node:fs";
 import { fileURLToPath } from "node:url";
 
 const at = (path) => fileURLToPath(new URL(path, import.meta.url));
+const HEAD = "/** The numbers that Python and JavaScript share; in the npm package they stand in this file, by build/contract.js. */\n\n";
+const FROM = "../../../src/anyprobe/contract.json"; // of src/core
 
-const head = "/** The numbers that Python and JavaScript share: src/anyprobe/contract.json, written here by build/contract.js. */\n\n";
-const contract = readFileSync(at("../../src/anyprobe/contract.json"), "utf8").trimEnd();
-writeFileSync(at("../src/core/contract.js"), `${head}export const CONTRACT = ${contract};\n`);
+const text =
+  process.argv[2] === "restore"
+    ? `import contract from "${FROM}" with { type: "json" };\n\nexport const CONTRACT = contract;\n`
+    : `export const CONTRACT = ${readFileSync(at("../../src/anyprobe/contract.json"), "utf8").trimEnd()};\n`;
+writeFileSync(at("../src/core/contract.js"), HEAD + text);

@@ -31,6 +31,8 @@ const licences = BUNDLED.map((name) => `${name}\n\n${licenceOf(name)}`);
 writeFileSync(join(page, "licences.txt"), licences.join("\n\n----\n\n"));
 mkdirSync(join(page, "example"), { recursive: true });
 copyFileSync(join(web, "../examples/vase.png"), join(page, "example/vase.png"));
+mkdirSync(join(page, "photos"), { recursive: true });
+for (const name of ["teapot.jpg", "table.jpg"]) copyFileSync(join(web, "../examples", name), join(page, "photos", name));
 
 for (const name of readdirSync(page, { recursive: true })) {
   const path = join(page, name);

@@ -1,7 +1,7 @@
 /** The page: its elements, and what happens between them. */
 
 import { LightPanel } from "./view/lightPanel.js";
-import { MaskEditor, NO_HINTS } from "./view/maskEditor.js";
+import { Marking, NO_HINTS } from "./view/marking.js";
 import { ObjectTools } from "./view/objectTools.js";
 import { PhotoStage } from "./view/photoStage.js";
 import { StagesPanel } from "./view/stagesPanel.js";
@@ -21,13 +21,10 @@ if (config.server && !["localhost", "127.0.0.1", "[::1]"].includes(location.host
 }
 const stage = new PhotoStage();
 const networks = new ProbeOpener(config, showDownload, stage.stage.isSoftware ? 1 : 0); // software then draws
-let fetched = null; // the file that is on its way
-let doing = null; // said again once a file that it takes has come
-let searching = null; // ends the search of a mask that is no longer wanted
 const tools = new ObjectTools(stage);
 const light = new LightPanel(config);
 const stages = new StagesPanel();
-const editor = new MaskEditor(
+const marking = new Marking(
   {
     canvas: element("mask"),
     cursor: element("cross"),
@@ -35,6 +32,7 @@ const editor = new MaskEditor(
     band: element("band"),
     button: element("draw-box"),
   },
+  stage,
   (hints) => (live.running ? live.mark(hints) : remask(hints)),
 );
 const surroundings = element("surroundings");
@@ -45,27 +43,41 @@ for (const row of ["surroundings-row", "soften-row"]) element(row).hidden = !con
 const options = () => ({
   surroundings: surroundings.value,
   emitters: soften.checked ? "expected" : "mode",
-  pitchDeg: (live.running ? live : opened).pitchDeg,
+  pitchDeg: (live.running ? live : state.opened).pitchDeg,
 });
+
+/** Of an object that is not found: no mask with its box and what it was found by, no light. */
+const NOTHING = { mask: null, box: null, hints: NO_HINTS, found: null, result: null };
+
+/** The photo on show, and what is under way for it; the camera's is in LiveSession. */
+const state = {
+  /** The picture, its field of view and name; of its object and light what there is; the given pitch. Null before the first. */
+  opened: null,
+  /** Of a picture or the camera: one that is ready after another was chosen is dropped. */
+  choice: 0,
+  /** Of questions about the picture on show: older answers are dropped. */
+  turn: 0,
+  /** Ends the search of a mask that is no longer wanted. @type {AbortController | null} */
+  searching: null,
+  /** What is said again once a file that it takes has come. @type {string | null} */
+  doing: null,
+  /** The file that is on its way. @type {string | null} */
+  fetched: null,
+  /** Of the estimate that a change of the pitch asks for. */
+  pitchTimer: undefined,
+};
 
 /** One line a file with a bar, and one where it stalls; lines of the camera stay once it is followed. */
 function showDownload({ file, loaded, total, stalled }) {
   const size = total ? ` of ${(total / 1e6).toFixed(1)}` : "";
   if (stalled) setStatus(`Waiting for ${file}: ${(loaded / 1e6).toFixed(1)}${size} MB have come. Check the connection.`);
   else if (!live.following) {
-    if (file !== fetched) setStatus(`Fetching ${file}${total ? `, ${(total / 1e6).toFixed(1)} MB` : ""} …`);
+    if (file !== state.fetched) setStatus(`Fetching ${file}${total ? `, ${(total / 1e6).toFixed(1)} MB` : ""} …`);
     showFetched(loaded, total);
-    if (doing && loaded === total) setStatus(doing);
+    if (state.doing && loaded === total) setStatus(state.doing);
   }
-  fetched = stalled ? null : file;
+  state.fetched = stalled ? null : file;
 }
-
-/** The picture, its field of view and name; of its object and light what there is; the given pitch. */
-let opened = null;
-/** Of an object that is not found: no mask with its box and what it was found by, no light. */
-const NOTHING = { mask: null, box: null, hints: NO_HINTS, found: null, result: null };
-let choice = 0; // of a picture or the camera: one that is ready after another was chosen is dropped
-let turn = 0; // of questions about the picture on show: older answers are dropped
 
 const live = new LiveSession({
   networks,
@@ -73,11 +85,11 @@ const live = new LiveSession({
   stage,
   light,
   stages,
-  editor,
+  marking,
   options,
   onShown: () => {
-    turn++;
-    searching?.abort();
+    state.turn++;
+    state.searching?.abort();
     showQuality(null);
     light.clear();
     stages.clear();
@@ -95,40 +107,52 @@ function tell(...given) {
   if (!live.opening) setStatus(...given);
 }
 
-/** Show a photo; find its object; estimate. What was on show stays until the photo is decoded. */
-async function open(blob, name) {
-  const mine = ++choice;
+/**
+ * Show a photo; find its object; estimate. What was on show stays until the photo is decoded.
+ *
+ * @param {Blob | Promise<Blob>} blob
+ * @param {string} name
+ * @param {import("../types/index.d.ts").Hints} [hints] in its pixels
+ */
+async function open(blob, name, hints) {
+  const mine = ++state.choice;
   setStatus("Opening the photo …");
-  const found = await openPhoto(blob, name, config.server);
-  if (mine !== choice) return;
+  const found = await openPhoto(await blob, name, config.server);
+  if (mine !== state.choice) return;
   put(found);
-  await examine(ownMask);
+  await (hints ? remask({ ...NO_HINTS, ...hints }) : examine(ownMask));
 }
 
 /** A picture in the place of another or of the camera's. */
 function put(found) {
   live.stop();
-  searching?.abort();
-  turn++;
-  opened = { ...NOTHING, ...found };
+  state.searching?.abort();
+  state.turn++;
+  state.opened = { ...NOTHING, ...found };
   showOpened();
 }
 
 function showOpened() {
-  const { picture, mask, hints, result } = opened;
+  const { picture, mask, found, result } = state.opened;
   reflections.disabled = false;
   stage.showPicture(picture);
-  editor.open(picture);
-  if (mask) editor.show(mask, hints);
-  showQuality(opened.found);
+  marking.open(picture);
+  if (mask) showOutline();
+  showQuality(found);
   if (result) return showLight();
   light.clear();
   stages.clear();
 }
 
+/** What was found of the object on show, and by which marks. */
+function showOutline() {
+  const { picture, mask, hints } = state.opened;
+  marking.show(mask && { ...picture, data: mask }, hints);
+}
+
 /** The opened picture where the camera's has ended. */
 function showAgain() {
-  if (opened && !stage.video.hidden) showOpened();
+  if (state.opened && !stage.video.hidden) showOpened();
 }
 
 /** The picture's own transparency or the mask network's proposal; null without both: then a click is needed. */
@@ -136,24 +160,24 @@ async function ownMask(picture, isLate) {
   const mask = maskFromAlpha(picture);
   if (mask) return { mask, quality: null, notices: [] };
   const probe = await networks.open();
-  return probe.hasMask ? findMask(picture, editor.hints, isLate) : null;
+  return probe.hasMask ? findMask(picture, marking.hints, isLate) : null;
 }
 
 function remask(hints) {
   return examine((picture, isLate) => findMask(picture, hints, isLate), hints);
 }
 
-async function findMask(picture, { on, off, box }, isLate) {
+async function findMask(picture, hints, isLate) {
   const probe = await networks.open();
   if (isLate()) return null;
-  searching?.abort();
-  searching = new AbortController();
-  doing = "Finding the object …";
-  tell(doing);
+  state.searching?.abort();
+  state.searching = new AbortController();
+  state.doing = "Finding the object …";
+  tell(state.doing);
   try {
-    return await probe.mask(picture, { click: on, exclude: off, box, signal: searching.signal });
+    return await probe.mask(picture, { ...hints, signal: state.searching.signal });
   } finally {
-    if (!isLate()) doing = null;
+    if (!isLate()) state.doing = null;
   }
 }
 
@@ -162,67 +186,67 @@ async function findMask(picture, { on, off, box }, isLate) {
  * asked is dropped.
  */
 async function examine(maskOf, hints = NO_HINTS) {
-  const mine = ++turn;
-  const isLate = () => mine !== turn;
+  const mine = ++state.turn;
+  const isLate = () => mine !== state.turn;
   try {
-    const found = await maskOf(opened.picture, isLate);
+    const found = await maskOf(state.opened.picture, isLate);
     if (!isLate()) await estimate(found, hints, isLate);
   } catch (error) {
     if (isLate()) return;
-    editor.show(opened.mask, opened.hints);
-    if (!opened.result) hideLight();
+    showOutline();
+    if (!state.opened.result) hideLight();
     tell(error.message, "fault");
   }
 }
 
 async function estimate(found, hints, isLate) {
-  const { picture, longFovDeg } = opened;
+  const { picture, longFovDeg } = state.opened;
   const mask = found?.mask ?? null;
   const box = mask && objectBox(mask, picture.width);
-  if (!box && opened.mask) return stay(found?.notices[0], isLate);
-  editor.show(mask, box ? hints : NO_HINTS);
+  if (!box && state.opened.mask) return stay(found?.notices[0], isLate);
+  marking.show(mask && { ...picture, data: mask }, box ? hints : NO_HINTS);
   showQuality(box ? found : null);
   if (!box) return showNothing(found?.notices[0]);
   const { seconds, ...kept } = found;
-  Object.assign(opened, { mask, box, hints, found: kept, result: null });
+  Object.assign(state.opened, { mask, box, hints, found: kept, result: null });
   const probe = await networks.open();
   if (isLate()) return;
   tell("Estimating the lighting …");
   const result = await probe.examine({ picture, mask, longFovDeg, options: options() });
   if (isLate()) return;
-  opened.result = result;
+  state.opened.result = result;
   showLight();
   const [doubt] = [...found.notices, ...result.light.notices];
   if (doubt) return tell(`Estimated, but ${inPage(doubt)}.`, "warning");
   const search = seconds === undefined ? "" : `object found in ${seconds.toFixed(1)} s, `;
-  tell(`Estimated: ${search}light in ${result.seconds.toFixed(1)} s. If the outline is wrong, click on the object below, or draw a box around it.`);
+  tell(`Estimated: ${search}light in ${result.seconds.toFixed(1)} s. If the outline is wrong, click on the object, or draw a box around it.`);
 }
 
 /** What was marked found nothing: the last object and its light stay, the mark does not. */
 async function stay(why, isLate) {
-  const { mask, hints, found, result } = opened;
-  if (result) editor.show(mask, hints);
+  const { hints, found, result } = state.opened;
+  if (result) showOutline();
   else await estimate(found, hints, isLate); // its light was on its way
-  if (!isLate()) tell(`${sentence(why)} The last object and its light stay: click on the object below, or draw a box around it.`, "warning");
+  if (!isLate()) tell(`${sentence(why)} The last object and its light stay: click on the object, or draw a box around it.`, "warning");
 }
 
 /** Nothing of the last light is left. @param {string} [why] where it was looked for */
 function showNothing(why) {
-  Object.assign(opened, NOTHING);
+  Object.assign(state.opened, NOTHING);
   hideLight();
-  const advice = "Click on the object in the picture “Object” below, or draw a box around it.";
+  const advice = "Click on the object, or draw a box around it.";
   setStatus(why ? `${sentence(why)} ${advice}` : advice, why ? "warning" : "");
 }
 
 /** The picture alone. */
 function hideLight() {
-  stage.showPicture(opened.picture);
+  stage.showPicture(state.opened.picture);
   light.clear();
   stages.clear();
 }
 
 function showLight() {
-  const { picture, longFovDeg, lensDeg, name, mask, box, result, pitchDeg } = opened;
+  const { picture, longFovDeg, lensDeg, name, mask, box, result, pitchDeg } = state.opened;
   const ground = pitchDeg === undefined ? result.light.ground : { pitchDeg };
   stage.place(picture.width, picture.height, lensDeg, mask, box, ground);
   stage.setLight(result.light);
@@ -234,19 +258,26 @@ function showLight() {
 
 /** Sharp reflections for the light on show, or its own again. */
 async function reflect() {
-  const { result } = opened;
+  const { result } = state.opened;
   if (reflections.checked) result.reflections ??= await askReflections(result.light);
-  if (live.running || opened.result !== result) return;
+  if (live.running || state.opened.result !== result) return;
   const shown = reflections.checked ? result.reflections : null;
   stage.setLight(result.light, shown);
   light.showReflections(shown);
 }
 
+/** Photos that come with the page, and the box around the object of each. */
+const EXAMPLES = { teapot: [152, 218, 322, 336], table: [130, 100, 325, 385] };
+
+async function fetchPhoto(name) {
+  return (await fetch(`photos/${name}.jpg`)).blob();
+}
+
 /** The example comes with its answer, so that the page is finished before any network is opened. */
 async function openExample() {
-  const mine = ++choice;
+  const mine = ++state.choice;
   const { picture, mask, longFovDeg, result } = await readExample();
-  if (mine !== choice) return;
+  if (mine !== state.choice) return;
   const found = { mask, quality: null, notices: [] };
   put({ picture, longFovDeg, lensDeg: longFovDeg, name: "example", isExample: true, mask, box: objectBox(mask, picture.width), found, result });
   if (soften.checked) return examine(async () => found);
@@ -257,8 +288,8 @@ async function openExample() {
 function closeCamera() {
   live.stop();
   showAgain();
-  if (!opened || opened.isExample) return openExample();
-  if (opened.result) return setStatus("The camera is off; this is the photo before it.");
+  if (!state.opened || state.opened.isExample) return openExample();
+  if (state.opened.result) return setStatus("The camera is off; this is the photo before it.");
   return examine(ownMask);
 }
 
@@ -273,38 +304,42 @@ async function attempt(work) {
 
 listenForPhotos((blob, name) => attempt(() => open(blob, name)));
 element("example").addEventListener("click", () => attempt(openExample));
+for (const [name, box] of Object.entries(EXAMPLES)) {
+  element(`example-${name}`).addEventListener("click", () => attempt(() => open(fetchPhoto(name), name, { box })));
+}
+element("outline").addEventListener("change", ({ target }) => element("mask").classList.toggle("plain", !target.checked));
 element("reset").addEventListener("click", () => {
-  if (live.running) return live.mark(editor.reset());
-  if (!opened) return;
-  Object.assign(opened, NOTHING); // what is found next is no correction of it
-  editor.open(opened.picture);
+  if (live.running) return live.mark(marking.reset());
+  if (!state.opened) return;
+  Object.assign(state.opened, NOTHING); // what is found next is no correction of it
+  marking.open(state.opened.picture);
   examine(ownMask);
 });
 /** From the last change of the pitch to the estimate with it. */
 const PITCH_MS = 250;
-let pitchTimer;
 
 /** Another light of the same object is wanted. */
 function askAgain() {
   if (live.running) return attempt(() => live.setOptions());
+  const { opened } = state;
   if (opened?.mask) examine(async () => opened.found, opened.hints);
 }
 
 for (const choice of [surroundings, soften]) choice.addEventListener("change", askAgain);
 element("pitch").addEventListener("input", ({ target }) => stage.setPitch(Number(target.value)));
 element("pitch").addEventListener("change", ({ target }) => {
-  const view = live.running ? live : opened;
+  const view = live.running ? live : state.opened;
   if (!view) return;
   view.pitchDeg = Number(target.value);
-  clearTimeout(pitchTimer);
-  pitchTimer = setTimeout(askAgain, PITCH_MS); // a key that is held changes it again and again
+  clearTimeout(state.pitchTimer);
+  state.pitchTimer = setTimeout(askAgain, PITCH_MS); // a key that is held changes it again and again
 });
 reflections.addEventListener("change", () => {
-  if (opened?.result && !live.running) attempt(reflect);
+  if (state.opened?.result && !live.running) attempt(reflect);
 });
 element("camera").addEventListener("click", () => {
   if (live.running) return attempt(closeCamera);
-  choice++;
+  state.choice++;
   live.start();
 });
 tools.onFault = (error) => setStatus(error.message, "fault");

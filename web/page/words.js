@@ -4,8 +4,8 @@
 const CONTROLS = {
   pitchDeg: () => "set “Camera pitch”",
   surroundings: () => "choose “the whole photo” at “Look at”",
-  click: () => "click on the object below",
-  exclude: () => null, // a click with Shift, told of beside the picture
+  click: () => "click on the object",
+  exclude: () => null, // a click with Shift, told of beside the photo
   box: () => "draw a box around it",
   mask: () => null, // the page takes none
 };

@@ -6,7 +6,7 @@ import { afterEach, test } from "node:test";
 import { AnyProbe } from "../src/anyprobe.js";
 import { LiveSession } from "../page/live/session.js";
 
-const LIVE = "Live, in this browser. If the outline is wrong, click on the object below, or draw a box around it.";
+const LIVE = "Live, in this browser. If the outline is wrong, click on the object, or draw a box around it.";
 const LOST = /^No object is seen/;
 const MISSED = /^Nothing is found there. The last object is followed on/;
 const said = []; // every line of status
@@ -99,7 +99,11 @@ function begin({ opening = Promise.resolve(), play = async () => {} } = {}) {
     },
     light: { show: () => {} },
     stages: { show: () => {} },
-    editor: { open: ({ width, height }) => page.opened.push([width, height]), showOn: (still, mask, hints) => page.drawn.push(hints) },
+    marking: {
+      open: ({ width, height }) => page.opened.push([width, height]),
+      show: () => {},
+      follow: ({ width, height }, hints) => page.drawn.push({ size: [width, height], hints }),
+    },
     options: () => ({ surroundings: false, emitters: "mode" }),
     onShown: () => {},
     onMask: () => {},
@@ -203,7 +207,7 @@ test("a click while nothing is seen is answered", async () => {
   const { session, networks } = await follow();
   const lost = { lost: true, width: 64, height: 48 };
   networks.onLive(lost);
-  session.mark({ on: [[32, 24]], off: [], box: null });
+  session.mark({ click: [[32, 24]], exclude: [], box: null });
   said.length = 0;
   networks.onLive(lost);
   assert.match(said[0], LOST);
@@ -211,17 +215,17 @@ test("a click while nothing is seen is answered", async () => {
 
 test("a click that finds nothing is told, and the last object is followed on with its own clicks", async () => {
   const { session, networks, page } = await follow();
-  const first = { on: [[32, 24]], off: [], box: null };
+  const first = { click: [[32, 24]], exclude: [], box: null };
   await session.mark(first);
   networks.onLive(answer(64, 48, maskOf(64, 48)));
-  await session.mark({ on: [[1, 1]], off: [], box: null });
+  await session.mark({ click: [[1, 1]], exclude: [], box: null });
   said.length = 0;
   networks.onLive({ ...answer(64, 48, maskOf(64, 48)), missed: true });
   await settle();
   networks.onLive(answer(64, 48));
   assert.equal(said.length, 1);
   assert.match(said[0], MISSED);
-  assert.deepEqual(page.drawn.at(-1), first);
+  assert.deepEqual(page.drawn.at(-1), { size: [64, 48], hints: first });
   await session.mark(first);
   networks.onLive(answer(64, 48, maskOf(64, 48)));
   assert.equal(said.at(-1), LIVE);
@@ -233,7 +237,7 @@ test("after a click the object is placed by the new mask alone, not by one that 
   assert.equal(page.placed.length, 1);
   let reply;
   networks.ask = () => new Promise((resolve) => (reply = resolve));
-  session.mark({ on: [[32, 24]], off: [], box: null });
+  session.mark({ click: [[32, 24]], exclude: [], box: null });
   networks.onLive(answer(64, 48, maskOf(64, 48))); // of what was marked before
   reply();
   await settle();
@@ -249,7 +253,7 @@ test("a reply to a click of a camera that was closed does not touch the next one
   let reply;
   const { ask } = networks;
   networks.ask = () => new Promise((resolve) => (reply = resolve));
-  session.mark({ on: [[32, 24]], off: [], box: null });
+  session.mark({ click: [[32, 24]], exclude: [], box: null });
   session.stop();
   networks.ask = ask;
   session.start();
@@ -272,7 +276,7 @@ test("a camera that is turned is fitted, and its object placed, anew", async () 
   assert.deepEqual(page.opened, [[64, 48], [48, 64]]);
   networks.onLive(answer(48, 64, maskOf(48, 64)));
   assert.deepEqual(page.placed, [[64, 48], [48, 64]]);
-  session.mark({ on: [[24, 16]], off: [], box: null });
+  session.mark({ click: [[24, 16]], exclude: [], box: null });
   assert.deepEqual(page.asked.at(-1).hints.on, [[0.5, 0.25]]);
 });
 
@@ -282,7 +286,7 @@ test("what is clicked on before the networks are open is told with the start", a
   session.start();
   cameras[0].resolve(makeStream());
   await settle();
-  session.mark({ on: [[32, 24]], off: [], box: null });
+  session.mark({ click: [[32, 24]], exclude: [], box: null });
   session.setOptions();
   assert.deepEqual(page.asked, []);
   open();

@@ -18,7 +18,7 @@ test("controls are called by their labels", () => {
   assert.equal(inPage(notice("pitch-unsure", "a guess", give("pitchDeg"))), "a guess; set “Camera pitch”");
   const backdrop = notice("plain-backdrop", "a backdrop", [{ do: "give", name: "surroundings", value: "photo" }]);
   assert.equal(inPage(backdrop), "a backdrop; choose “the whole photo” at “Look at”");
-  assert.equal(inPage(notice("mask-doubtful", "a mask", give("box", "click", "exclude", "mask"))), "a mask; draw a box around it, or click on the object below");
+  assert.equal(inPage(notice("mask-doubtful", "a mask", give("box", "click", "exclude", "mask"))), "a mask; draw a box around it, or click on the object");
 });
 
 test("a line in the package's words names its options", () => {

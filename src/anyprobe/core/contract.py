@@ -1,4 +1,4 @@
-"""The numbers that Python and JavaScript share: contract.json, which web/build/contract.js copies for the browser."""
+"""The numbers that Python and JavaScript share: contract.json, which the page imports."""
 
 from __future__ import annotations
 

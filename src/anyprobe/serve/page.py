@@ -43,6 +43,7 @@ MEDIA_TYPES = {
     ".json": "application/json",
     ".wasm": "application/wasm",
     ".png": "image/png",
+    ".jpg": "image/jpeg",
     ".svg": "image/svg+xml",
     ".txt": "text/plain; charset=utf-8",
     ".onnx": "application/octet-stream",

@@ -4,21 +4,21 @@
 
 import { DEFAULT_LONG_FOV_DEG } from "../../src/photo/crop.js";
 import { element, setStatus, sendLight } from "../view/elements.js";
-import { NO_HINTS } from "../view/maskEditor.js";
+import { NO_HINTS } from "../view/marking.js";
 import { closeCamera, openCamera, watchCamera } from "./camera.js";
-import { readFrame, takeFrame } from "../../src/live/videoFrames.js";
+import { readSize } from "../../src/live/videoFrames.js";
 
 const RATES_EVERY_MS = 500;
-const LIVE = "Live, in this browser. If the outline is wrong, click on the object below, or draw a box around it.";
-const MISSED = "Nothing is found there. The last object is followed on: click on another below, or draw a box around it.";
+const LIVE = "Live, in this browser. If the outline is wrong, click on the object, or draw a box around it.";
+const MISSED = "Nothing is found there. The last object is followed on: click on another, or draw a box around it.";
 
 export class LiveSession {
   /**
    * @param {object} parts of the page; options: what light is wanted now; onShown: the camera's picture has taken the
    *   photo's place; onMask: its mask is shown, with its quality; onFault: the camera, or what follows it, failed and is closed
    */
-  constructor({ networks, config, stage, light, stages, editor, options, onShown, onMask, onFault }) {
-    Object.assign(this, { networks, config, stage, light, stages, editor, options, onShown, onMask, onFault });
+  constructor({ networks, config, stage, light, stages, marking, options, onShown, onMask, onFault }) {
+    Object.assign(this, { networks, config, stage, light, stages, marking, options, onShown, onMask, onFault });
     this.button = element("camera");
     this.live = null; // since start was called; what was begun with one that is here no longer has been stopped
     this.running = false; // since the camera's first picture
@@ -55,9 +55,8 @@ export class LiveSession {
     video.srcObject = stream;
     watchCamera(stream, (error) => this.#fail(live, error));
     await video.play();
-    const still = await takePicture(video);
     if (this.live !== live) return;
-    this.#begin(still);
+    this.#begin();
     const probe = await opening;
     if (this.live !== live) return;
     const { hasMask, engine, threads } = probe;
@@ -69,20 +68,23 @@ export class LiveSession {
       onLost: (answer) => this.#show(answer),
       onError: (error) => this.#fail(live, error),
     });
-    setStatus(hasMask ? "Finding the object …" : "Click on the object in the picture “Object” below.");
+    setStatus(hasMask ? "Finding the object …" : "Click on the object.");
     this.timer = setInterval(() => this.#showRates(), RATES_EVERY_MS);
   }
 
   /** The camera's first picture takes the photo's place. */
-  #begin(still) {
+  #begin() {
     this.running = true;
-    this.button.setAttribute("aria-pressed", "true");
-    this.said = null;
+    this.#nameButton();
+    this.said = this.quality = null;
     this.pitchDeg = undefined; // until it is given
-    this.isMaskDue = false;
-    this.#fit(still);
-    this.#look(still);
+    this.#fit();
     this.onShown();
+  }
+
+  #nameButton() {
+    this.button.textContent = this.running ? "Stop" : "Camera";
+    this.button.classList.toggle("running", this.running);
   }
 
   stop() {
@@ -95,7 +97,7 @@ export class LiveSession {
     closeCamera(video.srcObject);
     video.srcObject = null;
     element("rates").hidden = true;
-    this.button.setAttribute("aria-pressed", "false");
+    this.#nameButton();
   }
 
   #fail(live, error) {
@@ -104,17 +106,14 @@ export class LiveSession {
     this.onFault(error);
   }
 
-  /** @param {import("../../src/photo/picture.js").Hints} hints in pixels of the still picture */
+  /** @param {import("../../types/index.d.ts").Hints} hints in pixels of the video */
   async mark(hints) {
-    const { on, off, box } = hints;
-    const { live, still, found } = this;
-    const { videoWidth, videoHeight } = this.stage.video;
-    const place = ([x, y]) => [(x * videoWidth) / still.width, (y * videoHeight) / still.height];
+    const { live, found } = this;
     this.placed = false;
     this.said = null;
     this.#mark(hints);
-    live.hints = { click: on.map(place), exclude: off.map(place), box: box && [...place(box.slice(0, 2)), ...place(box.slice(2))] };
-    await live.tracker?.mark(live.hints);
+    live.hints = hints;
+    await live.tracker?.mark(hints);
     if (this.live === live) Object.assign(this, { found, placed: false }); // an answer that was under way told the old mask
   }
 
@@ -129,12 +128,16 @@ export class LiveSession {
   }
 
   #show(answer) {
-    if (answer.width !== this.size.width || answer.height !== this.size.height) this.#turn(answer);
+    const { width, height } = this.size;
+    if (answer.width !== width || answer.height !== height) this.#fit(answer);
     if (answer.missed) {
       this.#mark(this.found);
-      this.missed = this.isMaskDue = true;
+      this.missed = true;
     }
-    if (answer.lost) return this.#say("No object is seen. Click on it in the picture “Object” below.");
+    if (answer.lost) {
+      this.marking.show(null, this.marked);
+      return this.#say("No object is seen. Click on it, or draw a box around it.");
+    }
     if (answer.mask) this.#setMask(answer);
     if (!this.placed) return;
     this.#say(this.missed ? MISSED : LIVE);
@@ -146,10 +149,6 @@ export class LiveSession {
       this.light.show({ light: answer.light, spheres: answer.spheres }, about);
     } else if (answer.stages) {
       this.stages.show(answer.stages, answer.light.radiance);
-      this.isMaskDue = true;
-    } else if (this.isMaskDue) {
-      this.isMaskDue = false;
-      this.#showMask();
     }
   }
 
@@ -160,55 +159,29 @@ export class LiveSession {
     setStatus(text);
   }
 
-  /** Pictures of another size from here on: the object has no place in them yet. */
-  #fit({ width, height }) {
+  /**
+   * Pictures of this size from here on, as the camera is held: the object has no place in them yet, and nothing is marked, which
+   * frameLight.js has forgotten too.
+   */
+  #fit(size) {
+    const { videoWidth, videoHeight } = this.stage.video;
+    const [width, height] = size ? [size.width, size.height] : readSize(videoWidth, videoHeight);
     this.size = { width, height };
-    this.mask = null;
     this.placed = false;
-    this.stage.showVideo();
-  }
-
-  /** The camera is held another way; frameLight.js has forgotten what was marked and found before, too. */
-  async #turn(size) {
-    this.#fit(size);
-    const still = await this.#takeStill();
-    if (still) this.#look(still);
-  }
-
-  /** A still picture to click in. */
-  #look(still) {
-    this.still = still;
     this.#mark(NO_HINTS);
     this.found = NO_HINTS;
-    this.editor.open(still);
+    this.stage.showVideo();
+    this.marking.open({ width: videoWidth, height: videoHeight });
   }
 
   #setMask({ width, height, mask, quality, box }) {
-    Object.assign(this, { mask, quality, found: this.marked });
+    this.found = this.marked;
+    this.marking.follow({ data: mask, width, height }, this.marked);
+    if (quality !== this.quality) this.onMask({ quality, notices: [] });
+    this.quality = quality;
     if (this.placed) return this.stage.stage.setMask(mask);
     this.stage.place(width, height, null, mask, box, this.pitchDeg === undefined ? null : { pitchDeg: this.pitchDeg });
     this.placed = true;
-  }
-
-  async #showMask() {
-    const { mask, quality, size } = this;
-    const still = await this.#takeStill();
-    if (!still || this.size !== size || still.width !== size.width || still.height !== size.height) return;
-    this.still = still;
-    this.editor.showOn(still, mask, this.marked);
-    this.onMask({ quality, notices: [] });
-  }
-
-  /** What the camera shows now, or null where it has been stopped meanwhile. */
-  async #takeStill() {
-    const { live } = this;
-    try {
-      const still = await takePicture(this.stage.video);
-      return this.live === live ? still : null;
-    } catch (error) {
-      this.#fail(live, error);
-      return null;
-    }
   }
 
   #showRates() {
@@ -216,9 +189,4 @@ export class LiveSession {
     element("rates").textContent = `${updates.toFixed(0)} lights/s · ${frames.toFixed(0)} frames/s · ${this.engine}`;
     element("rates").hidden = false;
   }
-}
-
-/** What the camera shows, for the picture in which the object is clicked on. */
-async function takePicture(video) {
-  return readFrame((await takeFrame(video)).frame);
 }

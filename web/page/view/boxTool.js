@@ -17,10 +17,6 @@ export class BoxTool {
       this.#turn(!this.isOn);
       if (this.isOn) canvas.focus({ preventScroll: true });
     });
-    canvas.addEventListener("pointerdown", (event) => this.#press(event));
-    canvas.addEventListener("pointermove", (event) => this.pointer === event.pointerId && this.stretch(this.#at(event)));
-    canvas.addEventListener("pointerup", (event) => this.#release(event));
-    canvas.addEventListener("pointercancel", () => this.drop());
   }
 
   /** Whether a finger draws, rather than scrolls the page, and Enter marks a corner. */
@@ -70,7 +66,8 @@ export class BoxTool {
     this.drop();
   }
 
-  #press(event) {
+  /** A pointer goes down, perhaps at the first corner. */
+  press(event) {
     this.hasDrawn = false;
     if (!event.isPrimary || event.button !== 0 || (event.pointerType === "touch" && !this.isOn)) return;
     this.corner = this.#at(event);
@@ -78,7 +75,11 @@ export class BoxTool {
     this.canvas.setPointerCapture(event.pointerId);
   }
 
-  #release(event) {
+  move(event) {
+    if (this.pointer === event.pointerId) this.stretch(this.#at(event));
+  }
+
+  release(event) {
     if (this.pointer === event.pointerId) this.hasDrawn = this.#end(this.#at(event));
   }
 

@@ -2,8 +2,8 @@
 
 export const element = (id) => document.getElementById(id);
 
-/** In the lines that advise it, a link to where the object is marked. */
-const MARKING = /click on (?:the object|it)(?: in the picture “Object”)? below(?:, or draw a box around it)?/i;
+/** In the lines that advise it, a link to the photo, on which the object is marked. */
+const MARKING = /click on (?:the object|it|another)(?: in the photo)?(?:, or draw a box around it)?/i;
 
 /** One line for everyone, read aloud by screen readers; kind: "fault" or "warning", shown in colour. */
 export function setStatus(text, kind = "") {

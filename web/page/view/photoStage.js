@@ -6,6 +6,8 @@ import { putRgba } from "./pictures.js";
 
 /** What is seen through a photo's transparent parts. */
 const PAPER = [231, 229, 225];
+/** Diameter of the knob that divides before from after, as style.css has it. */
+const KNOB = "2rem";
 
 export class PhotoStage {
   constructor() {
@@ -14,7 +16,8 @@ export class PhotoStage {
     this.overlay = element("overlay");
     this.frame = element("frame");
     this.stage = new Stage(this.overlay);
-    for (const part of [this.overlay, element("divide")]) part.hidden = !this.stage.canDraw;
+    this.cut = 0; // share of the picture's width that shows the photo without the object
+    for (const part of [this.overlay, element("before")]) part.hidden = !this.stage.canDraw;
     this.#listen();
   }
 
@@ -50,9 +53,7 @@ export class PhotoStage {
 
   #fit(width, height) {
     this.frame.style.aspectRatio = `${width} / ${height}`;
-    const fitted = `min(100%, calc(var(--tallest) * ${width / height}))`;
-    this.frame.style.width = fitted;
-    element("divide").style.width = fitted; // its knob stands below the line
+    this.frame.style.width = `min(100%, calc(var(--tallest) * ${width / height}))`;
   }
 
   /** @param {number | null} lensDeg field of view of the longer side, null where it is unknown */
@@ -102,40 +103,46 @@ export class PhotoStage {
     this.overlay.dispatchEvent(new CustomEvent("drawn", { detail: this.stage.pose() })); // all that was asked for
   }
 
+  /** Whether the virtual object is taken hold of at a place of the picture, x and y as shares. */
+  grab(at) {
+    const { stage } = this;
+    const [x, y] = this.#pixel(at);
+    if (this.overlay.style.visibility === "hidden" || at[0] < this.cut || !stage.isOnObject(x, y)) return false;
+    const [fx, fy] = stage.footPx();
+    this.hold = [fx - x, fy - y];
+    this.overlay.classList.add("held");
+    return true;
+  }
+
+  /** Move it along. */
+  drag(at) {
+    const [x, y] = this.#pixel(at);
+    this.stage.moveTo(x + this.hold[0], y + this.hold[1]);
+    this.render();
+  }
+
+  drop() {
+    this.overlay.classList.remove("held");
+  }
+
+  #pixel([x, y]) {
+    return [x * this.stage.width, y * this.stage.height];
+  }
+
   #listen() {
     const before = element("before");
     const wipe = element("wipe");
     const divide = () => {
-      this.overlay.style.clipPath = before.value === "0" ? "" : `inset(0 0 0 ${before.value}%)`;
-      wipe.style.left = `${before.value}%`;
-      wipe.hidden = before.value === "0" || before.value === "100";
+      const share = Number(before.value) / 100;
+      const isCut = share > 0 && share < 1;
+      const place = `calc(${KNOB} / 2 + (100% - ${KNOB}) * ${share})`; // of the knob's middle
+      this.cut = share; // nearly
+      this.overlay.style.clipPath = share === 0 ? "" : `inset(0 0 0 ${isCut ? place : "100%"})`;
+      wipe.style.left = place;
+      wipe.hidden = !isCut;
     };
     before.addEventListener("input", divide);
     divide();
     new ResizeObserver(() => this.render()).observe(this.overlay);
-
-    const { overlay, stage } = this;
-    let held = null;
-    const place = (event) => {
-      const box = overlay.getBoundingClientRect();
-      return [
-        ((event.clientX - box.left) / box.width) * stage.width,
-        ((event.clientY - box.top) / box.height) * stage.height,
-      ];
-    };
-    overlay.addEventListener("pointerdown", (event) => {
-      const [x, y] = place(event);
-      if (!stage.isOnObject(x, y)) return;
-      const [fx, fy] = stage.footPx();
-      held = [fx - x, fy - y];
-      overlay.setPointerCapture(event.pointerId);
-    });
-    overlay.addEventListener("pointermove", (event) => {
-      if (!held) return;
-      const [x, y] = place(event);
-      stage.moveTo(x + held[0], y + held[1]);
-      this.render();
-    });
-    for (const end of ["pointerup", "pointercancel"]) overlay.addEventListener(end, () => (held = null));
   }
 }
