@@ -1,57 +1,71 @@
-"""Draw a real photo with a golden and a matte sphere in it, over its panorama.
+"""Draw docs/real.jpg: a real photo, a golden and a plaster sphere put into it, and the panorama of its place.
 
-python examples/draw_real.py PHOTO MASK docs/real.jpg
+    python examples/draw_real.py [PHOTO]
+
+The light is what `anyprobe relight PHOTO --box 152,218,322,336` estimates, one estimate for both spheres; where they
+stand, --at, and how high they are, --scale, is chosen. Nothing else is given.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 
 import anyprobe
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.files.objects import open_object
+from anyprobe.relight.appearance import least_scale
 from anyprobe.relight.insert import Arrangement, Stage
 
-HEIGHT, GAP = 300, 6
-"""Of the photos, and between all pictures [px]."""
-SIZE = 0.6
-"""Height of the spheres over the object's."""
+ROOT = Path(__file__).parents[1]
+PHOTO = ROOT / "examples" / "teapot.jpg"
+BOX = 152, 218, 322, 336
+"""Around the teapot, without its saucer, in pixels of PHOTO."""
+SPHERES = {"gold": (382, 351), "plaster": (110, 351)}
+"""Materials, and the pixels of PHOTO where they stand."""
+SCALE = 0.45
+SIDE = 512
+"""Of PHOTO, pixels: a larger copy is shrunk to it."""
+SHOWN = 0, 100, 512, 484
+"""What is shown of the photo: x0, y0, x1, y1."""
+WIDTH, GAP, LABEL = 424, 4, 24
 
 
-def main(
-    photo: Annotated[Path, typer.Argument(help="The photo.")],
-    mask: Annotated[Path, typer.Argument(help="Its object's mask.")],
-    out: Annotated[Path, typer.Argument(help="The picture to write, .jpg.")],
-) -> None:
+def main(photo: Annotated[Path, typer.Argument(help="The teapot's photo, square.")] = PHOTO) -> None:
     """Write photo, photo with spheres, and panorama in one picture."""
-    shown = anyprobe.load_photo(photo, mask=mask)
-    light = anyprobe.estimate(shown)
-    around = light.panorama(256, frame="camera").radiance
-    pictures = [shown.rgb]
-    for material in ("gold", "matte"):
-        stage = Stage(shown, open_object("sphere"), Arrangement(size=SIZE, ground=light.ground, match_shadow=True))
-        pictures.append(stage.relit(around, material, "own"))
-    row = [_scaled(one, HEIGHT) for one in pictures]
-    width = sum(one.width for one in row) + GAP * (len(row) - 1)
-    place = _scaled(response(light.panorama(512).radiance), width // 2)
-    canvas = Image.new("RGB", (width, HEIGHT + GAP + place.height), "white")
-    left = 0
-    for one in row:
-        canvas.paste(one, (left, 0))
-        left += one.width + GAP
-    canvas.paste(place, (0, HEIGHT + GAP))
-    canvas.save(out, quality=88)
+    with Image.open(photo) as image:
+        pixels = np.asarray(image.convert("RGB").resize((SIDE, SIDE), Image.Resampling.LANCZOS))
+    before = anyprobe.load_photo(pixels, box=BOX)
+    light = anyprobe.estimate(before)
+    around = light.panorama(256, frame="camera").radiance * np.float32(least_scale(before, light.radiance))
+    after = before
+    for material, foot in SPHERES.items():
+        arrangement = Arrangement(size=SCALE, at=foot, ground=light.ground, match_shadow=True)
+        stage = Stage(after, open_object("sphere"), arrangement)
+        after = replace(after, rgb=stage.relit(around, material))
+    panels = [_fitted(one.rgb, SHOWN, WIDTH) for one in (before, after)]
+    place = _fitted(response(light.panorama(512).radiance), None, 2 * WIDTH + GAP)
+    sheet = Image.new("RGB", (place.width, 2 * LABEL + panels[0].height + place.height), "white")
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(15)
+    for index, (title, panel) in enumerate(zip(("photo", "with a golden and a plaster sphere"), panels, strict=True)):
+        draw.text((index * (WIDTH + GAP), 3), title, fill="black", font=font)
+        sheet.paste(panel, (index * (WIDTH + GAP), LABEL))
+    below = LABEL + panels[0].height
+    draw.text((0, below + 3), "the place around, as estimated: panorama, level", fill="black", font=font)
+    sheet.paste(place, (0, below + LABEL))
+    sheet.save(ROOT / "docs" / "real.jpg", quality=86, optimize=True)
 
 
-def _scaled(display: np.ndarray, height: int) -> Image.Image:
+def _fitted(display: np.ndarray, part: tuple[int, int, int, int] | None, width: int) -> Image.Image:
     picture = Image.fromarray(to_bytes(display))
-    return picture.resize((round(picture.width * height / picture.height), height), Image.Resampling.LANCZOS)
+    picture = picture if part is None else picture.crop(part)
+    return picture.resize((width, round(picture.height * width / picture.width)), Image.Resampling.LANCZOS)
 
 
 if __name__ == "__main__":

@@ -50,6 +50,17 @@ def test_estimate_is_another_than_pythons(tmp_path):
     assert found["foot"][2] == pytest.approx(-1)  # the camera's height over the ground is 1
     assert found["long_fov_deg"] == pytest.approx(50)
     assert 0.1 < found["object_size"] < 10
+    chrome, matte = (np.asarray(Image.open(tmp_path / found[name])) / 255 for name in ("chrome", "matte"))
+    assert chrome.shape == matte.shape == (128, 128, 4)
+    assert not chrome[0, 0].any()
+    ball = matte[..., 3] == 1
+    assert ball.mean() == pytest.approx(np.pi / 4, abs=0.01)
+    y, x = np.mgrid[1:-1:128j, -1:1:128j]
+    brightness = matte[..., :3].mean(axis=-1)
+    brighter = [np.corrcoef(axis[ball], brightness[ball])[0, 1] for axis in (x, y)]
+    main = light.dominant_light().direction
+    assert np.dot(brighter, main[:2]) > 0.5 * np.linalg.norm(main[:2])  # bright where the light comes from
+    assert chrome[ball].std() > matte[ball].std()
 
 
 def test_refusals_are_lost(tmp_path):

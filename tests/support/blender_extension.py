@@ -122,6 +122,19 @@ def shadow(scratch):
     return [float(alone.max()), float(under.max())]
 
 
+def balls():
+    """Size and mean colour, within the ball, of the pictures and the previews that the panel shows."""
+    settings, found = bpy.context.scene.light_from_photo, {}
+    for name in ("chrome", "matte"):
+        image = getattr(settings, name)
+        preview = image.preview_ensure()
+        for kind, values in (("picture", image.pixels[:]), ("preview", preview.image_pixels_float[:])):
+            pixels = np.array(values, np.float32).reshape(-1, 4)
+            inside = pixels[pixels[:, 3] > 0.5]
+            found[f"{name} {kind}"] = [len(pixels), len(inside), inside[:, :3].mean(axis=0).tolist()]
+    return found
+
+
 def suns():
     return [
         {
@@ -203,6 +216,7 @@ found["estimate"] = estimate()
 scene = bpy.context.scene
 found["made"] = names()
 found["said"] = scene.light_from_photo.said
+found["balls"] = balls()
 found["old_world_kept"] = bpy.data.worlds[found["before"]["world"]].use_fake_user
 turn = np.array(scene.camera.matrix_world.to_3x3())
 found["turn"], found["place"] = turn.tolist(), list(scene.camera.location)
@@ -219,6 +233,7 @@ bpy.ops.wm.save_as_mainfile(filepath=str(scratch / "kept.blend"))
 found["left_behind"] = sorted(one.name for one in scratch.iterdir() if one.name.startswith("light_from_photo"))
 bpy.ops.wm.open_mainfile(filepath=str(scratch / "kept.blend"))
 found["reopened"] = names()
+found["balls_reopened"] = balls()
 found["shadow"] = shadow(scratch)
 found["lit"] = {"SUN": lit(order["normals"], turn, scratch)}
 for lights in ("AREA", "WORLD"):
@@ -265,8 +280,8 @@ found["matched"] |= {
 bpy.context.scene.light_from_photo.library = ""
 
 again = estimate(use_camera=False, lights="WORLD", library="")
-outlines = [one.name for one in bpy.data.images if one.name.startswith("Object of vase")]
-found["own_camera"] = [again, bpy.context.scene.camera is not None, outlines]
+drawn = [one.name for one in bpy.data.images if one.name.partition(" of ")[0] in {"Object", "Chrome ball", "Matte ball"}]
+found["own_camera"] = [again, bpy.context.scene.camera is not None, drawn]
 bpy.context.scene.light_from_photo.use_camera = True
 
 source_of, paths = sys.modules[f"{MODULE}.photos"].source_of, []

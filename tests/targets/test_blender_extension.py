@@ -23,12 +23,14 @@ from support.places import place
 
 import anyprobe
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.core.response import response
 from anyprobe.estimate.ground import contact_of
 from anyprobe.export.target_frames import BLENDER
 from anyprobe.export.targets import export
 from anyprobe.maps.radiance import read_radiance, write_exr
 from anyprobe.masks.check import object_box
 from anyprobe.relight.ground_view import view_of
+from anyprobe.render.spheres import sphere_images, sphere_normals
 
 pytestmark = pytest.mark.slow
 
@@ -159,6 +161,19 @@ def test_saved_file_depends_on_the_temporary_folder(found):
         assert np.min(lights) > 0.01  # a lost picture is black
 
 
+def test_balls_in_the_panel_are_not_of_the_estimate(found, light):
+    spheres = sphere_images(light.radiance, 128)
+    gain = min(1.0, 1.0 / spheres["diffuse"].max())
+    inside = sphere_normals(128)[1]
+    for name, sphere in (("chrome", spheres["mirror"]), ("matte", spheres["diffuse"])):
+        expected = response(sphere * gain)[inside].mean(axis=0)
+        for seen in (found["balls"], found["balls_reopened"]):
+            for kind in ("picture", "preview"):
+                count, covered, color = seen[f"{name} {kind}"]
+                assert (count, covered) == (inside.size, inside.sum()), (name, kind)
+                np.testing.assert_allclose(color, expected, atol=0.02, err_msg=f"{name} {kind}")
+
+
 def test_camera_is_not_the_photos(found, light):
     photo = anyprobe.load_photo(PHOTO)
     view, pitch_deg = view_of(photo)
@@ -229,10 +244,10 @@ def test_pictures_overwrite_each_other(found):
 
 
 def test_scene_loses_an_earlier_estimate_s_camera(found):
-    again, has_camera, outlines = found["own_camera"]
+    again, has_camera, drawn = found["own_camera"]
     assert again == ["FINISHED"]
     assert has_camera
-    assert len(outlines) == 1
+    assert sorted(drawn) == [f"{what} of vase" for what in ("Chrome ball", "Matte ball", "Object")]
 
 
 def test_marks_are_off_the_photo(found):

@@ -32,6 +32,22 @@ def draw_text(layout, context, line: str) -> None:
         column.label(text=part, icon="BLANK1" if index else "INFO")
 
 
+BALL_SCALE = 5
+"""Of a ball in the panel, in heights of a row."""
+
+
+def draw_balls(layout, settings) -> None:
+    """A chrome and a matte ball under the last estimate."""
+    row = layout.row()
+    for ball in (settings.chrome, settings.matte):
+        if ball is not None:
+            column = row.column(align=True)
+            column.template_icon(icon_value=ball.preview_ensure().icon_id, scale=BALL_SCALE)
+            text = column.row()
+            text.alignment = "CENTER"
+            text.label(text=ball.name.partition(" ")[0])
+
+
 class Panel:
     bl_label = "Light from Photo"
 
@@ -58,6 +74,7 @@ class Panel:
             row.scale_y = 1.4
             row.operator("light_from_photo.estimate", icon="LIGHT_SUN")
         if scene.is_own(context.scene.world):
+            draw_balls(layout, settings)
             for line in (*settings.said.splitlines(), *estimating.notes_on(context.scene)):
                 draw_text(layout, context, line)
             if context.scene.view_settings.view_transform != "Standard":

@@ -10,6 +10,9 @@ from mathutils import Matrix, Vector
 OWN = "light_from_photo"
 """Custom property of what is made here; a second estimate replaces the first one's objects."""
 
+DRAWN = "Object of ", "Chrome ball of ", "Matte ball of "
+"""How the names of an estimate's pictures begin that are looked at alone."""
+
 GROUND_HEIGHTS = 30
 """Half the side of the shadow catcher, in heights of the camera."""
 
@@ -57,11 +60,14 @@ def build(scene, settings, found: dict, folder: Path, name: str) -> None:
         make_camera(scene, collection, found, settings.image, foot, height, name)
     if not (settings.use_camera and settings.use_composite and composite_over_photo(scene, settings.image)):
         stop_compositing(scene)
-    for one in [image for image in bpy.data.images if is_own(image) and image.name.startswith("Object of ")]:
+    settings.chrome = settings.matte = None
+    for one in [image for image in bpy.data.images if is_own(image) and image.name.startswith(DRAWN)]:
         if one.users <= 1:  # its own fake one
             bpy.data.images.remove(one)
     outline = load(folder / found["object"], f"Object of {name}", "sRGB")
     outline.use_fake_user = True
+    settings.chrome = load_ball(folder / found["chrome"], f"Chrome ball of {name}")
+    settings.matte = load_ball(folder / found["matte"], f"Matte ball of {name}")
 
 
 def remove_own(scene, keep=None) -> None:
@@ -82,6 +88,15 @@ def load(path: Path, name: str, space: str):
     image.pack()
     image.filepath_raw = f"//{name}{path.suffix}"
     image[OWN] = True
+    return image
+
+
+def load_ball(path: Path, name: str):
+    """A ball's picture with itself as its preview, which the panel shows at once."""
+    image = load(path, name, "sRGB")
+    preview = image.preview_ensure()
+    preview.image_size = image.size
+    preview.image_pixels_float.foreach_set(image.pixels[:])
     return image
 
 

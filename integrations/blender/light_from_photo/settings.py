@@ -147,6 +147,9 @@ class LightFromPhotoSettings(bpy.types.PropertyGroup):
     use_composite: BoolProperty(
         name="Composite over photo", description="Renders lie over the photo, by compositing nodes", default=True
     )
+    chrome: PointerProperty(name="Chrome ball", type=bpy.types.Image)
+    matte: PointerProperty(name="Matte ball", type=bpy.types.Image)
+    """Under the last estimate, as the photo's camera sees them."""
     said: StringProperty()
     """What the last estimate said, lines."""
 

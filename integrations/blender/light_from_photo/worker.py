@@ -113,6 +113,7 @@ def estimate(order: dict, folder: Path) -> dict:
     foot, (x0, y0, x1, y1) = view.on_ground(*contact_of(photo.mask)), object_box(photo.mask)
     paths = export(radiance, "blender", folder, "light", world_from_camera=np.array(BLENDER.axes).T @ turn)
     write_png(folder / "object.png", draw_overlay(photo.rgb, photo.mask))
+    write_balls(radiance, folder)
     side = json.loads(next(path for path in paths if path.suffix == ".json").read_text(encoding="utf-8"))
     return {
         "full": "light_blender.exr",
@@ -126,6 +127,8 @@ def estimate(order: dict, folder: Path) -> dict:
         "object_size": float(-foot[2] * max(x1 - x0, y1 - y0) / view.focal),
         "size": [view.width, view.height],
         "object": "object.png",
+        "chrome": "chrome.png",
+        "matte": "matte.png",
         "mask_source": photo.mask_source,
         "mask_confidence": photo.mask_confidence,
         "warnings": [in_the_panel(line) for line in warnings],
@@ -166,6 +169,28 @@ def in_the_panel(notice) -> str:
     line = PanelWords().line(notice)
     marked = isinstance(notice, Notice) and any(one.do == "give" and one.name in MARKED for one in notice.remedy)
     return f"{line} (by Mark Object)" if marked else line
+
+
+BALL_PX = 128
+"""Side of a ball's picture."""
+
+
+def write_balls(radiance, folder: Path) -> None:
+    """Write chrome.png and matte.png: balls under a map [H, 2H, 3] as the photo's camera sees them, clear around.
+
+    They share an exposure, 0 EV at most, at which the matte one does not clip.
+    """
+    import numpy as np
+
+    from anyprobe.core.response import response
+    from anyprobe.files.images import write_png
+    from anyprobe.render.spheres import diffuse, mirror, sphere_normals
+
+    matte, chrome = diffuse(radiance, BALL_PX), mirror(radiance, BALL_PX)
+    gain = min(1.0, 1.0 / max(float(matte.max()), 1e-6))
+    coverage = sphere_normals(BALL_PX)[1].astype(np.float32)
+    for name, ball in (("chrome", chrome), ("matte", matte)):
+        write_png(folder / f"{name}.png", np.dstack([response(ball * gain), coverage]))
 
 
 PANORAMA_ROWS = 1024

@@ -1,0 +1,46 @@
+"""What a notebook shows: the sheet of a light, short texts, public names, and help that names real parameters."""
+
+from __future__ import annotations
+
+import inspect
+import io
+import pydoc
+import re
+
+import numpy as np
+from PIL import Image
+
+import anyprobe
+
+
+def test_light_is_shown_as_its_sheet():
+    radiance = np.full((64, 128, 3), 0.2, np.float32)
+    radiance[10:13, 100:103] = 40
+    light = anyprobe.Light(radiance=radiance)
+    with Image.open(io.BytesIO(light._repr_png_())) as sheet:
+        width, height = sheet.size
+        spheres = np.asarray(sheet, np.float32)[height // 2 :].mean(axis=-1)
+    assert width > 1000
+    assert height > 700  # the panorama of 512 rows over the spheres of 256
+    assert spheres.std() > 30
+    assert re.fullmatch(r"<Light 64 x 128, dominant light towards \(.*\)>", repr(light))
+
+
+def test_completion_offers_public_names_alone():
+    assert set(dir(anyprobe)) == {*anyprobe.__all__, "__version__"}
+
+
+def test_help_documents_the_real_parameters():
+    text = pydoc.render_doc(anyprobe.estimate, renderer=pydoc.plaintext)
+    signature, _, said = text.partition("Args:")
+    for function in (anyprobe.estimate, anyprobe.Estimator.__call__):
+        for name in inspect.signature(function).parameters:
+            assert name in {"self", "unknown"} or re.search(rf"\b{name}\b", inspect.getdoc(function)), (function, name)
+    assert "click" in signature
+    named = re.findall(r"^ {8}([a-z_, ]+):", said, re.MULTILINE)
+    parameters = set(inspect.signature(anyprobe.estimate).parameters)
+    assert {name.strip() for line in named for name in line.split(",")} <= parameters | {""}
+
+
+def test_estimator_says_how_it_is_set(estimator):
+    assert repr(estimator) == "Estimator(model='lift', engine='onnxruntime', emitters='mode')"
