@@ -88,7 +88,7 @@ def test_a_mark_or_a_file_that_gives_nothing_leaves_the_last_light(page_url, bac
         complaints_allowed=True,  # the server refuses the files
     )
     first, again = seen["first"], seen["again"]
-    assert first["kept"]["quality"] == "The outline looks right."
+    assert first["kept"]["quality"] == "The mask looks right."
     for way, before in (("click", "first"), ("box", "first"), ("pending", "marked")):
         assert seen[way]["kept"] == seen[before]["kept"], way
         assert seen[way]["status"].startswith("Nothing stands out there. The last object and its light stay"), way

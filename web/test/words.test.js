@@ -9,9 +9,9 @@ import { warningsOf } from "../src/photo/quality.js";
 
 test("a doubtful mask is a sentence of its own", () => {
   const good = { agreed: 1, expected: 1, whole: 1, single: 1, meant: 1, border: 0, small: 0, large: 0 };
-  const [found] = warningsOf({ ...good, expected: 0.6 }, 0.62);
+  const [found] = warningsOf({ ...good, expected: 0.6 }, 0.62, []);
   assert.equal(found.code, "mask-doubtful");
-  assert.equal(sentence(found), "The mask may be wrong (expected quality 0.62: its outline is blurred).");
+  assert.equal(sentence(found), "The mask may be wrong: its outline is blurred.");
 });
 
 test("controls are called by their labels", () => {

@@ -4,24 +4,28 @@ from __future__ import annotations
 
 import numpy as np
 
+from anyprobe.core.contract import contract
 from anyprobe.masks.prompts import Point
 
 RIGHT = "looks right"
 WRONG = "may be wrong"
 UNSURE = "the network is unsure of it"
-APART = 0.1
+COLORS = contract("mask")["colors"]
+APART = COLORS["apart"]
 """Distance of two colours, shares of red, green and blue, from which on two things may touch."""
-TIGHT = 0.45
+TIGHT = COLORS["tight"]
 """How far colours may spread about their own thing's, of that distance."""
-SHARE = 0.15
+SHARE = COLORS["share"]
 """Of the mask that the smaller of two things must have."""
-ASIDE = 1.0
+ASIDE = COLORS["aside"]
 """Distance of the middles of two things, in standard deviations of their places, from which on they are two."""
-LOCAL = 0.35
+LOCAL = COLORS["local"]
 """Share of the mask that looks like the place of a click, below which the click is on a small part of it."""
-PIXELS = 6000
+PIXELS = COLORS["pixels"]
 """Of the mask that are looked at."""
-ROUNDS = 12
+NEAR = COLORS["near"]
+"""How far the place of a click reaches, of the mask's mean side."""
+ROUNDS = COLORS["rounds"]
 
 
 def color_doubts(rgb: np.ndarray, mask: np.ndarray, clicks: tuple[Point, ...] = ()) -> list[str]:
@@ -38,7 +42,7 @@ def color_doubts(rgb: np.ndarray, mask: np.ndarray, clicks: tuple[Point, ...] = 
     if _are_two(shares, places):
         found.append("two things of different colours may touch in it")
     for x, y in clicks:
-        near = np.hypot(*(places - (x, y)).T) <= max(2.0 * step, 0.06 * np.sqrt(mask.sum()))
+        near = np.hypot(*(places - (x, y)).T) <= max(2.0 * step, NEAR * np.sqrt(mask.sum()))
         if near.sum() < 3:
             continue
         here = np.median(shares[near], axis=0)

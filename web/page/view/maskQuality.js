@@ -1,6 +1,7 @@
-/** Whether the outline can be trusted, in words beside the photo on which it is corrected. */
+/** Whether the mask can be trusted, in words beside the photo on which it is corrected. */
 
 import { DOUBTFUL } from "../../src/photo/quality.js";
+import { sentence } from "../words.js";
 import { element } from "./elements.js";
 
 /**
@@ -14,6 +15,6 @@ export function showQuality(found) {
   if (line.hidden) return;
   const [doubt] = found.notices;
   const isGood = quality >= DOUBTFUL && !doubt;
-  line.textContent = isGood ? "The outline looks right." : `The outline may be wrong${doubt ? `: ${doubt.text}` : ""}.`;
+  line.textContent = doubt ? sentence(doubt) : `The mask ${isGood ? "looks right" : "may be wrong"}.`;
   line.className = isGood ? "good" : "warning";
 }

@@ -3,12 +3,13 @@
 import { AnyProbeError } from "../errors.js";
 import { notice } from "../notices.js";
 import { SmallNetwork, U2NetP, untilGivenUp } from "../photo/maskNetworks.js";
+import { colorDoubts } from "../photo/colorDoubts.js";
 import { REFUSED, examine, expectedIou, warningsOf } from "../photo/quality.js";
 import { findObject, lookAgain, maskOf } from "../photo/search.js";
 import { smallNetworkWarning } from "./words.js";
 
 /**
- * The mask of a still picture, with the IoU to expect, a line where that is little, and the seconds it took without the opening
+ * The mask of a still picture, with the IoU to expect, a line where that is little or its colours fall apart, and the seconds it took without the opening
  * of a network.
  *
  * @param {import("./models.js").Models} models
@@ -21,7 +22,8 @@ export async function findMask(models, picture, hints, isGivenUp) {
   await network.open();
   const start = performance.now();
   const { evidence, ...found } = await searchBy(untilGivenUp(network, isGivenUp), picture, hints, findObject);
-  const warnings = evidence ? warningsOf(evidence, found.quality) : [notice("no-object", "nothing stands out there")];
+  const said = () => warningsOf(evidence, found.quality, colorDoubts(picture, found.mask, hints.box ? [] : hints.on));
+  const warnings = evidence ? said() : [notice("no-object", "nothing stands out there")];
   if (evidence && network.name === "small") warnings.push(smallNetworkWarning(hints));
   return { ...found, warnings, seconds: (performance.now() - start) / 1000 };
 }

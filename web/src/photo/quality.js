@@ -92,10 +92,18 @@ export function doubts(evidence) {
     .map(([, words]) => words);
 }
 
-/** A line of what looks wrong, where little is to be expected. @returns {import("../notices.js").Notice[]} */
-export function warningsOf(evidence, quality) {
-  if (quality >= DOUBTFUL) return [];
-  const [first] = doubts(evidence);
-  const text = `the mask may be wrong (expected quality ${quality.toFixed(2)}${first ? `: ${first}` : ""})`;
+/**
+ * A line of what looks wrong, where little is to be expected or colours speak against the mask.
+ *
+ * @param {ReturnType<typeof examine>} evidence
+ * @param {number} quality expected IoU
+ * @param {string[]} ofColors of colorDoubts
+ * @returns {import("../notices.js").Notice[]}
+ */
+export function warningsOf(evidence, quality, ofColors) {
+  const isDoubtful = quality < DOUBTFUL;
+  if (!isDoubtful && !ofColors.length) return [];
+  const [first = "the network is unsure of it"] = [...ofColors, ...(isDoubtful ? doubts(evidence) : [])];
+  const text = `the mask may be wrong: ${first}`;
   return [notice("mask-doubtful", text, give("box", "click", "exclude", "mask"))];
 }
