@@ -280,7 +280,9 @@ found["matched"] |= {
 bpy.context.scene.light_from_photo.library = ""
 
 again = estimate(use_camera=False, lights="WORLD", library="")
-drawn = [one.name for one in bpy.data.images if one.name.partition(" of ")[0] in {"Object", "Chrome ball", "Matte ball"}]
+drawn = [
+    one.name for one in bpy.data.images if one.name.partition(" of ")[0] in {"Object", "Chrome ball", "Matte ball"}
+]
 found["own_camera"] = [again, bpy.context.scene.camera is not None, drawn]
 bpy.context.scene.light_from_photo.use_camera = True
 

@@ -183,7 +183,7 @@ def write_balls(radiance, folder: Path) -> None:
     import numpy as np
 
     from anyprobe.core.response import response
-    from anyprobe.files.images import write_png
+    from anyprobe.pictures.images import write_png
     from anyprobe.render.spheres import diffuse, mirror, sphere_normals
 
     matte, chrome = diffuse(radiance, BALL_PX), mirror(radiance, BALL_PX)
