@@ -54,8 +54,11 @@ export default async ({ page, url }) => {
     await page.mouse.up();
   };
   await page.locator("#before").fill("0");
+  const drawn = page.evaluate(() => new Promise((done) => document.getElementById("overlay").addEventListener("drawn", done, { once: true })));
   await drag(middle, [middle[0] - 0.1, middle[1]]);
-  await page.waitForTimeout(1000);
+  await drawn; // the first, perhaps before the last move
+  await page.evaluate(() => document.getElementById("turn").dispatchEvent(new Event("input")));
+  await page.evaluate(() => new Promise((done) => document.getElementById("overlay").addEventListener("drawn", done, { once: true })));
   seen.moved = x0 - (await opaque(page))[0];
   seen.asked = { moving: await page.evaluate(() => asked.length) };
   await page.locator("#before").fill("100");
