@@ -40,7 +40,7 @@ def test_results_that_differ_by_case_alone_are_refused_where_that_is_one_file(co
     for name in ("Vase.png", "vase.jpg"):
         Image.fromarray(photo_rgba[..., :3]).save(name)
     arguments = ("mask", "Vase.png", "vase.jpg", "-q")
-    assert command(*arguments).status == 0
+    assert command(*arguments).status == (2 if folds_case(work) else 0)
     monkeypatch.setattr(options, "folds_case", lambda folder: True)
     outcome = command(*arguments)
     assert outcome.status == 2
@@ -57,6 +57,9 @@ def test_one_file_has_one_key_whatever_its_case_where_that_does_not_count(tmp_pa
 @pytest.mark.skipif(sys.platform != "linux", reason="of a system whose names have cases")
 def test_whether_case_counts_is_seen_of_the_nearest_folder_that_is_there(tmp_path, monkeypatch):
     (tmp_path / "Folder").mkdir()
+    if (tmp_path / "fOLDER").exists():
+        assert folds_case(tmp_path / "Folder" / "not" / "yet")
+        return
     assert not folds_case(tmp_path / "Folder" / "not" / "yet")
     (tmp_path / "fOLDER").symlink_to(tmp_path / "Folder")  # as such a system answers
     assert folds_case(tmp_path / "Folder" / "not" / "yet")
