@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -36,11 +37,12 @@ def disk(folder: Path) -> Iterator[Path | None]:
     try:
         yield place
     finally:
-        subprocess.run(["umount", str(place)], check=False)
+        subprocess.run(["umount", "-l", str(place)], check=False)
 
 
 def main() -> int:
     """Run the tests that are named, else all of the product; return pytest's status."""
+    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))  # so that the disk is given back
     asked = sys.argv[1:] or ["tests/product"]
     paths = os.pathsep.join(str(ROOT / name) for name in ("src", "tests", "."))
     with tempfile.TemporaryDirectory() as folder, disk(Path(folder)) as place:
