@@ -68,7 +68,31 @@ def tilde_and_none(tmp_path, monkeypatch):
     monkeypatch.setenv("U2NET_HOME", "~/models")
 
 
+def of_nobody(tmp_path, monkeypatch):
+    monkeypatch.setenv("U2NET_HOME", "~nobody-of-this-name/models")
+
+
+def empty(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", "")
+
+
+def too_long(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", f"/{'a' * 5000}")
+
+
+def no_utf8(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", "/\udcff\udcfe")
+
+
+def no_disk(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", "/proc")
+    monkeypatch.setenv("U2NET_HOME", "/dev/full")
+    monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null")
+
+
 HOMES = [none_at_all, a_file, absent, a_loop, the_null_device, read_only, closed, tilde_and_none]
+HOMES += [of_nobody, empty, too_long, no_utf8, no_disk]
 
 
 @pytest.fixture(params=HOMES, ids=lambda home: home.__name__)

@@ -167,7 +167,7 @@ def own_lines() -> Iterator[None]:
 def _forget_no_width() -> None:
     """Drop a COLUMNS that no terminal has."""
     said = os.environ.get("COLUMNS", "")
-    if said.isdecimal() and int(said) < LEAST_COLUMNS:
+    if said and not (said.isascii() and said.isdecimal() and LEAST_COLUMNS <= int(said[:9])):
         del os.environ["COLUMNS"]
 
 

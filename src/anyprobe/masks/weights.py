@@ -16,7 +16,7 @@ from pathlib import Path
 
 from anyprobe.errors import ModelError, OutputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.paths import home_folder, is_there
+from anyprobe.files.paths import is_there
 from anyprobe.notices import FETCH_MASKS, Remedy
 
 NAME = "u2netp.onnx"
@@ -70,17 +70,12 @@ def kept_in() -> list[tuple[Path, str]]:
 
     They are rembg's own (U2NET_HOME, else .u2net at home, where there is a home) and one of this Python environment.
     """
-    named, home = os.environ.get("U2NET_HOME"), home_folder()
-    own = Path(sys.prefix) / "share" / "anyprobe"
-    rembg: Path | None = None
-    if named and not named.startswith("~"):
-        rembg = Path(named)
-    elif named and home is not None:
-        rembg = Path(named).expanduser()
-    elif not named and home is not None:
-        rembg = home / ".u2net"
-    found = [] if rembg is None else [(rembg, "rembg's folder")]
-    return [*found, (own, "this Python environment")]
+    own = (Path(sys.prefix) / "share" / "anyprobe", "this Python environment")
+    try:
+        rembg = Path(os.environ.get("U2NET_HOME") or "~/.u2net").expanduser()
+    except (RuntimeError, OSError, KeyError):  # nobody has that home
+        return [own]
+    return [(rembg, "rembg's folder"), own]
 
 
 def fetch_weights() -> Weights:
