@@ -1,6 +1,11 @@
 """A hundred clients at a server of its own for a minute: what is answered, how fast, in what memory.
 
     python benchmarks/serve_load.py [--clients 100] [--seconds 60 | --requests 10000] [--workers 2] [--json]
+    python benchmarks/serve_load.py --clients 8 --photo examples/table.jpg --rival PATH/bin/rembg
+
+--rival: after it rembg's server (pip install 'rembg[cpu,cli]' into an environment of its own) under the same clients,
+which cuts the same photo out by the same network, U2-Net-p, and estimates no light. Processor seconds a photo compare
+the two on a machine that others use too.
 
 Every client posts the same photo, waits for the answer, and posts again; told 429, it waits as long
 as Retry-After says and posts the same request once more. A request is lost if it ends by anything
@@ -25,6 +30,7 @@ from pathlib import Path
 
 import numpy as np
 from measure import cpu_model
+from photo_cost import used_s
 
 PHOTO = Path(__file__).parents[1] / "examples" / "vase.png"
 MEMORY_EVERY_S = 1.0
@@ -44,15 +50,35 @@ class Tally:
     """From the first attempt of a request to its answer."""
 
 
-async def post(port: int, body: bytes) -> tuple[int, dict[str, str]]:
+@dataclass(frozen=True, kw_only=True)
+class Question:
+    """What every client posts."""
+
+    path: str
+    kind: str
+    body: bytes
+
+
+def own_question(photo: Path) -> Question:
+    return Question(path="/v1/estimate", kind="application/octet-stream", body=photo.read_bytes())
+
+
+def rembgs_question(photo: Path) -> Question:
+    edge, head = "one-part-after-another", "Content-Disposition: form-data; name="
+    model = f'--{edge}\r\n{head}"model"\r\n\r\nu2netp\r\n--{edge}\r\n{head}"file"; filename="{photo.name}"\r\n'
+    body = f"{model}Content-Type: image/jpeg\r\n\r\n".encode() + photo.read_bytes() + f"\r\n--{edge}--\r\n".encode()
+    return Question(path="/api/remove", kind=f"multipart/form-data; boundary={edge}", body=body)
+
+
+async def post(port: int, asked: Question) -> tuple[int, dict[str, str]]:
     """One request on a line of its own: status and headers."""
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
     try:
         head = (
-            f"POST /v1/estimate HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: {len(body)}\r\n"
-            "Content-Type: image/png\r\nConnection: close\r\n\r\n"
+            f"POST {asked.path} HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: {len(asked.body)}\r\n"
+            f"Content-Type: {asked.kind}\r\nConnection: close\r\n\r\n"
         )
-        writer.write(head.encode() + body)
+        writer.write(head.encode() + asked.body)
         await writer.drain()
         answer = await reader.read()
     finally:
@@ -65,16 +91,16 @@ async def post(port: int, body: bytes) -> tuple[int, dict[str, str]]:
     return int(first.split()[1]), headers
 
 
-async def client(port: int, body: bytes, until: float, requests: int, tally: Tally) -> None:
+async def client(port: int, asked: Question, until: float, requests: int, tally: Tally) -> None:
     """Requests one after the other until the time is up or all are answered; the last one is waited for."""
     while time.monotonic() < until and sum(tally.statuses.values()) < requests:
         start = time.monotonic()
         try:
-            status, headers = await post(port, body)
+            status, headers = await post(port, asked)
             while status == 429:
                 tally.told_to_wait += 1
                 await asyncio.sleep(float(headers["retry-after"]))
-                status, headers = await post(port, body)
+                status, headers = await post(port, asked)
         except (OSError, IndexError, ValueError):
             status = 0
         tally.statuses[status] += 1
@@ -103,27 +129,25 @@ async def watch(pid: int, held: list[tuple[float, float]]) -> None:
 
 
 async def load(
-    port: int, pid: int, clients: int, seconds: float, requests: int
+    port: int, pid: int, asked: Question, clients: int, seconds: float, requests: int
 ) -> tuple[Tally, list[tuple[float, float]], float]:
-    tally, held, body = Tally(), [], PHOTO.read_bytes()
+    tally, held = Tally(), []
     watching = asyncio.create_task(watch(pid, held))
     start = time.monotonic()
-    await asyncio.gather(*(client(port, body, start + seconds, requests, tally) for _ in range(clients)))
+    await asyncio.gather(*(client(port, asked, start + seconds, requests, tally) for _ in range(clients)))
     watching.cancel()
     return tally, held, time.monotonic() - start
 
 
 @contextlib.contextmanager
-def server(workers: int):
-    """`anyprobe serve` on a free port: (port, process id)."""
+def server(*command: str):
+    """A server on a free port, which is appended to its command, once it answers: (port, process id)."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    program = Path(sys.executable).with_name("anyprobe")
-    command = [str(program), "serve", "--port", str(port), "--workers", str(workers)]
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen([*command, str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
-        for _ in range(600):
+        for _ in range(3000):
             with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
                 break
             time.sleep(0.1)
@@ -133,27 +157,21 @@ def server(workers: int):
         process.wait(20)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--clients", type=int, default=100)
-    parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--requests", type=int, default=None, help="so many in all, however long they take")
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--json", action="store_true", help="one object instead of lines")
-    asked = parser.parse_args()
-    with server(asked.workers) as (port, pid):
-        seconds, requests = (asked.seconds, 10**9) if asked.requests is None else (1e9, asked.requests)
-        tally, held, took = asyncio.run(load(port, pid, asked.clients, seconds, requests))
+def measured(command: list[str], asked: Question, given: argparse.Namespace) -> dict[str, object]:
+    """Run a server under its clients; the first photo, which opens networks, is not counted."""
+    with server(*command) as (port, pid):
+        asyncio.run(post(port, asked))
+        seconds, requests = (given.seconds, 10**9) if given.requests is None else (1e9, given.requests)
+        before = used_s(pid)
+        tally, held, took = asyncio.run(load(port, pid, asked, given.clients, seconds, requests))
+        used = used_s(pid) - before
     warm = np.array([mb for second, mb in held if second > WARM_SHARE * took])
-    result = {
-        "cpu": cpu_model(),
-        "cores": len(os.sched_getaffinity(0)),
-        "clients": asked.clients,
-        "workers": asked.workers,
+    return {
         "seconds": round(took, 1),
         "answered": tally.answered,
         "lost": tally.lost,
         "per_second": round(tally.answered / took, 2),
+        "core_s_a_photo": round(used / max(tally.answered, 1), 3),
         "told_to_wait": tally.told_to_wait,
         "median_s": round(float(np.median(tally.seconds)), 2),
         "p99_s": round(float(np.percentile(tally.seconds, 99)), 2),
@@ -161,7 +179,31 @@ def main() -> None:
         "memory_mb_at_end": round(float(warm[-1])),
         "memory_mb_most": round(float(max(mb for _, mb in held))),
     }
-    print(json.dumps(result) if asked.json else "\n".join(f"{key:22} {value}" for key, value in result.items()))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--clients", type=int, default=100)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--requests", type=int, default=None, help="so many in all, however long they take")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--photo", type=Path, default=PHOTO)
+    parser.add_argument("--rival", default=None, help="rembg's program, to be run under the same clients")
+    parser.add_argument("--json", action="store_true", help="one object instead of lines")
+    given = parser.parse_args()
+    program = str(Path(sys.executable).with_name("anyprobe"))
+    result = {
+        "cpu": cpu_model(),
+        "cores": len(os.sched_getaffinity(0)),
+        "clients": given.clients,
+        "photo": given.photo.name,
+        "workers": given.workers,
+        **measured([program, "serve", "--workers", str(given.workers), "--port"], own_question(given.photo), given),
+    }
+    if given.rival:
+        rival = measured([given.rival, "s", "--host", "127.0.0.1", "--port"], rembgs_question(given.photo), given)
+        result |= {f"rembg_{name}": value for name, value in rival.items()}
+    print(json.dumps(result) if given.json else "\n".join(f"{key:22} {value}" for key, value in result.items()))
 
 
 if __name__ == "__main__":

@@ -21,6 +21,8 @@ FINDS = Path(__file__).parent / "finds"
 SECONDS = 5.0
 MEMORY_MB = 1500
 BATCH = 500
+FIRST = 50
+"""Inputs of a parser's first process, so that every parser gets some on a busy machine too."""
 HANGS_S = 120.0
 """Wall clock after which an input hangs, on a machine that others use too."""
 
@@ -161,8 +163,9 @@ def main() -> int:
             break
         name = min(names, key=lambda one: fed[one] / PARSERS[one].weight)
         turn += 1
-        count, finds = run_batch(name, turn, given.batch)
-        fed[name] += count or given.batch  # of a process that ended, about so many
+        asked_for = given.batch if fed[name] else min(given.batch, FIRST)
+        count, finds = run_batch(name, turn, asked_for)
+        fed[name] += count or asked_for  # of a process that ended, about so many
         if given.progress:
             print(f"{sum(fed.values())} inputs, {len(seen)} kinds of finds", flush=True)
         for found, data in finds:
