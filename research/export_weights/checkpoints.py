@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 
 from anyprobe.errors import ModelError
-from anyprobe.learning.train.checkpoint import current_weight_names, init_weights_id, read_checkpoint, read_init_weights
+from anyprobe.learning.train.checkpoint import init_weights_id, read_checkpoint, read_init_weights
 
 
 def mean_checkpoint(checkpoint: Path, other: Path, path: Path, share: float = 0.5) -> Path:
@@ -22,7 +22,6 @@ def mean_checkpoint(checkpoint: Path, other: Path, path: Path, share: float = 0.
     """
     stored = read_checkpoint(checkpoint)
     (kept, pairs), nets = read_init_weights(other), stored["nets"]
-    kept = current_weight_names(kept, nets)
     if {name: value.shape for name, value in kept.items()} != {name: value.shape for name, value in nets.items()}:
         raise ModelError(f"{other}: expected weights of the run {checkpoint}, got another network's")
     mean = {

@@ -100,17 +100,3 @@ def test_what_is_kept_never_takes_the_runs_place(tmp_path):
     with pytest.raises(InputError, match="got the run's own checkpoint"):
         save_init_weights(path, link / path.name)
     assert path.read_bytes() == before
-
-
-def test_parts_that_were_renamed_are_found(tmp_path):
-    """Weights kept by an older release hold the same numbers under other names."""
-    path = write_run(tmp_path)
-    stored = torch.load(path, weights_only=True)
-    older = {
-        name.replace("light.emitters.power", "light.lamps.flux").replace(".up.", ".rise."): value
-        for name, value in stored["nets"].items()
-    }
-    assert older.keys() != stored["nets"].keys()
-    torch.save({**stored, "nets": older}, path)
-    for name, value in load_nets(path).state_dict().items():
-        assert torch.equal(value, stored["nets"][name]), name

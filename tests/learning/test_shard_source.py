@@ -95,14 +95,6 @@ def test_a_shard_that_is_not_finished_is_left_out(rendered, tmp_path):
         source(folder, batch=5)
 
 
-def test_an_older_dataset_has_no_normals(rendered, tmp_path):
-    folder = tmp_path / "older"
-    shutil.copytree(rendered, folder)
-    plan = json.loads((folder / "dataset.json").read_text())
-    (folder / "dataset.json").write_text(json.dumps({**plan, "format": 1}))
-    assert not source(folder).batch(0).normals.any()
-
-
 @pytest.mark.filterwarnings("ignore")  # TensorBoard warns about itself
 def test_a_run_on_shards_resumes_to_the_bit_and_on_these_alone(rendered, tmp_path):
     config = replace(smoke(normals(), 4), pairs=replace(smoke(normals()).pairs, batch=3))

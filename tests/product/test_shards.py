@@ -22,8 +22,8 @@ from anyprobe.learning.dataset.pair import render_map_pair, render_pair
 from anyprobe.learning.dataset.recipe import Recipe
 from anyprobe.learning.dataset.render_job import SETTINGS
 from anyprobe.learning.dataset.samples import (
-    ARRAYS,
     NORMALS,
+    SAMPLE_ARRAYS,
     Sample,
     StoreRenderer,
     decode_normals,
@@ -89,9 +89,9 @@ def test_rendered_pairs_come_back_as_they_were():
         recipe = renderer.recipe(1)
         pair = (render_pair if kind == "object" else render_map_pair)(recipe, renderer.store)
         sample = renderer.sample(recipe)
-        assert list(sample.parts) == [*ARRAYS[kind], "json"]
+        assert list(sample.parts) == [*SAMPLE_ARRAYS[kind], "json"]
         assert sample.key == recipe.key
-        for name, (shape, dtype) in ARRAYS[kind].items():
+        for name, (shape, dtype) in SAMPLE_ARRAYS[kind].items():
             array, truth = decode_part(name, sample.parts[name]), getattr(pair, name.split(".")[0])
             assert name.split(".")[0] in parts
             assert (array.shape, str(array.dtype)) == (shape, dtype)

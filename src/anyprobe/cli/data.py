@@ -224,7 +224,7 @@ def verify(
             if not shards.index_path(folder, shard).exists():
                 continue
             there.append(shard)
-            wrong = shards.fault(folder, shard, plan["kind"], len(render_job.shard_range(plan, shard)), plan["format"])
+            wrong = shards.fault(folder, shard, plan["kind"], len(render_job.shard_range(plan, shard)))
             if wrong:
                 bad[shard] = wrong
     if again:

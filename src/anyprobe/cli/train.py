@@ -89,13 +89,7 @@ def _rendered(shards: Path, data: Path | None, chosen: RunConfig, device: str, w
 
     if workers:
         raise InputError("--workers: expected pairs made on the fly, got --shards; leave one of them out")
-    source = ShardSource(shards, data, chosen.pairs, device)
-    if source.form < 2 and chosen.model != "paper":
-        raise InputError(
-            f"--shards {shards}: expected a dataset with normals (format 2) for {chosen.name}, got format "
-            f"{source.form}; render it again, or train paper"
-        )
-    return source
+    return ShardSource(shards, data, chosen.pairs, device)
 
 
 def _refuse_mask(run: str) -> None:

@@ -39,13 +39,8 @@ OBJECTS: dict[str, Callable[[], Mesh]] = {
 }
 
 
-_OLD_NAMES = {"ball": "sphere"}
-"""Names that older scripts use."""
-
-
 def open_object(name: str) -> Mesh:
     """One of OBJECTS, or a mesh file; +Y is up. InputError or InvalidMesh lists them."""
-    name = _OLD_NAMES.get(name, name)
     if name in OBJECTS:
         return OBJECTS[name]()
     if not Path(name).suffix:

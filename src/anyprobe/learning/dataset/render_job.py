@@ -23,7 +23,7 @@ from anyprobe.learning.dataset import shards
 from anyprobe.learning.dataset.asset_store import PROCEDURAL_VERSION
 from anyprobe.learning.dataset.process_pools import run_local
 from anyprobe.learning.dataset.recipe import RECIPE_VERSION
-from anyprobe.learning.dataset.samples import CONDITIONS, FORMATS, StoreRenderer, decode_part, same
+from anyprobe.learning.dataset.samples import CONDITIONS, DATASET_FORMAT, StoreRenderer, decode_part, same
 
 
 def render_again(job: RenderJob, task: tuple[int, tuple[int, ...]], report: Callable[[int], None]) -> str:
@@ -156,9 +156,8 @@ def read_plan(folder: Path) -> dict:
     path = folder / NAME
     try:
         plan = json.loads(path.read_text(encoding="utf-8"))
-        if plan["format"] not in FORMATS:
-            raise InputError(f"{path}: expected format {FORMATS[-1]}, got {plan['format']}; use another version")
-        plan.setdefault("commercial_only", True)  # what it was before there was a choice
+        if plan["format"] != DATASET_FORMAT:
+            raise InputError(f"{path}: expected format {DATASET_FORMAT}, got {plan['format']}; use another version")
         _check_plan(plan)
     except FileNotFoundError as error:
         raise InputError(f"{folder}: expected a rendered dataset, found no {NAME}; check the path") from error
@@ -227,7 +226,7 @@ def begin(
 def _versions() -> dict[str, object]:
     """Of whatever would make other pairs of the same settings."""
     return {
-        "format": FORMATS[-1],
+        "format": DATASET_FORMAT,
         "anyprobe_version": __version__,
         "recipe_version": RECIPE_VERSION,
         "procedural_version": PROCEDURAL_VERSION,

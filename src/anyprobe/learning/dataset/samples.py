@@ -20,10 +20,10 @@ from anyprobe.pictures.images import png_bytes
 
 CONDITIONS = ("clean", "world")
 
-FORMATS = (1, 2)
-"""Formats of datasets that are read; the last is written. Objects of format 1 have no normals."""
+DATASET_FORMAT = 2
+"""Format of datasets; another one is refused."""
 NORMALS = "normals.png"
-ARRAYS = {
+SAMPLE_ARRAYS = {
     "object": {
         "photo.png": ((128, 128, 4), "uint8"),
         "irradiance.png": ((128, 128, 3), "uint8"),
@@ -32,11 +32,6 @@ ARRAYS = {
     "map": {"ldr.png": ((64, 128, 3), "uint8"), "ln_radiance.npy": ((64, 128, 3), "float16")},
 }
 """By kind, the shape and type of each array of a sample; json stands beside them."""
-
-
-def arrays_of(kind: str, form: int) -> dict[str, tuple[tuple[int, ...], str]]:
-    """ARRAYS of a kind in a dataset of a format."""
-    return {name: what for name, what in ARRAYS[kind].items() if form > 1 or name != NORMALS}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -23,7 +23,7 @@ import numpy as np
 from anyprobe.errors import InputError, OutputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.learning.dataset.recipe import Recipe
-from anyprobe.learning.dataset.samples import FORMATS, Sample, arrays_of, decode_part
+from anyprobe.learning.dataset.samples import DATASET_FORMAT, SAMPLE_ARRAYS, Sample, decode_part
 
 _BLOCK = 512
 _TEMPORARY = re.compile(r"^\.(shard-\d{6}|dataset)-[0-9a-f]{8}\.(tar|json)$")
@@ -163,7 +163,7 @@ def _header(name: str, size: int) -> bytes:
 
 def _index_text(index: ShardIndex) -> str:
     head = {
-        "format": FORMATS[-1],
+        "format": DATASET_FORMAT,
         "shard": index.shard,
         "size": index.size,
         "sha256": index.sha256,
@@ -193,9 +193,9 @@ def read_index(folder: Path, shard: int) -> ShardIndex:
         raise InputError(f"{path}: expected the index of a shard, found none") from error
     except (OSError, ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
         raise InputError(f"{path}: expected the index of a shard, got damage ({error})") from error
-    if fields.get("format") not in FORMATS or index.shard != shard:
+    if fields.get("format") != DATASET_FORMAT or index.shard != shard:
         raise InputError(
-            f"{path}: expected format {FORMATS[-1]} of shard {shard}, got {fields.get('format')} of {index.shard}"
+            f"{path}: expected format {DATASET_FORMAT} of shard {shard}, got {fields.get('format')} of {index.shard}"
         )
     return index
 
@@ -238,9 +238,9 @@ def read_samples(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
         yield key, parts
 
 
-def fault(folder: Path, shard: int, kind: str, pairs: int, form: int = FORMATS[-1]) -> str:
-    """What is wrong with a shard that ought to hold so many pairs of a kind in a format; empty if nothing."""
-    arrays = arrays_of(kind, form)
+def fault(folder: Path, shard: int, kind: str, pairs: int) -> str:
+    """What is wrong with a shard that ought to hold so many pairs of a kind; empty if nothing."""
+    arrays = SAMPLE_ARRAYS[kind]
     try:
         index = read_index(folder, shard)
         path = tar_path(folder, shard)

@@ -19,12 +19,6 @@ from anyprobe.errors import InputError, ModelError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.learning.train.from_lift import chain_from_lift
 
-RENAMED = (
-    ("light.lamps.flux.", "light.emitters.power."),
-    ("light.object.around.", "light.object.surroundings."),
-    (".rise.", ".up."),
-)
-"""Parts of LightNet that older checkpoints call by the first name."""
 FREE = ("name", "steps")
 """Settings that may change: the folder's name, and how long the run is."""
 EXPLAINED = {
@@ -142,23 +136,9 @@ def read_checkpoint(path: Path, device: str = "cpu", holds: str = "nets") -> dic
     return dict(stored)
 
 
-def current_weight_names(
-    weights: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.Tensor]
-) -> dict[str, torch.Tensor]:
-    """Weights under the names that networks of this release have (`wanted`), where they were RENAMED."""
-    result = {}
-    for name, value in weights.items():
-        renamed = name
-        for old, new in RENAMED:
-            renamed = renamed.replace(old, new)
-        result[renamed if renamed in wanted else name] = value
-    return result
-
-
 def load_weights(nets: nn.Module, weights: Mapping[str, torch.Tensor], path: Path) -> None:
     """Give networks the weights that a checkpoint at path holds; ModelError that names the first that does not fit."""
     wanted = nets.state_dict()
-    weights = current_weight_names(weights, wanted)
     for name in {**wanted, **weights}:
         expected, found = (
             list(state[name].shape) if isinstance(state.get(name), torch.Tensor) else "none"
@@ -176,8 +156,6 @@ def _no_checkpoint(path: Path, found: str) -> ModelError:
     return ModelError(f"{path}: expected a run's checkpoint, got {found}; train again, or put a copy back")
 
 
-ADDED = ("light.object.material.", "light.posterior.")
-"""Parts that weights of older releases lack; they begin untrained."""
 SMALL = 1024
 """Tensors of fewer numbers stay float32: statistics and biases, which weigh nothing."""
 
@@ -223,12 +201,12 @@ def load_init_weights(nets: nn.Module, path: Path, lift: Path | None = None) -> 
     from path, see train.from_lift; else untrained.
     """
     fresh = nets.state_dict()
-    kept = current_weight_names(read_init_weights(path)[0], fresh)
+    kept = read_init_weights(path)[0]
     layers = chain_from_lift(kept if lift is None else read_init_weights(lift)[0], fresh)
     if layers and lift is None:
         kept = layers
     have = {name.split(".")[0] for name in kept}
-    lacking = {name: x for name, x in fresh.items() if name.startswith(ADDED) or name.split(".")[0] not in have}
+    lacking = {name: x for name, x in fresh.items() if name.split(".")[0] not in have}
     if have & {name for name, _ in nets.named_children()}:
         kept = lacking | {name: x for name, x in layers.items() if name in lacking} | kept
     try:

@@ -186,7 +186,6 @@ class ShardSource:
         if data is None and plan["procedural_maps"] < len(plan["maps"]):
             raise InputError(f"--shards {folder}: expected --data too, the assets it was rendered from, got none")
         self.folder, self.config, self.device = folder, config, device
-        self.form = plan["format"]
         done = [shard for shard in range(num_shards(plan)) if is_done(folder, shard)]
         self.indices: dict[int, ShardIndex] = {shard: read_index(folder, shard) for shard in done}
         self.keys = [(shard, key) for shard, index in self.indices.items() for key in index.parts]
@@ -236,7 +235,7 @@ class ShardSource:
         fields = parts["json"]
         light = self._light(fields["map_id"], json.dumps(fields["map_from_camera"]))
         radiance = light * np.asarray(fields["gain"], np.float32)
-        normals = decode_normals(parts[NORMALS]) if self.form > 1 else np.zeros((128, 128, 3), np.float32)
+        normals = decode_normals(parts[NORMALS])
         images: dict[str, Any] = {
             "photo": parts["photo.png"] / np.float32(255),
             "irradiance": parts["irradiance.png"] / np.float32(255),
