@@ -1,1 +1,0 @@
-"""A second network that estimates light from points of a surface and their normals, trained without photos."""
