@@ -25,8 +25,8 @@ from anyprobe.scatter.materials import Material
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-_SOURCES = 3
-"""Light sources that several photos together have, at most."""
+_PLACES = 3
+"""Places that the light sources of several photos are gathered in, at most."""
 VOTE = 12.0
 """Sharpness of the cosine power with which each photo's light sources vote for a place."""
 REACH = np.cos(np.radians(40.0))
@@ -62,7 +62,7 @@ def _by_vote(above: np.ndarray) -> np.ndarray:
     d, solid_angles = pixel_directions(len(above)), pixel_solid_angles(len(above))
     whole = left = luminance(above) * solid_angles
     found, power = np.zeros_like(above), 0.0
-    for _ in range(_SOURCES):
+    for _ in range(_PLACES):
         if left.sum() < LEAST_POWER:
             break
         votes = blur_cosine_power((left / solid_angles)[..., None], VOTE)[..., 0]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from anyprobe.core.color import luminance
+from anyprobe.core.contract import contract
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cap
@@ -36,7 +37,8 @@ LEAST_SHARE = 0.04
 """Of the map's power: less is no source."""
 LEAST_CONTRAST = 3.0
 """Times the luminance of the ring: duller is no source."""
-MOST = 4
+MOST_SOURCES: int = contract("source_split")["most"]
+"""The number of light sources that a map has at most: here, in the filter of videos and in the networks' heads."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -54,7 +56,7 @@ class LightSource:
 
 
 def find_light_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[LightSource, ...]:
-    """The light sources of a map [H, 2H, 3], the one with the brightest place first; at most MOST, perhaps none."""
+    """The light sources of a map [H, 2H, 3], the one with the brightest place first; MOST_SOURCES at most."""
     small = reduced(np.asarray(radiance, np.float32))
     d = pixel_directions(len(small)).reshape(-1, 3)
     angles = np.broadcast_to(pixel_solid_angles(len(small)), small.shape[:2]).ravel()
@@ -63,7 +65,7 @@ def find_light_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[LightSou
     colors, bright = small.reshape(-1, 3), bright.ravel()
     total = float(bright @ angles)
     found: list[LightSource] = []
-    while len(found) < MOST and total > 0 and left.max() > 0:
+    while len(found) < MOST_SOURCES and total > 0 and left.max() > 0:
         peak = d[int(np.argmax(left))]
         near = d @ peak > np.cos(np.radians(_PLACE_DEG))
         center = peak

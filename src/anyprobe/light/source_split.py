@@ -19,12 +19,12 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.light.light_sources import MOST_SOURCES
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
 RULES = contract("source_split")
-MOST: int = RULES["most"]
 NAMES = ("reach_deg", "ring_deg", "apart_deg")
 COMPACT_AND_WIDE = tuple(
     (*(np.cos(np.radians(rules[name])) for name in NAMES), float(np.radians(rules["most_radius_deg"])))
@@ -53,7 +53,7 @@ def split_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[np.ndarray, t
     bright = luminance(soft)
     least = LEAST_SHARE * float(bright @ angles[:, 0])
     sources: list[Source] = []
-    for _ in range(MOST):
+    for _ in range(MOST_SOURCES):
         peak = d[int(np.argmax(bright))].astype(np.float64)
         for reach, ring, apart, most_radius in COMPACT_AND_WIDE:  # noqa: B007
             found = _around(soft, peak, reach, ring, least)

@@ -26,7 +26,7 @@ REACH_DEG, ROUND_DEG = 40.0, 10.0
 """A candidate position is worth exp(-sqrt(angle^2 + ROUND^2) / REACH) of the light at that angle from it."""
 _LIKELY, NEAR = 2.0, 48.0
 """Exponents of a direction's probability and of its worth as a candidate, in `mode`."""
-_SOURCES = 2
+_DISCS = 2
 """Discs that `mode` places. One has all power in the wrong place where it errs; each more is a highlight made up."""
 DISC_DEG = 4.0
 """Their radius: the smallest that always covers a pixel centre."""
@@ -73,18 +73,18 @@ class EmitterHead(nn.Module):
         return spread / (spread * self.solid_angles).sum(dim=(2, 3), keepdim=True)
 
     def mode(self, ln_power: torch.Tensor, logit: torch.Tensor) -> torch.Tensor:
-        """The same power in _SOURCES discs at the most likely positions, each with the share that is likely near it."""
+        """The same power in _DISCS discs at the most likely positions, each with the share that is likely near it."""
         # means over 3 x 3 pixels, across the seam: pixel shuffle leaves a grain of 2 x 2
         even = F.avg_pool2d(F.pad(wrap(logit, 1), (0, 0, 1, 1), mode="replicate"), 3, stride=1)
         left = torch.exp(even - logit.amax(dim=(2, 3), keepdim=True)) + LEAST
         left = left * self.solid_angles
         left = left / left.sum(dim=(2, 3), keepdim=True)
         discs = torch.zeros_like(left)  # power per steradian, of a total of 1 at the end
-        for number in range(_SOURCES):
+        for number in range(_DISCS):
             cosine = (self.directions * self.likeliest(left)).sum(dim=1, keepdim=True).clamp(-1.0, 1.0)
             disc = F.relu(cosine - math.cos(math.radians(DISC_DEG)))
             disc = disc / (disc * self.solid_angles).sum(dim=(2, 3), keepdim=True)
-            near = torch.ones_like(cosine) if number == _SOURCES - 1 else (1.0 + cosine) / 2.0
+            near = torch.ones_like(cosine) if number == _DISCS - 1 else (1.0 + cosine) / 2.0
             discs = discs + disc * (left * near).sum(dim=(2, 3), keepdim=True)
             left = left * (1.0 - near)
         return self.above(ln_power)[:, :, None, None] * discs

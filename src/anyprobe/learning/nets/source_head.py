@@ -20,6 +20,7 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.learning.nets.blocks import wrap
 from anyprobe.learning.nets.emitter_head import LEAST, EmitterHead
 from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.light.light_sources import MOST_SOURCES
 
 RADII_DEG = (4.0, 8.0, 16.0, 32.0)
 """Of the discs in which a source's power is given; the smallest always covers a pixel's centre."""
@@ -28,7 +29,7 @@ DRAWN = 2
 LIKELY = 2.0
 """Exponent of the likelihood by which that is spread. Both chosen on left-out whole photos: with all discs drawn and an
 exponent of 1, maps have more places that are white though they should not be."""
-SOURCES = 4
+SOURCES = MOST_SOURCES
 PLACE_DEG, APART_DEG = 8.0, 16.0
 COMPONENTS = 4
 """Of the mixture on the sphere that the context adds to where light may come from."""
