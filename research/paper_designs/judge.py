@@ -151,11 +151,17 @@ def unwrap_sphere(sphere: torch.Tensor, rows: int) -> torch.Tensor:
 
 
 def unwrap_mirror(mirror: torch.Tensor, normals: torch.Tensor, mask: torch.Tensor, rows: int) -> torch.Tensor:
-    """Mirror images [B, 1, S, S] of shapes with these normals [B, 3, S, S] to grey maps [B, 3, rows, 2 rows].
+    """Mirror images [B, 1, S, S] of shapes with these normals [B, 3, S, S], seen from far away, to grey maps [B, 3,
+    rows, 2 rows]."""
+    uv = torch.from_numpy(mirror_places(normals.permute(0, 2, 3, 1).cpu().numpy())).to(mirror.device)
+    return spread_mirror(mirror, uv, mask, rows)
+
+
+def spread_mirror(mirror: torch.Tensor, uv: torch.Tensor, mask: torch.Tensor, rows: int) -> torch.Tensor:
+    """Mirror images [B, 1, S, S] whose pixels see the map at uv [B, S, S, 2] to grey maps [B, 3, rows, 2 rows].
 
     Every pixel goes where it sees the map; what none sees is filled from ever coarser means.
     """
-    uv = torch.from_numpy(mirror_places(normals.permute(0, 2, 3, 1).cpu().numpy())).to(mirror.device)
     column = (uv[..., 0] * 2 * rows).long().clip(0, 2 * rows - 1)
     row = (uv[..., 1] * rows).long().clip(0, rows - 1)
     place = (row * 2 * rows + column).flatten(1)

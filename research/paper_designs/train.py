@@ -24,8 +24,6 @@ DECAY = 1e-4
 CHECKPOINT_SECONDS = 180.0
 LOG_EVERY = 500
 STEPS, LEAST_BATCH = 1000, 25
-KEPT_LOSSES = ("irradiance", "ours")
-"""Designs whose losses are kept step by step: without and with gradual targets, the paper's Fig. 6."""
 A_DECADE = 4
 """Evaluations while the pairs seen grow tenfold."""
 
@@ -65,7 +63,6 @@ class Trainer:
 
     def __init__(self, run: Run, tables: Tables, device: str = "cpu") -> None:
         self.run, self.step = run, 0
-        self.losses: list[list[float]] = []
         self.nets = Designs(run.scale, run.seed).to(device)
         dtype = torch.bfloat16 if has_bfloat16(device) else torch.float32
         working = copy.deepcopy(self.nets).to(dtype)
@@ -88,7 +85,6 @@ class Trainer:
         self._optimizer.step()
         self._copy()
         self.step += 1
-        self.losses.append([losses[name].value() for name in KEPT_LOSSES])
         return losses
 
     @torch.no_grad()
@@ -102,7 +98,6 @@ class Trainer:
             "step": self.step,
             "nets": self.nets.state_dict(),
             "optimizer": self._optimizer.state_dict(),
-            "losses": torch.tensor(self.losses).reshape(-1, len(KEPT_LOSSES)),
         }
         _save(state, path)
 
@@ -114,7 +109,7 @@ class Trainer:
         self.nets.load_state_dict(state["nets"])
         self._optimizer.load_state_dict(state["optimizer"])
         self._copy()
-        self.step, self.losses = state["step"], state["losses"].tolist()
+        self.step = state["step"]
 
 
 def _save(state: dict, path: Path) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import typer
+from support.command_faults import fault_of
 
 from anyprobe.cli.app import app
 
@@ -35,22 +36,6 @@ def commands_in(page: str) -> list[list[str]]:
                 else:
                     command.append(word)
     return found
-
-
-def fault_of(words: list[str]) -> str:
-    """What click says of a command that it would refuse; empty where it takes it. Nothing runs."""
-    command, rest = typer.main.get_command(app), words[1:]
-    context = command.context_class(command, info_name="anyprobe")
-    try:
-        while hasattr(command, "commands") and rest and not rest[0].startswith("-"):
-            name, command, rest = command.resolve_command(context, rest)
-            context = command.context_class(command, info_name=name, parent=context)
-        command.make_context(context.info_name, rest, parent=context.parent)
-    except typer.Exit:  # anyprobe --version
-        return ""
-    except Exception as error:  # click's own, which typer brings with it
-        return getattr(error, "format_message", error.__str__)() or type(error).__name__
-    return ""
 
 
 def test_what_pages_show_is_a_command():

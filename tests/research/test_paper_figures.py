@@ -1,120 +1,80 @@
-"""research.paper_designs.figures: pictures of a tiny run, and what they are drawn of."""
+"""research.paper_designs.figures: pictures of the kept half-size designs, and what they are drawn of."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from PIL import Image
+from support.some_pair import sphere_pair
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
-from anyprobe.core.latlong import pixel_directions  # noqa: E402
+from anyprobe.core.frames import reflect  # noqa: E402
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions  # noqa: E402
+from anyprobe.core.response import inverse_response, response  # noqa: E402
 from anyprobe.errors import InputError  # noqa: E402
-from anyprobe.render.shapes import sphere  # noqa: E402
-from research.paper_designs.blocks import picture_of  # noqa: E402
+from anyprobe.learning.evaluate.metrics import rmse  # noqa: E402
+from anyprobe.light.reconstruct import blend_weight  # noqa: E402
+from anyprobe.render.spheres import sphere_normals  # noqa: E402
+from anyprobe.render.surface import pixel_rays  # noqa: E402
 from research.paper_designs.figures import __main__ as command  # noqa: E402
-from research.paper_designs.figures import losses, relit, rivals, trained  # noqa: E402
+from research.paper_designs.figures import half_size, losses, relit, rivals  # noqa: E402
+from research.paper_designs.figures.half_size import METHODS, SHIPPED, HalfSize  # noqa: E402
 from research.paper_designs.figures.mixed import cut_planes  # noqa: E402
-from research.paper_designs.figures.real import real_maps, real_photos  # noqa: E402
-from research.paper_designs.figures.sheet import Tile, bars, save, sheet  # noqa: E402
-from research.paper_designs.figures.trained import METHODS, judged_batch, judged_pairs, maps_of  # noqa: E402
-from research.paper_designs.scale import SCALES  # noqa: E402
-from research.paper_designs.tables import build_tables, cached_tables  # noqa: E402
-from research.paper_designs.train import KEPT_LOSSES, Run, Trainer  # noqa: E402
-
-SCALE = replace(SCALES["small"], normals=120, light_rows=64, batch=6, width=12, code=16)
-RUN = Run(pairs=75, seed=0, scale=SCALE)
-NAMES = {"thatch_chapel": 0, "snowy_field": 1, "field": 2}
-"""Maps of the frozen set; the last may not be published."""
+from research.paper_designs.figures.real import real_normals, real_photos  # noqa: E402
+from research.paper_designs.figures.sheet import FONT, Tile, bars, save, sheet, wrapped  # noqa: E402
+from research.paper_designs.judge import spread_mirror  # noqa: E402
 
 
-def some_map(seed: int) -> np.ndarray:
-    """A soft sky with a window."""
-    rng = np.random.default_rng(seed)
-    sky = 0.5 + 0.2 * pixel_directions(64) @ rng.normal(size=(3, 3)).astype(np.float32)
-    sky[10:20, 30:44] += 5.0
-    return np.maximum(sky, 0.02).astype(np.float32)
+def has_history() -> bool:
+    try:
+        half_size.kept_file(half_size.LOG)
+    except InputError:
+        return False
+    return True
+
+
+needs_history = pytest.mark.skipif(not has_history(), reason="needs a clone with its history")
 
 
 @pytest.fixture(scope="module")
-def tables():
-    maps = {name: some_map(seed) for name, seed in NAMES.items()}
-    return build_tables(SCALE, maps, {"drill": sphere(16), "horse": sphere(24)})
+def half():
+    return HalfSize()
 
 
-@pytest.fixture
-def runs(tables, tmp_path, monkeypatch):
-    """A folder as train leaves it, of three steps."""
-    monkeypatch.setitem(SCALES, "small", SCALE)
-    folder = tmp_path / "runs" / "small"
-    cached_tables(folder / "tables_test.pt", lambda: tables)
-    trainer = Trainer(RUN, tables)
-    while trainer.step < RUN.steps:
-        trainer.advance()
-    (folder / RUN.name).mkdir()
-    trainer.save(folder / RUN.name / "checkpoint.pt")
-    return tmp_path / "runs"
+@needs_history
+def test_the_kept_networks_see_light_in_a_sphere(half):
+    pair = sphere_pair()
+    found = rivals.estimates(half, pair)
+    assert tuple(found) == METHODS
+    for name, one in found.items():
+        assert one.ldr.shape == (64, 128, 3)
+        assert 0 <= one.ldr.min() <= one.ldr.max() <= 1
+        assert (one.radiance is None) == (name not in ("Ours", SHIPPED))
+    assert np.ptp(found["Meka et al."].ldr, axis=-1).max() == 0  # it says no colour
+    dark = blend_weight(found["Ours"].ldr)[..., 0] == 0
+    assert found["Ours"].radiance[dark] == pytest.approx(inverse_response(found["Ours"].ldr)[dark], rel=1e-5)
+    truth = response(pair.radiance)
+    for one in found.values():
+        assert rmse(one.ldr, truth) < rmse(np.zeros_like(truth), truth)
 
 
-@pytest.fixture
-def one(runs):
-    return trained.trained(runs, "small", RUN.pairs, RUN.seed)
-
-
-def test_losses_are_kept_step_by_step_through_a_stop(tables, tmp_path):
-    whole, first, second = (Trainer(RUN, tables) for _ in range(3))
-    steps = [whole.advance() for _ in range(RUN.steps)]
-    shown = [[losses[name].value() for name in KEPT_LOSSES] for losses in steps]
-    first.advance()
-    first.save(tmp_path / "checkpoint.pt")
-    second.load(tmp_path / "checkpoint.pt")
-    while second.step < RUN.steps:
-        second.advance()
-    assert whole.losses == shown
-    assert np.asarray(second.losses) == pytest.approx(np.asarray(shown), rel=1e-6)
-
-
-def test_a_run_that_is_not_there_or_has_not_ended_is_refused(runs, tables):
-    with pytest.raises(InputError, match="expected a finished run, found none"):
-        trained.trained(runs, "small", 100, 0)
-    trainer = Trainer(RUN, tables)
-    trainer.advance()
-    trainer.save(runs / "small" / RUN.name / "checkpoint.pt")
-    with pytest.raises(InputError, match=f"expected step {RUN.steps}, got 1"):
-        trained.trained(runs, "small", RUN.pairs, 0)
-
-
-def test_pairs_that_are_shown_are_of_assets_that_may_be_published(one):
-    for specular in (True, False):
-        every = judged_pairs(one, specular)
-        assert {int(k) % 2 for k in every.material} == {0 if specular else 1}
-        shown = judged_pairs(one, specular, 4, shown=True)
-        assert [one.test.map_names[int(k)] for k in sorted(shown.map)] == ["thatch_chapel", "snowy_field"]
-        assert {one.test.shape_names[int(k)] for k in shown.shape} == {"drill"}
-
-
-def test_maps_are_those_of_the_networks_beside_the_truth(one):
-    batch = judged_batch(one, judged_pairs(one, True, 2))
-    maps = maps_of(one.nets, batch, SCALE.side, SCALE.rows)
-    assert set(maps.ldr) == {*METHODS, "truth"}
-    assert maps.ldr["truth"] == pytest.approx(picture_of(batch.ldr, SCALE.rows).permute(0, 2, 3, 1).numpy())
-    for values in maps.ldr.values():
-        assert values.shape == (2, SCALE.rows, 2 * SCALE.rows, 3)
-    assert np.ptp(maps.ldr["meka"], axis=-1).max() == 0  # it says no colour
-    assert maps.radiance.shape == (2, SCALE.rows, 2 * SCALE.rows, 3)
-
-
-def test_each_figure_is_drawn(one, tmp_path, capsys):
-    losses.draw_losses(one, tmp_path)
-    rivals.draw_synthetic(one, tmp_path)
-    rivals.draw_bars(one, [], tmp_path)
-    relit.draw_relit(one, tmp_path)
+@needs_history
+def test_each_figure_is_drawn(half, tmp_path, capsys):
+    pair = sphere_pair()
+    pairs = [pair, replace(pair, material=replace(pair.material, alpha=0.9))]
+    losses.draw_losses(half_size.kept_losses(), tmp_path)
+    rivals.draw_synthetic(half, pairs, tmp_path)
+    rivals.draw_bars([], tmp_path)
+    relit.draw_relit(half, pairs[:1], tmp_path)
     said = capsys.readouterr().out
-    assert "Ours, gradual targets: last 10% of steps: loss" in said
-    assert "SSIM, Synth-Diff: Ours" in said
-    assert "Georgoulis et al.: RMSE of the relit object" in said
+    assert "ours: last 10% of steps: loss" in said
+    assert "SSIM, Synth-Diff, 500 pairs: 0.288 Ours, 0.288 Georgoulis et al. (Ours " in said
+    assert "Georgoulis et al.: RMSE of the relit object 0.356, 1000 pairs" in said
     assert sorted(path.name for path in tmp_path.glob("figure_*")) == [
         "figure_06.png",
         "figure_12.jpg",
@@ -123,6 +83,53 @@ def test_each_figure_is_drawn(one, tmp_path, capsys):
     ]
     for path in tmp_path.glob("figure_*"):
         assert np.ptp(np.asarray(Image.open(path).convert("L"))) > 100
+
+
+def test_a_clone_without_history_is_told(monkeypatch):
+    monkeypatch.setattr(half_size, "COMMIT", "0000000")
+    with pytest.raises(InputError, match="git fetch --unshallow"):
+        half_size.kept_file(half_size.LOG)
+
+
+def test_a_mirror_image_goes_where_its_pixels_see_the_map():
+    """A sphere seen from near by: every pixel of the mirror image is the map where the reflected ray meets it."""
+    tan_half = 0.4
+    normals, inside = sphere_normals(64)
+    picture = np.zeros((64, 64, 3), np.float32)
+    picture[inside] = normals
+    uv = direction_to_uv(reflect(pixel_rays(tan_half, 64), picture))
+    light = 0.5 + 0.4 * pixel_directions(64) @ np.array([[0.6], [0.0], [0.8]], np.float32)
+    mirror = torch.from_numpy(bilinear(light, uv)).permute(2, 0, 1)[None] * torch.from_numpy(inside)[None, None]
+    there = torch.from_numpy(inside.astype(np.float32))[None, None]
+    spread = spread_mirror(mirror.float(), torch.from_numpy(uv)[None], there, 64)[0].permute(1, 2, 0).numpy()
+    seen = pixel_directions(64)[..., 2] > 0.3
+    assert np.abs(spread - light)[seen].max() < 0.06
+
+
+def test_pairs_that_are_shown_are_of_assets_that_may_be_published(monkeypatch):
+    """Recipes are "map, shape, side": two maps and one shape are free; each map is shown once."""
+    licences = {"a": "CC0-1.0", "b": "CC0-1.0", "c": "not stated", "drill": "CC BY 4.0", "horse": "not stated"}
+
+    class Store:
+        def __init__(self, maps, shapes):
+            self.map = self.shape = lambda name: SimpleNamespace(licence=licences[name])
+
+    def pairs(recipes, store, kept):
+        return [SimpleNamespace(name=one.name, specular=one.specular) for one in recipes]
+
+    def recipe(map_id, shape_id, specular):
+        name = f"{map_id} {shape_id} {specular}"
+        return SimpleNamespace(name=name, map_id=map_id, shape_id=shape_id, specular=specular)
+
+    listed = [("a", "horse", True), ("c", "drill", True), ("a", "drill", True), ("b", "drill", True)]
+    listed += [("a", "drill", False), ("b", "drill", False), ("b", "drill", False)]
+    monkeypatch.setattr(half_size, "AssetStore", Store)
+    monkeypatch.setattr(half_size, "load_maps", lambda folder: folder)
+    monkeypatch.setattr(half_size, "load_shapes", lambda folder: folder)
+    monkeypatch.setattr(half_size, "kept_pairs", pairs)
+    monkeypatch.setattr(half_size, "read_recipes", lambda path: [recipe(*one) for one in listed])
+    shown = [pair.name for pair in half_size.shown_pairs(Path("data"), 1)]
+    assert shown == ["a drill True", "b drill False"]
 
 
 def test_a_ring_is_where_the_mirror_shows_the_lamp():
@@ -134,7 +141,7 @@ def test_a_ring_is_where_the_mirror_shows_the_lamp():
     assert rivals._marked(grey, None) is grey
 
 
-def test_real_photos_have_lamps_and_kinds(tmp_path, one):
+def test_real_photos_have_lamps_and_kinds(tmp_path):
     ball = np.zeros((64, 64, 3), np.uint8)
     y, x = np.mgrid[:64, :64]
     inside = np.hypot(x - 31.5, y - 31.5) < 24
@@ -150,12 +157,11 @@ def test_real_photos_have_lamps_and_kinds(tmp_path, one):
 
     class Lift:
         def __call__(self, image, tan_half):
-            normals = np.zeros((64, 64, 3), np.float32)
-            normals[..., 2] = 1.0
-            return type("Outputs", (), {"normals": normals})
+            return SimpleNamespace(normals=np.tile(np.array([0, 0, 1], np.float32), (64, 64, 1)))
 
-    maps = real_maps(one, real, Lift())
-    assert maps.ldr["ours"].shape == (1, SCALE.rows, 2 * SCALE.rows, 3)
+    normals = real_normals(real, Lift())
+    assert normals.shape == (64, 64, 3)
+    assert 0.5 < normals[..., 2].mean() < 0.9  # the sphere fills its crop, and nothing else has normals
 
 
 def test_the_cut_takes_in_the_object_from_its_nearest_to_its_farthest_point():
@@ -168,7 +174,7 @@ def test_the_cut_takes_in_the_object_from_its_nearest_to_its_farthest_point():
 
 def test_a_page_has_its_tiles_and_bars_their_heights(tmp_path):
     page = sheet(["a", "b"], [[Tile(picture=np.zeros((8, 8, 3))), Tile(picture=np.zeros((8, 16, 3)))]])
-    assert page.width >= 3 * 112
+    assert page.width >= 3 * 128
     shown = bars({"RMSE": {"Synth": {"x": 1.0, "y": 0.5}}}, {"x": "#ff0000", "y": "#0000ff"}, {"RMSE": 2})
     colors = np.asarray(shown).reshape(-1, 3).tolist()
     assert colors.count([255, 0, 0]) / colors.count([0, 0, 255]) == pytest.approx(2.0, rel=0.1)
@@ -177,14 +183,22 @@ def test_a_page_has_its_tiles_and_bars_their_heights(tmp_path):
         assert written.size == page.size
 
 
+def test_a_note_is_as_wide_as_its_page():
+    note = "photos of 64 x 64 after 160,000 pairs, and more words"
+    lines = wrapped(note, 120)
+    assert " ".join(lines) == note
+    assert len(lines) > 2
+    assert max(FONT.getlength(line) for line in lines) <= 120
+    tall = sheet(["a"], [[Tile(picture=np.zeros((8, 8, 3)))]], note)
+    assert tall.height > sheet(["a"], [[Tile(picture=np.zeros((8, 8, 3)))]]).height
+
+
 def test_another_figure_is_refused():
     with pytest.raises(InputError, match="expected a figure of"):
         command.main("3")
 
 
 def test_a_texture_leaves_the_mask_and_what_is_true():
-    from support.some_pair import sphere_pair
-
     from research.paper_designs.figures.textured import textured
 
     pair = sphere_pair()

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import ast
 import re
+import shlex
 from pathlib import Path
+
+import pytest
+from support.command_faults import fault_of, fault_of_module
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "explanation" / "paper.md"
 NAMED = re.compile(r"`((?:src|research|tests|docs|examples|benchmarks)/[\w./-]+)`(?:: (`[\w.]+`(?:, `[\w.]+`)*))?")
+SHORT = re.compile(r"^([A-Z]+) is `([^`]+)`", re.MULTILINE)
+COMMAND = re.compile(r"`((?:python -m|anyprobe|pytest|FIGURE|EVALUATE|COMPARE) [^`]+)`")
 FIGURES = range(1, 17)
 
 
@@ -39,6 +45,20 @@ def names_in(source: str) -> set[str]:
     return found
 
 
+def refused(page: str) -> list[str]:
+    """The commands of a page that cannot run: their program, an option, a word or a file is not there."""
+    found, short = [], dict(SHORT.findall(page))
+    for command in COMMAND.findall(page):
+        first, rest = command.split(" ", 1)
+        words = shlex.split(f"{short.get(first, first)} {rest}")
+        if words[0] == "pytest":
+            fault = " ".join(word for word in words[1:] if not (ROOT / word).is_file())
+        else:
+            fault = fault_of(words) if words[0] == "anyprobe" else fault_of_module(words)
+        found += [f"{command}: {fault}"] if fault else []
+    return found
+
+
 def untold(page: str) -> list[str]:
     """The paper's equations and figures that no row of a table begins with."""
     rows = re.findall(r"^\| ([^|]+?) \|", page, re.MULTILINE)
@@ -53,6 +73,32 @@ def test_what_the_page_names_is_there():
     page = PAGE.read_text(encoding="utf-8")
     assert missing(page) == []
     assert len(NAMED.findall(page)) > 30
+
+
+def test_what_the_page_shows_can_be_run():
+    page = PAGE.read_text(encoding="utf-8")
+    assert refused(page) == []
+    assert len(COMMAND.findall(page)) > 30
+    assert set(dict(SHORT.findall(page))) == {"FIGURE", "EVALUATE", "COMPARE"}
+
+
+@pytest.mark.parametrize(
+    ("command", "fault"),
+    [
+        ("python -m research.compare_all", "no module"),
+        ("python -m research.timing --models paper", "--models"),
+        ("python -m research.fetch_assets test DIR", ""),
+        ("python -m research.fetch_assets tests DIR", "tests"),
+        ("FIGURE 13 --real DIR", ""),
+        ("FIGURE 11", "11"),
+        ("pytest tests/judge/test_no.py tests/rules/test_paper_page.py", "tests/judge/test_no.py"),
+        ("anyprobe train paper --dry-run 3", ""),
+        ("anyprobe train paper --dry", "--dry"),
+    ],
+)
+def test_a_command_that_cannot_run_is_found(command, fault):
+    (found,) = refused(f"FIGURE is `python -m research.paper_designs.figures`.\n| x | `{command}` |") or [""]
+    assert fault in found if fault else not found
 
 
 def test_every_element_of_the_paper_has_a_row():

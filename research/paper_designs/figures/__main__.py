@@ -1,8 +1,8 @@
 """Draw a figure of the paper again: python -m research.paper_designs.figures 6|7|12|13|14|15|16.
 
-6, 12, 13 and 14 are of a run that `python -m research.paper_designs train --scale S --pairs N --seeds K` has ended; 15
-and 16 are of the shipped `paper`. With --real, 12 and 15 are of photos of yours, and go to runs/, which git ignores; 13
-adds the angles to their lamps.
+6, 12, 13 and 14 are of the half-size designs that the history of this clone keeps; 15 and 16 are of the shipped
+`paper`. With --real, 12 and 15 are of photos of yours, and go to runs/, which git ignores; 13 adds the angles to their
+lamps.
 """
 
 from __future__ import annotations
@@ -22,11 +22,10 @@ FIGURES = ("6", "7", "12", "13", "14", "15", "16")
 
 def main(
     figure: Annotated[str, typer.Argument(help=f"The paper's number: {', '.join(FIGURES)}.")],
-    data: Annotated[Path, typer.Option(help="Folder with hdri/test and meshes/test, for 7 and 16.")] = Path("data"),
-    runs: Annotated[Path, typer.Option(help="Folder that train wrote.")] = Path("runs/paper_designs"),
-    scale: Annotated[str, typer.Option(help="As of train.")] = "small",
-    pairs: Annotated[int, typer.Option(help="As of train.")] = 10_000,
-    seed: Annotated[int, typer.Option(help="As of train.")] = 0,
+    data: Annotated[Path, typer.Option(help="Folder with hdri/test and meshes/test, for 7, 12, 14 and 16.")] = Path(
+        "data"
+    ),
+    kept: Annotated[Path, typer.Option(help="Folder that keeps the pairs of 12 and 14.")] = Path("runs/frozen_pairs"),
     real: Annotated[
         list[Path] | None, typer.Option(help="Folder of real photos with lights.csv or manifest.csv; repeat for more.")
     ] = None,
@@ -50,18 +49,18 @@ def main(
         from research.paper_designs.figures.textured import draw_textured
 
         return draw_textured(data, to)
-    from research.paper_designs.figures import losses, relit, rivals
-    from research.paper_designs.figures.trained import trained
+    from research.paper_designs.figures import half_size, losses, relit, rivals
 
-    one = trained(runs, scale, pairs, seed)
     if figure == "6":
-        losses.draw_losses(one, to)
-    elif figure == "12":
-        rivals.draw_real(one, real, to) if real else rivals.draw_synthetic(one, to)
-    elif figure == "13":
-        rivals.draw_bars(one, real or [], to)
-    else:
-        relit.draw_relit(one, to)
+        return losses.draw_losses(half_size.kept_losses(), to)
+    if figure == "13":
+        return rivals.draw_bars(real or [], to)
+    half = half_size.HalfSize()
+    if figure == "12" and real:
+        return rivals.draw_real(half, real, to)
+    if figure == "12":
+        return rivals.draw_synthetic(half, half_size.shown_pairs(data, 3, kept), to)
+    return relit.draw_relit(half, half_size.shown_pairs(data, 2, kept), to)
 
 
 if __name__ == "__main__":

@@ -11,56 +11,62 @@ from anyprobe.core.response import response
 from anyprobe.learning.dataset.catalog import load_maps
 from anyprobe.light.environment import shrink
 from anyprobe.light.filtering import blur_cosine_power
-from research.paper_designs.figures.sheet import Tile, save, sheet
-from research.paper_designs.figures.trained import Trained
+from research.paper_designs.figures.half_size import NOTE
+from research.paper_designs.figures.sheet import FONT, LINE, Tile, save, sheet, wrapped, write_lines
 from research.paper_designs.gradual import sharpness
 from research.paper_designs.scale import EPOCHS
-from research.paper_designs.train import KEPT_LOSSES
 
-WIDTH, HEIGHT, LEFT, BOTTOM = 640, 300, 52, 34
-COLORS = {"irradiance": (60, 100, 220), "ours": (240, 140, 20)}
-TITLES = {"irradiance": "Irradiance, targets as they are", "ours": "Ours, gradual targets"}
+WIDTH, HEIGHT, LEFT, BOTTOM = 720, 320, 52, 42
+CURVES = {
+    "irradiance": ("Irradiance, targets as they are", (60, 100, 220)),
+    "irradiance_2": ("", (120, 160, 240)),
+    "ours": ("Ours, gradual targets", (240, 140, 20)),
+    "ours_2": ("", (250, 190, 110)),
+}
+"""By column of the log: title and colour; the second of each is another seed."""
+GRADUAL_SHARE = 0.7
+"""Share of the steps in which targets sharpen, in EPOCHS equal parts."""
 TAIL = 0.1
 """Share of the steps, at the end, that the printed means are of: gradual targets are then as they are."""
 SHOWN_MAP = "thatch_chapel"
 
 
-def draw_losses(one: Trained, out: Path) -> None:
-    """Fig. 6: each step's loss, thin, and its mean over a fiftieth of the run; prints both designs' last tenth."""
-    losses = one.losses
-    top = float(np.quantile(losses, 0.999)) * 1.05
-    page = Image.new("RGB", (WIDTH, HEIGHT), "white")
+def draw_losses(losses: dict[str, np.ndarray], out: Path) -> None:
+    """Fig. 6: the logged losses, thin, and their mean over a twentieth of the run; prints the last tenth of each."""
+    rows = len(losses["step"])
+    top = float(np.quantile(np.stack([losses[name] for name in CURVES]), 0.995)) * 1.1
+    lines = wrapped(NOTE, WIDTH - 4)
+    page = Image.new("RGB", (WIDTH, HEIGHT + LINE * len(lines)), "white")
     pen = ImageDraw.Draw(page)
     plot_wide, plot_high = WIDTH - LEFT - 8, HEIGHT - BOTTOM - 8
 
-    def place(step: np.ndarray, loss: np.ndarray) -> list[tuple[float, float]]:
-        x = LEFT + plot_wide * step / len(losses)
+    def place(row: np.ndarray, loss: np.ndarray) -> list[tuple[float, float]]:
+        x = LEFT + plot_wide * row / rows
         y = 8 + plot_high * (1 - np.minimum(loss, top) / top)
         return list(zip(x.tolist(), y.tolist(), strict=True))
 
-    window = max(len(losses) // 50, 1)
-    steps = np.arange(len(losses))
-    for column, name in enumerate(KEPT_LOSSES):
-        faint = tuple((c + 2 * 255) // 3 for c in COLORS[name])
-        pen.line(place(steps, losses[:, column]), fill=faint)
-    for column, name in enumerate(KEPT_LOSSES):
-        mean = np.convolve(losses[:, column], np.ones(window) / window, "valid")
-        pen.line(place(steps[: len(mean)] + window / 2, mean), fill=COLORS[name], width=2)
-        pen.text((WIDTH - 230, 14 + 16 * column), TITLES[name], COLORS[name])
-        last = losses[-max(int(TAIL * len(losses)), 2) :, column]
-        print(f"{TITLES[name]}: last {TAIL:.0%} of steps: loss {last.mean():.5f}, standard deviation {last.std():.5f}")
+    window = max(rows // 20, 1)
+    for name, (_, color) in CURVES.items():
+        pen.line(place(np.arange(rows), losses[name]), fill=tuple((c + 2 * 255) // 3 for c in color))
+    titled = 0
+    for name, (title, color) in CURVES.items():
+        mean = np.convolve(losses[name], np.ones(window) / window, "valid")
+        pen.line(place(np.arange(len(mean)) + window / 2, mean), fill=color, width=2)
+        if title:
+            pen.text((WIDTH - 230, 14 + LINE * titled), title, color, FONT)
+            titled += 1
+        last = losses[name][-max(int(TAIL * rows), 2) :]
+        print(f"{name}: last {TAIL:.0%} of steps: loss {last.mean():.4f}, standard deviation {last.std():.4f}")
     pen.line([(LEFT, 8), (LEFT, 8 + plot_high), (WIDTH - 8, 8 + plot_high)], fill="black")
     for tick in np.linspace(0, top, 5):
-        pen.text((4, 2 + plot_high * (1 - tick / top)), f"{tick:.3f}", "black")
+        pen.text((4, 2 + plot_high * (1 - tick / top)), f"{tick:.3f}", "black", FONT)
     for epoch in range(EPOCHS):
-        x = LEFT + plot_wide * epoch / EPOCHS
+        x, step = LEFT + plot_wide * GRADUAL_SHARE * epoch / EPOCHS, plot_wide * GRADUAL_SHARE / EPOCHS
         pen.line([(x, 8 + plot_high), (x, 12 + plot_high)], fill="black")
-        pen.text((x + plot_wide / EPOCHS / 2 - 4, HEIGHT - 24), str(epoch + 1), "black")
-    pen.text(
-        (LEFT, HEIGHT - 12),
-        f"step of the gradual targets (Eq. 6); {len(losses):,} steps of {one.run.batch} pairs",
-        "black",
-    )
+        pen.text((x + step / 2 - 4, HEIGHT - 36), str(epoch + 1), "black", FONT)
+    pen.text((LEFT + plot_wide * (1 + GRADUAL_SHARE) / 2 - 40, HEIGHT - 36), "as they are", "black", FONT)
+    pen.text((LEFT, HEIGHT - 20), "loss by epoch of the gradual targets (Eq. 6), two seeds of each", "black", FONT)
+    write_lines(pen, lines, HEIGHT)
     save(page, out / "figure_06.png")
 
 

@@ -1,4 +1,4 @@
-"""Real photos as the small networks see them: cropped to their side, with the normals that `lift` estimates."""
+"""Real photos with what is known of their lamps, and the normals that `lift` estimates."""
 
 from __future__ import annotations
 
@@ -8,14 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import torch
-from PIL import Image
 
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
 from anyprobe.estimate.runtime import Models
-from research.paper_designs.blocks import pixels_of
-from research.paper_designs.figures.trained import Maps, Trained, maps_of
-from research.paper_designs.pairs import Batch
 from research.real_photos.maps import LIGHTS, read_direction
 
 SHINY = ("gloss", "glaze", "metal", "silver", "gold", "chrom")
@@ -52,34 +47,9 @@ def real_photos(folder: Path) -> Iterator[RealPhoto]:
         )
 
 
-def real_maps(one: Trained, real: RealPhoto, lift: Models) -> Maps:
-    """What the methods make of a real photo; the normals that Meka et al. need are `lift`'s."""
-    side, rows = one.run.scale.side, one.run.scale.rows
-    image = crop_object(real.photo, side).image
-    mask = (image[..., 3:] > MASKED).astype(np.float32)
-    color = np.where(mask > 0, image[..., :3] / np.maximum(image[..., 3:], 1e-3), 0.0).clip(0, 1)
+def real_normals(real: RealPhoto, lift: Models) -> np.ndarray:
+    """What stands for the normals that Meka et al. need: `lift`'s [64, 64, 3], unit, zero off the object."""
     normals = lift(real.crop.image, real.crop.tan_half).normals
-    small = np.stack([_resized(normals[..., k], side) for k in range(3)], axis=-1) * mask
-    small /= np.maximum(np.linalg.norm(small, axis=-1, keepdims=True), 1e-6)
-    empty = torch.zeros(1, 3, rows, 2 * rows)
-    photo = _pixels(np.concatenate([color, mask], axis=-1))
-    batch = Batch(
-        photo=photo,
-        irradiance=photo[..., :3],
-        normals=_pixels(small),
-        mirror=photo[..., :1],
-        sphere=photo[..., :3],
-        ldr=pixels_of(empty),
-        ln_radiance=pixels_of(empty),
-        light=torch.zeros(1, dtype=torch.long),
-    )
-    return maps_of(one.nets, batch, side, rows)
-
-
-def _pixels(picture: np.ndarray) -> torch.Tensor:
-    return pixels_of(torch.from_numpy(picture.astype(np.float32)).permute(2, 0, 1)[None])
-
-
-def _resized(values: np.ndarray, side: int) -> np.ndarray:
-    picture = Image.fromarray(np.ascontiguousarray(values, np.float32))
-    return np.asarray(picture.resize((side, side), Image.Resampling.BOX))
+    step = len(real.crop.image) // len(normals)
+    mask = real.crop.image[..., 3].reshape(len(normals), step, len(normals), step).mean(axis=(1, 3))
+    return (normals * (mask > MASKED)[..., None]).astype(np.float32)

@@ -11,7 +11,10 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
 from anyprobe.masks.segmenters import SegmenterSource
 
-MODEL_HELP = "lift; paper: stages of Park et al. 2020 in our layers, begun as lift; or a folder of ONNX graphs."
+MODEL_HELP = (
+    "lift; paper: the stages of Park et al. 2020 with our layers and losses, and targets that are 70 % maps of lift; "
+    "or a folder of ONNX graphs."
+)
 """Of --model."""
 
 
