@@ -17,7 +17,6 @@ from anyprobe.core.frames import reflect  # noqa: E402
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions  # noqa: E402
 from anyprobe.core.response import inverse_response, response  # noqa: E402
 from anyprobe.errors import InputError  # noqa: E402
-from anyprobe.learning.evaluate.metrics import rmse  # noqa: E402
 from anyprobe.light.reconstruct import blend_weight  # noqa: E402
 from anyprobe.render.spheres import sphere_normals  # noqa: E402
 from anyprobe.render.surface import pixel_rays  # noqa: E402
@@ -59,8 +58,9 @@ def test_the_kept_networks_see_light_in_a_sphere(half):
     dark = blend_weight(found["Ours"].ldr)[..., 0] == 0
     assert found["Ours"].radiance[dark] == pytest.approx(inverse_response(found["Ours"].ldr)[dark], rel=1e-5)
     truth = response(pair.radiance)
+    assert truth[:32].mean() > truth[32:].mean() + 0.2  # light from above, which all of them see
     for one in found.values():
-        assert rmse(one.ldr, truth) < rmse(np.zeros_like(truth), truth)
+        assert one.ldr[:32].mean() > one.ldr[32:].mean() + 0.03
 
 
 @needs_history
