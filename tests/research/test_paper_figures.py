@@ -99,7 +99,7 @@ def test_a_mirror_image_goes_where_its_pixels_see_the_map():
     picture[inside] = normals
     uv = direction_to_uv(reflect(pixel_rays(tan_half, 64), picture))
     light = 0.5 + 0.4 * pixel_directions(64) @ np.array([[0.6], [0.0], [0.8]], np.float32)
-    mirror = torch.from_numpy(bilinear(light, uv)).permute(2, 0, 1)[None] * torch.from_numpy(inside)[None, None]
+    mirror = torch.from_numpy(bilinear(light, uv)).permute(2, 0, 1)[None] * torch.from_numpy(inside.copy())[None, None]
     there = torch.from_numpy(inside.astype(np.float32))[None, None]
     spread = spread_mirror(mirror.float(), torch.from_numpy(uv)[None], there, 64)[0].permute(1, 2, 0).numpy()
     seen = pixel_directions(64)[..., 2] > 0.3
