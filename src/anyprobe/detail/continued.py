@@ -1,9 +1,9 @@
 """What a photo shows, continued all around.
 
 In a level panorama one row is one height: at the same distance on the ground, as high on a wall or in the sky. So every
-row goes on with what is seen of it, back and forth, softer the farther from the photo. Above the photo its upper part
-goes on once, upside down, and fades into its mean colour; below it the ground goes on as ground: what is seen of it is
-laid over the plane under the camera, as large there as it is seen.
+row goes on in strips of what is seen (detail.quilt), softer the farther from the photo. Above the photo its upper rows
+go on, ever softer; below it the ground goes on as ground: its lowest rows' colours, and their texture seen from above,
+strewn over the plane under the camera.
 """
 
 from __future__ import annotations
@@ -13,28 +13,39 @@ from dataclasses import dataclass
 import numpy as np
 
 from anyprobe.core.latlong import pixel_directions
+from anyprobe.detail.quilt import continue_right, join_of, smoothed, strewn
 from anyprobe.match.plate import DrawnPlate
 
 CONTINUED_FLOOR = 0.02
 """Added to radiance before its logarithm."""
 LEAST_WIDTH = 0.45
 """Rows that show less of the place than this share of the widest are not continued."""
-SEAM_DEG = 5.0
+LEAST_KNOWN = 0.7
+"""Columns of which less than this share of the rows is seen are not continued."""
+SEAM_DEG = 4.0
 """Width over which two pieces are mixed."""
-TURN = (0.6, 1.0)
-"""Shares of the seen width after which a walk over it turns back."""
-SOFT_DEG = (0.0, 0.8, 3.0, 9.0)
+MEET_DEG = 10.0
+"""The same behind the camera, where left and right meet."""
+SOFT_DEG = (0.0, 0.8, 2.5, 6.0)
 """Standard deviations of blurs along rows."""
-SOFT_AT_DEG = (3.0, 40.0, 90.0, 160.0)
+SOFT_AT_DEG = (4.0, 25.0, 60.0, 130.0)
 """Azimuths from the photo's border at which each of them is reached."""
-EDGE_SOFT_DEG, EDGE_SOFT_AT_DEG = (2.0, 8.0, 25.0, 60.0), (0.0, 6.0, 18.0, 40.0)
-"""The same of the mean colour above and below the photo, by height from its border."""
-ABOVE_SHARE, ABOVE_DEG = 0.35, 6.0
-"""Of the photo's rows above its horizon that are repeated above it, and over how many degrees they fade."""
-HORIZON_DEG = -4.0
+EDGE_SOFT_DEG, EDGE_SOFT_AT_DEG = (0.5, 3.0, 10.0, 40.0), (0.0, 4.0, 14.0, 40.0)
+"""The same above and below the photo, by height from its border."""
+ABOVE_DEG = 4.0
+"""Height above the photo at which its upper rows, upside down, have given way to their mean by a factor e."""
+EDGE_DEG = 1.5
+"""Height of the rows at its border whose mean goes on."""
+HORIZON_DEG = -6.0
 """Rows below this are ground."""
 POLE_DEG = (55.0, 84.0)
 """Heights between which all azimuths become one."""
+GROUND_PX, GROUND_REACH = 384, 1.25
+"""Side of the ground's picture seen from above, and half of it in radii of the circle that the photo does not show."""
+GRAIN, HUELESS = 0.75, 0.5
+"""Contrast of that texture, of the seen one's, and share of its colour that it loses."""
+BLOCK = 0.45
+"""Side of the blocks that the ground's texture is made of, of that radius."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -56,39 +67,58 @@ def continue_around(seen: DrawnPlate) -> Continued | None:
     if len(used) < 4:
         return None
     first, last = int(used[0]), int(used[-1])
-    band = known[first : last + 1]
-    common = band.all(axis=0)
-    if common.sum() < 6:  # a strongly tilted camera
-        common = band[len(band) // 2]
-    columns = np.flatnonzero(common)
-    ln = np.log(seen.radiance[first : last + 1] + CONTINUED_FLOOR)
-    ring = _sideways(ln, band, int(columns[0]), int(columns[-1]), per_deg)
+    band = slice(first, last + 1)
+    columns = np.flatnonzero(known[band].mean(axis=0) >= LEAST_KNOWN)
+    if len(columns) < 6:
+        return None
+    ring = _sideways(seen, band, int(columns[0]), int(columns[-1]), per_deg)
     elevation = 90.0 - (np.arange(rows) + 0.5) / per_deg
     whole = _upright(ring, first, last, elevation, per_deg)
-    if elevation[last] < HORIZON_DEG:
-        half = np.pi * (columns[-1] - columns[0]) / len(known[0])
-        _lay_ground(whole, first, last, elevation, float(half))
     high = np.clip((np.abs(elevation) - POLE_DEG[0]) / (POLE_DEG[1] - POLE_DEG[0]), 0.0, 1.0)[:, None, None]
-    above = slice(0, first)
-    whole[above] += high[above] * (whole[above].mean(axis=1, keepdims=True) - whole[above])
+    for beyond in (slice(0, first), slice(last + 1, rows)):
+        whole[beyond] += high[beyond] * (whole[beyond].mean(axis=1, keepdims=True) - whole[beyond])
+    if elevation[last] < HORIZON_DEG:
+        _lay_ground(whole, last, slice(int(columns[0]), int(columns[-1]) + 1), elevation)
     return Continued(ln=whole, top=float(elevation[first]), bottom=float(elevation[last]))
 
 
-def _sideways(ln: np.ndarray, band: np.ndarray, left: int, right: int, per_deg: float) -> np.ndarray:
-    """Rows [H, W, 3], of which columns left to right are seen, all around; the seen part itself stays."""
+def _sideways(seen: DrawnPlate, band: slice, left: int, right: int, per_deg: float) -> np.ndarray:
+    """Rows of a band, of which columns left to right are seen, all around [H, 2R, 3]; what is seen itself stays."""
+    known = seen.margin[band] > 0.0
+    ln = np.log(seen.radiance[band] + CONTINUED_FLOOR)
     width = ln.shape[1]
-    wide = right - left
     column = np.arange(width)
+    nearest = _nearest_known(known)
+    rows = np.arange(len(ln))[:, None]
+    source = ln[rows, nearest[:, left : right + 1]]
+    filled = np.where(known, seen.filled[band], 1.0)[:, left : right + 1]
     after, before = (column - right) % width, (left - column) % width
-    turns = np.random.default_rng(1).uniform(*TURN, (2, 8 * (width // max(wide, 1) + 2))) * wide
-    from_right = ln[:, np.clip(right - _folded(after, turns[0]), left, right).astype(int)]
-    from_left = ln[:, np.clip(left + _folded(before, turns[1]), left, right).astype(int)]
-    meet = np.clip(0.5 + (before - after) / (6 * SEAM_DEG * per_deg), 0.0, 1.0)[None, :, None]
-    around = meet * from_right + (1 - meet) * from_left  # which meet behind the camera
-    distance = np.where((column >= left) & (column <= right), 0, np.minimum(after, before)) / per_deg
-    around = _softer(around, distance, per_deg)
-    inside = np.clip(_from_border(band) / (SEAM_DEG * per_deg), 0.0, 1.0)[..., None]
-    return inside * ln + (1 - inside) * _softer_upright(around, distance, per_deg)
+    meet, join = MEET_DEG * per_deg, join_of(right - left + 1)
+    length = int((width - (right - left)) / 2 + meet)
+    to_right = continue_right(source, filled, length, seed=1)
+    to_left = continue_right(source[:, ::-1], filled[:, ::-1], length, seed=2)
+    share = np.clip(0.5 + (before - after) / (2 * meet), 0.0, 1.0).astype(np.float32)[None, :, None]
+    inside = (column >= left) & (column <= right)
+    around = np.empty_like(ln)
+    around[:, left : right + 1] = source
+    around[:, right + 1 - join : right + 1] = to_right[:, :join]
+    around[:, left : left + join] = to_left[:, join - 1 :: -1]
+    around[:, ~inside] = (
+        share * to_right[:, np.clip(join + after - 1, 0, join + length - 1)]
+        + (1 - share) * to_left[:, np.clip(join + before - 1, 0, join + length - 1)]
+    )[:, ~inside]
+    distance = np.where(inside, 0, np.minimum(after, before)) / per_deg
+    around = _softer_upright(_softer(around, distance, per_deg), distance, per_deg)
+    own = np.clip(_from_border(known) / (SEAM_DEG * per_deg), 0.0, 1.0)[..., None]
+    return own * ln + (1 - own) * around
+
+
+def _nearest_known(known: np.ndarray) -> np.ndarray:
+    """Column [H, W] of the nearest known pixel of each row; rows without any have their own columns."""
+    column = np.broadcast_to(np.arange(known.shape[1]), known.shape)
+    left = known.argmax(axis=1)[:, None]
+    right = known.shape[1] - 1 - known[:, ::-1].argmax(axis=1)[:, None]
+    return np.where(known.any(axis=1)[:, None], np.clip(column, left, right), column)
 
 
 def _softer(ring: np.ndarray, distance: np.ndarray, per_deg: float) -> np.ndarray:
@@ -98,17 +128,11 @@ def _softer(ring: np.ndarray, distance: np.ndarray, per_deg: float) -> np.ndarra
 
 
 def _softer_upright(ring: np.ndarray, distance: np.ndarray, per_deg: float) -> np.ndarray:
-    """Columns blurred too, a third as much, over the upper and lower border by their mirror images."""
+    """Columns blurred too, half as much, over the upper and lower border by their mirror images."""
     level = np.interp(distance, SOFT_AT_DEG, np.arange(len(SOFT_DEG)))[:, None, None]
     tall = np.concatenate([ring, ring[::-1]]).transpose(1, 0, 2)
-    sigmas = tuple(sigma / 3 for sigma in SOFT_DEG)
+    sigmas = tuple(sigma / 2 for sigma in SOFT_DEG)
     return _between_blurs(tall, sigmas, level, per_deg)[:, : len(ring)].transpose(1, 0, 2)
-
-
-def _softer_with(row: np.ndarray, distance: np.ndarray, per_deg: float) -> np.ndarray:
-    """One row [1, W, 3] at several distances [N] from the photo's border, ever softer: [N, W, 3]."""
-    level = np.interp(distance, EDGE_SOFT_AT_DEG, np.arange(len(EDGE_SOFT_DEG)))[:, None, None]
-    return _between_blurs(row, EDGE_SOFT_DEG, level, per_deg)
 
 
 def _between_blurs(rows: np.ndarray, sigmas_deg: tuple[float, ...], level: np.ndarray, per_deg: float) -> np.ndarray:
@@ -124,14 +148,6 @@ def _between_blurs(rows: np.ndarray, sigmas_deg: tuple[float, ...], level: np.nd
     return result
 
 
-def _folded(distance: np.ndarray, turns: np.ndarray) -> np.ndarray:
-    """Where a walk back and forth is after so many steps: it turns at each of the lengths, and near its start."""
-    goals = np.where(np.arange(len(turns)) % 2 == 0, turns, turns.max() - turns)
-    at = np.concatenate([[0.0], goals])
-    ends = np.concatenate([[0.0], np.cumsum(np.maximum(np.abs(np.diff(at)), 1.0))])
-    return np.interp(distance, ends, at)
-
-
 def _from_border(band: np.ndarray) -> np.ndarray:
     """Pixels [H, W] to the nearest unseen column of the row, zero where unseen."""
     width = band.shape[1]
@@ -145,41 +161,55 @@ def _upright(ring: np.ndarray, first: int, last: int, elevation: np.ndarray, per
     rows = len(elevation)
     whole = np.empty((rows, *ring.shape[1:]), np.float32)
     whole[first : last + 1] = ring
-    horizon = int(np.clip(np.searchsorted(-elevation, 0.0), first, last))
-    above = max(3, round(ABOVE_SHARE * (horizon - first)))
-    for target, at, reach in ((np.arange(first), first, above), (np.arange(last + 1, rows), last, (last - first) // 2)):
-        distance = np.abs(target - at)
-        inward = 1 if at == first else -1
-        source = np.clip((at - first) + inward * np.minimum(distance, reach), 0, last - first)
-        edge = ring[min(at - first, (at - first) + inward * reach) : max(at - first, (at - first) + inward * reach) + 1]
-        mean = _softer_with(edge.mean(axis=0, keepdims=True), distance / per_deg, per_deg)
-        fade = np.exp(-((distance / (ABOVE_DEG * per_deg)) ** 2))[:, None, None] * (distance <= reach)[:, None, None]
-        fade = np.minimum(fade, np.clip((reach - distance) / max(0.4 * reach, 1), 0.0, 1.0)[:, None, None])
-        whole[target] = mean + fade * (ring[source] - mean)
+    edge = max(2, min(round(EDGE_DEG * per_deg), len(ring) // 3))
+    reach = len(ring) // 2
+    for target, near in ((np.arange(first), ring), (np.arange(last + 1, rows), ring[::-1])):
+        distance = np.abs(target - (first if near is ring else last))
+        mirrored = near[np.minimum(distance, reach)]
+        fade = np.exp(-distance / (ABOVE_DEG * per_deg))[:, None, None].astype(np.float32)
+        mean = near[:edge].mean(axis=0, keepdims=True)
+        level = np.interp(distance / per_deg, EDGE_SOFT_AT_DEG, np.arange(len(EDGE_SOFT_DEG)))[:, None, None]
+        whole[target] = _between_blurs(mean + fade * (mirrored - mean), EDGE_SOFT_DEG, level, per_deg)
     return whole
 
 
-def _lay_ground(whole: np.ndarray, first: int, last: int, elevation: np.ndarray, half: float) -> None:
-    """Rows below the last one, of the plane under the camera, mixed over SEAM_DEG above it; whole is changed.
+def _lay_ground(whole: np.ndarray, last: int, columns: slice, elevation: np.ndarray) -> None:
+    """Rows below the last one get the texture of the plane under the camera; whole is changed.
 
-    half: of the azimuth that is seen, radians.
+    It is what the lowest rows of the columns that are seen have beyond their smooth colours, seen from above, in blocks
+    that are strewn over the circle.
     """
     rows, width = whole.shape[:2]
-    seam = round(SEAM_DEG * rows / 180.0)
-    top = max(first, last - seam)
-    near, far = (
-        1 / np.tan(np.radians(max(-angle, 0.5))) for angle in (elevation[last], min(elevation[first], HORIZON_DEG))
-    )
-    far = min(far, 4.0 * near)
-    sine = np.tan(min(half, 1.4))
-    # squares of the plane, each the mirror image of the next, of one that is seen before the camera
-    side = max(min(far - near, 2 * sine * near / max(1 - sine, 0.2), 0.9 * near), 0.05 * near)
-    d = pixel_directions(rows)[top:]
-    plane = d[..., [0, 2]] / np.maximum(-d[..., 1:2], 1e-3)  # over the camera's height
-    u, v = (np.abs((plane[..., k] / side + shift) % 2 - 1) * side for k, shift in ((0, 0.5), (1, near / side + 1)))
-    x, z = u - side / 2, -(near + v)
-    down = np.degrees(np.arctan2(1.0, np.hypot(x, z)))
-    row = np.clip(np.searchsorted(-elevation, down.ravel()).reshape(down.shape), first, last)
-    column = ((0.5 + np.arctan2(x, -z) / (2 * np.pi)) * width).astype(int) % width
-    share = np.clip((last - np.arange(top, rows)) / max(seam, 1), 0.0, 1.0)[:, None, None]
-    whole[top:] = share * whole[top:] + (1 - share) * whole[row, column]
+    seam = max(1, round(SEAM_DEG * rows / 180.0))
+    near = 1 / np.tan(np.radians(-elevation[last]))  # the circle's radius over the camera's height
+    scale = GROUND_PX / (2 * GROUND_REACH * near)  # pixels to the camera's height
+    side = max(8, round(BLOCK * near * scale) // 2 * 2)
+    wide = near * np.sin(min((columns.stop - columns.start) * np.pi / width, 1.2))
+    across = np.arange(max(side, round(2 * wide * scale)) + 1) / scale
+    along = np.arange(round(1.6 * side) + 1) / scale
+    x, z = np.meshgrid(across - across[-1] / 2, -near - along[::-1])
+    row = (90.0 + np.degrees(np.arctan2(1.0, np.hypot(x, z)))) / 180.0 * rows - 0.5
+    column = ((columns.start + columns.stop) / 2 / width + np.arctan2(x, -z) / (2 * np.pi)) * width - 0.5
+    seen = _between(whole, column, np.minimum(row, last), wraps=True)
+    grain = GRAIN * (seen - smoothed(seen, side // 4))
+    texture = strewn(grain + HUELESS * (grain.mean(axis=-1, keepdims=True) - grain), side, GROUND_PX, seed=3)
+    d = pixel_directions(rows)[last - seam :]
+    plane = d[..., [0, 2]] / np.maximum(-d[..., 1:2], 1e-3)
+    place = (plane * scale + GROUND_PX / 2) - 0.5
+    laid = _between(texture, place[..., 0], np.clip(place[..., 1], 0, GROUND_PX - 1.001), wraps=False)
+    share = np.clip(np.arange(len(d)) / (2 * seam), 0.0, 1.0)[:, None, None].astype(np.float32)
+    whole[last - seam :] += share * laid
+
+
+def _between(picture: np.ndarray, column: np.ndarray, row: np.ndarray, *, wraps: bool) -> np.ndarray:
+    """A picture [H, W, C] between its pixels, [..., C]."""
+    height, width = picture.shape[:2]
+    row = np.clip(row, 0, height - 1.001)
+    if not wraps:
+        column = np.clip(column, 0, width - 1.001)
+    left, top = np.floor(column), np.floor(row)
+    fx, fy = ((one - low)[..., None].astype(np.float32) for one, low in ((column, left), (row, top)))
+    left, top = left.astype(int) % width, top.astype(int)
+    right, below = (left + 1) % width, top + 1
+    upper = picture[top, left] * (1 - fx) + picture[top, right] * fx
+    return upper * (1 - fy) + (picture[below, left] * (1 - fx) + picture[below, right] * fx) * fy

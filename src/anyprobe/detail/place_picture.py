@@ -5,12 +5,13 @@
 C is what the photo shows, continued all around (detail.continued), with its texture throughout. Of its colour the
 share w is kept, which falls with the angle to what is seen; the rest gives way to the estimate E without its sources.
 The gain g is smooth: it brings the nine spherical harmonics to the estimate's with the least change (Kullback-Leibler).
-Sources are discs of their own size.
+Sources are discs of their own size, weak ones soft spots.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from anyprobe.errors import InputError, OutputError
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.harmonics import project, sh_basis
-from anyprobe.light.light_sources import LightSource, split_light_sources
+from anyprobe.light.light_sources import LightSource, find_light_sources
 from anyprobe.maps.radiance import HALF_MAX, write_exr, write_hdr
 from anyprobe.match.plate import DrawnPlate, Plate, seen_in
 from anyprobe.pictures.images import write_png
@@ -34,16 +35,24 @@ DRAWN_ROWS = 512
 """Rows of a panorama."""
 EDGE_DEG = 3.0
 """Width over which the photo gives way to what is beside it, inside its border."""
-FAR_DEG, HUE_DEG = 45.0, 25.0
+FAR_DEG, HUE_DEG = 45.0, 60.0
 """Angles from what is seen at which the continued brightness and hue count 1 / e."""
 BESIDE_DEG = 12.0
 """Angle from what is seen at which plausible detail takes the place of what is continued."""
 ABOVE_GROUND_DEG = 8.0
 """The same above a photo that shows nothing but ground."""
-SOFT = 60.0
+SOFT = 20.0
 """Sharpness of the blur whose colours give way to the estimate's: about 10 degrees."""
+SPOT = 0.4
+"""Angle, of a weak source's radius, at which it is a factor e less bright than in its middle."""
 SOFT_RIM = 0.35
 """Width of a disc's rim, of its radius."""
+DISC_SHARE = 0.2
+"""Share of the map's power from which on a source has the outline of a disc. On left-out renders a tenth of the light
+comes from within 15 degrees of so strong a source in 33 to 59 % of photos, of a weaker one in 2 to 13 %: those are soft
+spots, twice as wide where they are below the horizon of a level picture."""
+AROUND_DEG, CORE_DEG = 22.0, 10.0
+"""Angle from a source within which its light is looked for, and within which all of it is taken."""
 LEAST_RADIUS_DEG = 0.27
 """Of a disc: the sun's."""
 MOST_GAIN = np.log(6.0)
@@ -114,7 +123,7 @@ def compose(
         frame_from_camera: [3, 3].
         is_detailed: whether the estimate has plausible detail, which then is beside what is seen, sources included.
     """
-    sources, rest = ((), estimate) if is_detailed else split_light_sources(estimate)
+    sources, rest = ((), estimate) if is_detailed else _without_sources(estimate)
     smooth = _enlarged(rest, rows)
     seen = None if plate is None else seen_in(plate, frame_from_camera, rows)
     picture, cover, origin = _place(smooth, rest, seen, is_detailed)
@@ -125,6 +134,31 @@ def compose(
     strength = 1.0 - np.exp(-((angle / NEAR_GAIN_DEG) ** 2)) if cover.any() else np.ones_like(angle)
     radiance = fixed + _moments_matched(free, fixed, project(estimate), strength[..., None].astype(np.float32))
     return radiance.astype(np.float32), origin
+
+
+def _without_sources(estimate: np.ndarray) -> tuple[list[LightSource], np.ndarray]:
+    """The sources of a map [H, 2H, 3], each with the light that it is taken out with, and what is left of the map.
+
+    What is left near a source is what is around it, spread smoothly.
+    """
+    rest = reduced(np.asarray(estimate, np.float32), MAP_HEIGHT)
+    found = find_light_sources(rest)
+    if not found:
+        return [], rest
+    d = pixel_directions(MAP_HEIGHT)
+    areas = np.broadcast_to(pixel_solid_angles(MAP_HEIGHT), d.shape[:2])[..., None]
+    cosines = np.stack([d @ source.direction for source in found])
+    which, nearest = cosines.argmax(axis=0), np.degrees(np.arccos(np.clip(cosines.max(axis=0), -1.0, 1.0)))
+    outside = (nearest > AROUND_DEG)[..., None].astype(np.float32)
+    share = blur_cosine_power(outside, SOFT)
+    around = blur_cosine_power(rest * outside, SOFT) / np.maximum(share, 1e-4)
+    within = np.clip((AROUND_DEG - nearest) / (AROUND_DEG - CORE_DEG), 0.0, 1.0)[..., None] * (share > 1e-4)
+    taken = within * np.maximum(rest - around, 0.0)
+    lights = []
+    for k, source in enumerate(found):
+        own = taken * (which == k)[..., None] * areas
+        lights.append(replace(source, irradiance=(own * cosines[k][..., None]).sum(axis=(0, 1))))
+    return lights, (rest - taken).astype(np.float32)
 
 
 def _place(
@@ -191,20 +225,24 @@ def _angles_from(cover: np.ndarray) -> np.ndarray:
     return np.where(cover > 0.99, 0.0, smooth)
 
 
-def _discs(sources: tuple[LightSource, ...], rows: int, cover: np.ndarray, picture: np.ndarray) -> np.ndarray:
-    """Light sources [rows, 2 rows, 3] as round discs of their own size, each with its whole irradiance."""
+def _discs(sources: Sequence[LightSource], rows: int, cover: np.ndarray, picture: np.ndarray) -> np.ndarray:
+    """Light sources [rows, 2 rows, 3] as round discs of their own size, or as soft spots if they are weak, each with its
+    whole irradiance."""
     drawn = np.zeros((rows, 2 * rows, 3), np.float32)
     directions = pixel_directions(rows)
     areas = pixel_solid_angles(rows)
     for source in sources:
         radius = np.radians(max(source.radius_deg, LEAST_RADIUS_DEG))
         pixel = np.pi / rows
-        reach = radius + pixel
+        is_disc = source.share >= DISC_SHARE
+        if not is_disc:
+            radius *= SPOT if source.direction[1] > 0 else 2 * SPOT
+        reach = radius + pixel if is_disc else 3 * radius + pixel
         top, bottom = _row_span(source.direction, reach, rows)
         d = directions[top:bottom]
         angle = 2 * np.arcsin(np.clip(np.linalg.norm(d - source.direction, axis=-1) / 2, 0.0, 1.0))
         edge = max(pixel, SOFT_RIM * radius)
-        share = np.clip((radius - angle) / edge + 0.5, 0.0, 1.0)
+        share = np.clip((radius - angle) / edge + 0.5, 0.0, 1.0) if is_disc else np.exp(-((angle / radius) ** 2))
         if not share.any():
             share[np.unravel_index(np.argmin(angle), angle.shape)] = 1.0
         shown = cover[top:bottom, :, 0]

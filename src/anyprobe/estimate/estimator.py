@@ -225,7 +225,7 @@ class Estimator:
         light = self.from_crop(photo, crop_object(photo, PHOTO_SIZE), start, material=material)
         if material is None and photo.material is None and photo.normals is None and self.models.lifts:
             light = self._unwrapped(light, photo, start)
-        if isinstance(photo.surroundings, PhotoBackground):
+        if photo.shows_place:
             light = replace(light, plate=photo.plate())
         return light if self.settings.detail == DETAILS[0] else self._with_detail(light, photo)
 

@@ -86,6 +86,7 @@ class Photo:
     mask_confidence: float | None = None
     normals: KnownNormals | None = None
     surroundings: PhotoBackground | GivenPanorama | None = None
+    shows_place: bool = False
     ground: Ground | None = None
     exposure: float | None = None
     radiance: np.ndarray | None = None
@@ -236,8 +237,8 @@ def load_photo(
         doubts = backdrop_doubts(pixels.name) if doubtful else ()
         return replace(photo, surroundings=None, warnings=photo.warnings + doubts)
     if not around.is_asked and is_dark_beside(pixels.rgb, found.mask):
-        return replace(photo, surroundings=None)
-    return replace(photo, ground=_ground(photo, hints, pixels.posture_deg))
+        return replace(photo, surroundings=None, shows_place=True)
+    return replace(photo, shows_place=True, ground=_ground(photo, hints, pixels.posture_deg))
 
 
 def _field_of_view(given: float | None, pixels: Pixels) -> tuple[float, str]:

@@ -1,0 +1,145 @@
+"""A picture continued sideways in strips of itself, each joined where it fits best.
+
+After Efros and Freeman 2001: a strip is taken from that place in the picture whose beginning looks most like the end of
+what there is; both are cut along the path on which they differ least. What colour still jumps there fades out along the
+strip.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+STRIP = (0.4, 0.65)
+"""Widths of strips, of the picture's."""
+JOIN = 0.09
+"""Width over which two strips may be cut, of the picture's."""
+AGAIN = 0.8
+"""Added to the difference of a place that was used just before, in units of the mean over all places; it fades with
+each strip."""
+FILLED = 1.0
+"""Added for a strip that is filled rather than seen, likewise."""
+COARSE = 3
+"""Pixels of the picture to one that is compared."""
+FADE = 0.5
+"""Part of a strip's width over which a jump of colour fades by a factor e."""
+SOFT_CUT = 2
+"""Pixels to both sides of a cut over which it is soft."""
+
+
+def continue_right(picture: np.ndarray, filled: np.ndarray, length: int, seed: int) -> np.ndarray:
+    """Return columns [H, J + length, 3] that go on from the right border of a picture [H, W, 3].
+
+    The first J of them, join_of(W), are in the place of the picture's last, for what comes after to begin within them.
+    filled: [H, W] share that is not seen.
+    """
+    height, width = picture.shape[:2]
+    join = join_of(width)
+    empty = filled.mean(axis=0)
+    random = np.random.default_rng(seed)
+    canvas = np.empty((height, join + length + width, 3), np.float32)
+    canvas[:, :join] = picture[:, -join:]
+    used = np.zeros(width)
+    end = join
+    while end < join + length:
+        size = join + max(2, round(random.uniform(*STRIP) * width))
+        size = min(size, width)
+        at = _place(picture, canvas[:, end - join : end], used, empty, size)
+        strip = _joined(canvas[:, end - join : end], picture[:, at : at + size])
+        canvas[:, end - join : end - join + size] = strip
+        used *= 0.5
+        used[max(0, at - size // 2) : at + size // 2] = 1.0
+        end += size - join
+    return canvas[:, : join + length]
+
+
+def join_of(width: int) -> int:
+    """Columns within which a picture so wide may be cut."""
+    return max(2, round(JOIN * width))
+
+
+def strewn(texture: np.ndarray, side: int, size: int, seed: int) -> np.ndarray:
+    """Blocks [side, side, C] of a texture of mean zero, strewn over a square of so many pixels, [size, size, C].
+
+    They overlap by half; divided by the root of the weights' squares, their sum has the texture's own contrast.
+    """
+    random = np.random.default_rng(seed)
+    window = np.sin(np.pi * (np.arange(side) + 0.5) / side) ** 2
+    weight = np.outer(window, window)[..., None].astype(np.float32)
+    step = side // 2
+    count = -(-size // step) + 1
+    canvas = np.zeros(((count + 1) * step, (count + 1) * step, texture.shape[2] + 1), np.float32)
+    for row in range(count):
+        for column in range(count):
+            top, left = (random.integers(0, max(1, have - side + 1)) for have in texture.shape[:2])
+            block = texture[top : top + side, left : left + side]
+            place = canvas[row * step : row * step + side, column * step : column * step + side]
+            place[..., :-1] += weight * block
+            place[..., -1:] += weight**2
+    canvas = canvas[step : step + size, step : step + size]
+    return canvas[..., :-1] / np.sqrt(np.maximum(canvas[..., -1:], 1e-6))
+
+
+def smoothed(picture: np.ndarray, sigma: int) -> np.ndarray:
+    """A picture [H, W, C] blurred both ways, its border going on."""
+    for _ in range(2):
+        flat = picture.reshape(len(picture), -1)
+        picture = _along(flat, max(1, sigma)).reshape(picture.shape).swapaxes(0, 1)
+    return picture
+
+
+def _place(picture: np.ndarray, tail: np.ndarray, used: np.ndarray, empty: np.ndarray, size: int) -> int:
+    """First column of the strip of a picture [H, W, 3] that continues a tail [H, J, 3]."""
+    small, end = _shrunk(picture), _shrunk(tail)
+    first = np.arange((picture.shape[1] - size) // COARSE + 1) * COARSE
+    starts = np.minimum(first // COARSE, max(small.shape[1] - end.shape[1], 0))
+    squares = np.zeros(len(first))
+    for column in range(min(end.shape[1], small.shape[1])):
+        squares += ((small[:, starts + column] - end[:, column : column + 1]) ** 2).sum(axis=(0, 2))
+    holes = np.convolve(empty, np.ones(size) / size, mode="valid")[first]
+    price = squares / max(float(squares.mean()), 1e-9) + AGAIN * used[first] + FILLED * holes
+    return int(first[np.argmin(price)])
+
+
+def _joined(tail: np.ndarray, strip: np.ndarray) -> np.ndarray:
+    """A strip [H, S, 3] whose first columns are those of a tail [H, J, 3] up to a cut."""
+    join = tail.shape[1]
+    jump = (tail - strip[:, :join]).mean(axis=1)
+    jump = _along(jump, max(2, len(jump) // 24))
+    fade = np.exp(-np.maximum(np.arange(strip.shape[1]) - join / 2, 0) / (FADE * strip.shape[1]))
+    strip = strip + (jump[:, None] * fade[None, :, None]).astype(np.float32)
+    cut = _cut(((tail - strip[:, :join]) ** 2).sum(axis=-1))
+    share = np.clip((np.arange(join)[None] - cut[:, None]) / (2 * SOFT_CUT) + 0.5, 0.0, 1.0)[..., None]
+    strip[:, :join] = tail + share.astype(np.float32) * (strip[:, :join] - tail)
+    return strip
+
+
+def _cut(difference: np.ndarray) -> np.ndarray:
+    """Columns [H] of the path from top to bottom along which differences [H, J] are least."""
+    height, width = difference.shape
+    cost = difference.copy()
+    for row in range(1, height):
+        above = np.pad(cost[row - 1], 1, constant_values=np.inf)
+        cost[row] += np.minimum(np.minimum(above[:-2], above[1:-1]), above[2:])
+    path = np.empty(height, int)
+    path[-1] = np.argmin(cost[-1])
+    for row in range(height - 2, -1, -1):
+        first = max(0, path[row + 1] - 1)
+        path[row] = first + np.argmin(cost[row, first : path[row + 1] + 2])
+    return path
+
+
+def _along(values: np.ndarray, sigma: int) -> np.ndarray:
+    """Values [H, C] blurred along H."""
+    reach = 2 * sigma
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    padded = np.pad(values, ((reach, reach), (0, 0)), mode="edge")
+    return np.stack([np.convolve(one, weights / weights.sum(), mode="valid") for one in padded.T], axis=-1)
+
+
+def _shrunk(picture: np.ndarray) -> np.ndarray:
+    """Means over blocks of COARSE x COARSE pixels; the last ones are left out."""
+    height, width = (max(COARSE, side // COARSE * COARSE) for side in picture.shape[:2])
+    if min(picture.shape[:2]) < COARSE:
+        return picture
+    blocks = picture[:height, :width].reshape(height // COARSE, COARSE, width // COARSE, COARSE, -1)
+    return blocks.mean(axis=(1, 3))
