@@ -13,8 +13,10 @@ from anyprobe.core.frames import rotation_x, rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import inverse_response, response
 from anyprobe.detail.place_picture import compose
+from anyprobe.detail.quilt import continue_right, join_of, strewn
 from anyprobe.errors import InputError
 from anyprobe.estimate.ground import Ground, up_of
+from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.sidecar import Origin
 from anyprobe.light.harmonics import project
 from anyprobe.maps.radiance import read_radiance
@@ -157,6 +159,54 @@ def test_a_hole_is_filled_from_around_it():
     error = np.abs(response(filled) - rows)[hole]
     assert error.mean() < 0.04
     np.testing.assert_array_equal(fill_hole(given, np.zeros_like(hole)), given)
+
+
+def test_a_picture_goes_on_in_strips_without_a_jump():
+    """A slope of brightness and a horizon keep their rows; nothing is brighter or darker than in the picture."""
+    x = np.linspace(0.0, 3.0, 90)
+    picture = np.repeat((np.arange(60)[:, None] > 25) + 0.2 * np.sin(7 * x), 3).reshape(60, 90, 3).astype(np.float32)
+    found = continue_right(picture, np.zeros((60, 90)), 300, seed=1)
+    assert found.shape == (60, join_of(90) + 300, 3)
+    assert found[:24].max() < 0.5 < found[28:].min() < found.max() < 1.5
+    joined = np.concatenate([picture[:, : -join_of(90)], found], axis=1)
+    assert np.abs(np.diff(joined, axis=1)).max() < 0.25
+
+
+def test_strewn_blocks_have_the_textures_contrast():
+    texture = np.random.default_rng(0).normal(0, 0.3, (40, 50, 3)).astype(np.float32)
+    found = strewn(texture, 12, 120, seed=0)
+    assert found.shape == (120, 120, 3)
+    assert found.std() == pytest.approx(0.3, rel=0.1)
+    assert abs(found.mean()) < 0.03
+
+
+def test_only_a_strong_source_has_the_outline_of_a_disc():
+    d = pixel_directions(64)
+
+    def edge(strength: float) -> float:
+        """Part of the light's peak that is left a third further out than half of it."""
+        towards = np.array([0.6, 0.7, 0.39]) / np.linalg.norm([0.6, 0.7, 0.39])
+        lamp = strength * (d @ towards > np.cos(np.radians(5)))[..., None]
+        picture, _ = compose((place_map() * 0 + 0.3 + lamp).astype(np.float32), None, np.eye(3), 512)
+        angle = np.degrees(np.arccos(np.clip(pixel_directions(512) @ towards, -1, 1)))
+        means = [picture[(angle > a) & (angle <= a + 0.5)].mean() - 0.3 for a in np.arange(0, 12, 0.5)]
+        half = int(np.argmax(np.array(means) < 0.5 * means[0]))
+        return means[round(1.3 * half)] / means[0]
+
+    assert edge(60.0) < 0.1 < edge(8.0)
+
+
+def test_a_dark_room_is_shown_though_it_tells_nothing_of_the_light():
+    rng = np.random.default_rng(1)
+    picture = (rng.uniform(0, 0.12, (120, 160, 3)) * 255).astype(np.uint8)
+    mask = np.zeros((120, 160), np.float32)
+    mask[40:90, 60:110] = 1.0
+    picture[mask > 0] = 200
+    photo = load_photo(picture, mask=mask)
+    assert photo.surroundings is None
+    assert photo.shows_place
+    flat = np.where(mask[..., None] > 0, picture, 128).astype(np.uint8)
+    assert not load_photo(flat, mask=mask).shows_place
 
 
 def test_a_light_without_photo_has_a_panorama_of_its_own_map():

@@ -14,7 +14,7 @@ import numpy as np
 from anyprobe.detail.plausible import DETAILS, ROWS
 from anyprobe.errors import InputError
 from anyprobe.estimate.doubts import ground_doubts, light_doubts
-from anyprobe.estimate.known import KnownNormals, PhotoBackground
+from anyprobe.estimate.known import KnownNormals
 from anyprobe.estimate.mirror_ball import CHROME, is_mirror_ball, said_of_ball
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
 from anyprobe.estimate.normals_hint import normals_from_outline

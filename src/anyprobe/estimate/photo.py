@@ -68,6 +68,8 @@ class Photo:
         mask_confidence: of the mask network, in [0, 1]; None where it was not asked.
         normals: the object's; None where they are not known.
         surroundings: what is known of the map besides: the photo's own background, a panorama, or None: nothing.
+        shows_place: whether a panorama can show the place beside the object; unlit surroundings are shown, though they
+            tell nothing of the light and are no `surroundings`.
         ground: given or guessed; None where the object is cut out, or something else was asked.
         exposure: how much light it took, see pictures.images.Pixels; None where nothing says so.
         radiance: [H, W, 3] linear, above white too, see pictures.images.Pixels; None where display values say all.
