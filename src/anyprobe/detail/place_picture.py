@@ -226,8 +226,8 @@ def _angles_from(cover: np.ndarray) -> np.ndarray:
 
 
 def _discs(sources: Sequence[LightSource], rows: int, cover: np.ndarray, picture: np.ndarray) -> np.ndarray:
-    """Light sources [rows, 2 rows, 3] as round discs of their own size, or as soft spots if they are weak, each with its
-    whole irradiance."""
+    """Draw light sources [rows, 2 rows, 3], each with its whole irradiance: discs of their own size, weak ones as soft
+    spots."""
     drawn = np.zeros((rows, 2 * rows, 3), np.float32)
     directions = pixel_directions(rows)
     areas = pixel_solid_angles(rows)
