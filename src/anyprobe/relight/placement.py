@@ -204,15 +204,16 @@ def _on_surface(
     """The spot, or if the surface under the real object is not there, one on either side that is: nearer, and smaller.
 
     Returns:
-        also whether it stands on that surface; the spot stays if none does.
+        also whether it stands on that surface; the spot stays if none does, as where the real object stands on
+        something narrow, which has no place for both.
     """
 
     def support(one: Spot) -> float:
         left, _, right, _ = extent_at(one)
         return surface.support(one.x, one.y, right - left)
 
-    if support(spot) >= STANDS or side == Side.behind:
-        return spot, side, support(spot) >= STANDS
+    if surface.narrow or support(spot) >= STANDS or side == Side.behind:
+        return spot, side, support(spot) >= STANDS and not surface.narrow
     edge = _MARGIN * view.width
     bounds = edge, edge, view.width - edge, view.height - edge
     left, _, right, _ = outline.box

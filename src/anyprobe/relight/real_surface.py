@@ -26,6 +26,12 @@ ALIKE = 2.5
 LEAST_SPREAD = 0.12
 FLOOR = 0.02
 """Added to radiance before its logarithm."""
+UNDER, BESIDE = 0.18, (0.4, 0.9)
+"""Reach to either side of the contact, of the object's width, of what is under it, and of what is beside that."""
+NARROW_HUE, NARROW_EDGE, NARROW_TIMES = 0.25, 0.4, 15.0
+"""Difference in colour of the two, and step between neighbouring cells across them, also over the usual one, from which
+on the object stands on something narrow, as on a branch or a tripod, and not on what is seen beside it. Of 33 real
+photos four are so: three with a branch or a tripod, and a saucer on the end of a bench."""
 STANDS = 0.5
 """Share of a foot's cells that must be on the surface."""
 
@@ -44,6 +50,8 @@ class RealSurface:
         hidden = _shrunk(photo.mask[..., None], size)[..., 0] > 0.05
         seeds = self._seeds(photo, contact, hidden)
         self.known = bool(seeds.sum() >= 4)
+        self.narrow = self._is_narrow(photo, contact, hidden)
+        """Whether what is under the object is not what is beside it, so that nothing beside it stands as it does."""
         self.on = np.zeros_like(hidden)
         if self.known:
             self.on = self._grown(seeds, hidden)
@@ -56,6 +64,23 @@ class RealSurface:
         foot = contact[1] / self.cell
         around = (column > x0 - reach) & (column < x1 + reach) & (row > foot - 0.8 * reach) & (row < foot + 1.5 * reach)
         return around & ~hidden
+
+    def _is_narrow(self, photo: Photo, contact: tuple[float, float], hidden: np.ndarray) -> bool:
+        """Compare the cells below the contact with those beside them: another colour behind hard edges."""
+        x0, _, x1, _ = (one / self.cell for one in object_box(photo.mask))
+        wide, reach = x1 - x0, max(2.0, RIM * (x1 - x0))
+        row, column = np.mgrid[: hidden.shape[0], : hidden.shape[1]] + 0.5
+        foot, away = contact[1] / self.cell, np.abs(column - contact[0] / self.cell)
+        band = (row > foot) & (row < foot + 1.5 * reach) & ~hidden
+        under, beside = band & (away < UNDER * wide), band & (away > BESIDE[0] * wide) & (away < BESIDE[1] * wide)
+        if min(under.sum(), beside.sum()) < 4:
+            return False
+        both = band[:, 1:] & band[:, :-1]
+        steps = np.where(both, np.abs(np.diff(self.features, axis=1)).max(axis=-1), 0.0)
+        edge, usual = float(np.median(steps.max(axis=1)[both.any(axis=1)])), float(np.median(steps[both]))
+        colors = [np.median(self.features[cells], axis=0) for cells in (under, beside)]
+        hue = np.abs((colors[0] - colors[0].mean()) - (colors[1] - colors[1].mean())).max()
+        return bool(hue >= NARROW_HUE and edge >= max(NARROW_EDGE, NARROW_TIMES * usual))
 
     def _grown(self, seeds: np.ndarray, hidden: np.ndarray) -> np.ndarray:
         """Cells that are joined to the seeds, or of their colours."""

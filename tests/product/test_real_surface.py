@@ -1,0 +1,37 @@
+"""Whether a place in the photo is on the surface under the real object."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from anyprobe.estimate.ground import contact_of
+from anyprobe.estimate.photo import load_photo
+from anyprobe.relight.real_surface import STANDS, RealSurface
+
+
+def surface_of(under: tuple[float, float, float] | None, shadow: float = 1.0) -> RealSurface:
+    """A ball before a floor; under: colour of a post below it. shadow: the floor's brightness there, soft."""
+    height, width = 192, 256
+    y, x = np.mgrid[:height, :width]
+    noise = np.random.default_rng(0).normal(0, 0.01, (height, width, 1))
+    picture = np.array([0.6, 0.5, 0.35]) + noise
+    dark = np.exp(-(((x - 128) / 40) ** 2) - ((y - 135) / 12) ** 2)
+    picture = picture * (1 - (1 - shadow) * dark[..., None])
+    if under is not None:
+        picture[(abs(x - 128) < 14) & (y > 100)] = under
+    mask = ((x - 128) ** 2 + (y - 95) ** 2 < 38**2).astype(np.float32)
+    picture[mask > 0] = (0.3, 0.5, 0.7)
+    photo = load_photo(np.round(255 * picture.clip(0, 1)).astype(np.uint8), mask=mask)
+    return RealSurface(photo, contact_of(photo.mask))
+
+
+def test_a_floor_goes_on_beside_the_object_and_under_its_shadow():
+    for shadow in (1.0, 0.35):
+        surface = surface_of(None, shadow)
+        assert not surface.narrow
+        assert surface.support(210, 133, 30) > STANDS
+
+
+def test_an_object_on_a_post_does_not_stand_on_the_floor_behind_it():
+    assert surface_of((0.05, 0.05, 0.06)).narrow
+    assert surface_of((0.2, 0.35, 0.6)).narrow
