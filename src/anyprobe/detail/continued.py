@@ -118,7 +118,7 @@ def _nearest_known(known: np.ndarray) -> np.ndarray:
     column = np.broadcast_to(np.arange(known.shape[1]), known.shape)
     left = known.argmax(axis=1)[:, None]
     right = known.shape[1] - 1 - known[:, ::-1].argmax(axis=1)[:, None]
-    return np.where(known.any(axis=1)[:, None], np.clip(column, left, right), column)
+    return np.where(np.any(known, axis=1, keepdims=True), np.clip(column, left, right), column)
 
 
 def _softer(ring: np.ndarray, distance: np.ndarray, per_deg: float) -> np.ndarray:
