@@ -84,7 +84,7 @@ def box_mips(faces: Float[np.ndarray, "6 S S 3"]) -> list[np.ndarray]:
 
 
 HALF_LEAST = 2.0**-25
-"""What is smaller than that a half float rounds to 0."""
+"""Largest magnitude that a half float rounds to 0."""
 
 
 def clipped_share(faces: Float[np.ndarray, "6 S S 3"], limit: float) -> float:

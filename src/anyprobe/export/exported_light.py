@@ -1,4 +1,4 @@
-"""What every export target is written from, the sidecar of each, and the origin of maps on disk.
+"""The light that every export target is written from, the sidecar of each, and the origin of maps on disk.
 
 Two sets of everything: `full` is the whole light; `ambient` is the light without `lights`, for renderers that are given
 directional lights as well: the light's sources, or for those that take one alone its dominant light. With both full and
@@ -40,9 +40,9 @@ SH_DEFINITION = (
 BRIGHTEST_RADIANCE = 1e12
 """Above it squares and sums leave what float32 holds; the sun in candela per square metre is 1.6e9."""
 MAX_SIDECAR_BYTES = 2**26
-"""Of a .json beside a map; ours are of a few kilobytes, of many photos a little more."""
+"""Largest .json [bytes] that is read beside a map; ours have a few kilobytes."""
 ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "response", "warnings", "detail", "level")
-"""What an export keeps of the estimate's sidecar: not its SH and dominant light, which turn with the map."""
+"""Keys that an export keeps of the estimate's sidecar: not its SH and dominant light, which turn with the map."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -156,7 +156,7 @@ def prepare(
 
 
 def origin_of(estimate: Mapping[str, Any]) -> dict[str, Any]:
-    """What an estimate's sidecar says of where the light comes from."""
+    """Return the keys of an estimate's sidecar that tell where the light comes from."""
     return {key: estimate[key] for key in ORIGIN_KEYS if key in estimate}
 
 
@@ -188,7 +188,7 @@ def primary_light(light: ExportedLight) -> dict[str, dict[str, float]]:
 
 
 def sidecar(light: ExportedLight, target: str, frame: TargetFrame, more: Mapping[str, Any]) -> dict[str, Any]:
-    """What every export says about itself, ready for JSON; `more` is the target's own."""
+    """Return what every export records about itself, ready for JSON; `more` is the target's own."""
     return {
         "target": target,
         "frame": frame.text,
@@ -273,12 +273,12 @@ def read_with_origin(path: Path) -> tuple[np.ndarray, dict[str, Any], np.ndarray
 
 
 def origin_beside(path: Path) -> dict[str, Any]:
-    """What the .json beside a map says of its photo and model, and how the map was turned; nothing if unknown."""
+    """Return the photo, the model and the turn of a map from the .json beside it; empty if there is none."""
     return origin_of(said_beside(path)) | origin_turned(map_from_camera(path))
 
 
 def origin_turned(turn: Float[np.ndarray, "3 3"]) -> dict[str, Any]:
-    """What an export's origin says of a map that was turned by [3, 3] since the estimate; nothing if it was not."""
+    """Return the entry for a map turned by [3, 3] since the estimate; empty if it was not turned."""
     return {} if np.allclose(turn, np.eye(3)) else {MAP_FROM_CAMERA: numbers(turn)}
 
 

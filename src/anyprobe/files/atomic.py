@@ -19,7 +19,7 @@ from pathlib import Path
 from anyprobe.errors import OutputError
 
 SCRATCH = ".anyprobe-"
-"""What the folders begin with that hold files until all are written; the machine and the process's number follow."""
+"""Prefix of the folders that hold files until all are written; machine name and process number follow."""
 
 WAITS, WAITS_S = os.name == "nt", (0.02, 0.1, 0.5)
 """Whether a rename may be refused for a moment, and how long it is waited for."""

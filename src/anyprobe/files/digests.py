@@ -11,7 +11,7 @@ from anyprobe.errors import InputError
 from anyprobe.files.paths import open_regular
 
 BLOCKS, BLOCK_BYTES = 64, 1 << 16
-"""Of a large file so many parts are looked at, spread evenly from its first byte to its last."""
+"""Number and size of the blocks of a large file that are hashed, spread evenly over it."""
 
 
 def digest_of(parts: Iterable[bytes]) -> str:

@@ -21,7 +21,7 @@ HEAD = struct.Struct("<4sIII")
 """Magic, version, bytes of the project's JSON and of its picture."""
 VERSION = 1
 MOST_BYTES = 1 << 22
-"""Of the JSON."""
+"""Largest JSON part [bytes]."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

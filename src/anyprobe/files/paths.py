@@ -63,7 +63,7 @@ def natural_order(name: str) -> list[tuple[bool, int, str]]:
 
 
 def visible_files(folder: Path, suffixes: Iterable[str]) -> list[Path]:
-    """What a folder has of these suffixes, in lower case, by natural_order; without hidden files.
+    """Return the files of a folder that have one of these lower-case suffixes, in natural_order, without hidden files.
 
     macOS leaves a ._NAME beside each NAME on shared drives.
     """
@@ -119,7 +119,7 @@ def read_stream(stream: BinaryIO, name: str, fault: type[InputError], max_bytes:
 
 
 def read_rest(stream: BinaryIO) -> bytes:
-    """What follows in an open file, up to MAX_BYTES; read() of a number takes as much memory at once."""
+    """Read the rest of an open file, at most MAX_BYTES; read(n) would allocate n bytes at once."""
     return stream.read(min(os.fstat(stream.fileno()).st_size, MAX_BYTES))
 
 

@@ -28,7 +28,7 @@ BLUR_RADIUS = np.radians(contract("dominant_light")["blur_deg"])
 LOBE_LEVEL: float = contract("dominant_light")["lobe_level"]
 RING_PX: int = contract("dominant_light")["ring_px"]
 ERROR: dict[str, float] = contract("dominant_light")["error"]
-"""Of direction_error; fitted by research.direction_error."""
+"""Coefficients of direction_error; fitted by research.direction_error."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -80,8 +80,8 @@ def connected(mask: Bool[np.ndarray, "H 2*H"], row: int, column: int) -> Bool[np
 
 
 def _find_lobe(bright: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of luminance [H, 2H]: the lobe, it with the pixels that touch it, and the ring around; in pixels of SEARCH_ROWS
-    rows where there are more."""
+    """Return the brightest lobe of luminance [H, 2H], the lobe grown by a pixel, and the ring around that; maps of
+    more than SEARCH_ROWS rows are reduced to these."""
     height = len(bright)
     small = reduced(bright[..., None])
     blurred = blur_cap(small, BLUR_RADIUS)[..., 0]

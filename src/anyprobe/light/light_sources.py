@@ -32,11 +32,11 @@ _STEPS_DEG = np.arange(0.25, _RADII_DEG[-1] + 0.01, 0.25)
 SMALLEST_DEG = _RADII_DEG[0]
 """Smaller discs cannot be told from one pixel."""
 _WIDENED = 0.4
-"""Of a pixel's squared side: by so much pixels make a disc's squared radius larger."""
+"""Share of a pixel's squared side by which sampling enlarges a disc's squared radius."""
 LEAST_SHARE = 0.04
-"""Of the map's power: less is no source."""
+"""Least share of the map's power that a source has."""
 LEAST_CONTRAST = 3.0
-"""Times the luminance of the ring: duller is no source."""
+"""Least luminance of a source, in multiples of the ring's around it."""
 MOST_SOURCES: int = contract("source_split")["most"]
 """The number of light sources that a map has at most: here, in the filter of videos and in the networks' heads."""
 

@@ -30,9 +30,9 @@ COMPACT_AND_WIDE = tuple(
     (*(np.cos(np.radians(rules[name])) for name in NAMES), float(np.radians(rules["most_radius_deg"])))
     for rules in (RULES, RULES["wide"])
 )
-"""Of compact and of wide sources: cosines of reach, ring and apart, and the largest radius."""
+"""Cosines of reach, ring and apart, and the largest radius, for compact and for wide sources."""
 LEAST_SHARE: float = RULES["least_share"]
-"""Of the map's power: less is no source."""
+"""Least share of the map's power that a source has."""
 LEAST_RADIUS = float(np.radians(RULES["least_radius_deg"]))
 
 
@@ -71,8 +71,8 @@ def split_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[np.ndarray, t
 def _around(
     soft: np.ndarray, center: np.ndarray, reach: float, ring: float, least: float
 ) -> tuple[np.ndarray, np.ndarray, Source] | None:
-    """Of soft [P, 3]: pixels [K] near the middle of what is brighter around a place, what they have more than their
-    surroundings [K, 3], and that as a source; None where its power is no more than `least`."""
+    """Return the pixels [K] of a bright spot of soft [P, 3] around a place, their radiance above the surroundings
+    [K, 3], and both as a source; None where its power is no more than `least`."""
     d, angles = _grid(int(np.sqrt(len(soft) / 2)))
     for _ in range(2):
         cosine = d @ center

@@ -69,7 +69,7 @@ LEAST_ODD_S, MOST_ODD_S = RULES["same"]["odd_s"]
 SAME_MOST_TURN: float = float(np.radians(RULES["same"]["most_turn_deg_s"]))
 LEAD_RATIO, LEAD_MARGIN = float(RULES["lead_ratio"]), float(RULES["lead_margin"])
 PEAK: float = float(np.radians(contract("dominant_light")["blur_deg"]))
-"""Of the cap within which find_dominant_light compares."""
+"""Radius [radians] of the cap within which find_dominant_light compares."""
 VIEW_TURN, VIEW_MOST_TURN = (float(np.radians(RULES["view"][name])) for name in ("turn_deg", "most_turn_deg_s"))
 VIEW_SLACK = float(np.radians(RULES["view"]["slack_deg"]))
 VIEW_SLACK_SIZE = float(np.sqrt(3.0) * np.log(RULES["view"]["slack_ratio"]))
@@ -110,7 +110,7 @@ class Track:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FilterState:
-    """What one frame hands to the next.
+    """State that one frame hands to the next.
 
     soft: y of the soft part, [H, 2H, 3] float32. power: ln of the sources' luminance in all, [1].
     tracks: the sources. held: whether the last frame was held back. odd_s: for how long frames have been odd. led_s:
@@ -223,7 +223,7 @@ def _follow(
     c: Smoothing,
     is_same: bool,
 ) -> tuple[Track, ...]:
-    """What is known of the sources after one more frame."""
+    """Return the tracks of the sources after one more frame."""
     followed = [
         _seen(track, sources[pairs[i]], pose, dt_s, c, is_same) if i in pairs else _unseen(track, dt_s)
         for i, track in enumerate(tracks)

@@ -62,7 +62,7 @@ _Window = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ExrHeader:
-    """What a file's header holds.
+    """Header of a file.
 
     Attributes:
         display, data: windows of the first part.

@@ -41,7 +41,7 @@ HALF_MIN = 2.0**-14
 """Smallest half of full precision; what lies below loses digits, and is 0 from 3e-8 on."""
 
 ATTRIBUTE = "anyprobe:"
-"""What the names of our own strings in an .exr's header begin with."""
+"""Prefix of the names of our own strings in an .exr's header."""
 
 KINDS = {HDR_MAGIC: ".hdr", EXR_MAGIC: ".exr", b"\x89PNG": "PNG", b"\xff\xd8\xff": "JPEG"}
 """First bytes of files that are mistaken for one another."""

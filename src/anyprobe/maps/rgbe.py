@@ -42,7 +42,7 @@ MIN_RUN = 4
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class HdrHeader:
-    """What a .hdr says before its pixels, which begin at byte `at`.
+    """Header of a .hdr; its pixels begin at byte `at`.
 
     height, width: of the rows as they are stored; axes: along which rows, and a row's pixels, follow each other.
     exposure: what the pixels' red, green and blue were multiplied by.
@@ -197,7 +197,7 @@ def encode_rows(rgbe: np.ndarray) -> list[bytes]:
 
 
 def least_bytes(width: int) -> int:
-    """Of a row: its start, and runs of 127 pixels in each channel; flat where it cannot be coded."""
+    """Return the fewest bytes of a row: its start and runs of 127 pixels in each channel, or flat pixels."""
     return min(4 * width, 4 + 8 * -(-width // 127)) if width in RLE_WIDTHS else 4 * width
 
 
@@ -244,7 +244,7 @@ def _shown(value: bytes) -> str:
 
 
 def _start(width: int) -> bytes:
-    """What a run-length coded row begins with."""
+    """Return the first bytes of a run-length coded row."""
     return bytes((2, 2, width >> 8, width & 255))
 
 

@@ -1,4 +1,4 @@
-"""What every mask must be: [H, W] in [0, 1], white on an object that is large enough."""
+"""Checks of masks: [H, W] in [0, 1], white on an object that is large enough."""
 
 from __future__ import annotations
 

@@ -110,7 +110,7 @@ def depth_of_view(source: DepthSource, shape: tuple[int, int]) -> np.ndarray:
 def mask_from_depth(
     source: DepthSource, shape: tuple[int, int], near: float | None = None, far: float | None = None
 ) -> np.ndarray:
-    """What lies from near to far, both included, in the depth image's own unit.
+    """Return the mask of the depths from near to far, both included, in the depth image's own unit.
 
     A depth image of another size but the same view is read at the nearest pixel.
 

@@ -107,7 +107,7 @@ def check_prompts(click: Clicks | None, exclude: Clicks | None, box, width: int,
 
 
 def source_of(prompts: Prompts) -> str:
-    """What FoundMask calls prompts."""
+    """Return the name by which FoundMask calls the source of these prompts."""
     clicked = prompts.on or (prompts.off and prompts.box is None)
     return "click" if clicked else "network" if prompts.box is None else "box"
 
@@ -144,7 +144,7 @@ def _judged(
 
 
 def _segmented(pixels: Pixels, prompts: Prompts, segmenter: Segmenter, source: str) -> FoundMask:
-    """What another segmenter finds, one part of it; by our network's box where it needs a prompt and there is none."""
+    """Return one part of another segmenter's mask; our network gives it a box where it needs a prompt and has none."""
     rgb, network, box = pixels.rgb, shared_network(), prompts.box
     if segmenter.needs_prompt and not prompts.on and box is None:
         found = find_object(network, rgb, prompts)

@@ -27,7 +27,7 @@ REFUSED = QUALITY["refused"]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Evidence:
-    """What speaks for a mask, each from 0 to 1 where 1 is good, and what makes masks doubtful.
+    """Evidence for a mask, each number from 0 to 1 where 1 is good, and reasons for doubt.
 
     expected: IoU by the network's own probabilities; agreed: IoU with what a second look at the object alone gives,
     mirrored; whole: share of all that stood out; single: see Finding.single; meant: how well it fits clicks and box;
@@ -51,7 +51,7 @@ class Evidence:
         return float(1.0 / (1.0 + np.exp(-odds)))
 
     def doubts(self) -> list[str]:
-        """What looks wrong, in a few words each, the gravest first."""
+        """Return what looks wrong, in a few words each, the gravest first."""
         found = [
             (self.agreed - 0.8, "a second look finds something else"),
             (self.expected - 0.85, "its outline is blurred"),
@@ -66,7 +66,7 @@ class Evidence:
 
 
 def examine(found: Finding, width: int, height: int, prompts: Prompts) -> Evidence:
-    """What speaks for the mask that was found by prompts in a photo of that size."""
+    """Return the evidence for a mask that was found by prompts in a photo of that size."""
     photo = Window(x0=0, y0=0, x1=width, y1=height)
     window = found.window
     share = float(found.part.mean()) * (window.size[0] * window.size[1]) / (width * height)
@@ -99,7 +99,7 @@ def _area(x0: float, y0: float, x1: float, y1: float) -> float:
 
 
 def _fits_clicks(found: Finding, clicks: Sequence[Point]) -> float:
-    """Of two things that are taken for one, a click is rarely in the middle of both."""
+    """Return how central the clicks are, in [0, 1]; a click is rarely in the middle of two objects taken for one."""
     rows, columns = np.nonzero(found.part)
     x, y = np.mean(clicks, axis=0)
     across = ((x - found.window.x0) * GRID / found.window.size[0] - 0.5 - columns.mean()) / max(columns.std(), 1.0)

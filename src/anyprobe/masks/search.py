@@ -25,7 +25,7 @@ NUMBERS = contract("mask")["search"]
 GRID = NUMBERS["grid"]
 
 MARGIN = NUMBERS["margin"]
-"""Of a window around an object, in the longer sides of its box."""
+"""Margin of a window around an object, in shares of the longer side of its box."""
 
 WINDOWS = NUMBERS["windows"]
 """Sides of the windows around a click where nothing is found, in longer sides of the photo."""
@@ -165,7 +165,7 @@ class Finding:
         return self._placed(soft, width, height)
 
     def only(self, cover: np.ndarray) -> np.ndarray:
-        """Of another segmenter's cover [H, W], as fine as it is, this part, its small holes filled."""
+        """Return this part of another segmenter's cover [H, W] at full resolution, its small holes filled."""
         height, width = cover.shape
         inner, near = (
             self._placed(one.astype(np.float32), width, height) > INSIDE
@@ -264,7 +264,7 @@ def look_closer(network: Network, rgb: np.ndarray, found: Finding, prompts: Prom
 
 
 def _beside_clicks(network: Network, rgb: np.ndarray, photo: Window, prompts: Prompts) -> Finding | None:
-    """What stands out in windows around the clicks: the likeliest that a window's border does not cut."""
+    """Return the likeliest object in windows around the clicks that a window's border does not cut."""
     best, most = None, 0.0
     for share in WINDOWS:
         window = photo.square(prompts.on, share * max(photo.size))

@@ -42,7 +42,7 @@ class Segmenter(Protocol):
 
 
 SegmenterSource = str | Network | Segmenter
-"""What finds an object: a name of load_segmenter, or what that returns."""
+"""A segmenter: a name of load_segmenter, or its result."""
 
 
 def load_segmenter(name: str) -> Network | Segmenter:
@@ -96,7 +96,7 @@ class Rembg:
     def segment(
         self, rgb: np.ndarray, on: Sequence[Point], off: Sequence[Point], box: Sequence[float] | None
     ) -> np.ndarray:
-        """What stands out: in the box and a margin, if there is one."""
+        """Return the cover of the salient object: within the box and a margin, if there is a box."""
         height, width = rgb.shape[:2]
         photo = Window(x0=0, y0=0, x1=width, y1=height)
         seen = photo if box is None else photo.around((box[0], box[1], box[2], box[3]), MARGIN)
@@ -167,7 +167,7 @@ class Sam:
         return self._enlarged(odds, size, width, height)
 
     def _encode(self, picture: np.ndarray) -> dict[str, np.ndarray]:
-        """What the decoder needs of a picture [h, w, 3] uint8."""
+        """Return the decoder's inputs for a picture [h, w, 3] uint8."""
         if len(self._input.shape) == 3:  # it normalises and pads by itself
             fed = picture.astype(np.float32)
         else:

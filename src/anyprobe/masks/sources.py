@@ -30,7 +30,7 @@ BLACK, WHITE = contract("mask")["file"]["black"], contract("mask")["file"]["whit
 """Brightness of a mask file up to which a pixel is not the object's, and from which on it is."""
 
 STRIP_ROWS = 256
-"""Of a large picture that are worked on at once."""
+"""Rows of a large picture that are processed at once."""
 
 
 def mask_from_alpha(alpha: np.ndarray | None) -> np.ndarray | None:
@@ -80,7 +80,7 @@ def mask_from_file(source: MaskPicture, shape: tuple[int, int]) -> np.ndarray:
 
 
 def _read(source: MaskPicture) -> tuple[np.ndarray, np.ndarray | None, str]:
-    """What brightness says of each pixel, [H, W] in [0, 1]; alpha, or None; and what messages call the picture."""
+    """Return a mask picture's brightness [H, W] in [0, 1], its alpha or None, and its name for messages."""
     name = Path(source).name if isinstance(source, (str, os.PathLike)) else "mask"
     if _is_exr(source):
         return *_read_exr(source, name), name

@@ -1,4 +1,4 @@
-"""What is said of a found mask: that it looks right, or why it may be wrong."""
+"""A verdict on a found mask in words: it looks right, or why it may be wrong."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ APART = COLORS["apart"]
 TIGHT = COLORS["tight"]
 """How far colours may spread about their own thing's, of that distance."""
 SHARE = COLORS["share"]
-"""Of the mask that the smaller of two things must have."""
+"""Least share of the mask that the smaller of two objects covers."""
 ASIDE = COLORS["aside"]
-"""Distance of the middles of two things, in standard deviations of their places, from which on they are two."""
+"""Least distance between the centres of two objects, in standard deviations of their pixels."""
 LOCAL = COLORS["local"]
 """Share of the mask that looks like the place of a click, below which the click is on a small part of it."""
 PIXELS = COLORS["pixels"]
-"""Of the mask that are looked at."""
+"""Pixels of the mask that are sampled."""
 NEAR = COLORS["near"]
-"""How far the place of a click reaches, of the mask's mean side."""
+"""Radius of a click's neighbourhood, in shares of the mask's mean side."""
 ROUNDS = COLORS["rounds"]
 
 

@@ -180,7 +180,7 @@ class HeldMatch:
 def hold_match(
     held: HeldMatch | None, radiance: np.ndarray, confidence: np.ndarray | None, library: Library
 ) -> HeldMatch:
-    """What was held, or a new choice where there is none or the estimate has moved away; pure.
+    """Return the held match, or a new one where there is none or the estimate has moved away; pure.
 
     A new choice for each frame of a clip would make reflections flicker: candidates that agree equally well take turns.
 

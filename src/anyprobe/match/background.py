@@ -17,21 +17,21 @@ from anyprobe.match.places import YAWS, map_from_camera_at, nearest_pixels, seen
 
 BEHIND_WEIGHT, BEHIND_FLOOR = 1.0, 0.02
 MOST_PIXELS, LEAST_PIXELS = 128, 4
-"""Of the background that are compared at most, and without which it is not."""
+"""Most pixels of the background that are compared, and the fewest that are enough."""
 COVERED = 0.5
-"""Share of a pixel from which on it is known."""
+"""Least cover of a pixel that counts as known."""
 CLIPPED_WEIGHT = 0.3
 """How much a clipped pixel counts, which says only how bright it is at least."""
 LEAST_SEEN = 0.1
 """Share that must not be clipped for a level."""
 FAINT_SEEN = 0.05
-"""Of the mean: added before logarithms, for noise."""
+"""Share of the mean that is added before logarithms, against noise."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Background:
-    """What a photo shows beside its object: B unit directions [B, 3] in the camera's frame, linear radiance there
-    [B, 3], which are clipped [B], and how much each counts [B], 1 in all."""
+    """Radiance that a photo shows beside its object: B unit directions [B, 3] in the camera's frame, linear
+    radiance there [B, 3], which are clipped [B], and how much each counts [B], 1 in all."""
 
     d: np.ndarray
     radiance: np.ndarray
@@ -57,7 +57,7 @@ class Background:
         return float(np.exp(share @ (own - theirs) / share.sum()))
 
     def _cost(self, drawn: np.ndarray) -> np.ndarray:
-        """Of radiance [M, B, 3] along the directions."""
+        """Return the cost [M] of radiance [M, B, 3] along the directions."""
         share = self.share
         rest = np.log(drawn + FAINT_SEEN * np.einsum("mpc,p->mc", drawn, share)[:, None] + 1e-9)
         rest -= np.log(self.radiance + FAINT_SEEN * (share @ self.radiance) + 1e-9)
@@ -70,7 +70,7 @@ class Background:
 def background_of(
     radiance: np.ndarray, clipped: np.ndarray, cover: np.ndarray, camera_from_map: np.ndarray, rows: int
 ) -> Background | None:
-    """Of a map's known part, thinned out; None where that is too little.
+    """Return the known part of a map, thinned out; None where that is too little.
 
     Args:
         radiance: [H, 2H, 3], clipped: [H, 2H, 3] bool, cover: [H, 2H, 1] in [0, 1].
@@ -95,7 +95,7 @@ def background_of(
 
 
 def mean_squares(rest: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of brightness [M] and of hue [M], of differences of logarithms [M, P, 3]; share [P] sums to 1."""
+    """Return mean squares of differences of logarithms [M, P, 3]: brightness [M], hue [M]; share [P] sums to 1."""
     bright = rest.mean(axis=-1)
     whole = np.einsum("mpc,mpc,p->m", rest, rest, share)
     brightness = np.einsum("mp,mp,p->m", bright, bright, share)

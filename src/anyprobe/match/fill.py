@@ -150,7 +150,7 @@ def _eroded(known: np.ndarray) -> np.ndarray:
 
 
 def _smooth(own: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """What is known [H, W, 3] spread over all pixels: means over growing areas."""
+    """Spread the known pixels of [H, W, 3] over all pixels: means over growing areas."""
     height, width = known.shape
     layer, share = own * known[..., None], known.astype(np.float32)[..., None]
     result, left = np.zeros_like(own), np.ones_like(share)

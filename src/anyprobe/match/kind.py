@@ -26,9 +26,9 @@ LOW, GREENEST = 0.3, 0.8
 OUTDOORS = 0.71
 """Score of a panorama above which it is taken for one outdoors."""
 SKY_SHARE, PLANT_SHARE = 0.12, 0.15
-"""Of the photo beside its object, from which on it shows the outdoors."""
+"""Least shares of sky and of plants beside the object in a photo of the outdoors."""
 PRICE = 0.5
-"""Of a panorama of the other kind, in units of likeness.Places.misfit."""
+"""Penalty of a panorama of the other kind, in units of likeness.Places.misfit."""
 MATCH_PRICE = 0.08
 """The same in units of match.Match.distance."""
 

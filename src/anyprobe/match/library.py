@@ -42,7 +42,7 @@ up to 6; and of radiance itself, about what a dull object shows of it."""
 DETAIL = 48.0
 """Sharpness of the blur that separates an estimate from detail: exp(-l (l + 1) / 96) of order l, a half at order 8."""
 _VERSION, OWN_VERSION = 3, 1
-"""Of the file; another is made anew. Our own, of the first, has no lights of its own and no files."""
+"""Versions of a stored library and of the bundled one, which stores neither lights nor files; others are made anew."""
 
 
 class Entry(NamedTuple):
@@ -107,8 +107,8 @@ class Library:
 
 
 def features_of(radiance: np.ndarray) -> np.ndarray:
-    """What maps are compared by, [16, 32, 4] of [H, 2H, 3]: blurred ln radiance of each channel, and ln of blurred
-    luminance."""
+    """Return the features [16, 32, 4] by which maps [H, 2H, 3] are compared: blurred ln radiance of each channel,
+    and ln of blurred luminance."""
     small = np.maximum(reduced(radiance, FEATURE_ROWS), 1e-6)
     shading = blur_cosine_power(luminance(small)[..., None], SHADING)
     return np.concatenate([blur_cosine_power(np.log(small), PATTERN), np.log(shading)], axis=-1)
@@ -224,7 +224,7 @@ def _put(file: zipfile.ZipFile, name: str, data: bytes) -> None:
 
 
 def stored_index(path: Path) -> dict[str, Any] | None:
-    """What a file of this version says; None where it is absent, damaged or of another."""
+    """Return the index of a file of this version; None where it is absent, damaged or of another version."""
     try:
         with zipfile.ZipFile(path) as file:
             return index_in(file)
@@ -247,7 +247,7 @@ def lights_in(file: zipfile.ZipFile) -> np.ndarray | None:
 
 
 def read_library(path: Path, stored: Path | io.BytesIO) -> Library:
-    """What a library's file holds; stored: the file, path, or its bytes."""
+    """Read a library; stored: its file, a path, or its bytes."""
     with zipfile.ZipFile(stored) as file:
         index = json.loads(file.read("index.json"))
         if index["version"] not in (_VERSION, OWN_VERSION):

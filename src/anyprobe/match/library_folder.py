@@ -33,7 +33,7 @@ from anyprobe.match.library import (
 
 _SUFFIXES = (".exr", ".hdr")
 MOST_MAPS = 5000
-"""Of a folder, the folders in it included."""
+"""Most maps of a folder, subfolders included."""
 MOST_LIBRARIES = 32
 """Folders that the cache holds; the one that was used longest ago makes room."""
 
@@ -79,7 +79,7 @@ def open_library(folder: str | Path | None = None) -> Library:
 
 
 def _stamps(folder: Path) -> list[tuple[str, int, int]]:
-    """Of all maps in a folder and the folders in it, without hidden ones."""
+    """Return name, size and time of all maps in a folder and its subfolders, without hidden ones."""
     found: list[Path] = []
     for place, folders, names in os.walk(folder):
         folders[:] = sorted(one for one in folders if not one.startswith("."))

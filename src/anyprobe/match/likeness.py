@@ -28,13 +28,13 @@ from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.microfacet import schlick_weight
 
 MATCH_ROWS = 32
-"""Of the maps that are compared."""
+"""Rows of the maps that are compared."""
 PIXELS, FINE_PIXELS = 96, 160
-"""Of the object that are compared, in the search and in its refinement."""
+"""Pixels of the object that are compared, in the search and in its refinement."""
 SHARPNESS = (2.0, 6.0, 20.0, 70.0)
-"""Of the blurs (light.filtering) that stand for coats of GGX alpha 0.5, 0.3, 0.17 and 0.1 or less."""
+"""Exponents of the blurs (light.filtering) that stand for coats of GGX alpha 0.5, 0.3, 0.17 and 0.1 or less."""
 PITCHES_DEG = tuple(range(-5, 81, 12))
-"""How far the camera may look down."""
+"""Pitches of the camera that are tried, downwards."""
 STEEPNESS = (0.8, 1.0, 1.25)
 """Factors of the slant of estimated normals: these are too flat or too steep as a whole."""
 KEPT = 8
@@ -44,7 +44,7 @@ _CLIPPED = 0.96
 LEAST_FACING = 0.15
 """n.wo of a pixel that counts; estimated normals at the rim are poor."""
 F0 = 0.04
-"""Of the coat of what is no metal."""
+"""Reflectance of a dielectric coat at normal incidence."""
 FLOOR, HUE_WEIGHT = 0.003, 2.0
 BATCH = 64
 """Maps that are searched at once."""
@@ -113,7 +113,7 @@ def shown_by(
 
 
 def light_of(radiance: np.ndarray) -> tuple[np.ndarray, float]:
-    """What a map [H, 2H, 3] is compared by: [32, 64, 3] float32 of mean 1, and the mean of the map."""
+    """Return a map [H, 2H, 3] as it is compared, [32, 64, 3] float32 of mean 1, and its mean."""
     small = reduced(radiance, MATCH_ROWS)
     weights = pixel_solid_angles(len(small))[..., None] / (4 * np.pi)
     level = max(float((small * weights).sum() / 3), 1e-12)
@@ -252,7 +252,7 @@ def _slanted(shown: Shown, factor: float) -> np.ndarray:
 
 
 class _Measured:
-    """What the pixels of a photo show, ready to be compared with."""
+    """Pixels of a photo, prepared for comparison."""
 
     def __init__(self, shown: Shown, few: slice) -> None:
         radiance, clipped = shown.radiance[few].astype(np.float32), shown.clipped[few]
@@ -265,7 +265,7 @@ class _Measured:
         self.share = (share / share.sum()).astype(np.float32)
 
     def misfit(self, e: np.ndarray | None, s: np.ndarray) -> np.ndarray:
-        """Of pixels that show a e + b s, [M, P, 3] each, with the best a and b >= 0 of each channel: [M]."""
+        """Return the misfit [M] of a e + b s, [M, P, 3] each, with the best a and b >= 0 of each channel."""
         drawn = self._fitted(e, s.astype(np.float32))
         drawn += self.dark
         rest = np.log(drawn, out=drawn)

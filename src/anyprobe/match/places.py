@@ -8,7 +8,7 @@ from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.latlong import direction_to_uv
 
 YAWS = 32
-"""Of a search, evenly spread."""
+"""Yaws that a search tries, evenly spread."""
 
 
 def map_from_camera_at(yaw: float, pitch_deg: float) -> np.ndarray:

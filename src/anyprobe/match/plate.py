@@ -24,7 +24,7 @@ LEAST_LEFT = 0.02
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Plate:
-    """What a photo shows beside its object.
+    """The photo beside its object.
 
     Attributes:
         rgb: [H, W, 3] uint8 display values.

@@ -1,4 +1,4 @@
-"""What iPhones note in EXIF for themselves: signed rationals, by tag; among them where down is.
+"""Apple's maker note in EXIF: signed rationals by tag, among them the direction of gravity.
 
 Tags and axes: ExifTool, Image::ExifTool::Apple. The accelerometer's vector is in units of g along the screen's left,
 the screen's lower edge, and into the screen; of a phone at rest it is upward.

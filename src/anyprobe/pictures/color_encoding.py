@@ -1,4 +1,4 @@
-"""What a picture's numbers mean: primaries and transfer function, by code points or by numbers, to linear Rec. 709.
+"""Colour encodings of pictures: primaries and transfer function, by code points or by numbers, to linear Rec. 709.
 
 Code points are those of ITU-T H.273 (CICP), which PNG (cICP), HEIC, AVIF and JPEG XL (nclx) and video share. Diffuse
 white is 1: PQ has it at 203 cd/m2, HLG at a signal of 0.75 (ITU-R BT.2408). HLG is decoded to the light of the scene,
@@ -42,7 +42,7 @@ PRIMARIES = {
 ADOBE_RGB = (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, *D65)
 
 STRIP_PIXELS = 1 << 20
-"""Of a large picture that are converted at once."""
+"""Pixels of a large picture that are converted at once."""
 
 SAME = 1.2 / 255
 """Display values that differ by no more are the same encoding: sRGB's profiles round its curve and its primaries."""
@@ -118,7 +118,7 @@ Those of BT.709 and its kin are what cameras write; screens, browsers and this p
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class ColorEncoding:
-    """What the numbers of a picture mean.
+    """Colour encoding of a picture.
 
     matrix: [3, 3] from its linear light to linear Rec. 709. decode: its code values in [0, 1] to linear light, diffuse
     white at 1. brighter: whether it holds light above diffuse white.

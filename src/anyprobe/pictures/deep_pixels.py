@@ -23,7 +23,7 @@ OTHER_HALF = {"B": "L", "L": "B", "N": "B" if sys.byteorder == "little" else "L"
 TIFF_STARTS = (b"II*\0", b"MM\0*")
 MAX_ENTRIES = 4096
 MOST_BYTES = 16 * MAX_PIXELS
-"""What the tiles of a TIFF may hold: four floats a pixel."""
+"""Most bytes in the tiles of a TIFF: four floats a pixel."""
 MAX_SAMPLES = 16
 
 WIDTH, HEIGHT, BITS, COMPRESSION, PHOTOMETRIC, STRIPS, ORIENTATION = 256, 257, 258, 259, 262, 273, 274
@@ -33,10 +33,10 @@ EXIF, PROFILE, FILL_ORDER = 34665, 34675, 266
 """Tags of TIFF 6.0."""
 
 KEPT = (HEIGHT, COMPRESSION, FILL_ORDER, STRIPS, ROWS_PER_STRIP, STRIP_SIZES, TILE_HEIGHT, TILES, TILE_SIZES, EXIF)
-"""Of a float picture that is read as one of bytes."""
+"""Tags that are kept of a float picture that is read as one of bytes."""
 
 BYTES_OF = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4, 16: 8, 17: 8, 18: 8}
-"""Of a value, by its type."""
+"""Bytes of a value, by its type."""
 
 _Entry = tuple[int, int, bytes]
 """Type, number of values, and their bytes."""

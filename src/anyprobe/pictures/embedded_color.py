@@ -57,7 +57,7 @@ class DisplayPixels:
 
 
 def said_encoding(image: Image.Image, stream: BinaryIO | None) -> tuple[ColorEncoding | None, bytes, tuple[str, ...]]:
-    """What a picture says of its colours: an encoding, or a profile; neither means sRGB. And warnings.
+    """Return the encoding or the profile that a picture declares, neither for sRGB, and warnings.
 
     Args:
         image: opened by Pillow, its file still open where it has one.
@@ -149,7 +149,7 @@ def _code_points(image: Image.Image, stream: BinaryIO | None) -> tuple[int, int,
 
 
 def _cicp(stream: BinaryIO) -> tuple[int, int, bool, int] | None:
-    """Of a PNG's cICP chunk."""
+    """Return the code points of a PNG's cICP chunk, None without one."""
     place, bits = stream.tell(), 8
     stream.seek(0)
     data = stream.read(PNG_HEAD_BYTES)
@@ -169,7 +169,7 @@ def _cicp(stream: BinaryIO) -> tuple[int, int, bool, int] | None:
 
 
 def _nclx(stream: BinaryIO) -> tuple[int, int, bool, int] | None:
-    """Of the first property of an AVIF that names code points; the decoder takes care of the range."""
+    """Return the code points of an AVIF's first nclx property, None without one; the decoder handles the range."""
     place = stream.tell()
     stream.seek(0)
     data = stream.read(BOX_BYTES)
@@ -201,7 +201,7 @@ def _boxes(data: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def _by_gamma(image: Image.Image) -> ColorEncoding | None:
-    """Of a PNG's gAMA and cHRM; sRGB's curve where its gamma is the usual one."""
+    """Return the encoding of a PNG's gAMA and cHRM; sRGB's curve for the usual gamma."""
     gamma, found = image.info.get("gamma"), image.info.get("chromaticity")
     if not gamma and not found:
         return None

@@ -31,7 +31,7 @@ from anyprobe.pictures.raw import HEAD_BYTES
 ISO = b"urn:iso:std:iso:ts:21496:-1\0"
 
 MARKS = (b"hdrgm", b"ts:21496")
-"""What a JPEG with a gain map of the first two kinds has in its first segments."""
+"""Marks in the first segments of a JPEG with a gain map of the first two kinds."""
 MOST_BYTES = 1 << 28
 MAX_MAP_PIXELS = 50_000_000
 ANOTHER_SHAPE = 0.1
@@ -71,7 +71,7 @@ class GainMap:
 
 
 def gain_map_of(image: Image.Image, stream: BinaryIO | None) -> GainMap | None:
-    """Of a JPEG or HEIC, whose open file is stream; None where it has none that is read."""
+    """Return the gain map of a JPEG or HEIC whose open file is stream; None where it has none that can be read."""
     if stream is None or image.format not in ("JPEG", "MPO", "HEIF", "AVIF"):
         return None
     stream.seek(0)
@@ -84,7 +84,7 @@ def gain_map_of(image: Image.Image, stream: BinaryIO | None) -> GainMap | None:
 
 
 def _of_tone_map(image: Image.Image, stream: BinaryIO) -> GainMap | None:
-    """Of an item of ISO 21496-1."""
+    """Return the gain map of an item of ISO 21496-1."""
     data = stream.read(MOST_BYTES)
     stream.seek(0)
     if b"tmap" not in data[:BRAND_BYTES]:

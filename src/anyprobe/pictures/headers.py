@@ -1,4 +1,4 @@
-"""What a photo's file says before it is decoded: its format, EXIF, and whether decoding it would take too long."""
+"""Headers of photos, read before decoding: format, EXIF, and whether decoding it would take too long."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ KINDS_BY_START = {
     b"\x1aE\xdf\xa3": "a video; anyprobe video takes it",
     b"PK\x03\x04": "a ZIP archive; unpack it",
 }
-"""What a file is by its first bytes, and what to do with it, where no reader takes it."""
+"""Formats by their first bytes that no reader takes, and what to do with such a file."""
 BRANDS = {
     **dict.fromkeys((b"avif", b"avis"), CUT.format("AVIF")),
     **dict.fromkeys((b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"), CUT.format("HEIC")),

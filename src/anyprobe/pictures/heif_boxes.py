@@ -21,7 +21,7 @@ class ToneMap:
 
 
 def find_tone_map(data: bytes) -> ToneMap | None:
-    """Of a whole file; None where it has none, or one that cannot be read.
+    """Return the tone map of a whole file; None where it has none, or one that cannot be read.
 
     Raises:
         struct.error, ValueError, KeyError: damaged.

@@ -1,4 +1,4 @@
-"""What a JPEG file consists of: pictures one behind the other, and segments of each (ITU-T T.81)."""
+"""Parts of a JPEG file: concatenated pictures, and the segments of each (ITU-T T.81)."""
 
 from __future__ import annotations
 

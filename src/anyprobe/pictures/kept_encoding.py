@@ -47,7 +47,7 @@ class Stored:
 
 
 def stored_as(source: Path | bytes) -> Stored:
-    """Of a PNG or TIFF, its bits; of any picture that Pillow opens, its profile if it is one of RGB by curves."""
+    """Return how a picture is stored: the bits of a PNG or TIFF, and an RGB profile by curves of any picture."""
     try:
         with Image.open(io.BytesIO(source) if isinstance(source, bytes) else source) as image:
             profile, kind = image.info.get("icc_profile") or b"", image.format

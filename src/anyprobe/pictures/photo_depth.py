@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 EXTENDED_XMP = b"http://ns.adobe.com/xmp/extension/\0"
 MOST_BYTES, MOST_XMP_BYTES = 1 << 28, 1 << 26
-"""Of a file, and of all of its XMP."""
+"""Largest file, and all of its XMP."""
 MOST_PIXELS = 25_000_000
 """Phones write less than one million."""
 
@@ -225,7 +225,7 @@ def _parsed(xmp: bytes) -> Iterator[ElementTree.Element]:
 
 
 def _properties(document: ElementTree.Element, namespace: str) -> Iterator[dict[str, str]]:
-    """Of each element that has any of this namespace, in order: attributes, and elements within that hold text."""
+    """Yield attributes and text children in this namespace of each element that has any, in order."""
     head = f"{{{namespace}}}"
     for element in document.iter():
         found = {key[len(head) :]: value for key, value in element.items() if key.startswith(head)}

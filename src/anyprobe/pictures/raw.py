@@ -26,7 +26,7 @@ MOSAIC, LINEAR_RAW = 32803, 34892
 """Photometric interpretations of DNG and TIFF/EP: filter mosaic, and colours that are linear."""
 
 RAW_COMPRESSIONS = (34713, 32767, 32769, 32770, 65535)
-"""Of Nikon, Sony, Epson, Samsung, Pentax."""
+"""TIFF compressions of Nikon, Sony, Epson, Samsung and Pentax."""
 
 MAX_DIRECTORIES, MAX_ENTRIES = 24, 1024
 HEAD_BYTES = 1 << 20

@@ -21,9 +21,9 @@ from anyprobe.pictures.color_encoding import linear_to_srgb
 from anyprobe.pictures.jpeg_parts import XMP
 
 QUALITY, GAIN_QUALITY = 95, 98
-"""Of both JPEG pictures."""
+"""Qualities of both JPEG pictures."""
 MOST_STOPS = 16.0
-"""That a gain map holds; more is clipped."""
+"""Range of a gain map; more is clipped."""
 LEAST_STOPS = 1.0
 _NAMES = (
     'xmlns:x="adobe:ns:meta/"',

@@ -49,8 +49,8 @@ NUM_EMITTERS = 16
 """
 
 PATCHES = ((0.3, 16, 128), (0.2, 32, 128), (0.1, 64, 128))
-"""From which alpha on emitters are patches, how many along the unfolded sphere and how many emitters, and the
-pyramid's side: which such a lobe hardly resolves from points.
+"""Least alpha at which emitters are patches, patches along the unfolded sphere, number of emitters, and the
+pyramid's side: such a lobe hardly resolves patches from points.
 
 In a room with a square emitter 14 degrees wide (benchmarks/sphere.py), 64 samples of a conductor err by 12, 13 and
 10 % at alpha 0.1, 0.3 and 1 with emitters of a pixel, by 1.4, 0.6 and 0.7 % with patches; 512 samples by 3.3, 3.8
@@ -68,7 +68,7 @@ def shading_pyramid(radiance, alpha: float = 1.0) -> Pyramid:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Shading:
-    """What a set of points [..., 3] sends to the eye, and the light it averages.
+    """Radiance that points [..., 3] send to the eye, and the light it averages.
 
     irradiance: the first factor of Eq. 5, radiance units.
     specular, grazing: S1 and Ss.   diffuse: Dd.

@@ -49,7 +49,7 @@ def look_up(pyramid: Pyramid, terms, world_from_view, n, wo, alpha, table) -> tu
 
 
 SHADERS = (shade_specular, shade_diffuse, look_up)
-"""What radiance_by_maps shades by; a caller may have them compiled (for torch)."""
+"""Functions that radiance_by_maps shades by; a caller may have them compiled (for torch)."""
 
 
 def radiance_by_maps(

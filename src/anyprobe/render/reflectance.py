@@ -69,7 +69,7 @@ def lobe_normal(n, wo, alpha):
 
 
 def lookup_coords(n, wo, alpha, table) -> tuple:
-    """What stands for normals n seen along wo in maps that are seen along +Z.
+    """Return the coordinates for normals n seen along wo in maps that are seen along +Z.
 
     Args:
         n, wo: [..., 3], camera frame; where n is zero, anything comes of it.

@@ -139,7 +139,7 @@ def see(mesh: Mesh, camera: Camera) -> Surface:
 
 
 def _seen_from_behind(corners: np.ndarray) -> np.ndarray:
-    """Of triangles on the screen [K, 3, 2], x right, y down: whether they run clockwise in the picture, [K]."""
+    """Return whether triangles on the screen [K, 3, 2], x right, y down, run clockwise in the picture, [K]."""
     (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
     return ax * by - ay * bx > 0
 

@@ -49,7 +49,7 @@ def brdf(material: Material, wo, wi, n):
 
 
 def total_reflectance(albedo, f0):
-    """What a material reflects of an even light in all, [..., 3].
+    """Return the total reflectance of a material under even light, [..., 3].
 
     Schlick's Fresnel term has the cosine-weighted mean F = f0 + (1 - f0) / 21; the rest meets the albedo. What a rough
     coat loses between its facets is left out.
