@@ -53,7 +53,7 @@ class AnyprobeError(Exception):
 
     @property
     def code(self) -> str:
-        """What it is, for programs: see docs/reference/errors.md."""
+        """Code for programs, see docs/reference/errors.md."""
         return self.notice.code
 
     @property

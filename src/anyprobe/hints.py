@@ -84,7 +84,7 @@ class Hint:
     in_web: str = ""
 
     def read(self, text: str) -> Any:
-        """What a text stands for: a number, numbers, or the text itself.
+        """Parse a text: a number, numbers, or the text itself.
 
         Raises:
             InputError: other numbers.
@@ -124,7 +124,7 @@ def _hint(about: About, help: str, **more: Any) -> Any:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Hints:
-    """What is given about the object, the photo's camera and the light; None where nothing is.
+    """Optional inputs about the object, the photo's camera and the light; None where nothing is given.
 
     Attributes:
         mask: picture of the photo's size, white on the object (path, bytes, Pillow image, array), or a function from
@@ -284,7 +284,7 @@ class Hints:
                 yield name, value
 
     def place(self) -> dict[str, Any]:
-        """What says where the object is, as keywords of masks.find_mask."""
+        """Return the hints of where the object is, as keywords of masks.find_mask."""
         return {name: getattr(self, name) for name, hint in HINTS.items() if hint.about == "place"}
 
     def surface(self) -> Material | None:

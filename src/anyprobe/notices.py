@@ -16,7 +16,7 @@ _ACTIONS = {
     CHOOSE_PHOTO: "check the path, or convert it: to OpenEXR if it holds radiance",
     USE_VIDEO: "anyprobe video takes it",
 }
-"""What to do that is no argument."""
+"""Remedies that are no arguments."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,10 +46,10 @@ SHORT_OF = {
     errno.EMFILE: "open files",
     errno.ENFILE: "open files",
 }
-"""What the system's refusals, by number, mean."""
+"""Meanings of the system's refusals, by error number."""
 
 LEAST_COLUMNS = 20
-"""Of a terminal, as COLUMNS says; with fewer, which is no terminal's width, tables would be cut to nothing."""
+"""Least width of a terminal by COLUMNS; with fewer columns tables would be cut to nothing."""
 
 USERS = (estimate, mask, relight, video, match, export, materials, serve, doctor)
 MAKERS = (evaluate, train, weights)

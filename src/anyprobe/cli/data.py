@@ -31,7 +31,7 @@ Assets = Annotated[
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PlanOptions:
-    """What a new dataset is made by, dataset.render_job.SETTINGS; what is not given is the old one's, or a default."""
+    """Settings of a new dataset (dataset.render_job.SETTINGS); one not given is the old dataset's, or a default."""
 
     split: Annotated[Literal["train", "test"] | None, typer.Option(help="Assets to use; default: train.")] = None
     kind: Annotated[

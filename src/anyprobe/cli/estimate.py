@@ -128,7 +128,7 @@ def estimate(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EstimateCall:
-    """What all photos of a call share."""
+    """State that all photos of a call share."""
 
     estimator: Estimator
     out: Path

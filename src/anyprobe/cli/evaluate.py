@@ -158,7 +158,7 @@ def evaluate(
 def _judged(
     predictions: Path | None, keys: list[str], model: str, engine: str, title: str, hints: bool
 ) -> dict[str, Method]:
-    """What is judged beside the baselines: maps of a folder, or a model."""
+    """Return the method judged beside the baselines: maps of a folder, or a model."""
     from anyprobe.estimate.runtime import Models
     from anyprobe.learning.evaluate.benchmark import predicted, read_predictions
     from anyprobe.learning.evaluate.methods import baselines, model_methods, truth_methods
@@ -174,7 +174,7 @@ def _judged(
 
 
 def _write_photos(folder: Path, pairs: Iterable[Pair], advance: Callable[[], None]) -> None:
-    """What a method is given of every pair: all of them, or nothing."""
+    """Write the photos and inputs of all pairs, or of none."""
     from anyprobe.files.atomic import atomic_files
     from anyprobe.learning.evaluate.benchmark import write_pair
 

@@ -118,7 +118,7 @@ class MaskOptions:
 
 
 def _read(hint: Hint, given: Any) -> Any:
-    """What a hint's option stands for, which typer gives as text, texts or a number."""
+    """Return the value of a hint's option, which typer gives as text, texts or a number."""
     if hint.suffixes:
         return hint.read_path(given)
     if isinstance(given, list):
@@ -178,7 +178,7 @@ class ObjectOptions(MaskOptions):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ModelOptions:
-    """What estimates, and how."""
+    """Options of the estimator."""
 
     settings: Annotated[Settings, ("emitters", "model", "engine", "threads")]
 
@@ -204,7 +204,7 @@ class DetailOptions:
         return {"detail": self.given.detail, **given}
 
     def library(self) -> Library | None:
-        """What detail is from; None where none is asked for."""
+        """Return the library that detail comes from; None where none is asked for."""
         from anyprobe.match.library_folder import open_library
 
         is_asked = self.settings()["detail"] != DETAILS[0]

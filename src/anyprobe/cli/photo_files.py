@@ -29,7 +29,7 @@ def photo_source(path: Path) -> Path | bytes:
 
 
 def photo_name(path: Path) -> str:
-    """What a photo is called in messages."""
+    """Return a photo's name in messages."""
     return "stdin" if path == STDIN else path.name
 
 
@@ -84,7 +84,7 @@ def _is_map(path: Path) -> bool:
 
 
 def result_stem(photo: Path, listed: list[Path]) -> str:
-    """What a photo's results are called: its stem; with the suffix (photo_heic) where another photo has the same."""
+    """Return the stem of a photo's results; with its suffix (photo_heic) where another photo has the same stem."""
     if photo == STDIN:
         return photo_name(photo)
     alike = any(other.stem == photo.stem and other.suffix != photo.suffix for other in listed)

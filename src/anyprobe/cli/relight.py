@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     from anyprobe.render.mesh import Mesh
 
 Renderer = Literal["auto", "own", "mitsuba"]
-"""What renders the inserted object."""
+"""Renderers of the inserted object."""
 STRIP = ("chrome", "gold", "plastic", "matte", "photo")
-"""What --strip shows after the photo."""
+"""Materials that --strip shows after the photo."""
 _SUFFIXES = (".png", ".tif", ".tiff", ".exr")
 PROFILE_LOST = "the photo's colour profile is not kept, since it is not of RGB by curves: the result is sRGB"
 TRANSPARENT = (
@@ -55,7 +55,7 @@ OF_ESTIMATES = [
 ]
 """Parameters that an estimate alone depends on."""
 PANORAMA_ROWS = 256
-"""Of the panorama that an inserted object mirrors."""
+"""Rows of the panorama that an inserted object mirrors."""
 placing = arguments_named(size="scale", turn_deg="turn")
 """Decorates what places an object."""
 SHAPES = "sphere, vase, pebble, block, solid"
@@ -63,7 +63,7 @@ SHAPES = "sphere, vase, pebble, block, solid"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class InsertOptions:
-    """What is inserted, and where it stands."""
+    """Options of the inserted object and its place."""
 
     insert_material: Annotated[
         str,
@@ -89,7 +89,7 @@ class InsertOptions:
         refuse_unused(context, "without --insert", "insert_material", "at", "scale", "renderer")
 
     def mesh(self, insert: str) -> Mesh:
-        """What --insert names; InputError where it, or its material, is none."""
+        """Return the object that --insert names; InputError for an unknown one or an unknown material."""
         from anyprobe.files.objects import open_object
         from anyprobe.relight.insert import PHOTO_MATERIAL
         from anyprobe.relight.placement import check_height
@@ -279,5 +279,5 @@ def _radiance(
 
 
 def _place(found: Light) -> np.ndarray:
-    """What an inserted object mirrors: the place around, in the camera's frame."""
+    """Return the map that an inserted object mirrors, in the camera's frame."""
     return found.radiance if found.origin.detail is not None else found.panorama(PANORAMA_ROWS, frame="camera").radiance

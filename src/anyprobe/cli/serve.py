@@ -20,7 +20,7 @@ from anyprobe.files.cores import usable_cores
 from anyprobe.serve.limits import DRAIN_S, Limits
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
-"""What browsers call a server of their own machine."""
+"""Host names of a server on the same machine."""
 MIN_TOKEN = 8
 SHARED_MEMORY = "/dev/shm"
 """A folder in memory that Linux has, in containers too."""
@@ -120,7 +120,7 @@ def _say(line: str) -> None:
 
 
 def _token(given: str | None, only_here: bool) -> str | None:
-    """What is asked for: the given one, one made now beyond the loopback, or nothing."""
+    """Return the token that clients must send: the given one, a new one beyond the loopback, else None."""
     if given is None:
         return None if only_here else secrets.token_urlsafe(12)
     if given == "none":

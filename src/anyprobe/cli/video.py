@@ -179,7 +179,7 @@ def video(
 
 
 def _named(index: int, line: str) -> str:
-    """What is wrong with a frame, with its number before it, once."""
+    """Return a frame's warning with the frame's number before it, once."""
     name = f"frame {index}"
     return line if line.startswith((f"{name}: ", f"{name} with ")) else f"{name}: {line}"
 

@@ -50,9 +50,9 @@ MOST_LIGHTS = 3
 _CLIPPED = 0.97
 """Display value of what is seen from which on it is at least as bright as it looks."""
 _LEAST_COVER = 1e-3
-"""What display values are divided by at least, where next to nothing is covered."""
+"""Least cover that display values are divided by."""
 LEAST_RADIUS = np.radians(1.0)
-"""The smallest radius of a disc."""
+"""Smallest radius [radians] of a disc."""
 
 
 def blend(
@@ -134,7 +134,7 @@ def _blur(values: np.ndarray, sharpness: float) -> np.ndarray:
 
 
 def _held(values: np.ndarray) -> np.ndarray:
-    """What an estimate holds of values [3, 64, 128]."""
+    """Return the low-order part of values [3, 64, 128] that an estimate determines."""
     high = values
     for _ in range(3):
         high = high - _blur(high, HELD)
@@ -178,7 +178,7 @@ def _between(pixels: np.ndarray, left: np.ndarray, after: np.ndarray, right: np.
 
 @lru_cache(maxsize=2)
 def _directions(rows: int) -> np.ndarray:
-    """Of every pixel, [3, rows * 2 rows] float32."""
+    """Return the direction of every pixel, [3, rows * 2 rows] float32."""
     return np.ascontiguousarray(pixel_directions(rows).reshape(-1, 3).T)
 
 

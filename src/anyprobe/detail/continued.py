@@ -1,4 +1,4 @@
-"""What a photo shows, continued all around.
+"""Continuation of a photo all around.
 
 In a level panorama one row is one height: at the same distance on the ground, as high on a wall or in the sky. So every
 row goes on in strips of what is seen (detail.quilt), softer the farther from the photo. Above the photo its upper rows

@@ -54,7 +54,7 @@ spots, twice as wide where they are below the horizon of a level picture."""
 AROUND_DEG, CORE_DEG = 22.0, 10.0
 """Angle from a source within which its light is looked for, and within which all of it is taken."""
 LEAST_RADIUS_DEG = 0.27
-"""Of a disc: the sun's."""
+"""Smallest radius of a disc: the sun's."""
 MOST_GAIN = np.log(6.0)
 NEWTON_STEPS = 12
 NEAR_GAIN_DEG = 20.0

@@ -203,7 +203,7 @@ def _axis(places: np.ndarray, block: int) -> np.ndarray:
 
 
 def _nearest(wanted: int, size: int) -> np.ndarray:
-    """Of an axis of `size` pixels the one at the middle of each of `wanted`."""
+    """Return the pixels of an axis of `size` at the middles of `wanted` equal parts."""
     return ((np.arange(wanted) + 0.5) * size / wanted).astype(int)
 
 

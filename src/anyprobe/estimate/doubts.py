@@ -1,4 +1,4 @@
-"""What makes an estimate doubtful though nothing failed: one line each, with what to do."""
+"""Warnings about doubtful estimates: one line each, with what to do."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ _DARK, DARK_SHARE = _EXPOSURE["dark"], _EXPOSURE["dark_share"]
 _MIDDLE = 0.4
 """Radiance that the median of what is too bright should have."""
 _WHITE_SHARE = 0.6
-"""Of a photo's pixels above white, from which on it is said."""
+"""Share of a photo's pixels above white at which a warning is given."""
 _SAMPLES = 256
-"""Pixels along a photo's longer side that are looked at."""
+"""Pixels along a photo's longer side that are sampled."""
 BELOW_DEG = 12.0
-"""So far below the horizon, beyond the pitch's error, light hardly ever comes from."""
+"""Angle below the horizon, beyond the pitch's error, from which light hardly ever comes."""
 UNSURE_DEG: float = contract("ground")["unsure_deg"]
-"""Error of an estimated pitch from which on it is said; a blind guess's is USUAL_ERROR_DEG."""
+"""Error of an estimated pitch at which a warning is given; that of a blind guess is USUAL_ERROR_DEG."""
 DIRECTIONAL = 0.25
 """Share of light from one side from which on its direction matters."""
 
 
 def scale_doubts(radiance: Float[np.ndarray, "H W 3"] | None, name: str) -> tuple[Notice, ...]:
-    """Of a photo of linear radiance, most of which is above white: its unit may be another."""
+    """Warn of a photo of linear radiance that is mostly above white: its unit may be another."""
     if radiance is None:
         return ()
     step = max(1, max(radiance.shape[:2]) // _SAMPLES)
@@ -50,7 +50,7 @@ def scale_doubts(radiance: Float[np.ndarray, "H W 3"] | None, name: str) -> tupl
 def exposure_doubts(
     rgb: Float[np.ndarray, "N 3"], name: str, radiance: Float[np.ndarray, "N 3"] | None = None
 ) -> tuple[Notice, ...]:
-    """Of an object's pixels [N, 3] that are mostly black, or clipped in a large part; radiance: theirs, if known."""
+    """Warn of an object's pixels [N, 3] that are mostly black or largely clipped; radiance: theirs, if known."""
     dark = float((luminance(rgb) <= _DARK).mean())
     if dark >= DARK_SHARE:
         advice = "expose longer, or multiply a file of radiance"
@@ -67,13 +67,13 @@ def exposure_doubts(
 
 
 def backdrop_doubts(name: str) -> tuple[Notice, ...]:
-    """Of an object before one colour, which may be a cut-out's or a studio's."""
+    """Warn of an object before a single colour: a cut-out or a studio."""
     text = "what is behind the object is of one colour and taken for a cut-out's; a real backdrop must be asked for"
     return (Notice(text, code="plain-backdrop", source=name, remedy=give(surroundings="photo")),)
 
 
 def ground_doubts(ground: Ground | None, name: str) -> tuple[Notice, ...]:
-    """Of a guessed pitch that the object's place in the photo contradicts, and of one that is estimated badly."""
+    """Warn of a guessed pitch that the object's place contradicts, and of a badly estimated one."""
     if ground is not None and ground.source == ESTIMATED and ground.pitch_error_deg > UNSURE_DEG:
         text = (
             f"the camera seems to look {ground.pitch_deg:.0f} degrees down, give or take {ground.pitch_error_deg:.0f}"
@@ -91,7 +91,7 @@ def ground_doubts(ground: Ground | None, name: str) -> tuple[Notice, ...]:
 def light_doubts(
     radiance: Float[np.ndarray, "H 2*H 3"], ground: Ground | None, pitch_deg: float | None, name: str
 ) -> tuple[Notice, ...]:
-    """Of a dominant light from below the horizon, in the camera's frame.
+    """Warn of a dominant light from below the horizon, in the camera's frame.
 
     ground: None for a cut-out, of which pitch_deg may be given.
     """

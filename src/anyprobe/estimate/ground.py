@@ -24,12 +24,12 @@ KNOWN = (GIVEN, NOTED)
 _GROUND = contract("ground")
 USUAL_PITCH_DEG: float = _GROUND["usual_pitch_deg"]
 USUAL_ERROR_DEG: float = _GROUND["usual_error_deg"]
-"""Of photos of objects on tables and floors: 5 to 50 degrees downwards are common."""
+"""Pitch of photos of objects on tables and floors; 5 to 50 degrees downwards are common."""
 USUAL_ROLL_DEG = 0.0
 GIVEN_ERROR_DEG: float = _GROUND["given_error_deg"]
-"""Of a pitch that was measured or set by eye."""
+"""Error of a pitch that was measured or set by eye."""
 SURE_DEG = 8.0
-"""Error of a pitch up to which only rotations near it are looked for."""
+"""Largest error of a pitch at which only rotations near it are searched."""
 SPREAD = float(np.sqrt(np.pi / 2))
 """Standard deviation of a normal distribution over its mean absolute error."""
 LEAST_SLOPE_DEG: float = _GROUND["least_slope_deg"]
@@ -79,7 +79,7 @@ class Ground:
 
     @staticmethod
     def of(info: dict[str, Any] | None) -> Ground | None:
-        """What `info` says; None for None."""
+        """Return the ground that `info` describes; None for None."""
         return None if info is None else Ground(**{**info, "contact": tuple(info["contact"])})
 
     @property
@@ -122,7 +122,7 @@ def ground_by_posture(
 
 
 class Framed(Protocol):
-    """What the ground is estimated from: mask [H, W], field of view of the longer side, pitch where given."""
+    """Evidence for the ground: mask [H, W], field of view of the longer side, pitch where given."""
 
     @property
     def mask(self) -> np.ndarray: ...

@@ -1,4 +1,4 @@
-"""What is known beside the photo: normals and surroundings, and where they are from."""
+"""Knowledge beside the photo: normals and surroundings, with their origin."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class PhotoBackground:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GivenPanorama:
-    """What a file says of the map, in the camera's frame, see estimate.surroundings.
+    """Part of the map that a file gives, in the camera's frame, see estimate.surroundings.
 
     small: [64, 128, 4 or 5]; full: the same with as many rows as the file has, 512 at most; None where nobody needs it.
     """

@@ -24,9 +24,9 @@ FINE = 0.28
 METAL, AGREE = 0.7, 0.9
 """Probability of a metal, or correlation of the rim with what it should show, from which on it is a mirror."""
 LEAST_PIXELS = 25
-"""Of the rim, for a correlation."""
+"""Fewest pixels of the rim for a correlation."""
 MOST_SIDE = 192
-"""Pixels across the ball that are looked at."""
+"""Pixels across the ball that are sampled."""
 LEAST_SIDE_PX = 24
 """A smaller ball shows too little."""
 FACING, INNER = 0.15, 0.4

@@ -136,7 +136,7 @@ def estimate_crops(
 
 
 def _merged(crops: list[Crop], to_first: list[np.ndarray], gains: list[float]) -> list[np.ndarray | None]:
-    """What all photos together show of the map, as each crop's frame has it; of two the earlier photo counts."""
+    """Return the part of the map that all photos show, in each crop's frame; the earlier of two photos counts."""
     panorama = None
     for crop, turn, gain in zip(crops[::-1], to_first[::-1], gains[::-1], strict=True):
         if crop.surroundings_map is not None:
@@ -193,7 +193,7 @@ def _turns(count: int, world_from_camera: Sequence[np.ndarray] | np.ndarray) -> 
 
 
 def _gains(exposures: list[float | None]) -> tuple[list[float], bool]:
-    """What brings each photo to the first one's exposure, and whether all say theirs."""
+    """Return each photo's gain to the first one's exposure, and whether all exposures are known."""
     given = [one for one in exposures if one]
     if len(given) < len(exposures):
         return [1.0] * len(exposures), False

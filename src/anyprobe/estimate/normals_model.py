@@ -35,12 +35,12 @@ WINDOW = 1.6
 OUTWARD = 0.2
 """Normals near the outline point outwards by this much in the mean, or axes are swapped."""
 RIM = 0.08
-"""What counts as near the outline, in sides of the object's box."""
+"""Distance from the outline that counts as near, in sides of the object's box."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class NormalsSpec:
-    """What a graph takes and answers; see the module."""
+    """Inputs and outputs of a graph; see the module."""
 
     axes: tuple[str, str, str]
     size: int | tuple[int, int]

@@ -1,4 +1,4 @@
-"""What one photo leaves on disk: panorama, map, sidecar and preview, all or none, and the picture that shows a mask."""
+"""Files of one photo: panorama, map, sidecar and preview, all or none, and the picture that shows a mask."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def write_results(
 
 
 def _kind(suffix: str) -> str:
-    """What write_results calls a file."""
+    """Return write_results' name of a file."""
     return suffix[1:].partition(".")[0] if suffix.startswith("_") else suffix[1:]
 
 

@@ -74,7 +74,7 @@ def lay_over(newer: np.ndarray, older: np.ndarray | None) -> np.ndarray:
 def seen_from(
     panorama: np.ndarray, world_from_crop: Float[np.ndarray, "3 3"], own: np.ndarray | None, gain: float = 1.0
 ) -> np.ndarray:
-    """What is known of a photo's map, see estimate.surroundings, in its crop's frame.
+    """The known part of a photo's map, see estimate.surroundings, in its crop's frame.
 
     own: the same by the photo itself, which counts where it shows something; None: it shows nothing. gain: of window;
         where it makes the panorama darker, clipped pixels there carry no information.

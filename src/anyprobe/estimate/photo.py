@@ -47,10 +47,10 @@ CROP_MARGIN: float = contract("sizes")["crop_margin"]
 CONTEXT_SIZE: int = contract("sizes")["context"]
 CONTEXT_SCALE: int = contract("sizes")["context_scale"]
 CONTEXT_FINE: int = contract("sizes")["context_fine"]
-"""Of the picture of what lies around the object: its side, how many times as wide as the crop it is, and pixels of the
-photo on one of its own from which on not all of them are looked at."""
+"""The context picture: its side, its width in crops, and photo pixels per own pixel above which the photo is
+subsampled."""
 EXPOSURE_PIXELS: int = contract("exposure")["doubt"]["samples"]
-"""Of the object that are enough to see how it is exposed."""
+"""Pixels of the object that are enough to judge its exposure."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -97,7 +97,7 @@ class Photo:
     hidden: np.ndarray | None = None
 
     def seen(self, rows: int) -> np.ndarray | None:
-        """What is known of the map, [rows, 2 rows, 4 or 5], for one with detail (detail.blend); None: nothing."""
+        """Return the known part of the map [rows, 2 rows, 4 or 5] for detail.blend; None: nothing."""
         if isinstance(self.surroundings, PhotoBackground):
             beside = self.mask if self.hidden is None else np.maximum(self.mask, self.hidden)
             return seen_in_photo(self.rgb, beside, self.long_fov_deg, rows, self.radiance)
@@ -109,7 +109,7 @@ class Photo:
         return keep_plate(self.rgb, self.mask, self.long_fov_deg, self.radiance, self.hidden)
 
     def without_pixels(self) -> Photo:
-        """What is known of it, for when its object is cut out already: photos are large."""
+        """Return the photo without its pixels, for when its object is cut out already: photos are large."""
         rgb, mask = self.rgb[:0].copy(), self.mask[:0].copy()  # views would hold all of them
         normals = self.normals and replace(self.normals, values=self.normals.values[:0].copy())
         surroundings = None if isinstance(self.surroundings, GivenPanorama) else self.surroundings

@@ -174,7 +174,7 @@ def _check_count(file: str, poses: int, photos: int) -> None:
 
 
 def _lens_keys(entry: Any) -> dict[str, Any]:
-    """What an object of the file says of a lens; {} of anything else."""
+    """Return the keys of a lens in an entry of the file; {} for anything but an object."""
     return {key: entry[key] for key in LENS_KEYS if key in entry} if isinstance(entry, dict) else {}
 
 

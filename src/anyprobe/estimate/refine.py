@@ -30,7 +30,7 @@ BLACK, WHITE, ENOUGH_EXPOSED = (contract("exposure")[name] for name in ("black",
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Prediction:
-    """What is known of the light, in the crop's frame.
+    """The light as far as it is estimated, in the crop's frame.
 
     Attributes:
         outputs: of the networks, refined.
@@ -124,7 +124,7 @@ def well_exposed_fraction(image: np.ndarray) -> float:
 
 
 def object_info(posterior: Mapping[str, float] | None) -> dict[str, Any]:
-    """What a model says of the object and of its own errors, in stops and degrees; None where it says nothing."""
+    """Return the estimated object and errors, in stops and degrees; None without a posterior."""
     if posterior is None:
         return {"object": None, "uncertainty": None}
     stop = math.log(2.0)

@@ -244,7 +244,7 @@ class Light:
 
     @property
     def ground(self) -> Ground | None:
-        """What the object stands on, in the camera's frame; None where that is not known, as of a cut-out."""
+        """The ground under the object, in the camera's frame; None where it is not known, as for a cut-out."""
         return self.origin.ground
 
     @property
@@ -260,7 +260,7 @@ class Light:
 
     @cached_property
     def shown(self) -> Shown | None:
-        """What the photo shows of its object, for match; None where that is not known."""
+        """The shown object, for match; None where it is not known."""
         return None if self.find_shown is None else self.find_shown()
 
     def match(self, folder: Library | str | Path, *, best: int | None = None) -> list[MatchedMap]:

@@ -76,7 +76,7 @@ def _open_cuda(path: Path) -> onnxruntime.InferenceSession:
 
 
 def _openvino(path: Path, shapes: dict[str, list], threads: int | None, precision: str) -> Run | None:
-    """None where it cannot read the graph."""
+    """Open the graph with OpenVINO; None where it cannot read it."""
     try:
         import openvino
     except ImportError as error:
@@ -122,11 +122,11 @@ WHOLE_OUTPUTS: tuple[str, ...] = tuple(contract("graph")["whole"]["outputs"])
 LIFT_INPUTS: tuple[str, ...] = tuple(contract("graph")["inputs"])
 LIFT_OUTPUTS: tuple[str, ...] = tuple(contract("graph")["outputs"])
 POSTERIOR = ("metal", "red", "green", "blue", "reflectance_error", "level_error", "color_error")
-"""What a graph says of the object and of its own map: probability of a metal, total reflectance RGB, and mean errors of
-its logarithm, of ln of the map's level and of its mean colour in degrees."""
+"""Estimates of the object and of the map's errors: probability of a metal, total reflectance RGB, and mean errors
+of its logarithm, of ln of the map's level and of its mean colour in degrees."""
 EMITTERS: tuple[str, str] = tuple(contract("graph")["emitters"])
-"""What a map may be asked for: emitters where a guess is nearest to all that is likely, or their light spread over all
-places as likely as it is; see docs/reference/conventions.md."""
+"""Ways to draw emitters: at the position nearest to all likely ones, or their light spread over all positions by
+likelihood; see docs/reference/conventions.md."""
 MODE, EXPECTED = EMITTERS
 FIRST_STAGES = (LIFT_STAGES[0], STAGES[0])
 PHOTO_SIZE: int = contract("sizes")["crop"]
@@ -136,7 +136,7 @@ DEFAULT_MODEL = "lift"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Outputs:
-    """What a model says of one crop, in the crop's frame.
+    """A model's answer for one crop, in the crop's frame.
 
     radiance [H, 2H, 3]: the map, in the photo's exposure units; irradiance [128, 128, 3] display;
     ldr [H, 2H, 3] display and ln_radiance [H, 2H, 3]: what the map was made of.
@@ -309,7 +309,7 @@ def lift_inputs(
     surroundings: np.ndarray | None = None,
     material: Material | None = None,
 ) -> dict[str, np.ndarray]:
-    """What the lifting model's graph is given for one crop, see Models, in the order of LIFT_INPUTS."""
+    """Return the inputs of the lifting model's graph for one crop, see Models, in the order of LIFT_INPUTS."""
     normals = np.zeros((NORMALS_SIZE, NORMALS_SIZE, 3)) if normals is None else normals
     surroundings = np.zeros((MAP_HEIGHT, 2 * MAP_HEIGHT, 4)) if surroundings is None else surroundings
     surroundings = np.minimum(
@@ -327,7 +327,7 @@ def lift_inputs(
 
 
 def whole_inputs(context: np.ndarray, up: np.ndarray | None = None) -> dict[str, np.ndarray]:
-    """What the graph WHOLE is given beside what the first graph was given and answers."""
+    """Return the inputs of the graph WHOLE beside those and the outputs of the first graph."""
     upright = np.zeros((1, 3), np.float32) if up is None else np.asarray(up, np.float32)[None]
     return {"context": _batch(context), "up": upright}
 

@@ -15,7 +15,7 @@ MODEL_HELP = (
     "lift; paper: the stages of Park et al. 2020 with our layers and losses, and targets that are 70 % maps of lift; "
     "or a folder of ONNX graphs."
 )
-"""Of --model."""
+"""Default of --model."""
 
 
 def _setting(default: Any, help: str, metavar: str | None = None) -> Any:
@@ -81,5 +81,5 @@ class Settings:
 
     @property
     def networks(self) -> tuple[str, int | None, str]:
-        """What the networks are opened by."""
+        """The settings that networks are opened with."""
         return self.model, self.threads, self.engine

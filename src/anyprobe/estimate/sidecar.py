@@ -1,4 +1,4 @@
-"""What the .json beside a map says: its names and their types."""
+"""Names and types of the .json beside a map."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ OF_THE_MAP = (
     "version frame map_from_camera scale exposure_ev response size confidence well_exposed_fraction sh9 "
     "dominant_light camera_from_crop warnings notices radiance stages"
 ).split()
-"""What a sidecar, or the server's answer kept as one, holds besides a light's info."""
+"""Keys of a sidecar, or of the server's answer kept as one, besides a light's info."""
 
 
 class MaskInfo(TypedDict, total=False):
@@ -42,8 +42,8 @@ class CropInfo(TypedDict):
 
 
 class ObjectInfo(TypedDict):
-    """What the model takes the object for: probability of a metal, share of an even light that it reflects, RGB, and
-    how far off that is in two of three cases, in stops."""
+    """The estimated material: probability of a metal, reflectance of an even light, RGB, and its error in stops that
+    holds in two of three cases."""
 
     metal: float
     reflectance: list[float]

@@ -332,7 +332,7 @@ def _continued(guessed: np.ndarray, surroundings: np.ndarray, goes_on: GoesOn) -
 
 
 def _brightened(shown: np.ndarray, clipped: np.ndarray, guessed: np.ndarray) -> np.ndarray:
-    """What is seen, where it is clipped made as bright as the guess if that is brighter, its hue kept.
+    """Return the seen radiance; where it is clipped, as bright as a brighter guess, with its own hue.
 
     One gain a pixel, so that no channel alone takes an emitter on; and none that would burn out a channel which is not.
     """

@@ -1,4 +1,4 @@
-"""What an object mirrors below the horizon: the ground that it stands on, as the photo shows it.
+"""Ground maps: what an object mirrors below the horizon, the ground as the photo shows it.
 
 The ground is seen from the object's middle, so that one map serves all of its points. Where the photo does not show it,
 or the real object hides it, it has its mean colour around the object's foot; the object's own shadow lies on it.
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 _ROWS = 128
-"""Of the map, at least."""
+"""Fewest rows of the map."""
 
 MOST_SIDE = 512
 """Pixels of the photo along its longer side that are looked at."""

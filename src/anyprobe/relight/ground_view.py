@@ -50,7 +50,7 @@ class View:
 
     @property
     def farthest_row(self) -> float:
-        """Of the ground that is used, a little below the horizon."""
+        """First row of the ground that is used, a little below the horizon."""
         return self.height / 2 - self.focal * float(self.up[2] / self.up[1]) + LEAST_ABOVE * self.height
 
     def row_at_depth(self, depth: float) -> float:

@@ -42,9 +42,9 @@ THREADS = 2
 MOST_PATHS = 1 << 25
 """The most paths that are traced for one object."""
 MIRRORED_DIRECTIONS, MIRRORED_GRID = 32, 64
-"""Of the shadow on the ground that an object mirrors."""
+"""Directions and grid side of the shadow on the ground that an object mirrors."""
 LEAST_SHADOW = 1 / 1024
-"""A quarter of a display step; where less is missing the photo stays as it is."""
+"""A quarter of a display step; weaker shadows leave the photo as it is."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -57,7 +57,7 @@ class ObjectWindow:
     camera: Camera
 
     def part(self, height: int, width: int) -> Part:
-        """What a photo of that size shows of it."""
+        """Return the slices of a photo of that size that show it."""
         return (
             slice(max(self.top, 0), min(self.top + self.size, height)),
             slice(max(self.left, 0), min(self.left + self.size, width)),
@@ -118,7 +118,8 @@ def plate_of(photo: Photo, part: Part, on: np.ndarray | slice = slice(None)) -> 
 
 
 def ratio_over(view: View, shadow: GroundShadow, part: Part) -> Callable[[Part], np.ndarray]:
-    """What the shadow leaves of strips of a part of the photo, [R, C, 3]; from MOST_SHADED places along its sides."""
+    """Return a function from strips of a part of the photo to the shadow's transmittance there, [R, C, 3],
+    from MOST_SHADED places a side."""
     corner, size = [side.start for side in part], [side.stop - side.start for side in part]
     count = [min(side, MOST_SHADED) for side in size]
 

@@ -16,7 +16,7 @@ from anyprobe.relight.shadow import GroundShadow
 from anyprobe.scatter.materials import Material
 
 EVEN_ROWS = 32
-"""Of the even light of the occlusion pass."""
+"""Rows of the even light of the occlusion pass."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -87,7 +87,7 @@ def passes_of(stage: Stage, radiance: np.ndarray, material: str | Material, rend
 
 
 def _multiplier(stage: Stage, shadow: GroundShadow) -> np.ndarray:
-    """What a shadow leaves of each pixel of the photo, [H, W, 3]."""
+    """Return a shadow's transmittance for each pixel of the photo, [H, W, 3]."""
     left = np.ones((*stage.photo.mask.shape, 3), np.float32)
     shown = stage.view.part_around(shadow.foot, shadow.reach)
     ratio_of = ratio_over(stage.view, shadow, shown)

@@ -34,10 +34,10 @@ FLAT = 0.6
 """A real object that is flatter than this counts as so high, of its width."""
 
 LEAST_HEIGHT = 1e-3
-"""Of a virtual object, of its width: sizes are said by its height."""
+"""Least height of a virtual object, in its widths: sizes are given by height."""
 
 NEARER_SHARES = (1.0, 0.75, 0.55, 0.4)
-"""Of the size that fits, tried one after the other where the surface under the real object ends: smaller stands
+"""Shares of the size that fits, tried in turn where the surface under the real object ends: smaller objects stand
 nearer."""
 
 TRIES, LEAST_STEP, CLOSE_PX = 24, 0.5, 0.5
@@ -48,7 +48,7 @@ _Box = tuple[float, float, float, float]
 
 
 class Side(StrEnum):
-    """Of the real object, where the virtual one stands; "asked" where the caller said so."""
+    """Side of the real object on which the virtual one stands; "asked" where the caller chose the place."""
 
     asked = "asked"
     beside = "beside"
@@ -85,7 +85,7 @@ class Spot:
 
 
 Extent = Callable[[Spot], _Box]
-"""What the object covers at a spot."""
+"""Function that returns the pixels the object covers at a spot."""
 
 
 def place_beside(

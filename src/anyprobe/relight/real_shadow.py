@@ -20,9 +20,9 @@ from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
 
 LEAST_DEPTH, MOST_DEPTH = 0.65, 1.1
-"""Of the slope that is used: a shadow that is not seen may be hidden by the object, or lie on what is dark."""
+"""Bounds of the slope: an unseen shadow may be hidden by the object, or lie on a dark surface."""
 LEAST_SPREAD, LEAST_PIXELS = 0.08, 150
-"""Standard deviation of ln s, and pixels of ground, without which nothing is said."""
+"""Least standard deviation of ln s, and least pixels of ground, for an estimate."""
 SAMPLED_SIDE = 160
 """Pixels of the photo along its longer side."""
 ROUNDS = 4

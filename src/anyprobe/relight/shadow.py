@@ -67,7 +67,7 @@ def sample_sky(radiance: np.ndarray, up: np.ndarray, count: int = NUM_DIRECTIONS
 
 
 class GroundShadow:
-    """What is left of the ground's irradiance around a mesh; a square of the ground, drawn once."""
+    """Share of the ground's irradiance that is left around a mesh: a square of the ground, drawn once."""
 
     def __init__(
         self,

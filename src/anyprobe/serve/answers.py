@@ -1,4 +1,4 @@
-"""What a light is sent back as: JSON, or a map in the format that was asked for."""
+"""Responses with a light: JSON, or a map in the requested format."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ ELSEWHERE = "other"
 
 
 class Metrics:
-    """What an application counts; one of its own for each, so that several fit into a process."""
+    """Metrics of one application, in a registry of its own, so that several fit into a process."""
 
     def __init__(self, pool: WorkerPool, places: int) -> None:
         try:

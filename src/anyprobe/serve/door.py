@@ -1,4 +1,4 @@
-"""What uvicorn leaves open in front of the application: half-open requests, too many connections, a log without end.
+"""Limits that uvicorn lacks: half-open requests, too many connections, a log without end.
 
 And a certificate signed by itself: phones give a page their camera over https only.
 """

@@ -1,4 +1,4 @@
-"""What stands before every request: its size, where it comes from, and the headers of every answer."""
+"""Checks before every request: its size and its origin; and the headers of every answer."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ HOST = re.compile(r"(\[[0-9a-fA-F:.%]+\]|[^\s:@/\\?#\[\],]+)(?::[0-9]{0,5})?")
 """A name or an address, and a port: nothing before an @, which would be the name's place in another reader's eyes."""
 
 OPEN_PATHS = ("/healthz", "/readyz")
-"""What no token is asked for."""
+"""Paths that need no token."""
 
 
 def too_large(max_bytes: int) -> str:

@@ -1,4 +1,4 @@
-"""What the OpenAPI page says of requests that are read by hand: bodies, forms, options, errors.
+"""OpenAPI of requests that are read by hand: bodies, forms, options, errors.
 
 Form models of FastAPI would read the whole body before an endpoint can hold its place, time it or bound its parts.
 """
@@ -213,5 +213,5 @@ def form_names(address: dict[str, Any]) -> list[str]:
 
 
 def query_names(address: dict[str, Any]) -> list[str]:
-    """What it reads behind the question mark."""
+    """Return the names of an address's query parameters."""
     return [one["name"] for one in address["parameters"]]

@@ -76,7 +76,7 @@ class Page:
             self.files["weights/u2netp.onnx"] = found.path
 
     def config(self, *, server: bool) -> dict[str, Any]:
-        """What the page asks first: which networks there are, and whether a server is behind it."""
+        """Return what the page asks first: the networks there are, and whether a server is behind it."""
         return {
             "version": __version__,
             "model": self._estimator.model_id,

@@ -37,7 +37,7 @@ class Cancelled(Exception):
 
 
 class Cancellation:
-    """What a piece of work holds to ask whether it is still wanted; shared between threads."""
+    """Token by which a piece of work asks whether it is still wanted; shared between threads."""
 
     def __init__(self) -> None:
         self._gone = threading.Event()
@@ -151,8 +151,7 @@ class WorkerPool:
             ) from error
 
     async def decode(self, task: Callable[[], Answer], quick: bool, gone: Callable[[], Awaitable[object]]) -> Answer:
-        """What a function of serve.tasks, a partial with its arguments, returns in a process; raises as it, Lane.call
-        and run do."""
+        """Run a function of serve.tasks, with its arguments bound, in a process; raises what it and Lane.call raise."""
         if quick:
             try:
                 return await self.run(lambda _: self._lanes["quick"].call(task), gone, "quick")

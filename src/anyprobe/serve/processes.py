@@ -42,7 +42,7 @@ SIGXCPU, SIGKILL = getattr(signal, "SIGXCPU", -1), getattr(signal, "SIGKILL", 9)
 """As numbers, also where the system has none of them."""
 
 READY = "ready"
-"""What a process says once its imports are done."""
+"""Message of a process once its imports are done."""
 
 MAX_CALLS = 500
 """Pieces of work after which it is replaced too: libraries leak."""
@@ -73,7 +73,7 @@ class Lane:
         weakref.finalize(self, _end_all, self._idle)
 
     def call(self, work: Callable[Given, Answer], *given: Given.args, **named: Given.kwargs) -> Answer:
-        """What a function of a module, as those of serve.tasks, returns there; blocks until then.
+        """Run a module's function, as those of serve.tasks, in a process and return its result; blocks.
 
         A process that ends meanwhile may have been ended from outside: the work is done once more, in another.
 
@@ -98,7 +98,7 @@ class Lane:
             ) from again
 
     def _do(self, task: Callable[[], Any]) -> dict[str, Any]:
-        """What a process answers to a task."""
+        """Return a process's answer to a task."""
         worker = self._next()
         with self._lock:
             self._busy.append(worker)

@@ -1,4 +1,4 @@
-"""What is done in a decoding process: bytes in, and what the networks or the answer need of them out."""
+"""Tasks of a decoding process: from bytes to what the networks or the answer need."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Upload:
 
     @property
     def rows(self) -> int | None:
-        """Of the map with detail; None where none is asked for. InputError for a size that does nothing."""
+        """Return the rows of the map with detail; None without detail. InputError for a size without effect."""
         if check_detail(self.settings.get("detail", DETAILS[0])):
             return self.settings.get("size", ROWS)
         if "size" in self.settings:
@@ -68,7 +68,7 @@ class Upload:
         return None
 
     def pictures(self) -> list[tuple[str, bytes]]:
-        """What it carries as files, and what messages call each; a client names its photo as it likes."""
+        """Return its files with their names in messages; a client names its photo as it likes."""
         files = [(self.name, self.photo), ("confidence", self.confidence), *self.hints.given()]
         return [(name, data) for name, data in files if isinstance(data, bytes)]
 

@@ -1,4 +1,4 @@
-"""What a request carries: a photo as the body or as a form's part, and options beside it."""
+"""Contents of a request: a photo as the body or as a form's part, and options beside it."""
 
 from __future__ import annotations
 
@@ -205,7 +205,7 @@ class Options:
         return frozenset(found)
 
     def hints(self, files: Mapping[str, bytes], *about: str) -> Hints:
-        """What texts and files give of the object, about these alone; none: about all."""
+        """Return the hints in texts and files, about these subjects only; none given: about all."""
         given: dict[str, Any] = dict(files)
         for field, hint in HINTS.items():
             if field in files or (about and hint.about not in about):

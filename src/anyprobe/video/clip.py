@@ -23,7 +23,7 @@ CODEC = "libx264"
 QUALITY = {"crf": "18", "preset": "medium", "bf": "0"}
 """Without frames that are stored before earlier ones, whose times of storing would run into the piece before."""
 BT709 = {"colorspace": 1, "color_primaries": 1, "color_trc": 1, "color_range": 1}
-"""What the file says of its colours, by the numbers of ITU-T H.273: players guess where it says nothing."""
+"""The file's colours by the numbers of ITU-T H.273; players guess where it declares none."""
 TIME_BASE = Fraction(1, 90_000)
 STILLS = ("mjpeg", "png", "bmp", "webp", "tiff")
 """Codecs of covers, which some files do not mark as such."""
@@ -49,7 +49,7 @@ class Frame:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Clip:
-    """What a file's header says; num_frames is 0 where it does not, and may be a little wrong.
+    """Header of a file; num_frames is 0 where it is not given, and may be a little wrong.
 
     stream: which of the file's streams is the clip. warnings: lines on what was left out.
     """
@@ -101,7 +101,7 @@ def _pictures():
 
 
 def _rank(stream) -> tuple[bool, bool, int, int]:
-    """Of the streams of a file the clip is that of the highest: moving, the file's default, the largest, the first."""
+    """Return a stream's rank; the clip is the highest: moving, the file's default, the largest, the first."""
     context = stream.codec_context
     if context is None:
         return False, False, 0, -stream.index

@@ -28,7 +28,7 @@ GROWTH = 0.08
 """The box prompt is the last mask's, grown by this share on every side."""
 
 ODD = 2
-"""So many frames after one in which the object was not where it could be, the picture before it is tried first."""
+"""Frames after a lost object during which the picture before the loss is tried first."""
 
 DECIDED = 30
 """Frames in a row that differ from those before in whether they show more than the object, until that counts."""
@@ -111,7 +111,7 @@ class MaskFollower:
         self._before, self._otherwise = None, 0
 
     def content(self) -> dict[str, Any]:
-        """What files and surroundings hold, wherever they lie: a digest each, or a word."""
+        """Return digests of the contents of files and surroundings, wherever they lie."""
         surroundings = self._every["surroundings"]
         if self._panorama is not None:
             surroundings = digest_of([self._panorama.tobytes()])

@@ -66,7 +66,7 @@ def square_size(width: int, height: int, aspect: Fraction | None) -> tuple[int, 
 def shown_pixels(
     picture, aspect: Fraction | None, size: tuple[int, int] | None, path: Path
 ) -> tuple[np.ndarray, np.ndarray | None, tuple[int, int]]:
-    """What a player shows of an av.VideoFrame.
+    """Return the pixels that a player shows of an av.VideoFrame.
 
     Args:
         aspect: of its pixels, width over height; None where the file does not say.
@@ -187,7 +187,7 @@ def _from_deep_ycbcr(picture, matrix: int, bits: int, size: dict[str, int]) -> n
 
 
 def _encoding(picture) -> ColorEncoding | None:
-    """What its RGB means; None where that is sRGB."""
+    """Return the colour encoding of a frame's RGB; None for sRGB."""
     transfer, primaries = int(picture.color_trc), int(picture.color_primaries)
     if primaries == UNSPECIFIED and (transfer in (PQ, HLG) or int(picture.colorspace) == BT2020):
         primaries = BT2020

@@ -41,7 +41,7 @@ NARROW, NARROW_ERROR, NARROW_MOST = NUMBERS["narrow"], NUMBERS["narrow_error"], 
 MOST_CHANGE: float = NUMBERS["most_change"]
 REMEMBERED, TIMES, MORE = NUMBERS["remembered"], NUMBERS["other_light"]["times"], NUMBERS["other_light"]["more"]
 ROOM = NUMBERS["room"]
-"""Of the key's window on every side, in the longer sides of the object: a mask found anew reaches no further."""
+"""Margin of the key's window, in longer sides of the object: a mask found anew reaches no further."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

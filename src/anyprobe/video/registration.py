@@ -95,7 +95,7 @@ class Level:
 
 @dataclass(frozen=True, kw_only=True)
 class Key:
-    """What a picture shows of its object: the mask's centre c [2] and radius r; levels from fine to coarse; cells:
+    """A picture's object: the mask's centre c [2] and radius r; levels from fine to coarse; cells:
     values and cover [h, w] of the coarse box, and start [2], the place from c of the centre of its first cell."""
 
     center: np.ndarray

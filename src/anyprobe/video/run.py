@@ -53,7 +53,7 @@ DULL_ALPHA = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class VirtualObject:
-    """What the relit clip shows; see relight.insert."""
+    """Inserted object of the relit clip; see relight.insert."""
 
     mesh: Mesh
     material: str
@@ -251,7 +251,7 @@ class ClipRun:
         return blend(seen, self.library.candidate(match.index), turn, match.ln_gain, DETAIL_ROWS)
 
     def _turned(self, index: int) -> dict:
-        """What a frame without a light of its own sees of the last one, where its pose is known."""
+        """Describe the last light as a frame without one of its own sees it, where its pose is known."""
         return {} if self.poses is None or self.progress.light is None else describe(self._seen(index))
 
     def _same(self) -> dict:
@@ -284,7 +284,7 @@ class ClipRun:
         return to_bytes(stage.relit(radiance, virtual.material, shadow=shadow, drawn=drawn))
 
     def _light_picture(self, index: int) -> np.ndarray:
-        """What light.mp4 shows of a frame."""
+        """Return a frame's picture in light.mp4."""
         if self._preview is None or self.poses is not None:
             self._preview = light_picture(None if self.progress.light is None else self._detailed(index))
         return self._preview

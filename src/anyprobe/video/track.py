@@ -29,7 +29,7 @@ PIECES = ".pieces"
 """Folder in the result's of what light.mp4 and relit.mp4 are joined from."""
 
 MAPS = ("steady", "fast", "last")
-"""Of light.steady.Steady: arrays, all else are numbers."""
+"""Arrays of light.steady.Steady; all else are numbers."""
 MASK_ARRAYS = ("picture", "marked", "cover")
 MATCH_ARRAYS = ("candidate_from_estimate", "ln_gain")
 
@@ -113,7 +113,7 @@ def forget_progress(folder: Path) -> None:
 
 
 def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
-    """What a run left, None if nothing.
+    """Return what a run left, None if nothing.
 
     Raises:
         InputError: it was left by a run with other settings, or is damaged.
@@ -169,7 +169,7 @@ def _differing(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
 
 
 def _filter_state(kept: dict[str, Any]) -> FilterState:
-    """What asdict made of it, and JSON of that."""
+    """Rebuild progress from the JSON of its asdict."""
 
     def steady(words: dict[str, Any]) -> Steady:
         return Steady(**{**words, **{name: np.asarray(words[name]) for name in MAPS}})
