@@ -102,8 +102,10 @@ def test_a_mark_or_a_file_that_gives_nothing_leaves_the_last_light(page_url, bac
     assert re.match(r"The object is \d+ pixels across; 24 are needed\. Go closer\.", small["status"])
     assert (small["kind"], small["kept"]["direction"], small["kept"]["buttons"]) == ("fault", "not yet known", 0)
     no_picture, video = seen["refused"]
-    assert no_picture.startswith("broken.png: this file is no picture. Choose a photo")
-    assert video.startswith("clip.mp4: this file is a video. Choose a photo")
+    assert no_picture.startswith("broken.png: expected an image")
+    assert "Choose a photo: JPEG" in no_picture
+    assert video.startswith("clip.mp4: ")
+    assert video.endswith("Choose a photo, or use the camera.")
     assert seen["png"].startswith("The map as it is shown")
 
 
@@ -119,7 +121,7 @@ def test_camera_is_one_and_ends_with_what_takes_its_place(page_url, vase_photo, 
     live = {"button": "Stop", "tracks": ["live"], "shown": ["video"], "aspect": "640 / 480"}
     assert part(seen["live"], live) == live
     assert part(seen["broken"], live) == live
-    assert seen["broken"]["status"].startswith("broken.png: this file is no picture")
+    assert seen["broken"]["status"].startswith("broken.png: expected an image")
     assert seen["turned"]["tracks"] == ["live"]
     assert seen["turned"]["mask"] < 1
     assert seen["overlay"] == "visible"
