@@ -115,10 +115,11 @@ def _joined(tail: np.ndarray, strip: np.ndarray) -> np.ndarray:
 
 def _cut(difference: np.ndarray) -> np.ndarray:
     """Columns [H] of the path from top to bottom along which differences [H, J] are least."""
-    height, width = difference.shape
-    cost = difference.copy()
+    height = len(difference)
+    wide = np.pad(difference, ((0, 0), (1, 1)), constant_values=np.inf)
+    cost = wide[:, 1:-1]
     for row in range(1, height):
-        above = np.pad(cost[row - 1], 1, constant_values=np.inf)
+        above = wide[row - 1]
         cost[row] += np.minimum(np.minimum(above[:-2], above[1:-1]), above[2:])
     path = np.empty(height, int)
     path[-1] = np.argmin(cost[-1])
