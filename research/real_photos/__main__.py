@@ -3,6 +3,7 @@
 python -m research.real_photos DIR...              # under a lamp of known direction, or with measured maps
 python -m research.real_photos hidden DIR...       # what a crop of each photo hides
 python -m research.real_photos stability DIR...    # the same photos mirrored, cropped, brighter, with other masks
+python -m research.real_photos balls MAPS          # mirror balls drawn under maps
 python -m research.real_photos.sheet DIR... -o OUT # pages to look at
 
 research/real_photos/README.md describes folders and figures.
@@ -13,6 +14,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
@@ -20,6 +22,7 @@ from typer.core import TyperGroup
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.cli.tables import print_table
+from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
 from anyprobe.learning.evaluate.methods import baselines, model_methods
@@ -27,6 +30,7 @@ from research.figure_tables import print_figures
 from research.model_names import titles_of
 from research.real_photos import hidden as hidden_ring
 from research.real_photos import stability as changes
+from research.real_photos.balls import ball_angle, balls_under
 from research.real_photos.folders import masked_photos
 from research.real_photos.lamps import Angle, lamp_angles, lamp_groups, load_lamps
 from research.real_photos.maps import load_real, read_real, score_real
@@ -145,6 +149,30 @@ def stability(
     rows = changes.summary(moved)
     print_figures(f"change of the dominant light, degrees: {len(moved)} photos", rows, changes.COLUMNS)
     write_result(out, {"commit": commit(), "model": model_id(model), "rows": rows, "photos": moved})
+    typer.echo(out)
+
+
+@app.command()
+def balls(
+    maps: Annotated[Path, typer.Argument(help="Folder of .exr and .hdr maps.")],
+    model: Model = DEFAULT_MODEL,
+    out: Annotated[Path, typer.Option("-o", "--out", help="File to write.")] = Path("runs/balls.json"),
+) -> None:
+    """Measure the dominant light of mirror balls, drawn under maps that have one, without any option."""
+    estimator = Estimator(model)
+    found = {}
+    for ball in balls_under(maps):
+        known, degrees = ball_angle(ball, estimator)
+        found[ball.name] = {"recognised": known, "deg": round(degrees, 2)}
+        typer.echo(f"{ball.name}: {degrees:.1f} degrees{'' if known else ', not recognised'}")
+    angles = np.array([one["deg"] for one in found.values()])
+    if not len(angles):
+        raise InputError("expected maps with a dominant light, found none; choose another folder", subject=str(maps))
+    known = sum(bool(one["recognised"]) for one in found.values())
+    typer.echo(
+        f"{known} of {len(found)} recognised; {(angles <= 8).sum()} within 8 degrees, median {np.median(angles):.1f}"
+    )
+    write_result(out, {"commit": commit(), "model": model_id(model), "balls": found})
     typer.echo(out)
 
 
