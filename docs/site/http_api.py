@@ -52,9 +52,13 @@ def fields(operation: dict[str, Any], document: dict[str, Any]) -> Iterator[tupl
         meaning = schema.get("description") or named.get(name, {}).get("description", "")
         needed = name in form.get("required", []) or named.get(name, {}).get("required", False)
         in_query = "path" if named.get(name, {}).get("in") == "path" else "yes" if name in named else ""
-        yield f"`{name}`" + (", required" if needed else ""), "yes" if name in parts else "", in_query, kind(
-            schema, document
-        ), meaning
+        yield (
+            f"`{name}`" + (", required" if needed else ""),
+            "yes" if name in parts else "",
+            in_query,
+            kind(schema, document),
+            meaning,
+        )
 
 
 def answers(operation: dict[str, Any], document: dict[str, Any]) -> Iterator[tuple[str, ...]]:

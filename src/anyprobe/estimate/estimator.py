@@ -207,7 +207,9 @@ class Estimator:
         Args:
             photos: of load_photo, read in turn; their pixels are not kept.
             world_from_camera: [3, 3] of each.
-            material, albedo, roughness: the object's, as above.
+            material: the object's, a name or a Material.
+            albedo: the object's linear diffuse albedo.
+            roughness: the object's, as in glTF.
             start: of time.perf_counter, when the first photo's loading began.
         """
         given = as_material(material, albedo, roughness)

@@ -308,7 +308,8 @@ class Stage:
             radiance: [H, 2H, 3], camera frame, the photo's exposure units.
             material: a name that material() takes, or a Material.
             renderer: of RENDERERS; "auto" takes Mitsuba where it is installed.
-            shadow, drawn: what shadow(radiance) and draw(...) gave, where they are at hand.
+            shadow: of shadow(radiance), where it is computed already.
+            drawn: of draw(...), where it is drawn already.
         """
 
         def shaded() -> tuple[Part, np.ndarray]:

@@ -1,0 +1,57 @@
+"""Documents point at what is there: links at files, the Python reference at names, and it has every public one."""
+
+from __future__ import annotations
+
+import pkgutil
+import re
+import subprocess
+from pathlib import Path
+
+import anyprobe
+
+ROOT = Path(__file__).parents[2]
+LINK = re.compile(r"\]\(([^)#\s:]+)(?:#[^)\s]*)?\)")
+REFERENCE = ROOT / "docs" / "reference" / "python.md"
+
+
+def dead_links(page: Path) -> list[str]:
+    """Return the relative links of a page whose files are not there."""
+    return [link for link in LINK.findall(page.read_text(encoding="utf-8")) if not (page.parent / link).exists()]
+
+
+def documented() -> list[str]:
+    """Return the names that the Python reference is made of."""
+    return re.findall(r"^::: (\S+)$", REFERENCE.read_text(encoding="utf-8"), re.MULTILINE)
+
+
+def test_links_of_every_page_lead_somewhere():
+    listed = subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True)
+    pages = [ROOT / name for name in listed.stdout.split() if (ROOT / name).is_file()]
+    generated = {"command-line.md", "http.md"}  # by docs/site
+    found = {str(page.relative_to(ROOT)): dead_links(page) for page in pages}
+    dead = {name: [one for one in links if Path(one).name not in generated] for name, links in found.items()}
+    assert {name: links for name, links in dead.items() if links} == {}
+    assert len(pages) > 30
+
+
+def test_a_dead_link_is_found(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("[a](page.md#b) [b](https://example.org/x.md) [c](nothing.md)")
+    assert dead_links(page) == ["nothing.md"]
+
+
+def test_reference_has_every_public_name_and_no_other():
+    shown = [pkgutil.resolve_name(":".join(name.rsplit(".", 1))) for name in documented()]
+    assert [name for name in anyprobe.__all__ if getattr(anyprobe, name) not in shown] == []
+
+
+def test_pages_of_the_site_are_listed():
+    """Each page of docs/ is in the navigation of mkdocs.yml, which lists none that is not there."""
+    text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    listed = set(re.findall(r": ((?:[\w-]+/)*[\w-]+\.(?:md|ipynb))$", text, re.MULTILINE))
+    docs = ROOT / "docs"
+    there = {str(page.relative_to(docs)) for page in docs.rglob("*") if page.suffix in {".md", ".ipynb"}}
+    own = {name for name in listed if not name.startswith("project/")}
+    assert there == own - {"reference/command-line.md", "reference/http.md"}
+    for name in listed - own:
+        assert (ROOT / name.removeprefix("project/")).is_file(), name
