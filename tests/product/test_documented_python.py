@@ -18,7 +18,7 @@ from support.places import place
 from support.scenes import sphere_photo
 
 import anyprobe
-from anyprobe.files.radiance import write_exr
+from anyprobe.maps.radiance import write_exr
 
 ROOT = Path(__file__).parents[2]
 BLOCK = re.compile(r"(?:<!-- not run: ([^>]+) -->\n)?^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
