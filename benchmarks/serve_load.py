@@ -147,7 +147,7 @@ def server(*command: str):
         port = probe.getsockname()[1]
     process = subprocess.Popen([*command, str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
-        for _ in range(3000):
+        for _ in range(9000):  # rembg's takes minutes to start on a busy machine
             with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
                 break
             time.sleep(0.1)

@@ -37,6 +37,8 @@ def test_exr_of_a_name_that_is_no_utf8(tmp_path, name):
 
 
 def test_exr_that_cannot_be_written_under_such_a_name_is_one_line(tmp_path, monkeypatch):
+    (tmp_path / os.fsdecode(b"caf\xe9")).touch()
+    (tmp_path / os.fsdecode(b"caf\xe9")).unlink()
     monkeypatch.setattr(Path, "symlink_to", lambda *_: (_ for _ in ()).throw(OSError(1, "no links here")))
     with pytest.raises(OutputError) as caught:
         write_exr(tmp_path / os.fsdecode(b"caf\xe9.exr"), two_phase(4))

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from anyprobe.cli import options
+from anyprobe.cli import photo_files
 from anyprobe.errors import OutputError
 from anyprobe.files import atomic, paths
 from anyprobe.files.atomic import atomic_files, atomic_path
@@ -41,7 +41,7 @@ def test_results_that_differ_by_case_alone_are_refused_where_that_is_one_file(co
         Image.fromarray(photo_rgba[..., :3]).save(name)
     arguments = ("mask", "Vase.png", "vase.jpg", "-q")
     assert command(*arguments).status == (2 if folds_case(work) else 0)
-    monkeypatch.setattr(options, "folds_case", lambda folder: True)
+    monkeypatch.setattr(photo_files, "folds_case", lambda folder: True)
     outcome = command(*arguments)
     assert outcome.status == 2
     assert "expected names that differ" in outcome.err
@@ -100,7 +100,7 @@ def test_a_rename_that_is_refused_for_good_is_one_line(tmp_path, monkeypatch):
 
 def test_no_text_is_opened_in_the_encoding_of_the_system():
     """Which is cp1252 on Windows; ruff's PLW1514 finds them."""
-    source = Path(options.__file__).parents[1]
+    source = Path(photo_files.__file__).parents[1]
     order = [sys.executable, "-m", "ruff", "check", "--preview", "--isolated", "--select", "PLW1514", str(source)]
     done = subprocess.run(order, capture_output=True, text=True, check=False)
     if "No module named" in done.stderr:
