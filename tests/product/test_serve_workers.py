@@ -17,6 +17,7 @@ pytest.importorskip("python_multipart", reason="needs the serve extra")
 
 from fastapi.testclient import TestClient
 
+from anyprobe.masks import weights
 from anyprobe.serve import processes, tasks
 from anyprobe.serve.answers import png as as_png
 from anyprobe.serve.api import create_app
@@ -139,6 +140,42 @@ def test_a_worker_killed_at_work_costs_no_photo(estimator, photo, monkeypatch):
     with TestClient(create_app(estimator)) as client:
         assert [client.post("/v1/mask", content=photo).status_code for _ in range(4)] == [200] * 4
     assert len([one for one in killed if one]) == 2
+
+
+def take(processor_s: float, sleep_s: float) -> str:
+    """In a process: work and sleep by turns, as one does that others leave little of the processor."""
+    start = time.process_time()
+    while time.process_time() - start < processor_s:
+        until = time.process_time() + 0.02
+        while time.process_time() < until:
+            pass
+        time.sleep(sleep_s)
+    return "done"
+
+
+def test_one_that_works_as_far_as_others_let_it_is_waited_for_and_one_that_sleeps_is_not(monkeypatch):
+    monkeypatch.setattr(processes, "START_S", 0.5)
+    monkeypatch.setattr(processes, "STARVED_S", 0.01)
+    lane = Lane(seconds=0.5, memory_mb=900)
+    try:
+        if os.path.exists("/proc/self/stat"):
+            assert lane.call(take, 0.3, 0.2) == "done"
+        start = time.monotonic()
+        with pytest.raises(processes.TooSlow):
+            lane.call(take, 0.1, 30)
+        assert time.monotonic() - start < 25
+    finally:
+        lane.close()
+
+
+@pytest.mark.skipif(weights.find_weights() is None, reason="needs U2-Net-p: anyprobe mask --fetch")
+def test_one_that_found_an_object_is_kept(lane, photo_rgba):
+    """The network's memory is given back: a start of a process costs more than a photo."""
+    plain = as_png(photo_rgba[..., :3])
+    for _ in range(2):
+        assert source(lane, plain) == "network"
+    (worker,) = lane._idle
+    assert worker.is_alive()
 
 
 def test_a_closed_lane_leaves_no_process(photo):

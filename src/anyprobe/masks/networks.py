@@ -12,7 +12,7 @@ import numpy as np
 
 from anyprobe.core.contract import contract
 from anyprobe.errors import ModelError
-from anyprobe.files.graphs import open_graph
+from anyprobe.files.graphs import open_graph, run_options
 from anyprobe.masks.prompts import BOX_LEVEL, CLICK_SIGMA_PX, Point, draw_prompts
 from anyprobe.masks.resize import resize
 from anyprobe.masks.weights import GET_WEIGHTS, find_weights
@@ -73,7 +73,7 @@ class U2NetP:
         small = resize(rgb, U2NETP["size"], U2NETP["size"])
         image = (small / max(float(small.max()), 1e-6) - MEAN) / SPREAD
         fed = np.ascontiguousarray(image.transpose(2, 0, 1)[None], np.float32)
-        return self._session.run([self._output], {self._input: fed})[0][0, 0]
+        return self._session.run([self._output], {self._input: fed}, run_options())[0][0, 0]
 
 
 class SmallNetwork:

@@ -55,7 +55,8 @@ class Limits:
         upload_s: seconds in which a body must have arrived; later it is 408.
         grace_s, least_rate: a body that is slower than least_rate [bytes / s] after grace_s is 408 as well.
         retry_after_s: what a 429 asks for.
-        quick_s: seconds of the processor for decoding a JPEG, PNG or WebP before it waits with the slow formats.
+        quick_s: seconds of the processor for decoding a JPEG, PNG or WebP and finding its object, which takes 1 to 3,
+            before it waits with the slow formats.
         decode_s: seconds of the processor for decoding any file, and for an export; beyond them 422.
         decode_mb: memory for that, beyond the idle process's own; beyond it 422.
         drain_s: seconds for what has begun when the server is to end; then 503. Containers are killed after 10.
@@ -69,7 +70,7 @@ class Limits:
     grace_s: float = 5.0
     least_rate: float = 16_384.0
     retry_after_s: int = 1
-    quick_s: float = 2.5
-    decode_s: float = 8.0
+    quick_s: float = 6.0
+    decode_s: float = 12.0
     decode_mb: int = 900
     drain_s: float = DRAIN_S

@@ -35,6 +35,9 @@ USED_UP_MB = 400
 WALL_FACTOR, START_S = 3.0, 10.0
 """Wall clock for a piece of work: times the processor's seconds, as others want the processor too, and for imports."""
 
+STARVED_TIMES, STARVED_S = 20, 0.05
+"""So many times more of the wall clock is given while the process gets so many seconds of the processor meanwhile."""
+
 IMPORTS_S = 60.0
 """Wall clock for the start of a process: about a second of the processor, which others may have."""
 
@@ -239,20 +242,38 @@ class _Worker:
 
 @contextlib.contextmanager
 def _ended_after(process: subprocess.Popen, seconds: float) -> Iterator[threading.Event]:
-    """A process that is killed unless the block ends before; the event says that it was."""
-    late = threading.Event()
+    """Kill a process unless the block ends before; the event says that it was.
 
-    def end() -> None:
+    One that works on, as far as others let it, goes on: the system ends it once its time of the processor is used up.
+    """
+    late, over = threading.Event(), threading.Event()
+
+    def watch() -> None:
+        used = _used_s(process.pid)
+        for _ in range(STARVED_TIMES):
+            if over.wait(seconds):
+                return
+            before, used = used, _used_s(process.pid)
+            if used - before < STARVED_S:
+                break
         late.set()
         process.kill()
 
-    timer = threading.Timer(seconds, end)
-    timer.daemon = True
-    timer.start()
+    threading.Thread(target=watch, daemon=True).start()
     try:
         yield late
     finally:
-        timer.cancel()
+        over.set()
+
+
+def _used_s(pid: int) -> float:
+    """Return seconds of the processor that a process has used; 0 where the system does not say."""
+    try:
+        with open(f"/proc/{pid}/stat", encoding="utf-8", errors="replace") as stream:
+            fields = stream.read().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    except (OSError, ValueError, IndexError, AttributeError):
+        return 0.0
 
 
 def _import_path() -> list[str]:
