@@ -233,17 +233,6 @@ def test_assets_of_unknown_licence_are_used_unless_told(tmp_path, assets, comman
         begin_true(tmp_path / "all", assets, resume=True, commercial_only=True)
 
 
-def test_plan_without_the_choice_of_licences_keeps_to_free_ones(tmp_path, assets):
-    """Older datasets were made of those alone."""
-    begin_true(tmp_path / "set", assets, pairs=1)
-    plan = json.loads((tmp_path / "set/dataset.json").read_text())
-    del plan["commercial_only"]
-    (tmp_path / "set/dataset.json").write_text(json.dumps(plan))
-    assert render_job.read_plan(tmp_path / "set")["commercial_only"] is True
-    with pytest.raises(InputError, match="expected at least one map and one shape, got 0 and 0"):
-        begin_true(tmp_path / "set", assets, resume=True)
-
-
 def test_shape_that_no_pixel_shows_is_left_out(tmp_path, assets):
     """A pole thinner than a pixel, however it is seen."""
     (assets / "meshes/train/pole.obj").write_bytes(obj(SOLID * [0.004, 1.0, 0.004], SIDES))
