@@ -62,7 +62,7 @@ def single_lights(cutout: Cutout, clip: str, estimator: Estimator, true_masks: b
             photo = follower.photo(Frame(index=index, time_s=shown.time_s, rgb=shown.rgb))
             if true_masks:
                 photo = replace(photo, mask=shown.cover)
-            maps.append(estimator.from_photo(photo).radiance)
+            maps.append(estimator.from_photo(photo, plate=False).radiance)
             mask, cover = photo.mask > 0.5, shown.cover > 0.5
             iou.append((mask & cover).sum() / (mask | cover).sum())
             same.append(follower.looks_same)
@@ -110,8 +110,8 @@ def followed_s(shown: np.ndarray, wanted: np.ndarray) -> float:
     return round(float(near[0]) / FPS, 3) if len(near) else float("inf")
 
 
-def web_lights(cutout: Cutout, clip: str) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """As single_lights by the npm package, and its filtered lights [T, 64, 128, 3]."""
+def web_lights(cutout: Cutout, clip: str) -> dict[str, np.ndarray]:
+    """As single_lights by the npm package, and `web`, its filtered lights [T, 64, 128, 3]."""
     weights = {name: str(weights_folder("lift") / f"{name}.onnx") for name in ("light", WHOLE)}
     named = find_weights()
     weights |= {"mask": str(default_graph())} if named is None else {"u2netp": str(named.path)}
@@ -120,19 +120,19 @@ def web_lights(cutout: Cutout, clip: str) -> tuple[dict[str, np.ndarray], np.nda
         script = Path(__file__).with_name("web_swaying.mjs")
         ended = subprocess.run(["node", script, place, json.dumps(weights)], check=True, capture_output=True, text=True)
         single, shown = (np.fromfile(place / f"{kind}.f32", np.float32) for kind in ("web_single", "web"))
+        same = np.fromfile(place / "web_same.u8", bool)
     single, shown = (one.reshape(-1, 64, 128, 3) for one in (single, shown))
     seen = np.isfinite(single).all(axis=(1, 2, 3))
     for at in np.flatnonzero(~seen):
         single[at] = single[at - 1] if at else 0.0
     seconds = np.full(len(single), json.loads(ended.stdout)["ms"]["processor"] / 1000)
-    nothing = np.zeros(len(single))
-    return {"maps": single, "iou": seen.astype(float), "seconds": seconds, "same": nothing}, np.nan_to_num(shown)
+    return {"maps": single, "iou": seen.astype(float), "seconds": seconds, "same": same, "web": np.nan_to_num(shown)}
 
 
-def measure(found: dict[str, np.ndarray], clip: str, web: np.ndarray | None = None) -> dict[str, Any]:
-    """The figures of one clip; web: lights that another filter shows."""
+def measure(found: dict[str, np.ndarray], clip: str) -> dict[str, Any]:
+    """The figures of one clip, of the lights that the npm package shows where `web` holds them."""
     single = toward(found["maps"])
-    maps, filter_s = filtered(found["maps"], found["same"]) if web is None else (web, 0.0)
+    maps, filter_s = (found["web"], 0.0) if "web" in found else filtered(found["maps"], found["same"])
     shown = toward(maps)
     start = round(SETTLING_S * FPS)
     jump = round(JUMP_S * FPS)
@@ -181,17 +181,13 @@ def main() -> None:
     estimator, lines = Estimator(), []
     for cutout in read_cutouts(asked.data, asked.only):
         for clip in asked.clips or CLIPS:
-            if asked.web:
-                found, shown = web_lights(cutout, clip)
-                lines.append({"photo": cutout.name, "clip": clip, **measure(found, clip, shown)})
-                tell(lines[-1], asked.json)
-                continue
-            kept = asked.cache and asked.cache / f"{cutout.name} {clip}{' true' * asked.true_masks}.npz"
+            kind = " web" if asked.web else " true" if asked.true_masks else ""
+            kept = asked.cache and asked.cache / f"{cutout.name} {clip}{kind}.npz"
             if kept and kept.is_file():
                 with np.load(kept) as arrays:
                     found = dict(arrays)
             else:
-                found = single_lights(cutout, clip, estimator, asked.true_masks)
+                found = web_lights(cutout, clip) if asked.web else single_lights(cutout, clip, estimator, asked.true_masks)
                 if kept:
                     with atomic_path(kept) as temporary:
                         np.savez(temporary, **found)

@@ -1,8 +1,8 @@
 // The npm package's lights of one clip, for swaying.py: node web_swaying.mjs CLIP WEIGHTS. CLIP holds clip.json and
 // frames.rgb; WEIGHTS is a JSON object of graphs' files. Every frame goes through what the page's thread does with a camera's:
 // luma and chroma, a picture of 480 pixels, the mask by the click, registration, networks, filter. Beside them are written
-// web.f32, the lights [T, 64, 128, 3], and web_single.f32, the same without the filter (NaN: no object was seen); prints
-// {ms}: processor time a frame after the first second, mean, and of each part.
+// web.f32, the lights [T, 64, 128, 3], web_single.f32, the same without the filter (NaN: no object was seen), and web_same.u8,
+// whether the object looked the same; prints {ms}: processor time a frame after the first second, mean, and of each part.
 
 import { closeSync, openSync, readFileSync, readSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
@@ -42,7 +42,7 @@ const file = openSync(join(folder, "frames.rgb"));
 const rgb = new Uint8Array(3 * width * height);
 const ms = {};
 let last = null;
-const masks = new Uint8Array(count);
+const [masks, same] = [new Uint8Array(count), new Uint8Array(count)];
 for (let at = 0; at < count; at++) {
   readSync(file, rgb, 0, rgb.length, at * rgb.length);
   const frame = frameOf(rgb);
@@ -53,8 +53,10 @@ for (let at = 0; at < count; at++) {
   if (answer.light) [last, masks[at]] = [answer.light.radiance, 1];
   if (last) shown.set(last, at * SIZE);
   if (answer.light) raw.set(lights.single, at * SIZE);
+  same[at] = Number(lights.object.looksSame);
 }
 closeSync(file);
 writeFileSync(join(folder, "web.f32"), shown);
 writeFileSync(join(folder, "web_single.f32"), raw);
+writeFileSync(join(folder, "web_same.u8"), same);
 console.log(JSON.stringify({ seen: masks.reduce((a, b) => a + b, 0), ms: Object.fromEntries(Object.entries(ms).map(([part, value]) => [part, Number(value.toFixed(1))])) }));

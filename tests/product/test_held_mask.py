@@ -76,6 +76,15 @@ def test_a_mask_that_does_not_agree_counts_once_it_stays_so():
     assert asked == PATIENCE + 2
 
 
+def test_a_slow_network_looks_rarely_until_its_masks_do_not_agree():
+    rgb, inside = frame()
+    held, looks = hold(rgb, inside), []
+    masks = iter([inside, np.roll(inside, 20, axis=1), inside])
+    for count in range(1, 6 * EVERY):
+        held = follow(held, rgb, found_in(held, rgb), lambda mask, at=count: looks.append(at) or next(masks), 2 * EVERY)
+    assert looks == [2 * EVERY, 4 * EVERY, 4 * EVERY + EVERY_REFUSED]
+
+
 def test_masks_that_agree_are_averaged():
     rgb, inside = frame()
     held = hold(rgb, inside)

@@ -216,18 +216,21 @@ class Estimator:
         taken, spent = cut_photos(photos, start)
         return estimate_crops(self.from_crop, taken, world_from_camera, spent, given)
 
-    def from_photo(self, photo: Photo, start: float | None = None, *, material: Material | None = None) -> Light:
+    def from_photo(
+        self, photo: Photo, start: float | None = None, *, material: Material | None = None, plate: bool = True
+    ) -> Light:
         """The same for a Photo that is loaded already.
 
         Args:
             start: of time.perf_counter, when its loading began; the sidecar's seconds count from it.
             material: the object's, instead of the Photo's own.
+            plate: whether the light keeps what the photo shows beside its object, for detail that is asked for later.
         """
         start = time.perf_counter() if start is None else start
         light = self.from_crop(photo, crop_object(photo, PHOTO_SIZE), start, material=material)
         if material is None and photo.material is None and photo.normals is None and self.models.lifts:
             light = self._unwrapped(light, photo, start)
-        if photo.shows_place:
+        if plate and photo.shows_place:
             light = replace(light, plate=photo.plate())
         return light if self.settings.detail == DETAILS[0] else self._with_detail(light, photo)
 

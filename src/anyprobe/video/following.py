@@ -18,11 +18,11 @@ from anyprobe.files.digests import digest_of
 from anyprobe.files.paths import visible_files
 from anyprobe.hints import AUTO, NONE, PHOTO
 from anyprobe.masks.depth import CARRIED, is_carried
-from anyprobe.masks.networks import shared_network
+from anyprobe.masks.networks import U2NetP, shared_network
 from anyprobe.masks.search import MARGIN, Prompts, Window, choose, look
 from anyprobe.pictures.images import read_image
 from anyprobe.video.clip import Frame
-from anyprobe.video.held_mask import MOST_CHANGE, Held, follow, found_in, hold, lit_mask, mask_in
+from anyprobe.video.held_mask import EVERY, MOST_CHANGE, Held, follow, found_in, hold, lit_mask, mask_in
 
 GROWTH = 0.08
 """The box prompt is the last mask's, grown by this share on every side."""
@@ -32,6 +32,9 @@ ODD = 2
 
 DECIDED = 30
 """Frames in a row that differ from those before in whether they show more than the object, until that counts."""
+
+SLOW = 4
+"""So many times as rarely U2-Net-p looks at an object that is followed: one look takes as long as several frames."""
 
 COARSE_PX = 128
 """Longer side of the mask that the inner point is looked for in."""
@@ -182,7 +185,8 @@ class MaskFollower:
             found = found_in(held, rgb)
             if found is not None and found.is_sure:
                 self._before = None if held is self._before else self._before
-                self.held = follow(held, rgb, found, lambda mask: _looked_for(rgb, _last_of(mask)))
+                every = SLOW * EVERY if isinstance(shared_network(), U2NetP) else EVERY
+                self.held = follow(held, rgb, found, lambda mask: _looked_for(rgb, _last_of(mask)), every)
                 return self.held
         mask = _looked_for(rgb, self.last)
         if mask is None:

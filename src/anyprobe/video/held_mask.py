@@ -96,10 +96,17 @@ def found_in(held: Held, rgb: np.ndarray) -> Registered:
     return locate_key(held.key, picture, held.motion, (window.x0, window.y0))
 
 
-def follow(held: Held, rgb: np.ndarray, found: Registered, find: Callable[[np.ndarray], np.ndarray | None]) -> Held:
+def follow(
+    held: Held,
+    rgb: np.ndarray,
+    found: Registered,
+    find: Callable[[np.ndarray], np.ndarray | None],
+    every: int = EVERY,
+) -> Held:
     """After one more frame, in which the object was `found` for sure.
 
-    find: a mask [H, W] of the frame, given where the mask is now; None where there is none.
+    find: a mask [H, W] of the frame, given where the mask is now; None where there is none. every: frames between two,
+    while they agree.
     """
     usual = float(np.median(held.unlike)) if held.unlike else 1.0 - found.alike
     held = replace(
@@ -110,7 +117,7 @@ def follow(held: Held, rgb: np.ndarray, found: Registered, find: Callable[[np.nd
         unlike=(*held.unlike, 1.0 - found.alike)[-REMEMBERED:],
         looks_same=1.0 - found.alike <= TIMES * usual + MORE,
     )
-    if held.age >= (EVERY_REFUSED if held.refused else EVERY):
+    if held.age >= (EVERY_REFUSED if held.refused else every):
         held = _looked(held, rgb, find(mask_in(held, rgb.shape)))
     if found.alike < FADED:
         newer = hold(rgb, mask_in(held, rgb.shape), held.finds)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from anyprobe.core.color import to_bytes
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.light.environment import reduced
 from anyprobe.masks.resize import resize
-from anyprobe.render.spheres import sphere_images
+from anyprobe.render.spheres import SILVER_ALPHA, SILVER_F0, WO, diffuse, mirror, sphere_normals
+from anyprobe.scatter.materials import Material, brdf
 
 if TYPE_CHECKING:
     from jaxtyping import Float, UInt8
@@ -18,11 +21,35 @@ if TYPE_CHECKING:
 _SIDE = 128
 SPHERES = ("diffuse", "silver", "mirror")
 
+_SILVER_SIDE, _ROWS = 64, 32
+"""Of the silver sphere, and of the map that it and the matte one see: neither shows anything finer."""
+
 
 def light_picture(radiance: Float[np.ndarray, "H 2*H 3"] | None) -> UInt8[np.ndarray, "128 640 3"]:
     """The map, then SPHERES, through the mean camera curve at the clip's exposure; black where there is no light."""
     if radiance is None:
         return np.zeros((_SIDE, (2 + len(SPHERES)) * _SIDE, 3), np.uint8)
     shown = resize(reduced(np.asarray(radiance, np.float32), _SIDE), 2 * _SIDE, _SIDE)
-    spheres = sphere_images(radiance, _SIDE)
-    return to_bytes(response(np.concatenate([shown, *(spheres[name] for name in SPHERES)], axis=1)))
+    spheres = diffuse(reduced(radiance, _ROWS), _SIDE), _silver(radiance), mirror(radiance, _SIDE)
+    return to_bytes(response(np.concatenate([shown, *spheres], axis=1)))
+
+
+def _silver(radiance: np.ndarray) -> np.ndarray:
+    """Draw the sphere of render.spheres.silver, [S, S, 3], by one product of a matrix and the map; that one samples."""
+    _, inside = sphere_normals(_SILVER_SIDE)
+    picture = np.zeros((_SILVER_SIDE, _SILVER_SIDE, 4), np.float32)
+    picture[inside, :3] = _silver_weights() @ reduced(radiance, _ROWS).reshape(-1, 3)
+    picture[inside, 3] = 1.0
+    larger = resize(picture, _SIDE, _SIDE)
+    return np.where(sphere_normals(_SIDE)[1][..., None], larger[..., :3] / np.maximum(larger[..., 3:], 1e-3), 0.0)
+
+
+@lru_cache(maxsize=1)
+def _silver_weights() -> np.ndarray:
+    """Return how much each pixel of the map adds to each of the sphere, [N, P]: f_r (n.wi) dwi, Eq. 1."""
+    normals, _ = sphere_normals(_SILVER_SIDE)
+    wi = pixel_directions(_ROWS).reshape(-1, 3)
+    silver = Material(albedo=0.0, f0=SILVER_F0, alpha=SILVER_ALPHA)
+    cosine = np.maximum(normals @ wi.T, 0.0)
+    reflected = brdf(silver, WO, wi, normals[:, None])[..., 0]
+    return reflected * cosine * np.repeat(pixel_solid_angles(_ROWS)[:, 0], 2 * _ROWS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -115,17 +116,21 @@ class ClipRun:
         self._stage: Stage | None = None
         self._shown: tuple[GroundShadow, np.ndarray] | None = None  # shadow and object under the last light
         self._photo: Photo | None = None
-        self._preview: np.ndarray | None = None  # of the last light
+        self._preview: Future[np.ndarray] | None = None  # of the last light
 
     def __call__(self, watch: Callable[[int], None]) -> Outcome:
         """Do what is not done yet; watch gets the number of frames done.
 
         Whatever ends it, a later call with the same folder goes on and gives the same files.
         """
+        with ThreadPoolExecutor(1) as beside:  # another core draws a light while networks find the next
+            return self._run(watch, beside)
+
+    def _run(self, watch: Callable[[int], None], beside: ThreadPoolExecutor) -> Outcome:
         done = self.progress
         damaged: list[int] = []
         pictures: list[tuple[float, np.ndarray]] = []
-        previews: list[tuple[float, np.ndarray]] = []
+        previews: list[tuple[float, Future[np.ndarray]]] = []
         size, frame, notes = (0, 0), None, []
         save_every = -(-SAVE_EVERY // self.every) * self.every  # the first frame after it gets a light
         for frame in read_frames(self.clip, damaged):
@@ -143,7 +148,7 @@ class ClipRun:
             done.frames.append(self._one(frame))
             if self.virtual is not None:
                 pictures.append((frame.time_s, self._picture(frame)))
-            previews.append((frame.time_s, self._light_picture(frame.index)))
+            previews.append((frame.time_s, self._light_picture(frame.index, beside)))
             watch(frame.index + 1)
             if (frame.index + 1) % save_every == 0:
                 self.follower.settle()
@@ -221,7 +226,7 @@ class ClipRun:
         A panorama from a file is of frame 0's camera, whichever frame is the first that gives a light.
         """
         if self.poses is None or photo.surroundings is None:
-            return self.estimator.from_photo(photo, material=self.material)
+            return self.estimator.from_photo(photo, material=self.material, plate=False)
         done = self.progress
         crop = cut_out(photo, first=False)
         world_from_crop = self.poses[index] @ crop.camera_from_crop
@@ -283,20 +288,24 @@ class ClipRun:
         shadow, drawn = self._shown
         return to_bytes(stage.relit(radiance, virtual.material, shadow=shadow, drawn=drawn))
 
-    def _light_picture(self, index: int) -> np.ndarray:
-        """Return a frame's picture in light.mp4."""
+    def _light_picture(self, index: int, beside: ThreadPoolExecutor) -> Future[np.ndarray]:
+        """Return a frame's picture in light.mp4, drawn in that thread."""
         if self._preview is None or self.poses is not None:
-            self._preview = light_picture(None if self.progress.light is None else self._detailed(index))
+            shown = None if self.progress.light is None else self._detailed(index)
+            self._preview = beside.submit(light_picture, shown)
         return self._preview
 
     def _save(
-        self, next_index: int, pictures: list[tuple[float, np.ndarray]], previews: list[tuple[float, np.ndarray]]
+        self,
+        next_index: int,
+        pictures: list[tuple[float, np.ndarray]],
+        previews: list[tuple[float, Future[np.ndarray]]],
     ) -> None:
         done = self.progress
         if pictures:
             write_piece(self._piece(done.pieces), pictures)
         if previews:
-            write_piece(self._piece(done.pieces, LIGHT), previews)
+            write_piece(self._piece(done.pieces, LIGHT), [(time_s, drawn.result()) for time_s, drawn in previews])
             done.pieces += 1
         done.next_index = next_index
         done.last, done.mask, done.shows_more = self.follower.last, self.follower.held, self.follower.shows_more
