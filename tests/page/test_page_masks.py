@@ -49,10 +49,15 @@ def test_page_and_package_find_the_same_vase_and_light(vase, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.skipif("ANYPROBE_PHOTOS" not in os.environ, reason="ANYPROBE_PHOTOS names folders of photos and masks")
-def test_page_and_package_agree_on_photos_of_others(tmp_path):
+@pytest.mark.parametrize("given", ["nothing", "click"])
+def test_page_and_package_agree_on_photos_of_others(tmp_path, given):
     folders = map(Path, os.environ["ANYPROBE_PHOTOS"].split(os.pathsep))
     cases = [case for folder in folders for case in photo_cases(folder)]
-    pages = page_masks(tmp_path, [case.rgb for case in cases], [[]] * len(cases), light=True)
+    clicks = [[case.click] if given == "click" else [] for case in cases]
+    pages = page_masks(tmp_path, [case.rgb for case in cases], clicks, light=True)
     estimator = Estimator()
-    found = {case.name: differences(page, estimator, case.rgb) for case, page in zip(cases, pages, strict=True)}
+    found = {
+        case.name: differences(page, estimator, case.rgb, click=on or None)
+        for case, page, on in zip(cases, pages, clicks, strict=True)
+    }
     assert {name: line for name, line in found.items() if line} == {}

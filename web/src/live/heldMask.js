@@ -107,10 +107,18 @@ export function maskIn(held, cover = held.cover) {
 
 /** The mask in the last frame as the light is to be estimated by. @param {Held} held */
 export function litMask(held) {
-  const [x0, y0, x1, y1] = objectBox(held.cover, held.width);
+  const [x0, y0, x1, y1] = coverBox(held.cover, held.width);
   const narrow = NARROW * Math.max(x1 - x0, y1 - y0) + NARROW_ERROR * held.errorPx;
   const cover = narrowed(held.cover, held.width, Math.min(narrow, NARROW_MOST));
   return maskIn(held, cover.some((value) => value > 0.5) ? cover : held.cover);
+}
+
+const boxes = new WeakMap();
+
+/** Around what a cover of the key covers, found once. */
+function coverBox(cover, width) {
+  if (!boxes.has(cover)) boxes.set(cover, objectBox(cover, width));
+  return boxes.get(cover);
 }
 
 /** A cover whose edge lies so many pixels further inside. */
@@ -171,7 +179,7 @@ function valueAt(values, width, height, x, y) {
 
 /** Around the object in the last frame, x0, y0, x1, y1. */
 function boxOf({ cover, width, offset, key, motion }) {
-  const box = objectBox(cover, width);
+  const box = coverBox(cover, width);
   const [a, b, c, d] = matrixOf(motion);
   const [cx, cy] = key.center;
   const places = [[0, 1], [2, 1], [0, 3], [2, 3]].map(([i, j]) => {
@@ -182,7 +190,11 @@ function boxOf({ cover, width, offset, key, motion }) {
   return [Math.min(...across), Math.min(...down), Math.max(...across), Math.max(...down)];
 }
 
-const sum = (values) => values.reduce((total, value) => total + value, 0);
+function sum(values) {
+  let total = 0;
+  for (const value of values) total += value;
+  return total;
+}
 
 function overlap(one, other) {
   let [both, either] = [0, 0];

@@ -12,16 +12,16 @@ const DOUBT = CONTRACT.exposure.doubt;
  * @returns {import("../notices.js").Notice[]} one where little can be estimated
  */
 export function exposureDoubts({ width, height, rgba }, mask) {
-  const step = Math.max(1, Math.floor(Math.sqrt(mask.reduce((sum, cover) => sum + cover, 0) / DOUBT.samples)));
+  const step = Math.max(1, Math.floor(Math.sqrt(covered(mask) / DOUBT.samples)));
   let [count, dark, clipped] = [0, 0, 0];
   for (let y = 0; y < height; y += step) {
     for (let x = 0; x < width; x += step) {
       const at = y * width + x;
       if (!(mask[at] > 0.5)) continue;
-      const rgb = [0, 1, 2].map((channel) => rgba[4 * at + channel] / 255);
+      const [red, green, blue] = [rgba[4 * at] / 255, rgba[4 * at + 1] / 255, rgba[4 * at + 2] / 255];
       count++;
-      if (luminance(...rgb) <= DOUBT.dark) dark++;
-      if (Math.min(...rgb) >= DOUBT.clipped) clipped++;
+      if (luminance(red, green, blue) <= DOUBT.dark) dark++;
+      if (Math.min(red, green, blue) >= DOUBT.clipped) clipped++;
     }
   }
   const doubt = (code, share, what) => [notice(code, `${Math.round(100 * share)}% of the object is ${what}`)];
@@ -29,4 +29,10 @@ export function exposureDoubts({ width, height, rgba }, mask) {
   if (dark / count >= DOUBT.dark_share) return doubt("object-dark", dark / count, "nearly black; little can be estimated from it; expose longer");
   if (clipped / count < DOUBT.clipped_share) return [];
   return doubt("object-clipped", clipped / count, "clipped; where its light comes from is uncertain; expose shorter");
+}
+
+function covered(mask) {
+  let sum = 0;
+  for (const cover of mask) sum += cover;
+  return sum;
 }

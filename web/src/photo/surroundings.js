@@ -181,7 +181,8 @@ export function nearestSeen(surroundings) {
   const rows = GOES_ON.rows;
   const [columns, step] = [2 * rows, MAP_HEIGHT / rows];
   const directions = pixelDirections(rows);
-  const [places, colors] = [[], []]; // of what is seen
+  const [places, colors] = [3, 3].map((size) => new Float64Array(size * rows * columns)); // of what is seen
+  let end = 0;
   for (let cell = 0; cell < rows * columns; cell++) {
     const sums = [0, 0, 0, 0];
     for (let k = 0; k < step * step; k++) {
@@ -190,19 +191,21 @@ export function nearestSeen(surroundings) {
       for (let channel = 0; channel < 4; channel++) sums[channel] += surroundings[channel * PIXELS + pixel];
     }
     if (sums[3] < GOES_ON.least_cover * step * step) continue;
-    places.push(...directions.subarray(3 * cell, 3 * cell + 3));
-    colors.push(...sums.slice(0, 3).map((sum) => Math.min(sum / sums[3], 1)));
+    for (let axis = 0; axis < 3; axis++, end++) {
+      places[end] = directions[3 * cell + axis];
+      colors[end] = Math.min(sums[axis] / sums[3], 1);
+    }
   }
-  if (colors.length === 0) return null;
+  if (end === 0) return null;
   const coarse = new Float32Array(4 * rows * columns);
   for (let cell = 0; cell < rows * columns; cell++) {
-    const [x, y, z] = directions.subarray(3 * cell, 3 * cell + 3);
+    const [x, y, z] = [directions[3 * cell], directions[3 * cell + 1], directions[3 * cell + 2]];
     let [best, most] = [0, -2];
-    for (let i = 0; i < places.length; i += 3) {
+    for (let i = 0; i < end; i += 3) {
       const cosine = x * places[i] + y * places[i + 1] + z * places[i + 2];
       if (cosine > most) [best, most] = [i, cosine];
     }
-    coarse.set(colors.slice(best, best + 3), 4 * cell);
+    for (let channel = 0; channel < 3; channel++) coarse[4 * cell + channel] = colors[best + channel];
     coarse[4 * cell + 3] = (Math.acos(Math.min(Math.max(most, -1), 1)) * 180) / Math.PI;
   }
   return enlarged(coarse, rows);
@@ -298,12 +301,16 @@ export function useSurroundings(stages, surroundings, tints = true, sure = SEEN,
   const seen = new Float64Array(3);
   for (let pixel = 0, to = 0; pixel < PIXELS; pixel++, to += 3) {
     const cover = surroundings[3 * PIXELS + pixel];
+    const share = nearest ? goesOn.share * Math.exp(-nearest[4 * pixel + 3] / goesOn.reach_deg) : 0;
     for (let channel = 0; channel < 3; channel++) {
       predicted[channel] = stages.radiance[to + channel] * tint[channel];
-      if (nearest) {
-        const share = goesOn.share * Math.exp(-nearest[4 * pixel + 3] / goesOn.reach_deg);
-        predicted[channel] = continued(predicted[channel], nearest[4 * pixel + channel], share);
-      }
+      if (nearest) predicted[channel] = continued(predicted[channel], nearest[4 * pixel + channel], share);
+    }
+    if (cover === 0) {
+      radiance.set(predicted, to);
+      continue;
+    }
+    for (let channel = 0; channel < 3; channel++) {
       display[channel] = surroundings[channel * PIXELS + pixel] / Math.max(cover, 1e-3);
       seen[channel] = inverseResponse(display[channel]);
     }
