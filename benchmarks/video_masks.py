@@ -55,7 +55,7 @@ class EveryFrame(Timed):
     """Finds each frame's mask as a photo's is found."""
 
     def _followed(self, rgb):
-        return False
+        return None
 
 
 def main() -> None:
