@@ -187,7 +187,10 @@ def main() -> None:
                 with np.load(kept) as arrays:
                     found = dict(arrays)
             else:
-                found = web_lights(cutout, clip) if asked.web else single_lights(cutout, clip, estimator, asked.true_masks)
+                if asked.web:
+                    found = web_lights(cutout, clip)
+                else:
+                    found = single_lights(cutout, clip, estimator, asked.true_masks)
                 if kept:
                     with atomic_path(kept) as temporary:
                         np.savez(temporary, **found)

@@ -97,11 +97,7 @@ def found_in(held: Held, rgb: np.ndarray) -> Registered:
 
 
 def follow(
-    held: Held,
-    rgb: np.ndarray,
-    found: Registered,
-    find: Callable[[np.ndarray], np.ndarray | None],
-    every: int = EVERY,
+    held: Held, rgb: np.ndarray, found: Registered, find: Callable[[np.ndarray], np.ndarray | None], every: int = EVERY
 ) -> Held:
     """After one more frame, in which the object was `found` for sure.
 
