@@ -208,8 +208,7 @@ class Estimator:
             photos: of load_photo, read in turn; their pixels are not kept.
             world_from_camera: [3, 3] of each.
             material: the object's, a name or a Material.
-            albedo: the object's linear diffuse albedo.
-            roughness: the object's, as in glTF.
+            albedo, roughness: the object's linear diffuse albedo, and its roughness as in glTF.
             start: of time.perf_counter, when the first photo's loading began.
         """
         given = as_material(material, albedo, roughness)
