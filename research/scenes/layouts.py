@@ -29,7 +29,7 @@ from research.world.tables import Cover, draw_cover
 from research.world.whole_scenes import Panel, Phone, Thing, _draw_second, _placed, _standing
 
 FAMILIES = ("ground", "table", "things", "dark", "procedural")
-SHARES = (0.4, 0.2, 0.18, 0.12, 0.1)
+SHARES = (0.36, 0.26, 0.17, 0.11, 0.1)
 """Shares of the families among the scenes that are learned from."""
 SEED = 3107
 

@@ -20,13 +20,13 @@ BATCH = 1 << 16
 """Rays in a wavefront, always: kernels are compiled for its size."""
 FAR_PX, NEAR_PX = 4, 2
 """Sides [px] of the blocks that are traced far from the object and near it; the object's own are single pixels."""
-FAR_PATHS, NEAR_PATHS, FINE_PATHS, PROBE_PATHS = 2, 4, 7, 4
+FAR_PATHS, NEAR_PATHS, FINE_PATHS, PROBE_PATHS = 2, 3, 4, 4
 """Paths through one of these, and through a pixel of the probe's map."""
 OBJECT_MARGIN, NEAR_MARGIN = 1.16, 2.5
 """Sides of the windows over the longer side of the object's box."""
 SEAM_BLOCKS = 4
 """Over which a finer layer takes the place of a coarser one."""
-MAX_DEPTH = 4
+MAX_DEPTH = 3
 MOST_RATIO = 1.5
 """Of a lit ground with the object over the same without: reflections may brighten it."""
 PANEL_F0 = 0.04
@@ -220,7 +220,8 @@ def _denoised(values: np.ndarray) -> np.ndarray:
     """Return radiance [h, w, 3] without the noise of few paths, which no camera makes (Open Image Denoise)."""
     import mitsuba_oidn
 
-    return np.maximum(mitsuba_oidn.denoise(np.ascontiguousarray(values, np.float32), hdr=True), 0.0)
+    values = np.ascontiguousarray(values, np.float32)
+    return np.maximum(mitsuba_oidn.denoise(values, hdr=True, quality=mitsuba_oidn.Quality.Fast), 0.0)
 
 
 def _probe(mi, tracer, empty, layout: Layout, paths: int) -> np.ndarray:
