@@ -5,6 +5,7 @@ Scores of an export: python -m research.world.whole score --model FOLDER, with l
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +15,8 @@ import typer
 from anyprobe.cli.app import main as run_command
 from anyprobe.train.checkpoint import keep_apart, save_init_weights
 from research.whole_network.export import export_whole
-from research.whole_network.train import WholeRunConfig, train_whole
+from research.whole_network.looks import load_light_graph, make_looks, missing_looks
+from research.whole_network.train import WholeRunConfig, looks_of, train_whole
 
 RUNS = Path("runs")
 WEIGHTS = Path("src/anyprobe/weights/lift")
@@ -41,6 +43,23 @@ def train(
     config = WholeRunConfig(name=name, growing=growing)
     config = config if steps is None else replace(config, steps=steps)
     typer.echo(train_whole(config, pairs=pairs, runs=runs, start=init_weights, left_out=left_out))
+
+
+@app.command()
+def looks(
+    pairs: Pairs = RUNS / "scenes",
+    light: Annotated[Path, typer.Option(help="Weights of LightNet.")] = Path("training/lift.pt"),
+    wait: Annotated[bool, typer.Option(help="Go on waiting for further pairs.")] = False,
+) -> None:
+    """Compute what LightNet answers to pairs, which training needs, into PAIRS-looks; goes on where it stopped."""
+    graph = load_light_graph(light)
+    while True:
+        for source, target in missing_looks(pairs, looks_of(pairs)):
+            make_looks(source, target, graph)
+            typer.echo(target)
+        if not wait:
+            break
+        time.sleep(20)
 
 
 @app.command()

@@ -41,6 +41,8 @@ DIM_POWER = 0.1
 """Power above white of which the loss of a direction counts half: most photos have more, and teach as much as any."""
 LEAST_SHARE = 0.05
 """Of the power within 8 degrees of a place, from which on its colour counts in full."""
+SEEN_LESS = 0.7
+"""How much less a direction counts that the photo shows: it is taken from there."""
 SHARE_FLOOR = 0.02
 """Added to shares of power before their logarithm: less hardly shows."""
 
@@ -69,10 +71,11 @@ class WholeLoss:
         counts = power.mean(dim=1) / (power.mean(dim=1) + DIM_POWER)
         present = (batch["context"][:, 4].amax(dim=(1, 2)) > 0).float()
         ln_context = guess.ln_context.unflatten(1, (MAP_HEIGHT, 2 * MAP_HEIGHT))[:, None]
+        unseen = 1.0 - SEEN_LESS * batch["surroundings"][:, 3:]
         return {
-            "drawn": self._weighed(self._difference(guess.ln_radiance, ldr)),
-            "spread": self._weighed(self._difference(guess.ln_expected, ldr)),
-            "shown": self._weighed(shown),
+            "drawn": self._weighed(self._difference(guess.ln_radiance, ldr), unseen),
+            "spread": self._weighed(self._difference(guess.ln_expected, ldr), unseen),
+            "shown": self._weighed(shown, unseen),
             "scales": scales,
             "structure": structure_loss((ldr + shown).clip(0.0, 1.0), ldr),
             "ln": (self._weight * (guess.ln_shown - true.clip(max=0.0)).abs()).mean(),
@@ -93,8 +96,8 @@ class WholeLoss:
         shown = display(ln)
         return torch.where((shown > 1) & (ldr >= 1), shown.clip(max=1.0), shown) - ldr
 
-    def _weighed(self, difference: torch.Tensor) -> torch.Tensor:
-        return (self._weight * (difference.abs() * 0.5 + difference.square() * 2)).mean()
+    def _weighed(self, difference: torch.Tensor, share: torch.Tensor) -> torch.Tensor:
+        return (self._weight * share * (difference.abs() * 0.5 + difference.square() * 2)).mean()
 
     def _ln_level(self, ln: torch.Tensor) -> torch.Tensor:
         return torch.log((torch.exp(ln.clip(*LN_RANGE)) * self._angles).sum(dim=(2, 3)) @ self._luminance)

@@ -27,12 +27,13 @@ AT_ONCE = 32
 def score_pairs(net: WholeNet, pairs: Pairs) -> dict[str, float]:
     """Return figures of left-out pairs: LDR RMSE, dominant light (median; hardest third), power [stops], pitch; and LDR
     RMSE and dominant light of each family's photos and of the cut-outs."""
+    from research.whole_network.train import NET_INPUTS as names
+
     rows = []
     was_training = net.training
     net.eval()
     for start in range(0, len(pairs), AT_ONCE):
         batch = pairs.rows(start, start + AT_ONCE)
-        names = ("context", "tan_half", "lift", "said", "surroundings", "given_up")
         with autocast("cpu"):
             guess = net(*(batch[name] for name in names))
         drawn = torch.exp(guess.ln_radiance.float()).permute(0, 2, 3, 1).numpy()

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
+from anyprobe.core.color import REC709
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.nets.source_head import APART_DEG, PLACE_DEG, RADII_DEG, SOURCES
 
@@ -64,3 +65,14 @@ def source_profiles(luminance: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor
         shares.append(torch.stack([(flat * one).sum(dim=1) for one in within], dim=1))
         left = left.masked_fill(cosine > np.cos(np.radians(APART_DEG)), -1.0)
     return torch.stack(places, dim=1), torch.stack(shares, dim=1)
+
+
+def profiles_of(truth: np.ndarray, at_once: int = 32) -> tuple[np.ndarray, np.ndarray]:
+    """Return source_profiles [N, S, R] of ln maps [N, 3, H, 2H], and the sources' colours [N, S, 3]."""
+    luminance, profiles, colors = torch.tensor(REC709), [], []
+    for start in range(0, len(truth), at_once):
+        radiance = torch.exp(torch.from_numpy(truth[start : start + at_once]).float())
+        places, shares = source_profiles(torch.einsum("c,nchw->nhw", luminance, radiance))
+        profiles.append(shares.numpy())
+        colors.append(source_colors(radiance, places, luminance).numpy())
+    return np.concatenate(profiles), np.concatenate(colors)

@@ -15,8 +15,6 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
-from anyprobe.core.color import REC709
-from anyprobe.core.response import MEAN_CURVE
 from anyprobe.errors import InputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.nets.blocks import autocast
@@ -25,17 +23,15 @@ from anyprobe.nets.whole_net import WholeNet
 from anyprobe.train.checkpoint import agreed, load_weights, read_checkpoint, read_init_weights, resumed
 from anyprobe.train.logger import RunLogger, run_folder
 from anyprobe.train.loop import CHECKPOINT_SECONDS, learning_rate
+from research.whole_network.looks import LOOKS, brighter
 from research.whole_network.losses import WEIGHTS, WholeLoss
 from research.whole_network.score import score_pairs
-from research.whole_network.source_profiles import source_colors, source_profiles
 
-LEVEL, TINT = 0.25, 0.12
+LEVEL, TINT = 0.08, 0.04
 """Standard deviations of ln of the light that a pair has more of, all of it and each channel, each time it is seen."""
 
-UNUSED = ("image", "scene")
-"""Arrays of pairs that this network is not given."""
-WHITE = 0.98
-"""Display value from which on a pixel of a photo is clipped: less light does not make it less."""
+UNUSED = ("image", "scene", "lift", "posterior")
+"""Arrays of pairs that this network is not given, or has from its looks."""
 NOISE = 0.03
 """Largest standard deviation of display values, and a third of that of ln radiance, that pairs are seen with."""
 
@@ -69,19 +65,24 @@ class WholeRunConfig:
 
 
 class Pairs:
-    """Kept pairs of research.scenes.pairs in memory, 240 KB each."""
+    """Kept pairs of research.scenes.pairs and their looks in memory, half a megabyte each."""
 
-    def __init__(self, folder: Path, most: int = 0) -> None:
-        """Read a folder's files in the order of their names; InputError where there are none."""
-        self.folder = folder
-        files = sorted(folder.glob("*.npz"))
+    def __init__(self, folder: Path, looks: Path, most: int = 0, before: Pairs | None = None) -> None:
+        """Read a folder's files in the order of their names, those that `before` has from there; InputError where
+        there are none whose looks are kept."""
+        self.folder, self.looks, self._read = folder, looks, {} if before is None else before._read
+        files = [path for path in sorted(folder.glob("*.npz")) if (looks / path.name).is_file()]
         if not files:
-            raise InputError(f"{folder}: expected pairs, found none; make them with python -m research.scenes pairs")
+            raise InputError(f"{folder}: expected pairs and their looks in {looks}, found none; make them first")
         self._parts, count, seen = [], 0, hashlib.sha256()
         for path in files:
-            with np.load(path, allow_pickle=False) as stored:
-                part = {name: stored[name] for name in stored.files if name not in UNUSED}
-            part["profiles"], part["colors"] = _profiles(part["truth"])
+            if path.name not in self._read:
+                with np.load(path, allow_pickle=False) as stored:
+                    part = {name: stored[name] for name in stored.files if name not in UNUSED}
+                with np.load(looks / path.name, allow_pickle=False) as stored:
+                    part |= {name: stored[name] for name in stored.files}
+                self._read[path.name] = part
+            part = self._read[path.name]
             self._parts.append(part)
             count += len(part["up"])
             seen.update(f"{path.name} {len(part['up'])} ".encode())
@@ -96,46 +97,21 @@ class Pairs:
 
     def grown(self) -> Pairs:
         """Return the pairs with files that were added to the folder meanwhile."""
-        return self if len(list(self.folder.glob("*.npz"))) == len(self._parts) else Pairs(self.folder)
+        return Pairs(self.folder, self.looks, before=self)
 
     def rows(self, start: int, stop: int) -> dict[str, torch.Tensor]:
         """Return pairs in order, as they are, as the network takes them."""
-        stop = min(stop, len(self))
-        index = np.arange(start, stop)
-        parts = np.searchsorted(self._starts, index, side="right") - 1
-
-        def of(name: str) -> torch.Tensor:
-            picked = [self._parts[p][name][row - self._starts[p]] for p, row in zip(parts, index, strict=True)]
-            return torch.from_numpy(np.stack(picked)).float()
-
-        return {
-            "context": (of("context") / 255).permute(0, 3, 1, 2).contiguous(memory_format=torch.channels_last),
-            "tan_half": of("tan_half")[:, None],
-            "lift": of("lift"),
-            "said": of("posterior"),
-            "surroundings": of("surroundings") / 255,
-            "truth": of("truth"),
-            "up": of("up"),
-            "given_up": torch.zeros(len(index), 3),
-            "family": of("family"),
-        }
+        index = np.arange(start, min(stop, len(self)))
+        batch = self._looked(index, np.zeros(len(index), int))
+        return {**batch, "given_up": torch.zeros(len(index), 3)}
 
     def batch(
         self, rng: np.random.Generator, count: int, given_up: float, panoramas: float = 0.0
     ) -> dict[str, torch.Tensor]:
-        """A random batch of the arrays of pairs.Known, as the network takes them."""
-        rows = rng.integers(len(self), size=count)
-        parts = np.searchsorted(self._starts, rows, side="right") - 1
-
-        def of(name: str) -> torch.Tensor:
-            picked = [self._parts[p][name][row - self._starts[p]] for p, row in zip(parts, rows, strict=True)]
-            return torch.from_numpy(np.stack(picked)).float()
-
-        context = (of("context") / 255).permute(0, 3, 1, 2).contiguous(memory_format=torch.channels_last)
-        up = of("up")
+        """Return a random batch, half of it second looks, as the network takes it."""
+        batch = self._looked(rng.integers(len(self), size=count), rng.integers(LOOKS, size=count))
         ln_gain = torch.from_numpy(rng.normal(0.0, LEVEL, (count, 1)) + rng.normal(0.0, TINT, (count, 3))).float()
-        around, gain = of("surroundings") / 255, ln_gain[:, :, None, None]
-        lift = of("lift")
+        gain = ln_gain[:, :, None, None]
         noise = torch.from_numpy(rng.uniform(0.0, NOISE, (count, 1, 1, 1))).float()
         generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
 
@@ -143,34 +119,58 @@ class Pairs:
             return values + share * noise * where * _grain(values, generator)
 
         def seen(picture: torch.Tensor) -> torch.Tensor:  # of the last channel's cover
-            bright = _brighter(picture, gain)
+            bright = brighter(picture, gain)
             cover = bright[:, -1:]
             colors = noisy(bright[:, :3], 1.0, cover) * (cover > 0)
             return torch.cat([colors, bright[:, 3:]], dim=1).clip(0.0, 1.0)
 
-        batch = {
-            "context": seen(context),
-            "tan_half": of("tan_half")[:, None],
+        lift = batch["lift"]
+        batch |= {
+            "context": seen(batch["context"]),
+            "surroundings": seen(batch["surroundings"]),
             "lift": torch.cat([noisy(lift[:, :6] + gain.repeat(1, 2, 1, 1), 3.0), lift[:, 6:]], dim=1),
-            "said": of("posterior"),
-            "surroundings": seen(around),
-            "truth": of("truth") + gain,
-            "profiles": of("profiles"),
-            "colors": of("colors"),
-            "up": up,
-            "given_up": up * torch.from_numpy(rng.random((count, 1)) < given_up).float(),
+            "truth": batch["truth"] + gain,
+            "given_up": batch["up"] * torch.from_numpy(rng.random((count, 1)) < given_up).float(),
         }
         batch = _with_panoramas(batch, rng, panoramas)
-        batch = _mirrored(batch, torch.from_numpy(rng.random(count) < 0.5))
         return {**batch, "context": batch["context"].contiguous(memory_format=torch.channels_last)}
 
+    def _looked(self, index: np.ndarray, look: np.ndarray) -> dict[str, torch.Tensor]:
+        """Return pairs [N] by their looks [N]: the second mirrored, under its gain, some of the object alone."""
+        parts = np.searchsorted(self._starts, index, side="right") - 1
+        inside = index - self._starts[parts]
 
-def _mirrored(batch: dict[str, torch.Tensor], some: torch.Tensor) -> dict[str, torch.Tensor]:
-    """Left and right exchanged in some [N] of a batch's pairs."""
-    pictures, ways = ("context", "lift", "surroundings", "truth"), ("up", "given_up")
-    flipped = {name: torch.where(some[:, None, None, None], batch[name].flip(3), batch[name]) for name in pictures}
-    signs = torch.where(some[:, None], torch.tensor([-1.0, 1.0, 1.0]), torch.ones(3))
-    return {**batch, **flipped, **{name: batch[name] * signs for name in ways}}
+        def of(name: str, *look: np.ndarray) -> torch.Tensor:
+            picked = [
+                self._parts[p][name][at] for p, *at in zip(parts, inside, *look, strict=True) for at in (tuple(at),)
+            ]
+            return torch.from_numpy(np.stack(picked)).float()
+
+        second = torch.from_numpy(look == 1)
+        here = second[:, None, None, None]
+        gain = (of("gain") * second[:, None])[:, :, None, None]
+        known = 1.0 - (of("alone") * second)[:, None, None, None]
+        pictures = {
+            "context": brighter((of("context") / 255).permute(0, 3, 1, 2), gain),
+            "surroundings": brighter(of("surroundings") / 255, gain),
+            "truth": of("truth") + gain,
+        }
+        pictures["context"] = pictures["context"] * known * (pictures["context"][:, 4:] > 0)
+        pictures["surroundings"] = pictures["surroundings"] * known * (pictures["surroundings"][:, 3:] > 0)
+        pictures = {name: torch.where(here, one.flip(3), one) for name, one in pictures.items()}
+        signs = torch.where(second[:, None], torch.tensor([-1.0, 1.0, 1.0]), torch.ones(3))
+        return {
+            **pictures,
+            "tan_half": of("tan_half")[:, None],
+            "lift": of("lift", look),
+            "said": of("said", look),
+            "lifted": of("lifted", look),
+            "object_code": of("code", look),
+            "profiles": of("profiles"),
+            "colors": of("colors"),
+            "up": of("up") * signs,
+            "family": of("family"),
+        }
 
 
 def _grain(like: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
@@ -197,35 +197,14 @@ def _with_panoramas(batch: dict[str, torch.Tensor], rng: np.random.Generator, sh
     return {**batch, "surroundings": torch.where(where, panorama, batch["surroundings"]), "context": context}
 
 
-def _brighter(picture: torch.Tensor, ln_gain: torch.Tensor) -> torch.Tensor:
-    """Display values [N, 3 and more, H, W] of ln_gain [N, 3, 1, 1] more light; of premultiplied ones about.
-
-    What is clipped stays clipped.
-    """
-    n, sigma = MEAN_CURVE.exponent, MEAN_CURVE.sigma
-    ratio = (picture[:, :3] / (1 + sigma)).clip(max=0.999)
-    ln = torch.log(ratio * sigma / (1 - ratio) + 1e-9) / n
-    shown = (1 + sigma) * torch.sigmoid(n * (ln + ln_gain) - float(np.log(sigma)))
-    shown = torch.where(picture[:, :3] >= WHITE, picture[:, :3], shown)
-    return torch.cat([shown.clip(max=1.0), picture[:, 3:]], dim=1)
-
-
-def _profiles(truth: np.ndarray, at_once: int = 32) -> tuple[np.ndarray, np.ndarray]:
-    """Return source_profiles of ln maps [N, 3, H, 2H], and the sources' colours."""
-    luminance, profiles, colors = torch.tensor(REC709), [], []
-    for start in range(0, len(truth), at_once):
-        radiance = torch.exp(torch.from_numpy(truth[start : start + at_once]).float())
-        places, shares = source_profiles(torch.einsum("c,nchw->nhw", luminance, radiance))
-        profiles.append(shares.numpy())
-        colors.append(source_colors(radiance, places, luminance).numpy())
-    return np.concatenate(profiles), np.concatenate(colors)
+NET_INPUTS = ("context", "tan_half", "lift", "said", "surroundings", "given_up", "lifted", "object_code")
+"""Arrays of a batch in the order of WholeNet's arguments."""
 
 
 def predict(net: WholeNet, batch: dict[str, torch.Tensor]):
     """The network's answer to a batch."""
-    names = ("context", "tan_half", "lift", "said", "surroundings", "given_up")
     with autocast("cpu"):
-        return net(*(batch[name] for name in names))
+        return net(*(batch[name] for name in NET_INPUTS))
 
 
 def begin_from(net: WholeNet, start: Path) -> None:
@@ -238,6 +217,11 @@ def begin_from(net: WholeNet, start: Path) -> None:
             own[name].zero_()
         own[name][tuple(slice(size) for size in value.shape)] = value.to(own[name].dtype)
     net.load_state_dict(own)
+
+
+def looks_of(pairs: Path) -> Path:
+    """Return the folder of the looks at a folder's pairs."""
+    return pairs.with_name(f"{pairs.name}-looks")
 
 
 def train_whole(
@@ -264,8 +248,8 @@ def train_whole(
     folder = run_folder(runs, config.name)
     if first >= config.steps:
         return path
-    data, losses = Pairs(pairs, config.pairs), WholeLoss()
-    kept = None if left_out is None else Pairs(left_out)
+    data, losses = Pairs(pairs, looks_of(pairs), config.pairs), WholeLoss()
+    kept = None if left_out is None else Pairs(left_out, looks_of(left_out))
     origin = {**origin, "assets": data.identity} if config.growing else agreed(path, origin, {"assets": data.identity})
     logger = RunLogger(folder, config.name, _columns(net), first, config.steps, config.steps)
     saved = time.monotonic()

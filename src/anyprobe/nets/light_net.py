@@ -159,6 +159,8 @@ SCALES = 5
 """Lifted maps of 64, 32, 16, 8 and 4 rows."""
 COLORS = 6
 """Channels lifted at full resolution: photo and irradiance; learned features only from 32 rows on."""
+LIFTED, OBJECT_CODE = 15, 193
+"""Channels of LightPrediction.lifted and numbers of its code, as LightNet is by default."""
 MEAN_LN = -1.2
 """ln radiance before anything is learned: about the mean over indoor and outdoor photos."""
 
@@ -181,6 +183,8 @@ class LightPrediction:
     emitter_logit [N, 1, 64, 128]: ln of power per steradian up to a constant.
     confidence_logit [N, 1, 64, 128]: of being close to the true map.
     posterior [N, 7]: of POSTERIOR, what the photo leaves open.
+    lifted [N, LIFTED, 32, 64]: mean photo colour, irradiance, features and weight of the pixels that mirror each
+        direction; code [N, OBJECT_CODE]: the object's.
     """
 
     features: ObjectFeatures
@@ -193,6 +197,8 @@ class LightPrediction:
     emitter_logit: torch.Tensor
     confidence_logit: torch.Tensor
     posterior: torch.Tensor
+    lifted: torch.Tensor
+    code: torch.Tensor
 
 
 POSTERIOR = ("metal_logit", "ln_red", "ln_green", "ln_blue", "ln_scale", "ln_level", "ln_color")
@@ -234,7 +240,8 @@ class LightNet(nn.Module):
         normals, given = given_or_estimated(given_normals, self.normals(photo, slope, wo))
         features = self.object(photo, slope, normals, given, surroundings, material)
         code = torch.cat([features.code, features.root_alpha], dim=1)
-        out = self.sphere(self._lifted(photo, features, normals, wo), code, surroundings).float()
+        scales = self._lifted(photo, features, normals, wo)
+        out = self.sphere(scales, code, surroundings).float()
         ln_shown, ln_power, logit = out[:, :3] * 2 + MEAN_LN, self.emitters(code), out[:, 4:] * 4
         shown, fixed = torch.exp(ln_shown.clamp(max=0.0)), logit.detach()
         return LightPrediction(
@@ -248,6 +255,8 @@ class LightNet(nn.Module):
             emitter_logit=logit,
             confidence_logit=out[:, 3:4],
             posterior=self.posterior(code).float(),
+            lifted=scales[1],
+            code=code,
         )
 
     def _lifted(

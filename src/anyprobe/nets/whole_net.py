@@ -18,13 +18,15 @@ from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.nets.blocks import UpBlock, conv, fade_seam, wrap
 from anyprobe.nets.context_net import CODE, ContextNet
 from anyprobe.nets.emitter_head import POWER_FLOOR, EmitterHead
-from anyprobe.nets.light_net import SPHERE_ROWS
+from anyprobe.nets.light_net import LIFTED, OBJECT_CODE, SPHERE_ROWS
 from anyprobe.nets.source_head import LIKELY, SourceHead, SourceMap, likelihood
 
 SEAM = 8
 """Columns repeated beyond the seam, on both sides."""
 SAID = 7
 """Numbers that LightNet says of the object and of its own errors."""
+OBJECT = 64
+"""Numbers that the object's code is reduced to."""
 DROPPED = 0.25
 """Share of the codes' numbers that a step of training goes without."""
 LN_FLOOR = 0.01
@@ -72,7 +74,7 @@ def inverse_display(display: torch.Tensor) -> torch.Tensor:
 class WholeNet(nn.Module):
     """context [N, 5, 96, 96], tan_half [N, 1], LightNet's answer lift [N, 7, 64, 128] (ln radiance expected and with
     light sources, confidence) and said [N, SAID], surroundings [N, 4, 64, 128], up [N, 3] in the crop's frame or zero
-    where it is not known -> WholePrediction."""
+    where it is not known, and lifted and code of LightPrediction -> WholePrediction."""
 
     directions: torch.Tensor
     seen_directions: torch.Tensor
@@ -85,15 +87,16 @@ class WholeNet(nn.Module):
         self.register_buffer("directions", directions.contiguous(), persistent=False)
         seen = torch.from_numpy(pixel_directions(SEEN_ROWS)).reshape(-1, 3).float()
         self.register_buffer("seen_directions", seen.contiguous(), persistent=False)
-        self.first = nn.Sequential(conv(4 * 10 + 3 + 2 + 5, widths[0]), conv(widths[0], widths[0]))
+        self.first = nn.Sequential(conv(4 * 10 + 3 + 2 + 5 + LIFTED, widths[0]), conv(widths[0], widths[0]))
         self.down = nn.ModuleList(nn.Sequential(conv(a, b, stride=2), conv(b, b)) for a, b in pairs)
         self.deepest = SPHERE_ROWS >> len(pairs)
-        self.start = nn.Sequential(nn.Linear(CODE + SAID, 32 * 2 * self.deepest**2), nn.LeakyReLU(0.1))
+        self.start = nn.Sequential(nn.Linear(CODE + SAID + OBJECT, 32 * 2 * self.deepest**2), nn.LeakyReLU(0.1))
         self.middle = conv(widths[-1] + 32, widths[-1])
         self.code = nn.Sequential(nn.Flatten(), nn.Linear(widths[-1] * 2 * self.deepest**2, CODE), nn.LeakyReLU(0.1))
         self.up = nn.ModuleList(UpBlock(b, a) for a, b in reversed(pairs))
         self.head = nn.Conv2d(widths[0], 4 * 6, 3, padding=1)
-        code = 2 * CODE + SAID
+        self.object = nn.Sequential(nn.Linear(OBJECT_CODE, OBJECT), nn.LeakyReLU(0.1))
+        code = 2 * CODE + SAID + OBJECT
         self.emitters, self.sources, self.source_map = EmitterHead(code), SourceHead(code), SourceMap()
         with torch.no_grad():
             self.head.weight.mul_(0.1)
@@ -109,14 +112,17 @@ class WholeNet(nn.Module):
         said: torch.Tensor,
         surroundings: torch.Tensor,
         up: torch.Tensor,
+        lifted: torch.Tensor,
+        object_code: torch.Tensor,
     ) -> WholePrediction:
         around, posture = self.context(context, tan_half)
         around = F.dropout(around, DROPPED, self.training)
-        said = torch.cat([said[:, :6], said[:, 6:] / 10.0], dim=1)
+        thing = F.dropout(self.object(object_code.float()), DROPPED, self.training)
+        said = torch.cat([said[:, :6], said[:, 6:] / 10.0, thing], dim=1)
         expected, drawn = torch.exp(lift[:, :3]), torch.exp(lift[:, 3:6])
         shown0, above0 = expected.clamp(max=1.0), (expected - 1.0).clamp(min=0.0)
         near = self._nearest(surroundings)
-        x = self._sphere(shown0, expected, drawn, lift[:, 6:], surroundings, near, posture, up)
+        x = self._sphere(shown0, expected, drawn, lift[:, 6:], surroundings, near, posture, up, lifted)
         features = [self.first(x)]
         for down in self.down:
             features.append(down(features[-1]))
@@ -184,7 +190,7 @@ class WholeNet(nn.Module):
         some = (cover.amax(dim=1) >= SEEN_COVER).float()[:, None, None, None].expand_as(near[:, :1])
         return torch.cat([near * some, some], dim=1)
 
-    def _sphere(self, shown, expected, drawn, confidence, surroundings, near, posture, up) -> torch.Tensor:
+    def _sphere(self, shown, expected, drawn, confidence, surroundings, near, posture, up, lifted) -> torch.Tensor:
         """The map's pixels [N, C, 32, 64 and margins]: what is known in each direction."""
         pitch, _, roll, stands = posture.detach().float().unbind(dim=1)
         guess = torch.stack([pitch.cos() * roll.sin(), pitch.cos() * roll.cos(), pitch.sin()], dim=1)
@@ -194,5 +200,5 @@ class WholeNet(nn.Module):
         stands = torch.sigmoid(stands)[:, None, None, None].expand_as(rise)
         bright = [torch.log1p(one.mean(dim=1, keepdim=True)) / 2 for one in (expected, drawn)]
         x = F.pixel_unshuffle(torch.cat([shown.sqrt(), *bright, confidence, surroundings], dim=1), 2)
-        x = torch.cat([x, self.directions.expand(len(x), -1, -1, -1), rise, stands, near], dim=1)
+        x = torch.cat([x, self.directions.expand(len(x), -1, -1, -1), rise, stands, near, lifted], dim=1)
         return wrap(x, SEAM)

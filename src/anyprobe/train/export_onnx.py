@@ -20,7 +20,7 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.files.radiance import write_exr
 from anyprobe.given_material import MATERIAL_INPUTS
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.nets.light_net import LightNet
+from anyprobe.nets.light_net import LightNet, LightPrediction
 from anyprobe.train.checkpoint import read_checkpoint
 from anyprobe.train.loop import load_nets, pairs_seen
 
@@ -94,7 +94,10 @@ class LightGraph(nn.Module):
         surroundings: torch.Tensor,
         material: torch.Tensor,
     ) -> tuple[torch.Tensor, ...]:
-        guess = self.net(photo, tan_half, given_normals, surroundings, material)
+        return self.outputs(self.net(photo, tan_half, given_normals, surroundings, material))
+
+    def outputs(self, guess: LightPrediction) -> tuple[torch.Tensor, ...]:
+        """Return LIFT_OUTPUTS of a prediction."""
         slope, offset = self.sureness.logit
         of_reflectance, of_level, of_color = self.sureness.errors
         confidence = torch.sigmoid(slope * guess.confidence_logit + offset)
