@@ -32,6 +32,8 @@ LEVEL, TINT = 0.08, 0.04
 
 UNUSED = ("image", "scene", "lift", "posterior")
 """Arrays of pairs that this network is not given, or has from its looks."""
+GROWN = 100
+"""Steps after which a growing run looks for further pairs."""
 NOISE = 0.03
 """Largest standard deviation of display values, and a third of that of ln radiance, that pairs are seen with."""
 
@@ -271,7 +273,7 @@ def train_whole(
             optimizer.step()
             follow(mean, net, min(config.averaged, (step + 1) / (step + 20)))
             logger.note(step + 1, (step + 1) * config.batch, config.batch, {**terms, "loss": loss}, rate)
-            if config.growing and (step + 1) % config.scored == 0:
+            if config.growing and (step + 1) % GROWN == 0:
                 data = data.grown()
                 origin["assets"] = data.identity
             if kept is not None and (step + 1) % config.scored == 0:
