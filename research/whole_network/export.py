@@ -90,7 +90,7 @@ def example_inputs() -> dict[str, torch.Tensor]:
 
 
 def export_one(checkpoint: Path, light: Path, folder: Path) -> float:
-    """Write folder/light.onnx of WholeNet's run and LightNet's weights; return the largest median difference from torch.
+    """Write folder/light.onnx of a run and of LightNet; return the largest median difference from torch.
 
     Raises:
         ModelError: the graph disagrees with the networks by more than TOLERANCE.
