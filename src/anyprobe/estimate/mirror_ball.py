@@ -87,7 +87,7 @@ def _fineness(normals: np.ndarray, level: np.ndarray, on: np.ndarray) -> float:
 
 
 def _beside_shading(n: np.ndarray, level: np.ndarray) -> np.ndarray:
-    """What the best sum of harmonics of normals [P, 3] leaves of levels [P]."""
+    """Return the residual of levels [P] after the best sum of harmonics of normals [P, 3]."""
     n = n.astype(np.float64)
     x, y, z = n.T
     terms = np.concatenate([sh_basis(n), np.stack([x**3, y**3, x * y * z], axis=-1)], axis=-1)
@@ -114,5 +114,5 @@ def _agreement(
 
 
 def _correlation(one: np.ndarray, other: np.ndarray, least: float) -> float:
-    """Of two arrays [P]; 0 where one varies by less than the least standard deviation."""
+    """Return the correlation of two arrays [P]; 0 where one varies by less than the least standard deviation."""
     return 0.0 if min(one.std(), other.std()) < least else float(np.corrcoef(one, other)[0, 1])

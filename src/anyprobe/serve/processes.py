@@ -36,7 +36,7 @@ WALL_FACTOR, START_S = 3.0, 10.0
 """Wall clock for a piece of work: times the processor's seconds, as others want the processor too, and for imports."""
 
 STARVED_TIMES, STARVED_S = 20, 0.05
-"""So many times more of the wall clock is given while the process gets so many seconds of the processor meanwhile."""
+"""Extensions of the time limit for a starved process, and the processor seconds per extension that it must use."""
 
 IMPORTS_S = 60.0
 """Wall clock for the start of a process: about a second of the processor, which others may have."""

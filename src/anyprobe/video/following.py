@@ -34,7 +34,7 @@ DECIDED = 30
 """Frames in a row that differ from those before in whether they show more than the object, until that counts."""
 
 SLOW = 4
-"""So many times as rarely U2-Net-p looks at an object that is followed: one look takes as long as several frames."""
+"""Factor by which U2-Net-p looks less often at a followed object: one look takes as long as several frames."""
 
 COARSE_PX = 128
 """Longer side of the mask that the inner point is looked for in."""

@@ -22,7 +22,7 @@ _SIDE = 128
 SPHERES = ("diffuse", "silver", "mirror")
 
 _SILVER_SIDE, _ROWS = 64, 32
-"""Of the silver sphere, and of the map that it and the matte one see: neither shows anything finer."""
+"""Rows of the silver sphere, and of the map that both spheres see: neither shows anything finer."""
 
 
 def light_picture(radiance: Float[np.ndarray, "H 2*H 3"] | None) -> UInt8[np.ndarray, "128 640 3"]:

@@ -100,7 +100,7 @@ def see_behind(light: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
 
 
 class Behind:
-    """What the photos of a batch show beside their objects: the map, or black where they are cut out.
+    """Backgrounds of a batch of photos: the map, or black where they are cut out.
 
     Once called with the photos' gains: framed [B], which are not cut out; grain [B, 3, S, S].
     """

@@ -53,7 +53,7 @@ class Shot:
 
 
 def draw_curve(rng: np.random.Generator) -> CameraCurve:
-    """Of cameras as hdrcnn has them (Eilertsen et al. 2017)."""
+    """Draw a camera curve as hdrcnn does (Eilertsen et al. 2017)."""
     return CameraCurve(
         exponent=float(np.clip(rng.normal(0.9, 0.1), 0.4, 1.6)), sigma=float(np.clip(rng.normal(0.6, 0.1), 0.2, 1.2))
     )

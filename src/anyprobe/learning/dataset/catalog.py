@@ -48,7 +48,7 @@ _CLOSED = re.compile(
     r"commercial|\b(nc|nd|sa)\b|no ?deriv|share ?alike|resale|\b(not|only|unknown|unclear|probably)\b|\?"
     r"|\b(research|academic|educational|editorial|personal|private) (use|purpose)|examples licence"
 )
-"""What takes back what the beginning gave, or leaves it in doubt, wherever it stands."""
+"""Words that withdraw or qualify a licence, wherever they stand."""
 
 
 def allows_commercial_use(licence: str) -> bool:

@@ -173,7 +173,7 @@ def draw_metering(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.
 
 
 def frame_level(seen: np.ndarray) -> np.ndarray:
-    """What a meter makes of the frame around an object: luminance [..., H, 2H] of a camera's map to [...]."""
+    """Return the metered luminance [...] of the frame around an object; seen: luminance [..., H, 2H] of a map."""
     height = seen.shape[-2]
     weights = pixel_solid_angles(height) * (-pixel_directions(height)[..., 2] > np.cos(np.radians(FRAME_DEG)))
     weights = (weights / weights.sum()).astype(np.float32)

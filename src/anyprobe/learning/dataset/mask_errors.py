@@ -1,4 +1,4 @@
-"""What goes wrong when an object is cut out of a photo: masks too wide, too narrow, ragged, beside it, broken."""
+"""Errors of masks cut out of photos: too wide, too narrow, ragged, beside it, broken."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ KEPT_SHARE = 0.4
 """The smallest share of the object's pixels that stays in the mask."""
 
 EXACT_SHARE = 0.25
-"""So many masks have no error at all."""
+"""Share of masks without any error."""
 
 
 def widen(mask: np.ndarray, pixels: int) -> np.ndarray:

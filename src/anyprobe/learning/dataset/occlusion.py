@@ -67,7 +67,7 @@ def _points(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _sine(offset: np.ndarray) -> np.ndarray:
-    """Of the elevation of [..., 3]; NaN where there is nothing."""
+    """Return the sine of the elevation of [..., 3]; NaN where there is nothing."""
     return offset[..., 2] / np.maximum(np.sqrt((offset**2).sum(axis=-1)), 1e-9)
 
 

@@ -1,4 +1,4 @@
-"""What a recipe renders to, point by point in perspective: a photo with its targets (Pair), or a map alone (MapPair).
+"""Renders of recipes, point by point in perspective: a photo with its targets (Pair), or a map alone (MapPair).
 
 Nothing here is a lookup in a reflectance map, as the pairs made on the fly for training
 are: every visible point is shaded by itself, in NumPy, so that bytes do not depend on a compiler.
@@ -77,7 +77,7 @@ class Pair:
 
     @property
     def crop(self) -> np.ndarray:
-        """What the networks read, [S, S, 4] float32: display RGB times mask, and mask."""
+        """The input of the networks, [S, S, 4] float32: display RGB times mask, and mask."""
         return self.photo.astype(np.float32) / 255.0
 
 
@@ -213,7 +213,7 @@ def _textured_radiance(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class _Drawn:
-    """What a recipe leaves to chance but for noise and mask errors."""
+    """Draws of a recipe, except for noise and mask errors."""
 
     world_from_camera: np.ndarray
     fov_deg: float

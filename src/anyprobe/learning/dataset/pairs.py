@@ -244,7 +244,7 @@ class PairSource:
         )
 
     def _given(self, described: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Of materials [B, 8] those that come with their photos, with their errors; the rest zero."""
+        """Return the materials [B, 8] that come with their photos, with errors; the rest zero."""
         if self.config.given_material == 0:
             return np.zeros_like(described)
         rng = rng.spawn(1)[0]  # all else of a photo stays as it is

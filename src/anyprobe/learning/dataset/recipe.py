@@ -34,7 +34,7 @@ _LAYOUT = struct.Struct(">BB4s4sBBQ")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Recipe:
-    """What one pair is made of; the same recipe gives the same pair bit for bit on the CPU.
+    """Recipe of one pair; the same recipe gives the same pair bit for bit on the CPU.
 
     kind: "object" for photo and irradiance, "map" for an LDR map and its ln radiance.
     map_id, shape_id: 8 hexadecimal digits, the assets' ids in an AssetStore.

@@ -27,7 +27,7 @@ from anyprobe.learning.dataset.samples import CONDITIONS, DATASET_FORMAT, StoreR
 
 
 def render_again(job: RenderJob, task: tuple[int, tuple[int, ...]], report: Callable[[int], None]) -> str:
-    """What differs when some pairs of a shard (by number in the dataset) are rendered anew; empty if nothing."""
+    """Return what differs when pairs of a shard, by number in the dataset, are rendered again; empty if nothing."""
     shard, numbers = task
     renderer = _renderer(job)
     stored = dict(shards.read_samples(shards.tar_path(job.folder, shard)))
@@ -61,7 +61,7 @@ def differing_pairs(
     workers: int,
     say: Callable[[str], None],
 ) -> dict[int, str]:
-    """What differs, by shard, when `count` random pairs of some shards are rendered again."""
+    """Return what differs, by shard, when `count` random pairs of some shards are rendered again."""
     job = _job(folder, data, make)
     tasks = choose_pairs(job.plan, among, count)
     results = run_local(partial(render_again, job), tasks, lambda task, n: None, workers=workers, say=say)
@@ -69,7 +69,7 @@ def differing_pairs(
 
 
 def choose_pairs(plan: Mapping, among: Sequence[int], count: int) -> list[tuple[int, tuple[int, ...]]]:
-    """So many pairs of some shards by lot, or all if they are fewer: (shard, numbers of its pairs)."""
+    """Choose `count` random pairs of some shards, or all if there are fewer: (shard, numbers of its pairs)."""
     numbers = [number for shard in among for number in shard_range(plan, shard)]
     chosen = sorted(np.random.default_rng().permutation(numbers)[:count].tolist())
     return [(shard, tuple(group)) for shard, group in groupby(chosen, lambda number: number // plan["shard_size"])]
@@ -87,10 +87,10 @@ SETTINGS: dict[str, Any] = {
     "procedural_shapes": 0,
     "commercial_only": False,
 }
-"""What a dataset is made by, and what stands for what is not given; pairs None means all."""
+"""Settings of a dataset and their defaults; pairs None means all."""
 
 WORDS = {"kind": ("object", "map"), "split": ("train", "test"), "conditions": CONDITIONS}
-"""What the settings that are words may be."""
+"""Values of the settings that are words."""
 
 PROCEDURAL = 32
 """Maps and shapes of our own when no folder of assets is given."""
@@ -224,7 +224,7 @@ def begin(
 
 
 def _versions() -> dict[str, object]:
-    """Of whatever would make other pairs of the same settings."""
+    """Return the versions and assets that would change the pairs of the same settings."""
     return {
         "format": DATASET_FORMAT,
         "anyprobe_version": __version__,

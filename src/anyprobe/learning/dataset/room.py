@@ -134,7 +134,7 @@ def patch_points(half: np.ndarray, patches: int = _PATCHES) -> Points:
 
 
 def seen_points(half: np.ndarray, eye: np.ndarray, d: np.ndarray, texel: float) -> Points:
-    """What an eye inside the box sees along directions d [N, 3]; a texel is so many radians wide."""
+    """Return what an eye inside the box sees along directions d [N, 3]; texel: its width in radians."""
     with np.errstate(divide="ignore"):
         t = np.where(d > 0, (half - eye) / d, (-half - eye) / d)
     axis = np.argmin(t, axis=-1)

@@ -180,5 +180,5 @@ def _place(pair: Pair | MapPair) -> str:
 
 
 def _notes(assets: Mapping) -> list[dict[str, str]]:
-    """What dataset.json says of maps or shapes."""
+    """Return the entries of maps or shapes in dataset.json."""
     return [{"id": i, "name": assets[i].name, "licence": assets[i].licence} for i in sorted(assets)]

@@ -1,4 +1,4 @@
-"""What else a photo shows: the part of the map around the object that lies inside the picture's frame."""
+"""Seen surroundings: the part of the map around the object that lies inside the picture's frame."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def gather(
     rng: np.random.Generator,
     tone: Callable[[torch.Tensor], torch.Tensor],
 ) -> torch.Tensor:
-    """What photos show, of photo_surroundings, and where they show nothing what other photos of the same object do.
+    """Return the surroundings of photos, and where they show none those of other photos of the same object.
 
     Their cameras went round it; each shows the map a little off in its own way.
 

@@ -1,4 +1,4 @@
-"""What an object's light becomes where it hides part of its surroundings from itself (dataset.occlusion)."""
+"""Self-shadowing: an object's light where it hides part of its surroundings from itself (dataset.occlusion)."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def shade_hidden(
     radiance: torch.Tensor,
     glow: torch.Tensor,
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """What becomes of diffuse and of specular light where the object hides part of its surroundings.
+    """Diffuse and specular light where the object hides part of its surroundings.
 
     Hidden cells show the object itself, as bright as it is in the mean.
 

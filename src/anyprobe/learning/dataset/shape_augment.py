@@ -36,7 +36,7 @@ _LEAST = 0.02
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Reshaping:
-    """What becomes of B surfaces; places are in halves of the picture, x right, y up.
+    """Deformation of B surfaces; places are in halves of the picture, x right, y up.
 
     old_from_new [B, 2, 2], offset [B, 2]: where each new place was.
     deeper [B]: how many times steeper the surface gets.

@@ -31,7 +31,7 @@ _TEMPORARY = re.compile(r"^\.(shard-\d{6}|dataset)-[0-9a-f]{8}\.(tar|json)$")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ShardIndex:
-    """What a shard holds: parts[key][name] = (offset, size) of the bytes inside the tar."""
+    """Contents of a shard: parts[key][name] = (offset, size) of the bytes inside the tar."""
 
     shard: int
     size: int
@@ -239,7 +239,7 @@ def read_samples(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
 
 
 def fault(folder: Path, shard: int, kind: str, pairs: int) -> str:
-    """What is wrong with a shard that ought to hold so many pairs of a kind; empty if nothing."""
+    """Return what is wrong with a shard that should hold `count` pairs of a kind; empty if nothing."""
     arrays = SAMPLE_ARRAYS[kind]
     try:
         index = read_index(folder, shard)

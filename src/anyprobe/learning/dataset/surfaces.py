@@ -86,11 +86,11 @@ class SurfaceView:
 
 
 _Seen = tuple[np.ndarray, float, int, np.ndarray]
-"""Of a view what SurfaceSet has, in its order; no hidden cells where they are not asked for."""
+"""Arrays of one view in the order of SurfaceSet; no hidden cells unless they are asked for."""
 
 
 def draw_views(views: int, config: SurfaceConfig, rng: np.random.Generator) -> list[SurfaceView]:
-    """So many views a class; nothing that is drawn depends on the shape."""
+    """Draw `views` views of each class; no draw depends on the shape."""
     return [_draw_view(which, config, rng) for which in range(NUM_ELEVATIONS) for _ in range(views)]
 
 
@@ -134,7 +134,7 @@ def _waves(
 
 
 def see_views(mesh: Mesh, views: list[SurfaceView], size: int, shadows: bool = False) -> list[_Seen]:
-    """What is seen of a mesh, but for views that show next to nothing; shadows: with hidden cells."""
+    """Return the views of a mesh that show enough of it; shadows: with hidden cells."""
     result = []
     for view in views:
         seen = mesh if view.waves is None else waved(mesh, *view.waves)

@@ -102,7 +102,7 @@ CONTRAST, CONTRAST_SPREAD = 0.19, 0.35
 """Median of a texture's contrast, the deviation of the factor's logarithm, and how far that spreads: most are between
 0.1 and 0.35."""
 COLORED_SHARE = 0.35
-"""So many textures are of several colours; the rest is lighter and darker in all channels alike."""
+"""Share of textures of several colours; the rest varies in brightness alone."""
 ON_METAL = 0.5
 """Power of the factor for metals, which are tarnished or dirty rather than painted."""
 MOST_ALBEDO = 0.95
@@ -115,7 +115,7 @@ STEEPEST = 0.25
 SIDES = 128
 """Side of patterns in their own pixels."""
 EXTENT = (2.5, 5.0)
-"""What a pattern covers before it is repeated, in halves of the picture."""
+"""Period of a pattern, in halves of the picture."""
 CLEAR = 6.0
 """Power of the normal's components by which a block's sides count: how narrow their seams are."""
 

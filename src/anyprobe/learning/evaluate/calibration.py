@@ -112,7 +112,7 @@ def _tens(sums: np.ndarray) -> np.ndarray:
 
 
 def _auc(weight: np.ndarray, right: np.ndarray) -> float | None:
-    """Of bins in the order of their claims; right and wrong in one bin are as good as drawn by lot."""
+    """Return the AUC of bins in the order of their claims; ties within a bin count half."""
     wrong = weight - right
     pairs = right.sum() * wrong.sum()
     return _short((right * (np.cumsum(wrong) - wrong / 2)).sum() / pairs) if pairs > 0 else None

@@ -1,4 +1,4 @@
-"""What is scored: a model, the same model given hints, two baselines that need no network, and parts of the truth."""
+"""Scored methods: a model, the same given hints, two baselines that need no network, and parts of the truth."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Estimate:
 
     @property
     def lights(self) -> np.ndarray:
-        """What lights virtual objects [64, 128, 3]: the radiance, else the LDR map through the inverse curve."""
+        """Map that lights virtual objects [64, 128, 3]: radiance, else the LDR map through the inverse curve."""
         return inverse_response(self.ldr) if self.radiance is None else self.radiance
 
 
@@ -159,7 +159,7 @@ def true_normals(pair: Pair) -> np.ndarray:
 
 
 def surroundings(pair: Pair) -> np.ndarray | None:
-    """What a phone's photo shows of a pair's map around its object, see estimate.surroundings.visible_surroundings."""
+    """Return what a phone's photo shows of a pair's map, see estimate.surroundings.visible_surroundings."""
     width, height = PHONE_PX
     slope = np.tan(np.radians(PHONE_FOV_DEG) / 2)
     x = (np.arange(width) + 0.5) / width * 2 - 1

@@ -70,7 +70,7 @@ def ssim(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def si_rmse(p: np.ndarray, g: np.ndarray, mask: np.ndarray) -> float:
-    """What is left of linear radiance p, g [..., 3] after the best single exposure: s = sum p g / sum p p, then
+    """RMSE of linear radiance p, g [..., 3] after the best single exposure: s = sum p g / sum p p, then
 
         sqrt( mean over pixels and channels of the mask [...] of (s p - g)^2 )
 

@@ -96,7 +96,7 @@ METRICS = {
     "ldr_rmse_seen": "lower",
     "ldr_rmse_unseen": "lower",
 }
-"""What is reported, and which way is better. All are means over pairs but those named median.
+"""Metrics that are reported, and which way is better. All are means over pairs but those named median.
 
 seen: the half of the map behind the camera, which the object faces; unseen: the half behind the object.
 """
@@ -116,7 +116,7 @@ HEADINGS = {
     "total_power_median_stops": "median",
     "ldr_ssim": "LDR SSIM",
 }
-"""What is printed, under the headings of docs/explanation/results.md; the other metrics are in scores.json."""
+"""Metrics that are printed, under the headings of docs/explanation/results.md; the others are in scores.json."""
 
 MEDIANS = {"dominant_light_median_deg": "dominant_light_deg", "total_power_median_stops": "total_power_stops"}
 
@@ -197,8 +197,8 @@ class Scores:
         return result
 
     def standard_errors(self) -> dict[str, dict[str, dict[str, float | None]]]:
-        """Of the means that `table` has, by map and shape: method -> group -> metric; None where one map and shape are
-        all there is."""
+        """Return standard errors of the means of `table`, clustered by map and shape: method -> group -> metric;
+        None for a single map and shape."""
         errors: dict[str, dict[str, dict[str, float | None]]] = {}
         for method, rows in self.rows.items():
             errors[method] = {}

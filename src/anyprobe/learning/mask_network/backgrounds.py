@@ -1,4 +1,4 @@
-"""What stands behind the objects of a scene: the surroundings themselves, walls, plain paper, a table, flat things."""
+"""Backgrounds behind the objects of a scene: the surroundings themselves, walls, plain paper, a table, flat things."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ PLAIN_SHARE, WALL_SHARE = 0.15, 0.2
 """Backgrounds of one colour, and of a pattern; the rest shows the map."""
 
 FLAT_SHARE = 0.65
-"""So many of the latter are a piece of the map as it is stored, about as sharp as a photo; a camera of usual field
-of view would see a few of its pixels, blurred."""
+"""Share of these that are a piece of the stored map, about as sharp as a photo; a camera of usual field of view
+would see a few of its pixels, blurred."""
 
 SOFT_SHARE, SOFTEST = 0.35, 0.02
-"""So many backgrounds are out of focus, and by how much at most, in sides."""
+"""Share of backgrounds out of focus, and the largest blur in sides."""
 
 GROUND_SHARE = 0.65
-"""So many scenes have a table or a floor."""
+"""Share of scenes with a table or a floor."""
 
 EYE_HEIGHT = 1.0
 """The camera above the ground; textures are scaled by it."""

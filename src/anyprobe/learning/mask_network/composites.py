@@ -18,7 +18,7 @@ SIZE = 256
 """Side of a scene's photo: parts of it are as sharp as the mask network's input."""
 
 GREY = 0.5
-"""What fills a square beside a photo that is not square."""
+"""Fill of a square beside a photo that is not square."""
 
 EMPTY_SHARE = 0.04
 """Scenes without any object: nothing is the right answer."""
@@ -27,10 +27,10 @@ WHITE = 0.8
 """Radiance that most photos keep 60 % of their pixels below."""
 
 REFLECTING_SHARE = 0.12
-"""So many objects stand on something polished, which shows them upside down."""
+"""Share of objects on a polished surface that mirrors them."""
 
 HARD_LIGHT = 0.6
-"""So many objects throw a shadow of their own shape, beside the dark contact that most have."""
+"""Share of objects that cast a shadow of their own shape, beside the dark contact that most have."""
 
 ASPECTS = (1.0, 4 / 3, 3 / 2, 16 / 9, 3 / 4, 2 / 3, 9 / 16)
 

@@ -37,7 +37,7 @@ PROMPTS = {"none": 0.45, "click": 0.25, "clicks": 0.1, "box": 0.2}
 """Shares of the kinds of prompts: nothing, a click, up to three and some beside the object, a loose box."""
 
 CLOSE_SHARE = 0.4
-"""So many photos are second looks: the object fills much of them, and there is always a prompt."""
+"""Share of photos that are second looks: the object fills much of them, and there is always a prompt."""
 
 CLOSE_PROMPTS = {"click": 0.3, "clicks": 0.15, "box": 0.55}
 
@@ -220,7 +220,7 @@ def _pixel(rng: np.random.Generator, *choices: np.ndarray) -> tuple[float, float
 MIRRORED_SHARE = 0.5
 
 CROPPED_SHARE = 0.6
-"""So many retakes show a part of the photo, of another shape; the rest its whole."""
+"""Share of retakes that show a part of the photo, of another shape; the rest show all of it."""
 
 SMALLEST_CROP = 0.5
 """Sides of a crop in those of the photo."""
@@ -260,7 +260,7 @@ def retake(rng: np.random.Generator, scene: Scene, size: int, part: Part | None 
 
 
 def _by_a_phone(rng: np.random.Generator, photo: torch.Tensor) -> torch.Tensor:
-    """What a phone makes of a photo [3, H, W]: contrast, saturation, sharpening, shake, noise, JPEG; some of it."""
+    """Apply some of a phone's processing to a photo [3, H, W]: contrast, saturation, sharpening, shake, noise, JPEG."""
     if rng.random() < 0.5:
         grey = photo.mean(dim=0, keepdim=True)
         photo = grey + float(rng.uniform(0.6, 1.5)) * (photo - grey)
@@ -292,7 +292,7 @@ def _shake(rng: np.random.Generator, photo: torch.Tensor) -> torch.Tensor:
 
 
 def part_around(rng: np.random.Generator, box: tuple[int, int, int, int], bounds: tuple[int, ...]) -> Part:
-    """What a second look at a box x0, y0, x1, y1 shows: its surroundings within the photo, not quite centred."""
+    """Return the window of a second look at a box x0, y0, x1, y1: within the photo, not quite centred."""
     top, bottom, left, right = bounds
     x0, y0, x1, y1 = box
     longer = max(x1 - x0, y1 - y0)

@@ -27,7 +27,7 @@ SIDE = 128
 """Side of a pattern in its own pixels."""
 
 REAL_SHARE = 0.5
-"""So many patterns are crops of maps, where there are any."""
+"""Share of patterns that are crops of maps, where there are any."""
 
 
 class TexturePool:
@@ -72,10 +72,10 @@ PATTERNS = {"none": 0.3, "marks": 0.15, "regions": 0.25, "texture": 0.15, "bands
 also where one of them has a much stronger colour than the others."""
 
 JOINED_SHARE = 0.25
-"""So many objects are two shapes of different materials, grown together: a pot and its plant, a figure and its base."""
+"""Share of objects of two shapes of different materials, grown together: a pot and its plant, a figure and its base."""
 
 FLASH_SHARE = 0.12
-"""So many views are lit by a flash at the camera as well."""
+"""Share of views lit by a flash at the camera as well."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -210,7 +210,7 @@ def _join(rng: np.random.Generator, one: torch.Tensor, others: list[torch.Tensor
 
 
 def _flash(rng: np.random.Generator, normals: torch.Tensor, ground: np.ndarray) -> torch.Tensor:
-    """What a flash at the camera adds to matt objects [N, 3, S, S], more than the room's light gives them."""
+    """Return the light that a flash at the camera adds to matt objects [N, 3, S, S]."""
     power = float(np.exp(rng.uniform(np.log(0.3), np.log(4.0)))) * float(ground.mean())
     albedo = torch.from_numpy(rng.uniform(0.05, 0.9, (len(normals), 3, 1, 1)).astype(np.float32))
     return power * albedo * normals[:, 2:].clip(min=0.0)

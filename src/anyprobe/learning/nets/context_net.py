@@ -14,7 +14,7 @@ CODE = 128
 DROPPED = 0.3
 """Share of what the convolutions find that a step of training goes without."""
 POSTURE = ("pitch", "ln_pitch_error", "roll", "stands_logit")
-"""What is said of the camera and the ground: pitch and roll of the crop's frame in radians, ln of the pitch's mean
+"""Estimates of the camera and the ground: pitch and roll of the crop's frame in radians, ln of the pitch's mean
 error in radians, and the logit of the object's standing on a level ground."""
 
 

@@ -68,7 +68,7 @@ class EmitterHead(nn.Module):
         return self.above(ln_power)[:, :, None, None] * self.density(logit)
 
     def density(self, logit: torch.Tensor) -> torch.Tensor:
-        """Of the power over directions, [N, 1, 64, 128]; its integral is 1."""
+        """Return the density of the power over directions, [N, 1, 64, 128]; its integral is 1."""
         spread = torch.exp(logit - logit.amax(dim=(2, 3), keepdim=True))
         return spread / (spread * self.solid_angles).sum(dim=(2, 3), keepdim=True)
 

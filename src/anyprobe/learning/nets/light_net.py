@@ -196,7 +196,7 @@ class LightPrediction:
 
 
 POSTERIOR = ("metal_logit", "ln_red", "ln_green", "ln_blue", "ln_scale", "ln_level", "ln_color")
-"""What is said of the object and of the map's errors: the logit of its being a metal; ln of its total reflectance, RGB,
+"""Estimates of the object and of the map's errors: the logit of its being a metal; ln of its total reflectance, RGB,
 and ln of the mean error of these; ln of the mean error of the map's level, in ln, and of its mean colour, in tens of
 degrees."""
 

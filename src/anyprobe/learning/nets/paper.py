@@ -19,7 +19,7 @@ from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.reconstruct import blend_weight
 
 WIDTHS = (16, 32, 64, 128, 192)
-"""Of the layers that see the object, as in light_net.ObjectNet: 64 x 64 to 4 x 4 pixels."""
+"""Widths of the layers that see the object, as in light_net.ObjectNet: 64 x 64 to 4 x 4 pixels."""
 
 
 class IrradianceNet(nn.Module):

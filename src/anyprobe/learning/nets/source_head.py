@@ -23,26 +23,26 @@ from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.light_sources import MOST_SOURCES
 
 RADII_DEG = (4.0, 8.0, 16.0, 32.0)
-"""Of the discs in which a source's power is given; the smallest always covers a pixel's centre."""
+"""Radii of the discs in which a source's power is given; the smallest always covers a pixel's centre."""
 DRAWN = 2
-"""Of these discs, the smallest first, that are drawn: wider light follows where it is likely to come from."""
+"""Discs that are drawn, the smallest first: wider light is spread by its likelihood."""
 LIKELY = 2.0
 """Exponent of the likelihood by which that is spread. Both chosen on left-out whole photos: with all discs drawn and an
 exponent of 1, maps have more places that are white though they should not be."""
 SOURCES = MOST_SOURCES
 PLACE_DEG, APART_DEG = 8.0, 16.0
 COMPONENTS = 4
-"""Of the mixture on the sphere that the context adds to where light may come from."""
+"""Components of the mixture on the sphere by which the context changes the density of light."""
 EDGE_DEG = 3.0
 """Width of the soft edge of a disc that is drawn, all of it inside."""
 MOST_TINT = 1.5
 """Bound of ln of a source's colour over that of all light above white."""
 LEAST_SR = 1e-5
-"""Of a ring's size, so that none divides by zero."""
+"""Least solid angle of a ring, against division by zero."""
 SHARPEST = 10.0
 """Factor of a component's concentration, so that a trained one can be sharp."""
 LEAST_DENSITY = 1e-3
-"""Of the mixture, in shares of an even one: no direction is ruled out."""
+"""Least density of the mixture, in shares of an even one: no direction is ruled out."""
 
 
 class SourceHead(nn.Module):
@@ -103,7 +103,7 @@ class SourceHead(nn.Module):
 
 
 def likelihood(logit: torch.Tensor) -> torch.Tensor:
-    """Of each direction in shares of the likeliest's, [N, 1, 64, 128], and so that something is always left.
+    """Return each direction's likelihood in shares of the highest, [N, 1, 64, 128], never zero.
 
     Means over 3 x 3 pixels, across the seam: pixel shuffle leaves a grain of 2 x 2.
     """
@@ -136,8 +136,8 @@ class SourceMap(nn.Module):
         return torch.stack([discs[0], *(b - a for a, b in zip(discs, discs[1:], strict=False))], dim=2)
 
     def powers(self, profiles: torch.Tensor, rings: torch.Tensor, shown: torch.Tensor, above: torch.Tensor):
-        """What each disc and ring sends beyond what is shown there, in luminance [N, S, R]: of all power the share that
-        the profile says, and in all no more than the power above white.
+        """Return the luminance [N, S, R] that each disc and ring sends beyond what is shown there: the profile's
+        share of all power, in total no more than the power above white.
 
         shown: radiance [N, 3, P]; above: power above white [N, 3].
         """

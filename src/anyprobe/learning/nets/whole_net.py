@@ -36,7 +36,7 @@ NEAREST = 300.0
 SEEN_COVER, UNSEEN = 0.05, 1e4
 """Cover from which on a place counts as seen, and what others lose of the logarithm of their weight."""
 GOES_ON = -2.0
-"""Of the logit of the share by which a direction beside the photo looks as the nearest seen place, untrained."""
+"""Initial logit of the share by which a direction beside the photo looks like the nearest seen place."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -31,15 +31,15 @@ GRADUAL_SHARE = 0.3
 TIMES_EXPOSURE = (0.5, 2.0)
 """Between these times the photo's exposure the HDR net sees true maps (the paper's Sect. 4.1)."""
 WEIGHTS = {"ldr": 1.0, "scales": 0.5, "structure": 0.2, "brightest": 0.18, "normals": 0.3}
-"""Of the illumination net's losses. With squares alone, as in the paper, its maps come near their mean."""
+"""Weights of the illumination net's losses. With squares alone, as in the paper, its maps come near their mean."""
 HDR_WEIGHTS = {"pixels": 1.0, "transport": 0.7, "shown": 1.5, "level": 0.4, "emitters": 0.1}
-"""Of the HDR net's losses."""
+"""Weights of the HDR net's losses."""
 REACH = 0.25
 """Share of their gradient that reaches the LDR map, through Eq. 7: it is to have light where Eq. 8 looks for it."""
 LN_SHOWN = 0.5
 """Up to this ln radiance pixels are drawn back to what the true map shows: those at the edge of what is white."""
 BRIGHTEST = ((2, 0.02), (8, 0.02), (2, 0.002))
-"""What brightest_loss compares: pixels of the map in each direction that are averaged before, for it wants patches and
+"""Settings of brightest_loss: pixels of the map in each direction that are averaged before, for it wants patches and
 not grain, and which share of these. The last is the peak, without which Eq. 7 hardly reads the HDR net."""
 
 
@@ -180,7 +180,7 @@ class Chain(_Stages):
         return torch.lerp(batch.ldr, shown, self.config.taught)
 
     def _hdr_loss(self, estimate: torch.Tensor, batch: Batch, progress: float) -> torch.Tensor:
-        """Of ln radiance from true LDR maps the mean squared error, weighted by solid angle and 0.1 + gamma (Eq. 8):
+        """Return the squared error of ln radiance from true LDR maps, weighted by solid angle and 0.1 + gamma (Eq. 8):
         mostly where Eq. 7 will read it. From estimated ones, whose pixels are no longer those of the truth, how far
         the map that Eq. 7 makes is from the truth: in display values, in what spheres see, in power, and in where light
         comes from.

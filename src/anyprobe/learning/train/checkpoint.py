@@ -109,7 +109,7 @@ def _another_run(path: Path, name: str, then: Any, now: Any) -> InputError:
 
 
 def read_checkpoint(path: Path, device: str = "cpu", holds: str = "nets") -> dict[str, Any]:
-    """What save_checkpoint wrote: weights, step, the configuration in JSON, and what else there is.
+    """Read what save_checkpoint wrote: weights, step, the configuration in JSON, and what else there is.
 
     holds: the name that has the weights.
 

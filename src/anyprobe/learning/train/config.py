@@ -153,7 +153,7 @@ def paper_on() -> RunConfig:
 
 
 RUNS = {run.__name__: run for run in (paper_irradiance, paper, paper_on, lift, normals)}
-"""What `anyprobe train` can train."""
+"""Runs of `anyprobe train`."""
 
 
 def smoke(config: RunConfig, steps: int = 20) -> RunConfig:

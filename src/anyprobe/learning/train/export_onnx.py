@@ -51,7 +51,7 @@ class Sureness:
 
 AS_LEARNED = Sureness()
 FLOATS = "float32"
-"""What a graph's metadata says that it computes in."""
+"""Precision that a graph computes in, in its metadata."""
 LARGE = 8192
 """Layers of so many weights and more keep them as int8, a scale for each output channel, where that is asked."""
 LINEAR, CONVOLUTIONS = 2, 4

@@ -17,7 +17,7 @@ LAYERS = {
 }
 """Layers of the chain, and those of LightNet that they begin as."""
 ROOT_ALPHA = 0.5
-"""What LightNet adds to the object's code, and the chain does not."""
+"""Layers that LightNet adds to the object's code and the chain lacks."""
 
 
 def chain_from_lift(lift: Mapping[str, torch.Tensor], fresh: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
@@ -47,7 +47,7 @@ def chain_from_lift(lift: Mapping[str, torch.Tensor], fresh: Mapping[str, torch.
 
 
 def _part(name: str, x: torch.Tensor, shape: torch.Size) -> torch.Tensor:
-    """Of a tensor of LightNet what the chain's layer has."""
+    """Return the part of a LightNet tensor that the chain's layer has."""
     if name.startswith("illumination.head."):
         return x[-shape[0] :]  # irradiance comes first
     if name == "illumination.sphere.first.0.0.weight":

@@ -28,7 +28,7 @@ PICTURED = 4
 
 
 class Learner(Protocol):
-    """What trains: networks, and their losses by name, which columns lists."""
+    """A learner: networks, and their losses by name, which columns lists."""
 
     @property
     def columns(self) -> tuple[str, ...]: ...
@@ -156,7 +156,7 @@ def _parts(batch: Batch) -> list[tuple[str, torch.Tensor]]:
 
 
 def _read_pairs(path: Path, like: Batch) -> Batch | None:
-    """What `see` kept, where `like` is; None if it is not there, damaged or of another release: others will do."""
+    """Return what `see` kept, on the device of `like`; None if it is absent, damaged or of another release."""
     if not path.is_file():
         return None
     try:

@@ -56,7 +56,7 @@ LEARNERS: dict[str, type[Irradiance | Chain | Lift | Normals]] = {
 def make_learner(
     config: RunConfig, device: str, teacher: Path | None = None, compiled: bool = False
 ) -> Irradiance | Chain | Lift | Normals:
-    """What trains: networks, and their losses by name.
+    """A learner: networks, and their losses by name.
 
     teacher: weights of `lift`, of which the chain learns; compiled is of it alone.
     """
@@ -219,7 +219,7 @@ def train(
 
 
 BACKENDS = {"cpu": "gloo", "cuda": "nccl"}
-"""What carries the tensors of each kind of device between processes."""
+"""Backends that carry tensors between processes, by kind of device."""
 
 
 class ProcessGroup:

@@ -90,7 +90,7 @@ class Sent:
         return (level - true).abs()
 
     def above_white(self, true_ln: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Of the radiance above 1: power [N, 3], and each pixel's share of it [N, 64 * 128]."""
+        """Return the power above radiance 1, [N, 3], and each pixel's share of it, [N, 64 * 128]."""
         above = (torch.exp(true_ln) - 1).clip(min=0.0) * self.angles
         power = above.sum(dim=(2, 3))
         return power, above.sum(dim=1).flatten(1) / power.sum(dim=1, keepdim=True).clip(min=1e-6)

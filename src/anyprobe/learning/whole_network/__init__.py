@@ -1,1 +1,1 @@
-"""What the network that is given the whole photo makes of whole photos, before it is exported."""
+"""Training and export of WholeNet, the network that sees the whole photo."""

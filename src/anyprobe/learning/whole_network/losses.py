@@ -1,4 +1,4 @@
-"""What WholeNet learns by: the map as a display and as spheres see it, its light sources, the camera's posture."""
+"""Losses of WholeNet: the map as a display and as spheres see it, its light sources, the camera's posture."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ WEIGHTS = {
     "roll": 0.03,
     "stands": 0.03,
 }
-"""Of each loss."""
+"""Weight of each loss."""
 SOURCE_WEIGHTS = (1.0, 0.5, 0.25, 0.25)
-"""Of the sources' profiles, the brightest first."""
+"""Weights of the sources' profiles, the brightest first."""
 DIM_POWER = 0.1
 """Power above white of which the loss of a direction counts half: most photos have more, and teach as much as any."""
 LEAST_SHARE = 0.05
-"""Of the power within 8 degrees of a place, from which on its colour counts in full."""
+"""Share of the power within 8 degrees of a place at which its colour counts in full."""
 SHARE_FLOOR = 0.02
 """Added to shares of power before their logarithm: less hardly shows."""
 
@@ -89,7 +89,7 @@ class WholeLoss:
 
     @staticmethod
     def _difference(ln: torch.Tensor, ldr: torch.Tensor) -> torch.Tensor:
-        """Of display values; where both clip, how far above white does not matter."""
+        """Return the difference of display values; where both clip, how far above white does not matter."""
         shown = display(ln)
         return torch.where((shown > 1) & (ldr >= 1), shown.clip(max=1.0), shown) - ldr
 
@@ -123,7 +123,7 @@ def color_loss(colors: torch.Tensor, true: torch.Tensor, profiles: torch.Tensor)
 
 
 def posture_losses(posture: torch.Tensor, up: torch.Tensor, present: torch.Tensor) -> dict[str, torch.Tensor]:
-    """Of ContextNet's posture [N, 4], where there is a context, present [N]; pitch and roll in tens of degrees.
+    """Return the losses of ContextNet's posture [N, 4] where there is a context, present [N]; in tens of degrees.
 
     up [N, 3]: unit, in the crop's frame. Every object stands on something.
     """

@@ -1,4 +1,4 @@
-"""What SourceHead learns: the brightest places of true maps, and how much of the power comes from within how many
+"""Targets of SourceHead: the brightest places of true maps, and how much of the power comes from within how many
 degrees of them."""
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.learning.nets.source_head import APART_DEG, PLACE_DEG, RADII_DEG, SOURCES
 
 LEAST_PULL = 1e-6
-"""Of that pixel, so that a black map has places too."""
+"""Weight of the brightest pixel itself, so that a black map has places too."""
 
 
 @lru_cache(maxsize=2)
@@ -35,8 +35,8 @@ def source_colors(radiance: torch.Tensor, places: torch.Tensor, luminance: torch
 
 
 def source_profiles(luminance: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Of maps [N, H, 2H] the directions [N, SOURCES, 3] of their brightest places and shares [N, SOURCES,
-    len(RADII_DEG)] of the power within so many degrees of each.
+    """Return the directions [N, SOURCES, 3] of the brightest places of maps [N, H, 2H], and the shares [N, SOURCES,
+    len(RADII_DEG)] of the power within RADII_DEG of each.
 
     A place is the centre of the power within PLACE_DEG of the pixel around which the mean there is the greatest; the
     next the same further than APART_DEG from all before.
