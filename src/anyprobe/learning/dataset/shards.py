@@ -239,7 +239,7 @@ def read_samples(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
 
 
 def fault(folder: Path, shard: int, kind: str, pairs: int) -> str:
-    """Return what is wrong with a shard that should hold `count` pairs of a kind; empty if nothing."""
+    """Return what is wrong with a shard that should hold so many `pairs` of a kind; empty if nothing."""
     arrays = SAMPLE_ARRAYS[kind]
     try:
         index = read_index(folder, shard)
