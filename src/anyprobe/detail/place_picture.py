@@ -50,7 +50,8 @@ SOFT_RIM = 0.35
 DISC_SHARE = 0.2
 """Share of the map's power from which on a source has the outline of a disc. On left-out renders a tenth of the light
 comes from within 15 degrees of so strong a source in 33 to 59 % of photos, of a weaker one in 2 to 13 %: those are soft
-spots, twice as wide where they are below the horizon of a level picture."""
+spots, twice as wide where they are below the horizon of a level picture. Of cut-outs it is 6 to 28 %: there the
+outline says little."""
 AROUND_DEG, CORE_DEG = 22.0, 10.0
 """Angle from a source within which its light is looked for, and within which all of it is taken."""
 LEAST_RADIUS_DEG = 0.27
