@@ -262,6 +262,7 @@ class Hints:
             raise InvalidPhoto(
                 "expected a field of view of more than 1 and less than 170 degrees along the longer side, "
                 f"got {self.fov_deg:g}",
+                code="invalid-option",
                 subject="fov_deg",
             )
         if self.pitch_deg is not None and not -90.0 <= self.pitch_deg <= 90.0:

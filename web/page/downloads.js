@@ -4,6 +4,7 @@ import { EXPONENT, SIGMA } from "../src/core/response.js";
 import { MAP_HEIGHT } from "../src/core/latlong.js";
 import { encodeExr } from "../src/files/exr.js";
 import { encodeHdr } from "../src/files/hdr.js";
+import { problemLine } from "./words.js";
 
 const FRAME =
   "right-handed, +X right, +Y up, the camera looks along -Z; u = 0.5 + atan2(x, -z) / 2 pi, row 0 is +Y";
@@ -65,7 +66,7 @@ export const OWN_FILES = {
 export async function exportTarget(result, target) {
   const body = await encodeExr(result.light.radiance, MAP_HEIGHT);
   const answer = await fetch(new URL(`v1/export/${target}`, document.baseURI), { method: "POST", body });
-  if (!answer.ok) throw new Error((await answer.json()).detail);
+  if (!answer.ok) throw new Error(problemLine(await answer.json()));
   return answer.blob();
 }
 

@@ -10,7 +10,7 @@ import { ProbeOpener } from "./probe.js";
 import { LiveSession } from "./live/session.js";
 import { maskFromAlpha, objectBox } from "../src/photo/picture.js";
 import { openPhoto } from "./openPhoto.js";
-import { inPage, sentence } from "./words.js";
+import { PAGE, errorLine, sentence } from "./words.js";
 import { readExample } from "./example.js";
 import { showQuality } from "./view/maskQuality.js";
 import { askReflections } from "./reflections.js";
@@ -98,7 +98,7 @@ const live = new LiveSession({
   onMask: showQuality,
   onFault: (error) => {
     showAgain();
-    setStatus(error.message, "fault");
+    setStatus(errorLine(error), "fault");
   },
 });
 
@@ -195,7 +195,7 @@ async function examine(maskOf, hints = NO_HINTS) {
     if (isLate()) return;
     showOutline();
     if (!state.opened.result) hideLight();
-    tell(error.message, "fault");
+    tell(errorLine(error), "fault");
   }
 }
 
@@ -217,7 +217,7 @@ async function estimate(found, hints, isLate) {
   state.opened.result = result;
   showLight();
   const [doubt] = [...found.notices, ...result.light.notices];
-  if (doubt) return tell(`Estimated, but ${inPage(doubt)}.`, "warning");
+  if (doubt) return tell(`Estimated, but ${PAGE.line(doubt)}.`, "warning");
   const search = seconds === undefined ? "" : `object found in ${seconds.toFixed(1)} s, `;
   tell(`Estimated: ${search}light in ${result.seconds.toFixed(1)} s. If the outline is wrong, click on the object, or draw a box around it.`);
 }
@@ -298,7 +298,7 @@ async function attempt(work) {
   try {
     await work();
   } catch (error) {
-    setStatus(error.message, "fault");
+    setStatus(errorLine(error), "fault");
   }
 }
 
@@ -342,7 +342,7 @@ element("camera").addEventListener("click", () => {
   state.choice++;
   live.start();
 });
-tools.onFault = (error) => setStatus(error.message, "fault");
+tools.onFault = (error) => setStatus(errorLine(error), "fault");
 await attempt(openExample);
 if (!stage.stage.canDraw) {
   setStatus("This browser has no WebGL: lights are estimated, but no virtual object is drawn.", "fault");

@@ -2,7 +2,7 @@
 
 import exifr from "exifr/dist/lite.esm.mjs";
 import { DEFAULT_LONG_FOV_DEG } from "../src/photo/crop.js";
-import { refusal } from "./words.js";
+import { problemLine } from "./words.js";
 
 /** Longer side at which a photo is kept: more than is shown, and plenty for a crop of 128. */
 const LONG_PX = 1600;
@@ -66,7 +66,7 @@ async function throughServer(blob, name, hasServer) {
   const body = new FormData();
   body.append("photo", blob, name);
   const answer = await fetch(new URL("v1/photo", document.baseURI), { method: "POST", body });
-  if (!answer.ok) throw new Error(refusal(await answer.json(), name));
+  if (!answer.ok) throw new Error(`${name}: ${problemLine(await answer.json())}`);
   const given = answer.headers.get("X-Long-Fov-Deg");
   return { blob: await answer.blob(), longFovDeg: given === null ? null : Number(given) };
 }

@@ -1,7 +1,7 @@
 /** The light around an object of one material: pictures and videos in, lights out. */
 
 import { AnyProbeError } from "./errors.js";
-import { described } from "./notices.js";
+import { described, give } from "./notices.js";
 import { Light } from "./light/light.js";
 import { checkSource } from "./live/frameSource.js";
 import { Tracker } from "./live/tracker.js";
@@ -11,7 +11,7 @@ import { WorkerClient } from "./networks/workerClient.js";
 import { checkHints, checkLight, checkNames, longFovOf, wrong } from "./options.js";
 import { hintsOf } from "./photo/hints.js";
 import { describe } from "./photo/material.js";
-import { alphaDoubts, lookAtGiven } from "./photo/maskCheck.js";
+import { alphaDoubts, checkObject, lookAtGiven } from "./photo/maskCheck.js";
 import { maskFromAlpha } from "./photo/picture.js";
 import { readMask, readNormals, readSource } from "./photo/source.js";
 
@@ -145,11 +145,15 @@ export class AnyProbe {
   /** The mask that is given, the picture's own, or what is found. */
   async #maskOf(picture, options) {
     const marks = refuseBoth(options);
-    if (isGiven(options.mask)) return { quality: null, ...lookAtGiven(await readMask(options.mask, picture, options.signal), picture.width) };
+    if (isGiven(options.mask)) {
+      const mask = await readMask(options.mask, picture, options.signal);
+      checkObject(mask, picture.width, ["mask"]);
+      return { quality: null, ...lookAtGiven(mask, picture.width) };
+    }
     const own = marks.length ? null : maskFromAlpha(picture);
     if (own) return { mask: own, quality: null, warnings: alphaDoubts(own) };
     const found = await this.#findMask(picture, options);
-    if (found.quality === 0) throw new AnyProbeError("no-object", nothingFound(picture, marks));
+    if (found.quality === 0) throw nothingFound(picture, marks);
     return found;
   }
 
@@ -169,11 +173,14 @@ const isGiven = (value) => value !== undefined && value !== null;
 function refuseBoth(options) {
   const marks = ["click", "exclude", "box"].filter((name) => isGiven(options[name]) && options[name].length > 0);
   if (!isGiven(options.mask) || !marks.length) return marks;
-  throw new AnyProbeError("invalid-option", `mask and ${marks.join(", ")}: expected one of them, got both; leave one out`);
+  throw new AnyProbeError("invalid-option", "expected one of them, got both; leave one out", { subject: ["mask", ...marks] });
 }
 
 function nothingFound({ fullWidth, fullHeight }, marks) {
-  if (marks.length === 0) return "image: expected an object that can be told from its surroundings, but nothing stands out; give click, box or mask.";
-  const size = `${fullWidth} x ${fullHeight} pixels`;
-  return `image: expected an object at the ${marks.join(" and ")} in ${size}, found none that stands out; click elsewhere on it, draw a box, or give a mask.`;
+  if (marks.length === 0) {
+    const text = "expected an object that can be told from its surroundings, but nothing stands out";
+    return new AnyProbeError("no-object", text, { remedy: give("click", "box", "mask") });
+  }
+  const text = `expected an object at the ${marks.join(" and ")} in ${fullWidth} x ${fullHeight} pixels, found none that stands out`;
+  return new AnyProbeError("no-object", text, { remedy: give("box", "mask") });
 }

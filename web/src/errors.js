@@ -1,5 +1,7 @@
 /** What goes wrong, in one line and one word that programs can ask for. */
 
+import { PACKAGE, notice } from "./notices.js";
+
 /**
  * `code` is one of
  *
@@ -13,19 +15,25 @@
  *   failed          anything else: a camera that ends, or a fault of this package
  */
 export class AnyProbeError extends Error {
-  /** @param {string} code @param {string} message */
-  constructor(code, message, options) {
-    super(message, options);
+  /**
+   * @param {string} code
+   * @param {string} text without the names of options
+   * @param {{subject?: string[], remedy?: import("./notices.js").Notice["remedy"], cause?: unknown}} [about]
+   */
+  constructor(code, text, { subject, remedy, ...options } = {}) {
+    const found = notice(code, text, remedy, subject);
+    super(PACKAGE.line(found), options);
     this.name = "AnyProbeError";
     this.code = code;
+    this.notice = found;
   }
 }
 
 /** What is sent of an error from one thread to another. */
-export const sentError = (error) => ({ code: error.code ?? "failed", message: error.message ?? String(error) });
+export const sentError = (error) => error.notice ?? notice(error.code ?? "failed", error.message ?? String(error));
 
 /** The error that was sent. */
-export const receivedError = ({ code, message }) => new AnyProbeError(code, message);
+export const receivedError = ({ code, text, subject, remedy }) => new AnyProbeError(code, text, { subject, remedy });
 
 /** What pixels are read by; of a picture of another origin an error that says what to do. @template T @param {() => T} read @param {string} name @returns {T} */
 export function readable(read, name) {
@@ -39,5 +47,5 @@ export function readable(read, name) {
 
 /** Of a picture of another origin. @param {string} name */
 export function foreign(name) {
-  return new AnyProbeError("invalid-image", `${name}: expected pixels that this page may read, got those of another origin; set crossOrigin`);
+  return new AnyProbeError("invalid-image", `expected pixels that this page may read, got those of another origin; set crossOrigin`, { subject: [name] });
 }

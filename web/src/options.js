@@ -47,7 +47,7 @@ function checkKinds(given) {
 
 /** @param {string} name @param {string} expected @param {unknown} got */
 export function wrong(name, expected, got) {
-  return new AnyProbeError("invalid-option", `${name}: expected ${expected}, got ${shown(got)}`);
+  return new AnyProbeError("invalid-option", `expected ${expected}, got ${shown(got)}`, { subject: [name] });
 }
 
 /** Something in a line. */

@@ -18,13 +18,13 @@ test("measured materials have Python's names", () => {
 
 test("what no surface has is refused in one line", () => {
   for (const wrong of ["unobtainium", { roughness: 0 }, { roughness: 2 }, { albedo: 0 }, { albedo: [1, 1] }, { name: "gold", albedo: 0.5 }, { albedo: null }, { albedo: {} }]) {
-    assert.throws(() => givenMaterial(wrong), /^Error: (material|roughness|albedo): expected [^\n]+$/);
+    assert.throws(() => givenMaterial(wrong), /^AnyProbeError: material(\.roughness|\.albedo)?: expected [^\n]+$/);
   }
 });
 
 test("what says nothing of a material is refused", () => {
   for (const wrong of [5, {}, null, true, [0.5], { colour: 1 }, { albedo: 0.5, rough: 1 }, { albedo: undefined }]) {
-    assert.throws(() => givenMaterial(wrong), /^Error: material: expected a name, or an object of name, albedo, roughness, got /, JSON.stringify(wrong));
+    assert.throws(() => givenMaterial(wrong), /^AnyProbeError: material: expected a name, or an object of name, albedo, roughness, got /, JSON.stringify(wrong));
   }
 });
 

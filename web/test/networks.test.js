@@ -31,7 +31,7 @@ const config = { weights: { light: "weights/light.onnx" } };
 test("what failed once is tried again, in another thread; what is open stays", async () => {
   const opener = new ProbeOpener(config, () => {}, 0);
   const failing = [opener.open(), opener.open()];
-  workers[0].onmessage({ data: { id: workers[0].asked[0].id, error: { code: "fetch-failed", message: "not there" } } });
+  workers[0].onmessage({ data: { id: workers[0].asked[0].id, error: { code: "fetch-failed", text: "not there" } } });
   for (const one of failing) await assert.rejects(one, { name: "AnyProbeError", code: "fetch-failed", message: /not there/ });
   assert.ok(workers[0].isEnded && workers[0].asked.length === 1);
   const { task, weights, runtime, engine, threads } = workers[0].asked[0];

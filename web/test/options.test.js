@@ -71,7 +71,7 @@ test("what is asked of a thread settles, however it ends", async () => {
   const worker = thread();
   const client = new WorkerClient(() => worker, () => {});
   const asked = [client.ask("estimate"), client.ask("mask")];
-  worker.onmessage({ data: { id: 0, error: { code: "no-object", message: "none" } } });
+  worker.onmessage({ data: { id: 0, error: { code: "no-object", text: "none" } } });
   await assert.rejects(asked[0], { code: "no-object", message: "none" });
   client.end();
   await assert.rejects(asked[1], { code: "disposed" });
@@ -167,5 +167,5 @@ test("a thread that ends is heard of by what follows a video", () => {
   client.onLive = (answer) => heard.push(answer.error);
   worker.onmessage({ data: { spare: new ArrayBuffer(1) } });
   worker.onerror({ message: "out of memory" });
-  assert.deepEqual(heard, [{ code: "worker-failed", message: "The networks' thread ended: out of memory." }]);
+  assert.deepEqual(heard, [{ code: "worker-failed", subject: [], text: "The networks' thread ended: out of memory.", remedy: [] }]);
 });

@@ -6,6 +6,7 @@ import { test } from "node:test";
 import { download } from "../src/files/download.js";
 import { AnyProbe } from "../src/anyprobe.js";
 import { checkSetup, requireBrowser, safariOf } from "../src/networks/setup.js";
+import { sentError } from "../src/errors.js";
 import { openingFault, smallNetworkWarning } from "../src/networks/words.js";
 
 const refused = (message) => ({ name: "AnyProbeError", code: "invalid-option", message });
@@ -135,7 +136,7 @@ test("where threads cannot start, the networks are opened again on one", async (
     return worker;
   };
   const options = (answer) => ({ weights: OWN, runtime: "/ort/", worker: answering(answer), threads: 4 });
-  const sent = (error, threads) => ({ error: { code: openingFault(error, threads).code, message: openingFault(error, threads).message } });
+  const sent = (error, threads) => ({ error: sentError(openingFault(error, threads)) });
   try {
     const probe = await AnyProbe.load(options((threads) => (threads > 1 ? sent(new RangeError("Out of memory"), threads) : { result: { threads } })));
     assert.deepEqual([probe.threads, asked], [1, [4, "ended", 1]]);

@@ -120,7 +120,11 @@ test("what is doubtful about a mask that was found comes first among a light's w
   const picture = { width, height, rgba: new Uint8ClampedArray(16).fill(255) };
   const light = await probe.estimate(picture);
   assert.deepEqual(light.warnings, ["of the mask", "of the light"]);
-  assert.deepEqual((await probe.estimate(picture, { mask: new Float32Array(4) })).warnings, ["of the light"]);
+  const [side, own] = [30, new Float32Array(900)];
+  for (let y = 2; y < 28; y++) own.fill(1, y * side + 2, y * side + 28);
+  const larger = { width: side, height: side, rgba: new Uint8ClampedArray(4 * 900).fill(255) };
+  const [small, light2] = (await probe.estimate(larger, { mask: own })).notices;
+  assert.deepEqual([small.code, light2.text], ["object-small", "of the light"]);
 });
 
 test("what ends the tracking is reported as the browser's errors are, where nobody else hears it", async () => {
@@ -177,10 +181,10 @@ test("a mask and marks exclude each other, and what finds nothing says where it 
   const probe = open({ mask: { mask: new Float32Array(4), quality: 0, warnings: [] } });
   const picture = { width: 2, height: 2, rgba: new Uint8ClampedArray(16).fill(255) };
   const fails = (options, expected) => assert.rejects(() => probe.estimate(picture, options), expected);
-  await fails({ mask: new Float32Array(4), click: [1, 1], box: [0, 0, 2, 2] }, refused("mask and click, box: expected one of them, got both; leave one out"));
+  await fails({ mask: new Float32Array(4), click: [1, 1], box: [0, 0, 2, 2] }, refused("mask and click and box: expected one of them, got both; leave one out"));
   await fails({ mask: 0 }, { code: "invalid-image", message: /^mask: expected a Float32Array .*, got number$/ });
-  await fails({ click: [1, 1] }, { code: "no-object", message: /^image: expected an object at the click in 2 x 2 pixels, found none/ });
-  await fails({ mask: null }, { code: "no-object", message: /but nothing stands out; give click, box or mask\.$/ });
+  await fails({ click: [1, 1] }, { code: "no-object", message: /^expected an object at the click in 2 x 2 pixels, found none/ });
+  await fails({ mask: null }, { code: "no-object", message: /but nothing stands out; give click, box or mask$/ });
 });
 
 test("a picture's transparency is no answer to a click", async () => {
@@ -190,8 +194,9 @@ test("a picture's transparency is no answer to a click", async () => {
   picture.rgba[3] = 255;
   assert.deepEqual([...(await probe.estimate(picture)).mask.data], [1, 0, 0, 0]);
   assert.deepEqual([...(await probe.estimate(picture, { click: [1, 1] })).mask.data], [1, 1, 1, 1]);
-  const given = [{ mask: found.mask }, { data: found.mask, width: 2, height: 2 }];
-  for (const mask of given) assert.deepEqual([...(await probe.estimate(picture, { mask })).mask.data], [1, 1, 1, 1]);
+  const [width, height, data] = [24, 24, new Float32Array(576).fill(1)];
+  const larger = { width, height, rgba: new Uint8ClampedArray(4 * 576) };
+  for (const mask of [{ mask: data }, { data, width, height }]) assert.deepEqual((await probe.estimate(larger, { mask })).mask.data, data);
 });
 
 test("normals that are none, a picture's or another frame's are refused", async () => {

@@ -3,8 +3,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { inPage, refusal, sentence } from "../page/words.js";
-import { give, lineOf, notice } from "../src/notices.js";
+import { AnyProbeError, receivedError, sentError } from "../src/errors.js";
+import { PAGE, errorLine, problemLine, sentence } from "../page/words.js";
+import { PACKAGE, give, leaveOut, notice } from "../src/notices.js";
 import { warningsOf } from "../src/photo/quality.js";
 
 test("a doubtful mask is a sentence of its own", () => {
@@ -15,24 +16,35 @@ test("a doubtful mask is a sentence of its own", () => {
 });
 
 test("controls are called by their labels", () => {
-  assert.equal(inPage(notice("pitch-unsure", "a guess", give("pitchDeg"))), "a guess; set “Camera pitch”");
+  assert.equal(PAGE.line(notice("pitch-unsure", "a guess", give("pitchDeg"))), "a guess; set “Camera pitch”");
   const backdrop = notice("plain-backdrop", "a backdrop", [{ do: "give", name: "surroundings", value: "photo" }]);
-  assert.equal(inPage(backdrop), "a backdrop; choose “the whole photo” at “Look at”");
-  assert.equal(inPage(notice("mask-doubtful", "a mask", give("box", "click", "exclude", "mask"))), "a mask; draw a box around it, or click on the object");
+  assert.equal(PAGE.line(backdrop), "a backdrop; choose “the whole photo” at “Look at”");
+  assert.equal(PAGE.line(notice("mask-doubtful", "a mask", give("box", "click", "exclude", "mask"))), "a mask; draw a box around it, or click on the object");
 });
 
 test("a line in the package's words names its options", () => {
-  assert.equal(lineOf(notice("a", "a guess", give("pitchDeg"))), "a guess; give pitchDeg");
-  assert.equal(lineOf(notice("a", "a mask", give("box", "click", "mask"))), "a mask; give box, click or mask");
-  assert.equal(lineOf(notice("a", "dark")), "dark");
+  assert.equal(PACKAGE.line(notice("a", "a guess", give("pitchDeg"))), "a guess; give pitchDeg");
+  assert.equal(PACKAGE.line(notice("a", "a mask", give("box", "click", "mask"))), "a mask; give box, click or mask");
+  assert.equal(PACKAGE.line(notice("a", "dark")), "dark");
 });
 
-test("a file that is no photo is named, without advice for the command line", () => {
-  const problem = { detail: "photo: expected an image, got 9 bytes; check the path", text: "expected an image, got 9 bytes" };
-  const other = refusal({ ...problem, remedy: [{ do: "run", name: "choose-photo" }] }, "notes.txt");
-  assert.match(other, /^notes\.txt: expected an image, got 9 bytes\. Choose a photo/);
+test("what is wrong names options for programs and controls for users, across threads too", () => {
+  const error = new AnyProbeError("invalid-option", "expected one of them, got both", { subject: ["box", "mask"], remedy: leaveOut("box", "mask") });
+  assert.equal(error.message, "box and mask: expected one of them, got both; leave out box or mask");
+  assert.equal(errorLine(error), "the box: expected one of them, got both");
+  const again = receivedError(structuredClone(sentError(error)));
+  assert.deepEqual([again.code, again.message, again.notice], [error.code, error.message, error.notice]);
+  const unasked = new AnyProbeError("invalid-option", "found one colour", { remedy: leaveOut("surroundings") });
+  assert.equal(errorLine(unasked), "found one colour; choose “automatic” at “Look at”");
+  assert.equal(errorLine(new Error("anything else")), "anything else");
+});
+
+test("a file that is no photo gets no advice for the command line", () => {
+  const problem = { detail: "photo: expected an image, got 9 bytes; check the path", text: "expected an image, got 9 bytes", subject: ["photo"] };
+  const other = problemLine({ ...problem, remedy: [{ do: "run", name: "choose-photo" }] });
+  assert.match(other, /^expected an image, got 9 bytes; choose a photo/);
   assert.doesNotMatch(other, /path/);
   const video = { detail: "", text: "expected an image, got a video", remedy: [{ do: "run", name: "use-video" }] };
-  assert.match(refusal(video, "a.mp4"), /^a\.mp4: expected an image, got a video\. .*use the camera/);
-  assert.equal(refusal({ detail: "all places are taken" }, "a.pdf"), "a.pdf: all places are taken");
+  assert.match(problemLine(video), /^expected an image, got a video; .*use the camera/);
+  assert.equal(problemLine({ detail: "all places are taken" }), "all places are taken");
 });

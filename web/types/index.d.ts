@@ -47,7 +47,9 @@ export type ErrorCode =
 export declare class AnyProbeError extends Error {
   readonly name: "AnyProbeError";
   readonly code: ErrorCode;
-  constructor(code: ErrorCode, message: string, options?: ErrorOptions);
+  /** The same as data, for a page's own words. */
+  readonly notice: Notice & { code: ErrorCode };
+  constructor(code: ErrorCode, text: string, options?: ErrorOptions & Partial<Pick<Notice, "subject" | "remedy">>);
 }
 
 /** Bytes of one file; total is null where the server does not say it; stalled: none has come for ten seconds. */
@@ -235,8 +237,11 @@ export declare class Light {
 /** What is doubtful: its code, a text without the names of options, and the options that mend it. */
 export interface Notice {
   code: string;
+  /** Options concerned. */
+  subject: string[];
   text: string;
-  remedy: { do: "give" | "leave out"; name: string; value?: string }[];
+  /** Any of them mends it. */
+  remedy: { do: "give" | "leave out" | "run"; name: string; value?: string }[];
 }
 
 /** Numbers in [0, 1], 1 on the object. */

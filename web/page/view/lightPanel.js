@@ -2,6 +2,7 @@
 
 import { OWN_FILES, exportTarget, save } from "../downloads.js";
 import { element, setStatus } from "./elements.js";
+import { errorLine } from "../words.js";
 import { SPHERE_NAMES, shadeMirror } from "../../src/light/spheres.js";
 import { describeDirection, drawFalseColor, drawMap, drawSphere, placeOnMap } from "./pictures.js";
 
@@ -126,7 +127,7 @@ export class LightPanel {
     try {
       save(await make(), suffix === "zip" ? suffix : `${this.about.photo}.${suffix}`);
     } catch (error) {
-      setStatus(error.message, "fault");
+      setStatus(errorLine(error), "fault");
     }
   }
 }

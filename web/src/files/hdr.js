@@ -8,7 +8,7 @@ export function checkMap(radiance, height) {
   if (isWhole && radiance?.length === 6 * height * height) return;
   const expected = isWhole ? `${height} x ${2 * height} x 3 numbers` : "a map of a whole number of rows";
   const got = isWhole ? `${radiance?.length ?? "none"}` : `${height} rows`;
-  throw new AnyProbeError("invalid-option", `radiance: expected ${expected}, got ${got}; pass light.radiance and 64`);
+  throw new AnyProbeError("invalid-option", `expected ${expected}, got ${got}; pass light.radiance and 64`, { subject: ["radiance"] });
 }
 
 /** @returns {Uint8Array<ArrayBuffer>} the file of a map [height, 2 height, 3], without runs */

@@ -19,7 +19,7 @@ export function checkSource(source) {
   if (isElement && !isTrack) return followed;
   const got = isTrack ? `a track of ${followed.kind}, ${followed.readyState}` : kindOf(source);
   const expected = "a video element, a canvas, a camera's MediaStreamTrack or MediaStream, or null where frames are offered";
-  throw new AnyProbeError("invalid-option", `source: expected ${expected}, got ${got}`);
+  throw new AnyProbeError("invalid-option", `expected ${expected}, got ${got}`, { subject: ["source"] });
 }
 
 const FRAMES = "a video, a canvas, an image, an ImageBitmap, an ImageData, a VideoFrame or { gl, texture, width, height }";
@@ -28,7 +28,7 @@ const FRAMES = "a video, a canvas, an image, an ImageBitmap, an ImageData, a Vid
 export function checkFrame(frame) {
   const hasSize = ["videoWidth", "displayWidth", "naturalWidth", "width"].some((name) => typeof frame?.[name] === "number");
   if (hasSize && !frame.rgba && Boolean(frame.texture) === Boolean(frame.gl)) return;
-  throw new AnyProbeError("invalid-image", `frame: expected ${FRAMES}, got ${kindOf(frame)}`);
+  throw new AnyProbeError("invalid-image", `expected ${FRAMES}, got ${kindOf(frame)}`, { subject: ["frame"] });
 }
 
 /**

@@ -4,6 +4,7 @@ import { CONTRACT } from "../core/contract.js";
 import { luminance } from "../core/color.js";
 import { MAP_HEIGHT, pixelSolidAngles } from "../core/latlong.js";
 import { AnyProbeError } from "../errors.js";
+import { leaveOut } from "../notices.js";
 import { cameraConfidence, cameraRadiance } from "../light/light.js";
 import { turnedBack } from "../core/frames.js";
 import { CROP_SIZE, contextOf } from "../photo/crop.js";
@@ -43,12 +44,12 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
   const shown = isOpaque ? { picture, opaque: null } : withoutTransparent(picture);
   const seen = isShown && models.lifts ? seeSurroundings(shown.picture, longFovDeg, crop, shown.opaque) : null;
   if (isShown && models.lifts && !seen && !isAuto && isAlone === undefined) {
-    throw new AnyProbeError("invalid-option", "surroundings: expected a picture that shows more than its object, found one colour behind it; leave surroundings out");
+    throw new AnyProbeError("invalid-option", "expected a picture that shows more than its object, found one colour behind it", { remedy: leaveOut("surroundings") });
   }
   const context = isShown && models.completes ? contextOf(shown.picture, crop.mask, crop, shown.opaque) : null;
   const up = isShown && pitchDeg !== undefined ? turnedBack(crop.cameraFromCrop, upOf(pitchDeg)) : null;
   if (given.material && !models.lifts) {
-    throw new AnyProbeError("invalid-option", "material: expected a model that takes it, got the paper's chain; leave material out");
+    throw new AnyProbeError("invalid-option", "expected a model that takes it, got the paper's chain", { subject: ["material"], remedy: leaveOut("material") });
   }
   const prediction = await models.light(crop.image, crop.tanHalf, { ...given, emitters, surroundings: seen, context, up });
   const ground = isShown ? groundOf(picture, longFovDeg, crop, pitchDeg, prediction.posture) : null;

@@ -69,11 +69,11 @@ export class Models {
     const sessions = {};
     const stages = weights.light ? [...LIFT, ...(weights[WHOLE] ? [WHOLE] : [])] : CHAIN;
     for (const stage of stages) {
-      if (!weights[stage]) throw new AnyProbeError("invalid-option", `weights.${stage}: expected its address, got none`);
+      if (!weights[stage]) throw new AnyProbeError("invalid-option", `expected its address, got none`, { subject: [`weights.${stage}`] });
       sessions[stage] = await openStage(stage);
       const { inputNames } = sessions[stage];
       if (INPUTS[stage]?.every((name) => inputNames.includes(name)) ?? true) continue;
-      throw new AnyProbeError("invalid-option", `weights.${stage}: expected a graph of ${INPUTS[stage].join(", ")}, got one of ${inputNames.join(", ")}`);
+      throw new AnyProbeError("invalid-option", `expected a graph of ${INPUTS[stage].join(", ")}, got one of ${inputNames.join(", ")}`, { subject: [`weights.${stage}`] });
     }
     const later = MASKS.filter((stage) => weights[stage]).map((stage) => [stage, () => openStage(stage)]);
     return new Models(ort, sessions, providers[0], Object.fromEntries(later));

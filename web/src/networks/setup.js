@@ -78,16 +78,16 @@ function weightsOf(given = {}, own = {}) {
   const names = Object.keys(given).filter((name) => given[name] !== undefined);
   const said = names.join(", ") || "none";
   const unknown = names.filter((name) => !GRAPHS.includes(name));
-  if (unknown.length) throw new AnyProbeError("invalid-option", `weights: expected of ${GRAPHS.join(", ")}, got ${unknown.join(", ")}`);
+  if (unknown.length) throw new AnyProbeError("invalid-option", `expected of ${GRAPHS.join(", ")}, got ${unknown.join(", ")}`, { subject: ["weights"] });
   const isOwnLight = !["light", ...CHAIN].some((name) => names.includes(name));
   if (isOwnLight && names.includes("whole")) {
-    throw new AnyProbeError("invalid-option", "weights: expected the light that whole was trained with, got whole alone; give both");
+    throw new AnyProbeError("invalid-option", "expected the light that whole was trained with, got whole alone; give both", { subject: ["weights"] });
   }
   const { light, whole, ...masks } = own;
   const weights = isOwnLight ? { ...own } : masks;
   for (const name of names) weights[name] = given[name];
   if (!weights.light && !CHAIN.every((name) => weights[name])) {
-    throw new AnyProbeError("invalid-option", `weights: expected ${LIGHT_GRAPHS}; got ${said}`);
+    throw new AnyProbeError("invalid-option", `expected ${LIGHT_GRAPHS}; got ${said}`, { subject: ["weights"] });
   }
   return Object.fromEntries(Object.entries(weights).map(([name, graph]) => [name, graphOf(name, graph)]));
 }

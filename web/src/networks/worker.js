@@ -6,11 +6,11 @@
  * light is done.
  */
 
-import { AnyProbeError, sentError } from "../errors.js";
+import { sentError } from "../errors.js";
 import { describe } from "../light/light.js";
 import { shadeSpheres } from "../light/spheres.js";
 import { cropNormals, cropObject } from "../photo/crop.js";
-import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
+import { checkObject } from "../photo/maskCheck.js";
 import { FrameLight } from "../live/frameLight.js";
 import { Newest } from "../live/newest.js";
 import { lightOfObject } from "./lightOfObject.js";
@@ -103,15 +103,6 @@ function memoryOf({ radiance, confidence, prefiltered }) {
 function letGo(frame) {
   if (frame.bytes) self.postMessage({ spare: frame.bytes.buffer }, [frame.bytes.buffer]);
   else frame.close();
-}
-
-function checkObject(mask, width) {
-  const box = objectBox(mask, width);
-  if (box === null) throw new AnyProbeError("no-object", "No object is marked. Click on it.");
-  const across = Math.max(box[2] - box[0], box[3] - box[1]);
-  if (across < MIN_OBJECT_PX) {
-    throw new AnyProbeError("no-object", `The object is ${across} pixels across; ${MIN_OBJECT_PX} are needed. Go closer.`);
-  }
 }
 
 /** Requests that are worked on, and whether each has been given up. */

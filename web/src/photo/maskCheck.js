@@ -1,12 +1,24 @@
 /** What is odd about a mask that was given, as anyprobe.masks.check. */
 
 import { CONTRACT } from "../core/contract.js";
+import { AnyProbeError } from "../errors.js";
 import { give, notice } from "../notices.js";
-import { objectBox } from "./picture.js";
+import { MIN_OBJECT_PX, objectBox } from "./picture.js";
 
 const { full: FULL, mostly: MOSTLY, grey: GREY, grey_share: GREY_SHARE, few_px: FEW_PX, alpha_most: ALPHA_MOST } = CONTRACT.mask.given;
 
 const percent = (share) => `${(100 * share).toFixed(0)}%`;
+
+/** Refuse a mask without an object, or with one that is too small. @param {string[]} [subject] the option that gave it */
+export function checkObject(mask, width, subject = []) {
+  const box = objectBox(mask, width);
+  const remedy = subject.length ? [] : give("click", "box");
+  if (box === null) throw new AnyProbeError("no-object", "expected an object, got a mask that marks none", { subject, remedy });
+  const across = Math.max(box[2] - box[0], box[3] - box[1]);
+  if (across < MIN_OBJECT_PX) {
+    throw new AnyProbeError("no-object", `expected an object of ${MIN_OBJECT_PX} pixels across or more, got ${across}; go closer`, { subject });
+  }
+}
 
 /**
  * The mask, and a line for whatever is odd about it. A segmenter's overlay, which is translucent on the object too, is brought

@@ -17,27 +17,29 @@ export const MATERIALS = { ...CONTRACT.materials.named, ...CONTRACT.materials.me
 export function givenMaterial(given) {
   const { name = MATTE, albedo, roughness } = typeof given === "string" ? { name: given } : checkParts(given);
   if (!Object.hasOwn(MATERIALS, name)) {
-    throw new Error(`material: expected one of ${Object.keys(MATERIALS).join(", ")}, got ${shown(name)}`);
+    throw refused("material", `expected one of ${Object.keys(MATERIALS).join(", ")}, got ${shown(name)}`);
   }
   const material = { ...MATERIALS[name] };
   if (roughness !== undefined) {
     if (!(roughness >= LEAST_ROUGHNESS && roughness <= 1)) {
-      throw new Error(`roughness: expected a number from ${LEAST_ROUGHNESS} to 1, got ${roughness}; 0.1 is polished, 1 is matte`);
+      throw refused("material.roughness", `expected a number from ${LEAST_ROUGHNESS} to 1, got ${roughness}; 0.1 is polished, 1 is matte`);
     }
     material.alpha = roughness ** 2;
   }
   if (albedo !== undefined) {
     const values = typeof albedo === "number" ? [albedo, albedo, albedo] : Array.from(albedo ?? []);
     if (values.length !== 3 || !values.every((value) => value > 0 && value <= 1)) {
-      throw new Error(`albedo: expected one number or three above 0 and up to 1, got ${albedo}; a grey card has 0.18`);
+      throw refused("material.albedo", `expected one number or three above 0 and up to 1, got ${albedo}; a grey card has 0.18`);
     }
     if (material.albedo.every((value) => value === 0)) {
-      throw new Error(`albedo: expected a material that has one, got the metal ${name}; leave one of them out`);
+      throw refused("material.albedo", `expected a material that has one, got the metal ${name}; leave one of them out`);
     }
     material.albedo = values;
   }
   return material;
 }
+
+const refused = (subject, text) => new AnyProbeError("invalid-option", text, { subject: [subject] });
 
 const PARTS = ["name", "albedo", "roughness"];
 
@@ -45,16 +47,12 @@ function checkParts(given) {
   const isObject = given !== null && typeof given === "object" && !Array.isArray(given);
   const names = isObject ? Object.keys(given).filter((name) => given[name] !== undefined) : [];
   if (names.length && names.every((name) => PARTS.includes(name))) return given;
-  throw new Error(`material: expected a name, or an object of ${PARTS.join(", ")}, got ${shown(given)}`);
+  throw refused("material", `expected a name, or an object of ${PARTS.join(", ")}, got ${shown(given)}`);
 }
 
 /** A given material as the network takes it; undefined where none is given. */
 export function describe(material) {
-  try {
-    return material === undefined ? undefined : materialInput(givenMaterial(material));
-  } catch (error) {
-    throw new AnyProbeError("invalid-option", error.message);
-  }
+  return material === undefined ? undefined : materialInput(givenMaterial(material));
 }
 
 /** What the network is given of a material, [8]: 1, sqrt(alpha), ln of the total reflectance and f0, each RGB. */

@@ -56,7 +56,7 @@ const MASKS = `a Float32Array of the picture's pixels, { data, width, height } o
 
 /** What can be drawn: fetched and decoded where it is an address or a file, waited for where it is on its way. */
 async function open(source, name, expected, signal) {
-  const invalid = (expected, why) => new AnyProbeError("invalid-image", `${name}: expected ${expected}, got ${why}`);
+  const invalid = (expected, why) => new AnyProbeError("invalid-image", `expected ${expected}, got ${why}`, { subject: [name] });
   if (typeof source === "string" || isOf(source, "URL")) return decode(await fetchBlob(String(source), name, signal), name);
   if (isOf(source, "Blob")) return decode(source, name);
   if (isOf(source, "HTMLImageElement")) {
@@ -84,7 +84,7 @@ async function fetchBlob(url, name, signal) {
     return await answer.blob();
   } catch (error) {
     if (signal?.aborted) throw signal.reason;
-    throw new AnyProbeError("fetch-failed", `${name}: ${url} could not be fetched (${error.message})`);
+    throw new AnyProbeError("fetch-failed", `${url} could not be fetched (${error.message})`, { subject: [name] });
   }
 }
 
@@ -97,7 +97,7 @@ async function decode(blob, name) {
     ours.add(bitmap);
     return bitmap;
   } catch {
-    throw new AnyProbeError("invalid-image", `${name}: expected a file that the browser can show, got ${blob.type || "an unknown type"} of ${blob.size} bytes`);
+    throw new AnyProbeError("invalid-image", `expected a file that the browser can show, got ${blob.type || "an unknown type"} of ${blob.size} bytes`, { subject: [name] });
   }
 }
 
@@ -105,13 +105,13 @@ function checkPixels({ width, height, rgba }) {
   if (Number.isInteger(width) && Number.isInteger(height) && rgba.length === 4 * width * height && width * height > 0) {
     return { width, height, rgba };
   }
-  throw new AnyProbeError("invalid-image", `image: expected 4 bytes a pixel of ${width} x ${height}, got ${rgba.length}`);
+  throw new AnyProbeError("invalid-image", `expected 4 bytes a pixel of ${width} x ${height}, got ${rgba.length}`, { subject: ["image"] });
 }
 
 function checkTexture(source) {
   const { gl, width, height } = source;
   if (gl && [width, height].every((side) => Number.isInteger(side) && side > 0)) return source;
-  throw new AnyProbeError("invalid-image", `image: expected { gl, texture, width, height } of a texture, got ${width} x ${height} pixels and ${gl ? "a" : "no"} gl`);
+  throw new AnyProbeError("invalid-image", `expected { gl, texture, width, height } of a texture, got ${width} x ${height} pixels and ${gl ? "a" : "no"} gl`, { subject: ["image"] });
 }
 
 function sizeOf(source) {
@@ -150,7 +150,7 @@ function readTexture({ gl, texture, width, height }) {
   gl.bindFramebuffer(gl.READ_FRAMEBUFFER, before);
   gl.deleteFramebuffer(framebuffer);
   restore();
-  if (!isComplete) throw new AnyProbeError("invalid-image", "image: expected a texture with pixels of a colour, got one that cannot be read");
+  if (!isComplete) throw new AnyProbeError("invalid-image", "expected a texture with pixels of a colour, got one that cannot be read", { subject: ["image"] });
   const rgba = new Uint8ClampedArray(pixels.length);
   for (let row = 0; row < height; row++) {
     rgba.set(pixels.subarray(4 * (height - 1 - row) * width, 4 * (height - row) * width), 4 * row * width);
@@ -206,7 +206,7 @@ export async function readMask(mask, picture, signal) {
 
 function checkAspect(mask, { width, height }) {
   if (Math.abs((mask.width * height) / (mask.height * width) - 1) <= MOST_UNEVEN) return;
-  throw new AnyProbeError("invalid-option", `mask: expected the picture's aspect, ${width} x ${height}, got ${mask.width} x ${mask.height}`);
+  throw new AnyProbeError("invalid-option", `expected the picture's aspect, ${width} x ${height}, got ${mask.width} x ${mask.height}`, { subject: ["mask"] });
 }
 
 /** The outer tenths of the range are flattened, as anyprobe.masks.sources does: the noise of JPEG around black and white. */
@@ -223,7 +223,7 @@ function brightness(rgba) {
 
 /** Normals of a picture's own size or of its size in memory, three numbers a pixel. */
 export function readNormals(normals, picture) {
-  if (!(normals instanceof Float32Array)) throw new AnyProbeError("invalid-option", "normals: expected a Float32Array of three numbers a pixel");
+  if (!(normals instanceof Float32Array)) throw new AnyProbeError("invalid-option", "expected a Float32Array of three numbers a pixel", { subject: ["normals"] });
   return checkNormals(fit(normals, "normals", 3, picture));
 }
 
@@ -242,7 +242,7 @@ function checkNormals(normals) {
     if (z > 0) facing++;
     if (x < 0 || y < 0 || z < 0) isPicture = false;
   }
-  const refuse = (expected, got) => new AnyProbeError("invalid-option", `normals: expected ${expected}, got ${got}`);
+  const refuse = (expected, got) => new AnyProbeError("invalid-option", `expected ${expected}, got ${got}`, { subject: ["normals"] });
   if (known === 0) throw refuse("unit vectors where the object is", "none");
   if (unit < UNIT_SHARE * known && isPicture) throw refuse("unit vectors", "values of a picture, (n + 1) / 2; give 2 * value - 1, of bytes value / 127.5 - 1");
   if (facing < FACING * known) throw refuse("normals towards the camera (+X right, +Y up, +Z to it)", "most that look away; flip Y and Z if they are OpenCV's");
@@ -251,7 +251,7 @@ function checkNormals(normals) {
 
 function checkShares(mask) {
   for (const value of mask) {
-    if (!(value >= 0 && value <= 1)) throw new AnyProbeError("invalid-option", `mask: expected numbers from 0 to 1, got ${value}`);
+    if (!(value >= 0 && value <= 1)) throw new AnyProbeError("invalid-option", `expected numbers from 0 to 1, got ${value}`, { subject: ["mask"] });
   }
   return mask;
 }
@@ -261,5 +261,5 @@ function fit(values, name, channels, { width, height, fullWidth, fullHeight }) {
   if (values.length === channels * width * height) return values;
   if (values.length === channels * fullWidth * fullHeight) return resize(values, channels, [fullWidth, fullHeight], [width, height]);
   const each = channels === 1 ? "" : ` x ${channels}`;
-  throw new AnyProbeError("invalid-option", `${name}: expected ${fullWidth} x ${fullHeight}${each} numbers, got ${values.length}`);
+  throw new AnyProbeError("invalid-option", `expected ${fullWidth} x ${fullHeight}${each} numbers, got ${values.length}`, { subject: [name] });
 }

@@ -38,7 +38,7 @@ export class PhotoGround extends Group {
     super();
     const { data, width, height } = light.mask ?? {};
     const box = data && objectBox(data, width);
-    if (!box) throw new AnyProbeError("invalid-option", "light: expected one with the mask of its object, got none; take it from probe.estimate");
+    if (!box) throw new AnyProbeError("invalid-option", "expected one with the mask of its object, got none; take it from probe.estimate", { subject: ["light"] });
     const focal = height / 2 / Math.tan((camera.fov * Math.PI) / 360);
     const contact = contactOf(data, width, box);
     this.#view = { width, height, focal };
@@ -86,7 +86,7 @@ export class PhotoGround extends Group {
     const place = this.at(pixel);
     if (!place) {
       const { width, height } = this.#view;
-      throw new AnyProbeError("invalid-option", `pixel: expected one of ${width} x ${height} that shows the ground, got ${pixel}, which is above it; choose a lower one`);
+      throw new AnyProbeError("invalid-option", `expected one of ${width} x ${height} that shows the ground, got ${pixel}, which is above it; choose a lower one`, { subject: ["pixel"] });
     }
     object.position.set(0, 0, 0);
     object.removeFromParent();
