@@ -74,11 +74,11 @@ def test_advice_is_for_python(tmp_path):
     assert said.endswith("give a click, a box or a mask picture (by Mark Object)")
     sys.path.insert(0, str(WORKER.parent))
     try:
-        from worker import in_the_panel
+        from worker import panel_words
     finally:
         sys.path.pop(0)
-    assert "pip" not in in_the_panel(SmallNetwork.warning)
-    assert in_the_panel("the object is white") == "the object is white"
+    assert "pip" not in panel_words().line(SmallNetwork.warning)
+    assert panel_words().line("the object is white") == "the object is white"
 
 
 def test_turned_pictures_lose_their_transparency_or_are_damaged(tmp_path):

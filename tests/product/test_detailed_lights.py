@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from support.places import place
+from support.refused import refused
 from support.scenes import sphere_photo
 
 import anyprobe
@@ -68,7 +69,7 @@ def test_an_estimator_gives_detail_where_it_is_asked_for(folder):
     assert fine.info["seconds"]["detail"] > 0
     np.testing.assert_allclose(fine.sh9(), plain.sh9(), atol=5e-3 * np.abs(plain.sh9()).max())
     assert response(fine.radiance).std() != response(plain.radiance).std()
-    with pytest.raises(InputError, match="detail: expected one of none, plausible, got 'sharp'"):
+    with refused("detail"):
         anyprobe.Estimator(detail="sharp")
 
 
@@ -114,7 +115,7 @@ def test_networks_are_opened_anew_for_another_engine_or_other_threads(monkeypatc
     picture = sphere_photo()
     for settings in ({"threads": 1}, {"threads": 1, "emitters": "expected"}, {"threads": 2}, {"threads": 1}):
         anyprobe.estimate(picture, **settings)
-    with pytest.raises(anyprobe.InputError, match="engine: expected one of .* got 'onyx'"):
+    with refused("engine"):
         anyprobe.estimate(picture, threads=1, engine="onyx")
     estimator._shared.cache_clear()
     assert [given[:3] for given in opened] == [
@@ -126,7 +127,7 @@ def test_networks_are_opened_anew_for_another_engine_or_other_threads(monkeypatc
 
 def test_a_size_that_no_map_has_is_refused_without_detail_too():
     for make in (anyprobe.Estimator, lambda size: anyprobe.estimate(sphere_photo(), size=size)):
-        with pytest.raises(anyprobe.InputError, match="size: expected one of 64, 128, 256, 512 rows, got 100"):
+        with refused("size"):
             make(size=100)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import typer
 from PIL import Image
+from support.refused import refused
 
 import anyprobe
 from anyprobe.cli.app import app
@@ -254,5 +255,5 @@ def test_keywords_of_python_say_what_they_want():
     with pytest.raises(InputError, match="expected a number, got str '50'$") as error:
         Hints(fov_deg="50")
     assert error.value.subject == ("fov_deg",)
-    with pytest.raises(InputError, match="^threads: expected 1 or more, got -1"):
+    with refused("threads"):
         anyprobe.Estimator(threads=-1)

@@ -8,6 +8,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
+from support.refused import refused
 
 from anyprobe.errors import InvalidMask, ModelError
 from anyprobe.estimate.outputs import EDGE, draw_overlay
@@ -444,5 +445,5 @@ def test_mask_command_complains_in_one_line(tmp_path, monkeypatch, command, opti
 def test_numbers_that_are_no_mask_are_one_line(scale, kind):
     values = np.zeros((8, 8), kind)
     values[2:6, 2:6] = scale
-    with pytest.raises(InvalidMask, match="^mask: expected bool, 0 and 1, uint8, uint16 or floats from 0 to 1, got"):
+    with refused("mask"):
         mask_from_file(values, (8, 8))

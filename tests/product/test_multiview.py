@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from support.refused import refused
 from support.scenes import made_map
 
 import anyprobe
@@ -127,7 +128,7 @@ def test_exposures_that_photos_tell_are_made_one():
 
 def test_lights_without_poses_are_refused():
     for lights, poses in (([], []), ([Light(radiance=flat(1.0))], [])):
-        with pytest.raises(InputError, match="poses: expected one a light"):
+        with refused("poses"):
             fuse_lights(lights, poses)
     with pytest.raises(InputError, match="expected rotations .3, 3., got another matrix for photo 2"):
         fuse_lights([Light(radiance=flat(1.0))] * 2, [np.eye(3), 2 * np.eye(3)])
@@ -315,7 +316,7 @@ def test_poses_that_do_not_fit_write_nothing(command, work, photo_path, poses):
 
 
 def test_paths_are_to_be_loaded_first(photo_path, estimator):
-    with pytest.raises(InputError, match="^photos: expected what load_photo returns, got str; load each first$"):
+    with refused("photos"):
         estimator.multiview([str(photo_path)], [np.eye(3)])
 
 

@@ -13,9 +13,10 @@ from support.depth_files import (
     heic_with_depth,
     turned,
 )
+from support.refused import refused
 
 from anyprobe import load_photo
-from anyprobe.errors import InputError, InvalidMask
+from anyprobe.errors import InvalidMask
 from anyprobe.masks.depth import read_depth
 from anyprobe.pictures.images import read_image
 from anyprobe.pictures.photo_depth import MOST_PIXELS
@@ -139,7 +140,7 @@ def test_a_photo_without_depth_is_told():
 
 
 def test_a_clip_carries_none():
-    with pytest.raises(InputError, match="^depth: expected a folder with one file for each frame, got photo"):
+    with refused("depth"):
         MaskFollower({}, {}, {"depth": "photo"})
 
 
@@ -204,7 +205,7 @@ def test_a_depth_map_too_large_is_not_decoded(name, monkeypatch):
 
 def test_depth_of_another_view_is_refused():
     data = gdepth_jpeg(PICTURE, LEVELS[:, :64], Format="RangeLinear", **RANGE)
-    with pytest.raises(InvalidMask, match="depth: expected the photo's view"):
+    with refused("depth"):
         load_photo(data, depth="photo", near=0.6)
 
 
@@ -215,5 +216,5 @@ def test_a_depth_image_may_come_as_bytes(tmp_path):
     millimetres = np.round(1000 * LINEAR).astype(np.uint16)
     np.testing.assert_array_equal(read_depth(depth_files.png(millimetres)), millimetres)
     for data in (b"", b"no depth", b"\x93NUMPY\1\0"):
-        with pytest.raises(InvalidMask, match="^depth: expected a depth image"):
+        with refused("depth"):
             read_depth(data)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.refused import refused
 
 import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_z
@@ -14,7 +15,6 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, p
 from anyprobe.core.response import inverse_response, response
 from anyprobe.detail.place_picture import compose
 from anyprobe.detail.quilt import continue_right, join_of, strewn
-from anyprobe.errors import InputError
 from anyprobe.estimate.ground import Ground, up_of
 from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.sidecar import Origin
@@ -134,9 +134,9 @@ def test_the_frame_of_a_panorama_and_of_exports(tmp_path, monkeypatch):
     assert not camera.is_level
     np.testing.assert_allclose(camera.frame_from_camera, np.eye(3))
     np.testing.assert_allclose(level.frame_from_camera @ up_of(30.0), [0, 1, 0], atol=1e-12)
-    with pytest.raises(InputError, match="frame: expected level or camera"):
+    with refused("frame"):
         light.panorama(64, frame="world")
-    with pytest.raises(InputError, match="size: expected one of"):
+    with refused("size"):
         light.panorama(100)
     exported = {f: light.export("blender", tmp_path / f, frame=f) for f in ("level", "camera")}
     said = [json.loads(next(p for p in paths if p.suffix == ".json").read_text()) for paths in exported.values()]

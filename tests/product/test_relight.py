@@ -11,12 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from support.refused import refused
 from support.scenes import made_map, sphere_photo
 
 import anyprobe
 from anyprobe.cli.relight import progress
 from anyprobe.core.response import response
-from anyprobe.errors import InputError, InvalidMesh
+from anyprobe.errors import InputError
 from anyprobe.estimate.ground import USUAL_ERROR_DEG, contact_of
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.objects import OBJECTS, open_object
@@ -490,7 +491,7 @@ def test_mesh_that_lies_flat_is_refused(command, work, photo_path, photo, height
     (work / "card.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 1 {height} 1\nv 0 0 1\nf 1 3 2\nf 1 4 3\n")
     said = command("relight", photo_path, "--insert", "card.obj", "--renderer", "own").complaint
     assert "--insert: expected a mesh with a height, got one that lies flat; turn it so that +Y is up" in said
-    with pytest.raises(InvalidMesh, match="^mesh: expected a mesh with a height"):
+    with refused("mesh", code="invalid-mesh"):
         Stage(photo, open_object("card.obj"))
     (work / "card.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n")
     assert Stage(photo, open_object("card.obj")).placement.share == 1  # upright

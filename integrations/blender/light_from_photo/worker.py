@@ -22,7 +22,7 @@ def main(folder: Path) -> None:
     try:
         found = {"estimate": estimate, "upright": upright, "materials": materials}[order["do"]](order, folder)
     except AnyprobeError as error:
-        found = {"error": in_the_panel(error.notice)}
+        found = {"error": panel_words().line(error.notice)}
     except MemoryError:
         found = {"error": "Not enough memory for this photo; make it smaller"}
     answer(folder, found)
@@ -131,7 +131,7 @@ def estimate(order: dict, folder: Path) -> dict:
         "matte": "matte.png",
         "mask_source": photo.mask_source,
         "mask_confidence": photo.mask_confidence,
-        "warnings": [in_the_panel(line) for line in warnings],
+        "warnings": [panel_words().line(line) for line in warnings],
     }
 
 
@@ -150,8 +150,8 @@ MARKED = ("click", "exclude", "box")
 """Arguments that Mark Object sets."""
 
 
-def in_the_panel(notice) -> str:
-    """Return a notice of the library as one line that names what the panel has."""
+def panel_words():
+    """Return the words in which the panel says a notice of the library: its own inputs."""
     from anyprobe.notices import Notice, Words
 
     class PanelWords(Words):
@@ -166,9 +166,14 @@ def in_the_panel(notice) -> str:
         def action(self, name: str) -> str:
             return "look at Object of this photo among the images"
 
-    line = PanelWords().line(notice)
-    marked = isinstance(notice, Notice) and any(one.do == "give" and one.name in MARKED for one in notice.remedy)
-    return f"{line} (by Mark Object)" if marked else line
+        def line(self, notice: str) -> str:
+            line = super().line(notice)
+            marked = isinstance(notice, Notice) and any(
+                one.do == "give" and one.name in MARKED for one in notice.remedy
+            )
+            return f"{line} (by Mark Object)" if marked else line
+
+    return PanelWords()
 
 
 BALL_PX = 128

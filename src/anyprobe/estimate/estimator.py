@@ -13,16 +13,16 @@ import numpy as np
 
 from anyprobe.detail.plausible import DETAILS, ROWS
 from anyprobe.errors import InputError
-from anyprobe.estimate.doubts import ground_doubts, light_doubts
 from anyprobe.estimate.known import KnownNormals
 from anyprobe.estimate.mirror_ball import CHROME, is_mirror_ball, said_of_ball
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
 from anyprobe.estimate.normals_hint import normals_from_outline
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
 from anyprobe.estimate.refine import (
-    ENOUGH_EXPOSED,
+    Prediction,
     camera_map,
     check_use,
+    map_doubts,
     object_info,
     predict,
     shown_of,
@@ -283,15 +283,12 @@ class Estimator:
             "networks": round(estimated - loaded, 4),
             "rotate": round(time.perf_counter() - estimated, 4),
         }
-        outputs, ground = found.outputs, found.ground
-        doubts = ground_doubts(ground, photo.name)
-        if exposed >= ENOUGH_EXPOSED:  # otherwise photo.warnings say so
-            doubts += light_doubts(radiance, ground, photo.pitch_deg, photo.name)
+        outputs = found.outputs
         return Light(
             radiance=radiance,
             confidence=confidence,
             well_exposed_fraction=exposed,
-            warnings=photo.warnings + doubts,
+            warnings=photo.warnings + map_doubts(photo, radiance, found.ground, exposed),
             stages={
                 "photo": crop.image,
                 "irradiance": outputs.irradiance,
@@ -300,26 +297,27 @@ class Estimator:
             },
             camera_from_crop=crop.camera_from_crop,
             find_shown=None if outputs.normals is None else partial(shown_of, crop, outputs.normals),
-            origin=Origin(
-                photo=photo.name,
-                model=self.model_id,
-                emitters=self.settings.emitters,
-                exposure=None if photo.exposure is None else float(f"{photo.exposure:.6g}"),
-                long_fov_deg=round(float(photo.long_fov_deg), 3),
-                fov_source=photo.fov_source,
-                pitch_deg=None if photo.pitch_deg is None else round(float(photo.pitch_deg), 3),
-                ground=ground,
-                mask={"source": photo.mask_source, "confidence": _rounded(photo.mask_confidence)},
-                hints=dict(found.used),
-                crop={"center_px": list(crop.center_px), "side_px": crop.side_px},
-                seconds=seconds,
-                **object_info(outputs.posterior),
-            ),
+            origin=self._origin(photo, crop, found, seconds),
         )
 
-
-def _rounded(confidence: float | None) -> float | None:
-    return confidence and round(confidence, 4)
+    def _origin(self, photo: Photo, crop: Crop, found: Prediction, seconds: dict[str, float]) -> Origin:
+        """Say what a light is from, and by which model and settings."""
+        confidence = photo.mask_confidence
+        return Origin(
+            photo=photo.name,
+            model=self.model_id,
+            emitters=self.settings.emitters,
+            exposure=None if photo.exposure is None else float(f"{photo.exposure:.6g}"),
+            long_fov_deg=round(float(photo.long_fov_deg), 3),
+            fov_source=photo.fov_source,
+            pitch_deg=None if photo.pitch_deg is None else round(float(photo.pitch_deg), 3),
+            ground=found.ground,
+            mask={"source": photo.mask_source, "confidence": confidence and round(confidence, 4)},
+            hints=dict(found.used),
+            crop={"center_px": list(crop.center_px), "side_px": crop.side_px},
+            seconds=seconds,
+            **object_info(found.outputs.posterior),
+        )
 
 
 @lru_cache(maxsize=2)

@@ -12,6 +12,7 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
 from anyprobe.errors import InputError
+from anyprobe.estimate.doubts import ground_doubts, light_doubts
 from anyprobe.estimate.ground import Ground, ground_by_posture
 from anyprobe.estimate.known import FROM_DEPTH, PhotoBackground
 from anyprobe.estimate.material_hint import use_material
@@ -21,7 +22,7 @@ from anyprobe.estimate.surroundings import radiance_of, use_surroundings
 from anyprobe.light.environment import integral, rotate
 from anyprobe.match.background import background_of
 from anyprobe.match.likeness import MATCH_ROWS, Shown, shown_by
-from anyprobe.notices import leave_out
+from anyprobe.notices import Notice, leave_out
 from anyprobe.scatter.materials import Material
 
 BLACK, WHITE, ENOUGH_EXPOSED = (contract("exposure")[name] for name in ("black", "white", "enough"))
@@ -121,6 +122,17 @@ def well_exposed_fraction(image: np.ndarray) -> float:
         return 0.0
     display = luminance(object_pixels[:, :3] / object_pixels[:, 3:])
     return float(((display > BLACK) & (display < WHITE)).mean())
+
+
+def map_doubts(photo: Photo, radiance: np.ndarray, ground: Ground | None, exposed: float) -> tuple[Notice, ...]:
+    """Return doubts about the ground, and about a map [H, 2H, 3] unless the photo's own warnings say that it is dark.
+
+    exposed: share of the object's pixels that are well exposed.
+    """
+    doubts = ground_doubts(ground, photo.name)
+    if exposed >= ENOUGH_EXPOSED:
+        doubts += light_doubts(radiance, ground, photo.pitch_deg, photo.name)
+    return doubts
 
 
 def object_info(posterior: Mapping[str, float] | None) -> dict[str, Any]:
