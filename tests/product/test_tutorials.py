@@ -16,7 +16,15 @@ TUTORIALS = ROOT / "docs" / "tutorials"
 EXTENSION = ROOT / "integrations" / "blender" / "light_from_photo"
 SHELL = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
 FILE = re.compile(r"^Save as `([^`]+)`:\n\n```\w+\n(.*?)^```", re.MULTILINE | re.DOTALL)
-NOT_RUN = ("git clone", "cd anyprobe", "python3 -m venv", ". .venv", "pip install", "npm install", "python3 -m http.server")
+NOT_RUN = (
+    "git clone",
+    "cd anyprobe",
+    "python3 -m venv",
+    ". .venv",
+    "pip install",
+    "npm install",
+    "python3 -m http.server",
+)
 """Steps that install, download or serve."""
 BLENDERS_OWN = {"Open", "Add > Mesh > Monkey", "Image > Save As", "Cycles", "Metallic", "Roughness", "New"}
 """Labels of Blender itself, as are those that begin with a menu."""

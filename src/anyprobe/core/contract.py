@@ -10,6 +10,6 @@ from typing import Any
 
 @lru_cache
 def contract(section: str) -> dict[str, Any]:
-    """A section of contract.json, by its name; not to be changed."""
+    """Return a section of contract.json, by its name; not to be changed."""
     text = (resources.files("anyprobe") / "contract.json").read_text(encoding="utf-8")
     return json.loads(text)[section]

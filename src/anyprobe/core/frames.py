@@ -21,7 +21,7 @@ def dot(a, b):
 
 
 def normalize(v):
-    """Unit vector along v; the floor keeps a zero vector from giving NaN."""
+    """Return the unit vector along v; the floor keeps a zero vector from giving NaN."""
     xp = array_namespace(v)
     return v / xp.sqrt(xp.clip(dot(v, v), 1e-20, None))
 
@@ -84,7 +84,7 @@ def rotation_of(numbers) -> Float[np.ndarray, "3 3"]:
 
 
 def turn_towards(direction: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
-    """The shortest rotation that carries -Z to the unit vector direction, [3, 3].
+    """Return the shortest rotation that carries -Z to the unit vector direction, [3, 3].
 
     This is how a camera is turned from the optical axis towards an object away
     from the picture's centre, with no roll of its own (Rodrigues' formula).

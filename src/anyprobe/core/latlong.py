@@ -19,7 +19,7 @@ KEPT_ROWS = 512
 
 
 def direction_to_uv(d):
-    """Unit directions [..., 3] to map coordinates [..., 2], u in [0, 1], v in [0, 1]."""
+    """Convert unit directions [..., 3] to map coordinates [..., 2], u in [0, 1], v in [0, 1]."""
     xp = array_namespace(d)
     u = 0.5 + xp.atan2(d[..., 0], -d[..., 2]) / (2.0 * np.pi)
     v = xp.acos(xp.clip(d[..., 1], -1.0, 1.0)) / np.pi
@@ -84,7 +84,7 @@ def bilinear(image, uv):
 
 
 def corners(column, row, width: int) -> list:
-    """The four places around fractional (column, row) in a flat picture of this width: pairs of indices (int32) and
+    """Return the four places around fractional (column, row) in a flat picture of this width: index pairs (int32) and
     shares. Columns and rows are of one shape, at least 0 and below the last."""
     xp = array_namespace(column)
     column0, row0 = xp.floor(column), xp.floor(row)

@@ -42,7 +42,7 @@ def inverse_response(display, curve: CameraCurve = MEAN_CURVE):
 
 
 def ln_inverse_response(display, curve: CameraCurve = MEAN_CURVE):
-    """The natural logarithm of inverse_response of display values > 0."""
+    """Return the natural logarithm of inverse_response of display values > 0."""
     xp = array_namespace(display)
     y = xp.clip(display, None, 1.0)
     return xp.log(curve.sigma * y / (1.0 + curve.sigma - y)) / curve.exponent

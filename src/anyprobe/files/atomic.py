@@ -169,7 +169,7 @@ def _is_left(scratch: Path) -> bool:
 
 
 def _machine() -> str:
-    """This machine's name, short."""
+    """Return this machine's name, short."""
     return f"{zlib.crc32(platform.node().encode()):08x}"
 
 

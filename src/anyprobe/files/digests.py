@@ -23,7 +23,7 @@ def digest_of(parts: Iterable[bytes]) -> str:
 
 
 def sampled_digest(path: Path) -> str:
-    """The same of a file's size and of BLOCKS parts of it: all of its bytes where it is small."""
+    """Return the same of a file's size and of BLOCKS parts of it: all of its bytes where it is small."""
     with open_regular(path, InputError) as stream:
         size = os.fstat(stream.fileno()).st_size
         parts = [str(size).encode()]

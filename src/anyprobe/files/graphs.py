@@ -16,7 +16,7 @@ MOST_THREADS = 2
 
 
 def open_graph(path: Path, threads: int | None = None) -> onnxruntime.InferenceSession:
-    """A session on the CPU, safe to share between threads.
+    """Open a session on the CPU, safe to share between threads.
 
     Its threads sleep as soon as they have nothing to do. Spinning, as is the default, they take their cores from
     what comes between two graphs: a whole call took up to 2.6 times as long.
@@ -52,7 +52,7 @@ def open_graph(path: Path, threads: int | None = None) -> onnxruntime.InferenceS
 
 
 def even_threads(threads: int) -> int:
-    """The largest power of two that is not above it, nor above MOST_THREADS."""
+    """Return the largest power of two that is not above it, nor above MOST_THREADS."""
     return 1 << (max(1, min(threads, MOST_THREADS)).bit_length() - 1)
 
 

@@ -33,7 +33,7 @@ _OBJ_RELATIVE = re.compile(rb"^f[^\n]*[\s/]-\d", re.MULTILINE)
 
 
 def read_mesh(path: str | Path) -> Mesh:
-    """A PLY, OBJ, GLB, STL or OFF file as one Mesh in the unit sphere.
+    """Read a PLY, OBJ, GLB, STL or OFF file as one Mesh in the unit sphere.
 
     Raises:
         InvalidMesh: the file is absent, damaged, cut, too large or holds no triangles to see.
@@ -130,7 +130,7 @@ def _read_parts(data: bytes, suffix: str, name: str) -> list[tuple[np.ndarray, n
 
 
 def _counted_from_one(data: bytes) -> bytes:
-    """An OBJ whose faces count back from the vertices before them, as -1, with numbers from the file's beginning:
+    """Return an OBJ whose faces count back from the vertices before them, as -1, with numbers from its beginning:
     trimesh counts back from its end."""
     counts, lines = {b"v": 0, b"vt": 0, b"vn": 0}, []
     for line in data.replace(b"\\\n", b" ").split(b"\n"):

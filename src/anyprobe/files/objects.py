@@ -59,7 +59,7 @@ def draw_under(
     fov_deg: float = 30.0,
     world_from_camera: np.ndarray | None = None,
 ) -> np.ndarray:
-    """A mesh lit by an environment map: [S, S, 4] linear radiance in the map's units, and coverage.
+    """Draw a mesh lit by an environment map: [S, S, 4] linear radiance in the map's units, and coverage.
 
     core.response makes display values of it.
 

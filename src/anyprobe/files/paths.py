@@ -56,7 +56,7 @@ def folds_case(folder: Path) -> bool:
 
 
 def natural_order(name: str) -> list[tuple[bool, int, str]]:
-    """A key to sort names by: frame_2 stands before frame_10."""
+    """Return a key to sort names by: frame_2 stands before frame_10."""
     return [
         (part.isdecimal(), int(part[:4000]) if part.isdecimal() else 0, part) for part in re.split(r"([0-9]+)", name)
     ]
@@ -74,7 +74,7 @@ def visible_files(folder: Path, suffixes: Iterable[str]) -> list[Path]:
 
 @contextmanager
 def open_regular(path: str | os.PathLike[str], fault: type[InputError], what: str = "a file") -> Iterator[BinaryIO]:
-    """A file to read that has an end: a pipe may never get one, a device has none.
+    """Return a file to read that has an end: a pipe may never get one, a device has none.
 
     what: it should be, for messages.
 
@@ -125,7 +125,7 @@ def read_rest(stream: BinaryIO) -> bytes:
 
 @contextmanager
 def utf8_path(path: str | os.PathLike[str]) -> Iterator[str]:
-    """The path itself, or one that leads to it where its bytes are no UTF-8; to read from and to write to.
+    """Return the path itself, or one that leads to it where its bytes are no UTF-8; to read from and to write to.
 
     The other is a symbolic link of the same suffix, in a folder of its own for as long as the block lasts.
 

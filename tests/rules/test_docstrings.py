@@ -1,0 +1,33 @@
+"""Docstrings begin as engineers write: none with a word that makes the reader look for the noun."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[2] / "src" / "anyprobe"
+RIDDLE = re.compile(r"(Of|What|None|So|From which)\b")
+
+
+def riddles(source: str) -> Iterator[str]:
+    """Yield the docstrings, of constants too, that begin with such a word."""
+    for node in ast.walk(ast.parse(source)):
+        for statement in getattr(node, "body", []) if not isinstance(node, ast.Lambda | ast.IfExp) else []:
+            value = statement.value if isinstance(statement, ast.Expr) else None
+            if isinstance(value, ast.Constant) and isinstance(value.value, str) and RIDDLE.match(value.value.strip()):
+                yield value.value
+
+
+def test_no_docstring_begins_with_a_riddle():
+    found = {path: list(riddles(path.read_text(encoding="utf-8"))) for path in PACKAGE.rglob("*.py")}
+    assert {str(path): lines for path, lines in found.items() if lines} == {}
+
+
+@pytest.mark.parametrize("begun", ["Of the photo.", "What it is.", "None where absent."])
+def test_a_riddle_is_found(begun):
+    source = f'X = 1\n"""{begun}"""\n\n\ndef f():\n    """Return it."""\n'
+    assert list(riddles(source)) == [begun]
