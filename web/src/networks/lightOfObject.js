@@ -44,7 +44,7 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
   const shown = isOpaque ? { picture, opaque: null } : withoutTransparent(picture);
   const seen = isShown && models.lifts ? seeSurroundings(shown.picture, longFovDeg, crop, shown.opaque) : null;
   if (isShown && models.lifts && !seen && !isAuto && isAlone === undefined) {
-    throw new AnyProbeError("invalid-option", "expected a picture that shows more than its object, found one colour behind it", { remedy: leaveOut("surroundings") });
+    throw new AnyProbeError("invalid-option", "expected a picture that shows more than its object, found one colour behind it", { subject: ["surroundings"], remedy: leaveOut("surroundings") });
   }
   const context = isShown && models.completes ? contextOf(shown.picture, crop.mask, crop, shown.opaque) : null;
   const up = isShown && pitchDeg !== undefined ? turnedBack(crop.cameraFromCrop, upOf(pitchDeg)) : null;
