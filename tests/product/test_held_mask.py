@@ -10,7 +10,18 @@ import pytest
 from anyprobe.video import following
 from anyprobe.video.clip import Frame
 from anyprobe.video.following import MaskFollower
-from anyprobe.video.held_mask import EVERY, EVERY_REFUSED, PATIENCE, follow, found_in, hold, lit_mask, mask_in, narrowed
+from anyprobe.video.held_mask import (
+    EVERY,
+    EVERY_REFUSED,
+    EVERY_SURE,
+    PATIENCE,
+    follow,
+    found_in,
+    hold,
+    lit_mask,
+    mask_in,
+    narrowed,
+)
 from anyprobe.video.registration import Motion
 
 SHAPE = (240, 320)
@@ -76,13 +87,21 @@ def test_a_mask_that_does_not_agree_counts_once_it_stays_so():
     assert asked == PATIENCE + 2
 
 
-def test_a_slow_network_looks_rarely_until_its_masks_do_not_agree():
+def test_the_longer_masks_agree_the_less_often_is_one_looked_for():
     rgb, inside = frame()
     held, looks = hold(rgb, inside), []
-    masks = iter([inside, np.roll(inside, 20, axis=1), inside])
-    for count in range(1, 6 * EVERY):
-        held = follow(held, rgb, found_in(held, rgb), lambda mask, at=count: looks.append(at) or next(masks), 2 * EVERY)
-    assert looks == [2 * EVERY, 4 * EVERY, 4 * EVERY + EVERY_REFUSED]
+    masks = iter([inside, inside, inside, np.roll(inside, 20, axis=1), inside])
+    for count in range(1, 13 * EVERY):
+        held = follow(held, rgb, found_in(held, rgb), lambda mask, at=count: looks.append(at) or next(masks))
+    assert looks == list(np.cumsum([EVERY, 2 * EVERY, EVERY_SURE, EVERY_SURE, EVERY_REFUSED]))
+
+
+def test_a_slow_network_looks_rarely_from_the_start():
+    rgb, inside = frame()
+    held, looks = hold(rgb, inside), []
+    for count in range(1, 9 * EVERY):
+        held = follow(held, rgb, found_in(held, rgb), lambda mask, at=count: looks.append(at) or inside, EVERY_SURE)
+    assert looks == [EVERY_SURE, 2 * EVERY_SURE]
 
 
 def test_masks_that_agree_are_averaged():

@@ -8,7 +8,7 @@ import { follow, foundIn, hold, litMask, maskIn, narrowed } from "../src/live/he
 import { innerPoint, ObjectFollower } from "../src/live/objectFollower.js";
 import { isSure } from "../src/live/registration.js";
 
-const { every: EVERY, every_refused: EVERY_REFUSED, patience: PATIENCE } = CONTRACT.held_mask;
+const { every: EVERY, every_sure: EVERY_SURE, every_refused: EVERY_REFUSED, patience: PATIENCE } = CONTRACT.held_mask;
 const [WIDTH, HEIGHT] = [300, 240];
 
 /** A textured ellipse before a bright wall, so far from the middle, and what it covers. */
@@ -65,6 +65,17 @@ test("a mask that does not agree counts when it stays so, and another object's n
   held = hold(picture, mask);
   for (let count = 0; count < 6 * EVERY; count++) held = await follow(held, picture, foundIn(held, picture), async () => huge);
   assert.ok(iou(maskIn(held), mask) > 0.99);
+});
+
+test("the longer masks agree, the less often is one looked for", async () => {
+  const { picture, mask } = frame();
+  const masks = [mask, mask, mask, shifted(mask, 20), mask];
+  let [held, looks] = [hold(picture, mask), []];
+  for (let count = 1; count < 13 * EVERY; count++) {
+    held = await follow(held, picture, foundIn(held, picture), async () => (looks.push(count), masks[looks.length - 1]));
+  }
+  const waits = [EVERY, 2 * EVERY, EVERY_SURE, EVERY_SURE, EVERY_REFUSED];
+  assert.deepEqual(looks, waits.map((_, i) => waits.slice(0, i + 1).reduce((a, b) => a + b)));
 });
 
 test("masks that agree are averaged", async () => {

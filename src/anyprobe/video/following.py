@@ -22,7 +22,7 @@ from anyprobe.masks.networks import U2NetP, shared_network
 from anyprobe.masks.search import MARGIN, Prompts, Window, choose, look
 from anyprobe.pictures.images import read_image
 from anyprobe.video.clip import Frame
-from anyprobe.video.held_mask import EVERY, MOST_CHANGE, Held, follow, found_in, hold, lit_mask, mask_in
+from anyprobe.video.held_mask import EVERY, EVERY_SURE, MOST_CHANGE, Held, follow, found_in, hold, lit_mask, mask_in
 
 GROWTH = 0.08
 """The box prompt is the last mask's, grown by this share on every side."""
@@ -32,9 +32,6 @@ ODD = 2
 
 DECIDED = 30
 """Frames in a row that differ from those before in whether they show more than the object, until that counts."""
-
-SLOW = 4
-"""Factor by which U2-Net-p looks less often at a followed object: one look takes as long as several frames."""
 
 COARSE_PX = 128
 """Longer side of the mask that the inner point is looked for in."""
@@ -185,7 +182,7 @@ class MaskFollower:
             found = found_in(held, rgb)
             if found is not None and found.is_sure:
                 self._before = None if held is self._before else self._before
-                every = SLOW * EVERY if isinstance(shared_network(), U2NetP) else EVERY
+                every = EVERY_SURE if isinstance(shared_network(), U2NetP) else EVERY
                 self.held = follow(held, rgb, found, lambda mask: _looked_for(rgb, _last_of(mask)), every)
                 return self.held
         mask = _looked_for(rgb, self.last)

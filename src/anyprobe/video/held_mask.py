@@ -6,11 +6,11 @@ The same in web/src/live/heldMask.js. Numbers in capitals are the contract's "he
 mask is the key's, moved. Where that is unsure the mask is looked for in the frame, which becomes the key; should the
 next frame be registered against the key before, the frame between was an odd one, and that key is the key again.
 
-**A mask found anew**, every EVERY frames, is moved back to the key. Where its IoU with the mask there is AGREES or
-more,
-the mask becomes the mean of it and what was found before, MOST finds at most. Where it is less, it counts for nothing
-unless PATIENCE finds in a row, EVERY_REFUSED frames apart, are as alike to each other: then the last becomes the mask.
-One of MOST_CHANGE times the mask's pixels, or so much fewer, is another object's and counts for nothing at all.
+**A mask found anew**, after EVERY frames, then at intervals that double with each find that agrees up to EVERY_SURE,
+is moved back to the key. Where its IoU with the mask there is AGREES or more, the mask becomes the mean of it and what
+was found before, MOST finds at most. Where it is less, it counts for nothing unless PATIENCE finds in a row,
+EVERY_REFUSED frames apart, are as alike to each other: then the last becomes the mask. One of MOST_CHANGE times the
+mask's pixels, or so much fewer, is another object's and counts for nothing at all.
 
 **The key is replaced** by a frame in which it is found but is less alike than FADED.
 
@@ -35,7 +35,8 @@ from anyprobe.masks.search import Window
 from anyprobe.video.registration import SEARCH_REACH, Key, Motion, Registered, begin_key, locate_key, luma
 
 NUMBERS = contract("held_mask")
-EVERY, EVERY_REFUSED, PATIENCE = NUMBERS["every"], NUMBERS["every_refused"], NUMBERS["patience"]
+EVERY, EVERY_SURE, EVERY_REFUSED = NUMBERS["every"], NUMBERS["every_sure"], NUMBERS["every_refused"]
+PATIENCE = NUMBERS["patience"]
 AGREES, MOST, FADED = NUMBERS["agrees"], NUMBERS["most"], NUMBERS["faded"]
 NARROW, NARROW_ERROR, NARROW_MOST = NUMBERS["narrow"], NUMBERS["narrow_error"], NUMBERS["narrow_most"]
 MOST_CHANGE: float = NUMBERS["most_change"]
@@ -101,8 +102,8 @@ def follow(
 ) -> Held:
     """After one more frame, in which the object was `found` for sure.
 
-    find: a mask [H, W] of the frame, given where the mask is now; None where there is none. every: frames between two,
-    while they agree.
+    find: a mask [H, W] of the frame, given where the mask is now; None where there is none. every: frames until the
+    first is looked for.
     """
     usual = float(np.median(held.unlike)) if held.unlike else 1.0 - found.alike
     held = replace(
@@ -113,7 +114,7 @@ def follow(
         unlike=(*held.unlike, 1.0 - found.alike)[-REMEMBERED:],
         looks_same=1.0 - found.alike <= TIMES * usual + MORE,
     )
-    if held.age >= (EVERY_REFUSED if held.refused else every):
+    if held.age >= (EVERY_REFUSED if held.refused else min(every * 2 ** (held.finds - 1), EVERY_SURE)):
         held = _looked(held, rgb, find(mask_in(held, rgb.shape)))
     if found.alike < FADED:
         newer = hold(rgb, mask_in(held, rgb.shape), held.finds)

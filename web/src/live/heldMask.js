@@ -12,7 +12,8 @@ import { objectBox } from "../photo/picture.js";
 import { around } from "../photo/search.js";
 import { STILL, beginKey, locateKey, lumaOf, matrixOf } from "./registration.js";
 
-const { every: EVERY, every_refused: EVERY_REFUSED, patience: PATIENCE, agrees: AGREES, most: MOST, ...NUMBERS } = CONTRACT.held_mask;
+const { every: EVERY, every_sure: EVERY_SURE, every_refused: EVERY_REFUSED, ...NUMBERS } = CONTRACT.held_mask;
+const { patience: PATIENCE, agrees: AGREES, most: MOST } = NUMBERS;
 const { most_change: MOST_CHANGE, faded: FADED, room: ROOM, remembered: REMEMBERED, other_light: OTHER_LIGHT } = NUMBERS;
 const { narrow: NARROW, narrow_error: NARROW_ERROR, narrow_most: NARROW_MOST } = NUMBERS;
 
@@ -63,7 +64,8 @@ export async function follow(before, picture, found, find) {
   const unlike = [...before.unlike, 1 - found.alike].slice(-REMEMBERED);
   const looksSame = 1 - found.alike <= OTHER_LIGHT.times * usual + OTHER_LIGHT.more;
   let held = { ...before, motion: found.motion, errorPx: found.errorPx, age: before.age + 1, unlike, looksSame };
-  if (find && held.age >= (held.refused ? EVERY_REFUSED : EVERY)) held = looked(held, picture, await find(maskIn(held)));
+  const every = held.refused ? EVERY_REFUSED : Math.min(EVERY * 2 ** (held.finds - 1), EVERY_SURE);
+  if (find && held.age >= every) held = looked(held, picture, await find(maskIn(held)));
   if (found.alike >= FADED) return held;
   const newer = hold(picture, maskIn(held), held.finds);
   const { errorPx, age, refused, other } = held;
