@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from anyprobe.masks.find import FoundMask
 from research.masks import __main__ as command
 from research.masks.cases import iou, make_case, photo_cases
 from research.masks.scoring import Row, figures, score, warned
@@ -27,6 +28,19 @@ def folder(tmp_path):
         Image.fromarray(inside).save(photos / f"{name}_mask.png")
     (photos / "manifest.csv").write_text('id,group,click,box\na,disc,"70,50","10,11,120,110"\nb,disc,,\n')
     return photos
+
+
+@pytest.fixture
+def red_is_found(monkeypatch):
+    """What is red is the object, without a network; by a box, its left half alone."""
+
+    def find(pixels, *, box=None, **_):
+        mask = (pixels.rgb[..., 0] > 0.6).astype(np.float32)
+        if box is not None:
+            mask[:, round((box[0] + box[2]) / 2) :] = 0
+        return FoundMask(mask=mask, source="network", confidence=0.9)
+
+    monkeypatch.setattr("research.masks.scoring.find_mask", find)
 
 
 def test_prompts_come_from_the_manifest_or_from_the_mask(folder):
@@ -56,7 +70,7 @@ def test_a_refused_photo_scores_nothing_and_counts_as_warned():
     assert refused.warning
 
 
-def test_the_command_writes_a_table_and_a_sheet(folder, tmp_path, capsys):
+def test_the_command_writes_a_table_and_a_sheet(folder, red_is_found, tmp_path, capsys):
     out = tmp_path / "out"
     options = {"data": None, "scenes": 1, "seed": 0, "segmenter": None}
     command.masks([folder], **options, before=None, out=out)
@@ -69,7 +83,7 @@ def test_the_command_writes_a_table_and_a_sheet(folder, tmp_path, capsys):
     assert f"({mean:.2f})" in capsys.readouterr().out
 
 
-def test_several_folders_are_summed_up_too(folder, tmp_path, capsys):
+def test_several_folders_are_summed_up_too(folder, red_is_found, tmp_path, capsys):
     shutil.copytree(folder, tmp_path / "more")
     options = {"data": None, "scenes": 1, "seed": 0, "segmenter": None, "before": None}
     command.masks([folder, tmp_path / "more"], **options, out=tmp_path / "out")

@@ -65,14 +65,14 @@ def test_materials_are_of_the_recipe_s_kind_and_half():
     for kind in range(4):
         value = []
         for brighter in (0, 4):
-            for seed in range(4):
+            for seed in range(2):
                 _, given = drawn(material=kind + brighter, seed=seed)
                 low, high = distributions.ALPHA[kind][[0, -1]]
                 assert low <= given.alpha <= high
                 assert np.any(given.albedo) == (kind > 0)
                 value.append(luminance(total_reflectance(given.albedo, given.f0)).mean())
-        assert max(value[:4]) < min(value[4:]) + 0.1
-        assert np.mean(value[:4]) < np.mean(value[4:])
+        assert max(value[:2]) < min(value[2:]) + 0.1
+        assert np.mean(value[:2]) < np.mean(value[2:])
 
 
 def test_only_painted_objects_are_textured_about_the_colour_that_is_given():
