@@ -172,6 +172,25 @@ def test_a_picture_goes_on_in_strips_without_a_jump():
     assert np.abs(np.diff(joined, axis=1)).max() < 0.25
 
 
+@pytest.mark.parametrize("width", [6, 9, 20, 27, 28])
+@pytest.mark.parametrize("height", [2, 5, 40])
+def test_a_narrow_picture_goes_on_too(height, width):
+    """As a telephoto's, or any photo's in a panorama of few rows."""
+    picture = np.random.default_rng(0).random((height, width, 3), np.float32)
+    found = continue_right(picture, np.zeros((height, width)), 60, seed=1)
+    assert found.shape == (height, join_of(width) + 60, 3)
+    assert np.isfinite(found).all()
+
+
+@pytest.mark.parametrize(("fov", "rows"), [(3.0, 512), (9.0, 512), (10.0, 64), (60.0, 64)])
+def test_a_telephoto_and_a_small_panorama_are_composed(fov, rows):
+    photo, mask = photo_of(place_map()), np.zeros((150, 200), np.float32)
+    mask[50:110, 80:120] = 1.0
+    made, _ = compose(place_map(), keep_plate(photo, mask, fov), np.eye(3), rows)
+    assert made.shape == (rows, 2 * rows, 3)
+    assert np.isfinite(made).all()
+
+
 def test_strewn_blocks_have_the_textures_contrast():
     texture = np.random.default_rng(0).normal(0, 0.3, (40, 50, 3)).astype(np.float32)
     found = strewn(texture, 12, 120, seed=0)

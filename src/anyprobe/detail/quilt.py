@@ -89,9 +89,10 @@ def smoothed(picture: np.ndarray, sigma: int) -> np.ndarray:
 
 def _place(picture: np.ndarray, tail: np.ndarray, used: np.ndarray, empty: np.ndarray, size: int) -> int:
     """First column of the strip of a picture [H, W, 3] that continues a tail [H, J, 3]."""
-    small, end = _shrunk(picture), _shrunk(tail)
-    first = np.arange((picture.shape[1] - size) // COARSE + 1) * COARSE
-    starts = np.minimum(first // COARSE, max(small.shape[1] - end.shape[1], 0))
+    step = COARSE if min(tail.shape[:2]) >= COARSE else 1  # a telephoto's tail is narrower
+    small, end = _shrunk(picture, step), _shrunk(tail, step)
+    first = np.arange((picture.shape[1] - size) // step + 1) * step
+    starts = np.minimum(first // step, max(small.shape[1] - end.shape[1], 0))
     squares = np.zeros(len(first))
     for column in range(min(end.shape[1], small.shape[1])):
         squares += ((small[:, starts + column] - end[:, column : column + 1]) ** 2).sum(axis=(0, 2))
@@ -137,10 +138,8 @@ def _along(values: np.ndarray, sigma: int) -> np.ndarray:
     return np.stack([np.convolve(one, weights / weights.sum(), mode="valid") for one in padded.T], axis=-1)
 
 
-def _shrunk(picture: np.ndarray) -> np.ndarray:
-    """Means over blocks of COARSE x COARSE pixels; the last ones are left out."""
-    height, width = (max(COARSE, side // COARSE * COARSE) for side in picture.shape[:2])
-    if min(picture.shape[:2]) < COARSE:
-        return picture
-    blocks = picture[:height, :width].reshape(height // COARSE, COARSE, width // COARSE, COARSE, -1)
+def _shrunk(picture: np.ndarray, step: int) -> np.ndarray:
+    """Means over blocks of step x step pixels; the last ones are left out."""
+    height, width = (side // step for side in picture.shape[:2])
+    blocks = picture[: height * step, : width * step].reshape(height, step, width, step, -1)
     return blocks.mean(axis=(1, 3))
