@@ -1,10 +1,10 @@
-"""Any object is a light probe: HDR surrounding light from one photo.
+"""HDR environment light from one photo of any object.
 
 >>> import anyprobe
 >>> light = anyprobe.estimate("photo.png")   # doctest: +SKIP
 >>> light.save("light.exr")                  # doctest: +SKIP
 
-Frame, everywhere: right-handed, +X right, +Y up, the camera looks along -Z.
+Frame throughout: right-handed, +X right, +Y up, the camera looks along -Z.
 """
 
 from anyprobe.errors import (
@@ -31,7 +31,7 @@ __version__ = "0.2.0"
 
 
 def __dir__() -> list[str]:
-    """Return the public names alone, for completion."""
+    """Return only the public names, for completion."""
     return [*__all__, "__version__"]
 
 

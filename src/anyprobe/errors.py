@@ -1,7 +1,7 @@
-"""Every error that anyprobe raises on purpose.
+"""All errors that anyprobe raises on purpose.
 
 AnyprobeError
-  + InputError (ValueError)         the caller can mend it
+  + InputError (ValueError)         the caller can fix it
       - InvalidPhoto                not an image, too large, NaN, ...
       - InvalidMask                 absent, empty, of another size, too small
       - InvalidEnvironment          a map that is not H x 2H, negative, NaN
@@ -10,7 +10,7 @@ AnyprobeError
   + ModelError                      weights absent, damaged or of another contract
   + MissingExtra (ImportError)      an optional package is not installed
 
-Each message is one line: what is wrong and what to do; of a value, what was expected and what came.
+Each message is one line: what is wrong and what to do; for a value, what was expected and what was given.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class AnyprobeError(Exception):
     """Root of the tree; the command line prints it as one line and exits with 2.
 
     Attributes:
-        notice: the same as data: code, subject, text, remedy, source.
+        notice: the error as data: code, subject, text, remedy, source.
     """
 
     default_code: ClassVar[str] = "failed"
@@ -41,14 +41,14 @@ class AnyprobeError(Exception):
         remedy: Iterable[Remedy] = (),
         source: object = "",
     ) -> None:
-        """Take the parts of a Notice; a Notice or an error as text gives those that are left out."""
+        """Take the parts of a Notice; parts left out come from the text if that is a Notice or an error."""
         text = text.notice if isinstance(text, AnyprobeError) else text
         notice = Notice(text, code=code, subject=subject, remedy=remedy, source=source)
         self.notice = notice if notice.code else Notice(notice, code=self.default_code)
         super().__init__(self.notice)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Errors cross processes with their notice."""
+        """Pickle the error with its notice, for other processes."""
         return _restore, (type(self), self.notice)
 
     @property
@@ -70,7 +70,7 @@ def _restore(kind: type[AnyprobeError], notice: Notice) -> AnyprobeError:
 
 @contextmanager
 def arguments_named(**names: str) -> Iterator[None]:
-    """Name the arguments that errors are about as the caller's own: `size="scale"` where it passes size=scale."""
+    """Rename the arguments in errors to the caller's own: `size="scale"` where it passes size=scale."""
     try:
         yield
     except InputError as error:

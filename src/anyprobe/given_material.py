@@ -1,4 +1,4 @@
-"""The object's material from what is given of it, and the numbers by which networks are given it."""
+"""The object's material as given by the caller, and its encoding for the networks."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from anyprobe.errors import InputError
 from anyprobe.scatter.materials import PRESETS, Material, alpha_from_roughness, material_named, total_reflectance
 
 Albedo = float | Sequence[float]
-"""Linear: one number for grey, or red, green and blue."""
+"""Linear albedo: one number for grey, or red, green and blue."""
 
 MATERIAL_INPUTS: int = contract("materials")["inputs"]
-"""Numbers by which a network is given a material."""
+"""Count of numbers that encode a material for a network."""
 LEAST_REFLECTANCE: float = contract("materials")["least_reflectance"]
-"""Darker than this is taken as this: a hollow of black velvet."""
+"""Lower bound that darker reflectances are raised to: a hollow of black velvet."""
 
 
 def material_input(material: Material) -> np.ndarray:
-    """A material as networks are given it, [8] float32: 1, sqrt(alpha), ln of the total reflectance and f0, each RGB.
+    """Encode a material for the networks, [8] float32: 1, sqrt(alpha), ln of total reflectance and of f0, RGB each.
 
-    All zero stands for a material that is not known.
+    All zeros stand for an unknown material.
     """
     albedo, f0 = (np.broadcast_to(np.asarray(one, np.float32), 3) for one in (material.albedo, material.f0))
     reflected = np.log(np.maximum(total_reflectance(albedo, f0), LEAST_REFLECTANCE))
@@ -31,15 +31,15 @@ def material_input(material: Material) -> np.ndarray:
 
 
 MATTE = "matte"
-"""The material that has the albedo or roughness where only these are given."""
+"""Default material where only albedo or roughness is given."""
 LEAST_ROUGHNESS: float = contract("materials")["least_roughness"]
-"""Below it a lobe is narrower than any pixel."""
+"""Smallest roughness: below it a lobe is narrower than any pixel."""
 
 
 def given_material(
     name: str | None = None, albedo: Albedo | None = None, roughness: float | None = None
 ) -> Material | None:
-    """A material by its name, its albedo, its roughness or any of these; None where nothing is given.
+    """Return the material with this name, albedo and roughness, each optional; None where nothing is given.
 
     Args:
         name: one of MATERIALS; None with an albedo or a roughness is MATTE.
@@ -77,10 +77,10 @@ def given_material(
 def as_material(
     material: Material | str | None = None, albedo: Albedo | None = None, roughness: float | None = None
 ) -> Material | None:
-    """The object's material from what is given of it: itself, a name, an albedo, a roughness; None for nothing.
+    """Return the object's material from any of a Material, a name, albedo, roughness; None where nothing is given.
 
     Raises:
-        InputError: neither a material nor a name, values that no surface has, or an albedo beside a Material.
+        InputError: neither a material nor a name, values impossible for a surface, or an albedo beside a Material.
     """
     if not isinstance(material, Material | str | None):
         raise InputError(
@@ -106,7 +106,7 @@ def as_material(
 
 
 def _checked(material: Material) -> Material:
-    """The same with arrays for its numbers; InputError where they are no surface's."""
+    """Return a copy with arrays for its numbers; InputError where no surface has such values."""
     albedo, f0, alpha = material.albedo, material.f0, material.alpha
     try:
         colors = np.stack([np.broadcast_to(np.asarray(one, np.float64), 3) for one in (albedo, f0)])

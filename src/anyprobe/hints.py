@@ -1,8 +1,8 @@
-"""Hints: what is given about the object of a photo, about the photo's camera and about the light.
+"""Hints: optional inputs about the object of a photo, about the photo's camera and about the light.
 
-Whoever adds one adds a field to Hints and the keyword to estimate, Estimator.__call__ and load_photo. From the fields
-come the options of the command line, the form and query fields of HTTP and their description; docs/how-to/inputs.md
-explains them.
+To add one, add a field to Hints and the keyword to estimate, Estimator.__call__ and load_photo. The options of the
+command line, the form and query fields of HTTP and their descriptions are derived from the fields;
+docs/how-to/inputs.md explains them.
 """
 
 from __future__ import annotations
@@ -30,16 +30,17 @@ from anyprobe.pictures.raw import RAW_SUFFIXES
 from anyprobe.scatter.materials import Material
 
 NormalsEstimator = Callable[[np.ndarray], np.ndarray]
-"""From a picture [H, W, 3] of display values in [0, 1] to normals [h, w, 3] of any size in its camera's frame."""
+"""Function from a picture [H, W, 3] of display values in [0, 1] to normals [h, w, 3] of any size in its camera's
+frame."""
 NormalsSource = str | os.PathLike[str] | bytes | np.ndarray
 SurroundingsSource = ImageSource
 
 SPHERE = "sphere"
-"""In place of a normal map: the object is a sphere, whose outline gives its normals."""
+"""Value of `normals`: the object is a sphere, whose outline gives its normals."""
 PHOTO = "photo"
-"""In place of a panorama: take the photo's own background."""
+"""Value of `surroundings`: the photo's own background."""
 AUTO, NONE = "auto", "none"
-"""In place of a panorama: what the photo shows around the object unless that is cut out; and nothing but the object."""
+"""Values of `surroundings`: the photo's background unless the object is cut out; and nothing but the object."""
 
 PICTURES = (
     *(".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".heif", ".hif", ".avif", ".jxl"),
@@ -48,27 +49,27 @@ PICTURES = (
 ARRAYS = (".png", ".tif", ".tiff", ".exr", ".npy")
 
 MAX_NUMBER = 1e6
-"""No number that a text gives is as large."""
+"""Upper bound of numbers parsed from text."""
 
 About = Literal["place", "camera", "light"]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Hint:
-    """How one hint is named and read where it comes as text or as a file.
+    """Name and parser of one hint where it comes as text or as a file.
 
     Attributes:
-        about: "place", where the object is; "camera"; or "light", on which the estimate alone depends.
-        help: a line for people.
-        keyword: of Python: the field's name.
-        name: of its option, form field and query parameter; "": the field's.
-        metavar: the form of its text.
-        numbers: how many numbers its text may hold, with commas between; none: it is a word or a file.
+        about: "place", the object's place; "camera"; or "light", used by the estimate only.
+        help: one line for users.
+        keyword: the field's name, Python's keyword.
+        name: its option, form field and query parameter; "": the field's name.
+        metavar: format of its text.
+        numbers: allowed counts of comma-separated numbers in its text; none: it is a word or a file.
         repeated: whether it may be given several times.
-        example: a text that is right.
-        words: that stand in place of its file.
+        example: a valid text.
+        words: keywords accepted in place of a file.
         suffixes: of its file, where folders hold one a photo; none: it is no file.
-        in_web: the option of the JavaScript package that takes it; "" where none does.
+        in_web: option of the JavaScript package that takes it; "" where there is none.
     """
 
     about: About
@@ -87,7 +88,7 @@ class Hint:
         """Parse a text: a number, numbers, or the text itself.
 
         Raises:
-            InputError: other numbers.
+            InputError: wrong numbers.
         """
         if not self.numbers:
             return text
@@ -106,7 +107,7 @@ class Hint:
         return " or ".join(forms) + (" in pixels" if self.metavar and self.about == "place" else "")
 
     def read_word(self, text: str) -> str:
-        """One of the words that stand in place of a file that comes otherwise; InputError for another."""
+        """Check for one of the words accepted in place of a file; InputError for another."""
         if text not in self.words:
             raise InputError(
                 f"expected {' or '.join(('a file part', *self.words))}, got {text[:60]!r}", subject=self.keyword
@@ -114,7 +115,7 @@ class Hint:
         return text
 
     def read_path(self, text: str) -> str | Path:
-        """One of the words, or a file's path."""
+        """Return one of the words, or a file's path."""
         return text if text in self.words else Path(text)
 
 
@@ -128,27 +129,27 @@ class Hints:
 
     Attributes:
         mask: picture of the photo's size, white on the object (path, bytes, Pillow image, array), or a function from
-            the upright photo [H, W, 3] uint8 to its mask [H, W]. Without mask, click, box or depth to cut the photo's
-            alpha channel is taken, else the mask network's proposal.
+            the upright photo [H, W, 3] uint8 to its mask [H, W]. Without mask, click, box or depth to cut, the photo's
+            alpha channel is used, else the mask network's proposal.
         click, exclude: x, y in pixels of the photo as shown (upright, square pixels) on the object and beside it, one
             or several.
         box: x0, y0, x1, y1 around the object, likewise.
-        depth: depth image of the same view, along the camera's axis, which gives normals; or "photo", that of the
-            photo's own file, as phones write it; near, far: where to cut it, in its unit, which gives the mask too.
+        depth: depth image of the same view, along the camera's axis, which gives normals; or "photo", the depth stored
+            in the photo's own file by phones; near, far: cut-off distances in its unit, which give the mask too.
         fov_deg: field of view of the photo's longer side, in degrees; else from EXIF, else 65.
-        pitch_deg: how far the camera looks down, in degrees: 0 level, 90 straight down.
-        roll_deg: how far it is turned to the left about its axis, in degrees; with pitch_deg.
+        pitch_deg: camera pitch downwards, in degrees: 0 level, 90 straight down.
+        roll_deg: camera roll to the left about its axis, in degrees; needs pitch_deg.
         normals: the object's normal map of the photo's size in the camera's frame, see normals_hint.read_normals;
             "sphere"; or a function from a picture [H, W, 3] in [0, 1] to its normals [h, w, 3].
-        material: the object's: a Material, or a name: "chrome", "gold", "plastic", "matte" or a measured one, see
-            scatter.materials. Level and colour of the light are fitted to it.
+        material: the object's material: a Material, or a name: "chrome", "gold", "plastic", "matte" or a measured one,
+            see scatter.materials. Level and colour of the light are fitted to it.
         albedo: linear, one number or three (0.18 for a grey card), of a matte object or of the named material.
         roughness: as in glTF, 0.1 to 1, likewise.
-        surroundings: "auto", which is the default: what the photo shows around the object, its ground and background,
-            unless the object is cut out; "photo", the same of any photo; "none"; or a panorama in the camera's frame,
-            transparent where unknown.
+        surroundings: "auto" (default): the photo's ground and background around the object, unless the object is cut
+            out; "photo": the same for any photo; "none"; or a panorama in the camera's frame, transparent where
+            unknown.
     Raises:
-        InputError: with one line, what does not go together, or a number out of its range.
+        InputError: conflicting hints, or a number out of its range, in one line.
     """
 
     mask: MaskSource | None = _hint("place", "Mask image, white on the object.", suffixes=PICTURES, in_web="mask")
@@ -278,22 +279,22 @@ class Hints:
         self.surface()
 
     def given(self) -> Iterator[tuple[str, Any]]:
-        """Names and values of those that are."""
+        """Iterate over names and values of the hints that are given."""
         for name in HINTS:
             value = getattr(self, name)
             if value is not None and not (isinstance(value, (list, tuple)) and not value):
                 yield name, value
 
     def place(self) -> dict[str, Any]:
-        """Return the hints of where the object is, as keywords of masks.find_mask."""
+        """Return the hints about the object's place, as keywords of masks.find_mask."""
         return {name: getattr(self, name) for name, hint in HINTS.items() if hint.about == "place"}
 
     def surface(self) -> Material | None:
-        """The object's material from material, albedo and roughness; None where none of them is given."""
+        """Return the object's material from material, albedo and roughness; None where none of them is given."""
         return as_material(self.material, self.albedo, self.roughness)
 
     def files(self) -> dict[str, Path]:
-        """Those that are paths, by name."""
+        """Return the hints that are paths, by name."""
         return {name: value for name, value in self.given() if isinstance(value, Path)}
 
 
@@ -302,11 +303,11 @@ def _named(name: str, hint: Hint) -> Hint:
 
 
 HINTS: dict[str, Hint] = {one.name: _named(one.name, one.metadata["hint"]) for one in fields(Hints)}
-"""By the field's name, in the order of Hints."""
+"""Descriptions by the field's name, in the order of Hints."""
 
 
 def combine(hints: Hints | None, **given: Any) -> Hints:
-    """Return hints with the keywords among `given` that are not None; these win."""
+    """Merge hints with the keywords among `given` that are not None; these win."""
     return replace(Hints() if hints is None else hints, **{name: one for name, one in given.items() if one is not None})
 
 
@@ -314,7 +315,7 @@ def check_keywords(unknown: Mapping[str, Any], function: Callable[..., Any]) -> 
     """Refuse keywords that a function does not have.
 
     Raises:
-        TypeError: names the parameter that the first is most like, by its name in Python or at another door.
+        TypeError: names the parameter most similar to the first, by its name in Python or at another door.
     """
     for name in unknown:
         known = [one.name for one in inspect.signature(function).parameters.values() if one.kind != one.VAR_KEYWORD]
@@ -325,7 +326,7 @@ def check_keywords(unknown: Mapping[str, Any], function: Callable[..., Any]) -> 
 
 
 def check_together(given: Sequence[str]) -> None:
-    """Refuse hints of these names that do not go together.
+    """Refuse conflicting combinations of hints.
 
     Raises:
         InputError: several that give the mask, or one that needs another.

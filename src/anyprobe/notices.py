@@ -1,7 +1,7 @@
-"""Notices: what is wrong or doubtful, as data that every door puts into its own words.
+"""Notices: errors and doubts as data that every door puts into its own words.
 
-An error carries one (`error.notice`), and every warning is one. Arguments are named as Python's keywords; the command
-line, HTTP, the page, Blender and ComfyUI each have a Words that names them as their users do.
+An error carries one (`error.notice`), and every warning is one. Arguments have the names of Python's keywords; the
+command line, HTTP, the page, Blender and ComfyUI each have a Words that renames them as their users know them.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ _ACTIONS = {
     CHOOSE_PHOTO: "check the path, or convert it: to OpenEXR if it holds radiance",
     USE_VIDEO: "anyprobe video takes it",
 }
-"""Remedies that are no arguments."""
+"""Remedies that are actions rather than arguments."""
 
 
 @dataclass(frozen=True, slots=True)
 class Remedy:
-    """One thing that may be done.
+    """A possible remedy.
 
     Attributes:
         do: "give" the argument, "leave out" it, or "run" an action.
@@ -35,7 +35,7 @@ class Remedy:
 
 
 def give(*names: str, **values: str) -> tuple[Remedy, ...]:
-    """Return a remedy for each argument: any of them mends it. Of `values`, with the text to give."""
+    """Return a remedy for each argument, any of which helps; for `values`, with the text to give."""
     return (*(Remedy("give", one) for one in names), *(Remedy("give", one, text) for one, text in values.items()))
 
 
@@ -45,14 +45,14 @@ def leave_out(*names: str) -> tuple[Remedy, ...]:
 
 
 class Notice(str):
-    """One fault or doubt. As a string it is one line in Python's words.
+    """A fault or doubt. As a string it is one line in Python's words.
 
     Attributes:
-        code: what it is, for programs: see docs/reference/errors.md.
+        code: kind of fault, for programs: see docs/reference/errors.md.
         subject: keywords of the arguments concerned.
-        text: what was expected and what came, without the names of arguments.
-        remedy: which arguments to give or to leave out.
-        source: the photo or file concerned, as messages call it; "" where there is none.
+        text: what was expected and what was given, without the names of arguments.
+        remedy: arguments to give or to leave out, or actions to run.
+        source: name of the photo or file concerned; "" where there is none.
     """
 
     code: str
@@ -70,7 +70,7 @@ class Notice(str):
         remedy: Iterable[Remedy] = (),
         source: object = "",
     ) -> Notice:
-        """Build one; a Notice as text gives what the other arguments leave out."""
+        """Build a notice; arguments left out are copied from the text if that is a Notice."""
         old = text if isinstance(text, Notice) else None
         text = old.text if old is not None else str(text)
         code = code or (old.code if old is not None else "")
@@ -85,26 +85,26 @@ class Notice(str):
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Notices cross processes whole."""
+        """Pickle the notice as its JSON."""
         return _restore, (self.as_json(),)
 
     def adding(self, text: str) -> Notice:
-        """Return it with more text."""
+        """Return a copy with more text."""
         more = f"{self.text}; {text}"
         return Notice(more, code=self.code, subject=self.subject, remedy=self.remedy, source=self.source)
 
     def of(self, source: object) -> Notice:
-        """Return it about another photo or file; "": about none."""
+        """Return a copy about another photo or file; "": about none."""
         return Notice(self.text, code=self.code, subject=self.subject, remedy=self.remedy, source=source)
 
     def naming(self, names: Mapping[str, str]) -> Notice:
-        """Return it with arguments under other names."""
+        """Return a copy with arguments renamed."""
         subject = [names.get(one, one) for one in self.subject]
         remedy = [replace(one, name=names.get(one.name, one.name)) for one in self.remedy]
         return Notice(self.text, code=self.code, subject=subject, remedy=remedy, source=self.source)
 
     def as_json(self) -> dict[str, Any]:
-        """Return it as plain data; see from_json."""
+        """Return the notice as plain data; see from_json."""
         remedy = [
             {"do": one.do, "name": one.name, **({"value": one.value} if one.value else {})} for one in self.remedy
         ]
@@ -113,10 +113,10 @@ class Notice(str):
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Notice:
-        """Build one from as_json's data.
+        """Build a notice from as_json's data.
 
         Raises:
-            KeyError, TypeError: other data.
+            KeyError, TypeError: malformed data.
         """
         remedy = [Remedy(**one) for one in data["remedy"]]
         rest = {name: data.get(name, "") for name in ("code", "source")}
@@ -128,14 +128,14 @@ def _restore(data: Mapping[str, Any]) -> Notice:
 
 
 def as_notice(line: str, source: object = "") -> Notice:
-    """Return a warning as a Notice about the given source; a plain line becomes the text of one."""
+    """Convert a warning to a Notice about the given source; a plain line becomes its text."""
     if isinstance(line, Notice):
         return line.of(source) if source else line
     return Notice(line, code="doubt", source=source)
 
 
 class Words:
-    """How a door names arguments: here as Python's keywords. Other doors override name, giving or action."""
+    """A door's names for arguments: here Python's keywords. Other doors override name, giving or action."""
 
     verb = "pass"
 
@@ -144,21 +144,21 @@ class Words:
         return argument
 
     def giving(self, argument: str, value: str) -> str:
-        """Return how users give it; value "": any."""
+        """Return how users give the argument; value "": any."""
         return f"{self.name(argument)}={value}"
 
     def action(self, name: str) -> str:
-        """Return what users do for an action; "" where they cannot."""
+        """Return what users do for an action; "" where they cannot do it."""
         return _ACTIONS[name]
 
     def line(self, notice: str) -> str:
-        """Return a notice, an error's or a plain text as one line in these words."""
+        """Render a notice, an error or a plain text as one line in these words."""
         if isinstance(notice, Notice):
             notice = self.compose(notice.subject, notice.source, notice.text, notice.remedy)
         return " ".join(notice.splitlines())
 
     def compose(self, subject: tuple[str, ...], source: str, text: str, remedy: tuple[Remedy, ...]) -> str:
-        """Return "subject source: text; remedy"."""
+        """Format "subject source: text; remedy"."""
         names = " and ".join(map(self.name, subject))
         head = " ".join(one for one in (names, source) if one)
         return "; ".join([f"{head}: {text}" if head else text, *self._remedies(remedy)])

@@ -97,7 +97,7 @@ def _numbers(version: str) -> tuple[int, ...]:
 
 
 def mask_network() -> str:
-    """Which network finds objects in photos here."""
+    """Return which network finds objects in photos here."""
     from anyprobe.masks.weights import SHA256, find_weights
 
     found = find_weights()

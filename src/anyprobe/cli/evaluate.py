@@ -277,7 +277,7 @@ def _print(table: dict, errors: dict) -> None:
 
 
 def _sheet(title: str, table: dict, group: str, headings: Mapping[str, str]) -> Table:
-    """A group's figures, a row for each method."""
+    """Return a group's figures, a row for each method."""
     sheet = Table("method", *headings.values(), title=title, title_justify="left")
     for method, groups in table.items():
         values = (groups[group][name] for name in headings)

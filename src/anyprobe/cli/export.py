@@ -77,7 +77,7 @@ def export(
 
 
 def folders(lights: list[Path], out: Path) -> list[tuple[Path, Path]]:
-    """Each light once, and where its files go: out, or of several out/<stem>. InputError for two of one stem."""
+    """Return each light once, and where its files go: out, or of several out/<stem>. InputError for two of one stem."""
     listed = list(dict.fromkeys(lights))
     by_stem: dict[str, Path] = {}
     for light in listed:
@@ -90,7 +90,7 @@ def folders(lights: list[Path], out: Path) -> list[tuple[Path, Path]]:
 
 
 def target_names(text: str) -> list[str]:
-    """The targets of --to, each once; all stands for every one. InputError for a name that is none."""
+    """Return the targets of --to, each once; all stands for every one. InputError for a name that is none."""
     named = [name.strip() for name in text.split(",")]
     names = list(dict.fromkeys(one for name in named for one in (TARGETS if name == "all" else (name,))))
     for name in names:

@@ -170,5 +170,5 @@ def _older_maps(out: Path, stem: str, new: set[str]) -> list[str]:
 
 
 def _file_name(name: str) -> str:
-    """A map's name as part of a file's."""
+    """Return a map's name as part of a file's."""
     return re.sub(r"[^\w.-]+", "_", name)[-80:]

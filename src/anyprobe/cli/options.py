@@ -45,7 +45,7 @@ NO_FOLDERS = (*PICTURES, ".npy", ".hdr", ".json", ".mp4", ".mov", ".glb", ".usda
 
 
 def folder_option(help: str) -> Any:
-    """The option -o of a command that writes into a folder: the name of a file is refused."""
+    """Return the option -o of a command that writes into a folder: the name of a file is refused."""
     return typer.Option("-o", "--out", help=help, callback=_folder)
 
 
@@ -240,7 +240,7 @@ def with_bundles(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _options_of(bundle: type) -> list[inspect.Parameter]:
-    """The options of a bundle's fields."""
+    """Return the options of a bundle's fields."""
     inner, found = get_type_hints(bundle, include_extras=True), []
     for one in fields(bundle):
         kind, names = _group(inner[one.name])
@@ -254,7 +254,7 @@ def _options_of(bundle: type) -> list[inspect.Parameter]:
 
 
 def _bundle(bundle: type, values: dict[str, Any]) -> Any:
-    """A bundle made of its options' values, which are taken out of these."""
+    """Return a bundle made of its options' values, which are taken out of these."""
     inner = get_type_hints(bundle, include_extras=True)
     made: dict[str, Any] = {}
     for one in fields(bundle):

@@ -20,7 +20,7 @@ STDIN = Path("-")
 
 
 def photo_source(path: Path) -> Path | bytes:
-    """A photo's path, or what standard input holds where the path is `-`."""
+    """Return a photo's path, or what standard input holds where the path is `-`."""
     if path != STDIN:
         return path
     if sys.stdin is None:  # closed, as a service's may be
@@ -44,7 +44,8 @@ def photo_line(photo: Path, error: AnyprobeError) -> str:
 
 
 def hints_for(photo: Path, hints: Hints) -> Hints:
-    """The hints of one photo: folders of masks, depth images, normals or panoramas become the file of its name."""
+    """Return the hints of one photo: folders of masks, depth images, normals or panoramas become the file of its
+    name."""
     files: dict[str, Any] = {
         name: _file_for(photo, path, name, HINTS[name].suffixes) for name, path in hints.files().items()
     }
@@ -74,7 +75,7 @@ def list_photos(photos: list[Path]) -> list[Path]:
 
 
 def _is_map(path: Path) -> bool:
-    """Whether an .exr is twice as wide as high, as environment maps are; nothing is decoded."""
+    """Return whether an .exr is twice as wide as high, as environment maps are; nothing is decoded."""
     try:
         with open_regular(path, InputError) as stream:
             low, high = parse_header(stream.read(HEADER_BYTES)).display
@@ -111,7 +112,8 @@ def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given:
 
 
 def _file_for(photo: Path, given: Path, kind: str, suffixes: tuple[str, ...]) -> Path:
-    """The file itself, or by stem from a folder (NAME.*, NAME_<kind>.*, or the photo's whole name and a suffix)."""
+    """Return the file itself, or by stem from a folder (NAME.*, NAME_<kind>.*, or the photo's whole name and a
+    suffix)."""
     if not given.is_dir():
         return given
     for stem in (f"{photo.stem}_{kind}", photo.stem, photo.name):

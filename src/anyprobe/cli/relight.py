@@ -78,7 +78,7 @@ class InsertOptions:
     scale: Annotated[float, typer.Option(help="Its height, relative to the real object's.")] = 0.5
 
     def foot(self) -> tuple[float, float] | None:
-        """The pixel of --at; None where it is absent."""
+        """Return the pixel of --at; None where it is absent."""
         if self.at is None:
             return None
         x, y = pixels_of("at", self.at, 2, "X,Y", "400,380")
@@ -244,7 +244,7 @@ def progress(what: str, silent: bool) -> Iterator[None]:
 
 
 def _pitch(stage: Stage, photo: Photo, ground: Ground | None) -> str:
-    """How far the camera looks down, in degrees; where that was not given or noted, with its error."""
+    """Return how far the camera looks down, in degrees; where that was not given or noted, with its error."""
     from anyprobe.estimate.ground import USUAL_ERROR_DEG
 
     pitch = f"{stage.placement.pitch_deg:.0f}"
@@ -256,7 +256,7 @@ def _pitch(stage: Stage, photo: Photo, ground: Ground | None) -> str:
 def _radiance(
     photo: Photo, light: Path | None, by: ModelOptions, fine: DetailOptions
 ) -> tuple[np.ndarray, float, Ground | None, tuple[str, ...]]:
-    """The given map, turned back to the camera, and the ground that was found with it, else in the photo; or the
+    """Return the given map, turned back to the camera, and the ground that was found with it, else in the photo; or the
     estimate, made as bright as the object asks, its gain, and its ground. Lastly what is doubtful of it."""
     if light is not None:
         from anyprobe.estimate.ground import Ground

@@ -134,7 +134,7 @@ def _token(given: str | None, only_here: bool) -> str | None:
 
 
 def _open_port(host: str, port: int) -> socket.socket:
-    """A listening socket, or one line why there is none."""
+    """Return a listening socket, or one line why there is none."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         listening = socket.socket(family, kind, protocol)
@@ -150,7 +150,7 @@ def _open_port(host: str, port: int) -> socket.socket:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether other machines cannot reach it."""
+    """Return whether other machines cannot reach it."""
     if host == "localhost":
         return True
     try:
@@ -160,7 +160,7 @@ def is_loopback(host: str) -> bool:
 
 
 def own_address() -> str:
-    """The address by which this machine's own network knows it; nothing is sent to find it."""
+    """Return the address by which this machine's own network knows it; nothing is sent to find it."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))  # a documentation address: choosing a route sends no packet

@@ -84,7 +84,7 @@ def train(
 
 
 def _rendered(shards: Path, data: Path | None, chosen: RunConfig, device: str, workers: int) -> ShardSource:
-    """The batches of a rendered dataset; InputError where the run cannot learn from it."""
+    """Return the batches of a rendered dataset; InputError where the run cannot learn from it."""
     from anyprobe.learning.train.dataloader import ShardSource
 
     if workers:

@@ -1,4 +1,4 @@
-"""Arrays of callers as plain ones."""
+"""Conversion of callers' arrays to plain ones."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from anyprobe.errors import InputError
 def plain_array(
     values: np.ndarray, name: str, fault: type[InputError] = InputError, *, subject: str = ""
 ) -> np.ndarray:
-    """Return an array of any class as numpy's own.
+    """Convert an array of any class to numpy's own.
 
     Args:
         name: what messages call it.
-        subject: the keyword that it was given by.
+        subject: the keyword that it was passed as.
     Raises:
-        fault: a masked array, whose mask would be lost without a word.
+        fault: a masked array; its mask would be lost silently.
     """
     if isinstance(values, np.ma.MaskedArray):
         raise fault(

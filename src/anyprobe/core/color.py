@@ -15,29 +15,29 @@ REC709_CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 """CIE x, y of red, green, blue and white (D65)."""
 
 COLORSPACES = {"rec709": REC709_CHROMATICITIES, "acescg": (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)}
-"""Linear ones that light is written in, by CIE x, y of red, green, blue and white; ACEScg's are AP1."""
+"""Linear colour spaces of light in files, by CIE x, y of red, green, blue and white; ACEScg's primaries are AP1."""
 
 SAME_CHROMATICITIES = 1e-3
-"""Chromaticities that differ by no more are the same: files round them."""
+"""Largest difference of chromaticities that count as the same: files round them."""
 
 BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
-"""Cone responses from CIE XYZ, in which one white is adapted to another."""
+"""Matrix from CIE XYZ to cone responses, in which one white is adapted to another."""
 
 
 def luminance(rgb):
-    """Relative luminance of linear Rec. 709: [..., 3] -> [...]."""
+    """Compute relative luminance of linear Rec. 709: [..., 3] -> [...]."""
     return REC709[0] * rgb[..., 0] + REC709[1] * rgb[..., 1] + REC709[2] * rgb[..., 2]
 
 
 def to_bytes(display: Float[np.ndarray, " ..."]) -> UInt8[np.ndarray, " ..."]:
-    """Display values in [0, 1] to uint8, rounded."""
+    """Convert display values in [0, 1] to uint8, rounded."""
     values = np.clip(np.asarray(display), 0.0, 1.0)
     values = np.multiply(values, 255.0, out=values if isinstance(values, np.ndarray) else None)  # photos are large
     return np.round(values, out=values if isinstance(values, np.ndarray) else None).astype(np.uint8)
 
 
 def xyz_from_rgb(chromaticities) -> Float[np.ndarray, "3 3"]:
-    """Matrix [3, 3] from linear RGB to CIE XYZ, white at Y = 1.
+    """Return the matrix [3, 3] from linear RGB to CIE XYZ, white at Y = 1.
 
     Args:
         chromaticities: [8], CIE x, y of red, green, blue and white; primaries may be imaginary.
@@ -59,9 +59,9 @@ def xyz_from_rgb(chromaticities) -> Float[np.ndarray, "3 3"]:
 
 
 def rec709_from_rgb(chromaticities) -> Float[np.ndarray, "3 3"]:
-    """Matrix [3, 3] from linear RGB to linear Rec. 709, white to white (Bradford); raises as xyz_from_rgb.
+    """Return the matrix [3, 3] from linear RGB to linear Rec. 709, white to white (Bradford); raises as xyz_from_rgb.
 
-    Exactly the identity where the chromaticities are those of Rec. 709.
+    Exactly the identity for the chromaticities of Rec. 709.
     """
     theirs, ours = xyz_from_rgb(chromaticities), xyz_from_rgb(REC709_CHROMATICITIES)
     if np.allclose(chromaticities, REC709_CHROMATICITIES, rtol=0.0, atol=SAME_CHROMATICITIES):
@@ -74,7 +74,8 @@ def rec709_from_rgb(chromaticities) -> Float[np.ndarray, "3 3"]:
 
 
 def from_rec709(rgb: np.ndarray, colorspace: str) -> np.ndarray:
-    """Linear Rec. 709 [..., 3] in one of COLORSPACES, white to white by Bradford; Rec. 709 stays as it is."""
+    """Convert linear Rec. 709 [..., 3] to one of COLORSPACES, white to white by Bradford; Rec. 709 is returned
+    unchanged."""
     if colorspace == "rec709":
         return rgb
     matrix = np.linalg.inv(rec709_from_rgb(COLORSPACES[colorspace])).astype(np.float32)

@@ -1,4 +1,4 @@
-"""The numbers that Python and JavaScript share: contract.json, which the page imports."""
+"""Constants shared by Python and JavaScript: contract.json, which the page imports."""
 
 from __future__ import annotations
 
@@ -10,6 +10,6 @@ from typing import Any
 
 @lru_cache
 def contract(section: str) -> dict[str, Any]:
-    """Return a section of contract.json, by its name; not to be changed."""
+    """Return the section of contract.json of this name; read-only."""
     text = (resources.files("anyprobe") / "contract.json").read_text(encoding="utf-8")
     return json.loads(text)[section]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def dot(a, b):
-    """Scalar product over the last axis, kept as length 1: [..., 3] -> [..., 1]."""
+    """Compute the scalar product over the last axis, kept as length 1: [..., 3] -> [..., 1]."""
     return (a[..., 0:1] * b[..., 0:1] + a[..., 1:2] * b[..., 1:2]) + a[..., 2:3] * b[..., 2:3]
 
 
@@ -32,7 +32,7 @@ def reflect(v, n):
 
 
 def orthonormal_basis(n):
-    """Tangent and bitangent of unit n, [..., 3] each, so that (t, b, n) is right-handed.
+    """Return tangent and bitangent of unit n, [..., 3] each, so that (t, b, n) is right-handed.
 
     Duff et al., "Building an Orthonormal Basis, Revisited" (JCGT 2017): smooth everywhere but across n_z = 0-.
     """
@@ -47,39 +47,41 @@ def orthonormal_basis(n):
 
 
 def world_from_local(v, n):
-    """Carry v from the frame whose +Z is n to the frame n is given in."""
+    """Rotate v from the frame whose +Z is n to the frame that n is given in."""
     t, b = orthonormal_basis(n)
     return v[..., 0:1] * t + v[..., 1:2] * b + v[..., 2:3] * n
 
 
 def rotation_x(angle: float) -> Float[np.ndarray, "3 3"]:
-    """Active rotation about +X by angle [radians], [3, 3]; positive tips -Z towards +Y."""
+    """Return the active rotation about +X by angle [radians], [3, 3]; positive tips -Z towards +Y."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
 
 
 def rotation_y(angle: float) -> Float[np.ndarray, "3 3"]:
-    """Active rotation about +Y by angle [radians], [3, 3]; positive turns -Z towards -X."""
+    """Return the active rotation about +Y by angle [radians], [3, 3]; positive turns -Z towards -X."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
 
 
 def rotation_z(angle: float) -> Float[np.ndarray, "3 3"]:
-    """Active rotation about +Z by angle [radians], [3, 3]; positive turns +X towards +Y."""
+    """Return the active rotation about +Z by angle [radians], [3, 3]; positive turns +X towards +Y."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
 
 
 def world_from_camera(yaw: float, elevation: float, roll: float = 0.0) -> Float[np.ndarray, "3 3"]:
-    """Rotation of a camera that looks at the origin from yaw and elevation [radians].
+    """Return the rotation of a camera that looks at the origin from yaw and elevation [radians], [3, 3].
 
-    yaw 0, elevation 0 stands at +Z and looks along -Z; a positive elevation raises the camera, so that it looks down.
+    At yaw 0, elevation 0 it stands at +Z and looks along -Z; a positive elevation raises the camera, so that it looks
+    down.
     """
     return rotation_y(yaw) @ rotation_x(-elevation) @ rotation_z(roll)
 
 
 def rotation_of(numbers) -> Float[np.ndarray, "3 3"]:
-    """world_from_camera [3, 3] of yaw, elevation and perhaps roll [degrees], or of nine numbers row by row."""
+    """Build world_from_camera [3, 3] from yaw, elevation and perhaps roll [degrees], or from nine numbers row by
+    row."""
     return np.reshape(numbers, (3, 3)) if len(numbers) == 9 else world_from_camera(*np.radians(numbers))
 
 
@@ -101,7 +103,7 @@ def turn_towards(direction: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]
 
 
 def is_rotation(matrix: np.ndarray) -> bool:
-    """Whether a matrix is [3, 3] and turns without mirroring or scaling, to a thousandth."""
+    """Return whether a matrix is [3, 3] and turns without mirroring or scaling, to a thousandth."""
     matrix = np.asarray(matrix, dtype=np.float64)
     return (
         matrix.shape == (3, 3)

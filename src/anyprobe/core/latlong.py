@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 KEPT_ROWS = 512
-"""Directions of maps up to so many rows are computed once."""
+"""Largest number of rows whose directions are cached."""
 
 
 def direction_to_uv(d):
@@ -27,7 +27,7 @@ def direction_to_uv(d):
 
 
 def uv_to_direction(uv):
-    """Map coordinates [..., 2] to unit directions [..., 3]; inverse of direction_to_uv."""
+    """Convert map coordinates [..., 2] to unit directions [..., 3]; inverse of direction_to_uv."""
     xp = array_namespace(uv)
     phi = 2.0 * np.pi * (uv[..., 0] - 0.5)
     theta = np.pi * uv[..., 1]
@@ -36,7 +36,7 @@ def uv_to_direction(uv):
 
 
 def pixel_directions(height: int) -> Float[np.ndarray, "H 2*H 3"]:
-    """Direction of every pixel centre, [H, 2H, 3]."""
+    """Return the direction of every pixel centre, [H, 2H, 3]."""
     return _kept_directions(height).copy() if height <= KEPT_ROWS else _directions(height)
 
 
@@ -52,7 +52,7 @@ def _directions(height: int) -> np.ndarray:
 
 
 def pixel_solid_angles(height: int) -> Float[np.ndarray, "H 1"]:
-    """Solid angle [sr] of a pixel of each row, [H, 1]; exact band integral: the sum is 4 pi to rounding.
+    """Return the solid angle [sr] of a pixel of each row, [H, 1]; exact band integral: the sum is 4 pi to rounding.
 
     (phi step) x (cos of the upper edge - cos of the lower edge); the midpoint rule sin(theta) dtheta dphi misses it.
     """
@@ -61,7 +61,7 @@ def pixel_solid_angles(height: int) -> Float[np.ndarray, "H 1"]:
 
 
 def bilinear(image, uv):
-    """Read a map [H, 2H, C] between its pixel centres at uv [..., 2]: [..., C]; wraps in u, clamps at the poles."""
+    """Interpolate a map [H, 2H, C] at uv [..., 2]: [..., C]; wraps in u, clamps at the poles."""
     xp = array_namespace(image, uv)
     height, width = image.shape[0], image.shape[1]
     x = uv[..., 0] * width - 0.5
@@ -84,7 +84,7 @@ def bilinear(image, uv):
 
 
 def corners(column, row, width: int) -> list:
-    """Return the four places around fractional (column, row) in a flat picture of this width: index pairs (int32) and
+    """Return the four pixels around fractional (column, row) in a flat picture of this width: index pairs (int32) and
     shares. Columns and rows are of one shape, at least 0 and below the last."""
     xp = array_namespace(column)
     column0, row0 = xp.floor(column), xp.floor(row)

@@ -18,7 +18,8 @@ from anyprobe.core.contract import contract
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CameraCurve:
-    """The curve's two numbers, or an array of each, one a photo; the defaults are the means of the fitted family."""
+    """Both parameters of the curve, numbers or arrays with one entry a photo; defaults are the fitted family's
+    means."""
 
     exponent: Any = contract("curve")["exponent"]
     sigma: Any = contract("curve")["sigma"]
@@ -28,14 +29,14 @@ MEAN_CURVE = CameraCurve()
 
 
 def response(radiance, curve: CameraCurve = MEAN_CURVE):
-    """Radiance in the photo's exposure units, >= 0, to display values in [0, 1]; 1 and more clips."""
+    """Convert radiance in the photo's exposure units, >= 0, to display values in [0, 1]; 1 and more clips."""
     xp = array_namespace(radiance)
     x = xp.clip(radiance, 0.0, 1.0) ** curve.exponent
     return (1.0 + curve.sigma) * x / (x + curve.sigma)
 
 
 def inverse_response(display, curve: CameraCurve = MEAN_CURVE):
-    """Display values to radiance in [0, 1]: x = (sigma y / (1 + sigma - y))^(1/n)."""
+    """Convert display values to radiance in [0, 1]: x = (sigma y / (1 + sigma - y))^(1/n)."""
     xp = array_namespace(display)
     y = xp.clip(display, 0.0, 1.0)
     return (curve.sigma * y / (1.0 + curve.sigma - y)) ** (1.0 / curve.exponent)

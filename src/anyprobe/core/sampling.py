@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def hammersley(count: int, shift: tuple[float, float] = (0.0, 0.0)) -> Float[np.ndarray, "count 2"]:
-    """Low-discrepancy points u [count, 2] in [0, 1)^2, moved by shift with wrap-around."""
+    """Return low-discrepancy points u [count, 2] in [0, 1)^2, moved by shift with wrap-around."""
     index = np.arange(count, dtype=np.uint32)
     bits = (index << 16) | (index >> 16)
     bits = ((bits & 0x00FF00FF) << 8) | ((bits & 0xFF00FF00) >> 8)
@@ -33,18 +33,18 @@ def _polar(cos_theta, sin_theta, phi):
 
 
 def square_to_cosine_hemisphere(u):
-    """Directions with density cos(theta) / pi: [..., 2] -> [..., 3]."""
+    """Draw directions with density cos(theta) / pi: [..., 2] -> [..., 3]."""
     return array_namespace(u).stack(cosine_hemisphere_xyz(u), axis=-1)
 
 
 def cosine_hemisphere_xyz(u):
-    """square_to_cosine_hemisphere in components x, y, z [...], for compiled kernels."""
+    """Apply square_to_cosine_hemisphere in components x, y, z [...], for compiled kernels."""
     xp = array_namespace(u)
     return _polar(xp.sqrt(1.0 - u[..., 1]), xp.sqrt(u[..., 1]), 2.0 * np.pi * u[..., 0])
 
 
 def square_to_ggx_normal(u, alpha):
-    """Microfacet normals h with density D(h) (n.h), Karis 2013; alpha is the GGX width.
+    """Draw microfacet normals h with density D(h) (n.h), Karis 2013; alpha is the GGX width.
 
     cos^2 = (1 - u) / (1 + (alpha^2 - 1) u); (alpha - 1)(alpha + 1) keeps precision.
     """
@@ -55,7 +55,7 @@ def square_to_ggx_normal(u, alpha):
 
 
 def _stretch(x, y, z, alpha):
-    """(alpha x, alpha y, z) made a unit vector."""
+    """Normalise (alpha x, alpha y, z)."""
     xp = array_namespace(z)
     x, y = alpha * x, alpha * y
     inverse = 1.0 / xp.sqrt(x * x + y * y + z * z)
@@ -63,11 +63,10 @@ def _stretch(x, y, z, alpha):
 
 
 def ggx_visible_normal_xyz(u, wo_x, wo_y, wo_z, alpha):
-    """Microfacet normals h that the eye at wo sees, with density G1 D (wo.h) / (n.wo) (Heitz 2018), in components x, y,
-    z [...], for compiled kernels; wo above the horizon.
+    """Draw microfacet normals h visible from wo, with density G1 D (wo.h) / (n.wo) (Heitz 2018); wo above the horizon.
 
-    Drawn as in Dupuy and Benyoub 2023: stretched by alpha, the facets are a hemisphere, and what wo
-    sees of it mirrors wo into a spherical cap.
+    Results are components x, y, z [...], for compiled kernels. Method of Dupuy and Benyoub 2023: stretched by alpha,
+    the facets are a hemisphere, and the part of it that faces wo mirrors wo into a spherical cap.
     """
     xp = array_namespace(u)
     eye_x, eye_y, eye_z = _stretch(wo_x, wo_y, wo_z, alpha)

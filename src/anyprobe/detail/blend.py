@@ -1,12 +1,12 @@
-"""Detail of a candidate on the light of an estimate.
+"""Addition of a library map's detail to an estimate.
 
     L = m (E' + e) exp(sum over bands of a_b h_b) - e + discs
 
-E' is the estimate without its light sources, h the candidate's ln radiance, at the estimate's exposure and cut off
-above white, without the orders that an estimate holds, split into bands; a_b^2 is the share of a band's power that the
-estimate lacks, so that what a mirror showed is not drawn twice. m is smooth: it keeps blurred display values as near
-to the estimate's as they can be while the nine spherical harmonics of radiance are exactly the estimate's. What the
-photo shows of the surroundings replaces all this; light sources are discs where the estimate has them.
+E' is the estimate without its light sources, h the candidate's ln radiance at the estimate's exposure, cut off
+above white and without the orders that an estimate determines, split into bands; a_b^2 is the share of a band's power
+that the estimate lacks, so that reflections in a mirror are not drawn twice. m is smooth: it keeps blurred display
+values as near to the estimate's as possible while the nine spherical harmonics of radiance are exactly the estimate's.
+Surroundings visible in the photo replace all this; light sources are discs where the estimate has them.
 
 Arrays here are planar, [3, H, 2H].
 """
@@ -27,30 +27,30 @@ from anyprobe.light.harmonics import project, sh_basis
 from anyprobe.match.library import decode
 
 HELD = 9.0
-"""Sharpness of the blur b_l = exp(-l (l + 1) / 18) of order l; an estimate holds 1 - (1 - b)^3: of order 3 .88, of
-order 4 .70, of order 6 .26, of order 8 .05."""
+"""Sharpness of the blur b_l = exp(-l (l + 1) / 18) of order l; an estimate holds 1 - (1 - b)^3: .88 of order 3, .70 of
+order 4, .26 of order 6, .05 of order 8."""
 BANDS = (192.0, 768.0)
 """Variances of the blurs between bands: a half at orders 16 and 32."""
 CONTRAST = (0.22, 0.13, 0.16)
-"""Deviation of ln radiance in each band that a candidate is brought to, near to that of real maps; the power that
-this gives: docs/how-to/detail.md. Made-up detail adds its own variance to the error, so that more costs more."""
+"""Target standard deviation of ln radiance in each band, close to that of real maps; the resulting power is in
+docs/how-to/detail.md. Invented detail adds its own variance to the error, so that more costs more."""
 CONTRAST_GAIN = 1.6
-"""By this factor, or its inverse, at most."""
+"""Largest factor, or its inverse, by which a band's contrast is changed."""
 CEILING = 1.5
-"""Radiance in units of white above which a candidate's is cut off: its light sources are not the estimate's."""
+"""Radiance in units of white at which a candidate is cut off: its light sources are not the estimate's."""
 FLOOR = 0.02
-"""e: added to radiance before its logarithm; the black of a candidate is no deeper."""
+"""Radiance e added before the logarithm, which bounds the depth of a candidate's black."""
 FINE = 16
 """Steps between two codes of a picture."""
 STEP = 2.0
 """Largest factor, or its inverse, of one step towards the estimate's display values or harmonics."""
 STEPS = 5
 MOST_LIGHTS = 3
-"""Light sources above white that are discs of their own; an estimate has two."""
+"""Largest number of light sources above white that become discs of their own; an estimate has two."""
 _CLIPPED = 0.97
-"""Display value of what is seen from which on it is at least as bright as it looks."""
+"""Display value above which a seen pixel is a lower bound of its radiance."""
 _LEAST_COVER = 1e-3
-"""Least cover that display values are divided by."""
+"""Smallest cover that display values are divided by."""
 LEAST_RADIUS = np.radians(1.0)
 """Smallest radius [radians] of a disc."""
 
@@ -63,14 +63,14 @@ def blend(
     rows: int,
     seen: np.ndarray | None = None,
 ) -> np.ndarray:
-    """The estimate [h, 2h, 3] with the detail of a candidate: [rows, 2 rows, 3] float32, the same SH9.
+    """Blend an estimate [h, 2h, 3] with the detail of a candidate: [rows, 2 rows, 3] float32 with the same SH9.
 
     Args:
         codes: [H, 2H, 3] of library.Library.candidate.
-        candidate_from_estimate, ln_gain: of match.Match.
+        candidate_from_estimate, ln_gain: from match.Match.
         rows: a multiple of 64.
-        seen: [rows, 2 rows, 4] display values times cover, and cover, of what is known of the surroundings; with
-            a fifth channel, the cover of what is known above white too, where values over 1 are radiance.
+        seen: [rows, 2 rows, 4] known surroundings: display values times cover, and cover; with
+            a fifth channel, the cover of values known above white too, where values over 1 are radiance.
     """
     small = reduced(estimate, MAP_HEIGHT)
     lights, rest = _split_lights(small)
@@ -81,14 +81,14 @@ def blend(
     fixed = shown * cover + (1 - _measured(seen)) * sum(_disc(light, rows) for light in lights)
     free = detailed * (1 - cover)
     free *= enlarged_planes(_towards(free, fixed, rest, goal), rows)
-    # once more, for what reducing to 64 rows left
+    # again, for the residual of reducing to 64 rows
     lack = goal - project(_interleaved(free + fixed))
     free *= enlarged_planes(_harmonics_step(_shrunk(free), lack), rows)
     return _interleaved(free + fixed)
 
 
 def _split_lights(radiance: np.ndarray) -> tuple[list[DominantLight], np.ndarray]:
-    """The light sources of [H, 2H, 3], MOST_LIGHTS at most, and what is left without them."""
+    """Split a map [H, 2H, 3] into at most MOST_LIGHTS light sources and the rest."""
     lights: list[DominantLight] = []
     while len(lights) < MOST_LIGHTS and luminance(radiance).max() > 1:
         light, radiance = split_dominant_light(radiance)
@@ -105,14 +105,14 @@ def _interleaved(planes: np.ndarray) -> np.ndarray:
 
 
 def _detailed(rest: np.ndarray, phi: np.ndarray) -> np.ndarray:
-    """The estimate's light [3, 64, 128] with the detail of ln radiance phi [3, H, 2H]."""
+    """Apply the detail of ln radiance phi [3, H, 2H] to the estimate's light [3, 64, 128]."""
     ln_rest = np.log(np.maximum(rest, 0.0) + FLOOR)
     low, *bands = _bands(_shrunk(phi))
     shares = [
         _share(own, theirs, contrast)
         for own, theirs, contrast in zip(_bands(ln_rest)[1:], bands, CONTRAST, strict=True)
     ]
-    # phi itself carries what 64 rows do not hold, by the share of the finest band
+    # phi itself carries the finest detail, by the share of the finest band
     field = ln_rest - shares[-1] * low
     for share, band in zip(shares, bands, strict=True):
         field = field + (share - shares[-1]) * band
@@ -124,7 +124,7 @@ def _detailed(rest: np.ndarray, phi: np.ndarray) -> np.ndarray:
 
 
 def _bands(values: np.ndarray) -> list[np.ndarray]:
-    """[3, 64, 128] as what an estimate holds, two bands, and the rest; their sum is the whole."""
+    """Split [3, 64, 128] into the part an estimate determines, two bands, and the rest; their sum is the whole."""
     blurred = [_held(values), *(_blur(values, sharpness) for sharpness in BANDS), values]
     return [blurred[0], *(fine - coarse for coarse, fine in zip(blurred, blurred[1:], strict=False))]
 
@@ -142,7 +142,8 @@ def _held(values: np.ndarray) -> np.ndarray:
 
 
 def _share(own: np.ndarray, theirs: np.ndarray, contrast: float) -> float:
-    """The factor at which a candidate's band, brought to a contrast, fills an estimate's up to its own power."""
+    """Return the factor by which a candidate's band, brought to a contrast, fills up an estimate's band to its own
+    power."""
     weights = pixel_solid_angles(own.shape[1]) / (4 * np.pi * len(own))
     mine, whole = (float(np.sqrt((weights * band**2).sum())) for band in (own, theirs))
     gain = float(np.clip(contrast / max(whole, 1e-6), 1 / CONTRAST_GAIN, CONTRAST_GAIN))
@@ -150,7 +151,7 @@ def _share(own: np.ndarray, theirs: np.ndarray, contrast: float) -> float:
 
 
 def _candidate(codes: np.ndarray, turn: np.ndarray, ln_gain: np.ndarray, rows: int) -> np.ndarray:
-    """ln(radiance + FLOOR) of a candidate, turned and exposed: [3, rows, 2 rows] float32."""
+    """Return ln(radiance + FLOOR) of a candidate, rotated and exposed: [3, rows, 2 rows] float32."""
     x, y, z = turn.astype(np.float32) @ _directions(rows)
     height, width = codes.shape[:2]
     column = (0.5 + np.arctan2(x, -z) / np.float32(2 * np.pi)) * width - 0.5
@@ -168,7 +169,7 @@ def _candidate(codes: np.ndarray, turn: np.ndarray, ln_gain: np.ndarray, rows: i
 
 
 def _between(pixels: np.ndarray, left: np.ndarray, after: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """[P, 3] float32 between pixels [N, 3] at two indices [P], right [P, 1] of the way."""
+    """Interpolate pixels [N, 3] between two indices [P], weight `right` [P, 1] for the second: [P, 3] float32."""
     one, other = (np.take(pixels, index, axis=0).astype(np.float32) for index in (left, after))
     other -= one
     other *= right
@@ -183,8 +184,10 @@ def _directions(rows: int) -> np.ndarray:
 
 
 def _shown(seen: np.ndarray | None, rest: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray]:
-    """Radiance [3, rows, 2 rows] of what is seen and cover [1, rows, 2 rows]; where it is clipped, as bright as the
-    estimate [3, 64, 128] if that is brighter, its hue kept."""
+    """Return the radiance [3, rows, 2 rows] of seen surroundings and cover [1, rows, 2 rows].
+
+    Clipped pixels are raised to the estimate [3, 64, 128] where that is brighter; their hue is kept.
+    """
     if seen is None:
         return np.zeros((3, 1, 1), np.float32), np.zeros((1, 1, 1), np.float32)
     cover = _planar(seen[..., 3:4])
@@ -196,13 +199,13 @@ def _shown(seen: np.ndarray | None, rest: np.ndarray, rows: int) -> tuple[np.nda
 
 
 def _measured(seen: np.ndarray | None) -> np.ndarray:
-    """Share [1, rows, 2 rows] of each direction of which seen holds what is above white too."""
+    """Return the share [1, rows, 2 rows] of each direction whose radiance is known above white."""
     return np.zeros((1, 1, 1), np.float32) if seen is None else _planar(seen[..., 4:].sum(axis=-1, keepdims=True))
 
 
 def _towards(free: np.ndarray, fixed: np.ndarray, rest: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """The factor m [3, 64, 128] of what is free beside what is fixed: blurred display values nearer to those of rest,
-    then harmonics [9, 3] those of the goal."""
+    """Return the factor m [3, 64, 128] of `free` beside `fixed`: blurred display values move towards those of rest,
+    then harmonics [9, 3] towards those of the goal."""
     free, fixed = _shrunk(free), _shrunk(fixed)
     m = _ratio(_held(response(rest)), _held(response(free)))
     for _ in range(STEPS):
@@ -211,13 +214,13 @@ def _towards(free: np.ndarray, fixed: np.ndarray, rest: np.ndarray, goal: np.nda
 
 
 def _ratio(wanted: np.ndarray, shown: np.ndarray) -> np.ndarray:
-    """The factor of radiance that brings display values to those that are wanted."""
+    """Return the factor of radiance that changes display values to the wanted ones."""
     a, b = (inverse_response(np.clip(values, 0.02, 0.95)) for values in (wanted, shown))
     return np.clip(a / b, 1 / STEP, STEP)
 
 
 def _harmonics_step(free: np.ndarray, lack: np.ndarray) -> np.ndarray:
-    """1 + sum of c_i Y_i [3, 64, 128] that adds the lacking harmonics [9, 3] to what is free."""
+    """Return 1 + sum of c_i Y_i [3, 64, 128], the factor that adds the lacking harmonics [9, 3] to `free`."""
     y = sh_basis(pixel_directions(MAP_HEIGHT)).reshape(-1, 9).astype(np.float64)
     weights = np.repeat(pixel_solid_angles(MAP_HEIGHT), 2 * MAP_HEIGHT, axis=1).reshape(-1)
     factor = np.empty_like(free)
@@ -229,7 +232,7 @@ def _harmonics_step(free: np.ndarray, lack: np.ndarray) -> np.ndarray:
 
 
 def _disc(light: DominantLight, rows: int) -> np.ndarray:
-    """The dominant light [3, rows, 2 rows] as a disc of the lobe's size, edges a pixel and a half wide."""
+    """Draw the dominant light [3, rows, 2 rows] as a disc of the lobe's size, edges a pixel and a half wide."""
     radius = max(float(np.arccos(np.clip(1.0 - light.solid_angle / (2 * np.pi), -1.0, 1.0))), LEAST_RADIUS)
     angle = np.arccos(np.clip(light.direction @ _directions(rows), -1.0, 1.0)).reshape(rows, 2 * rows)
     share = np.clip((radius - angle) / (1.5 * np.pi / rows) + 0.5, 0.0, 1.0)
@@ -238,7 +241,7 @@ def _disc(light: DominantLight, rows: int) -> np.ndarray:
 
 
 def _shrunk(planes: np.ndarray) -> np.ndarray:
-    """Means over blocks, [3, H, 2H] to [3, 64, 128], by solid angle."""
+    """Average over blocks, [3, H, 2H] to [3, 64, 128], weighted by solid angle."""
     rows = planes.shape[1]
     if rows in (1, MAP_HEIGHT):
         return planes
@@ -248,7 +251,7 @@ def _shrunk(planes: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=4)
 def _blocks(rows: int) -> tuple[np.ndarray, np.ndarray]:
-    """Weights [64, rows] by solid angle, and [2 rows, 128], of means over blocks."""
+    """Return the weights [64, rows], by solid angle, and [2 rows, 128] of averages over blocks."""
     k = rows // MAP_HEIGHT
     areas = pixel_solid_angles(rows)[:, 0].astype(np.float64)
     down = np.repeat(np.eye(MAP_HEIGHT), k, axis=1) * areas
@@ -258,7 +261,7 @@ def _blocks(rows: int) -> tuple[np.ndarray, np.ndarray]:
 
 @lru_cache(maxsize=8)
 def _spline(old: int, new: int) -> np.ndarray:
-    """Weights [new, old + 4] of the cubic B-spline on values with two more at both ends."""
+    """Return the weights [new, old + 4] of the cubic B-spline on values padded by two at both ends."""
     at = (np.arange(new) + 0.5) * old / new - 0.5
     first = np.floor(at).astype(int)
     t = at - first
@@ -270,7 +273,7 @@ def _spline(old: int, new: int) -> np.ndarray:
 
 
 def enlarged_planes(planes: np.ndarray, rows: int) -> np.ndarray:
-    """Smooth values [3, h, 2h] at more rows, [3, rows, 2 rows]; over a pole lies the other side."""
+    """Enlarge smooth values [3, h, 2h] to [3, rows, 2 rows]; beyond a pole lies the opposite side."""
     height, width = planes.shape[1:]
     if rows == height:
         return planes

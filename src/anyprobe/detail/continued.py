@@ -1,9 +1,9 @@
 """Continuation of a photo all around.
 
-In a level panorama one row is one height: at the same distance on the ground, as high on a wall or in the sky. So every
-row goes on in strips of what is seen (detail.quilt), softer the farther from the photo. Above the photo its upper rows
-go on, ever softer; below it the ground goes on as ground: its lowest rows' colours, and their texture seen from above,
-strewn over the plane under the camera.
+In a level panorama one row is one elevation: the same distance on the ground, or the same height on a wall or in the
+sky. So every row is continued by strips of what is seen (detail.quilt), softer the farther from the photo. Above the
+photo its upper rows continue, ever softer; below it the ground continues: the colours of its lowest rows, and their
+texture seen from above, scattered over the plane under the camera.
 """
 
 from __future__ import annotations
@@ -17,40 +17,40 @@ from anyprobe.detail.quilt import continue_right, join_of, smoothed, strewn
 from anyprobe.match.plate import DrawnPlate
 
 CONTINUED_FLOOR = 0.02
-"""Added to radiance before its logarithm."""
+"""Radiance added before its logarithm."""
 LEAST_WIDTH = 0.45
-"""Rows that show less of the place than this share of the widest are not continued."""
+"""Smallest width of a row in the photo, as a share of the widest, that is continued."""
 LEAST_KNOWN = 0.7
-"""Columns of which less than this share of the rows is seen are not continued."""
+"""Smallest seen share of a column that is continued."""
 SEAM_DEG = 4.0
-"""Width over which two pieces are mixed."""
+"""Width [degrees] over which two pieces are mixed."""
 MEET_DEG = 10.0
-"""The same behind the camera, where left and right meet."""
+"""The same width behind the camera, where left and right meet."""
 SOFT_DEG = (0.0, 0.8, 2.5, 6.0)
-"""Standard deviations of blurs along rows."""
+"""Standard deviations [degrees] of blurs along rows."""
 SOFT_AT_DEG = (4.0, 25.0, 60.0, 130.0)
-"""Azimuths from the photo's border at which each of them is reached."""
+"""Azimuths [degrees] from the photo's border at which each blur is reached."""
 EDGE_SOFT_DEG, EDGE_SOFT_AT_DEG = (0.5, 3.0, 10.0, 40.0), (0.0, 4.0, 14.0, 40.0)
-"""The same above and below the photo, by height from its border."""
+"""The same above and below the photo, by elevation from its border."""
 ABOVE_DEG = 4.0
-"""Height above the photo at which its upper rows, upside down, have given way to their mean by a factor e."""
+"""Elevation [degrees] above the photo over which its mirrored upper rows decay to their mean by a factor e."""
 EDGE_DEG = 1.5
-"""Height of the rows at its border whose mean goes on."""
+"""Height [degrees] of the band at its border whose mean continues."""
 HORIZON_DEG = -6.0
-"""Rows below this are ground."""
+"""Elevation [degrees] below which rows are ground."""
 POLE_DEG = (55.0, 84.0)
-"""Heights between which all azimuths become one."""
+"""Elevations [degrees] between which all azimuths merge into one."""
 GROUND_PX, GROUND_REACH = 384, 1.25
-"""Side of the ground's picture seen from above, and half of it in radii of the circle that the photo does not show."""
+"""Side of the ground's picture seen from above, and half of it in radii of the circle outside the photo."""
 GRAIN, HUELESS = 0.75, 0.5
-"""Contrast of that texture, of the seen one's, and share of its colour that it loses."""
+"""Contrast of that texture relative to the seen one, and share of its colour that it loses."""
 BLOCK = 0.45
-"""Side of the blocks that the ground's texture is made of, of that radius."""
+"""Side of the ground texture's blocks, in the same radii."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Continued:
-    """ln: [R, 2R, 3] of radiance + CONTINUED_FLOOR. top, bottom: elevations of the rows that are continued, degrees."""
+    """Continuation: ln [R, 2R, 3] of radiance + CONTINUED_FLOOR; top, bottom: elevations of its rows [degrees]."""
 
     ln: np.ndarray
     top: float
@@ -58,7 +58,7 @@ class Continued:
 
 
 def continue_around(seen: DrawnPlate) -> Continued | None:
-    """Continue what a level panorama shows; None where it shows too little for that."""
+    """Continue what a level panorama shows; None where it shows too little."""
     rows = len(seen.margin)
     per_deg = rows / 180.0
     known = seen.margin > 0.0
@@ -83,7 +83,7 @@ def continue_around(seen: DrawnPlate) -> Continued | None:
 
 
 def _sideways(seen: DrawnPlate, band: slice, left: int, right: int, per_deg: float) -> np.ndarray:
-    """Rows of a band, of which columns left to right are seen, all around [H, 2R, 3]; what is seen itself stays."""
+    """Continue a band's rows, seen from column left to right, all around: [H, 2R, 3]; seen pixels stay."""
     known = seen.margin[band] > 0.0
     ln = np.log(seen.radiance[band] + CONTINUED_FLOOR)
     width = ln.shape[1]
@@ -114,7 +114,7 @@ def _sideways(seen: DrawnPlate, band: slice, left: int, right: int, per_deg: flo
 
 
 def _nearest_known(known: np.ndarray) -> np.ndarray:
-    """Column [H, W] of the nearest known pixel of each row; rows without any have their own columns."""
+    """Return the column [H, W] of the nearest known pixel of each row; rows without any have their own columns."""
     column = np.broadcast_to(np.arange(known.shape[1]), known.shape)
     left = known.argmax(axis=1)[:, None]
     right = known.shape[1] - 1 - known[:, ::-1].argmax(axis=1)[:, None]
@@ -122,13 +122,13 @@ def _nearest_known(known: np.ndarray) -> np.ndarray:
 
 
 def _softer(ring: np.ndarray, distance: np.ndarray, per_deg: float) -> np.ndarray:
-    """Rows [H, W, 3] blurred along themselves, the more the farther [W] from what is seen."""
+    """Blur rows [H, W, 3] along themselves, more with their distance [W] from what is seen."""
     level = np.interp(distance, SOFT_AT_DEG, np.arange(len(SOFT_DEG)))[None, :, None]
     return _between_blurs(ring, SOFT_DEG, level, per_deg)
 
 
 def _softer_upright(ring: np.ndarray, distance: np.ndarray, per_deg: float) -> np.ndarray:
-    """Columns blurred too, half as much, over the upper and lower border by their mirror images."""
+    """Blur columns too, half as much; beyond the upper and lower border by their mirror images."""
     level = np.interp(distance, SOFT_AT_DEG, np.arange(len(SOFT_DEG)))[:, None, None]
     tall = np.concatenate([ring, ring[::-1]]).transpose(1, 0, 2)
     sigmas = tuple(sigma / 2 for sigma in SOFT_DEG)
@@ -136,7 +136,7 @@ def _softer_upright(ring: np.ndarray, distance: np.ndarray, per_deg: float) -> n
 
 
 def _between_blurs(rows: np.ndarray, sigmas_deg: tuple[float, ...], level: np.ndarray, per_deg: float) -> np.ndarray:
-    """Rows [H, W, 3] blurred along themselves by the deviations at a level, which counts them and may lie between."""
+    """Blur rows [H, W, 3] along themselves by the deviations at a fractional level, an index into them."""
     width = rows.shape[1]
     waves = np.fft.rfft(rows, axis=1)
     frequency = np.arange(waves.shape[1]) * 2 * np.pi / width
@@ -149,7 +149,7 @@ def _between_blurs(rows: np.ndarray, sigmas_deg: tuple[float, ...], level: np.nd
 
 
 def _from_border(band: np.ndarray) -> np.ndarray:
-    """Pixels [H, W] to the nearest unseen column of the row, zero where unseen."""
+    """Return the distance [H, W] in pixels to the nearest unseen column of the row, zero where unseen."""
     width = band.shape[1]
     column = np.arange(width)
     left, right = band.argmax(axis=1)[:, None], (width - 1 - band[:, ::-1].argmax(axis=1))[:, None]
@@ -157,7 +157,7 @@ def _from_border(band: np.ndarray) -> np.ndarray:
 
 
 def _upright(ring: np.ndarray, first: int, last: int, elevation: np.ndarray, per_deg: float) -> np.ndarray:
-    """All rows [R, 2R, 3], of those from first to last."""
+    """Extend rows first to last to all rows [R, 2R, 3]."""
     rows = len(elevation)
     whole = np.empty((rows, *ring.shape[1:]), np.float32)
     whole[first : last + 1] = ring
@@ -174,10 +174,10 @@ def _upright(ring: np.ndarray, first: int, last: int, elevation: np.ndarray, per
 
 
 def _lay_ground(whole: np.ndarray, last: int, columns: slice, elevation: np.ndarray) -> None:
-    """Rows below the last one get the texture of the plane under the camera; whole is changed.
+    """Give rows below the last one the texture of the plane under the camera; modifies whole.
 
-    It is what the lowest rows of the columns that are seen have beyond their smooth colours, seen from above, in blocks
-    that are strewn over the circle.
+    The texture is the difference of the seen columns' lowest rows from their smooth colours, seen from above, in blocks
+    scattered over the circle.
     """
     rows, width = whole.shape[:2]
     seam = max(1, round(SEAM_DEG * rows / 180.0))
@@ -202,7 +202,7 @@ def _lay_ground(whole: np.ndarray, last: int, columns: slice, elevation: np.ndar
 
 
 def _between(picture: np.ndarray, column: np.ndarray, row: np.ndarray, *, wraps: bool) -> np.ndarray:
-    """A picture [H, W, C] between its pixels, [..., C]."""
+    """Interpolate a picture [H, W, C] at fractional pixels, [..., C]."""
     height, width = picture.shape[:2]
     row = np.clip(row, 0, height - 1.001)
     if not wraps:

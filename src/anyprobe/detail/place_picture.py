@@ -1,9 +1,9 @@
-"""One picture of the place: what the photo shows, what that tells of the rest, and the estimate's light.
+"""Panorama of the place: the photo, its continuation, and the estimate's light.
 
     L = seen, else g exp(w ln C + (1 - w) ln E), + discs
 
-C is what the photo shows, continued all around (detail.continued), with its texture throughout. Of its colour the
-share w is kept, which falls with the angle to what is seen; the rest gives way to the estimate E without its sources.
+C is the photo continued all around (detail.continued), with its full texture. Its colour is kept
+by the share w, which falls with the angle to what is seen; the rest gives way to the estimate E without its sources.
 The gain g is smooth: it brings the nine spherical harmonics to the estimate's with the least change (Kullback-Leibler).
 Sources are discs of their own size, weak ones soft spots.
 """
@@ -34,44 +34,46 @@ PANORAMA_SIZES = (64, 128, 256, 512, 1024, 2048)
 DRAWN_ROWS = 512
 """Rows of a panorama."""
 EDGE_DEG = 3.0
-"""Width over which the photo gives way to what is beside it, inside its border."""
+"""Width [degrees] over which the photo gives way to its continuation, inside its border."""
 FAR_DEG, HUE_DEG = 45.0, 60.0
-"""Angles from what is seen at which the continued brightness and hue count 1 / e."""
+"""Angles [degrees] from what is seen at which the continued brightness and hue count 1 / e."""
 BESIDE_DEG = 12.0
-"""Angle from what is seen at which plausible detail takes the place of what is continued."""
+"""Angle [degrees] from what is seen at which plausible detail replaces the continuation."""
 ABOVE_GROUND_DEG = 8.0
-"""The same above a photo that shows nothing but ground."""
+"""The same angle above a photo that shows only ground."""
 SOFT = 20.0
 """Sharpness of the blur whose colours give way to the estimate's: about 10 degrees."""
 SPOT = 0.4
-"""Angle, of a weak source's radius, at which it is a factor e less bright than in its middle."""
+"""Angle, in radii of a weak source, over which its brightness falls by a factor e."""
 SOFT_RIM = 0.35
-"""Width of a disc's rim, of its radius."""
+"""Width of a disc's rim, in its radii."""
 DISC_SHARE = 0.2
-"""Share of the map's power from which on a source has the outline of a disc. On left-out renders a tenth of the light
-comes from within 15 degrees of so strong a source in 33 to 59 % of photos, of a weaker one in 2 to 13 %: those are soft
-spots, twice as wide where they are below the horizon of a level picture. Of cut-outs it is 6 to 28 %: there the
-outline says little."""
+"""Smallest share of the map's power of a source drawn with the outline of a disc.
+
+On left-out renders a tenth of the light comes from within 15 degrees of so strong a source in 33 to 59 % of photos,
+of a weaker one in 2 to 13 %: weaker ones become soft spots, twice as wide below the horizon of a level picture. For
+cut-outs it is 6 to 28 %: there the outline says little.
+"""
 AROUND_DEG, CORE_DEG = 22.0, 10.0
-"""Angle from a source within which its light is looked for, and within which all of it is taken."""
+"""Angle [degrees] from a source within which its light is searched, and within which all of it is taken."""
 LEAST_RADIUS_DEG = 0.27
-"""Smallest radius of a disc: the sun's."""
+"""Smallest radius [degrees] of a disc: the sun's."""
 MOST_GAIN = np.log(6.0)
 NEWTON_STEPS = 12
 NEAR_GAIN_DEG = 20.0
-"""Angle from what is seen over which the gain sets in, so that no edge appears there."""
+"""Angle [degrees] from what is seen over which the gain sets in, so that no edge appears there."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Panorama:
-    """A picture of the place, with where each of its pixels is from.
+    """A panorama of the place with the origin of each pixel.
 
     Attributes:
         radiance: [R, 2R, 3] linear, in the light's units.
-        origin: [R, 2R, 3] shares that are seen in the photo, estimated, and invented; they sum to 1.
+        origin: [R, 2R, 3] shares seen in the photo, estimated, and invented; they sum to 1.
         frame_from_camera: [3, 3] rotation from the camera's frame to the panorama's.
         is_level: whether +Y is up in the place; else the frame is the light's.
-        attributes: what a file's header says of it.
+        attributes: entries of a file's header.
     """
 
     radiance: np.ndarray
@@ -84,7 +86,7 @@ class Panorama:
         """Write .exr (half floats, or floats where halves would clip), .hdr, or a tone-mapped .png.
 
         Raises:
-            OutputError: another suffix, or it cannot be written.
+            OutputError: another suffix, or a file that cannot be written.
         """
         path = Path(path)
         kind = path.suffix.lower()
@@ -100,13 +102,13 @@ class Panorama:
         return path
 
     def save_origin(self, path: str | Path) -> Path:
-        """Write where each pixel is from as a picture: red is seen, green estimated, blue invented."""
+        """Write the origin of each pixel as a picture: red is seen, green estimated, blue invented."""
         write_png(Path(path), self.origin)
         return Path(path)
 
 
 def check_panorama_rows(size: int) -> None:
-    """Raise InputError where a panorama cannot have so many rows."""
+    """Raise InputError if a panorama cannot have so many rows."""
     if size not in PANORAMA_SIZES:
         raise InputError(
             f"expected one of {', '.join(map(str, PANORAMA_SIZES))} rows, got {size}; choose another", subject="size"
@@ -116,13 +118,13 @@ def check_panorama_rows(size: int) -> None:
 def compose(
     estimate: np.ndarray, plate: Plate | None, frame_from_camera: np.ndarray, rows: int, *, is_detailed: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return a panorama [rows, 2 rows, 3] and where it is from [rows, 2 rows, 3], see Panorama.
+    """Compose a panorama [rows, 2 rows, 3] and its origin [rows, 2 rows, 3], see Panorama.
 
     Args:
         estimate: [H, 2H, 3] in the panorama's frame.
-        plate: of the photo; None where it shows nothing but its object.
+        plate: the photo without its object; None where it shows nothing but the object.
         frame_from_camera: [3, 3].
-        is_detailed: whether the estimate has plausible detail, which then is beside what is seen, sources included.
+        is_detailed: whether the estimate has plausible detail, which then surrounds what is seen, sources included.
     """
     sources, rest = ((), estimate) if is_detailed else _without_sources(estimate)
     smooth = _enlarged(rest, rows)
@@ -138,9 +140,9 @@ def compose(
 
 
 def _without_sources(estimate: np.ndarray) -> tuple[list[LightSource], np.ndarray]:
-    """The sources of a map [H, 2H, 3], each with the light that it is taken out with, and what is left of the map.
+    """Split a map [H, 2H, 3] into its sources, each with the light removed for it, and the rest.
 
-    What is left near a source is what is around it, spread smoothly.
+    Near a source the rest is filled smoothly from around.
     """
     rest = reduced(np.asarray(estimate, np.float32), MAP_HEIGHT)
     found = find_light_sources(rest)
@@ -165,7 +167,8 @@ def _without_sources(estimate: np.ndarray) -> tuple[list[LightSource], np.ndarra
 def _place(
     smooth: np.ndarray, rest: np.ndarray, seen: DrawnPlate | None, is_detailed: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The picture without sources, the share of it that is the photo's [R, 2R, 1], and where all of it is from."""
+    """Return the picture without sources, the share of it that is the photo's [R, 2R, 1], and the origin of each
+    pixel."""
     rows = len(smooth)
     nothing = np.zeros((rows, 2 * rows, 1), np.float32)
     estimated = np.concatenate([nothing, nothing + 1 - is_detailed, nothing + is_detailed], axis=-1)
@@ -203,7 +206,7 @@ def _place(
 
 
 def _enlarged(values: np.ndarray, rows: int) -> np.ndarray:
-    """A map [h, 2h, C] at more rows, smooth, or at fewer."""
+    """Resize a map [h, 2h, C] to `rows` rows, more (smoothly) or fewer."""
     from anyprobe.detail.blend import enlarged_planes
 
     if len(values) >= rows:
@@ -214,7 +217,7 @@ def _enlarged(values: np.ndarray, rows: int) -> np.ndarray:
 
 
 def _angles_from(cover: np.ndarray) -> np.ndarray:
-    """Degrees [R, 2R] to the nearest direction that is covered; 180 where none is."""
+    """Return the angle [degrees, R, 2R] to the nearest covered direction; 180 where none is."""
     rows = len(cover)
     small = reduced(cover[..., None].astype(np.float32), 32)[..., 0] > 0.5
     if not small.any():
@@ -227,7 +230,7 @@ def _angles_from(cover: np.ndarray) -> np.ndarray:
 
 
 def _discs(sources: Sequence[LightSource], rows: int, cover: np.ndarray, picture: np.ndarray) -> np.ndarray:
-    """Draw light sources [rows, 2 rows, 3], each with its whole irradiance: discs of their own size, weak ones as soft
+    """Draw light sources [rows, 2 rows, 3], each with its whole irradiance: discs of their own size, weak ones soft
     spots."""
     drawn = np.zeros((rows, 2 * rows, 3), np.float32)
     directions = pixel_directions(rows)
@@ -256,16 +259,16 @@ def _discs(sources: Sequence[LightSource], rows: int, cover: np.ndarray, picture
 
 
 def _row_span(direction: np.ndarray, reach: float, rows: int) -> tuple[int, int]:
-    """First row, and the one after the last, that lie within an angle of a direction."""
+    """Return the first row, and the one after the last, within an angle of a direction."""
     polar = np.arccos(np.clip(direction[1], -1.0, 1.0))
     top, bottom = (polar - reach) / np.pi * rows, (polar + reach) / np.pi * rows
     return max(int(np.floor(top)) - 1, 0), min(int(np.ceil(bottom)) + 1, rows)
 
 
 def _moments_matched(free: np.ndarray, fixed: np.ndarray, goal: np.ndarray, strength: np.ndarray) -> np.ndarray:
-    """free [R, 2R, 3] times a smooth gain, so that with what is fixed it has the harmonics [9, 3] of goal.
+    """Multiply `free` [R, 2R, 3] by a smooth gain so that, with `fixed`, it has the harmonics [9, 3] of goal.
 
-    The gain is exp(s(d) sum of c_i Y_i(d)) with s the strength: of all gains that reach the goal the nearest to 1,
+    The gain exp(s(d) sum of c_i Y_i(d)), with s the strength, is the nearest to 1 of all gains that reach the goal,
     found by Newton's method on sum of free exp(s Y c) / s - c . lack, which is convex.
     """
     lack = (goal - project(fixed)).astype(np.float64)
@@ -278,7 +281,7 @@ def _moments_matched(free: np.ndarray, fixed: np.ndarray, goal: np.ndarray, stre
         coefficients[:, k] = _newton(light, y, force, lack[:, k])
     gain = np.exp(np.clip(force[:, None] * (y @ coefficients), -MOST_GAIN, MOST_GAIN))
     result = free * _enlarged(gain.reshape(MAP_HEIGHT, 2 * MAP_HEIGHT, 3).astype(np.float32), len(free))
-    # what the coarse grid left
+    # the coarse grid's residual
     left = lack - project(result)
     factor = np.empty((len(y), 3))
     small = reduced(result.astype(np.float32), MAP_HEIGHT).astype(np.float64)
@@ -292,13 +295,13 @@ def _moments_matched(free: np.ndarray, fixed: np.ndarray, goal: np.ndarray, stre
 
 @lru_cache(maxsize=1)
 def _basis() -> tuple[np.ndarray, np.ndarray]:
-    """Harmonics [8192, 9] and solid angles [8192] of a map's pixels."""
+    """Return harmonics [8192, 9] and solid angles [8192] of a map's pixels."""
     y = sh_basis(pixel_directions(MAP_HEIGHT)).reshape(-1, 9).astype(np.float64)
     return y, np.repeat(pixel_solid_angles(MAP_HEIGHT), 2 * MAP_HEIGHT, axis=1).reshape(-1).astype(np.float64)
 
 
 def _newton(light: np.ndarray, y: np.ndarray, force: np.ndarray, lack: np.ndarray) -> np.ndarray:
-    """Coefficients [9] of one channel."""
+    """Solve for the coefficients [9] of one channel."""
     c = np.zeros(9)
     for _ in range(NEWTON_STEPS):
         gained = light * np.exp(np.clip(force * (y @ c), -MOST_GAIN, MOST_GAIN))
@@ -313,7 +316,7 @@ def _newton(light: np.ndarray, y: np.ndarray, force: np.ndarray, lack: np.ndarra
 
 
 def in_frame(radiance: np.ndarray, frame_from_camera: np.ndarray) -> np.ndarray:
-    """A map [H, 2H, 3] in a panorama's frame."""
+    """Rotate a map [H, 2H, 3] into a panorama's frame."""
     if np.allclose(frame_from_camera, np.eye(3)):
         return radiance
     return np.maximum(rotate(radiance, frame_from_camera), 0.0)

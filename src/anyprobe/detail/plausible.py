@@ -18,19 +18,19 @@ from anyprobe.match.plate import Plate
 
 DETAILS = ("none", "plausible")
 SIZES = (64, 128, 256, 512)
-"""Rows of a map with detail."""
+"""Supported numbers of rows of a map with detail."""
 ROWS = SIZES[-1]
 
 
 def check_detail(detail: str) -> bool:
-    """Whether detail is asked for; InputError where the word is none of DETAILS."""
+    """Return whether detail is requested; InputError where the word is none of DETAILS."""
     if detail not in DETAILS:
         raise InputError(f"expected one of {', '.join(DETAILS)}, got {detail!r}", subject="detail")
     return detail != DETAILS[0]
 
 
 def check_rows(rows: int) -> None:
-    """InputError where a map with detail cannot have so many rows."""
+    """Raise InputError if a map with detail cannot have so many rows."""
     if rows not in SIZES:
         raise InputError(
             f"expected one of {', '.join(map(str, SIZES))} rows, got {rows}; choose another", subject="size"
@@ -39,8 +39,7 @@ def check_rows(rows: int) -> None:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Detailed:
-    """radiance: [rows, 2 rows, 3]; name: of the candidate that lent the detail; seed: as given; warnings: of
-    the library."""
+    """A map with detail: radiance [rows, 2 rows, 3]; name of the candidate; seed as given; the library's warnings."""
 
     radiance: np.ndarray
     name: str
@@ -48,7 +47,7 @@ class Detailed:
     warnings: tuple[str, ...] = ()
 
     def info(self) -> dict[str, str | int]:
-        """For a sidecar."""
+        """Entries for a sidecar."""
         return {"kind": "plausible", "from": self.name, "seed": self.seed}
 
 
@@ -63,19 +62,19 @@ def add_detail(
     plate: Plate | None = None,
     pitch_deg: float | None = None,
 ) -> Detailed:
-    """An estimate's map with the detail of a real place; the same input gives the same bits.
+    """Add the detail of a real place to an estimate's map; the same input gives the same bits.
 
     Args:
         radiance: [H, 2H, 3] linear, in the photo's exposure units.
-        confidence: [H, 2H] in [0, 1]: how much each direction counts in the choice.
-        library: of open_library, or a folder of .exr and .hdr maps; None: our own rooms, streets and studios.
+        confidence: [H, 2H] in [0, 1]: weight of each direction in the choice.
+        library: result of open_library, or a folder of .exr and .hdr maps; None: our own rooms, streets and studios.
         rows: one of SIZES.
-        seed: 0 takes the candidate that agrees best, 1 the next, and so on.
-        seen: [rows, 2 rows, 4 or 5] what is known of the surroundings, see detail.blend.
-        plate: what the photo shows beside its object: a place of its kind, in- or outdoors, is preferred.
-        pitch_deg: how far the camera looks down, so that what stands on a ground stays there; None: not known.
+        seed: 0 picks the best candidate, 1 the next, and so on.
+        seen: [rows, 2 rows, 4 or 5] known surroundings, see detail.blend.
+        plate: the photo without its object: a place of its kind, in- or outdoors, is preferred.
+        pitch_deg: camera pitch downwards, which keeps the ground level; None: unknown.
     Raises:
-        InvalidEnvironment, InputError: one line that says what to do.
+        InvalidEnvironment, InputError: bad arguments, in one line that says what to do.
     """
     check_rows(rows)
     if seed < 0:

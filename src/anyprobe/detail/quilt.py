@@ -1,7 +1,7 @@
-"""A picture continued sideways in strips of itself, each joined where it fits best.
+"""Continuation of a picture sideways in strips of itself, each joined where it fits best.
 
-After Efros and Freeman 2001: a strip is taken from that place in the picture whose beginning looks most like the end of
-what there is; both are cut along the path on which they differ least. What colour still jumps there fades out along the
+After Efros and Freeman 2001: a strip is copied from the place in the picture whose beginning looks most like the
+current end; both are cut along the path on which they differ least. The remaining jump in colour fades out along the
 strip.
 """
 
@@ -10,26 +10,25 @@ from __future__ import annotations
 import numpy as np
 
 STRIP = (0.4, 0.65)
-"""Widths of strips, of the picture's."""
+"""Widths of strips, in widths of the picture."""
 JOIN = 0.09
-"""Width over which two strips may be cut, of the picture's."""
+"""Width over which two strips may be cut, in widths of the picture."""
 AGAIN = 0.8
-"""Added to the difference of a place that was used just before, in units of the mean over all places; it fades with
-each strip."""
+"""Penalty of a place that was just used, in units of the mean difference over all places; it fades with each strip."""
 FILLED = 1.0
-"""Added for a strip that is filled rather than seen, likewise."""
+"""Penalty of a strip that is filled rather than seen, in the same unit."""
 COARSE = 3
-"""Pixels of the picture to one that is compared."""
+"""Pixels of the picture per pixel compared."""
 FADE = 0.5
-"""Part of a strip's width over which a jump of colour fades by a factor e."""
+"""Share of a strip's width over which a jump of colour fades by a factor e."""
 SOFT_CUT = 2
-"""Pixels to both sides of a cut over which it is soft."""
+"""Pixels on both sides of a cut over which it is soft."""
 
 
 def continue_right(picture: np.ndarray, filled: np.ndarray, length: int, seed: int) -> np.ndarray:
-    """Return columns [H, J + length, 3] that go on from the right border of a picture [H, W, 3].
+    """Continue a picture [H, W, 3] beyond its right border: columns [H, J + length, 3].
 
-    The first J of them, join_of(W), are in the place of the picture's last, for what comes after to begin within them.
+    The first J = join_of(W) of them replace the picture's last ones, so that the continuation can begin within them.
     filled: [H, W] share that is not seen.
     """
     height, width = picture.shape[:2]
@@ -53,14 +52,14 @@ def continue_right(picture: np.ndarray, filled: np.ndarray, length: int, seed: i
 
 
 def join_of(width: int) -> int:
-    """Columns within which a picture so wide may be cut."""
+    """Return the number of columns within which a picture of this width may be cut."""
     return max(2, round(JOIN * width))
 
 
 def strewn(texture: np.ndarray, side: int, size: int, seed: int) -> np.ndarray:
-    """Blocks [side, side, C] of a texture of mean zero, strewn over a square of so many pixels, [size, size, C].
+    """Scatter blocks [side, side, C] of a zero-mean texture over a square of `size` pixels, [size, size, C].
 
-    They overlap by half; divided by the root of the weights' squares, their sum has the texture's own contrast.
+    They overlap by half; divided by the root of the weights' squares, their sum keeps the texture's contrast.
     """
     random = np.random.default_rng(seed)
     window = np.sin(np.pi * (np.arange(side) + 0.5) / side) ** 2
@@ -80,7 +79,7 @@ def strewn(texture: np.ndarray, side: int, size: int, seed: int) -> np.ndarray:
 
 
 def smoothed(picture: np.ndarray, sigma: int) -> np.ndarray:
-    """A picture [H, W, C] blurred both ways, its border going on."""
+    """Blur a picture [H, W, C] both ways; its border is extended."""
     for _ in range(2):
         flat = picture.reshape(len(picture), -1)
         picture = _along(flat, max(1, sigma)).reshape(picture.shape).swapaxes(0, 1)
@@ -88,7 +87,7 @@ def smoothed(picture: np.ndarray, sigma: int) -> np.ndarray:
 
 
 def _place(picture: np.ndarray, tail: np.ndarray, used: np.ndarray, empty: np.ndarray, size: int) -> int:
-    """First column of the strip of a picture [H, W, 3] that continues a tail [H, J, 3]."""
+    """Return the first column of the strip of a picture [H, W, 3] that best continues a tail [H, J, 3]."""
     step = COARSE if min(tail.shape[:2]) >= COARSE else 1  # a telephoto's tail is narrower
     small, end = _shrunk(picture, step), _shrunk(tail, step)
     first = np.arange((picture.shape[1] - size) // step + 1) * step
@@ -102,7 +101,7 @@ def _place(picture: np.ndarray, tail: np.ndarray, used: np.ndarray, empty: np.nd
 
 
 def _joined(tail: np.ndarray, strip: np.ndarray) -> np.ndarray:
-    """A strip [H, S, 3] whose first columns are those of a tail [H, J, 3] up to a cut."""
+    """Join a strip [H, S, 3] to a tail [H, J, 3]: up to a cut, its first columns are the tail's."""
     join = tail.shape[1]
     jump = (tail - strip[:, :join]).mean(axis=1)
     jump = _along(jump, max(2, len(jump) // 24))
@@ -115,7 +114,7 @@ def _joined(tail: np.ndarray, strip: np.ndarray) -> np.ndarray:
 
 
 def _cut(difference: np.ndarray) -> np.ndarray:
-    """Columns [H] of the path from top to bottom along which differences [H, J] are least."""
+    """Find the path from top to bottom, a column a row [H], along which differences [H, J] are least."""
     height = len(difference)
     wide = np.pad(difference, ((0, 0), (1, 1)), constant_values=np.inf)
     cost = wide[:, 1:-1]
@@ -131,7 +130,7 @@ def _cut(difference: np.ndarray) -> np.ndarray:
 
 
 def _along(values: np.ndarray, sigma: int) -> np.ndarray:
-    """Values [H, C] blurred along H."""
+    """Blur values [H, C] along H."""
     reach = 2 * sigma
     weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
     padded = np.pad(values, ((reach, reach), (0, 0)), mode="edge")
@@ -139,7 +138,7 @@ def _along(values: np.ndarray, sigma: int) -> np.ndarray:
 
 
 def _shrunk(picture: np.ndarray, step: int) -> np.ndarray:
-    """Means over blocks of step x step pixels; the last ones are left out."""
+    """Average over blocks of step x step pixels; incomplete ones at the end are dropped."""
     height, width = (side // step for side in picture.shape[:2])
     blocks = picture[: height * step, : width * step].reshape(height, step, width, step, -1)
     return blocks.mean(axis=(1, 3))

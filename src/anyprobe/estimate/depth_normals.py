@@ -1,4 +1,4 @@
-"""Normals from a depth image of the photo: planes fitted to it by local least squares.
+"""Normals from a depth image of the photo, by planes fitted with local least squares.
 
 A plane n.P = d seen along the ray r = (x, y, -1) has the inverse depth 1 / z = n.r / d, which is affine in x and y. So
 a plane of P is a plane of 1 / z over the picture, whatever the perspective, and z's unit cancels.
@@ -17,46 +17,46 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Float
 
 LARGEST = 512
-"""Side of the object in depth pixels beyond which they are averaged in blocks; the networks see 64."""
+"""Largest side [px] of the object in the depth image; beyond it, depths are averaged in blocks; the networks see 64."""
 SMALLEST = 12
-"""Side below which nothing is fitted."""
+"""Smallest side [px] at which anything is fitted."""
 AIM = np.radians(4.0)
-"""The window is so wide that noise tilts normals by this much."""
+"""Tilt of normals by noise [radians] that the window's width aims at."""
 NARROWEST, WIDEST = 3, 1 / 6
-"""Side of the window in pixels, and over the side of the object."""
+"""Smallest side of the window [px], and largest, as a share of the object's side."""
 WORST = np.radians(15.0)
-"""Normals that noise tilts by more are not known: the network's own guesses are as good."""
+"""Largest tilt by noise [radians] of a known normal: beyond it the network's own guesses are as good."""
 GRAZING = 0.2
-"""Cosine to the view below which a surface is too steep."""
+"""Smallest cosine to the view; a steeper surface is unknown."""
 FILLED = 0.6
-"""Share of the window that must be measured."""
+"""Smallest share of the window that must be measured."""
 JUMP = 6.0
-"""Neighbours farther apart than the steepest surface and so many standard deviations of the noise are an edge."""
+"""Noise margin of an edge between neighbours, in standard deviations beyond the steepest surface."""
 ENOUGH = 0.3
-"""Share of the object whose normals must be known."""
+"""Smallest share of the object whose normals must be known."""
 INWARD = -0.15
-"""Mean lean of normals away from the object's centre below which it is hollow: depth grows towards the camera there."""
+"""Mean outward lean of normals below which the object appears hollow: depth grows towards the camera there."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class DepthNormals:
-    """normals [H, W, 3] float32 in the camera's frame, unit, zero where not known; None, and doubt says why."""
+    """Result: normals [H, W, 3] float32 in the camera's frame, unit, zero where unknown; or None, with a doubt."""
 
     normals: np.ndarray | None
     doubt: str = ""
 
 
 def normals_from_depth(source: DepthSource, mask: Float[np.ndarray, "H W"], long_fov_deg: float) -> DepthNormals:
-    """Normals of a photo's object by its depth along the camera's axis, in any unit.
+    """Fit normals of a photo's object to its depth along the camera's axis, in any unit.
 
-    Not known are edges and holes of the depth, grazing surfaces, and what noise or steps tilt by more than WORST.
+    Unknown are edges and holes of the depth, grazing surfaces, and normals that noise or steps tilt by more than WORST.
 
     Args:
         source: see masks.depth.read_depth; of the photo's view, at any size.
         mask: [H, W] in [0, 1], 1 on the object.
         long_fov_deg: field of view of the photo's longer side.
     Raises:
-        InvalidMask: no depth image, or of another view.
+        InvalidMask: no depth image, or one of another view.
     """
     depth = depth_of_view(source, mask.shape)
     scale = np.array(depth.shape) / mask.shape
@@ -101,9 +101,9 @@ def normals_from_depth(source: DepthSource, mask: Float[np.ndarray, "H W"], long
 def _fitted(
     total: Float[np.ndarray, "h w"], share: Float[np.ndarray, "h w"], y: np.ndarray, x: np.ndarray, step: float
 ) -> Float[np.ndarray, "h w 3"]:
-    """Normals, zero where not known, of inverse depths times the share measured of each pixel, and that share.
+    """Fit normals, zero where unknown, to inverse depths times each pixel's measured share.
 
-    y, x: of the rows and columns, on the plane at depth 1; step: of stored depths, relative.
+    y, x: of the rows and columns, on the plane at depth 1; step: relative spacing of stored depths.
     """
     valid = share > 0.5
     q = np.where(valid, total / np.maximum(share, 0.5), 0.0)
@@ -145,7 +145,7 @@ def _fitted(
 
 
 def _noise(q: np.ndarray, valid: Bool[np.ndarray, "h w"]) -> float:
-    """Standard deviation of the noise of q over q, by second differences; robust to edges."""
+    """Estimate the relative standard deviation of q's noise by second differences; robust to edges."""
     second = []
     for values, good in ((q, valid), (q.T, valid.T)):
         three = good[:-2] & good[1:-1] & good[2:]
@@ -155,7 +155,7 @@ def _noise(q: np.ndarray, valid: Bool[np.ndarray, "h w"]) -> float:
 
 
 def _step(depths: np.ndarray) -> float:
-    """Typical distance of stored depths, over their mean: quantisation, or next to nothing."""
+    """Return the typical spacing of stored depths over their mean: quantisation, or next to nothing."""
     values = np.unique(depths)
     if len(values) < 2:
         return 1.0
@@ -163,7 +163,7 @@ def _step(depths: np.ndarray) -> float:
 
 
 def _edges(q: np.ndarray, valid: np.ndarray, jump: float) -> Bool[np.ndarray, "h w"]:
-    """Pixels beside a neighbour whose depth is another by more than jump, relative."""
+    """Return pixels whose depth differs from a neighbour's by more than jump, relative."""
     edge = np.zeros(q.shape, bool)
     for a, b in (
         ((slice(1, None),), (slice(None, -1),)),
@@ -187,7 +187,7 @@ def _box_sum(values: np.ndarray, radius: int) -> np.ndarray:
 
 
 def _blocks(values: np.ndarray, block: int) -> np.ndarray:
-    """Means of block x block, zero beyond the border."""
+    """Average over blocks of block x block, zero beyond the border."""
     if block == 1:
         return values
     height, width = (-(-size // block) for size in values.shape)
@@ -197,7 +197,7 @@ def _blocks(values: np.ndarray, block: int) -> np.ndarray:
 
 
 def _axis(places: np.ndarray, block: int) -> np.ndarray:
-    """The middle of each block of an axis."""
+    """Return the middle of each block of an axis."""
     pixel = places[1] - places[0] if len(places) > 1 else 0.0
     return places[0] + pixel * (np.arange(-(-len(places) // block)) * block + (block - 1) / 2)
 
@@ -208,7 +208,7 @@ def _nearest(wanted: int, size: int) -> np.ndarray:
 
 
 def _lean(normals: np.ndarray, known: np.ndarray, on: np.ndarray) -> float:
-    """Mean component of known normals away from the object's centre, in the picture."""
+    """Return the mean component of known normals away from the object's centre, in the picture."""
     rows, columns = np.nonzero(on)
     row, column = rows.mean(), columns.mean()
     y, x = np.nonzero(known)

@@ -18,19 +18,19 @@ if TYPE_CHECKING:
 _EXPOSURE: dict[str, float] = contract("exposure")["doubt"]
 _CLIPPED, _CLIPPED_SHARE = _EXPOSURE["clipped"], _EXPOSURE["clipped_share"]
 _DARK, DARK_SHARE = _EXPOSURE["dark"], _EXPOSURE["dark_share"]
-"""Display values of channels and of luminance, and shares of the object's pixels beyond, from which on it is said."""
+"""Display values of channels and of luminance, and shares of the object's pixels beyond them that cause a warning."""
 _MIDDLE = 0.4
-"""Radiance that the median of what is too bright should have."""
+"""Radiance that the median should have if it is too bright."""
 _WHITE_SHARE = 0.6
 """Share of a photo's pixels above white at which a warning is given."""
 _SAMPLES = 256
 """Pixels along a photo's longer side that are sampled."""
 BELOW_DEG = 12.0
-"""Angle below the horizon, beyond the pitch's error, from which light hardly ever comes."""
+"""Angle [degrees] below the horizon, beyond the pitch's error, from which light hardly ever comes."""
 UNSURE_DEG: float = contract("ground")["unsure_deg"]
 """Error of an estimated pitch at which a warning is given; that of a blind guess is USUAL_ERROR_DEG."""
 DIRECTIONAL = 0.25
-"""Share of light from one side from which on its direction matters."""
+"""Smallest directionality at which the light's direction matters."""
 
 
 def scale_doubts(radiance: Float[np.ndarray, "H W 3"] | None, name: str) -> tuple[Notice, ...]:
@@ -93,7 +93,7 @@ def light_doubts(
 ) -> tuple[Notice, ...]:
     """Warn of a dominant light from below the horizon, in the camera's frame.
 
-    ground: None for a cut-out, of which pitch_deg may be given.
+    ground: None for a cut-out, for which pitch_deg may be given.
     """
     if ground is not None:
         up, error = ground.up, ground.pitch_error_deg

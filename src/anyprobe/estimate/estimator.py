@@ -1,4 +1,4 @@
-"""The main job: one photo in, the light around its object out."""
+"""The main entry point: the light around the object of one photo."""
 
 from __future__ import annotations
 
@@ -72,11 +72,12 @@ class Estimator:
 
         Args:
             settings: all settings, or the model's name in the place of `model`.
+            settings: all settings, or the model's name instead of `model`.
             model, threads, engine, emitters, segmenter, detail, size, detail_library: see Settings; those that are not
-                defaults replace what `settings` holds.
+                defaults replace the ones in `settings`.
         Raises:
-            InputError, ModelError, MissingExtra: with one line that says what to do.
-            TypeError: an unknown keyword; names the one that it is most like.
+            InputError, ModelError, MissingExtra: bad settings or models, in one line that says what to do.
+            TypeError: an unknown keyword; the message names the most similar one.
         """
         check_keywords(unknown, Estimator.__init__)
         if isinstance(settings, str):
@@ -97,7 +98,7 @@ class Estimator:
         self._set(settings)
 
     def __reduce__(self) -> tuple[type[Estimator], tuple[Settings]]:
-        """Other processes open the networks anew."""
+        """Pickle the settings; other processes open the networks anew."""
         return Estimator, (self.settings,)
 
     def __repr__(self) -> str:
@@ -112,10 +113,10 @@ class Estimator:
         self.settings = settings
 
     def with_settings(self, settings: Settings | None = None, **changes: Any) -> Estimator:
-        """Return one with other settings; the open networks are shared where model, threads and engine stay.
+        """Return an estimator with other settings; the open networks are shared if model, threads and engine stay.
 
         Args:
-            settings: all of them; None: this one's.
+            settings: all settings; None: the current ones.
             changes: fields of Settings to replace.
         """
         check_keywords(
@@ -155,14 +156,14 @@ class Estimator:
         """Estimate the light around the object of one photo.
 
         Args:
-            source: path, bytes, Pillow image or array ([H, W, 3 or 4], uint8 or float in [0, 1]); or a Photo of
-                load_photo, whose hints were given there, but for the material.
-            hints: all that is given of the object, the camera and the light.
+            source: path, bytes, Pillow image or array ([H, W, 3 or 4], uint8 or float in [0, 1]); or a Photo from
+                load_photo, where its hints were given, except the material.
+            hints: optional inputs about the object, the camera and the light.
             mask, click, exclude, box, depth, near, far, fov_deg, pitch_deg, roll_deg, normals, material, albedo,
-                roughness, surroundings: see Hints; these replace what `hints` holds.
+                roughness, surroundings: see Hints; these replace those in `hints`.
         Raises:
-            InvalidPhoto, InvalidMask, InputError: with one line that says what to do.
-            TypeError: an unknown keyword; names the one that it is most like.
+            InvalidPhoto, InvalidMask, InputError: bad input, in one line that says what to do.
+            TypeError: an unknown keyword; the message names the most similar one.
         """
         start = time.perf_counter()
         check_keywords(unknown, Estimator.__call__)
@@ -202,14 +203,14 @@ class Estimator:
         roughness: float | None = None,
         start: float | None = None,
     ) -> Light:
-        """One light of several photos of one object in one place; see multiview.estimate_crops.
+        """Estimate one light from several photos of one object in one place; see multiview.estimate_crops.
 
         Args:
-            photos: of load_photo, read in turn; their pixels are not kept.
+            photos: from load_photo, read in turn; their pixels are not kept.
             world_from_camera: [3, 3] of each.
             material: the object's, a name or a Material.
             albedo, roughness: the object's linear diffuse albedo, and its roughness as in glTF.
-            start: of time.perf_counter, when the first photo's loading began.
+            start: time.perf_counter() when the first photo's loading began.
         """
         given = as_material(material, albedo, roughness)
         taken, spent = cut_photos(photos, start)
@@ -218,12 +219,12 @@ class Estimator:
     def from_photo(
         self, photo: Photo, start: float | None = None, *, material: Material | None = None, plate: bool = True
     ) -> Light:
-        """The same for a Photo that is loaded already.
+        """Estimate the light of a loaded Photo; see __call__.
 
         Args:
-            start: of time.perf_counter, when its loading began; the sidecar's seconds count from it.
+            start: time.perf_counter() when its loading began; the sidecar's seconds count from it.
             material: the object's, instead of the Photo's own.
-            plate: whether the light keeps what the photo shows beside its object, for detail that is asked for later.
+            plate: whether the light keeps the photo beside its object, so that detail can be added later.
         """
         start = time.perf_counter() if start is None else start
         light = self.from_crop(photo, crop_object(photo, PHOTO_SIZE), start, material=material)
@@ -234,7 +235,7 @@ class Estimator:
         return light if self.settings.detail == DETAILS[0] else self._with_detail(light, photo)
 
     def _unwrapped(self, light: Light, photo: Photo, start: float) -> Light:
-        """The light of a mirror ball, of a photo of one; else as it is."""
+        """Replace the light of a mirror ball by the one unwrapped from its photo; else return it unchanged."""
         said = light.origin.object
         if said is None or not is_mirror_ball(photo, said["metal"]):
             return light
@@ -244,7 +245,7 @@ class Estimator:
         return replace(found, warnings=(*found.warnings, said_of_ball(photo.name)))
 
     def _with_detail(self, light: Light, photo: Photo) -> Light:
-        """Add plausible detail that continues what is known of the surroundings."""
+        """Add plausible detail that continues the known surroundings."""
         start = time.perf_counter()
         size = self.settings.size
         light = light.with_detail(library=self.settings.detail_library, size=size, seen=photo.seen(size))
@@ -260,10 +261,10 @@ class Estimator:
         material: Material | None = None,
         merged_surroundings: np.ndarray | None = None,
     ) -> Light:
-        """The same for an object that is cut out already; the photo's pixels are not read.
+        """Estimate the light of a cropped object without reading the photo's pixels; see __call__.
 
         merged_surroundings: [64, 128, 4 or 5] in the crop's frame, surroundings that other photos show too. They stay
-            in the result as they are; the network sees the photo's own alone, as in training.
+            unchanged in the result; the network sees only the photo's own, as in training.
         """
         loaded = time.perf_counter()
         material = photo.material if material is None else as_material(material)
@@ -301,7 +302,7 @@ class Estimator:
         )
 
     def _origin(self, photo: Photo, crop: Crop, found: Prediction, seconds: dict[str, float]) -> Origin:
-        """Say what a light is from, and by which model and settings."""
+        """Record what a light was estimated from, and by which model and settings."""
         confidence = photo.mask_confidence
         return Origin(
             photo=photo.name,
@@ -357,14 +358,15 @@ def estimate(
     """Estimate the light around the object of one photo; the networks stay open for the next call.
 
     Args:
-        source: path, bytes, Pillow image or array ([H, W, 3 or 4], uint8 or float in [0, 1]); or a Photo of load_photo.
-        hints: all that is given of the object, the camera and the light.
+        source: path, bytes, Pillow image or array ([H, W, 3 or 4], uint8 or float in [0, 1]); or a Photo from
+            load_photo.
+        hints: optional inputs about the object, the camera and the light.
         mask, click, exclude, box, depth, near, far, fov_deg, pitch_deg, roll_deg, normals, material, albedo, roughness,
-            surroundings: see Hints; these replace what `hints` holds.
+            surroundings: see Hints; these replace those in `hints`.
         model, threads, engine, emitters, segmenter, detail, size, detail_library: see Settings.
     Raises:
-        AnyprobeError: with one line that says what to do.
-        TypeError: an unknown keyword; names the one that it is most like.
+        AnyprobeError: bad input, in one line that says what to do.
+        TypeError: an unknown keyword; the message names the most similar one.
     """
     check_keywords(unknown, estimate)
     settings = Settings(

@@ -1,6 +1,6 @@
-"""The ground under the object: how far the camera looks down on it, and where the object touches it.
+"""The ground under the object: the camera's pitch and roll over it, and the point where the object touches it.
 
-What nobody gives is guessed from how such photos are taken. The guess's error says how far to trust it.
+A pitch that is not given is guessed from how such photos are usually taken, with the guess's error.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ if TYPE_CHECKING:
 
 GIVEN, NOTED, ESTIMATED, GUESSED = "given", "exif", "estimated", "guessed"
 KNOWN = (GIVEN, NOTED)
-"""Sources of a ground that the network is told."""
+"""Sources of a ground that is passed to the network."""
 _GROUND = contract("ground")
 USUAL_PITCH_DEG: float = _GROUND["usual_pitch_deg"]
 USUAL_ERROR_DEG: float = _GROUND["usual_error_deg"]
-"""Pitch of photos of objects on tables and floors; 5 to 50 degrees downwards are common."""
+"""Mean error [degrees] of the guessed pitch of photos of objects on tables and floors, usually 5 to 50 downwards."""
 USUAL_ROLL_DEG = 0.0
 GIVEN_ERROR_DEG: float = _GROUND["given_error_deg"]
-"""Error of a pitch that was measured or set by eye."""
+"""Error [degrees] of a pitch that was measured or set by eye."""
 SURE_DEG = 8.0
-"""Largest error of a pitch at which only rotations near it are searched."""
+"""Largest error [degrees] of a pitch at which only rotations near it are searched."""
 SPREAD = float(np.sqrt(np.pi / 2))
 """Standard deviation of a normal distribution over its mean absolute error."""
 LEAST_SLOPE_DEG: float = _GROUND["least_slope_deg"]
-"""The ground at the object's base is seen at least this far below the horizon."""
+"""Smallest angle [degrees] below the horizon at which the ground at the object's base is seen."""
 LEAST_CONTACT: float = _GROUND["least_contact"]
 CONTACT_BAND: float = _GROUND["contact_band"]
-"""Rows of the mask narrower than this, of the object's width, are not where it stands; and what counts as its lower
-border, of its height."""
+"""Width of mask rows, in the object's widths, below which it does not stand on them; and height of the mask's lower
+border, in the object's heights."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -45,9 +45,9 @@ class Ground:
     """A horizontal plane under the object, in the camera's frame.
 
     Attributes:
-        pitch_deg: how far the camera looks down: 0 level, 90 straight down.
-        pitch_error_deg: standard deviation of that.
-        roll_deg: how far the camera is turned to the left about its axis, so that the picture turns to the right.
+        pitch_deg: camera pitch downwards: 0 level, 90 straight down.
+        pitch_error_deg: its standard deviation.
+        roll_deg: camera roll to the left about its axis, so that the picture turns to the right.
         contact: x, y [px] where the object touches the ground.
         source: "given", "exif" (noted by the camera), "estimated" from the photo by a network, or "guessed".
         is_doubtful: whether the object's place in the photo contradicts the usual guess.
@@ -67,11 +67,11 @@ class Ground:
 
     @property
     def level_from_camera(self) -> np.ndarray:
-        """Rotation [3, 3] from the camera's frame to one whose +Y is up, the camera's azimuth kept."""
+        """Rotation [3, 3] from the camera's frame to one whose +Y is up; the camera's azimuth is kept."""
         return rotation_x(-np.radians(self.pitch_deg)) @ rotation_z(np.radians(self.roll_deg))
 
     def said_level(self) -> str:
-        """Return how a map that is level came to be so, as one line for a sidecar."""
+        """Describe how a map was levelled, as one line for a sidecar."""
         return (
             f"+Y is up: turned by the camera's pitch of {self.pitch_deg:.1f} and roll of {self.roll_deg:.1f} degrees, "
             f"{self.source}, give or take {self.pitch_error_deg:.0f}"
@@ -79,28 +79,28 @@ class Ground:
 
     @staticmethod
     def of(info: dict[str, Any] | None) -> Ground | None:
-        """Return the ground that `info` describes; None for None."""
+        """Restore the ground from `info`; None for None."""
         return None if info is None else Ground(**{**info, "contact": tuple(info["contact"])})
 
     @property
     def is_known(self) -> bool:
-        """Whether it was given or noted, not found in the photo's pixels."""
+        """Whether it was given or noted, not estimated from the photo's pixels."""
         return self.source in KNOWN
 
     @property
     def is_sure(self) -> bool:
-        """Whether a search for rotations needs to look near this pitch alone."""
+        """Whether a search for rotations can be limited to pitches near this one."""
         return self.pitch_error_deg <= SURE_DEG
 
     def info(self) -> dict[str, Any]:
-        """As a sidecar has it, rounded."""
+        """Return the fields of a sidecar, rounded."""
         rounded = {name: round(getattr(self, name), 2) for name in ("pitch_deg", "pitch_error_deg", "roll_deg")}
         contact = [round(one, 1) for one in self.contact]
         return {**asdict(self), **rounded, "contact": contact}
 
 
 def up_of(pitch_deg: float, roll_deg: float = 0.0) -> np.ndarray:
-    """+Y of the world [3] in the frame of a camera that looks down so far and is turned so far about its axis."""
+    """Return the world's +Y [3] in the frame of a camera with this pitch and roll."""
     pitch, roll = np.radians(pitch_deg), np.radians(roll_deg)
     return np.array([np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll), np.sin(pitch)])
 
@@ -108,7 +108,7 @@ def up_of(pitch_deg: float, roll_deg: float = 0.0) -> np.ndarray:
 def ground_by_posture(
     ground: Ground, posture: Float[np.ndarray, " 3"], camera_from_crop: Float[np.ndarray, "3 3"]
 ) -> Ground:
-    """A guessed ground with the pitch and roll that a network found; posture: of estimate.runtime.Outputs."""
+    """Return a guessed ground with the pitch and roll estimated by a network; posture: see estimate.runtime.Outputs."""
     pitch, error, roll = (float(one) for one in posture)
     up = camera_from_crop @ up_of(np.degrees(pitch), np.degrees(roll))
     return replace(
@@ -133,12 +133,12 @@ class Framed(Protocol):
 
 
 def estimate_ground(photo: Framed, *, pitch_deg: float | None = None, roll_deg: float | None = None) -> Ground:
-    """The ground of a photo with its object marked.
+    """Return the ground of a photo whose object is marked.
 
     Args:
-        pitch_deg, roll_deg: where they are known; of the pitch, what the photo says itself if it is None.
+        pitch_deg, roll_deg: where known; without pitch_deg, the photo's own pitch is used.
     Raises:
-        InputError: a pitch or roll that no camera over a ground has.
+        InputError: a pitch or roll that is impossible for a camera over a ground.
     """
     x, row = contact_of(photo.mask)
     pitch_deg = photo.pitch_deg if pitch_deg is None else pitch_deg
@@ -170,7 +170,8 @@ def estimate_ground(photo: Framed, *, pitch_deg: float | None = None, roll_deg: 
 
 
 def contact_of(mask: np.ndarray) -> tuple[float, int]:
-    """Pixel x, y where an object [H, W] touches the ground: the middle of its mask's lower border, and its row."""
+    """Return pixel x, y where an object [H, W] touches the ground: the middle of its mask's lower border, and its
+    row."""
     x0, y0, x1, y1 = object_box(mask)
     inside = mask[y0:y1, x0:x1] > 0.5
     wide = np.flatnonzero(inside.sum(axis=1) >= LEAST_CONTACT * (x1 - x0))

@@ -1,4 +1,4 @@
-"""Knowledge beside the photo: normals and surroundings, with their origin."""
+"""Prior knowledge beside the photo: normals and surroundings, with their origin."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from anyprobe.notices import Notice, give
 from anyprobe.pictures.images import Pixels
 
 FROM_DEPTH = "depth"
-"""Origin of normals that are from a depth image, which nobody gave as normals."""
+"""Origin of normals computed from a depth image rather than given."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PhotoBackground:
-    """Take what the photo shows around its object as part of the map.
+    """The photo's background, used as part of the map.
 
-    is_asked: whether the caller asked for it, so that a photo without one is refused.
+    is_asked: whether the caller asked for it, so that a photo without a background is refused.
     """
 
     is_asked: bool = False
@@ -32,9 +32,9 @@ class PhotoBackground:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GivenPanorama:
-    """Part of the map that a file gives, in the camera's frame, see estimate.surroundings.
+    """Part of the map given by a file, in the camera's frame, see estimate.surroundings.
 
-    small: [64, 128, 4 or 5]; full: the same with as many rows as the file has, 512 at most; None where nobody needs it.
+    small: [64, 128, 4 or 5]; full: the same with as many rows as the file has, 512 at most; None where not needed.
     """
 
     small: np.ndarray
@@ -43,7 +43,7 @@ class GivenPanorama:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class KnownNormals:
-    """KnownNormals of the object.
+    """Normals of the object.
 
     values: [H, W, 3] in the camera's frame, unit, or zero where unknown. origin: "given", or "depth".
     """
@@ -53,7 +53,7 @@ class KnownNormals:
 
 
 def asked_surroundings(asked: SurroundingsSource | None) -> PhotoBackground | GivenPanorama | None:
-    """Read what a caller says of the surroundings; nothing said is "auto"."""
+    """Read the caller's surroundings; the default is "auto"."""
     if asked is None or (isinstance(asked, str) and asked in (AUTO, PHOTO, NONE)):
         return None if asked == NONE else PhotoBackground(is_asked=asked == PHOTO)
     small, full = read_panorama(asked)
@@ -63,7 +63,7 @@ def asked_surroundings(asked: SurroundingsSource | None) -> PhotoBackground | Gi
 def find_normals(
     hints: Hints, pixels: Pixels, mask: np.ndarray, long_fov_deg: float, fov_source: str
 ) -> tuple[KnownNormals | None, tuple[Notice, ...]]:
-    """KnownNormals that are given, else those of a depth image, and what is doubtful of them."""
+    """Return the given normals, else those of a depth image, and doubts about them."""
     given = _known_normals(hints.normals, pixels.rgb, mask, long_fov_deg)
     if given is not None:
         return KnownNormals(values=given), ()
@@ -92,7 +92,7 @@ def _known_normals(
 def _normals_by_depth(
     source: DepthSource, mask: np.ndarray, long_fov_deg: float, fov_source: str, name: str
 ) -> tuple[np.ndarray | None, tuple[Notice, ...]]:
-    """Normals of a depth image, None where the network's are better, and what is doubtful of them."""
+    """Return the normals of a depth image, None where the network's are better, and doubts about them."""
     found = normals_from_depth(source, mask, long_fov_deg)
     if found.normals is None:
         text = f"{found.doubt}; normals are estimated from the photo"

@@ -1,7 +1,7 @@
-"""A given material settles what a photo alone cannot: the colour and level of the light.
+"""Use of a given material, which determines what a photo alone cannot: the colour and level of the light.
 
 A matte red sphere in white light looks like a white one in red light, and a bright sphere in weak light like a dark one
-in strong light. The network is given the material; what it answers is then drawn halfway, in the logarithm, to the
+in strong light. The network receives the material; its estimate is then moved halfway, in the logarithm, to the
 level and colour at which the object, rendered with it, is as bright as its photo. A mirror of known shape is measured.
 """
 
@@ -27,26 +27,26 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 SMOOTH = 0.1
-"""Largest alpha of a mirror: its lobe is a pixel or three of the map wide."""
+"""Largest alpha of a mirror: its lobe is one to three pixels of the map wide."""
 MIRROR_STEEP = 0.2
-"""Least n.wo of a pixel that counts: at the rim one pixel mirrors a tenth of the sphere."""
+"""Smallest n.wo of a pixel that counts: at the rim one pixel mirrors a tenth of the sphere."""
 _CLIPPED = 0.97
-"""Display value from which on a pixel says only how bright its light is at least."""
+"""Display value above which a pixel is only a lower bound of its light."""
 LEVELS = 3
-"""Maps of 64, 32 and 16 rows that pixels fall into: where they lie far apart, a coarse one joins them."""
+"""Number of maps, of 64, 32 and 16 rows, that pixels are collected in: a coarse one joins pixels that lie far apart."""
 MOST_STERADIANS = 0.1
-"""That a pixel of a mirror is taken to show at most: more is an error of its normals."""
+"""Largest solid angle [sr] that a mirror's pixel may show: more is an error of its normals."""
 ENOUGH = 0.5
-"""Pixels that a place of a map must have seen for the measured light to count half."""
+"""Number of pixels in a place of a map at which the measured light counts half."""
 MEASURED_CONFIDENCE = 0.65
-"""How likely a display value that is measured whole is within 0.1 of the truth, on training maps and shapes: a camera's
-curve is not known, and its normals are estimated at every second pixel."""
+"""Probability that a measured display value is within 0.1 of the truth, on training maps and shapes: the camera's curve
+is unknown, and its normals are estimated at every second pixel."""
 ODDS = 10.0
-"""How much likelier light above white is in a place that is clipped than in one that is not seen."""
+"""Ratio by which light above white is likelier in a clipped place than in one that is not seen."""
 
 
 def is_mirror(material: Material) -> bool:
-    """A metal smooth enough to show its surroundings."""
+    """Return whether a material is a metal smooth enough to show its surroundings."""
     return not np.any(material.albedo) and material.alpha <= SMOOTH
 
 
@@ -58,22 +58,22 @@ def measure(
     material: Material,
     mirrored: Float[np.ndarray, "S S 3"] | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Replace what the object mirrors of a map by what its photo shows of it.
+    """Replace the part of a map that the object mirrors by what its photo shows.
 
     A mirror shows F(n.wo) L(2 (n.wo) n - wo), with Schlick's F. Pixels fall into maps of several sizes; the finest that
-    covers a direction well gives it, the given map the rest. A clipped pixel marks where light above
-    white may come from but not how much there is: that is the given map's. Where the photo holds radiance above white,
-    that is measured too: each pixel's power, over the solid angle that it mirrors, goes to where it comes from.
+    covers a direction well provides it, and the given map the rest. A clipped pixel marks where light above
+    white may come from but not how much: that is taken from the given map. Where the photo holds radiance above white,
+    it is measured too: each pixel's power, over the solid angle that it mirrors, goes to where it comes from.
 
     Args:
         radiance: [H, 2H, 3], the map in the crop's frame and the photo's exposure units.
         image: [S, S, 4], the crop: display RGB times mask, and mask.
         normals: [S / 2, S / 2, 3] the true ones in the crop's frame, unit or zero.
-        tan_half: of half the angle that the crop's side takes in.
+        tan_half: tangent of half the crop's field of view.
         material: the mirror.
         mirrored: [S, S, 3], the crop's radiance times mask, of photos that hold it above white.
     Returns:
-        the map [H, 2H, 3] float32, and the share [H, 2H] of each of its pixels that was measured.
+        the map [H, 2H, 3] float32, and the measured share [H, 2H] of each of its pixels.
     """
     height = radiance.shape[0]
     n, known = _twice(normals)
@@ -107,10 +107,10 @@ def measure(
 
 
 def _above_white(above: np.ndarray, clipped: np.ndarray, unseen: np.ndarray) -> np.ndarray:
-    """Light `above` white [H, 2H, 3] moved to where it can be: shares [H, 2H, 1] of places clipped, and not seen.
+    """Redistribute the light `above` white [H, 2H, 3] over shares [H, 2H, 1] of clipped and of unseen places.
 
-    One half of its power is shared among all clipped places: an emitter and a white wall clip alike. The other goes
-    to those where `above` has its own. Where nothing is clipped, the unseen part of it stays.
+    Half of its power is spread over all clipped places: an emitter and a white wall clip alike. The other half goes
+    to those where `above` has its own. Where nothing is clipped, its unseen part stays.
     """
     if not clipped.any():
         return above * unseen
@@ -122,7 +122,8 @@ def _above_white(above: np.ndarray, clipped: np.ndarray, unseen: np.ndarray) -> 
 
 
 def _solid_angles(wi: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Steradians [S, S, 1] that each pixel of a mirror shows, by what its neighbours [S, S, 3] show."""
+    """Return the solid angle [sr] that each pixel of a mirror shows, [S, S, 1], by its neighbours' directions [S, S,
+    3]."""
     sides = []
     for axis in (0, 1):
         steps = np.diff(wi, axis=axis)
@@ -136,9 +137,9 @@ def _solid_angles(wi: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 def _laid_down(emitted: np.ndarray, angles: np.ndarray, uv: np.ndarray, height: int) -> np.ndarray:
-    """A map [H, 2H, 3] with the power of radiance [P, 3] over solid angles [P, 1] at places uv [P, 2].
+    """Accumulate the power of radiance [P, 3] over solid angles [P, 1] at uv [P, 2] into a map [H, 2H, 3].
 
-    A pixel that shows more than one of the map's falls into a coarser map, so that no gaps are between it and the next.
+    A pixel that shows more than one of the map's goes into a coarser map, so that no gaps appear between neighbours.
     """
     result, at = np.zeros((height, 2 * height, 3)), direction_to_uv(pixel_directions(height))
     areas = pixel_solid_angles(height)[..., None]
@@ -159,7 +160,7 @@ def _laid_down(emitted: np.ndarray, angles: np.ndarray, uv: np.ndarray, height: 
 
 
 def _twice(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Normals at twice the size by bilinear interpolation, and where all that they are made of are known."""
+    """Double the size of normals by bilinear interpolation; also return where all sources are known."""
     side = 2 * len(normals)
     planes = [Image.fromarray(np.ascontiguousarray(normals[..., k], np.float32)) for k in range(3)]
     grown = [np.asarray(plane.resize((side, side), Image.Resampling.BILINEAR)) for plane in planes]
@@ -168,7 +169,7 @@ def _twice(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _gather(values: np.ndarray, uv: np.ndarray, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Sums [H, 2H, 3] and counts [H, 2H, 1] of values [P, 3], shared among the four pixels around each uv [P, 2]."""
+    """Splat values [P, 3] onto the four pixels around each uv [P, 2]: sums [H, 2H, 3] and counts [H, 2H, 1]."""
     width = 2 * height
     column = np.mod(uv[:, 0] * width - 0.5, width)
     row = np.clip(uv[:, 1] * height - 0.5, 0.0, height - 1.001)
@@ -177,18 +178,18 @@ def _gather(values: np.ndarray, uv: np.ndarray, height: int) -> tuple[np.ndarray
     for index, share in corners(column, row, width + 1):
         np.add.at(sums, index, stacked * share[:, None])
     wide = sums[:-1].reshape(height, width + 1, 4)
-    wide[:, 0] += wide[:, width]  # one column further is the first again
+    wide[:, 0] += wide[:, width]  # the column after the last is the first again
     return wide[:, :width, :3], wide[:, :width, 3:]
 
 
 INSIDE = 0.99
-"""Coverage from which on a pixel is the object's alone."""
+"""Smallest coverage of a pixel that is the object's alone."""
 MAX_STOPS = 3.0
-"""Largest gain or loss of a channel: more is not the material's doing."""
+"""Largest gain or loss of a channel [stops]: more is not caused by the material."""
 MAX_POINTS, NUM_SAMPLES = 400, 64
-"""The most points of the object, evenly spread; each is shaded with so many samples."""
+"""Largest number of object points, evenly spread, and samples of each."""
 TRUST = 0.5
-"""Share of the gain that is applied, in the logarithm; of 0, 0.5 and 1 the best on the left-out part of the world test
+"""Share of the gain that is applied, in the logarithm; the best of 0, 0.5 and 1 on the left-out part of the world test
 set (research.limits)."""
 
 
@@ -200,16 +201,16 @@ def use_material(
     given_normals: Float[np.ndarray, "64 64 3"] | None,
     mirrored: np.ndarray | None = None,
 ) -> tuple[Outputs, dict]:
-    """A model's answer, made to fit a material that is known.
+    """Adapt a model's outputs to a known material.
 
-    A mirror whose normals are given too is measured where they are; all else gets TRUST of fit_gain's gain.
+    A mirror is measured where its normals are given too; everything else gets TRUST of fit_gain's gain.
 
     Args:
         outputs, image, tan_half: of a crop, see estimate.runtime.Models.
-        given_normals: [64, 64, 3] as they were given, zero elsewhere; None for none.
+        given_normals: [64, 64, 3] as given, zero elsewhere; None for none.
         mirrored: the crop's radiance, see measure.
     Returns:
-        the answer, and what was done, for the sidecar.
+        the outputs, and a record for the sidecar.
     """
     done = {name: _list(getattr(material, name)) for name in ("albedo", "f0")} | {"alpha": float(material.alpha)}
     if given_normals is not None and is_mirror(material):
@@ -236,15 +237,15 @@ def fit_gain(
     tan_half: float,
     material: Material,
 ) -> Float[np.ndarray, " 3"]:
-    """The gain of each channel at which the object, rendered with the map, is as bright as its photo.
+    """Return the gain of each channel at which the object, rendered with the map, is as bright as its photo.
 
-    Compared by the mean display value: where the light is placed wrongly, single pixels say nothing.
+    Compared by the mean display value: where the light is misplaced, single pixels carry no information.
 
     Args:
         radiance: [H, 2H, 3], the map in the crop's frame.
         image: [S, S, 4], the crop: display RGB times mask, and mask.
         normals: [S / k, S / k, 3] in the crop's frame, unit, for a whole number k.
-        tan_half: of half the angle that the crop's side takes in.
+        tan_half: tangent of half the crop's field of view.
         material: of the object.
     Returns:
         [3] float32, within MAX_STOPS; ones where no pixel is the object's alone.

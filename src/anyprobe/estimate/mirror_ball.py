@@ -1,8 +1,7 @@
-"""A mirror ball, known by itself: its outline is a circle, and it shows what a mirror would.
+"""Detection of a mirror ball: a circular outline, and the appearance of a mirror.
 
-A mirror shows its surroundings finely all over, so no smooth shading explains its ln radiance; and near its rim it
-shows what the photo shows beside it. The first is always asked for, and either the second or that the network takes it
-for a metal.
+A mirror shows fine structure all over, so no smooth shading explains its ln radiance; and near its rim it shows the
+photo's own background. The first is always required, and either the second or that the network considers it a metal.
 """
 
 from __future__ import annotations
@@ -18,29 +17,29 @@ from anyprobe.masks.check import object_box
 from anyprobe.notices import Notice, give
 
 ROUND = 0.95
-"""Overlap of a mask with a circle from which on it may be a ball's."""
+"""Smallest overlap of a mask with a circle that may be a ball's outline."""
 FINE = 0.28
-"""Standard deviation of ln radiance beside smooth shading, from which on a ball may be a mirror."""
+"""Smallest standard deviation of ln radiance around smooth shading of a ball that may be a mirror."""
 METAL, AGREE, AGREE_FINELY = 0.7, 0.9, 0.45
-"""Probability of a metal, or correlation of the rim with what it should show, from which on it is a mirror; also of
-what smooth shading explains of neither. Of balls drawn under 15 maps 13 reach one of the correlations, of twelve photos
-of a grey ball none; the last number was chosen on these same balls and photos."""
+"""Smallest probability of a metal, or correlation of the rim with the expected reflection, of a mirror; and the same
+correlation of what smooth shading does not explain. Of balls drawn under 15 maps 13 reach one of the correlations, of
+twelve photos of a grey ball none; the last number was chosen on these same balls and photos."""
 LEAST_PIXELS = 25
-"""Fewest pixels of the rim for a correlation."""
+"""Smallest number of rim pixels for a correlation."""
 MOST_SIDE = 192
-"""Pixels across the ball that are sampled."""
+"""Largest number of pixels sampled across the ball."""
 LEAST_SIDE_PX = 24
-"""A smaller ball shows too little."""
+"""Smallest side [px] of a ball; a smaller one shows too little."""
 FACING, INNER = 0.15, 0.4
-"""Least n.wo of what counts, and of what smooth shading is fitted to."""
+"""Smallest n.wo of pixels that count, and of those that smooth shading is fitted to."""
 FLOOR = 0.02
-"""Added to radiance before its logarithm."""
+"""Radiance added before its logarithm."""
 CHROME = "chrome"
-"""The material that a recognised ball is taken for."""
+"""Material assumed for a detected ball."""
 
 
 def said_of_ball(name: str) -> Notice:
-    """Return the warning that says what was done."""
+    """Return the warning that describes what was done."""
     text = (
         "the object is round and shows its surroundings, so it was unwrapped as a mirror ball of chrome, which it may "
         "not be"
@@ -72,7 +71,7 @@ def is_mirror_ball(photo: Photo, metal: float) -> bool:
 
 
 def _rays(shape: tuple[int, int], long_fov_deg: float) -> tuple[np.ndarray, float]:
-    """Unit directions [H, W, 3] of a photo's pixels, and its focal length in pixels."""
+    """Return unit directions [H, W, 3] of a photo's pixels, and its focal length in pixels."""
     height, width = shape
     focal = max(shape) / 2 / np.tan(np.radians(long_fov_deg) / 2)
     y, x = np.mgrid[:height, :width] + 0.5
@@ -81,13 +80,13 @@ def _rays(shape: tuple[int, int], long_fov_deg: float) -> tuple[np.ndarray, floa
 
 
 def _fineness(normals: np.ndarray, level: np.ndarray, on: np.ndarray) -> float:
-    """Standard deviation of ln radiance [H, W] beside the best sum of harmonics of the normal."""
+    """Return the standard deviation of ln radiance [H, W] around the best sum of harmonics of the normal."""
     n = normals[on]
     return 0.0 if len(n) < 100 else float(np.std(_beside_shading(n, level[on])))
 
 
 def _beside_shading(n: np.ndarray, level: np.ndarray) -> np.ndarray:
-    """Return the residual of levels [P] after the best sum of harmonics of normals [P, 3]."""
+    """Return the residual of levels [P] after fitting a sum of harmonics of normals [P, 3]."""
     n = n.astype(np.float64)
     x, y, z = n.T
     terms = np.concatenate([sh_basis(n), np.stack([x**3, y**3, x * y * z], axis=-1)], axis=-1)
@@ -98,8 +97,8 @@ def _beside_shading(n: np.ndarray, level: np.ndarray) -> np.ndarray:
 def _agreement(
     normals: np.ndarray, wi: np.ndarray, ln: np.ndarray, on: np.ndarray, mask: np.ndarray, focal: float
 ) -> tuple[float, float]:
-    """Correlation of what a ball reflects from wi [H, W, 3] with what the photo shows there, and of both beside smooth
-    shading; 0 if of too little."""
+    """Correlate the reflection from wi [H, W, 3] with the photo there, directly and without smooth shading; 0 if too
+    few pixels."""
     height, width = mask.shape
     front = np.maximum(-wi[..., 2], 0.05)
     column, row = width / 2 + focal * wi[..., 0] / front, height / 2 - focal * wi[..., 1] / front

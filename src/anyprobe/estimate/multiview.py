@@ -1,4 +1,4 @@
-"""Several photos of one object in one place, whose cameras' poses are known: one light of all."""
+"""One light from several photos of one object in one place, with known camera poses."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 _PLACES = 3
-"""Places that the light sources of several photos are gathered in, at most."""
+"""Largest number of places to which the light sources of several photos are gathered."""
 VOTE = 12.0
 """Sharpness of the cosine power with which each photo's light sources vote for a place."""
 REACH = np.cos(np.radians(40.0))
-"""Votes that belong to one light source lie within 40 degrees of it."""
+"""Cosine of the angle from a light source within which votes belong to it: 40 degrees."""
 SOURCE_RADIUS = np.radians(4.0)
-"""Radius of a light source, as in the maps of single photos."""
+"""Radius [radians] of a light source, as in the maps of single photos."""
 LEAST_POWER = 1e-3
-"""Luminance over the sphere below which there is no light source."""
+"""Smallest luminance over the sphere of a light source."""
 
 
 def fuse(maps: Float[np.ndarray, "N H 2*H 3"], weights: Float[np.ndarray, "N H 2*H"]) -> Float[np.ndarray, "H 2*H 3"]:
-    """The weighted geometric mean of what maps have up to white, and their light sources by vote.
+    """Fuse maps: their weighted geometric mean up to white, and their light sources by vote.
 
-    What is above white in all of them stays. The rest are small light sources that photos place side by side: a mean
+    Light above white in all of them stays. The rest are small light sources that the photos place side by side: a mean
     would show each photo's own, dimmer. They vote for places, and their mean power goes there.
 
     Args:
@@ -58,7 +58,7 @@ def fuse(maps: Float[np.ndarray, "N H 2*H 3"], weights: Float[np.ndarray, "N H 2
 
 
 def _by_vote(above: np.ndarray) -> np.ndarray:
-    """All photos' light sources [H, 2H, 3] gathered in a few, of the same power."""
+    """Gather all photos' light sources [H, 2H, 3] in a few, of the same power."""
     d, solid_angles = pixel_directions(len(above)), pixel_solid_angles(len(above))
     whole = left = luminance(above) * solid_angles
     found, power = np.zeros_like(above), 0.0
@@ -80,9 +80,9 @@ def _by_vote(above: np.ndarray) -> np.ndarray:
 
 
 SURE = 2.0
-"""The power of its confidence that a map counts with, pixel by pixel; chosen on assets that no weights learned from."""
+"""Exponent of the confidence that weights a map, pixel by pixel; chosen on assets that no weights learned from."""
 _LEAST = 1e-4
-"""Weight of a pixel of which a map says nothing."""
+"""Smallest weight of a pixel."""
 NOT_GIVEN = Notice(
     "expected photos that all say theirs (EXIF), got some that do not; taken to be the same for all",
     code="exposure-unknown",
@@ -91,13 +91,13 @@ NOT_GIVEN = Notice(
 
 
 def cut_photos(photos: Iterable[Photo], start: float | None = None) -> tuple[list[tuple[Photo, Crop]], list[float]]:
-    """Each photo without its pixels and its object's crop, and the seconds each took.
+    """Crop the object of each photo; return photos without pixels and crops, and the seconds each took.
 
-    photos: of load_photo, read in turn. start: of time.perf_counter, when the first one's loading began.
+    photos: from load_photo, read in turn. start: time.perf_counter() when the first one's loading began.
     """
     start = time.perf_counter() if start is None else start
     taken, spent = [], []
-    for k, photo in enumerate(photos):  # which may be loaded only now, one after another
+    for k, photo in enumerate(photos):  # photos may be loaded lazily, one after another
         if not isinstance(photo, Photo):
             raise InputError(
                 f"expected what load_photo returns, got {type(photo).__name__}; load each first", subject="photos"
@@ -115,14 +115,14 @@ def estimate_crops(
     spent: Sequence[float],
     material: Material | None = None,
 ) -> Light:
-    """One light of photos cut out by cut_photos, see fuse_lights; surroundings are shared across views.
+    """Estimate one light of photos cut out by cut_photos, see fuse_lights; surroundings are shared across views.
 
     Args:
-        from_crop: of an Estimator.
+        from_crop: method of an Estimator.
         world_from_camera: [3, 3] of each. Surroundings that are a panorama are in the first photo's frame.
         spent: seconds on each so far. material: the object's, if given.
     Raises:
-        InputError: as fuse_lights.
+        InputError: see fuse_lights.
     """
     turns = _turns(len(taken), world_from_camera)
     gains, _ = _gains([photo.exposure for photo, _ in taken])
@@ -136,7 +136,7 @@ def estimate_crops(
 
 
 def _merged(crops: list[Crop], to_first: list[np.ndarray], gains: list[float]) -> list[np.ndarray | None]:
-    """Return the part of the map that all photos show, in each crop's frame; the earlier of two photos counts."""
+    """Merge the parts of the map that the photos show, in each crop's frame; the earlier of two photos wins."""
     panorama = None
     for crop, turn, gain in zip(crops[::-1], to_first[::-1], gains[::-1], strict=True):
         if crop.surroundings_map is not None:
@@ -150,17 +150,17 @@ def _merged(crops: list[Crop], to_first: list[np.ndarray], gains: list[float]) -
 
 
 def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray] | np.ndarray) -> Light:
-    """One light, in the camera's frame and the exposure units of the first photo.
+    """Fuse lights into one, in the camera's frame and the exposure units of the first photo.
 
-    What the object does not face in one photo it does in another; where all guess, their errors average out. Each
-    counts as it is sure of a direction. Photos of other exposures are brought to the first's where all say theirs
-    (EXIF); else they must have been taken with one, as with a locked camera.
+    Directions that the object does not face in one photo it does in another; where all are guesses, their errors
+    average out. Each is weighted by its confidence in a direction. Photos of other exposures are brought to the first's
+    if all state theirs (EXIF); else they must have been taken with one, as with a locked camera.
 
     Args:
-        lights: of an Estimator, one a photo; the light and the object must not have moved between them.
+        lights: from an Estimator, one a photo; neither light nor object may have moved between them.
         world_from_camera: [3, 3] each, of the same photos; any world whose axes do not move.
     Raises:
-        InputError: no light, not as many poses as lights, or a pose that is no rotation.
+        InputError: no light, a number of poses other than of lights, or a pose that is no rotation.
     """
     turns, first = _turns(len(lights), world_from_camera), lights[0]
     gains, given = _gains([light.origin.exposure for light in lights])
@@ -183,7 +183,7 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
 
 
 def _turns(count: int, world_from_camera: Sequence[np.ndarray] | np.ndarray) -> list[np.ndarray]:
-    """first_from_camera [3, 3] of each photo."""
+    """Return first_from_camera [3, 3] of each photo."""
     if not count or count != len(world_from_camera):
         raise InputError(f"expected one a light, got {len(world_from_camera)} for {count} lights", subject="poses")
     for number, pose in enumerate(world_from_camera, start=1):
@@ -201,7 +201,7 @@ def _gains(exposures: list[float | None]) -> tuple[list[float], bool]:
 
 
 def _fused_origin(lights: Sequence[Light]) -> Origin:
-    """Return the first photo's origin, with the names of all and the seconds of all, step by step."""
+    """Combine the first photo's origin with all names and all seconds, step by step."""
     given = [light.origin.seconds for light in lights if light.origin.seconds]
     seconds = {step: round(sum(one[step] for one in given), 4) for step in given[0]} if given else None
     return replace(lights[0].origin, fused=[light.origin.photo for light in lights], seconds=seconds)

@@ -104,7 +104,7 @@ def _rays(part: Part, shape: tuple[int, int], focal: float) -> tuple[np.ndarray,
 
 
 def _strips(part: Part) -> Iterator[Part]:
-    """A part in strips of at most STRIP_PX pixels, a row at least."""
+    """Yield a part in strips of at most STRIP_PX pixels, a row at least."""
     rows, columns = part
     step = max(1, STRIP_PX // max(columns.stop - columns.start, 1))
     for top in range(rows.start, rows.stop, step):
@@ -112,20 +112,20 @@ def _strips(part: Part) -> Iterator[Part]:
 
 
 def _box(inside: np.ndarray) -> Part:
-    """The part that holds all of inside [H, W], which must not be empty."""
+    """Return the part that holds all of inside [H, W], which must not be empty."""
     spans = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
     rows, columns = (slice(int(span[0]), int(span[-1]) + 1) for span in spans)
     return rows, columns
 
 
 def _surroundings(one: Part, other: Part) -> Part:
-    """The part that holds both."""
+    """Return the part that holds both."""
     rows, columns = (slice(min(a.start, b.start), max(a.stop, b.stop)) for a, b in zip(one, other, strict=True))
     return rows, columns
 
 
 def _box_of_cone(axis: np.ndarray, radius: float, shape: tuple[int, int], focal: float) -> Part:
-    """The part of a photo in which the rays at most asin(radius) from the axis lie, with a pixel to spare.
+    """Return the part of a photo in which the rays at most asin(radius) from the axis lie, with a pixel to spare.
 
     Seen along Y the cone reaches asin(radius / m) to either side of its axis, m being the length of what is seen of
     the axis; likewise along X. Where the cone holds Y or X itself, it reaches all around.
@@ -142,7 +142,7 @@ def _box_of_cone(axis: np.ndarray, radius: float, shape: tuple[int, int], focal:
 
 
 def read_normals(source: NormalsSource, shape: tuple[int, int]) -> Float[np.ndarray, "H W 3"]:
-    """A normal map of the photo, in the camera's frame (+X right, +Y up, +Z towards the camera).
+    """Return a normal map of the photo, in the camera's frame (+X right, +Y up, +Z towards the camera).
 
     Args:
         source: float [H, W, 3] (array, .npy, .exr), or a picture (file, its bytes, uint8 or uint16 array) of

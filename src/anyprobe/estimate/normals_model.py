@@ -64,7 +64,7 @@ class NormalsSpec:
 
 
 def open_normals_model(path: Path, threads: int | None = None) -> NormalsEstimator:
-    """The estimator that a graph and the spec beside it are.
+    """Return the estimator that a graph and the spec beside it are.
 
     Raises:
         InputError: no graph, no spec, or one that does not say what it must.

@@ -115,7 +115,8 @@ def _captioned(rows: list[list[Captioned]]) -> np.ndarray:
 
 
 def _drawable(text: str) -> str:
-    """A text in ASCII, which is what Pillow's font has: letters lose their accents, others become question marks."""
+    """Return a text in ASCII, which is what Pillow's font has: letters lose their accents, others become question
+    marks."""
     letters = (one for one in unicodedata.normalize("NFKD", text) if not unicodedata.combining(one))
     return "".join(one if one.isascii() and one.isprintable() else "?" for one in letters)
 

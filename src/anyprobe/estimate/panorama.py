@@ -32,13 +32,13 @@ DIFFER = 0.12
 
 
 def cut_out(photo: Photo, *, first: bool) -> Crop:
-    """The crop of one photo of several; surroundings from a file are of the first one's frame alone."""
+    """Return the crop of one photo of several; surroundings from a file are of the first one's frame alone."""
     is_foreign = not first and isinstance(photo.surroundings, GivenPanorama)
     return crop_object(replace(photo, surroundings=None) if is_foreign else photo, PHOTO_SIZE)
 
 
 def window(surroundings_map: np.ndarray, world_from_crop: Float[np.ndarray, "3 3"], gain: float = 1.0) -> np.ndarray:
-    """A photo's surroundings, see estimate.surroundings, as a panorama of the world.
+    """Return a photo's surroundings, see estimate.surroundings, as a panorama of the world.
 
     gain: that brings the photo to the panorama's exposure; made darker, clipped pixels carry no information.
     """
@@ -51,7 +51,8 @@ def window(surroundings_map: np.ndarray, world_from_crop: Float[np.ndarray, "3 3
 
 
 def lay_over(newer: np.ndarray, older: np.ndarray | None) -> np.ndarray:
-    """The newer panorama where it shows something, else the older, brought to the newer's exposure by what both show.
+    """Return the newer panorama where it shows something, else the older, brought to the newer's exposure by what both
+    show.
 
     older: None where there is none yet.
 
@@ -74,7 +75,7 @@ def lay_over(newer: np.ndarray, older: np.ndarray | None) -> np.ndarray:
 def seen_from(
     panorama: np.ndarray, world_from_crop: Float[np.ndarray, "3 3"], own: np.ndarray | None, gain: float = 1.0
 ) -> np.ndarray:
-    """The known part of a photo's map, see estimate.surroundings, in its crop's frame.
+    """Return the known part of a photo's map, see estimate.surroundings, in its crop's frame.
 
     own: the same by the photo itself, which counts where it shows something; None: it shows nothing. gain: of window;
         where it makes the panorama darker, clipped pixels there carry no information.

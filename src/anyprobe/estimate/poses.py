@@ -90,7 +90,7 @@ class Poses:
         return float(np.median(found)) if found else None
 
     def _places(self, photos: list[Path]) -> list[int]:
-        """Which pose is whose."""
+        """Return which pose is whose."""
         if self.names is None:
             _check_count(self.file, len(self.world_from_camera), len(photos))
             return list(range(len(photos)))
@@ -115,7 +115,7 @@ def read_poses(path: Path) -> Poses:
 
 
 def bare_name(path: str) -> str:
-    """A photo's name without folders, whichever system's separators the path has."""
+    """Return a photo's name without folders, whichever system's separators the path has."""
     return PurePosixPath(path.replace("\\", "/")).name
 
 
@@ -201,7 +201,7 @@ def _lens(file: str, given: dict[str, Any]) -> Lens:
 
 
 def _rotation(file: str, number: int, matrix: Any) -> np.ndarray:
-    """The nearest rotation to the matrix's."""
+    """Return the nearest rotation to the matrix's."""
     try:
         values = np.array(matrix, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):

@@ -107,7 +107,8 @@ class Light:
 
     @classmethod
     def load(cls, path: str | Path) -> Light:
-        """A light that save wrote as .exr or .hdr: its map, how it was turned, and its info from the .json beside it.
+        """Return a light that save wrote as .exr or .hdr: its map, how it was turned, and its info from the .json
+        beside it.
 
         Of any other environment map with the front in its centre, the map alone. Per-pixel confidence and stages are
         in none of the files.
@@ -130,12 +131,13 @@ class Light:
         return project(self.radiance)
 
     def dominant_light(self) -> DominantLight:
-        """The lobe that a directional light stands for: direction, irradiance, colour."""
+        """Return the lobe that a directional light stands for: direction, irradiance, colour."""
         main = find_dominant_light(self.radiance)
         return replace(main, error_deg=MIRROR_ERROR_DEG) if self._is_measured(main.direction) else main
 
     def _is_measured(self, direction: np.ndarray) -> bool:
-        """Whether a mirror shows what is there, unclipped; at its rim, which shows what is behind it, too little."""
+        """Return whether a mirror shows what is there, unclipped; at its rim, which shows what is behind it, too
+        little."""
         if self.confidence is None or not (self.origin.hints or {}).get("above_white"):
             return False
         toward_camera = (self.map_from_camera @ self.camera_from_crop).T @ direction
@@ -143,12 +145,12 @@ class Light:
         return bool(at[0] > 0.9 * MEASURED_CONFIDENCE and toward_camera[2] > BEHIND)
 
     def sources(self) -> tuple[LightSource, ...]:
-        """The map's light sources, the brightest place first: direction, irradiance, angular size; none under an even
-        sky."""
+        """Return the map's light sources, the brightest place first: direction, irradiance, angular size; none under an
+        even sky."""
         return find_light_sources(self.radiance)
 
     def rotate(self, rotation: np.ndarray) -> Light:
-        """The light after the world is turned by rotation [3, 3]: new(d) = old(rotation^T d).
+        """Return the light after the world is turned by rotation [3, 3]: new(d) = old(rotation^T d).
 
         With world_from_camera it becomes a map in the world's frame.
 
@@ -177,7 +179,7 @@ class Light:
         seed: int = 0,
         seen: np.ndarray | None = None,
     ) -> Light:
-        """The light with plausible detail, `size` rows high: sharp mirror images, the same spherical harmonics.
+        """Return the light with plausible detail, `size` rows high: sharp mirror images, the same spherical harmonics.
 
         The structure is of the best match in a library, a folder of .exr and .hdr maps (None: our own rooms, streets
         and studios), not measured: `origin.detail` says so, and the confidence stays the estimate's.
@@ -234,7 +236,7 @@ class Light:
         )
 
     def _panorama_frame(self, frame: str) -> tuple[bool, np.ndarray]:
-        """Whether a panorama is level, and the rotation [3, 3] from this map's frame to its own."""
+        """Return whether a panorama is level, and the rotation [3, 3] from this map's frame to its own."""
         if frame not in FRAMES:
             raise InputError(f"expected {' or '.join(FRAMES)}, got {frame!r}; choose one", subject="frame")
         ground = self.ground
@@ -260,11 +262,11 @@ class Light:
 
     @cached_property
     def shown(self) -> Shown | None:
-        """The shown object, for match; None where it is not known."""
+        """Return the shown object, for match; None where it is not known."""
         return None if self.find_shown is None else self.find_shown()
 
     def match(self, folder: Library | str | Path, *, best: int | None = None) -> list[MatchedMap]:
-        """A folder's .exr and .hdr panoramas, the one first that lights the object most as its photo shows it.
+        """Return a folder's .exr and .hdr panoramas, the one first that lights the object most as its photo shows it.
 
         Each with the rotation, exposure and tint that bring it into this light's frame; see match.ranking. A light
         that is not of one photo (of several, loaded from a file) is compared by its map, which is less certain. A
@@ -294,7 +296,7 @@ class Light:
     def render(
         self, mesh: Mesh | str | Path, material: Material | str = "chrome", **camera: Any
     ) -> Float[np.ndarray, "S S 4"]:
-        """A mesh under this light: [S, S, 4] linear radiance and coverage; see files.objects.draw_under.
+        """Return a mesh under this light: [S, S, 4] linear radiance and coverage; see files.objects.draw_under.
 
         mesh: a Mesh, a shape's name ("sphere", "vase") or a mesh file. material: a Material or a name ("gold").
         camera: size in pixels, fov_deg that the object fills, world_from_camera.

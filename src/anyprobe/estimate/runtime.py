@@ -62,7 +62,8 @@ def open_engine(session: onnxruntime.InferenceSession, path: Path, engine: str, 
 
 
 def _open_cuda(path: Path) -> onnxruntime.InferenceSession:
-    """A session of which the GPU computes what it can; ONNX Runtime by itself would go on without one, silently."""
+    """Return a session of which the GPU computes what it can; ONNX Runtime by itself would go on without one,
+    silently."""
     if CUDA in onnxruntime.get_available_providers():
         session = onnxruntime.InferenceSession(str(path), providers=[CUDA, "CPUExecutionProvider"])
         if CUDA in session.get_providers():
@@ -157,7 +158,7 @@ class Outputs:
     def with_map(
         self, radiance: Float[np.ndarray, "H 2*H 3"], confidence: Float[np.ndarray, "H 2*H"] | None
     ) -> Outputs:
-        """The same with another map, LDR and ln maps that are this one's, and its confidence."""
+        """Return the same with another map, LDR and ln maps that are this one's, and its confidence."""
         return replace(
             self,
             radiance=radiance,
@@ -174,7 +175,7 @@ def bundled_models() -> list[str]:
 
 
 def weights_folder(model: str) -> Path:
-    """Where a model lives: a bundled one's name, or a folder of its graphs; ModelError if neither."""
+    """Return where a model lives: a bundled one's name, or a folder of its graphs; ModelError if neither."""
     root = Path(str(resources.files("anyprobe") / "weights"))
     for folder in (root / model, Path(model)):
         if model and any((folder / f"{first}.onnx").is_file() for first in FIRST_STAGES):
@@ -226,7 +227,7 @@ class Models:
         return LIFT_STAGES[0] in self.stages
 
     def with_emitters(self, emitters: str) -> Models:
-        """The same sessions, asked for other emitters; InputError if this model does not know them."""
+        """Return the same sessions, asked for other emitters; InputError if this model does not know them."""
         other = copy(self)
         other.emitters = self._check_emitters(emitters)
         return other

@@ -77,7 +77,7 @@ PLAIN: float = _CONTRACT["plain"]
 
 
 def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) -> Float[np.ndarray, "64 128 C"]:
-    """A panorama of the camera's frame, as far as it is known, as [64, 128, 4]: display RGB times cover, and cover.
+    """Read a partial panorama in the camera's frame as [64, 128, 4]: display RGB times cover, and cover.
 
     Args:
         source: picture twice as wide as high, transparent where nothing is known; path, bytes, Pillow image or array.
@@ -92,7 +92,7 @@ def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) 
 
 
 def read_panorama(source: SurroundingsSource) -> tuple[np.ndarray, np.ndarray]:
-    """The same twice, with what is above white: at 64 rows, and at as many as it has, PANORAMA_ROWS at most."""
+    """Return the same twice, with what is above white: at 64 rows, and at as many as it has, PANORAMA_ROWS at most."""
     picture, linear = _read_panorama(source)
     rows = min(PANORAMA_ROWS, max(MAP_HEIGHT, len(picture)))
     return _at_rows(picture, linear, MAP_HEIGHT), _at_rows(picture, linear, rows)
@@ -130,7 +130,7 @@ def _at_rows(picture: np.ndarray, linear: bool, rows: int) -> np.ndarray:
 
 
 def _displayed(source: SurroundingsSource) -> np.ndarray:
-    """A picture [H, W, 4]: display RGB times cover, and cover."""
+    """Return a picture [H, W, 4]: display RGB times cover, and cover."""
     pixels = read_image(source)
     cover = np.ones(pixels.rgb.shape[:2], np.float32) if pixels.alpha is None else pixels.alpha
     return np.dstack([pixels.rgb * cover[..., None], cover])
@@ -181,7 +181,7 @@ def visible_surroundings(
     radiance: Float[np.ndarray, "H W 3"] | None = None,
     transparent: Bool[np.ndarray, "H W"] | None = None,
 ) -> np.ndarray | None:
-    """The map in the crop's frame as far as the photo shows it beside the object.
+    """Return the map in the crop's frame as far as the photo shows it beside the object.
 
     Args:
         rgb: [H, W, 3], the photo's display values.
@@ -226,7 +226,7 @@ def visible_surroundings(
 
 
 def hides_backdrop(rgb: Float[np.ndarray, "H W 3"], mask: Float[np.ndarray, "H W"]) -> bool:
-    """Whether what is beside the object of an opaque cut-out is bright enough for a studio's backdrop."""
+    """Return whether what is beside the object of an opaque cut-out is bright enough for a studio's backdrop."""
     step = max(1, max(mask.shape) // SAMPLES)
     display = rgb[::step, ::step][mask[::step, ::step] < 0.5]
     return len(display) > 0 and bool(np.median(luminance(display)) > BACKDROP_LEVEL)
@@ -235,8 +235,8 @@ def hides_backdrop(rgb: Float[np.ndarray, "H W 3"], mask: Float[np.ndarray, "H W
 def is_cut_out(
     rgb: Float[np.ndarray, "H W 3"], mask: Float[np.ndarray, "H W"], alpha: Float[np.ndarray, "H W"] | None = None
 ) -> bool:
-    """Whether a photo shows no place beside its object: it is transparent there, or but for flaws of one colour or of a
-    backdrop's smooth shading, a quadratic of the place in the photo."""
+    """Return whether a photo shows no place beside its object: it is transparent there, or but for flaws of one colour
+    or of a backdrop's smooth shading, a quadratic of the place in the photo."""
     step = max(1, max(mask.shape) // SAMPLES)
     beside = mask[::step, ::step] < 0.5
     if not beside.any():
@@ -260,7 +260,7 @@ def is_dark_beside(rgb: Float[np.ndarray, "H W 3"], mask: Float[np.ndarray, "H W
 
 
 def _backdrop(display: np.ndarray, beside: np.ndarray) -> np.ndarray:
-    """The quadratic of place nearest to display values [N, 3] of the pixels beside [H, W]."""
+    """Return the quadratic of place nearest to display values [N, 3] of the pixels beside [H, W]."""
     row, column = (
         2.0 * index / max(side - 1, 1) - 1.0 for index, side in zip(np.nonzero(beside), beside.shape, strict=True)
     )
@@ -281,7 +281,7 @@ class GoesOn:
 def use_surroundings(
     outputs: Outputs, surroundings: np.ndarray, *, tint: bool = True, sure: float = SEEN, goes_on: GoesOn = GoesOn()
 ) -> Outputs:
-    """A model's answer with what is known of the map [H, 2H, 4 or 5] in the place of its guess.
+    """Return a model's answer with what is known of the map [H, 2H, 4 or 5] in the place of its guess.
 
     Display values mean radiance by the mean camera curve; a clipped place may be brighter than it looks.
     tint: whether the guess takes on some of the colour that it misses there; not where the object's own is known.
@@ -360,7 +360,7 @@ def on_plane(d: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def hidden(d: np.ndarray, image: np.ndarray, tan_half: float) -> np.ndarray:
-    """How much of each direction the object hides, in [0, 1], its edge counted to it."""
+    """Return how much of each direction the object hides, in [0, 1], its edge counted to it."""
     grown = (image[..., 3] * 255).round() / np.float32(255.0)
     for _ in range(2):  # rows, then columns; Pillow's MaxFilter takes ten times as long
         grown = _widest(np.pad(grown, ((GROW_PX, GROW_PX), (0, 0))), 2 * GROW_PX + 1).T

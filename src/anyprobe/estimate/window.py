@@ -8,7 +8,8 @@ import numpy as np
 def sample_window(
     values: np.ndarray, mask: np.ndarray | None, center: tuple[float, float], side: float, size: int
 ) -> np.ndarray:
-    """The square of that side in pixels around center (x, y): [size, size, C + 1] float32, values times mask, and mask.
+    """Return the square of that side in pixels around center (x, y): [size, size, C + 1] float32, values times mask,
+    and mask.
 
     Outside the picture both are zero.
 

@@ -1,15 +1,15 @@
 """Cube maps as files: six .hdr faces, one .ktx2, or one .dds.
 
 Faces are +X, -X, +Y, -Y, +Z, -Z and addressed as OpenGL, Direct3D, KTX2 and DDS do: row 0 first in
-the file, t down, with c the direction that the cube is asked for:
+file, t down, with c the direction of the lookup:
 
     face     +X   -X   +Y   -Y   +Z   -Z
     2s - 1   -z   +z   +x   +x   +x   -x     each over the face's own |component|
     2t - 1   -y   -y   +z   -z   -y   -y
 
-That layout is left-handed: looked at from inside, every face is the picture that is seen there only
-if c is our direction with x turned round. three.js, which does so for every cube it loads, and all
-programs that keep left-handed cubes in a right-handed world then show our light as it is.
+That layout is left-handed: seen from inside, a face shows the expected picture only if c is our
+direction with x negated. three.js, which negates x for every cube it loads, and all programs
+that keep left-handed cubes in a right-handed world then show our light as it is.
 """
 
 from __future__ import annotations
@@ -34,24 +34,24 @@ C_FROM_OURS = np.array([-1.0, 1.0, 1.0])
 """c = (-x, y, z)."""
 
 SUPERSAMPLE = 4
-"""Reads of the map along each side of a texel; an emitter of one pixel is then not missed."""
+"""Samples of the map along each side of a texel; dense enough not to miss an emitter of one pixel."""
 
 READS = 1 << 18
-"""Reads of the map at once, some 300 bytes each."""
+"""Samples of the map at once, some 300 bytes each."""
 
 
 def face_directions(size: int) -> Float[np.ndarray, "6 S S 3"]:
-    """Unit directions c of the texels' centres, [6, S, S, 3]."""
+    """Return unit directions c of the texels' centres, [6, S, S, 3]."""
     return np.stack([_directions(face, slice(None), size) for face in range(6)])
 
 
 def face_size(height: int) -> int:
-    """Side of the faces for a map of so many rows: the power of two from `height` on, 1024 at most."""
+    """Return the side of the faces for a map of this height: the next power of two, 1024 at most."""
     return min(1024, 1 << max(0, (height - 1).bit_length()))
 
 
 def cube_faces(radiance: Float[np.ndarray, "H 2*H 3"], size: int) -> Float[np.ndarray, "6 S S 3"]:
-    """Our map [H, 2H, 3] on six faces [6, S, S, 3] float32, every texel an average over its square."""
+    """Resample a map [H, 2H, 3] to six faces [6, S, S, 3] float32, every texel an average over its square."""
     faces = np.empty((6, size, size, 3), np.float32)
     rows = max(1, READS // (SUPERSAMPLE**2 * size))
     for face in range(6):
@@ -65,7 +65,7 @@ def cube_faces(radiance: Float[np.ndarray, "H 2*H 3"], size: int) -> Float[np.nd
 
 
 def _directions(face: int, rows: slice, size: int) -> np.ndarray:
-    """face_directions of some rows of one face, [R, S, 3]."""
+    """Return face_directions of some rows of one face, [R, S, 3]."""
     a = (np.arange(size) + 0.5) / size * 2 - 1
     s, t = np.meshgrid(a, a[rows])
     one = np.ones_like(s)
@@ -75,7 +75,7 @@ def _directions(face: int, rows: slice, size: int) -> np.ndarray:
 
 
 def box_mips(faces: Float[np.ndarray, "6 S S 3"]) -> list[np.ndarray]:
-    """The faces [6, S, S, 3] and their halves down to 1 x 1; S a power of two."""
+    """Average the faces [6, S, S, 3] down to 1 x 1, level by level; S a power of two."""
     levels = [faces]
     while levels[-1].shape[1] > 1:
         half = levels[-1].shape[1] // 2
@@ -88,7 +88,8 @@ HALF_LEAST = 2.0**-25
 
 
 def clipped_share(faces: Float[np.ndarray, "6 S S 3"], limit: float) -> float:
-    """Share of the energy of faces [6, S, S, 3], by solid angle, that lies above limit or that halfs round to 0."""
+    """Return the share of the energy of faces [6, S, S, 3], by solid angle, above limit or rounded to 0 by half
+    floats."""
     size = faces.shape[1]
     a = (np.arange(size) + 0.5) / size * 2 - 1
     weights = (1 + a[:, None] ** 2 + a**2) ** -1.5
@@ -99,7 +100,7 @@ def clipped_share(faces: Float[np.ndarray, "6 S S 3"], limit: float) -> float:
 
 
 def to_half_rgba(faces: Float[np.ndarray, "6 S S 3"], limit: float) -> Float16[np.ndarray, "6 S S 4"]:
-    """[6, S, S, 3] to [6, S, S, 4] float16, clamped, alpha 1."""
+    """Convert [6, S, S, 3] to [6, S, S, 4] float16, clamped, alpha 1."""
     rgba = np.ones((*faces.shape[:3], 4), np.float16)
     rgba[..., :3] = np.minimum(faces, limit)
     return rgba
@@ -109,7 +110,7 @@ IDENTIFIER = b"\xabKTX 20\xbb\r\n\x1a\n"
 VK_FORMAT_R16G16B16A16_SFLOAT = 97
 _HEADER_BYTES = 80
 LEVEL_ALIGNMENT = 8
-"""Least common multiple of 4 and the texel's 8 bytes."""
+"""Alignment of levels [bytes]: least common multiple of 4 and the texel's 8."""
 
 
 def write_ktx2_cube(path: Path, levels: list[np.ndarray]) -> None:
@@ -132,7 +133,7 @@ def write_ktx2_cube(path: Path, levels: list[np.ndarray]) -> None:
 
 
 def _descriptor() -> bytes:
-    """Linear Rec. 709 RGBA, four signed 16-bit floats."""
+    """Return the data format descriptor: linear Rec. 709 RGBA, four signed 16-bit floats."""
     samples = b"".join(
         struct.pack("<HBB4B2I", 16 * i, 15, 0xC0 | channel, 0, 0, 0, 0, 0xBF800000, 0x3F800000)
         for i, channel in enumerate((0, 1, 2, 15))  # 0xC0: float, signed; the bounds are -1.0 and 1.0
@@ -144,7 +145,7 @@ def _descriptor() -> bytes:
 
 
 def _key_values(values: dict[str, bytes]) -> bytes:
-    """Pairs in order of their keys, each padded to 4 bytes."""
+    """Encode key-value pairs in order of their keys, each padded to 4 bytes."""
     out = bytearray()
     for key in sorted(values):
         pair = key.encode() + b"\0" + values[key]
@@ -186,15 +187,15 @@ def write_dds_cube(path: Path, size: int, levels: list[np.ndarray], dxgi_format:
 
 BC6H_MAX = 65504.0
 BLOCKS = 1 << 12
-"""Encoded at once, some 10 kB each."""
+"""Blocks encoded at once, some 10 kB each."""
 
 _MODE = 0b00011
 WEIGHTS = np.array([0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64])
-"""Sixty-fourths of the second endpoint, from the format's definition."""
+"""Weights of the second endpoint in sixty-fourths, from the format's definition."""
 
 
 def encode_bc6h(faces: Float[np.ndarray, "6 S S 3"]) -> UInt8[np.ndarray, "6 blocks 16"]:
-    """Faces [6, S, S, 3] >= 0 to blocks [6, ceil(S/4)^2, 16] uint8, row by row.
+    """Encode faces [6, S, S, 3] >= 0 as blocks [6, ceil(S/4)^2, 16] uint8, row by row.
 
     A face smaller than a block is repeated to fill it.
     """
@@ -209,14 +210,14 @@ def encode_bc6h(faces: Float[np.ndarray, "6 S S 3"]) -> UInt8[np.ndarray, "6 blo
 
 
 def _encode(texels: np.ndarray) -> np.ndarray:
-    """Texels [B, 16, 3] to blocks [B, 16] uint8."""
+    """Encode texels [B, 16, 3] as blocks [B, 16] uint8."""
     halfs = np.clip(texels, 0.0, BC6H_MAX).astype(np.float16).view(np.uint16).astype(np.float64)
     values = halfs * 64.0 / 31.0  # the scale that endpoints are unpacked to
     first, second = _endpoints(values)
     index = _nearest(values, first, second)
     first, second = _refined(values, index, first, second)
     index = _nearest(values, first, second)
-    swap = index[:, 0] >= 8  # the first texel's place is kept in three bits
+    swap = index[:, 0] >= 8  # the first texel's index has three bits
     first[swap], second[swap] = second[swap].copy(), first[swap].copy()
     index[swap] = 15 - index[swap]
     blocks = [_pack(*block) for block in zip(first.tolist(), second.tolist(), index.tolist(), strict=True)]
@@ -224,18 +225,18 @@ def _encode(texels: np.ndarray) -> np.ndarray:
 
 
 def unpack_endpoint(code: np.ndarray) -> np.ndarray:
-    """10-bit codes to 16 bits, as the format unpacks them."""
+    """Unpack 10-bit codes to 16 bits as the format defines."""
     code = np.asarray(code)
     return np.where(code == 0, 0, np.where(code == 1023, 0xFFFF, ((code << 16) + 0x8000) >> 10))
 
 
 def _codes(values: np.ndarray) -> np.ndarray:
-    """The 10-bit codes whose unpacked values lie nearest."""
+    """Return the 10-bit codes whose unpacked values lie nearest."""
     return np.clip(np.floor(values / 64.0), 0, 1023).astype(np.int64)
 
 
 def _endpoints(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of the texels' spread along their main axis: [B, 16, 3] -> codes [B, 3], [B, 3]."""
+    """Return the ends of the texels' spread along their main axis: [B, 16, 3] -> codes [B, 3], [B, 3]."""
     mean = values.mean(axis=1, keepdims=True)
     spread = values - mean
     _, axes = np.linalg.eigh(np.einsum("bic,bid->bcd", spread, spread))
@@ -246,14 +247,14 @@ def _endpoints(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _palette(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """The 16 colours between two endpoints, [B, 16, 3], as the format mixes them."""
+    """Return the 16 colours between two endpoints, [B, 16, 3], as the format mixes them."""
     a, b = unpack_endpoint(first)[:, None], unpack_endpoint(second)[:, None]
     weights = WEIGHTS[None, :, None]
     return (a * (64 - weights) + b * weights + 32) >> 6
 
 
 def _nearest(values: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Place of every texel, [B, 16]."""
+    """Return the palette index of every texel, [B, 16]."""
     distance = values[:, :, None, :] - _palette(first, second)[:, None]
     return np.argmin((distance**2).sum(axis=-1), axis=-1)
 
@@ -261,11 +262,11 @@ def _nearest(values: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.nd
 def _refined(
     values: np.ndarray, index: np.ndarray, first: np.ndarray, second: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Endpoints that fit the texels at their places best, by least squares."""
+    """Fit endpoints to the texels at their palette indices, by least squares."""
     w = WEIGHTS[index] / 64.0
     aa, ab, bb = ((1 - w) ** 2).sum(1), (w * (1 - w)).sum(1), (w**2).sum(1)
     determinant = aa * bb - ab**2
-    ok = determinant > 1e-6  # else all texels share a place
+    ok = determinant > 1e-6  # else all texels share an index
     a = np.einsum("bi,bic->bc", 1 - w, values)
     b = np.einsum("bi,bic->bc", w, values)
     scale = np.where(ok, determinant, 1.0)[:, None]
@@ -275,7 +276,7 @@ def _refined(
 
 
 def _pack(first: list[int], second: list[int], index: list[int]) -> bytes:
-    """One block: mode, r g b of the first endpoint, of the second, then 3 + 15 x 4 bits of places."""
+    """Pack one block: mode, r g b of the first endpoint, of the second, then 3 + 15 x 4 bits of indices."""
     bits, at = _MODE, 5
     for code in (*first, *second):
         bits |= code << at
@@ -293,7 +294,7 @@ ADDRESSING = {
 
 
 def write_faces(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """<name>_px.hdr ... <name>_nz.hdr, each the picture that is seen from inside."""
+    """Write <name>_px.hdr ... <name>_nz.hdr, each the picture as seen from inside."""
     faces = cube_faces(light.radiance, face_size(light.radiance.shape[0]))
     for face, pixels in zip(FACES, faces, strict=True):
         write_hdr_picture(folder / f"{light.name}_{face}.hdr", pixels)
@@ -301,7 +302,7 @@ def write_faces(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
 
 
 def write_ktx2(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """<name>.ktx2, half floats with all mips, and <name>.js, which gives it to three.js as a cube."""
+    """Write <name>.ktx2, half floats with all mips, and <name>.js, which loads it into three.js as a cube."""
     levels = _levels(light)
     write_ktx2_cube(folder / f"{light.name}.ktx2", [to_half_rgba(level, HALF_MAX) for level in levels])
     (folder / f"{light.name}.js").write_text(template("ktx2.js", light), encoding="utf-8")
@@ -309,7 +310,7 @@ def write_ktx2(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
 
 
 def write_dds(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """<name>.dds, half floats, <name>_bc6h.dds, an eighth of its size, and <name>.js for three.js.
+    """Write <name>.dds, half floats, <name>_bc6h.dds, an eighth of its size, and <name>.js for three.js.
 
     Both have all mips. three.js r187's DDSLoader reads the compressed one only.
     """

@@ -1,8 +1,8 @@
 """The light that every export target is written from, the sidecar of each, and the origin of maps on disk.
 
-Two sets of everything: `full` is the whole light; `ambient` is the light without `lights`, for renderers that are given
-directional lights as well: the light's sources, or for those that take one alone its dominant light. With both full and
-directional lights these would count twice.
+There are two versions of everything: `full` is the whole light; `ambient` is the light without `lights`, for renderers
+that take directional lights as well: the light's sources, or the dominant light for those that take only one. With both
+full and directional lights these would count twice.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ SH_DEFINITION = (
 )
 
 BRIGHTEST_RADIANCE = 1e12
-"""Above it squares and sums leave what float32 holds; the sun in candela per square metre is 1.6e9."""
+"""Largest radiance: above it squares and sums leave float32's range; the sun in candela per square metre is 1.6e9."""
 MAX_SIDECAR_BYTES = 2**26
 """Largest .json [bytes] that is read beside a map; ours have a few kilobytes."""
 ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "response", "warnings", "detail", "level")
@@ -47,7 +47,8 @@ ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "re
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class DirectionalLight:
-    """Far away and round: direction [3] towards it, irradiance [3] of a plane that faces it, diameter of its disc."""
+    """Round light at infinity: direction [3] towards it, irradiance [3] on a plane that faces it, diameter of its
+    disc."""
 
     direction: np.ndarray
     irradiance: np.ndarray
@@ -69,10 +70,10 @@ class ExportedLight:
     """A light in the frame it is exported in: right-handed, +X right, +Y up, -Z in front.
 
     radiance: [H, 2H, 3], ambient: the same without lights.
-    lights: perhaps none; main: the dominant light, whether that is one of them or not.
+    lights: possibly none; main: the dominant light, whether it is among them or not.
     sh_full, sh_ambient: [9, 3], of radiance.
-    name: what the names of all files begin with.
-    origin: what the estimate's own sidecar said, carried along.
+    name: stem of all files' names.
+    origin: entries of the estimate's own sidecar, carried along.
     """
 
     radiance: np.ndarray
@@ -88,7 +89,7 @@ class ExportedLight:
 
 
 def angle_of(main: DominantLight) -> float:
-    """Diameter [degrees] of the disc that has a dominant light's solid angle."""
+    """Return the diameter [degrees] of the disc with a dominant light's solid angle."""
     cosine = 1.0 - min(main.solid_angle, 4.0 * np.pi) / (2.0 * np.pi)
     return float(np.degrees(2.0 * np.arccos(np.clip(cosine, -1.0, 1.0))))
 
@@ -104,10 +105,10 @@ def prepare(
 ) -> ExportedLight:
     """Turn a map [H, 2H, 3] into the world's frame, expose it, and split off its sources, or its dominant light.
 
-    A map that was turned before, as its origin's map_from_camera says, stays so; world_from_camera covers both.
+    A map that was already turned, by its origin's map_from_camera, stays so; world_from_camera covers both.
 
     Raises:
-        InputError: not a rotation, an exposure beyond 30 stops, a name that no file can have.
+        InputError: not a rotation, an exposure beyond 30 stops, an invalid file name.
         InvalidEnvironment: not a map, or brighter than BRIGHTEST_RADIANCE.
     """
     if not name or name.startswith(".") or name != Path(name).name or "\\" in name or not name.isprintable():
@@ -156,12 +157,12 @@ def prepare(
 
 
 def origin_of(estimate: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the keys of an estimate's sidecar that tell where the light comes from."""
+    """Return the keys of an estimate's sidecar that describe where the light comes from."""
     return {key: estimate[key] for key in ORIGIN_KEYS if key in estimate}
 
 
 def _known(value: Any) -> Any:
-    """JSON's values, None in place of NaN and infinity, which no JSON file can hold."""
+    """Replace NaN and infinity in JSON values by None, since no JSON file can hold them."""
     if isinstance(value, Mapping):
         return {key: _known(part) for key, part in value.items()}
     if isinstance(value, list | tuple):
@@ -170,7 +171,7 @@ def _known(value: Any) -> Any:
 
 
 def numbers(values: Any) -> Any:
-    """Array to lists of plain numbers of seven digits, ready for JSON and for text files."""
+    """Convert an array to lists of plain numbers of seven digits, for JSON and text files."""
     values = np.asarray(values, dtype=np.float64)
     if values.ndim == 0:
         return float(f"{values + 0.0:.7g}")
@@ -178,7 +179,7 @@ def numbers(values: Any) -> Any:
 
 
 def primary_light(light: ExportedLight) -> dict[str, dict[str, float]]:
-    """The dominant light as WebXR's XRLightEstimate names it: towards it, w = 0; intensity with w = 1."""
+    """Return the dominant light in the terms of WebXR's XRLightEstimate: direction with w = 0, intensity with w = 1."""
     x, y, z = numbers(light.main.direction)
     r, g, b = numbers(light.main.irradiance)
     return {
@@ -188,7 +189,7 @@ def primary_light(light: ExportedLight) -> dict[str, dict[str, float]]:
 
 
 def sidecar(light: ExportedLight, target: str, frame: TargetFrame, more: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what every export records about itself, ready for JSON; `more` is the target's own."""
+    """Return every export's record of itself, ready for JSON; `more` is the target's own part."""
     return {
         "target": target,
         "frame": frame.text,
@@ -224,14 +225,14 @@ def sidecar(light: ExportedLight, target: str, frame: TargetFrame, more: Mapping
 
 
 def write_json(path: Path, value: Mapping[str, Any]) -> None:
-    """Write JSON; every number in it is finite."""
+    """Write JSON; all numbers must be finite."""
     path.write_text(json.dumps(value, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def write_maps(light: ExportedLight, folder: Path, frame: TargetFrame, suffix: str) -> None:
-    """<name>.hdr or .exr, rolled for the target, and <name>_ambient beside it.
+    """Write <name>.hdr or .exr, rolled for the target, and <name>_ambient beside it.
 
-    .exr holds halfs, or floats where halfs would clip or the darkest pixels lose digits, so that nothing is lost.
+    .exr holds halfs, or floats where halfs would clip or the darkest pixels would lose digits.
     """
     for name, radiance in ((light.name, light.radiance), (f"{light.name}_ambient", light.ambient)):
         path, rolled = folder / f"{name}{suffix}", frame.roll(radiance)
@@ -239,33 +240,33 @@ def write_maps(light: ExportedLight, folder: Path, frame: TargetFrame, suffix: s
         if suffix == ".hdr":
             write_hdr(path, rolled, attributes=attributes)
         else:
-            darkest = rolled.min(where=rolled > 0, initial=np.inf)  # of what is not black
+            darkest = rolled.min(where=rolled > 0, initial=np.inf)  # ignoring black
             half = bool(rolled.max() <= HALF_MAX and darkest >= HALF_MIN)
             write_exr(path, rolled, half=half, attributes=attributes)
 
 
 def template(name: str, light: ExportedLight) -> str:
-    """A text of the templates folder, "@NAME@" with its quotes made the name as a string literal.
+    """Fill in a text of the templates folder: "@NAME@", quotes included, becomes the name as a string literal.
 
-    Its letters stay as they are, for files in UTF-8: Python does not join JSON's pairs of \\u escapes.
+    Its letters are not escaped, for files in UTF-8: Python does not join JSON's pairs of \\u escapes.
     """
     return read_template(name).replace('"@NAME@"', json.dumps(light.name, ensure_ascii=False))
 
 
 def read_template(name: str) -> str:
-    """A text of the templates folder as it is."""
+    """Return a text of the templates folder unchanged."""
     return (Path(__file__).parent / "templates" / name).read_text(encoding="utf-8")
 
 
 MAP_FROM_CAMERA = "map_from_camera"
-"""Key of the rotation [3, 3] from the camera's frame to a map's that was turned since the estimate."""
+"""Key of the rotation [3, 3] from the camera's frame to a map that was turned after the estimate."""
 
 
 def read_with_origin(path: Path) -> tuple[np.ndarray, dict[str, Any], np.ndarray]:
-    """A map with the front in its centre, the .json beside it, and the map_from_camera of either.
+    """Read a map with the front in its centre, the .json beside it, and the map_from_camera of either.
 
     Raises:
-        InvalidEnvironment: no such file, or not an environment map. InputError: of check_front.
+        InvalidEnvironment: no such file, or not an environment map. InputError: see check_front.
     """
     radiance = read_radiance(path)
     check_front(path)
@@ -273,19 +274,19 @@ def read_with_origin(path: Path) -> tuple[np.ndarray, dict[str, Any], np.ndarray
 
 
 def origin_beside(path: Path) -> dict[str, Any]:
-    """Return the photo, the model and the turn of a map from the .json beside it; empty if there is none."""
+    """Read photo, model and rotation of a map from the .json beside it; empty if there is none."""
     return origin_of(said_beside(path)) | origin_turned(map_from_camera(path))
 
 
 def origin_turned(turn: Float[np.ndarray, "3 3"]) -> dict[str, Any]:
-    """Return the entry for a map turned by [3, 3] since the estimate; empty if it was not turned."""
+    """Return the entry for a map turned by [3, 3] since the estimate; empty for the identity."""
     return {} if np.allclose(turn, np.eye(3)) else {MAP_FROM_CAMERA: numbers(turn)}
 
 
 def check_front(path: Path) -> None:
-    """Refuse a map that was exported for a program whose maps have another centre than the front.
+    """Refuse a map that was exported for a program whose maps are not centred on the front.
 
-    Its header says so, of an older .hdr the .json beside it. A map that nothing is known of passes.
+    Its header says so, or for an older .hdr the .json beside it. A map without either passes.
 
     Raises:
         InputError: the map would be a quarter or half turn off.
@@ -304,10 +305,11 @@ def check_front(path: Path) -> None:
 
 
 def map_from_camera(path: Path) -> Float[np.ndarray, "3 3"]:
-    """The rotation [3, 3] from the photo's camera to the frame of a map, by its header, of an older .hdr by the .json.
+    """Return the rotation [3, 3] from the photo's camera to a map's frame, by its header or, for an older .hdr, the
+    .json.
 
     Raises:
-        InputError: what is said is no rotation.
+        InputError: the entry is not a rotation.
     """
     header = map_attributes(path)
     given = (header if "frame" in header else said_beside(path)).get(MAP_FROM_CAMERA)
@@ -327,21 +329,21 @@ def map_from_camera(path: Path) -> Float[np.ndarray, "3 3"]:
 
 
 def float_where_long(digits: str) -> int | float:
-    """A whole number of JSON; one that no float holds is infinite, and refused where it is used."""
+    """Parse a whole number of JSON; one too large for a float becomes infinite, and is refused where it is used."""
     return int(digits) if len(digits) < 19 else float(digits)
 
 
 def said_beside(path: Path) -> dict[str, Any]:
-    """Return the .json that an estimate or an export wrote beside a map; {} where there is none or another kind.
+    """Read the .json that an estimate or an export wrote beside a map; {} where there is none or another kind.
 
     Raises:
-        InputError: it is damaged or cannot be read, so that nobody knows what it said.
+        InputError: it is damaged or cannot be read, so that its content is unknown.
     """
     stems = (path.stem, path.stem.removesuffix("_ambient"), path.stem.removesuffix("_panorama"))
     beside = next((one for one in (path.with_name(f"{stem}.json") for stem in stems) if is_there(one)), None)
     if beside is None:
         return {}
-    try:  # of any Unicode, with a byte order mark or without
+    try:  # in any Unicode encoding, with or without a byte order mark
         data = read_regular(beside, str(beside), InputError, max_bytes=MAX_SIDECAR_BYTES)
         said = json.loads(data, parse_int=float_where_long)
     except InputError:

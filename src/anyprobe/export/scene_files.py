@@ -1,12 +1,12 @@
 """Scene files: glTF, USD and Mitsuba 3.
 
-glTF: one .glb that holds no mesh, only light: EXT_lights_image_based and KHR_lights_punctual. The extension wants
-a cube of six PNGs a mip, its values packed as RGBD and filtered by GGX, rougher from mip to mip; and nine SH
-coefficients of irradiance. Its text leaves the cube's axes, the signs of the SH and RGBD's curve open: all three are as
-Babylon.js, its only reader, has them by default.
+glTF: one .glb without meshes, only light: EXT_lights_image_based and KHR_lights_punctual. The extension takes
+a cube of six PNGs a mip, packed as RGBD and filtered by GGX, rougher from mip to mip; and nine SH
+coefficients of irradiance. Its text leaves the cube's axes, the signs of the SH and RGBD's curve open: all three follow
+the defaults of Babylon.js, its only reader.
 
 USD: a .usda with a DomeLight and a DistantLight for each source, two .exr maps, and all of it as one .usdz, written as
-text, so that nothing need be installed. Mitsuba 3: the map as an .exr and a scene.xml with three spheres under it.
+text so that nothing need be installed. Mitsuba 3: the map as an .exr and a scene.xml with three spheres under it.
 """
 
 from __future__ import annotations
@@ -46,19 +46,19 @@ RGBD_MAX = 255.0
 """Largest value that RGBD holds: colour 1 over alpha 1 / 255."""
 
 GAMMA = 2.2
-"""RGBD's colour is kept as a power of itself."""
+"""Exponent of RGBD's colour."""
 
 SMALLEST_SIDE = 16
-"""Side of the last mip, which holds roughness 1."""
+"""Side [px] of the last mip, which holds roughness 1."""
 
 LARGEST_SIDE = 256
-"""Side of the first mip at most, as fine as a map of 512 rows: filtering larger ones takes many minutes."""
+"""Largest side [px] of the first mip, as fine as a map of 512 rows: filtering larger ones takes many minutes."""
 
 NUM_SAMPLES = 256
 
 
 def pack_rgbd(values: Float[np.ndarray, "... 3"]) -> UInt8[np.ndarray, "... 4"]:
-    """Linear [..., 3] to RGBD [..., 4] uint8: value = (rgb / 255)^2.2 / (a / 255), clamped at 255."""
+    """Convert linear [..., 3] to RGBD [..., 4] uint8: value = (rgb / 255)^2.2 / (a / 255), clamped at 255."""
     values = np.minimum(values, RGBD_MAX)
     largest = np.maximum(values.max(axis=-1), 1e-6)
     alpha = np.floor(np.clip(RGBD_MAX / largest, 1.0, 255.0))
@@ -67,14 +67,14 @@ def pack_rgbd(values: Float[np.ndarray, "... 3"]) -> UInt8[np.ndarray, "... 4"]:
 
 
 def prefiltered(radiance: Float[np.ndarray, "H 2*H 3"], size: int) -> list[np.ndarray]:
-    """Mips [6, S, S, 3] of our map from size down to 16, roughness 0 to 1 in even steps.
+    """Filter a map into mips [6, S, S, 3] from size down to 16, roughness 0 to 1 in even steps.
 
-    Each is the mean of L over GGX half vectors about its direction, seen from there (n = wo). The
+    Each texel is the mean of L over GGX half vectors about its direction, seen from there (n = wo). The
     faces are those of our other cubes, the last row first.
     """
     count = max(1, size.bit_length() - SMALLEST_SIDE.bit_length() + 1)
     levels = [cube_faces(radiance, size)[:, ::-1]]
-    light = reduced(radiance, LIGHT_ROWS)  # a larger map would be read at points between which a sun is lost
+    light = reduced(radiance, LIGHT_ROWS)  # a larger map would be read at points, and a sun between them lost
     pyramid, u = build_pyramid(light, emitters=NUM_EMITTERS), hammersley(NUM_SAMPLES)
     for i in range(1, count):
         roughness = i / (count - 1)
@@ -86,7 +86,7 @@ def prefiltered(radiance: Float[np.ndarray, "H 2*H 3"], size: int) -> list[np.nd
 
 
 def write_gltf(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """<name>.glb: the light without its sources as an image-based light, the sources as directional ones."""
+    """Write <name>.glb: the light without its sources as an image-based light, the sources as directional ones."""
     levels = prefiltered(light.ambient, min(face_size(light.radiance.shape[0]), LARGEST_SIDE))
     pictures = [png_bytes(pack_rgbd(face), optimize=True) for level in levels for face in level]
     views, blob = [], bytearray()
@@ -104,7 +104,7 @@ def write_gltf(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
                 "lights": [
                     {
                         "name": light.name,
-                        "intensity": 1.0,  # readers take a missing one for nothing
+                        "intensity": 1.0,  # readers take a missing value as 0
                         "rotation": [0.0, 0.0, 0.0, 1.0],
                         "irradianceCoefficients": numbers(gltf(light.sh_ambient)),
                         "specularImageSize": levels[0].shape[1],
@@ -152,14 +152,14 @@ def write_gltf(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
 
 
 USDZ_ALIGNMENT = 64
-"""Every file in a .usdz begins at a multiple of this, stored as it is."""
+"""Alignment [bytes] of every file in a .usdz; files are stored uncompressed."""
 
 
 def write_usd(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """<name>.usda, <name>.exr, <name>_ambient.exr and <name>.usdz.
+    """Write <name>.usda, <name>.exr, <name>_ambient.exr and <name>.usdz.
 
-    The maps lie as OpenEXR and DomeLight have them, so that no rotation is needed. With normalize
-    a DistantLight's intensity is the irradiance of a plane that faces it, as ours is.
+    The maps have the layout of OpenEXR and DomeLight, so that no rotation is needed. With normalize
+    a DistantLight's intensity is the irradiance on a plane that faces it, as ours is.
     """
     write_maps(light, folder, OPENEXR, ".exr")
     stage = read_template("stage.usda").format(
@@ -176,7 +176,7 @@ def write_usd(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
 
 
 def _distant_light(number: int, light: DirectionalLight) -> str:
-    """A prim of the stage's variant."""
+    """Return a light as a prim of the stage's variant."""
     return read_template("distant_light.usda").format(
         number=number,
         angle=round(light.angle_deg, 4),
@@ -187,7 +187,7 @@ def _distant_light(number: int, light: DirectionalLight) -> str:
 
 
 def pointing_away(towards: Float[np.ndarray, " 3"]) -> list[list[float]]:
-    """Rows of USD's matrix (row vectors) that turns -Z, where a DistantLight shines, from a light at [3]."""
+    """Return rows of USD's matrix (row vectors) that turns -Z, a DistantLight's direction, away from a light at [3]."""
     z = np.asarray(towards, dtype=np.float64)
     z /= np.linalg.norm(z)
     up = np.array([0.0, 1.0, 0.0]) if abs(z[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
@@ -199,12 +199,12 @@ def pointing_away(towards: Float[np.ndarray, " 3"]) -> list[list[float]]:
 
 
 def asset_path(path: str) -> str:
-    """An asset's path between its delimiters; three where the path itself has one."""
+    """Quote an asset's path with one delimiter on each side, or three if the path contains it."""
     return f"@@@{path}@@@" if "@" in path else f"@{path}@"
 
 
 def pack_usdz(path: Path, files: list[Path]) -> None:
-    """A .usdz: a zip of stored files, the stage first, each at a multiple of 64 bytes."""
+    """Write a .usdz: a zip of stored files, the stage first, each at a multiple of 64 bytes."""
     with path.open("wb") as stream, zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
         for file in files:
             entry = zipfile.ZipInfo(file.name, date_time=(1980, 1, 1, 0, 0, 0))
@@ -215,7 +215,7 @@ def pack_usdz(path: Path, files: list[Path]) -> None:
 
 
 def pole_to_pole(radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "2*H+1 2*H 3"]:
-    """The map [H, 2H, 3] in 2H + 1 rows that lie at i / 2H, first and last on the poles.
+    """Resample a map [H, 2H, 3] to 2H + 1 rows at i / 2H, the first and last on the poles.
 
     Mitsuba's rows lie at i / (rows - 1), ours at (i + 0.5) / H. Read between ours and held
     beyond the first and last, 2H + 1 rows are the same bilinear function.
@@ -227,7 +227,7 @@ def pole_to_pole(radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "2
 
 
 def write_mitsuba(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """<name>.exr, 32-bit floats, and <name>.xml. A path tracer finds the dominant light in the map."""
+    """Write <name>.exr, 32-bit floats, and <name>.xml. A path tracer finds the dominant light in the map."""
     pixels = pole_to_pole(OPENEXR.roll(light.radiance)).astype(np.float32)
     attributes = {
         "anyprobe:scale": EXPORT_SCALE,
@@ -236,8 +236,8 @@ def write_mitsuba(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
     path = folder / f"{light.name}.exr"
     try:
-        write_channels(path, channels, attributes, latlong=False)  # whose rows lie elsewhere
-    except RuntimeError as error:  # its only report of a full disk
+        write_channels(path, channels, attributes, latlong=False)  # its rows lie elsewhere
+    except RuntimeError as error:  # OpenEXR's only report of a full disk
         raise OutputError(f"cannot be written ({' '.join(str(error).split())})", source=path) from error
     scene = (
         read_template("mitsuba.xml")

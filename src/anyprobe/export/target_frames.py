@@ -1,4 +1,4 @@
-"""Which way round a map goes in every target: each is a roll of our columns, never a mirror.
+"""Orientation of maps in every target: each is a roll of our columns, never a mirror.
 
 Ours is right-handed, +X right, +Y up, -Z in front; u = 0.5 + atan2(x, -z) / 2 pi. A target reads
 the same picture with its own axes and its own centre column:
@@ -29,14 +29,14 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 ODD_IN_Z = (2, 5, 7)
-"""z, yz and xz: they change sign when z does."""
+"""Indices of z, yz and xz: they change sign with z."""
 
 ODD_IN_Y = (1, 4, 5)
-"""y, xy and yz."""
+"""Indices of y, xy and yz."""
 
 
 def webxr(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, " 27"]:
-    """Radiance, coefficient after coefficient: [9, 3] -> [27] r0 g0 b0 r1 ...
+    """Flatten radiance coefficients, coefficient after coefficient: [9, 3] -> [27] r0 g0 b0 r1 ...
 
     XRLightEstimate.sphericalHarmonicsCoefficients, three.js LightProbe.sh.fromArray, and ARCore's
     AmbientSphericalHarmonics as its Unity SDK reads them.
@@ -45,19 +45,19 @@ def webxr(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, " 27"]:
 
 
 def planar(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, " 27"]:
-    """Radiance, channel after channel: [9, 3] -> [27] r0 r1 ... r8 g0 ... (ARKit)."""
+    """Flatten radiance coefficients, channel after channel: [9, 3] -> [27] r0 r1 ... r8 g0 ... (ARKit)."""
     return coefficients.T.reshape(27)
 
 
 def irradiance_sh(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "9 3"]:
-    """A_l L_i: E(n) = sum of these times Y_i(n), [9, 3]."""
+    """Compute A_l L_i [9, 3]: E(n) = sum of these times Y_i(n)."""
     return coefficients * COSINE_LOBE[:, None]
 
 
 def gltf(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "9 3"]:
-    """irradiance() with the signs of EXT_lights_image_based as Babylon.js reads them, [9, 3].
+    """Compute irradiance_sh() with the signs of EXT_lights_image_based as Babylon.js reads them, [9, 3].
 
-    It asks for (-x, y, z) with the signs of Condon and Shortley, which is ours with y turned round.
+    It expects (-x, y, z) with the signs of Condon and Shortley, which is ours with y negated.
     """
     turned = irradiance_sh(coefficients)
     turned[list(ODD_IN_Y)] *= -1
@@ -65,7 +65,7 @@ def gltf(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "9 3"]:
 
 
 def polynomial(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "9 3"]:
-    """A_l K_i L_i / pi: E(n) / pi = c0 + c1 y + c2 z + c3 x + c4 xy + ..., [9, 3].
+    """Compute A_l K_i L_i / pi [9, 3]: E(n) / pi = c0 + c1 y + c2 z + c3 x + c4 xy + ...
 
     The polynomials are those of anyprobe.light.harmonics, 3z^2 - 1 and x^2 - y^2 among them.
     Uniform radiance 1 gives c0 = 1 (Filament's IndirectLight.irradiance(3, sh)).
@@ -74,7 +74,7 @@ def polynomial(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "9 3
 
 
 def unity(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "3 9"]:
-    """SphericalHarmonicsL2[channel, i]: polynomial() with z turned round, [3, 9]."""
+    """Compute SphericalHarmonicsL2[channel, i] [3, 9]: polynomial() with z negated."""
     turned = polynomial(coefficients)
     turned[list(ODD_IN_Z)] *= -1
     return turned.T
@@ -84,9 +84,8 @@ def unity(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "3 9"]:
 class TargetFrame:
     """Axes of a target and the layout of its latitude-longitude maps.
 
-    axes: rows of the matrix that carries our coordinates to the target's; its determinant is -1
-        where the target is left-handed.
-    quarters: columns to the right that our map is rolled, in quarters of its width.
+    axes: rows of the matrix from our coordinates to the target's; its determinant is -1 if the target is left-handed.
+    quarters: roll of our map's columns to the right, in quarters of its width.
     text, u, v: for sidecars and docs; u and v from a direction (x, y, z) in the target's axes.
     """
 
@@ -97,11 +96,11 @@ class TargetFrame:
     v: str
 
     def from_ours(self, d: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "... 3"]:
-        """Directions [..., 3] in our axes to the target's."""
+        """Convert directions [..., 3] in our axes to the target's."""
         return np.asarray(d) @ np.asarray(self.axes, dtype=np.float64).T
 
     def roll(self, radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "H 2*H 3"]:
-        """Our map [H, 2H, 3] as the target reads it.
+        """Roll a map [H, 2H, 3] into the target's layout.
 
         Raises:
             InvalidEnvironment: a quarter of the width is not a whole number of columns.

@@ -1,5 +1,5 @@
-"""One light to one target, all of its files or none; and the targets that are engines and AR interfaces: WebXR, ARCore,
-ARKit, Unreal, Unity, Blender, three.js."""
+"""Export of one light to one target, all of its files or none; and the targets that are engines and AR interfaces:
+WebXR, ARCore, ARKit, Unreal, Unity, Blender, three.js."""
 
 from __future__ import annotations
 
@@ -47,27 +47,26 @@ if TYPE_CHECKING:
 
 
 ARKIT_NEUTRAL = 1000.0
-"""ARKit's lumens of a neutrally lit scene; our radiance 1 stands for it."""
+"""ARKit's lumens of a neutrally lit scene; our radiance 1 corresponds to it."""
 
 ARKIT_WHITE_K = 6500.0
 """ARKit's colour temperature of white light [K]."""
 
 TEMPERATURES_K = np.arange(1000.0, 15001.0, 10.0)
-"""The range of Krystek's approximation of black bodies."""
+"""Temperatures [K] in the range of Krystek's approximation of black bodies."""
 
 
 def write_webxr(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """<name>.estimate.json: the three attributes of an XRLightEstimate, in the probe's space."""
+    """Write <name>.estimate.json: the three attributes of an XRLightEstimate, in the probe's space."""
     estimate = {**primary_light(light), "sphericalHarmonicsCoefficients": numbers(webxr(light.sh_ambient))}
     write_json(folder / f"{light.name}.estimate.json", estimate)
     return {}
 
 
 def write_arcore(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """<name>.estimate.json: what ARCore's LightEstimate returns in its Environmental HDR mode.
+    """Write <name>.estimate.json: the values of ARCore's LightEstimate in its Environmental HDR mode.
 
-    SH by WebXR's definition, to which ARCore's Unity SDK agrees; ARCore's samples in C and
-    Kotlin turn the signs of x and y round when they read them.
+    SH by WebXR's definition, as in ARCore's Unity SDK; ARCore's samples in C and Kotlin negate x and y on reading.
     """
     estimate = {
         "environmentalHdrMainLightDirection": numbers(light.main.direction),
@@ -79,7 +78,7 @@ def write_arcore(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
 
 
 def write_arkit(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """<name>.estimate.json: what ARKit's ARDirectionalLightEstimate holds, 27 SH planar, of all light.
+    """Write <name>.estimate.json: the values of ARKit's ARDirectionalLightEstimate, 27 SH planar, of all light.
 
     ambientIntensity is that of a white surface averaged over all directions: mean radiance
     times 1000. ambientColorTemperature is that of the same light [K].
@@ -97,9 +96,9 @@ def write_arkit(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
 
 
 def correlated_temperature(rgb: Float[np.ndarray, " 3"]) -> float:
-    """Temperature [K] of the black body whose colour is nearest in CIE 1960 u, v, from 1000 to 15000.
+    """Return the temperature [K] of the black body nearest in CIE 1960 u, v, from 1000 to 15000.
 
-    Black bodies by Krystek 1985. Coloured light has one too, however far from it: a green emitter some 6000 K.
+    Black bodies by Krystek 1985. Coloured light has a nearest one too, however far off: a green emitter some 6000 K.
 
     Args:
         rgb: [3] linear Rec. 709; black gives ARKit's white.
@@ -115,13 +114,13 @@ def correlated_temperature(rgb: Float[np.ndarray, " 3"]) -> float:
 
 
 def sun_rotation(towards: Float[np.ndarray, " 3"]) -> tuple[float, float]:
-    """Pitch and yaw [degrees] of a directional light whose +X points away from a light at [3]."""
+    """Return pitch and yaw [degrees] of a directional light whose +X points away from a light at [3]."""
     x, y, z = -np.asarray(towards, dtype=np.float64)
     return float(np.degrees(np.arcsin(np.clip(z, -1, 1)))), float(np.degrees(np.arctan2(y, x)))
 
 
 def write_unreal(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """<name>.hdr, <name>_ambient.hdr and <name>.txt, what to set in the editor."""
+    """Write <name>.hdr, <name>_ambient.hdr and <name>.txt, settings for the editor."""
     write_maps(light, folder, UNREAL, ".hdr")
     pitch, yaw = sun_rotation(UNREAL.from_ours(light.main.direction))
     intensity = float(light.main.irradiance.max())
@@ -141,10 +140,10 @@ def write_unreal(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
 
 
 def write_unity(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """<name>.hdr, <name>_ambient.hdr and AnyprobeLight.cs, which reads the sidecar.
+    """Write <name>.hdr, <name>_ambient.hdr and AnyprobeLight.cs, which reads the sidecar.
 
     Unity's Lambert has no 1 / pi: its light's intensity is irradiance / pi, linear. The component's file
-    is the same for every light, because Unity wants a class named as its file.
+    is the same for every light, because Unity requires a class to be named as its file.
     """
     write_maps(light, folder, UNITY, ".hdr")
     (folder / "AnyprobeLight.cs").write_text(template("AnyprobeLight.cs", light), encoding="utf-8")
@@ -160,9 +159,9 @@ def write_unity(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
 
 
 def write_blender(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """<name>.exr, <name>_ambient.exr and <name>.py.
+    """Write <name>.exr, <name>_ambient.exr and <name>.py.
 
-    A Sun's strength is the irradiance of a plane that faces it, as ours is; World strength 1 is radiance as it is.
+    A Sun's strength is the irradiance on a plane that faces it, as ours is; at World strength 1 radiance is unscaled.
     """
     write_maps(light, folder, BLENDER, ".exr")
     (folder / f"{light.name}.py").write_text(template("blender_world.py", light), encoding="utf-8")
@@ -170,10 +169,10 @@ def write_blender(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
 
 
 def write_three(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """<name>.hdr, <name>_ambient.hdr, <name>.js and <name>.html.
+    """Write <name>.hdr, <name>_ambient.hdr, <name>.js and <name>.html.
 
     The maps are rolled, so that they stand right without environmentRotation. DirectionalLight's
-    intensity is the irradiance of a plane that faces it, as ours is.
+    intensity is the irradiance on a plane that faces it, as ours is.
     """
     write_maps(light, folder, THREE, ".hdr")
     (folder / f"{light.name}.js").write_text(template("three.js", light), encoding="utf-8")
@@ -183,7 +182,7 @@ def write_three(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
 
 
 def write_jpeg(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """<name>.jpg: Ultra HDR, for three.js's UltraHDRLoader; rolled as three's maps are."""
+    """Write <name>.jpg: Ultra HDR, for three.js's UltraHDRLoader; rolled as three's maps are."""
     rolled = THREE.roll(light.radiance)
     most = write_ultra_hdr(folder / f"{light.name}.jpg", rolled)
     return {
@@ -196,7 +195,7 @@ def write_jpeg(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
 
 
 def _share_above(radiance: np.ndarray, limit: float) -> float:
-    """Share of a map's energy [H, 2H, 3] above a limit."""
+    """Return the share of a map's energy [H, 2H, 3] above a limit."""
     areas = pixel_solid_angles(len(radiance))[..., None].astype(np.float64)
     energy = float((radiance * areas).sum())
     return float((np.maximum(radiance - limit, 0.0) * areas).sum()) / energy if energy > 0 else 0.0
@@ -204,12 +203,12 @@ def _share_above(radiance: np.ndarray, limit: float) -> float:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Target:
-    """How a light is written for one program or format.
+    """Writer of a light for one program or format.
 
-    write: puts the files into a folder, gives what the sidecar says beyond the usual.
-    frame: axes and layout of what it writes.
-    checked: what has read it and shown the light as it is, for the sidecar; or that nothing has.
-    sources: whether it is given all of the light's sources rather than its dominant light.
+    write: writes the files into a folder, returns the sidecar's additional entries.
+    frame: axes and layout of the files.
+    checked: program that was seen to show the light as it is, for the sidecar; or that none was.
+    sources: whether it takes all of the light's sources rather than its dominant light.
     """
 
     write: Callable[[ExportedLight, Path], Mapping[str, Any]]
@@ -275,7 +274,7 @@ def export(
     exposure_ev: float = 0.0,
     origin: Mapping[str, Any] | None = None,
 ) -> list[Path]:
-    """Write a light for one target into folder: every name begins with <stem>_<target>.
+    """Export a light for one target into folder: every name begins with <stem>_<target>.
 
     <stem>_<target>.json is the sidecar; the other files are the target's own.
 
@@ -284,7 +283,7 @@ def export(
         target: one of TARGETS.
         world_from_camera: [3, 3] rotation; the export is then in the world's frame, +Y up.
         exposure_ev: stops; 1 doubles the light. The sidecar records it.
-        origin: of the estimate's own sidecar, carried along.
+        origin: entries of the estimate's own sidecar, carried along.
     Returns:
         The paths, sorted.
     Raises:
@@ -309,7 +308,7 @@ def export(
 
 
 def find_target(name: str) -> Target:
-    """The target of a name; InputError that lists all of them if there is none."""
+    """Return the target of a name; InputError lists all of them if there is none."""
     if not isinstance(name, str) or name not in TARGETS:
         raise InputError(f"expected one of {', '.join(TARGETS)}, got {name!r}; choose one", subject="target")
     return TARGETS[name]

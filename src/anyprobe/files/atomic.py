@@ -156,7 +156,8 @@ def _tidy(folder: Path) -> None:
 
 
 def _is_left(scratch: Path) -> bool:
-    """Whether the process that made it is gone; on a shared drive it may be another machine's, which only age shows."""
+    """Return whether the process that made it is gone; on a shared drive it may be another machine's, which only age
+    shows."""
     number = scratch.name.removeprefix(f"{SCRATCH}{_machine()}-").partition("-")[0]
     if os.name == "posix" and number.isdecimal():
         try:

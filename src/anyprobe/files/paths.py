@@ -98,7 +98,7 @@ def open_regular(path: str | os.PathLike[str], fault: type[InputError], what: st
 def read_regular(
     path: str | os.PathLike[str], name: str, fault: type[InputError], what: str = "a file", max_bytes: int = MAX_BYTES
 ) -> bytes:
-    """All bytes of open_regular; fault also where they are more."""
+    """Return all bytes of open_regular; fault also where they are more."""
     with open_regular(path, fault, what) as stream:
         size = os.fstat(stream.fileno()).st_size
         if size > max_bytes:

@@ -3,7 +3,7 @@
 Lobe = the connected pixels around the brightest one whose luminance, averaged over a cap 10 degrees across, is at least
 half the peak. Half the peak falls a little inside the edge of a source 10 to 30 degrees across, so the sums run over
 the lobe and the pixels that touch it; without those an emitter 14 degrees across loses a quarter of its power. The
-light is what they have more than their surroundings, L - L_ring with L_ring the mean radiance just outside.
+light is their excess over the surroundings, L - L_ring with L_ring the mean radiance just outside.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class DominantLight:
     color: [3] irradiance / its largest channel; ones where there is no light.
     solid_angle: of the lobe [sr]; never much below that of the blur.
     directionality: |sum L d dw| / sum L dw of luminance, 0 (even light) to 1 (one direction).
-    error_deg: how far off the direction is at most in two of three maps that are estimates; see direction_error.
+    error_deg: bound on the direction's error that holds for two of three estimated maps; see direction_error.
     """
 
     direction: np.ndarray
@@ -68,7 +68,7 @@ def dilate(mask: Bool[np.ndarray, "H 2*H"]) -> Bool[np.ndarray, "H 2*H"]:
 
 
 def connected(mask: Bool[np.ndarray, "H 2*H"], row: int, column: int) -> Bool[np.ndarray, "H 2*H"]:
-    """The part of a mask [H, 2H] that is connected to one of its pixels on the sphere."""
+    """Return the part of a mask [H, 2H] that is connected to one of its pixels on the sphere."""
     region = np.zeros_like(mask)
     region[row, column] = True
     count = 1
@@ -80,8 +80,10 @@ def connected(mask: Bool[np.ndarray, "H 2*H"], row: int, column: int) -> Bool[np
 
 
 def _find_lobe(bright: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the brightest lobe of luminance [H, 2H], the lobe grown by a pixel, and the ring around that; maps of
-    more than SEARCH_ROWS rows are reduced to these."""
+    """Return the brightest lobe of luminance [H, 2H], the lobe grown by a pixel, and the ring around that.
+
+    Maps of more than SEARCH_ROWS rows are first reduced to that size.
+    """
     height = len(bright)
     small = reduced(bright[..., None])
     blurred = blur_cap(small, BLUR_RADIUS)[..., 0]
@@ -100,7 +102,7 @@ def _find_lobe(bright: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _moment(radiance: np.ndarray) -> np.ndarray:
-    """Sum of luminance d dw of a map [H, 2H, 3], [3]."""
+    """Return the sum of luminance d dw over a map [H, 2H, 3], [3]."""
     height = len(radiance)
     return np.einsum("hw,hwc->c", luminance(radiance) * pixel_solid_angles(height), pixel_directions(height))
 
@@ -121,31 +123,30 @@ def spread_about(radiance: Float[np.ndarray, "H 2*H 3"], direction: np.ndarray) 
 
 
 def direction_error(spread_deg: float) -> float:
-    """Return how many degrees an estimated dominant light is off at most in two of three cases.
+    """Return a bound [degrees] on an estimated dominant light's error, which two of three estimates keep.
 
-    spread_deg: of spread_about.
+    spread_deg: result of spread_about.
     """
     grown = ERROR["factor"] * (spread_deg + ERROR["offset_deg"]) ** ERROR["exponent"]
     return min(grown, ERROR["most_deg"])
 
 
 def find_dominant_light(radiance: Float[np.ndarray, "H 2*H 3"]) -> DominantLight:
-    """The brightest lobe of a map [H, 2H, 3] as a directional light.
+    """Return the brightest lobe of a map [H, 2H, 3] as a directional light.
 
         E = sum over the lobe of (L - L_ring) cos(delta) dw, delta from the light's direction
         direction = energy-weighted mean of d over the lobe, energy = luminance(L - L_ring)+ dw
 
-    A map with no lobe (black, or the same everywhere) gives irradiance 0; its
-    direction is +Y, the fallback that WebXR asks for.
+    A map without a lobe (black or uniform) gives irradiance 0 and direction +Y, WebXR's fallback.
     """
     return split_dominant_light(radiance)[0]
 
 
 def split_dominant_light(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[DominantLight, np.ndarray]:
-    """The dominant light and the map [H, 2H, 3] without it, for renderers that are given both.
+    """Split a map [H, 2H, 3] into its dominant light and the rest, for renderers that are given both.
 
-    What the dominant light counts is taken out, no more: its pixels become L_ring, so that on a
-    plane that faces the light E of the map = E of the rest + irradiance, channel by channel.
+    The rest lacks exactly what the dominant light counts: the lobe's pixels become L_ring, so that on a plane that
+    faces the light E of the map = E of the rest + irradiance, channel by channel.
     """
     height = radiance.shape[0]
     d = pixel_directions(height)

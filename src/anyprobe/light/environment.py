@@ -57,9 +57,10 @@ def shrink(radiance, height: int):
 
 
 def reduced(radiance: Float[np.ndarray, "H 2*H C"], rows: int = SEARCH_ROWS) -> Float[np.ndarray, "R 2*R C"]:
-    """A map [H, 2H, C] of any height with at most so many rows, the integral over the sphere kept.
+    """Average a map [H, 2H, C] down to at most `rows` rows; the integral over the sphere is kept.
 
-    For what costs H^3, as a blur by an angle does, and needs no detail: maps of thousands of rows are common.
+    Meant for operations that cost H^3, such as a blur by an angle, and need no detail; maps of thousands of rows are
+    common.
     """
     height = radiance.shape[0]
     if height <= rows:
@@ -71,16 +72,16 @@ def reduced(radiance: Float[np.ndarray, "H 2*H C"], rows: int = SEARCH_ROWS) -> 
 
 
 def _overlap(old: int, new: int) -> np.ndarray:
-    """[new, old]: how much of each old cell lies in each new one, in old cells."""
+    """Return the fraction of each old cell that lies in each new one, [new, old]."""
     borders = np.linspace(0.0, old, new + 1)
     cells = np.arange(old)
     return np.clip(np.minimum(borders[1:, None], cells + 1) - np.maximum(borders[:-1, None], cells), 0.0, None)
 
 
 def rotate(radiance, rotation):
-    """The map [H, 2H, 3] seen after the world is turned by an active rotation [3, 3]: new(d) = old(rotation^T d).
+    """Rotate a map [H, 2H, 3] by an active rotation [3, 3]: new(d) = old(rotation^T d).
 
-    With world-to-camera it gives the camera's view.
+    A world-to-camera rotation gives the camera's view.
     """
     xp = array_namespace(radiance)
     height = radiance.shape[0]
@@ -90,7 +91,7 @@ def rotate(radiance, rotation):
 
 
 def integral(radiance):
-    """Sum of L dOmega over the sphere, [3]."""
+    """Integrate L dOmega over the sphere, [3]."""
     xp = array_namespace(radiance)
     weights = xp.asarray(pixel_solid_angles(radiance.shape[0]), dtype=radiance.dtype, device=device(radiance))
     return xp.sum(xp.sum(radiance * weights[:, :, None], axis=1), axis=0)

@@ -27,7 +27,7 @@ def _cap(cosine: np.ndarray, radius: float) -> np.ndarray:
 def _spectrum(
     height: int, weight: Callable[[np.ndarray, float], np.ndarray], parameter: float, normalised: bool = True
 ) -> np.ndarray:
-    """Cosine spectrum [F, H, H] of weight(cos angle, parameter) dOmega, rows out x rows in."""
+    """Return the cosine spectrum [F, H, H] of weight(cos angle, parameter) dOmega, rows out x rows in."""
     theta = (np.arange(height) + 0.5) * np.pi / height
     delta = np.arange(2 * height) * np.pi / height
     cosine = np.cos(theta)[:, None, None] * np.cos(theta)[None, :, None] + np.sin(theta)[:, None, None] * np.sin(theta)[
@@ -67,5 +67,5 @@ def blur_cap(radiance, radius: float):
 
 
 def irradiance_map(radiance):
-    """Irradiance E(n) = integral of L max(0, n.wi) dwi, for n at every pixel centre."""
+    """Compute irradiance E(n) = integral of L max(0, n.wi) dwi, for n at every pixel centre."""
     return _apply(radiance, _spectrum(radiance.shape[-3], _power, 1.0, normalised=False))

@@ -37,7 +37,7 @@ COSINE_LOBE = np.array([np.pi, *[2 * np.pi / 3] * 3, *[np.pi / 4] * 5])
 
 
 def sh_basis(d: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "... 9"]:
-    """Y_i at unit directions: [..., 3] -> [..., 9]."""
+    """Evaluate Y_i at unit directions: [..., 3] -> [..., 9]."""
     x, y, z = d[..., 0], d[..., 1], d[..., 2]
     polynomials = [np.ones_like(x), y, z, x, x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y]
     return np.stack(polynomials, axis=-1) * K.astype(d.dtype)
@@ -45,7 +45,7 @@ def sh_basis(d: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "... 9"]:
 
 @lru_cache(maxsize=4)
 def _pixel_integrals(height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Integrals over every row [6, H] and every column [6, 2H] whose products give those of Y_i / K over pixels.
+    """Return integrals over every row [6, H] and every column [6, 2H]; their products are those of Y_i / K over pixels.
 
     With d = (sin t sin p, cos t, -sin t cos p) and dw = sin t dt dp each Y_i is a sum of products of a
     function of t and one of p: here sin t times 1, cos t, sin t, sin t cos t, sin^2 t, cos^2 t, and
@@ -62,7 +62,7 @@ def _pixel_integrals(height: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def project(radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "9 3"]:
-    """Radiance coefficients [9, 3] of a map [H, 2H, 3]: L_i = sum over pixels of L times the pixel's integral of Y_i.
+    """Project a map [H, 2H, 3] onto the basis: L_i = sum over pixels of L times the pixel's integral of Y_i, [9, 3].
 
     Exact for a map that is constant over each pixel: uniform radiance 1 gives L_0 = 2 sqrt(pi) = 3.5449077 alone.
     """
@@ -85,5 +85,5 @@ def project(radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "9 3"]:
 
 
 def irradiance(coefficients: Float[np.ndarray, "9 3"], n: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "... 3"]:
-    """E(n) = sum of A_l L_i Y_i(n): [9, 3] and [..., 3] -> [..., 3]; Lambert sends albedo E / pi."""
+    """Evaluate E(n) = sum of A_l L_i Y_i(n): [9, 3] and [..., 3] -> [..., 3]; Lambert sends albedo E / pi."""
     return sh_basis(n) @ (coefficients * COSINE_LOBE.astype(coefficients.dtype)[:, None])

@@ -1,8 +1,8 @@
-"""Light sources of a map, soft to hard: a few, of direction, power and angular size; under an even sky there are none.
+"""Light sources of a map: a few directions with power and angular size; none under an even sky.
 
-A source lies where the mean luminance over a cap of _PLACE_DEG is greatest, the next where it is greatest further than
-_APART_DEG from all before and off their discs. It is what the widest disc sends beyond the ring around it. Its radius
-is that of an even disc that has SIZED of its power within the same angle of the centre.
+The first source lies where the mean luminance over a cap of _PLACE_DEG is greatest; each further one where it is
+greatest outside the discs of all before and more than _APART_DEG from them. A source's power is what the widest disc
+sends beyond the ring around it. Its radius is that of an even disc with SIZED of its power within the same angle.
 """
 
 from __future__ import annotations
@@ -24,29 +24,31 @@ if TYPE_CHECKING:
 _PLACE_DEG, _APART_DEG = 8.0, 16.0
 _RADII_DEG = (2.0, 3.0, 4.0, 6.0, 8.0, 11.0, 16.0)
 SETTLED_DEG = (16.0, 16.0)
-"""Discs to whose centre of light a place moves, one after the other."""
+"""Radii [degrees] of the discs whose centre of light a source moves to, one after the other."""
 RING_DEG = 22.0
-"""Outer radius of the ring around the widest disc."""
+"""Outer radius [degrees] of the ring around the widest disc."""
 SIZED = 0.8
 _STEPS_DEG = np.arange(0.25, _RADII_DEG[-1] + 0.01, 0.25)
 SMALLEST_DEG = _RADII_DEG[0]
-"""Smaller discs cannot be told from one pixel."""
+"""Smallest radius of a disc [degrees]; a smaller one cannot be told from one pixel."""
 _WIDENED = 0.4
 """Share of a pixel's squared side by which sampling enlarges a disc's squared radius."""
 LEAST_SHARE = 0.04
-"""Least share of the map's power that a source has."""
+"""Smallest share of the map's power that a source may have."""
 LEAST_CONTRAST = 3.0
-"""Least luminance of a source, in multiples of the ring's around it."""
+"""Smallest luminance of a source, in multiples of that of the ring around it."""
 MOST_SOURCES: int = contract("source_split")["most"]
-"""The number of light sources that a map has at most: here, in the filter of videos and in the networks' heads."""
+"""Largest number of light sources in a map: here, in the filter of videos and in the networks' heads."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LightSource:
-    """A round light source far away, in the map's frame.
+    """Round light source at infinity, in the map's frame.
 
-    direction: [3] unit vector towards it. irradiance: [3] E on a plane that faces it, linear Rec. 709. radius_deg: of
-    its disc. share: of the map's power, the integral of luminance over all directions.
+    direction: [3] unit vector towards it.
+    irradiance: [3] E on a plane that faces it, linear Rec. 709.
+    radius_deg: radius of its disc.
+    share: its part of the map's power, the integral of luminance over all directions.
     """
 
     direction: np.ndarray
@@ -56,7 +58,7 @@ class LightSource:
 
 
 def find_light_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[LightSource, ...]:
-    """The light sources of a map [H, 2H, 3], the one with the brightest place first; MOST_SOURCES at most."""
+    """Find up to MOST_SOURCES light sources of a map [H, 2H, 3]; the one with the brightest place comes first."""
     small = reduced(np.asarray(radiance, np.float32))
     d = pixel_directions(len(small)).reshape(-1, 3)
     angles = np.broadcast_to(pixel_solid_angles(len(small)), small.shape[:2]).ravel()
@@ -74,13 +76,13 @@ def find_light_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[LightSou
             center = ((bright - bright[disc].min()) * angles * disc) @ d + 1e-9 * center
             center = center / np.linalg.norm(center)
         if any(center @ one.direction > np.cos(np.radians(_APART_DEG)) for one in found):
-            left[near] = 0.0  # the rim of one that is found
+            left[near] = 0.0  # rim of a source already found
             continue
         cosine = d @ center
         source = _source(colors, bright, angles, cosine, total)
         if source is None:
             break
-        apart = max(_APART_DEG, source[0] + _PLACE_DEG + 2.0)  # where the cap holds none of it
+        apart = max(_APART_DEG, source[0] + _PLACE_DEG + 2.0)  # beyond this the cap holds none of it
         left[(cosine > np.cos(np.radians(apart))) | near] = 0.0
         _, irradiance, share, radius = source
         found.append(
@@ -90,10 +92,10 @@ def find_light_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[LightSou
 
 
 def split_light_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[tuple[LightSource, ...], np.ndarray]:
-    """The light sources of a map, and the map [H, 2H, 3] without them, for renderers that are given both.
+    """Split a map [H, 2H, 3] into its light sources and the rest, for renderers that are given both.
 
-    Of each disc of the widest radius what is brighter than the ring around it is taken out, pixel by pixel, one source
-    after the other; irradiance is what that was, so that on a plane that faces it E of the map = E of the rest +
+    Every pixel of a source's widest disc loses what it has above the ring around the disc, one source after the other.
+    The irradiance is that of the removed light, so that on a plane that faces the source E of the map = E of the rest +
     irradiance. It differs from find_light_sources' where the map has more rows or discs overlap.
     """
     rest = np.array(radiance, np.float32)
@@ -106,9 +108,9 @@ def split_light_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[tuple[L
     for source in found:
         cosine = d @ source.direction
         disc, ring = cosine >= widest, (cosine < widest) & (cosine > rim)
-        dull = ring & ~bright  # not what another source sends
+        dull = ring & ~bright  # pixels that no other source lights
         ring = dull if dull.any() else ring
-        if not ring.any():  # of a map of a few rows
+        if not ring.any():  # a map of a few rows
             continue
         around = np.average(rest[ring], axis=0, weights=angles[ring])
         taken = np.maximum(rest[disc] - around, 0.0)
@@ -120,11 +122,14 @@ def split_light_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[tuple[L
 
 
 def _source(colors, bright, angles, cosine, total: float) -> tuple[float, np.ndarray, float, float] | None:
-    """The smallest of _RADII_DEG with SIZED of the power, irradiance [3], share, and radius in degrees, of what lies
-    around a direction; None where that is no source."""
+    """Measure the source around a direction; None if there is no source.
+
+    Returns the smallest of _RADII_DEG that holds SIZED of the power, irradiance [3], share of the map's power, and
+    radius in degrees.
+    """
     degrees = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
     ring = (degrees > _RADII_DEG[-1]) & (degrees < RING_DEG)
-    if not ring.any():  # of a map of a few rows
+    if not ring.any():  # a map of a few rows
         return None
     around = np.average(colors[ring], axis=0, weights=angles[ring])
     beyond = np.maximum(colors - around, 0.0) * angles[:, None]
@@ -143,7 +148,8 @@ def _source(colors, bright, angles, cosine, total: float) -> tuple[float, np.nda
 
 
 def _radius_deg(power: Float[np.ndarray, " P"], degrees: Float[np.ndarray, " P"], pixel: float) -> float:
-    """Radius of a disc by the powers of pixels so many degrees from its centre, and so wide."""
+    """Return the radius [degrees] of a disc from the powers of pixels at `degrees` from its centre, `pixel` degrees
+    wide."""
     near = degrees < _RADII_DEG[-1] + pixel
     covers = np.clip(0.5 + (_STEPS_DEG[:, None] - degrees[near]) / pixel, 0.0, 1.0)
     within = covers @ power[near]

@@ -18,13 +18,16 @@ from anyprobe.core.color import luminance
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 
 WIDENING = 0.75
-"""To second order in an emitter's size, the mean of D over it has the peak of a D whose alpha^2 is greater by
-1 - r (half vectors turn half as far). Its flanks are narrower than that D's, so a
-little less errs least over the whole lobe."""
+"""Factor of 1 - r by which an emitter's size widens alpha^2, r the length of its mean direction.
+
+To second order in an emitter's size, the mean of D over it has the peak of a D whose alpha^2 is greater by 1 - r (half
+vectors turn half as far). Its flanks are narrower than that D's, so a slightly smaller factor errs least over the lobe.
+"""
 
 
 def take_pixels(radiance, count: int) -> tuple[Any, Any, Any]:
-    """The map [H, 2H, 3] without, and directions and power [K, 3] of, what its brightest pixels have in excess."""
+    """Take the brightest pixels' excess out of a map [H, 2H, 3]: the rest, and directions and power [K, 3] of the
+    excess."""
     xp = array_namespace(radiance)
     height = radiance.shape[0]
     flat = xp.reshape(radiance, (-1, 3))
@@ -43,15 +46,14 @@ def take_pixels(radiance, count: int) -> tuple[Any, Any, Any]:
 
 
 def take_patches(radiance, count: int, patch: np.ndarray) -> tuple[Any, Any, Any, Any]:
-    """The same of whole patches of the sphere: what all their pixels have above the next patch's brightest.
+    """Take out whole patches of the sphere instead: the excess of their pixels over the next patch's brightest.
 
-    An emitter in a room covers many pixels of one brightness, and few of them would leave nearly all of it.
+    An emitter in a room covers many pixels of similar brightness; taking a few of them would leave nearly all of it.
 
     Args:
         patch: [H * 2H] int, the patch of every pixel.
-    Returns:
-        rest [H, 2H, 3]; directions, the middles of the emitters, and power [K, 3]; spread [K]: what their sizes
-        add to alpha^2, WIDENING (1 - r), r the length of an emitter's mean direction.
+    rest [H, 2H, 3]; directions, the centres of the emitters, and power [K, 3]; spread [K]: what their sizes
+    add to alpha^2, WIDENING (1 - r), r the length of an emitter's mean direction.
     """
     xp = array_namespace(radiance)
     height = radiance.shape[0]
@@ -82,13 +84,13 @@ def take_patches(radiance, count: int, patch: np.ndarray) -> tuple[Any, Any, Any
 
 
 def _sign(x):
-    """1 where x >= 0, else -1, of the same kind and precision as x."""
+    """Return 1 where x >= 0, else -1, with the kind and precision of x."""
     xp = array_namespace(x)
     return xp.where(x >= 0, xp.ones_like(x), -xp.ones_like(x))
 
 
 def _unfold(x, y, z):
-    """Components of unit directions to coordinates s, t in [0, 1]; +Y is the centre."""
+    """Convert components of unit directions to coordinates s, t in [0, 1]; +Y is the centre."""
     xp = array_namespace(x)
     norm = xp.abs(x) + xp.abs(y) + xp.abs(z)
     a, b = x / norm, z / norm
@@ -99,13 +101,13 @@ def _unfold(x, y, z):
 
 
 def direction_to_octahedral(d):
-    """Unit directions [..., 3] to the unit square [..., 2]; +Y is the centre."""
+    """Convert unit directions [..., 3] to the unit square [..., 2]; +Y is the centre."""
     xp = array_namespace(d)
     return xp.stack(_unfold(d[..., 0], d[..., 1], d[..., 2]), axis=-1)
 
 
 def octahedral_to_direction(st):
-    """Inverse of direction_to_octahedral."""
+    """Convert the unit square [..., 2] to unit directions [..., 3]; inverse of direction_to_octahedral."""
     xp = array_namespace(st)
     a, b = st[..., 0] * 2.0 - 1.0, st[..., 1] * 2.0 - 1.0
     y = 1.0 - xp.abs(a) - xp.abs(b)
@@ -118,12 +120,12 @@ def octahedral_to_direction(st):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Pyramid:
-    """Levels of a map: texels [T, 3], the side of level 0, and how many levels there are.
+    """Pyramid of averaged levels: texels [T, 3], the side of level 0, and the number of levels.
 
-    emitters [K, 3], emitter_power [K, 3]: directions and irradiance (at normal incidence) of what the
-    brightest pixels, or patches, have in excess of the next brightest. The texels then hold the
-    rest: shading adds the emitters exactly, so that no sample need hit the sun. None without emitters.
-    emitter_spread: how wide emitters are, as what they add to alpha^2; one number, or [K].
+    emitters [K, 3], emitter_power [K, 3]: directions and irradiance (at normal incidence) of the brightest pixels' or
+        patches' excess over the next brightest; None without emitters. The texels hold the rest: shading adds the
+        emitters exactly, so that no sample need hit the sun.
+    emitter_spread: what the emitters' size adds to alpha^2; one number, or [K].
     """
 
     texels: Any
@@ -134,14 +136,14 @@ class Pyramid:
     emitter_spread: Any = None
 
     def to(self, device) -> Pyramid:
-        """The same on another device, for torch."""
+        """Return a copy on another device, for torch."""
         arrays = {name: getattr(self, name) for name in ("texels", "emitters", "emitter_power", "emitter_spread")}
         return replace(self, **{name: a.to(device) for name, a in arrays.items() if hasattr(a, "to")})
 
 
 @lru_cache(maxsize=8)
 def _resampling(side: int) -> np.ndarray:
-    """Map coordinates of the texels' subsamples, two along each side: [side, 2, side, 2, 2]."""
+    """Return the map coordinates of the texels' subsamples, two along each side: [side, 2, side, 2, 2]."""
     centres = (np.arange(2 * side) + 0.5) / (2 * side)
     st = np.stack(np.meshgrid(centres, centres), axis=-1)
     uv = direction_to_uv(octahedral_to_direction(st)).astype(np.float32)
@@ -150,7 +152,7 @@ def _resampling(side: int) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def _border_index(side: int) -> np.ndarray:
-    """Indices [side + 2, side + 2] into a level: the border by the octahedron's folding."""
+    """Return indices [side + 2, side + 2] into a level that fill its border by the octahedron's folding."""
     row, column = np.mgrid[-1 : side + 1, -1 : side + 1]
     # over the top or bottom edge the columns turn round, over a side edge the rows do
     over_row = (row < 0) | (row >= side)
@@ -164,7 +166,8 @@ def _border_index(side: int) -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def _patches(height: int, side: int) -> np.ndarray:
-    """Which of side x side squares of the unfolded sphere each pixel of a map lies in, [H * 2H]."""
+    """Return the index of the square, of side x side on the unfolded sphere, that each pixel of a map lies in, [H *
+    2H]."""
     st = direction_to_octahedral(pixel_directions(height).reshape(-1, 3))
     column, row = np.clip((st * side).astype(int), 0, side - 1).T
     return row * side + column
@@ -176,9 +179,9 @@ def build_pyramid(radiance, side: int = 256, emitters: int = 0, patches: int | N
     Args:
         radiance: NumPy array or torch tensor.
         side: texels along level 0; 256 holds a 256 x 512 map.
-        emitters: how many of the brightest pixels become emitters. A pyramid with emitters is for
+        emitters: number of brightest pixels that become emitters. A pyramid with emitters is for
             shading; lookup alone does not see them.
-        patches: emitters are whole patches instead, of patches x patches on the unfolded sphere.
+        patches: take whole patches as emitters instead, of patches x patches on the unfolded sphere.
     """
     xp = array_namespace(radiance)
     directions = power = spread = None
@@ -209,8 +212,10 @@ def build_pyramid(radiance, side: int = 256, emitters: int = 0, patches: int | N
 
 
 def lookup_rgb(pyramid: Pyramid, x, y, z, lod):
-    """Radiance around unit directions at the nearest level to lod: 0 is the map itself, each further level averages
-    four texels of the last. Directions and colours are in components, which a compiler turns into vector code.
+    """Look up radiance around unit directions at the level nearest to lod.
+
+    Level 0 is the map itself; each further level averages four texels of the last. Directions and colours are in
+    components, which a compiler turns into vector code.
 
     Args:
         x, y, z, lod: one shape.

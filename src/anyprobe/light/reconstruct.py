@@ -11,18 +11,18 @@ THRESHOLD: float = contract("graph")["blend_from"]
 """tau of Eq. 8."""
 
 LN_MAX: float = contract("graph")["ln_most"]
-"""Largest ln radiance that is kept: a little below the largest half float."""
+"""Largest ln radiance that is kept, a little below that of the largest half float."""
 
 
 def blend_weight(ldr, threshold: float = THRESHOLD, axis: int = -1):
-    """gamma = max(0, max_c U - tau) / (1 - tau), paper Eq. 8: [..., 3] -> [..., 1]; channels are along axis."""
+    """Compute gamma = max(0, max_c U - tau) / (1 - tau), paper Eq. 8: [..., 3] -> [..., 1]; channels are along axis."""
     xp = array_namespace(ldr)
     brightest = xp.max(xp.clip(ldr, 0.0, 1.0), axis=axis, keepdims=True)
     return xp.clip(brightest - threshold, 0.0, None) / (1.0 - threshold)
 
 
 def reconstruct(ldr, ln_radiance, curve: CameraCurve = MEAN_CURVE, threshold: float = THRESHOLD):
-    """R = (1 - gamma) f^-1(U) + gamma exp(H), paper Eq. 7, with the natural logarithm, in the photo's exposure units.
+    """Merge both maps: R = (1 - gamma) f^-1(U) + gamma exp(H), paper Eq. 7, natural logarithm, in the photo's exposure.
 
     ldr: display values, clipped to [0, 1]; ldr, ln_radiance and the result are [..., 3].
     """

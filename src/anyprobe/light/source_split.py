@@ -1,10 +1,10 @@
 """A map as its soft part and a few discrete sources, which a filter over time can turn and fade.
 
-The brightest pixel is a source's first place; twice the source moves to the middle of what is brighter than its
-surroundings, the median of the ring around. What it has above that, within reach_deg, is taken out of the map, and the
-next one is looked for apart_deg away. What is wider than most_radius_deg is measured again by the numbers of `wide`;
-what is wider than theirs stays in the soft part: averages of it overlap, and show no source twice. split_sources and
-draw_sources keep the power of every source.
+A source starts at the brightest pixel; twice it moves to the centroid of what is brighter than its surroundings, the
+median of the ring around. Its excess over that median within reach_deg is removed from the map, and the next source is
+looked for apart_deg away. A source wider than most_radius_deg is measured again by the numbers of `wide`; one wider
+than theirs stays in the soft part, whose averages overlap and show no source twice. split_sources and draw_sources
+keep the power of every source.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ COMPACT_AND_WIDE = tuple(
 )
 """Cosines of reach, ring and apart, and the largest radius, for compact and for wide sources."""
 LEAST_SHARE: float = RULES["least_share"]
-"""Least share of the map's power that a source has."""
+"""Smallest share of the map's power that a source may have."""
 LEAST_RADIUS = float(np.radians(RULES["least_radius_deg"]))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Source:
-    """direction: [3], unit. power: [3], integral of radiance over its pixels, sr. radius: of its disc, radians."""
+    """Discrete source: direction [3], unit; power [3], integral of radiance [sr]; radius of its disc [radians]."""
 
     direction: np.ndarray
     power: np.ndarray
@@ -46,7 +46,7 @@ class Source:
 
 
 def split_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[np.ndarray, tuple[Source, ...]]:
-    """The map [H, 2H, 3] without its discrete sources, and these, the one with the brightest pixel first."""
+    """Split a map [H, 2H, 3] into its soft part and its discrete sources, the one with the brightest pixel first."""
     height = len(radiance)
     d, angles = _grid(height)
     soft = radiance.reshape(-1, 3).copy()
@@ -71,8 +71,10 @@ def split_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[np.ndarray, t
 def _around(
     soft: np.ndarray, center: np.ndarray, reach: float, ring: float, least: float
 ) -> tuple[np.ndarray, np.ndarray, Source] | None:
-    """Return the pixels [K] of a bright spot of soft [P, 3] around a place, their radiance above the surroundings
-    [K, 3], and both as a source; None where its power is no more than `least`."""
+    """Measure the bright spot of soft [P, 3] around `center`; None if its power is at most `least`.
+
+    Returns its pixels [K], their radiance above the surroundings [K, 3], and the source.
+    """
     d, angles = _grid(int(np.sqrt(len(soft) / 2)))
     for _ in range(2):
         cosine = d @ center
@@ -91,7 +93,8 @@ def _around(
 
 
 def draw_sources(height: int, sources: Iterable[Source]) -> Float[np.ndarray, "H 2*H 3"]:
-    """Discs, brightest in the middle: L ~ cos(angle) - cos(radius). Each has its power, however few its pixels."""
+    """Draw sources as discs, brightest in the middle: L ~ cos(angle) - cos(radius). Each keeps its power on any
+    grid."""
     d, angles = _grid(height)
     drawn = np.zeros((2 * height * height, 3), np.float32)
     for source in sources:
@@ -104,12 +107,12 @@ def draw_sources(height: int, sources: Iterable[Source]) -> Float[np.ndarray, "H
 
 @lru_cache(maxsize=4)
 def _grid(height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Directions [P, 3] and solid angles [P, 1] of the pixels."""
+    """Return directions [P, 3] and solid angles [P, 1] of the pixels."""
     return pixel_directions(height).reshape(-1, 3), np.repeat(pixel_solid_angles(height), 2 * height, axis=0)
 
 
 def _median(colors: np.ndarray) -> np.ndarray:
-    """The lower one of an even number, channel by channel; [3] of [K, 3]."""
+    """Return the median of each channel, [K, 3] -> [3]; the lower one if K is even."""
     return np.sort(colors, axis=0)[(len(colors) - 1) // 2] if len(colors) else np.zeros(3, np.float32)
 
 

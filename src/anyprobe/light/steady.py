@@ -1,8 +1,8 @@
-"""A run of numbers kept still while it is still and quick where it changes: two exponential averages.
+"""A filter for a sequence of values, still while they are still and quick when they change: two exponential averages.
 
-`fast` follows every value y, `steady` is what is shown and chases `fast`. How long steady's memory reaches depends on
-how far apart the two are, in units of the noise that the values themselves show. One value, dt seconds after the last
-(|.| is whatever distance the caller measures, a(T) = 1 - exp(-dt / T)):
+`fast` follows every value y; `steady` is the output and follows `fast`. The length of steady's memory depends on the
+distance between the two, in units of the noise that the values themselves show. For one value, dt seconds after the
+last (|.| is the caller's distance, a(T) = 1 - exp(-dt / T)):
 
     age    += dt
     noise  += a(min(noise_s, age)) (min(|y - last| / sqrt 2, 3 noise) - noise)
@@ -12,16 +12,16 @@ how far apart the two are, in units of the noise that the values themselves show
     motion  = clip((spread - calm) / (moved - calm), 0, 1)
     memory  = min(memory + dt, still_s) ^ (1 - motion) moving_s ^ motion
     motion > let_go: stale = stale_fast = 1
-    stale  > forgotten: memory is no longer than it was
+    stale  > forgotten: memory stays as it was
     stale_fast -= lead stale_fast
     steady += a(memory) (fast - steady), stale likewise
 
 White noise leaves noise sqrt(lead / (2 - lead)) in `fast`: spread is about 1 while nothing moves. Drift is separated
 from noise even where each step is below the noise, because it adds up in fast - steady. After a move the memory grows
-with the time since: steady is then about the plain mean of what came after. A growing memory forgets only as 1 / t, so
-it does not grow while more of what was before a clear move is left in steady (the share stale) than is let be.
-reference is steady, unless the caller knows of something else that values drift by: then what they were lately, and
-slack is how far off that they may be without having moved.
+with the time since: steady is then close to the plain mean of the values after it. A growing memory forgets only as
+1 / t, so it does not grow while steady holds more than `forgotten` of the values before a clear move (its share stale).
+reference is steady, unless the caller knows of another cause of drift: then it is the recent values, and slack is how
+far they may be off without having moved.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ FILTER = contract("filter")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Smoothing:
-    """Time constants in seconds.
+    """Time constants in seconds, and thresholds.
 
-    still_s, moving_s: memory of what is shown, when nothing moved for long and while it moves.
-    fast_s: of the average that leads. noise_s: of the noise level.
-    least_noise: noise is never taken for smaller. cut_level: a frame further off is another scene.
-    calm, moved: spreads where the gain begins to rise and where it is all risen.
-    let_go: motion above which all that was before is to be forgotten. forgotten: share of it that is let be.
+    still_s, moving_s: memory of the output after a long rest and while it moves.
+    fast_s: time constant of the leading average. noise_s: that of the noise level.
+    least_noise: lower bound of the noise. cut_level: distance from which a frame counts as another scene.
+    calm, moved: spreads at which the gain begins to rise and has risen fully.
+    let_go: motion above which all values before are to be forgotten. forgotten: share of them that may remain.
     """
 
     still_s: float = FILTER["still_s"]
@@ -61,10 +61,12 @@ class Smoothing:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Steady:
-    """steady, fast, last: what is shown, the leading average, the last value. noise: None before the second value.
+    """State of the filter.
 
-    memory_s: time constant of steady. age_s: since the start. stale, stale_fast: share of what was before the last
-    clear move in steady and in fast. motion: of the last value, 0 while nothing moves.
+    steady, fast, last: output, leading average, last value. noise: None before the second value.
+    memory_s: time constant of steady. age_s: time since the start.
+    stale, stale_fast: share of values from before the last clear move in steady and in fast.
+    motion: 0 while nothing moves, at the last value.
     """
 
     steady: np.ndarray
@@ -79,7 +81,7 @@ class Steady:
 
 
 def begin_filter(y: np.ndarray) -> Steady:
-    """The first value."""
+    """Start a filter at its first value."""
     return Steady(steady=y, fast=y, last=y)
 
 
@@ -92,9 +94,10 @@ def advance(
     reference: np.ndarray | None = None,
     slack: float = 0.0,
 ) -> Steady:
-    """The state after one more value; pure.
+    """Return the state after one more value; pure.
 
-    apart: |one - other|. reference: what a motion is measured from, else steady; slack: what of it is none.
+    apart: distance |one - other|. reference: what a motion is measured from; steady by default. slack: distance from it
+        that is no motion.
     """
     age = state.age_s + dt_s
     noise = difference = apart(y, state.last) / np.sqrt(2.0)
@@ -126,10 +129,10 @@ def advance(
 
 
 def gain(dt_s: float, time_s: float) -> float:
-    """a(T): the share of the way in dt seconds."""
+    """Return a(T), the fraction of the way covered in dt seconds."""
     return float(-np.expm1(-dt_s / time_s))
 
 
 def toward(from_: np.ndarray, to: np.ndarray, share: float) -> np.ndarray:
-    """Between the two; share 0 is from_."""
+    """Interpolate between the two; share 0 is from_."""
     return from_ + from_.dtype.type(share) * (to - from_)

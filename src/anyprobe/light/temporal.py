@@ -1,34 +1,34 @@
 """Lights of a video, kept still on a still scene and quick where the light changes.
 
-A frame's map is split into a soft part and discrete sources (light.source_split). Each is filtered as what it is (by
-light.steady): the soft part pixel by pixel, the sources as objects, because an average of maps would show a source that
-trembles as many. In the world, where poses are given: there light stands still while the camera turns.
+A frame's map is split into a soft part and discrete sources (light.source_split). Each is filtered by its own rule (by
+light.steady): the soft part pixel by pixel, the sources as objects, because an average of maps would show a trembling
+source several times. Where poses are given, this happens in the world: there light stands still while the camera turns.
 
 **The soft part**: y = ln(L + 0.01), above white a straight line; |.| is the root mean square over the sphere and the
 channels of differences of ln(L + 0.01). A frame further off than cut_level is held back; the second in a row starts
 anew.
 
-**Sources.** One of the frame and one that is known are the same where angle / gate_deg + |ln of the ratio of powers| /
-ln gate_ratio is least, and neither term above 1. Its direction is then one more value of the place of that source, ln
-power and ln radius of its size; a place less than slack_deg off has not moved, and what is shown turns by at most
-most_turn_deg_s. A source that is new grows to its whole power in fade_s, and one that is not seen for patience_s fades
-as fast. While two places share one source's power in this way, their sum is what the frames' sources have in all.
+**Sources.** A source of the frame is matched to a track so that angle / gate_deg + |ln of the ratio of powers| /
+ln gate_ratio is least, neither term above 1. Its direction is then the next value of the track's place, its ln power
+and ln radius those of its size; a place within slack_deg has not moved, and the shown direction turns by at most
+most_turn_deg_s. A new source grows to its whole power in fade_s; one unseen for patience_s fades at the same speed.
+While two places share one source's power in this way, their sum is the total of the frames' sources.
 
 **The leader** is the strongest source, by the root of its power times the part of it within PEAK of its middle. It
 stays the leader until another is lead_ratio times as strong; as long as that part is not lead_margin times another's,
-the two exchange what it takes, so that sources which change rank from frame to frame move no dominant light. A frame
-is odd where the leader is not found, or another source is lead_ratio times as strong. It is held back; the second in a
-row is believed.
+the two exchange the missing power, so that sources which change rank from frame to frame move no dominant light. A
+frame is odd if the leader is not found in it, or another source is lead_ratio times as strong. It is held back; the
+second in a row is believed.
 
-**The object looks the same** where the caller knows that its shading did not change: then its light did not. Once that
-is so for same.after_s, places are averaged whatever they do, and odd frames are held back for as long as the leader has
-led, at least and at most same.odd_s. What is odd for longer is a better estimate of the same light: the leader takes
-the place of the frame's strongest source, and what is shown turns there by same.most_turn_deg_s.
+**The object looks the same** if the caller knows that its shading did not change; then its light did not either. Once
+that has lasted same.after_s, places are averaged whatever they do, and odd frames are held back for as long as the
+leader has led, at most same.odd_s. Frames that stay odd for longer are a better estimate of the same light: the leader
+takes the place of the frame's strongest source, and the shown direction turns there by same.most_turn_deg_s.
 
-**The view.** Estimates of one light from two sides differ, by more than those of one side tremble. view goes from 0 to
-1 while the camera turns by view.turn_deg from where it was when the source last moved. A motion is then measured not
-from the average but, view of the way, from the values of the last view.recent_s, and is what goes beyond view times
-view.slack_deg, or ln view.slack_ratio in each channel; what is shown of a source that has not moved turns by
+**The view.** Estimates of one light from two sides differ by more than estimates from one side tremble. view goes from
+0 to 1 while the camera turns by view.turn_deg from where it was when the source last moved. A motion is then measured
+not from the average but, by the share view, from the values of the last view.recent_s, and counts beyond view times
+view.slack_deg, or ln view.slack_ratio in each channel; the shown direction of a source that has not moved turns by
 view.most_turn_deg_s at most. So a slow drift of estimates is averaged, and a light that changes at once is followed.
 """
 
@@ -51,10 +51,10 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 OFFSET: float = FILTER["offset"]
-"""Added before the logarithm: what is much darker hardly lights anything, and black stays black."""
+"""Radiance added before the logarithm: values far below hardly light anything, and black stays finite."""
 SLOPE = np.float32(1.0 + OFFSET)
 WHITE = np.log(SLOPE)
-"""y of L = 1; from there on dL = SLOPE dy."""
+"""y of L = 1; above it dL = SLOPE dy."""
 
 RULES = FILTER["source"]
 GATE = float(np.radians(RULES["gate_deg"]))
@@ -78,12 +78,12 @@ RECENT_S: float = RULES["view"]["recent_s"]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Track:
-    """A source that is known.
+    """A source followed over frames.
 
-    place: its direction, [3] float64. size: ln power and ln radius, [4]. recent: [7], both of the last RECENT_S.
-    shown: [3] unit, towards it. share: of its power that is shown. pose: world_from_camera of the last frame in which
-    it moved, or of its first. turns: it has moved, and what is shown is not there yet. unseen_s: since a frame had it.
-    leads: it is the leader.
+    place: its direction, [3] float64. size: ln power and ln radius, [4]. recent: [7], both over the last RECENT_S.
+    shown: [3] unit, direction shown. share: fraction of its power shown. pose: world_from_camera of the last frame in
+        which it moved, or of its first. turns: it has moved and the shown direction is still turning there. unseen_s:
+        time since a frame had it. leads: it is the leader.
     """
 
     place: Steady
@@ -98,12 +98,12 @@ class Track:
 
     @property
     def direction(self) -> np.ndarray:
-        """[3] unit: that of the place, which what is shown turns to."""
+        """Unit direction [3] of the place, which the shown direction turns to."""
         return self.place.steady / np.linalg.norm(self.place.steady)
 
     @property
     def source(self) -> Source:
-        """With its whole power."""
+        """The source with its whole power."""
         power, radius = np.exp(self.size.steady[:3]) - OFFSET, float(np.exp(self.size.steady[3]))
         return Source(direction=self.shown, power=np.maximum(power, 0.0), radius=radius)
 
@@ -112,9 +112,9 @@ class Track:
 class FilterState:
     """State that one frame hands to the next.
 
-    soft: y of the soft part, [H, 2H, 3] float32. power: ln of the sources' luminance in all, [1].
-    tracks: the sources. held: whether the last frame was held back. odd_s: for how long frames have been odd. led_s:
-    since the leader is one. same_s: since the object looked another way.
+    soft: y of the soft part, [H, 2H, 3] float32. power: ln of the sources' total luminance, [1]. tracks: the sources.
+    held: whether the last frame was held back. odd_s: how long frames have been odd. led_s: time since the leader
+        became one. same_s: time since the object last looked different.
     """
 
     soft: Steady
@@ -144,7 +144,7 @@ class FilterState:
         return self.seen_from(None)
 
     def seen_from(self, world_from_camera: np.ndarray | None) -> Float[np.ndarray, "H 2*H 3"]:
-        """The same in a camera's frame; None: in the frame that the filter works in."""
+        """Return the light in a camera's frame; None: in the frame that the filter works in."""
         soft, sources = _decode(self.soft.steady), self.sources
         if world_from_camera is not None:
             soft = np.maximum(rotate(soft, np.transpose(world_from_camera)), 0.0)
@@ -160,15 +160,15 @@ def step(
     world_from_camera: Float[np.ndarray, "3 3"] | None = None,
     looks_same: bool = False,
 ) -> FilterState:
-    """The state after one more frame; pure.
+    """Return the state after one more frame; pure.
 
     Args:
-        state: of the last frame, None for the first.
+        state: after the last frame; None for the first.
         radiance: [H, 2H, 3] of this frame, all frames of one size.
         dt_s: seconds since the last frame, > 0; may differ from frame to frame.
         world_from_camera: [3, 3] of this frame's camera when it took the picture, for all frames or none. The state is
-            then in the world.
-        looks_same: whether the object's shading is that of the last frames; False where that is not known.
+            filtered in the world then.
+        looks_same: whether the object's shading equals that of the last frames; False if unknown.
     """
     c = smoothing or Smoothing()
     soft, sources = split_sources(check_radiance(radiance, "frame's light"))
@@ -208,7 +208,7 @@ def step(
 
 
 def _begun(y: np.ndarray, power: np.ndarray, sources: Sequence[Source], pose: np.ndarray, same_s: float) -> FilterState:
-    """The first state, or that after a cut."""
+    """Return the first state, or that after a cut."""
     tracks = tuple(_new(one, pose, share=1.0) for one in sources)
     soft, powers = begin_filter(y), begin_filter(power)
     return FilterState(soft=soft, power=powers, tracks=_led_by(_leader_of(tracks), tracks), same_s=same_s)
@@ -237,21 +237,21 @@ def _follow(
 
 
 def _peak(source: Source, share: float = 1.0) -> float:
-    """Luminance of a drawn source, summed within PEAK of its middle; share: of its power."""
+    """Return the luminance of a drawn source, summed within PEAK of its middle; share: fraction of its power."""
     edge = 1.0 - np.cos(source.radius)
     beyond = max(np.cos(PEAK) - np.cos(source.radius), 0.0) / edge
     return float(luminance(source.power)) * share * (1.0 - beyond**2)
 
 
 def _strength(source: Source, share: float = 1.0) -> float:
-    """Return how a source ranks: between its power and what find_dominant_light goes by, where wide ones are dull."""
+    """Return a source's rank: between its power and find_dominant_light's measure, in which wide sources are dull."""
     return float(np.sqrt(float(luminance(source.power)) * share * _peak(source, share)))
 
 
 def _moved_leader(
     tracks: tuple[Track, ...], sources: Sequence[Source], pairs: dict[int, int]
 ) -> tuple[tuple[Track, ...], dict[int, int]]:
-    """The tracks with the leader's place at the frame's strongest source, and the pairs with these two."""
+    """Return the tracks with the leader moved to the frame's strongest source, and the pairs with these two matched."""
     leader = next((at for at, track in enumerate(tracks) if track.leads), None)
     if leader is None or not sources:
         return tracks, pairs
@@ -263,7 +263,7 @@ def _moved_leader(
 
 
 def _leader_of(tracks: Sequence[Track], is_same: bool = False) -> int | None:
-    """Which of them is the leader; None where there are none."""
+    """Return the index of the leader; None without tracks."""
     ranks = [_strength(track.source, track.share) for track in tracks]
     for at, track in enumerate(tracks):
         if track.leads and (is_same or max(ranks) <= LEAD_RATIO * ranks[at]):
@@ -276,7 +276,7 @@ def _led_by(leader: int | None, tracks: Sequence[Track]) -> tuple[Track, ...]:
 
 
 def _is_odd(tracks: Sequence[Track], sources: Sequence[Source], pairs: dict[int, int]) -> bool:
-    """Whether a frame shows another leader than the one that is known."""
+    """Return whether a frame shows another leader than the known one."""
     for at, track in enumerate(tracks):
         if track.leads:
             most = max((_strength(one) for one in sources), default=0.0)
@@ -285,7 +285,7 @@ def _is_odd(tracks: Sequence[Track], sources: Sequence[Source], pairs: dict[int,
 
 
 def _put_first(sources: list[Source], leader: int) -> None:
-    """Give the leader of others, in place, what it takes to be LEAD_MARGIN times as strong as each."""
+    """Make the leader LEAD_MARGIN times as strong as each other source, taking power from these in place."""
     for at in range(len(sources)):
         mine, other = _peak(sources[leader]), _peak(sources[at])
         if at == leader or mine <= 0.0 or LEAD_MARGIN * other <= mine:
@@ -296,7 +296,7 @@ def _put_first(sources: list[Source], leader: int) -> None:
 
 
 def _pairs(tracks: Sequence[Track], sources: Sequence[Source]) -> dict[int, int]:
-    """Which source of the frame is which known one: indices of sources by those of tracks."""
+    """Match sources of the frame to tracks: indices of sources by those of tracks."""
     costs = []
     for i, track in enumerate(tracks):
         was = track.source
@@ -317,7 +317,7 @@ def _size(source: Source) -> np.ndarray:
 
 
 def _new(source: Source, pose: np.ndarray, share: float) -> Track:
-    place = np.asarray(source.direction, np.float64)  # as a file gives it back, to the last bit
+    place = np.asarray(source.direction, np.float64)  # as read back from a file, to the last bit
     size = _size(source)
     recent = np.concatenate([place, size])
     return Track(place=begin_filter(place), size=begin_filter(size), recent=recent, shown=place, share=share, pose=pose)
@@ -348,7 +348,7 @@ def _seen(track: Track, source: Source, pose: np.ndarray, dt_s: float, c: Smooth
 
 
 def _unseen(track: Track, dt_s: float) -> Track:
-    """One that is hardly shown yet gets less patience."""
+    """Age an unseen track; one that is hardly shown yet gets less patience."""
     unseen_s = track.unseen_s + dt_s
     fades = unseen_s > PATIENCE_S * track.share
     return replace(track, unseen_s=unseen_s, share=max(track.share - fades * dt_s / FADE_S, 0.0))
@@ -359,7 +359,7 @@ def _angle(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def _turned(from_: np.ndarray, to: np.ndarray) -> float:
-    """Angle between two poses [3, 3]."""
+    """Return the angle [radians] between two poses [3, 3]."""
     return float(np.arccos(np.clip((np.sum(from_ * to) - 1.0) / 2.0, -1.0, 1.0)))
 
 
@@ -368,7 +368,7 @@ def _distance(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def filtered_log(radiance: np.ndarray) -> np.ndarray:
-    """y of L."""
+    """Compute y of L."""
     return np.log(np.minimum(radiance, 1.0) + np.float32(OFFSET)) + np.maximum(radiance - 1.0, 0.0) / SLOPE
 
 
@@ -381,12 +381,12 @@ def _above_white(y: np.ndarray) -> np.ndarray:
 
 
 def _logarithm(y: np.ndarray) -> np.ndarray:
-    """ln(L + OFFSET)."""
+    """Convert y to ln(L + OFFSET)."""
     return np.minimum(y, WHITE) + np.log1p(_above_white(y))
 
 
 def _apart(one: np.ndarray, other: np.ndarray) -> float:
-    """Root mean square over the sphere and the channels of the difference of ln(L + OFFSET), of two y [H, 2H, 3]."""
+    """Return the root mean square difference of ln(L + OFFSET) over sphere and channels, of two y [H, 2H, 3]."""
     difference = _logarithm(one) - _logarithm(other)
     weights = pixel_solid_angles(difference.shape[0])[:, 0].astype(np.float64)
     rows = np.square(difference, dtype=np.float64).mean(axis=(1, 2))

@@ -79,7 +79,7 @@ class ExrHeader:
 
 
 def parse_header(data: bytes) -> ExrHeader:
-    """The header from a file's first bytes; ValueError where it is none, or one of a deep picture."""
+    """Return the header from a file's first bytes; ValueError where it is none, or one of a deep picture."""
     if data[:4] != EXR_MAGIC or len(data) < 8:
         raise ValueError("no OpenEXR file")
     flags = int.from_bytes(data[4:8], "little")
@@ -129,7 +129,7 @@ def _parse_part(data: bytes, at: int) -> tuple[dict[str, tuple[bytes, bytes]], i
 
 
 def _name(data: bytes, at: int) -> tuple[bytes, int]:
-    """A string that ends with 0, and where it has ended."""
+    """Return a string that ends with 0, and where it has ended."""
     end = data.find(b"\0", at, at + 256)
     if end < 0:
         raise ValueError("a name without end")
@@ -137,7 +137,7 @@ def _name(data: bytes, at: int) -> tuple[bytes, int]:
 
 
 def _without_rest(part: bytes, attributes: Mapping[str, tuple[bytes, bytes]]) -> bytes:
-    """A part's header with the NEEDED attributes, filled up to its length: what follows has its place by number."""
+    """Return a part's header with only the NEEDED attributes, padded to its length, since offsets follow."""
     kept = b"".join(
         name.encode("latin-1") + b"\0" + kind + b"\0" + struct.pack("<i", len(value)) + value
         for name, (kind, value) in attributes.items()
@@ -190,7 +190,7 @@ def _check_whole(data: bytes, header: ExrHeader) -> None:
 
 
 def exr_pixels(data: bytes) -> int:
-    """How many pixels a file's bytes would be decoded to, see ExrHeader.decoded; 0 where there is no such header."""
+    """Return the pixels that a file's bytes would decode to, see ExrHeader.decoded; 0 without such a header."""
     try:
         return parse_header(data).decoded
     except ValueError:
@@ -213,7 +213,7 @@ def exr_attributes(data: bytes, begin: str) -> dict[str, str]:
 def read_channels(
     source: str | os.PathLike[str] | bytes, name: str, fault: type[InputError], max_pixels: int
 ) -> tuple[ExrHeader, dict[str, np.ndarray]]:
-    """The header and every channel of the first part by name, [H, W] of the data window, as they are stored.
+    """Return the header and every channel of the first part by name, [H, W] of the data window, as they are stored.
 
     Args:
         source: a path, or the file's bytes.
@@ -251,7 +251,7 @@ def read_channels(
 def read_exr(
     source: str | os.PathLike[str] | bytes, name: str, fault: type[InputError], max_pixels: int, *, rec709: bool = False
 ) -> np.ndarray:
-    """The colour of an .exr: channels R, G, B, or Y, or Y, RY, BY, and perhaps A; else those of a layer, LAYER.R.
+    """Return the colour of an .exr: channels R, G, B, or Y, or Y, RY, BY, and perhaps A; else of a layer, LAYER.R.
 
     A data window smaller than the display window is set into it, black around. Pixels that are not square are made so
     by more or fewer columns.

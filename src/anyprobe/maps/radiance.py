@@ -82,7 +82,7 @@ def read_radiance(path: str | os.PathLike[str], max_pixels: int = MAX_MAP_PIXELS
 
 
 def read_linear(source: object, max_pixels: int) -> np.ndarray | None:
-    """The radiance of an .exr or .hdr of any shape, path or bytes, known by its first bytes; None for any other.
+    """Return the radiance of an .exr or .hdr of any shape, path or bytes, known by its first bytes; None for any other.
 
     Returns:
         [H, W, 4] float32: linear Rec. 709 >= 0 times cover, and cover in [0, 1], 1 where the file has no A.
@@ -115,7 +115,7 @@ def read_linear(source: object, max_pixels: int) -> np.ndarray | None:
 
 
 def opaque_linear(source: Path | bytes, colorspace: str, max_pixels: int) -> np.ndarray | None:
-    """The colours of an opaque .exr in one of COLORSPACES, none cut at 0; None for any other picture.
+    """Return the colours of an opaque .exr in one of COLORSPACES, none cut at 0; None for any other picture.
 
     Returns:
         [H, W, 3] float32: the numbers of the file where they are of that colorspace.
@@ -230,7 +230,7 @@ def write_exr_planes(path: str | os.PathLike[str], planes: np.ndarray, attribute
 
 
 def map_attributes(path: str | os.PathLike[str]) -> dict[str, str]:
-    """The attributes that write_exr or write_hdr was given; none where there is no such header."""
+    """Return the attributes that write_exr or write_hdr was given; none where there is no such header."""
     try:
         with open_regular(path, InputError) as stream:
             start = stream.read(HEADER_BYTES)
@@ -251,7 +251,7 @@ def _check_kind(start: bytes, suffix: str, name: str) -> None:
 
 
 def decode_hdr(data: bytes, name: str, max_pixels: int) -> np.ndarray:
-    """A whole .hdr file to radiance [H, W, 3] float32, upright, Rec. 709; or InvalidEnvironment.
+    """Return a whole .hdr file to radiance [H, W, 3] float32, upright, Rec. 709; or InvalidEnvironment.
 
     EXPOSURE and COLORCORR are divided out.
     """

@@ -64,7 +64,7 @@ class HdrHeader:
 
 
 def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
-    """The header of a .hdr from the file's first bytes; InvalidEnvironment if it cannot be read by it."""
+    """Return the header of a .hdr from the file's first bytes; InvalidEnvironment if it cannot be read by it."""
     start = data[:HDR_HEADER_BYTES]
     blank = BLANK.search(start)
     if not data.startswith(HDR_MAGIC) or blank is None:
@@ -151,7 +151,7 @@ def comments(attributes: Mapping[str, str], begin: str) -> str:
 
 
 def read_comments(data: bytes, begin: str) -> dict[str, str]:
-    """The attributes that comments wrote, from a file's first bytes."""
+    """Return the attributes that comments wrote, from a file's first bytes."""
     found: dict[str, str] = {}
     start = data[:HDR_HEADER_BYTES]
     blank = BLANK.search(start)
@@ -202,7 +202,8 @@ def least_bytes(width: int) -> int:
 
 
 def decode_row(data: bytes, at: int, width: int) -> tuple[np.ndarray, int]:
-    """The row [W, 4] uint8 of a file that begins at byte `at`, run-length coded or flat, and where the next row begins.
+    """Return the row [W, 4] uint8 of a file that begins at byte `at`, run-length coded or flat, and where the next row
+    begins.
 
     Raises:
         EOFError: cut, or runs that do not end with the row.
@@ -239,7 +240,7 @@ def decode_row(data: bytes, at: int, width: int) -> tuple[np.ndarray, int]:
 
 
 def _shown(value: bytes) -> str:
-    """A header's value for a message."""
+    """Return a header's value for a message."""
     return value.strip().decode("ascii", "replace")
 
 

@@ -60,7 +60,7 @@ FEW_PX: int = _GIVEN["few_px"]
 
 
 def look_at_given(mask: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """A mask [H, W] that was given, and a line for whatever is odd about it. A segmenter's overlay, which is
+    """Return a mask [H, W] that was given, and a line for whatever is odd about it. A segmenter's overlay, which is
     translucent on the object too, is brought to 1 there."""
     lines: list[str] = []
     most = float(mask.max())
@@ -98,7 +98,7 @@ ALPHA_MOST: float = _GIVEN["alpha_most"]
 
 
 def alpha_doubts(mask: np.ndarray) -> list[str]:
-    """A line where a photo's transparency [H, W] leaves nearly all of it as the object."""
+    """Return a line where a photo's transparency [H, W] leaves nearly all of it as the object."""
     share = float((mask > 0.5).mean())
     if share <= ALPHA_MOST:
         return []

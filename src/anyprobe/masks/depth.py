@@ -32,12 +32,12 @@ EXR_CHANNELS = ("Z", "V", "Y", "R")
 
 
 def is_carried(source: object) -> bool:
-    """Whether depth is to be that of the photo's file."""
+    """Return whether depth is to be that of the photo's file."""
     return isinstance(source, str) and source == CARRIED
 
 
 def chosen_depth(source: DepthSource | None, pixels: Pixels) -> DepthSource | None:
-    """A depth image, or the one that the photo's file carries, for which pixels were read with_depth.
+    """Return a depth image, or the one that the photo's file carries, for which pixels were read with_depth.
 
     Raises:
         InvalidMask: the photo carries none.
@@ -56,7 +56,7 @@ def chosen_depth(source: DepthSource | None, pixels: Pixels) -> DepthSource | No
 
 
 def read_depth(source: DepthSource) -> np.ndarray:
-    """A depth image as float32 [H, W] in its own unit; zero and NaN mean that nothing was measured.
+    """Return a depth image as float32 [H, W] in its own unit; zero and NaN mean that nothing was measured.
 
     Args:
         source: an array [H, W], a .npy, a one-channel PNG or TIFF of 8, 16 or 32 bits (sensors write millimetres), or
@@ -181,7 +181,7 @@ def _read_picture(source: _File, name: str) -> np.ndarray:
 
 
 def _pgm_most(source: _File) -> int:
-    """The largest value that a PGM's header says."""
+    """Return the largest value that a PGM's header says."""
     with open_regular(source, InputError) if not isinstance(source, bytes) else io.BytesIO(source) as stream:
         data = stream.read(512)
     words = re.sub(rb"#[^\n]*", b"", data).split()
@@ -207,7 +207,7 @@ def _read_exr(source: _File, name: str) -> np.ndarray:
 
 
 def _is_of_color(key: str, found: Mapping[str, np.ndarray]) -> bool:
-    """Whether a channel is one of a vector, X, Y and Z, or of a colour's R, G and B that differ."""
+    """Return whether a channel is one of a vector, X, Y and Z, or of a colour's R, G and B that differ."""
     layer, _, channel = key.rpartition(".")
     beside = [f"{layer}.{one}" if layer else one for one in ("XYZ" if channel in "XYZ" else "RGB")]
     if channel not in "XYZRGB" or not all(one in found for one in beside):

@@ -38,7 +38,7 @@ class FoundMask:
 
 
 def require_plausible(found: FoundMask) -> FoundMask:
-    """The mask as it came, or InvalidMask where it comes with a warning: for `--strict`."""
+    """Return the mask as it came, or InvalidMask where it comes with a warning: for `--strict`."""
     if found.warnings:
         raise InvalidMask(found.warnings[0])
     return found
@@ -56,7 +56,7 @@ def find_mask(
     box: Sequence[float] | None = None,
     segmenter: SegmenterSource | None = None,
 ) -> FoundMask:
-    """The object's mask: by the first given of mask, depth to cut, click or box, alpha; else by what stands out.
+    """Return the object's mask: by the first given of mask, depth to cut, click or box, alpha; else by what stands out.
 
     Args:
         mask, click, exclude, box, depth, near, far: as hints.Hints has them.
@@ -120,7 +120,7 @@ def _given(mask: np.ndarray, source: str, name: str) -> FoundMask:
 def _judged(
     pixels: Pixels, prompts: Prompts, found: Finding, mask: np.ndarray, network: Network, source: str
 ) -> FoundMask:
-    """The mask with what is to be expected of it, or InvalidMask where that is next to nothing."""
+    """Return the mask with what is to be expected of it, or InvalidMask where that is next to nothing."""
     height, width = pixels.rgb.shape[:2]
     evidence = examine(found, width, height, prompts)
     confidence = evidence.expected_iou(network.name)

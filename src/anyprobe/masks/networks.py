@@ -121,7 +121,7 @@ class SmallNetwork:
 
 @lru_cache(maxsize=1)
 def small_network() -> SmallNetwork:
-    """The one that ships, opened at the first call."""
+    """Return the one that ships, opened at the first call."""
     return SmallNetwork()
 
 
@@ -132,5 +132,5 @@ def shared_network() -> Network:
 
 
 def default_graph() -> Path:
-    """Where the network that ships lies."""
+    """Return where the network that ships lies."""
     return Path(str(resources.files("anyprobe") / "weights" / "mask" / "mask.onnx"))

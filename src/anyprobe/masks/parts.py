@@ -11,7 +11,7 @@ HOLE_SHARE = contract("mask")["hole_share"]
 
 
 def grow(mask: np.ndarray) -> np.ndarray:
-    """A mask [H, W] bool and the pixels beside it."""
+    """Return a mask [H, W] bool and the pixels beside it."""
     grown = mask.copy()
     grown[1:] |= mask[:-1]
     grown[:-1] |= mask[1:]
@@ -21,7 +21,7 @@ def grow(mask: np.ndarray) -> np.ndarray:
 
 
 def label_parts(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which 4-connected part each pixel belongs to.
+    """Return which 4-connected part each pixel belongs to.
 
     Args:
         inside: [H, W] bool.
@@ -64,7 +64,7 @@ def _runs(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def fill_holes(part: np.ndarray) -> np.ndarray:
-    """A part [H, W] bool with the holes filled that are at most HOLE_SHARE of it."""
+    """Return a part [H, W] bool with the holes filled that are at most HOLE_SHARE of it."""
     labels, sizes = label_parts(~part)
     at_border = np.zeros(len(sizes), bool)
     for edge in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):

@@ -22,7 +22,7 @@ Clicks = Point | Sequence[Point]
 def draw_prompts(
     size: int, on: Sequence[Point] = (), off: Sequence[Point] = (), box: Sequence[float] | None = None
 ) -> np.ndarray:
-    """The prompt channel [size, size] float32 in [-1, 1]; zero where nothing is given.
+    """Return the prompt channel [size, size] float32 in [-1, 1]; zero where nothing is given.
 
     BOX_LEVEL inside the box; there, around each click on the object, the larger of it and a
     Gaussian of height 1; a Gaussian of height 1 is taken off around each click off it.
@@ -71,7 +71,7 @@ def check_clicks(clicks: Clicks, width: int, height: int, name: str = "click") -
 
 
 def check_box(box: Sequence[float], width: int, height: int) -> tuple[float, float, float, float]:
-    """The box as four numbers, or InvalidMask: outside the photo, too small, all of it."""
+    """Return the box as four numbers, or InvalidMask: outside the photo, too small, all of it."""
     try:
         x0, y0, x1, y1 = (float(v) for v in box)
     except (TypeError, ValueError) as error:

@@ -45,7 +45,7 @@ class Evidence:
     large: float
 
     def expected_iou(self, network: str) -> float:
-        """The IoU to expect of what a network of that name found, in [0, 1]."""
+        """Return the IoU to expect of what a network of that name found, in [0, 1]."""
         odds = QUALITY[network]["offset"]
         odds += sum(weight * getattr(self, name) for name, weight in QUALITY[network]["weights"].items())
         return float(1.0 / (1.0 + np.exp(-odds)))

@@ -75,7 +75,7 @@ class Window:
         return self.x1 - self.x0, self.y1 - self.y0
 
     def around(self, box: Box, margin: float) -> Window:
-        """A box and a margin in its longer sides, as far as they are in this window."""
+        """Return a box and a margin in its longer sides, as far as they are in this window."""
         more = margin * max(box[2] - box[0], box[3] - box[1])
         return Window(
             x0=max(self.x0, int(np.floor(box[0] - more))),
@@ -85,7 +85,7 @@ class Window:
         )
 
     def square(self, points: Sequence[Point], side: float) -> Window:
-        """A square of that side around the middle of points, moved into this window."""
+        """Return a square of that side around the middle of points, moved into this window."""
         spans = []
         for axis, (low, high) in enumerate(((self.x0, self.x1), (self.y0, self.y1))):
             middle = sum(point[axis] for point in points) / len(points)
@@ -111,7 +111,7 @@ class Window:
         return self.x0 + x0 * across, self.y0 + y0 * down, self.x0 + x1 * across, self.y0 + y1 * down
 
     def inside(self, box: Box) -> np.ndarray:
-        """Which cells [GRID, GRID] have their centres in a box."""
+        """Return which cells [GRID, GRID] have their centres in a box."""
         width, height = self.size
         x = self.x0 + (np.arange(GRID) + 0.5) * width / GRID
         y = self.y0 + (np.arange(GRID) + 0.5) * height / GRID
@@ -191,7 +191,7 @@ def finding_of(cover: np.ndarray, prompts: Prompts) -> Finding | None:
 
 
 def find_object(network: Network, rgb: np.ndarray, prompts: Prompts) -> Finding | None:
-    """The object of a photo [H, W, 3] of display values in [0, 1], or None where nothing is there."""
+    """Return the object of a photo [H, W, 3] of display values in [0, 1], or None where nothing is there."""
     height, width = rgb.shape[:2]
     photo = Window(x0=0, y0=0, x1=width, y1=height)
     start = photo if prompts.box is None else photo.around(prompts.box, MARGIN)
@@ -226,8 +226,8 @@ def look(network: Network, rgb: np.ndarray, window: Window, prompts: Prompts, mi
 
 
 def choose(window: Window, cover: np.ndarray, prompts: Prompts) -> Finding | None:
-    """The parts under the clicks, or without any the one that weighs most; None where there is none, or where it holds
-    a click beside the object and no other part can be meant."""
+    """Return the parts under the clicks, or without any the one that weighs most; None where there is none, or where it
+    holds a click beside the object and no other part can be meant."""
     labels, sizes = label_parts(cover > INSIDE)
     weights = np.bincount(labels.ravel(), weights=cover.ravel(), minlength=len(sizes))
     weights[0] = 0.0
@@ -249,7 +249,7 @@ def choose(window: Window, cover: np.ndarray, prompts: Prompts) -> Finding | Non
 
 
 def look_closer(network: Network, rgb: np.ndarray, found: Finding, prompts: Prompts) -> Finding:
-    """The mean of a finding and a mirrored look at its window alone."""
+    """Return the mean of a finding and a mirrored look at its window alone."""
     box = found.window.box_of(found.part)
     window = found.window.around(box, MARGIN)
     closer = prompts if prompts.box or prompts.on else replace(prompts, box=box)
@@ -280,8 +280,8 @@ def _beside_clicks(network: Network, rgb: np.ndarray, photo: Window, prompts: Pr
 
 
 def _cut(rgb: np.ndarray, window: Window, cover: np.ndarray, prompts: Prompts) -> Finding | None:
-    """The part that holds clicks beside the object, without what is nearer to them than to the clicks on it: along the
-    photo's colours. Without a click on it, the cell of the part that is farthest from them is on it."""
+    """Return the part that holds clicks beside the object, without what is nearer to them than to the clicks on it:
+    along the photo's colours. Without a click on it, the cell of the part that is farthest from them is on it."""
     plain = choose(window, cover, replace(prompts, off=()))
     if plain is None:
         return None
@@ -323,7 +323,7 @@ def _distance(colors: np.ndarray, part: np.ndarray, seeds: Sequence[tuple[int, i
 
 
 def _cells_of(window: Window, of: Window) -> Box:
-    """A window in the cells of one that holds it."""
+    """Return a window in the cells of one that holds it."""
     width, height = of.size
     return (
         (window.x0 - of.x0) * GRID / width,

@@ -46,7 +46,7 @@ SegmenterSource = str | Network | Segmenter
 
 
 def load_segmenter(name: str) -> Network | Segmenter:
-    """The segmenter called NAME or NAME:ARGUMENT; u2netp and small are networks that masks.search asks itself.
+    """Return the segmenter called NAME or NAME:ARGUMENT; u2netp and small are networks that masks.search asks itself.
 
     Raises:
         InputError: nothing has that name. MissingExtra: its package is not installed. ModelError: its files are absent.
@@ -137,7 +137,7 @@ class Sam:
     def segment(
         self, rgb: np.ndarray, on: Sequence[Point], off: Sequence[Point], box: Sequence[float] | None
     ) -> np.ndarray:
-        """The likeliest of the masks that the decoder offers for these prompts."""
+        """Return the likeliest of the masks that the decoder offers for these prompts."""
         height, width = rgb.shape[:2]
         size = (self.SIDE, self.SIDE) if self._second else _fitted(width, height, self.SIDE)
         features = self._encode(np.asarray(Image.fromarray(rgb).resize(size, Image.Resampling.BILINEAR)))

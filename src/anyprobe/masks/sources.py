@@ -34,7 +34,7 @@ STRIP_ROWS = 256
 
 
 def mask_from_alpha(alpha: np.ndarray | None) -> np.ndarray | None:
-    """A picture's own transparency [H, W] as the mask; None where it cuts nothing away.
+    """Return a picture's own transparency [H, W] as the mask; None where it cuts nothing away.
 
     Alpha that is the same everywhere tells no object, nor does one that is above one half everywhere:
     renders and editors write 0.9995 or 254 of 255 into opaque pictures.
@@ -45,7 +45,7 @@ def mask_from_alpha(alpha: np.ndarray | None) -> np.ndarray | None:
 
 
 def mask_from_file(source: MaskPicture, shape: tuple[int, int]) -> np.ndarray:
-    """A picture of the mask, white on the object.
+    """Return a picture of the mask, white on the object.
 
     Its alpha channel counts if it has one that cuts something away, else its brightness. The outer tenths of the range
     are flattened, which removes the noise of JPEG around black and white and keeps soft edges, with the half level in
@@ -109,7 +109,7 @@ def _read_exr(source: str | os.PathLike[str] | bytes, name: str) -> tuple[np.nda
 
 
 def _is_exr(source: MaskPicture) -> TypeGuard[str | os.PathLike[str] | bytes]:
-    """Whether the first bytes are an .exr's; a file that cannot be opened is read_image's to refuse."""
+    """Return whether the first bytes are an .exr's; a file that cannot be opened is read_image's to refuse."""
     if isinstance(source, (bytes, bytearray, memoryview)):
         return bytes(source[: len(EXR_MAGIC)]) == EXR_MAGIC
     if not isinstance(source, (str, os.PathLike)):
@@ -147,7 +147,7 @@ def mask_from_function(segment: MaskFunction, rgb: np.ndarray) -> np.ndarray:
 
 
 def _is_mask_array(values: np.ndarray) -> bool:
-    """Whether numbers are those of a mask; what is no picture at all is read_image's to refuse."""
+    """Return whether numbers are those of a mask; what is no picture at all is read_image's to refuse."""
     if values.size == 0 or values.dtype in (np.uint8, np.uint16) or values.dtype.kind not in "uif":
         return True
     return values.dtype.kind == "f" and not (np.nanmin(values) < 0 or np.nanmax(values) > 1)

@@ -54,7 +54,7 @@ def color_doubts(rgb: np.ndarray, mask: np.ndarray, clicks: tuple[Point, ...] = 
 
 
 def _are_two(shares: np.ndarray, places: np.ndarray) -> bool:
-    """Whether colours [N, 3] fall into two kinds that lie apart in the photo [N, 2]."""
+    """Return whether colours [N, 3] fall into two kinds that lie apart in the photo [N, 2]."""
     axis = np.linalg.svd(shares - shares.mean(axis=0), full_matrices=False)[2][0]
     along = shares @ axis
     middles = shares[[int(np.argmin(along)), int(np.argmax(along))]]

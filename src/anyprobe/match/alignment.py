@@ -1,9 +1,9 @@
-"""Matching: the library map that agrees best with an estimate, its rotation and exposure, held over the frames of a
-clip; and what a photo shows, as sharp as the map with detail.
+"""Search for the library map that agrees best with an estimate: its rotation and exposure, held over a clip's frames;
+and the surroundings seen in a photo, as sharp as the map with detail.
 
-Turned about the vertical alone; but which way is up in a photo is not known, so that the camera may look up a little
-or down by up to 75 degrees. Compared are ln radiance and ln shading of low orders, each difference counted by the
-estimate's confidence there; exposure and white balance are free, the latter at a price.
+Maps are turned about the vertical only; since up in a photo is not known, the camera's pitch is varied too: from a
+little upwards to 75 degrees down. Compared are ln radiance and ln shading of low orders, each difference weighted by
+the estimate's confidence there; exposure and white balance are free, the latter at a price.
 """
 
 from __future__ import annotations
@@ -22,22 +22,26 @@ from anyprobe.light.environment import reduced, rotate
 from anyprobe.match.library import FEATURE_ROWS, Library, features_of
 
 PITCHES_DEG = tuple(range(-15, 76, 10))
-"""How far the camera may look down."""
+"""Camera pitches [degrees], downwards, that are tried."""
 PITCH_PRICE = 0.01
-"""Cost of a camera that looks down by a radian, squared; in units of squared ln radiance."""
+"""Cost of a pitch of one radian, which grows with its square; in units of squared ln radiance."""
 TINT_PRICE = 0.5
-"""Cost of the difference in white balance, squared, in the same units."""
+"""Cost of the squared difference in white balance, in the same units."""
 SHADING_WEIGHT = 2.0
 """Weight of the ln shading beside that of each channel's ln radiance."""
 PLAIN_PRICE, RICH = 0.1, 0.06
-"""Cost of a candidate with little detail: ln(RICH / richness) squared; 0 above RICH; see library.richness_of."""
+"""Cost of a candidate with little detail: PLAIN_PRICE ln(RICH / richness) squared; 0 above RICH; see
+library.richness_of."""
 LEAST_CONFIDENCE = 0.05
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Match:
-    """index, name: of the candidate. candidate_from_estimate: [3, 3] rotation. ln_gain: [3], from the candidate's
-    radiance to the estimate's. distance: mean squared difference of features, prices included."""
+    """A candidate aligned to an estimate.
+
+    index, name: of the candidate. candidate_from_estimate: [3, 3] rotation. ln_gain: [3], from the candidate's radiance
+    to the estimate's. distance: mean squared difference of features, prices included.
+    """
 
     index: int
     name: str
@@ -47,7 +51,7 @@ class Match:
 
 
 def find_match(radiance: np.ndarray, confidence: np.ndarray | None, library: Library, rank: int = 0) -> Match:
-    """The candidate of a library that is the best but `rank` (modulo their number) for an estimate.
+    """Find the candidate of a library that is ranked `rank` (modulo their number) for an estimate; 0 is the best.
 
     Args:
         radiance: [H, 2H, 3]; confidence: [H, 2H] in [0, 1] or None.
@@ -63,11 +67,11 @@ def find_matches(
     pitches_deg: Sequence[float] = PITCHES_DEG,
     prices: np.ndarray | None = None,
 ) -> list[Match]:
-    """All candidates, the best first; or the one of a rank (modulo their number) alone.
+    """Rank all candidates, the best first; or return only the one of a rank (modulo their number).
 
     Args:
-        pitches_deg: that the camera may have, evenly spread.
-        prices: [N] that candidates cost more; None: nothing.
+        pitches_deg: possible pitches of the camera, evenly spaced.
+        prices: [N] additional costs of the candidates; None: none.
     """
     features = features_of(radiance)
     if confidence is None:
@@ -88,11 +92,11 @@ def find_matches(
 def _placed(
     index: int, cost: np.ndarray, gains: tuple[np.ndarray, ...], library: Library, pitches_deg: Sequence[float]
 ) -> Match:
-    """A candidate where its cost, of [N, pitches, columns], is lowest; gains: [N, columns, 3] of each pitch."""
+    """Align a candidate where its cost, of [N, pitches, columns], is lowest; gains: [N, columns, 3] of each pitch."""
     pitch, column = np.unravel_index(np.argmin(cost[index]), cost.shape[1:])
     columns = cost[index, pitch, [column - 1, column, (column + 1) % cost.shape[2]]]
     rows = cost[index].min(axis=1)[[max(pitch - 1, 0), pitch, min(pitch + 1, len(pitches_deg) - 1)]]
-    # columns to the right are turned by -2 pi / columns about +Y each, see core.latlong
+    # a shift by one column to the right rotates by -2 pi / columns about +Y, see core.latlong
     yaw = 2 * np.pi * (column + _lowest(columns)) / cost.shape[2]
     pitch_deg = pitches_deg[int(pitch)] + _lowest(rows) * (PITCHES_DEG[1] - PITCHES_DEG[0])
     return Match(
@@ -105,20 +109,20 @@ def _placed(
 
 
 def _lowest(three: np.ndarray) -> float:
-    """Where the parabola through values at -1, 0 and 1, the middle one the least, is lowest."""
+    """Return the minimum's place of the parabola through values at -1, 0 and 1, the middle one the least."""
     before, least, after = three.astype(np.float64)
     bend = before - 2 * least + after
     return float(0.5 * (before - after) / bend) if bend > 1e-12 and min(before, after) > least else 0.0
 
 
 def _level_from_camera(pitch_deg: float) -> np.ndarray:
-    """[3, 3] of a camera that looks down by so many degrees."""
+    """Return the rotation [3, 3] of a camera that looks down by this pitch."""
     return rotation_x(-np.radians(pitch_deg))
 
 
 @lru_cache(maxsize=2)
 def _spectra(library: Library) -> tuple[np.ndarray, np.ndarray]:
-    """Fourier transforms along the columns of the features and of their squares, [N, 16, 17, 4]."""
+    """Return Fourier transforms along the columns of the features and of their squares, [N, 16, 17, 4]."""
     features = library.features
     plain, squares = (np.fft.rfft(values, axis=2).astype(np.complex64) for values in (features, features**2))
     return plain, squares
@@ -131,11 +135,11 @@ def _compare(
     plain: np.ndarray,
     pitch_deg: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Cost of every candidate, with its price plain [N, 1], at every turn, [N, columns], and ln gains [N, columns, 3].
+    """Compare all candidates at every turn: cost, including plain [N, 1], [N, columns], and ln gains [N, columns, 3].
 
     At a turn by k columns, with c the candidate's features and e the estimate's: the least sum of
     w (e(x) - s c(x - k) - g)^2 over a gain g and a contrast s in [0, 1] of each feature, since an estimate is softer
-    than its place. By correlations along the columns.
+    than its place. Computed by correlations along the columns.
     """
     level = rotate(np.concatenate([features, weight], axis=-1), _level_from_camera(pitch_deg))
     w = np.maximum(level[..., 4:], 0.0) * pixel_solid_angles(FEATURE_ROWS)[..., None]
@@ -144,7 +148,7 @@ def _compare(
     first, second = spectra
 
     def correlate(values: np.ndarray, spectrum: np.ndarray) -> np.ndarray:
-        """Sum over the sphere of values(x) c(x - k): [N, columns, 4]."""
+        """Sum values(x) c(x - k) over the sphere: [N, columns, 4]."""
         wave = np.conj(np.fft.rfft(values, axis=1))
         product = np.einsum("hfc,nhfc->nfc", np.broadcast_to(wave, spectrum.shape[1:]), spectrum, optimize=True)
         return np.fft.irfft(np.conj(product), n=2 * FEATURE_ROWS, axis=1)
@@ -165,13 +169,16 @@ def _compare(
 
 
 MOVED = 0.35
-"""Root mean square of what the features differ by, exposure and white balance aside, from which on a place is chosen
-anew: a light turned by 10 degrees differs by 0.05 to 0.2, one turned by 30 by 0.15 to 0.6; noise of 5 % by 0.002."""
+"""Root mean square change of features, exposure and white balance aside, above which a place is chosen anew.
+
+A light turned by 10 degrees differs by 0.05 to 0.2, one turned by 30 by 0.15 to 0.6; noise of 5 % by 0.002.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class HeldMatch:
-    """match: as it was chosen. features: [16, 32, 4] of the estimate then, see library.features_of."""
+    """A match kept over frames: match, as chosen; features [16, 32, 4] of the estimate then, see
+    library.features_of."""
 
     match: Match
     features: np.ndarray
@@ -180,9 +187,9 @@ class HeldMatch:
 def hold_match(
     held: HeldMatch | None, radiance: np.ndarray, confidence: np.ndarray | None, library: Library
 ) -> HeldMatch:
-    """Return the held match, or a new one where there is none or the estimate has moved away; pure.
+    """Return the held match, or a new one if there is none or the estimate has moved away; pure.
 
-    A new choice for each frame of a clip would make reflections flicker: candidates that agree equally well take turns.
+    A new choice for each frame of a clip would make reflections flicker between candidates that agree equally well.
 
     Args:
         radiance: [H, 2H, 3] of this frame, all frames in one frame of reference; confidence: [H, 2H] or None.
@@ -192,13 +199,13 @@ def hold_match(
         return held
     match = find_match(radiance, confidence, library)
     turn, gain = (np.ascontiguousarray(one) for one in (match.candidate_from_estimate, match.ln_gain))
-    # in the order of memory that a file gives back: sums go by it, to the last bit
+    # in the memory order of an array read from a file, so that sums agree to the last bit
     match = replace(match, candidate_from_estimate=turn, ln_gain=gain)
     return HeldMatch(match=match, features=np.ascontiguousarray(features))
 
 
 def exposed_match(held: HeldMatch, radiance: np.ndarray) -> Match:
-    """The held match at the exposure and white balance of a frame's estimate [H, 2H, 3]."""
+    """Return the held match with the exposure and white balance of a frame's estimate [H, 2H, 3]."""
     shift = _mean(features_of(radiance) - held.features)[:3]
     return replace(held.match, ln_gain=held.match.ln_gain + shift)
 
@@ -209,31 +216,32 @@ def _apart(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def _mean(values: np.ndarray) -> np.ndarray:
-    """Over the sphere, [16, 32, C] to [C]."""
+    """Average over the sphere, [16, 32, C] to [C]."""
     return (values * pixel_solid_angles(FEATURE_ROWS)[..., None]).sum(axis=(0, 1)) / (4 * np.pi)
 
 
 FINE = 1.0
-"""Pixels of the shrunk photo on one of the map's, at least."""
+"""Smallest number of the shrunk photo's pixels per pixel of the map."""
 EDGE = 0.04
-"""Share of the photo's shorter side over which it fades out at its border."""
+"""Width of the fade-out at the photo's border, as a share of its shorter side."""
 GROW = 0.015
-"""Share of the photo's longer side around the object that is left out: its edge is not where the mask says."""
+"""Rim around the object that is left out, as a share of the photo's longer side: masks miss the true edge."""
 _FRONT = 0.05
-"""Least -z of a direction that a photo may show."""
+"""Smallest -z of a direction that a photo may show."""
 
 
 def seen_in_photo(
     rgb: np.ndarray, mask: np.ndarray, long_fov_deg: float, rows: int, radiance: np.ndarray | None = None
 ) -> np.ndarray:
-    """The map in the camera's frame as far as the photo shows it: [rows, 2 rows, 4] float32, display values times
-    cover, and cover in [0, 1], which fades out towards the border and the object.
+    """Draw a photo into the map of its camera's frame: [rows, 2 rows, 4] float32.
+
+    Channels: display values times cover, and cover in [0, 1], which fades out towards the border and the object.
 
     Args:
         rgb: [H, W, 3] display values; mask: [H, W], 1 on the object.
         long_fov_deg: field of view of the longer side.
-        radiance: [H, W, 3], where the photo holds it above white: with a fifth channel then, the cover, and radiance in
-            the place of display values above 1.
+        radiance: [H, W, 3], where the photo holds radiance above white: adds a fifth channel, its cover, and replaces
+            display values above 1 by radiance.
     """
     height, width = mask.shape
     focal = max(height, width) / 2 / np.tan(np.radians(long_fov_deg) / 2)
@@ -263,7 +271,7 @@ def _resized(plane: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 
 def _beside(mask: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """1 away from the object, 0 on it and close to it."""
+    """Return 1 away from the object, 0 on it and close to it."""
     plane = Image.fromarray(np.round(255 * np.clip(_resized(mask, size), 0, 1)).astype(np.uint8))
     reach = max(1, round(GROW * max(size)))
     grown = plane.filter(ImageFilter.MaxFilter(4 * reach + 1)).filter(ImageFilter.GaussianBlur(reach))

@@ -1,5 +1,5 @@
-"""The background that a photo shows, compared with maps at places: brightness and hue, as of the object; the exposure
-and the white balance are free:
+"""The background of a photo compared with maps at places, in brightness and hue as the object is; exposure and white
+balance are free:
 
     cost = BEHIND_WEIGHT (ln(mean square of brightness + BEHIND_FLOOR) + ln(mean square of hue + BEHIND_FLOOR / 10))
 """
@@ -17,21 +17,24 @@ from anyprobe.match.places import YAWS, map_from_camera_at, nearest_pixels, seen
 
 BEHIND_WEIGHT, BEHIND_FLOOR = 1.0, 0.02
 MOST_PIXELS, LEAST_PIXELS = 128, 4
-"""Most pixels of the background that are compared, and the fewest that are enough."""
+"""Largest number of background pixels that are compared, and the smallest that suffices."""
 COVERED = 0.5
-"""Least cover of a pixel that counts as known."""
+"""Smallest cover of a pixel that counts as known."""
 CLIPPED_WEIGHT = 0.3
-"""How much a clipped pixel counts, which says only how bright it is at least."""
+"""Weight of a clipped pixel, which is only a lower bound."""
 LEAST_SEEN = 0.1
-"""Share that must not be clipped for a level."""
+"""Smallest unclipped share that determines a level."""
 FAINT_SEEN = 0.05
 """Share of the mean that is added before logarithms, against noise."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Background:
-    """Radiance that a photo shows beside its object: B unit directions [B, 3] in the camera's frame, linear
-    radiance there [B, 3], which are clipped [B], and how much each counts [B], 1 in all."""
+    """Radiance of a photo beside its object.
+
+    B unit directions [B, 3] in the camera's frame, linear radiance [B, 3], which are clipped [B], and weights [B] that
+    sum to 1.
+    """
 
     d: np.ndarray
     radiance: np.ndarray
@@ -39,16 +42,16 @@ class Background:
     share: np.ndarray
 
     def at_yaws(self, maps: np.ndarray, pitch_deg: float) -> np.ndarray:
-        """Cost of maps [N, H, 2H, 3] where the camera looks down so far, at every yaw: [N, YAWS]."""
+        """Return the cost of maps [N, H, 2H, 3] at a camera pitch and every yaw: [N, YAWS]."""
         level = self.d @ map_from_camera_at(0.0, pitch_deg).T
         return self._cost(seen_at_yaws(maps, nearest_pixels(level, maps.shape[1]))).reshape(len(maps), YAWS)
 
     def at_turns(self, maps: np.ndarray, index: np.ndarray, map_from_camera: np.ndarray) -> np.ndarray:
-        """Cost of the maps of index [M] at rotations [M, 3, 3]: [M]."""
+        """Return the cost of the maps of index [M] at rotations [M, 3, 3]: [M]."""
         return self._cost(seen_along(maps, index, self.d @ map_from_camera.transpose(0, 2, 1)))
 
     def level_of(self, light: np.ndarray, map_from_camera: np.ndarray) -> float | None:
-        """How much brighter than a map [H, 2H, 3] at a rotation it is; None where it is clipped."""
+        """Return the background's level over that of a map [H, 2H, 3] at a rotation; None where it is clipped."""
         share = self.share * ~self.clipped
         if share.sum() < LEAST_SEEN:
             return None
@@ -70,12 +73,12 @@ class Background:
 def background_of(
     radiance: np.ndarray, clipped: np.ndarray, cover: np.ndarray, camera_from_map: np.ndarray, rows: int
 ) -> Background | None:
-    """Return the known part of a map, thinned out; None where that is too little.
+    """Sample the known part of a map; None where that is too small.
 
     Args:
         radiance: [H, 2H, 3], clipped: [H, 2H, 3] bool, cover: [H, 2H, 1] in [0, 1].
         camera_from_map: [3, 3].
-        rows: at which it is compared.
+        rows: of the maps it is compared with.
     """
     small = reduced(np.concatenate([radiance * cover, clipped * cover, cover], axis=-1).astype(np.float32), rows)
     at = np.nonzero(small[..., 6] > COVERED)
@@ -95,7 +98,7 @@ def background_of(
 
 
 def mean_squares(rest: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean squares of differences of logarithms [M, P, 3]: brightness [M], hue [M]; share [P] sums to 1."""
+    """Return mean squared differences of logarithms [M, P, 3]: brightness [M], hue [M]; weights [P] sum to 1."""
     bright = rest.mean(axis=-1)
     whole = np.einsum("mpc,mpc,p->m", rest, rest, share)
     brightness = np.einsum("mp,mp,p->m", bright, bright, share)

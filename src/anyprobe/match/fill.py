@@ -1,8 +1,8 @@
-"""The place of an object filled from around it, from coarse to fine with patches of what is seen.
+"""Inpainting of the object's place from around it, coarse to fine, with patches of what is seen.
 
-After Wexler et al. 2007: every pixel of the hole is the mean of what the patches around it would have there, each the
-nearest of all that are seen; patches of the same height in the picture are preferred, which keeps a ground's
-perspective and a horizon's place. Coarse levels compare with all patches, finer ones with those around what was found.
+After Wexler et al. 2007: every pixel of the hole is the mean of its value in the patches that cover it, each replaced
+by the nearest seen patch. Patches at the same height in the picture are preferred, which keeps a ground's perspective
+and the horizon. Coarse levels compare with all patches, finer ones with those around the last match.
 """
 
 from __future__ import annotations
@@ -11,24 +11,24 @@ import numpy as np
 from PIL import Image
 
 PATCH = 3
-"""Pixels from a patch's middle to its sides."""
+"""Pixels from a patch's centre to its sides."""
 COARSE_PX = 56
-"""Longer side of the coarsest level."""
+"""Longer side of the coarsest level [px]."""
 LEVEL_STEP = 1.6
 """Ratio of one level's size to the next coarser one's."""
 ROUNDS = 4
-"""Times that patches are looked for anew on each level."""
+"""Number of patch searches on each level."""
 MOST_PATCHES = 6000
-"""Seen patches that are compared with at most."""
+"""Largest number of seen patches that are compared with."""
 ROW_PRICE = 6.0
-"""Squared distance of two patches that are the picture's height apart, in mean squared ln radiance of a pixel."""
+"""Squared distance of two patches one picture height apart, in mean squared ln radiance of a pixel."""
 FLOOR = 0.02
-"""Added to radiance before its logarithm."""
+"""Radiance added before its logarithm."""
 NEIGHBORS = ((0, 0), (0, 2), (0, -2), (2, 0), (-2, 0))
 
 
 def fill_hole(radiance: np.ndarray, hole: np.ndarray) -> np.ndarray:
-    """Return linear radiance [H, W, 3] with the pixels of a hole [H, W] replaced by what may be behind them."""
+    """Fill the pixels of a hole [H, W] in linear radiance [H, W, 3] with plausible background."""
     if not hole.any() or hole.all():
         return radiance
     ln = np.log(np.maximum(radiance, 0.0) + FLOOR).astype(np.float32)
@@ -50,14 +50,14 @@ def fill_hole(radiance: np.ndarray, hole: np.ndarray) -> np.ndarray:
 
 
 def _sizes(shape: tuple[int, int]) -> list[tuple[int, int]]:
-    """Widths and heights of the levels, the coarsest first."""
+    """Return widths and heights of the levels, the coarsest first."""
     count = max(0, int(np.ceil(np.log(max(shape) / COARSE_PX) / np.log(LEVEL_STEP))))
     scales = [LEVEL_STEP**-k for k in range(count, -1, -1)]
     return [(max(4, round(shape[1] * s)), max(4, round(shape[0] * s))) for s in scales]
 
 
 def _level(filled: np.ndarray, known: np.ndarray, source: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """One level [H, W, 3] with its hole filled anew, and where each pixel's patch is from [H, W, 2] in shares."""
+    """Fill one level [H, W, 3] anew and return it with the source of each pixel's patch [H, W, 2] in shares."""
     height, width = known.shape
     whole = _eroded(known)
     if not whole.any():
@@ -86,7 +86,7 @@ def _level(filled: np.ndarray, known: np.ndarray, source: np.ndarray) -> tuple[n
 
 
 def _patches(picture: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """[P, K] patches around pixels [P, 2], over the border by its nearest pixel; scaled to a mean over pixels."""
+    """Extract patches [P, K] around pixels [P, 2], extended beyond the border; scaled to a mean over pixels."""
     padded = np.pad(picture, ((PATCH, PATCH), (PATCH, PATCH), (0, 0)), mode="edge")
     side = 2 * PATCH + 1
     windows = np.lib.stride_tricks.sliding_window_view(padded, (side, side), axis=(0, 1))
@@ -94,7 +94,7 @@ def _patches(picture: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 
 def _nearest(wanted: np.ndarray, seen: np.ndarray, row: np.ndarray, seen_row: np.ndarray) -> np.ndarray:
-    """Index [P] of the nearest of seen patches [N, K] to each wanted [P, K]."""
+    """Return the index [P] of the nearest of seen patches [N, K] to each wanted [P, K]."""
     seen = np.concatenate([seen, seen_row[:, None]], axis=1).astype(np.float32)
     wanted = np.concatenate([wanted, row[:, None]], axis=1).astype(np.float32)
     half = 0.5 * (seen * seen).sum(axis=1)
@@ -103,7 +103,7 @@ def _nearest(wanted: np.ndarray, seen: np.ndarray, row: np.ndarray, seen_row: np
 
 
 def _searched(filled: np.ndarray, at: np.ndarray, from_: np.ndarray, whole: np.ndarray, place: float) -> np.ndarray:
-    """Better patches among those that continue the neighbours' [P, 2]."""
+    """Improve matches by patches that continue the neighbours' [P, 2]."""
     height, width = whole.shape
     wanted = _patches(filled, at)
     shift = np.zeros((height, width, 2), int)
@@ -124,7 +124,7 @@ def _searched(filled: np.ndarray, at: np.ndarray, from_: np.ndarray, whole: np.n
 
 
 def _voted(filled: np.ndarray, known: np.ndarray, at: np.ndarray, from_: np.ndarray) -> np.ndarray:
-    """Each pixel of the hole as the mean of what the patches over it have there."""
+    """Average, for each pixel of the hole, its value in all patches that cover it."""
     height, width = known.shape
     wide = width + 2 * PATCH
     flat = np.pad(filled, ((PATCH, PATCH), (PATCH, PATCH), (0, 0)), mode="edge").reshape(-1, 3)
@@ -141,7 +141,7 @@ def _voted(filled: np.ndarray, known: np.ndarray, at: np.ndarray, from_: np.ndar
 
 
 def _eroded(known: np.ndarray) -> np.ndarray:
-    """Pixels [H, W] around which a whole patch is known."""
+    """Return the pixels [H, W] around which a whole patch is known."""
     result = np.pad(known, PATCH, constant_values=False)
     height, width = known.shape
     for axis, size in ((0, height), (1, width)):
@@ -166,7 +166,7 @@ def _smooth(own: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 def _scaled(picture: np.ndarray, size: tuple[int, int], *, smooth: bool = False) -> np.ndarray:
-    """[H, W, C] at another size (width, height): means over areas, or between pixels."""
+    """Resize [H, W, C] to (width, height): means over areas, or interpolated."""
     way = Image.Resampling.BILINEAR if smooth else Image.Resampling.BOX
     planes = [
         np.asarray(Image.fromarray(np.ascontiguousarray(picture[..., k], np.float32)).resize(size, way))

@@ -1,8 +1,8 @@
-"""Indoors or outdoors: what a photo shows beside its object, and what panoramas are.
+"""Classification as indoors or outdoors, of a photo's surroundings and of panoramas.
 
-A photo shows the outdoors where it shows sky, bright and bluish above, or plants. A panorama is outdoors where its
-upper part is blue and brighter than its lower one, and what is low is green. Both are wrong now and then, so that they
-cost a little and forbid nothing.
+A photo is outdoors if it shows sky, bright and bluish above, or plants. A panorama is outdoors if its upper part is
+blue and brighter than its lower one, and its lower part green. Both are sometimes wrong; therefore a mismatch costs a
+little and excludes nothing.
 """
 
 from __future__ import annotations
@@ -14,23 +14,25 @@ from anyprobe.light.environment import reduced
 from anyprobe.match.plate import Plate
 
 KIND_ROWS = 32
-"""At which panoramas are looked at."""
+"""Rows at which panoramas are classified."""
 UPPER, LOWER = np.sin(np.radians(35.0)), -0.3
-"""Least and most y of the upper and of the lower part."""
+"""Smallest and largest y of the upper and of the lower part."""
 BRIGHTER, BLUE, GREEN = 0.49, 2.24, 0.93
-"""Weights of the upper part's ln brightness over the lower one's, of its ln of blue over red, and of the ln of green
-squared over red and blue that a fifth of what is low exceeds. A logistic fit to 99 training maps, of which it takes 8
-for the other kind; of 30 test maps 6."""
+"""Weights of the upper part's ln brightness over the lower one's, of its ln of blue over red, and of the greenness.
+
+Greenness is the ln of green squared over red and blue that a fifth of the low part exceeds. A logistic fit to 99
+training maps, of which it misclassifies 8; of 30 test maps 6.
+"""
 LOW, GREENEST = 0.3, 0.8
-"""Most y of what may be green, and the quantile."""
+"""Largest y of what may be green, and the quantile."""
 OUTDOORS = 0.71
-"""Score of a panorama above which it is taken for one outdoors."""
+"""Score of a panorama above which it counts as outdoors."""
 SKY_SHARE, PLANT_SHARE = 0.12, 0.15
-"""Least shares of sky and of plants beside the object in a photo of the outdoors."""
+"""Smallest shares of sky and of plants beside the object in an outdoor photo."""
 PRICE = 0.5
 """Penalty of a panorama of the other kind, in units of likeness.Places.misfit."""
 MATCH_PRICE = 0.08
-"""The same in units of match.Match.distance."""
+"""The same penalty in units of match.Match.distance."""
 
 
 def shows_outdoors(plate: Plate) -> bool:
@@ -49,7 +51,7 @@ def shows_outdoors(plate: Plate) -> bool:
 
 
 def outdoor_scores(maps: np.ndarray) -> np.ndarray:
-    """Return how much each panorama [N, 32, 64, 3] looks like one outdoors, [N]; OUTDOORS is the border."""
+    """Score how much each panorama [N, 32, 64, 3] looks like outdoors, [N]; OUTDOORS is the threshold."""
     d = pixel_directions(KIND_ROWS)[..., 1]
     upper, lower = d > UPPER, d < LOWER
     level = maps.mean(axis=-1)
@@ -62,12 +64,12 @@ def outdoor_scores(maps: np.ndarray) -> np.ndarray:
 
 
 def is_outdoors(radiance: np.ndarray) -> bool:
-    """Return whether one panorama [H, 2H, 3] is taken for one outdoors."""
+    """Return whether a panorama [H, 2H, 3] counts as outdoors."""
     return bool(outdoor_scores(reduced(radiance, KIND_ROWS)[None])[0] > OUTDOORS)
 
 
 def prices(plate: Plate | None, maps: np.ndarray, price: float) -> np.ndarray:
-    """Return what each panorama costs more [N] for being of another kind than the photo; nothing without a photo."""
+    """Return each panorama's penalty [N] for a kind other than the photo's; zeros without a photo."""
     if plate is None:
         return np.zeros(len(maps), np.float32)
     return np.where((outdoor_scores(maps) > OUTDOORS) != shows_outdoors(plate), price, 0.0).astype(np.float32)

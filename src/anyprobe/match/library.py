@@ -1,6 +1,6 @@
-"""The detail library: 8-bit environment maps and a few smooth features of each, in one file; and what `match` compares.
+"""The detail library: 8-bit environment maps and a few smooth features of each, in one file; also used by `match`.
 
-A map is kept without a scale of its own: divided by its geometric mean, and coded by a curve that has steps of a few
+A map is stored without its scale: divided by its geometric mean, and coded by a curve that has steps of a few
 percent from a thousandth to a thousand times that mean. Its light sources need no more: their power is the estimate's.
 """
 
@@ -28,25 +28,25 @@ from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.match.likeness import MATCH_ROWS, light_of
 
 _ROWS = 512
-"""The most rows of a picture."""
+"""Largest number of rows of a stored picture."""
 FEATURE_ROWS = 16
 EXPONENT, SIGMA = 0.6, 0.6
 """Parameters of the code x^n / (x^n + s): half of it lies below 0.43 of the mean, and 254 of 255 stands for 4,000."""
 QUALITY = 90
 """Quality of the JPEG pictures."""
 DARKEST = 1e-3
-"""Radiance over the geometric mean below which all is black."""
+"""Radiance over the geometric mean that the smallest code stands for."""
 PATTERN, SHADING = 12.0, 6.0
-"""Sharpness (light.filtering) of the blurs of the features: of ln radiance, about what an estimate holds of it, orders
-up to 6; and of radiance itself, about what a dull object shows of it."""
+"""Sharpness (light.filtering) of the features' blurs: of ln radiance, roughly the detail of an estimate, orders up to
+6; and of radiance itself, roughly the detail that a dull object shows."""
 DETAIL = 48.0
 """Sharpness of the blur that separates an estimate from detail: exp(-l (l + 1) / 96) of order l, a half at order 8."""
 _VERSION, OWN_VERSION = 3, 1
-"""Versions of a stored library and of the bundled one, which stores neither lights nor files; others are made anew."""
+"""Versions of a stored library and of the bundled one, which stores neither lights nor files; others are rebuilt."""
 
 
 class Entry(NamedTuple):
-    """A map of a library: picture as encode gives it; light and level, see likeness.light_of; digest of its file."""
+    """A map of a library: picture as written by encode; light and level, see likeness.light_of; digest of its file."""
 
     name: str
     picture: bytes
@@ -57,8 +57,11 @@ class Entry(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MapSource:
-    """A file of a library's folder. stamp: path within the folder, bytes and time of change; digest: SHA-256 of its
-    bytes, or empty where they cannot be read; fault: why it is not in the library, or empty."""
+    """A file in a library's folder.
+
+    stamp: path within the folder, bytes and time of change; digest: SHA-256 of its bytes, empty if unreadable; fault:
+    why it is not in the library, or empty.
+    """
 
     stamp: tuple[str, int, int]
     digest: str
@@ -70,8 +73,9 @@ class Library:
     """Candidates for the detail of a map.
 
     path: the file. names [N]; features [N, 16, 32, 4] float32, see features_of; richness [N], see richness_of.
-    lights [N, 32, 64, 3] float32 and levels [N], see likeness.light_of; files: where the maps are, N of a folder, else
-    none, and relative, within the folder; digests of their bytes; faults: a line for each file that could not be read.
+    lights [N, 32, 64, 3] float32 and levels [N], see likeness.light_of; files: paths of the maps within the folder, N
+    of them, or none for the bundled library; digests of their bytes; faults: a line for each file that could not be
+    read.
     data: all bytes of the file, where it cannot be written; unkept: a line that says so.
     """
 
@@ -90,7 +94,7 @@ class Library:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line each."""
+        """One line for each fault."""
         return (*(f"left out: {fault}" for fault in self.faults), *([self.unkept] if self.unkept else []))
 
     def digest(self) -> str:
@@ -98,16 +102,16 @@ class Library:
         return hashlib.sha256(self.features.tobytes()).hexdigest()[:16]
 
     def candidate(self, index: int) -> np.ndarray:
-        """Codes of a map, [H, 2H, 3] uint8, the last two kept for the next call; see decode.
+        """Return the codes of a map, [H, 2H, 3] uint8, see decode; the last two are cached.
 
         Raises:
-            InputError: the file has been written anew since it was opened, and holds another map there.
+            InputError: the file was rewritten since it was opened and holds another map there.
         """
         return _picture(self.data or str(self.path), index, self.digests[index] if self.digests else "")
 
 
 def features_of(radiance: np.ndarray) -> np.ndarray:
-    """Return the features [16, 32, 4] by which maps [H, 2H, 3] are compared: blurred ln radiance of each channel,
+    """Compute the features [16, 32, 4] by which maps [H, 2H, 3] are compared: blurred ln radiance of each channel,
     and ln of blurred luminance."""
     small = np.maximum(reduced(radiance, FEATURE_ROWS), 1e-6)
     shading = blur_cosine_power(luminance(small)[..., None], SHADING)
@@ -115,10 +119,10 @@ def features_of(radiance: np.ndarray) -> np.ndarray:
 
 
 def encode(radiance: np.ndarray, name: str = "map") -> bytes:
-    """A map [H, 2H, 3] without its scale as a picture of its codes; name: what the error calls it.
+    """Encode a map [H, 2H, 3] without its scale as a picture of codes; name: its name in errors.
 
     Raises:
-        InputError: next to no light.
+        InputError: a map with next to no light.
     """
     small = reduced(radiance, _ROWS)
     weights = pixel_solid_angles(small.shape[0])
@@ -135,12 +139,12 @@ def encode(radiance: np.ndarray, name: str = "map") -> bytes:
 
 
 def codes_of(picture: bytes) -> np.ndarray:
-    """Codes [H, 2H, 3] uint8 of a picture."""
+    """Decode a picture to its codes [H, 2H, 3] uint8."""
     return np.asarray(Image.open(io.BytesIO(picture), formats=["JPEG"]))
 
 
 def richness_of(code: np.ndarray) -> float:
-    """How much detail a map has: the deviation of its codes [H, 2H, 3], 0 to 1, in orders above 8 (to 32)."""
+    """Measure a map's detail: the standard deviation of its codes [H, 2H, 3], 0 to 1, in orders above 8 (to 32)."""
     small = reduced(code, 4 * FEATURE_ROWS)
     fine = small - blur_cosine_power(small, DETAIL)
     weights = pixel_solid_angles(len(fine))[..., None]
@@ -149,13 +153,13 @@ def richness_of(code: np.ndarray) -> float:
 
 @lru_cache(maxsize=1)
 def decode() -> np.ndarray:
-    """Radiance over the map's geometric mean of every code, [256] float32."""
+    """Return radiance over the map's geometric mean for every code, [256] float32."""
     share = np.minimum(np.arange(256), 254.5) / 255.0
     return np.maximum((SIGMA * share / (1.0 - share)) ** (1.0 / EXPONENT), DARKEST).astype(np.float32)
 
 
 def entry_of(name: str, radiance: np.ndarray, digest: str = "") -> Entry:
-    """A map [H, 2H, 3] as a library holds it; InputError where it has fewer rows than are compared."""
+    """Build the library's entry of a map [H, 2H, 3]; InputError if it has fewer rows than are compared."""
     if len(radiance) < MATCH_ROWS:
         raise InputError(f"expected at least {MATCH_ROWS} rows, got {len(radiance)}; take a larger one", source=name)
     light, level = light_of(radiance)
@@ -168,8 +172,8 @@ def write_library(
     """Write the file of a library; the same maps give the same bytes.
 
     Args:
-        entries: or names and pictures alone, see encode; lights are then the pictures'.
-        sources: the files of a folder that the entries are of; complete once the last entry is drawn.
+        entries: entries, or names and encoded pictures; lights are then computed from the pictures.
+        sources: files of the folder that the entries come from; complete once the last entry is drawn.
     Raises:
         InputError: no maps. OutputError: cannot be written.
     """
@@ -180,7 +184,7 @@ def write_library(
 def pack_library(
     target: Path | io.BytesIO, entries: Iterable[Entry | tuple[str, bytes]], sources: list[MapSource] | None
 ) -> None:
-    """The same, into a file or memory."""
+    """Write the file of a library to a path or into memory, see write_library."""
     names: list[str] = []
     features: list[np.ndarray] = []
     richness: list[float] = []
@@ -218,13 +222,13 @@ def _put_array(file: zipfile.ZipFile, name: str, values: np.ndarray) -> None:
 
 
 def _put(file: zipfile.ZipFile, name: str, data: bytes) -> None:
-    """Without the time of day, so that the same library is the same file."""
+    """Store data without a time stamp, so that the same library gives the same file."""
     kind = zipfile.ZIP_STORED if name.endswith(".jpg") else zipfile.ZIP_DEFLATED
     file.writestr(zipfile.ZipInfo(name), data, compress_type=kind)
 
 
 def stored_index(path: Path) -> dict[str, Any] | None:
-    """Return the index of a file of this version; None where it is absent, damaged or of another version."""
+    """Read the index of a file of this version; None where it is absent, damaged or of another version."""
     try:
         with zipfile.ZipFile(path) as file:
             return index_in(file)
@@ -233,7 +237,7 @@ def stored_index(path: Path) -> dict[str, Any] | None:
 
 
 def index_in(file: zipfile.ZipFile) -> dict[str, Any] | None:
-    """The same of a file that is open."""
+    """Read the index of an open file; see stored_index."""
     try:
         index = json.loads(file.read("index.json"))
         return index if index["version"] == _VERSION and len(index["digests"]) == len(index["names"]) else None
@@ -242,7 +246,7 @@ def index_in(file: zipfile.ZipFile) -> dict[str, Any] | None:
 
 
 def lights_in(file: zipfile.ZipFile) -> np.ndarray | None:
-    """The lights of a library's file; None of our own, which has none."""
+    """Read the lights of a library's file; None for the bundled one, which has none."""
     return np.load(io.BytesIO(file.read("lights.npy"))) if "lights.npy" in file.namelist() else None
 
 
@@ -256,7 +260,7 @@ def read_library(path: Path, stored: Path | io.BytesIO) -> Library:
             )
         features = np.load(io.BytesIO(file.read("features.npy"))).astype(np.float32)
         count, lights = len(index["names"]), lights_in(file)
-        if lights is None:  # as the pictures have them, whose light sources are cut off
+        if lights is None:  # from the pictures, whose light sources are cut off
             pictures = (file.read(f"{number}.jpg") for number in range(count))
             lights = np.stack([light_of(decode()[codes_of(one)])[0] for one in pictures])
     sources = index.get("sources", ())

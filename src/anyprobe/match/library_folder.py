@@ -1,4 +1,4 @@
-"""The library of a folder of maps: each file is read once, into the user's cache."""
+"""Libraries of folders of maps: each file is read once, into the user's cache."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ from anyprobe.match.library import (
 
 _SUFFIXES = (".exr", ".hdr")
 MOST_MAPS = 5000
-"""Most maps of a folder, subfolders included."""
+"""Largest number of maps in a folder, subfolders included."""
 MOST_LIBRARIES = 32
-"""Folders that the cache holds; the one that was used longest ago makes room."""
+"""Largest number of libraries in the cache; the least recently used is deleted."""
 
 
 def open_library(folder: str | Path | None = None) -> Library:
-    """The library of a folder of .exr and .hdr maps, with the folders in it, or for None our own rooms, skies and
+    """Open the library of a folder of .exr and .hdr maps, subfolders included, or for None our own rooms, skies and
     studios.
 
     Each file is read once (about a second for ten maps of 1,024 x 512) into a file of the user's cache. A file that
-    changed, by its size and time or by its name, is read again, unless a file of the same bytes is there already.
-    Where the cache cannot be written, the library is in memory alone.
+    changed, by its size and time or by its name, is read again, unless one with the same bytes is already there.
+    Where the cache cannot be written, the library is kept in memory only.
 
     Raises:
         InputError: no folder, no map in it, or too many.
@@ -88,7 +88,7 @@ def _stamps(folder: Path) -> list[tuple[str, int, int]]:
             raise InputError(f"expected at most {MOST_MAPS} maps, got more; name a folder within it", source=folder)
     stamps = []
     for path in found:
-        size, changed = 0, 0  # of a link to nowhere
+        size, changed = 0, 0  # a link to nowhere
         with suppress(OSError):
             stat = path.stat()
             size, changed = stat.st_size, stat.st_mtime_ns
@@ -97,7 +97,7 @@ def _stamps(folder: Path) -> list[tuple[str, int, int]]:
 
 
 def _is_current(before: dict[str, Any], folder: Path, stamps: Sequence[tuple[str, int, int]]) -> bool:
-    """Whether a folder has the files that a library is of, and what could not be read of them still cannot."""
+    """Return whether a folder still has a library's files, and those that could not be read still cannot."""
     if [stamp for stamp, *_ in before["sources"]] != [list(stamp) for stamp in stamps]:
         return False
     return not any(_is_readable(folder / stamp[0]) for stamp, digest, _ in before["sources"] if not digest)
@@ -114,11 +114,11 @@ def _is_readable(path: Path) -> bool:
 def _entries(
     folder: Path, stamps: Sequence[tuple[str, int, int]], path: Path, sources: list[MapSource]
 ) -> Iterator[Entry]:
-    """All maps of a folder that can be read, from the file that was before where their bytes are the same.
+    """Yield all readable maps of a folder, taken from the previous library where their bytes are the same.
 
-    sources: is filled. InputError where none can be read.
+    sources: list to fill. InputError where none can be read.
     """
-    with ExitStack() as stack:  # one file all along: another program may put its own in its place
+    with ExitStack() as stack:  # keep one file open: another program may replace it
         file = None
         with suppress(OSError, zipfile.BadZipFile):
             file = stack.enter_context(zipfile.ZipFile(path))
@@ -128,7 +128,7 @@ def _entries(
 def _entries_beside(
     folder: Path, stamps: Sequence[tuple[str, int, int]], file: zipfile.ZipFile | None, sources: list[MapSource]
 ) -> Iterator[Entry]:
-    """The same, with the file that was before opened."""
+    """Yield the entries with the previous library's file opened; see _entries."""
     before = (None if file is None else index_in(file)) or {"sources": [], "digests": []}
     known = {tuple(stamp): (digest, fault) for stamp, digest, fault in before["sources"] if digest}
     kept = {digest: number for number, digest in enumerate(before["digests"])}
@@ -160,7 +160,7 @@ def _digest(path: Path) -> str:
 
 
 def check_unchanged(library: Library, index: int) -> None:
-    """InputError where the file of a map has other bytes than when the library read it."""
+    """Raise InputError if the file of a map has changed since the library read it."""
     if _digest(library.files[index]) != library.digests[index]:
         raise InputError(
             "expected the map that was compared, got another; run match again", source=library.files[index]
@@ -168,7 +168,7 @@ def check_unchanged(library: Library, index: int) -> None:
 
 
 def _make_room(path: Path) -> None:
-    """Delete the libraries of the cache that were used longest ago, but not this one."""
+    """Delete the least recently used libraries of the cache, but not this one."""
     others = [one for one in path.parent.glob("*.zip") if one != path]
     for old in sorted(others, key=lambda one: one.stat().st_atime)[: -(MOST_LIBRARIES - 1)]:
         old.unlink(missing_ok=True)
@@ -176,20 +176,20 @@ def _make_room(path: Path) -> None:
 
 def _cache_folder() -> Path:
     home = home_folder()
-    nowhere = Path(os.devnull)  # in which nothing can be kept
+    nowhere = Path(os.devnull)  # where nothing can be kept
     base = os.environ.get("XDG_CACHE_HOME") or (nowhere if home is None else home / ".cache")
     return Path(base) / "anyprobe" / "detail"
 
 
 @lru_cache(maxsize=4)
 def _opened(path: Path, changed_ns: int, stamps: tuple = ()) -> Library:
-    """The library of a file, kept for as long as it and its folder's stamps are the same."""
+    """Open a library; cached while its file and its folder's stamps are unchanged."""
     return read_library(path, path)
 
 
 @lru_cache(maxsize=4)
 def _in_memory(path: Path, folder: Path, stamps: tuple) -> Library:
-    """The library of a folder whose file cannot be written."""
+    """Build the library of a folder in memory, where its file cannot be written."""
     sources: list[MapSource] = []
     data = io.BytesIO()
     pack_library(data, _entries(folder, stamps, path, sources), sources)

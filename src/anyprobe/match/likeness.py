@@ -1,13 +1,13 @@
-"""Which of many maps lights an object as its photo shows it: analysis by synthesis, without the network's map.
+"""Ranking of maps by how well each explains the photo of an object: analysis by synthesis, without the network's map.
 
 A pixel of an object of uniform material shows a E(n) + b S(r), channel by channel: irradiance at its normal and, with
 Schlick's Fresnel term, radiance blurred by the coat around the reflected ray. For every map, camera pitch, yaw and
-coat, a and b >= 0 are fitted; what remains is compared in the logarithm, where the exposure and the object's colour are
-free. Errors of the normals change brightness far more than hue, so that both are judged by themselves:
+coat, a and b >= 0 are fitted; the residual is compared in the logarithm, where exposure and the object's colour are
+free. Errors of the normals change brightness far more than hue, so that the two are scored separately:
 
     misfit = ln(mean square of brightness + FLOOR) + HUE_WEIGHT ln(mean square of hue + FLOOR / 10)
 
-Where the photo shows its background, that of detail.background is added.
+Where the photo shows its background, the cost of match.background is added.
 """
 
 from __future__ import annotations
@@ -30,33 +30,36 @@ from anyprobe.scatter.microfacet import schlick_weight
 MATCH_ROWS = 32
 """Rows of the maps that are compared."""
 PIXELS, FINE_PIXELS = 96, 160
-"""Pixels of the object that are compared, in the search and in its refinement."""
+"""Number of object pixels compared, in the search and in its refinement."""
 SHARPNESS = (2.0, 6.0, 20.0, 70.0)
 """Exponents of the blurs (light.filtering) that stand for coats of GGX alpha 0.5, 0.3, 0.17 and 0.1 or less."""
 PITCHES_DEG = tuple(range(-5, 81, 12))
-"""Pitches of the camera that are tried, downwards."""
+"""Camera pitches [degrees] that are tried, downwards."""
 STEEPNESS = (0.8, 1.0, 1.25)
-"""Factors of the slant of estimated normals: these are too flat or too steep as a whole."""
+"""Factors of the slant of estimated normals, which tend to be too flat or too steep as a whole."""
 KEPT = 8
-"""Places of each map that are refined."""
+"""Number of places of each map that are refined."""
 _CLIPPED = 0.96
-"""Display value from which on a pixel says only how bright it is at least."""
+"""Display value above which a pixel is only a lower bound."""
 LEAST_FACING = 0.15
-"""n.wo of a pixel that counts; estimated normals at the rim are poor."""
+"""Smallest n.wo of a pixel that counts; estimated normals at the rim are poor."""
 F0 = 0.04
 """Reflectance of a dielectric coat at normal incidence."""
 FLOOR, HUE_WEIGHT = 0.003, 2.0
 BATCH = 64
-"""Maps that are searched at once."""
+"""Number of maps searched at once."""
 TINT = 0.5
-"""Share of the difference in colour between estimate and map that is applied, in the logarithm: the estimate's own
-colour is off by as much."""
+"""Share of the difference in ln colour between estimate and map that is applied: the estimate's own colour is off by as
+much."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Shown:
-    """P pixels of an object: linear radiance [P, 3], which of them are clipped [P], and unit n and wo [P, 3] in the
-    camera's frame; behind: what the photo shows beside it."""
+    """P pixels of an object: linear radiance [P, 3], which are clipped [P], and unit n and wo [P, 3] in the camera's
+    frame.
+
+    behind: the photo's background.
+    """
 
     radiance: np.ndarray
     clipped: np.ndarray
@@ -65,14 +68,14 @@ class Shown:
     behind: Background | None = None
 
     def turned(self, rotation: np.ndarray) -> Shown:
-        """The same in a frame that a rotation [3, 3] takes the camera's to."""
+        """Rotate the directions by [3, 3], from the camera's frame into another."""
         behind = None if self.behind is None else replace(self.behind, d=self.behind.d @ rotation.T)
         return replace(self, n=self.n @ rotation.T, wo=self.wo @ rotation.T, behind=behind)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Places:
-    """The best place of each of N maps: map_from_camera [N, 3, 3] and misfit [N], the less the better."""
+    """The best place of each of N maps: map_from_camera [N, 3, 3] and misfit [N], lower is better."""
 
     map_from_camera: np.ndarray
     misfit: np.ndarray
@@ -85,11 +88,11 @@ def shown_by(
     camera_from_crop: np.ndarray,
     behind: Background | None = None,
 ) -> Shown | None:
-    """Pixels spread over the object of a crop; None where too few have a normal.
+    """Sample pixels spread over the object of a crop; None where too few have a normal.
 
     Args:
         image: [2 S, 2 S, 4] display RGB times mask, and mask. normals: [S, S, 3] in the crop's frame, unit or zero.
-        tan_half: of half the angle that the crop's side takes in.
+        tan_half: tangent of half the crop's field of view.
     """
     side = len(normals)
     small = image.reshape(side, 2, side, 2, 4).mean(axis=(1, 3))
@@ -113,7 +116,7 @@ def shown_by(
 
 
 def light_of(radiance: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return a map [H, 2H, 3] as it is compared, [32, 64, 3] float32 of mean 1, and its mean."""
+    """Reduce a map [H, 2H, 3] for comparison, to [32, 64, 3] float32 of mean 1, and return its mean."""
     small = reduced(radiance, MATCH_ROWS)
     weights = pixel_solid_angles(len(small))[..., None] / (4 * np.pi)
     level = max(float((small * weights).sum() / 3), 1e-12)
@@ -123,11 +126,11 @@ def light_of(radiance: np.ndarray) -> tuple[np.ndarray, float]:
 def best_places(
     shown: Shown, lights: np.ndarray, pitch_deg: float | None = None, *, is_estimated: bool = False
 ) -> Places:
-    """The best place of each map of [N, 32, 64, 3], see light_of.
+    """Find the best place of each map of [N, 32, 64, 3], see light_of.
 
     Args:
-        pitch_deg: how far the camera looks down, which is kept.
-        is_estimated: it is known to 5 degrees or so, and may be up to 9 off.
+        pitch_deg: camera pitch downwards, kept as given.
+        is_estimated: whether it is estimated, with an error of about 5 and at most 9 degrees.
     """
     pitches: tuple[float, ...] = PITCHES_DEG
     if pitch_deg is not None:
@@ -143,8 +146,9 @@ def best_places(
 
 
 def gain_of(shown: Shown, estimate: np.ndarray, light: np.ndarray, map_from_camera: np.ndarray) -> np.ndarray:
-    """Gain [3] at which a map lights the object's pixels as brightly as an estimate [H, 2H, 3] does; where the photo
-    shows the background, at which it is halfway from that to as bright as that, in the logarithm.
+    """Return the gain [3] at which a map lights the object's pixels as brightly as an estimate [H, 2H, 3] does.
+
+    Where the photo shows the background: the gain halfway, in the logarithm, to the background's brightness.
 
     light: [H, 2H, 3] of the map, see light_of, in its own frame.
     """
@@ -192,12 +196,12 @@ def _places(shown: Shown, lights: np.ndarray, pitches: np.ndarray) -> Places:
 
 
 def _turns(yaw: np.ndarray, pitch_deg: np.ndarray) -> np.ndarray:
-    """map_from_camera of M places, [M, 3, 3]."""
+    """Return map_from_camera of M places, [M, 3, 3]."""
     return np.stack([map_from_camera_at(*both) for both in zip(yaw, pitch_deg, strict=True)])
 
 
 def _search(shown: Shown, matt: np.ndarray, coats: list[np.ndarray], pitch_deg: float) -> np.ndarray:
-    """Misfit of every coat, map and yaw, [coats, N, yaws]."""
+    """Return the misfit of every coat, map and yaw, [coats, N, yaws]."""
     few = slice(None, PIXELS)
     n, wo = (one[few] @ map_from_camera_at(0.0, pitch_deg).T for one in (shown.n, shown.wo))
     coat = schlick_coat(n, wo).astype(np.float32)
@@ -212,7 +216,7 @@ def _search(shown: Shown, matt: np.ndarray, coats: list[np.ndarray], pitch_deg: 
 
 
 def schlick_coat(n: np.ndarray, wo: np.ndarray) -> np.ndarray:
-    """Fresnel term [P, 1] of a dielectric coat at each pixel."""
+    """Compute the Fresnel term [P, 1] of a dielectric coat at each pixel."""
     return F0 + (1.0 - F0) * schlick_weight(np.maximum(dot(n, wo), 0.0))
 
 
@@ -226,7 +230,10 @@ def _compared(
     coat: np.ndarray,
     steep: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Least misfit of each of M places [M], read between pixels, and the steepness of it; given, only that."""
+    """Return the least misfit of each of M places [M], interpolated between pixels, and its steepness factor.
+
+    steep: factors to use instead of searching them.
+    """
     turns = _turns(yaw, pitch_deg).astype(np.float32)
     measured, best, found = _Measured(shown, slice(None)), np.full(len(index), np.inf), np.ones(len(index))
     for factor in STEEPNESS:
@@ -246,17 +253,17 @@ def _compared(
 
 
 def _slanted(shown: Shown, factor: float) -> np.ndarray:
-    """Normals with their part across the line of sight scaled."""
+    """Scale the normals' component across the line of sight."""
     along = dot(shown.n, shown.wo) * shown.wo
     return normalize(along + factor * (shown.n - along))
 
 
 class _Measured:
-    """Pixels of a photo, prepared for comparison."""
+    """Pixels of a photo prepared for comparison."""
 
     def __init__(self, shown: Shown, few: slice) -> None:
         radiance, clipped = shown.radiance[few].astype(np.float32), shown.clipped[few]
-        mean = np.maximum(radiance.mean(axis=0), 1e-2 * radiance.mean() + 1e-6)  # of a channel that is 0 everywhere
+        mean = np.maximum(radiance.mean(axis=0), 1e-2 * radiance.mean() + 1e-6)  # for a channel that is 0 everywhere
         weight = np.where(clipped[:, None], CLIPPED_WEIGHT, 1.0) / (radiance + 2 * FAINT_SEEN * mean) ** 2
         self.weight = (weight / weight.sum(axis=0)).astype(np.float32)
         self.radiance, self.dark, self.clipped = radiance, (FAINT_SEEN * mean).astype(np.float32), clipped

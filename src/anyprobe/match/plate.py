@@ -1,4 +1,4 @@
-"""A photo without its object, small enough to keep: what a panorama shows of the place."""
+"""The plate: a photo without its object, small enough to keep, from which a panorama shows the place."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from anyprobe.core.response import inverse_response
 from anyprobe.match.fill import fill_hole
 
 MOST_ROWS = 1024
-"""Rows of a panorama for which a plate keeps enough pixels."""
+"""Largest number of panorama rows for which a plate keeps enough pixels."""
 GROW = 0.012
-"""Share of the photo's longer side around the object that is filled with it: its edge is not where the mask says."""
+"""Rim around the object that is filled with it, as a share of the photo's longer side: masks miss the true edge."""
 LEAST_FRONT = 0.05
-"""Least -z of a direction that a photo may show."""
+"""Smallest -z of a direction that a photo may show."""
 LEAST_LEFT = 0.02
-"""Share of the photo that must show the place beside its object."""
+"""Smallest share of the photo that must show the place beside its object."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -30,7 +30,7 @@ class Plate:
         rgb: [H, W, 3] uint8 display values.
         hidden: [H, W] uint8, 255 where the object or a transparent pixel hides the place.
         tan_half: [2] tangents of half the field of view, across and down.
-        radiance: [H, W, 3] float16, linear radiance where the photo holds it above white; None: display values say all.
+        radiance: [H, W, 3] float16, linear radiance where the photo holds it above white; None: display values suffice.
     """
 
     rgb: np.ndarray
@@ -39,7 +39,7 @@ class Plate:
     radiance: np.ndarray | None = None
 
     def at_density(self, rows: int) -> tuple[np.ndarray, np.ndarray]:
-        """The photo with the object's place filled, at the density of a panorama of so many rows.
+        """Return the photo with the object's place filled, at the density of a panorama of this many rows.
 
         Returns:
             [h, w, 3] linear radiance, and [h, w] share of each pixel that is filled.
@@ -60,7 +60,7 @@ def keep_plate(
     radiance: np.ndarray | None = None,
     transparent: np.ndarray | None = None,
 ) -> Plate | None:
-    """Return the plate of a photo [H, W, 3] with its object marked [H, W]; None where hardly any place is shown."""
+    """Make the plate of a photo [H, W, 3] with its object marked [H, W]; None where hardly any place is visible."""
     height, width = mask.shape
     tan = np.tan(np.radians(long_fov_deg) / 2) / max(height, width)
     tan_half = float(tan * width), float(tan * height)
@@ -82,8 +82,8 @@ def keep_plate(
 class DrawnPlate:
     """A plate in a panorama's frame.
 
-    ln: [R, 2R, 3] ln of radiance plus FLOOR where it is known, else zero. margin: [R, 2R] degrees from the photo's
-    border inwards, negative outside. filled: [R, 2R] share that is filled, not seen.
+    ln: [R, 2R, 3] ln of radiance plus FLOOR where it is known, else zero. margin: [R, 2R] distance [degrees] inwards
+    from the photo's border, negative outside. filled: [R, 2R] share that is filled, not seen.
     """
 
     radiance: np.ndarray
@@ -92,7 +92,7 @@ class DrawnPlate:
 
 
 def seen_in(plate: Plate, frame_from_camera: np.ndarray, rows: int) -> DrawnPlate:
-    """Draw a plate into a panorama of so many rows whose frame is turned by frame_from_camera [3, 3]."""
+    """Draw a plate into a panorama of this many rows whose frame is rotated by frame_from_camera [3, 3]."""
     linear, filled = plate.at_density(rows)
     height, width = filled.shape
     d = pixel_directions(rows) @ frame_from_camera.astype(np.float32)  # R^T d
@@ -116,14 +116,14 @@ def seen_in(plate: Plate, frame_from_camera: np.ndarray, rows: int) -> DrawnPlat
 
 
 def _size_at(tan_half: tuple[float, float], rows: int, shape: tuple[int, int]) -> tuple[int, int]:
-    """Width and height of a photo of that shape [H, W] at the density of a panorama, and no larger than it is."""
+    """Return width and height of a photo of this shape [H, W] at the density of a panorama, never enlarged."""
     width, height = (2 * tan * rows / np.pi for tan in tan_half)
     scale = min(1.0, shape[1] / width)
     return max(4, round(width * scale)), max(4, round(height * scale))
 
 
 def _resized(picture: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """Means over areas, [H, W, C] to size (width, height)."""
+    """Resize [H, W, C] to (width, height) by means over areas."""
     planes = [
         Image.fromarray(np.ascontiguousarray(picture[..., k], np.float32)).resize(size, Image.Resampling.BOX)
         for k in range(picture.shape[-1])
@@ -132,7 +132,7 @@ def _resized(picture: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 
 def _grown(hidden: np.ndarray) -> np.ndarray:
-    """A mask [H, W] with a rim around it."""
+    """Return a mask [H, W] with a rim around it."""
     reach = max(2, round(GROW * max(hidden.shape)))
     for axis in (0, 1):
         steps = [

@@ -1,4 +1,4 @@
-"""`match`: the panoramas of a folder, ranked by how well they light like a photo, and brought into its frame."""
+"""`match`: the panoramas of a folder, ranked by how well they explain a photo's light, and brought into its frame."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from anyprobe.match.likeness import Shown, best_places, gain_of
 from anyprobe.match.plate import Plate
 
 BLOCK_ROWS = 64
-"""Rows of a large map that are turned at once."""
+"""Rows of a large map that are rotated at once."""
 PREVIEW_ROWS = 128
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class MatchedMap:
-    """A panorama of a folder, and how it lights like a photo.
+    """A panorama of a folder, aligned with a photo's light.
 
     Attributes:
-        rank: 0 is the best. name: its file's within the folder, without the suffix. path: of the file.
-        misfit: how badly it explains the photo; differences matter: below 0.5 two maps are hardly to be told apart.
+        rank: 0 is the best. name: path within the folder, without the suffix. path: of the file.
+        misfit: how badly it explains the photo; only differences matter: below 0.5 two maps are hardly distinguishable.
         by: "photo", or "map" where only the estimate's map was compared.
         map_from_light: [3, 3] rotation, from the light's frame to the panorama's.
         gain: [3], from the panorama's radiance to the light's units.
@@ -64,16 +64,16 @@ class MatchedMap:
 
     @property
     def yaw_deg(self) -> float:
-        """How far the panorama is turned to the left about its vertical."""
+        """Rotation [degrees] of the panorama to the left about its vertical."""
         return float(np.degrees(np.arctan2(self.map_from_light[0, 2], self.map_from_light[2, 2])))
 
     @property
     def pitch_deg(self) -> float:
-        """How far the photo's camera looks down in it."""
+        """Pitch [degrees] of the photo's camera in it, downwards."""
         return float(np.degrees(np.arcsin(np.clip(self.map_from_light[1, 2], -1.0, 1.0))))
 
     def radiance(self, rows: int | None = None) -> np.ndarray:
-        """The panorama in the light's frame and units, [H, 2H, 3] float32; rows: at most so many.
+        """Return the panorama in the light's frame and units, [H, 2H, 3] float32, reduced to at most `rows` rows.
 
         Raises:
             InputError: the file has changed since it was compared.
@@ -84,10 +84,11 @@ class MatchedMap:
         return np.concatenate(list(self._turned(source)))
 
     def write(self, path: str | Path) -> Path:
-        """The panorama in the light's frame and units, at its full size, as .exr of halfs; of floats where halfs clip.
+        """Write the panorama in the light's frame and units, at full size, as .exr of halfs, or of floats where halfs
+        would clip.
 
         Raises:
-            InputError: as of radiance. OutputError: another suffix, or it cannot be written.
+            InputError: see radiance. OutputError: another suffix, or it cannot be written.
         """
         path = Path(path)
         if path.suffix.lower() != ".exr":
@@ -106,7 +107,7 @@ class MatchedMap:
         return path
 
     def sidecar(self) -> dict[str, Any]:
-        """All of it, ready for JSON."""
+        """Return all attributes, ready for JSON."""
         return {
             "rank": self.rank,
             "name": self.name,
@@ -125,7 +126,7 @@ class MatchedMap:
         return read_radiance(self.path)
 
     def _turned(self, source: np.ndarray) -> Iterator[np.ndarray]:
-        """Blocks of rows of the turned map [n, 2H, 3]: nothing but the source is held whole."""
+        """Yield blocks of rows of the rotated map [n, 2H, 3]; only the source is held whole."""
         height = len(source)
         u = (np.arange(2 * height) + 0.5) / (2 * height)
         turn, gain = self.map_from_light.T.astype(np.float32), self.gain.astype(np.float32)
@@ -148,18 +149,18 @@ def rank_maps(
     roll_deg: float = 0.0,
     plate: Plate | None = None,
 ) -> list[MatchedMap]:
-    """All maps of a folder, the best first.
+    """Rank all maps of a folder, the best first.
 
     Args:
         radiance, confidence: of the light, [H, 2H, 3] and [H, 2H], in its frame.
-        shown: what the photo shows, in the camera's frame; None: the map is compared alone.
+        shown: pixels of the photo's object, in the camera's frame; None: only maps are compared.
         light_from_camera: [3, 3].
-        pitch_deg: how far the camera looks down, where it is known; kept unless is_pitch_estimated.
-        roll_deg: of the camera, which is kept, see estimate.ground.Ground.
-        plate: what the photo shows beside its object; panoramas of another kind, in- or outdoors, cost
-            detail.kind.PRICE.
+        pitch_deg: camera pitch downwards, where known; kept unless is_pitch_estimated.
+        roll_deg: camera roll, which is kept, see estimate.ground.Ground.
+        plate: the photo beside its object; panoramas of another kind, in- or outdoors, are penalised by
+            match.kind.PRICE.
     """
-    if roll_deg:  # as of a camera that is not rolled
+    if roll_deg:  # as for a camera without roll
         unrolled = rotation_z(np.radians(roll_deg))
         shown = None if shown is None else shown.turned(unrolled)
         light_from_camera = light_from_camera @ unrolled.T
@@ -207,9 +208,9 @@ def _by_map(
     camera_from_light: np.ndarray,
     pitch_deg: float | None,
 ) -> tuple[dict[int, Match], np.ndarray]:
-    """Matches by index, the best first, and the rotation from the light's frame to theirs.
+    """Return matches by index, the best first, and the rotation from the light's frame to theirs.
 
-    pitch_deg: of the camera, in whose frame it is kept; None: not known.
+    pitch_deg: camera pitch, in whose frame it is kept; None: unknown.
     """
     if pitch_deg is None:
         return {one.index: one for one in find_matches(radiance, confidence, library)}, np.eye(3)
@@ -220,7 +221,7 @@ def _by_map(
 
 
 def stops_apart(radiance: np.ndarray, other: np.ndarray) -> float:
-    """By how many stops the irradiance of a plane that faces the camera is more in a map [H, 2H, 3] than in another."""
+    """Return by how many stops a map [H, 2H, 3] lights a plane that faces the camera more than another map does."""
     facing = [integral(one * np.maximum(pixel_directions(len(one))[..., 2:], 0.0)) for one in (radiance, other)]
     first, second = (max(float(luminance(one)), 1e-6) for one in facing)
     return float(np.log2(first / second))

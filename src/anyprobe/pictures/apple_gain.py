@@ -38,5 +38,5 @@ def apple_headroom(image: Image.Image, said: bytes = b"") -> float | None:
 
 
 def rec709_to_linear(values: np.ndarray) -> np.ndarray:
-    """The inverse of ITU-R BT.709's curve of values in [0, 1]."""
+    """Return the inverse of ITU-R BT.709's curve of values in [0, 1]."""
     return np.where(values < 0.081, values / 4.5, ((values + 0.099) / 1.099) ** (1 / 0.45))

@@ -30,7 +30,7 @@ _UPRIGHT = {
 
 
 def apple_numbers(image: Image.Image) -> dict[int, tuple[float, ...]]:
-    """The note's signed rationals; none where there is no note, or a damaged one."""
+    """Return the note's signed rationals; none where there is no note, or a damaged one."""
     try:
         note = bytes(image.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.MakerNote, b""))
         return _numbers(note)
@@ -39,7 +39,8 @@ def apple_numbers(image: Image.Image) -> dict[int, tuple[float, ...]]:
 
 
 def apple_posture_deg(image: Image.Image) -> tuple[float, float] | None:
-    """How far the camera looks down, and its roll as of estimate.ground.Ground, in degrees; None where that is unknown.
+    """Return how far the camera looks down, and its roll as of estimate.ground.Ground, in degrees; None where that is
+    unknown.
 
     Of the rear camera of a phone at rest, of a picture that is shown upright.
     """

@@ -87,7 +87,7 @@ def _hlg(values: np.ndarray) -> np.ndarray:
 
 
 def gamma(exponent: float) -> Callable[[np.ndarray], np.ndarray]:
-    """The power function."""
+    """Return the power function."""
     return lambda values: np.clip(values, 0.0, None) ** exponent
 
 
@@ -135,7 +135,7 @@ class ColorEncoding:
 
 @lru_cache(maxsize=64)
 def by_code_points(primaries: int, transfer: int, full_range: bool = True, bits: int = 8) -> ColorEncoding | None:
-    """The encoding of H.273's code points; None where one is reserved.
+    """Return the encoding of H.273's code points; None where one is reserved.
 
     full_range: whether 0 and 1 are black and white; else 16 and 235 of 255 are, at so many bits.
     """
@@ -153,7 +153,7 @@ def by_code_points(primaries: int, transfer: int, full_range: bool = True, bits:
 
 
 def by_numbers(chromaticities: tuple[float, ...] | None, exponent: float | None) -> ColorEncoding | None:
-    """The encoding of primaries and white, CIE x, y, and of a decoding exponent; what is None is sRGB's.
+    """Return the encoding of primaries and white, CIE x, y, and of a decoding exponent; what is None is sRGB's.
 
     None where the primaries are impossible.
     """
@@ -165,7 +165,7 @@ def by_numbers(chromaticities: tuple[float, ...] | None, exponent: float | None)
 
 
 def is_srgb(encoding: ColorEncoding) -> bool:
-    """Whether its numbers are sRGB's display values already, but for what profiles round."""
+    """Return whether its numbers are sRGB's display values already, but for what profiles round."""
     ramp = np.linspace(0.0, 1.0, 33)[:, None]
     values = np.concatenate(
         [ramp * color for color in np.array([[1, 1, 1], [1, 0.5, 0.5], [0.5, 1, 0.5], [0.5, 0.5, 1]])]
@@ -175,7 +175,7 @@ def is_srgb(encoding: ColorEncoding) -> bool:
 
 
 def is_linear(encoding: ColorEncoding) -> bool:
-    """Whether its numbers are proportional to light."""
+    """Return whether its numbers are proportional to light."""
     ramp = np.linspace(0.0, 1.0, 33, dtype=np.float32)[:, None].repeat(3, axis=1)
     return bool(np.allclose(encoding.decode(ramp), ramp, atol=2e-3))
 

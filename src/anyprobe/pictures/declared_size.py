@@ -17,7 +17,7 @@ from anyprobe.pictures.raw import HEAD_BYTES, is_raw, raw_size
 
 
 def declared_pixels(data: bytes) -> int:
-    """How many pixels a file's bytes would be decoded to, nothing decoded; 0 where it is no picture or map."""
+    """Return how many pixels a file's bytes would be decoded to, nothing decoded; 0 where it is no picture or map."""
     if data.startswith(EXR_MAGIC):
         return exr_pixels(data)
     if data.startswith(HDR_MAGIC):

@@ -43,7 +43,7 @@ _Entry = tuple[int, int, bytes]
 
 
 def sixteen_bits(image: ImageFile.ImageFile, reopen: Callable[[], ImageFile.ImageFile]) -> np.ndarray | None:
-    """A PNG or TIFF of 16-bit colour as uint16 [H, W, 2, 3 or 4]; None for any other.
+    """Return a PNG or TIFF of 16-bit colour as uint16 [H, W, 2, 3 or 4]; None for any other.
 
     Pillow keeps the upper byte of each value; read a second time as if in the other byte order, it keeps the lower.
 
@@ -76,12 +76,12 @@ def sixteen_bits(image: ImageFile.ImageFile, reopen: Callable[[], ImageFile.Imag
 
 
 def is_white_zero(image: Image.Image) -> bool:
-    """Whether 16-bit grey of a TIFF is stored as a negative, which Pillow leaves as it is."""
+    """Return whether 16-bit grey of a TIFF is stored as a negative, which Pillow leaves as it is."""
     return isinstance(image, TiffImageFile) and image.mode.startswith("I") and image.tag_v2.get(PHOTOMETRIC) == 0
 
 
 def heif_sixteen_bits(stream: BinaryIO) -> np.ndarray | None:
-    """A HEIC picture of more than 8 bits as uint16 [H, W, 3 or 4], upright; None for one of 8."""
+    """Return a HEIC picture of more than 8 bits as uint16 [H, W, 3 or 4], upright; None for one of 8."""
     import pillow_heif
 
     stream.seek(0)
@@ -108,7 +108,7 @@ class FloatPicture:
 
 
 def read_float_tiff(data: bytes, name: str) -> FloatPicture | None:
-    """A TIFF of floats of 16, 32 or 64 bits; None for any other file.
+    """Return a TIFF of floats of 16, 32 or 64 bits; None for any other file.
 
     It is given to Pillow, which decodes the compression, as a picture of bytes.
 
@@ -181,7 +181,7 @@ def float_tiff_size(data: bytes) -> tuple[int, int] | None:
 
 
 def turned_upright(values: np.ndarray, orientation: int) -> np.ndarray:
-    """An array [H, W, ...] upright, of EXIF's orientation."""
+    """Return an array [H, W, ...] upright, of EXIF's orientation."""
     if orientation in (5, 6, 7, 8):
         values = values.swapaxes(0, 1)
     if orientation in (2, 3, 6, 7):
@@ -196,7 +196,7 @@ def _damaged(name: str) -> InvalidPhoto:
 
 
 def _entries(data: bytes, order: str) -> dict[int, _Entry]:
-    """The first directory of a TIFF."""
+    """Return the first directory of a TIFF."""
     (at,) = struct.unpack_from(f"{order}I", data, 4)
     (count,) = struct.unpack_from(f"{order}H", data, at)
     found = {}
@@ -223,7 +223,7 @@ def _one(entries: dict[int, _Entry], tag: int, order: str, default: int | None =
 
 
 def _as_bytes(data: bytes, order: str, kept: dict[int, _Entry], width: int, tile_width: int) -> bytes:
-    """The same file with a directory that makes it a grey picture of 8 bits, so many pixels wide."""
+    """Return the same file with a directory that makes it a grey picture of 8 bits, so many pixels wide."""
     grey = {WIDTH: width, BITS: 8, PHOTOMETRIC: 1, SAMPLES: 1, PLANAR: 1, FORMAT: 1}
     grey |= {TILE_WIDTH: tile_width} if tile_width else {}
     entries = kept | {tag: (4, 1, struct.pack(f"{order}I", value)) for tag, value in grey.items()}

@@ -82,7 +82,7 @@ def said_encoding(image: Image.Image, stream: BinaryIO | None) -> tuple[ColorEnc
 
 
 def shown(picture: Image.Image | np.ndarray, encoding: ColorEncoding | None, profile: bytes = b"") -> DisplayPixels:
-    """A picture in sRGB: of an encoding, or of a profile, or of neither.
+    """Return a picture in sRGB: of an encoding, or of a profile, or of neither.
 
     picture: L, RGB or CMYK of Pillow; or [H, W] or [H, W, 3] of 16 bits or floats.
     """

@@ -142,7 +142,7 @@ def _apples(image: Image.Image, headroom: float) -> GainMap:
 
 
 def find_gain_map(data: bytes) -> GainMap | None:
-    """The gain map of a JPEG by Ultra HDR or ISO; None where it has none that brightens, or a damaged one."""
+    """Return the gain map of a JPEG by Ultra HDR or ISO; None where it has none that brightens, or a damaged one."""
     for number, picture in enumerate(jpeg_pictures(data)):
         if number == 0:
             continue
@@ -165,8 +165,8 @@ _APPLE = re.compile(rb"hdrgainmap", re.IGNORECASE)
 
 
 def misses_gain_map(image: Image.Image, stream: BinaryIO | None, display: np.ndarray) -> bool:
-    """Whether a picture [H, W, 3] without radiance is white in places and its file holds a gain map that could not be
-    read: Apple's without its headroom, say."""
+    """Return whether a picture [H, W, 3] without radiance is white in places and its file holds a gain map that could
+    not be read: Apple's without its headroom, say."""
     if stream is None or image.format not in ("MPO", "HEIF", "AVIF"):
         return False
     if (display.max(axis=-1) >= _CLIPPED).mean() < MUCH:
@@ -180,7 +180,7 @@ def misses_gain_map(image: Image.Image, stream: BinaryIO | None, display: np.nda
 
 
 def _checked(image: Image.Image, *numbers: np.ndarray) -> GainMap | None:
-    """A map of numbers that can be meant; ValueError for others."""
+    """Return a map of numbers that can be meant; ValueError for others."""
     low, high, gamma, base_offset, offset = (np.broadcast_to(np.asarray(one, np.float32), 3) for one in numbers)
     usual = np.abs([low, high]).max() <= MOST_STOPS and (gamma > 0.01).all() and (gamma < 100.0).all()
     if not usual or not (np.abs([base_offset, offset]) <= 1.0).all() or (high < low).any():
@@ -193,7 +193,7 @@ def _checked(image: Image.Image, *numbers: np.ndarray) -> GainMap | None:
 
 
 def _decoded(picture: bytes) -> Image.Image:
-    """A map's JPEG, L or RGB; ValueError where it is damaged or too large."""
+    """Return a map's JPEG, L or RGB; ValueError where it is damaged or too large."""
     try:
         stored = JpegImageFile(io.BytesIO(picture), "")
         if stored.width * stored.height > MAX_MAP_PIXELS:
@@ -221,7 +221,7 @@ def _of_iso(data: bytes) -> tuple[np.ndarray, ...] | None:
 
 
 def _of_xmp(data: bytes) -> tuple[np.ndarray, ...] | None:
-    """The same of Ultra HDR's XMP."""
+    """Return the same of Ultra HDR's XMP."""
     text = data.decode("utf-8", "replace")
     if not data.startswith(XMP) or "hdrgm:GainMapMax" not in text or 'BaseRenditionIsHDR="True"' in text:
         return None

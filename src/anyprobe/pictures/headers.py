@@ -89,7 +89,7 @@ class UnknownPicture(Exception):
 
 
 def open_picture(stream: BinaryIO, name: str = "photo") -> ImageFile.ImageFile:
-    """A picture whose header is read and whose pixels are not.
+    """Return a picture whose header is read and whose pixels are not.
 
     Image.open would warn of pictures that are large; how large they may be is judged here.
 
@@ -186,7 +186,7 @@ def kind_of(head: bytes, num_bytes: int) -> tuple[str, tuple[Remedy, ...]]:
 
 
 def is_turned(image: Image.Image) -> bool:
-    """Whether its reader has turned it already: a JPEG XL that is not a JPEG packed anew."""
+    """Return whether its reader has turned it already: a JPEG XL that is not a JPEG packed anew."""
     return image.format == "JXL" and not getattr(image, "jpeg", False)
 
 
@@ -235,7 +235,8 @@ def jxl_size(data: bytes) -> tuple[int, int]:
 
 
 def _jxl_codestream(data: bytes) -> bytes:
-    """The first bytes of the pixels in a file of boxes (ISO/IEC 18181-2), nothing where they are not in these."""
+    """Return the first bytes of the pixels in a file of boxes (ISO/IEC 18181-2), nothing where they are not in
+    these."""
     at, code = 0, b""
     while at + 8 <= len(data) and len(code) < 32:
         size, kind, head = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8], 8

@@ -84,7 +84,7 @@ def _references(data: bytes, span: Span) -> dict[tuple[bytes, int], list[int]]:
 
 
 def _place(data: bytes, span: Span, wanted: int, idat: Span | None) -> Span | None:
-    """Where an item of one piece is; None where it is elsewhere."""
+    """Return where an item of one piece is; None where it is elsewhere."""
     at, version = span[0] + 4, data[span[0]]
     offset_size, length_size = data[at] >> 4, data[at] & 15
     base_size, index_size = data[at + 1] >> 4, data[at + 1] & 15 if version else 0

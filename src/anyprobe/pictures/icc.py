@@ -30,7 +30,7 @@ Curve = Callable[[np.ndarray], np.ndarray]
 
 
 def encoding_of(profile: bytes) -> ColorEncoding | None:
-    """The encoding of a profile of code points, or of curves and primaries, or of one grey curve.
+    """Return the encoding of a profile of code points, or of curves and primaries, or of one grey curve.
 
     None where it is damaged, or holds tables or another colour space.
     """
@@ -60,7 +60,7 @@ def encoding_of(profile: bytes) -> ColorEncoding | None:
 
 
 def converted(image: Image.Image, profile: bytes) -> Image.Image:
-    """A picture of 8 bits (L, RGB or CMYK) in sRGB, by LittleCMS.
+    """Return a picture of 8 bits (L, RGB or CMYK) in sRGB, by LittleCMS.
 
     Raises:
         ValueError: the profile is damaged, or of another kind of picture.
@@ -78,7 +78,7 @@ def converted(image: Image.Image, profile: bytes) -> Image.Image:
 
 
 def _tags(profile: bytes) -> dict[str, bytes]:
-    """A profile's tags by signature; struct.error or ValueError where it is none."""
+    """Return a profile's tags by signature; struct.error or ValueError where it is none."""
     if profile[36:40] != b"acsp":
         raise ValueError("no profile")
     (count,) = struct.unpack_from(">I", profile, _HEADER_BYTES)
@@ -94,7 +94,7 @@ def _xyz(tag: bytes) -> np.ndarray:
 
 
 def _curve(tag: bytes) -> Curve:
-    """A curve's tag as a function of values in [0, 1]."""
+    """Return a curve's tag as a function of values in [0, 1]."""
     if tag[:4] == b"para":
         (kind,) = struct.unpack_from(">H", tag, 8)
         names = PARAMETRIC[kind]

@@ -274,7 +274,7 @@ def _again(stream: BinaryIO, name: str) -> ImageFile.ImageFile:
 
 
 def _opaque(image: Image.Image) -> tuple[Image.Image | np.ndarray, np.ndarray | None]:
-    """A picture without its transparency (L, RGB or CMYK; or values of 16 bits or floats), and that, or None."""
+    """Return a picture without its transparency (L, RGB or CMYK; or values of 16 bits or floats), and that, or None."""
     alpha = None
     if image.mode == "LA":
         return image.getchannel("L"), np.asarray(image.getchannel("A"))

@@ -14,7 +14,7 @@ _MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])")
 
 
 def jpeg_pictures(data: bytes) -> Iterator[bytes]:
-    """The JPEG pictures of a file, one behind the other."""
+    """Yield the JPEG pictures of a file, one behind the other."""
     at = 0
     for _ in range(MAX_PICTURES):
         at = data.find(_START, at)
@@ -26,7 +26,7 @@ def jpeg_pictures(data: bytes) -> Iterator[bytes]:
 
 
 def jpeg_end(data: bytes, start: int = 0) -> int:
-    """Where the JPEG that begins at a byte ends."""
+    """Return where the JPEG that begins at a byte ends."""
     at = start + 2
     while (marker := _MARKER.search(data, at)) and marker[1] != b"\xd9":
         at = marker.end()

@@ -84,7 +84,7 @@ def photo_depth(image: Image.Image, stream: BinaryIO | None, name: str) -> Float
 
 
 def _of_heic(image: Image.Image) -> np.ndarray | None:
-    """An auxiliary picture of a HEIC."""
+    """Return an auxiliary picture of a HEIC."""
     found = (image.info.get("depth_images") or [None])[0]
     if found is None:
         return None
@@ -104,7 +104,7 @@ def _of_heic(image: Image.Image) -> np.ndarray | None:
 
 
 def _of_apple_jpeg(data: bytes) -> np.ndarray | None:
-    """A picture behind the first, with Apple's XMP of its own."""
+    """Return a picture behind the first, with Apple's XMP of its own."""
     for number, picture in enumerate(jpeg_pictures(data)):
         for xmp in app_segments(picture) if number else ():
             documents = _parsed(xmp[len(XMP) :]) if xmp.startswith(XMP) else ()
@@ -122,7 +122,7 @@ def _of_apple_jpeg(data: bytes) -> np.ndarray | None:
 
 
 def _of_gdepth(documents: list[ElementTree.Element]) -> np.ndarray | None:
-    """A picture in XMP; what it means may stand in another part of the XMP."""
+    """Return a picture in XMP; what it means may stand in another part of the XMP."""
     said: dict[str, str] = {}
     for document in documents:
         for properties in _properties(document, _GDEPTH):
@@ -133,7 +133,7 @@ def _of_gdepth(documents: list[ElementTree.Element]) -> np.ndarray | None:
 
 
 def _of_dynamic_depth(data: bytes, documents: list[ElementTree.Element]) -> np.ndarray | None:
-    """An item of the container that begins where the first JPEG ends."""
+    """Return an item of the container that begins where the first JPEG ends."""
     maps = [said for document in documents for said in _properties(document, _DYNAMIC)]
     if not maps:
         return None
@@ -180,7 +180,7 @@ def _depth(levels: np.ndarray, low: float, high: float, *, inverse: bool) -> np.
 
 
 def _opened(data: bytes) -> Image.Image:
-    """A depth map's JPEG or PNG."""
+    """Return a depth map's JPEG or PNG."""
     picture = open_picture(io.BytesIO(data))
     if picture.format not in ("JPEG", "MPO", "PNG"):
         raise _Unread(f"one as {picture.format}")

@@ -33,7 +33,8 @@ HEAD_BYTES = 1 << 20
 
 
 def is_raw(head: bytes, name: str) -> bool:
-    """Whether a file is a camera's raw data, by its first bytes; a TIFF by its directories within HEAD_BYTES of them.
+    """Return whether a file is a camera's raw data, by its first bytes; a TIFF by its directories within HEAD_BYTES of
+    them.
 
     name: whose suffix counts where the directories lie further on.
     """
@@ -45,7 +46,7 @@ def is_raw(head: bytes, name: str) -> bool:
 
 
 def _has_mosaic(data: bytes) -> bool:
-    """Whether a directory of a TIFF is of raw data."""
+    """Return whether a directory of a TIFF is of raw data."""
     order = "<" if data[:2] == b"II" else ">"
     places = [struct.unpack_from(f"{order}I", data, 4)[0]] if len(data) >= 8 else []
     seen: set[int] = set()
@@ -91,7 +92,7 @@ def raw_size(data: bytes) -> tuple[int, int] | None:
 
 
 def develop(data: bytes, name: str) -> tuple[np.ndarray, tuple[str, ...]]:
-    """A raw photo as linear Rec. 709 radiance [H, W, 3] float32, upright, and warnings.
+    """Return a raw photo as linear Rec. 709 radiance [H, W, 3] float32, upright, and warnings.
 
     White balance of the camera, the sensor's saturation at 1, nothing brightened.
 

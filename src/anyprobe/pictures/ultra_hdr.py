@@ -63,7 +63,7 @@ def _jpeg(display: np.ndarray, quality: int) -> bytes:
 
 
 def _with_segments(picture: bytes, segments: list[tuple[int, bytes]]) -> bytes:
-    """A JPEG with application segments behind its start; readers that look for the next marker find one."""
+    """Return a JPEG with application segments behind its start; readers that look for the next marker find one."""
     parts = [struct.pack(">BBH", 0xFF, kind, 2 + len(body)) + body for kind, body in segments]
     return picture[:2] + b"".join(parts) + picture[2:]
 

@@ -1,10 +1,10 @@
 """The real object's material, and a lower bound of the light's level, from its photo.
 
-A sphere of each of a few widths alpha is shaded under the estimate. As a dielectric (f0 0.045) its albedo,
-as a metal its f0 is the one whose sphere has the object's mean colour: the shading is linear in either, so
-this is one division a channel. Of those the one is taken whose luminances, sorted, are nearest to the
-object's in display values: shape is not known, so where on the object they lie does not count. A light
-whose colour was taken for the object's, or the other way round, cannot be found out this way.
+A sphere of each of several widths alpha is shaded under the estimate. As a dielectric (f0 0.045) its albedo,
+as a metal its f0 is chosen so that the sphere has the object's mean colour: the shading is linear in either, so
+this is one division a channel. The best sphere is the one whose luminances, sorted, are nearest to the object's
+in display values: the shape is unknown, so where on the object they lie does not count. This cannot detect a
+light's colour that was mistaken for the object's, or the reverse.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ ALPHAS = (0.05, 0.15, 0.35, 0.8)
 DIELECTRIC_F0 = 0.045
 LEAST_METAL_F0 = 0.2
 MOST_REFLECTED = 0.9
-"""The largest share of the light that is reflected; paper and silver send back about so much."""
+"""Largest share of the light that is reflected; roughly that of paper and silver."""
 
 MOST_PIXELS = 1 << 22
-"""The most pixels of a photo that its object's brightness and colour are taken from."""
+"""Largest number of photo pixels from which the object's brightness and colour are computed."""
 
 _SPHERE = 24
 NUM_QUANTILES = 32
 
 
 def material_from_photo(photo: Photo, radiance: np.ndarray) -> Material:
-    """The best of the materials above for the masked pixels under a map [H, 2H, 3] of the camera's frame."""
+    """Choose the best of these materials for the masked pixels under a map [H, 2H, 3] in the camera's frame."""
     seen = _seen_of_object(photo)
     mean = inverse_response(seen).mean(axis=0)
     quantiles = np.quantile(luminance(seen), _levels())
-    # a larger map would be read at points between which a sun is lost
+    # a larger map would be read at points, and a sun between them lost
     pyramid, u = build_pyramid(reduced(radiance), side=64, emitters=NUM_EMITTERS), hammersley(64)
     n, _ = sphere_normals(_SPHERE)
     wo = np.broadcast_to(np.array([0, 0, 1], np.float32), n.shape)
@@ -55,11 +55,11 @@ def material_from_photo(photo: Photo, radiance: np.ndarray) -> Material:
 
 
 def least_scale(photo: Photo, radiance: np.ndarray) -> float:
-    """The gain, at least 1, that a map needs so that the object sends back no more than MOST_REFLECTED.
+    """Return the gain, at least 1, that a map needs so that the object reflects no more than MOST_REFLECTED.
 
-    Estimates tend to be too dim where the emitters are small and strong; the real object then looks
-    brighter than anything could under them, and a virtual one beside it looks unlit. The object is taken
-    for a sphere, of paper or a mirror, whichever shows more of the map [H, 2H, 3].
+    Estimates tend to be too dim where the emitters are small and strong; the real object is then
+    brighter than anything could be under them, and a virtual one beside it looks unlit. The object is treated
+    as a sphere, of paper or a mirror, whichever shows more of the map [H, 2H, 3].
     """
     seen = _seen_of_object(photo)
     on = sphere_normals(_SPHERE)[1]
@@ -68,7 +68,8 @@ def least_scale(photo: Photo, radiance: np.ndarray) -> float:
 
 
 def _seen_of_object(photo: Photo) -> np.ndarray:
-    """Display values [N, 3] of its pixels; of a large photo those of every few rows and columns, if they show it."""
+    """Return display values [N, 3] of the object's pixels; of a large photo only every few rows and columns, if
+    enough."""
     for step in (int(np.ceil(np.sqrt(photo.mask.size / MOST_PIXELS))), 1):
         rgb, mask = photo.rgb[::step, ::step], photo.mask[::step, ::step]
         for least in (0.9, 0.5):
@@ -78,7 +79,7 @@ def _seen_of_object(photo: Photo) -> np.ndarray:
 
 
 def _candidates(sphere, mean: np.ndarray, alpha: float):
-    """A dielectric and, unless it would hardly reflect, a metal with the mean colour [3]."""
+    """Yield a dielectric and, unless it would hardly reflect, a metal with the mean colour [3]."""
     specular, grazing, diffuse = (
         np.maximum(part.mean(axis=0), 1e-6) for part in (sphere.specular, sphere.grazing, sphere.diffuse)
     )

@@ -1,7 +1,7 @@
-"""Ground maps: what an object mirrors below the horizon, the ground as the photo shows it.
+"""Ground maps: the photo's ground as an object mirrors it below the horizon.
 
-The ground is seen from the object's middle, so that one map serves all of its points. Where the photo does not show it,
-or the real object hides it, it has its mean colour around the object's foot; the object's own shadow lies on it.
+The ground is seen from the object's middle, so that one map serves all of its points. Ground outside the photo or
+hidden by the real object has the mean colour around the object's foot; the object's own shadow lies on it.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 _ROWS = 128
-"""Fewest rows of the map."""
+"""Smallest number of rows of the map."""
 
 MOST_SIDE = 512
-"""Pixels of the photo along its longer side that are looked at."""
+"""Largest length [px] of the photo's longer side; larger ones are reduced."""
 
 EDGE = 0.08
-"""Over this share of the photo's shorter side its pixels give way to the mean colour."""
+"""Width of the photo's rim, as a share of its shorter side, over which its pixels blend into the mean colour."""
 
 
 def with_ground(
@@ -38,14 +38,14 @@ def with_ground(
     color: np.ndarray,
     shadow: GroundShadow | None = None,
 ) -> Float[np.ndarray, "K 2*K 3"]:
-    """A map of the camera's frame with the ground below its horizon, of at least _ROWS rows.
+    """Add the ground below the horizon to a map in the camera's frame, of at least _ROWS rows.
 
     Args:
-        color: [3], linear radiance of the ground where the photo does not show it.
-        shadow: on it; None: none.
+        color: [3], linear radiance of the ground outside the photo.
+        shadow: on the ground; None: none.
     """
     times = max(1, _ROWS // radiance.shape[0])
-    light = radiance.repeat(times, axis=0).repeat(times, axis=1)  # no power is lost or moved
+    light = radiance.repeat(times, axis=0).repeat(times, axis=1)  # power is neither lost nor moved
     rows = light.shape[0]
     v, u = ((np.arange(n) + 0.5) / n for n in (rows, 2 * rows))
     directions = uv_to_direction(np.stack(np.meshgrid(u, v), axis=-1))
@@ -65,7 +65,7 @@ def with_ground(
 
 
 def _seen(photo: Photo, view: View, points: np.ndarray, color: np.ndarray) -> np.ndarray:
-    """Linear radiance [P, 3] of points of the ground."""
+    """Return linear radiance [P, 3] of points of the ground."""
     step = -(-max(view.width, view.height) // MOST_SIDE)
     rgb, hidden = photo.rgb[::step, ::step], photo.mask[::step, ::step]
     pixels = view.pixels(points)

@@ -1,4 +1,4 @@
-"""The photo's camera over a horizontal plane, and where on it the real object stands.
+"""The photo's camera over a horizontal plane, and the place of the real object on it.
 
 Everything is in the camera's frame (+X right, +Y up, looking along -Z); the unit of length is the
 camera's height over the ground, which a photo does not determine and nothing here needs.
@@ -18,22 +18,25 @@ from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
 
 UNKNOWN_LENS_DEG = 38.0
-"""Along the longer side, where neither EXIF nor the caller gives it. Of a cropped or zoomed photo the 65
-degrees that estimates take would stretch a sphere near its border; too narrow a guess shows far less."""
+"""Field of view [degrees] of the longer side, where neither EXIF nor the caller gives it.
+
+In a cropped or zoomed photo the 65 degrees that estimates assume would stretch a sphere near its border; too narrow a
+guess is far less visible.
+"""
 
 VIEW_STRIP_PIXELS = 1 << 18
-"""Pixels whose places on the ground are worked out at once: some 200 bytes each."""
+"""Pixels whose places on the ground are computed at once, some 200 bytes each."""
 
 LEAST_ROLL_DEG = 4.0
-"""An estimated roll below this is as likely none."""
+"""Smallest estimated roll [degrees] that is used; one below it may as well be none."""
 
 LEAST_ABOVE = 0.02
-"""Ground is used up to this far below the horizon, of the photo's height."""
+"""Distance below the horizon from which ground is used, as a share of the photo's height."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class View:
-    """A pinhole photo over the plane up . x = -1.
+    """Pinhole photo over the plane up . x = -1.
 
     width, height: of the photo [px]. focal: [px]. up: [3] unit vector away from the ground.
     """
@@ -54,26 +57,27 @@ class View:
         return self.height / 2 - self.focal * float(self.up[2] / self.up[1]) + LEAST_ABOVE * self.height
 
     def row_at_depth(self, depth: float) -> float:
-        """Where the ground that is so far away along the camera's axis is seen, in the photo's middle column."""
+        """Return the row of the ground at this depth along the camera's axis, in the photo's middle column."""
         return self.height / 2 + self.focal * (1 / depth - float(self.up[2])) / float(self.up[1])
 
     def rays(self, x, y) -> np.ndarray:
-        """Directions [..., 3] with z = -1 through points of the photo; pixel i covers [i, i + 1)."""
+        """Return directions [..., 3] with z = -1 through points of the photo; pixel i covers [i, i + 1)."""
         x, y = np.asarray(x, float), np.asarray(y, float)
         return np.stack(
             [(x - self.width / 2) / self.focal, (self.height / 2 - y) / self.focal, -np.ones_like(x)], axis=-1
         )
 
     def on_ground(self, x, y) -> np.ndarray:
-        """Points [..., 3] of the ground seen at x, y; NaN from the horizon upwards."""
+        """Return the points [..., 3] of the ground seen at x, y; NaN from the horizon upwards."""
         rays = self.rays(x, y)
         down = -(rays @ self.up)
         return rays / np.where(down > 1e-4, down, np.nan)[..., None]
 
     def part_around(self, point: np.ndarray, reach: float) -> Part:
-        """Rows and columns of the photo that show the square of ground [-reach, reach] along orthonormal_basis(up).
+        """Return rows and columns of the photo that show the square of ground [-reach, reach] along
+        orthonormal_basis(up).
 
-        All of them where that reaches the camera.
+        The whole photo if that reaches the camera.
         """
         side, across = orthonormal_basis(self.up)
         corners = point + reach * np.array([x * side + y * across for x in (-1, 1) for y in (-1, 1)])
@@ -85,7 +89,7 @@ class View:
         return slice(top, bottom), slice(left, right)
 
     def ground_strips(self, part: Part | None = None) -> Iterator[tuple[Part, np.ndarray]]:
-        """on_ground of all pixels' centres from the top down, a few rows at a time: which pixels, and [R, C, 3].
+        """Yield on_ground of all pixels' centres from the top down, a few rows at a time: the pixels, and [R, C, 3].
 
         part: rows and columns; None for the whole photo.
         """
@@ -93,19 +97,19 @@ class View:
             yield strip, self.ground_of(strip)
 
     def strips(self, part: Part | None = None) -> list[Part]:
-        """The pixels of ground_strips alone."""
+        """Return only the pixels of ground_strips."""
         lines, columns = part or (slice(0, self.height), slice(0, self.width))
         step = max(1, VIEW_STRIP_PIXELS // max(columns.stop - columns.start, 1))
         tops = range(lines.start, lines.stop, step)
         return [(slice(top, min(top + step, lines.stop)), columns) for top in tops]
 
     def ground_of(self, strip: Part) -> np.ndarray:
-        """on_ground of the centres of these pixels, [R, C, 3]."""
+        """Return on_ground of the centres of these pixels, [R, C, 3]."""
         y, x = np.mgrid[strip] + 0.5
         return self.on_ground(x.ravel(), y.ravel()).reshape(*x.shape, 3)
 
     def pixels(self, points: np.ndarray) -> np.ndarray:
-        """Where points [..., 3] in front of the camera appear, [..., 2] px."""
+        """Return where points [..., 3] in front of the camera appear, [..., 2] px."""
         depth = np.maximum(-points[..., 2], 1e-6)
         return np.stack(
             [
@@ -117,11 +121,11 @@ class View:
 
 
 def view_of(photo: Photo, pitch_deg: float | None = None, found: Ground | None = None) -> tuple[View, float]:
-    """The photo's camera over its ground, and the pitch taken.
+    """Return the photo's camera over its ground, and the pitch used.
 
     Args:
-        pitch_deg: how far the camera looks down; None: the photo's own.
-        found: the ground that was estimated with the light; None: estimate_ground's guess. Unless the pitch is given,
+        pitch_deg: camera pitch downwards; None: the photo's own.
+        found: the ground estimated with the light; None: estimate_ground's guess. Unless the pitch is given,
             the camera sees the ground at the base at least LEAST_SLOPE_DEG below the horizon.
     Raises:
         InputError: the base would lie at or above the horizon.

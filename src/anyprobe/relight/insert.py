@@ -1,4 +1,4 @@
-"""A virtual object beside the real one of a photo, lit by the estimate of its light."""
+"""Insertion of a virtual object beside the real one of a photo, under the estimated light."""
 
 from __future__ import annotations
 
@@ -29,27 +29,27 @@ from anyprobe.render.surface import Camera
 from anyprobe.scatter.materials import Material, material_named
 
 BORDER_PX = 2
-"""Kept around the object's window for its soft edge."""
+"""Border [px] around the object's window, for its soft edge."""
 MOST_DRAWN = 512
-"""Pixels that an object is drawn across; in larger photos it is enlarged, as their own pixels are hardly sharper."""
+"""Largest size [px] that an object is drawn at; in larger photos it is enlarged, as their own pixels are hardly
+sharper."""
 ENLARGED_SUPERSAMPLE = 2
-"""Points of a pixel, along a side, of an object that is enlarged."""
+"""Samples of a pixel, along a side, of an object that is enlarged."""
 MOST_SHADED = 1024
-"""Places along a side of the shadow's part of the photo where it is worked out, four times its own grid; in larger
-photos it is enlarged."""
+"""Largest number of shadow samples along a side of its part of the photo; larger parts are enlarged."""
 THREADS = 2
-"""That darken strips of the ground at a time."""
+"""Number of threads that darken strips of the ground."""
 MOST_PATHS = 1 << 25
-"""The most paths that are traced for one object."""
+"""Largest number of paths that are traced for one object."""
 MIRRORED_DIRECTIONS, MIRRORED_GRID = 32, 64
-"""Directions and grid side of the shadow on the ground that an object mirrors."""
+"""Number of directions and grid side of the shadow on the ground that an object mirrors."""
 LEAST_SHADOW = 1 / 1024
-"""A quarter of a display step; weaker shadows leave the photo as it is."""
+"""Smallest visible shadow, a quarter of a display step; weaker ones leave the photo unchanged."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ObjectWindow:
-    """The square part of the photo that the object covers: its corner and side [px], and its camera."""
+    """Square part of the photo that the object covers: its corner and side [px], and its camera."""
 
     left: int
     top: int
@@ -57,7 +57,7 @@ class ObjectWindow:
     camera: Camera
 
     def part(self, height: int, width: int) -> Part:
-        """Return the slices of a photo of that size that show it."""
+        """Return the slices of a photo of this size that show it."""
         return (
             slice(max(self.top, 0), min(self.top + self.size, height)),
             slice(max(self.left, 0), min(self.left + self.size, width)),
@@ -65,7 +65,7 @@ class ObjectWindow:
 
 
 def window_of(placement: Placement, view: View) -> ObjectWindow | None:
-    """The smallest square of whole pixels around what the photo shows of the object; None where that is nothing."""
+    """Return the smallest square of whole pixels around the visible part of the object; None if nothing is visible."""
     pixels, sides = view.pixels(placement.mesh.positions), np.array([view.width, view.height])
     low = np.floor(np.clip(pixels.min(axis=0), 0, sides)).astype(int)
     high = np.ceil(np.clip(pixels.max(axis=0), 0, sides)).astype(int)
@@ -85,10 +85,10 @@ def window_of(placement: Placement, view: View) -> ObjectWindow | None:
 
 
 def cast_shadow(photo: Photo, view: View, shadow: GroundShadow, part: Part | None = None) -> np.ndarray:
-    """A part of the photo [R, C, 3], or all of it, with the shadow on its ground.
+    """Return a part of the photo [R, C, 3], or all of it, with the shadow on its ground.
 
-    The real object and what lies above the horizon get none; pixels that lose nothing keep their bits. Of the photo
-    only what shows the shadow's square is looked at, which the part must hold.
+    The real object and everything above the horizon stay unshadowed; pixels that lose nothing keep their bits. Only the
+    pixels that show the shadow's square are read, and the part must contain them.
     """
     part = part or (slice(0, view.height), slice(0, view.width))
     picture, shown = photo.rgb[part].copy(), view.part_around(shadow.foot, shadow.reach)
@@ -100,15 +100,15 @@ def cast_shadow(photo: Photo, view: View, shadow: GroundShadow, part: Part | Non
         under = picture[within(strip, part)]
         under[touched] = response(plate_of(photo, strip, touched) * ratio[touched])
 
-    with ThreadPoolExecutor(THREADS) as pool:  # each strip is its own part of the picture
+    with ThreadPoolExecutor(THREADS) as pool:  # each strip is a separate part of the picture
         list(pool.map(darken, view.strips(shown)))
     return picture
 
 
 def plate_of(photo: Photo, part: Part, on: np.ndarray | slice = slice(None)) -> np.ndarray:
-    """Linear radiance of what a part of the photo shows [..., 3], above white too where the photo says so.
+    """Return linear radiance of a part of the photo [..., 3], above white too where the photo holds that.
 
-    on: which pixels of the part, [R, C] bool.
+    on: pixels of the part, [R, C] bool.
     """
     plate = inverse_response(photo.rgb[part][on])
     if photo.radiance is None:
@@ -119,7 +119,7 @@ def plate_of(photo: Photo, part: Part, on: np.ndarray | slice = slice(None)) -> 
 
 def ratio_over(view: View, shadow: GroundShadow, part: Part) -> Callable[[Part], np.ndarray]:
     """Return a function from strips of a part of the photo to the shadow's transmittance there, [R, C, 3],
-    from MOST_SHADED places a side."""
+    interpolated from MOST_SHADED samples a side."""
     corner, size = [side.start for side in part], [side.stop - side.start for side in part]
     count = [min(side, MOST_SHADED) for side in size]
 
@@ -141,7 +141,7 @@ def ratio_over(view: View, shadow: GroundShadow, part: Part) -> Callable[[Part],
             for side, c, n, s in zip(strip, corner, count, size, strict=True)
         )
         shape = int(strip[1].stop - strip[1].start), int(strip[0].stop - strip[0].start)
-        box = (left, top, min(right, count[1]), min(bottom, count[0]))  # rounding may lead out of the picture
+        box = (left, top, min(right, count[1]), min(bottom, count[0]))  # rounding may go beyond the picture
         found = [one.resize(shape, Image.Resampling.BILINEAR, box=box) for one in channels]
         return np.stack([np.asarray(one) for one in found], axis=-1)
 
@@ -149,7 +149,7 @@ def ratio_over(view: View, shadow: GroundShadow, part: Part) -> Callable[[Part],
 
 
 def within(part: Part, outer: Part) -> Part:
-    """Rows and columns of the photo as those of a part of it."""
+    """Convert rows and columns of the photo to those of a part of it."""
     rows, columns = (
         slice(side.start - whole.start, side.stop - whole.start) for side, whole in zip(part, outer, strict=True)
     )
@@ -159,13 +159,13 @@ def within(part: Part, outer: Part) -> Part:
 def lay_object_over(
     picture: np.ndarray, part: Part, drawn: np.ndarray, window: ObjectWindow, photo: Photo, behind: bool = False
 ) -> None:
-    """Lay an object [S, S, 4] (linear radiance, coverage) over a part of a display picture, which is changed.
+    """Composite an object [S, S, 4] (linear radiance, coverage) over a part of a display picture, in place.
 
-    Edges are mixed in linear light, as compositors do.
+    Edges are mixed in linear light, as in compositors.
 
     Args:
-        picture: [R, C, 3], those rows and columns of the photo; they hold what it shows of the window.
-        behind: whether the real object hides it.
+        picture: [R, C, 3], those rows and columns of the photo; contains the window's visible part.
+        behind: whether the real object occludes it.
     """
     height, width = photo.mask.shape
     shown = window.part(height, width)
@@ -180,7 +180,7 @@ def lay_object_over(
 
 
 def enlarged(drawn: np.ndarray, size: int) -> np.ndarray:
-    """A drawn object [S, S, 4] (linear radiance, coverage) of more pixels, bilinearly; unchanged if it has them."""
+    """Enlarge a drawn object [S, S, 4] (linear radiance, coverage) bilinearly; unchanged if it is that large."""
     if drawn.shape[0] == size:
         return drawn
     parts = np.concatenate([drawn[..., :3] * drawn[..., 3:], drawn[..., 3:]], axis=-1).astype(np.float32)
@@ -192,20 +192,20 @@ def enlarged(drawn: np.ndarray, size: int) -> np.ndarray:
 RENDERERS = ("auto", "own", "mitsuba")
 
 NOT_BESIDE = {Side.front: "in front of it", Side.behind: "behind it"}
-"""Said of a place that was not asked for."""
+"""Wording of warnings about a place other than beside the real object."""
 
 PHOTO_MATERIAL = "photo"
-"""The real object's own, as estimated from the photo (relight.appearance)."""
+"""Material name of the real object's own, as estimated from the photo (relight.appearance)."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Arrangement:
-    """Where the virtual object stands, in the units of relight.ground_view.
+    """Place of the virtual object, in the units of relight.ground_view.
 
     size: its height over the real object's. at: x, y of its foot in the photo [px], None for
-    beside the real object. turn_deg: about its vertical axis. pitch_deg: how far the camera looks
-    down, None for the ground's. ground: of the photo's estimate (Light.ground); None: guessed. match_shadow: whether
-    the shadow is made as deep as the real object's, where one is seen, see relight.real_shadow.
+    beside the real object. turn_deg: about its vertical axis. pitch_deg: camera pitch downwards, None for
+    the ground's. ground: the photo's estimated ground (Light.ground); None: guessed. match_shadow: whether to make
+    the shadow as deep as the real object's, where one is seen, see relight.real_shadow.
     """
 
     size: float = 0.5
@@ -248,8 +248,8 @@ class Stage:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """One line each for what of the place is not as one would expect: not beside the real object, cut off, or on a
-        ground that the photo does not show."""
+        """One line for each surprise about the place: not beside the real object, cut off, or on a ground that the
+        photo does not show."""
         said = []
         side = self.placement.side
         if side in NOT_BESIDE:
@@ -267,13 +267,13 @@ class Stage:
         return tuple(said)
 
     def on(self, photo: Photo) -> Stage:
-        """The same place in another photo of the same camera, a frame of a video."""
+        """Return the stage in another photo of the same camera, a frame of a video."""
         other = copy(self)
         other.photo = photo
         return other
 
     def shadow(self, radiance: np.ndarray, count: int = NUM_DIRECTIONS, grid: int = SHADOW_CELLS) -> GroundShadow:
-        """The object's shadow under a map [H, 2H, 3] of the camera's frame."""
+        """Return the object's shadow under a map [H, 2H, 3] of the camera's frame."""
         spot = self.placement
         shadow = GroundShadow(spot.mesh, spot.foot, spot.radius, self.view.up, radiance, count, grid)
         if self.is_shadow_matched:
@@ -288,7 +288,7 @@ class Stage:
         shadow: GroundShadow | None = None,
         drawn: np.ndarray | None = None,
     ) -> np.ndarray:
-        """The photo with the object in it, [H, W, 3] display values in [0, 1]; arguments as change has them."""
+        """Return the photo with the object in it, [H, W, 3] display values in [0, 1]; see change for the arguments."""
         part, changed = self.change(radiance, material, renderer, shadow, drawn)
         picture = self.photo.rgb.copy()
         picture[part] = changed
@@ -302,14 +302,14 @@ class Stage:
         shadow: GroundShadow | None = None,
         drawn: np.ndarray | None = None,
     ) -> tuple[Part, np.ndarray]:
-        """The rows and columns of the photo that object and shadow may change, and what it shows there, [R, C, 3].
+        """Return the rows and columns that object and shadow may change, and the new pixels there, [R, C, 3].
 
         Args:
             radiance: [H, 2H, 3], camera frame, the photo's exposure units.
-            material: a name that material() takes, or a Material.
-            renderer: of RENDERERS; "auto" takes Mitsuba where it is installed.
-            shadow: of shadow(radiance), where it is computed already.
-            drawn: of draw(...), where it is drawn already.
+            material: a name for material(), or a Material.
+            renderer: of RENDERERS; "auto" uses Mitsuba where it is installed.
+            shadow: result of shadow(radiance), if already computed.
+            drawn: result of draw(...), if already drawn.
         """
 
         def shaded() -> tuple[Part, np.ndarray]:
@@ -329,9 +329,9 @@ class Stage:
     def draw(
         self, radiance: np.ndarray, material: str | Material, renderer: str = "auto", shadow: GroundShadow | None = None
     ) -> np.ndarray:
-        """The object alone in its window, [S, S, 4] as render.picture.draw_mesh has it; see relit.
+        """Draw the object alone in its window, [S, S, 4] as render.picture.draw_mesh returns it; see relit.
 
-        shadow: on the ground that it mirrors, where it is at hand.
+        shadow: for the ground that it mirrors, if already computed.
         """
         if isinstance(material, str):
             material = self.material(material, radiance)
@@ -348,20 +348,20 @@ class Stage:
         return enlarged(drawn, self.window.size)
 
     def material(self, name: str, radiance: np.ndarray) -> Material:
-        """A material of scatter.materials, or "photo": the real object's own under a map."""
+        """Return a material of scatter.materials, or "photo": the real object's own under a map."""
         if name == PHOTO_MATERIAL:
             return material_from_photo(self.photo, radiance)
         return material_named(name, PHOTO_MATERIAL)
 
     def is_behind(self) -> bool:
-        """Whether the real object's base is nearer to the camera, that is lower in the picture."""
+        """Return whether the real object's base is nearer to the camera, i.e. lower in the picture."""
         foot_row = self.view.pixels(self.placement.mesh.positions)[:, 1].max()
         rows = np.flatnonzero((self.photo.mask > 0.5).any(axis=1))
         return len(rows) > 0 and bool(foot_row < rows[-1])  # a video's frame may have no mask
 
     def _ground_color(self, radiance: np.ndarray) -> np.ndarray:
-        """Mean linear radiance [3] of what the photo shows around the object's foot, or else in its last row; of a
-        cut-out, which shows nothing there, that of the map below the horizon."""
+        """Return mean linear radiance [3] around the object's foot, else of the photo's last row; for a cut-out, of the
+        map below the horizon."""
         photo, foot, reach = self.photo, self.placement.foot, 2 * self.placement.radius
         seen = np.ones(photo.mask.shape, bool) if photo.hidden is None else ~photo.hidden
         colors = [photo.rgb[-1][seen[-1]]]
@@ -374,7 +374,7 @@ class Stage:
         return inverse_response(shown).mean(axis=0)
 
     def _ground(self, radiance: np.ndarray) -> GroundDisc:
-        """A ground whose radiance under the map is what the photo shows around the object's foot."""
+        """Return a ground whose radiance under the map matches the photo around the object's foot."""
         irradiance = np.maximum(sky_irradiance(radiance, self.view.up), 1e-6)
         albedo = np.clip(np.pi * self._ground_color(radiance) / irradiance, 0.0, 0.95)
         radius = GROUND_RADII * self.placement.radius
@@ -382,7 +382,7 @@ class Stage:
 
 
 def uses_mitsuba(renderer: str) -> bool:
-    """Whether a renderer of RENDERERS is Mitsuba here and now.
+    """Return whether a renderer of RENDERERS means Mitsuba on this machine.
 
     Raises:
         InputError: no such renderer. MissingExtra: "mitsuba" where it cannot run.

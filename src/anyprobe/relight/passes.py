@@ -1,4 +1,5 @@
-"""A relit photo in its parts, for compositors: the photo, the shadow that multiplies it, and the object over it."""
+"""A relit photo as separate passes for compositors: the photo, the shadow that multiplies it, and the object over
+it."""
 
 from __future__ import annotations
 
@@ -16,15 +17,15 @@ from anyprobe.relight.shadow import GroundShadow
 from anyprobe.scatter.materials import Material
 
 EVEN_ROWS = 32
-"""Rows of the even light of the occlusion pass."""
+"""Rows of the uniform map for the occlusion pass."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Passes:
-    """Linear Rec. 709 in the photo's exposure units, float32.
+    """Passes in linear Rec. 709 and the photo's exposure units, float32.
 
-    plate: [H, W, 3], the photo. shadow: [H, W, 3], by which the plate is multiplied. occlusion: [H, W], the same under
-    even light from all sides. object: [H, W, 4], premultiplied by its alpha.
+    plate: [H, W, 3], the photo. shadow: [H, W, 3], factor of the plate. occlusion: [H, W], the same under
+    uniform light. object: [H, W, 4], premultiplied by its alpha.
     """
 
     plate: np.ndarray
@@ -33,17 +34,18 @@ class Passes:
     object: np.ndarray
 
     def composed(self) -> np.ndarray:
-        """plate * shadow with the object over it, [H, W, 3]."""
+        """Compute plate * shadow with the object over it, [H, W, 3]."""
         return self.plate * self.shadow * (1 - self.object[..., 3:]) + self.object[..., :3]
 
     def layers(
         self, convert: Callable[[np.ndarray], np.ndarray], own: np.ndarray | None = None
     ) -> dict[str, np.ndarray]:
-        """Channels of an .exr by name: R, G, B, A of what is composed, plate.*, object.*, shadow.*, occlusion.Y.
+        """Return the channels of an .exr by name: R, G, B, A of the composite, plate.*, object.*, shadow.*,
+        occlusion.Y.
 
-        convert: of light [..., 3] from linear Rec. 709 to the file's primaries. The shadow is made again from both
-        plates, so that the parts compose in those too. own: [H, W, 3], the photo in the file's primaries where it is at
-        hand with all its colours, which the plate keeps.
+        convert: of light [..., 3] from linear Rec. 709 to the file's primaries. The shadow is recomputed from both
+        plates, so that the passes compose in those too. own: [H, W, 3], the photo in the file's primaries with all its
+        colours, if available, which becomes the plate.
         """
         plate, dark = convert(self.plate), convert(self.plate * self.shadow)
         left = np.where(plate > 1e-6, dark / np.maximum(plate, 1e-6), self.shadow)
@@ -63,7 +65,7 @@ class Passes:
 
 
 def passes_of(stage: Stage, radiance: np.ndarray, material: str | Material, renderer: str = "auto") -> Passes:
-    """The parts of stage.relit of the same arguments."""
+    """Render the passes of stage.relit with the same arguments."""
     photo, spot, window = stage.photo, stage.placement, stage.window
     shadow = stage.shadow(radiance)
     drawn = stage.draw(radiance, material, renderer)
@@ -97,9 +99,9 @@ def _multiplier(stage: Stage, shadow: GroundShadow) -> np.ndarray:
 
 
 def write_passes(path: Path, passes: Passes, colorspace: str, own: np.ndarray | None = None) -> None:
-    """Write an .exr with all layers, whole or not at all: of 16-bit floats, or 32 where those do not hold its values.
+    """Write an .exr with all layers, atomically: 16-bit floats, or 32 where those do not hold its values.
 
-    own: of Passes.layers.
+    own: see Passes.layers.
     """
     from anyprobe.files.atomic import atomic_path
     from anyprobe.maps.exr import write_channels
@@ -111,6 +113,6 @@ def write_passes(path: Path, passes: Passes, colorspace: str, own: np.ndarray | 
     with atomic_path(path) as temporary:
         try:
             write_channels(temporary, channels, {"chromaticities": COLORSPACES[colorspace]}, latlong=False)
-        except RuntimeError as error:  # its only report of a full disk or a closed folder
+        except RuntimeError as error:  # OpenEXR's only report of a full disk or a closed folder
             reason = " ".join(str(error).replace(str(temporary), str(path)).split())
             raise OutputError(f"cannot be written ({reason})", source=path) from error

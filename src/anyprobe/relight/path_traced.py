@@ -1,4 +1,4 @@
-"""The same picture by Mitsuba 3: paths, so that the mesh shadows itself and the ground lights it."""
+"""Path tracing of an object by Mitsuba 3: the mesh shadows itself and the ground lights it."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ NAME = "anyprobe_material"
 
 
 def register_material(mi) -> None:
-    """Make NAME known to the module `mitsuba`; its variant must be set, its base classes belong to it."""
+    """Register NAME with the module `mitsuba`; its variant must be set, its base classes belong to it."""
     import drjit as dr
 
     class MaterialBSDF(mi.BSDF):
         """(1 - F) albedo / pi + D F G / (4 (n.wi)(n.wo)): GGX, Schlick, height-correlated Smith.
 
-        Samples come from the cosine and from the visible normals, half each; from the normals
+        Half of the samples come from the cosine, half from the visible normals; from the normals
         alone where there is no albedo.
         """
 
@@ -45,7 +45,7 @@ def register_material(mi) -> None:
             if not self.textured:
                 self.albedo = mi.Color3f(self.albedo)
                 dr.make_opaque(self.albedo)
-            dr.make_opaque(self.f0, self.alpha, self.cosine_share)  # else each material compiles a kernel of its own
+            dr.make_opaque(self.f0, self.alpha, self.cosine_share)  # else each material compiles its own kernel
             kind = mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide
             self.m_components = [kind]
             self.m_flags = kind
@@ -91,10 +91,10 @@ def register_material(mi) -> None:
 
 LLVM = "/usr/lib/*/libLLVM-*.so"
 OLDEST_LLVM = 17
-"""Older ones end the whole process on machines with AVX-512."""
+"""Oldest supported LLVM: older ones end the whole process on machines with AVX-512."""
 
 TURN = np.diag([-1.0, 1.0, -1.0])
-"""Half a turn about +Y: Mitsuba's map has +Z in its middle, ours -Z."""
+"""Rotation by 180 degrees about +Y: Mitsuba's map has +Z in its middle, ours -Z."""
 
 NUM_PATHS = 256
 PATHS_AT_ONCE = 1 << 20
@@ -106,9 +106,9 @@ ALBEDO = "vertex_albedo"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GroundDisc:
-    """A Lambert disc that a mesh stands on, so far only in the path tracer.
+    """Lambert disc that a mesh stands on; only the path tracer uses it.
 
-    foot, up: [3], a point of it and its normal. radius: of the disc. albedo: [3] in [0, 1].
+    foot, up: [3], a point of it and its normal.
     """
 
     foot: np.ndarray
@@ -119,10 +119,10 @@ class GroundDisc:
 
 @lru_cache(maxsize=1)
 def open_mitsuba():
-    """The module `mitsuba`, its variant llvm_ad_rgb set.
+    """Import the module `mitsuba` and set its variant llvm_ad_rgb.
 
     Raises:
-        MissingExtra: Mitsuba or an LLVM that fits is not installed.
+        MissingExtra: Mitsuba or a suitable LLVM is not installed.
     """
     if not mitsuba_runs():
         raise MissingExtra(f"mitsuba (and LLVM {OLDEST_LLVM} or newer, libllvm19)", "relight", "path tracing")
@@ -136,14 +136,14 @@ def open_mitsuba():
 
 @lru_cache(maxsize=1)
 def mitsuba_runs() -> bool:
-    """Whether Mitsuba and an LLVM that fits are installed; tried once.
+    """Return whether Mitsuba and a suitable LLVM are installed; tried once.
 
-    An LLVM that does not fit ends the process, so that another process tries it.
+    An unsuitable LLVM ends the process; therefore another process tries it.
     """
     if "DRJIT_LIBLLVM_PATH" not in os.environ:
         versions = {int(m[1]): p for p in glob(LLVM) if (m := re.search(r"libLLVM-(\d+)\.so$", p))}
         if versions and max(versions) < OLDEST_LLVM:
-            return False  # the trial below would pass and the first scene abort
+            return False  # the trial below would pass and the first scene would abort
         if versions:
             os.environ["DRJIT_LIBLLVM_PATH"] = versions[max(versions)]
     trial = (
@@ -161,12 +161,12 @@ def trace_mesh(
     ground: GroundDisc | None = None,
     num_paths: int = NUM_PATHS,
 ) -> np.ndarray:
-    """render.picture.draw_mesh by paths: the same arguments and the same [S, S, 4].
+    """Draw a mesh as render.picture.draw_mesh does, by path tracing: same arguments and same [S, S, 4].
 
     Args:
         material: its albedo may also be [F, 3, 3], at the corners of the mesh's faces.
-        ground: what it stands on; it lights the mesh and is mirrored in it, but is not in the picture.
-        num_paths: a pixel, rounded up to a power of two.
+        ground: disc under the mesh; it lights the mesh and is mirrored in it, but is not in the picture.
+        num_paths: per pixel, rounded up to a power of two.
     """
     mi = open_mitsuba()
     alone = {"type": "scene", "mesh": _shape(mi, mesh, material)}
@@ -198,7 +198,7 @@ def trace_mesh(
 
 
 def _rays(camera: Camera, jitter: np.ndarray) -> np.ndarray:
-    """World directions [K * S * S, 3] through points jitter [K, 2] of every pixel."""
+    """Return world directions [K * S * S, 3] through points jitter [K, 2] of every pixel."""
     step = 2 * camera.tan_half / camera.size
     column, row = np.meshgrid(np.arange(camera.size), np.arange(camera.size))
     x = camera.center[0] - camera.tan_half + step * (column.ravel() + jitter[:, :1])
@@ -211,7 +211,7 @@ def _mi_rays(mi, origin: np.ndarray, direction: np.ndarray):
     import drjit as dr
 
     origin = np.broadcast_to(origin, direction.shape)
-    one = dr.opaque(mi.Float, 1.0)  # products are aligned as Dr.Jit likes it, which every kernel depends on
+    one = dr.opaque(mi.Float, 1.0)  # products are aligned as Dr.Jit prefers, which every kernel depends on
     origins, directions = (one * kind(*x.T.copy()) for kind, x in ((mi.Point3f, origin), (mi.Vector3f, direction)))
     dr.eval(origins, directions)
     return mi.RayDifferential3f(origins, directions)
@@ -227,7 +227,7 @@ def _bsdf(material: Material) -> dict:
 
 
 def _shape(mi, mesh: Mesh, material: Material):
-    """Our triangles with the normals of their corners: every corner a vertex of its own."""
+    """Convert our triangles with normals at their corners: every corner becomes its own vertex."""
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(_bsdf(material))
     count = len(mesh.faces)
@@ -243,7 +243,7 @@ def _shape(mi, mesh: Mesh, material: Material):
 
 
 def _environment(mi, radiance: np.ndarray) -> dict:
-    """Our map [H, 2H, 3], exactly."""
+    """Convert a map [H, 2H, 3], exactly."""
     bitmap = mi.Bitmap(np.ascontiguousarray(pole_to_pole(radiance), np.float32))
     to_world = np.eye(4)
     to_world[:3, :3] = TURN

@@ -1,8 +1,8 @@
-"""A place for a virtual object: beside the real one on its ground, all of it in the photo, never over the real one.
+"""Placement of a virtual object: beside the real one on its ground, wholly in the photo, never over the real one.
 
-On the side with more room, under what overhangs too; on the other if only that holds it; smaller if neither does.
+On the side with more room, also under overhangs; on the other if only that holds it; smaller if neither does.
 Where it would become too small, nearer to the camera if it covers nothing there; else behind the real one, which then
-hides part of it. web/page/view/placement.js does the same.
+occludes part of it. web/page/view/placement.js does the same.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ from anyprobe.relight.real_surface import STANDS, RealSurface
 from anyprobe.render.mesh import Mesh
 
 LEAST_SHARE = 0.35
-"""The smallest share of the size asked for: beside the real object or in front of it, it is made no smaller."""
+"""Smallest share of the requested size: beside the real object or in front of it, it is made no smaller."""
 
 FRONT_ROWS = (0.25, 0.5, 0.75, 1.0)
-"""Where places in front are tried, from the row that the real object stands on to the lowest of the photo."""
+"""Places in front that are tried, from the row that the real object stands on (0) to the lowest of the photo (1)."""
 
 _MARGIN, GAP = 0.02, 0.15
-"""Kept free at the photo's border, of its width; and between the two objects, of the virtual one's."""
+"""Margins kept free: at the photo's border, in its widths; and between the two objects, in the virtual one's."""
 
 FLAT = 0.6
-"""A real object that is flatter than this counts as so high, of its width."""
+"""Smallest height of a real object, in its widths; a flatter one counts as this high."""
 
 LEAST_HEIGHT = 1e-3
-"""Least height of a virtual object, in its widths: sizes are given by height."""
+"""Smallest height of a virtual object, in its widths: sizes are given by height."""
 
 NEARER_SHARES = (1.0, 0.75, 0.55, 0.4)
-"""Shares of the size that fits, tried in turn where the surface under the real object ends: smaller objects stand
+"""Shares of the fitting size, tried in turn where the surface under the real object ends: smaller objects stand
 nearer."""
 
 TRIES, LEAST_STEP, CLOSE_PX = 24, 0.5, 0.5
-"""To fit it, how much smaller each may make it, and pixels that do not matter."""
+"""Number of fitting steps, smallest factor of one step, and pixels that do not matter."""
 
 _Box = tuple[float, float, float, float]
 """Left, top, right, bottom [px]."""
@@ -58,11 +58,11 @@ class Side(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Placement:
-    """A mesh on the ground.
+    """A mesh placed on the ground.
 
     mesh: in the camera's frame. foot: [3] point of the ground below its middle. radius: of the
-    smallest sphere around it. pitch_deg: camera's, downwards. share: its size over what was asked.
-    side: in front of or behind the real object for want of room beside; behind, that hides part of it.
+    smallest sphere around it. pitch_deg: camera's, downwards. share: its size over the requested one.
+    side: in front of or behind the real object for want of room beside; behind, it is partly occluded.
     stands: whether the photo shows the same surface there as under the real object.
     """
 
@@ -77,7 +77,7 @@ class Placement:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Spot:
-    """Pixel x, y of the foot, and size as a share of what was asked."""
+    """Pixel x, y of the foot, and size as a share of the requested one."""
 
     x: float
     y: float
@@ -100,12 +100,12 @@ def place_beside(
     """Stand a mesh (+Y up) on the ground of a photo.
 
     Args:
-        size: its height over that of the real object, which stands where its mask's lower border is.
-        at: x, y of its foot [px], where it stands as large as asked; unless given it stands beside the real
-            object, the lowest that is seen of both on one row, and is made smaller until it fits.
+        size: its height over that of the real object, which stands on its mask's lower border.
+        at: x, y of its foot [px], where it keeps its full size; by default it stands beside the real
+            object, the lowest visible points of both on one row, and is made smaller until it fits.
         turn_deg: about its vertical axis.
     Raises:
-        InputError: nothing of the ground is seen at that pixel, or the mesh is flat.
+        InputError: no ground is visible at that pixel, or the mesh is flat.
     """
     check_height(mesh)
     box, (x, row) = object_box(photo.mask), contact_of(photo.mask)
@@ -140,7 +140,7 @@ def place_beside(
 
 
 def check_height(mesh: Mesh) -> None:
-    """InvalidMesh where a mesh lies flat: its height is what sizes are said by."""
+    """Raise InvalidMesh if a mesh lies flat: sizes are relative to its height."""
     width, height, depth = np.ptp(mesh.positions, axis=0)
     if height < LEAST_HEIGHT * max(width, depth):
         raise InvalidMesh(
@@ -149,7 +149,7 @@ def check_height(mesh: Mesh) -> None:
 
 
 class Outline:
-    """How far the real object reaches to either side, row by row of its mask [H, W]."""
+    """Extent of the real object to either side, row by row of its mask [H, W]."""
 
     def __init__(self, mask: np.ndarray) -> None:
         inside, self.width = mask > 0.5, mask.shape[1]
@@ -159,7 +159,7 @@ class Outline:
         self._right = np.where(there, self.width - inside[:, ::-1].argmax(axis=1), 0)
 
     def free(self, top: float, bottom: float, side: int, bounds: _Box) -> tuple[float, float]:
-        """Left and right bound of what is free in rows from top to bottom, on one side (1: right, -1: left)."""
+        """Return the left and right bound of the free space in rows top to bottom, on one side (1: right, -1: left)."""
         rows = slice(max(int(np.floor(top)), 0), max(int(np.ceil(bottom)), 1))
         if side > 0:
             return max(float(self._right[rows].max(initial=0)), bounds[0]), bounds[2]
@@ -169,11 +169,11 @@ class Outline:
 def find_spot(
     view: View, outline: Outline, row: float, behind: float, most_behind: float, extent_at: Extent
 ) -> tuple[Spot, Side]:
-    """Where an object fits, and on which side of the real one.
+    """Find a spot where an object fits, and its side of the real one.
 
     Args:
-        row: on which both stand. behind: row of the ground behind the real object. most_behind: the share of what
-            was asked that is tried there.
+        row: both stand on it. behind: row of the ground behind the real object. most_behind: largest share of the
+            requested size tried there.
     """
     edge = _MARGIN * view.width
     bounds = edge, edge, view.width - edge, view.height - edge
@@ -201,11 +201,12 @@ def find_spot(
 def _on_surface(
     view: View, outline: Outline, surface: RealSurface, row: float, spot: Spot, side: Side, extent_at: Extent
 ) -> tuple[Spot, Side, bool]:
-    """The spot, or if the surface under the real object is not there, one on either side that is: nearer, and smaller.
+    """Return the spot, or if it is off the surface under the real object, one on either side that is on it: nearer, and
+    smaller.
 
     Returns:
         also whether it stands on that surface; the spot stays if none does, as where the real object stands on
-        something narrow, which has no place for both.
+        something narrow, without room for both.
     """
 
     def support(one: Spot) -> float:
@@ -234,10 +235,10 @@ def _on_surface(
 def _fit(
     spot: Spot, bounds: _Box, far_row: float, extent_at: Extent, outline: Outline | None = None, side: int = 0
 ) -> Spot:
-    """Moved into the bounds, and to one side of an outline (1: right, -1: left), GAP off it, its lowest point on the
-    spot's row; smaller if needed.
+    """Move a spot into the bounds, and to one side of an outline (1: right, -1: left), GAP off it, its lowest point on
+    the spot's row; smaller if needed.
 
-    What is nearer is drawn larger, so that place and size depend on each other: later tries only make it smaller.
+    Nearer objects are drawn larger, so that place and size depend on each other: later steps only make it smaller.
     """
     x, row, share = spot.x, spot.y, spot.share
     y = row
@@ -259,17 +260,17 @@ def _fit(
 
 
 def _into(low: float, high: float, least: float, most: float) -> float:
-    """How far a span must go to lie in another."""
+    """Return the shift that moves a span into another."""
     return max(least - low, 0.0) - max(high - most, 0.0)
 
 
 def _foot(view: View, spot: Spot) -> np.ndarray:
-    """The ground at a spot, or as far back as ground is seen."""
+    """Return the ground at a spot, or at the farthest visible ground."""
     return view.on_ground(spot.x, max(spot.y, view.farthest_row))
 
 
 def _unit_high(mesh: Mesh) -> Mesh:
-    """One unit high, standing on the origin."""
+    """Scale a mesh to height one, standing on the origin."""
     low, high = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
     bottom = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
     return replace(mesh, positions=(mesh.positions - bottom) / float(high[1] - low[1]))

@@ -1,6 +1,6 @@
-"""How deep shadows on the ground are, by the real object's own.
+"""Depth of shadows on the ground, measured by the real object's own shadow.
 
-A stand-in for the real object, as wide and high as it, casts its shadow under the estimate; where the photo shows the
+A proxy of the real object, as wide and high as it, casts its shadow under the estimate; where the photo shows the
 ground, ln of its brightness is compared with ln of that shadow: ln L = k ln s + a plane of the picture. The slope k is
 1 where the photo's shadow is as deep as the estimate's, less where the sky fills it more, or where it lies elsewhere.
 """
@@ -20,17 +20,17 @@ from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
 
 LEAST_DEPTH, MOST_DEPTH = 0.65, 1.1
-"""Bounds of the slope: an unseen shadow may be hidden by the object, or lie on a dark surface."""
+"""Bounds of the slope: an unseen shadow may be occluded by the object, or lie on a dark surface."""
 LEAST_SPREAD, LEAST_PIXELS = 0.08, 150
-"""Least standard deviation of ln s, and least pixels of ground, for an estimate."""
+"""Smallest standard deviation of ln s, and smallest number of ground pixels, for an estimate."""
 SAMPLED_SIDE = 160
-"""Pixels of the photo along its longer side."""
+"""Length [px] of the photo's longer side when sampled."""
 ROUNDS = 4
 FLOOR = 0.01
 
 
 def shadow_depth(photo: Photo, view: View, radiance: np.ndarray) -> float:
-    """Return the power of an inserted object's shadow, 1 to leave it as the estimate [H, 2H, 3] has it."""
+    """Return the exponent of an inserted object's shadow, 1 to leave it as under the estimate [H, 2H, 3]."""
     x0, y0, x1, y1 = object_box(photo.mask)
     x, row = contact_of(photo.mask)
     foot = view.on_ground(x, row)
@@ -66,7 +66,7 @@ def shadow_depth(photo: Photo, view: View, radiance: np.ndarray) -> float:
 
 
 def _ellipsoid(foot: np.ndarray, up: np.ndarray, wide: float, high: float) -> Mesh:
-    """An upright one on the ground, so wide and high from its middle."""
+    """Return an upright ellipsoid on the ground with these half axes."""
     ball = sphere(16)
     side = np.cross(up, [0.0, 0.0, 1.0])
     side = side / max(float(np.linalg.norm(side)), 1e-6)

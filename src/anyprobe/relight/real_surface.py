@@ -1,6 +1,7 @@
-"""Whether a place in the photo is on the surface that the real object stands on: by colour, brightness and edges.
+"""The surface that the real object stands on, and whether a place in the photo is on it: by colour, brightness and
+edges.
 
-The surface is what is seen around the object's foot, and what that is joined to without a strong edge. Where its own
+The surface is what is seen around the object's foot and everything connected to it without a strong edge. Where its own
 texture has such edges, colour and brightness decide alone.
 """
 
@@ -14,33 +15,40 @@ from anyprobe.estimate.photo import Photo
 from anyprobe.masks.check import object_box
 
 CELLS = 128
-"""Cells along the photo's longer side."""
+"""Number of cells along the photo's longer side."""
 RIM = 0.12
-"""Reach around the foot that is surely the surface, of the object's width."""
+"""Reach around the foot, in the object's widths, that certainly belongs to the surface."""
 HUE = 4.0
-"""How much more a difference of colour shares counts than one of ln radiance: shadows differ in brightness."""
+"""Weight of differences in colour shares over those of ln radiance: shadows differ in brightness."""
 EDGE = 0.22
-"""Difference of neighbouring cells that the surface does not go on over; more where its own texture has more."""
+"""Difference of neighbouring cells that ends the surface; more where its own texture has more."""
 ALIKE = 2.5
-"""Distance from the surface's colours, in their standard deviations, up to which a place may be on it."""
+"""Largest distance from the surface's colours, in their standard deviations, of a place on it."""
 LEAST_SPREAD = 0.12
 FLOOR = 0.02
-"""Added to radiance before its logarithm."""
+"""Radiance added before its logarithm."""
 UNDER, BESIDE = 0.18, (0.4, 0.9)
-"""Reach to either side of the contact, of the object's width, of what is under it, and of what is beside that."""
+"""Reach to either side of the contact, in the object's widths, of the cells under it, and of those beside that."""
 NARROW_HUE, NARROW_EDGE, NARROW_TIMES = 0.25, 0.4, 15.0
-"""Difference in colour of the two, and step between neighbouring cells across them, also over the usual one, from which
-on the object stands on something narrow, as on a branch or a tripod, and not on what is seen beside it. Of 33 real
-photos four are so: three with a branch or a tripod, and a saucer on the end of a bench. Chosen on these photos."""
+"""Thresholds beyond which the object stands on something narrow, such as a branch or a tripod.
+
+The difference in colour between under and beside, and the step between neighbouring cells across them, absolute and
+over the usual one. Of 33 real photos four are so: three with a branch or a tripod, and a saucer on the end of a bench.
+Chosen on these photos.
+"""
 STANDS = 0.5
-"""Share of a foot's cells that must be on the surface."""
+"""Smallest share of a foot's cells that must be on the surface."""
 
 
 class RealSurface:
     """The surface under the real object of a photo."""
 
     def __init__(self, photo: Photo, contact: tuple[float, float]) -> None:
-        """Args: contact: x, y [px] where the object touches it."""
+        """Find the surface.
+
+        Args:
+            contact: x, y [px] where the object touches it.
+        """
         height, width = photo.mask.shape
         self.cell = max(height, width) / CELLS
         size = max(1, round(width / self.cell)), max(1, round(height / self.cell))
@@ -51,13 +59,13 @@ class RealSurface:
         seeds = self._seeds(photo, contact, hidden)
         self.known = bool(seeds.sum() >= 4)
         self.narrow = self._is_narrow(photo, contact, hidden)
-        """Whether what is under the object is not what is beside it, so that nothing beside it stands as it does."""
+        """Whether the object stands on something narrow, so that nothing beside it stands on the same."""
         self.on = np.zeros_like(hidden)
         if self.known:
             self.on = self._grown(seeds, hidden)
 
     def _seeds(self, photo: Photo, contact: tuple[float, float], hidden: np.ndarray) -> np.ndarray:
-        """Cells beside and before the foot."""
+        """Return the cells beside and before the foot."""
         x0, _, x1, _ = (one / self.cell for one in object_box(photo.mask))
         reach = max(2.0, RIM * (x1 - x0))
         row, column = np.mgrid[: hidden.shape[0], : hidden.shape[1]] + 0.5
@@ -83,7 +91,7 @@ class RealSurface:
         return bool(hue >= NARROW_HUE and edge >= max(NARROW_EDGE, NARROW_TIMES * usual))
 
     def _grown(self, seeds: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-        """Cells that are joined to the seeds, or of their colours."""
+        """Return the cells connected to the seeds, or with their colours."""
         middle = np.median(self.features[seeds], axis=0)
         spread = np.maximum(1.5 * np.median(np.abs(self.features[seeds] - middle), axis=0), LEAST_SPREAD)
         alike = (np.abs(self.features - middle) / spread).max(axis=-1) < ALIKE
@@ -108,11 +116,11 @@ class RealSurface:
         return (joined & self._near_enough(middle, spread)) | (alike & ~hidden)
 
     def _near_enough(self, middle: np.ndarray, spread: np.ndarray) -> np.ndarray:
-        """Cells whose colours are not far from the surface's: edges may have gaps."""
+        """Return the cells whose colours are near the surface's: edges may have gaps."""
         return (np.abs(self.features - middle) / spread).max(axis=-1) < 2.5 * ALIKE
 
     def support(self, x: float, y: float, wide: float) -> float:
-        """Return the share of a foot around pixel x, y, so wide, that stands on it; 1 where it is not known."""
+        """Return the share of a foot around pixel x, y, this wide, that stands on it; 1 where it is unknown."""
         if not self.known:
             return 1.0
         reach = max(0.5 * wide / self.cell, 1.0)
@@ -123,7 +131,7 @@ class RealSurface:
 
 
 def _shrunk(picture: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """Means over areas, [H, W, C] to size (width, height)."""
+    """Resize [H, W, C] to (width, height) by means over areas."""
     planes = [
         np.asarray(
             Image.fromarray(np.ascontiguousarray(picture[..., k], np.float32)).resize(size, Image.Resampling.BOX)

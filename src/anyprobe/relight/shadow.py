@@ -1,9 +1,9 @@
-"""The shadow of a mesh on the ground under a whole map: contact shadow and dominant light's at once.
+"""Shadow of a mesh on the ground under a whole map: contact shadow and the dominant light's at once.
 
     ratio(p) = integral of L V(p, wi) cos dwi / integral of L cos dwi      (over the sky above the ground)
 
-is what is left of a Lambert ground's irradiance at p, a channel. The integrals are sums over directions
-with density L cos (luminance). Light is distant: the points of the ground that the mesh hides
+is the remaining share of a Lambert ground's irradiance at p, a channel. The integrals are sums over directions
+with density L cos (luminance). Light is distant: the points of the ground that the mesh occludes
 from wi are its projection along wi, rasterised, so one drawing a direction serves every p.
 """
 
@@ -26,14 +26,15 @@ REACH = 5.0
 """Half the side of the shaded square of ground, in radii of the object."""
 
 FADE = 0.75
-"""From this share of the reach on, the shadow is faded to nothing at the edge."""
+"""Share of the reach beyond which the shadow fades to nothing at the edge."""
 
 LEAST_COSINE = 0.05
-"""Lower light (under 3 degrees) throws its shadow past the reach, and carries hardly any irradiance."""
+"""Smallest cosine: lower light (under 3 degrees) throws its shadow past the reach, and carries hardly any
+irradiance."""
 
 
 def sample_sky(radiance: np.ndarray, up: np.ndarray, count: int = NUM_DIRECTIONS) -> tuple[np.ndarray, np.ndarray]:
-    """Directions above the ground with density L cos.
+    """Draw directions above the ground with density L cos.
 
     Args:
         radiance: [H, 2H, 3]. up: [3], in the map's frame.
@@ -43,7 +44,7 @@ def sample_sky(radiance: np.ndarray, up: np.ndarray, count: int = NUM_DIRECTIONS
     """
     radiance = reduced(radiance)
     height = radiance.shape[0]
-    # pixels cut into 4 x 4, so that cos and the horizon are right in those the horizon crosses
+    # pixels cut into 4 x 4, so that cos and the horizon are right in pixels that the horizon crosses
     v, u = ((np.arange(4 * n) + 0.5) / (4 * n) for n in (height, 2 * height))
     uv = np.stack(np.meshgrid(u, v), axis=-1)
     d = uv_to_direction(uv)
@@ -67,7 +68,7 @@ def sample_sky(radiance: np.ndarray, up: np.ndarray, count: int = NUM_DIRECTIONS
 
 
 class GroundShadow:
-    """Share of the ground's irradiance that is left around a mesh: a square of the ground, drawn once."""
+    """Remaining share of the ground's irradiance around a mesh: a square of the ground, drawn once."""
 
     def __init__(
         self,
@@ -79,7 +80,7 @@ class GroundShadow:
         count: int = NUM_DIRECTIONS,
         grid: int = SHADOW_CELLS,
     ) -> None:
-        """Args: the mesh stands at foot [3] on the plane up . (x - foot) = 0; one frame for all."""
+        """Draw the shadow. The mesh stands at foot [3] on the plane up . (x - foot) = 0, all in one frame."""
         self.foot, self.up = foot, up
         self.side, self.across = orthonormal_basis(up)
         self.reach = REACH * radius
@@ -103,12 +104,12 @@ class GroundShadow:
         return 1.0 - (1.0 - np.clip(unshadowed, 0.0, 1.0)) * inward
 
     def _cells(self, relative: np.ndarray) -> np.ndarray:
-        """Column and row on the grid [..., 2] of points relative to the foot."""
+        """Return column and row on the grid [..., 2] of points relative to the foot."""
         at = np.stack([relative @ self.side, relative @ self.across], axis=-1)
         return (at / self.reach + 1) * self.grid / 2
 
     def at(self, points: np.ndarray) -> np.ndarray:
-        """The ratio [P, 3] in [0, 1] at points [P, 3] of the ground; exactly 1 outside the square."""
+        """Return the ratio [P, 3] in [0, 1] at points [P, 3] of the ground; exactly 1 outside the square."""
         cell = self._cells(points - self.foot) - 0.5
         inside = np.isfinite(cell).all(axis=-1) & ((cell >= 0) & (cell < self.grid - 1)).all(axis=-1)
         ratio = np.ones((len(points), 3))
@@ -123,5 +124,5 @@ class GroundShadow:
 
 
 def sky_irradiance(radiance: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """E [3] on the ground of a map, its normal up."""
+    """Compute the irradiance E [3] of a map on the ground, its normal up."""
     return bilinear(irradiance_map(reduced(radiance)), direction_to_uv(np.asarray(up, np.float32)[None]))[0]

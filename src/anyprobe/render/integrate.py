@@ -1,7 +1,7 @@
 """Shading by importance sampling: paper Eq. 3-5, all terms from the same samples.
 
 Schlick's Fresnel is linear in f0, so the reflected radiance of any material of one
-alpha is a sum of three images that know nothing of colour:
+alpha is a sum of three images that are independent of colour:
 
     Lo = f0 S1 + (1 - f0) Ss + albedo (1 - f0) Dd
     S1 = int D V     L (n.wi) dwi        (V = G / (4 (n.wo)(n.wi)))
@@ -36,20 +36,20 @@ INDUCTOR_OPTIONS: dict[str, Any] = {
 
 
 def compile_kernel(function: Callable) -> Callable:
-    """torch.compile for shade_specular, shade_diffuse and lookup; one kernel for each size of arguments."""
+    """Apply torch.compile to shade_specular, shade_diffuse or lookup; one kernel for each size of arguments."""
     import torch
 
     return torch.compile(function, options=INDUCTOR_OPTIONS, dynamic=False)
 
 
 NUM_EMITTERS = 16
-"""Emitters that pyramids for shading have, enough for a sun's disc.
+"""Number of emitters in pyramids for shading, enough for a sun's disc.
 
-64 samples under a sun err by 1-4 % with them and by 20-115 % without. They cost as much time as ten samples.
+Under a sun 64 samples err by 1-4 % with them and by 20-115 % without. They cost as much time as ten samples.
 """
 
 PATCHES = ((0.3, 16, 128), (0.2, 32, 128), (0.1, 64, 128))
-"""Least alpha at which emitters are patches, patches along the unfolded sphere, number of emitters, and the
+"""Smallest alpha at which emitters are patches, patches along the unfolded sphere, number of emitters, and the
 pyramid's side: such a lobe hardly resolves patches from points.
 
 In a room with a square emitter 14 degrees wide (benchmarks/sphere.py), 64 samples of a conductor err by 12, 13 and
@@ -59,7 +59,7 @@ and 4.3 %, and by 1.3, 0.2 and 0.3 %.
 
 
 def shading_pyramid(radiance, alpha: float = 1.0) -> Pyramid:
-    """A map [H, 2H, 3] as lobes of alpha are shaded with; that of alpha 1 for the diffuse term."""
+    """Build the pyramid of a map [H, 2H, 3] for lobes of alpha; alpha 1 serves the diffuse term."""
     for least, patches, side in PATCHES:
         if alpha >= least:
             return build_pyramid(radiance, side=side, emitters=patches, patches=patches)
@@ -68,7 +68,7 @@ def shading_pyramid(radiance, alpha: float = 1.0) -> Pyramid:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Shading:
-    """Radiance that points [..., 3] send to the eye, and the light it averages.
+    """Radiance that points [..., 3] send to the eye, and the irradiance in it.
 
     irradiance: the first factor of Eq. 5, radiance units.
     specular, grazing: S1 and Ss.   diffuse: Dd.
@@ -80,7 +80,7 @@ class Shading:
     diffuse: Any
 
     def radiance(self, material: Material):
-        """Lo of Eq. 3 for a material whose alpha is the one shaded with."""
+        """Evaluate Lo of Eq. 3 for a material whose alpha is the one shaded with."""
         return (
             material.f0 * self.specular
             + (1.0 - material.f0) * self.grazing
@@ -89,25 +89,27 @@ class Shading:
 
 
 def _lod(pdf, num_samples: int, pyramid: Pyramid):
-    """Level whose texel covers the solid angle 1 / (N pdf) that a sample stands for; half a level up or down errs no
-    less (benchmarks/reference.py)."""
+    """Return the level whose texel covers the solid angle 1 / (N pdf) of a sample.
+
+    Half a level up or down errs no less (benchmarks/reference.py).
+    """
     xp = array_namespace(pdf)
     texel = 4.0 * np.pi / pyramid.side**2
     return 0.5 * xp.log2(1.0 / (num_samples * xp.clip(pdf, 1e-9, None) * texel))
 
 
 def _carry(local: tuple, t, b, n) -> list:
-    """World components [P, S] of local ones [1 or P, S] in the frames t, b, n [P, 3]."""
+    """Rotate local components [P, S] or [1, S] by the frames t, b, n [P, 3] into the world, [P, S] each."""
     return [local[0] * t[:, k, None] + local[1] * b[:, k, None] + local[2] * n[:, k, None] for k in range(3)]
 
 
 def _against(v: list, a):
-    """Scalar products [P, S] of components v with one vector a point, [P, 3]."""
+    """Return scalar products [P, S] of components v with one vector a point, [P, 3]."""
     return v[0] * a[:, 0, None] + v[1] * a[:, 1, None] + v[2] * a[:, 2, None]
 
 
 def shade_specular(pyramid: Pyramid, n, wo, alpha, u):
-    """Importance-weighted irradiance (Eq. 5), S1 and Ss.
+    """Compute importance-weighted irradiance (Eq. 5), S1 and Ss.
 
     The paper draws h with density D (n.h). Here h follows the normals that the eye sees, pdf(wi) =
     D G1 / (4 n.wo), which needs half to a quarter of the samples on rough metal. Eq. 5's mean is over the
@@ -126,7 +128,7 @@ def shade_specular(pyramid: Pyramid, n, wo, alpha, u):
         irradiance, S1, Ss: [P, 3] each.
     """
     xp = array_namespace(n, wo, u)
-    n_dot_wo = xp.clip(dot(n, wo), 1e-4, None)  # seen at 90 degrees: no 0/0
+    n_dot_wo = xp.clip(dot(n, wo), 1e-4, None)  # grazing view: no 0/0
     t, b = orthonormal_basis(n)
     local = ggx_visible_normal_xyz(u[None], dot(t, wo), dot(b, wo), n_dot_wo, alpha)
     n_dot_h = xp.clip(local[2], 1e-6, None)
@@ -155,7 +157,7 @@ def shade_specular(pyramid: Pyramid, n, wo, alpha, u):
 
 
 def _emitter_cosines(pyramid: Pyramid, n, wo):
-    """n.wi, wo.h and n.h [P, K] of every emitter; |wo + wi| = 2 wo.h."""
+    """Return n.wi, wo.h and n.h [P, K] of every emitter; |wo + wi| = 2 wo.h."""
     xp = array_namespace(n)
     emitters = [pyramid.emitters[None, :, k] for k in range(3)]
     n_dot_wi = _against(emitters, n)
@@ -173,9 +175,9 @@ def _gather(weight, power) -> Any:
 
 
 def emitters_specular(pyramid: Pyramid, n, wo, alpha):
-    """The emitters' part of shade_specular's three integrals, Eq. 5's before division by the kept share.
+    """Return the emitters' part of shade_specular's three integrals, with Eq. 5's before division by the kept share.
 
-    An emitter is no point: D is widened by what its size is between half vectors.
+    An emitter is not a point: D is widened by its size between half vectors.
     """
     xp = array_namespace(n)
     n_dot_wi, wo_dot_h, n_dot_h = _emitter_cosines(pyramid, n, wo)
@@ -189,7 +191,7 @@ def emitters_specular(pyramid: Pyramid, n, wo, alpha):
 
 
 def shade_diffuse(pyramid: Pyramid, n, wo, u):
-    """Dd [P, 3] by cosine sampling: the mean of (1 - s) L."""
+    """Compute Dd [P, 3] by cosine sampling: the mean of (1 - s) L."""
     xp = array_namespace(n, wo, u)
     local = cosine_hemisphere_xyz(u[None])
     t, b = orthonormal_basis(n)
@@ -207,7 +209,7 @@ def shade_diffuse(pyramid: Pyramid, n, wo, u):
 
 
 def shade(pyramid: Pyramid, n, wo, alpha, u, u_diffuse=None, wide: Pyramid | None = None) -> Shading:
-    """All terms of Eq. 3-5 at points with normal n, seen from wo. Shapes as above.
+    """Compute all terms of Eq. 3-5 at points with normal n, seen from wo. Shapes as above.
 
     wide: the same map's pyramid for the diffuse term.
     """

@@ -13,23 +13,23 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 CREASE_DEG = 40.0
-"""Faces that meet at a sharper angle do not share their normals."""
+"""Angle [degrees] above which faces that meet do not share their normals."""
 
 MAX_FACES = 5_000_000
 
 MAX_PAIRS = 1_000_000_000
-"""Pairs of faces at one vertex, summed over the corners; an even mesh has 18 a face."""
+"""Largest number of pairs of faces at one vertex, summed over the corners; an even mesh has 18 a face."""
 
 PAIRS_AT_ONCE = 4_000_000
-"""Pairs that are in memory together."""
+"""Pairs in memory together."""
 
 MIN_AREA = 1e-12
-"""Twice the area of the largest face in the unit sphere; below, nothing is there to see."""
+"""Smallest doubled area of the largest face in the unit sphere; below it nothing is visible."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Mesh:
-    """positions [V, 3], faces [F, 3] (counter-clockwise from outside), normals [F, 3, 3] at the corners."""
+    """Triangle mesh: positions [V, 3], faces [F, 3] (counter-clockwise from outside), corner normals [F, 3, 3]."""
 
     positions: np.ndarray
     faces: np.ndarray
@@ -37,7 +37,7 @@ class Mesh:
 
 
 def make_mesh(positions: np.ndarray, faces: np.ndarray, name: str = "mesh", crease_deg: float = CREASE_DEG) -> Mesh:
-    """Check the triangles, move them into the unit sphere around the origin, add normals."""
+    """Check the triangles, scale them into the unit sphere around the origin, add normals."""
     positions = np.asarray(positions, dtype=np.float64)
     faces = np.asarray(faces, dtype=np.int64)
     check_triangles(positions, faces, name)
@@ -59,14 +59,14 @@ def make_mesh(positions: np.ndarray, faces: np.ndarray, name: str = "mesh", crea
 
 
 def put_together(pieces: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and faces of pieces, each (positions [V, 3], faces [F, 3]), as those of one."""
+    """Join pieces, each (positions [V, 3], faces [F, 3]), into one."""
     firsts = np.cumsum([0] + [len(positions) for positions, _ in pieces[:-1]])
     faces = [faces + first for (_, faces), first in zip(pieces, firsts, strict=True)]
     return np.concatenate([positions for positions, _ in pieces]), np.concatenate(faces)
 
 
 def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
-    """The mesh under a linear map [3, 3] of positive determinant, back in the unit sphere."""
+    """Apply a linear map [3, 3] of positive determinant to a mesh and scale it back into the unit sphere."""
     return _moved(
         mesh, mesh.positions.astype(np.float64) @ matrix.T, mesh.normals.astype(np.float64) @ np.linalg.inv(matrix)
     )
@@ -75,7 +75,7 @@ def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
 def waved(
     mesh: Mesh, pushes: Float[np.ndarray, "K 3"], waves: Float[np.ndarray, "K 3"], phases: Float[np.ndarray, " K"]
 ) -> Mesh:
-    """The mesh with every point moved by x -> x + sum of pushes sin(waves . x + phases), back in the unit sphere.
+    """Displace every point by x -> x + sum of pushes sin(waves . x + phases), and scale back into the unit sphere.
 
     Args:
         pushes, waves: [K, 3]; phases: [K]. Where the |push| |wave| sum to less than one nothing is turned
@@ -89,8 +89,10 @@ def waved(
 
 
 def _moved(mesh: Mesh, positions: np.ndarray, normals: np.ndarray) -> Mesh:
-    """The mesh with its vertices there, moved into the unit sphere, and normals of any length, by the inverse's
-    transpose of what moved them."""
+    """Return the mesh with vertices at `positions`, scaled into the unit sphere.
+
+    normals: of any length, by the inverse transpose of the map that moved the vertices.
+    """
     positions = positions - (positions.max(axis=0) + positions.min(axis=0)) / 2
     positions /= np.linalg.norm(positions, axis=1).max()
     normals = normals / np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-12)
@@ -98,7 +100,7 @@ def _moved(mesh: Mesh, positions: np.ndarray, normals: np.ndarray) -> Mesh:
 
 
 def check_triangles(positions: np.ndarray, faces: np.ndarray, name: str) -> None:
-    """Raise InvalidMesh unless there are 1 ... MAX_FACES faces that name finite vertices."""
+    """Raise InvalidMesh unless there are 1 ... MAX_FACES faces with indices of finite vertices."""
     if len(faces) == 0 or len(positions) == 0:
         raise InvalidMesh("expected triangles, got none; is the file empty?", source=name)
     if len(faces) > MAX_FACES:
@@ -117,7 +119,7 @@ def check_triangles(positions: np.ndarray, faces: np.ndarray, name: str) -> None
 def corner_normals(
     positions: np.ndarray, faces: np.ndarray, crease_deg: float = CREASE_DEG
 ) -> Float[np.ndarray, "F 3 3"]:
-    """Angle-weighted normals [F, 3, 3], averaged over the faces of a vertex within the crease angle."""
+    """Compute angle-weighted normals [F, 3, 3], averaged over the faces of a vertex within the crease angle."""
     corners = positions[faces]  # [F, 3, 3]
     face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(face_normals, axis=1, keepdims=True)

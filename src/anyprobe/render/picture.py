@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 
 def look_up(pyramid: Pyramid, terms, world_from_view, n, wo, alpha, table) -> tuple:
-    """S1, Ss and, if there is a map of it, Dd at points.
+    """Look up S1, Ss and, if there is a map of it, Dd at points.
 
     Args:
-        terms: [S, S, 6 or 9]: S1, Ss, Dd of reflectance_normals(S); emitters in the last alone.
+        terms: [S, S, 6 or 9]: S1, Ss, Dd of reflectance_normals(S); emitters only in the last.
         world_from_view: [3, 3], +Z of the view towards the eye.   n, wo: [P, 3], world.   alpha: [P, 1].
         table: albedo_table() as an array of the same kind.
     Returns:
@@ -64,9 +64,9 @@ def radiance_by_maps(
     wide: Pyramid | None = None,
     shaders: tuple[Callable, ...] = SHADERS,
 ) -> Any:
-    """Lo [P, 3] of Eq. 3 at points with normals n seen from wo [P, 3], world frame.
+    """Compute Lo [P, 3] of Eq. 3 at points with normals n seen from wo [P, 3], world frame.
 
-    The maps are seen from the middle of all wo: the further one is from it, the less they hold
+    The maps are made for the mean of all wo and hold less the further a view is from it
     (tests/physics/test_reflectance.py: 0.9 % of the mean under a sky and a sun, where none is further than 15 degrees).
 
     Args:
@@ -83,7 +83,7 @@ def radiance_by_maps(
     seen = array(reflectance_normals(size).reshape(-1, 3)) @ turn.T
     toward_eye = seen * 0.0 + middle
     width = xp.full((seen.shape[0], 1), material.alpha, dtype=n.dtype, device=device(n))
-    rest = replace(pyramid, emitters=None, emitter_power=None, emitter_spread=None)  # what is left of the map
+    rest = replace(pyramid, emitters=None, emitter_power=None, emitter_spread=None)  # the map without emitters
     _, *terms = specular_by(rest, seen, toward_eye, width, u)
     if u_diffuse is not None:
         terms.append(diffuse_by(wide or pyramid, seen, toward_eye, u_diffuse))
@@ -101,10 +101,10 @@ NUM_SAMPLES = 64
 SUPERSAMPLE = 3
 CHUNK = 4096
 MAPS_FROM = 0.3
-"""Materials of this alpha or more are looked up in reflectance maps of side MAP_SIZE if points are more."""
+"""Smallest alpha of materials that are looked up in reflectance maps of side MAP_SIZE, if points are more."""
 MAP_SIZE = 48
 LIGHT_ROWS = 256
-"""Rows of the light that is drawn with: a pyramid reads a larger map at points, and misses what lies between."""
+"""Rows of the light that is drawn with: a pyramid samples a larger map at points and misses what lies between."""
 
 
 def draw_mesh(
@@ -115,16 +115,16 @@ def draw_mesh(
     num_samples: int = NUM_SAMPLES,
     supersample: int = SUPERSAMPLE,
 ) -> Float[np.ndarray, "S S 4"]:
-    """The mesh as the camera sees it; distant light, nothing shadows anything.
+    """Draw the mesh as the camera sees it, under distant light and without shadows.
 
     A pixel's coverage is that of supersample^2 points; it is shaded once, with the mean of their
-    normals: by itself, or where that is as good by reflectance maps.
+    normals, directly or, where that is as good, by reflectance maps.
 
     Args:
         camera: in the mesh's frame.
         radiance: [H, 2H, 3] linear, in the same frame; more than LIGHT_ROWS rows are averaged down.
     Returns:
-        [S, S, 4] float32: linear radiance in the map's units, 0 where nothing is, and coverage in [0, 1].
+        [S, S, 4] float32: linear radiance in the map's units, 0 where there is nothing, and coverage in [0, 1].
         The radiance is the object's own, not multiplied by the coverage.
     """
     size = camera.size
@@ -157,7 +157,7 @@ def draw_mesh(
 
 
 def _mean_direction(vectors: np.ndarray, pixel: np.ndarray, count: int) -> np.ndarray:
-    """Unit means [count, 3] of the vectors [P, 3] that fall into each pixel [P]."""
+    """Return unit means [count, 3] of the vectors [P, 3] that fall into each pixel [P]."""
     total = np.stack([np.bincount(pixel, vectors[:, k], count) for k in range(3)], axis=-1)
     length = np.linalg.norm(total, axis=-1, keepdims=True)
     return (total / np.maximum(length, 1e-12)).astype(np.float32)

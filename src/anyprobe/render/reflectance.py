@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 LIMIT = 0.995
-"""The rim's angle as a share of 90 degrees: at 90 nothing is seen."""
+"""Angle of the rim as a share of 90 degrees; at 90 nothing is seen."""
 ALBEDO_FLOOR = 1e-3
-"""Added to albedos before their quotient: Ss vanishes before a smooth mirror."""
+"""Albedo added to both terms of a quotient: Ss vanishes before a smooth mirror."""
 
 
 @lru_cache(maxsize=8)
 def reflectance_normals(size: int) -> Float[np.ndarray, "S S 3"]:
-    """The normal of every pixel, [S, S, 3]; outside the disc the rim's normal."""
+    """Return the normal of every pixel, [S, S, 3]; outside the disc the rim's normal."""
     x = (np.arange(size) + 0.5) / size * 2 - 1
     right, up = np.meshgrid(x, -x)
     radius = np.hypot(right, up)
@@ -38,7 +38,7 @@ def reflectance_normals(size: int) -> Float[np.ndarray, "S S 3"]:
 
 
 def normal_to_reflectance_xy(n):
-    """Where a normal lies in a reflectance map: (x right, y down) in [-1, 1], [..., 3] -> [..., 2]."""
+    """Map normals to places in a reflectance map: (x right, y down) in [-1, 1], [..., 3] -> [..., 2]."""
     xp = array_namespace(n)
     sine = xp.sqrt(xp.clip(n[..., 0] ** 2 + n[..., 1] ** 2, 1e-12, None))
     radius = xp.atan2(sine, n[..., 2]) / (np.pi / 2)
@@ -47,9 +47,9 @@ def normal_to_reflectance_xy(n):
 
 
 def straight_on_normal(n, wo):
-    """The normal that, seen along +Z, mirrors the direction that n mirrors seen from wo.
+    """Return the normal that, seen along +Z, mirrors the same direction as n seen from wo.
 
-    It stands for n before a mirror when the view is perspective.
+    It replaces n before a mirror when the view is perspective.
     """
     reflected = reflect(wo, n)
     xp = array_namespace(n)
@@ -58,11 +58,11 @@ def straight_on_normal(n, wo):
 
 
 def lobe_normal(n, wo, alpha):
-    """The normal that, seen along +Z, has the middle of its lobe where n has it, seen from wo; [..., 3] each.
+    """Return the normal whose lobe, seen along +Z, is centred where n's is when seen from wo; [..., 3] each.
 
-    It stands for n in the specular terms. A narrow lobe lies about the mirror direction, a wide one
+    It replaces n in the specular terms. A narrow lobe lies about the mirror direction, a wide one
     about n: between them by (1 - alpha) (sqrt(1 - alpha) + alpha), Lagarde and de Rousiers 2014, Sect. 4.9.3; alpha is
-    a number or [..., 1]. Its albedo is another than n's: see anyprobe.scatter.microfacet.
+    a number or [..., 1]. Its albedo differs from n's: see anyprobe.scatter.microfacet.
     """
     mirrored = (1.0 - alpha) * ((1.0 - alpha) ** 0.5 + alpha)
     return normalize(n + mirrored * (straight_on_normal(n, wo) - n))
@@ -72,11 +72,11 @@ def lookup_coords(n, wo, alpha, table) -> tuple:
     """Return the coordinates for normals n seen along wo in maps that are seen along +Z.
 
     Args:
-        n, wo: [..., 3], camera frame; where n is zero, anything comes of it.
+        n, wo: [..., 3], camera frame; where n is zero, the result is arbitrary.
         alpha: [..., 1].   table: anyprobe.scatter.microfacet.albedo_table, an array of the same kind.
     Returns:
-        Where to look in the maps of Eq. 5's irradiance, of the specular and of the diffuse terms, [..., 2] each, and
-        what S1 and Ss found there are to be multiplied by, [...]: the lobe is there, but n has its own albedo.
+        Coordinates in the maps of Eq. 5's irradiance, of the specular and of the diffuse terms, [..., 2] each, and
+        factors [...] for S1 and Ss found there: the lobe is there, but n has its own albedo.
     """
     lookup_coord = lobe_normal(n, wo, alpha)
     own = directional_albedo(dot(n, wo)[..., 0], alpha[..., 0], table)
@@ -87,7 +87,7 @@ def lookup_coords(n, wo, alpha, table) -> tuple:
 
 
 def read_map(picture, xy, channels) -> list:
-    """Channels of a map [S, S, C] between its pixel centres at xy [..., 2] in [-1, 1], [...] each."""
+    """Interpolate channels of a map [S, S, C] at xy [..., 2] in [-1, 1], [...] each."""
     xp = array_namespace(picture, xy)
     size = picture.shape[0]
     flat = xp.reshape(picture, (size * size, -1))

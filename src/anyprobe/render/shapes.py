@@ -1,4 +1,4 @@
-"""Shapes the project makes itself: closed surfaces over a latitude-longitude grid.
+"""Procedural shapes: closed surfaces over a latitude-longitude grid.
 
 Each function takes its randomness as an argument and returns a Mesh.
 """
@@ -20,7 +20,7 @@ GOLDEN = (1 + 5**0.5) / 2
 def _grid_mesh(positions: np.ndarray, crease_deg: float, poles: np.ndarray | None = None) -> Mesh:
     """Close a [R, C, 3] grid (rows pole to pole, columns around +Y) into a mesh.
 
-    poles: [2, 3]; the middles of the outer rows where none are given.
+    poles: [2, 3]; by default the middles of the outer rows.
     """
     if poles is None:
         poles = np.stack([positions[0].mean(axis=0), positions[-1].mean(axis=0)])
@@ -35,12 +35,12 @@ def _sphere_grid(rows: int, columns: int) -> np.ndarray:
 
 
 def sphere(rows: int = 64) -> Mesh:
-    """The unit sphere."""
+    """Return the unit sphere."""
     return _grid_mesh(_sphere_grid(rows, 2 * rows), crease_deg=180.0)
 
 
 def superquadric(rng: np.random.Generator, rows: int = 56) -> Mesh:
-    """Between box, cylinder, sphere and octahedron (Barr 1981), stretched and turned about +Y."""
+    """Draw a solid between box, cylinder, sphere and octahedron (Barr 1981), stretched and turned about +Y."""
     d = _sphere_grid(rows, 2 * rows)
     east, north = rng.uniform(0.25, 1.6, size=2)
     t = np.arccos(np.clip(d[..., 1], -1, 1)) - np.pi / 2
@@ -57,7 +57,7 @@ def superquadric(rng: np.random.Generator, rows: int = 56) -> Mesh:
 
 
 def blob(rng: np.random.Generator, rows: int = 64) -> Mesh:
-    """A sphere pushed in and out by a few smooth waves."""
+    """Draw a sphere pushed in and out by a few smooth waves."""
     d = _sphere_grid(rows, 2 * rows)
     radius = np.ones(d.shape[:2])
     for _ in range(rng.integers(3, 9)):
@@ -70,7 +70,7 @@ def blob(rng: np.random.Generator, rows: int = 64) -> Mesh:
 
 
 def lathe(rng: np.random.Generator, rows: int = 72) -> Mesh:
-    """A turned vase, bottle or chess piece: a smooth random profile about +Y."""
+    """Draw a turned vase, bottle or chess piece: a smooth random profile about +Y."""
     knots = rng.integers(4, 8)
     profile = rng.uniform(0.2, 0.9, size=knots)
     s = np.linspace(0, 1, rows)
@@ -90,7 +90,7 @@ def lathe(rng: np.random.Generator, rows: int = 72) -> Mesh:
 
 
 def _solid(rng: np.random.Generator) -> np.ndarray:
-    """Planes [K, 3] of a random solid around the origin as n / distance; inside, planes @ x <= 1."""
+    """Draw planes [K, 3] of a random solid around the origin as n / distance; inside, planes @ x <= 1."""
     cube = np.concatenate([np.eye(3), -np.eye(3)])
     corners = normalize(np.array(list(product((-1.0, 1.0), repeat=3))))
     sides = np.array([(0.0, a, b * GOLDEN) for a in (-1, 1) for b in (-1, 1)])
@@ -120,7 +120,7 @@ def _solid(rng: np.random.Generator) -> np.ndarray:
 
 
 def _gauge(planes: np.ndarray, x: np.ndarray, power: float) -> tuple[np.ndarray, np.ndarray]:
-    """g(x) = (sum of max(m_k . x, 0)^p)^(1/p) over planes m [K, 3], and its gradient: [...], [..., 3].
+    """Evaluate g(x) = (sum of max(m_k . x, 0)^p)^(1/p) over planes m [K, 3], and its gradient: [...], [..., 3].
 
     The largest m_k . x is 1 on the solid's faces; the p-norm in its place rounds the edges. g is
     homogeneous and convex: the solid g <= 1 is convex, its radius along d is 1 / g(d), and the
@@ -134,7 +134,7 @@ def _gauge(planes: np.ndarray, x: np.ndarray, power: float) -> tuple[np.ndarray,
 
 
 def rounded_polyhedron(rng: np.random.Generator, rows: int = 80) -> Mesh:
-    """A convex solid of flat faces (box, prism, platonic, random cuts) with rounded edges."""
+    """Draw a convex solid of flat faces (box, prism, platonic, random cuts) with rounded edges."""
     planes, power = _solid(rng), np.exp(rng.uniform(np.log(8.0), np.log(40.0)))
     d = _sphere_grid(rows, 2 * rows)
     poles = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
@@ -144,10 +144,10 @@ def rounded_polyhedron(rng: np.random.Generator, rows: int = 80) -> Mesh:
 
 
 def figure(rng: np.random.Generator) -> Mesh:
-    """Something like a creature, a statue or a toy: a body, with pieces at its surface and at theirs.
+    """Draw a creature, a statue or a toy: a body with pieces on its surface and pieces on theirs.
 
-    Closed pieces that overlap; what lies inside another is never seen. Half of all figures are the same on
-    both sides, as most such things are.
+    The pieces are closed and overlap; parts inside another are never seen. Half of all figures are mirror-symmetric,
+    as most such things are.
     """
     both_sides = rng.random() < 0.5
     sizes, centers = [np.exp(rng.uniform(-0.5, 0.3, size=3))], [np.zeros(3)]
@@ -166,7 +166,7 @@ def figure(rng: np.random.Generator) -> Mesh:
 
 
 def _piece(rng: np.random.Generator, size: np.ndarray, center: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and faces of a blob, superquadric or turned shape of half extents size [3], leaning some way."""
+    """Draw a blob, superquadric or turned shape of half extents size [3], tilted at random: positions and faces."""
     mesh = [blob, superquadric, blob, lathe][rng.integers(4)](rng, rows=28)
     half = np.abs(mesh.positions).max(axis=0)
     x, y, z = rng.normal(0.0, 0.35, size=3)
@@ -175,18 +175,19 @@ def _piece(rng: np.random.Generator, size: np.ndarray, center: np.ndarray) -> tu
 
 
 def draw_shape(rng: np.random.Generator) -> Mesh:
-    """One of the families above."""
+    """Draw a shape of one of the families above."""
     return [superquadric, blob, lathe, blob, rounded_polyhedron][rng.integers(5)](rng)
 
 
 COLUMNS = 72
 """Directions around a piece's axis, besides those of its corners."""
 CREASE_DEG = 30.0
-"""Round walls turn by 5 degrees from a column to the next, roundings by 23 from a row to the next."""
+"""Angle [degrees] of a crease: round walls turn by 5 from a column to the next, roundings by 23 from a row to the
+next."""
 
 
 def part(rng: np.random.Generator) -> Mesh:
-    """One to five pieces grown together at right angles, some of them in rings; what lies inside is never seen."""
+    """Draw one to five pieces joined at right angles, some of them rings; parts inside another are never seen."""
     half, center = np.exp(rng.uniform(-0.6, 0.3, size=3)), np.zeros(3)
     hosts, pieces = [(half, center)], [_placed(rng, half, center)]
     for _ in range(rng.integers(0, 5)):
@@ -206,7 +207,7 @@ def part(rng: np.random.Generator) -> Mesh:
 
 
 def _placed(rng: np.random.Generator, half: np.ndarray, center: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A piece of half extents [3] around center, its axis along one of the three, now and then askew."""
+    """Draw a piece of half extents [3] around center, its axis along one of the three, sometimes askew."""
     positions, faces = extruded(rng)
     quarter = np.pi / 2
     turn = [np.eye(3), rotation_x(quarter), rotation_z(quarter)][rng.integers(3)]
@@ -217,7 +218,7 @@ def _placed(rng: np.random.Generator, half: np.ndarray, center: np.ndarray) -> t
 
 
 def extruded(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """A closed piece along +Y: an outline, drawn out, with a hole or none; positions [V, 3] and faces [F, 3]."""
+    """Draw a closed piece along +Y: an extruded outline, with a hole or none; positions [V, 3] and faces [F, 3]."""
     outline, corners = _outline(rng)
     angles = [np.arange(COLUMNS) * 2 * np.pi / COLUMNS, corners]
     hole = None
@@ -240,7 +241,7 @@ def extruded(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _outline(rng: np.random.Generator) -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray]:
-    """A star-shaped outline around the origin: its radius by angle from +Z towards +X, and its corners' angles."""
+    """Draw a star-shaped outline around the origin: radius by angle from +Z towards +X, and its corners' angles."""
     kind = rng.integers(5)
     if kind == 0:
         return (lambda phi: np.ones_like(phi)), np.zeros(0)
@@ -260,13 +261,13 @@ def _outline(rng: np.random.Generator) -> tuple[Callable[[np.ndarray], np.ndarra
 
 
 def _radius(phi: np.ndarray, sides: np.ndarray, distances: np.ndarray) -> np.ndarray:
-    """How far a convex polygon reaches, whose sides face the angles and are so far away."""
+    """Return the radius at angles phi of a convex polygon with sides facing `sides` at `distances`."""
     toward = np.cos(phi[:, None] - sides) / distances
     return 1 / np.maximum(toward.max(axis=1), 1e-6)
 
 
 def _corners(boxes: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """Angles at which the outline of polygons' union bends: where one ends, or passes into another."""
+    """Return the angles of corners in the outline of a union of polygons: their own, and where two outlines cross."""
     phi = np.linspace(0, 2 * np.pi, 4096, endpoint=False)
     side = np.stack([np.cos(phi[:, None] - sides) / distances for sides, distances in boxes])  # [B, P, K]
     radius = 1 / side.max(axis=2)
@@ -278,7 +279,7 @@ def _corners(boxes: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
 
 
 def _profile(rng: np.random.Generator) -> np.ndarray:
-    """Rows of (height, scale) from top to bottom: straight, tapered, bevelled, rounded or domed."""
+    """Draw rows of (height, scale) from top to bottom: straight, tapered, bevelled, rounded or domed."""
     kind = rng.integers(5)
     if kind == 0:
         return np.array([(1.0, 1.0), (-1.0, 1.0)])
@@ -296,13 +297,13 @@ def _profile(rng: np.random.Generator) -> np.ndarray:
 
 
 def _quads(index: np.ndarray, below: np.ndarray) -> np.ndarray:
-    """Triangles between rows of vertices [R, C] and those below them; columns go around."""
+    """Return triangles between rows of vertices [R, C] and those below them; columns wrap around."""
     a, b, c, d = index, np.roll(index, -1, axis=1), np.roll(below, -1, axis=1), below
     return np.concatenate([np.stack([a, d, c], -1), np.stack([a, c, b], -1)]).reshape(-1, 3)
 
 
 def _closed(grid: np.ndarray, poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows [R, C, 3] from top to bottom, closed by two lids around the poles [2, 3], the last two vertices."""
+    """Close rows [R, C, 3], top to bottom, by two lids around the poles [2, 3], which become the last two vertices."""
     rows, columns = grid.shape[:2]
     index = np.arange(rows * columns).reshape(rows, columns)
     top, bottom = index[0], index[-1]
@@ -315,6 +316,6 @@ def _closed(grid: np.ndarray, poles: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def _ring(grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows [R, C, 3] that come back to the first."""
+    """Connect rows [R, C, 3] into a ring: the last row to the first."""
     index = np.arange(grid.shape[0] * grid.shape[1]).reshape(grid.shape[:2])
     return grid.reshape(-1, 3), _quads(index, np.roll(index, -1, axis=0))

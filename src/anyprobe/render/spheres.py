@@ -1,4 +1,4 @@
-"""Three spheres under a map: what the light does to matt, silvery and mirroring things.
+"""Three spheres under a map: how the light looks on matt, silvery and mirroring things.
 
 The camera is orthographic and looks along -Z, so that wo = +Z for every pixel and
 the mirror sphere shows the whole sphere of directions.
@@ -30,7 +30,7 @@ WO = np.array([0, 0, 1], np.float32)
 
 @lru_cache(maxsize=4)
 def sphere_normals(size: int = SPHERE_SIZE) -> tuple[np.ndarray, np.ndarray]:
-    """Normals [N, 3] of the visible half sphere, row by row, and where they lie: a mask [S, S] with N pixels set.
+    """Return normals [N, 3] of the visible half sphere, row by row, and their mask [S, S], with N pixels set.
 
     The sphere fills the picture: at pixel centre (x, y) in [-1, 1]^2, y up, the normal is (x, y, sqrt(1 - x^2 - y^2)).
     """
@@ -45,22 +45,22 @@ def sphere_normals(size: int = SPHERE_SIZE) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _picture(values: np.ndarray, size: int) -> np.ndarray:
-    """[N, 3] to a picture [S, S, 3] that is black outside the sphere."""
+    """Put values [N, 3] into a picture [S, S, 3] that is black outside the sphere."""
     picture = np.zeros((size, size, 3), np.float32)
     picture[sphere_normals(size)[1]] = values
     return picture
 
 
 def diffuse(radiance: Float[np.ndarray, "H 2*H 3"], size: int = SPHERE_SIZE) -> Float[np.ndarray, "S S 3"]:
-    """A Lambert sphere of albedo 1, Lo = E(n) / pi: [H, 2H, 3] -> [S, S, 3]."""
+    """Render a Lambert sphere of albedo 1, Lo = E(n) / pi: [H, 2H, 3] -> [S, S, 3]."""
     normals, _ = sphere_normals(size)
     return _picture(bilinear(irradiance_map(reduced(radiance)), direction_to_uv(normals)) / np.pi, size)
 
 
 def silver(radiance: Float[np.ndarray, "H 2*H 3"], size: int = SPHERE_SIZE) -> Float[np.ndarray, "S S 3"]:
-    """A grey GGX conductor, alpha 0.3, f0 0.9: Lo = f0 S1 + (1 - f0) Ss, [H, 2H, 3] -> [S, S, 3]."""
+    """Render a grey GGX conductor, alpha 0.3, f0 0.9: Lo = f0 S1 + (1 - f0) Ss, [H, 2H, 3] -> [S, S, 3]."""
     normals, _ = sphere_normals(size)
-    # a larger map would be read at points between which a sun is lost
+    # a larger map would be read at points, and a sun between them lost
     pyramid = shading_pyramid(reduced(radiance), SILVER_ALPHA)
     _, s1, ss = shade_specular(
         pyramid, normals, np.broadcast_to(WO, normals.shape), SILVER_ALPHA, hammersley(NUM_SAMPLES)
@@ -69,11 +69,11 @@ def silver(radiance: Float[np.ndarray, "H 2*H 3"], size: int = SPHERE_SIZE) -> F
 
 
 def mirror(radiance: Float[np.ndarray, "H 2*H 3"], size: int = SPHERE_SIZE) -> Float[np.ndarray, "S S 3"]:
-    """A perfect mirror, f0 1: Lo = L(reflect(wo, n)), [H, 2H, 3] -> [S, S, 3]."""
+    """Render a perfect mirror, f0 1: Lo = L(reflect(wo, n)), [H, 2H, 3] -> [S, S, 3]."""
     normals, _ = sphere_normals(size)
     return _picture(bilinear(radiance, direction_to_uv(reflect(np.broadcast_to(WO, normals.shape), normals))), size)
 
 
 def sphere_images(radiance: Float[np.ndarray, "H 2*H 3"], size: int = SPHERE_SIZE) -> dict[str, np.ndarray]:
-    """The three spheres by name, [S, S, 3] each, linear radiance."""
+    """Render the three spheres, by name: [S, S, 3] each, linear radiance."""
     return {"diffuse": diffuse(radiance, size), "silver": silver(radiance, size), "mirror": mirror(radiance, size)}

@@ -14,8 +14,10 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 CRACKS = 0.01
-"""Share of an object's pixels that may show the back of a face without its being turned to the eye: through the
-cracks of nearly closed meshes a few always do, and what was made of those shall stay what it is."""
+"""Share of an object's pixels that may show the back of a face without its normal being flipped.
+
+Cracks of nearly closed meshes always show a few; flipping these would change data that is already rendered.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -24,8 +26,8 @@ class Camera:
 
     world_from_camera: [3, 3] rotation; position: [3] in the world.
     tan_half: tangent of half the field of view.
-    center: x right, y up of the picture's centre on the plane at depth 1; elsewhere than at 0, 0 it
-        is a window of a larger picture, whose pixels it shares.
+    center: x right, y up of the picture's centre on the plane at depth 1; if not (0, 0), the picture is a window of a
+        larger one, whose pixels it shares.
     """
 
     world_from_camera: np.ndarray
@@ -37,10 +39,10 @@ class Camera:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Surface:
-    """The visible points of an object, in the camera's frame.
+    """Visible points of an object, in the camera's frame.
 
     mask: [S, S] bool; normals, wo: [P, 3] for the P pixels in the mask, row by row; depth, exit: [P], along the
-    camera's axis, of what is seen and of the next face behind it that is seen from its back, or of the first again.
+    camera's axis, of the visible point and of the next face behind it that shows its back, or of the first again.
     """
 
     mask: np.ndarray
@@ -52,7 +54,7 @@ class Surface:
 
 
 def pixel_rays(tan_half: float, size: int, center: tuple[float, float] = (0.0, 0.0)) -> Float[np.ndarray, "S S 3"]:
-    """wo [S, S, 3] of every pixel: from the point towards the eye, camera frame."""
+    """Return wo [S, S, 3] of every pixel: from the point towards the eye, camera frame."""
     x = ((np.arange(size) + 0.5) / size * 2 - 1) * tan_half
     right, up = np.meshgrid(center[0] + x, center[1] - x)
     ray = np.stack([-right, -up, np.ones_like(right)], axis=-1)
@@ -62,9 +64,9 @@ def pixel_rays(tan_half: float, size: int, center: tuple[float, float] = (0.0, 0
 def frame_object(
     mesh: Mesh, world_from_camera: Float[np.ndarray, "3 3"], fov_deg: float, margin: float = 1.1, size: int = 128
 ) -> Camera:
-    """Stand off so that the unit sphere fills fov_deg, turn to the object and crop to it.
+    """Place a camera so that the unit sphere fills fov_deg, turn it to the object and crop to it.
 
-    The window is what a crop of a photo is: its centre is the centre of the object's
+    The window matches a crop of a photo: its centre is the centre of the object's
     bounding box, its side margin times the box's longer side.
     """
     distance = 1.0 / np.sin(np.radians(fov_deg) / 2)
@@ -80,7 +82,7 @@ def frame_object(
 
 
 def _project(points: np.ndarray, rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """World points to (x / depth, y / depth, 1 / depth), [V, 3]."""
+    """Project world points to (x / depth, y / depth, 1 / depth), [V, 3]."""
     in_camera = (points - position) @ rotation
     inverse = 1.0 / np.maximum(-in_camera[:, 2], 1e-6)  # behind the eye: far outside the picture
     return np.stack([in_camera[:, 0] * inverse, in_camera[:, 1] * inverse, inverse], axis=-1)
@@ -89,9 +91,9 @@ def _project(points: np.ndarray, rotation: np.ndarray, position: np.ndarray) -> 
 def see(mesh: Mesh, camera: Camera) -> Surface:
     """Rasterise with a depth buffer; normals interpolated perspective-correctly.
 
-    Where faces are seen from behind, as those of open meshes, cards and meshes wound the other
-    way round are, normals are those of the side that is seen; see CRACKS. Normals that the interpolation
-    turned away from the eye are bent back to the silhouette, so that n.wo > 0 everywhere.
+    Faces seen from behind (open meshes, cards, meshes of the opposite winding) have the normals of the visible side;
+    see CRACKS. Normals that the interpolation turned away from the eye are bent back to the silhouette, so that n.wo >
+    0 everywhere.
     """
     size = camera.size
     projected = _project(mesh.positions, camera.world_from_camera, camera.position)
@@ -145,11 +147,11 @@ def _seen_from_behind(corners: np.ndarray) -> np.ndarray:
 
 
 def cover(corners: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pixel centres inside each triangle: (triangle [K], barycentric weights [K, 3], pixel [K]).
+    """List pixel centres inside each triangle: (triangle [K], barycentric weights [K, 3], pixel [K]).
 
-    Triangles are taken in classes of bounding-box size, each class in one array operation.
+    Triangles are grouped by bounding-box size, each group in one array operation.
     """
-    low = np.ceil(corners.min(axis=1) - 0.5).astype(np.int64)  # a centre on the box's side is in it
+    low = np.ceil(corners.min(axis=1) - 0.5).astype(np.int64)  # a centre on the box's side is inside
     high = np.floor(corners.max(axis=1) - 0.5).astype(np.int64) + 1
     low, high = np.clip(low, 0, size), np.clip(high, 0, size)
     extent = (high - low).max(axis=1)

@@ -34,7 +34,7 @@ class Material:
 
 
 def brdf(material: Material, wo, wi, n):
-    """f_r(wo, wi) [1/sr], paper Eq. 2; no cosine inside. [..., 3] each -> [..., 3]."""
+    """Evaluate f_r(wo, wi) [1/sr], paper Eq. 2; no cosine inside. [..., 3] each -> [..., 3]."""
     xp = array_namespace(wo, wi, n)
     h = normalize(wo + wi)
     n_dot_wo, n_dot_wi = dot(n, wo), dot(n, wi)
@@ -51,8 +51,8 @@ def brdf(material: Material, wo, wi, n):
 def total_reflectance(albedo, f0):
     """Return the total reflectance of a material under even light, [..., 3].
 
-    Schlick's Fresnel term has the cosine-weighted mean F = f0 + (1 - f0) / 21; the rest meets the albedo. What a rough
-    coat loses between its facets is left out.
+    Schlick's Fresnel term has the cosine-weighted mean F = f0 + (1 - f0) / 21; the rest meets the albedo. A rough
+    coat's loss between its facets is left out.
     """
     fresnel = f0 + (1.0 - f0) / 21.0
     return fresnel + (1.0 - fresnel) * albedo
@@ -66,23 +66,26 @@ def _named(key: str) -> dict[str, Material]:
 
 
 PRESETS, MEASURED = _named("named"), _named("measured")
-"""Our own: chrome reflects as chromium does (Johnson and Christy 1974, at 650, 550 and 450 nm), mirror reflects all
-light, and plaster to rubber are typical of their kind, not measured; and those of the Physically Based database
-(physicallybased.info, CC0) that Material can express, see research.measured_materials."""
+"""Named and measured materials.
+
+Named: chrome reflects as chromium does (Johnson and Christy 1974, at 650, 550 and 450 nm), mirror reflects all light,
+and plaster to rubber are typical of their kind. Measured: those of the Physically Based database (physicallybased.info,
+CC0) that Material can express, see research.measured_materials.
+"""
 ELEMENTS = (
     "beryllium cesium cobalt germanium iridium lithium magnesium manganese mercury molybdenum palladium platinum "
     "potassium rubidium silicon sodium titanium tungsten vanadium zinc"
 ).split()
-"""Measured ones that hardly any object is made of."""
+"""Measured materials that hardly any object is made of."""
 MATERIALS: dict[str, Material] = (
     PRESETS | {name: one for name, one in MEASURED.items() if name not in ELEMENTS} | {n: MEASURED[n] for n in ELEMENTS}
 )
-"""By name; chemical elements that few own are last."""
+"""Materials by name; chemical elements that few own are last."""
 
 
 def material_named(name: str, *also: str) -> Material:
-    """One of MATERIALS, in small letters or large; InputError names those that are spelled alike, and what else the
-    caller would have taken."""
+    """Return one of MATERIALS, upper or lower case; InputError names similar spellings and `also`, the other accepted
+    values."""
     key = str(name).strip().lower().replace(" ", "-").replace("_", "-")
     if key in MATERIALS:
         return MATERIALS[key]
@@ -96,5 +99,5 @@ def material_named(name: str, *also: str) -> Material:
 
 
 def alpha_from_roughness(roughness: float) -> float:
-    """GGX alpha of a roughness as glTF, USD and engines have it: its square (Burley 2012)."""
+    """Convert a roughness of glTF, USD and engines to GGX alpha: its square (Burley 2012)."""
     return float(roughness) ** 2

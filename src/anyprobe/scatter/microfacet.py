@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 
 def ggx_distribution(n_dot_h, alpha):
-    """D(h) [1/sr], Walter et al. 2007 Eq. 33: alpha^2 / (pi ((n.h)^2 (alpha^2 - 1) + 1)^2)."""
+    """Evaluate D(h) [1/sr], Walter et al. 2007 Eq. 33: alpha^2 / (pi ((n.h)^2 (alpha^2 - 1) + 1)^2)."""
     d = n_dot_h**2 * (alpha - 1.0) * (alpha + 1.0) + 1.0
     return alpha**2 / (np.pi * d * d)
 
 
 def smith_visibility(n_dot_wo, n_dot_wi, alpha):
-    """G / (4 (n.wo)(n.wi)) with the height-correlated Smith term, Heitz 2014 Eq. 99.
+    """Evaluate G / (4 (n.wo)(n.wi)) with the height-correlated Smith term, Heitz 2014 Eq. 99.
 
     The quotient, not G, is returned: it stays finite at grazing angles.
     """
@@ -40,27 +40,27 @@ def smith_visibility(n_dot_wo, n_dot_wi, alpha):
 
 
 def schlick_weight(wo_dot_h):
-    """s = (1 - wo.h)^5, so that Schlick's F = f0 + (1 - f0) s."""
+    """Evaluate s = (1 - wo.h)^5, so that Schlick's F = f0 + (1 - f0) s."""
     xp = array_namespace(wo_dot_h)
     m = xp.clip(1.0 - wo_dot_h, 0.0, 1.0)
     return m * m * m * m * m
 
 
 def f0_from_ior(ior):
-    """Reflectance at normal incidence of a dielectric in air: ((n - 1) / (n + 1))^2."""
+    """Compute a dielectric's reflectance at normal incidence in air: ((n - 1) / (n + 1))^2."""
     return ((ior - 1.0) / (ior + 1.0)) ** 2
 
 
 COSINES, ROUGHNESSES = 64, 32
-"""Entries from n.wo = 0 to 1 and from sqrt(alpha) = 0.1 to 1."""
+"""Number of entries from n.wo = 0 to 1 and from sqrt(alpha) = 0.1 to 1."""
 SAMPLES = 512
 
 
 @lru_cache(maxsize=1)
 def albedo_table() -> Float[np.ndarray, "ROUGHNESSES COSINES 2"]:
-    """E1 and Es, [ROUGHNESSES, COSINES, 2] float32.
+    """Tabulate E1 and Es, [ROUGHNESSES, COSINES, 2] float32.
 
-    Half vectors follow the normals that the eye sees; what is left is G / G1 of each.
+    Half vectors follow the normals that the eye sees; the weight of each is then G / G1.
     """
     u = hammersley(SAMPLES).astype(np.float64)
     alpha = (np.linspace(0.1, 1.0, ROUGHNESSES) ** 2)[:, None, None]
@@ -76,8 +76,8 @@ def albedo_table() -> Float[np.ndarray, "ROUGHNESSES COSINES 2"]:
 
 
 def directional_albedo(n_dot_wo, alpha, table):
-    """E1 and Es by albedo_table (an array of the same kind) between its entries, of the joint shape of n_dot_wo, alpha;
-    what lies beyond the table takes its edge."""
+    """Interpolate E1 and Es in albedo_table (an array of the same kind), in the joint shape of n_dot_wo and alpha;
+    beyond the table its edge continues."""
     xp = array_namespace(n_dot_wo, table)
     column = xp.clip(n_dot_wo * (COSINES - 1), 0.0, COSINES - 1.001)
     row = xp.clip((alpha**0.5 - 0.1) * ((ROUGHNESSES - 1) / 0.9), 0.0, ROUGHNESSES - 1.001) + 0.0 * column

@@ -31,7 +31,7 @@ MASK_TYPES = {"image/png": "png", JSON: "json"}
 
 
 def choose_type(request: Request, types: dict[str, str]) -> str:
-    """The media type to answer in: ?format= by suffix, else the best of Accept.
+    """Return the media type to answer in: ?format= by suffix, else the best of Accept.
 
     Raises:
         HTTPException: 406, none of those can be had.
@@ -48,7 +48,7 @@ def choose_type(request: Request, types: dict[str, str]) -> str:
 
 
 def light_response(light: Light, media: str, include: frozenset[str], mask: bytes | None) -> Response:
-    """A light as JSON with what was asked to be included, or as a picture file."""
+    """Return a light as JSON with what was asked to be included, or as a picture file."""
     if media != JSON:
         with tempfile.TemporaryDirectory() as folder:  # the writers of .exr know files only
             data = light.save(Path(folder) / f"light.{LIGHT_TYPES[media]}").read_bytes()
@@ -57,7 +57,7 @@ def light_response(light: Light, media: str, include: frozenset[str], mask: byte
 
 
 def light_json(light: Light, include: frozenset[str], mask: bytes | None) -> dict[str, Any]:
-    """The sidecar, and arrays as {shape, dtype, base64}: little-endian float32, row by row; mask: as PNG."""
+    """Return the sidecar, and arrays as {shape, dtype, base64}: little-endian float32, row by row; mask: as PNG."""
     answer = light.sidecar() | _warnings(light.warnings)
     if "radiance" in include:
         answer["radiance"] = packed(light.radiance)
@@ -70,13 +70,14 @@ def light_json(light: Light, include: frozenset[str], mask: bytes | None) -> dic
 
 
 def packed(values: np.ndarray) -> dict[str, Any]:
-    """An array as JSON can carry it."""
+    """Return an array as JSON can carry it."""
     data = np.ascontiguousarray(values, dtype="<f4").tobytes()
     return {"shape": list(values.shape), "dtype": "float32", "base64": base64.b64encode(data).decode("ascii")}
 
 
 def mask_json(photo: Photo) -> dict[str, Any]:
-    """Where the object is, without its outline; how it was found, and the IoU the network expects, if it was asked."""
+    """Return where the object is, without its outline; how it was found, and the IoU the network expects, if it was
+    asked."""
     sure = photo.mask_confidence
     return {
         "photo": photo.name,
@@ -95,7 +96,7 @@ def _warnings(notices: tuple[Notice, ...]) -> dict[str, Any]:
 
 
 def mask_png(mask: np.ndarray) -> bytes:
-    """A mask [H, W] as a grey PNG."""
+    """Return a mask [H, W] as a grey PNG."""
     return png(to_bytes(mask))
 
 
@@ -105,7 +106,7 @@ def png(picture: np.ndarray) -> bytes:
 
 
 def zip_folder(folder: Path) -> bytes:
-    """Every file of a folder, by its path in it."""
+    """Return every file of a folder, by its path in it."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted(folder.rglob("*")):

@@ -51,7 +51,7 @@ def create_app(
     origins: Sequence[str] = (),
     token: str | None = None,
 ) -> FastAPI:
-    """The application around networks that are open already.
+    """Yield the application around networks that are open already.
 
     Args:
         estimator: shared by all workers; its own threads times limits.workers should be the cores.

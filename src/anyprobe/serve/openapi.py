@@ -61,7 +61,7 @@ def _described(schema: dict[str, Any], text: str) -> dict[str, Any]:
 
 
 def _setting_help(name: str) -> str:
-    """The description of a setting."""
+    """Return the description of a setting."""
     return str(next(one.metadata["help"] for one in fields(Settings) if one.name == name))
 
 
@@ -208,7 +208,7 @@ EXPORT_ROUTE = _upload(_EXPORT, [], {"application/zip": _BYTES}, files={})
 
 
 def form_names(address: dict[str, Any]) -> list[str]:
-    """The parts that an address reads in a form."""
+    """Return the parts that an address reads in a form."""
     return list(address["requestBody"]["content"][FORM]["schema"]["properties"])
 
 

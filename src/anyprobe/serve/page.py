@@ -90,7 +90,7 @@ class Page:
         }
 
     def example(self, cancellation: Cancellation | None = None) -> dict[str, bytes]:
-        """The finished example by address: photo, mask, and the light as /v1/estimate answers it.
+        """Return the finished example by address: photo, mask, and the light as /v1/estimate answers it.
 
         Made at the first call, from a picture whose alpha channel is the mask.
         """
@@ -110,7 +110,7 @@ class Page:
         return self._example
 
     def unpacked(self) -> Iterator[tuple[str, bytes]]:
-        """Every file as a static host needs it: address and bytes."""
+        """Yield every file as a static host needs it: address and bytes."""
         for name, path in self.files.items():
             data = path.read_bytes()
             yield (name.removesuffix(PACKED), gzip.decompress(data) if name.endswith(PACKED) else data)
@@ -153,7 +153,7 @@ def add_page(app: FastAPI, page: Page, pool: WorkerPool) -> None:
 
 
 def _file_response(request: Request, page: Page, name: str) -> Response:
-    """A file, packed where it is kept packed and the browser can unpack it; 304 where it has it."""
+    """Return a file, packed where it is kept packed and the browser can unpack it; 304 where it has it."""
     path, packed = page.files.get(name), False
     if path is None:
         path, packed = page.files.get(name + PACKED), True
@@ -183,7 +183,7 @@ def _absent(request: Request) -> HTTPException:
 
 
 def _digest(path: Path) -> str:
-    """A short name for a file's content, kept while its time and size stay."""
+    """Return a short name for a file's content, kept while its time and size stay."""
     stat = path.stat()
     key = (path, stat.st_mtime_ns, stat.st_size)
     if key not in _digests:

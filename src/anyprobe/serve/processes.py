@@ -124,7 +124,7 @@ class Lane:
         return answer
 
     def _next(self) -> _Worker:
-        """A process that waits for work, a new one where there is none."""
+        """Return a process that waits for work, a new one where there is none."""
         while True:
             if self._closed:
                 raise WorkerLost("the server is to end")
@@ -226,7 +226,7 @@ class _Worker:
                 raise _Ended(status) from error
 
     def _status(self) -> int | None:
-        """How it ended; None where it did not, though its pipe is closed."""
+        """Return how it ended; None where it did not, though its pipe is closed."""
         try:
             return self._process.wait(5)
         except subprocess.TimeoutExpired:
@@ -277,7 +277,8 @@ def _used_s(pid: int) -> float:
 
 
 def _import_path() -> list[str]:
-    """Where modules are imported from in a process: as here, but for the working folder, unless this package is there.
+    """Return where modules are imported from in a process: as here, but for the working folder, unless this package is
+    there.
 
     A random.py in it would be taken for Python's.
     """
@@ -287,7 +288,7 @@ def _import_path() -> list[str]:
 
 
 def _outcome(answer: dict[str, Any]) -> Any:
-    """The result, or the error raised again."""
+    """Return the result, or the error raised again."""
     if "result" in answer:
         return answer["result"]
     if "fault" in answer:

@@ -100,7 +100,7 @@ class Cut:
 
 
 def cut(upload: Upload, max_pixels: int, first: bool, with_mask: bool) -> Cut:
-    """The object cut out of its photo, and what else of the photo the light or the answer needs."""
+    """Return the object cut out of its photo, and what else of the photo the light or the answer needs."""
     photo = _open(upload, max_pixels)
     seen = None if upload.rows is None else photo.seen(upload.rows)
     mask = mask_png(photo.mask) if with_mask else None
@@ -108,13 +108,13 @@ def cut(upload: Upload, max_pixels: int, first: bool, with_mask: bool) -> Cut:
 
 
 def mask(upload: Upload, max_pixels: int, as_json: bool) -> dict[str, Any] | bytes:
-    """The mask that an estimate would use, as PNG, or what is said of it."""
+    """Return the mask that an estimate would use, as PNG, or what is said of it."""
     photo = _open(upload, max_pixels)
     return mask_json(photo) if as_json else mask_png(photo.mask)
 
 
 def upright(upload: Upload, max_pixels: int) -> tuple[bytes, float | None]:
-    """A photo of any known format as PNG, upright, sRGB, at most PAGE_LONG_PX long.
+    """Return a photo of any known format as PNG, upright, sRGB, at most PAGE_LONG_PX long.
 
     Returns:
         The picture, and the field of view of its longer side [degrees] where its EXIF has it.
@@ -133,7 +133,7 @@ def upright(upload: Upload, max_pixels: int) -> tuple[bytes, float | None]:
 
 
 def export_zip(upload: Upload, max_pixels: int, target: str) -> bytes:
-    """A map (.exr or .hdr bytes in the place of the photo) as the files of one target, in a zip."""
+    """Return a map (.exr or .hdr bytes in the place of the photo) as the files of one target, in a zip."""
     from anyprobe.export.exported_light import map_from_camera, origin_turned
     from anyprobe.export.targets import export
 
@@ -148,7 +148,7 @@ def export_zip(upload: Upload, max_pixels: int, target: str) -> bytes:
 
 
 def sharpened(upload: Upload, max_pixels: int) -> Light:
-    """A map (.exr or .hdr bytes in the place of the photo) as a light with plausible detail."""
+    """Return a map (.exr or .hdr bytes in the place of the photo) as a light with plausible detail."""
     _check_pixels(upload, min(max_pixels, 2 * MAX_MAP_ROWS**2))
     confidence = None
     if upload.confidence is not None:
@@ -185,7 +185,7 @@ def _map_file(data: bytes, name: str = "map") -> Iterator[Path]:
 
 
 def _open(upload: Upload, max_pixels: int) -> Photo:
-    """The photo with its object marked, under the name it was sent with."""
+    """Return the photo with its object marked, under the name it was sent with."""
     _check_pixels(upload, max_pixels)
     return load_photo(upload.photo, upload.hints, name=upload.name)
 

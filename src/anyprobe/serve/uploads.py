@@ -165,7 +165,7 @@ def _refuse_twice(form: FormData, field: str) -> None:
 
 
 async def read_part(part: UploadFile | str, field: str) -> tuple[bytes, str]:
-    """A file part's bytes and its name without folders; InvalidPhoto or InvalidMask if it is text."""
+    """Return a file part's bytes and its name without folders; InvalidPhoto or InvalidMask if it is text."""
     if not isinstance(part, UploadFile):
         fault = InvalidMask if field == "mask" else InvalidPhoto
         raise fault(f"expected a file, got text; send it as a file part (curl -F {field}=@FILE)", subject=field)
@@ -217,7 +217,7 @@ class Options:
         return Hints(**given)
 
     def settings(self) -> dict[str, Any]:
-        """How the light is estimated, as far as it is said."""
+        """Return how the light is estimated, as far as it is said."""
         given: dict[str, Any] = {}
         if (emitters := self.one_of("emitters", EMITTERS)) is not None:
             given["emitters"] = emitters

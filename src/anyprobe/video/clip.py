@@ -121,7 +121,7 @@ def _unreadable(path: Path, error: Exception) -> InputError:
 
 
 def read_frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
-    """All frames in order, turned upright by the file's rotation, in square pixels of sRGB.
+    """Yield all frames in order, turned upright by the file's rotation, in square pixels of sRGB.
 
     Where they change their size or turn midway they are fitted into that of the first, with black bars.
 

@@ -119,12 +119,12 @@ class MaskFollower:
         return {"files": files, "surroundings": surroundings}
 
     def photo(self, frame: Frame) -> Photo:
-        """The frame as a photo with its mask and what is known around it; InvalidMask where there is no mask."""
+        """Return the frame as a photo with its mask and what is known around it; InvalidMask where there is no mask."""
         photo = self._decided(self._marked(frame))
         return photo if self._panorama is None else replace(photo, surroundings=GivenPanorama(small=self._panorama))
 
     def _decided(self, photo: Photo) -> Photo:
-        """The frame's photo, of which what lies around the object is used as in the frames before."""
+        """Return the frame's photo, of which what lies around the object is used as in the frames before."""
         if self._every["surroundings"] != AUTO:
             return photo
         shows_more = photo.surroundings is not None
@@ -194,7 +194,7 @@ class MaskFollower:
         return self.held
 
     def _load(self, frame: Frame, name: str, own: Mapping[str, Any], **where: Any) -> Photo:
-        """The frame with files of its own; errors say which frame, or which of its files."""
+        """Return the frame with files of its own; errors say which frame, or which of its files."""
         try:
             pixels = replace(read_image(frame.rgb, name), radiance=frame.radiance)
             return load_photo(pixels, **self._every, **own, **where)
@@ -211,7 +211,7 @@ def _last_of(mask: np.ndarray) -> list[float]:
 
 
 def _looked_for(rgb: np.ndarray, last: list[float]) -> np.ndarray | None:
-    """The mask by one look at the last one's box and a margin, [H, W]; None where nothing is there.
+    """Return the mask by one look at the last one's box and a margin, [H, W]; None where nothing is there.
 
     last: of MaskFollower.
     """
@@ -231,7 +231,7 @@ def _prompts_from(last: list[float], shape: tuple[int, ...]) -> dict:
 
 
 def _bytes_of(path: Path) -> bytes:
-    """A file's; none of one that cannot be read, which the frame that asks for it names."""
+    """Return a file's; none of one that cannot be read, which the frame that asks for it names."""
     try:
         return path.read_bytes()
     except OSError:

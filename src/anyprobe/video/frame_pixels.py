@@ -196,7 +196,7 @@ def _encoding(picture) -> ColorEncoding | None:
 
 
 def _matrix(picture, path: Path) -> int | None:
-    """How it comes from RGB, of LUMA; None where it is RGB."""
+    """Return how it comes from RGB, of LUMA; None where it is RGB."""
     said, primaries = int(picture.colorspace), int(picture.color_primaries)
     if picture.format.is_rgb or said == RGB:
         return None

@@ -72,7 +72,7 @@ class Held:
 
 
 def hold(rgb: np.ndarray, mask: np.ndarray, finds: int = 1) -> Held:
-    """A mask [H, W] that was found in a frame [H, W, 3] uint8."""
+    """Return a mask [H, W] that was found in a frame [H, W, 3] uint8."""
     height, width = mask.shape
     window = Window(x0=0, y0=0, x1=width, y1=height).around(object_box(mask), ROOM)
     inside = slice(window.y0, window.y1), slice(window.x0, window.x1)
@@ -80,13 +80,13 @@ def hold(rgb: np.ndarray, mask: np.ndarray, finds: int = 1) -> Held:
 
 
 def held_in(picture: np.ndarray, marked: np.ndarray, *, offset: tuple[int, int], **more) -> Held:
-    """The same of its parts; more: of Held."""
+    """Return the same of its parts; more: of Held."""
     key = begin_key(picture, marked, offset)
     return Held(**{"cover": marked, **more}, picture=picture, offset=offset, marked=marked, key=key)
 
 
 def found_in(held: Held, rgb: np.ndarray) -> Registered:
-    """Where the object lies in another frame, looked for around where it was last."""
+    """Return where the object lies in another frame, looked for around where it was last."""
     height, width = rgb.shape[:2]
     x0, y0, x1, y1 = _box(held)
     more = (SEARCH_REACH + 0.1) * max(x1 - x0, y1 - y0)
@@ -149,7 +149,7 @@ def _looked(held: Held, rgb: np.ndarray, mask: np.ndarray | None) -> Held:
 
 
 def mask_in(held: Held, shape: tuple[int, ...], cover: np.ndarray | None = None) -> np.ndarray:
-    """The mask [H, W] float32 in the last frame, of that shape; cover: another one of the key's."""
+    """Return the mask [H, W] float32 in the last frame, of that shape; cover: another one of the key's."""
     cover = held.cover if cover is None else cover
     height, width = shape[:2]
     mask = np.zeros((height, width), np.float32)
@@ -173,7 +173,7 @@ def _turned(cover: np.ndarray, matrix: np.ndarray, first: np.ndarray, width: int
 
 
 def lit_mask(held: Held, shape: tuple[int, ...]) -> np.ndarray:
-    """The mask in the last frame as the light is to be estimated by."""
+    """Return the mask in the last frame as the light is to be estimated by."""
     x0, y0, x1, y1 = object_box(held.cover)
     narrow = NARROW * max(x1 - x0, y1 - y0) + NARROW_ERROR * held.error_px
     cover = narrowed(held.cover, min(narrow, NARROW_MOST))
@@ -181,8 +181,8 @@ def lit_mask(held: Held, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def narrowed(cover: np.ndarray, pixels: float) -> np.ndarray:
-    """A cover [h, w] whose edge lies so many pixels further inside: the least of four neighbours, again and again, and
-    for a fraction the mean of the last two."""
+    """Return a cover [h, w] whose edge lies so many pixels further inside: the least of four neighbours, again and
+    again, and for a fraction the mean of the last two."""
     whole = int(pixels)
     for _ in range(whole):
         cover = _least(cover)
@@ -197,7 +197,7 @@ def _least(cover: np.ndarray) -> np.ndarray:
 
 
 def _in_key(held: Held, mask: np.ndarray) -> np.ndarray:
-    """A mask of the last frame in the key's window, [h, w] float32."""
+    """Return a mask of the last frame in the key's window, [h, w] float32."""
     height, width = held.cover.shape
     key, motion = held.key, held.motion
     first = motion.matrix() @ (held.offset - key.center) + key.center + (motion.x, motion.y)
@@ -205,7 +205,7 @@ def _in_key(held: Held, mask: np.ndarray) -> np.ndarray:
 
 
 def _carried(held: Held, cover: np.ndarray, to: Held) -> np.ndarray:
-    """A cover of one key's window in that of the frame which it was last moved to."""
+    """Return a cover of one key's window in that of the frame which it was last moved to."""
     height, width = to.cover.shape
     shape = to.offset[1] + height, to.offset[0] + width
     return mask_in(held, shape, cover)[to.offset[1] :, to.offset[0] :]

@@ -26,7 +26,8 @@ _SILVER_SIDE, _ROWS = 64, 32
 
 
 def light_picture(radiance: Float[np.ndarray, "H 2*H 3"] | None) -> UInt8[np.ndarray, "128 640 3"]:
-    """The map, then SPHERES, through the mean camera curve at the clip's exposure; black where there is no light."""
+    """Return the map, then SPHERES, through the mean camera curve at the clip's exposure; black where there is no
+    light."""
     if radiance is None:
         return np.zeros((_SIDE, (2 + len(SPHERES)) * _SIDE, 3), np.uint8)
     shown = resize(reduced(np.asarray(radiance, np.float32), _SIDE), 2 * _SIDE, _SIDE)

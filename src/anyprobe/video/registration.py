@@ -118,7 +118,7 @@ def luma(rgb: np.ndarray) -> np.ndarray:
 
 
 def begin_key(picture: np.ndarray, mask: np.ndarray, offset: tuple[int, int] = (0, 0)) -> Key:
-    """The key of a luma picture [H, W] and the cover [H, W] of its object, which must not be empty.
+    """Return the key of a luma picture [H, W] and the cover [H, W] of its object, which must not be empty.
 
     offset: x, y of their first pixel in the frame.
     """
@@ -151,7 +151,7 @@ def begin_key(picture: np.ndarray, mask: np.ndarray, offset: tuple[int, int] = (
 
 
 def locate_key(key: Key, picture: np.ndarray, start: Motion, offset: tuple[int, int] = (0, 0)) -> Registered:
-    """Where the key's object lies in a luma picture [H, W], looked for around `start`."""
+    """Return where the key's object lies in a luma picture [H, W], looked for around `start`."""
     pictures = _pyramid(_smoothed(_cut(picture, key.coarse, offset)), key.coarse)
     offset = _aligned(offset, key.coarse)
     motion = _searched(key, pictures[-1], start, offset)
@@ -166,7 +166,7 @@ def locate_key(key: Key, picture: np.ndarray, start: Motion, offset: tuple[int, 
 def _aligned_to(
     key: Key, level: Level, picture: np.ndarray, motion: Motion, step: int, offset: tuple[int, int]
 ) -> Registered:
-    """The motion mended at one level."""
+    """Return the motion mended at one level."""
     weights, moved = np.ones(len(level.rows)), np.inf
     for turn in range(STEPS + 1):
         places = level.places @ motion.matrix().T + key.center + (motion.x, motion.y)
@@ -208,7 +208,7 @@ def _composed(motion: Motion, delta: np.ndarray, radius: float) -> Motion:
 
 
 def _searched(key: Key, picture: np.ndarray, start: Motion, offset: tuple[int, int]) -> Motion:
-    """The start moved by whole cells of the coarse level to where the object is likeliest."""
+    """Return the start moved by whole cells of the coarse level to where the object is likeliest."""
     height, width = key.cells.shape
     reach, cell = int(np.ceil(SEARCH_REACH * max(height, width))), 2.0**key.coarse
     y, x = np.mgrid[-reach : height + reach, -reach : width + reach]

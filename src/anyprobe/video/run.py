@@ -63,7 +63,7 @@ class VirtualObject:
 
 
 def is_dull(material: Material) -> bool:
-    """Whether a material shows no mirror image worth the name."""
+    """Return whether a material shows no mirror image worth the name."""
     return float(material.alpha) > DULL_ALPHA
 
 
@@ -170,7 +170,7 @@ class ClipRun:
         return Outcome(frames=len(done.frames), bad=bad, damaged=len(damaged), notes=(*done.notes, *notes))
 
     def _one(self, frame: Frame) -> dict:
-        """The record of one frame; a frame that gives no light keeps the last one and says why.
+        """Return the record of one frame; a frame that gives no light keeps the last one and says why.
 
         The first is refused where the caller gave its object.
         """
@@ -221,7 +221,8 @@ class ClipRun:
         return {**record, **describe(steady), "held": done.light.held}
 
     def _estimate(self, photo: Photo, index: int) -> Light:
-        """The light of one frame in its camera; where poses are known, with the surroundings that all before showed.
+        """Return the light of one frame in its camera; where poses are known, with the surroundings that all before
+        showed.
 
         A panorama from a file is of frame 0's camera, whichever frame is the first that gives a light.
         """
@@ -240,12 +241,13 @@ class ClipRun:
         return self.estimator.from_crop(photo, crop, material=self.material, merged_surroundings=known)
 
     def _seen(self, index: int) -> np.ndarray:
-        """The steady light in a frame's camera, [H, 2H, 3]."""
+        """Return the steady light in a frame's camera, [H, 2H, 3]."""
         assert self.progress.light is not None  # asked for where there is one
         return self.progress.light.seen_from(None if self.poses is None else self.poses[index])
 
     def _detailed(self, index: int) -> np.ndarray:
-        """The same with the detail of the place that is held, [DETAIL_ROWS, 2 DETAIL_ROWS, 3]; without, as it is."""
+        """Return the same with the detail of the place that is held, [DETAIL_ROWS, 2 DETAIL_ROWS, 3]; without, as it
+        is."""
         held, seen = self.progress.held, self._seen(index)
         if self.library is None or held is None or self.progress.light is None:
             return seen
@@ -260,7 +262,7 @@ class ClipRun:
         return {} if self.poses is None or self.progress.light is None else describe(self._seen(index))
 
     def _same(self) -> dict:
-        """Which frame's light one without its own has; nothing before the first."""
+        """Return which frame's light one without its own has; nothing before the first."""
         lit = next((one["index"] for one in reversed(self.progress.frames) if "held" in one), None)
         return {} if lit is None else {"same_as": lit}
 
@@ -270,7 +272,7 @@ class ClipRun:
         return () if self._stage is None else self._stage.warnings
 
     def _picture(self, frame: Frame) -> np.ndarray:
-        """The frame with the object in it, [H, W, 3] uint8; as it is while there is no light yet."""
+        """Return the frame with the object in it, [H, W, 3] uint8; as it is while there is no light yet."""
         state, virtual = self.progress.light, self.virtual
         if self._stage is None or state is None or virtual is None:
             return frame.rgb
@@ -319,5 +321,5 @@ class ClipRun:
 
 
 def _set_up(photo: Photo, virtual: VirtualObject, ground: dict | None) -> Stage:
-    """The place of the virtual object, from the first frame with a mask and the ground of its light, for all."""
+    """Return the place of the virtual object, from the first frame with a mask and the ground of its light, for all."""
     return Stage(photo, virtual.mesh, replace(virtual.arrangement, ground=Ground.of(ground)))

@@ -1,9 +1,9 @@
-"""Makes Blender's World of the light that lies beside this file.
+"""Makes Blender's World from the light beside this file.
 
     blender scene.blend --python NAME_blender.py
     or in Blender: Scripting > Open > this file > Run
 
-The World is the whole map. With SUNS = True below, a Sun of its size stands for each light source, to be moved
+The World is the whole map. With SUNS = True below, a Sun of its size represents each light source, to be moved
 and for renderers that draw no shadow of a World; the camera still sees the whole map, everything else is
 lit by the map without the sources, and mirrors show the Suns as discs.
 
@@ -22,7 +22,7 @@ SUNS = False
 
 
 def folder_of_the_light():
-    """Where the maps lie: beside this file, also when it runs in the text editor."""
+    """Return the maps' folder: beside this file, also when it runs in the text editor."""
     candidates = [Path(__file__).parent] if "__file__" in globals() else []
     candidates += [Path(bpy.path.abspath(text.filepath)).parent for text in bpy.data.texts if text.filepath]
     for folder in candidates:
@@ -33,7 +33,7 @@ def folder_of_the_light():
 
 def load_map(path):
     image = bpy.data.images.load(str(path), check_existing=True)
-    image.reload()  # one that was there and packed keeps the older file's pixels
+    image.reload()  # a packed image would keep the older file's pixels
     for space in ("Linear Rec.709", "Linear"):  # the name before Blender 4
         try:
             image.colorspace_settings.name = space

@@ -40,11 +40,11 @@ class AssetStore:
         return build_pyramid(self.map(map_id).radiance, emitters=NUM_EMITTERS)
 
     def map(self, map_id: str) -> MapAsset:
-        """The map of that id, or InputError."""
+        """Return the map of that id, or InputError."""
         return _named("map", map_id, self.maps)
 
     def shape(self, shape_id: str) -> ShapeAsset:
-        """The shape of that id, or InputError."""
+        """Return the shape of that id, or InputError."""
         return _named("shape", shape_id, self.shapes)
 
 

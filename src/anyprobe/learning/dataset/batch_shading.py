@@ -82,7 +82,7 @@ def pixel_wo(tan_half: torch.Tensor, size: int) -> torch.Tensor:
 
 
 def curves(shots: list[Shot], device) -> CameraCurve:
-    """The camera curves of a batch, each number [B, 1, 1, 1]."""
+    """Return the camera curves of a batch, each number [B, 1, 1, 1]."""
     return CameraCurve(
         exponent=column_of([shot.curve.exponent for shot in shots], device),
         sigma=column_of([shot.curve.sigma for shot in shots], device),
@@ -90,7 +90,7 @@ def curves(shots: list[Shot], device) -> CameraCurve:
 
 
 def see_behind(light: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
-    """The maps [B, 3, H, 2H] along the pixels' rays, [B, 3, S, S].
+    """Return the maps [B, 3, H, 2H] along the pixels' rays, [B, 3, S, S].
 
     A window is far from the seam behind the camera, so that nothing need wrap.
     """

@@ -92,7 +92,8 @@ def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
 
 
 def phone_shot(shot: Shot, ambient: np.ndarray, rng: np.random.Generator) -> Shot:
-    """The shot with the metering and white balance of dataset.distributions, in light of mean colour ambient [3]."""
+    """Return the shot with the metering and white balance of dataset.distributions, in light of mean colour ambient
+    [3]."""
     (weight,), (key,) = distributions.draw_metering(rng, 1)
     balance = distributions.draw_white_balance(rng, ambient[None])[0]
     return replace(
@@ -106,7 +107,7 @@ def phone_shot(shot: Shot, ambient: np.ndarray, rng: np.random.Generator) -> Sho
 
 
 def exposure(shot: Shot, object_mean: float, scene: float) -> float:
-    """The gain from radiance to the photo's exposure units.
+    """Return the gain from radiance to the photo's exposure units.
 
     object_mean: mean luminance of the object. scene: exp(mean ln luminance) of the map, or where the shot meters the
     frame, distributions.frame_level of it.
@@ -122,7 +123,8 @@ def exposure(shot: Shot, object_mean: float, scene: float) -> float:
 
 
 def exposure_for_clipping(luminance: np.ndarray, share: float) -> float:
-    """The gain at which a share of the sphere, in (0, 1), is 1 and brighter in luminance [H, 2H] (hdrcnn: 5 to 15 %).
+    """Return the gain at which a share of the sphere, in (0, 1), is 1 and brighter in luminance [H, 2H] (hdrcnn: 5 to
+    15 %).
 
     A map that is black but for less than that share cannot be exposed so; it gets the gain at which all brighter than a
     thousandth of its mean clips.
@@ -159,7 +161,7 @@ def blur(planes, sigma: float):
 
 
 def compress(picture: np.ndarray, quality: int, subsampling: str) -> np.ndarray:
-    """A picture [S, S, 3] uint8 after a JPEG file."""
+    """Return a picture [S, S, 3] uint8 after a JPEG file."""
     with io.BytesIO() as stream:
         Image.fromarray(picture).save(stream, "JPEG", quality=quality, subsampling=subsampling)
         with Image.open(stream) as stored:

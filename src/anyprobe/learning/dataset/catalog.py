@@ -52,7 +52,7 @@ _CLOSED = re.compile(
 
 
 def allows_commercial_use(licence: str) -> bool:
-    """Whether shipped weights may learn from an asset under this licence text.
+    """Return whether shipped weights may learn from an asset under this licence text.
 
     CC0, public domain, CC BY, MIT, Apache, BSD, by their short, long and SPDX names. Anything unclear is
     refused, as are files whose repository is open but whose own origin is not stated.
@@ -87,13 +87,13 @@ class ShapeAsset:
 
 
 def file_id(path: str | Path) -> str:
-    """The first 8 hex digits of SHA-256 of the file's bytes: the same asset under any name."""
+    """Return the first 8 hex digits of SHA-256 of the file's bytes: the same asset under any name."""
     with open(path, "rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()[:8]
 
 
 def load_maps(folder: Path, *, commercial_only: bool = False, report: Report | None = None) -> list[MapAsset]:
-    """Every map of a folder, normalised; `category` of the manifest says indoor or outdoor.
+    """Return every map of a folder, normalised; `category` of the manifest says indoor or outdoor.
 
     Args:
         commercial_only: leave out what allows_commercial_use refuses.
@@ -123,7 +123,7 @@ def load_maps(folder: Path, *, commercial_only: bool = False, report: Report | N
 
 
 def load_shapes(folder: Path, *, commercial_only: bool = False, report: Report | None = None) -> list[ShapeAsset]:
-    """Every mesh of a folder; arguments and errors as of load_maps."""
+    """Return every mesh of a folder; arguments and errors as of load_maps."""
 
     def load(path: Path, row: dict[str, str]) -> ShapeAsset:
         return ShapeAsset(name=path.stem, id=file_id(path), licence=row["licence"], mesh=read_mesh(path))
@@ -196,7 +196,7 @@ def _load(
 def listed_rows(
     folder: Path, suffixes: tuple[str, ...], strange: tuple[str, ...]
 ) -> Iterator[tuple[Path, dict[str, str]]]:
-    """Each file of the folder with its row of the manifest (the folder's own or its parent's)."""
+    """Yield each file of the folder with its row of the manifest (the folder's own or its parent's)."""
     if not folder.is_dir():
         raise InputError(f"{folder}: expected a folder of {'/'.join(suffixes)} files, found none; check the path")
     files = {path.name for path in visible_files(folder, suffixes + strange)}

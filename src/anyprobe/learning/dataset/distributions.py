@@ -53,7 +53,7 @@ METAL_SHARE = 0.4
 
 
 def draw_material(rng: np.random.Generator, alpha: float, metal: bool | None = None) -> Material:
-    """A metal with a tabled f0 made a little different, or a dielectric; METAL_SHARE decides if not given.
+    """Return a metal with a tabled f0 made a little different, or a dielectric; METAL_SHARE decides if not given.
 
     Dielectrics have an index of refraction in [1.3, 1.8] and an albedo that is
     white to dark, often grey, sometimes strongly coloured.

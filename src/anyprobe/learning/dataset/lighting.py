@@ -35,7 +35,7 @@ MAX_RADIUS = np.radians(35.0)
 
 
 def turn(radiance: np.ndarray, columns: int, mirrored: bool = False) -> np.ndarray:
-    """The map turned about +Y by whole columns, to the right; first mirrored left to right if asked."""
+    """Return the map turned about +Y by whole columns, to the right; first mirrored left to right if asked."""
     return np.roll(radiance[:, ::-1] if mirrored else radiance, columns, axis=1)
 
 
@@ -47,7 +47,7 @@ def blend_maps(one: np.ndarray, other: np.ndarray, share: float) -> np.ndarray:
 def add_lamp(
     radiance: np.ndarray, direction: np.ndarray, radius: float, power: np.ndarray, softness: float = 0.3
 ) -> np.ndarray:
-    """The map and a soft round light source that adds power [3] to its integral over the sphere."""
+    """Return the map and a soft round light source that adds power [3] to its integral over the sphere."""
     height = radiance.shape[0]
     cap = soft_cap(pixel_directions(height).astype(np.float64), direction, radius, softness)
     whole = (cap[..., 0] * pixel_solid_angles(height)).sum()
@@ -59,12 +59,12 @@ def add_lamp(
 
 
 def white_balance(radiance: np.ndarray, gains: np.ndarray) -> np.ndarray:
-    """Each channel times its gain [3]."""
+    """Return each channel times its gain [3]."""
     return radiance * np.asarray(gains)
 
 
 def split_light_cap(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """The map without its dominant light, that light alone, and its direction [3]; their sum is the map.
+    """Return the map without its dominant light, that light alone, and its direction [3]; their sum is the map.
 
     The light is what a cap around the lobe of find_dominant_light has more than the mean of a ring around
     the cap. None where no light stands out, or one wider than MAX_RADIUS does.
@@ -87,7 +87,7 @@ def split_light_cap(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def move_dominant_light(radiance: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """The map with its dominant light at direction [3], upright as it was and of the same power."""
+    """Return the map with its dominant light at direction [3], upright as it was and of the same power."""
     split = split_light_cap(radiance)
     if split is None:
         return radiance
@@ -100,7 +100,7 @@ def move_dominant_light(radiance: np.ndarray, direction: np.ndarray) -> np.ndarr
 
 
 def _upright_turn(old: np.ndarray, new: np.ndarray) -> np.ndarray:
-    """A rotation [3, 3] that carries old to new and tilts about a level axis between two turns about +Y."""
+    """Return a rotation [3, 3] that carries old to new and tilts about a level axis between two turns about +Y."""
 
     def angles(d):
         return np.arctan2(d[0], -d[2]), np.arcsin(np.clip(d[1], -1.0, 1.0))
@@ -110,7 +110,7 @@ def _upright_turn(old: np.ndarray, new: np.ndarray) -> np.ndarray:
 
 
 def draw_variant(rng: np.random.Generator, maps: list[np.ndarray]) -> np.ndarray:
-    """A light that none of the maps is, made of one or two of them of the same size; mean luminance 1."""
+    """Return a light that none of the maps is, made of one or two of them of the same size; mean luminance 1."""
 
     first, second = rng.choice(len(maps), 2, replace=len(maps) < 2)
 
@@ -165,7 +165,7 @@ lobes need pixels, wide ones samples."""
 
 
 def _look(radiance: torch.Tensor, d: torch.Tensor) -> torch.Tensor:
-    """The map [H, 2H, 3] along unit directions [N, 3]."""
+    """Return the map [H, 2H, 3] along unit directions [N, 3]."""
     return bilinear(radiance, direction_to_uv(d))
 
 
@@ -211,7 +211,7 @@ class Illuminator:
         return LitMaterial(terms=torch.cat(terms), radiance=radiance, alpha=alpha, elevation=elevation)
 
     def draw(self, rng: np.random.Generator, world: float = 0.0) -> LitMaterial:
-        """A random map, view and alpha; half of the maps mirrored.
+        """Return a random map, view and alpha; half of the maps mirrored.
 
         world: share of those of a kind and an alpha of dataset.distributions.
         """

@@ -42,7 +42,7 @@ def shift(mask: np.ndarray, right: int, down: int) -> np.ndarray:
 
 
 def fray(mask: np.ndarray, sigma: float, depth: float, rng: np.random.Generator) -> np.ndarray:
-    """A ragged edge: the mask blurred by sigma pixels, with noise as coarse, cut at one half.
+    """Return a ragged edge: the mask blurred by sigma pixels, with noise as coarse, cut at one half.
 
     depth: of the noise, below 0.5; no noise is deeper, so that pixels further from the
     edge than the blur reaches stay what they are.
@@ -69,7 +69,7 @@ def pierce(mask: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray
 
 
 def cut_off(mask: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:
-    """A limb is missing: what lies beyond a line in a random direction, a share of the object."""
+    """Return a limb is missing: what lies beyond a line in a random direction, a share of the object."""
     angle = rng.uniform(0.0, 2 * np.pi)
     y, x = np.ogrid[: mask.shape[0], : mask.shape[1]]
     along = x * np.cos(angle) + y * np.sin(angle)
@@ -78,13 +78,13 @@ def cut_off(mask: np.ndarray, share: float, rng: np.random.Generator) -> np.ndar
 
 
 def object_px(mask: np.ndarray) -> int:
-    """The longer side of the mask's bounding box in pixels; 0 if it is empty."""
+    """Return the longer side of the mask's bounding box in pixels; 0 if it is empty."""
     sides = (np.flatnonzero(mask.any(axis=axis)) for axis in (0, 1))
     return max(int(side[-1] - side[0]) + 1 if len(side) else 0 for side in sides)
 
 
 def disturb_mask(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A mask [S, S] bool as people and programs draw it: some exact, most with one error or a few.
+    """Return a mask [S, S] bool as people and programs draw it: some exact, most with one error or a few.
 
     An error that would leave too little of the object is left out.
     """

@@ -53,7 +53,7 @@ def hidden_cells(surface: Surface) -> np.ndarray:
 
 
 def _points(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
-    """Where pixels' rays meet the object and where they leave it, camera frame, [SIDE, SIDE, 3]; NaN off it."""
+    """Return where pixels' rays meet the object and where they leave it, camera frame, [SIDE, SIDE, 3]; NaN off it."""
     size = len(surface.mask)
     every = size // SIDE
     slopes = -pixel_rays(surface.tan_half, size)
@@ -72,13 +72,13 @@ def _sine(offset: np.ndarray) -> np.ndarray:
 
 
 def mirrored(hidden: np.ndarray) -> np.ndarray:
-    """The cells [AZIMUTHS, S, S] of the picture seen in a mirror, left to right."""
+    """Return the cells [AZIMUTHS, S, S] of the picture seen in a mirror, left to right."""
     return hidden[(AZIMUTHS // 2 - np.arange(AZIMUTHS)) % AZIMUTHS, :, ::-1]
 
 
 @lru_cache(maxsize=1)
 def cell_directions() -> np.ndarray:
-    """The middles of the cells, [AZIMUTHS * RINGS, 3] float32."""
+    """Return the middles of the cells, [AZIMUTHS * RINGS, 3] float32."""
     angle = 2 * np.pi * np.arange(AZIMUTHS)[:, None] / AZIMUTHS
     sine = ((2 * np.arange(RINGS) + 1) / RINGS - 1)[None]
     cosine = np.sqrt(1 - sine**2)

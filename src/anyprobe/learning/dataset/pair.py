@@ -101,7 +101,8 @@ def fibonacci_viewpoint(index: int) -> tuple[float, float]:
 
 
 def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, textured: bool = False) -> Pair:
-    """The pair of an "object" recipe; raises InputError if the store lacks its map or shape, or it is not visible.
+    """Return the pair of an "object" recipe; raises InputError if the store lacks its map or shape, or it is not
+    visible.
 
     trace: makes the photo in the place of our shading; the irradiance stays what no shadow falls on. Under WORLD
         conditions, painted objects get a mild texture by it, which our shading leaves out.
@@ -177,7 +178,7 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, t
 
 
 def is_painted(recipe: Recipe) -> bool:
-    """Whether an object's recipe is of the kind painted of the world's priors."""
+    """Return whether an object's recipe is of the kind painted of the world's priors."""
     return recipe.conditions == WORLD and distributions.KINDS[recipe.material % 4] == "painted"
 
 
@@ -240,13 +241,14 @@ def _draw(recipe: Recipe, rng: np.random.Generator) -> _Drawn:
 
 
 def shot_of(recipe: Recipe) -> Shot:
-    """How the photo of an "object" recipe is taken, without taking it; under WORLD but for its metering and white."""
+    """Return how the photo of an "object" recipe is taken, without taking it; under WORLD but for its metering and
+    white."""
     return _draw(recipe, recipe.rng()).shot
 
 
 def _look(mesh: Mesh, drawn: _Drawn, name: str) -> tuple[Camera, Surface]:
-    """The camera of a pair and what it sees of the shape; from quarter turns aside where that is nothing, as of cards
-    seen edge on."""
+    """Return the camera of a pair and what it sees of the shape; from quarter turns aside where that is nothing, as of
+    cards seen edge on."""
     turned = drawn.world_from_camera
     for _ in range(4):
         camera = frame_object(mesh, turned, fov_deg=drawn.fov_deg)
@@ -260,7 +262,7 @@ def _look(mesh: Mesh, drawn: _Drawn, name: str) -> tuple[Camera, Surface]:
 
 
 def is_too_thin(mesh: Mesh) -> bool:
-    """Whether photos show next to nothing of a shape: a line at most, see LINE.
+    """Return whether photos show next to nothing of a shape: a line at most, see LINE.
 
     From all sides a shape covers in the mean no more than a quarter of its surface (Cauchy).
     """
@@ -271,7 +273,7 @@ def is_too_thin(mesh: Mesh) -> bool:
 
 
 def render_map_pair(recipe: Recipe, store: AssetStore) -> MapPair:
-    """The pair of a "map" recipe (Sect. 3.5): a view of a map through a camera of random curve.
+    """Return the pair of a "map" recipe (Sect. 3.5): a view of a map through a camera of random curve.
 
     The exposure that clips 5 to 15 % of the sphere, as in hdrcnn, times 0.5 to 2.0, the
     recipe's exposure number being the fifth of that range (in stops) it lies in.

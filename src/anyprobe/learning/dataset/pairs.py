@@ -104,12 +104,12 @@ class Batch:
     given_material: torch.Tensor
 
     def to(self, device: str) -> Batch:
-        """The same on another device."""
+        """Return the same on another device."""
         return Batch(**{one.name: getattr(self, one.name).to(device) for one in fields(self)})
 
 
 def slide(kept: dict, wanted: range, make: Callable[[int], Any]) -> list:
-    """The things of the wanted numbers, made when not kept yet; the others are forgotten."""
+    """Return the things of the wanted numbers, made when not kept yet; the others are forgotten."""
     for number in kept.keys() - set(wanted):
         del kept[number]
     return [kept[number] if number in kept else kept.setdefault(number, make(number)) for number in wanted]
@@ -128,7 +128,7 @@ class PairSource:
         self._steps_per_group = max(1, config.group * config.reuse // config.batch)
 
     def _pool(self, step: int) -> list[LitMaterial]:
-        """The lit materials that the step's lane has at hand, the oldest first."""
+        """Return the lit materials that the step's lane has at hand, the oldest first."""
         turn, lane = divmod(step, self.config.lanes)
         first = turn // self._steps_per_group
 

@@ -83,7 +83,7 @@ def _ambient(radiance: np.ndarray) -> np.ndarray:
 
 
 def _meter(shots: list[Shot], lit: LitObjects) -> list[float]:
-    """The gain from radiance to each photo's exposure units."""
+    """Return the gain from radiance to each photo's exposure units."""
     xp = array_namespace(lit.brightness)
     # a camera that meters the whole scene sees exp(mean ln luminance)
     scene = xp.exp(xp.mean(xp.log(xp.clip(lit.brightness, 1e-4, None)), axis=(1, 2))).tolist()

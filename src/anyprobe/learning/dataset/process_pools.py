@@ -170,7 +170,7 @@ def _serve(work: Work, pipe: Connection) -> None:
 
 
 def _portable(error: AnyprobeError) -> AnyprobeError:
-    """An error that can be pickled, whatever its constructor takes."""
+    """Return an error that can be pickled, whatever its constructor takes."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:

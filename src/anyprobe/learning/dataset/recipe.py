@@ -107,13 +107,13 @@ class Recipe:
         return hashlib.sha256(self.to_bytes()).hexdigest()[:16]
 
     def rng(self) -> np.random.Generator:
-        """A fresh stream of random numbers that depends on every field."""
+        """Return a fresh stream of random numbers that depends on every field."""
         drawn_from = bytes([DRAWS]) + self.to_bytes()[1:]
         return np.random.default_rng(np.frombuffer(hashlib.sha256(drawn_from).digest(), np.uint32))
 
 
 def digest(recipes: list[Recipe]) -> str:
-    """The identity of a whole set: SHA-256 over the recipes in order, 16 digits."""
+    """Return the identity of a whole set: SHA-256 over the recipes in order, 16 digits."""
     return hashlib.sha256(b"".join(recipe.to_bytes() for recipe in recipes)).hexdigest()[:16]
 
 
@@ -162,7 +162,7 @@ class Plan:
 
 
 def full_plan(store: AssetStore, kind: str = "object", conditions: int = 0, seed: int = 2020) -> Plan:
-    """The whole dataset over a stock."""
+    """Return the whole dataset over a stock."""
     if not store.maps or (kind == "object" and not store.shapes):
         raise InputError(
             f"dataset: expected at least one map and one shape, got {len(store.maps)} and {len(store.shapes)}"
@@ -177,7 +177,7 @@ def full_plan(store: AssetStore, kind: str = "object", conditions: int = 0, seed
 
 
 def balanced_recipes(store: AssetStore, count: int, seed: int = 2020, conditions: int = 0) -> list[Recipe]:
-    """A test set: in turn specular/diffuse, indoor/outdoor, every shape alike; the rest at random.
+    """Return a test set: in turn specular/diffuse, indoor/outdoor, every shape alike; the rest at random.
 
     Only one kind of place if the maps have no other.
     """
@@ -189,7 +189,7 @@ def balanced_recipes(store: AssetStore, count: int, seed: int = 2020, conditions
 
 
 def world_recipes(store: AssetStore, count: int, seed: int) -> list[Recipe]:
-    """A test set under the world's distributions: in turn their KINDS, the darker and the brighter half of
+    """Return a test set under the world's distributions: in turn their KINDS, the darker and the brighter half of
     each, indoor/outdoor, every shape alike; the rest at random."""
     return _test_set(
         store,
@@ -241,7 +241,7 @@ def _seed(seed: int, index: int) -> int:
 
 
 def _shuffled(index: int, count: int, seed: int) -> int:
-    """A permutation of range(count): steps coprime with count, near its golden section."""
+    """Return a permutation of range(count): steps coprime with count, near its golden section."""
     step = max(1, int(count * 0.6180339887))
     while gcd(step, count) != 1:
         step += 1

@@ -116,7 +116,7 @@ class RenderJob:
         return read_plan(self.folder)
 
     def missing(self) -> list[int]:
-        """The shards that are not there yet, or not of the size their index says."""
+        """Return the shards that are not there yet, or not of the size their index says."""
         return [shard for shard in range(num_shards(self.plan)) if not shards.is_done(self.folder, shard)]
 
 
@@ -127,13 +127,13 @@ def _job(folder: Path, data: Path | None, make: Make) -> RenderJob:
 
 @lru_cache(maxsize=1)
 def _renderer(job: RenderJob) -> StoreRenderer:
-    """The renderer, opened once a process; InputError if its assets are not the dataset's."""
+    """Return the renderer, opened once a process; InputError if its assets are not the dataset's."""
     # what is left out of a folder of assets was said when the dataset was begun
     return _open(job, job.plan, report=lambda line: None)
 
 
 def _open(job: RenderJob, plan: Mapping, **options) -> StoreRenderer:
-    """The renderer of a plan; InputError if it is not over the plan's assets."""
+    """Return the renderer of a plan; InputError if it is not over the plan's assets."""
     if job.data is None and plan["procedural_maps"] < len(plan["maps"]):
         raise InputError("--data: expected the folder of assets that the dataset was begun with, got none")
     renderer = job.make({name: plan[name] for name in SETTINGS}, job.data, **options)
@@ -142,12 +142,12 @@ def _open(job: RenderJob, plan: Mapping, **options) -> StoreRenderer:
 
 
 def num_shards(plan: Mapping) -> int:
-    """How many shards a plan has."""
+    """Return how many shards a plan has."""
     return -(-plan["pairs"] // plan["shard_size"])
 
 
 def shard_range(plan: Mapping, shard: int) -> range:
-    """The recipe numbers of a shard."""
+    """Return the recipe numbers of a shard."""
     return range(shard * plan["shard_size"], min((shard + 1) * plan["shard_size"], plan["pairs"]))
 
 

@@ -50,17 +50,17 @@ class Points:
 
 
 def _along(wall: int) -> tuple[int, int]:
-    """The two axes that a wall runs along."""
+    """Return the two axes that a wall runs along."""
     return [(1, 2), (0, 2), (0, 1)][wall // 2]
 
 
 def _corner_sum(g: np.ndarray) -> np.ndarray:
-    """The alternating sum of a function over the corners of every pair of rectangles, [n, n, n, n]."""
+    """Return the alternating sum of a function over the corners of every pair of rectangles, [n, n, n, n]."""
     return reduce(lambda array, axis: np.diff(array, axis=axis), range(4), g)
 
 
 def _parallel(a: np.ndarray, b: np.ndarray, gap: float) -> np.ndarray:
-    """A F of every pair of rectangles of two equal facing grids with lines a and b, [n, n, n, n].
+    """Return a F of every pair of rectangles of two equal facing grids with lines a and b, [n, n, n, n].
 
     Howell, "A Catalog of Radiation Heat Transfer Configuration Factors", C-13.
     """
@@ -72,7 +72,7 @@ def _parallel(a: np.ndarray, b: np.ndarray, gap: float) -> np.ndarray:
 
 
 def _perpendicular(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """A F of pairs of rectangles on two walls that share an edge: a and c are the lines' distances from
+    """Return a F of pairs of rectangles on two walls that share an edge: a and c are the lines' distances from
     it on the one and the other, b the lines across it. [n(a), n(b), n(c), n(b)]; Howell's C-17.
     """
     x, z = a[:, None, None, None], c[None, None, :, None]
@@ -121,7 +121,7 @@ def patch_areas(half: np.ndarray, patches: int = _PATCHES) -> np.ndarray:
 
 
 def patch_points(half: np.ndarray, patches: int = _PATCHES) -> Points:
-    """The middles of all patches, in form_factors' order."""
+    """Return the middles of all patches, in form_factors' order."""
     middle = (np.arange(patches) + 0.5) / patches * 2 - 1
     position, side = np.empty((6, patches, patches, 3)), np.empty((6, patches, patches, 2))
     for wall in range(6):
@@ -156,7 +156,7 @@ def reflected(factors: np.ndarray, albedo: np.ndarray, source: np.ndarray, bounc
 
 
 def coverage(rectangle: Rectangle, xy: np.ndarray, side: np.ndarray) -> np.ndarray:
-    """The share of each square (middle xy [N, 2], side [N, 2]) that the rectangle covers, [N, 1]."""
+    """Return the share of each square (middle xy [N, 2], side [N, 2]) that the rectangle covers, [N, 1]."""
     low = np.maximum(xy - side / 2, rectangle.centre - rectangle.extent)
     high = np.minimum(xy + side / 2, rectangle.centre + rectangle.extent)
     return np.clip((high - low) / side, 0.0, 1.0).prod(axis=-1, keepdims=True)
@@ -186,14 +186,14 @@ def sunlit(points: Points, half: np.ndarray, window: Rectangle, sun: np.ndarray)
 
 
 def _spot(rng: np.random.Generator, half: np.ndarray, wall: int, size: np.ndarray) -> Rectangle:
-    """A rectangle of the given half size [2] somewhere on a wall, cut down to fit it."""
+    """Return a rectangle of the given half size [2] somewhere on a wall, cut down to fit it."""
     room = half[list(_along(wall))]
     extent = np.minimum(size, 0.9 * room)
     return Rectangle(wall=wall, centre=rng.uniform(-1, 1, size=2) * (0.95 * room - extent), extent=extent)
 
 
 def _bars(window: Rectangle, rng: np.random.Generator) -> list[Rectangle]:
-    """The crossbars of a window."""
+    """Return the crossbars of a window."""
     found = []
     for k in range(2):
         for at in np.linspace(-1, 1, rng.integers(2, 5))[1:-1]:

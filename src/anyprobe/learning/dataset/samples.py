@@ -133,7 +133,7 @@ def encode_map_pair(pair: MapPair) -> Sample:
 
 
 def decode_part(name: str, data: bytes) -> Any:
-    """A part as it was before encoding, by the end of its name; InputError if it is none."""
+    """Return a part as it was before encoding, by the end of its name; InputError if it is none."""
     try:
         if name.endswith(".npy"):
             return np.load(io.BytesIO(data), allow_pickle=False)
@@ -146,7 +146,7 @@ def decode_part(name: str, data: bytes) -> Any:
 
 
 def same(name: str, first: bytes, second: bytes) -> bool:
-    """Whether two parts hold the same values bit for bit, however they were packed."""
+    """Return whether two parts hold the same values bit for bit, however they were packed."""
     if first == second:
         return True
     a, b = decode_part(name, first), decode_part(name, second)

@@ -25,7 +25,8 @@ PITCH_DEG = 10.0
 
 
 def draw_frame(rng: np.random.Generator, tan_half: float) -> np.ndarray:
-    """A picture's frame around a crop: least x, greatest x, least y, greatest y on the plane z = -1 before the eye.
+    """Return a picture's frame around a crop: least x, greatest x, least y, greatest y on the plane z = -1 before the
+    eye.
 
     Longer side 45 to 80 degrees wide, upright or across; the crop, [-tan_half, tan_half] both ways, anywhere in it.
     """
@@ -42,7 +43,7 @@ def photo_surroundings(
     frames: np.ndarray,
     tone: Callable[[torch.Tensor], torch.Tensor],
 ) -> torch.Tensor:
-    """The map as far as a photo shows it, [B, 4, H, 2H]: display RGB times cover, and cover in [0, 1].
+    """Return the map as far as a photo shows it, [B, 4, H, 2H]: display RGB times cover, and cover in [0, 1].
 
     Args:
         light: [B, 3, H, 2H] in the crop's frame and exposure units, with the photo's white balance.

@@ -12,7 +12,7 @@ CELL_SHARPNESS = 25.0
 
 
 def moved(hidden: torch.Tensor, old_from_new: torch.Tensor, offset: torch.Tensor) -> torch.Tensor:
-    """The cells [B, AZIMUTHS, S, S] of pictures whose points are moved, as in dataset.shape_augment.Reshaping.
+    """Return the cells [B, AZIMUTHS, S, S] of pictures whose points are moved, as in dataset.shape_augment.Reshaping.
 
     Azimuths turn with the picture, to the nearest; that it is drawn out or gets deeper is left out.
 
@@ -75,7 +75,7 @@ def shade_hidden(
 
 
 def _lobe(n: torch.Tensor, wo: torch.Tensor, alpha: torch.Tensor, d: torch.Tensor) -> torch.Tensor:
-    """A GGX lobe as a spherical Gaussian (Wang et al. 2009), no narrower than a cell: [P, cells]."""
+    """Return a GGX lobe as a spherical Gaussian (Wang et al. 2009), no narrower than a cell: [P, cells]."""
     cosine = (n * wo).sum(dim=-1, keepdim=True).clip(min=0.1)
     mirror = 2 * cosine * n - wo
     middle = F.normalize(torch.lerp(n, mirror, (1 - alpha) * ((1 - alpha).sqrt() + alpha)), dim=-1)

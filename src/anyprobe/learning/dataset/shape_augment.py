@@ -115,7 +115,7 @@ def _stack(each: list[tuple]) -> Reshaping:
 
 
 def _draw(mask: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
-    """The parts of one object's Reshaping, in their order."""
+    """Return the parts of one object's Reshaping, in their order."""
     roll = rng.normal(0.0, np.radians(UPRIGHT_DEG)) if rng.random() < 0.5 else rng.uniform(0, 2 * np.pi)
     along, drawn_out = rng.uniform(0, np.pi), np.exp(rng.normal(0.0, STRETCH))
     new_from_old = _turn(roll) @ _turn(along) @ np.diag([drawn_out, 1 / drawn_out]) @ _turn(-along)

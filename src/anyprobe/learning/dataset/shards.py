@@ -56,7 +56,7 @@ def index_path(folder: Path, shard: int) -> Path:
 
 
 def is_temporary(path: Path) -> bool:
-    """Whether a file is one that a writer had not finished."""
+    """Return whether a file is one that a writer had not finished."""
     return bool(_TEMPORARY.match(path.name))
 
 
@@ -174,7 +174,7 @@ def _index_text(index: ShardIndex) -> str:
 
 
 def read_index(folder: Path, shard: int) -> ShardIndex:
-    """The index of a shard; InputError if there is none or it is not one."""
+    """Return the index of a shard; InputError if there is none or it is not one."""
     path = index_path(folder, shard)
     try:
         text = path.read_text(encoding="utf-8")
@@ -201,7 +201,7 @@ def read_index(folder: Path, shard: int) -> ShardIndex:
 
 
 def is_done(folder: Path, shard: int) -> bool:
-    """Whether a shard has a readable index and a tar of the size that it says."""
+    """Return whether a shard has a readable index and a tar of the size that it says."""
     try:
         return read_index(folder, shard).size == tar_path(folder, shard).stat().st_size
     except (InputError, OSError):

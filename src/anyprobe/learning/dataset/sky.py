@@ -22,7 +22,7 @@ from anyprobe.learning.dataset.catalog import normalize_map
 
 
 def tint(rng: np.random.Generator, strength: float) -> np.ndarray:
-    """A random colour [3] of mean 1."""
+    """Return a random colour [3] of mean 1."""
     color = np.exp(rng.normal(0.0, strength, size=3))
     return color / color.mean()
 
@@ -50,7 +50,7 @@ def soft_box(d: np.ndarray, centre: np.ndarray, extent: np.ndarray) -> np.ndarra
 
 
 def studio(rng: np.random.Generator, height: int = 256) -> np.ndarray:
-    """A dim surround with a few soft boxes and round light sources; mean luminance 1."""
+    """Return a dim surround with a few soft boxes and round light sources; mean luminance 1."""
     d = pixel_directions(height).astype(np.float64)
     up = d[..., 1:2] * 0.5 + 0.5
     radiance = rng.uniform(0.02, 0.25) * (tint(rng, 0.1) * (1 - up) + tint(rng, 0.1) * up)
@@ -139,7 +139,7 @@ def zenith_luminance(elevation: float, turbidity: float) -> float:
 
 
 def sky_radiance(d: np.ndarray, sun: np.ndarray, turbidity: float) -> np.ndarray:
-    """The clear sky without its sun along d [..., 3]; below the horizon, what is on it.
+    """Return the clear sky without its sun along d [..., 3]; below the horizon, what is on it.
 
     Eq. 3 and 4: each of Y, x, y is its zenith value times F(theta, gamma) / F(0, theta_s), with
     Perez's F = (1 + A e^(B / cos theta)) (1 + C e^(D gamma) + E cos^2 gamma).
@@ -209,7 +209,7 @@ def clear_sky(d: np.ndarray, sun: np.ndarray, turbidity: float) -> np.ndarray:
 
 
 def sun_disc(height: int, sun: np.ndarray, irradiance: np.ndarray) -> np.ndarray:
-    """The sun's radiance [H, 2H, 3]: widened to 1.5 rows where it is narrower, of the same power."""
+    """Return the sun's radiance [H, 2H, 3]: widened to 1.5 rows where it is narrower, of the same power."""
     radius = max(SUN_RADIUS, 1.5 * np.pi / height)
     disc = soft_cap(pixel_directions(height).astype(np.float64), sun, radius, 0.5)
     return disc * irradiance / (disc[..., 0] * pixel_solid_angles(height)).sum()
@@ -232,7 +232,7 @@ def _waves(rng: np.random.Generator, x: np.ndarray, longest: float, shortest: fl
 
 
 def _clouds(rng: np.random.Generator, d: np.ndarray) -> np.ndarray:
-    """How much cloud covers the sky along d, [..., 1] in [0, 1]: waves of a layer overhead."""
+    """Return how much cloud covers the sky along d, [..., 1] in [0, 1]: waves of a layer overhead."""
     layer = d / (np.abs(d[..., 1:2]) + 0.25)
     cloud = _waves(rng, layer, 2.5, 0.2) * rng.uniform(0.4, 1.2) + rng.uniform(-1.0, 0.8)
     return np.clip(cloud, 0.0, 1.0)[..., None]
@@ -312,7 +312,7 @@ def draw_day(rng: np.random.Generator, height: int) -> Day:
 
 
 def sky(rng: np.random.Generator, height: int = 256) -> np.ndarray:
-    """A day out of doors; mean luminance 1."""
+    """Return a day out of doors; mean luminance 1."""
     day = draw_day(rng, height)
     balance = (luminance(day.ground) / np.maximum(day.ground, 0.2 * luminance(day.ground))) ** rng.uniform()
     return normalize_map((day.radiance + day.disc) * balance)  # the camera's white, set for the ground

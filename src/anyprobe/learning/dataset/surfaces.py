@@ -66,7 +66,7 @@ class SurfaceSet:
 
 
 def draw_elevation(rng: np.random.Generator, which: int) -> float:
-    """An elevation [radians] inside a class."""
+    """Return an elevation [radians] inside a class."""
     return float(np.arcsin(rng.uniform(ELEVATION_SINES[which], ELEVATION_SINES[which + 1])))
 
 

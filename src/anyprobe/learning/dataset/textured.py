@@ -121,7 +121,8 @@ CLEAR = 6.0
 
 
 def locate(normals: np.ndarray) -> np.ndarray:
-    """Where the pixels of a picture are in space, in halves of the picture: x right, y up, z to the eye, [S, S, 3].
+    """Return where the pixels of a picture are in space, in halves of the picture: x right, y up, z to the eye, [S, S,
+    3].
 
     The depth whose slopes are nearest to those that normals have, by least squares (Frankot and Chellappa 1988), and
     off the object nearest to the object's mean slope.
@@ -146,7 +147,7 @@ def locate(normals: np.ndarray) -> np.ndarray:
 
 
 def lay(pattern: np.ndarray, points: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A pattern [N, N, C] on points [P, 3] of normals [P, 3]: [P, C].
+    """Return a pattern [N, N, C] on points [P, 3] of normals [P, 3]: [P, C].
 
     From three sides of a block turned at random, each where it is faced; beyond its border it goes on mirrored.
     """
@@ -165,7 +166,8 @@ def lay(pattern: np.ndarray, points: np.ndarray, normals: np.ndarray, rng: np.ra
 
 
 def draw_factor(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A mild texture: what an object's reflectance is multiplied by, [S, S, 3], 1 in the mean and off the object.
+    """Return a mild texture: what an object's reflectance is multiplied by, [S, S, 3], 1 in the mean and off the
+    object.
 
     Args:
         normals: [S, S, 3], camera frame, zero off the object.
@@ -192,7 +194,7 @@ def factor_at(points: np.ndarray, normals: np.ndarray, rng: np.random.Generator)
 
 
 def draw_share(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Which part of each pixel is of an object's second material, [S, S] in [0, 1], zero off the object.
+    """Return which part of each pixel is of an object's second material, [S, S] in [0, 1], zero off the object.
 
     Patches, what lies beyond a plane, or a band; SECOND_SHARE of the object, its border one pixel wide.
 
@@ -216,7 +218,7 @@ def draw_share(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def paint(material: Material, factor: np.ndarray) -> Material:
-    """A material under a texture: f0 and albedo [..., 3] as factor; a dielectric's coat stays as it is."""
+    """Return a material under a texture: f0 and albedo [..., 3] as factor; a dielectric's coat stays as it is."""
     if np.any(material.albedo):
         albedo = np.minimum(material.albedo * factor, MOST_ALBEDO)
         return replace(material, albedo=albedo, f0=np.broadcast_to(material.f0, factor.shape))

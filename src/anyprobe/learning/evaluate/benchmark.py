@@ -57,7 +57,7 @@ def write_pair(folder: Path, pair: Pair) -> None:
 
 
 def read_predictions(folder: Path, keys: Sequence[str]) -> dict[str, np.ndarray]:
-    """The map of every key in a folder, KEY.exr, or where that is not there KEY.hdr, as [64, 128, 3].
+    """Return the map of every key in a folder, KEY.exr, or where that is not there KEY.hdr, as [64, 128, 3].
 
     Raises:
         InputError: a key has no map.
@@ -86,7 +86,7 @@ def _read(path: Path) -> np.ndarray:
 
 
 def predicted(maps: Mapping[str, np.ndarray]) -> Method:
-    """The method that answers with a map [64, 128, 3] by the pair's key."""
+    """Return the method that answers with a map [64, 128, 3] by the pair's key."""
 
     def method(pair: Pair) -> Estimate:
         radiance = maps[pair.recipe.key]

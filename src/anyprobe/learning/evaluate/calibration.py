@@ -71,7 +71,7 @@ class Calibration:
 
 
 def figures(sums: np.ndarray, constant: float) -> dict:
-    """How good claims are, and beside them the one constant claim.
+    """Return how good claims are, and beside them the one constant claim.
 
     The constant is the share of all pixels that are right, over all pairs: an oracle, unknown beforehand.
     It has no calibration error there, but in a group; it ranks nothing, so its AUC is 0.5.
@@ -123,5 +123,5 @@ def _short(value: float) -> float:
 
 
 def right_of(ldr: np.ndarray, true_ldr: np.ndarray) -> np.ndarray:
-    """Where display values [..., 3] are close to the true ones."""
+    """Return where display values [..., 3] are close to the true ones."""
     return np.abs(np.asarray(ldr, np.float64) - true_ldr).mean(axis=-1) < CLOSE

@@ -58,7 +58,7 @@ Method = Callable[[Pair], Estimate]
 
 
 def model_methods(models: Models, name: str, hints: bool = False) -> dict[str, Method]:
-    """A model from the photo alone, with expected emitters where it has them and, if asked, with hints: by row.
+    """Return a model from the photo alone, with expected emitters where it has them and, if asked, with hints: by row.
 
     hints: also a row for each of GIVEN_HINTS.
     """
@@ -80,7 +80,7 @@ def model_methods(models: Models, name: str, hints: bool = False) -> dict[str, M
 
 
 def baselines() -> dict[str, Method]:
-    """The mean training map, and the object taken for a chrome sphere."""
+    """Return the mean training map, and the object taken for a chrome sphere."""
 
     def of(radiance: np.ndarray) -> Estimate:
         return Estimate(ldr=response(radiance), radiance=radiance)
@@ -138,7 +138,7 @@ def chrome_sphere(photo: np.ndarray) -> np.ndarray:
 
 
 def run_with_hints(models: Models, pair: Pair, hints: Collection[str]) -> Outputs:
-    """A model's outputs given the pair's true normals, true material or surroundings."""
+    """Return a model's outputs given the pair's true normals, true material or surroundings."""
     normals = true_normals(pair) if "normals" in hints else None
     surroundings_map = surroundings(pair) if "surroundings" in hints else None
     material = pair.material if "material" in hints else None
@@ -151,7 +151,7 @@ def run_with_hints(models: Models, pair: Pair, hints: Collection[str]) -> Output
 
 
 def true_normals(pair: Pair) -> np.ndarray:
-    """A pair's normals as a model is given them: [64, 64, 3] unit, zero outside the object."""
+    """Return a pair's normals as a model is given them: [64, 64, 3] unit, zero outside the object."""
     step = len(pair.normals) // NORMALS_SIZE
     mean = np.asarray(pair.normals, np.float32).reshape(NORMALS_SIZE, step, NORMALS_SIZE, step, 3).mean(axis=(1, 3))
     length = np.linalg.norm(mean, axis=-1, keepdims=True)
@@ -176,7 +176,7 @@ HOLES = 0.05
 
 
 def noisy_mask(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A mask [S, S] bool too wide or too narrow by ERROR_PX, and pierced until HOLES of it is gone."""
+    """Return a mask [S, S] bool too wide or too narrow by ERROR_PX, and pierced until HOLES of it is gone."""
     edge = widen(mask, ERROR_PX) if rng.random() < 0.5 else narrow(mask, ERROR_PX)
     if not edge.any():
         return mask
@@ -187,7 +187,7 @@ def noisy_mask(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def with_noisy_mask(pair: Pair) -> Pair:
-    """The pair cut out so; where the mask is too wide the photo is black, as behind a pair it always is."""
+    """Return the pair cut out so; where the mask is too wide the photo is black, as behind a pair it always is."""
     rng = np.random.default_rng(pair.recipe.seed % 2**32)
     mask = noisy_mask(pair.photo[..., 3] > 0, rng)
     photo = pair.photo.copy()

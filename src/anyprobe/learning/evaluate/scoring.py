@@ -122,7 +122,7 @@ MEDIANS = {"dominant_light_median_deg": "dominant_light_deg", "total_power_media
 
 
 def score(estimate: np.ndarray, truth: np.ndarray) -> dict[str, float]:
-    """All metrics of one estimated map against the true one, both [H, 2H, 3] in exposure units.
+    """Return all metrics of one estimated map against the true one, both [H, 2H, 3] in exposure units.
 
     LDR figures are of response(L), every pixel counted alike, as in the paper. Spheres are
     rendered linear, without tone mapping.
@@ -178,7 +178,7 @@ class Scores:
             self.rows.setdefault(method, []).append(row)
 
     def of_group(self, method: str, group: str) -> list[dict[str, float]]:
-        """A method's figures on the pairs of a group."""
+        """Return a method's figures on the pairs of a group."""
         return [row for row, member in zip(self.rows[method], self.groups, strict=True) if group in member]
 
     def table(self) -> dict[str, dict[str, dict[str, float]]]:

@@ -41,7 +41,7 @@ class Window:
 
 
 def make_window(size: int, tan_half: float) -> Window:
-    """The pixels of a square photo."""
+    """Return the pixels of a square photo."""
     line = (torch.arange(size) + 0.5) / size * 2 - 1
     y, x = torch.meshgrid(line, line, indexing="ij")
     return Window(x=x, y=y, tan_half=tan_half)
@@ -65,7 +65,7 @@ def draw_background(rng: np.random.Generator, view: LitView, window: Window, poo
 def draw_flat(
     rng: np.random.Generator, view: LitView, window: Window, pool: TexturePool
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """A thing of straight edges (book, frame, rod, edge of a shelf): radiance [3, S, S], cover [S, S]."""
+    """Return a thing of straight edges (book, frame, rod, edge of a shelf): radiance [3, S, S], cover [S, S]."""
     centre, angle = rng.uniform(-1.1, 1.1, size=2), rng.uniform(0, np.pi)
     if rng.random() < 0.5:
         angle = rng.choice([0.0, np.pi / 2]) + rng.normal(0, 0.05)
@@ -117,7 +117,7 @@ def _behind(rng: np.random.Generator, view: LitView, window: Window, pool: Textu
 def _ground(
     rng: np.random.Generator, view: LitView, window: Window, pool: TexturePool
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """A level plane below the camera, whole or a table's top: radiance [3, S, S] and cover [S, S]."""
+    """Return a level plane below the camera, whole or a table's top: radiance [3, S, S] and cover [S, S]."""
     size = len(window.x)
     pitch = max(view.elevation, 0.02) + rng.uniform(0.0, 0.3)
     down = (-pixel_rays(window.tan_half, size) @ rotation_x(-pitch).T).astype(np.float32)

@@ -129,7 +129,7 @@ def _place(rng: np.random.Generator, index: int, bounds: tuple[int, int, int, in
 
 
 def _warp(foreground: torch.Tensor, place: _Place, window: Window) -> torch.Tensor:
-    """A foreground [C, S, S] in its place, [C, S, S], averaged first where it shrinks."""
+    """Return a foreground [C, S, S] in its place, [C, S, S], averaged first where it shrinks."""
     side = place.half * len(window.x)
     while foreground.shape[-1] >= 2 * side and foreground.shape[-1] > 16:
         foreground = F.avg_pool2d(foreground[None], 2)[0]
@@ -141,7 +141,7 @@ def _warp(foreground: torch.Tensor, place: _Place, window: Window) -> torch.Tens
 def _reflect(
     rng: np.random.Generator, picture: torch.Tensor, foreground: torch.Tensor, place: _Place, window: Window
 ) -> torch.Tensor:
-    """The picture with an object's mirror image under its foot, fainter further down."""
+    """Return the picture with an object's mirror image under its foot, fainter further down."""
     rows = torch.nonzero((foreground[3] > 0.5).any(dim=1)).flatten()
     if not len(rows):
         return picture

@@ -99,7 +99,7 @@ class SceneSource:
 
 
 def unasked_target(scene: Scene) -> int | None:
-    """The object meant without a prompt: most cover weighted towards the photo's centre.
+    """Return the object meant without a prompt: most cover weighted towards the photo's centre.
 
     None where there is none, or where a second one weighs nearly as much.
     """
@@ -123,7 +123,7 @@ def unasked_target(scene: Scene) -> int | None:
 def _examples(
     rng: np.random.Generator, scene: Scene, count: int
 ) -> tuple[torch.Tensor, list[tuple[np.ndarray, torch.Tensor]]]:
-    """A retake's photo [3, S, S], and `count` prompts of different kinds with their answers."""
+    """Return a retake's photo [3, S, S], and `count` prompts of different kinds with their answers."""
     which = _draw_target(rng, scene)
     if which is None or rng.random() >= CLOSE_SHARE:
         scene, which, shares = retake(rng, scene, SIZE), None, PROMPTS
@@ -135,7 +135,7 @@ def _examples(
 
 
 def _draw_target(rng: np.random.Generator, scene: Scene) -> int | None:
-    """An object large enough to be meant, large ones more often; None where there is none."""
+    """Return an object large enough to be meant, large ones more often; None where there is none."""
     areas = scene.covers.sum(dim=(1, 2)).numpy() if len(scene.covers) else np.zeros(0)
     possible = np.flatnonzero(areas >= MIN_TARGET_PX)
     if not len(possible):
@@ -144,7 +144,7 @@ def _draw_target(rng: np.random.Generator, scene: Scene) -> int | None:
 
 
 def ask(rng: np.random.Generator, scene: Scene, kind: str, which: int | None = None) -> tuple[np.ndarray, torch.Tensor]:
-    """A prompt of a kind of PROMPTS and the answer to it: channel [S, S], target's cover [S, S].
+    """Return a prompt of a kind of PROMPTS and the answer to it: channel [S, S], target's cover [S, S].
 
     Where there is none but no object stands out, there is a click after all.
 
@@ -186,7 +186,7 @@ def _centre_weight(size: int, centre: float) -> np.ndarray:
 
 
 def inside_click(rng: np.random.Generator, cover: torch.Tensor) -> tuple[float, float]:
-    """A point on the object, mostly well inside it."""
+    """Return a point on the object, mostly well inside it."""
     inside = cover.numpy()
     if rng.random() < 0.8:
         soft = blur(cover, 3.0).numpy()
@@ -195,7 +195,7 @@ def inside_click(rng: np.random.Generator, cover: torch.Tensor) -> tuple[float, 
 
 
 def _click_beside(rng: np.random.Generator, scene: Scene, which: int) -> tuple[float, float]:
-    """A point off the target: on another object, else around it, else anywhere in the photo."""
+    """Return a point off the target: on another object, else around it, else anywhere in the photo."""
     top, bottom, left, right = scene.bounds
     photo = np.zeros((SIZE, SIZE), bool)
     photo[top:bottom, left:right] = True
@@ -208,7 +208,7 @@ def _click_beside(rng: np.random.Generator, scene: Scene, which: int) -> tuple[f
 
 
 def _pixel(rng: np.random.Generator, *choices: np.ndarray) -> tuple[float, float]:
-    """A random pixel's centre x, y in the first choice that is not empty; the middle if all are."""
+    """Return a random pixel's centre x, y in the first choice that is not empty; the middle if all are."""
     for choice in choices:
         rows, columns = np.nonzero(choice)
         if len(rows):
@@ -314,7 +314,7 @@ def _draw_part(rng: np.random.Generator, bounds: tuple[int, int, int, int]) -> P
 def _crop(
     photo: torch.Tensor, covers: torch.Tensor, part: Part, size: int
 ) -> tuple[torch.Tensor, torch.Tensor, tuple[int, int, int, int]]:
-    """A part of the photo brought to the square's full width or height, grey beside it."""
+    """Return a part of the photo brought to the square's full width or height, grey beside it."""
     stored = photo.shape[-1]
     x, y, width, height = part
     inner = [max(1, round(size * side / max(width, height))) for side in (height, width)]

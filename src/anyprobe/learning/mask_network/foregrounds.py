@@ -42,7 +42,7 @@ class TexturePool:
         self.patterns = torch.stack(own + crops)
 
     def read(self, rng: np.random.Generator, x: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
-        """A random pattern at coordinates x, y [...] where 2 is one tile: [3, ...]."""
+        """Return a random pattern at coordinates x, y [...] where 2 is one tile: [3, ...]."""
         pattern = self.patterns[int(rng.integers(len(self.patterns)))]
         grid = torch.stack([x, y], dim=-1).reshape(1, 1, -1, 2)
         read = F.grid_sample(pattern[None], grid, padding_mode="reflection", align_corners=False)
@@ -50,7 +50,7 @@ class TexturePool:
 
 
 def _crop(rng: np.random.Generator, radiance: np.ndarray | torch.Tensor) -> torch.Tensor:
-    """A piece of a map that is nowhere near its poles, its brightness pressed into what paint reflects."""
+    """Return a piece of a map that is nowhere near its poles, its brightness pressed into what paint reflects."""
     height, width = radiance.shape[:2]
     side = int(rng.integers(height // 4, height // 2 + 1))
     top = int(rng.integers(height * 5 // 32, height * 27 // 32 - side))

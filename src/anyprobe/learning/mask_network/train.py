@@ -55,7 +55,7 @@ class MaskRunConfig:
 
 
 def smoke(config: MaskRunConfig, steps: int) -> MaskRunConfig:
-    """The same run made small: a dry run for any machine."""
+    """Return the same run made small: a dry run for any machine."""
     return replace(
         config,
         name=f"{config.name}-dry",
@@ -68,7 +68,7 @@ def smoke(config: MaskRunConfig, steps: int) -> MaskRunConfig:
 
 
 def make_scenes(config: MaskRunConfig, store: AssetStore, cache: Path) -> SceneSource:
-    """The endless scenes of a run: training assets, if there are any, and our own."""
+    """Return the endless scenes of a run: training assets, if there are any, and our own."""
     radiance = make_maps(config.light, store)
     surfaces = build_surfaces(list(store.shapes.values()), config.surfaces, cache)
     textures = TexturePool(config.scenes.seed, config.scenes.textures, radiance)
@@ -87,7 +87,7 @@ def mask_loss(logits: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
 
 
 def shrink(batch: Batch, size: int) -> Batch:
-    """The same examples [B, C, size, size], averaged over areas."""
+    """Return the same examples [B, C, size, size], averaged over areas."""
     parts = (batch.photo, batch.prompt, batch.mask)
     photo, prompt, mask = (F.interpolate(one, size=(size, size), mode="area") for one in parts)
     return Batch(photo=photo, prompt=prompt, mask=mask)
@@ -162,7 +162,7 @@ def train_mask(
 
 
 def load_mask_net(checkpoint: Path) -> tuple[MaskNet, dict]:
-    """The trained network of a checkpoint (the mean of its weights), ready to run, and its stored step and
+    """Return the trained network of a checkpoint (the mean of its weights), ready to run, and its stored step and
     configuration; ModelError if there is none, or of another release."""
     stored = read_checkpoint(checkpoint, holds="net")
     net = MaskNet()

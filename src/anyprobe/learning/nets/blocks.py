@@ -10,7 +10,7 @@ from torch.nn import functional as F
 
 
 def has_bfloat16(device: torch.device | str) -> bool:
-    """Whether the device computes in bfloat16; a processor without it takes seconds for a convolution."""
+    """Return whether the device computes in bfloat16; a processor without it takes seconds for a convolution."""
     return torch.device(device).type != "cpu" or torch.ops.mkldnn._is_mkldnn_bf16_supported()
 
 

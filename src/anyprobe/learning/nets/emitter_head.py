@@ -73,7 +73,8 @@ class EmitterHead(nn.Module):
         return spread / (spread * self.solid_angles).sum(dim=(2, 3), keepdim=True)
 
     def mode(self, ln_power: torch.Tensor, logit: torch.Tensor) -> torch.Tensor:
-        """The same power in _DISCS discs at the most likely positions, each with the share that is likely near it."""
+        """Return the same power in _DISCS discs at the most likely positions, each with the share that is likely near
+        it."""
         # means over 3 x 3 pixels, across the seam: pixel shuffle leaves a grain of 2 x 2
         even = F.avg_pool2d(F.pad(wrap(logit, 1), (0, 0, 1, 1), mode="replicate"), 3, stride=1)
         left = torch.exp(even - logit.amax(dim=(2, 3), keepdim=True)) + LEAST

@@ -164,7 +164,7 @@ MEAN_LN = -1.2
 
 
 def display(ln_radiance: torch.Tensor) -> torch.Tensor:
-    """The mean camera curve of exp(ln_radiance) before it clips: a sigmoid, with a gradient everywhere."""
+    """Return the mean camera curve of exp(ln_radiance) before it clips: a sigmoid, with a gradient everywhere."""
     n, sigma = MEAN_CURVE.exponent, MEAN_CURVE.sigma
     return (1 + sigma) * torch.sigmoid(n * ln_radiance - float(np.log(sigma)))
 

@@ -63,7 +63,7 @@ class IlluminationNet(nn.Module):
         return self.shown_and_normals(image, tan_half)[0].clip(max=1.0)
 
     def shown_and_normals(self, image: torch.Tensor, tan_half: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """The map before it clips at 1, and the unit normals [N, 3, 64, 64] of the places."""
+        """Return the map before it clips at 1, and the unit normals [N, 3, 64, 64] of the places."""
         slope, wo = self.camera_rays(tan_half)
         n = self.normals(image, slope, wo)
         x, deepest = self.places(image, torch.cat([slope, n], dim=1))

@@ -128,8 +128,8 @@ class SourceMap(nn.Module):
         self.register_buffer("luminance", torch.tensor(REC709), persistent=False)
 
     def rings(self, places: torch.Tensor) -> torch.Tensor:
-        """How much of each pixel lies in the disc of RADII_DEG[0] around each place [N, S, 3], and in the rings up to
-        each further radius, [N, S, R, P]; their edges are soft."""
+        """Return how much of each pixel lies in the disc of RADII_DEG[0] around each place [N, S, 3], and in the rings
+        up to each further radius, [N, S, R, P]; their edges are soft."""
         cosine = (places @ self.directions.T).clamp(-1 + 1e-6, 1 - 1e-6)
         degrees = torch.acos(cosine) * (180.0 / math.pi)
         discs = [((r - degrees) / EDGE_DEG).clamp(0.0, 1.0) for r in RADII_DEG]

@@ -185,7 +185,7 @@ class WholeNet(nn.Module):
         return torch.cat([near * some, some], dim=1)
 
     def _sphere(self, shown, expected, drawn, confidence, surroundings, near, posture, up) -> torch.Tensor:
-        """The map's pixels [N, C, 32, 64 and margins]: what is known in each direction."""
+        """Return the map's pixels [N, C, 32, 64 and margins]: what is known in each direction."""
         pitch, _, roll, stands = posture.detach().float().unbind(dim=1)
         guess = torch.stack([pitch.cos() * roll.sin(), pitch.cos() * roll.cos(), pitch.sin()], dim=1)
         given = (up.square().sum(dim=1, keepdim=True) > 0.5).float()

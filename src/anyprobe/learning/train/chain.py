@@ -54,7 +54,7 @@ def sharpness(progress: float) -> float | None:
 
 
 def gradual_target(ldr: torch.Tensor, progress: float) -> torch.Tensor:
-    """The LDR map [N, 3, H, 2H] filtered as in the epoch at this progress (Eq. 6)."""
+    """Return the LDR map [N, 3, H, 2H] filtered as in the epoch at this progress (Eq. 6)."""
     exponent = sharpness(progress)
     if exponent is None:
         return ldr
@@ -221,5 +221,5 @@ class Chain(_Stages):
 
 
 def _last(function, *pictures: torch.Tensor) -> torch.Tensor:
-    """A function of pictures [B, H, W, C] of those that are [B, C, H, W]."""
+    """Return a function of pictures [B, H, W, C] of those that are [B, C, H, W]."""
     return function(*(x.permute(0, 2, 3, 1) for x in pictures)).permute(0, 3, 1, 2)

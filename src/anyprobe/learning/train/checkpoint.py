@@ -55,7 +55,8 @@ def check_goes_on(path: Path, stored: Mapping[str, Any], config: Any) -> None:
 
 
 def agreed(path: Path, began: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, Any]:
-    """The origin of the run at path: what is known of how it began, and of now; InputError where these differ."""
+    """Return the origin of the run at path: what is known of how it began, and of now; InputError where these
+    differ."""
     for name, value in now.items():
         if began.get(name, value) != value:
             raise _another_run(path, name, began[name], value)
@@ -65,7 +66,8 @@ def agreed(path: Path, began: Mapping[str, Any], now: Mapping[str, Any]) -> dict
 def resumed(
     path: Path, config: Any, origin: dict[str, Any], start: Path | None, device: str = "cpu", holds: str = "nets"
 ) -> tuple[dict[str, Any] | None, dict[str, Any]]:
-    """The run's checkpoint, None where there is none yet, and its origin: `origin`, and the weights it began from.
+    """Return the run's checkpoint, None where there is none yet, and its origin: `origin`, and the weights it began
+    from.
 
     Raises:
         InputError, ModelError: of read_checkpoint and check_goes_on, or an origin that differs.
@@ -92,7 +94,7 @@ def differing(config: Any, stored: Mapping[str, Any], part: str = "") -> Iterato
 
 
 def _default(setting: Field, now: Any) -> Any:
-    """A setting's default in its stored form; the value now where it has none."""
+    """Return a setting's default in its stored form; the value now where it has none."""
     value = now
     if setting.default is not MISSING:
         value = setting.default
@@ -216,8 +218,8 @@ def load_init_weights(nets: nn.Module, path: Path, lift: Path | None = None) -> 
 
 
 def init_weights_id(path: Path) -> str:
-    """Which weights to begin from these are: the first 16 hex digits of the file's SHA-256; ModelError if there is
-    no such file."""
+    """Return which weights to begin from these are: the first 16 hex digits of the file's SHA-256; ModelError if there
+    is no such file."""
     if not path.is_file():
         raise ModelError(f"{path}: no such file; keep weights with `anyprobe weights --keep`")
     with path.open("rb") as stream:
@@ -225,7 +227,7 @@ def init_weights_id(path: Path) -> str:
 
 
 def read_init_weights(path: Path) -> tuple[dict[str, torch.Tensor], int | None]:
-    """The weights that a file keeps, as float32, and how many pairs they have seen, if it says so."""
+    """Return the weights that a file keeps, as float32, and how many pairs they have seen, if it says so."""
     try:
         kept = torch.load(path, map_location="cpu", weights_only=True)
         weights, pairs = (kept["nets"], kept.get("pairs")) if kept.get("nets") else (kept, None)

@@ -58,7 +58,7 @@ class RunConfig:
 
 
 def lift() -> RunConfig:
-    """The model that ships, as it goes on: lifts what each pixel shows to where its light came from."""
+    """Return the model that ships, as it goes on: lifts what each pixel shows to where its light came from."""
     return RunConfig(
         name="lift",
         model="lift",
@@ -98,7 +98,7 @@ def lift() -> RunConfig:
 
 
 def normals() -> RunConfig:
-    """The normals of `lift`, learned alone before it."""
+    """Return the normals of `lift`, learned alone before it."""
     return RunConfig(
         name="normals",
         model="normals",
@@ -113,7 +113,7 @@ def normals() -> RunConfig:
 
 
 def paper() -> RunConfig:
-    """The paper's chain (Sect. 3.2-3.4): all three networks, each from what the one before it says."""
+    """Return the paper's chain (Sect. 3.2-3.4): all three networks, each from what the one before it says."""
     return RunConfig(
         name="paper",
         steps=1_000,
@@ -125,7 +125,7 @@ def paper() -> RunConfig:
 
 
 def paper_irradiance() -> RunConfig:
-    """The first of the paper's networks, alone before the others."""
+    """Return the first of the paper's networks, alone before the others."""
     return replace(
         paper(),
         name="paper_irradiance",
@@ -139,7 +139,8 @@ def paper_irradiance() -> RunConfig:
 
 
 def paper_on() -> RunConfig:
-    """The paper's chain as it goes on from weights that have been through `paper`: targets are not blurred again."""
+    """Return the paper's chain as it goes on from weights that have been through `paper`: targets are not blurred
+    again."""
     return replace(
         paper(),
         name="paper_on",
@@ -157,7 +158,7 @@ RUNS = {run.__name__: run for run in (paper_irradiance, paper, paper_on, lift, n
 
 
 def smoke(config: RunConfig, steps: int = 20) -> RunConfig:
-    """The same run made small: a dry run for any machine."""
+    """Return the same run made small: a dry run for any machine."""
     return replace(
         config,
         name=f"{config.name}-dry",

@@ -54,7 +54,7 @@ class _Steps(Dataset):
 
 
 def stream(open_source: Callable[[], PairSource], steps: range, workers: int) -> Iterator[Batch]:
-    """The batches of these steps, of pairs or of views of maps.
+    """Return the batches of these steps, of pairs or of views of maps.
 
     Workers share nothing but the step's number; up to PairConfig.lanes of them shade nothing twice.
 
@@ -82,7 +82,8 @@ def _as_it_is(batch: Any) -> Any:
 
 
 def make_pairs(config: RunConfig, data: Path | None, cache: Path, device: str, compiled: bool = True) -> PairSource:
-    """The endless pairs of a run, or views of its maps: real assets of data/{hdri,meshes} when given, and our own.
+    """Return the endless pairs of a run, or views of its maps: real assets of data/{hdri,meshes} when given, and our
+    own.
 
     Files that cannot be used are listed on stderr.
     """
@@ -104,7 +105,7 @@ def make_maps(light: LightConfig, store: AssetStore) -> list[np.ndarray]:
 
 
 def load_assets(light: LightConfig, data: Path | None) -> AssetStore:
-    """The maps and shapes of a data folder that a run may learn from, none without one.
+    """Return the maps and shapes of a data folder that a run may learn from, none without one.
 
     Files that cannot be used are listed on stderr.
     """
@@ -117,7 +118,7 @@ def load_assets(light: LightConfig, data: Path | None) -> AssetStore:
 
 
 def name_assets(store: AssetStore) -> str:
-    """Which maps and shapes these are, in their order: how many, and 8 hex digits of SHA-256 over their ids."""
+    """Return which maps and shapes these are, in their order: how many, and 8 hex digits of SHA-256 over their ids."""
     ids = [*store.maps, "", *store.shapes]
     digits = hashlib.sha256(" ".join(ids).encode()).hexdigest()[:8]
     return f"{len(store.maps)} maps and {len(store.shapes)} shapes ({digits})"
@@ -148,7 +149,7 @@ def open_batches(
     steps: range,
     workers: int,
 ) -> Iterator[Batch]:
-    """The batches of steps on a device, made by this process, or ahead of it by so many others on the CPU.
+    """Return the batches of steps on a device, made by this process, or ahead of it by so many others on the CPU.
 
     store: of load_assets; the others read their own from data.
     """
@@ -210,7 +211,7 @@ class ShardSource:
         return f"{len(self.keys)} rendered pairs ({digits})"
 
     def batch(self, step: int) -> Batch:
-        """The pairs of step number `step`."""
+        """Return the pairs of step number `step`."""
         size = self.config.batch
         epoch, place = divmod(step, len(self.keys) // size)
         order = np.random.default_rng((self.config.seed, 3, epoch)).permutation(len(self.keys))
@@ -226,7 +227,7 @@ class ShardSource:
         return Batch(**arrays, **nothing).to(self.device)
 
     def _pair(self, shard: int, key: str) -> dict[str, np.ndarray]:
-        """The arrays of Batch, channels first."""
+        """Return the arrays of Batch, channels first."""
         parts = {}
         with tar_path(self.folder, shard).open("rb") as stream:
             for name, (offset, size) in self.indices[shard].parts[key].items():
@@ -247,6 +248,6 @@ class ShardSource:
         return rows | {name: np.asarray(fields[name], np.float32) for name in ("alpha", "tan_half")}
 
     def _turned_map(self, map_id: str, map_from_camera: str) -> np.ndarray:
-        """A map in a pair's camera frame, [64, 128, 3]."""
+        """Return a map in a pair's camera frame, [64, 128, 3]."""
         turn = np.array(json.loads(map_from_camera))
         return np.asarray(shrink(rotate(self.store.map(map_id).radiance, turn.T), MAP_HEIGHT), np.float32)

@@ -106,7 +106,7 @@ class LightGraph(nn.Module):
 
 
 def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str, Graph]:
-    """The graphs that a run's networks become, by stage."""
+    """Return the graphs that a run's networks become, by stage."""
     if "light" in nets:
         net = LightGraph(cast(LightNet, nets["light"]), sureness).eval()
         shapes = dict(zip(LIFT_INPUTS, (_PHOTO, (1, 1), _NORMALS, SURROUNDINGS, (1, MATERIAL_INPUTS)), strict=True))

@@ -53,7 +53,7 @@ class Normals:
         return nn.ModuleDict({"light": LightNet()})
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
-        """The same whatever the progress."""
+        """Return the same whatever the progress."""
         return {"normals": normals_loss(self._guess(batch), batch)}
 
     def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
@@ -119,7 +119,7 @@ class Lift:
         return nn.ModuleDict({"light": LightNet()})
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
-        """Every loss, weighted."""
+        """Return every loss, weighted."""
         guess, normals = self._predict(batch)
         terms = {
             **self._object(guess, batch, normals),
@@ -130,7 +130,7 @@ class Lift:
         return {name: getattr(self.config, name) * terms[name] for name in self.columns}
 
     def _predict(self, batch: Batch) -> tuple[LightPrediction, torch.Tensor]:
-        """The network's output, and the normals it was given."""
+        """Return the network's output, and the normals it was given."""
         photo = batch.photo.contiguous(memory_format=torch.channels_last)
         with autocast(self.device):
             normals = given_normals(batch)
@@ -174,7 +174,7 @@ class Lift:
         }
 
     def _posterior(self, guess: LightPrediction, batch: Batch) -> dict[str, torch.Tensor]:
-        """The map's level and mean colour, with how wrong they are thought to be, and the object's material.
+        """Return the map's level and mean colour, with how wrong they are thought to be, and the object's material.
 
         A mean error s is learned from errors e by e / s + ln s (a Laplace distribution's likelihood); the errors
         themselves are learned as they are, or a doubtful photo would count less.

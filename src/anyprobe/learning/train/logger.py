@@ -49,7 +49,7 @@ class Pictured(Learner, Protocol):
 
 
 def run_folder(runs: Path, name: str) -> Path:
-    """The folder of a run, made where it is not there; OutputError if that cannot be."""
+    """Return the folder of a run, made where it is not there; OutputError if that cannot be."""
     folder = runs / name
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -56,7 +56,7 @@ LEARNERS: dict[str, type[Irradiance | Chain | Lift | Normals]] = {
 def make_learner(
     config: RunConfig, device: str, teacher: Path | None = None, compiled: bool = False
 ) -> Irradiance | Chain | Lift | Normals:
-    """A learner: networks, and their losses by name.
+    """Return a learner: networks, and their losses by name.
 
     teacher: weights of `lift`, of which the chain learns; compiled is of it alone.
     """
@@ -72,7 +72,8 @@ def make_learner(
 
 
 def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
-    """The trained networks of a checkpoint, ready to run; ModelError if there are none, or of another release."""
+    """Return the trained networks of a checkpoint, ready to run; ModelError if there are none, or of another
+    release."""
     stored = read_checkpoint(checkpoint)
     model = json.loads(stored["config"]).get("model", "paper")
     if model not in LEARNERS:
@@ -85,7 +86,7 @@ def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
 
 
 def pairs_seen(stored: dict) -> int:
-    """How many pairs a checkpoint has learned from."""
+    """Return how many pairs a checkpoint has learned from."""
     return stored.get("pairs", stored["step"] * json.loads(stored["config"])["pairs"]["batch"])
 
 

@@ -41,8 +41,8 @@ def structure_loss(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
 
 
 def shown_losses(shown: torch.Tensor, true: torch.Tensor, weight: torch.Tensor) -> dict[str, torch.Tensor]:
-    """How far display values [N, 3, H, 2H] are from the truth: pixel by pixel, by the weight of each; as means over
-    2, 4, 8 and 16 pixels; and in structure."""
+    """Return how far display values [N, 3, H, 2H] are from the truth: pixel by pixel, by the weight of each; as means
+    over 2, 4, 8 and 16 pixels; and in structure."""
     difference = shown - true
     scales, one = difference.new_zeros(()), difference
     for _ in range(4):

@@ -123,7 +123,7 @@ class Pairs:
     def batch(
         self, rng: np.random.Generator, count: int, given_up: float, panoramas: float = 0.0
     ) -> dict[str, torch.Tensor]:
-        """A random batch of the arrays of pairs.Known, as the network takes them."""
+        """Return a random batch of the arrays of pairs.Known, as the network takes them."""
         rows = rng.integers(len(self), size=count)
         parts = np.searchsorted(self._starts, rows, side="right") - 1
 
@@ -222,7 +222,7 @@ def _profiles(truth: np.ndarray, at_once: int = 32) -> tuple[np.ndarray, np.ndar
 
 
 def predict(net: WholeNet, batch: dict[str, torch.Tensor]):
-    """The network's answer to a batch."""
+    """Return the network's answer to a batch."""
     names = ("context", "tan_half", "lift", "said", "surroundings", "given_up")
     with autocast("cpu"):
         return net(*(batch[name] for name in names))
@@ -317,8 +317,8 @@ def follow(mean: torch.nn.Module, net: torch.nn.Module, decay: float) -> None:
 
 
 def load_whole_net(checkpoint: Path) -> tuple[WholeNet, dict]:
-    """The trained network of a checkpoint (the mean of its weights), ready to run, and its stored step, configuration
-    and origin; ModelError if there is none, or of another release."""
+    """Return the trained network of a checkpoint (the mean of its weights), ready to run, and its stored step,
+    configuration and origin; ModelError if there is none, or of another release."""
     stored = read_checkpoint(checkpoint, holds="net")
     net = WholeNet()
     load_weights(net, stored["net"], checkpoint)
