@@ -23,7 +23,7 @@ from anyprobe.render.surface import pixel_rays  # noqa: E402
 from research.paper_designs.figures import __main__ as command  # noqa: E402
 from research.paper_designs.figures import half_size, losses, relit, rivals  # noqa: E402
 from research.paper_designs.figures.half_size import METHODS, SHIPPED, HalfSize  # noqa: E402
-from research.paper_designs.figures.mixed import cut_planes  # noqa: E402
+from research.paper_designs.figures.mixed import box_of, cut_planes  # noqa: E402
 from research.paper_designs.figures.real import real_normals, real_photos  # noqa: E402
 from research.paper_designs.figures.sheet import FONT, Tile, bars, save, sheet, wrapped  # noqa: E402
 from research.paper_designs.judge import spread_mirror  # noqa: E402
@@ -164,12 +164,29 @@ def test_real_photos_have_lamps_and_kinds(tmp_path):
     assert 0.5 < normals[..., 2].mean() < 0.9  # the sphere fills its crop, and nothing else has normals
 
 
+def test_photos_need_no_table_but_masks(tmp_path):
+    disc = np.hypot(*np.mgrid[-32:32, -32:32]) < 24
+    Image.fromarray(disc.astype(np.uint8) * 150).convert("RGB").save(tmp_path / "011.png")
+    with pytest.raises(InputError, match="expected photos with NAME_mask.png"):
+        list(real_photos(tmp_path))
+    Image.fromarray(disc.astype(np.uint8) * 255).save(tmp_path / "011_mask.png")
+    (plain,) = real_photos(tmp_path)
+    assert (plain.name, plain.specular, plain.lamp) == ("011", False, None)
+    (tmp_path / "manifest.csv").write_text("id,source,material\n011,someone,glazed clay\n")
+    (told,) = real_photos(tmp_path)
+    assert told.specular
+
+
 def test_the_cut_takes_in_the_object_from_its_nearest_to_its_farthest_point():
-    depth = np.array([[2.0, 3.0, 9.0], [2.5, 0.0, 9.0]])
-    mask = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0]])
+    depth, mask = np.full((20, 20), 9.0), np.zeros((20, 20))
+    mask[4:16, 4:16] = 1.0
+    depth[4:16, 4:16] = np.linspace(2.0, 3.0, 12)[:, None]
+    depth[4, 4:16], depth[4:16, 4] = 0.5, 8.0  # means of the object's edge with nothing, and with what is behind
+    depth[8, 8] = 0.0  # not measured
     near, far = cut_planes(depth, mask)
-    assert 1.9 < near < 2.0
-    assert far == 3.0
+    assert near == pytest.approx(depth[6, 10] - 0.05)
+    assert far == pytest.approx(depth[13, 10])
+    assert box_of(mask).sum() == 144
 
 
 def test_a_page_has_its_tiles_and_bars_their_heights(tmp_path):

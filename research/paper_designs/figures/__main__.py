@@ -27,7 +27,7 @@ def main(
     ),
     kept: Annotated[Path, typer.Option(help="Folder that keeps the pairs of 12 and 14.")] = Path("runs/frozen_pairs"),
     real: Annotated[
-        list[Path] | None, typer.Option(help="Folder of real photos with lights.csv or manifest.csv; repeat for more.")
+        list[Path] | None, typer.Option(help="Folder of real photos with NAME_mask.png or lights.csv; repeat for more.")
     ] = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder for the picture.")] = None,
 ) -> None:

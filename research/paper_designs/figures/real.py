@@ -11,7 +11,8 @@ import numpy as np
 
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
 from anyprobe.estimate.runtime import Models
-from research.real_photos.maps import LIGHTS, read_direction
+from research.real_photos.folders import LIGHTS, masked_photos
+from research.real_photos.maps import read_direction
 
 SHINY = ("gloss", "glaze", "metal", "silver", "gold", "chrom")
 """Words of a material that the paper would call specular."""
@@ -30,21 +31,33 @@ class RealPhoto:
 
 
 def real_photos(folder: Path) -> Iterator[RealPhoto]:
-    """The photos of lights.csv (with lamps) or of manifest.csv: columns file, mask, material."""
-    table = next((folder / name for name in (LIGHTS, "manifest.csv") if (folder / name).is_file()), folder / LIGHTS)
-    with table.open(newline="", encoding="utf-8-sig") as stream:
-        rows = list(csv.DictReader(stream))
-    for row in rows:
-        photo = load_photo(folder / row["file"], mask=folder / row["mask"], surroundings="none")
+    """Yield the photos of a folder that have masks; lamps and materials are as lights.csv or manifest.csv says, if any.
+
+    Raises:
+        InputError: none has a mask.
+    """
+    known = _table(folder)
+    for path, mask in masked_photos([folder]).values():
+        row = known.get(path.stem, {})
+        photo = load_photo(path, mask=mask, surroundings="none")
         crop = crop_object(photo)
         lamp = read_direction(" ".join(row.get(axis, "") for axis in "xyz"))
         yield RealPhoto(
-            name=Path(row["file"]).stem,
+            name=path.stem,
             photo=photo,
             crop=crop,
-            specular=any(word in row["material"] for word in SHINY),
+            specular=any(word in row.get("material", "") for word in SHINY),
             lamp=None if lamp is None else crop.camera_from_crop.T @ lamp,
         )
+
+
+def _table(folder: Path) -> dict[str, dict[str, str]]:
+    """What a folder's table says of each photo, by the name of its file without ending."""
+    path = next((path for name in (LIGHTS, "manifest.csv") if (path := folder / name).is_file()), None)
+    if path is None:
+        return {}
+    with path.open(newline="", encoding="utf-8-sig") as stream:
+        return {Path(row.get("file") or row.get("id") or "").stem: row for row in csv.DictReader(stream)}
 
 
 def real_normals(real: RealPhoto, lift: Models) -> np.ndarray:

@@ -84,7 +84,7 @@ class Pair:
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MapPair:
     """ldr [64, 128, 3] uint8 and ln_radiance [64, 128, 3] float16: what the paper's HDR network learns from (Sect.
-    3.4) and ours of `hdr_curves`; those of other runs learn from the maps of photos' pairs."""
+    3.5). Ours learns from the maps of photos' pairs."""
 
     recipe: Recipe
     ldr: np.ndarray

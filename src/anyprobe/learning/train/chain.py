@@ -29,7 +29,7 @@ NUM_EPOCHS = 11
 GRADUAL_SHARE = 0.3
 """Share of the steps that the 11 filtered epochs take; the rest sees the map itself."""
 TIMES_EXPOSURE = (0.5, 2.0)
-"""Between these times the photo's exposure the HDR net sees true maps (the paper's Sect. 4.1)."""
+"""Between these times the photo's exposure the HDR net sees true maps (the paper's Sect. 3.5)."""
 WEIGHTS = {"ldr": 1.0, "scales": 0.5, "structure": 0.2, "brightest": 0.18, "normals": 0.3}
 """Weights of the illumination net's losses. With squares alone, as in the paper, its maps come near their mean."""
 HDR_WEIGHTS = {"pixels": 1.0, "transport": 0.7, "shown": 1.5, "level": 0.4, "emitters": 0.1}
@@ -118,7 +118,7 @@ class Irradiance(_Stages):
 
 
 class Chain(_Stages):
-    """Losses of the illumination and the HDR net, from what the irradiance net says, which does not change."""
+    """Losses of all three networks; the input of each is the output of the one before, cut off from its gradient."""
 
     stages = tuple(NETS)
     columns = ("irradiance", "illumination", "hdr")
