@@ -42,7 +42,7 @@ FACING: float = contract("normals")["facing"]
 
 
 def normals_from_outline(mask: Float[np.ndarray, "H W"], long_fov_deg: float) -> Float[np.ndarray, "H W 3"]:
-    """Normals of an object that is a sphere, from its outline alone.
+    """Compute the normals of a spherical object from its outline alone.
 
     A pinhole sees a sphere of angular radius phi around the axis c in all rays d with d.c >= cos phi: the outline's
     solid angle 2 pi (1 - cos phi) gives phi, its mean ray c. With c at distance 1 the sphere has the radius
@@ -93,7 +93,7 @@ def sphere_of_outline(mask: Float[np.ndarray, "H W"], long_fov_deg: float) -> tu
 
 
 def _rays(part: Part, shape: tuple[int, int], focal: float) -> tuple[np.ndarray, np.ndarray]:
-    """Unit rays [h, w, 3] through a part of a photo of this shape, in the camera's frame, and the length [h, w]
+    """Return unit rays [h, w, 3] through a part of a photo of this shape, in the camera's frame, and the length [h, w]
     that each had where z was -1; focal in pixels."""
     rows, columns = (np.arange(span.start, span.stop) for span in part)
     x = (columns + 0.5 - shape[1] / 2) / focal

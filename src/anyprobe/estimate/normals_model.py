@@ -135,7 +135,7 @@ def _read_spec(path: Path) -> NormalsSpec:
 def estimated_normals(
     estimator: NormalsEstimator, rgb: np.ndarray, mask: np.ndarray, long_fov_deg: float
 ) -> Float[np.ndarray, "H W 3"]:
-    """Normals of a photo's object, in the camera's frame.
+    """Estimate the normals of a photo's object in the camera's frame.
 
     The estimator is shown a window around the object, as a camera that looks at its centre would; what it answers is
     turned back.

@@ -244,7 +244,7 @@ def load_photo(
 
 
 def _field_of_view(given: float | None, pixels: Pixels) -> tuple[float, str]:
-    """Field of view of the longer side in degrees, and where it is from."""
+    """Return the field of view of the longer side [degrees] and its source."""
     if given is not None:
         return float(given), "given"
     if pixels.long_fov_deg is not None:
@@ -267,7 +267,7 @@ def _hidden(alpha: np.ndarray | None) -> np.ndarray | None:
 
 
 def _of_object(mask: np.ndarray, picture: np.ndarray) -> np.ndarray:
-    """EXPOSURE_PIXELS pixels [N, C] of a picture, or a few more, on the object."""
+    """Sample EXPOSURE_PIXELS object pixels [N, C] of a picture, or a few more."""
     step = max(1, int(np.sqrt(mask.sum() / EXPOSURE_PIXELS)))
     return picture[::step, ::step][mask[::step, ::step] > 0.5]
 
@@ -327,7 +327,7 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
 
 
 def _context(photo: Photo, center: tuple[float, float], side: float) -> np.ndarray:
-    """Crop.context around a window."""
+    """Return Crop.context around a window."""
     # of large photos not every pixel is looked at
     step = max(1, int(CONTEXT_SCALE * side / CONTEXT_SIZE / CONTEXT_FINE))
     rgb, mask = photo.rgb[::step, ::step], photo.mask[::step, ::step]
@@ -339,7 +339,7 @@ def _context(photo: Photo, center: tuple[float, float], side: float) -> np.ndarr
 
 
 def _pixel_direction(point: tuple[float, float], width: int, height: int, long_fov_deg: float) -> np.ndarray:
-    """Unit direction, camera frame, through the point x, y of a pinhole photo."""
+    """Return the unit direction, camera frame, through the point x, y of a pinhole photo."""
     focal_px = max(width, height) / 2.0 / np.tan(np.radians(long_fov_deg) / 2.0)
     direction = np.array([(point[0] - width / 2.0) / focal_px, -(point[1] - height / 2.0) / focal_px, -1.0])
     return direction / np.linalg.norm(direction)

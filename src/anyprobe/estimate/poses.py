@@ -110,7 +110,7 @@ class Poses:
 
 
 def read_poses(path: Path) -> Poses:
-    """parse_poses of a file; InputError too where there is none."""
+    """Parse a file of poses; InputError too where there is none."""
     return parse_poses(read_regular(path, str(path), InputError, "a JSON file of camera poses", MAX_BYTES), str(path))
 
 
@@ -120,7 +120,7 @@ def bare_name(path: str) -> str:
 
 
 def parse_poses(data: bytes, file: str, photos: int | None = None) -> Poses:
-    """Camera poses: the camera looks along its -Z and +Y is up in its picture; the world's axes may be any.
+    """Parse camera poses: the camera looks along its -Z and +Y is up in its picture; the world's axes may be any.
 
     The data are JSON: a list of matrices, or an object with "frames" whose entries have "transform_matrix", as in the
     transforms.json of instant-ngp and nerfstudio, and perhaps "file_path". A matrix takes a point of the camera to the
@@ -168,7 +168,7 @@ def parse_poses(data: bytes, file: str, photos: int | None = None) -> Poses:
 
 
 def _check_count(file: str, poses: int, photos: int) -> None:
-    """InputError unless poses without names are as many as the photos."""
+    """Raise InputError unless there are as many unnamed poses as photos."""
     if poses != photos:
         raise InputError(f"expected {photos} poses, one a photo in order, got {poses}", source=file)
 

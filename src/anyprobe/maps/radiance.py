@@ -157,7 +157,7 @@ def write_hdr(
 def write_hdr_picture(
     path: str | os.PathLike[str], picture: np.ndarray, attributes: Mapping[str, str] | None = None
 ) -> None:
-    """The same for a picture of any shape [H, W, 3], finite and >= 0: the face of a cube, say."""
+    """Write a picture of any shape [H, W, 3], finite and >= 0, such as the face of a cube, as .hdr."""
     height, width = picture.shape[:2]
     header = (
         f"#?RADIANCE\nSOFTWARE=anyprobe\n{comments(attributes or {}, ATTRIBUTE)}FORMAT=32-bit_rle_rgbe\n\n"

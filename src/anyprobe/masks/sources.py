@@ -122,7 +122,7 @@ def _is_exr(source: MaskPicture) -> TypeGuard[str | os.PathLike[str] | bytes]:
 
 
 def mask_from_function(segment: MaskFunction, rgb: np.ndarray) -> np.ndarray:
-    """Ask a segmenter of the caller's own.
+    """Run the caller's own segmenter.
 
     Args:
         segment: gets the upright photo [H, W, 3] uint8 and returns its mask [H, W]: bool, 0/1,
@@ -154,5 +154,5 @@ def _is_mask_array(values: np.ndarray) -> bool:
 
 
 def _is_binary(values: np.ndarray) -> bool:
-    """True for an integer array of 0 and 1 only, as labelling tools give."""
+    """Return whether an array holds only the integers 0 and 1, as labelling tools write."""
     return np.issubdtype(values.dtype, np.integer) and values.size > 0 and bool(((values == 0) | (values == 1)).all())

@@ -299,7 +299,7 @@ def _values(picture: Image.Image | np.ndarray) -> np.ndarray:
 
 
 def _upright(image: Image.Image) -> Image.Image:
-    """Turned as its EXIF asks; as it is where that asks nothing or is damaged."""
+    """Turn a picture upright by its EXIF; leave it as it is where that is absent or damaged."""
     try:
         if is_turned(image) or image.getexif().get(ExifTags.Base.Orientation, 1) == 1:
             return image  # which exif_transpose would copy

@@ -193,7 +193,7 @@ def clip_size(clip: Clip) -> tuple[int, int]:
 
 @contextmanager
 def _written(path: Path) -> Iterator[Any]:
-    """An FFmpeg file to write to, whole or not at all.
+    """Open an FFmpeg file to write to, kept whole or not at all.
 
     Raises:
         OutputError: this build of FFmpeg cannot write it. AnyprobeError: PyAV is another version.

@@ -107,7 +107,7 @@ def shown_pixels(
 
 
 def _display_matrix(picture) -> tuple[int, int, int, int] | None:
-    """a, b, c, d of the file's display matrix, by which x, y is shown at a x + c y, b x + d y; None without one."""
+    """Return a, b, c, d of the file's display matrix, which shows x, y at a x + c y, b x + d y; None without one."""
     try:
         data = bytes(picture.side_data["DISPLAYMATRIX"])
     except (LookupError, ValueError):  # this kind of side data is unknown to it
