@@ -9,7 +9,7 @@ from anyprobe.errors import InvalidMask
 from anyprobe.notices import Notice, give
 
 MIN_OBJECT_PX = contract("mask")["least_object_px"]
-"""Smallest longer side of the object's bounding box."""
+"""Smallest longer side of the object's bounding box [px]."""
 
 
 def check_mask(mask: np.ndarray) -> np.ndarray:
@@ -38,7 +38,7 @@ def check_mask(mask: np.ndarray) -> np.ndarray:
 
 
 def object_box(mask: np.ndarray) -> tuple[int, int, int, int]:
-    """Bounding box x0, y0, x1, y1 (exclusive) of mask > 0.5, which must not be empty."""
+    """Return the bounding box x0, y0, x1, y1 (exclusive) of mask > 0.5, which must not be empty."""
     inside = mask > 0.5
     columns = np.flatnonzero(inside.any(axis=0))
     rows = np.flatnonzero(inside.any(axis=1))
@@ -47,21 +47,23 @@ def object_box(mask: np.ndarray) -> tuple[int, int, int, int]:
 
 _GIVEN = contract("mask")["given"]
 FULL: float = _GIVEN["full"]
-"""The largest value of a mask that reaches the object."""
+"""Smallest maximum of a mask that marks an object."""
 
 MOSTLY: float = _GIVEN["mostly"]
-"""Share of the photo that a mask which goes around everything covers."""
+"""Share of the photo above which a mask covers nearly everything."""
 
 GREY, GREY_SHARE = _GIVEN["grey"], _GIVEN["grey_share"]
-"""Values that are neither black nor white, and how many of them there may be for each white pixel."""
+"""Range of values that are neither black nor white, and the largest number of them for each white pixel."""
 
 FEW_PX: int = _GIVEN["few_px"]
-"""Longer side of an object that is small for an estimate: networks look at 128 pixels."""
+"""Longer side [px] of an object that is small for an estimate: networks see 128 pixels."""
 
 
 def look_at_given(mask: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """Return a mask [H, W] that was given, and a line for whatever is odd about it. A segmenter's overlay, which is
-    translucent on the object too, is brought to 1 there."""
+    """Check a given mask [H, W] and return it with a line for each oddity.
+
+    A segmenter's overlay, which is translucent on the object too, is brought to 1 there.
+    """
     lines: list[str] = []
     most = float(mask.max())
     if most < FULL:
@@ -94,7 +96,7 @@ def look_at_given(mask: np.ndarray) -> tuple[np.ndarray, list[str]]:
 
 
 ALPHA_MOST: float = _GIVEN["alpha_most"]
-"""Share of the photo that a cut-out hardly ever covers; straightened photos with empty corners do."""
+"""Share of the photo that a cut-out hardly ever exceeds; straightened photos with empty corners do."""
 
 
 def alpha_doubts(mask: np.ndarray) -> list[str]:

@@ -1,4 +1,4 @@
-"""Depth images, and the paper's way to cut the object out: keep what lies between a near and a far plane (Sect. 3)."""
+"""Depth images, and the paper's way to cut the object out: keep depths between a near and a far plane (Sect. 3)."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from anyprobe.pictures.images import Pixels
 DepthSource = str | os.PathLike[str] | bytes | np.ndarray
 
 CARRIED = "photo"
-"""In place of a depth image: the one that the photo's file carries."""
+"""Value of `depth` that selects the depth image stored in the photo's file."""
 
 ASPECT_TOLERANCE = 0.02
 """Relative difference of the sides' ratios above which depth and photo are not the same view."""
 
 EXR_CHANNELS = ("Z", "V", "Y", "R")
-"""Where an .exr may keep its depth, in this order."""
+"""Channels of an .exr that may hold depth, in order of preference."""
 
 
 def is_carried(source: object) -> bool:
-    """Return whether depth is to be that of the photo's file."""
+    """Return whether depth is to be read from the photo's file."""
     return isinstance(source, str) and source == CARRIED
 
 
@@ -95,7 +95,7 @@ def read_depth(source: DepthSource) -> np.ndarray:
 
 
 def depth_of_view(source: DepthSource, shape: tuple[int, int]) -> np.ndarray:
-    """read_depth of a photo of this height and width, at its own size; InvalidMask where it is of another view."""
+    """Read the depth of a photo of this height and width, at its own size; InvalidMask where it shows another view."""
     depth = read_depth(source)
     height, width = shape
     if abs(depth.shape[1] / depth.shape[0] / (width / height) - 1.0) > ASPECT_TOLERANCE:
@@ -150,7 +150,7 @@ _File = str | os.PathLike[str] | bytes
 
 
 def _reader(source: _File) -> Callable[[_File, str], np.ndarray]:
-    """By the suffix of a path, or by the first bytes."""
+    """Choose a reader by the suffix of a path, or by the first bytes."""
     if isinstance(source, bytes):
         known = {EXR_MAGIC: _read_exr, b"\x93NUMPY": _read_npy}
         return next((reader for start, reader in known.items() if source.startswith(start)), _read_picture)
@@ -181,7 +181,7 @@ def _read_picture(source: _File, name: str) -> np.ndarray:
 
 
 def _pgm_most(source: _File) -> int:
-    """Return the largest value that a PGM's header says."""
+    """Return the largest value stated in a PGM's header."""
     with open_regular(source, InputError) if not isinstance(source, bytes) else io.BytesIO(source) as stream:
         data = stream.read(512)
     words = re.sub(rb"#[^\n]*", b"", data).split()
@@ -207,7 +207,7 @@ def _read_exr(source: _File, name: str) -> np.ndarray:
 
 
 def _is_of_color(key: str, found: Mapping[str, np.ndarray]) -> bool:
-    """Return whether a channel is one of a vector, X, Y and Z, or of a colour's R, G and B that differ."""
+    """Return whether a channel belongs to a vector X, Y, Z, or to a colour with differing R, G and B."""
     layer, _, channel = key.rpartition(".")
     beside = [f"{layer}.{one}" if layer else one for one in ("XYZ" if channel in "XYZ" else "RGB")]
     if channel not in "XYZRGB" or not all(one in found for one in beside):

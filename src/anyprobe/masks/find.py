@@ -1,4 +1,4 @@
-"""Where the object of a photo is, from whatever is given about it."""
+"""Search for the object of a photo, using any hints about it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class FoundMask:
 
 
 def require_plausible(found: FoundMask) -> FoundMask:
-    """Return the mask as it came, or InvalidMask where it comes with a warning: for `--strict`."""
+    """Return the mask unchanged, or raise InvalidMask if it has a warning: for `--strict`."""
     if found.warnings:
         raise InvalidMask(found.warnings[0])
     return found
@@ -56,14 +56,14 @@ def find_mask(
     box: Sequence[float] | None = None,
     segmenter: SegmenterSource | None = None,
 ) -> FoundMask:
-    """Return the object's mask: by the first given of mask, depth to cut, click or box, alpha; else by what stands out.
+    """Return the object's mask: by the first given of mask, depth to cut, click or box, alpha; else the salient object.
 
     Args:
-        mask, click, exclude, box, depth, near, far: as hints.Hints has them.
-        segmenter: what finds it: a name of load_segmenter, a Network or a Segmenter; None: U2-Net-p where its
-            weights are (masks.weights), else the small network that ships.
+        mask, click, exclude, box, depth, near, far: see hints.Hints.
+        segmenter: a name of load_segmenter, a Network or a Segmenter; None: U2-Net-p if its
+            weights are installed (masks.weights), else the small network that ships.
     Raises:
-        InvalidMask: with one line that says what to do; also when nothing is found.
+        InvalidMask: bad hints, in one line that says what to do; or nothing is found.
     """
     shape = pixels.rgb.shape[:2]
     depth = chosen_depth(depth, pixels)
@@ -80,7 +80,7 @@ def find_mask(
 
 
 def _find(pixels: Pixels, prompts: Prompts, segmenter: SegmenterSource | None) -> FoundMask:
-    """By prompts, alpha or a network."""
+    """Find the mask by prompts, alpha or a network."""
     source = source_of(prompts)
     if source == "network":
         alpha = mask_from_alpha(pixels.alpha)
@@ -98,7 +98,7 @@ def _find(pixels: Pixels, prompts: Prompts, segmenter: SegmenterSource | None) -
 
 
 def check_prompts(click: Clicks | None, exclude: Clicks | None, box, width: int, height: int) -> Prompts:
-    """Clicks and a box as a caller gives them, or InvalidMask where they are not on a photo of that size."""
+    """Check clicks and a box as a caller gives them; InvalidMask where they are not on a photo of this size."""
     return Prompts(
         on=check_clicks(() if click is None else click, width, height),
         off=check_clicks(() if exclude is None else exclude, width, height, "exclude"),
@@ -120,7 +120,7 @@ def _given(mask: np.ndarray, source: str, name: str) -> FoundMask:
 def _judged(
     pixels: Pixels, prompts: Prompts, found: Finding, mask: np.ndarray, network: Network, source: str
 ) -> FoundMask:
-    """Return the mask with what is to be expected of it, or InvalidMask where that is next to nothing."""
+    """Judge a found mask and return it with its expected quality; InvalidMask where that is next to nothing."""
     height, width = pixels.rgb.shape[:2]
     evidence = examine(found, width, height, prompts)
     confidence = evidence.expected_iou(network.name)
@@ -144,7 +144,7 @@ def _judged(
 
 
 def _segmented(pixels: Pixels, prompts: Prompts, segmenter: Segmenter, source: str) -> FoundMask:
-    """Return one part of another segmenter's mask; our network gives it a box where it needs a prompt and has none."""
+    """Return one part of another segmenter's mask; if it needs a prompt and has none, it gets our network's box."""
     rgb, network, box = pixels.rgb, shared_network(), prompts.box
     if segmenter.needs_prompt and not prompts.on and box is None:
         found = find_object(network, rgb, prompts)

@@ -1,4 +1,4 @@
-"""The networks that find objects: U2-Net-p, which has seen photos, and our own small one, which takes prompts."""
+"""Networks that find objects: U2-Net-p, trained on photos, and our own small one, which takes prompts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ U2NETP, SMALL = contract("mask")["u2netp"], contract("mask")["small"]
 MEAN, SPREAD = (np.array(U2NETP[key], np.float32) for key in ("mean", "spread"))
 
 SIZE = SMALL["size"]
-"""Side of the small network's input and output."""
+"""Side of the small network's input and output [px]."""
 
 MASK_CONTRACT = {
     "contract": "1",
@@ -40,12 +40,13 @@ class Network(Protocol):
 
     name: str
     warning: str
-    """A line for every mask that it finds, or ""."""
+    """Warning attached to every mask that it finds, or ""."""
 
     def cover(
         self, rgb: np.ndarray, on: Sequence[Point] = (), off: Sequence[Point] = (), box: Sequence[float] | None = None
     ) -> np.ndarray:
-        """How likely each place of a picture is the object's, [h, w] in [0, 1], of the picture's extent.
+        """Return the probability that each place of a picture is the object's, [h, w] in [0, 1], over the picture's
+        extent.
 
         Args:
             rgb: [H, W, 3] display values in [0, 1]. on, off: clicks x, y on the object and beside it, in its pixels;
@@ -69,7 +70,7 @@ class U2NetP:
         self._input, self._output = self._session.get_inputs()[0].name, self._session.get_outputs()[0].name
 
     def cover(self, rgb, on=(), off=(), box=None) -> np.ndarray:
-        """[320, 320], whatever the prompts."""
+        """Return the cover [320, 320], whatever the prompts."""
         small = resize(rgb, U2NETP["size"], U2NETP["size"])
         image = (small / max(float(small.max()), 1e-6) - MEAN) / SPREAD
         fed = np.ascontiguousarray(image.transpose(2, 0, 1)[None], np.float32)
@@ -99,7 +100,7 @@ class SmallNetwork:
                 )
 
     def cover(self, rgb, on=(), off=(), box=None) -> np.ndarray:
-        """[h, w], the longer side 160: letterboxed, which is cut away again."""
+        """Return the cover [h, w], the longer side 160; the input is letterboxed, and the bars are cropped."""
         height, width = rgb.shape[:2]
         scale = SIZE / max(height, width)
         w, h = (min(SIZE, max(1, round(length * scale))) for length in (width, height))
@@ -115,22 +116,22 @@ class SmallNetwork:
         return self.run(square)[top : top + h, left : left + w]
 
     def run(self, square: np.ndarray) -> np.ndarray:
-        """Cover [160, 160] of a letterboxed photo and its prompts [160, 160, 4]."""
+        """Return the cover [160, 160] of a letterboxed photo and its prompts [160, 160, 4]."""
         return self._session.run(None, {"input": np.ascontiguousarray(square.transpose(2, 0, 1)[None])})[0][0, 0]
 
 
 @lru_cache(maxsize=1)
 def small_network() -> SmallNetwork:
-    """Return the one that ships, opened at the first call."""
+    """Return the bundled network, opened at the first call."""
     return SmallNetwork()
 
 
 @lru_cache(maxsize=1)
 def shared_network() -> Network:
-    """U2-Net-p where its weights are, else the one that ships; opened at the first call."""
+    """Return U2-Net-p if its weights are installed, else the bundled network; opened at the first call."""
     return small_network() if find_weights() is None else U2NetP()
 
 
 def default_graph() -> Path:
-    """Return where the network that ships lies."""
+    """Return the path of the bundled network."""
     return Path(str(resources.files("anyprobe") / "weights" / "mask" / "mask.onnx"))

@@ -7,7 +7,7 @@ import numpy as np
 from anyprobe.core.contract import contract
 
 HOLE_SHARE = contract("mask")["hole_share"]
-"""Holes up to this share of the object are filled; larger ones are seen through, as a handle is."""
+"""Largest share of the object of a hole that is filled; larger ones are real, such as a handle's."""
 
 
 def grow(mask: np.ndarray) -> np.ndarray:
@@ -21,12 +21,12 @@ def grow(mask: np.ndarray) -> np.ndarray:
 
 
 def label_parts(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return which 4-connected part each pixel belongs to.
+    """Label the 4-connected parts of a mask.
 
     Args:
         inside: [H, W] bool.
     Returns:
-        labels [H, W] int, 0 outside, parts numbered from 1; sizes [N + 1] in pixels, sizes[0] of what is outside.
+        labels [H, W] int, 0 outside, parts numbered from 1; sizes [N + 1] in pixels, sizes[0] of the outside.
     """
     rows, starts, stops = _runs(inside)
     parent = np.arange(len(rows))
@@ -56,7 +56,7 @@ def label_parts(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _runs(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Row, first column and column after the last of each run of true pixels, row by row."""
+    """Return row, first column and column after the last of each run of true pixels, row by row."""
     padded = np.pad(inside, ((0, 0), (1, 1))).astype(np.int8)
     rows, starts = np.nonzero(np.diff(padded, axis=1) == 1)
     _, stops = np.nonzero(np.diff(padded, axis=1) == -1)
@@ -64,7 +64,7 @@ def _runs(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def fill_holes(part: np.ndarray) -> np.ndarray:
-    """Return a part [H, W] bool with the holes filled that are at most HOLE_SHARE of it."""
+    """Fill the holes of a part [H, W] bool that are at most HOLE_SHARE of it."""
     labels, sizes = label_parts(~part)
     at_border = np.zeros(len(sizes), bool)
     for edge in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):

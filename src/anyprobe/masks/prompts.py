@@ -22,7 +22,7 @@ Clicks = Point | Sequence[Point]
 def draw_prompts(
     size: int, on: Sequence[Point] = (), off: Sequence[Point] = (), box: Sequence[float] | None = None
 ) -> np.ndarray:
-    """Return the prompt channel [size, size] float32 in [-1, 1]; zero where nothing is given.
+    """Draw the prompt channel [size, size] float32 in [-1, 1]; zero where nothing is given.
 
     BOX_LEVEL inside the box; there, around each click on the object, the larger of it and a
     Gaussian of height 1; a Gaussian of height 1 is taken off around each click off it.
@@ -52,7 +52,7 @@ def _blob(centre: np.ndarray, point: Point) -> np.ndarray:
 
 
 def check_clicks(clicks: Clicks, width: int, height: int, name: str = "click") -> list[Point]:
-    """One x, y or several as a list of points, or InvalidMask: not numbers, outside the photo."""
+    """Convert x, y or several to a list of points; InvalidMask: not numbers, outside the photo."""
     try:
         points = np.asarray(clicks, dtype=np.float64)
         points = points.reshape(-1, 2) if points.ndim == 1 and points.size in (0, 2) else points
@@ -71,7 +71,7 @@ def check_clicks(clicks: Clicks, width: int, height: int, name: str = "click") -
 
 
 def check_box(box: Sequence[float], width: int, height: int) -> tuple[float, float, float, float]:
-    """Return the box as four numbers, or InvalidMask: outside the photo, too small, all of it."""
+    """Convert a box to four numbers; InvalidMask: outside the photo, too small, all of it."""
     try:
         x0, y0, x1, y1 = (float(v) for v in box)
     except (TypeError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""How good a found mask is: what the network expects of it, and whether another look gives the same object."""
+"""Expected quality of a found mask: by the network's own probabilities, and by a second look."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ QUALITY = contract("mask")["quality"]
 """Offset and weights of the log-odds of the IoU for each network, by `python -m research.masks.calibrate`."""
 
 DOUBTFUL = QUALITY["doubtful"]
-"""Expected IoU below which a mask comes with a warning."""
+"""Expected IoU below which a mask has a warning."""
 
 FITS = QUALITY["fits"]
-"""IoU of a given box with the object's from which on it fits; how far clicks may be from the object's middle, in
-standard deviations of its cells; and what stands for both where nothing is given."""
+"""Smallest IoU of a given box with the object's that fits; largest distance of clicks from the object's middle, in
+standard deviations of its cells; and the value of both where nothing is given."""
 
 REFUSED = QUALITY["refused"]
-"""Expected IoU below which there is no mask."""
+"""Expected IoU below which a mask is refused."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -45,13 +45,13 @@ class Evidence:
     large: float
 
     def expected_iou(self, network: str) -> float:
-        """Return the IoU to expect of what a network of that name found, in [0, 1]."""
+        """Return the expected IoU of a mask found by the network of this name, in [0, 1]."""
         odds = QUALITY[network]["offset"]
         odds += sum(weight * getattr(self, name) for name, weight in QUALITY[network]["weights"].items())
         return float(1.0 / (1.0 + np.exp(-odds)))
 
     def doubts(self) -> list[str]:
-        """Return what looks wrong, in a few words each, the gravest first."""
+        """Return what looks wrong, a few words each, the most serious first."""
         found = [
             (self.agreed - 0.8, "a second look finds something else"),
             (self.expected - 0.85, "its outline is blurred"),
@@ -66,7 +66,7 @@ class Evidence:
 
 
 def examine(found: Finding, width: int, height: int, prompts: Prompts) -> Evidence:
-    """Return the evidence for a mask that was found by prompts in a photo of that size."""
+    """Collect the evidence about a mask that was found by prompts in a photo of this size."""
     photo = Window(x0=0, y0=0, x1=width, y1=height)
     window = found.window
     share = float(found.part.mean()) * (window.size[0] * window.size[1]) / (width * height)
@@ -99,7 +99,7 @@ def _area(x0: float, y0: float, x1: float, y1: float) -> float:
 
 
 def _fits_clicks(found: Finding, clicks: Sequence[Point]) -> float:
-    """Return how central the clicks are, in [0, 1]; a click is rarely in the middle of two objects taken for one."""
+    """Return how central the clicks are, in [0, 1]; a click is rarely in the middle of two merged objects."""
     rows, columns = np.nonzero(found.part)
     x, y = np.mean(clicks, axis=0)
     across = ((x - found.window.x0) * GRID / found.window.size[0] - 0.5 - columns.mean()) / max(columns.std(), 1.0)

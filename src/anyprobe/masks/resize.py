@@ -9,10 +9,10 @@ from PIL import Image
 
 
 def resize(picture: np.ndarray, width: int, height: int, box: Sequence[float] | None = None) -> np.ndarray:
-    """Float32 [H, W] or [H, W, C] to another size: averaged over areas when shrinking, else linear.
+    """Resize float32 [H, W] or [H, W, C]: averaged over areas when shrinking, else linear.
 
     Args:
-        box: x0, y0, x1, y1 of the part that is wanted, in pixels, fractions too; None: all of it.
+        box: x0, y0, x1, y1 of the wanted part, in pixels, fractions too; None: all of it.
     """
     if picture.ndim == 3:
         return np.stack([resize(picture[..., c], width, height, box) for c in range(picture.shape[2])], axis=-1)

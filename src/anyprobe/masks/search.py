@@ -1,7 +1,7 @@
-"""Which object of a photo is meant: looks of a network at windows of it, and the part that the prompts choose.
+"""Search for the intended object of a photo: a network looks at windows of it, and prompts choose a part.
 
-A look brings a window to a grid of GRID x GRID cells. The first is at the whole photo, or at the box and a margin; the
-second, mirrored, at the part that was found and a margin. Their mean is the mask, and how far they agree speaks for it.
+A look resamples a window to a grid of GRID x GRID cells. The first is at the whole photo, or at the box and a margin;
+the second, mirrored, at the part that was found and a margin. Their mean is the mask; its evidence is their agreement.
 The same in web/src/photo/search.js.
 """
 
@@ -28,26 +28,26 @@ MARGIN = NUMBERS["margin"]
 """Margin of a window around an object, in shares of the longer side of its box."""
 
 WINDOWS = NUMBERS["windows"]
-"""Sides of the windows around a click where nothing is found, in longer sides of the photo."""
+"""Sides of the windows around a click where nothing was found, in longer sides of the photo."""
 
 BORDER_TOUCH, SURE = NUMBERS["border_touch"], NUMBERS["sure"]
-"""A part in such a window counts if no more of its outline is on the window's border, and ends the search if it is so
-likely."""
+"""Largest share of its outline on the window's border of a part that counts, and probability at which it ends the
+search."""
 
 PART_SHARE = NUMBERS["part_share"]
-"""Where what is left beside an excluded part is less than this share of it, that part is cut and not left out."""
+"""Smallest rest beside an excluded part, as a share of it, for which that part is left out rather than cut."""
 
 EDGE_CELLS = NUMBERS["edge_cells"]
-"""Beside a part, where its soft edge may be."""
+"""Width beside a part [cells] in which its soft edge may lie."""
 
 SPLIT = NUMBERS["split"]
-"""A part is cut on a coarser grid; a step from cell to cell costs so much and the difference of the two colours."""
+"""Settings of cutting a part on a coarser grid, where a step costs a constant and the difference of the two colours."""
 
 NECK = NUMBERS["neck"]
-"""How far a part is shrunk to see whether it is one, in square roots of its cells."""
+"""Distance by which a part is shrunk to test whether it is one, in square roots of its cells."""
 
 BLANK = NUMBERS["blank"]
-"""Range of display values in a window where nothing can stand out."""
+"""Smallest range of display values in a window where anything can stand out."""
 
 Box = tuple[float, float, float, float]
 
@@ -75,7 +75,7 @@ class Window:
         return self.x1 - self.x0, self.y1 - self.y0
 
     def around(self, box: Box, margin: float) -> Window:
-        """Return a box and a margin in its longer sides, as far as they are in this window."""
+        """Return the window of a box and a margin in its longer sides, clipped to this window."""
         more = margin * max(box[2] - box[0], box[3] - box[1])
         return Window(
             x0=max(self.x0, int(np.floor(box[0] - more))),
@@ -85,7 +85,7 @@ class Window:
         )
 
     def square(self, points: Sequence[Point], side: float) -> Window:
-        """Return a square of that side around the middle of points, moved into this window."""
+        """Return a square window of this side around the middle of points, moved into this window."""
         spans = []
         for axis, (low, high) in enumerate(((self.x0, self.x1), (self.y0, self.y1))):
             middle = sum(point[axis] for point in points) / len(points)
@@ -96,7 +96,7 @@ class Window:
         return Window(x0=x0, y0=y0, x1=x1, y1=y1)
 
     def cells(self, points: Iterable[Point]) -> list[tuple[int, int]]:
-        """Column and row of the points that are in the window."""
+        """Return column and row of the points inside the window."""
         width, height = self.size
         found = (
             (int(np.floor((x - self.x0) * GRID / width)), int(np.floor((y - self.y0) * GRID / height)))
@@ -105,7 +105,7 @@ class Window:
         return [(x, y) for x, y in found if 0 <= x < GRID and 0 <= y < GRID]
 
     def box_of(self, part: np.ndarray) -> Box:
-        """Box of a part [GRID, GRID], which must not be empty, in pixels of the photo."""
+        """Return the box of a part [GRID, GRID], which must not be empty, in pixels of the photo."""
         x0, y0, x1, y1 = object_box(part)
         across, down = (length / GRID for length in self.size)
         return self.x0 + x0 * across, self.y0 + y0 * down, self.x0 + x1 * across, self.y0 + y1 * down
@@ -146,7 +146,7 @@ class Finding:
         return 1.0 if len(sizes) < 2 else 1.0 - float(sizes[-2] / sizes[-1])
 
     def border_share(self, photo: Window, is_photos: bool) -> float:
-        """Cells of the part on the sides of its window that are, or are not, the photo's border; over the sides of the
+        """Return the part's cells on the window's sides that are, or are not, the photo's border; over the sides of the
         part's box."""
         window, part = self.window, self.part
         sides = (
@@ -159,13 +159,13 @@ class Finding:
         return sum(int(side.sum()) for there, side in sides if there == is_photos) / (2 * (x1 - x0 + y1 - y0))
 
     def mask(self, width: int, height: int) -> np.ndarray:
-        """[height, width] float32 of the whole photo, with the soft edge that the network gives."""
+        """Return the mask [height, width] float32 of the whole photo, with the network's soft edge."""
         soft = np.where(self.part, np.maximum(self.cover, 0.51), np.minimum(self.cover, 0.49))
         soft = np.where(_grown(self.part, EDGE_CELLS), soft, 0.0).astype(np.float32)
         return self._placed(soft, width, height)
 
     def only(self, cover: np.ndarray) -> np.ndarray:
-        """Return this part of another segmenter's cover [H, W] at full resolution, its small holes filled."""
+        """Restrict another segmenter's cover [H, W] to this part at full resolution, its small holes filled."""
         height, width = cover.shape
         inner, near = (
             self._placed(one.astype(np.float32), width, height) > INSIDE
@@ -174,7 +174,7 @@ class Finding:
         return np.where(inner & (cover <= INSIDE), 0.51, cover * near).astype(np.float32)
 
     def _placed(self, cells: np.ndarray, width: int, height: int) -> np.ndarray:
-        """Values [GRID, GRID] of the window in a photo [height, width] that is zero elsewhere."""
+        """Place values [GRID, GRID] of the window into a photo [height, width] that is zero elsewhere."""
         canvas = np.zeros((height, width), np.float32)
         window = self.window
         canvas[window.y0 : window.y1, window.x0 : window.x1] = resize(cells, *window.size)
@@ -182,7 +182,8 @@ class Finding:
 
 
 def finding_of(cover: np.ndarray, prompts: Prompts) -> Finding | None:
-    """Another segmenter's cover [H, W] in [0, 1] as a finding, of the parts that clicks choose; None where none is."""
+    """Convert another segmenter's cover [H, W] in [0, 1] to a finding of the clicked parts; None where there is
+    none."""
     if not (cover > INSIDE).any():
         return None
     photo = Window(x0=0, y0=0, x1=cover.shape[1], y1=cover.shape[0])
@@ -191,7 +192,7 @@ def finding_of(cover: np.ndarray, prompts: Prompts) -> Finding | None:
 
 
 def find_object(network: Network, rgb: np.ndarray, prompts: Prompts) -> Finding | None:
-    """Return the object of a photo [H, W, 3] of display values in [0, 1], or None where nothing is there."""
+    """Find the object of a photo [H, W, 3] of display values in [0, 1]; None where nothing is there."""
     height, width = rgb.shape[:2]
     photo = Window(x0=0, y0=0, x1=width, y1=height)
     start = photo if prompts.box is None else photo.around(prompts.box, MARGIN)
@@ -205,7 +206,7 @@ def find_object(network: Network, rgb: np.ndarray, prompts: Prompts) -> Finding 
 
 
 def look(network: Network, rgb: np.ndarray, window: Window, prompts: Prompts, mirrored: bool = False) -> np.ndarray:
-    """Cover [GRID, GRID] of a window, zero outside the box."""
+    """Run the network on a window: cover [GRID, GRID], zero outside the box."""
     seen = rgb[window.y0 : window.y1, window.x0 : window.x1]
     width, _ = window.size
     turn = (lambda x: width - x) if mirrored else (lambda x: x)
@@ -226,8 +227,10 @@ def look(network: Network, rgb: np.ndarray, window: Window, prompts: Prompts, mi
 
 
 def choose(window: Window, cover: np.ndarray, prompts: Prompts) -> Finding | None:
-    """Return the parts under the clicks, or without any the one that weighs most; None where there is none, or where it
-    holds a click beside the object and no other part can be meant."""
+    """Choose the parts under the clicks, or without clicks the heaviest one.
+
+    None where there is none, or where it holds a click beside the object and no other part can be meant.
+    """
     labels, sizes = label_parts(cover > INSIDE)
     weights = np.bincount(labels.ravel(), weights=cover.ravel(), minlength=len(sizes))
     weights[0] = 0.0
@@ -249,7 +252,7 @@ def choose(window: Window, cover: np.ndarray, prompts: Prompts) -> Finding | Non
 
 
 def look_closer(network: Network, rgb: np.ndarray, found: Finding, prompts: Prompts) -> Finding:
-    """Return the mean of a finding and a mirrored look at its window alone."""
+    """Average a finding with a mirrored look at its window alone."""
     box = found.window.box_of(found.part)
     window = found.window.around(box, MARGIN)
     closer = prompts if prompts.box or prompts.on else replace(prompts, box=box)
@@ -264,7 +267,7 @@ def look_closer(network: Network, rgb: np.ndarray, found: Finding, prompts: Prom
 
 
 def _beside_clicks(network: Network, rgb: np.ndarray, photo: Window, prompts: Prompts) -> Finding | None:
-    """Return the likeliest object in windows around the clicks that a window's border does not cut."""
+    """Return the likeliest object in windows around the clicks that no window's border cuts."""
     best, most = None, 0.0
     for share in WINDOWS:
         window = photo.square(prompts.on, share * max(photo.size))
@@ -280,8 +283,8 @@ def _beside_clicks(network: Network, rgb: np.ndarray, photo: Window, prompts: Pr
 
 
 def _cut(rgb: np.ndarray, window: Window, cover: np.ndarray, prompts: Prompts) -> Finding | None:
-    """Return the part that holds clicks beside the object, without what is nearer to them than to the clicks on it:
-    along the photo's colours. Without a click on it, the cell of the part that is farthest from them is on it."""
+    """Cut the part that holds clicks beside the object: drop what is nearer to them than to the clicks on it, along the
+    photo's colours. Without a click on it, the part's cell farthest from them counts as one."""
     plain = choose(window, cover, replace(prompts, off=()))
     if plain is None:
         return None
@@ -305,7 +308,8 @@ def _cut(rgb: np.ndarray, window: Window, cover: np.ndarray, prompts: Prompts) -
 
 
 def _distance(colors: np.ndarray, part: np.ndarray, seeds: Sequence[tuple[int, int]]) -> np.ndarray:
-    """[h, w] shortest way from the seeds within a part, counting steps and changes of colour; infinite beside it."""
+    """Return the shortest path [h, w] from the seeds within a part, counting steps and changes of colour; infinite
+    outside."""
     rows, columns = np.mgrid[0 : part.shape[0], 0 : part.shape[1]]
     near = [np.maximum(abs(columns - column), abs(rows - row)) < SPLIT["click_cells"] for column, row in seeds]
     length = np.where(np.any(near, axis=0) & part, 0.0, np.inf)
@@ -323,7 +327,7 @@ def _distance(colors: np.ndarray, part: np.ndarray, seeds: Sequence[tuple[int, i
 
 
 def _cells_of(window: Window, of: Window) -> Box:
-    """Return a window in the cells of one that holds it."""
+    """Return a window in the cells of one that contains it."""
     width, height = of.size
     return (
         (window.x0 - of.x0) * GRID / width,
