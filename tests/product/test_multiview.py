@@ -130,10 +130,10 @@ def test_lights_without_poses_are_refused():
     for lights, poses in (([], []), ([Light(radiance=flat(1.0))], [])):
         with refused("poses"):
             fuse_lights(lights, poses)
-    with pytest.raises(InputError, match="expected rotations .3, 3., got another matrix for photo 2"):
+    with refused("poses"):
         fuse_lights([Light(radiance=flat(1.0))] * 2, [np.eye(3), 2 * np.eye(3)])
     mirrored = np.diag([1.0, 1.0, -1.0])  # two of them make a rotation, and yet are none
-    with pytest.raises(InputError, match="for photo 1"):
+    with refused("poses"):
         fuse_lights([Light(radiance=flat(1.0))] * 2, [mirrored, mirrored])
     assert anyprobe.fuse_lights is fuse_lights
 
