@@ -1,4 +1,4 @@
-"""Everything that is said of one estimate: the paper's Table 1 and Figs. 13-14, and the field's figures.
+"""Everything that is said of one estimate: the paper's Table 1 (Sect. 4.1), Figs. 13-14 (Sect. 4.2), and the field's.
 
 All methods of a pair are scored together, since a transport matrix costs as much for one map
 as for ten.

@@ -105,7 +105,7 @@ class SquaredError:
 
 
 class Losses:
-    """The loss of every network of a Designs; keeps the maps as the present epoch shows them."""
+    """The loss of every network of a Designs (Sect. 3.2 to 3.4); keeps the maps as the present epoch shows them."""
 
     def __init__(self, nets: Designs, tables: Tables) -> None:
         self._nets, self._ldr = nets, tables.ldr

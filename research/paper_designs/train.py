@@ -58,8 +58,10 @@ def rate_at(step: int, steps: int) -> float:
 
 
 class Trainer:
-    """Networks, optimizer and the place in a run. Steps are computed in bfloat16 where the device has it, from
-    networks that are kept in float32."""
+    """Networks, optimizer (the paper's Sect. 3.5) and the place in a run.
+
+    Steps are computed in bfloat16 where the device has it, from networks that are kept in float32.
+    """
 
     def __init__(self, run: Run, tables: Tables, device: str = "cpu") -> None:
         self.run, self.step = run, 0

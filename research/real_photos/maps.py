@@ -1,4 +1,4 @@
-"""Real photos from a folder that a user supplies: its rules, and the paper's groups of those with measured maps."""
+"""Real photos from a user's folder: its rules, and the paper's groups (Sect. 4.2) of those with measured maps."""
 
 from __future__ import annotations
 

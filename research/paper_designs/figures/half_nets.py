@@ -1,4 +1,4 @@
-"""Networks of the half-size designs, as commit e8f1e10 trained them: the paper's Figs. 8 and 9 and two rivals.
+"""Networks of the half-size designs, as commit e8f1e10 trained them: the paper's Figs. 8, 9, two rivals (Sect. 4.2).
 
 They see 64 x 64 pixels and have about half the paper's widths. NCHW; N batch, C channels, H x W pixels.
 """

@@ -211,7 +211,7 @@ def _test_set(
 
 
 class Watch:
-    """Sees every pair with its estimates: calibration, the irradiance image, and a grid of pictures."""
+    """Sees every pair with its estimates: calibration, the irradiance image, and pictures (paper, Fig. 11)."""
 
     def __init__(self, methods: Mapping[str, Method], title: str, pairs: int) -> None:
         from anyprobe.learning.evaluate.calibration import Calibration

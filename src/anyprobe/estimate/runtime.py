@@ -198,6 +198,8 @@ def stages_of(folder: Path) -> tuple[str, ...]:
 class Models:
     """Sessions opened once and used for many photos; safe to share between threads.
 
+    `paper` has a graph for each stage of the paper's Fig. 2; the last two give Eq. 7's map.
+
     `light.onnx` takes, of N = 1 and in this order, LIFT_INPUTS: photo [N, 4, 128, 128], display RGB times mask, and
     mask; tan_half [N, 1], tangent of half the crop's field of view; given_normals [N, 3, 64, 64], zero where unknown;
     surroundings [N, 4, 64, 128], display RGB times cover, and cover; material [N, 8], see material_input, or zero. It

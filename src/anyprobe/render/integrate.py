@@ -1,4 +1,4 @@
-"""Shading by importance sampling: paper Eq. 3-5, all terms from the same samples.
+"""Shading by importance sampling: paper Eq. 1 as its Eq. 3-5, all terms from the same samples.
 
 Schlick's Fresnel is linear in f0, so the reflected radiance of any material of one
 alpha is a sum of three images that are independent of colour:

@@ -46,7 +46,7 @@ LINE = 2.2**2 / 128
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Pair:
-    """An object's photo and its light.
+    """An object's photo and its light (the paper's Fig. 10).
 
     photo [S, S, 4] uint8: display RGB, zero outside the mask, and the mask as the user gives it.
     irradiance [S, S, 3] uint8: display values through the mean curve, zero off the object.

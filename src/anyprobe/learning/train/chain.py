@@ -1,4 +1,4 @@
-"""Losses of the paper's three networks (nets.paper), with gradual targets (Eq. 6).
+"""Losses of the paper's three networks (Sect. 3.2 to 3.4, nets.paper), with gradual targets (Eq. 6).
 
 The irradiance net learns alone, first (Irradiance). Then all three learn in one pass over the pairs (Chain): each one's
 input is the output of the one before, cut off from its gradient. What Eq. 7 makes of the last two reaches both.
