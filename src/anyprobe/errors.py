@@ -122,5 +122,18 @@ class MissingExtra(AnyprobeError, ImportError):
 
     default_code = "unsupported"
 
-    def __init__(self, package: str, extra: str, purpose: str) -> None:
-        super().__init__(f"{purpose} needs the package {package}; from a clone: pip install '.[{extra}]'")
+    def __init__(self, package: str, extra: str, purpose: str, error: ImportError | None = None) -> None:
+        """error: what its import raised; a package may be there and not load, for want of memory or of a library."""
+        text = f"{purpose} needs the package {package}; from a clone: pip install '.[{extra}]'"
+        if error is not None and not isinstance(error, ModuleNotFoundError):
+            text = (
+                f"{purpose} needs the package {package}, which cannot be loaded ({' '.join(str(error).split())[:120]}); "
+                "reinstall it, or give it more memory"
+            )
+        super().__init__(text)
+
+
+def lacks_memory(error: BaseException) -> bool:
+    """Return whether an error says that memory was refused: Python's own, or one of a library, as ONNX Runtime's."""
+    said = str(error).lower()
+    return isinstance(error, MemoryError) or "bad_alloc" in said or "failed to allocate" in said

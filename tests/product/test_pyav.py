@@ -195,6 +195,24 @@ def test_a_name_is_a_files_and_no_address(made, monkeypatch, name):
         open_clip(Path(name))
 
 
+@pytest.mark.skipif(os.name == "nt", reason="needs POSIX")
+@pytest.mark.parametrize("device", [None, "/dev/zero"])
+def test_a_pipe_or_device_is_not_called_absent(made, device):
+    path = made.parent / "other.mp4"
+    os.mkfifo(path) if device is None else path.symlink_to(device)
+    with pytest.raises(InputError, match="is a pipe or device"):
+        open_clip(path)
+
+
+def test_what_the_system_refuses_is_no_fault_of_the_file(made, monkeypatch):
+    def refused(*_, **__):
+        raise av.error.BlockingIOError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(av, "open", refused)
+    with pytest.raises(InputError, match="memory, threads or open files"):
+        open_clip(made)
+
+
 def test_a_pattern_of_names_is_one_file(made):
     from PIL import Image
 

@@ -41,6 +41,16 @@ def source(lane, photo) -> str:
     return lane.call(tasks.mask, Upload(photo=photo), 10**9, True)["source"]
 
 
+def out_of_memory() -> None:
+    """In a process: what ONNX Runtime raises there."""
+    raise RuntimeError("[ONNXRuntimeError] : 6 : RUNTIME_EXCEPTION : Non-zero status code: std::bad_alloc")
+
+
+def test_a_network_that_lacks_memory_is_told_as_any_other_work(lane):
+    with pytest.raises(TooMuchMemory, match="fits in memory"):
+        lane.call(out_of_memory)
+
+
 def end_itself(flag: str, number: int, times: int) -> str:
     """In a process: end by a signal, for so many times; then answer."""
     with open(flag, "a+", encoding="utf-8") as stream:

@@ -17,7 +17,7 @@ from support.two_phase import two_phase
 
 import anyprobe
 from anyprobe.cli import app
-from anyprobe.errors import InputError, InvalidEnvironment, InvalidPhoto, ModelError
+from anyprobe.errors import InputError, InvalidEnvironment, InvalidPhoto, MissingExtra, ModelError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import Origin
@@ -48,6 +48,8 @@ def failing(monkeypatch, photo_path, networks_opened_once):
         (BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable"), 2, "expected more processes or threads"),
         (OSError(errno.EMFILE, "Too many open files"), 2, "expected more open files"),
         (RuntimeError("can't start new thread"), 1, "expected more threads"),
+        (RuntimeError("[ONNXRuntimeError] : 6 : " + "x" * 200 + "std::bad_alloc"), 2, "expected more memory"),
+        (RuntimeError("Failed to allocate memory for requested buffer"), 2, "expected more memory"),
         (TypeError("open() got an\nunexpected keyword"), 1, "TypeError at estimate.py"),
         (RecursionError("maximum recursion depth exceeded"), 1, "RecursionError"),
         (AssertionError(), 1, "no words"),
@@ -134,7 +136,29 @@ def test_a_process_short_of_memory_ends_in_lines_without_a_traceback(photo_path,
     assert done.returncode != 0
     assert "Traceback" not in done.stderr
     assert "damaged" not in done.stderr
+    assert "a fault" not in done.stderr
     assert not list(work.glob("light/*"))
+
+
+def test_a_graph_without_threads_prints_nothing_on_stdout(monkeypatch, capsys):
+    """ONNX Runtime prints of its faults and tries once more, unless it is told not to."""
+
+    def refused(self, *_):
+        raise RuntimeError("PosixThread pthread_create failed, error code: 11")
+
+    monkeypatch.setattr(graphs.onnxruntime.InferenceSession, "_create_inference_session", refused)
+    with pytest.raises(ModelError, match="no more memory or threads"):
+        open_graph(default_graph(), 2)
+    assert capsys.readouterr().out == ""
+
+
+def test_a_package_that_is_there_but_cannot_be_loaded_is_not_called_absent():
+    text = "av.so: failed to map segment\nfrom shared object"
+    assert "cannot be loaded (av.so: failed to map segment from" in str(
+        MissingExtra("av", "video", "it", ImportError(text))
+    )
+    absent = str(MissingExtra("av", "video", "it", ModuleNotFoundError("No module named 'av'")))
+    assert absent == str(MissingExtra("av", "video", "it"))
 
 
 # Terminals

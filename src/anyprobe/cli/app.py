@@ -31,7 +31,7 @@ from anyprobe.cli.relight import relight
 from anyprobe.cli.serve import serve
 from anyprobe.cli.train import train, weights
 from anyprobe.cli.video import video
-from anyprobe.errors import AnyprobeError
+from anyprobe.errors import AnyprobeError, lacks_memory
 from anyprobe.maps import exr
 
 TRACEBACK = "ANYPROBE_TRACEBACK"
@@ -121,6 +121,9 @@ def main(command: Callable[[], Any] = app) -> None:
     except Exception as error:
         if os.environ.get(TRACEBACK):
             raise
+        if lacks_memory(error):
+            print(f"anyprobe: {NO_MORE.format('memory')}", file=sys.stderr)
+            sys.exit(2)
         print(f"anyprobe: {_fault(error)}", file=sys.stderr)
         sys.exit(1)
 

@@ -303,7 +303,7 @@ def need_torch(what: str) -> None:
     try:
         import torch  # noqa: F401
     except ImportError as error:
-        raise MissingExtra("torch", "train", what) from error
+        raise MissingExtra("torch", "train", what, error) from error
 
 
 def pixels_of(name: str, text: str, count: int, form: str, example: str) -> tuple[float, ...]:

@@ -175,4 +175,4 @@ def _need_serve() -> None:
         try:
             __import__(module)
         except ImportError as error:
-            raise MissingExtra(package, "serve", "anyprobe serve") from error
+            raise MissingExtra(package, "serve", "anyprobe serve", error) from error

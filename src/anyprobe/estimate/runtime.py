@@ -81,7 +81,7 @@ def _openvino(path: Path, shapes: dict[str, list], threads: int | None, precisio
     try:
         import openvino
     except ImportError as error:
-        raise MissingExtra("openvino", "openvino", "the engine openvino") from error
+        raise MissingExtra("openvino", "openvino", "the engine openvino", error) from error
     try:
         model = openvino.Core().read_model(str(path))
     except RuntimeError:

@@ -38,7 +38,9 @@ def open_graph(path: Path, threads: int | None = None) -> onnxruntime.InferenceS
     ):  # one needs no thread of the system
         options.intra_op_num_threads = count
         try:
-            return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+            return onnxruntime.InferenceSession(
+                str(path), options, providers=["CPUExecutionProvider"], enable_fallback=0
+            )  # falling back, it prints on stdout
         except Exception as error:  # the runtime has no common base class for its errors
             fault = error
     if any(word in str(fault).lower() for word in SHORT) or isinstance(fault, MemoryError):

@@ -78,7 +78,7 @@ class Rembg:
             import rembg
             from rembg.sessions import sessions_class
         except ImportError as error:  # a package that only brings weights may have the name
-            raise MissingExtra("rembg", "rembg", "--segmenter rembg") from error
+            raise MissingExtra("rembg", "rembg", "--segmenter rembg", error) from error
 
         model = model or "u2net"
         known = {one.name(): one for one in sessions_class if one.is_local()}

@@ -283,7 +283,7 @@ def _register_heic(name: str) -> None:
     try:
         import pillow_heif
     except ImportError as error:
-        raise MissingExtra("pillow-heif", "heic", f"{name}: a HEIC photo") from error
+        raise MissingExtra("pillow-heif", "heic", f"{name}: a HEIC photo", error) from error
     pillow_heif.register_heif_opener()
 
 
@@ -292,7 +292,7 @@ def _register_jxl(stream: BinaryIO, name: str) -> None:
     try:
         import pillow_jxl  # noqa: F401
     except ImportError as error:
-        raise MissingExtra("pillow-jxl-plugin", "jxl", f"{name}: a JPEG XL photo") from error
+        raise MissingExtra("pillow-jxl-plugin", "jxl", f"{name}: a JPEG XL photo", error) from error
     width, height = jxl_size(stream.read())
     if not width * height:
         raise UnknownPicture

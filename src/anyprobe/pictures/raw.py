@@ -102,7 +102,7 @@ def develop(data: bytes, name: str) -> tuple[np.ndarray, tuple[str, ...]]:
     try:
         import rawpy
     except ImportError as error:
-        raise MissingExtra("rawpy", "raw", f"{name}: a RAW photo") from error
+        raise MissingExtra("rawpy", "raw", f"{name}: a RAW photo", error) from error
     notes: tuple[str, ...] = ()
     try:
         with rawpy.imread(io.BytesIO(data)) as raw:

@@ -184,7 +184,7 @@ def write_certificate(folder: Path, hosts: Sequence[str]) -> tuple[Path, Path]:
         from cryptography.hazmat.primitives import hashes, serialization
         from cryptography.hazmat.primitives.asymmetric import ec
     except ImportError as error:
-        raise MissingExtra("cryptography", "serve", "--https") from error
+        raise MissingExtra("cryptography", "serve", "--https", error) from error
     key = ec.generate_private_key(ec.SECP256R1())
     name = x509.Name([x509.NameAttribute(x509.oid.NameOID.COMMON_NAME, "anyprobe")])
     now = datetime.datetime.now(datetime.UTC)

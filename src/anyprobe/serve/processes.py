@@ -22,7 +22,7 @@ from functools import partial
 from pathlib import Path
 from typing import IO, Any, ParamSpec, TypeVar
 
-from anyprobe.errors import AnyprobeError, InputError
+from anyprobe.errors import AnyprobeError, InputError, lacks_memory
 
 Given = ParamSpec("Given")
 Answer = TypeVar("Answer")
@@ -332,12 +332,12 @@ def work(memory_mb: int, niceness: int) -> None:
 def _answer(task: Callable[[], Any]) -> dict[str, Any]:
     try:
         return {"result": task()}
-    except MemoryError:
-        text = "expected a file that fits in memory when decoded, got a larger one; send it smaller"
-        return {"error": TooMuchMemory(text)}
     except AnyprobeError as error:
         return {"error": TooMuchMemory(error) if isinstance(error.__cause__, MemoryError) else error}
-    except Exception:
+    except Exception as error:
+        if lacks_memory(error):
+            text = "expected a file that fits in memory when decoded, got a larger one; send it smaller"
+            return {"error": TooMuchMemory(text)}
         return {"fault": traceback.format_exc(limit=8)}
 
 

@@ -5,6 +5,8 @@ PyAV reads mp4, mov, webm, mkv, avi, gif and more; see pyav.CONTAINERS.
 
 from __future__ import annotations
 
+import errno
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -27,6 +29,8 @@ BT709 = {"colorspace": 1, "color_primaries": 1, "color_trc": 1, "color_range": 1
 TIME_BASE = Fraction(1, 90_000)
 STILLS = ("mjpeg", "png", "bmp", "webp", "tiff")
 """Codecs of covers, which some files do not mark as such."""
+SHORTAGES = (errno.EAGAIN, errno.ENOMEM, errno.EMFILE, errno.ENFILE)
+"""Numbers of errors that come from the system and not from a file."""
 LEAST_STEP_S = 1e-3
 """Two frames are never taken for closer; some files repeat a time."""
 
@@ -70,8 +74,10 @@ def open_clip(path: Path) -> Clip:
     """
     av = pyav()
     if not path.is_file():
-        found = "is a folder, not a video" if path.is_dir() else "no such file"
-        raise InputError(f"{path}: {found}; check the path")
+        if path.is_dir() or not os.path.exists(path):
+            found = "is a folder, not a video" if path.is_dir() else "no such file"
+            raise InputError(f"{path}: {found}; check the path")
+        raise InputError(f"{path}: is a pipe or device, not a video; write it into a file first")
     try:
         with open_video(path) as container:
             if container.format.name == "image2" or container.format.name.endswith("_pipe"):
@@ -117,6 +123,11 @@ def _several(path: Path, stream, others: int) -> str:
 
 def _unreadable(path: Path, error: Exception) -> InputError:
     reason = getattr(error, "strerror", None) or " ".join(str(error).split())[:120] or type(error).__name__
+    if getattr(error, "errno", None) in SHORTAGES:
+        return InputError(
+            f"{path}: FFmpeg is refused memory, threads or open files ({reason}); end other programs, raise the limits, "
+            "or shrink the video"
+        )
     return InputError(f"{path}: FFmpeg cannot read it as a video ({reason}); convert it to mp4")
 
 

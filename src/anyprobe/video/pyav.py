@@ -52,7 +52,7 @@ def pyav() -> Any:
     try:
         import av
     except ImportError as error:
-        raise MissingExtra("av", "video", "reading and writing video") from error
+        raise MissingExtra("av", "video", "reading and writing video", error) from error
     return av
 
 

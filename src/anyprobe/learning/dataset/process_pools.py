@@ -267,7 +267,7 @@ def _connect(address: str | None, workers: int):
     try:
         import ray
     except ImportError as error:
-        raise MissingExtra("ray", "ray", "--engine ray") from error
+        raise MissingExtra("ray", "ray", "--engine ray", error) from error
     if address is None:
         where: dict[str, Any] = {"num_cpus": workers, "include_dashboard": False}
     else:
