@@ -127,8 +127,8 @@ class MissingExtra(AnyprobeError, ImportError):
         text = f"{purpose} needs the package {package}; from a clone: pip install '.[{extra}]'"
         if error is not None and not isinstance(error, ModuleNotFoundError):
             text = (
-                f"{purpose} needs the package {package}, which cannot be loaded ({' '.join(str(error).split())[:120]}); "
-                "reinstall it, or give it more memory"
+                f"{purpose} needs the package {package}, which cannot be loaded "
+                f"({' '.join(str(error).split())[:120]}); reinstall it, or give it more memory"
             )
         super().__init__(text)
 

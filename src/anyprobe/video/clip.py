@@ -125,8 +125,8 @@ def _unreadable(path: Path, error: Exception) -> InputError:
     reason = getattr(error, "strerror", None) or " ".join(str(error).split())[:120] or type(error).__name__
     if getattr(error, "errno", None) in SHORTAGES:
         return InputError(
-            f"{path}: FFmpeg is refused memory, threads or open files ({reason}); end other programs, raise the limits, "
-            "or shrink the video"
+            f"{path}: FFmpeg is refused memory, threads or open files ({reason}); end other programs, raise the "
+            "limits, or shrink the video"
         )
     return InputError(f"{path}: FFmpeg cannot read it as a video ({reason}); convert it to mp4")
 
