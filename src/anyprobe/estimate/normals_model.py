@@ -1,4 +1,4 @@
-"""Normals of the photo by a monocular estimator of others: an ONNX graph and a small spec, or any callable.
+"""Normals of the photo by a third-party monocular estimator: an ONNX graph and a small spec, or any callable.
 
 A graph FILE.onnx is described by FILE.json:
 
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 WINDOW = 1.6
-"""Side of what the estimator is shown over the longer side of the object's box: some surroundings help it."""
+"""Side of the estimator's window over the longer side of the object's box: some surroundings help it."""
 OUTWARD = 0.2
-"""Normals near the outline point outwards by this much in the mean, or axes are swapped."""
+"""Smallest mean outward lean of normals near the outline; below it, axes are swapped."""
 RIM = 0.08
 """Distance from the outline that counts as near, in sides of the object's box."""
 
@@ -64,11 +64,11 @@ class NormalsSpec:
 
 
 def open_normals_model(path: Path, threads: int | None = None) -> NormalsEstimator:
-    """Return the estimator that a graph and the spec beside it are.
+    """Open the estimator defined by a graph and the spec beside it.
 
     Raises:
-        InputError: no graph, no spec, or one that does not say what it must.
-        ModelError: a damaged graph, or one that the spec does not fit.
+        InputError: no graph, no spec, or an incomplete one.
+        ModelError: a damaged graph, or one that does not match the spec.
     """
     spec = _read_spec(path.with_suffix(".json"))
     frame = spec.frame()
@@ -168,14 +168,14 @@ def estimated_normals(
 
 
 def _turn(center: tuple[float, float], shape: tuple[int, int], long_fov_deg: float) -> np.ndarray:
-    """[3, 3], to the photo's camera from one that looks at the pixel center (x, y)."""
+    """Return the rotation [3, 3] to the photo's camera from one that looks at the pixel center (x, y)."""
     focal = max(shape) / 2 / np.tan(np.radians(long_fov_deg) / 2)
     ray = np.array([center[0] - shape[1] / 2, shape[0] / 2 - center[1], -focal])
     return turn_towards(ray / np.linalg.norm(ray))
 
 
 def _check_outline(normals: np.ndarray, inside: np.ndarray, rim_px: float) -> None:
-    """InputError where normals near the outline do not lean away from the object, as those of any round thing do."""
+    """Raise InputError if normals near the outline do not lean away from the object, as those of any round thing do."""
     soft = Image.fromarray((255 * inside).astype(np.uint8)).reduce(max(1, round(rim_px / 2)))
     cover = np.asarray(soft, np.float32) / 255
     down, right = np.gradient(_resized(cover[..., None], *inside.shape)[..., 0])
@@ -193,7 +193,7 @@ def _check_outline(normals: np.ndarray, inside: np.ndarray, rim_px: float) -> No
 
 
 def _resized(values: np.ndarray, height: int, width: int) -> np.ndarray:
-    """[H, W, C] float at another size: means over areas where it shrinks, else bilinear."""
+    """Resize [H, W, C] float: means over areas where it shrinks, else bilinear."""
     if values.shape[:2] == (height, width):
         return np.asarray(values, np.float32)
     shrinks = height * width < values.shape[0] * values.shape[1]

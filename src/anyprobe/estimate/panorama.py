@@ -1,8 +1,8 @@
 """Surroundings merged from several photos, in a fixed world frame.
 
-One photo shows a window of the light; a camera that turns shows more and more of it. A panorama is [64, 128, 4]: linear
+One photo shows a window of the light; a turning camera shows more and more of it. A panorama is [64, 128, 4]: linear
 radiance times cover, and cover in [0, 1]; with a fifth channel where surroundings have one, see estimate.surroundings.
-What is shown counts as infinitely far, as all light does here.
+Everything shown counts as infinitely far, as all light does here.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 SHARED = 30
-"""Pixels that two windows must share before one is compared with the other."""
+"""Smallest number of pixels that two windows must share to be compared."""
 COMPARED = 0.02, 0.8
 """Radiance range in which two photos can be compared: neither noise nor clipped."""
 DIFFER = 0.12
-"""Mean difference of display values, exposure apart, from which on what was seen before is another light or place."""
+"""Mean difference of display values, exposure apart, above which the older view shows another light or place."""
 
 
 def cut_out(photo: Photo, *, first: bool) -> Crop:

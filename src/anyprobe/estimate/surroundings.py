@@ -1,7 +1,7 @@
 """Surroundings: the part of the environment map that is seen, in the photo's background or in a partial panorama.
 
-An object shows light from all directions, but its own colour and the level stay ambiguous; what the camera sees of
-the surroundings is a small part, but exact.
+An object shows light from all directions, but its own colour and the level stay ambiguous; the surroundings that the
+camera sees are a small part of the light, but exact.
 
 Surroundings are [64, 128, 4]: display RGB times cover, and cover in [0, 1]. In those from an .exr or .hdr a fifth
 channel is the share of the cover that is measured above white too: a display value above 1 is that radiance there.
@@ -32,18 +32,18 @@ if TYPE_CHECKING:
 
 _CONTRACT = contract("surroundings")
 GROW_PX: int = _CONTRACT["grow_px"]
-"""Pixels of the crop around the object that are left out: its edge is not where the mask says."""
+"""Rim of the crop around the object that is left out [px]: masks miss the true edge."""
 FINE: float = _CONTRACT["fine"]
-"""Pixels of the shrunk photo on one of the map's."""
+"""Smallest number of the shrunk photo's pixels per pixel of the map."""
 CLIPPED: float = _CONTRACT["clipped"]
-"""Display value from which on a place is at least as bright as it looks."""
+"""Display value above which a pixel is only a lower bound of its radiance."""
 SEEN: float = _CONTRACT["seen"]
-"""How sure a place is that the photo shows."""
+"""Confidence of a place that the photo shows."""
 TINT: float = _CONTRACT["tint"]
-"""How much of the colour by which what is seen differs from what was guessed there is taken for the light's own;
-chosen on pairs that no run learns from."""
+"""Share of the colour difference between what is seen and what was guessed there that counts as the light's own; chosen
+on pairs that no run learns from."""
 TINT_FLOOR: float = _CONTRACT["tint_floor"]
-"""Added to radiance before its logarithm is compared."""
+"""Radiance added before its logarithm is compared."""
 _GOES_ON = _CONTRACT["goes_on"]
 GOES_ON_ROWS: int = _GOES_ON["rows"]
 GOES_ON_COVER: float = _GOES_ON["least_cover"]
@@ -56,14 +56,15 @@ families (`python -m research.scenes goes-on`)."""
 LEAST_COVER = 1e-3
 """Divisor of colours where next to nothing is covered."""
 PANORAMA_ROWS = 512
-"""At which a panorama is kept for maps with detail."""
+"""Largest number of rows of a panorama kept for maps with detail."""
 LINEAR = 5
-"""Channels of surroundings that hold values above white."""
+"""Number of channels of surroundings that hold values above white."""
 PLAIN_STEP: float = contract("ground")["plain_step"]
 BACKDROP_LEVEL: float = contract("ground")["backdrop_level"]
-"""Median display value from which on one colour may be a backdrop, and not the black of a cut-out or a dark room."""
+"""Median display value above which a single colour may be a backdrop, rather than the black of a cut-out or a dark
+room."""
 BACKDROP_DAMPING = 1e-6
-"""Added to the normal equations of a backdrop's shading, so that few pixels have one too."""
+"""Term added to the normal equations of a backdrop's shading, so that few pixels suffice."""
 PLAIN_SHARE: float = contract("ground")["plain_share"]
 """A background of which so much is no farther from its median colour than this is one colour with flaws: a cut-out."""
 DARK_BESIDE: float = contract("ground")["dark_beside"]
@@ -99,7 +100,7 @@ def read_panorama(source: SurroundingsSource) -> tuple[np.ndarray, np.ndarray]:
 
 
 def at_rows(panorama: Float[np.ndarray, "H 2*H C"], rows: int) -> Float[np.ndarray, "R 2*R C"]:
-    """Surroundings at more rows, or at fewer."""
+    """Resize surroundings to more rows, or to fewer."""
     return panorama if len(panorama) == rows else _resize(panorama, (2 * rows, rows), smooth=len(panorama) < rows)
 
 
@@ -139,7 +140,7 @@ def _displayed(source: SurroundingsSource) -> np.ndarray:
 def surroundings_of(
     radiance: Float[np.ndarray, "H 2*H 3"], cover: Float[np.ndarray, "H 2*H 1"], measured: np.ndarray | None = None
 ) -> Float[np.ndarray, "H 2*H C"]:
-    """Surroundings of radiance [H, 2H, 3] and cover [H, 2H, 1]; measured: its share with values above white."""
+    """Encode radiance [H, 2H, 3] and cover [H, 2H, 1] as surroundings; measured: its share with values above white."""
     display = response(radiance)
     if measured is None:
         return np.concatenate([display * cover, cover], axis=-1).astype(np.float32)
@@ -148,7 +149,7 @@ def surroundings_of(
 
 
 def radiance_of(surroundings: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Radiance [H, 2H, 3] that surroundings show, where it is clipped and may be more, and their cover [H, 2H, 1]."""
+    """Decode surroundings to radiance [H, 2H, 3], where it is clipped and may be more, and cover [H, 2H, 1]."""
     cover = surroundings[..., 3:4]
     display = surroundings[..., :3] / np.maximum(cover, LEAST_COVER)
     clipped = display >= CLIPPED
@@ -158,14 +159,14 @@ def radiance_of(surroundings: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def over(upper: np.ndarray, lower: np.ndarray) -> np.ndarray:
-    """Surroundings, or panoramas: the upper ones where they cover, else the lower."""
+    """Composite surroundings, or panoramas: the upper ones where they cover, else the lower."""
     most = max(upper.shape[-1], lower.shape[-1])
     upper, lower = (np.pad(one, ((0, 0), (0, 0), (0, most - one.shape[-1]))) for one in (upper, lower))
     return upper + (1 - upper[..., 3:4]) * lower
 
 
 def turned(surroundings: np.ndarray, camera_from_crop: Float[np.ndarray, "3 3"]) -> np.ndarray:
-    """Surroundings [64, 128, 4 or 5] of the camera's frame in the crop's."""
+    """Rotate surroundings [64, 128, 4 or 5] from the camera's frame into the crop's."""
     most = np.inf if surroundings.shape[-1] == LINEAR else 1.0
     found = np.clip(rotate(surroundings, camera_from_crop.T), 0.0, most).astype(np.float32)
     found[..., 3:] = np.minimum(found[..., 3:], 1.0)
@@ -354,7 +355,7 @@ def _tint(guessed: np.ndarray, seen: np.ndarray, cover: np.ndarray) -> np.ndarra
 
 
 def on_plane(d: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """x and y on the plane z = -1 before the eye, and where directions [..., 3] meet it."""
+    """Project directions [..., 3] to x and y on the plane z = -1 before the eye, and return which meet it."""
     depth = np.maximum(-d[..., 2], 0.05)
     return d[..., 0] / depth, d[..., 1] / depth, d[..., 2] < -0.05
 
@@ -372,7 +373,7 @@ def hidden(d: np.ndarray, image: np.ndarray, tan_half: float) -> np.ndarray:
 
 
 def _widest(rows: np.ndarray, count: int) -> np.ndarray:
-    """Greatest of each `count` successive rows of [N, W]: [N - count + 1, W]."""
+    """Return the maximum over `count` successive rows of [N, W]: [N - count + 1, W]."""
     reach, left = 1, len(rows) - count + 1
     while 2 * reach <= count:
         rows, reach = np.maximum(rows[:-reach], rows[reach:]), 2 * reach
@@ -380,7 +381,7 @@ def _widest(rows: np.ndarray, count: int) -> np.ndarray:
 
 
 def _sample(picture: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
-    """Between the pixels of a picture [H, W, C] at shares of its width and height."""
+    """Interpolate a picture [H, W, C] at shares of its width and height."""
     height, width = picture.shape[:2]
     x, y = (column * width - 0.5).clip(0, width - 1), (row * height - 0.5).clip(0, height - 1)
     x0, y0 = x.astype(int), y.astype(int)
@@ -391,7 +392,7 @@ def _sample(picture: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndar
 
 
 def _resize(picture: np.ndarray, size: tuple[int, int], smooth: bool = False) -> np.ndarray:
-    """Means over areas, [H, W, C] to size (width, height); smooth: between pixels, when enlarging."""
+    """Resize [H, W, C] to (width, height) by means over areas; smooth: interpolate, when enlarging."""
     way = Image.Resampling.BILINEAR if smooth else Image.Resampling.BOX
     planes = [
         Image.fromarray(np.ascontiguousarray(picture[..., k], np.float32)).resize(size, way)
