@@ -40,8 +40,7 @@ CLIPPED: float = _CONTRACT["clipped"]
 SEEN: float = _CONTRACT["seen"]
 """Confidence of a place that the photo shows."""
 TINT: float = _CONTRACT["tint"]
-"""Share of the colour difference between what is seen and what was guessed there that counts as the light's own; chosen
-on pairs that no run learns from."""
+"""Share of the colour difference between what is seen and what was guessed there that counts as the light's own."""
 TINT_FLOOR: float = _CONTRACT["tint_floor"]
 """Radiance added before its logarithm is compared."""
 _GOES_ON = _CONTRACT["goes_on"]
