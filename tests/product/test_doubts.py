@@ -10,7 +10,7 @@ from PIL import Image
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import inverse_response
 from anyprobe.errors import InvalidMask
-from anyprobe.estimate import estimator as estimate_module
+from anyprobe.estimate import refine
 from anyprobe.estimate.doubts import ground_doubts, light_doubts
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import ground_by_posture, up_of
@@ -70,7 +70,7 @@ def test_the_horizon_is_the_world_s():
 
 
 def test_doubts_reach_the_light_and_the_command_line(tmp_path, photo_rgba, photo_mask, command, monkeypatch):
-    monkeypatch.setattr(estimate_module, "light_doubts", lambda *_: ("from below",))
+    monkeypatch.setattr(refine, "light_doubts", lambda *_: ("from below",))
     light = Estimator()(photo_rgba[..., :3], mask=photo_mask)
     assert light.warnings == ("from below",)
     assert light.sidecar()["warnings"] == ["from below"]
