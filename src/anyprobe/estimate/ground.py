@@ -1,6 +1,7 @@
 """The ground under the object: the camera's pitch and roll over it, and the point where the object touches it.
 
-A pitch that is not given is guessed from how such photos are usually taken, with the guess's error.
+A pitch that is not given is guessed from how such photos are usually taken, with the guess's error, until
+refine.with_estimated_ground puts what the network sees in its place.
 """
 
 from __future__ import annotations

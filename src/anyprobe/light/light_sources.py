@@ -38,7 +38,7 @@ LEAST_SHARE = 0.04
 LEAST_CONTRAST = 3.0
 """Smallest luminance of a source, in multiples of that of the ring around it."""
 MOST_SOURCES: int = contract("source_split")["most"]
-"""Largest number of light sources in a map: here, in the filter of videos and in the networks' heads."""
+"""Largest number of light sources in a map: found here, in a frame of a video, or by the networks' heads."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

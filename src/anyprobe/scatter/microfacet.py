@@ -1,4 +1,4 @@
-"""GGX microfacets: distribution, shadowing, Fresnel, directional albedo. alpha is the GGX width.
+"""GGX microfacets, D, G and F of Eq. 2 (see materials.brdf), and directional albedo. alpha is the GGX width.
 
 All arguments are cosines of the local frame, arrays of any shape; 1/sr where named.
 
