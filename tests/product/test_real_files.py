@@ -427,7 +427,7 @@ def test_without_its_reader_one_line_names_it(monkeypatch, data, package, extra)
 
     def without(name, *rest):
         if name == package:
-            raise ImportError(name)
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
         return real(name, *rest)
 
     monkeypatch.setattr(builtins, "__import__", without)
