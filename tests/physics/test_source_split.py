@@ -55,3 +55,14 @@ def test_what_is_wider_is_left_in_the_soft_part(radius_deg):
 def test_an_even_or_black_map_has_no_source():
     for level in (0.0, 1.0):
         assert split_sources(np.full((HEIGHT, 2 * HEIGHT, 3), level, np.float32))[1] == ()
+
+
+def test_a_lamp_in_its_halo_stays_as_bright():
+    toward = [0.3, 0.6, 0.7]
+    halo = draw_sources(HEIGHT, [source(toward, [2.0, 2.0, 2.0], 12.0)])
+    radiance = ROOM + draw_sources(HEIGHT, [source(toward, [3.0, 3.0, 3.0], 5.0)]) + halo
+    soft, found = split_sources(radiance)
+    shown = soft + draw_sources(HEIGHT, found)
+    level = 0.5 * radiance.max()
+    assert 0.7 < (shown > level).sum() / (radiance > level).sum() < 1.4
+    assert shown.max() == pytest.approx(radiance.max(), rel=0.3)

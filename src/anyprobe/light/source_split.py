@@ -2,9 +2,10 @@
 
 A source starts at the brightest pixel; twice it moves to the centroid of what is brighter than its surroundings, the
 median of the ring around. Its excess over that median within reach_deg is removed from the map, and the next source is
-looked for apart_deg away. A source wider than most_radius_deg is measured again by the numbers of `wide`; one wider
-than theirs stays in the soft part, whose averages overlap and show no source twice. split_sources and draw_sources
-keep the power of every source.
+looked for apart_deg away. Its radius R is that of a disc of draw_sources with as much power P and as bright a peak:
+R^2 = 4 / (3 pi) P^2 / Q, with P the integral of the excess luminance and Q that of its square. A source wider than
+most_radius_deg is measured again by the numbers of `wide`; one wider than theirs stays in the soft part, whose averages
+overlap and show no source twice. split_sources and draw_sources keep the power of every source.
 """
 
 from __future__ import annotations
@@ -86,9 +87,8 @@ def _around(
         if total <= least:
             return None
         center = _unit(energy @ d[near])
-    turned = np.arccos(np.clip(d[near] @ center, -1.0, 1.0))
     power = (excess * angles[near]).sum(axis=0).astype(np.float64)
-    radius = float(np.sqrt(3.0 * (energy @ np.square(turned)) / total))
+    radius = float(np.sqrt(4.0 / (3.0 * np.pi) * total**2 / (energy @ luminance(excess))))
     return near, excess, Source(direction=center, power=power, radius=radius)
 
 

@@ -22,7 +22,7 @@ from anyprobe.video.frame_pixels import shown_pixels
 from anyprobe.video.pyav import known_interface, open_video, pyav
 
 CODEC = "libx264"
-QUALITY = {"crf": "18", "preset": "medium", "bf": "0"}
+QUALITY = {"crf": "18", "preset": "veryfast", "bf": "0"}
 """Without frames that are stored before earlier ones, whose times of storing would run into the piece before."""
 BT709 = {"colorspace": 1, "color_primaries": 1, "color_trc": 1, "color_range": 1}
 """The file's colours by the numbers of ITU-T H.273; players guess where it declares none."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -80,6 +81,18 @@ class Outcome:
     notes: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Look:
+    """What the follower finds in a frame.
+
+    photo: or why there is none. before: MaskFollower.last and shows_more as they were. looks_same: MaskFollower's.
+    """
+
+    photo: Photo | AnyprobeError
+    before: tuple[list[float] | None, bool | None]
+    looks_same: bool
+
+
 class ClipRun:
     """One clip on its way into one folder."""
 
@@ -123,17 +136,26 @@ class ClipRun:
 
         Whatever ends it, a later call with the same folder goes on and gives the same files.
         """
-        with ThreadPoolExecutor(1) as beside:  # another core draws a light while networks find the next
-            return self._run(watch, beside)
-
-    def _run(self, watch: Callable[[int], None], beside: ThreadPoolExecutor) -> Outcome:
-        done = self.progress
         damaged: list[int] = []
+        with closing(read_frames(self.clip, damaged)) as frames, ThreadPoolExecutor(2) as beside:
+            return self._run(frames, damaged, watch, beside)
+
+    def _run(
+        self, frames: Iterator[Frame], damaged: list[int], watch: Callable[[int], None], beside: ThreadPoolExecutor
+    ) -> Outcome:
+        """Do the frames one by one; meanwhile a thread reads the next one and finds its mask, another draws lights."""
+        done = self.progress
         pictures: list[tuple[float, np.ndarray]] = []
         previews: list[tuple[float, Future[np.ndarray]]] = []
         size, frame, notes = (0, 0), None, []
         save_every = -(-SAVE_EVERY // self.every) * self.every  # the first frame after it gets a light
-        for frame in read_frames(self.clip, damaged):
+        coming: Future[tuple[Frame, _Look | None] | None] = beside.submit(self._read, frames, False)
+        while (read := coming.result()) is not None:
+            frame, look = read
+            will_save = (frame.index + 1) % save_every == 0  # what the follower knows after this frame
+            gets_light = (frame.index + 1) % self.every == 0
+            is_doing = frame.index >= done.next_index and done.light is not None
+            coming = beside.submit(self._read, frames, is_doing and gets_light and not will_save)
             size = frame.rgb.shape[1], frame.rgb.shape[0]
             if frame.note:
                 notes.append(frame.note)
@@ -145,12 +167,12 @@ class ClipRun:
             if frame.index == done.next_index and done.next_index:
                 self._shown, self._preview = None, None
                 self.follower.go_on(done.last, done.mask, done.shows_more)
-            done.frames.append(self._one(frame))
+            done.frames.append(self._one(frame, look))
             if self.virtual is not None:
                 pictures.append((frame.time_s, self._picture(frame)))
             previews.append((frame.time_s, self._light_picture(frame.index, beside)))
             watch(frame.index + 1)
-            if (frame.index + 1) % save_every == 0:
+            if will_save:
                 self.follower.settle()
                 self._save(frame.index + 1, pictures, previews)
                 pictures, previews = [], []
@@ -169,10 +191,26 @@ class ClipRun:
         bad = [(one["index"], one["error"]) for one in done.frames if "error" in one]
         return Outcome(frames=len(done.frames), bad=bad, damaged=len(damaged), notes=(*done.notes, *notes))
 
-    def _one(self, frame: Frame) -> dict:
+    def _read(self, frames: Iterator[Frame], looks: bool) -> tuple[Frame, _Look | None] | None:
+        """Return the next frame, and its photo where it is asked for; None after the last."""
+        frame = next(frames, None)
+        if frame is None:
+            return None
+        return frame, self._look(frame) if looks else None
+
+    def _look(self, frame: Frame) -> _Look:
+        """Find the object in a frame; an error that the frame causes is kept for when its turn comes."""
+        before = self.follower.last, self.follower.shows_more
+        try:
+            photo = self.follower.photo(frame)
+        except AnyprobeError as error:
+            return _Look(photo=error, before=before, looks_same=False)
+        return _Look(photo=photo, before=before, looks_same=self.follower.looks_same)
+
+    def _one(self, frame: Frame, look: _Look | None) -> dict:
         """Return the record of one frame; a frame that gives no light keeps the last one and says why.
 
-        The first is refused where the caller gave its object.
+        The first is refused where the caller gave its object. look: at this frame, if it was taken already.
         """
         done = self.progress
         record: dict[str, Any] = {"index": frame.index, "time_s": round(frame.time_s, 5)}
@@ -180,9 +218,11 @@ class ClipRun:
             raise InputError(f"poses: expected one a frame, got {len(self.poses)}; make the others")
         if frame.index % self.every and done.light is not None:
             return {**record, **(self._turned(frame.index) or self._same())}
-        before = self.follower.last, self.follower.shows_more
+        look = look or self._look(frame)
         try:
-            self._photo = self.follower.photo(frame)
+            if isinstance(look.photo, AnyprobeError):
+                raise look.photo
+            self._photo = look.photo
             light = self._estimate(self._photo, frame.index)
             if done.light is None:
                 done.notes = list(light.warnings)
@@ -198,7 +238,7 @@ class ClipRun:
             return {**record, "error": " ".join(str(error).splitlines()), **kept}
         dt_s = max(frame.time_s - done.light_time_s, 1e-3)
         pose = None if self.poses is None else self.poses[frame.index]
-        done.light = step(done.light, light.radiance, dt_s, world_from_camera=pose, looks_same=self.follower.looks_same)
+        done.light = step(done.light, light.radiance, dt_s, world_from_camera=pose, looks_same=look.looks_same)
         done.light_time_s, self._shown, self._preview = frame.time_s, None, None
         steady = self._seen(frame.index)
         if self.library is not None:
@@ -215,7 +255,7 @@ class ClipRun:
         if self.virtual is not None and self._stage is None:
             done.ground = None if light.ground is None else light.ground.info()
             self._stage = _set_up(self._photo, self.virtual, done.ground)
-            done.stage_index, (done.stage_last, done.stage_shows_more) = frame.index, before
+            done.stage_index, (done.stage_last, done.stage_shows_more) = frame.index, look.before
             material = self._stage.material(self.virtual.material, steady * np.float32(done.gain))
             done.material = {key: np.asarray(value).tolist() for key, value in asdict(material).items()}
         return {**record, **describe(steady), "held": done.light.held}

@@ -63,7 +63,6 @@ export function splitSources(radiance, height) {
 /** What is brighter around a place than its surroundings, as a source; null where its power is no more than `least`. */
 function sourceAround(soft, height, place, scale, least) {
   const width = 2 * height;
-  const d = pixelDirections(height);
   const angles = pixelSolidAngles(height);
   let [direction, part] = [place, null];
   for (let round = 0; round < 2; round++) {
@@ -74,11 +73,10 @@ function sourceAround(soft, height, place, scale, least) {
   const { near, excess, total, power } = part;
   let squares = 0;
   near.forEach((pixel, i) => {
-    const turned = Math.acos(Math.min(cosineOf(d, pixel, direction), 1));
-    const energy = luminance(excess[3 * i], excess[3 * i + 1], excess[3 * i + 2]) * angles[Math.floor(pixel / width)];
-    squares += energy * turned * turned;
+    const bright = luminance(excess[3 * i], excess[3 * i + 1], excess[3 * i + 2]);
+    squares += bright * bright * angles[Math.floor(pixel / width)];
   });
-  return { direction, near, excess, power, radius: Math.sqrt((3 * squares) / total) };
+  return { direction, near, excess, power, radius: Math.sqrt(((4 / (3 * Math.PI)) * total * total) / squares) };
 }
 
 /** What lies around a direction above the median of the ring around that. */
