@@ -8,9 +8,7 @@ import sys
 
 def main() -> None:
     """Run the command line; ended while it is imported, it says so in one line."""
-    if sys.argv[1:2] == [
-        "video"
-    ]:  # a second BLAS thread would spin on a core that frames need
+    if sys.argv[1:2] == ["video"]:  # a second BLAS thread would spin on a core that frames need
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         from anyprobe.cli.app import main as run
