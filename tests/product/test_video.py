@@ -26,6 +26,7 @@ from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.sidecar import FRAME, SCALE
 from anyprobe.light.harmonics import project
 from anyprobe.maps.radiance import read_radiance
+from anyprobe.notices import Notice, give
 from anyprobe.relight.insert import Arrangement
 from anyprobe.render.shapes import sphere
 from anyprobe.render.spheres import sphere_images
@@ -33,6 +34,7 @@ from anyprobe.video import run as run_module
 from anyprobe.video.clip import clip_size, join_pieces, open_clip, read_frames, write_piece
 from anyprobe.video.following import MaskFollower, inner_point
 from anyprobe.video.run import ClipRun, VirtualObject
+from anyprobe.video.track import Progress, load_progress, save_progress
 
 COUNT, FPS = 10, 24
 PROGRAM = Path(sys.executable).with_name("anyprobe")
@@ -292,6 +294,13 @@ def test_finished_run_does_nothing_again(begin, tmp_path):
     seen = []
     begin(tmp_path)(seen.append)
     assert seen == []
+
+
+def test_kept_warnings_stay_notices(tmp_path):
+    note = Notice("looks wrong", code="mask", subject="mask", remedy=give("box"), source="frame 0")
+    save_progress(tmp_path, Progress(settings={}, notes=[note]))
+    (kept,) = load_progress(tmp_path, {}).notes
+    assert kept.as_json() == note.as_json()
 
 
 def test_other_settings_are_refused(begin, tmp_path):

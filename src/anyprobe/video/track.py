@@ -20,6 +20,7 @@ from anyprobe.light.harmonics import project
 from anyprobe.light.steady import Steady
 from anyprobe.light.temporal import FilterState, Track
 from anyprobe.match.alignment import HeldMatch, Match
+from anyprobe.notices import Notice
 from anyprobe.video.held_mask import Held, held_in
 from anyprobe.video.registration import Motion
 
@@ -69,12 +70,13 @@ class Progress:
     gain: float = 1.0
     panorama: np.ndarray | None = None
     held: HeldMatch | None = None
-    notes: list[str] = field(default_factory=list)
+    notes: list[Notice] = field(default_factory=list)
 
 
 def save_progress(folder: Path, progress: Progress) -> None:
     """Write it whole or not at all."""
-    words = asdict(replace(progress, mask=None))
+    words = asdict(replace(progress, mask=None, notes=[]))
+    words["notes"] = [note.as_json() for note in progress.notes]
     light, panorama, held = words.pop("light"), words.pop("panorama"), words.pop("held")
     arrays = {} if panorama is None else {"panorama": panorama}
     if progress.mask is not None:
@@ -127,6 +129,7 @@ def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
             light, panorama = words.pop("filter", None), kept["panorama"] if "panorama" in kept else None
             if light is not None:
                 light = _filter_state({**light, "soft": {**light["soft"], **{name: kept[name] for name in MAPS}}})
+            notes = [Notice.from_json(note) for note in words.pop("notes")]
             mask, match, held = words.pop("mask", None), words.pop("match", None), None
             if mask is not None:
                 mask = held_in(
@@ -142,7 +145,7 @@ def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
             if match is not None:
                 match = Match(**match, **{name: kept[f"held_{name}"] for name in MATCH_ARRAYS})
                 held = HeldMatch(match=match, features=kept["held_features"])
-        found = Progress(light=light, panorama=panorama, held=held, mask=mask, **words)
+        found = Progress(light=light, panorama=panorama, held=held, mask=mask, notes=notes, **words)
     except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
         text = (
             "expected what a run of this version left, got another or damaged file; restart, or choose another folder"
