@@ -71,7 +71,6 @@ class Estimator:
         """Open the networks.
 
         Args:
-            settings: all settings, or the model's name in the place of `model`.
             settings: all settings, or the model's name instead of `model`.
             model, threads, engine, emitters, segmenter, detail, size, detail_library: see Settings; those that are not
                 defaults replace the ones in `settings`.
