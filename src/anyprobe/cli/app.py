@@ -1,4 +1,4 @@
-"""The command line: thin, one file a command, everything heavy imported inside it."""
+"""The command line: one file per command, everything heavy imported inside it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from anyprobe.errors import AnyprobeError, lacks_memory
 from anyprobe.maps import exr
 
 TRACEBACK = "ANYPROBE_TRACEBACK"
-"""Environment variable that lets errors which nobody foresaw through as they are."""
+"""Environment variable that lets unexpected errors through with their traceback."""
 
 NO_MORE = (
     "expected more {} than the system gives this process; end other programs, raise its limits, or give less at once"
@@ -46,18 +46,18 @@ SHORT_OF = {
     errno.EMFILE: "open files",
     errno.ENFILE: "open files",
 }
-"""Meanings of the system's refusals, by error number."""
+"""Exhausted resource by error number of the system."""
 
 LEAST_COLUMNS = 20
-"""Least width of a terminal by COLUMNS; with fewer columns tables would be cut to nothing."""
+"""Smallest COLUMNS that is honoured [characters]; tables would be cut to nothing below it."""
 
 USERS = (estimate, mask, relight, video, match, export, materials, serve, doctor)
 MAKERS = (evaluate, train, weights)
-"""Commands for training and evaluation; `data` is one too."""
+"""Commands for training and evaluation, beside the group `data`."""
 
 
 class Sections(TyperGroup):
-    """Lists users' commands first, then those for training and evaluation."""
+    """Help that lists users' commands first, then those for training and evaluation."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         names = {command.__name__ for command in USERS}
@@ -97,7 +97,7 @@ def _options(
 
 
 def main(command: Callable[[], Any] = app) -> None:
-    """Run a command; what anyprobe raises on purpose becomes one line and exit status 2."""
+    """Run a command; turn the errors that anyprobe raises into one line and exit status 2."""
     try:
         with own_lines():
             command()
@@ -129,7 +129,7 @@ def main(command: Callable[[], Any] = app) -> None:
 
 
 def _fault(error: Exception) -> str:
-    """Return one line on an error that nobody foresaw, and where it came from."""
+    """Return one line about an unexpected error and where it came from."""
     said = " ".join(str(error).split())[:160]
     if "start new thread" in said:
         return NO_MORE.format("threads")
@@ -144,10 +144,10 @@ def _fault(error: Exception) -> str:
 
 @contextlib.contextmanager
 def own_lines() -> Iterator[None]:
-    """For as long as a command runs: libraries that print of damaged files, and their warnings, are silenced.
+    """Silence libraries that print about damaged files, and their warnings, while a command runs.
 
-    SIGTERM ends it as Ctrl-C does, so that nothing half-written stays. All of this changes what the whole process has;
-    only the command line owns one.
+    SIGTERM ends the command as Ctrl-C does, so that nothing half-written stays. This changes the whole process, which
+    only the command line may do.
     """
     _forget_no_width()
     for stream in (sys.stdout, sys.stderr):  # a name that the terminal's encoding lacks is no reason to end
@@ -168,7 +168,7 @@ def own_lines() -> Iterator[None]:
 
 
 def _forget_no_width() -> None:
-    """Drop a COLUMNS that no terminal has."""
+    """Drop a COLUMNS that is no terminal's width."""
     said = os.environ.get("COLUMNS", "")
     if said and not (said.isascii() and said.isdecimal() and LEAST_COLUMNS <= int(said[:9])):
         del os.environ["COLUMNS"]
@@ -180,7 +180,7 @@ def _end(number: int, _: object) -> None:
 
 @contextlib.contextmanager
 def silenced() -> Iterator[None]:
-    """stdout and stderr of the whole process, C libraries included, lead nowhere."""
+    """Discard stdout and stderr of the whole process, C libraries included, within the block."""
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError, AttributeError):  # closed, or none
             stream.flush()

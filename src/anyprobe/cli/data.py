@@ -21,7 +21,7 @@ from anyprobe.cli.options import with_bundles
 data = typer.Typer(help="Render and check training pairs on disk.", no_args_is_help=True, rich_markup_mode=None)
 
 Conditions = Literal["clean", "world"]
-"""Photos as in the paper, or as the world gives them: dataset.samples.CONDITIONS."""
+"""Conditions of photos: clean as in the paper, or as phones take them; see dataset.samples.CONDITIONS."""
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the dataset.")]
 Assets = Annotated[
@@ -31,7 +31,7 @@ Assets = Annotated[
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PlanOptions:
-    """Settings of a new dataset (dataset.render_job.SETTINGS); one not given is the old dataset's, or a default."""
+    """Settings of a new dataset (dataset.render_job.SETTINGS); None stands for the old dataset's, or the default."""
 
     split: Annotated[Literal["train", "test"] | None, typer.Option(help="Assets to use; default: train.")] = None
     kind: Annotated[
@@ -73,7 +73,7 @@ def render(
     ] = "local",
     address: Annotated[str | None, typer.Option(help="Address of the Ray cluster; default: a new one here.")] = None,
 ) -> None:
-    """Render training pairs into shards. WebDataset reads them; finished ones are kept, whatever happens."""
+    """Render training pairs into shards. WebDataset can read them; finished ones are kept whatever happens."""
     from anyprobe.errors import InputError
     from anyprobe.learning.dataset import render_job
 
@@ -147,7 +147,7 @@ def _progress(talk: Console) -> Progress:
 
 
 class _Watch:
-    """Pairs done in each shard, as a bar, or as a line a minute where there is no terminal."""
+    """Progress over all shards: a bar, or one line a minute where there is no terminal."""
 
     LINE_S = 60
 
@@ -174,7 +174,7 @@ class _Watch:
 def status(
     folder: Folder, as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False
 ) -> None:
-    """Print how much of a dataset is rendered. Shards, pairs, bytes, and what is missing."""
+    """Print how much of a dataset is rendered. Lists shards, pairs, bytes, and what is missing."""
     from anyprobe.learning.dataset import render_job
 
     found = render_job.job_status(folder)
@@ -191,7 +191,7 @@ def status(
 
 
 def _ranges(numbers: list[int]) -> str:
-    """1, 2, 3, 7 as "1-3, 7"."""
+    """Format sorted numbers as ranges: 1, 2, 3, 7 as "1-3, 7"."""
     runs: list[list[int]] = []
     for number in numbers:
         if runs and number == runs[-1][1] + 1:
@@ -211,7 +211,7 @@ def verify(
     ] = False,
     workers: Annotated[int, typer.Option(min=1, metavar="N", help="Processes for --render.")] = 2,
 ) -> None:
-    """Check every shard. Its SHA-256, members, offsets, images and, if asked, pairs rendered again."""
+    """Check every shard. Compares SHA-256, members, offsets and images, and with --render pairs rendered again."""
     from anyprobe.learning.dataset import render_job, shards
 
     plan = render_job.read_plan(folder)

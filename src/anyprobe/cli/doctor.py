@@ -1,4 +1,4 @@
-"""anyprobe doctor: is this installation whole?"""
+"""anyprobe doctor: check the installation."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from anyprobe.notices import FETCH_MASKS
 
 
 def doctor(model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL) -> None:
-    """Check the installation. Prints versions and model hashes, and estimates the light of a drawn sphere."""
+    """Check the installation. Prints versions and model hashes, and estimates the light of a rendered sphere."""
     from anyprobe.estimate.runtime import file_hashes
     from anyprobe.files.onnx_runtime import onnxruntime
 
@@ -50,11 +50,11 @@ def doctor(model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL)
 
 SELF_TEST_DEG = 45
 OTHERS = ("dev", "judge")
-"""Extras of those who work on anyprobe itself."""
+"""Extras for developing anyprobe itself."""
 
 
 def lowest_versions() -> dict[str, dict[str, str]]:
-    """By extra ("" for what is always needed), its packages and the lowest version of each that works."""
+    """Return the packages of each extra ("" for the base install) with the lowest supported version of each."""
     found: dict[str, dict[str, str]] = {"": {}}
     for one in importlib.metadata.requires("anyprobe") or ():
         below = re.search(r"python_version\s*<\s*['\"](\d+)\.(\d+)", one)
@@ -67,7 +67,7 @@ def lowest_versions() -> dict[str, dict[str, str]]:
 
 
 def _installed(extra: str, packages: dict[str, str]) -> str:
-    """One line: the packages of an extra with their versions, and what is missing."""
+    """Return one line on an extra's packages: their versions, and which are missing."""
     versions: dict[str, str] = {}
     for package in packages:
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):
@@ -80,7 +80,8 @@ def _installed(extra: str, packages: dict[str, str]) -> str:
 
 
 def check_package_versions(wanted: dict[str, str]) -> None:
-    """ModelError where a package is older than it must be; one that is absent is missed where it is used."""
+    """Raise ModelError if an installed package is older than supported; absent ones are reported where they are
+    used."""
     old = []
     for package, lowest in wanted.items():
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):
@@ -92,12 +93,12 @@ def check_package_versions(wanted: dict[str, str]) -> None:
 
 
 def _numbers(version: str) -> tuple[int, ...]:
-    """1.20.3rc1 as 1, 20, 3."""
+    """Parse a version into numbers: 1.20.3rc1 into (1, 20, 3)."""
     return tuple(int(number) for number in re.findall(r"\d+", re.split(r"(?:a|b|rc|\.dev|\+)", version)[0]))
 
 
 def mask_network() -> str:
-    """Return which network finds objects in photos here."""
+    """Return one line on the network that finds objects in photos here."""
     from anyprobe.masks.weights import SHA256, find_weights
 
     found = find_weights()
@@ -108,7 +109,11 @@ def mask_network() -> str:
 
 
 def self_test(model: str) -> tuple[float, float]:
-    """Seconds for one photo of a white sphere lit from the upper left, and the dominant light's error in degrees."""
+    """Estimate the light of a rendered white sphere, lit from the upper left.
+
+    Returns:
+        Seconds for one photo, and the error of the dominant light's direction [degrees].
+    """
     from anyprobe.estimate.estimator import Estimator
     from anyprobe.learning.evaluate.metrics import direction_error_deg
     from anyprobe.render.spheres import diffuse, sphere_normals

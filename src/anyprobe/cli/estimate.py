@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Done:
-    """One photo's outcome: what its files are called and the dominant light, or the error's line."""
+    """Outcome of one photo: the stem of its files and the dominant light, or the error as a line."""
 
     photo: Path
     stem: str = ""
@@ -128,7 +128,7 @@ def estimate(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EstimateCall:
-    """State that all photos of a call share."""
+    """Options that all photos of a call share."""
 
     estimator: Estimator
     out: Path
@@ -140,7 +140,7 @@ class EstimateCall:
     frame: str = "level"
 
     def one(self, path: Path) -> Done:
-        """Estimate one photo and write its files; an error of ours ends this photo alone."""
+        """Estimate one photo and write its files; an AnyprobeError ends this photo alone."""
         from anyprobe.estimate.photo import load_photo
 
         start = time.perf_counter()
@@ -157,7 +157,7 @@ class EstimateCall:
             return Done(photo=path, error=line)
 
     def together(self, steps: Iterable[Path], poses: Path) -> Done:
-        """One light of all photos, under the first one's name; any error ends all of it."""
+        """Estimate one light from all photos, named after the first; any error ends the whole call."""
         from anyprobe.estimate.photo import load_photo
         from anyprobe.estimate.poses import read_poses
 
@@ -181,7 +181,7 @@ class EstimateCall:
         return self._write(self.listed[0], first, light, time.perf_counter() - start)
 
     def _check(self, path: Path, hints: Hints, poses: Path | None = None) -> None:
-        """Refuse names that do not differ, and a result that would replace an input."""
+        """Refuse equal result names, and results that would replace an input."""
         from anyprobe.estimate.outputs import OUTPUT_SUFFIXES
 
         given = (poses, *hints.files().values())
@@ -217,7 +217,7 @@ class EstimateCall:
 
 
 def _report(done: list[Done], talk: Console, out: Path) -> None:
-    """A table of all photos, and where their results are; warnings below it."""
+    """Print a table of all photos, where their results are, and the warnings."""
     table = Table("photo", "dominant light", "brightness uncertainty", "seconds", box=None, pad_edge=False)
     for one in done:
         if one.main is None:

@@ -1,4 +1,4 @@
-"""anyprobe evaluate: a model beside trivial baselines, on maps and shapes it never saw."""
+"""anyprobe evaluate: a model beside trivial baselines, on held-out maps and shapes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SEED = 2020
 PATHS = 128
 """Paths per pixel of a path-traced photo."""
 CELL = 64
-"""Side of a picture in the grid [pixels]."""
+"""Side of a picture in the grid of pictures.png [pixels]."""
 
 
 def evaluate(
@@ -68,7 +68,7 @@ def evaluate(
     model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL,
     engine: Annotated[str, typer.Option(help=f"Engine: {', '.join(ENGINES)}.")] = DEFAULT_ENGINE,
 ) -> None:
-    """Score a model, or any program's maps, on a test set. Renders it, scores two baselines beside, prints tables."""
+    """Score a model, or any program's maps, on a test set. Renders it, scores two baselines too, and prints tables."""
     refused = (
         (seed != SEED and frozen, f"--seed {seed}", "pairs that are drawn", "--frozen"),
         (seed != SEED and recipes, f"--seed {seed}", "pairs that are drawn", "--recipes"),
@@ -158,7 +158,7 @@ def evaluate(
 def _judged(
     predictions: Path | None, keys: list[str], model: str, engine: str, title: str, hints: bool
 ) -> dict[str, Method]:
-    """Return the method judged beside the baselines: maps of a folder, or a model."""
+    """Return the method to judge beside the baselines: maps of a folder, or a model."""
     from anyprobe.estimate.runtime import Models
     from anyprobe.learning.evaluate.benchmark import predicted, read_predictions
     from anyprobe.learning.evaluate.methods import baselines, model_methods, truth_methods
@@ -187,7 +187,7 @@ def _write_photos(folder: Path, pairs: Iterable[Pair], advance: Callable[[], Non
 def _test_set(
     hdri: Path, meshes: Path, pairs: int, seed: int | None, path: Path | None, conditions: Conditions, talk: Console
 ) -> tuple[list[Recipe], AssetStore]:
-    """Recipes of so many pairs, drawn by seed, of a list at path or the frozen ones, and the assets they name."""
+    """Return `pairs` recipes, drawn by seed, or from the list at path, or the frozen ones; and the assets they name."""
     from anyprobe.learning.dataset.asset_store import AssetStore
     from anyprobe.learning.dataset.catalog import load_maps, load_shapes
     from anyprobe.learning.dataset.recipe import balanced_recipes, read_recipes
@@ -211,7 +211,7 @@ def _test_set(
 
 
 class Watch:
-    """Sees every pair with its estimates: calibration, the irradiance image, and pictures (paper, Fig. 11)."""
+    """Record of all pairs with their estimates: calibration, the irradiance image, and pictures (paper, Fig. 11)."""
 
     def __init__(self, methods: Mapping[str, Method], title: str, pairs: int) -> None:
         from anyprobe.learning.evaluate.calibration import Calibration
@@ -242,8 +242,8 @@ class Watch:
             self.rows.append(_cells(pair, estimates))
 
     def result(self) -> dict[str, Any]:
-        """Means of the irradiance image's figures, None where there is none, and the confidence of the model, alone and
-        with hints."""
+        """Return the mean figures of the irradiance image, None if there is none, and the model's confidence, without
+        and with hints."""
         found = {name: one.result() for name, one in self.calibrations.items()}
         irradiance = {
             name: round(sum(one[name] for one in self.irradiance) / len(self.irradiance), 5)
@@ -254,7 +254,7 @@ class Watch:
 
 
 def _cells(pair: Pair, estimates: Mapping[str, Estimate]) -> np.ndarray:
-    """Photo and true irradiance, then map, silver and mirror sphere of the truth and of each method, side by side:
+    """Draw photo and true irradiance, then map, silver and mirror sphere of the truth and of each method, side by side:
     display values [CELL, W, 3]."""
     from anyprobe.core.response import response
     from anyprobe.render.spheres import mirror, silver
@@ -277,7 +277,7 @@ def _print(table: dict, errors: dict) -> None:
 
 
 def _sheet(title: str, table: dict, group: str, headings: Mapping[str, str]) -> Table:
-    """Return a group's figures, a row for each method."""
+    """Return a table of a group's figures, one row per method."""
     sheet = Table("method", *headings.values(), title=title, title_justify="left")
     for method, groups in table.items():
         values = (groups[group][name] for name in headings)
@@ -291,7 +291,7 @@ def _print_irradiance(irradiance: dict[str, float]) -> None:
 
 
 def _print_confidence(title: str, confidence: dict, hints: dict[str, dict]) -> None:
-    """A row for all pixels, for each group and, of all pixels, for each prior."""
+    """Print a row for all pixels, one for each group, and one for each prior (of all pixels)."""
     rows = {title: confidence, **confidence["groups"], **hints}
     sheet = Table(
         "confidence",

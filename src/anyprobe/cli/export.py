@@ -1,4 +1,4 @@
-"""anyprobe export: one light in, the files of three.js, Blender, Unity and the others out."""
+"""anyprobe export: files for three.js, Blender, Unity and others from estimated lights."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from anyprobe.export.targets import TARGETS
 CLIPPED_SAID = 0.02
 """Share of a light's energy above what a target's files hold from which on it is said."""
 _MAX_PIXELS = 8192 * 4096
-"""The most pixels of a map that is exported: some targets take 90 bytes a pixel."""
+"""Largest map that is exported [pixels]: some targets take 90 bytes a pixel."""
 
 
 def export(
@@ -77,7 +77,11 @@ def export(
 
 
 def folders(lights: list[Path], out: Path) -> list[tuple[Path, Path]]:
-    """Return each light once, and where its files go: out, or of several out/<stem>. InputError for two of one stem."""
+    """Return each light once, with the folder for its files: out, or out/<stem> if there are several.
+
+    Raises:
+        InputError: a light is missing, or two share a stem.
+    """
     listed = list(dict.fromkeys(lights))
     by_stem: dict[str, Path] = {}
     for light in listed:
@@ -90,7 +94,7 @@ def folders(lights: list[Path], out: Path) -> list[tuple[Path, Path]]:
 
 
 def target_names(text: str) -> list[str]:
-    """Return the targets of --to, each once; all stands for every one. InputError for a name that is none."""
+    """Return the targets of --to, each once; "all" stands for every one. InputError for an unknown name."""
     named = [name.strip() for name in text.split(",")]
     names = list(dict.fromkeys(one for name in named for one in (TARGETS if name == "all" else (name,))))
     for name in names:
@@ -100,7 +104,7 @@ def target_names(text: str) -> list[str]:
 
 
 def parse_rotation(text: str) -> np.ndarray:
-    """YAW,ELEVATION[,ROLL] in degrees, or nine numbers row by row, to world_from_camera [3, 3]."""
+    """Convert YAW,ELEVATION[,ROLL] in degrees, or nine numbers row by row, to world_from_camera [3, 3]."""
     from anyprobe.core.frames import rotation_of
 
     try:

@@ -1,4 +1,4 @@
-"""anyprobe mask: photos in, masks out, and a picture that shows each."""
+"""anyprobe mask: masks from photos, and a picture that shows each."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _line(found: dict[str, Any]) -> str:
 
 
 def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: SegmenterSource | None) -> dict[str, Any]:
-    """Write one photo's two files; what was found and how, for JSON."""
+    """Write one photo's two files; return how the mask was found, for JSON."""
     from anyprobe.estimate.doubts import scale_doubts
     from anyprobe.estimate.outputs import draw_overlay
     from anyprobe.masks.depth import is_carried

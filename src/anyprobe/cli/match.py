@@ -1,4 +1,4 @@
-"""anyprobe match: a photo and a folder of panoramas in, the panoramas that light like the photo out."""
+"""anyprobe match: the panoramas of a folder that light like a photo."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 SURE = 0.5
 """Difference of misfits from which on one map is clearly better than another."""
 STOPS_APART = 1.0
-"""From so many on a map's level is doubtful."""
+"""Difference in brightness above which a map's level is doubtful [stops]."""
 
 
 @with_bundles
@@ -139,7 +139,7 @@ def match(
 
 
 def kind_doubts(plate: Plate | None, radiance: np.ndarray, name: str) -> list[Notice]:
-    """Return a warning where a panorama [H, 2H, 3] is outdoors and the photo shows nothing of that, or the other way
+    """Return a warning if a panorama [H, 2H, 3] is outdoors and the photo shows no sign of it, or the other way
     round."""
     from anyprobe.match.kind import is_outdoors, shows_outdoors
 
@@ -157,7 +157,7 @@ def kind_doubts(plate: Plate | None, radiance: np.ndarray, name: str) -> list[No
 
 
 def _older_maps(out: Path, stem: str, new: set[str]) -> list[str]:
-    """Names of the maps in a folder that match wrote of a photo before, by their headers."""
+    """Return the names of maps in a folder that earlier matches wrote for this photo, judged by their headers."""
     from anyprobe.maps.radiance import map_attributes
 
     found = []
@@ -170,5 +170,5 @@ def _older_maps(out: Path, stem: str, new: set[str]) -> list[str]:
 
 
 def _file_name(name: str) -> str:
-    """Return a map's name as part of a file's."""
+    """Return a map's name made safe for a file name."""
     return re.sub(r"[^\w.-]+", "_", name)[-80:]

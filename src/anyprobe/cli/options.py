@@ -41,11 +41,11 @@ QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print errors o
 
 
 NO_FOLDERS = (*PICTURES, ".npy", ".hdr", ".json", ".mp4", ".mov", ".glb", ".usda", ".usdz", ".zip")
-"""Suffixes that a name has by mistake where a folder is meant."""
+"""Suffixes that show that a file's name was given where a folder is meant."""
 
 
 def folder_option(help: str) -> Any:
-    """Return the option -o of a command that writes into a folder: the name of a file is refused."""
+    """Return the option -o of a command that writes into a folder; it refuses the name of a file."""
     return typer.Option("-o", "--out", help=help, callback=_folder)
 
 
@@ -91,12 +91,12 @@ OPTIONS = OptionWords()
 
 
 TO_FIND = tuple(name for name, hint in HINTS.items() if hint.about == "place" and name != "mask")
-"""Hints by which a mask is found."""
+"""Hints that help to find the mask."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MaskOptions:
-    """Where the object is."""
+    """Location of the object."""
 
     given: Annotated[Hints, TO_FIND]
     finder: Annotated[Settings, ("segmenter",)]
@@ -128,7 +128,7 @@ def _read(hint: Hint, given: Any) -> Any:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ObjectOptions(MaskOptions):
-    """Where the object is and what is given of it, of its surroundings and of the camera."""
+    """Location of the object, and priors on it, its surroundings and the camera."""
 
     given: Annotated[Hints, tuple(HINTS)]
     normals_from: Annotated[
@@ -183,7 +183,7 @@ class ModelOptions:
     settings: Annotated[Settings, ("emitters", "model", "engine", "threads")]
 
     def estimator(self, **more: Any) -> Estimator:
-        """Opened by these options."""
+        """Open the estimator with these options; `more` overrides settings."""
         from anyprobe.estimate.estimator import Estimator
 
         return Estimator(replace(self.settings, **more))
@@ -191,12 +191,12 @@ class ModelOptions:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class DetailOptions:
-    """Where a map's detail is from."""
+    """Source of a map's detail."""
 
     given: Annotated[Settings, ("detail", "detail_library")]
 
     def settings(self) -> dict[str, Any]:
-        """For Estimator. InputError for what does nothing without detail."""
+        """Return the options as settings of Estimator. InputError for a library without detail."""
         library = self.given.detail_library
         given = {} if library is None else {"detail_library": library}
         if self.given.detail == DETAILS[0] and given:
@@ -204,7 +204,7 @@ class DetailOptions:
         return {"detail": self.given.detail, **given}
 
     def library(self) -> Library | None:
-        """Return the library that detail comes from; None where none is asked for."""
+        """Open the library that detail comes from; None without detail."""
         from anyprobe.match.library_folder import open_library
 
         is_asked = self.settings()["detail"] != DETAILS[0]
@@ -212,7 +212,7 @@ class DetailOptions:
 
 
 def with_bundles(command: Callable[..., None]) -> Callable[..., None]:
-    """Return the command with its parameters that are dataclasses of options replaced by these options.
+    """Return the command with each parameter that is a dataclass of options replaced by these options.
 
     A field of such a dataclass is an option, or `Annotated[Hints, names]` or `Annotated[Settings, names]`: an option
     for each of these fields of Hints or Settings, from their own descriptions.
@@ -254,7 +254,7 @@ def _options_of(bundle: type) -> list[inspect.Parameter]:
 
 
 def _bundle(bundle: type, values: dict[str, Any]) -> Any:
-    """Return a bundle made of its options' values, which are taken out of these."""
+    """Build a bundle from its options' values, which are removed from `values`."""
     inner = get_type_hints(bundle, include_extras=True)
     made: dict[str, Any] = {}
     for one in fields(bundle):
@@ -272,7 +272,7 @@ def _bundle(bundle: type, values: dict[str, Any]) -> Any:
 
 
 def _group(annotation: Any) -> tuple[Any, tuple[str, ...]]:
-    """Hints or Settings and the names of Annotated[Hints, names]; None for another annotation."""
+    """Return Hints or Settings and the names of Annotated[Hints, names]; (None, ()) for another annotation."""
     kind, *names = get_args(annotation) if get_origin(annotation) is Annotated else (None,)
     return (kind, names[0]) if kind in (Hints, Settings) else (None, ())
 
@@ -289,7 +289,7 @@ def _option(name: str, annotation: Any, default: Any) -> inspect.Parameter:
 
 
 def refuse_unused(context: typer.Context, why: str, *names: str) -> None:
-    """InputError where the command line gives one of these parameters, which does nothing there; why: `beside --x`."""
+    """Raise InputError if the command line gives one of these parameters, which has no effect; why: "beside --x"."""
     for name in names:
         source = context.get_parameter_source(name)
         assert source is not None, name
@@ -299,7 +299,7 @@ def refuse_unused(context: typer.Context, why: str, *names: str) -> None:
 
 
 def need_torch(what: str) -> None:
-    """MissingExtra where PyTorch is not installed; what: what it is needed for."""
+    """Raise MissingExtra if PyTorch is not installed; what: the purpose it is needed for."""
     try:
         import torch  # noqa: F401
     except ImportError as error:
@@ -307,7 +307,7 @@ def need_torch(what: str) -> None:
 
 
 def pixels_of(name: str, text: str, count: int, form: str, example: str) -> tuple[float, ...]:
-    """Return `count` numbers of the text of an option; InvalidMask, with an example, for another."""
+    """Parse `count` numbers from an option's text; otherwise raise InvalidMask with an example."""
     try:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:

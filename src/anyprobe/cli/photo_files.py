@@ -1,4 +1,4 @@
-"""Photos that a command is given, the files that belong to each, and what their results are called."""
+"""Photos given to a command, the files that belong to each, and the names of their results."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from anyprobe.hints import HINTS, PICTURES, Hints
 from anyprobe.maps.exr import HEADER_BYTES, parse_header
 
 STDIN = Path("-")
-"""A photo that comes through standard input."""
+"""Path that stands for standard input."""
 
 
 def photo_source(path: Path) -> Path | bytes:
-    """Return a photo's path, or what standard input holds where the path is `-`."""
+    """Return a photo's path, or the bytes of standard input if the path is `-`."""
     if path != STDIN:
         return path
     if sys.stdin is None:  # closed, as a service's may be
@@ -53,9 +53,11 @@ def hints_for(photo: Path, hints: Hints) -> Hints:
 
 
 def list_photos(photos: list[Path]) -> list[Path]:
-    """Files as given; folders as the photos in them, in natural order, without hidden files, environment maps and
-    what anyprobe wrote: NAME_mask, NAME_overlay and NAME_relit beside NAME, and NAME.png beside a map of that name; nor
-    NAME.jpg.png, a mask of NAME.jpg."""
+    """List photos: files as given, folders as the photos in them, in natural order.
+
+    Left out of folders are hidden files, environment maps, and what anyprobe wrote: NAME_mask, NAME_overlay, NAME_relit
+    and NAME_origin beside NAME, NAME.png beside a map of that name, and NAME.jpg.png, a mask of NAME.jpg.
+    """
     chosen: list[Path] = []
     for path in photos:
         if not path.is_dir():
@@ -75,7 +77,7 @@ def list_photos(photos: list[Path]) -> list[Path]:
 
 
 def _is_map(path: Path) -> bool:
-    """Return whether an .exr is twice as wide as high, as environment maps are; nothing is decoded."""
+    """Return whether an .exr is twice as wide as high, as environment maps are, without decoding it."""
     try:
         with open_regular(path, InputError) as stream:
             low, high = parse_header(stream.read(HEADER_BYTES)).display
@@ -93,7 +95,7 @@ def result_stem(photo: Path, listed: list[Path]) -> str:
 
 
 def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given: Iterable[Any]) -> None:
-    """Refuse results of one name for two photos, and one that would replace a photo or what else is given."""
+    """Refuse equal result names for two photos, and results that would replace a photo or another input."""
     targets = list(targets)
     folds = bool(targets) and folds_case(targets[0].parent)
 
@@ -112,8 +114,8 @@ def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given:
 
 
 def _file_for(photo: Path, given: Path, kind: str, suffixes: tuple[str, ...]) -> Path:
-    """Return the file itself, or by stem from a folder (NAME.*, NAME_<kind>.*, or the photo's whole name and a
-    suffix)."""
+    """Return the file itself, or from a folder the one of the photo's stem: NAME.*, NAME_<kind>.*, or the photo's whole
+    name and a suffix."""
     if not given.is_dir():
         return given
     for stem in (f"{photo.stem}_{kind}", photo.stem, photo.name):

@@ -53,17 +53,17 @@ OF_ESTIMATES = [
     *(name for name, hint in HINTS.items() if hint.about == "light"),
     *("normals_from", "metal", "emitters", "model", "engine", "threads", "detail", "detail_library"),
 ]
-"""Parameters that an estimate alone depends on."""
+"""Parameters that only affect an estimate."""
 PANORAMA_ROWS = 256
 """Rows of the panorama that an inserted object mirrors."""
 placing = arguments_named(size="scale", turn_deg="turn")
-"""Decorates what places an object."""
+"""Decorator that renames arguments in errors on an object's placement."""
 SHAPES = "sphere, vase, pebble, block, solid"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class InsertOptions:
-    """Options of the inserted object and its place."""
+    """The inserted object's material and place."""
 
     insert_material: Annotated[
         str,
@@ -78,18 +78,18 @@ class InsertOptions:
     scale: Annotated[float, typer.Option(help="Its height, relative to the real object's.")] = 0.5
 
     def foot(self) -> tuple[float, float] | None:
-        """Return the pixel of --at; None where it is absent."""
+        """Return the pixel of --at, or None."""
         if self.at is None:
             return None
         x, y = pixels_of("at", self.at, 2, "X,Y", "400,380")
         return x, y
 
     def refuse(self, context: typer.Context) -> None:
-        """InputError where any is given without --insert."""
+        """Raise InputError if any option is given without --insert."""
         refuse_unused(context, "without --insert", "insert_material", "at", "scale", "renderer")
 
     def mesh(self, insert: str) -> Mesh:
-        """Return the object that --insert names; InputError for an unknown one or an unknown material."""
+        """Open the object that --insert names. InputError if it or its material is unknown."""
         from anyprobe.files.objects import open_object
         from anyprobe.relight.insert import PHOTO_MATERIAL
         from anyprobe.relight.placement import check_height
@@ -233,7 +233,7 @@ def relight(
 
 @contextmanager
 def progress(what: str, silent: bool) -> Iterator[None]:
-    """A line on stderr if the work takes longer than SHOWN_AFTER_S."""
+    """Print a line to stderr if the block takes longer than SHOWN_AFTER_S."""
     timer = Timer(SHOWN_AFTER_S, lambda: print(f"{what} ...", file=sys.stderr, flush=True))
     if not silent:
         timer.start()
@@ -244,7 +244,7 @@ def progress(what: str, silent: bool) -> Iterator[None]:
 
 
 def _pitch(stage: Stage, photo: Photo, ground: Ground | None) -> str:
-    """Return how far the camera looks down, in degrees; where that was not given or noted, with its error."""
+    """Format the camera's downward pitch in degrees, with its error unless it was given or noted."""
     from anyprobe.estimate.ground import USUAL_ERROR_DEG
 
     pitch = f"{stage.placement.pitch_deg:.0f}"
@@ -256,8 +256,11 @@ def _pitch(stage: Stage, photo: Photo, ground: Ground | None) -> str:
 def _radiance(
     photo: Photo, light: Path | None, by: ModelOptions, fine: DetailOptions
 ) -> tuple[np.ndarray, float, Ground | None, tuple[str, ...]]:
-    """Return the given map, turned back to the camera, and the ground that was found with it, else in the photo; or the
-    estimate, made as bright as the object asks, its gain, and its ground. Lastly what is doubtful of it."""
+    """Return radiance, gain, ground and warnings of the given map, or of an estimate.
+
+    A given map is turned back to the camera's frame; its ground is the one stored with it, or else estimated from the
+    photo. An estimate is scaled to the brightness that the object needs.
+    """
     if light is not None:
         from anyprobe.estimate.ground import Ground
         from anyprobe.export.exported_light import read_with_origin

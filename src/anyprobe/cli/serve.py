@@ -23,7 +23,7 @@ LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 """Host names of a server on the same machine."""
 MIN_TOKEN = 8
 SHARED_MEMORY = "/dev/shm"
-"""A folder in memory that Linux has, in containers too."""
+"""Folder in memory on Linux, in containers too."""
 EVERYWHERE = ("0.0.0.0", "::", "")
 """Hosts that stand for all addresses of this machine."""
 
@@ -134,7 +134,7 @@ def _token(given: str | None, only_here: bool) -> str | None:
 
 
 def _open_port(host: str, port: int) -> socket.socket:
-    """Return a listening socket, or one line why there is none."""
+    """Return a listening socket; InputError if there is none."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         listening = socket.socket(family, kind, protocol)
@@ -150,7 +150,7 @@ def _open_port(host: str, port: int) -> socket.socket:
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether other machines cannot reach it."""
+    """Return whether a host name is unreachable for other machines."""
     if host == "localhost":
         return True
     try:
@@ -160,7 +160,7 @@ def is_loopback(host: str) -> bool:
 
 
 def own_address() -> str:
-    """Return the address by which this machine's own network knows it; nothing is sent to find it."""
+    """Return this machine's address in its own network; nothing is sent to find it."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))  # a documentation address: choosing a route sends no packet
@@ -170,7 +170,7 @@ def own_address() -> str:
 
 
 def _need_serve() -> None:
-    """Say so in one line where the extra is absent."""
+    """Raise MissingExtra if a package of the extra serve is absent."""
     for package, module in (("fastapi", "fastapi"), ("uvicorn", "uvicorn"), ("python-multipart", "python_multipart")):
         try:
             __import__(module)

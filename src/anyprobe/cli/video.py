@@ -28,9 +28,9 @@ from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer, placing, progr
 from anyprobe.errors import InputError, arguments_named
 
 named_as_options = arguments_named(clip_digest="clip", insert_digest="insert", object_material="material")
-"""Decorates what checks the settings of a run."""
+"""Decorator that renames a run's settings in errors as the command's options."""
 LINE_S = 5
-"""Between two lines of progress where there is no terminal."""
+"""Interval between lines of progress without a terminal [s]."""
 
 
 @with_bundles
@@ -179,14 +179,14 @@ def video(
 
 
 def _named(index: int, line: str) -> str:
-    """Return a frame's warning with the frame's number before it, once."""
+    """Prefix a frame's warning with the frame's number, once."""
     name = f"frame {index}"
     return line if line.startswith((f"{name}: ", f"{name} with ")) else f"{name}: {line}"
 
 
 @placing
 def _watched(run, total: int | None, begun: int, talk: Console):
-    """A bar on a terminal, else a line for the first frame and every LINE_S."""
+    """Run with a progress bar on a terminal, else with a line for the first frame and every LINE_S."""
     said: float = -LINE_S
     with Progress(console=talk, transient=True, disable=not talk.is_terminal) as bar:
         task = bar.add_task("frames", total=total, completed=begun)
