@@ -1,4 +1,4 @@
-"""The HTTP server: photos in, lights out, and the page that does the same in the browser."""
+"""HTTP server: photos in, lights out, and the page that does the same in the browser."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Given = ParamSpec("Given")
 Answer = TypeVar("Answer")
 
 CLIENT_GONE = 499
-"""This answer is never read; the number is the one that logs of other servers use."""
+"""Status for a client that has left, as in other servers' logs; it is never sent."""
 
 
 def create_app(
@@ -51,7 +51,7 @@ def create_app(
     origins: Sequence[str] = (),
     token: str | None = None,
 ) -> FastAPI:
-    """Yield the application around networks that are open already.
+    """Build the application around an estimator whose networks are open.
 
     Args:
         estimator: shared by all workers; its own threads times limits.workers should be the cores.
@@ -102,7 +102,7 @@ def create_app(
 
 
 def _add_state(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPool, metrics: Metrics) -> None:
-    """The addresses that tell who runs the server how it is."""
+    """Add the addresses that report the server's state to its operator."""
 
     @app.get("/healthz", summary="Is the server up, and how busy is it?", tags=["server"], openapi_extra=openapi.HEALTH)
     async def healthz() -> dict[str, Any]:
@@ -126,7 +126,7 @@ def _add_state(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerP
 
 
 def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPool) -> None:
-    """The addresses that other programs call."""
+    """Add the addresses that other programs call."""
 
     async def decode(
         request: Request,
@@ -191,7 +191,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
 
     @app.post("/v1/detail", openapi_extra=openapi.DETAIL_ROUTE, tags=["light"], response_class=Response)
     async def detail(request: Request) -> Response:
-        """A map (.exr or .hdr as the body) with the structure of a real-looking place, for mirrors; SH9 stays."""
+        """Add the structure of a real-looking place to a map (.exr or .hdr as the body), for mirrors; SH9 stays."""
         media = answers.choose_type(request, answers.LIGHT_TYPES)
         async with pool.place():
             upload = await read_upload(request, pool, openapi.DETAIL_ROUTE)
@@ -201,7 +201,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
 
     @app.post("/v1/mask", openapi_extra=openapi.MASK_ROUTE, tags=["light"], response_class=Response)
     async def mask(request: Request) -> Response:
-        """The mask that an estimate would use: a grey PNG of the upright photo's size."""
+        """Return the mask that an estimate would use: a grey PNG of the upright photo's size."""
         media = answers.choose_type(request, answers.MASK_TYPES)
         async with pool.place():
             upload = await read_upload(request, pool, openapi.MASK_ROUTE)
@@ -210,7 +210,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
 
     @app.post("/v1/photo", openapi_extra=openapi.PHOTO_ROUTE, tags=["page"], response_class=Response)
     async def photo(request: Request) -> Response:
-        """A photo a browser cannot open (HEIC, TIFF, EXR) as an upright sRGB PNG of at most 2048 pixels."""
+        """Convert a photo that browsers cannot open (HEIC, TIFF, EXR) to an upright sRGB PNG of at most 2048 pixels."""
         async with pool.place():
             upload = await read_upload(request, pool, openapi.PHOTO_ROUTE)
             picture, fov_deg = await decode(request, tasks.upright, upload)
@@ -219,7 +219,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
 
     @app.post("/v1/export/{target}", openapi_extra=openapi.EXPORT_ROUTE, tags=["light"], response_class=Response)
     async def export(request: Request, target: str) -> Response:
-        """A map (.exr or .hdr as the body) as the files of one target, in a zip."""
+        """Export a map (.exr or .hdr as the body) as the files of one target, in a zip."""
         find_target(target)
         async with pool.place():
             upload = await read_upload(request, pool, openapi.EXPORT_ROUTE)
@@ -233,12 +233,12 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
 
 
 def _detailed(light: Light, upload: Upload, seen: np.ndarray | None = None) -> Light:
-    """With detail, where that is asked for."""
+    """Add detail to a light if the request asks for it."""
     return light if upload.rows is None else light.with_detail(size=upload.rows, seen=seen)
 
 
 def _leaving(request: Request) -> Callable[[], Any]:
-    """Returns when the client has gone; the body must have been read."""
+    """Return a coroutine function that waits until the client has gone; call it once the body is read."""
 
     async def gone() -> None:
         while (await request.receive())["type"] != "http.disconnect":
@@ -248,7 +248,7 @@ def _leaving(request: Request) -> Callable[[], Any]:
 
 
 def _add_error_lines(app: FastAPI, limits: Limits) -> None:
-    """Answer every error as problem details; what was not foreseen is logged and not sent."""
+    """Answer every error as problem details; log unexpected errors instead of sending them."""
 
     def line(error: object, status: int, headers: dict[str, str] | None = None) -> Response:
         return problem(status, error.notice if isinstance(error, AnyprobeError) else str(error), headers)

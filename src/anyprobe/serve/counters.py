@@ -1,4 +1,4 @@
-"""Requests, seconds and the queue as Prometheus asks for them, at /metrics."""
+"""Metrics for Prometheus at /metrics: requests, seconds and the queue."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from anyprobe.errors import MissingExtra
 from anyprobe.serve.pool import WorkerPool
 
 SECONDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0)
-"""Upper bounds of the histogram's bins."""
+"""Upper bounds of the histogram's bins [s]."""
 
 ELSEWHERE = "other"
-"""The route of what was refused before it had one, or has none: addresses are clients' words and without number."""
+"""Route label of requests without a route: clients can make up any number of addresses."""
 
 
 class Metrics:
-    """Metrics of one application, in a registry of its own, so that several fit into a process."""
+    """Metrics of one application, in its own registry, so that one process can run several."""
 
     def __init__(self, pool: WorkerPool, places: int) -> None:
         try:
@@ -52,7 +52,7 @@ class Metrics:
         self._seconds.labels(route).observe(seconds)
 
     def answer(self) -> Response:
-        """Return what Prometheus reads.
+        """Return the metrics in Prometheus's text format.
 
         Raises:
             MissingExtra: prometheus-client is not installed.
@@ -64,7 +64,7 @@ class Metrics:
 
 
 class Counted:
-    """Counts every request and its seconds."""
+    """Middleware that counts every request and its seconds."""
 
     def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
         self._app, self._metrics = app, metrics

@@ -1,6 +1,6 @@
-"""Limits that uvicorn lacks: half-open requests, too many connections, a log without end.
+"""Limits that uvicorn lacks: on half-open requests, on connections, and on the length of the log.
 
-And a certificate signed by itself: phones give a page their camera over https only.
+Also a self-signed certificate: phones give a page their camera over https only.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class DoorProtocol(H11Protocol):
 
 
 class DrainingServer(uvicorn.Server):
-    """uvicorn, which tells the queue that the end is near: what has begun has some seconds, the rest gets 503."""
+    """uvicorn server that drains the queue at shutdown: running work gets some seconds, the rest gets 503."""
 
     def __init__(self, config: uvicorn.Config, pool: WorkerPool) -> None:
         super().__init__(config)
@@ -102,7 +102,8 @@ class DrainingServer(uvicorn.Server):
 
 
 class FewLines(logging.Filter):
-    """Lets so many lines a minute through; the first of the next minute says how many were left out."""
+    """Filter that passes a limited number of lines a minute; the next minute's first line says how many were
+    dropped."""
 
     def __init__(self, most: int = limits.LINES_PER_MINUTE) -> None:
         super().__init__()
@@ -118,7 +119,7 @@ class FewLines(logging.Filter):
 
 
 class FewLinesHandler(logging.StreamHandler):
-    """Writes the lines of all libraries on stderr, no more than FewLines lets through."""
+    """Handler that writes all libraries' lines to stderr, as many as FewLines passes."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -127,7 +128,7 @@ class FewLinesHandler(logging.StreamHandler):
 
 
 def bound_log() -> None:
-    """Have one handler write what any library logs: a client may make each of them speak."""
+    """Send the log of every library through one FewLinesHandler: clients can make any of them log."""
     root = logging.getLogger()
     for old in [one for one in root.handlers if isinstance(one, FewLinesHandler)]:
         root.removeHandler(old)
@@ -135,7 +136,7 @@ def bound_log() -> None:
 
 
 def settings(drain_s: float = limits.DRAIN_S) -> dict[str, Any]:
-    """uvicorn settings with limits that fit this process. Sets up its descriptors and logs too."""
+    """Return uvicorn settings with limits that fit this process; raise its limit of descriptors and set up logging."""
     descriptors = _most_descriptors()
     limited = min(limits.MAX_CONNECTIONS, max(16, descriptors - limits.SPARE_DESCRIPTORS))
     bound_log()
@@ -153,7 +154,7 @@ def settings(drain_s: float = limits.DRAIN_S) -> dict[str, Any]:
 
 
 def _most_descriptors() -> int:
-    """Open files that this process may have, once its own limit is raised to the system's."""
+    """Raise this process's limit of open files towards the system's, and return it."""
     try:
         import resource
     except ImportError:  # Windows

@@ -1,4 +1,4 @@
-"""OpenAPI of requests that are read by hand: bodies, forms, options, errors.
+"""OpenAPI of requests that are parsed by hand: bodies, forms, options, errors.
 
 Form models of FastAPI would read the whole body before an endpoint can hold its place, time it or bound its parts.
 """
@@ -25,13 +25,14 @@ Schemas = dict[str, dict[str, Any]]
 
 
 def _texts(*about: str) -> Schemas:
-    """Schemas of hints about these that come as text; of a file, of the words in its place."""
+    """Return the schemas of text fields for the hints on these subjects; for a file, of the words allowed in its
+    place."""
     found = [hint for hint in HINTS.values() if hint.about in about]
     return {hint.name: _text_schema(hint) for hint in found if hint.words or not hint.suffixes}
 
 
 def _files(*about: str) -> Schemas:
-    """Schemas of hints about these that come as file parts."""
+    """Return the schemas of file parts for the hints on these subjects."""
     found = [hint for hint in HINTS.values() if hint.about in about and hint.suffixes]
     return {hint.name: _described(_file_schema(hint), hint.help) for hint in found}
 
@@ -51,7 +52,7 @@ def _file_schema(hint: Hint) -> dict[str, Any]:
 
 
 def _numbers_schema(count: int) -> dict[str, Any]:
-    """One number, or several with commas between."""
+    """Return the schema of one number, or of several separated by commas."""
     number = r"-?\d+(\.\d+)?"
     return {"type": "number"} if count == 1 else {"type": "string", "pattern": f"^{','.join([number] * count)}$"}
 
@@ -100,7 +101,7 @@ _PROBLEM = {
     },
     "required": ["type", "title", "status", "detail", "code"],
 }
-"""Problem details of RFC 9457, see serve.problems."""
+"""Schema of problem details (RFC 9457), see serve.problems."""
 
 
 def _error(text: str) -> dict[str, Any]:
@@ -164,7 +165,7 @@ ESTIMATE_ROUTE = _upload(
 
 
 def _multiview() -> dict[str, Any]:
-    """As ESTIMATE_ROUTE, of several photos in a form."""
+    """Return the route of several photos in a form, with the answers of ESTIMATE_ROUTE."""
     texts = {**_texts("camera", "light"), **_ANSWER, **_DETAIL}
     poses = "JSON: camera to world, a list of matrices, or transforms.json"
     parts: Schemas = {
@@ -208,10 +209,10 @@ EXPORT_ROUTE = _upload(_EXPORT, [], {"application/zip": _BYTES}, files={})
 
 
 def form_names(address: dict[str, Any]) -> list[str]:
-    """Return the parts that an address reads in a form."""
+    """Return the names of a route's form parts."""
     return list(address["requestBody"]["content"][FORM]["schema"]["properties"])
 
 
 def query_names(address: dict[str, Any]) -> list[str]:
-    """Return the names of an address's query parameters."""
+    """Return the names of a route's query parameters."""
     return [one["name"] for one in address["parameters"]]

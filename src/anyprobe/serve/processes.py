@@ -1,7 +1,7 @@
-"""Processes that decode what strangers send: bounded in memory and time, and replaced when they are used up.
+"""Processes that decode untrusted files: limited in memory and time, and replaced when they are used up.
 
-A damaged or hostile file may take a process down, not the server. They bound what a file can take; they are no sandbox:
-they run as the same user and may open what it may.
+A damaged or hostile file may end a process, but not the server. The limits bound what a file can use; they are no
+sandbox: the processes run as the same user and may open the same files.
 """
 
 from __future__ import annotations
@@ -30,44 +30,46 @@ Answer = TypeVar("Answer")
 log = logging.getLogger("anyprobe.serve")
 
 USED_UP_MB = 400
-"""Memory that a process may hold between two pieces of work; above, it is replaced."""
+"""Memory above which a process is replaced between two pieces of work [MiB]."""
 
 WALL_FACTOR, START_S = 3.0, 10.0
-"""Wall clock for a piece of work: times the processor's seconds, as others want the processor too, and for imports."""
+"""Wall-clock limit of a piece of work: a factor on its processor seconds, as others want the processor too, and a
+constant for imports [s]."""
 
 STARVED_TIMES, STARVED_S = 20, 0.05
-"""Extensions of the time limit for a starved process, and the processor seconds per extension that it must use."""
+"""How often a starved process's time limit is extended, and the processor time that it must use in each extension
+[s]."""
 
 IMPORTS_S = 60.0
-"""Wall clock for the start of a process: about a second of the processor, which others may have."""
+"""Wall-clock limit for the start of a process [s]; it takes about one second on an idle processor."""
 
 SIGXCPU, SIGKILL = getattr(signal, "SIGXCPU", -1), getattr(signal, "SIGKILL", 9)
-"""As numbers, also where the system has none of them."""
+"""Numbers of the signals, also on systems that lack them."""
 
 READY = "ready"
-"""Message of a process once its imports are done."""
+"""Message that a process sends once its imports are done."""
 
 MAX_CALLS = 500
-"""Pieces of work after which it is replaced too: libraries leak."""
+"""Pieces of work after which a process is replaced: libraries leak."""
 
 
 class TooSlow(InputError):
-    """Decoding took longer than it may."""
+    """Decoding exceeded its time limit."""
 
 
 class TooMuchMemory(InputError):
-    """Decoding took more memory than it may, or ended the process."""
+    """Decoding exceeded its memory limit, or ended the process."""
 
 
 class WorkerLost(AnyprobeError):
-    """A process could not be started, or was ended from outside, and another too."""
+    """A process could not be started, or was ended from outside twice."""
 
 
 class Lane:
-    """Processes of one kind, started when they are needed; each does one piece of work at a time."""
+    """Processes of one kind, started on demand, each doing one piece of work at a time."""
 
     def __init__(self, *, seconds: float, memory_mb: int, niceness: int = 0) -> None:
-        """seconds: of the processor, for a piece of work; memory_mb: beyond what an idle process has."""
+        """Set the limits: seconds of processor time for a piece of work, memory_mb beyond an idle process's own."""
         self._seconds, self._memory_mb, self._niceness = seconds, memory_mb, niceness
         self._idle: list[_Worker] = []
         self._busy: list[_Worker] = []
@@ -76,11 +78,12 @@ class Lane:
         weakref.finalize(self, _end_all, self._idle)
 
     def call(self, work: Callable[Given, Answer], *given: Given.args, **named: Given.kwargs) -> Answer:
-        """Run a module's function, as those of serve.tasks, in a process and return its result; blocks.
+        """Run a module-level function, such as one of serve.tasks, in a process and return its result; blocks.
 
-        A process that ends meanwhile may have been ended from outside: the work is done once more, in another.
+        A process that ends meanwhile may have been ended from outside: the work is then repeated once, in another
+        process.
 
-        Raises:
+            Raises:
             AnyprobeError: as the function does. TooSlow, TooMuchMemory: it was ended. WorkerLost: the machine lacks
                 something, or somebody ends processes.
         """
@@ -124,7 +127,7 @@ class Lane:
         return answer
 
     def _next(self) -> _Worker:
-        """Return a process that waits for work, a new one where there is none."""
+        """Return an idle process, or a new one."""
         while True:
             if self._closed:
                 raise WorkerLost("the server is to end")
@@ -137,7 +140,7 @@ class Lane:
             worker.end()
 
     def close(self) -> None:
-        """End all processes, those at work too; whoever waits for these gets WorkerLost."""
+        """End all processes, busy ones too; callers waiting for those get WorkerLost."""
         with self._lock:
             self._closed = True
             for worker in self._busy:
@@ -151,7 +154,7 @@ def _end_all(workers: list[_Worker]) -> None:
 
 
 class _Ended(Exception):
-    """A process ended before it answered. from_outside: whether a signal that files do not cause ended it."""
+    """A process ended before it answered; from_outside: by a signal that files do not cause."""
 
     def __init__(self, status: int | None) -> None:
         super().__init__(f"signal {-status}" if status is not None and status < 0 else f"status {status}")
@@ -183,7 +186,7 @@ class _Worker:
             raise
 
     def _await_ready(self) -> None:
-        """Wait for its imports.
+        """Wait until the process has done its imports.
 
         Raises:
             WorkerLost: it ended, or took too long; with what it said.
@@ -226,7 +229,7 @@ class _Worker:
                 raise _Ended(status) from error
 
     def _status(self) -> int | None:
-        """Return how it ended; None where it did not, though its pipe is closed."""
+        """Return the process's exit status; None if it still runs, though its pipe is closed."""
         try:
             return self._process.wait(5)
         except subprocess.TimeoutExpired:
@@ -242,9 +245,10 @@ class _Worker:
 
 @contextlib.contextmanager
 def _ended_after(process: subprocess.Popen, seconds: float) -> Iterator[threading.Event]:
-    """Kill a process unless the block ends before; the event says that it was.
+    """Kill a process unless the block ends in time; the yielded event tells whether it was killed.
 
-    One that works on, as far as others let it, goes on: the system ends it once its time of the processor is used up.
+    A starved process, which uses the little processor time that it gets, may go on: the system ends it at its limit of
+    processor time.
     """
     late, over = threading.Event(), threading.Event()
 
@@ -267,7 +271,7 @@ def _ended_after(process: subprocess.Popen, seconds: float) -> Iterator[threadin
 
 
 def _used_s(pid: int) -> float:
-    """Return seconds of the processor that a process has used; 0 where the system does not say."""
+    """Return the processor seconds that a process has used; 0 if the system does not say."""
     try:
         with open(f"/proc/{pid}/stat", encoding="utf-8", errors="replace") as stream:
             fields = stream.read().rpartition(")")[2].split()
@@ -277,8 +281,7 @@ def _used_s(pid: int) -> float:
 
 
 def _import_path() -> list[str]:
-    """Return where modules are imported from in a process: as here, but for the working folder, unless this package is
-    there.
+    """Return the import path of processes: this one's without the working folder, unless this package is there.
 
     A random.py in it would be taken for Python's.
     """
@@ -288,7 +291,7 @@ def _import_path() -> list[str]:
 
 
 def _outcome(answer: dict[str, Any]) -> Any:
-    """Return the result, or the error raised again."""
+    """Return an answer's result, or raise its error."""
     if "result" in answer:
         return answer["result"]
     if "fault" in answer:
@@ -305,7 +308,7 @@ def _send(pipe: IO[bytes], message: Any) -> None:
 
 
 def work(memory_mb: int, niceness: int) -> None:
-    """Do pieces of work until there are no more: the process's main function."""
+    """Do pieces of work until there are no more; the main function of a process."""
     given, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     nowhere = os.open(os.devnull, os.O_RDWR)
     for number in (0, 1):  # C libraries print
@@ -342,7 +345,7 @@ def _answer(task: Callable[[], Any]) -> dict[str, Any]:
 
 
 def _bound_memory(memory_mb: int) -> None:
-    """No more than it has now and so much besides; where the system has no such limit, time alone bounds it."""
+    """Limit memory to what the process has now plus memory_mb, on systems that can."""
     try:
         import resource
 
@@ -355,7 +358,7 @@ def _bound_memory(memory_mb: int) -> None:
 
 
 def _bound_time(seconds: float) -> None:
-    """The processor's time for one piece of work, should the wall clock's guard be gone."""
+    """Limit the processor time of one piece of work, in case the wall-clock watcher is gone."""
     try:
         import resource
 

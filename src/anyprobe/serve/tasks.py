@@ -1,4 +1,4 @@
-"""Tasks of a decoding process: from bytes to what the networks or the answer need."""
+"""Tasks of decoding processes: from bytes to the input of the networks or of the answer."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from anyprobe.serve.answers import mask_json, mask_png, png, zip_folder
 from anyprobe.serve.limits import MAX_MAP_ROWS, MAX_PANORAMA_PIXELS, QUICK_BYTES
 
 PAGE_LONG_PX = 2048
-"""Longer side of what /v1/photo sends back: more than a page shows."""
+"""Longer side of the pictures that /v1/photo returns [pixels]: more than a page shows."""
 
 QUICK_STARTS = (b"\xff\xd8\xff", b"\x89PNG", b"RIFF")
 """First bytes of JPEG, PNG and WebP."""
@@ -59,7 +59,7 @@ class Upload:
 
     @property
     def rows(self) -> int | None:
-        """Return the rows of the map with detail; None without detail. InputError for a size without effect."""
+        """Rows of the map with detail; None without detail. InputError for a size without effect."""
         if check_detail(self.settings.get("detail", DETAILS[0])):
             return self.settings.get("size", ROWS)
         if "size" in self.settings:
@@ -68,13 +68,13 @@ class Upload:
         return None
 
     def pictures(self) -> list[tuple[str, bytes]]:
-        """Return its files with their names in messages; a client names its photo as it likes."""
+        """Return the request's files with their names in messages."""
         files = [(self.name, self.photo), ("confidence", self.confidence), *self.hints.given()]
         return [(name, data) for name, data in files if isinstance(data, bytes)]
 
     @property
     def is_quick(self) -> bool:
-        """Whether all its pictures are of formats that are decoded in a moment."""
+        """Whether all pictures are small and of formats that decode quickly."""
         pictures = [data for _, data in self.pictures()]
         return all(one.startswith(QUICK_STARTS) for one in pictures) and sum(map(len, pictures)) <= QUICK_BYTES
 
@@ -86,12 +86,13 @@ class TooManyPixels(InputError):
 
 
 def ready() -> None:
-    """Nothing; for a process that is to have its imports done."""
+    """Do nothing: imports are done once a process can call this."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Cut:
-    """photo: without its pixels. crop: its object. mask: as PNG. seen: of Photo.seen. None what is not wanted."""
+    """A photo without its pixels, its object's crop, its mask as PNG and its map of seen directions; None if not asked
+    for."""
 
     photo: Photo
     crop: Crop
@@ -108,13 +109,13 @@ def cut(upload: Upload, max_pixels: int, first: bool, with_mask: bool) -> Cut:
 
 
 def mask(upload: Upload, max_pixels: int, as_json: bool) -> dict[str, Any] | bytes:
-    """Return the mask that an estimate would use, as PNG, or what is said of it."""
+    """Return the mask that an estimate would use as PNG, or its description as JSON data."""
     photo = _open(upload, max_pixels)
     return mask_json(photo) if as_json else mask_png(photo.mask)
 
 
 def upright(upload: Upload, max_pixels: int) -> tuple[bytes, float | None]:
-    """Return a photo of any known format as PNG, upright, sRGB, at most PAGE_LONG_PX long.
+    """Convert a photo of any known format to PNG: upright, sRGB, at most PAGE_LONG_PX long.
 
     Returns:
         The picture, and the field of view of its longer side [degrees] where its EXIF has it.
@@ -133,7 +134,7 @@ def upright(upload: Upload, max_pixels: int) -> tuple[bytes, float | None]:
 
 
 def export_zip(upload: Upload, max_pixels: int, target: str) -> bytes:
-    """Return a map (.exr or .hdr bytes in the place of the photo) as the files of one target, in a zip."""
+    """Export a map (.exr or .hdr bytes in the place of the photo) for one target, as a zip."""
     from anyprobe.export.exported_light import map_from_camera, origin_turned
     from anyprobe.export.targets import export
 
@@ -148,7 +149,7 @@ def export_zip(upload: Upload, max_pixels: int, target: str) -> bytes:
 
 
 def sharpened(upload: Upload, max_pixels: int) -> Light:
-    """Return a map (.exr or .hdr bytes in the place of the photo) as a light with plausible detail."""
+    """Add plausible detail to a map (.exr or .hdr bytes in the place of the photo)."""
     _check_pixels(upload, min(max_pixels, 2 * MAX_MAP_ROWS**2))
     confidence = None
     if upload.confidence is not None:
@@ -170,7 +171,7 @@ def sharpened(upload: Upload, max_pixels: int) -> Light:
 
 @contextmanager
 def _map_file(data: bytes, name: str = "map") -> Iterator[Path]:
-    """A map's bytes as a file with the front in its centre; errors call it by its name."""
+    """Write a map's bytes to a temporary file and check that its front is in the centre; errors call it by `name`."""
     from anyprobe.export.exported_light import check_front
 
     with tempfile.TemporaryDirectory() as folder:
@@ -185,13 +186,13 @@ def _map_file(data: bytes, name: str = "map") -> Iterator[Path]:
 
 
 def _open(upload: Upload, max_pixels: int) -> Photo:
-    """Return the photo with its object marked, under the name it was sent with."""
+    """Load the photo, with its object marked, under the name it was sent with."""
     _check_pixels(upload, max_pixels)
     return load_photo(upload.photo, upload.hints, name=upload.name)
 
 
 def _check_pixels(upload: Upload, max_pixels: int) -> None:
-    """TooManyPixels where a picture's header claims more."""
+    """Raise TooManyPixels if a picture's header declares more pixels than allowed."""
     for name, picture in upload.pictures():
         bound = min(max_pixels, MAX_PANORAMA_PIXELS) if picture is upload.hints.surroundings else max_pixels
         if declared_pixels(picture) > bound:

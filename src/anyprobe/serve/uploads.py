@@ -1,4 +1,4 @@
-"""Contents of a request: a photo as the body or as a form's part, and options beside it."""
+"""Contents of a request: a photo as the body or as a form part, and its options."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from anyprobe.serve.pool import WorkerPool
 from anyprobe.serve.tasks import Upload
 
 FILES = {field: hint for field, hint in HINTS.items() if hint.suffixes}
-"""Hints that are file parts."""
+"""Hints that are sent as file parts."""
 
 
 async def take_unread(request: Request) -> None:
-    """Take the body of a request that is sent away, and forget it, for at most UNREAD_S.
+    """Receive and discard the body of a refused request, for at most UNREAD_S.
 
     An answer while the body still comes closes the connection on it, and some clients then never see the answer.
     """
@@ -42,7 +42,7 @@ async def take_unread(request: Request) -> None:
 
 
 async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any]) -> Upload:
-    """Read a photo and its options; options of the form win over those of the address.
+    """Read a photo and its options; form fields take precedence over query parameters.
 
     Args:
         address: what serve.openapi says of it; what it does not name is refused.
@@ -76,9 +76,9 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
 
 
 async def read_views(request: Request, pool: WorkerPool) -> tuple[list[Upload], np.ndarray]:
-    """Photos of one object, and world_from_camera [N, 3, 3] of each.
+    """Read the photos of one object, and world_from_camera [N, 3, 3] of each.
 
-    Read parts `photo` and as many of `mask` or `box` or none, one part `poses`, and what concerns all of them.
+    The form has parts `photo`, as many of `mask` or `box` or none, one part `poses`, and options common to all.
 
     Raises:
         HTTPException: 408 too slow.
@@ -119,14 +119,14 @@ async def read_views(request: Request, pool: WorkerPool) -> tuple[list[Upload], 
 
 
 def _poses_of(photos: list[tuple[bytes, str]], poses: bytes) -> tuple[np.ndarray, list[float | None]]:
-    """world_from_camera [N, 3, 3] of photos (their data and names), and what Poses.fovs_deg says of them."""
+    """Parse the poses of photos (their data and names): world_from_camera [N, 3, 3] and fields of view [degrees]."""
     given, names = parse_poses(poses, "poses", len(photos)), [Path(name) for _, name in photos]
     return given.of(names), given.fovs_deg(names, [data for data, _ in photos])
 
 
 @asynccontextmanager
 async def _read_form(request: Request, pool: WorkerPool, max_files: int) -> AsyncIterator[FormData]:
-    """The request's form, an empty one where it has another body; what is read within is timed too.
+    """Yield the request's form, an empty one for another body; reading within the block is timed too.
 
     Raises:
         HTTPException: 408 too slow.
@@ -142,7 +142,7 @@ async def _read_form(request: Request, pool: WorkerPool, max_files: int) -> Asyn
 
 
 def refuse_unknown(form: FormData, query: QueryParams, address: dict[str, Any]) -> None:
-    """InputError for a name that nothing reads: a mistyped option would be left out without a word."""
+    """Raise InputError for a name that nothing reads, as a mistyped option would otherwise be ignored."""
     read = (("form field", form, form_names(address)), ("query parameter", query, query_names(address)))
     for kind, given, known in read:
         for name in given:
@@ -158,14 +158,14 @@ async def _file(form: FormData, field: str) -> tuple[bytes, str]:
 
 
 def _refuse_twice(form: FormData, field: str) -> None:
-    """InputError where a part that counts once came more often."""
+    """Raise InputError if a part that counts once is sent more often."""
     count = len(form.getlist(field))
     if count > 1:
         raise InputError(f"expected one part of this name, got {count}; send one", subject=field)
 
 
 async def read_part(part: UploadFile | str, field: str) -> tuple[bytes, str]:
-    """Return a file part's bytes and its name without folders; InvalidPhoto or InvalidMask if it is text."""
+    """Return a file part's bytes and its name without folders; InvalidPhoto or InvalidMask for text."""
     if not isinstance(part, UploadFile):
         fault = InvalidMask if field == "mask" else InvalidPhoto
         raise fault(f"expected a file, got text; send it as a file part (curl -F {field}=@FILE)", subject=field)
@@ -174,7 +174,7 @@ async def read_part(part: UploadFile | str, field: str) -> tuple[bytes, str]:
 
 
 class Options:
-    """Text fields by name, read as what they mean."""
+    """Text fields by name, parsed to their values."""
 
     def __init__(self, form: FormData, query: QueryParams) -> None:
         self._form, self._query = form, query
@@ -205,7 +205,7 @@ class Options:
         return frozenset(found)
 
     def hints(self, files: Mapping[str, bytes], *about: str) -> Hints:
-        """Return the hints in texts and files, about these subjects only; none given: about all."""
+        """Return the hints in texts and files, on these subjects only; all if none are named."""
         given: dict[str, Any] = dict(files)
         for field, hint in HINTS.items():
             if field in files or (about and hint.about not in about):
@@ -217,7 +217,7 @@ class Options:
         return Hints(**given)
 
     def settings(self) -> dict[str, Any]:
-        """Return how the light is estimated, as far as it is said."""
+        """Return the requested settings of the estimate."""
         given: dict[str, Any] = {}
         if (emitters := self.one_of("emitters", EMITTERS)) is not None:
             given["emitters"] = emitters
@@ -228,7 +228,7 @@ class Options:
         return given
 
     def one_of(self, name: str, known: Sequence[str]) -> str | None:
-        """One of these words; None where none came."""
+        """Return the option if it is one of the known words; None if it is absent."""
         text = self.text(name)
         if text not in (None, *known):
             raise InputError(f"expected one of {', '.join(known)}, got {str(text)[:60]!r}", subject=name)
@@ -236,7 +236,7 @@ class Options:
 
 
 def parse_numbers(name: str, text: str, *counts: int, shape: str = "a number") -> tuple[float, ...]:
-    """Return finite numbers between commas, as many as one of `counts`; InputError for other text."""
+    """Parse finite numbers separated by commas, as many as one of `counts`; InputError for other text."""
     try:
         found = tuple(float(part) for part in text.split(","))
     except ValueError:
