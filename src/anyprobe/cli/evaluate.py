@@ -69,7 +69,7 @@ def evaluate(
     engine: Annotated[str, typer.Option(help=f"Engine: {', '.join(ENGINES)}.")] = DEFAULT_ENGINE,
 ) -> None:
     """Score a model, or any program's maps, on a test set. Renders it, scores two baselines too, and prints tables."""
-    refused = (
+    conflicts = (
         (seed != SEED and frozen, f"--seed {seed}", "pairs that are drawn", "--frozen"),
         (seed != SEED and recipes, f"--seed {seed}", "pairs that are drawn", "--recipes"),
         (frozen and recipes, "--frozen", "one list of pairs", "--recipes"),
@@ -82,8 +82,8 @@ def evaluate(
         (predictions and hints, "--hints", "a model to give them to", "--predictions"),
         (predictions and model != DEFAULT_MODEL, "--model", "a model's maps to score", "--predictions"),
     )
-    for both, option, expected, other in refused:
-        if both:
+    for is_given, option, expected, other in conflicts:
+        if is_given:
             raise InputError(f"{option}: expected {expected}, got {other}; leave one of them out")
     from anyprobe.estimate.runtime import model_id
     from anyprobe.files.atomic import atomic_path
@@ -99,9 +99,9 @@ def evaluate(
 
         open_mitsuba()  # one clear line where it cannot run
         trace = partial(trace_mesh, num_paths=PATHS)
-    talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
+    console = Console(stderr=True, markup=False, emoji=False, highlight=False)
     drawn = None if frozen or recipes else seed
-    chosen, store = _test_set(hdri, meshes, pairs, drawn, recipes, conditions, talk)
+    chosen, store = _test_set(hdri, meshes, pairs, drawn, recipes, conditions, console)
     title = Path(model).name if predictions is None else predictions.resolve().name
     methods: dict[str, Method] = {}
     if write_photos is None:
@@ -110,7 +110,7 @@ def evaluate(
     photos: Iterable[Pair] = (render_pair(recipe, store, trace, textured=textured) for recipe in chosen)
     photos = map(with_noisy_mask, photos) if noisy_masks else photos
     columns = (TextColumn("evaluating"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=talk) as progress:
+    with Progress(*columns, console=console) as progress:
         task = progress.add_task("", total=len(chosen))
         if write_photos is not None:
             _write_photos(write_photos, photos, lambda: progress.advance(task))
@@ -123,7 +123,7 @@ def evaluate(
 
             scores = score_pairs(photos, methods, watch=seen)
     if write_photos is not None:
-        talk.print(f"{write_photos}: {len(chosen)} photos; maps go to a folder of their own, named by key")
+        console.print(f"{write_photos}: {len(chosen)} photos; maps go to a folder of their own, named by key")
         return
     result = {
         "settings": {
@@ -152,7 +152,7 @@ def evaluate(
         _print_irradiance(result["irradiance"])
     if result["confidence"] is not None:
         _print_confidence(title, result["confidence"], result["confidence_with_hints"])
-    talk.print(f"{out / 'scores.json'}, {out / 'pictures.png'}")
+    console.print(f"{out / 'scores.json'}, {out / 'pictures.png'}")
 
 
 def _judged(
@@ -185,7 +185,7 @@ def _write_photos(folder: Path, pairs: Iterable[Pair], advance: Callable[[], Non
 
 
 def _test_set(
-    hdri: Path, meshes: Path, pairs: int, seed: int | None, path: Path | None, conditions: Conditions, talk: Console
+    hdri: Path, meshes: Path, pairs: int, seed: int | None, path: Path | None, conditions: Conditions, console: Console
 ) -> tuple[list[Recipe], AssetStore]:
     """Return `pairs` recipes, drawn by seed, or from the list at path, or the frozen ones; and the assets they name."""
     from anyprobe.learning.dataset.asset_store import AssetStore
@@ -195,7 +195,7 @@ def _test_set(
     from anyprobe.learning.evaluate.scoring import FROZEN
 
     def warn(line: str) -> None:
-        talk.print(f"warning: {line}", soft_wrap=True)
+        console.print(f"warning: {line}", soft_wrap=True)
 
     listed = read_recipes(path or FROZEN) if seed is None else []
     if seed is None and pairs > len(listed):
@@ -207,7 +207,7 @@ def _test_set(
     if path is not None:
         return listed[:pairs], store  # a list says the conditions of its pairs
     recipes = listed[:pairs] if seed is None else balanced_recipes(store, pairs, seed)
-    return [replace(one, conditions=CONDITIONS.index(conditions)) for one in recipes], store
+    return [replace(recipe, conditions=CONDITIONS.index(conditions)) for recipe in recipes], store
 
 
 class Watch:
@@ -235,18 +235,18 @@ class Watch:
             images = estimated, pair.irradiance / 255.0
             self.irradiance.append({"psnr": psnr(*images), "rmse": rmse(*images), "ssim": ssim(*images)})
         for name, calibration in self.calibrations.items():
-            one = estimates[name]
-            if one.confidence is not None:
-                calibration.add(one.confidence, one.ldr, response(pair.radiance), groups_of(pair))
+            estimate = estimates[name]
+            if estimate.confidence is not None:
+                calibration.add(estimate.confidence, estimate.ldr, response(pair.radiance), groups_of(pair))
         if index % self.every == 0:
             self.rows.append(_cells(pair, estimates))
 
     def result(self) -> dict[str, Any]:
         """Return the mean figures of the irradiance image, None if there is none, and the model's confidence, without
         and with hints."""
-        found = {name: one.result() for name, one in self.calibrations.items()}
+        found = {name: calibration.result() for name, calibration in self.calibrations.items()}
         irradiance = {
-            name: round(sum(one[name] for one in self.irradiance) / len(self.irradiance), 5)
+            name: round(sum(row[name] for row in self.irradiance) / len(self.irradiance), 5)
             for name in next(iter(self.irradiance), {})
         }
         confidence = found.pop(self.title)
@@ -299,8 +299,8 @@ def _print_confidence(title: str, confidence: dict, hints: dict[str, dict]) -> N
         title="confidence, in brackets: of a constant, the share of all pixels right (an oracle)",
         title_justify="left",
     )
-    for row, one in rows.items():
-        beside = (f"{one[name]:.3f} ({one['constant'][name]:.3f})" for name in ("error", "brier", "log_loss"))
-        auc = "" if one["auc"] is None else f"{one['auc']:.3f} (0.500)"
-        sheet.add_row(row, f"{one['claimed']:.3f}", f"{one['right']:.3f}", *beside, auc)
+    for row, figures in rows.items():
+        columns = (f"{figures[name]:.3f} ({figures['constant'][name]:.3f})" for name in ("error", "brier", "log_loss"))
+        auc = "" if figures["auc"] is None else f"{figures['auc']:.3f} (0.500)"
+        sheet.add_row(row, f"{figures['claimed']:.3f}", f"{figures['right']:.3f}", *columns, auc)
     print_table(Console(highlight=False), sheet)

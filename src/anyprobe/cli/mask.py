@@ -27,7 +27,7 @@ from anyprobe.notices import give
 
 @with_bundles
 def mask(
-    pointed: MaskOptions,
+    mask_options: MaskOptions,
     photos: Annotated[
         list[Path] | None,
         typer.Argument(metavar="PHOTO...", help="Photos, folders of photos, or - for standard input."),
@@ -48,19 +48,19 @@ def mask(
         if fetch:
             return
         raise InputError("PHOTO: expected photos or folders of photos, got none; name one, or --fetch")
-    hints = pointed.hints()
-    listed = list_photos(photos)
+    hints = mask_options.hints()
+    paths = list_photos(photos)
     failed = False
-    for path in listed:
+    for path in paths:
         try:
-            found = _one(path, out, hints_for(path, hints), listed, pointed.finder.segmenter)
+            summary = _write(path, out, hints_for(path, hints), paths, mask_options.finder.segmenter)
             if as_json:
-                print(json.dumps(found), flush=True)
+                print(json.dumps(summary), flush=True)
             elif not quiet:
-                typer.echo(_line(found))
-            for warning in [] if quiet else found["warnings"]:
+                typer.echo(_line(summary))
+            for warning in [] if quiet else summary["warnings"]:
                 print(f"warning: {OPTIONS.line(warning)}", file=sys.stderr)
-            failed |= pointed.strict and bool(found["warnings"])
+            failed |= mask_options.strict and bool(summary["warnings"])
         except AnyprobeError as error:
             print(f"anyprobe: {photo_line(path, error)}", file=sys.stderr)
             failed = True
@@ -68,12 +68,14 @@ def mask(
         raise typer.Exit(2)
 
 
-def _line(found: dict[str, Any]) -> str:
-    sure = f", {found['said']}" if found["said"] else ""
-    return f"{found['mask']}: by {found['source']}, {100 * found['share']:.0f} % of the photo{sure}"
+def _line(summary: dict[str, Any]) -> str:
+    comment = f", {summary['said']}" if summary["said"] else ""
+    return f"{summary['mask']}: by {summary['source']}, {100 * summary['share']:.0f} % of the photo{comment}"
 
 
-def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: SegmenterSource | None) -> dict[str, Any]:
+def _write(
+    path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: SegmenterSource | None
+) -> dict[str, Any]:
     """Write one photo's two files; return how the mask was found, for JSON."""
     from anyprobe.estimate.doubts import scale_doubts
     from anyprobe.estimate.outputs import draw_overlay

@@ -1,8 +1,8 @@
 """Options that commands share: what the photographed object is and where, and how its light is estimated.
 
-A command takes a bundle as one argument, `taken: Annotated[PhotoOptions, ...]`, and `with_bundles`
-makes its fields the command's own options, so that one option means the same everywhere. Hints and Settings name and
-describe theirs.
+A command takes a bundle as one argument, `object_options: ObjectOptions`, and `with_bundles` makes
+its fields the command's own options, so that one option means the same everywhere. Hints and Settings name and describe
+theirs.
 """
 
 from __future__ import annotations
@@ -168,12 +168,12 @@ class ObjectOptions(MaskOptions):
         """Return what --camera gives, as hints; InputError where an option gives the same."""
         from anyprobe.files.fspy import read_fspy
 
-        found = read_fspy(Path(str(self.camera)))
-        given = {"fov_deg": found.long_fov_deg, "pitch_deg": found.pitch_deg, "roll_deg": found.roll_deg}
-        for name in given:
+        camera = read_fspy(Path(str(self.camera)))
+        hints_given = {"fov_deg": camera.long_fov_deg, "pitch_deg": camera.pitch_deg, "roll_deg": camera.roll_deg}
+        for name in hints_given:
             if getattr(hints, name) is not None:
                 raise InputError("expected one of them, got both", subject=("camera", name))
-        return given
+        return hints_given
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -198,10 +198,10 @@ class DetailOptions:
     def settings(self) -> dict[str, Any]:
         """Return the options as settings of Estimator. InputError for a library without detail."""
         library = self.given.detail_library
-        given = {} if library is None else {"detail_library": library}
-        if self.given.detail == DETAILS[0] and given:
+        extra = {} if library is None else {"detail_library": library}
+        if self.given.detail == DETAILS[0] and extra:
             raise InputError("does nothing without detail", subject="detail_library", remedy=give(detail=DETAILS[1]))
-        return {"detail": self.given.detail, **given}
+        return {"detail": self.given.detail, **extra}
 
     def library(self) -> Library | None:
         """Open the library that detail comes from; None without detail."""
@@ -230,8 +230,8 @@ def with_bundles(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def run(**values: Any) -> None:
-        made = {name: _bundle(kind, values) for name, kind in bundles.items()}
-        command(**made, **values)
+        bundle_values = {name: _bundle(kind, values) for name, kind in bundles.items()}
+        command(**bundle_values, **values)
 
     run.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]  # what typer reads
     run.__annotations__ = {one.name: one.annotation for one in options}
@@ -241,34 +241,34 @@ def with_bundles(command: Callable[..., None]) -> Callable[..., None]:
 
 def _options_of(bundle: type) -> list[inspect.Parameter]:
     """Return the options of a bundle's fields."""
-    inner, found = get_type_hints(bundle, include_extras=True), []
-    for one in fields(bundle):
-        kind, names = _group(inner[one.name])
+    annotations, options = get_type_hints(bundle, include_extras=True), []
+    for field in fields(bundle):
+        kind, names = _group(annotations[field.name])
         if kind is Hints:
-            found += [_option(name, _hint_option(HINTS[name]), None) for name in names]
+            options += [_option(name, _hint_option(HINTS[name]), None) for name in names]
         elif kind is Settings:
-            found += [_setting_option(setting) for setting in fields(Settings) if setting.name in names]
+            options += [_setting_option(setting) for setting in fields(Settings) if setting.name in names]
         else:
-            found.append(_option(one.name, inner[one.name], one.default))
-    return found
+            options.append(_option(field.name, annotations[field.name], field.default))
+    return options
 
 
 def _bundle(bundle: type, values: dict[str, Any]) -> Any:
     """Build a bundle from its options' values, which are removed from `values`."""
-    inner = get_type_hints(bundle, include_extras=True)
-    made: dict[str, Any] = {}
-    for one in fields(bundle):
-        kind, names = _group(inner[one.name])
+    annotations = get_type_hints(bundle, include_extras=True)
+    arguments: dict[str, Any] = {}
+    for field in fields(bundle):
+        kind, names = _group(annotations[field.name])
         if kind is Hints:
             given = {name: values.pop(name) for name in names}
-            made[one.name] = Hints(
-                **{name: _read(HINTS[name], it) for name, it in given.items() if it not in (None, [])}
+            arguments[field.name] = Hints(
+                **{name: _read(HINTS[name], value) for name, value in given.items() if value not in (None, [])}
             )
         elif kind is Settings:
-            made[one.name] = Settings(**{name: values.pop(name) for name in names})
+            arguments[field.name] = Settings(**{name: values.pop(name) for name in names})
         else:
-            made[one.name] = values.pop(one.name)
-    return bundle(**made)
+            arguments[field.name] = values.pop(field.name)
+    return bundle(**arguments)
 
 
 def _group(annotation: Any) -> tuple[Any, tuple[str, ...]]:

@@ -99,31 +99,31 @@ def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given:
     targets = list(targets)
     folds = bool(targets) and folds_case(targets[0].parent)
 
-    def name_of(one: Path) -> str:
-        stem = result_stem(one, listed)
+    def name_of(path: Path) -> str:
+        stem = result_stem(path, listed)
         return stem.casefold() if folds else stem
 
     twins = [other for other in listed if name_of(other) == name_of(photo)]
     if twins and twins[0] != photo:
         raise OutputError(f"expected names that differ, got {twins[0]} before it; rename one of them", source=photo)
-    inputs = {same_file_key(one): one for one in (*listed, *given) if isinstance(one, Path)}
+    inputs = {same_file_key(path): path for path in (*listed, *given) if isinstance(path, Path)}
     for target in targets:
         if same_file_key(target) in inputs:
-            lost = inputs[same_file_key(target)]
-            raise OutputError(f"the result would replace {lost}; choose another folder with -o", source=photo)
+            replaced = inputs[same_file_key(target)]
+            raise OutputError(f"the result would replace {replaced}; choose another folder with -o", source=photo)
 
 
-def _file_for(photo: Path, given: Path, kind: str, suffixes: tuple[str, ...]) -> Path:
+def _file_for(photo: Path, source: Path, kind: str, suffixes: tuple[str, ...]) -> Path:
     """Return the file itself, or from a folder the one of the photo's stem: NAME.*, NAME_<kind>.*, or the photo's whole
     name and a suffix."""
-    if not given.is_dir():
-        return given
+    if not source.is_dir():
+        return source
     for stem in (f"{photo.stem}_{kind}", photo.stem, photo.name):
-        for candidate in sorted(given.glob(f"{glob.escape(stem)}.*")):
+        for candidate in sorted(source.glob(f"{glob.escape(stem)}.*")):
             # the glob finds stem.0002.png too, which is another photo's
             if candidate.stem != stem or candidate.suffix.lower() not in suffixes:
                 continue
             if same_file_key(candidate) != same_file_key(photo):
                 return candidate
-    text = f"expected {photo.stem}.png or {photo.stem}_{kind}.png in {given}, found neither"
+    text = f"expected {photo.stem}.png or {photo.stem}_{kind}.png in {source}, found neither"
     raise InvalidMask(text, subject=kind, source=photo)

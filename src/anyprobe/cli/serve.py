@@ -77,26 +77,31 @@ def serve(
         print(f"{static}: {len(written)} files, {size / 2**20:.0f} MiB; see docs/how-to/serve.md", file=sys.stderr)
         return
     limits = Limits(max_bytes=max_mb * 2**20, workers=workers or usable_cores(), drain_s=drain)
-    names = [name.lower() for name in allow_host or []]
+    extra_names = [name.lower() for name in allow_host or []]
     with _open_port(host, port) as listening, tempfile.TemporaryDirectory() as folder:
-        shown = own_address() if host in EVERYWHERE else host
-        only_here = is_loopback(host)
-        token = _token(token, only_here)
-        hosts = [host.lower(), *LOOPBACK, *names, *([] if only_here else [shown, socket.gethostname().lower()])]
+        shown_host = own_address() if host in EVERYWHERE else host
+        is_local = is_loopback(host)
+        token = _token(token, is_local)
+        hosts = [
+            host.lower(),
+            *LOOPBACK,
+            *extra_names,
+            *([] if is_local else [shown_host, socket.gethostname().lower()]),
+        ]
         origins = allow_origin or []
         app = create_app(
-            estimator, limits, page=page, hosts=hosts, addresses=not only_here, origins=origins, token=token
+            estimator, limits, page=page, hosts=hosts, addresses=not is_local, origins=origins, token=token
         )
         encrypted: dict[str, Any] = {}
         if https:
-            certified = ["localhost", "127.0.0.1", shown, *names]
+            certified = ["localhost", "127.0.0.1", shown_host, *extra_names]
             certificate, key = write_certificate(Path(folder), list(dict.fromkeys(certified)))
             encrypted = {"ssl_certfile": str(certificate), "ssl_keyfile": str(key)}
-        place = f"[{shown}]" if ":" in shown else shown
+        place = f"[{shown_host}]" if ":" in shown_host else shown_host
         address = f"{'https' if https else 'http'}://{place}:{listening.getsockname()[1]}/"
         entry = address if token is None else f"{address}?token={token}"
         _say(f"{entry} (API: {address}api/), Ctrl-C ends it")
-        if not only_here:
+        if not is_local:
             whom = "with that token" if token else "without a token"
             _say(f"warning: every machine that reaches this one can use it {whom}")
             if not https:
@@ -119,10 +124,10 @@ def _say(line: str) -> None:
     print(f"anyprobe: {line}", file=sys.stderr, flush=True)
 
 
-def _token(given: str | None, only_here: bool) -> str | None:
+def _token(given: str | None, is_local: bool) -> str | None:
     """Return the token that clients must send: the given one, a new one beyond the loopback, else None."""
     if given is None:
-        return None if only_here else secrets.token_urlsafe(12)
+        return None if is_local else secrets.token_urlsafe(12)
     if given == "none":
         return None
     if not given.isascii() or not given.isprintable() or len(given) < MIN_TOKEN or " " in given:
@@ -139,8 +144,8 @@ def _open_port(host: str, port: int) -> socket.socket:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         listening = socket.socket(family, kind, protocol)
         # on Windows that word would let a second server take the port of one that runs
-        alone = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
-        listening.setsockopt(socket.SOL_SOCKET, alone, 1)
+        exclusive = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
+        listening.setsockopt(socket.SOL_SOCKET, exclusive, 1)
         listening.bind(address)
     except OSError as error:
         raise InputError(

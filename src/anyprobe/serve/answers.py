@@ -77,14 +77,14 @@ def packed(values: np.ndarray) -> dict[str, Any]:
 
 def mask_json(photo: Photo) -> dict[str, Any]:
     """Return where the object is, how it was found, and the IoU that the network expects, None if it was not asked."""
-    sure = photo.mask_confidence
+    confidence = photo.mask_confidence
     return {
         "photo": photo.name,
         "size": [photo.mask.shape[1], photo.mask.shape[0]],
         "box": list(object_box(photo.mask)),
         "share": round(float(photo.mask.mean()), 6),
         "source": photo.mask_source,
-        "confidence": None if sure is None else round(sure, 4),
+        "confidence": None if confidence is None else round(confidence, 4),
         **_warnings(photo.warnings),
     }
 

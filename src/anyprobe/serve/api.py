@@ -132,10 +132,10 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         request: Request,
         task: Callable[Concatenate[Upload, int, Given], Answer],
         upload: Upload,
-        *given: Given.args,
-        **named: Given.kwargs,
+        *args: Given.args,
+        **kwargs: Given.kwargs,
     ) -> Answer:
-        work = partial(task, upload, limits.max_pixels, *given, **named)
+        work = partial(task, upload, limits.max_pixels, *args, **kwargs)
         return await pool.decode(work, upload.is_quick, _leaving(request))
 
     async def cut(request: Request, upload: Upload, first: bool = True) -> tasks.Cut:
@@ -152,13 +152,13 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         async with pool.place():
             upload = await read_upload(request, pool, openapi.ESTIMATE_ROUTE)
             start = time.perf_counter()
-            taken = await cut(request, upload)
+            cut_photo = await cut(request, upload)
 
             def work(cancellation: Cancellation) -> Response:
-                light = estimator.with_settings(**upload.settings).from_crop(taken.photo, taken.crop, start)
+                light = estimator.with_settings(**upload.settings).from_crop(cut_photo.photo, cut_photo.crop, start)
                 cancellation.check()
-                light = _detailed(light, upload, taken.seen)
-                return answers.light_response(light, media, upload.include, taken.mask)
+                light = _detailed(light, upload, cut_photo.seen)
+                return answers.light_response(light, media, upload.include, cut_photo.mask)
 
             return await pool.run(work, _leaving(request))
 
@@ -173,16 +173,16 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
             uploads, turns = await read_views(request, pool)
             common = uploads[0]
             cuts: list[tasks.Cut] = []
-            spent: list[float] = []
+            seconds: list[float] = []
             for upload in uploads:
                 start = time.perf_counter()
                 cuts.append(await cut(request, upload, first=not cuts))
-                spent.append(time.perf_counter() - start)
+                seconds.append(time.perf_counter() - start)
 
             def work(cancellation: Cancellation) -> Response:
-                taken = [(one.photo, one.crop) for one in cuts]
+                views = [(cut_view.photo, cut_view.crop) for cut_view in cuts]
                 from_crop = estimator.with_settings(**common.settings).from_crop
-                light = estimate_crops(from_crop, taken, turns, spent)
+                light = estimate_crops(from_crop, views, turns, seconds)
                 cancellation.check()
                 light = _detailed(light, common)
                 return answers.light_response(light, media, common.include, cuts[0].mask)
@@ -272,8 +272,8 @@ def _add_error_lines(app: FastAPI, limits: Limits) -> None:
     @app.exception_handler(HTTPException)
     async def refused(request: Request, error: HTTPException) -> Response:
         headers = dict(error.headers or {})
-        wrong = f"expected {headers['Allow']}, got {request.method}" if "Allow" in headers else error.detail
-        return line(wrong, error.status_code, headers)
+        text = f"expected {headers['Allow']}, got {request.method}" if "Allow" in headers else error.detail
+        return line(text, error.status_code, headers)
 
     @app.exception_handler(AnyprobeError)
     async def ours(request: Request, error: AnyprobeError) -> Response:

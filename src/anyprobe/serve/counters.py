@@ -29,19 +29,21 @@ class Metrics:
             return
         self._prometheus = prometheus
         self._registry = prometheus.CollectorRegistry()
-        more: dict[str, Any] = {"registry": self._registry}
-        self._requests = prometheus.Counter("anyprobe_requests", "Answered requests.", ["route", "status"], **more)
+        in_registry: dict[str, Any] = {"registry": self._registry}
+        self._requests = prometheus.Counter(
+            "anyprobe_requests", "Answered requests.", ["route", "status"], **in_registry
+        )
         self._seconds = prometheus.Histogram(
-            "anyprobe_request_seconds", "From head to last byte.", ["route"], buckets=SECONDS, **more
+            "anyprobe_request_seconds", "From head to last byte.", ["route"], buckets=SECONDS, **in_registry
         )
-        prometheus.Gauge("anyprobe_places_taken", "Requests that hold a place in the queue.", **more).set_function(
-            lambda: pool.taken
-        )
-        prometheus.Gauge("anyprobe_places", "Places of the queue, those at work included.", **more).set(places)
-        prometheus.Gauge("anyprobe_ready", "1 where a photo would be taken now.", **more).set_function(
+        prometheus.Gauge(
+            "anyprobe_places_taken", "Requests that hold a place in the queue.", **in_registry
+        ).set_function(lambda: pool.taken)
+        prometheus.Gauge("anyprobe_places", "Places of the queue, those at work included.", **in_registry).set(places)
+        prometheus.Gauge("anyprobe_ready", "1 where a photo would be taken now.", **in_registry).set_function(
             lambda: not pool.unready()
         )
-        prometheus.ProcessCollector(**more)
+        prometheus.ProcessCollector(**in_registry)
 
     def count(self, scope: Scope, status: int, seconds: float) -> None:
         """Count an answered request."""
@@ -74,13 +76,13 @@ class Counted:
             return await self._app(scope, receive, send)
         start, status = time.perf_counter(), 500
 
-        async def noted(message: Message) -> None:
+        async def send_noting_status(message: Message) -> None:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
             await send(message)
 
         try:
-            await self._app(scope, receive, noted)
+            await self._app(scope, receive, send_noting_status)
         finally:
             self._metrics.count(scope, status, time.perf_counter() - start)

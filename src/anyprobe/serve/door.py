@@ -38,12 +38,12 @@ class DoorProtocol(H11Protocol):
         self._head: asyncio.TimerHandle | None = None
         self._unread: asyncio.TimerHandle | None = None
         if len(self.connections) >= self.max_connections:
-            waiting: list[Any] = [one for one in self.connections if getattr(one, "_waits_since", None) is not None]
+            waiting: list[Any] = [c for c in self.connections if getattr(c, "_waits_since", None) is not None]
             if not waiting:  # all of them are being answered
                 super().connection_made(transport)
                 transport.abort()
                 return
-            min(waiting, key=lambda one: one._waits_since).transport.abort()
+            min(waiting, key=lambda c: c._waits_since).transport.abort()
         super().connection_made(transport)
         self._await_head()
 
@@ -105,17 +105,17 @@ class FewLines(logging.Filter):
     """Filter that passes a limited number of lines a minute; the next minute's first line says how many were
     dropped."""
 
-    def __init__(self, most: int = limits.LINES_PER_MINUTE) -> None:
+    def __init__(self, max_lines: int = limits.LINES_PER_MINUTE) -> None:
         super().__init__()
-        self._most, self._since, self._count = most, time.monotonic(), 0
+        self._max_lines, self._since, self._count = max_lines, time.monotonic(), 0
 
     def filter(self, record: logging.LogRecord) -> bool:
         if time.monotonic() - self._since >= 60.0:
-            lost, self._since, self._count = self._count - self._most, time.monotonic(), 0
-            if lost > 0:
-                record.msg, record.args = f"({lost} lines left out) {record.getMessage()}", ()
+            num_dropped, self._since, self._count = self._count - self._max_lines, time.monotonic(), 0
+            if num_dropped > 0:
+                record.msg, record.args = f"({num_dropped} lines left out) {record.getMessage()}", ()
         self._count += 1
-        return self._count <= self._most
+        return self._count <= self._max_lines
 
 
 class FewLinesHandler(logging.StreamHandler):
@@ -130,18 +130,18 @@ class FewLinesHandler(logging.StreamHandler):
 def bound_log() -> None:
     """Send the log of every library through one FewLinesHandler: clients can make any of them log."""
     root = logging.getLogger()
-    for old in [one for one in root.handlers if isinstance(one, FewLinesHandler)]:
-        root.removeHandler(old)
+    for handler in [handler for handler in root.handlers if isinstance(handler, FewLinesHandler)]:
+        root.removeHandler(handler)
     root.addHandler(FewLinesHandler())
 
 
 def settings(drain_s: float = limits.DRAIN_S) -> dict[str, Any]:
     """Return uvicorn settings with limits that fit this process; raise its limit of descriptors and set up logging."""
-    descriptors = _most_descriptors()
-    limited = min(limits.MAX_CONNECTIONS, max(16, descriptors - limits.SPARE_DESCRIPTORS))
+    num_descriptors = _most_descriptors()
+    max_connections = min(limits.MAX_CONNECTIONS, max(16, num_descriptors - limits.SPARE_DESCRIPTORS))
     bound_log()
     return {
-        "http": type("Door", (DoorProtocol,), {"max_connections": limited}),
+        "http": type("Door", (DoorProtocol,), {"max_connections": max_connections}),
         "ws": "none",
         "h11_max_incomplete_event_size": limits.MAX_HEAD_BYTES,
         "timeout_keep_alive": limits.IDLE_S,
@@ -161,11 +161,11 @@ def _most_descriptors() -> int:
         return limits.MAX_CONNECTIONS
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     with suppress(OSError, ValueError):
-        wanted = limits.MAX_CONNECTIONS + limits.SPARE_DESCRIPTORS
-        wanted = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
-        if soft < wanted:
-            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
-            return wanted
+        target = limits.MAX_CONNECTIONS + limits.SPARE_DESCRIPTORS
+        target = target if hard == resource.RLIM_INFINITY else min(target, hard)
+        if soft < target:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (target, hard))
+            return target
     return soft
 
 

@@ -61,11 +61,11 @@ class BodyLimit:
         if length.isdigit() and int(length[:20]) > self._max_bytes:
             answer = problem(413, too_large(self._max_bytes), {"Connection": "close"})
             return await answer(scope, receive, send)
-        scope[RECEIVED], start, more = 0, time.monotonic(), True
+        scope[RECEIVED], start, is_coming = 0, time.monotonic(), True
 
-        async def counted() -> Message:
-            nonlocal more
-            if not more:  # the body is there; what follows is that the client leaves
+        async def counted_receive() -> Message:
+            nonlocal is_coming
+            if not is_coming:  # the body is there; what follows is that the client leaves
                 return await receive()
             allowed = self._grace_s + scope[RECEIVED] / self._least_rate
             try:
@@ -74,13 +74,13 @@ class BodyLimit:
             except TimeoutError as error:
                 text = f"expected at least {self._least_rate / 1024:g} KiB of the body a second; send a smaller photo"
                 raise HTTPException(408, text, {"Connection": "close"}) from error
-            more = message.get("more_body", False)
+            is_coming = message.get("more_body", False)
             scope[RECEIVED] += len(message.get("body", b""))
             if scope[RECEIVED] > self._max_bytes:
                 raise HTTPException(413, too_large(self._max_bytes), {"Connection": "close"})
             return message
 
-        return await self._app(scope, counted, send)
+        return await self._app(scope, counted_receive, send)
 
 
 class OwnNamesOnly:
@@ -96,8 +96,8 @@ class OwnNamesOnly:
         if scope["type"] == "lifespan":
             return await self._app(scope, receive, send)
         host = Headers(scope=scope).get("host", "")
-        found = HOST.fullmatch(host)
-        name = found[1].lower() if found else ""
+        match = HOST.fullmatch(host)
+        name = match[1].lower() if match else ""
         if "*" in self._names or name in self._names or (self._addresses and _is_address(name)):
             return await self._app(scope, receive, send)
         text = (
@@ -130,8 +130,8 @@ class TokenOnly:
         if scheme.lower() == "bearer" and self._fits(bearer) or self._fits(request.cookies.get(COOKIE, "")):
             return await self._app(scope, receive, send)
         if scope["method"] in SAFE_METHODS and self._fits(request.query_params.get("token", "")):
-            here = "/" + request.url.path.lstrip("/\\")  # two strokes would begin another host's address
-            answer: Response = RedirectResponse(here, 303)
+            target = "/" + request.url.path.lstrip("/\\")  # two strokes would begin another host's address
+            answer: Response = RedirectResponse(target, 303)
             secure = scope["scheme"] == "https"
             answer.set_cookie(COOKIE, self._token.decode(), httponly=True, samesite="strict", secure=secure)
             return await answer(scope, receive, send)
@@ -140,8 +140,8 @@ class TokenOnly:
         answer = problem(401, text + "Authorization: Bearer TOKEN", headers)
         return await answer(scope, receive, send)
 
-    def _fits(self, given: str) -> bool:
-        return secrets.compare_digest(given.strip().encode(), self._token)
+    def _fits(self, token: str) -> bool:
+        return secrets.compare_digest(token.strip().encode(), self._token)
 
 
 class HeadAsGet:

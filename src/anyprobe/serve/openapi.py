@@ -27,14 +27,14 @@ Schemas = dict[str, dict[str, Any]]
 def _texts(*about: str) -> Schemas:
     """Return the schemas of text fields for the hints on these subjects; for a file, of the words allowed in its
     place."""
-    found = [hint for hint in HINTS.values() if hint.about in about]
-    return {hint.name: _text_schema(hint) for hint in found if hint.words or not hint.suffixes}
+    hints = [hint for hint in HINTS.values() if hint.about in about]
+    return {hint.name: _text_schema(hint) for hint in hints if hint.words or not hint.suffixes}
 
 
 def _files(*about: str) -> Schemas:
     """Return the schemas of file parts for the hints on these subjects."""
-    found = [hint for hint in HINTS.values() if hint.about in about and hint.suffixes]
-    return {hint.name: _described(_file_schema(hint), hint.help) for hint in found}
+    hints = [hint for hint in HINTS.values() if hint.about in about and hint.suffixes]
+    return {hint.name: _described(_file_schema(hint), hint.help) for hint in hints}
 
 
 def _text_schema(hint: Hint) -> dict[str, Any]:
@@ -63,7 +63,7 @@ def _described(schema: dict[str, Any], text: str) -> dict[str, Any]:
 
 def _setting_help(name: str) -> str:
     """Return the description of a setting."""
-    return str(next(one.metadata["help"] for one in fields(Settings) if one.name == name))
+    return str(next(setting.metadata["help"] for setting in fields(Settings) if setting.name == name))
 
 
 _EXPORT = {
@@ -108,13 +108,13 @@ def _error(text: str) -> dict[str, Any]:
     return {"description": text, "content": {"application/problem+json": {"schema": _PROBLEM}}}
 
 
-_AT_THE_DOOR = {
+_GUARD_ERRORS = {
     "400": _error("the server does not go by this host name, or the form is malformed"),
     "401": _error("the server asks for its token: Authorization: Bearer TOKEN"),
     "500": _error("the server failed; its log says more"),
 }
 
-_ERRORS = _AT_THE_DOOR | {
+_ERRORS = _GUARD_ERRORS | {
     "403": _error("a page of another origin asks; start the server with --allow-origin ORIGIN"),
     "406": _error("Accept names nothing this can be sent as"),
     "408": _error("the body took too long"),
@@ -184,11 +184,11 @@ def _multiview() -> dict[str, Any]:
 
 
 FUSE_ROUTE = _multiview()
-TARGETS_ROUTE = {"responses": _AT_THE_DOOR}
-HEALTH = {"responses": {status: text for status, text in _AT_THE_DOOR.items() if status != "401"}}
+TARGETS_ROUTE = {"responses": _GUARD_ERRORS}
+HEALTH = {"responses": {status: text for status, text in _GUARD_ERRORS.items() if status != "401"}}
 READY = {"responses": HEALTH["responses"] | {"503": _error("it starts, ends, or all places are taken")}}
 METRICS_ROUTE = {
-    "responses": _AT_THE_DOOR
+    "responses": _GUARD_ERRORS
     | {"200": {"description": "Prometheus text", "content": {"text/plain": {"schema": {"type": "string"}}}}}
     | {"501": _error("prometheus-client is not installed")}
 }

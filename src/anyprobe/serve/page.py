@@ -72,8 +72,8 @@ class Page:
         mask = weights_folder("paper").parent / "mask" / "mask.onnx"
         if mask.is_file():
             self.files["weights/mask.onnx"] = mask
-        if (found := find_weights()) is not None:
-            self.files["weights/u2netp.onnx"] = found.path
+        if (mask_weights := find_weights()) is not None:
+            self.files["weights/u2netp.onnx"] = mask_weights.path
 
     def config(self, *, server: bool) -> dict[str, Any]:
         """Return the page's configuration: the available networks, and whether a server is behind it."""
@@ -139,10 +139,10 @@ def add_page(app: FastAPI, page: Page, pool: WorkerPool) -> None:
 
     @app.get("/example/{name}", include_in_schema=False)
     async def example(name: str) -> Response:
-        made = await pool.run(page.example, asyncio.Event().wait)  # others wait for it too
-        if f"example/{name}" not in made:
+        files = await pool.run(page.example, asyncio.Event().wait)  # others wait for it too
+        if f"example/{name}" not in files:
             raise HTTPException(404, "there is no such page")
-        return Response(made[f"example/{name}"], media_type=MEDIA_TYPES[Path(name).suffix])
+        return Response(files[f"example/{name}"], media_type=MEDIA_TYPES[Path(name).suffix])
 
     @app.api_route("/{name:path}", methods=["GET", "POST", "PUT", "PATCH", "DELETE"], include_in_schema=False)
     async def file(request: Request, name: str) -> Response:
@@ -176,9 +176,9 @@ def _file_response(request: Request, page: Page, name: str) -> Response:
 
 def _absent(request: Request) -> HTTPException:
     """Return 405 for an API address called by another method, which the page's catch-all route hides; else 404."""
-    hidden = [one for one in request.app.routes if one.matches(request.scope)[0] is Match.PARTIAL]
-    if hidden:
-        return HTTPException(405, headers={"Allow": ", ".join(sorted(hidden[0].methods))})
+    hidden_routes = [route for route in request.app.routes if route.matches(request.scope)[0] is Match.PARTIAL]
+    if hidden_routes:
+        return HTTPException(405, headers={"Allow": ", ".join(sorted(hidden_routes[0].methods))})
     return HTTPException(404, "there is no such page")
 
 

@@ -114,12 +114,12 @@ class WorkerPool:
 
     async def _make_room(self) -> bool:
         """End the slowest body whose grace has passed, so that slow senders do not lock others out."""
-        slow = [one for one in self._uploads if time.monotonic() - one.since > self._limits.grace_s / 2]
+        slow = [upload for upload in self._uploads if time.monotonic() - upload.since > self._limits.grace_s / 2]
         if not slow:
             return False
-        worst = min(slow, key=_Upload.rate)
-        self._uploads.remove(worst)
-        worst.timeout.reschedule(asyncio.get_running_loop().time())
+        slowest = min(slow, key=_Upload.rate)
+        self._uploads.remove(slowest)
+        slowest.timeout.reschedule(asyncio.get_running_loop().time())
         for _ in range(20):
             await asyncio.sleep(0.01)
             if not self._is_full():
@@ -135,13 +135,13 @@ class WorkerPool:
         """
         try:
             async with asyncio.timeout(self._limits.upload_s) as timeout:
-                one = _Upload(timeout=timeout, since=time.monotonic(), received=received)
-                self._uploads.append(one)
+                arriving = _Upload(timeout=timeout, since=time.monotonic(), received=received)
+                self._uploads.append(arriving)
                 try:
                     yield
                 finally:
                     with contextlib.suppress(ValueError):
-                        self._uploads.remove(one)
+                        self._uploads.remove(arriving)
         except TimeoutError as error:
             raise HTTPException(
                 408,
@@ -192,16 +192,16 @@ class WorkerPool:
     def warm(self) -> None:
         """Start a process of each kind in the background; `unready` reports when they are ready, or why not."""
         self._warming = [self._threads[name].submit(lane.call, ready) for name, lane in self._lanes.items()]
-        for one in self._warming:
-            one.add_done_callback(_log_fault)
+        for future in self._warming:
+            future.add_done_callback(_log_fault)
 
     def unready(self) -> str:
         """Return why a photo would be refused now; "" if it would be accepted."""
         if self._is_draining:
             return "the server is to end"
-        if any(not one.done() for one in self._warming):
+        if any(not future.done() for future in self._warming):
             return "the decoding processes start"
-        if any(one.cancelled() or one.exception() for one in self._warming):
+        if any(future.cancelled() or future.exception() for future in self._warming):
             self.warm()
             return "the decoding processes cannot be started; the log says why"
         if self._is_full():
@@ -215,11 +215,11 @@ class WorkerPool:
 
     def close(self) -> None:
         """Let running work end, or after a drain only its current step; drop waiting work."""
-        over = self._is_draining  # then nobody waits for an answer any more
-        for lane in self._lanes.values() if over else ():
+        was_draining = self._is_draining  # then nobody waits for an answer any more
+        for lane in self._lanes.values() if was_draining else ():
             lane.close()
         for threads in self._threads.values():
-            threads.shutdown(wait=not over, cancel_futures=True)
+            threads.shutdown(wait=not was_draining, cancel_futures=True)
         for lane in self._lanes.values():
             lane.close()
 

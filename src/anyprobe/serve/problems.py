@@ -37,8 +37,8 @@ def problem(status: int, notice: str, headers: Mapping[str, str] | None = None) 
     code = notice.code if isinstance(notice, Notice) else title.lower().replace(" ", "-")
     body = {"type": "about:blank", "title": title, "status": status, "detail": FIELDS.line(notice), "code": code}
     if isinstance(notice, Notice):
-        said = notice_json(notice)
-        body |= {name: said[name] for name in ("text", "subject", "remedy") if said[name]}
+        data = notice_json(notice)
+        body |= {name: data[name] for name in ("text", "subject", "remedy") if data[name]}
     return JSONResponse(body, status, dict(headers or {}), media_type=MEDIA_TYPE)
 
 

@@ -29,7 +29,7 @@ Answer = TypeVar("Answer")
 
 log = logging.getLogger("anyprobe.serve")
 
-USED_UP_MB = 400
+MAX_IDLE_MB = 400
 """Memory above which a process is replaced between two pieces of work [MiB]."""
 
 WALL_FACTOR, START_S = 3.0, 10.0
@@ -77,7 +77,7 @@ class Lane:
         self._closed = False
         weakref.finalize(self, _end_all, self._idle)
 
-    def call(self, work: Callable[Given, Answer], *given: Given.args, **named: Given.kwargs) -> Answer:
+    def call(self, work: Callable[Given, Answer], *args: Given.args, **kwargs: Given.kwargs) -> Answer:
         """Run a module-level function, such as one of serve.tasks, in a process and return its result; blocks.
 
         A process that ends meanwhile may have been ended from outside: the work is then repeated once, in another
@@ -87,21 +87,21 @@ class Lane:
             AnyprobeError: as the function does. TooSlow, TooMuchMemory: it was ended. WorkerLost: the machine lacks
                 something, or somebody ends processes.
         """
-        task = partial(work, *given, **named)
+        task = partial(work, *args, **kwargs)
         try:
             return _outcome(self._do(task))
         except _Ended as first:
             log.warning("a decoding process ended (%s); its work is done once more", first)
         try:
             return _outcome(self._do(task))
-        except _Ended as again:
-            log.error("a decoding process ended twice at the same work (%s)", again)
-            if again.from_outside:
-                raise WorkerLost(f"decoding processes end ({again}); is memory short?") from again
+        except _Ended as second:
+            log.error("a decoding process ended twice at the same work (%s)", second)
+            if second.from_outside:
+                raise WorkerLost(f"decoding processes end ({second}); is memory short?") from second
             raise TooMuchMemory(
                 "expected a file that can be decoded here, got one that takes too much; "
                 "send it smaller, or as PNG or JPEG"
-            ) from again
+            ) from second
 
     def _do(self, task: Callable[[], Any]) -> dict[str, Any]:
         """Return a process's answer to a task."""
@@ -119,10 +119,10 @@ class Lane:
             with self._lock:
                 self._busy.remove(worker)
         with self._lock:
-            keep = not self._closed and answer.pop("keep")
-            if keep:
+            is_reusable = not self._closed and answer.pop("keep")
+            if is_reusable:
                 self._idle.append(worker)
-        if not keep:
+        if not is_reusable:
             worker.end()
         return answer
 
@@ -193,7 +193,7 @@ class _Worker:
         """
         stderr = self._process.stderr
         assert stderr is not None
-        with _ended_after(self._process, IMPORTS_S) as late:
+        with _ended_after(self._process, IMPORTS_S) as timed_out:
             try:
                 ready = pickle.load(self._answers) == READY
             except (OSError, EOFError, pickle.UnpicklingError):
@@ -202,11 +202,11 @@ class _Worker:
             stderr.close()
             return
         self._process.kill()
-        said = stderr.read(-1).decode(errors="replace").strip().splitlines()[-8:]
+        lines = stderr.read(-1).decode(errors="replace").strip().splitlines()[-8:]
         stderr.close()
         self._process.wait(5)
-        why = "takes too long to start" if late.is_set() else "ends as it starts"
-        raise WorkerLost(f"a decoding process {why} (status {self._process.returncode}): {' | '.join(said)}")
+        fault = "takes too long to start" if timed_out.is_set() else "ends as it starts"
+        raise WorkerLost(f"a decoding process {fault} (status {self._process.returncode}): {' | '.join(lines)}")
 
     def kill(self) -> None:
         self._process.kill()
@@ -215,13 +215,13 @@ class _Worker:
         return self._process.poll() is None
 
     def call(self, message: Any, seconds: float) -> dict[str, Any]:
-        with _ended_after(self._process, WALL_FACTOR * seconds + START_S) as late:
+        with _ended_after(self._process, WALL_FACTOR * seconds + START_S) as timed_out:
             try:
                 _send(self._questions, message)
                 return pickle.load(self._answers)
             except (OSError, EOFError, pickle.UnpicklingError) as error:
                 status = self._status()
-                if late.is_set() or status == -SIGXCPU:
+                if timed_out.is_set() or status == -SIGXCPU:
                     raise TooSlow(
                         f"expected a file that is decoded within {seconds:g} seconds, got a slower one; "
                         "send it smaller, or as PNG or JPEG"
@@ -250,24 +250,24 @@ def _ended_after(process: subprocess.Popen, seconds: float) -> Iterator[threadin
     A starved process, which uses the little processor time that it gets, may go on: the system ends it at its limit of
     processor time.
     """
-    late, over = threading.Event(), threading.Event()
+    timed_out, finished = threading.Event(), threading.Event()
 
     def watch() -> None:
-        used = _used_s(process.pid)
+        used_s = _used_s(process.pid)
         for _ in range(STARVED_TIMES):
-            if over.wait(seconds):
+            if finished.wait(seconds):
                 return
-            before, used = used, _used_s(process.pid)
-            if used - before < STARVED_S:
+            used_before_s, used_s = used_s, _used_s(process.pid)
+            if used_s - used_before_s < STARVED_S:
                 break
-        late.set()
+        timed_out.set()
         process.kill()
 
     threading.Thread(target=watch, daemon=True).start()
     try:
-        yield late
+        yield timed_out
     finally:
-        over.set()
+        finished.set()
 
 
 def _used_s(pid: int) -> float:
@@ -285,9 +285,10 @@ def _import_path() -> list[str]:
 
     A random.py in it would be taken for Python's.
     """
-    own = os.path.realpath(Path(__file__).parents[2])
-    here = os.path.realpath(os.curdir)  # the working folder may be gone
-    return [one for one in sys.path if one and (os.path.realpath(one) != here or here == own)]
+    package_folder = os.path.realpath(Path(__file__).parents[2])
+    working_folder = os.path.realpath(os.curdir)  # may be gone
+    is_here = working_folder == package_folder
+    return [entry for entry in sys.path if entry and (is_here or os.path.realpath(entry) != working_folder)]
 
 
 def _outcome(answer: dict[str, Any]) -> Any:
@@ -309,13 +310,13 @@ def _send(pipe: IO[bytes], message: Any) -> None:
 
 def work(memory_mb: int, niceness: int) -> None:
     """Do pieces of work until there are no more; the main function of a process."""
-    given, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    nowhere = os.open(os.devnull, os.O_RDWR)
+    questions, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    null = os.open(os.devnull, os.O_RDWR)
     for number in (0, 1):  # C libraries print
-        os.dup2(nowhere, number)
+        os.dup2(null, number)
     from anyprobe.serve import tasks
 
-    os.dup2(nowhere, 2)
+    os.dup2(null, 2)
     with contextlib.suppress(AttributeError, OSError):
         os.nice(niceness)
     tasks.ready()
@@ -323,13 +324,13 @@ def work(memory_mb: int, niceness: int) -> None:
     _send(answers, READY)
     for count in range(1, MAX_CALLS + 1):
         try:
-            task, seconds = pickle.load(given)
+            task, seconds = pickle.load(questions)
         except EOFError:
             return
         _bound_time(seconds)
         answer = _answer(task)
         del task
-        _send(answers, answer | {"keep": count < MAX_CALLS and _held_mb() < USED_UP_MB})
+        _send(answers, answer | {"keep": count < MAX_CALLS and _held_mb() < MAX_IDLE_MB})
 
 
 def _answer(task: Callable[[], Any]) -> dict[str, Any]:
@@ -350,8 +351,8 @@ def _bound_memory(memory_mb: int) -> None:
         import resource
 
         with open("/proc/self/statm", encoding="ascii") as stream:
-            now = int(stream.read().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (now + memory_mb * 2**20,) * 2)
+            used = int(stream.read().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (used + memory_mb * 2**20,) * 2)
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     except (ImportError, OSError, ValueError):
         log.debug("no limit of memory")

@@ -76,7 +76,7 @@ class Upload:
     def is_quick(self) -> bool:
         """Whether all pictures are small and of formats that decode quickly."""
         pictures = [data for _, data in self.pictures()]
-        return all(one.startswith(QUICK_STARTS) for one in pictures) and sum(map(len, pictures)) <= QUICK_BYTES
+        return all(picture.startswith(QUICK_STARTS) for picture in pictures) and sum(map(len, pictures)) <= QUICK_BYTES
 
 
 class TooManyPixels(InputError):
@@ -141,10 +141,10 @@ def export_zip(upload: Upload, max_pixels: int, target: str) -> bytes:
     _check_pixels(upload, min(max_pixels, 2 * MAX_MAP_ROWS**2))
     with _map_file(upload.photo) as path, tempfile.TemporaryDirectory() as folder:
         radiance = read_radiance(path)
-        turned = origin_turned(map_from_camera(path))
-        given, exposure_ev = upload.world_from_camera, upload.exposure or 0.0
-        turn = None if given is None else rotation_of(given)
-        export(radiance, target, Path(folder), "light", world_from_camera=turn, exposure_ev=exposure_ev, origin=turned)
+        origin = origin_turned(map_from_camera(path))
+        angles, exposure_ev = upload.world_from_camera, upload.exposure or 0.0
+        turn = None if angles is None else rotation_of(angles)
+        export(radiance, target, Path(folder), "light", world_from_camera=turn, exposure_ev=exposure_ev, origin=origin)
         return zip_folder(Path(folder))
 
 
@@ -181,8 +181,8 @@ def _map_file(data: bytes, name: str = "map") -> Iterator[Path]:
             check_front(path)
             yield path
         except InputError as error:
-            is_its = error.notice.source in (str(path), path.name)
-            raise InvalidEnvironment(error.notice.of(name) if is_its else error) from error
+            is_about_file = error.notice.source in (str(path), path.name)
+            raise InvalidEnvironment(error.notice.of(name) if is_about_file else error) from error
 
 
 def _open(upload: Upload, max_pixels: int) -> Photo:
@@ -194,6 +194,6 @@ def _open(upload: Upload, max_pixels: int) -> Photo:
 def _check_pixels(upload: Upload, max_pixels: int) -> None:
     """Raise TooManyPixels if a picture's header declares more pixels than allowed."""
     for name, picture in upload.pictures():
-        bound = min(max_pixels, MAX_PANORAMA_PIXELS) if picture is upload.hints.surroundings else max_pixels
-        if declared_pixels(picture) > bound:
-            raise TooManyPixels(f"expected at most {bound / 1e6:g} million pixels; shrink it first", source=name)
+        limit = min(max_pixels, MAX_PANORAMA_PIXELS) if picture is upload.hints.surroundings else max_pixels
+        if declared_pixels(picture) > limit:
+            raise TooManyPixels(f"expected at most {limit / 1e6:g} million pixels; shrink it first", source=name)
