@@ -19,13 +19,13 @@ from anyprobe.render.shapes import draw_shape
 
 
 def draw_map(rng: np.random.Generator, height: int = 256) -> tuple[np.ndarray, bool]:
-    """One map of a random family and whether it is indoor."""
+    """Draw a map of a random family; return it and whether it is indoor."""
     kind = rng.integers(3)
     return [sky, room, studio][kind](rng, height), bool(kind > 0)
 
 
 PROCEDURAL_VERSION = 2
-"""Raised whenever the generators give other maps or shapes for the same seed."""
+"""Version of the generators, raised whenever the same seed gives other maps or shapes."""
 
 
 class AssetStore:
@@ -62,7 +62,7 @@ def _own_id(what: str, seed: int, index: int) -> str:
 
 
 def own_map(seed: int, index: int) -> MapAsset:
-    """Procedural map number index of a seed."""
+    """Generate procedural map number `index` of a seed."""
     radiance, indoor = draw_map(np.random.default_rng((seed, 1, index)))
     return MapAsset(
         id=_own_id("map", seed, index), name=f"own-map-{seed}-{index}", licence="own", indoor=indoor, radiance=radiance
@@ -70,7 +70,7 @@ def own_map(seed: int, index: int) -> MapAsset:
 
 
 def own_shape(seed: int, index: int) -> ShapeAsset:
-    """Procedural shape number index of a seed."""
+    """Generate procedural shape number `index` of a seed."""
     return ShapeAsset(
         id=_own_id("shape", seed, index),
         name=f"own-shape-{seed}-{index}",
@@ -91,7 +91,7 @@ def load_asset_store(
     seed: int = 5,
     report: Callable[[str], None] | None = None,
 ) -> AssetStore:
-    """Assets of data/{hdri,meshes}/<split>, with `extra` those of hdri/train_extra too, and so many of our own.
+    """Load the assets of data/{hdri,meshes}/<split>, with `extra` those of hdri/train_extra, and procedural ones.
 
     Where shapes are not asked for, data has to have none. Without data everything is our own; test assets are then
     drawn from another seed.

@@ -1,4 +1,4 @@
-"""Which maps and shapes there are, whose they are by the manifest.csv beside them, and how they are read."""
+"""The available maps and shapes: reading them, and their licences in the manifest.csv beside them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MAP_SUFFIXES = (".exr", ".hdr")
 
 STRANGE_MAPS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".pfm")
 STRANGE_MESHES = (".gltf", ".fbx", ".dae", ".3ds", ".blend", ".usd", ".usdz", ".3mf")
-"""Files that may be meant as assets: listed as unusable. Others are ignored."""
+"""Suffixes of files that may be meant as assets: reported as unusable. Other files are ignored."""
 
 Report = Callable[[str], None]
 Asset = TypeVar("Asset", "MapAsset", "ShapeAsset")
@@ -43,12 +43,12 @@ _OPEN = re.compile(
     r"|apache( licence)?,?( version)? 2(\.0)?( licence)?$"
     r"|0bsd\b|bsd (style|\d)\b"
 )
-"""How the licences below begin, or read as a whole where more could say of another than the file."""
+"""Beginnings of licences that allow commercial use; whole texts where more words could refer to something else."""
 _CLOSED = re.compile(
     r"commercial|\b(nc|nd|sa)\b|no ?deriv|share ?alike|resale|\b(not|only|unknown|unclear|probably)\b|\?"
     r"|\b(research|academic|educational|editorial|personal|private) (use|purpose)|examples licence"
 )
-"""Words that withdraw or qualify a licence, wherever they stand."""
+"""Words that withdraw or qualify a licence, anywhere in its text."""
 
 
 def allows_commercial_use(licence: str) -> bool:
@@ -93,7 +93,7 @@ def file_id(path: str | Path) -> str:
 
 
 def load_maps(folder: Path, *, commercial_only: bool = False, report: Report | None = None) -> list[MapAsset]:
-    """Return every map of a folder, normalised; `category` of the manifest says indoor or outdoor.
+    """Load every map of a folder, normalised; `category` of the manifest says indoor or outdoor.
 
     Args:
         commercial_only: leave out what allows_commercial_use refuses.
@@ -123,7 +123,7 @@ def load_maps(folder: Path, *, commercial_only: bool = False, report: Report | N
 
 
 def load_shapes(folder: Path, *, commercial_only: bool = False, report: Report | None = None) -> list[ShapeAsset]:
-    """Return every mesh of a folder; arguments and errors as of load_maps."""
+    """Load every mesh of a folder; arguments and errors as in load_maps."""
 
     def load(path: Path, row: dict[str, str]) -> ShapeAsset:
         return ShapeAsset(name=path.stem, id=file_id(path), licence=row["licence"], mesh=read_mesh(path))
@@ -137,7 +137,7 @@ def normalize_map(radiance: np.ndarray) -> np.ndarray:
 
 
 def mean_luminance(radiance: np.ndarray) -> float:
-    """Mean over the sphere; infinite where float32 overflows."""
+    """Return the mean luminance over the sphere; infinite where float32 overflows."""
     weights = pixel_solid_angles(radiance.shape[0])
     with np.errstate(over="ignore"):
         return (luminance(radiance) * weights).sum() / (4 * np.pi)
@@ -162,7 +162,7 @@ def _load(
     commercial_only: bool,
     report: Report | None,
 ) -> list[Asset]:
-    """Load what can be used, report the rest."""
+    """Load the usable files and report the rest."""
     assets: list[Asset] = []
     bad = refused = 0
     expected = "/".join(suffixes)
@@ -221,7 +221,7 @@ Row = dict[str, str]
 
 
 def read_table(path: Path) -> tuple[list[str], list[Row]]:
-    """Columns and rows of a manifest.csv, none if there is none; a short row's missing fields are empty.
+    """Read the columns and rows of a manifest.csv; none if there is no file. Fields missing in short rows are empty.
 
     Raises:
         InputError: no table in UTF-8 with the column file.

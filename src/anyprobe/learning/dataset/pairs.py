@@ -1,7 +1,6 @@
-"""Training pairs on the fly: a lit material on a surface, through a camera.
+"""Training pairs made on the fly: a lit material on a surface, through a camera.
 
-Batch number k is a function of (seed, k) alone, so a run that was killed goes on
-with exactly the pairs it would have seen.
+Batch number k is a function of (seed, k) alone, so a run that was killed resumes with exactly the same pairs.
 """
 
 from __future__ import annotations
@@ -37,7 +36,9 @@ from anyprobe.render.reflectance import lookup_coords
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PairConfig:
-    """batch: pairs a step; reuse: pairs a lit material serves; pool: groups of lit materials kept in a lane.
+    """Settings of pairs made on the fly.
+
+    batch: pairs a step; reuse: pairs a lit material serves; pool: groups of lit materials kept in a lane.
 
     lanes: step k belongs to lane k modulo lanes, and each lane has lit materials of its own, so that as
     many processes can make batches without shading anything twice.
@@ -77,19 +78,22 @@ class PairConfig:
 
 
 GIVEN_NORMALS_ERROR_DEG = 2.0
-"""Standard deviation of each of the three angles by which given normals are turned."""
+"""Standard deviation of each of the three angles by which given normals are rotated [degrees]."""
 GIVEN_MATERIAL_ERROR = np.array([0.0, 0.03, 0.08, 0.08, 0.08, 0.0, 0.0, 0.0], np.float32)
-"""Standard deviations of a given material's numbers, in the order of given_material.material_input."""
+"""Standard deviations of the errors of a given material, in the order of given_material.material_input."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Batch:
-    """photo [B, 4, S, S]: display RGB times mask, and mask; irradiance [B, 3, S, S] and ldr [B, 3, H, 2H] through the
+    """Batch of training pairs, as tensors.
+
+    photo [B, 4, S, S]: display RGB times mask, and mask; irradiance [B, 3, S, S] and ldr [B, 3, H, 2H] through the
     mean curve; ln_radiance [B, 3, H, 2H]; alpha [B]; normals [B, 3, S, S], zero outside the object, and tan_half [B] of
     half the field of view; given_normals_rotation [B, 3, 3]: from these normals to the given ones, a small turn, or
     zero where none are given; surroundings [B, 4, H, 2H]: what else the photo shows, see dataset.seen_surroundings, or
     zero; material [B, 8]: of the object (given_material.material_input; zero where a dataset does not say), and
-    given_material [B, 8]: as it is given, or zero."""
+    given_material [B, 8]: as it is given, or zero.
+    """
 
     photo: torch.Tensor
     irradiance: torch.Tensor
@@ -104,12 +108,12 @@ class Batch:
     given_material: torch.Tensor
 
     def to(self, device: str) -> Batch:
-        """Return the same on another device."""
+        """Move the batch to another device."""
         return Batch(**{one.name: getattr(self, one.name).to(device) for one in fields(self)})
 
 
 def slide(kept: dict, wanted: range, make: Callable[[int], Any]) -> list:
-    """Return the things of the wanted numbers, made when not kept yet; the others are forgotten."""
+    """Return the items of the wanted numbers, made unless cached; items of other numbers are dropped."""
     for number in kept.keys() - set(wanted):
         del kept[number]
     return [kept[number] if number in kept else kept.setdefault(number, make(number)) for number in wanted]
@@ -128,7 +132,7 @@ class PairSource:
         self._steps_per_group = max(1, config.group * config.reuse // config.batch)
 
     def _pool(self, step: int) -> list[LitMaterial]:
-        """Return the lit materials that the step's lane has at hand, the oldest first."""
+        """Return the lit materials available to the step's lane, the oldest first."""
         turn, lane = divmod(step, self.config.lanes)
         first = turn // self._steps_per_group
 
@@ -140,7 +144,7 @@ class PairSource:
 
     @torch.no_grad()
     def batch(self, step: int) -> Batch:
-        """The pairs of step number `step`."""
+        """Make the pairs of step number `step`."""
         pool = self._pool(step)
         rng = np.random.default_rng((self.config.seed, 2, step))
         chosen = [pool[i] for i in rng.choice(len(pool), self.config.batch, replace=len(pool) < self.config.batch)]
@@ -177,7 +181,7 @@ class PairSource:
         rng: np.random.Generator,
         hidden: torch.Tensor | None = None,
     ) -> Batch:
-        """Put lit materials on surfaces [B, 3, S, S], give them colours and take the photos.
+        """Put lit materials on surfaces [B, 3, S, S], draw their colours and take the photos.
 
         hidden: what the surfaces hide from themselves, [B, AZIMUTHS, SIDE, SIDE] of dataset.occlusion.
         """
@@ -244,7 +248,7 @@ class PairSource:
         )
 
     def _given(self, described: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Return the materials [B, 8] that come with their photos, with errors; the rest zero."""
+        """Return the materials [B, 8] given with the photos, with errors; zero where none is."""
         if self.config.given_material == 0:
             return np.zeros_like(described)
         rng = rng.spawn(1)[0]  # all else of a photo stays as it is
@@ -253,7 +257,7 @@ class PairSource:
         return wrong * (rng.random((len(wrong), 1)) < self.config.given_material)
 
     def _lit(self, chosen: list[LitMaterial], radiance, mask, light) -> LitObjects:
-        """radiance [B, 3, S, S] of objects, with mask [B, 1, S, S], under light [B, 3, H, 2H]."""
+        """Describe objects of radiance [B, 3, S, S] and mask [B, 1, S, S] under light [B, 3, H, 2H] for the camera."""
         weights = radiance.new_tensor(REC709).reshape(1, 3, 1, 1)
         seen = (radiance * weights).sum(1, keepdim=True)
         return LitObjects(
@@ -267,6 +271,6 @@ class PairSource:
 
 
 def _small_turns(count: int, rng: np.random.Generator) -> np.ndarray:
-    """Rotations [count, 3, 3] about all three axes, GIVEN_NORMALS_ERROR_DEG each."""
+    """Draw rotations [count, 3, 3] about all three axes, GIVEN_NORMALS_ERROR_DEG each."""
     angles = rng.normal(0.0, np.radians(GIVEN_NORMALS_ERROR_DEG), (count, 3))
     return np.stack([rotation_x(x) @ rotation_y(y) @ rotation_z(z) for x, y, z in angles])

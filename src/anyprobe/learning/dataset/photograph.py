@@ -1,5 +1,4 @@
-"""From lit objects to what a user has: metering, mask errors and camera, in one order for exact pairs and those made on
-the fly."""
+"""Photos of lit objects: metering, mask errors and camera, the same for exact pairs and those made on the fly."""
 
 from __future__ import annotations
 
@@ -36,8 +35,11 @@ class LitObjects:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Photographed:
-    """photo [N, 3, S, S]: whole numbers from 0 to 255, zero beside the mask; mask [N, S, S] bool, NumPy, as found;
-    gain [N]: from radiance to the photos' units before white balance."""
+    """Photos of N objects.
+
+    photo [N, 3, S, S]: whole numbers from 0 to 255, zero beside the mask; mask [N, S, S] bool, NumPy, as found;
+    gain [N]: from radiance to the photos' units before white balance.
+    """
 
     shots: list[Shot]
     photo: Any
@@ -55,7 +57,7 @@ def photograph(
     flawed: bool,
     tone: Callable | None = None,
 ) -> Photographed:
-    """Meter, look behind the objects, err in the masks, take the photos.
+    """Meter, see the background, disturb the masks and take the photos.
 
     Args:
         behind: from the gains to what the photos show beside the objects, [N, 3, S, S] in their units, or None.
@@ -78,7 +80,7 @@ def photograph(
 
 
 def _ambient(radiance: np.ndarray) -> np.ndarray:
-    """Sum of a map [H, 2H, 3] over the sphere, [3]."""
+    """Return the integral of a map [H, 2H, 3] over the sphere, [3]."""
     return (radiance * pixel_solid_angles(radiance.shape[0])[..., None]).sum(axis=(0, 1))
 
 

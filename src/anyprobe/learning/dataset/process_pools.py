@@ -1,4 +1,4 @@
-"""Tasks done by processes of this machine, or by a Ray cluster: those of a worker or node that is lost go to others."""
+"""Pools that do tasks, on this machine or on a Ray cluster; tasks of a lost worker or node go to others."""
 
 from __future__ import annotations
 
@@ -19,19 +19,21 @@ from typing import Any
 from anyprobe.errors import AnyprobeError, InputError, MissingExtra
 
 ATTEMPTS = 3
-"""How often a task is tried whose workers die."""
+"""Largest number of attempts at a task whose workers die."""
 
 _OF_CHILDREN = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "PYTHONSAFEPATH"), "1"
 )
-"""Environment of processes: one thread, and no modules from the working folder, whose random.py is not Python's."""
+"""Environment of worker processes: one thread, and no modules from the working folder, whose random.py is not
+Python's."""
 
 Work = Callable[[Any, Callable[[int], None]], Any]
-"""work(task, report) does a task, calls report(n) on the way, and returns its result; all of it can be pickled."""
+"""A function work(task, report) that does a task, calls report(n) on the way, and returns its result; all can be
+pickled."""
 
 
 class WorkerFailed(AnyprobeError):
-    """A task could not be done by any worker."""
+    """No worker could do a task."""
 
 
 @dataclass(slots=True)
@@ -44,7 +46,7 @@ class _Worker:
 def run_local(
     work: Work, tasks: Sequence[Any], watch: Callable[[Any, int], None], *, workers: int, say: Callable[[str], None]
 ) -> dict[Any, Any]:
-    """Do every task in one of so many processes; result by task.
+    """Do every task in worker processes on this machine; return the results by task.
 
     watch(task, n) hears of progress in this process, say(line) of workers that died.
 
@@ -87,7 +89,7 @@ def run_local(
 
 
 def _bury(one: _Worker, waiting: deque, deaths: Counter, watch: Callable, say: Callable) -> None:
-    """Give a dead worker's task back, unless it killed too many."""
+    """Requeue a dead worker's task; WorkerFailed if it has ended too many workers."""
     one.process.join()
     one.pipe.close()
     code = one.process.exitcode or 0
@@ -118,7 +120,7 @@ def _hire(work: Work) -> _Worker:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Numeric libraries loaded by processes begun here use one thread each: as fast, and the same sums.
+    """Make numeric libraries use one thread in processes started within the block: as fast, with the same sums.
 
     NumPy's products of small matrices are on every path that makes pairs, and its second thread would spin
     between them on a core that another worker needs.
@@ -137,7 +139,7 @@ def one_thread() -> Iterator[None]:
 
 @contextmanager
 def _interrupts_held() -> Iterator[None]:
-    """Processes begun here never see Ctrl-C; this one sees it afterwards and ends them."""
+    """Shield processes started within the block from Ctrl-C; this process receives it afterwards and ends them."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -150,7 +152,7 @@ def _interrupts_held() -> Iterator[None]:
 
 
 def _serve(work: Work, pipe: Connection) -> None:
-    """A worker's life; a parent that is gone breaks the pipe and so ends it, at the next pair at the latest."""
+    """Do the tasks that come through a pipe; a lost parent breaks the pipe and ends the worker at the next pair."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         while True:
@@ -170,7 +172,7 @@ def _serve(work: Work, pipe: Connection) -> None:
 
 
 def _portable(error: AnyprobeError) -> AnyprobeError:
-    """Return an error that can be pickled, whatever its constructor takes."""
+    """Return the error if it can be pickled, else an AnyprobeError with its text."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:
@@ -179,7 +181,7 @@ def _portable(error: AnyprobeError) -> AnyprobeError:
 
 
 AHEAD = 2
-"""Tasks handed to Ray per CPU; the rest wait here, so that a long job stays light."""
+"""Tasks handed to Ray per CPU; the rest wait here, which keeps a long job light."""
 
 KNOCK_S = 10.0
 
@@ -199,7 +201,7 @@ def run_ray(
     say: Callable[[str], None],
     finished: Callable[[Any], int] = lambda task: 1,
 ) -> dict[Any, Any]:
-    """Do every task on a cluster, one CPU each; result by task.
+    """Do every task on a cluster, one CPU each; return the results by task.
 
     address: a cluster's, "auto" for the one this machine is a node of; None begins one here with so many workers, which
     ends with this call. watch(task, finished(task)) reports each task that is done. Tasks must not mind being done
@@ -285,7 +287,7 @@ def _connect(address: str | None, workers: int):
 
 
 def _knock(address: str) -> None:
-    """Ray itself tries for minutes and then ends the process."""
+    """Check that a cluster's address answers: Ray itself tries for minutes and then ends the process."""
     host, _, port = address.removeprefix("ray://").rpartition(":")
     if not host:  # "auto" and the like: found by files on this machine
         return

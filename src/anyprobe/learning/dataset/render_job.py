@@ -1,4 +1,4 @@
-"""A rendered dataset: dataset.json, its shards, and rendering those that are missing."""
+"""A rendered dataset: dataset.json, its shards, and the rendering of missing shards."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from anyprobe.learning.dataset.samples import CONDITIONS, DATASET_FORMAT, StoreR
 
 
 def render_again(job: RenderJob, task: tuple[int, tuple[int, ...]], report: Callable[[int], None]) -> str:
-    """Return what differs when pairs of a shard, by number in the dataset, are rendered again; empty if nothing."""
+    """Render pairs of a shard again, by number in the dataset; return what differs, empty if nothing."""
     shard, numbers = task
     renderer = _renderer(job)
     stored = dict(shards.read_samples(shards.tar_path(job.folder, shard)))
@@ -61,7 +61,7 @@ def differing_pairs(
     workers: int,
     say: Callable[[str], None],
 ) -> dict[int, str]:
-    """Return what differs, by shard, when `count` random pairs of some shards are rendered again."""
+    """Render `count` random pairs of some shards again; return what differs, by shard."""
     job = _job(folder, data, make)
     tasks = choose_pairs(job.plan, among, count)
     results = run_local(partial(render_again, job), tasks, lambda task, n: None, workers=workers, say=say)
@@ -90,21 +90,21 @@ SETTINGS: dict[str, Any] = {
 """Settings of a dataset and their defaults; pairs None means all."""
 
 WORDS = {"kind": ("object", "map"), "split": ("train", "test"), "conditions": CONDITIONS}
-"""Values of the settings that are words."""
+"""Allowed values of the settings that are words."""
 
 PROCEDURAL = 32
-"""Maps and shapes of our own when no folder of assets is given."""
+"""Number of procedural maps, and of shapes, without a folder of assets."""
 
 BYTES_PER_PAIR = {"object": 45_000, "map": 60_000}
-"""Expected until a shard has shown it."""
+"""Expected size of a pair by kind [bytes], until a shard is there to measure."""
 
 Make = Callable[..., StoreRenderer]
-"""make(settings, data) opens the renderer; importable by name, as workers call it too."""
+"""A function make(settings, data) that opens the renderer; importable by name, as workers call it too."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RenderJob:
-    """One dataset: where it lies, how it is made and from which folder of assets."""
+    """One dataset: its folder, how to open its renderer, and its folder of assets."""
 
     folder: Path
     data: Path | None
@@ -112,11 +112,11 @@ class RenderJob:
 
     @property
     def plan(self) -> dict:
-        """The content of dataset.json."""
+        """Content of dataset.json."""
         return read_plan(self.folder)
 
     def missing(self) -> list[int]:
-        """Return the shards that are not there yet, or not of the size their index says."""
+        """Return the shards that are absent, or not of the size that their index states."""
         return [shard for shard in range(num_shards(self.plan)) if not shards.is_done(self.folder, shard)]
 
 
@@ -127,13 +127,13 @@ def _job(folder: Path, data: Path | None, make: Make) -> RenderJob:
 
 @lru_cache(maxsize=1)
 def _renderer(job: RenderJob) -> StoreRenderer:
-    """Return the renderer, opened once a process; InputError if its assets are not the dataset's."""
+    """Return the renderer, opened once per process; InputError if its assets are not the dataset's."""
     # what is left out of a folder of assets was said when the dataset was begun
     return _open(job, job.plan, report=lambda line: None)
 
 
 def _open(job: RenderJob, plan: Mapping, **options) -> StoreRenderer:
-    """Return the renderer of a plan; InputError if it is not over the plan's assets."""
+    """Open the renderer of a plan; InputError if it is not over the plan's assets."""
     if job.data is None and plan["procedural_maps"] < len(plan["maps"]):
         raise InputError("--data: expected the folder of assets that the dataset was begun with, got none")
     renderer = job.make({name: plan[name] for name in SETTINGS}, job.data, **options)
@@ -142,7 +142,7 @@ def _open(job: RenderJob, plan: Mapping, **options) -> StoreRenderer:
 
 
 def num_shards(plan: Mapping) -> int:
-    """Return how many shards a plan has."""
+    """Return the number of shards of a plan."""
     return -(-plan["pairs"] // plan["shard_size"])
 
 
@@ -152,7 +152,7 @@ def shard_range(plan: Mapping, shard: int) -> range:
 
 
 def read_plan(folder: Path) -> dict:
-    """dataset.json of a folder; InputError if there is none or it is not one."""
+    """Read dataset.json of a folder; InputError if it is absent or damaged."""
     path = folder / NAME
     try:
         plan = json.loads(path.read_text(encoding="utf-8"))
@@ -169,7 +169,7 @@ def read_plan(folder: Path) -> dict:
 
 
 def _check_plan(plan: Mapping) -> None:
-    """ValueError, KeyError or TypeError where a plan lacks anything that is read of it later."""
+    """Raise ValueError, KeyError or TypeError if a plan lacks anything that is read later."""
     for name, default in SETTINGS.items():
         expected = int if default is None else type(default)
         if type(plan[name]) is not expected or plan[name] not in WORDS.get(name, (plan[name],)):
@@ -184,7 +184,7 @@ def _check_plan(plan: Mapping) -> None:
 def begin(
     folder: Path, given: Mapping[str, object], data: Path | None, make: Make, *, resume: bool, **options
 ) -> RenderJob:
-    """Write dataset.json of a new dataset, or check that an old one can go on.
+    """Write dataset.json of a new dataset, or check that an old one can be continued.
 
     given: the settings the caller chose; others are the old dataset's, or as in SETTINGS.
     options go to make in this process.
@@ -224,7 +224,7 @@ def begin(
 
 
 def _versions() -> dict[str, object]:
-    """Return the versions and assets that would change the pairs of the same settings."""
+    """Return the versions that change the pairs of the same settings."""
     return {
         "format": DATASET_FORMAT,
         "anyprobe_version": __version__,
@@ -234,7 +234,7 @@ def _versions() -> dict[str, object]:
 
 
 def check_versions(folder: Path, plan: Mapping) -> None:
-    """InputError if the dataset is of another release: of the same settings this one would make other pairs."""
+    """Raise InputError if the dataset is of another release, whose pairs differ for the same settings."""
     for name, value in _versions().items():
         if plan.get(name) != value:
             raise InputError(
@@ -271,7 +271,7 @@ def _refuse_occupied(folder: Path) -> None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold a dataset against a second writer, until the block or the process ends."""
+    """Lock a dataset against a second writer, until the block or the process ends."""
     with held(folder / NAME, wait=False) as alone:
         if not alone:
             raise InputError(f"{folder.name}: expected one writer, but another process renders into it; wait for it")
@@ -279,7 +279,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def check_space(job: RenderJob, missing: Sequence[int]) -> int:
-    """Bytes that the missing shards will need, by those that are there; OutputError if they do not fit."""
+    """Return the bytes that the missing shards will need, judged by those present; OutputError if they do not fit."""
     plan = job.plan
     done = [shard for shard in range(num_shards(plan)) if shard not in set(missing)][:20]
     each = float(BYTES_PER_PAIR[plan["kind"]])
@@ -297,7 +297,7 @@ def check_space(job: RenderJob, missing: Sequence[int]) -> int:
 
 
 def render_shard(job: RenderJob, shard: int, report: Callable[[int], None]) -> None:
-    """Render one shard; report(n) after each pair. Any process on any machine may do this."""
+    """Render one shard; report(n) after each pair. Any process on any machine may call this."""
     renderer = _renderer(job)
 
     def samples():
@@ -309,7 +309,7 @@ def render_shard(job: RenderJob, shard: int, report: Callable[[int], None]) -> N
 
 
 def render_missing(job: RenderJob, engine: Callable, watch: Callable[[int, int], None]) -> None:
-    """Render what is missing with engine(work, tasks, watch): run_local or run_ray of process_pools.
+    """Render the missing shards with engine(work, tasks, watch): run_local or run_ray of process_pools.
 
     watch(shard, pairs done in it) reports the progress.
     """
@@ -332,7 +332,7 @@ def render_missing(job: RenderJob, engine: Callable, watch: Callable[[int, int],
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Status:
-    """How far a dataset is."""
+    """Progress of a dataset."""
 
     shards: int
     shards_done: int
@@ -344,7 +344,7 @@ class Status:
 
 
 def job_status(folder: Path) -> Status:
-    """Count what is there, by the indices."""
+    """Count the finished shards and pairs, by their indices."""
     plan, pairs, size = read_plan(folder), 0, 0
     groups: Counter[str] = Counter()
     missing: list[int] = []

@@ -1,4 +1,4 @@
-"""A pair as named bytes, as stored in a shard, and its renderer."""
+"""A pair as named bytes, as a shard stores it, and its renderer."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from anyprobe.pictures.images import png_bytes
 CONDITIONS = ("clean", "world")
 
 DATASET_FORMAT = 2
-"""Format of datasets; another one is refused."""
+"""Version of the format of datasets; others are refused."""
 NORMALS = "normals.png"
 SAMPLE_ARRAYS = {
     "object": {
@@ -31,12 +31,12 @@ SAMPLE_ARRAYS = {
     },
     "map": {"ldr.png": ((64, 128, 3), "uint8"), "ln_radiance.npy": ((64, 128, 3), "float16")},
 }
-"""By kind, the shape and type of each array of a sample; json stands beside them."""
+"""Shape and type of each array of a sample, by kind; json stands beside them."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sample:
-    """A pair's name, its parts (photo.png and so on) in their order, and what it is counted under."""
+    """A pair's name, its parts (photo.png and so on) in order, and the groups that it counts towards."""
 
     key: str
     parts: dict[str, bytes]
@@ -47,7 +47,7 @@ _Report = Callable[[str], None] | None
 
 
 class StoreRenderer:
-    """Renders every combination of the assets of a folder, and of our own."""
+    """Renderer of all combinations of a folder's assets and of procedural ones."""
 
     def __init__(self, settings: Mapping, data: Path | None, report: _Report = None) -> None:
         self.kind = settings["kind"]
@@ -69,25 +69,25 @@ class StoreRenderer:
         self.shapes = _notes(self.store.shapes) if self.kind == "object" else []
 
     def _leave_out_lines(self, report: _Report) -> None:
-        """Without the shapes that photos would not show."""
+        """Drop the shapes that photos would not show."""
         for shape in [one for one in self.store.shapes.values() if is_too_thin(one.mesh)]:
             del self.store.shapes[shape.id]
             if report is not None:
                 report(f"{shape.name}: expected a shape that photos show, got one thinner than a pixel; left out")
 
     def recipe(self, index: int) -> Recipe:
-        """Recipe number index of the plan."""
+        """Return recipe number `index` of the plan."""
         return self.plan.recipe(index)
 
     def sample(self, recipe: Recipe) -> Sample:
-        """Its pair."""
+        """Render and encode a recipe's pair."""
         if recipe.kind == "object":
             return encode_pair(render_pair(recipe, self.store))
         return encode_map_pair(render_map_pair(recipe, self.store))
 
 
 def encode_pair(pair: Pair) -> Sample:
-    """photo.png (RGBA), irradiance.png, normals.png and json of an object's pair."""
+    """Encode an object's pair: photo.png (RGBA), irradiance.png, normals.png and json."""
     fields = {
         "shape_id": pair.recipe.shape_id,
         "shape": pair.shape_name,
@@ -110,19 +110,19 @@ def encode_pair(pair: Pair) -> Sample:
 
 
 def encode_normals(normals: np.ndarray) -> np.ndarray:
-    """Unit normals [S, S, 3], zero off the object, to uint8: round(127 n) + 128, and 0 off the object."""
+    """Encode unit normals [S, S, 3], zero off the object, as uint8: round(127 n) + 128, and 0 off the object."""
     inside = normals.any(axis=-1, keepdims=True)
     return np.where(inside, np.round(127.0 * normals) + 128.0, 0.0).astype(np.uint8)
 
 
 def decode_normals(image: np.ndarray) -> np.ndarray:
-    """Back to [S, S, 3] float32: unit to rounding of half a degree, zero off the object."""
+    """Decode normals to [S, S, 3] float32: unit to rounding of half a degree, zero off the object."""
     inside = image.any(axis=-1, keepdims=True)
     return np.where(inside, (image.astype(np.float32) - 128.0) / 127.0, 0.0).astype(np.float32)
 
 
 def encode_map_pair(pair: MapPair) -> Sample:
-    """ldr.png, ln_radiance.npy and json of a map's pair."""
+    """Encode a map's pair: ldr.png, ln_radiance.npy and json."""
     array = io.BytesIO()
     np.save(array, np.ascontiguousarray(pair.ln_radiance, np.float16))
     return Sample(
@@ -133,7 +133,7 @@ def encode_map_pair(pair: MapPair) -> Sample:
 
 
 def decode_part(name: str, data: bytes) -> Any:
-    """Return a part as it was before encoding, by the end of its name; InputError if it is none."""
+    """Decode a part by the end of its name; InputError if it is damaged."""
     try:
         if name.endswith(".npy"):
             return np.load(io.BytesIO(data), allow_pickle=False)
@@ -146,7 +146,7 @@ def decode_part(name: str, data: bytes) -> Any:
 
 
 def same(name: str, first: bytes, second: bytes) -> bool:
-    """Return whether two parts hold the same values bit for bit, however they were packed."""
+    """Return whether two parts hold the same values bit for bit, however they were compressed."""
     if first == second:
         return True
     a, b = decode_part(name, first), decode_part(name, second)

@@ -1,4 +1,4 @@
-"""Self-shadowing: an object's light where it hides part of its surroundings from itself (dataset.occlusion)."""
+"""Self-shadowing: an object's light where it hides part of its surroundings (dataset.occlusion)."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import torch.nn.functional as F
 from anyprobe.learning.dataset.occlusion import AZIMUTHS, RINGS, SIDE, cell_directions, cell_weights
 
 CELL_SHARPNESS = 25.0
-"""Sharpness of the spherical Gaussian as wide as a cell: a lobe is never taken for narrower."""
+"""Sharpness of a spherical Gaussian as wide as a cell, the largest that a lobe is given."""
 
 
 def moved(hidden: torch.Tensor, old_from_new: torch.Tensor, offset: torch.Tensor) -> torch.Tensor:
-    """Return the cells [B, AZIMUTHS, S, S] of pictures whose points are moved, as in dataset.shape_augment.Reshaping.
+    """Move the cells [B, AZIMUTHS, S, S] of pictures along with their points, as in dataset.shape_augment.Reshaping.
 
     Azimuths turn with the picture, to the nearest; that it is drawn out or gets deeper is left out.
 
@@ -39,7 +39,7 @@ def shade_hidden(
     radiance: torch.Tensor,
     glow: torch.Tensor,
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """Diffuse and specular light where the object hides part of its surroundings.
+    """Attenuate diffuse and specular light where the object hides part of its surroundings.
 
     Hidden cells show the object itself, as bright as it is in the mean.
 
@@ -75,7 +75,7 @@ def shade_hidden(
 
 
 def _lobe(n: torch.Tensor, wo: torch.Tensor, alpha: torch.Tensor, d: torch.Tensor) -> torch.Tensor:
-    """Return a GGX lobe as a spherical Gaussian (Wang et al. 2009), no narrower than a cell: [P, cells]."""
+    """Approximate a GGX lobe by a spherical Gaussian (Wang et al. 2009), no narrower than a cell: [P, cells]."""
     cosine = (n * wo).sum(dim=-1, keepdim=True).clip(min=0.1)
     mirror = 2 * cosine * n - wo
     middle = F.normalize(torch.lerp(n, mirror, (1 - alpha) * ((1 - alpha).sqrt() + alpha)), dim=-1)

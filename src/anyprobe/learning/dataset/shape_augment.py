@@ -17,26 +17,26 @@ import torch.nn.functional as F
 from anyprobe.learning.dataset.shadows import moved
 
 UPRIGHT_DEG = 15.0
-"""Standard deviation of the angle by which half of the pictures are rolled; the others are rolled by any."""
+"""Standard deviation of the roll of half of the pictures [degrees]; the others are rolled by any angle."""
 STRETCH = 0.15
-"""Standard deviation of the logarithm by which a picture is drawn out along one axis and in along the other."""
+"""Standard deviation of the logarithm by which a picture is stretched along one axis and compressed along the other."""
 DEPTH = 0.3
-"""Standard deviation of the logarithm by which slopes are made steeper."""
+"""Standard deviation of the logarithm of the factor on slopes."""
 _MARGIN = (1.04, 1.2)
-"""The picture's side over the longer side of the object's box, as where surfaces are drawn."""
+"""Range of the picture's side over the longer side of the object's box, as for rasterised surfaces."""
 SLOW, FAST = (1.0, 4.0), (6.0, 25.0)
-"""Speeds of the waves that bend the surface and that are pressed into it [radians over half the picture]."""
+"""Frequencies of the waves that bend the surface, and of those that emboss it [radians per half picture]."""
 MOST_SLOW, MOST_FAST = 0.5, 0.4
-"""Their slopes sum to no more."""
+"""Largest sum of the slopes of each kind of waves."""
 JOINED = (0.25, 0.7)
-"""Size of a surface that is put before another, of its own."""
+"""Size range of a surface put before another, relative to its own size."""
 _LEAST = 0.02
-"""Cosine between a normal and the ray to the eye, at least: an interpolated one may have turned away."""
+"""Smallest cosine between a normal and the ray to the eye: an interpolated normal may face away."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Reshaping:
-    """Deformation of B surfaces; places are in halves of the picture, x right, y up.
+    """Deformation of B surfaces; positions are in halves of the picture, x right, y up.
 
     old_from_new [B, 2, 2], offset [B, 2]: where each new place was.
     deeper [B]: how many times steeper the surface gets.
@@ -57,7 +57,7 @@ def reshape_some(
     share: float,
     hidden: torch.Tensor | None = None,
 ) -> torch.Tensor:
-    """Another shape for about a share of the surfaces; arguments and result as for `reshape`.
+    """Reshape about a share of the surfaces; arguments and result as in `reshape`.
 
     hidden: their cells of dataset.occlusion, which are moved along in place.
     """
@@ -80,7 +80,7 @@ def join_some(
     rng: np.random.Generator,
     share: float,
 ) -> torch.Tensor:
-    """Put another surface, smaller and turned, before about a share of the surfaces, as a limb or a knob would be.
+    """Put another surface, smaller and turned, before about a share of the surfaces, like a limb or a knob.
 
     Arguments and result as for `reshape`; the others are as many.
     """
@@ -102,7 +102,7 @@ def join_some(
 
 
 def draw_reshaping(masks: np.ndarray, rng: np.random.Generator) -> Reshaping:
-    """Rolled, drawn out, deeper or flatter, bent and with a relief, for objects of masks [B, S, S], on the CPU.
+    """Draw deformations of objects of masks [B, S, S], on the CPU: roll, stretch, depth, bending and relief.
 
     Each object fills its picture as it did before.
     """
@@ -136,7 +136,7 @@ def _draw(mask: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
 
 
 def _waves(rng: np.random.Generator, speeds: tuple[float, float], most: float) -> np.ndarray:
-    """Three plane waves [3, 2, 2]: slope and speed along x and y."""
+    """Draw three plane waves [3, 2, 2]: slope and frequency along x and y."""
     angle = rng.uniform(0, 2 * np.pi, 3)
     along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     slope = rng.dirichlet(np.ones(3)) * rng.uniform(0.0, most)
@@ -152,8 +152,7 @@ def _turn(angle: float) -> np.ndarray:
 def reshape(
     normals: torch.Tensor, tan_half: torch.Tensor, reshaping: Reshaping, new_tan_half: torch.Tensor | None = None
 ) -> torch.Tensor:
-    """Give surfaces of normals [B, 3, S, S], camera frame, zero outside the objects, another shape: normals that are
-    unit and visible inside the objects.
+    """Reshape surfaces of normals [B, 3, S, S], camera frame, zero outside the objects; return unit, visible normals.
 
     tan_half: [B] of half the field of view; new_tan_half: that of the result, by default the same.
     """

@@ -1,4 +1,4 @@
-"""Many shapes seen from many sides, rasterised once: the geometry of the training pairs."""
+"""Many shapes seen from many sides, rasterised once: the geometry of training pairs."""
 
 from __future__ import annotations
 
@@ -26,12 +26,14 @@ from anyprobe.render.surface import frame_object, see
 
 NUM_ELEVATIONS = 8
 ELEVATION_SINES = np.linspace(-0.1, 0.95, NUM_ELEVATIONS + 1)
-"""Borders of the elevation classes; uniform in the sine is uniform on the sphere."""
+"""Borders of the elevation classes in sine; uniform in the sine is uniform on the sphere."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SurfaceConfig:
-    """views: per shape and elevation class; procedural: how many shapes of our own are added, and figures: how many
+    """Number and variation of rasterised shapes.
+
+    views: per shape and elevation class; procedural: how many shapes of our own are added, and figures: how many
     made of several, each seen own_views times (None: views); parts: how many machined ones, each seen once, flat.
 
     stretch: standard deviation of the logarithm by which each view's shape is drawn out along three
@@ -56,8 +58,11 @@ class SurfaceConfig:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SurfaceSet:
-    """normals [N, 3, S, S] float16 in the camera frame, zero outside the object;
-    tan_half [N]; elevation [N] class index; hidden [N, AZIMUTHS, SIDE, SIDE] of dataset.occlusion, or None."""
+    """Rasterised views of shapes.
+
+    normals [N, 3, S, S] float16 in the camera frame, zero outside the object;
+    tan_half [N]; elevation [N] class index; hidden [N, AZIMUTHS, SIDE, SIDE] of dataset.occlusion, or None.
+    """
 
     normals: np.ndarray
     tan_half: np.ndarray
@@ -66,7 +71,7 @@ class SurfaceSet:
 
 
 def draw_elevation(rng: np.random.Generator, which: int) -> float:
-    """Return an elevation [radians] inside a class."""
+    """Draw an elevation [radians] inside a class."""
     return float(np.arcsin(rng.uniform(ELEVATION_SINES[which], ELEVATION_SINES[which + 1])))
 
 
@@ -86,11 +91,11 @@ class SurfaceView:
 
 
 _Seen = tuple[np.ndarray, float, int, np.ndarray]
-"""Arrays of one view in the order of SurfaceSet; no hidden cells unless they are asked for."""
+"""Arrays of one view in the order of SurfaceSet; empty hidden cells unless they are requested."""
 
 
 def draw_views(views: int, config: SurfaceConfig, rng: np.random.Generator) -> list[SurfaceView]:
-    """Draw `views` views of each class; no draw depends on the shape."""
+    """Draw `views` views of each class, independently of the shape."""
     return [_draw_view(which, config, rng) for which in range(NUM_ELEVATIONS) for _ in range(views)]
 
 
@@ -113,7 +118,7 @@ def _draw_view(which: int, config: SurfaceConfig, rng: np.random.Generator) -> S
 
 
 def _stretch_and_lean(config: SurfaceConfig, rng: np.random.Generator) -> np.ndarray:
-    """Drawn out along three random directions, then leaning some way."""
+    """Draw a matrix that stretches along three random directions, then tilts in a random direction."""
     axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     stretch = (axes * np.exp(rng.normal(0.0, config.stretch, 3))) @ axes.T
     toward = rng.uniform(0, 2 * np.pi)
@@ -124,7 +129,7 @@ def _stretch_and_lean(config: SurfaceConfig, rng: np.random.Generator) -> np.nda
 def _waves(
     rng: np.random.Generator, count: int, speed: tuple[float, float], most: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pushes, waves [count, 3] and phases [count] of waved, whose slopes sum to between none and `most`."""
+    """Draw pushes, waves [count, 3] and phases [count] for `waved`, whose slopes sum to at most `most`."""
     waves = normalize(rng.normal(size=(count, 3))) * np.exp(
         rng.uniform(np.log(speed[0]), np.log(speed[1]), size=(count, 1))
     )
@@ -134,7 +139,7 @@ def _waves(
 
 
 def see_views(mesh: Mesh, views: list[SurfaceView], size: int, shadows: bool = False) -> list[_Seen]:
-    """Return the views of a mesh that show enough of it; shadows: with hidden cells."""
+    """Rasterise the views of a mesh that show enough of it; shadows: with hidden cells."""
     result = []
     for view in views:
         seen = mesh if view.waves is None else waved(mesh, *view.waves)
@@ -150,7 +155,7 @@ def see_views(mesh: Mesh, views: list[SurfaceView], size: int, shadows: bool = F
 
 
 def drawn_part(number: int, config: SurfaceConfig) -> tuple[Mesh, list[SurfaceView]]:
-    """Machined part `number` and its views; it is not bent, and nothing is pressed into it."""
+    """Draw machined part `number` and its views; it is neither bent nor embossed."""
     rng = np.random.default_rng((config.seed, 1, number))
     return part(rng), draw_views(1, replace(config, bend=0.0, relief=0.0), rng)
 
@@ -167,7 +172,7 @@ def _shapes_and_views(shapes: list[ShapeAsset], config: SurfaceConfig) -> Iterat
 
 
 def _seen(jobs: Iterator[tuple[Mesh, list[SurfaceView]]], config: SurfaceConfig, workers: int) -> Iterator[list[_Seen]]:
-    """see_views of each shape, in order, by so many processes; 0: by this one."""
+    """Yield see_views of each shape, in order, made by `workers` processes; 0: by this one."""
     see = partial(see_views, size=config.size, shadows=config.shadows)
     if workers == 0:
         for job in jobs:
@@ -194,7 +199,7 @@ def build_surfaces(
     workers: int = 0,
     watch: Callable[[int, int], None] | None = None,
 ) -> SurfaceSet:
-    """Rasterise shapes x elevation classes x views; kept in the folder cache when one is given.
+    """Rasterise shapes x elevation classes x views, cached in a folder if one is given.
 
     Args:
         workers: processes that draw, 0 for this one; what is drawn does not depend on it.
@@ -233,5 +238,5 @@ ARRAYS = ("normals", "tan_half", "elevation", "hidden")
 
 
 def _kept(folder: Path, names: tuple[str, ...]) -> SurfaceSet:
-    """Those of a folder; the pictures stay on the disk, where all processes of a machine share what they read."""
+    """Open the arrays of a folder; they stay on disk, so that all processes of a machine share them in memory."""
     return SurfaceSet(**{name: np.load(folder / f"{name}.npy", mmap_mode="r") for name in names})

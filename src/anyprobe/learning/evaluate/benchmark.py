@@ -1,4 +1,4 @@
-"""A test set for other programs: its photos as files, and their maps read back to be scored."""
+"""A test set for other programs: its photos as files, and the programs' maps read back to be scored."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ UNITS = "linear Rec. 709 radiance in the photo's exposure: 1 is where the photo 
 
 
 def write_photo(folder: Path, key: str, picture: np.ndarray, mask: np.ndarray, fov_deg: float | None) -> None:
-    """Write KEY.png, KEY_mask.png and KEY.json: all that a method is given.
+    """Write KEY.png, KEY_mask.png and KEY.json: all that a method may use.
 
     Args:
         picture: [H, W, 3 or 4] uint8 display values. mask: [H, W] bool.
@@ -51,13 +51,13 @@ def write_photo(folder: Path, key: str, picture: np.ndarray, mask: np.ndarray, f
 
 
 def write_pair(folder: Path, pair: Pair) -> None:
-    """write_photo of a pair: the object on black."""
+    """Write a pair's photo, with the object on black, by write_photo."""
     fov_deg = 2.0 * np.degrees(np.arctan(pair.tan_half))
     write_photo(folder, pair.recipe.key, pair.photo[..., :3], pair.photo[..., 3] > 0, float(fov_deg))
 
 
 def read_predictions(folder: Path, keys: Sequence[str]) -> dict[str, np.ndarray]:
-    """Return the map of every key in a folder, KEY.exr, or where that is not there KEY.hdr, as [64, 128, 3].
+    """Read the map of every key in a folder, KEY.exr or else KEY.hdr, as [64, 128, 3].
 
     Raises:
         InputError: a key has no map.
@@ -76,7 +76,7 @@ def read_predictions(folder: Path, keys: Sequence[str]) -> dict[str, np.ndarray]
 
 
 def _read(path: Path) -> np.ndarray:
-    """[64, 128, 3] of any size: larger ones with the integral over the sphere kept, smaller ones interpolated."""
+    """Read a map of any size as [64, 128, 3]: larger ones keep their integral, smaller ones are interpolated."""
     radiance = read_radiance(path)
     if not radiance.any():
         raise InvalidEnvironment(f"{path.name}: expected light, got a black map; write what the program estimated")

@@ -1,5 +1,5 @@
-"""Checkpoints: reading them, resuming the run they are of and no other, and their weights alone, in half floats, to
-begin another run from or to average with."""
+"""Checkpoints: reading them, resuming their run and no other, and their weights alone, in half floats, to start another
+run from."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.learning.train.from_lift import chain_from_lift
 
 FREE = ("name", "steps")
-"""Settings that may change: the folder's name, and how long the run is."""
+"""Settings that may change when a run is resumed."""
 EXPLAINED = {
     "pairs.lanes": "pairs.lanes (processes times --workers, 2 without workers) of",
     "processes": "as many processes as",
@@ -31,7 +31,7 @@ EXPLAINED = {
 
 
 def check_goes_on(path: Path, stored: Mapping[str, Any], config: Any) -> None:
-    """Refuse to go on from a checkpoint that has weights alone, with other settings, or to fewer steps than are done.
+    """Refuse to resume a checkpoint that has weights alone, other settings, or more steps than are asked for.
 
     stored: of read_checkpoint. config: a run's configuration, a dataclass with `steps`.
 
@@ -55,7 +55,7 @@ def check_goes_on(path: Path, stored: Mapping[str, Any], config: Any) -> None:
 
 
 def agreed(path: Path, began: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the origin of the run at path: what is known of how it began, and of now; InputError where these
+    """Return the origin of the run at path, merged from its checkpoint's and the current one; InputError if they
     differ."""
     for name, value in now.items():
         if began.get(name, value) != value:
@@ -66,8 +66,7 @@ def agreed(path: Path, began: Mapping[str, Any], now: Mapping[str, Any]) -> dict
 def resumed(
     path: Path, config: Any, origin: dict[str, Any], start: Path | None, device: str = "cpu", holds: str = "nets"
 ) -> tuple[dict[str, Any] | None, dict[str, Any]]:
-    """Return the run's checkpoint, None where there is none yet, and its origin: `origin`, and the weights it began
-    from.
+    """Return the run's checkpoint, None if there is none yet, and its origin with the weights it started from.
 
     Raises:
         InputError, ModelError: of read_checkpoint and check_goes_on, or an origin that differs.
@@ -82,8 +81,10 @@ def resumed(
 
 
 def differing(config: Any, stored: Mapping[str, Any], part: str = "") -> Iterator[tuple[str, Any, Any]]:
-    """Name, as part.name, then its stored value and the one now, of each setting in which a dataclass differs from
-    its stored form; one that is not stored had its default."""
+    """Yield name (as part.name), stored value and current value of each setting that differs from its stored form.
+
+    A setting that is not stored had its default.
+    """
     for setting in fields(config):
         now = getattr(config, setting.name)
         then = stored[setting.name] if setting.name in stored else _default(setting, now)
@@ -139,7 +140,7 @@ def read_checkpoint(path: Path, device: str = "cpu", holds: str = "nets") -> dic
 
 
 def load_weights(nets: nn.Module, weights: Mapping[str, torch.Tensor], path: Path) -> None:
-    """Give networks the weights that a checkpoint at path holds; ModelError that names the first that does not fit."""
+    """Load a checkpoint's weights into networks; ModelError names the first that does not fit."""
     wanted = nets.state_dict()
     for name in {**wanted, **weights}:
         expected, found = (
@@ -159,11 +160,11 @@ def _no_checkpoint(path: Path, found: str) -> ModelError:
 
 
 SMALL = 1024
-"""Tensors of fewer numbers stay float32: statistics and biases, which weigh nothing."""
+"""Size below which tensors stay float32 [numbers]: statistics and biases, which take little space."""
 
 
 def save_init_weights(checkpoint: Path, path: Path, holds: str = "nets") -> None:
-    """Keep a checkpoint's weights, of this name in it, at path, compressed, large tensors as float16.
+    """Save the weights of a checkpoint, those named `holds`, at path, compressed, large tensors as float16.
 
     Raises:
         InputError: path is the checkpoint.
@@ -180,7 +181,7 @@ def save_init_weights(checkpoint: Path, path: Path, holds: str = "nets") -> None
 
 
 def _save_deflated(weights: dict[str, torch.Tensor], path: Path) -> None:
-    """torch.save with a compressed archive, which torch.load reads too: half floats lose a twelfth."""
+    """Save weights as torch.save does, but compressed; torch.load reads it. Half floats shrink by a twelfth."""
     plain = io.BytesIO()
     torch.save(weights, plain)
     with zipfile.ZipFile(plain) as source, zipfile.ZipFile(path, "w") as target:
@@ -189,7 +190,7 @@ def _save_deflated(weights: dict[str, torch.Tensor], path: Path) -> None:
 
 
 def keep_apart(checkpoint: Path, path: Path) -> None:
-    """InputError if path is the run's checkpoint: what is kept is less, and must not take its place."""
+    """Raise InputError if path is the run's checkpoint, which bare weights must not replace."""
     if checkpoint.exists() and path.exists() and path.samefile(checkpoint):
         raise InputError(
             f"{path}: expected another place to keep weights in, got the run's own checkpoint; choose another"
@@ -197,7 +198,7 @@ def keep_apart(checkpoint: Path, path: Path) -> None:
 
 
 def load_init_weights(nets: nn.Module, path: Path, lift: Path | None = None) -> None:
-    """Give networks the weights that save_init_weights or keep_run kept; ModelError if they are none of theirs.
+    """Load the weights that save_init_weights or keep_run wrote; ModelError if they do not fit.
 
     Whole networks that the file lacks begin as the same layers of `lift` where it has them, from its weights at lift or
     from path, see train.from_lift; else untrained.
@@ -218,8 +219,7 @@ def load_init_weights(nets: nn.Module, path: Path, lift: Path | None = None) -> 
 
 
 def init_weights_id(path: Path) -> str:
-    """Return which weights to begin from these are: the first 16 hex digits of the file's SHA-256; ModelError if there
-    is no such file."""
+    """Return the identity of initial weights: the first 16 hex digits of the file's SHA-256; ModelError if absent."""
     if not path.is_file():
         raise ModelError(f"{path}: no such file; keep weights with `anyprobe weights --keep`")
     with path.open("rb") as stream:
@@ -227,7 +227,7 @@ def init_weights_id(path: Path) -> str:
 
 
 def read_init_weights(path: Path) -> tuple[dict[str, torch.Tensor], int | None]:
-    """Return the weights that a file keeps, as float32, and how many pairs they have seen, if it says so."""
+    """Read a file of weights as float32, and the number of pairs they have seen, None if it is not stored."""
     try:
         kept = torch.load(path, map_location="cpu", weights_only=True)
         weights, pairs = (kept["nets"], kept.get("pairs")) if kept.get("nets") else (kept, None)

@@ -1,4 +1,4 @@
-"""The paper's irradiance and illumination net as the same layers of `lift`, to begin from."""
+"""Initial weights of the paper's irradiance and illumination nets from the same layers of `lift`."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ LAYERS = {
     "illumination.code.": "light.object.code.",
     "illumination.sphere.": "light.sphere.",
 }
-"""Layers of the chain, and those of LightNet that they begin as."""
+"""Layers of the chain, with the layers of LightNet that they start as."""
 ROOT_ALPHA = 0.5
-"""Layers that LightNet adds to the object's code and the chain lacks."""
+"""Value of LightNet's root alpha, which the chain's code lacks."""
 
 
 def chain_from_lift(lift: Mapping[str, torch.Tensor], fresh: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """Weights of the chain, by their names in fresh, that are LightNet's; none where there is no such network.
+    """Return the weights of the chain, by their names in fresh, that LightNet has; none without such a network.
 
     LightNet sees more, the photo beside its irradiance, given normals, material and surroundings, and says more: what
     it has for these is left out, and what it has for the photo is added to what it has for the irradiance.

@@ -40,7 +40,7 @@ CHECKPOINT_SECONDS = 120.0
 
 
 def learning_rate(config: Any, step: int) -> float:
-    """Linear warm-up, constant, linear cool-down to zero, of a run's configuration."""
+    """Return the learning rate: linear warm-up, constant, linear cool-down to zero."""
     falling = config.cooldown * config.steps
     return config.learning_rate * min(1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0))
 
@@ -56,7 +56,7 @@ LEARNERS: dict[str, type[Irradiance | Chain | Lift | Normals]] = {
 def make_learner(
     config: RunConfig, device: str, teacher: Path | None = None, compiled: bool = False
 ) -> Irradiance | Chain | Lift | Normals:
-    """Return a learner: networks, and their losses by name.
+    """Build a run's learner: its networks and their losses by name.
 
     teacher: weights of `lift`, of which the chain learns; compiled is of it alone.
     """
@@ -72,8 +72,7 @@ def make_learner(
 
 
 def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
-    """Return the trained networks of a checkpoint, ready to run; ModelError if there are none, or of another
-    release."""
+    """Load the trained networks of a checkpoint for inference; ModelError if there are none, or of another release."""
     stored = read_checkpoint(checkpoint)
     model = json.loads(stored["config"]).get("model", "paper")
     if model not in LEARNERS:
@@ -86,7 +85,7 @@ def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
 
 
 def pairs_seen(stored: dict) -> int:
-    """Return how many pairs a checkpoint has learned from."""
+    """Return the number of pairs that a checkpoint has learned from."""
     return stored.get("pairs", stored["step"] * json.loads(stored["config"])["pairs"]["batch"])
 
 
@@ -99,7 +98,7 @@ def save_checkpoint(
     pairs: int,
     origin: Mapping[str, Any] | None = None,
 ) -> None:
-    """Everything that the next step depends on; pairs depend on the step's number alone.
+    """Save everything that the next step depends on; pairs depend on the step's number alone.
 
     origin: of train.checkpoint, as far as it is known.
     """
@@ -130,7 +129,7 @@ def train(
     start: Path | None = None,
     teacher: Path | None = None,
 ) -> Path:
-    """Train a run's networks to config.steps, going on from its checkpoint when there is one.
+    """Train a run's networks to config.steps, resuming from its checkpoint if there is one.
 
     Started by torchrun, its processes train together (ProcessGroup).
 
@@ -220,18 +219,18 @@ def train(
 
 
 BACKENDS = {"cpu": "gloo", "cuda": "nccl"}
-"""Backends that carry tensors between processes, by kind of device."""
+"""Backend that carries tensors between processes, by kind of device."""
 
 
 class ProcessGroup:
-    """Processes that see different pairs and keep the same weights.
+    """Group of processes that see different pairs and keep the same weights.
 
     Every process makes step number * size + rank of the pairs; gradients are averaged, so that two processes learn as
     one with twice the batch would (but for batch normalisation, which sees each process's pairs alone).
     """
 
     def __init__(self, kind: str = "cpu") -> None:
-        """As torchrun's RANK and WORLD_SIZE say; a team of one without them.
+        """Join the group that torchrun's RANK and WORLD_SIZE describe; without them, a group of one.
 
         kind: of the device that every process trains on, "cpu" or "cuda"; `device` is this process's own.
         Raises:
@@ -249,11 +248,11 @@ class ProcessGroup:
 
     @property
     def is_first(self) -> bool:
-        """The one that logs and saves."""
+        """Whether this process logs and saves."""
         return self.rank == 0
 
     def average_gradients(self, parameters: Iterable[nn.Parameter], ask: bool = False) -> bool:
-        """Replace every gradient by the team's mean; returns what the first process asked."""
+        """Replace every gradient by the group's mean; return what the first process asked."""
         if self.size == 1:
             return ask
         gradients = [p.grad for p in parameters if p.grad is not None]
@@ -262,7 +261,7 @@ class ProcessGroup:
         return bool(asked > 0)
 
     def average_statistics(self, nets: nn.Module) -> None:
-        """The same for what batch normalisation has seen; its mean is what one process of all would keep."""
+        """Average the statistics of batch normalisation; their mean is what one process would keep."""
         if self.size > 1:
             self._average([buffer for buffer in nets.buffers() if buffer.is_floating_point()])
 
@@ -275,7 +274,7 @@ class ProcessGroup:
             tensor.copy_(part.view_as(tensor))
 
     def leave(self) -> None:
-        """Once all is done."""
+        """Leave the group at the end."""
         if self.size > 1:
             dist.destroy_process_group()
 
