@@ -205,7 +205,7 @@ def test_mask_missing_from_the_folder_fails_that_photo_alone(work, command):
     outcome = command("estimate", "photos", "--mask", "masks", "-o", "out")
     assert outcome.status == 2
     assert names("out") == results("b[1]")
-    assert "expected a.png or a_mask.png in masks, found neither" in outcome.err
+    assert "expected a.png or a_mask.png in masks, got neither" in outcome.err
 
 
 def test_masks_beside_the_photos_are_no_photos(work, command):

@@ -52,7 +52,7 @@ def failing(monkeypatch, photo_path, networks_opened_once):
         (RuntimeError("Failed to allocate memory for requested buffer"), 2, "expected more memory"),
         (TypeError("open() got an\nunexpected keyword"), 1, "TypeError at estimate.py"),
         (RecursionError("maximum recursion depth exceeded"), 1, "RecursionError"),
-        (AssertionError(), 1, "no words"),
+        (AssertionError(), 1, "no message"),
     ],
 )
 def test_what_a_command_cannot_get_or_did_not_foresee_is_one_line(

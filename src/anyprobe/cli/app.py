@@ -38,7 +38,7 @@ TRACEBACK = "ANYPROBE_TRACEBACK"
 """Environment variable that lets unexpected errors through with their traceback."""
 
 EXHAUSTED = (
-    "expected more {} than the system gives this process; end other programs, raise its limits, or give less at once"
+    "the system refuses this process more {}; close other programs, raise the limit, or process fewer files at once"
 )
 RESOURCES = {
     errno.ENOMEM: "memory",
@@ -137,8 +137,8 @@ def _fault(error: Exception) -> str:
     own = [frame for frame in frames if os.sep + "anyprobe" + os.sep in frame.filename] or frames
     place = f" at {os.path.basename(own[-1].filename)}:{own[-1].lineno}" if own else ""
     return (
-        f"a fault of anyprobe or of a package that it uses, {type(error).__name__}{place}: {message or 'no words'}; "
-        f"report it with what anyprobe doctor prints ({TRACEBACK}=1 shows all steps)"
+        f"bug in anyprobe or in a package that it uses, {type(error).__name__}{place}: {message or 'no message'}; "
+        f"report it with the output of anyprobe doctor ({TRACEBACK}=1 shows the traceback)"
     )
 
 

@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from anyprobe.cli.options import with_bundles
+from anyprobe.notices import give
 
 data = typer.Typer(help="Render and check training pairs on disk.", no_args_is_help=True, rich_markup_mode=None)
 
@@ -78,7 +79,7 @@ def render(
     from anyprobe.learning.dataset import render_job
 
     if address is not None and engine != "ray":
-        raise InputError("--address: expected --engine ray with it, got local; add it")
+        raise InputError("expected a Ray cluster, got the local engine", subject="address", remedy=give(engine="ray"))
     settings = {name: value for name, value in asdict(plan).items() if value is not None and value is not False}
     console = Console(stderr=True, markup=False, emoji=False, highlight=False)
     report = partial(console.print, soft_wrap=True)
@@ -95,7 +96,7 @@ def render(
         current = render_job.job_status(job.folder)
         assets = "" if data is None else f" --data {shlex.quote(str(data))}"
         report(
-            f"anyprobe: stopped with {current.shards_done} of {current.shards} shards done; go on with "
+            f"anyprobe: stopped with {current.shards_done} of {current.shards} shards done; resume with "
             f"anyprobe data render {shlex.quote(str(folder))}{assets} --resume"
         )
         raise
@@ -118,12 +119,12 @@ def _engine(engine: str, address: str | None, workers: int, report: Callable, jo
     from anyprobe.learning.dataset import process_pools, shards
 
     if engine == "local":
-        return partial(process_pools.run_local, workers=workers, say=report)
+        return partial(process_pools.run_local, workers=workers, log=report)
     return partial(
         process_pools.run_ray,
         address=address,
         workers=workers,
-        say=report,
+        log=report,
         finished=lambda shard: shards.read_index(job.folder, shard).pairs,
     )
 
@@ -187,7 +188,9 @@ def status(
         if any(name in progress.groups for name in names):
             typer.echo(", ".join(f"{name} {progress.groups.get(name, 0)}" for name in names))
     if progress.missing:
-        typer.echo(f"missing shards {_ranges(progress.missing)}; anyprobe data render {folder} --resume")
+        typer.echo(
+            f"missing shards {_ranges(progress.missing)}; render them with anyprobe data render {folder} --resume"
+        )
 
 
 def _ranges(numbers: list[int]) -> str:
@@ -229,7 +232,7 @@ def verify(
                 bad[shard] = fault
     if again:
         intact = [shard for shard in present if shard not in bad]
-        bad |= render_job.differing_pairs(folder, data, _make(), intact, again, workers=workers, say=console.print)
+        bad |= render_job.differing_pairs(folder, data, _make(), intact, again, workers=workers, log=console.print)
     for shard, fault in sorted(bad.items()):
         typer.echo(f"{shards.tar_path(folder, shard).name}: {fault}")
         if repair:
@@ -237,6 +240,6 @@ def verify(
     num_missing = render_job.num_shards(plan) - len(present)
     typer.echo(f"{len(present) - len(bad)} shards good, {len(bad)} bad, {num_missing} not rendered yet")
     if bad:
-        action = "deleted" if repair else "delete them, or let --repair do it"
+        action = "deleted" if repair else "delete them, or pass --repair"
         typer.echo(f"bad shards: {action}; then anyprobe data render {folder} --resume renders them again")
         raise typer.Exit(2)

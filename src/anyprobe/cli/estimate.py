@@ -91,7 +91,7 @@ def estimate(
     """Estimate the light around an object. Writes a panorama, <stem>_panorama.exr, with <stem>_origin.png (where it is
     seen, estimated, invented), the estimate's own map <stem>.exr and .hdr, a .json, and a preview <stem>.png."""
     if poses is not None:
-        refuse_unused(context, "beside --poses", "detail", "detail_library")
+        refuse_unused(context, "with --poses", "detail", "detail_library")
     check_panorama_rows(size)
     hints = object_options.hints()
     listed = list_photos(photos)

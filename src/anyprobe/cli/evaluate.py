@@ -21,6 +21,7 @@ from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES
 from anyprobe.estimate.settings import MODEL_HELP
+from anyprobe.notices import give
 
 if TYPE_CHECKING:
     from anyprobe.learning.dataset.asset_store import AssetStore
@@ -70,16 +71,21 @@ def evaluate(
 ) -> None:
     """Score a model, or any program's maps, on a test set. Renders it, scores two baselines too, and prints tables."""
     conflicts = (
-        (seed != SEED and frozen, f"--seed {seed}", "pairs that are drawn", "--frozen"),
-        (seed != SEED and recipes, f"--seed {seed}", "pairs that are drawn", "--recipes"),
+        (seed != SEED and frozen, f"--seed {seed}", "pairs drawn at random", "--frozen"),
+        (seed != SEED and recipes, f"--seed {seed}", "pairs drawn at random", "--recipes"),
         (frozen and recipes, "--frozen", "one list of pairs", "--recipes"),
-        (recipes and conditions != "clean", f"--conditions {conditions}", "pairs that do not say theirs", "--recipes"),
-        (textured and path_traced, "--textured", "photos that anyprobe shades", "--path-traced"),
-        (predictions and write_photos, "--predictions", "photos that are written already", "--write-photos"),
-        (write_photos and hints, "--hints", "something to score", "--write-photos"),
-        (write_photos and model != DEFAULT_MODEL, "--model", "something to score", "--write-photos"),
+        (
+            recipes and conditions != "clean",
+            f"--conditions {conditions}",
+            "recipes that state no conditions",
+            "--recipes",
+        ),
+        (textured and path_traced, "--textured", "photos shaded by anyprobe", "--path-traced"),
+        (predictions and write_photos, "--predictions", "photos written earlier", "--write-photos"),
+        (write_photos and hints, "--hints", "pairs to score", "--write-photos"),
+        (write_photos and model != DEFAULT_MODEL, "--model", "pairs to score", "--write-photos"),
         (predictions and engine != DEFAULT_ENGINE, "--engine", "a model to run", "--predictions"),
-        (predictions and hints, "--hints", "a model to give them to", "--predictions"),
+        (predictions and hints, "--hints", "a model that takes hints", "--predictions"),
         (predictions and model != DEFAULT_MODEL, "--model", "a model's maps to score", "--predictions"),
     )
     for is_given, option, expected, other in conflicts:
@@ -123,7 +129,7 @@ def evaluate(
 
             scores = score_pairs(photos, methods, watch=seen)
     if write_photos is not None:
-        console.print(f"{write_photos}: {len(chosen)} photos; maps go to a folder of their own, named by key")
+        console.print(f"{write_photos}: {len(chosen)} photos; write the maps into another folder, named by key")
         return
     result = {
         "settings": {
@@ -169,7 +175,8 @@ def _judged(
         return {title: predicted(read_predictions(predictions, keys))}
     runtime = Models(model, engine=engine)
     if hints and not runtime.lifts:
-        raise InputError(f"--hints: expected a model that takes normals, got {title}; use {DEFAULT_MODEL}")
+        text = f"expected a model that takes normals, got {title}"
+        raise InputError(text, subject="hints", remedy=give(model=DEFAULT_MODEL))
     return model_methods(runtime, title, hints)
 
 
@@ -200,9 +207,8 @@ def _test_set(
     listed = read_recipes(path or FROZEN) if seed is None else []
     if seed is None and pairs > len(listed):
         name = "--frozen" if path is None else path.name
-        raise InputError(
-            f"--pairs {pairs}: expected at most the {len(listed)} pairs that {name} has, got more; ask for fewer"
-        )
+        text = f"expected at most {len(listed)}, the pairs of {name}, got more; ask for fewer"
+        raise InputError(text, subject="pairs", source=pairs)
     store = AssetStore(load_maps(hdri, report=warn), load_shapes(meshes, report=warn))
     if path is not None:
         return listed[:pairs], store  # a list says the conditions of its pairs

@@ -71,7 +71,7 @@ def export(
                 print(f"{name}: {', '.join(str(path) for path in written)}", file=sys.stderr)
             if clipped > MAX_CLIPPED and not quiet:
                 print(
-                    f"warning: {name}: {clipped:.0%} of the light is beyond what its files can hold; change --exposure",
+                    f"warning: {name}: {clipped:.0%} of the light exceeds the range of its files; lower --exposure",
                     file=sys.stderr,
                 )
 
@@ -89,7 +89,7 @@ def folders(lights: list[Path], out: Path) -> list[tuple[Path, Path]]:
             raise InputError(f"{light}: no such file; check the path")
         previous = by_stem.setdefault(light.stem, light)
         if previous != light:
-            raise InputError(f"{light}: expected names that differ, got {previous} before it; export them one by one")
+            raise InputError(f"{light}: expected distinct file names, got {previous} before it; export them separately")
     return [(light, out if len(unique) == 1 else out / light.stem) for light in unique]
 
 

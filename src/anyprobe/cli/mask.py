@@ -47,7 +47,7 @@ def mask(
     if not photos:
         if fetch:
             return
-        raise InputError("PHOTO: expected photos or folders of photos, got none; name one, or --fetch")
+        raise InputError("PHOTO: expected photos or folders of photos, got none; give one, or --fetch")
     hints = mask_options.hints()
     paths = list_photos(photos)
     failed = False
@@ -86,7 +86,7 @@ def _write(
     targets = {kind: out / f"{result_stem(path, listed)}_{kind}.png" for kind in ("overlay", "mask")}
     check_names(path, listed, targets.values(), hints.files().values())
     if hints.depth is not None and hints.near is None and hints.far is None:
-        raise InvalidMask("expected where to cut, got neither", subject="depth", remedy=give("near", "far"))
+        raise InvalidMask("expected a distance to cut at, got none", subject="depth", remedy=give("near", "far"))
     pixels = read_image(photo_source(path), photo_name(path), with_depth=is_carried(hints.depth))
     found = find_mask(pixels, **hints.place(), segmenter=segmenter)
     overlay = draw_overlay(pixels.rgb, found.mask, found.prompts.on, found.prompts.off)

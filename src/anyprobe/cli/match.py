@@ -71,7 +71,7 @@ def match(
     with console.status("reading the panoramas"):
         library = open_library(folder)
     if Path(same_file_key(out)).is_relative_to(same_file_key(folder)):
-        raise InputError(f"-o {out}: is within the folder of panoramas, which it would add to; choose another")
+        raise InputError(f"-o {out}: expected a folder outside the panoramas, got one among them; choose another")
     hints = hints_for(photo, object_options.hints())
     estimator = model_options.estimator(segmenter=object_options.finder.segmenter)
     loaded = load_photo(photo_source(photo), hints, name=photo_name(photo), segmenter=estimator.segmenter)
@@ -82,12 +82,12 @@ def match(
     files = {candidate.rank: f"{stem}_{candidate.rank + 1}_{_file_name(candidate.name)}.exr" for candidate in chosen}
     warnings = [*light.warnings, *library.warnings]
     if light.pitch_deg is None and (light.shown is None or light.shown.behind is None):
-        text = "the camera's pitch is not known: maps may be tilted"
+        text = "the camera's pitch is unknown, so maps may be tilted"
         warnings.append(Notice(text, code="pitch-unknown", remedy=give("pitch_deg")))
     older = _older_maps(out, stem, set(files.values()))
     if older:
         text = (
-            f"has maps of this photo from earlier matches ({len(older)}, such as {older[0]}); delete them, "
+            f"contains maps of this photo from earlier matches ({len(older)}, such as {older[0]}); delete them, "
             "or choose another folder with -o"
         )
         warnings.append(Notice(text, code="older-results", source=out))
@@ -98,8 +98,8 @@ def match(
         stops = stops_apart(pictured[0][1], light.radiance)
         if abs(stops) > STOPS_APART:
             text = (
-                f"the first map lights the object's visible side {stops:+.1f} stops beside the estimate: the object "
-                f"and what is behind it ask for different exposures; look at {stem}_match.png before you take it"
+                f"the first map lights the object's visible side {stops:+.1f} stops off the estimate, as the object "
+                f"and its background need different exposures; check {stem}_match.png before using the map"
             )
             warnings.append(Notice(text, code="match-level"))
         warnings += kind_doubts(light.plate, library.lights[chosen[0].index], chosen[0].name)
@@ -134,7 +134,7 @@ def match(
     num_close = sum(candidate.misfit < ranked[0].misfit + CLEAR_MARGIN for candidate in ranked)
     if num_close > 1:
         console.print(
-            f"{num_close} of {len(ranked)} panoramas explain the photo about as well; look at {stem}_match.png"
+            f"{num_close} of {len(ranked)} panoramas explain the photo about equally well; see {stem}_match.png"
         )
     for warning in warnings:
         console.print(f"warning: {OPTIONS.line(warning)}", soft_wrap=True)
@@ -154,9 +154,9 @@ def kind_doubts(plate: Plate | None, radiance: np.ndarray, name: str) -> list[No
     if map_is_outdoors == photo_is_outdoors:
         return []
     text = (
-        "looks like a place outdoors, and the photo shows neither sky nor plants; look before you take it"
+        "looks outdoors, but the photo shows neither sky nor plants; check the map before using it"
         if map_is_outdoors
-        else "looks like a place indoors, and the photo shows sky or plants; look before you take it"
+        else "looks indoors, but the photo shows sky or plants; check the map before using it"
     )
     return [Notice(text, code="match-kind", source=name)]
 

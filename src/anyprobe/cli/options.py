@@ -52,7 +52,7 @@ def folder_option(help: str) -> Any:
 def _folder(out: Path | None) -> Path | None:
     if out is not None and out.suffix.lower() in NO_FOLDERS and not out.is_dir():
         raise OutputError(
-            f"-o {out}: expected a folder, got a name that ends in {out.suffix}; leave that out, or make the folder"
+            f"-o {out}: expected a folder, got a name that ends in {out.suffix}; drop the suffix, or create the folder"
         )
     return out
 
@@ -160,7 +160,7 @@ class ObjectOptions(MaskOptions):
         hints = hints if hints.material is not None else replace(hints, material="chrome")
         surface = hints.surface()
         if surface is not None and surface.albedo.any():
-            text = "expected a metal, got another; leave one out"
+            text = "expected a metal, got another material; leave one of them out"
             raise InputError(text, subject=("metal", "material"), source=hints.material)
         return hints
 
@@ -289,13 +289,12 @@ def _option(name: str, annotation: Any, default: Any) -> inspect.Parameter:
 
 
 def refuse_unused(context: typer.Context, why: str, *names: str) -> None:
-    """Raise InputError if the command line gives one of these parameters, which has no effect; why: "beside --x"."""
+    """Raise InputError if the command line gives one of these parameters, which has no effect; why: "with --x"."""
     for name in names:
         source = context.get_parameter_source(name)
         assert source is not None, name
         if source.name == "COMMANDLINE":
-            option = next(one.opts[0] for one in context.command.params if one.name == name)
-            raise InputError(f"{option}: does nothing {why}; leave it out")
+            raise InputError(f"does nothing {why}; leave it out", subject=name)
 
 
 def need_torch(what: str) -> None:

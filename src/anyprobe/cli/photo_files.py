@@ -24,7 +24,9 @@ def photo_source(path: Path) -> Path | bytes:
     if path != STDIN:
         return path
     if sys.stdin is None:  # closed, as a service's may be
-        raise InvalidPhoto("expected a photo, got a closed input; name a file, or pipe one in", source="stdin")
+        raise InvalidPhoto(
+            "expected a photo, got a closed standard input; give a file, or pipe a photo in", source="stdin"
+        )
     return read_stream(sys.stdin.buffer, "stdin", InvalidPhoto)
 
 
@@ -105,7 +107,7 @@ def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given:
 
     twins = [other for other in listed if name_of(other) == name_of(photo)]
     if twins and twins[0] != photo:
-        raise OutputError(f"expected names that differ, got {twins[0]} before it; rename one of them", source=photo)
+        raise OutputError(f"expected distinct result names, got {twins[0]} before it; rename one of them", source=photo)
     inputs = {same_file_key(path): path for path in (*listed, *given) if isinstance(path, Path)}
     for target in targets:
         if same_file_key(target) in inputs:
@@ -125,5 +127,5 @@ def _file_for(photo: Path, source: Path, kind: str, suffixes: tuple[str, ...]) -
                 continue
             if same_file_key(candidate) != same_file_key(photo):
                 return candidate
-    text = f"expected {photo.stem}.png or {photo.stem}_{kind}.png in {source}, found neither"
+    text = f"expected {photo.stem}.png or {photo.stem}_{kind}.png in {source}, got neither"
     raise InvalidMask(text, subject=kind, source=photo)

@@ -43,10 +43,10 @@ Renderer = Literal["auto", "own", "mitsuba"]
 STRIP = ("chrome", "gold", "plastic", "matte", "photo")
 """Materials that --strip shows after the photo."""
 _SUFFIXES = (".png", ".tif", ".tiff", ".exr")
-PROFILE_LOST = "the photo's colour profile is not kept, since it is not of RGB by curves: the result is sRGB"
+PROFILE_LOST = "the photo's colour profile is lost, as only RGB profiles with curves can be kept: the result is sRGB"
 TRANSPARENT = (
-    "the photo is transparent in places: the result is opaque there, and the object mirrors nothing of it; "
-    "give the whole photo, or take object and shadow from an .exr"
+    "the photo is partly transparent: the result is opaque there, and the object does not mirror those parts; "
+    "give an opaque photo, or take object and shadow from an .exr"
 )
 SHOWN_AFTER_S = 1.0
 OF_ESTIMATES = [
@@ -145,18 +145,20 @@ def relight(
     from anyprobe.relight.passes import passes_of, write_passes
 
     if light is not None:
-        refuse_unused(context, "beside --light", *OF_ESTIMATES)
+        refuse_unused(context, "with --light", *OF_ESTIMATES)
     if strip:
-        refuse_unused(context, "beside --strip, which shows all materials", "insert_material")
+        refuse_unused(context, "with --strip, which shows all materials", "insert_material")
     material, size, strict = insert_options.insert_material, insert_options.scale, object_options.strict
     hints, segmenter = hints_for(photo, object_options.hints()), object_options.finder.segmenter
     contact, mesh = insert_options.foot(), insert_options.mesh(insert)
     out = out or Path("relit") / f"{result_stem(photo, [photo])}_relit.png"
     kind = out.suffix.lower()
     if kind not in _SUFFIXES:
-        raise OutputError(f"{out}: expected a name that ends in {', '.join(_SUFFIXES)}; choose one of them")
+        raise OutputError(
+            f"{out}: expected a name that ends in {', '.join(_SUFFIXES)}, got {kind or 'no suffix'}; change it"
+        )
     if kind == ".exr":
-        refuse_unused(context, "beside an .exr, which has layers", "strip", "before")
+        refuse_unused(context, "with an .exr, which has layers", "strip", "before")
     else:
         refuse_unused(context, "without an .exr", "colorspace")
     inputs = (photo, light, *hints.files().values())

@@ -100,12 +100,12 @@ def serve(
         place = f"[{shown_host}]" if ":" in shown_host else shown_host
         address = f"{'https' if https else 'http'}://{place}:{listening.getsockname()[1]}/"
         entry = address if token is None else f"{address}?token={token}"
-        _say(f"{entry} (API: {address}api/), Ctrl-C ends it")
+        _say(f"{entry} (API: {address}api/), Ctrl-C stops it")
         if not is_local:
             whom = "with that token" if token else "without a token"
-            _say(f"warning: every machine that reaches this one can use it {whom}")
+            _say(f"warning: any machine that can reach this one can use the server {whom}")
             if not https:
-                _say("other machines get no camera over http, and others may read along; add --https")
+                _say("over http, other machines get no camera and traffic is not encrypted; add --https")
         app.state.pool.warm()
         DrainingServer(uvicorn.Config(app, **settings(drain), **encrypted), app.state.pool).run(sockets=[listening])
 
@@ -116,7 +116,7 @@ def _find_temporary_folder() -> None:
         tempfile.gettempdir()
     except OSError as error:
         if not os.access(SHARED_MEMORY, os.W_OK):
-            raise OutputError("no folder for temporary files can be written; let TMPDIR name one") from error
+            raise OutputError("no folder for temporary files is writable; set TMPDIR to one that is") from error
         tempfile.tempdir = os.environ["TMPDIR"] = SHARED_MEMORY
 
 
@@ -132,8 +132,8 @@ def _token(given: str | None, is_local: bool) -> str | None:
         return None
     if not given.isascii() or not given.isprintable() or len(given) < MIN_TOKEN or " " in given:
         raise InputError(
-            f"--token: expected {MIN_TOKEN} or more letters, digits and signs, or none, got {len(given)}; "
-            "leave it out to have one made"
+            f"--token: expected none, or at least {MIN_TOKEN} ASCII characters without spaces, got {len(given)}; "
+            "leave it out to get a new one"
         )
     return given
 
@@ -149,7 +149,7 @@ def _open_port(host: str, port: int) -> socket.socket:
         listening.bind(address)
     except OSError as error:
         raise InputError(
-            f"{host}:{port}: cannot be listened on ({error.strerror or error}); choose another --host or --port"
+            f"{host}:{port}: cannot listen there ({error.strerror or error}); choose another --host or --port"
         ) from error
     return listening
 

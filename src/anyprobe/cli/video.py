@@ -82,14 +82,15 @@ def video(
         first_frame["segmenter"] = object_options.finder.segmenter
     contact = insert_options.foot()
     if poses is not None and name is not None:
-        raise InputError("--poses and --insert: expected one of them; relit clips need a camera that stands still")
+        text = "expected one of them, got both; relit clips need a static camera"
+        raise InputError(text, subject=("poses", "insert"))
     mesh = None if name is None else insert_options.mesh(name)
     given_mesh = (mesh.positions, mesh.faces) if mesh is not None and Path(insert or "").suffix else None  # of a file
     header = open_clip(clip)
     given_poses = None if poses is None else read_poses(poses)
     rotations = None if given_poses is None else given_poses.in_order()
     if rotations is not None and len(rotations) < header.num_frames:
-        raise InputError(f"{poses}: expected {header.num_frames} poses, one a frame, got {len(rotations)}")
+        raise InputError(f"{poses}: expected {header.num_frames} poses, one per frame, got {len(rotations)}")
     if given_poses is not None and hints.fov_deg is None:
         hints = replace(hints, fov_deg=given_poses.clip_fov_deg(*clip_size(header)))
     virtual = None
@@ -142,7 +143,7 @@ def video(
     console = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     num_done, start = run.progress.next_index, time.monotonic()
     if num_done and num_done == header.num_frames:
-        console.print(f"{out}: all {num_done} frames are done already; --restart begins anew", soft_wrap=True)
+        console.print(f"{out}: all {num_done} frames are done already; --restart starts over", soft_wrap=True)
     elif num_done:
         console.print(f"{out}: resumes at frame {num_done}")
     try:
@@ -152,9 +153,9 @@ def video(
         raise
     seconds = time.monotonic() - start
     for index, line in outcome.bad:
-        console.print(f"warning: {_named(index, OPTIONS.line(line))} (the light before it is kept)", soft_wrap=True)
+        console.print(f"warning: {_named(index, OPTIONS.line(line))} (the previous light is kept)", soft_wrap=True)
     if outcome.damaged:
-        console.print(f"warning: {clip.name}: {outcome.damaged} damaged pieces left out", soft_wrap=True)
+        console.print(f"warning: {clip.name}: {outcome.damaged} damaged pieces skipped", soft_wrap=True)
     library_warnings = () if library is None else library.warnings
     warnings = [*header.warnings, *library_warnings, *outcome.notes, *run.place_warnings]
     for line in warnings:

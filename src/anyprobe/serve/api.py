@@ -262,7 +262,7 @@ def _add_error_lines(app: FastAPI, limits: Limits) -> None:
     @app.exception_handler(Ending)
     async def ending(request: Request, error: Ending) -> Response:
         headers = {"Retry-After": str(limits.retry_after_s), "Connection": "close"}
-        return line("the server is to end; send it to another, or again in a moment", 503, headers)
+        return line("the server is shutting down; send the request to another, or again in a moment", 503, headers)
 
     @app.exception_handler(Cancelled)
     @app.exception_handler(ClientDisconnect)
@@ -282,9 +282,9 @@ def _add_error_lines(app: FastAPI, limits: Limits) -> None:
         if isinstance(error, MissingExtra):
             return line(error, 501)
         log.error("%s", error)  # it may name a path of this machine
-        return line("the server is not set up completely; its log says more", 500)
+        return line("the server is not fully set up; see its log", 500)
 
     @app.exception_handler(Exception)
     async def unforeseen(request: Request, error: Exception) -> Response:
         log.error("unforeseen", exc_info=error)
-        return line("the server failed at this; its log says more", 500)
+        return line("the server failed to process the request; see its log", 500)

@@ -72,7 +72,9 @@ class BodyLimit:
                 async with asyncio.timeout(max(0.0, start + allowed - time.monotonic())):
                     message = await receive()
             except TimeoutError as error:
-                text = f"expected at least {self._least_rate / 1024:g} KiB of the body a second; send a smaller photo"
+                text = (
+                    f"expected {self._least_rate / 1024:g} KiB of the body per second, got less; shrink the photo first"
+                )
                 raise HTTPException(408, text, {"Connection": "close"}) from error
             is_coming = message.get("more_body", False)
             scope[RECEIVED] += len(message.get("body", b""))

@@ -59,7 +59,7 @@ class Limits:
             before it waits with the slow formats.
         decode_s: seconds of the processor for decoding any file, and for an export; beyond them 422.
         decode_mb: memory for that, beyond the idle process's own; beyond it 422.
-        drain_s: seconds for what has begun when the server is to end; then 503. Containers are killed after 10.
+        drain_s: seconds for running work when the server is stopped; then 503. Containers are killed after 10.
     """
 
     max_bytes: int = 32 * 2**20

@@ -111,16 +111,16 @@ def _error(text: str) -> dict[str, Any]:
 _GUARD_ERRORS = {
     "400": _error("the server does not go by this host name, or the form is malformed"),
     "401": _error("the server asks for its token: Authorization: Bearer TOKEN"),
-    "500": _error("the server failed; its log says more"),
+    "500": _error("the server failed; see its log"),
 }
 
 _ERRORS = _GUARD_ERRORS | {
-    "403": _error("a page of another origin asks; start the server with --allow-origin ORIGIN"),
-    "406": _error("Accept names nothing this can be sent as"),
+    "403": _error("sent by a page of another origin; start the server with --allow-origin ORIGIN"),
+    "406": _error("Accept names no media type of this answer"),
     "408": _error("the body took too long"),
     "413": _error("too many bytes or pixels"),
-    "422": _error("the photo, the mask or an option cannot be used; the line says why"),
-    "429": _error("all places are taken; Retry-After says for how many seconds"),
+    "422": _error("the photo, the mask or an option cannot be used; see detail"),
+    "429": _error("all places are taken; retry after the seconds of Retry-After"),
     "501": _error("the server lacks an optional package for this"),
 }
 
@@ -186,7 +186,7 @@ def _multiview() -> dict[str, Any]:
 FUSE_ROUTE = _multiview()
 TARGETS_ROUTE = {"responses": _GUARD_ERRORS}
 HEALTH = {"responses": {status: text for status, text in _GUARD_ERRORS.items() if status != "401"}}
-READY = {"responses": HEALTH["responses"] | {"503": _error("it starts, ends, or all places are taken")}}
+READY = {"responses": HEALTH["responses"] | {"503": _error("starting, shutting down, or all places are taken")}}
 METRICS_ROUTE = {
     "responses": _GUARD_ERRORS
     | {"200": {"description": "Prometheus text", "content": {"text/plain": {"schema": {"type": "string"}}}}}

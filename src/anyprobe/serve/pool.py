@@ -97,7 +97,7 @@ class WorkerPool:
         """Hold a place in the queue from before the body is read until the answer is ready.
 
         Raises:
-            Busy: there is none. Ending: the server is to end.
+            Busy: there is none. Ending: the server is shutting down.
         """
         if self._is_draining:
             raise Ending
@@ -145,8 +145,8 @@ class WorkerPool:
         except TimeoutError as error:
             raise HTTPException(
                 408,
-                f"expected the whole body within {self._limits.upload_s:g} seconds, sooner where others wait; "
-                "send a smaller photo",
+                f"expected the whole body within {self._limits.upload_s:g} seconds, or sooner if others wait, "
+                "got a slower one; send a smaller photo",
                 {"Connection": "close"},
             ) from error
 
@@ -168,7 +168,7 @@ class WorkerPool:
 
         Raises:
             Cancelled: gone() returned; what waited is dropped, what ran stops at its next step.
-            Ending: the server is to end, and its time for that is over.
+            Ending: the server is shutting down, and the time for running work is over.
         """
         cancellation = Cancellation()
         try:
@@ -198,12 +198,12 @@ class WorkerPool:
     def unready(self) -> str:
         """Return why a photo would be refused now; "" if it would be accepted."""
         if self._is_draining:
-            return "the server is to end"
+            return "the server is shutting down"
         if any(not future.done() for future in self._warming):
-            return "the decoding processes start"
+            return "the decoding processes are starting"
         if any(future.cancelled() or future.exception() for future in self._warming):
             self.warm()
-            return "the decoding processes cannot be started; the log says why"
+            return "the decoding processes cannot be started; see the log"
         if self._is_full():
             return "all places are taken"
         return ""

@@ -97,9 +97,11 @@ class Lane:
         except _Ended as second:
             log.error("a decoding process ended twice at the same work (%s)", second)
             if second.from_outside:
-                raise WorkerLost(f"decoding processes end ({second}); is memory short?") from second
+                raise WorkerLost(
+                    f"decoding processes were ended from outside ({second}); check the free memory"
+                ) from second
             raise TooMuchMemory(
-                "expected a file that can be decoded here, got one that takes too much; "
+                "expected a file that can be decoded here, got one that needs too much memory; "
                 "send it smaller, or as PNG or JPEG"
             ) from second
 
@@ -130,7 +132,7 @@ class Lane:
         """Return an idle process, or a new one."""
         while True:
             if self._closed:
-                raise WorkerLost("the server is to end")
+                raise WorkerLost("the server is shutting down")
             with self._lock:
                 worker = self._idle.pop() if self._idle else None
             if worker is None:
@@ -205,7 +207,7 @@ class _Worker:
         lines = stderr.read(-1).decode(errors="replace").strip().splitlines()[-8:]
         stderr.close()
         self._process.wait(5)
-        fault = "takes too long to start" if timed_out.is_set() else "ends as it starts"
+        fault = "took too long to start" if timed_out.is_set() else "ended at its start"
         raise WorkerLost(f"a decoding process {fault} (status {self._process.returncode}): {' | '.join(lines)}")
 
     def kill(self) -> None:

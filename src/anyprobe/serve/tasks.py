@@ -158,12 +158,12 @@ def sharpened(upload: Upload, max_pixels: int) -> Light:
     with _map_file(upload.photo) as path:
         if "detail" in map_attributes(path):
             raise InvalidEnvironment(
-                "expected one without detail, got one that has it; send the estimate", source="map"
+                "expected a map without detail, got one with detail; send the original estimate", source="map"
             )
         radiance = read_radiance(path)
     if confidence is not None and confidence.shape != radiance.shape[:2]:
         raise InvalidEnvironment(
-            f"expected the map's size {radiance.shape[:2]}, got {confidence.shape}; send both of one size",
+            f"expected the map's size {radiance.shape[:2]}, got {confidence.shape}; send both in the same size",
             subject="confidence",
         )
     return Light(radiance=radiance, confidence=confidence).with_detail(size=upload.settings.get("size", ROWS))
@@ -196,4 +196,6 @@ def _check_pixels(upload: Upload, max_pixels: int) -> None:
     for name, picture in upload.pictures():
         limit = min(max_pixels, MAX_PANORAMA_PIXELS) if picture is upload.hints.surroundings else max_pixels
         if declared_pixels(picture) > limit:
-            raise TooManyPixels(f"expected at most {limit / 1e6:g} million pixels; shrink it first", source=name)
+            raise TooManyPixels(
+                f"expected at most {limit / 1e6:g} million pixels, got more; shrink it first", source=name
+            )

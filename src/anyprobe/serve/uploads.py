@@ -95,14 +95,18 @@ async def read_views(request: Request, pool: WorkerPool) -> tuple[list[Upload], 
     unusable = [name for name in files if name in FILES and name != "mask"]
     unusable += [name for name in ("click", "exclude") if option.texts(name)]
     if unusable:
-        raise InputError("expected a mask or a box a photo, got what one photo alone can have", subject=unusable[0])
+        raise InputError(
+            "expected a mask or a box per photo, got an input for single photos; leave it out", subject=unusable[0]
+        )
     refuse_unknown(form, request.query_params, FUSE_ROUTE)
     if not 1 <= len(photos) <= MAX_PHOTOS:
         raise InvalidPhoto(f"expected 1 to {MAX_PHOTOS} file parts of this name, got {len(photos)}", subject="photo")
     boxes = [HINTS["box"].read(text) for text in option.texts("box")]
     for name, values in (("mask", masks), ("box", boxes)):
         if len(values) not in (0, len(photos)):
-            raise InvalidMask(f"expected none or one a photo, got {len(values)} for {len(photos)} photos", subject=name)
+            raise InvalidMask(
+                f"expected none or one per photo, got {len(values)} for {len(photos)} photos", subject=name
+            )
     rotations, fovs = await asyncio.to_thread(_poses_of, photos, poses)
     common = option.hints({}, "camera", "light")
     settings, include = option.settings(), option.include()
@@ -201,7 +205,9 @@ class Options:
     def include(self) -> frozenset[str]:
         parts = {word.strip() for text in self.texts("include") for word in text.split(",")}
         if unknown := parts - {"radiance", "stages", "mask"}:
-            raise InputError(f"expected any of mask, radiance, stages, got {unknown}", subject="include")
+            raise InputError(
+                f"expected any of mask, radiance, stages, got {', '.join(sorted(unknown))[:60]!r}", subject="include"
+            )
         return frozenset(parts)
 
     def hints(self, files: Mapping[str, bytes], *about: str) -> Hints:

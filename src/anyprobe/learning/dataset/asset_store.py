@@ -41,24 +41,24 @@ class AssetStore:
 
     def map(self, map_id: str) -> MapAsset:
         """Return the map of that id, or InputError."""
-        return _named("map", map_id, self.maps)
+        return _lookup("map", map_id, self.maps)
 
     def shape(self, shape_id: str) -> ShapeAsset:
         """Return the shape of that id, or InputError."""
-        return _named("shape", shape_id, self.shapes)
+        return _lookup("shape", shape_id, self.shapes)
 
 
-def _named(what: str, key: str, known: dict[str, Asset]) -> Asset:
+def _lookup(kind: str, key: str, known: dict[str, Asset]) -> Asset:
     if key not in known:
         raise InputError(
-            f"{what} {key}: expected one of the {len(known)} {what}s given, got another; "
+            f"{kind} {key}: expected the id of one of the {len(known)} given {kind}s, got an unknown one; "
             "give the folder that the recipe was made from"
         )
     return known[key]
 
 
-def _own_id(what: str, seed: int, index: int) -> str:
-    return hashlib.sha256(f"{what} {PROCEDURAL_VERSION} {seed} {index}".encode()).hexdigest()[:8]
+def _own_id(kind: str, seed: int, index: int) -> str:
+    return hashlib.sha256(f"{kind} {PROCEDURAL_VERSION} {seed} {index}".encode()).hexdigest()[:8]
 
 
 def own_map(seed: int, index: int) -> MapAsset:

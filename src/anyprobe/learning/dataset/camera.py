@@ -68,7 +68,7 @@ def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
             that differ in this alone have other rngs: they are other pairs).
     """
     if conditions not in (0, 1):
-        raise InputError(f"conditions: expected 0 (clean) or 1 (as the world gives them), got {conditions!r}")
+        raise InputError(f"conditions: expected 0 (clean) or 1 (as phones take them), got {conditions!r}")
     shot = Shot(
         metering=float(rng.uniform(0.0, 0.7)),
         object_key=float(np.exp(rng.uniform(np.log(0.1), np.log(0.6)))),

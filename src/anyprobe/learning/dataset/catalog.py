@@ -108,7 +108,7 @@ def load_maps(folder: Path, *, commercial_only: bool = False, report: Report | N
         mean = mean_luminance(radiance)
         if not DARKEST <= mean < np.inf:
             raise InvalidEnvironment(
-                f"{path.name}: expected light, got a map of mean luminance {mean:.2g}; save it again"
+                f"{path.name}: expected light, got a mean luminance of {mean:.2g}; export it again"
             )
         return MapAsset(
             name=path.stem,
@@ -164,30 +164,32 @@ def _load(
 ) -> list[Asset]:
     """Load the usable files and report the rest."""
     assets: list[Asset] = []
-    bad = refused = 0
+    num_bad = num_refused = 0
     expected = "/".join(suffixes)
     for path, row in listed_rows(folder, suffixes, strange):
         try:
             if path.suffix.lower() in strange:
-                raise InputError(f"{path.name}: expected {expected}, got {path.suffix}; convert it or take it away")
+                raise InputError(f"{path.name}: expected {expected}, got {path.suffix}; convert it or move it away")
             if commercial_only and not allows_commercial_use(row["licence"]):
-                refused += 1
+                num_refused += 1
                 continue
             if not path.exists():
-                raise InputError(f"{path.name}: expected in {folder} by its manifest.csv, found none; fetch it again")
+                raise InputError(
+                    f"{path.name}: expected in {folder}, as manifest.csv lists it, got none; fetch it again"
+                )
             assets.append(load(path, row))
         except InputError as error:
             if report is None:
                 raise
             report(" ".join(str(error).splitlines()))
-            bad += 1
-    if bad and not assets:
+            num_bad += 1
+    if num_bad and not assets:
         raise InputError(
-            f"{folder}: expected {expected} files that can be used, got {bad} that cannot; see the lines above"
+            f"{folder}: expected usable {expected} files, got {num_bad} unusable ones; see the lines above"
         )
-    if refused and report is not None:
+    if num_refused and report is not None:
         report(
-            f"{folder}: {refused} files left out, their licence does not allow commercial use "
+            f"{folder}: {num_refused} files left out, as their licence does not allow commercial use "
             "or is not stated in manifest.csv"
         )
     return assets
@@ -236,5 +238,5 @@ def read_table(path: Path) -> tuple[list[str], list[Row]]:
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: expected a table in UTF-8, got a damaged file ({error}); repair it") from error
     if "file" not in columns:
-        raise InputError(f"{path}: expected a table with the column file; move it away")
+        raise InputError(f"{path}: expected a table with the column file, got none; add it, or move the table away")
     return columns, rows

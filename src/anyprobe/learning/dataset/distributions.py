@@ -94,7 +94,7 @@ ALBEDO = np.array(
     ]
 )
 """Quantiles of the diffuse albedo's luminance; metals have none."""
-MOST_ALBEDO = 0.92
+MAX_ALBEDO = 0.92
 """Largest albedo of a channel: barium sulphate aside, nothing reflects more than fresh snow."""
 
 IOR, IOR_SPREAD, IOR_RANGE = 1.5, 0.06, (1.35, 1.75)
@@ -218,4 +218,4 @@ def _draw_tints(rng: np.random.Generator, value: np.ndarray) -> np.ndarray:
 def _tinted(value: np.ndarray, tint: np.ndarray) -> np.ndarray:
     """Return colours [N, 3] of luminance value [N], darkened where a channel would exceed MOST_ALBEDO."""
     color = tint * (value / luminance(tint))[:, None]
-    return color * np.minimum(1.0, MOST_ALBEDO / color.max(axis=1, keepdims=True))
+    return color * np.minimum(1.0, MAX_ALBEDO / color.max(axis=1, keepdims=True))

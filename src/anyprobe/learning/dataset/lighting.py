@@ -50,12 +50,12 @@ def add_lamp(
     """Add a soft round light source whose integral over the sphere is power [3]."""
     height = radiance.shape[0]
     cap = soft_cap(pixel_directions(height).astype(np.float64), direction, radius, softness)
-    whole = (cap[..., 0] * pixel_solid_angles(height)).sum()
-    if whole <= 0:
+    total = (cap[..., 0] * pixel_solid_angles(height)).sum()
+    if total <= 0:
         raise ValueError(
             f"expected a light source wider than a pixel, got a radius of {np.degrees(radius):.2g} degrees"
         )
-    return radiance + cap * (np.asarray(power) / whole)
+    return radiance + cap * (np.asarray(power) / total)
 
 
 def white_balance(radiance: np.ndarray, gains: np.ndarray) -> np.ndarray:
@@ -188,15 +188,15 @@ class Illuminator:
     def _tensor(self, array: np.ndarray) -> torch.Tensor:
         return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32)).to(self.device)
 
-    def _pyramid(self, width: float, which: int) -> Pyramid:
+    def _pyramid(self, width: float, number: int) -> Pyramid:
         """Return the pyramid of a map by its number, built at its first use."""
-        key = width, which
+        key = width, number
         if key not in self._pyramids:
-            self._pyramids[key] = shading_pyramid(self.maps[which], width).to(self.device)
+            self._pyramids[key] = shading_pyramid(self.maps[number], width).to(self.device)
         return self._pyramids[key]
 
     @torch.no_grad()
-    def light(self, which: int, rotation: np.ndarray, alpha: float, elevation: int) -> LitMaterial:
+    def light(self, number: int, rotation: np.ndarray, alpha: float, elevation: int) -> LitMaterial:
         """Light one material by a map, seen through rotation [3, 3] = world from camera (mirrored or not)."""
         _, width, size, samples = next(budget for budget in BUDGETS if alpha < budget[0])
         world = self._tensor(rotation.T)
@@ -204,13 +204,13 @@ class Illuminator:
         wo = self._tensor(np.tile([0.0, 0.0, 1.0], (len(n), 1))) @ world
         u = self._tensor(hammersley(samples))
         alphas = torch.full((len(n), 1), alpha, device=self.device)
-        specular = torch.cat(self._specular(self._pyramid(width, which), n, wo, alphas, u), dim=1)
+        specular = torch.cat(self._specular(self._pyramid(width, number), n, wo, alphas, u), dim=1)
         coarse = self._tensor(reflectance_normals(32).reshape(-1, 3)) @ world
-        wide = self._pyramid(1.0, which)
-        diffuse = self._diffuse(wide, coarse, wo[: len(coarse)].contiguous(), self._tensor(hammersley(64)))
+        diffuse_pyramid = self._pyramid(1.0, number)
+        diffuse = self._diffuse(diffuse_pyramid, coarse, wo[: len(coarse)].contiguous(), self._tensor(hammersley(64)))
         terms = [_picture(specular, size), _picture(diffuse, 32)]
-        fine = self._look(self.maps[which], self._directions @ world)
-        radiance = fine.reshape(MAP_HEIGHT, 4, 2 * MAP_HEIGHT, 4, 3).mean(dim=(1, 3))
+        sampled = self._look(self.maps[number], self._directions @ world)
+        radiance = sampled.reshape(MAP_HEIGHT, 4, 2 * MAP_HEIGHT, 4, 3).mean(dim=(1, 3))
         return LitMaterial(terms=torch.cat(terms), radiance=radiance, alpha=alpha, elevation=elevation)
 
     def draw(self, rng: np.random.Generator, world: float = 0.0) -> LitMaterial:
@@ -218,7 +218,7 @@ class Illuminator:
 
         world: share of those of a kind and an alpha of dataset.distributions.
         """
-        which = int(rng.integers(len(self.maps)))
+        number = int(rng.integers(len(self.maps)))
         elevation = int(rng.integers(NUM_ELEVATIONS))
         rotation = world_from_camera(rng.uniform(0, 2 * np.pi), draw_elevation(rng, elevation), rng.normal(0, 0.05))
         if rng.random() < 0.5:
@@ -227,7 +227,7 @@ class Illuminator:
         if world > 0 and rng.random() < world:
             (kind,) = distributions.draw_kinds(rng, 1).tolist()
             alpha = float(distributions.draw_alphas(rng, np.array([kind]))[0])
-        return replace(self.light(which, rotation, alpha, elevation), kind=kind)
+        return replace(self.light(number, rotation, alpha, elevation), kind=kind)
 
 
 def _picture(values: torch.Tensor, size: int) -> torch.Tensor:

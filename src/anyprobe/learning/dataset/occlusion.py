@@ -33,19 +33,21 @@ def hidden_cells(surface: Surface) -> np.ndarray:
     """
     near, far = _points(surface)
     mask = np.isfinite(near[..., 0])
-    padded = [np.pad(one, ((STEPS[-1],) * 2, (STEPS[-1],) * 2, (0, 0)), constant_values=np.nan) for one in (near, far)]
+    padded = [
+        np.pad(points, ((STEPS[-1],) * 2, (STEPS[-1],) * 2, (0, 0)), constant_values=np.nan) for points in (near, far)
+    ]
     row, column = np.nonzero(mask)
-    own = near[mask]
+    positions = near[mask]
     edges = (2 * np.arange(RINGS) + 1) / RINGS - 1
     result = np.zeros((AZIMUTHS, SIDE, SIDE), np.uint8)
     for number in range(AZIMUTHS):
         angle = 2 * np.pi * number / AZIMUTHS
         down, right = (np.rint(np.array(STEPS) * move).astype(int) for move in (-np.sin(angle), np.cos(angle)))
-        at = row[:, None] + down + STEPS[-1], column[:, None] + right + STEPS[-1]
-        first, last = (one[at] - own[:, None] for one in padded)
+        indices = row[:, None] + down + STEPS[-1], column[:, None] + right + STEPS[-1]
+        first, last = (points[indices] - positions[:, None] for points in padded)
         last[..., :2] *= np.where(last[..., 2:] > 0, REACH, 1.0)  # what is found goes on to the next step
         first, last = _sine(first), _sine(last)
-        covered = np.zeros(len(own), np.uint8)
+        covered = np.zeros(len(positions), np.uint8)
         for ring, middle in enumerate(edges):
             covered |= ((last < middle) & (middle < first)).any(axis=1).astype(np.uint8) << ring
         result[number][mask] = covered

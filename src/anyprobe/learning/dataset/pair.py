@@ -113,7 +113,7 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, t
         given one material.
     """
     if textured and trace is not None:
-        raise InputError("textured: expected objects shaded here, got another renderer; leave one of the two out")
+        raise InputError("textured: expected objects shaded by anyprobe, got another renderer; leave one of them out")
     asset, shape, rng = store.map(recipe.map_id), store.shape(recipe.shape_id), recipe.rng()
     drawn = _draw(recipe, rng)
     material = drawn.material
@@ -151,7 +151,7 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, t
         away = -pixel_rays(camera.tan_half, camera.size) @ map_from_camera.T.astype(np.float32)
         return as_planes(np.asarray(bilinear(asset.radiance, direction_to_uv(away)) * gain[0]))
 
-    taken = photograph(
+    photos = photograph(
         [drawn.shot],
         lit,
         rng,
@@ -159,13 +159,13 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, t
         grain=lambda: as_planes(rng.standard_normal(tuple(normals.shape), np.float32)),
         flawed=recipe.conditions > 0,
     )
-    (shot,), (gain,), (mask,) = taken.shots, taken.gain, taken.mask
+    (shot,), (gain,), (mask,) = photos.shots, photos.gain, photos.mask
     irradiance = np.zeros(normals.shape, np.uint8)
     gains = np.asarray(gain * shot.white_balance, np.float32)
     irradiance[surface.mask] = np.round(response(shading.irradiance * gains, MEAN_CURVE) * 255.0)
     return Pair(
         recipe=recipe,
-        photo=np.dstack([np.moveaxis(taken.photo[0], 0, -1), mask * 255]).astype(np.uint8, order="C"),
+        photo=np.dstack([np.moveaxis(photos.photo[0], 0, -1), mask * 255]).astype(np.uint8, order="C"),
         irradiance=irradiance,
         radiance=np.asarray(light * gains, np.float32),
         map_from_camera=map_from_camera,
@@ -260,7 +260,7 @@ def _look(mesh: Mesh, drawn: _Drawn, name: str) -> tuple[Camera, Surface]:
             return camera, surface
         turned = rotation_y(np.pi / 2) @ turned
     raise InvalidMesh(
-        f"{name}: expected a shape that {camera.size} pixels can show, got one too thin from all sides; leave it out"
+        f"{name}: expected a shape visible in {camera.size} pixels, got one too thin from all sides; leave it out"
     )
 
 

@@ -27,7 +27,7 @@ from anyprobe.learning.dataset.lighting import Illuminator, LitMaterial
 from anyprobe.learning.dataset.occlusion import mirrored
 from anyprobe.learning.dataset.pair import LN_RANGE
 from anyprobe.learning.dataset.photograph import LitObjects, photograph
-from anyprobe.learning.dataset.seen_surroundings import draw_frame, gather, photo_surroundings, unsteady
+from anyprobe.learning.dataset.seen_surroundings import draw_frame, gather, perturb, photo_surroundings
 from anyprobe.learning.dataset.shape_augment import join_some, reshape_some
 from anyprobe.learning.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
 from anyprobe.learning.dataset.textured import paint_some
@@ -112,11 +112,11 @@ class Batch:
         return Batch(**{one.name: getattr(self, one.name).to(device) for one in fields(self)})
 
 
-def slide(kept: dict, wanted: range, make: Callable[[int], Any]) -> list:
+def slide(cache: dict, numbers: range, make: Callable[[int], Any]) -> list:
     """Return the items of the wanted numbers, made unless cached; items of other numbers are dropped."""
-    for number in kept.keys() - set(wanted):
-        del kept[number]
-    return [kept[number] if number in kept else kept.setdefault(number, make(number)) for number in wanted]
+    for number in cache.keys() - set(numbers):
+        del cache[number]
+    return [cache[number] if number in cache else cache.setdefault(number, make(number)) for number in numbers]
 
 
 class PairSource:
@@ -151,11 +151,11 @@ class PairSource:
         index = np.array([rng.choice(self._by_elevation[lit.elevation]) for lit in chosen])
         drawn = np.asarray(self.surfaces.normals[index])
         shadows = None if self.surfaces.hidden is None else np.array(self.surfaces.hidden[index])
-        for one in np.nonzero(rng.random(len(index)) < 0.5)[0]:  # seen in a mirror, a shape is another shape
-            drawn[one] = drawn[one, :, :, ::-1]
-            drawn[one, 0] *= -1
+        for k in np.nonzero(rng.random(len(index)) < 0.5)[0]:  # seen in a mirror, a shape is another shape
+            drawn[k] = drawn[k, :, :, ::-1]
+            drawn[k, 0] *= -1
             if shadows is not None:
-                shadows[one] = mirrored(shadows[one])
+                shadows[k] = mirrored(shadows[k])
         hidden = None if shadows is None else torch.from_numpy(shadows).to(self.device)
         normals = torch.from_numpy(drawn).to(self.device).float()
         tan_half = self.surfaces.tan_half[index]
@@ -190,7 +190,7 @@ class PairSource:
             draw_material(rng, lit.alpha) if lit.kind is None else distributions.draw_one(rng, lit.kind, lit.alpha)
             for lit in chosen
         ]
-        described = np.stack([material_input(one) for one in materials])
+        described = np.stack([material_input(material) for material in materials])
         shares = self.config.textured, self.config.two_materials
         if max(shares) > 0:  # by random numbers of its own: all else of a photo stays as it is
             materials = paint_some(materials, normals.cpu().numpy(), rng.spawn(1)[0], *shares)
@@ -205,7 +205,7 @@ class PairSource:
         shots = [draw_shot(rng, self.config.conditions) for _ in range(count)]
         light = torch.stack([lit.radiance for lit in chosen]).permute(0, 3, 1, 2)
         behind = Behind(light, wo, self.config.cut_out, rng)
-        taken = photograph(
+        photos = photograph(
             shots,
             self._lit(chosen, radiance, mask, light),
             rng,
@@ -214,34 +214,34 @@ class PairSource:
             flawed=self.config.conditions > 0,
             tone=partial(self._tone, curve=curves(shots, self.device)),
         )
-        shots, framed = taken.shots, behind.framed
-        gain = radiance.new_tensor(taken.gain).reshape(-1, 1, 1, 1)
+        shots, framed = photos.shots, behind.framed
+        gain = radiance.new_tensor(photos.gain).reshape(-1, 1, 1, 1)
         light = light * gain
-        photo_mask = torch.from_numpy(taken.mask[:, None]).to(self.device).float()
+        photo_mask = torch.from_numpy(photos.mask[:, None]).to(self.device).float()
         white_balance = column([shot.white_balance for shot in shots])
         light, gain = light * white_balance, gain * white_balance
-        given = np.zeros((count, 3, 3), np.float32)
+        rotations = np.zeros((count, 3, 3), np.float32)
         if self.config.given_normals > 0:
-            given = _small_turns(count, rng) * (rng.random(count) < self.config.given_normals)[:, None, None]
+            rotations = _small_turns(count, rng) * (rng.random(count) < self.config.given_normals)[:, None, None]
         angles = torch.from_numpy(np.asarray(tan_half, np.float32)).to(self.device)
         surroundings_map = light.new_zeros(count, 4, *light.shape[2:])
         if self.config.surroundings > 0:
             framed &= rng.random(count) < self.config.surroundings
-            frames = np.stack([draw_frame(rng, each) for each in tan_half]) * framed[:, None]
+            frames = np.stack([draw_frame(rng, photo_tan_half) for photo_tan_half in tan_half]) * framed[:, None]
             tone = partial(self._tone, curve=curves(shots, self.device))
-            surroundings_map = photo_surroundings(unsteady(light, rng), photo_mask, angles, frames, tone)
+            surroundings_map = photo_surroundings(perturb(light, rng), photo_mask, angles, frames, tone)
             if self.config.merged_surroundings > 0:
-                more = framed & (rng.random(count) < self.config.merged_surroundings)
-                surroundings_map = gather(surroundings_map, light, photo_mask, angles, more, rng, tone)
+                merged = framed & (rng.random(count) < self.config.merged_surroundings)
+                surroundings_map = gather(surroundings_map, light, photo_mask, angles, merged, rng, tone)
         return Batch(
-            photo=torch.cat([taken.photo / 255, photo_mask], dim=1),
+            photo=torch.cat([photos.photo / 255, photo_mask], dim=1),
             irradiance=self._tone(first_factor * gain, MEAN_CURVE) * mask,
             ldr=self._tone(light, MEAN_CURVE),
             ln_radiance=torch.log(light.clip(min=1e-6)).clip(*LN_RANGE),
             alpha=torch.tensor([lit.alpha for lit in chosen], device=self.device),
             normals=normals,
             tan_half=angles,
-            given_normals_rotation=torch.from_numpy(given.astype(np.float32)).to(self.device),
+            given_normals_rotation=torch.from_numpy(rotations.astype(np.float32)).to(self.device),
             surroundings=surroundings_map,
             material=torch.from_numpy(described).to(self.device),
             given_material=torch.from_numpy(self._given(described, rng)).to(self.device),
@@ -252,9 +252,9 @@ class PairSource:
         if self.config.given_material == 0:
             return np.zeros_like(described)
         rng = rng.spawn(1)[0]  # all else of a photo stays as it is
-        wrong = described + rng.standard_normal(described.shape, np.float32) * GIVEN_MATERIAL_ERROR
-        wrong[:, 1] = wrong[:, 1].clip(0.1, 1.0)
-        return wrong * (rng.random((len(wrong), 1)) < self.config.given_material)
+        noisy = described + rng.standard_normal(described.shape, np.float32) * GIVEN_MATERIAL_ERROR
+        noisy[:, 1] = noisy[:, 1].clip(0.1, 1.0)
+        return noisy * (rng.random((len(noisy), 1)) < self.config.given_material)
 
     def _lit(self, chosen: list[LitMaterial], radiance, mask, light) -> LitObjects:
         """Describe objects of radiance [B, 3, S, S] and mask [B, 1, S, S] under light [B, 3, H, 2H] for the camera."""

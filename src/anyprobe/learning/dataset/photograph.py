@@ -71,12 +71,12 @@ def photograph(
     factor = xp.asarray(gain, dtype=lit.radiance.dtype, device=device(lit.radiance))
     exposed = xp.astype(lit.radiance * factor[:, None, None, None], xp.float32)
     background = behind(gain)
-    found = np.asarray(lit.mask[:, 0].cpu() if hasattr(lit.mask, "cpu") else lit.mask[:, 0])
+    masks = np.asarray(lit.mask[:, 0].cpu() if hasattr(lit.mask, "cpu") else lit.mask[:, 0])
     if flawed:
-        found = np.stack([disturb_mask(one, rng) for one in found])
+        masks = np.stack([disturb_mask(mask, rng) for mask in masks])
     photo = take_photo(shots, exposed, lit.mask, background, grain(), tone)
-    cover = xp.asarray(found[:, None], dtype=photo.dtype, device=device(photo))
-    return Photographed(shots=shots, photo=photo * cover, mask=found, gain=gain)
+    cover = xp.asarray(masks[:, None], dtype=photo.dtype, device=device(photo))
+    return Photographed(shots=shots, photo=photo * cover, mask=masks, gain=gain)
 
 
 def _ambient(radiance: np.ndarray) -> np.ndarray:
@@ -93,4 +93,4 @@ def _meter(shots: list[Shot], lit: LitObjects) -> list[float]:
         if shot.meters_frame:
             bright = lit.brightness[k]
             scene[k] = float(distributions.frame_level(bright.cpu().numpy() if hasattr(bright, "cpu") else bright))
-    return [exposure(*each) for each in zip(shots, lit.on_object, scene, strict=True)]
+    return [exposure(*arguments) for arguments in zip(shots, lit.on_object, scene, strict=True)]

@@ -264,7 +264,7 @@ def read_recipes(path: str | os.PathLike[str]) -> list[Recipe]:
     try:
         lines = Path(path).read_text(encoding="ascii").split("\n")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: expected a text file of recipes, one a line, got none readable") from error
+        raise InputError(f"{path}: expected a text file of recipes, one per line, got an unreadable one") from error
     recipes = [Recipe.from_hex(line.strip()) for line in lines[1:] if line.strip()]
     if lines[0] != f"# {digest(recipes)}":
         raise InputError(

@@ -55,22 +55,22 @@ def differing_pairs(
     folder: Path,
     data: Path | None,
     make: Make,
-    among: Sequence[int],
+    shards_to_check: Sequence[int],
     count: int,
     *,
     workers: int,
-    say: Callable[[str], None],
+    log: Callable[[str], None],
 ) -> dict[int, str]:
     """Render `count` random pairs of some shards again; return what differs, by shard."""
     job = _job(folder, data, make)
-    tasks = choose_pairs(job.plan, among, count)
-    results = run_local(partial(render_again, job), tasks, lambda task, n: None, workers=workers, say=say)
-    return {shard: wrong for (shard, _), wrong in results.items() if wrong}
+    tasks = choose_pairs(job.plan, shards_to_check, count)
+    results = run_local(partial(render_again, job), tasks, lambda task, n: None, workers=workers, log=log)
+    return {shard: difference for (shard, _), difference in results.items() if difference}
 
 
-def choose_pairs(plan: Mapping, among: Sequence[int], count: int) -> list[tuple[int, tuple[int, ...]]]:
+def choose_pairs(plan: Mapping, shards: Sequence[int], count: int) -> list[tuple[int, tuple[int, ...]]]:
     """Choose `count` random pairs of some shards, or all if there are fewer: (shard, numbers of its pairs)."""
-    numbers = [number for shard in among for number in shard_range(plan, shard)]
+    numbers = [number for shard in shards for number in shard_range(plan, shard)]
     chosen = sorted(np.random.default_rng().permutation(numbers)[:count].tolist())
     return [(shard, tuple(group)) for shard, group in groupby(chosen, lambda number: number // plan["shard_size"])]
 
@@ -128,14 +128,14 @@ def _job(folder: Path, data: Path | None, make: Make) -> RenderJob:
 @lru_cache(maxsize=1)
 def _renderer(job: RenderJob) -> StoreRenderer:
     """Return the renderer, opened once per process; InputError if its assets are not the dataset's."""
-    # what is left out of a folder of assets was said when the dataset was begun
+    # what is left out of a folder of assets was reported when the dataset was started
     return _open(job, job.plan, report=lambda line: None)
 
 
 def _open(job: RenderJob, plan: Mapping, **options) -> StoreRenderer:
     """Open the renderer of a plan; InputError if it is not over the plan's assets."""
     if job.data is None and plan["procedural_maps"] < len(plan["maps"]):
-        raise InputError("--data: expected the folder of assets that the dataset was begun with, got none")
+        raise InputError("--data: expected the folder of assets that the dataset was started with, got none")
     renderer = job.make({name: plan[name] for name in SETTINGS}, job.data, **options)
     _same_assets(job.folder, plan, renderer)
     return renderer
@@ -160,11 +160,13 @@ def read_plan(folder: Path) -> dict:
             raise InputError(f"{path}: expected format {DATASET_FORMAT}, got {plan['format']}; use another version")
         _check_plan(plan)
     except FileNotFoundError as error:
-        raise InputError(f"{folder}: expected a rendered dataset, found no {NAME}; check the path") from error
+        raise InputError(
+            f"{folder}: expected a rendered dataset, got a folder without {NAME}; check the path"
+        ) from error
     except (OSError, ValueError, TypeError, KeyError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{path}: expected the plan of a dataset, got damage ({error})") from error
+        raise InputError(f"{path}: expected the plan of a dataset, got a damaged file ({error})") from error
     return plan
 
 
@@ -182,11 +184,11 @@ def _check_plan(plan: Mapping) -> None:
 
 
 def begin(
-    folder: Path, given: Mapping[str, object], data: Path | None, make: Make, *, resume: bool, **options
+    folder: Path, chosen: Mapping[str, object], data: Path | None, make: Make, *, resume: bool, **options
 ) -> RenderJob:
     """Write dataset.json of a new dataset, or check that an old one can be continued.
 
-    given: the settings the caller chose; others are the old dataset's, or as in SETTINGS.
+    chosen: the settings that the caller gave; others are the old dataset's, or as in SETTINGS.
     options go to make in this process.
 
     Raises:
@@ -196,29 +198,29 @@ def begin(
     folder, data = job.folder, job.data
     if resume:
         old = read_plan(folder)
-        for name, value in given.items():
+        for name, value in chosen.items():
             if old[name] != value:
                 raise InputError(
                     f"{folder.name}: --resume expected {name.replace('_', ' ')} {old[name]}, as the dataset was "
-                    f"begun, got {value}; give the same or another folder"
+                    f"started, got {value}; give the same or another folder"
                 )
         check_versions(folder, old)
         _open(job, old, **options)
         return job
     _refuse_occupied(folder)
-    own = {} if data is not None else {"procedural_maps": PROCEDURAL, "procedural_shapes": PROCEDURAL}
-    if given.get("kind") == "map":
-        own["procedural_shapes"] = 0
-    settings = {**SETTINGS, **own, **given}
+    procedural = {} if data is not None else {"procedural_maps": PROCEDURAL, "procedural_shapes": PROCEDURAL}
+    if chosen.get("kind") == "map":
+        procedural["procedural_shapes"] = 0
+    settings = {**SETTINGS, **procedural, **chosen}
     renderer = make(settings, data, **options)
     pairs = renderer.count if settings["pairs"] is None else settings["pairs"]
     if not 1 <= pairs <= renderer.count:
         raise InputError(
-            f"--pairs: expected 1 to {renderer.count}, as many as {len(renderer.maps)} maps and "
-            f"{len(renderer.shapes)} shapes give, got {pairs}"
+            f"--pairs: expected 1 to {renderer.count}, all pairs of {len(renderer.maps)} maps and "
+            f"{len(renderer.shapes)} shapes, got {pairs}"
         )
     plan = {**_versions(), **settings, "pairs": pairs, "maps": renderer.maps, "shapes": renderer.shapes}
-    # loading the assets took a while: another process may have begun a dataset here
+    # loading the assets took a while: another process may have started a dataset here
     shards.write_durably(folder / NAME, json.dumps(plan, indent=1) + "\n", new=True)
     return job
 
@@ -238,20 +240,20 @@ def check_versions(folder: Path, plan: Mapping) -> None:
     for name, value in _versions().items():
         if plan.get(name) != value:
             raise InputError(
-                f"{folder}: expected {name.replace('_', ' ')} {plan.get(name)}, as the dataset was begun, "
+                f"{folder}: expected {name.replace('_', ' ')} {plan.get(name)}, as the dataset was started, "
                 f"got {value}; use that release, or another folder"
             )
 
 
 def _same_assets(folder: Path, plan: Mapping, renderer: StoreRenderer) -> None:
-    for what, notes in (("map", renderer.maps), ("shape", renderer.shapes)):
-        names = {one["id"]: one["name"] for one in plan[f"{what}s"]}
-        got = {one["id"]: one["name"] for one in notes}
+    for kind, entries in (("map", renderer.maps), ("shape", renderer.shapes)):
+        names = {entry["id"]: entry["name"] for entry in plan[f"{kind}s"]}
+        got = {entry["id"]: entry["name"] for entry in entries}
         for key in sorted(names.keys() ^ got.keys()):
             name = names.get(key) or got[key]
-            expected, came = (f"{what} {key} ({name})", "none") if key in names else (f"no {what} {key}", name)
+            expected, found = (f"{kind} {key} ({name})", "none") if key in names else (f"no {kind} {key}", name)
             raise InputError(
-                f"{folder.name}: expected {expected}, as the dataset was begun, got {came}; "
+                f"{folder.name}: expected {expected}, as the dataset was started, got {found}; "
                 "give the same assets or another folder"
             )
 
@@ -261,7 +263,7 @@ def _refuse_occupied(folder: Path) -> None:
         return
     if (folder / NAME).exists():
         raise InputError(
-            f"{folder}: expected a new folder, got a dataset; go on with it by --resume, or choose another"
+            f"{folder}: expected a new folder, got a dataset; continue it with --resume, or choose another"
         )
     if not folder.is_dir():
         raise InputError(f"{folder}: expected a new folder, got a file; choose another")
@@ -274,7 +276,9 @@ def locked(folder: Path) -> Iterator[None]:
     """Lock a dataset against a second writer, until the block or the process ends."""
     with held(folder / NAME, wait=False) as alone:
         if not alone:
-            raise InputError(f"{folder.name}: expected one writer, but another process renders into it; wait for it")
+            raise InputError(
+                f"{folder.name}: expected one writer, but another process renders into it; wait for its end"
+            )
         yield
 
 
@@ -282,16 +286,16 @@ def check_space(job: RenderJob, missing: Sequence[int]) -> int:
     """Return the bytes that the missing shards will need, judged by those present; OutputError if they do not fit."""
     plan = job.plan
     done = [shard for shard in range(num_shards(plan)) if shard not in set(missing)][:20]
-    each = float(BYTES_PER_PAIR[plan["kind"]])
+    pair_bytes = float(BYTES_PER_PAIR[plan["kind"]])
     if done:
         paths = [shards.tar_path(job.folder, shard) for shard in done]
-        each = sum(p.stat().st_size for p in paths) / sum(len(shard_range(plan, s)) for s in done)
-    needed = int(each * sum(len(shard_range(plan, shard)) for shard in missing))
+        pair_bytes = sum(p.stat().st_size for p in paths) / sum(len(shard_range(plan, s)) for s in done)
+    needed = int(pair_bytes * sum(len(shard_range(plan, shard)) for shard in missing))
     free = shutil.disk_usage(job.folder).free
     if needed > free:
         raise OutputError(
             f"{job.folder}: expected {needed / 1e9:.1f} GB of free space for {len(missing)} shards, "
-            f"got {free / 1e9:.1f}; free some, or ask for fewer --pairs in another folder"
+            f"got {free / 1e9:.1f}; free some space, or ask for fewer --pairs in another folder"
         )
     return needed
 

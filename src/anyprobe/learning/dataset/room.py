@@ -93,23 +93,23 @@ def form_factors(half: np.ndarray, patches: int = _PATCHES) -> np.ndarray:
     n = patches
     lines = [np.linspace(-h, h, n + 1) for h in half]
     exchange = np.zeros((6, n, n, 6, n, n))  # A_i F_ij, symmetric
-    for one in range(6):
-        for other in range(one + 1, 6):
-            p, q = one // 2, other // 2
+    for wall in range(6):
+        for other_wall in range(wall + 1, 6):
+            p, q = wall // 2, other_wall // 2
             if p == q:
-                u, v = _along(one)
+                u, v = _along(wall)
                 block = _parallel(lines[u], lines[v], 2 * half[p])
             else:
                 shared = 3 - p - q
-                here = np.abs(lines[q] - half[q] * (2 * (other % 2) - 1))
-                there = np.abs(lines[p] - half[p] * (2 * (one % 2) - 1))
+                here = np.abs(lines[q] - half[q] * (2 * (other_wall % 2) - 1))
+                there = np.abs(lines[p] - half[p] * (2 * (wall % 2) - 1))
                 block = np.abs(_perpendicular(here, lines[shared], there))
                 if shared < q:  # to the order of this wall's axes, then of the other's
                     block = block.swapaxes(0, 1)
                 if shared < p:
                     block = block.swapaxes(2, 3)
-            exchange[one, :, :, other] = block
-            exchange[other, :, :, one] = block.transpose(2, 3, 0, 1)
+            exchange[wall, :, :, other_wall] = block
+            exchange[other_wall, :, :, wall] = block.transpose(2, 3, 0, 1)
     areas = patch_areas(half, n)
     return exchange.reshape(len(areas), len(areas)) / areas[:, None]
 

@@ -65,15 +65,15 @@ class StoreRenderer:
         conditions = CONDITIONS.index(settings["conditions"])
         self.plan = full_plan(self.store, self.kind, conditions, settings["seed"])
         self.count = self.plan.count
-        self.maps = _notes(self.store.maps)
-        self.shapes = _notes(self.store.shapes) if self.kind == "object" else []
+        self.maps = _asset_entries(self.store.maps)
+        self.shapes = _asset_entries(self.store.shapes) if self.kind == "object" else []
 
     def _leave_out_lines(self, report: _Report) -> None:
         """Drop the shapes that photos would not show."""
-        for shape in [one for one in self.store.shapes.values() if is_too_thin(one.mesh)]:
+        for shape in [asset for asset in self.store.shapes.values() if is_too_thin(asset.mesh)]:
             del self.store.shapes[shape.id]
             if report is not None:
-                report(f"{shape.name}: expected a shape that photos show, got one thinner than a pixel; left out")
+                report(f"{shape.name}: expected a shape that photos can show, got one thinner than a pixel; left out")
 
     def recipe(self, index: int) -> Recipe:
         """Return recipe number `index` of the plan."""
@@ -105,7 +105,7 @@ def encode_pair(pair: Pair) -> Sample:
             NORMALS: png_bytes(encode_normals(pair.normals)),
             "json": _json(pair, fields),
         },
-        groups=("specular" if pair.specular else "diffuse", _place(pair)),
+        groups=("specular" if pair.specular else "diffuse", _location(pair)),
     )
 
 
@@ -128,7 +128,7 @@ def encode_map_pair(pair: MapPair) -> Sample:
     return Sample(
         key=pair.recipe.key,
         parts={"ldr.png": png_bytes(pair.ldr), "ln_radiance.npy": array.getvalue(), "json": _json(pair, {})},
-        groups=(_place(pair),),
+        groups=(_location(pair),),
     )
 
 
@@ -141,8 +141,8 @@ def decode_part(name: str, data: bytes) -> Any:
             return np.asarray(Image.open(io.BytesIO(data), formats=["PNG"]))
         return json.loads(data)
     except (OSError, SyntaxError, ValueError, EOFError) as error:
-        what = " ".join(str(error).split())[:80] or type(error).__name__
-        raise InputError(f"{name}: expected a readable file, got damage ({what}); render it again") from error
+        message = " ".join(str(error).split())[:80] or type(error).__name__
+        raise InputError(f"{name}: expected a readable file, got a damaged one ({message}); render it again") from error
 
 
 def same(name: str, first: bytes, second: bytes) -> bool:
@@ -155,7 +155,7 @@ def same(name: str, first: bytes, second: bytes) -> bool:
     return a.shape == b.shape and a.dtype == b.dtype and a.tobytes() == b.tobytes()
 
 
-def _json(pair: Pair | MapPair, more: dict) -> bytes:
+def _json(pair: Pair | MapPair, extra: dict) -> bytes:
     recipe = pair.recipe
     fields = {
         "recipe": recipe.to_hex(),
@@ -168,17 +168,17 @@ def _json(pair: Pair | MapPair, more: dict) -> bytes:
         "map_from_camera": _numbers(pair.map_from_camera),
         "gain": _numbers(pair.gain),
     }
-    return json.dumps({**fields, **more}, allow_nan=False).encode()
+    return json.dumps({**fields, **extra}, allow_nan=False).encode()
 
 
 def _numbers(values) -> list[float]:
     return np.asarray(values, np.float64).tolist()
 
 
-def _place(pair: Pair | MapPair) -> str:
+def _location(pair: Pair | MapPair) -> str:
     return "indoor" if pair.indoor else "outdoor"
 
 
-def _notes(assets: Mapping) -> list[dict[str, str]]:
+def _asset_entries(assets: Mapping) -> list[dict[str, str]]:
     """Return the entries of maps or shapes in dataset.json."""
     return [{"id": i, "name": assets[i].name, "licence": assets[i].licence} for i in sorted(assets)]

@@ -18,7 +18,7 @@ TURN_COLUMNS = 2
 """Largest rotation error of the surroundings [columns of the map, of 2.8 degrees]: they are nearer than the light."""
 GAIN_STOPS = 0.1
 """Standard deviation of their brightness error in the photo [stops], by vignetting and the like."""
-MOST_OTHERS = 7
+MAX_OTHERS = 7
 """Largest number of additional photos whose surroundings are merged."""
 PITCH_DEG = 10.0
 """Standard deviation of the other cameras' pitch [degrees]."""
@@ -70,12 +70,12 @@ def gather(
         chosen: [B], which photos come with 1 to MOST_OTHERS others.
         light, mask, tan_half, tone: of photo_surroundings; the mask stands for the object as the others see it.
     """
-    counts = rng.integers(1, MOST_OTHERS + 1, len(chosen)) * chosen
+    counts = rng.integers(1, MAX_OTHERS + 1, len(chosen)) * chosen
     for number in range(counts.max(initial=0)):
         turns = np.stack([_turn_round(rng) for _ in chosen])
-        frames = np.stack([draw_frame(rng, each) for each in tan_half.tolist()])
+        frames = np.stack([draw_frame(rng, photo_tan_half) for photo_tan_half in tan_half.tolist()])
         frames *= (counts > number)[:, None]
-        others = _shown(unsteady(light, rng), mask, tan_half, frames, turns, tone)
+        others = _shown(perturb(light, rng), mask, tan_half, frames, turns, tone)
         surroundings = surroundings + (1 - surroundings[:, 3:]) * others
     return surroundings
 
@@ -111,10 +111,13 @@ def _shown(
     return torch.cat([display * cover, cover], dim=1)
 
 
-def unsteady(light: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
+def perturb(light: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
     """Rotate each map [B, 3, H, 2H] a little about the vertical and change its brightness a little."""
     turns = rng.integers(-TURN_COLUMNS, TURN_COLUMNS + 1, len(light))
     gains = np.exp2(rng.normal(0.0, GAIN_STOPS, len(light)))
     return torch.stack(
-        [torch.roll(one, int(turn), dims=2) * float(gain) for one, turn, gain in zip(light, turns, gains, strict=True)]
+        [
+            torch.roll(radiance, int(turn), dims=2) * float(gain)
+            for radiance, turn, gain in zip(light, turns, gains, strict=True)
+        ]
     )

@@ -58,17 +58,17 @@ def shade_hidden(
     small = F.interpolate(normals, size=(SIDE, SIDE), mode="nearest").permute(0, 2, 3, 1)
     eye = F.interpolate(wo.permute(0, 3, 1, 2), size=(SIDE, SIDE), mode="nearest").permute(0, 2, 3, 1)
     bits = 1 << torch.arange(RINGS, device=normals.device, dtype=torch.uint8)
-    for one in range(count):
-        some = (hidden[one] != 0).any(dim=0) & (small[one].abs().sum(dim=-1) > 0)
-        if not some.any():
+    for item in range(count):
+        is_affected = (hidden[item] != 0).any(dim=0) & (small[item].abs().sum(dim=-1) > 0)
+        if not is_affected.any():
             continue
-        n, toward = small[one][some], eye[one][some]
-        shown = (hidden[one][:, some].T[..., None] & bits == 0).reshape(len(n), -1).float()  # [P, cells]
+        n, toward = small[item][is_affected], eye[item][is_affected]
+        shown = (hidden[item][:, is_affected].T[..., None] & bits == 0).reshape(len(n), -1).float()  # [P, cells]
         facing = (n @ d.T).clip(min=0.0)
-        for part, lobe in enumerate((facing, facing.sign() * _lobe(n, toward, alpha[one], d))):
-            whole = lobe @ light[one]
-            left = (lobe * shown) @ light[one] + (lobe * (1 - shown)).sum(1, keepdim=True) * glow[one]
-            factors[part, one, :, some] = ((left + 1e-6) / (whole + 1e-6)).T
+        for part, lobe in enumerate((facing, facing.sign() * _lobe(n, toward, alpha[item], d))):
+            total = lobe @ light[item]
+            visible = (lobe * shown) @ light[item] + (lobe * (1 - shown)).sum(1, keepdim=True) * glow[item]
+            factors[part, item, :, is_affected] = ((visible + 1e-6) / (total + 1e-6)).T
     wide = F.interpolate(factors.flatten(0, 1), size=(size, size), mode="bilinear", align_corners=False)
     diffuse, specular = wide.unflatten(0, (2, count))
     return diffuse, specular

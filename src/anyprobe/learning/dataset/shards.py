@@ -140,8 +140,8 @@ def _claim(path: Path, content: Path) -> None:
             path.touch(exist_ok=False)
     except FileExistsError as error:
         raise InputError(
-            f"{path}: expected none, but another process has just written one; "
-            "go on with that, or choose another folder"
+            f"{path}: expected no such file, but another process has just written it; "
+            "continue that dataset, or choose another folder"
         ) from error
 
 
@@ -192,7 +192,7 @@ def read_index(folder: Path, shard: int) -> ShardIndex:
     except FileNotFoundError as error:
         raise InputError(f"{path}: expected the index of a shard, found none") from error
     except (OSError, ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
-        raise InputError(f"{path}: expected the index of a shard, got damage ({error})") from error
+        raise InputError(f"{path}: expected the index of a shard, got a damaged file ({error})") from error
     if fields.get("format") != DATASET_FORMAT or index.shard != shard:
         raise InputError(
             f"{path}: expected format {DATASET_FORMAT} of shard {shard}, got {fields.get('format')} of {index.shard}"
@@ -233,7 +233,7 @@ def read_samples(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
                     raise InputError(f"{path.name}: expected files <key>.<part>, got {member.name!r}")
                 parts[name] = file.read()
     except (OSError, tarfile.TarError) as error:
-        raise InputError(f"{path.name}: expected a tar, got damage ({error})") from error
+        raise InputError(f"{path.name}: expected a tar, got a damaged file ({error})") from error
     if key is not None:
         yield key, parts
 

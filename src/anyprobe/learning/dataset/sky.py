@@ -296,12 +296,12 @@ def draw_day(rng: np.random.Generator, height: int) -> Day:
     clouds = grey * tint(rng, 0.03) * thick * (1 + forward)
     disc = sun_disc(height, sun, beam)
     weight = (disc.sum(axis=-1) * pixel_solid_angles(height))[..., None]
-    through = np.exp(-8.0 * (cover * weight).sum() / weight.sum())  # of the sun's light through the clouds
+    transmitted = np.exp(-8.0 * (cover * weight).sum() / weight.sum())  # of the sun's light through the clouds
     above = np.where(up, clear * (1 - cover) + clouds * cover, 0.0)
-    light = horizontal_irradiance(above) + beam * sun[1] * through
+    light = horizontal_irradiance(above) + beam * sun[1] * transmitted
     albedo, hidden = _ground(rng, d, _skyline(rng, d))
     facing = np.where(up, np.clip(0.6 - 0.5 * (d @ (sun * [1, 0, 1]))[..., None], 0.1, 1.0), 1.0)
-    disc = np.where(hidden, 0.0, disc * through)
+    disc = np.where(hidden, 0.0, disc * transmitted)
     return Day(
         radiance=np.where(hidden, albedo * light / np.pi * facing, above),
         disc=disc,

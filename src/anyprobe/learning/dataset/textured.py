@@ -105,7 +105,7 @@ COLORED_SHARE = 0.35
 """Share of textures of several colours; the rest varies in brightness only."""
 ON_METAL = 0.5
 """Exponent of the factor for metals, which are tarnished or dirty rather than painted."""
-MOST_ALBEDO = 0.95
+MAX_ALBEDO = 0.95
 SECOND_SHARE = (0.1, 0.38)
 """Share of an object's pixels that the second material covers."""
 BORDER_PX = 0.6
@@ -218,7 +218,7 @@ def draw_share(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 def paint(material: Material, factor: np.ndarray) -> Material:
     """Apply a texture to a material: f0 and albedo [..., 3] as factor; a dielectric's coat stays as it is."""
     if np.any(material.albedo):
-        albedo = np.minimum(material.albedo * factor, MOST_ALBEDO)
+        albedo = np.minimum(material.albedo * factor, MAX_ALBEDO)
         return replace(material, albedo=albedo, f0=np.broadcast_to(material.f0, factor.shape))
     f0 = np.minimum(material.f0 * factor**ON_METAL, 1.0)
     return replace(material, albedo=np.zeros_like(factor), f0=f0)

@@ -34,7 +34,7 @@ def write_photo(folder: Path, key: str, picture: np.ndarray, mask: np.ndarray, f
         fov_deg: of the photo's longer side; None where it is not known.
     """
     height, width = mask.shape
-    said = {
+    description = {
         "photo": f"{key}.png",
         "mask": f"{key}_mask.png",
         "prediction": f"{key}.exr",
@@ -44,10 +44,10 @@ def write_photo(folder: Path, key: str, picture: np.ndarray, mask: np.ndarray, f
         "frame": _FRAME,
         "units": UNITS,
     }
-    write_png(folder / said["photo"], picture)
-    write_png(folder / said["mask"], mask * np.uint8(255))
+    write_png(folder / description["photo"], picture)
+    write_png(folder / description["mask"], mask * np.uint8(255))
     with atomic_path(folder / f"{key}.json") as temporary:
-        temporary.write_text(json.dumps(said, indent=1) + "\n", encoding="utf-8")
+        temporary.write_text(json.dumps(description, indent=1) + "\n", encoding="utf-8")
 
 
 def write_pair(folder: Path, pair: Pair) -> None:
@@ -70,7 +70,7 @@ def read_predictions(folder: Path, keys: Sequence[str]) -> dict[str, np.ndarray]
     if absent:
         raise InputError(
             f"{folder}: expected {len(found)} maps named by key, got none for {len(absent)} of them, such as "
-            f"{absent[0]}; write {absent[0]}.exr or .hdr, where the program failed what it would use instead"
+            f"{absent[0]}; write {absent[0]}.exr or .hdr; where the program failed, its fallback"
         )
     return {key: _read(paths[0]) for key, paths in found.items()}
 
@@ -79,7 +79,7 @@ def _read(path: Path) -> np.ndarray:
     """Read a map of any size as [64, 128, 3]: larger ones keep their integral, smaller ones are interpolated."""
     radiance = read_radiance(path)
     if not radiance.any():
-        raise InvalidEnvironment(f"{path.name}: expected light, got a black map; write what the program estimated")
+        raise InvalidEnvironment(f"{path.name}: expected light, got a black map; write the program's estimate")
     if len(radiance) < MAP_HEIGHT:
         return bilinear(radiance, direction_to_uv(pixel_directions(MAP_HEIGHT)).astype(np.float32))
     return np.asarray(reduced(radiance, MAP_HEIGHT), np.float32)

@@ -37,14 +37,14 @@ class Calibration:
         """
         right = right_of(ldr, true_ldr)
         weight = np.broadcast_to(pixel_solid_angles(len(right)), right.shape)
-        which = np.minimum((confidence * FINE).astype(int), FINE - 1)
-        seen = pixel_directions(len(right))[..., 2] > 0
-        came = np.where(right, confidence, 1.0 - confidence)
-        surprise = -np.log(np.clip(came, NEAREST, 1.0))
-        values = (weight, weight * confidence, weight * right, weight * (1 - came) ** 2, weight * surprise)
+        bins = np.minimum((confidence * FINE).astype(int), FINE - 1)
+        is_seen_half = pixel_directions(len(right))[..., 2] > 0
+        probability = np.where(right, confidence, 1.0 - confidence)
+        surprise = -np.log(np.clip(probability, NEAREST, 1.0))
+        values = (weight, weight * confidence, weight * right, weight * (1 - probability) ** 2, weight * surprise)
         halves = [
-            np.stack([np.bincount(which[half], value[half], minlength=FINE) for value in values])
-            for half in (seen, ~seen)
+            np.stack([np.bincount(bins[half], value[half], minlength=FINE) for value in values])
+            for half in (is_seen_half, ~is_seen_half)
         ]
         for name, sums in zip(HALVES, halves, strict=True):
             self._sums[name] += sums
@@ -88,7 +88,7 @@ def figures(sums: np.ndarray, constant: float) -> dict:
     total = sums[0].sum()
     _, claimed, right, squares, surprise = sums.sum(axis=1) / total
     tens = _tens(sums[:3]) / total
-    sure = np.clip([constant, 1 - constant], NEAREST, 1.0)
+    clipped = np.clip([constant, 1 - constant], NEAREST, 1.0)
     return {
         "claimed": _short(claimed),
         "right": _short(right),
@@ -100,7 +100,7 @@ def figures(sums: np.ndarray, constant: float) -> dict:
             "claimed": _short(constant),
             "error": _short(abs(constant - right)),
             "brier": _short(right * (1 - constant) ** 2 + (1 - right) * constant**2),
-            "log_loss": _short(-np.dot([right, 1 - right], np.log(sure))),
+            "log_loss": _short(-np.dot([right, 1 - right], np.log(clipped))),
             "auc": 0.5,
         },
     }

@@ -166,8 +166,8 @@ def surroundings(pair: Pair) -> np.ndarray | None:
     x = (np.arange(width) + 0.5) / width * 2 - 1
     y = (1 - (np.arange(height) + 0.5) / height * 2) * height / width
     rays = np.stack([*np.meshgrid(slope * x, slope * y), np.full((height, width), -1.0)], axis=-1)
-    shown = bilinear(pair.radiance, direction_to_uv(normalize(rays)).astype(np.float32))
-    display = np.round(response(shown, shot_of(pair.recipe).curve).clip(0.0, 1.0) * 255) / 255
+    radiance = bilinear(pair.radiance, direction_to_uv(normalize(rays)).astype(np.float32))
+    display = np.round(response(radiance, shot_of(pair.recipe).curve).clip(0.0, 1.0) * 255) / 255
     return visible_surroundings(display.astype(np.float32), PHONE_FOV_DEG, np.eye(3), pair.crop, pair.tan_half)
 
 

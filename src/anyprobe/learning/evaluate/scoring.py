@@ -45,8 +45,8 @@ Group = Callable[[Pair, bool], bool]
 def dominant_light_share(radiance: np.ndarray) -> float:
     """Compute the share of a map's power that its dominant light has, by luminance: E on a plane facing it / all
     light."""
-    whole = float(luminance(integral(radiance.astype(np.float64))))
-    return float(luminance(find_dominant_light(radiance).irradiance)) / max(whole, 1e-9)
+    total = float(luminance(integral(radiance.astype(np.float64))))
+    return float(luminance(find_dominant_light(radiance).irradiance)) / max(total, 1e-9)
 
 
 def _alpha_within(low: float, high: float) -> Group:
@@ -205,11 +205,11 @@ class Scores:
         for method, rows in self.rows.items():
             errors[method] = {}
             for group in GROUPS:
-                found = [index for index, member in enumerate(self.groups) if group in member]
-                if found:
-                    where = [self.maps[index] for index in found], [self.shapes[index] for index in found]
+                indices = [index for index, member in enumerate(self.groups) if group in member]
+                if indices:
+                    clusters = [self.maps[index] for index in indices], [self.shapes[index] for index in indices]
                     errors[method][group] = {
-                        name: rounded(clustered_error([rows[index][name] for index in found], *where), 5)
+                        name: rounded(clustered_error([rows[index][name] for index in indices], *clusters), 5)
                         for name in METRICS
                         if name not in MEDIANS
                     }

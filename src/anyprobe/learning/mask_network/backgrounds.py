@@ -125,12 +125,12 @@ def _ground(
     distance = EYE_HEIGHT / (-ray[..., 1]).clip(min=1e-3)
     x, z = ray[..., 0] * distance, ray[..., 2] * distance
     cover = ((-ray[..., 1] - 0.01) * 200).clip(0, 1)
-    turn = float(rng.uniform(0, np.pi))
-    a = x * float(np.cos(turn)) + z * float(np.sin(turn))
-    b = z * float(np.cos(turn)) - x * float(np.sin(turn))
+    angle = float(rng.uniform(0, np.pi))
+    a = x * float(np.cos(angle)) + z * float(np.sin(angle))
+    b = z * float(np.cos(angle)) - x * float(np.sin(angle))
     if rng.random() < 0.5:  # a table: its edges lie around where the camera looks
         reach = EYE_HEIGHT / np.tan(pitch)
-        middle_a, middle_b = -reach * np.sin(turn), -reach * np.cos(turn)
+        middle_a, middle_b = -reach * np.sin(angle), -reach * np.cos(angle)
         half = np.exp(rng.uniform(np.log(0.4), np.log(2.5), size=2))
         inside = ((a - middle_a).abs() < half[0]) & ((b - middle_b).abs() < half[1])
         cover = cover * inside.float()

@@ -61,16 +61,16 @@ def draw_scene(rng: np.random.Generator, view: LitView, textures: TexturePool, s
     photo_area[top:bottom, left:right] = 1.0
 
     count = 0 if rng.random() < EMPTY_SHARE else int(rng.choice([1, 2, 3, 4], p=[0.5, 0.28, 0.15, 0.07]))
-    placed = [_place(rng, index, bounds, size) for index in range(count)]
-    placed.sort(key=lambda one: one.base)  # nearer objects stand lower in the picture
+    places = [_place(rng, index, bounds, size) for index in range(count)]
+    places.sort(key=lambda place: place.base)  # nearer objects stand lower in the picture
     order = rng.permutation(len(view.foregrounds))[:count]
     covers: list[torch.Tensor] = []
-    for one, which in zip(placed, order, strict=True):
-        foreground = view.foregrounds[which]
+    for place, number in zip(places, order, strict=True):
+        foreground = view.foregrounds[number]
         if rng.random() < REFLECTING_SHARE:
-            picture = _reflect(rng, picture, foreground, one, window)
-        picture = picture * _shadows(rng, foreground, one, view, window)
-        layer = _warp(foreground, one, window)
+            picture = _reflect(rng, picture, foreground, place, window)
+        picture = picture * _shadows(rng, foreground, place, view, window)
+        layer = _warp(foreground, place, window)
         picture = picture * (1 - layer[3]) + layer[:3]
         covers = [cover * (1 - layer[3]) for cover in covers] + [layer[3]]
     for _ in range(int(rng.choice([0, 1, 2], p=[0.75, 0.2, 0.05]))):  # in front of everything

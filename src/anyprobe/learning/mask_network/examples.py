@@ -89,8 +89,8 @@ class SceneSource:
         scenes = slide(self._scenes, range(first, first + config.scenes), self._draw)
         rng = np.random.default_rng((config.seed, 5, step))
         photos, prompts, masks = [], [], []
-        for which in rng.integers(len(scenes), size=config.batch):
-            photo, examples = _examples(rng, scenes[which], config.prompts)
+        for number in rng.integers(len(scenes), size=config.batch):
+            photo, examples = _examples(rng, scenes[number], config.prompts)
             photos.append(photo)
             prompts.append(torch.from_numpy(np.stack([prompt for prompt, _ in examples])))
             masks.append(torch.stack([mask for _, mask in examples]))
@@ -130,14 +130,14 @@ def _examples(
     rng: np.random.Generator, scene: Scene, count: int
 ) -> tuple[torch.Tensor, list[tuple[np.ndarray, torch.Tensor]]]:
     """Draw a retake's photo [3, S, S], and `count` prompts of different kinds with their answers."""
-    which = _draw_target(rng, scene)
-    if which is None or rng.random() >= CLOSE_SHARE:
-        scene, which, shares = retake(rng, scene, SIZE), None, PROMPTS
+    target = _draw_target(rng, scene)
+    if target is None or rng.random() >= CLOSE_SHARE:
+        scene, target, shares = retake(rng, scene, SIZE), None, PROMPTS
     else:
-        part = part_around(rng, cover_box(scene.covers[which]), scene.bounds)
+        part = part_around(rng, cover_box(scene.covers[target]), scene.bounds)
         scene, shares = retake(rng, scene, SIZE, part), CLOSE_PROMPTS
     kinds = rng.choice(list(shares), size=count, replace=False, p=list(shares.values()))
-    return scene.photo, [ask(rng, scene, str(kind), which) for kind in kinds]
+    return scene.photo, [ask(rng, scene, str(kind), target) for kind in kinds]
 
 
 def _draw_target(rng: np.random.Generator, scene: Scene) -> int | None:
@@ -149,23 +149,25 @@ def _draw_target(rng: np.random.Generator, scene: Scene) -> int | None:
     return int(rng.choice(possible, p=areas[possible] ** 0.5 / (areas[possible] ** 0.5).sum()))
 
 
-def ask(rng: np.random.Generator, scene: Scene, kind: str, which: int | None = None) -> tuple[np.ndarray, torch.Tensor]:
+def ask(
+    rng: np.random.Generator, scene: Scene, kind: str, target: int | None = None
+) -> tuple[np.ndarray, torch.Tensor]:
     """Draw a prompt of a kind of PROMPTS and its answer: channel [S, S], target's cover [S, S].
 
     A prompt "none" becomes a click where no object stands out.
 
     which: the object meant; else a random one.
     """
-    if which is None:
-        which = _draw_target(rng, scene)
-    if which is None:
+    if target is None:
+        target = _draw_target(rng, scene)
+    if target is None:
         return np.zeros((SIZE, SIZE), np.float32), torch.zeros(SIZE, SIZE)
     if kind == "none":
         best = unasked_target(scene)
         if best is not None:
             return np.zeros((SIZE, SIZE), np.float32), scene.covers[best]
         kind = "click"
-    cover = scene.covers[which]
+    cover = scene.covers[target]
     if kind == "box":
         box = cover_box(cover)
         reach = 0.08 * max(box[2] - box[0], box[3] - box[1])
@@ -176,7 +178,7 @@ def ask(rng: np.random.Generator, scene: Scene, kind: str, which: int | None = N
     if kind == "clicks":
         on += [inside_click(rng, cover) for _ in range(int(rng.integers(0, 3)))]
         for _ in range(int(rng.integers(0, 3))):
-            off.append(_click_beside(rng, scene, which))
+            off.append(_click_beside(rng, scene, target))
     return draw_prompts(SIZE, on, off), cover
 
 
@@ -200,17 +202,17 @@ def inside_click(rng: np.random.Generator, cover: torch.Tensor) -> tuple[float, 
     return _pixel(rng, inside > 0.5)
 
 
-def _click_beside(rng: np.random.Generator, scene: Scene, which: int) -> tuple[float, float]:
+def _click_beside(rng: np.random.Generator, scene: Scene, target: int) -> tuple[float, float]:
     """Draw a point off the target: on another object, else around it, else anywhere in the photo."""
     top, bottom, left, right = scene.bounds
     photo = np.zeros((SIZE, SIZE), bool)
     photo[top:bottom, left:right] = True
-    off = photo & (scene.covers[which].numpy() < 0.1)
-    others: Sequence[int] = [i for i in range(len(scene.covers)) if i != which]
+    off = photo & (scene.covers[target].numpy() < 0.1)
+    others: Sequence[int] = [i for i in range(len(scene.covers)) if i != target]
     if others and rng.random() < 0.6:
         return _pixel(rng, off & (scene.covers[int(rng.choice(others))].numpy() > 0.5), off)
-    near = blur(scene.covers[which], 5.0).numpy() > 0.03
-    return _pixel(rng, off & near, off)
+    is_near = blur(scene.covers[target], 5.0).numpy() > 0.03
+    return _pixel(rng, off & is_near, off)
 
 
 def _pixel(rng: np.random.Generator, *choices: np.ndarray) -> tuple[float, float]:
@@ -218,8 +220,8 @@ def _pixel(rng: np.random.Generator, *choices: np.ndarray) -> tuple[float, float
     for choice in choices:
         rows, columns = np.nonzero(choice)
         if len(rows):
-            at = int(rng.integers(len(rows)))
-            return float(columns[at]) + 0.5, float(rows[at]) + 0.5
+            number = int(rng.integers(len(rows)))
+            return float(columns[number]) + 0.5, float(rows[number]) + 0.5
     return SIZE / 2, SIZE / 2
 
 
@@ -324,13 +326,13 @@ def _crop(
     stored = photo.shape[-1]
     x, y, width, height = part
     inner = [max(1, round(size * side / max(width, height))) for side in (height, width)]
-    finer = 2 if max(width, height) > 1.3 * size else 1  # averaged where it shrinks
-    fine = [finer * side for side in inner]
-    columns = (x + (torch.arange(fine[1]) + 0.5) * width / fine[1]) / stored * 2 - 1
-    rows = (y + (torch.arange(fine[0]) + 0.5) * height / fine[0]) / stored * 2 - 1
+    factor = 2 if max(width, height) > 1.3 * size else 1  # averaged where it shrinks
+    sampled = [factor * side for side in inner]
+    columns = (x + (torch.arange(sampled[1]) + 0.5) * width / sampled[1]) / stored * 2 - 1
+    rows = (y + (torch.arange(sampled[0]) + 0.5) * height / sampled[0]) / stored * 2 - 1
     grid = torch.stack(torch.meshgrid(columns, rows, indexing="xy"), dim=-1)
     both = F.grid_sample(torch.cat([photo, covers])[None], grid[None], align_corners=False)
-    both = F.avg_pool2d(both, finer)[0] if finer > 1 else both[0]
+    both = F.avg_pool2d(both, factor)[0] if factor > 1 else both[0]
     start = (size - inner[0]) // 2, (size - inner[1]) // 2
     inside = (slice(start[0], start[0] + inner[0]), slice(start[1], start[1] + inner[1]))
     square = photo.new_full((3, size, size), GREY)

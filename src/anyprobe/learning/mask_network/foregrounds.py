@@ -37,10 +37,12 @@ class TexturePool:
     def __init__(self, seed: int, count: int, maps: Sequence[np.ndarray | torch.Tensor] = ()) -> None:
         """Draw patterns; maps: [H, 2H, 3] radiance, at their own sharpness where H is 256."""
         rng = np.random.default_rng((seed, 3))
-        real = round(REAL_SHARE * count) if len(maps) else 0
-        own = [torch.from_numpy(draw_texture(rng)).permute(2, 0, 1).contiguous() for _ in range(count - real)]
-        crops = [_crop(rng, maps[int(rng.integers(len(maps)))]) for _ in range(real)]
-        self.patterns = torch.stack(own + crops)
+        num_crops = round(REAL_SHARE * count) if len(maps) else 0
+        procedural = [
+            torch.from_numpy(draw_texture(rng)).permute(2, 0, 1).contiguous() for _ in range(count - num_crops)
+        ]
+        crops = [_crop(rng, maps[int(rng.integers(len(maps)))]) for _ in range(num_crops)]
+        self.patterns = torch.stack(procedural + crops)
 
     def read(self, rng: np.random.Generator, x: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
         """Return a random pattern at coordinates x, y [...] where 2 is one tile: [3, ...]."""
@@ -110,30 +112,30 @@ class ViewSource:
     def view(self, number: int) -> LitView:
         """Draw a map, a camera, two lit materials, and eight objects of them."""
         rng = np.random.default_rng((self.seed, 1, number))
-        which = int(rng.integers(len(self.illuminator.maps)))
+        map_number = int(rng.integers(len(self.illuminator.maps)))
         band = int(rng.integers(NUM_ELEVATIONS))
         elevation = draw_elevation(rng, band)
         rotation = world_from_camera(rng.uniform(0, 2 * np.pi), elevation, rng.normal(0, 0.05))
         if rng.random() < 0.5:
             rotation = np.diag([-1.0, 1.0, 1.0]) @ rotation
-        lit = [self.illuminator.light(which, rotation, draw_alpha(rng), band) for _ in range(MATERIALS)]
+        lit = [self.illuminator.light(map_number, rotation, draw_alpha(rng), band) for _ in range(MATERIALS)]
         ground = _facing(lit[0].radiance.numpy(), rotation.T @ np.array([0.0, 1.0, 0.0]))
         chosen = [lit[i % MATERIALS] for i in range(FOREGROUNDS)]
         index = rng.choice(self._by_elevation[band], FOREGROUNDS)
         normals = torch.from_numpy(self.surfaces.normals[index]).float()
         tan_half = torch.from_numpy(self.surfaces.tan_half[index]).reshape(-1, 1, 1, 1)
-        materials = [draw_material(rng, one.alpha) for one in chosen]
+        materials = [draw_material(rng, item.alpha) for item in chosen]
         wo = pixel_wo(tan_half, normals.shape[-1])
         radiance, _ = shade_batch(chosen, materials, normals, wo)
         if rng.random() < FLASH_SHARE:
             radiance = radiance + _flash(rng, normals, ground)
         cover = (normals.abs().sum(dim=1, keepdim=True) > 0).float()
-        for one, facing in zip(radiance, normals, strict=True):
-            one.mul_(draw_pattern(rng, facing, self.textures))
+        for item, facing in zip(radiance, normals, strict=True):
+            item.mul_(draw_pattern(rng, facing, self.textures))
         objects = list(torch.cat([radiance * cover, cover], dim=1))
         return LitView(
-            foregrounds=torch.stack([_join(rng, one, objects) for one in objects]),
-            sky=self.illuminator.maps[which],
+            foregrounds=torch.stack([_join(rng, item, objects) for item in objects]),
+            sky=self.illuminator.maps[map_number],
             world_from_camera=rotation,
             elevation=elevation,
             ground=ground,
@@ -181,20 +183,20 @@ def _colors(rng: np.random.Generator, labels: torch.Tensor, count: int) -> torch
     return colors[labels].permute(2, 0, 1)
 
 
-def _join(rng: np.random.Generator, one: torch.Tensor, others: list[torch.Tensor]) -> torch.Tensor:
+def _join(rng: np.random.Generator, foreground: torch.Tensor, others: list[torch.Tensor]) -> torch.Tensor:
     """Join JOINED_SHARE of the objects with another in front, overlapping, both shrunk into the window."""
     if rng.random() >= JOINED_SHARE:
-        return one
+        return foreground
     other = others[int(rng.integers(len(others)))]
-    size = one.shape[-1]
+    size = foreground.shape[-1]
     share = float(rng.uniform(0.35, 0.8))
     small = torch.nn.functional.interpolate(other[None], size=round(size * share), mode="bilinear", antialias=True)[0]
-    rows = torch.nonzero((one[3] > 0.5).any(dim=1)).flatten()
+    rows = torch.nonzero((foreground[3] > 0.5).any(dim=1)).flatten()
     joined = torch.zeros(4, 2 * size, 2 * size)
     half = size // 2
-    joined[:, half : half + size, half : half + size] = one
+    joined[:, half : half + size, half : half + size] = foreground
     side = small.shape[-1]
-    inside = torch.nonzero(one[3] > 0.5)
+    inside = torch.nonzero(foreground[3] > 0.5)
     y, x = inside[int(rng.integers(len(inside)))].tolist()
     if rng.random() < 0.6:  # standing on it, or under it
         y = int(rows[0 if rng.random() < 0.5 else -1])

@@ -134,7 +134,7 @@ def train_mask(
         del store  # hundreds of maps, of which the scenes keep what they need
     learner = SimpleNamespace(columns=("loss", "iou"), nets=net)
     logger = RunLogger(folder, config.name, learner, first, last, config.steps)
-    saved, each = time.monotonic(), config.scenes.batch * config.scenes.prompts
+    saved, examples_per_step = time.monotonic(), config.scenes.batch * config.scenes.prompts
     with logger:
         for step in range(first, last):
             rate = learning_rate(config, step)
@@ -145,7 +145,7 @@ def train_mask(
                 batch = shrink(batch, config.small)
             figures = _step(net, optimizer, batch)
             _follow(mean, net, min(config.averaged, (step + 1) / (step + 20)))
-            logger.note(step + 1, (step + 1) * each, each, figures, rate)
+            logger.note(step + 1, (step + 1) * examples_per_step, examples_per_step, figures, rate)
             if time.monotonic() - saved > CHECKPOINT_SECONDS or step + 1 == last:
                 with atomic_path(path) as temporary:
                     torch.save(
@@ -185,17 +185,17 @@ def _step(net: MaskNet, optimizer: torch.optim.Optimizer, batch: Batch) -> dict[
     loss.backward()
     torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
     optimizer.step()
-    found, true = logits.detach() > 0, mask > 0.5
-    full = true.sum(dim=(1, 2, 3)) > 0
-    iou = (found & true).sum(dim=(1, 2, 3)) / (found | true).sum(dim=(1, 2, 3)).clip(min=1)
+    estimate, truth = logits.detach() > 0, mask > 0.5
+    full = truth.sum(dim=(1, 2, 3)) > 0
+    iou = (estimate & truth).sum(dim=(1, 2, 3)) / (estimate | truth).sum(dim=(1, 2, 3)).clip(min=1)
     return {"loss": loss, "iou": iou[full].mean()}
 
 
 @torch.no_grad()
 def _follow(mean: MaskNet, net: MaskNet, decay: float) -> None:
     """Move the running mean of the weights and of the statistics towards their current values."""
-    for kept, new in zip(mean.state_dict().values(), net.state_dict().values(), strict=True):
-        if kept.is_floating_point():
-            kept.lerp_(new, 1.0 - decay)
+    for mean_value, value in zip(mean.state_dict().values(), net.state_dict().values(), strict=True):
+        if mean_value.is_floating_point():
+            mean_value.lerp_(value, 1.0 - decay)
         else:
-            kept.copy_(new)
+            mean_value.copy_(value)

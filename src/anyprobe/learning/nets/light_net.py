@@ -64,8 +64,8 @@ class SphereNet(nn.Module):
         beside = lifted + 4 * surroundings + 3
         self.first = nn.ModuleList([FoldedConv(fine, beside, widths[0]), conv(widths[0], widths[0])])
         self.down = nn.ModuleList(conv(a, b, stride=2) for a, b in pairs)
-        more = {widths[-1]: 48}
-        self.seen = nn.ModuleList(conv(b + lifted + more.get(b, 0), b) for _, b in pairs)
+        extra_channels = {widths[-1]: 48}
+        self.seen = nn.ModuleList(conv(b + lifted + extra_channels.get(b, 0), b) for _, b in pairs)
         self.up = nn.ModuleList(UpBlock(b, a) for a, b in reversed(pairs))
         self.head = nn.Conv2d(widths[0], 4 * outputs, 3, padding=1)
 

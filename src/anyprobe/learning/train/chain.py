@@ -72,8 +72,8 @@ def brightest_loss(shown: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
     loss = shown.new_zeros(())
     for size, share in BRIGHTEST:
         values = []
-        for one in (shown, true):
-            patches = F.avg_pool2d(one, size).flatten(2)
+        for radiance in (shown, true):
+            patches = F.avg_pool2d(radiance, size).flatten(2)
             chosen = patches.mean(dim=1, keepdim=True).topk(max(1, round(share * patches.shape[2])), dim=2).indices
             values.append(patches.gather(2, chosen.expand(-1, patches.shape[1], -1)))
         loss = loss + (values[0] - values[1]).abs().mean() / len(BRIGHTEST)

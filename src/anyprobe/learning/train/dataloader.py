@@ -61,11 +61,11 @@ def stream(open_source: Callable[[], PairSource], steps: range, workers: int) ->
         open_source: picklable; gives the source, on the CPU.
         workers: processes of one thread each; 0 makes the batches here, on this process's threads.
     """
-    made = _Steps(open_source, steps)
+    source_batches = _Steps(open_source, steps)
     if workers == 0:
-        return (made[index] for index in range(len(made)))
+        return (source_batches[index] for index in range(len(source_batches)))
     batches = DataLoader(
-        made,
+        source_batches,
         batch_size=None,
         num_workers=workers,
         prefetch_factor=AHEAD,
@@ -154,8 +154,8 @@ def open_batches(
     if workers == 0:
         return map(_pairs(config, store, cache, device, compiled).batch, steps)
     _surfaces(config, store, cache, workers)  # once, before all of them ask for it
-    made = stream(partial(make_pairs, config, data, cache, "cpu", compiled), steps, workers)
-    return (batch.to(device) for batch in made)
+    batches = stream(partial(make_pairs, config, data, cache, "cpu", compiled), steps, workers)
+    return (batch.to(device) for batch in batches)
 
 
 KEPT_LIGHTS = 64
@@ -183,7 +183,7 @@ class ShardSource:
                 "render one with --split train"
             )
         if data is None and plan["procedural_maps"] < len(plan["maps"]):
-            raise InputError(f"--shards {folder}: expected --data too, the assets it was rendered from, got none")
+            raise InputError(f"--shards {folder}: expected --data with the assets it was rendered from, got none")
         self.folder, self.config, self.device = folder, config, device
         done = [shard for shard in range(num_shards(plan)) if is_done(folder, shard)]
         self.indices: dict[int, ShardIndex] = {shard: read_index(folder, shard) for shard in done}
@@ -197,8 +197,8 @@ class ShardSource:
         missing = {one["id"] for one in plan["maps"]} - self.store.maps.keys()
         if missing:
             raise InputError(
-                f"--shards {folder}: expected the maps it was rendered from in --data, {len(missing)} of "
-                f"{len(plan['maps'])} are not there"
+                f"--shards {folder}: expected in --data the {len(plan['maps'])} maps it was rendered from, "
+                f"got all but {len(missing)}"
             )
         self._light = lru_cache(maxsize=KEPT_LIGHTS)(self._turned_map)
 
@@ -214,15 +214,15 @@ class ShardSource:
         epoch, place = divmod(step, len(self.keys) // size)
         order = np.random.default_rng((self.config.seed, 3, epoch)).permutation(len(self.keys))
         chosen = [self.keys[k] for k in order[place * size : (place + 1) * size]]
-        rows = [self._pair(*one) for one in chosen]
+        rows = [self._pair(*shard_and_key) for shard_and_key in chosen]
         arrays = {name: torch.from_numpy(np.stack([row[name] for row in rows])) for name in rows[0]}
-        nothing = {
+        absent = {
             "given_normals_rotation": torch.zeros(size, 3, 3),
             "surroundings": torch.zeros(size, 4, MAP_HEIGHT, 2 * MAP_HEIGHT),
             "material": torch.zeros(size, MATERIAL_INPUTS),
             "given_material": torch.zeros(size, MATERIAL_INPUTS),
         }
-        return Batch(**arrays, **nothing).to(self.device)
+        return Batch(**arrays, **absent).to(self.device)
 
     def _pair(self, shard: int, key: str) -> dict[str, np.ndarray]:
         """Read a pair as the arrays of Batch, channels first."""

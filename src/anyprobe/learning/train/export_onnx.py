@@ -147,7 +147,7 @@ def export_graphs(checkpoint: Path, folder: Path, sureness: Sureness = AS_LEARNE
 def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
     """Return the provenance of a checkpoint's weights besides its own steps, as far as known:
 
-    start           identity of the file of weights that the run began from, or "nothing"
+    start           identity of the file of weights that the run started from, or "nothing"
     teacher         identity of the file of weights whose maps were learned from, beside the truth
     assets          the maps and shapes of its data, as dataloader.name_assets has them
     mean_with       identity of the file of weights that they are the mean with
@@ -196,9 +196,9 @@ def _export_stage(stage: str, graph: Graph, recipe: dict[str, str], path: Path) 
         with torch.no_grad():
             expected = graph.net(*examples)
         expected = (expected,) if isinstance(expected, torch.Tensor) else expected
-        found = session.run(None, dict(zip(graph.inputs, (one.numpy() for one in examples), strict=True)))
+        outputs = session.run(None, dict(zip(graph.inputs, (example.numpy() for example in examples), strict=True)))
         typical = np.median if graph.median else np.max
-        difference = max(float(typical(np.abs(a - b.numpy()))) for a, b in zip(found, expected, strict=True))
+        difference = max(float(typical(np.abs(a - b.numpy()))) for a, b in zip(outputs, expected, strict=True))
         if not difference <= TOLERANCE:
             raise ModelError(f"{stage}: expected ONNX within {TOLERANCE} of torch, got {difference:.3g}")
     return difference
@@ -218,7 +218,7 @@ def store_half(model) -> None:
     from onnx import numpy_helper
 
     exact: set[str] = set()
-    for node in [one for one in model.graph.node if one.op_type == "Constant"]:  # the tracer writes each use anew
+    for node in [node for node in model.graph.node if node.op_type == "Constant"]:  # the tracer writes each use anew
         tensor = next((a.t for a in node.attribute if a.HasField("t")), None)
         if tensor is not None and numpy_helper.to_array(tensor).size >= 1024:
             tensor.name = node.output[0]
@@ -226,14 +226,14 @@ def store_half(model) -> None:
             model.graph.node.remove(node)
             exact.add(tensor.name)  # directions and the like, whose angles half floats would blur
     casts: list[Any] = []
-    kept: dict[Any, str] = {}
+    first_of: dict[Any, str] = {}
     renamed: dict[str, str] = {}
     for tensor in list(model.graph.initializer):
         values = numpy_helper.to_array(tensor)
         if values.dtype != np.float32 or values.size < 1024:
             continue
         name = tensor.name
-        first = kept.setdefault((values.shape, values.tobytes()), name)
+        first = first_of.setdefault((values.shape, values.tobytes()), name)
         if first == name and name in exact:
             continue
         model.graph.initializer.remove(tensor)

@@ -186,12 +186,12 @@ class Lift:
         cosine = F.cosine_similarity(*powers).clip(max=1 - 1e-5)
         color = torch.rad2deg(torch.acos(cosine)) / 10.0
         metal, reflectance, *scales = guess.posterior.split([1, 3, 1, 1, 1], dim=1)
-        wrong = (reflectance - batch.material[:, 2:5]).abs().mean(dim=1)
+        reflectance_error = (reflectance - batch.material[:, 2:5]).abs().mean(dim=1)
         is_metal = (batch.material[:, 5:].mean(dim=1) > METAL_F0).float()
         known = batch.material[:, 0]
         kind = F.binary_cross_entropy_with_logits(metal[:, 0], is_metal, reduction="none")
-        ln_wrong, ln_level, ln_color = (one[:, 0] for one in scales)
-        material = kind + wrong * (1 + torch.exp(-ln_wrong)) + ln_wrong
+        ln_wrong, ln_level, ln_color = (scale[:, 0] for scale in scales)
+        material = kind + reflectance_error * (1 + torch.exp(-ln_wrong)) + ln_wrong
         return {
             "level": (level + level.detach() * torch.exp(-ln_level) + ln_level).mean(),
             "color": (color + color.detach() * torch.exp(-ln_color) + ln_color).mean(),

@@ -145,12 +145,12 @@ class RunLogger:
 
 def side_by_side(pictures: tuple[torch.Tensor, ...]) -> np.ndarray:
     """Join pictures [N, 3, H, W] of display values into one [N h, W, 3] uint8: N rows, as high as the lowest."""
-    height = min(one.shape[2] for one in pictures)
-    level = [
-        F.interpolate(one.float(), size=(height, one.shape[3] * height // one.shape[2]), mode="area")
-        for one in pictures
+    height = min(picture.shape[2] for picture in pictures)
+    scaled = [
+        F.interpolate(picture.float(), size=(height, picture.shape[3] * height // picture.shape[2]), mode="area")
+        for picture in pictures
     ]
-    rows = torch.cat(level, dim=3).permute(0, 2, 3, 1)  # [N, h, W, 3]
+    rows = torch.cat(scaled, dim=3).permute(0, 2, 3, 1)  # [N, h, W, 3]
     return to_bytes(rows.flatten(0, 1).cpu().numpy())
 
 
@@ -163,8 +163,8 @@ def _read_pairs(path: Path, like: Batch) -> Batch | None:
     if not path.is_file():
         return None
     try:
-        kept = torch.load(path, map_location=like.photo.device, weights_only=True)
-        return Batch(**kept)
+        stored = torch.load(path, map_location=like.photo.device, weights_only=True)
+        return Batch(**stored)
     except Exception:  # torch raises many kinds for a damaged file
         return None
 

@@ -77,7 +77,7 @@ def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
     model = json.loads(stored["config"]).get("model", "paper")
     if model not in LEARNERS:
         raise ModelError(
-            f"{checkpoint}: expected a run of this release, got one of {model}; take the release that trained it"
+            f"{checkpoint}: expected a run of this release, got one of {model}; use the release that trained it"
         )
     nets = LEARNERS[model].networks()
     load_weights(nets, stored["nets"], checkpoint)
@@ -137,10 +137,10 @@ def train(
         data: folder with hdri/train and meshes/train; None trains on procedural assets.
         runs: the checkpoint, log.csv, pictures and TensorBoard events go to runs/<config.name>.
         workers: processes that draw shapes and make pairs ahead of this one; each has lit materials of its own,
-            so that a run goes on exactly with as many as it began with. 0: this process makes its pairs.
+            so that a run resumes exactly with as many as it started with. 0: this process makes its pairs.
         stop_after: stop (with a checkpoint) once this many steps are done in all.
         pairs: the batches, when they are at hand already, for instance rendered ones.
-        start: weights to begin from, of train.checkpoint; a run that goes on may name those that it began from.
+        start: weights to start from, of train.checkpoint; a resumed run may name those that it started from.
         teacher: weights of `lift` that the paper's chain learns from, beside the truth; layers that start lacks begin
             as its.
     Returns:
@@ -164,15 +164,15 @@ def train(
         betas=(0.9, 0.999),
         weight_decay=config.weight_decay,
     )
-    first = seen = 0
-    began: dict[str, Any] = {"processes": processes.size}
+    first = num_pairs = 0
+    facts: dict[str, Any] = {"processes": processes.size}
     if config.model == "paper":
-        began["teacher"] = None if teacher is None else init_weights_id(teacher)
-    stored, origin = resumed(path, config, began, start, device)
+        facts["teacher"] = None if teacher is None else init_weights_id(teacher)
+    stored, origin = resumed(path, config, facts, start, device)
     if stored is not None:
         load_weights(nets, stored["nets"], path)
         optimizer.load_state_dict(stored["optimizer"])
-        first, seen = stored["step"], pairs_seen(stored)
+        first, num_pairs = stored["step"], pairs_seen(stored)
     elif start is not None:
         load_init_weights(nets, start, teacher if isinstance(learner, Chain) else None)
     folder = run_folder(runs, config.name)
@@ -191,7 +191,7 @@ def train(
         batches = open_batches(config, store, data, runs / "cache", device, compiled, steps, workers)
         del store  # hundreds of maps, of which the batches keep what they need
     logger = RunLogger(folder, config.name, learner, first, last, config.steps)
-    saved, each = time.monotonic(), config.pairs.batch * processes.size
+    saved, pairs_per_step = time.monotonic(), config.pairs.batch * processes.size
     with logger if processes.is_first else nullcontext():
         for step, batch in enumerate(batches, start=first):
             rate = learning_rate(config, step)
@@ -204,14 +204,14 @@ def train(
             for net in nets.values():
                 torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
             optimizer.step()
-            seen += each
+            num_pairs += pairs_per_step
             if processes.is_first:
                 logger.see(batch)
-                logger.note(step + 1, seen, each, losses, rate)
+                logger.note(step + 1, num_pairs, pairs_per_step, losses, rate)
             if due or step + 1 == last:
                 processes.average_statistics(nets)
                 if processes.is_first:
-                    save_checkpoint(path, nets, config, optimizer, step + 1, seen, origin)
+                    save_checkpoint(path, nets, config, optimizer, step + 1, num_pairs, origin)
                     logger.draw(step + 1)
                 saved = time.monotonic()
     processes.leave()
@@ -237,9 +237,9 @@ class ProcessGroup:
             InputError: another kind, or one that this machine does not have.
         """
         if kind not in BACKENDS:
-            raise InputError(f"--device {kind}: expected one of {', '.join(BACKENDS)}, got another; take cpu")
+            raise InputError(f"--device {kind}: expected one of {', '.join(BACKENDS)}, got another; use cpu")
         if kind == "cuda" and not torch.cuda.is_available():
-            raise InputError("--device cuda: no GPU that torch can use; take cpu")
+            raise InputError("--device cuda: no GPU that torch can use; use cpu")
         self.rank, self.size = (int(os.environ.get(name, default)) for name, default in SINGLE.items())
         own = kind == "cuda" and self.size > 1
         self.device = f"cuda:{os.environ.get('LOCAL_RANK', '0')}" if own else kind

@@ -46,10 +46,10 @@ def shown_losses(shown: torch.Tensor, true: torch.Tensor, weight: torch.Tensor) 
     """Compare display values [N, 3, H, 2H] with the truth: by weighted pixels, by means over 2 to 16 pixels, and in
     structure."""
     difference = shown - true
-    scales, one = difference.new_zeros(()), difference
+    scales, scaled = difference.new_zeros(()), difference
     for _ in range(4):
-        one = F.avg_pool2d(one, 2)
-        scales = scales + one.square().mean() + 0.3 * one.abs().mean()
+        scaled = F.avg_pool2d(scaled, 2)
+        scales = scales + scaled.square().mean() + 0.3 * scaled.abs().mean()
     return {
         "ldr": (weight * (difference.abs() * 0.5 + difference.square() * 2)).mean(),
         "scales": scales,
@@ -75,8 +75,8 @@ class Sent:
     def transport(self, ln: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
         """Compute the mean difference of ln of what spheres of three kinds (LOBES) see: energy counts, not pixels."""
         seen = []
-        for one in (ln, true_ln):
-            power = F.avg_pool2d(torch.exp(one.clip(*LN_RANGE)) * self.angles, 2)
+        for ln_map in (ln, true_ln):
+            power = F.avg_pool2d(torch.exp(ln_map.clip(*LN_RANGE)) * self.angles, 2)
             radiance = power / F.avg_pool2d(self.angles, 2)
             means = torch.einsum("lop,ncp->nclo", self._lobes, radiance.flatten(2))
             seen.append(torch.log(means + FAINT))
@@ -88,7 +88,7 @@ class Sent:
 
     def level(self, ln: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
         """Compute the difference of ln of the luminance of the power, [N]."""
-        level, true = (torch.log(self.power(one) @ self._luminance) for one in (ln, true_ln))
+        level, true = (torch.log(self.power(ln_map) @ self._luminance) for ln_map in (ln, true_ln))
         return (level - true).abs()
 
     def above_white(self, true_ln: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
