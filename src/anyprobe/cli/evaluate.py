@@ -44,7 +44,8 @@ def evaluate(
     seed: Annotated[int, typer.Option(help="Seed of the test set.")] = SEED,
     frozen: Annotated[bool, typer.Option("--frozen", help="Take the first of the 1,000 frozen recipes.")] = False,
     recipes: Annotated[
-        Path | None, typer.Option(help="Take the pairs of a list, one recipe a line: research/world/test.txt, say.")
+        Path | None,
+        typer.Option(help="Take the pairs of a list, one recipe per line, such as research/world/test.txt."),
     ] = None,
     conditions: Annotated[
         Conditions, typer.Option(help="clean photos; world: as phones take them, with noise, JPEG, blur, rough masks.")

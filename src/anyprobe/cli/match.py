@@ -46,10 +46,10 @@ def match(
     object_options: ObjectOptions,
     model_options: ModelOptions,
     out: Annotated[Path, folder_option("Folder for the results.")] = Path("match"),
-    best: Annotated[int, typer.Option(min=1, max=50, help="How many panoramas are written and shown.")] = 3,
+    best: Annotated[int, typer.Option(min=1, max=50, help="Number of panoramas to write and show.")] = 3,
     apply: Annotated[
         str | None,
-        typer.Option(metavar="TARGET[,TARGET...]", help="Also export the best one, as the command export does."),
+        typer.Option(metavar="TARGET[,TARGET...]", help="Also export the best one, as anyprobe export does."),
     ] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,

@@ -49,13 +49,13 @@ def serve(
     token: Annotated[
         str | None,
         typer.Option(
-            help="Token of 8 letters or more that clients must send, or none; default: a new one if other machines "
+            help="Token of at least 8 characters that clients must send, or none; default: a new one if other machines "
             "can connect.",
             envvar="ANYPROBE_TOKEN",
         ),
     ] = None,
     drain: Annotated[
-        float, typer.Option(help="Seconds for what it has begun, when it is to end (SIGTERM).", min=0, max=600)
+        float, typer.Option(help="Seconds for running work when the server is stopped (SIGTERM).", min=0, max=600)
     ] = DRAIN_S,
     model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL,
 ) -> None:

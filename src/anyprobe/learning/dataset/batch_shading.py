@@ -128,17 +128,12 @@ def draw_grain(rng: np.random.Generator, shape: Sequence[int], device: torch.dev
 
 
 def take_photos(
-    shots: list[Shot],
-    radiance: torch.Tensor,
-    mask: torch.Tensor,
-    background: torch.Tensor,
-    rng: np.random.Generator,
-    tone: Callable = response,
+    shots: list[Shot], radiance: torch.Tensor, mask: torch.Tensor, background: torch.Tensor, rng: np.random.Generator
 ) -> torch.Tensor:
     """Take a batch of photos with camera.take_photo, grain by rng: display values [B, 3, S, S] in steps of 1/255.
 
-    radiance, background: [B, 3, S, S]; mask: [B, 1, S, S]; tone: response, or the same compiled.
+    radiance, background: [B, 3, S, S]; mask: [B, 1, S, S].
     """
-    tone = partial(tone, curve=curves(shots, radiance.device))
+    tone = partial(response, curve=curves(shots, radiance.device))
     grain = draw_grain(rng, radiance.shape, radiance.device)
     return take_photo(shots, radiance, mask > 0, background, grain, tone).div_(255)

@@ -275,13 +275,13 @@ def room(rng: np.random.Generator, height: int = 256) -> np.ndarray:
     return normalize_map((radiance * balance).reshape(height, 2 * height, 3))
 
 
-def between_patches(values: np.ndarray, half: np.ndarray, points: Points, patches: int = _PATCHES) -> np.ndarray:
+def between_patches(values: np.ndarray, half: np.ndarray, points: Points) -> np.ndarray:
     """Interpolate values [6 n^2, C] of the patches at points, bilinearly on each wall."""
-    grid = values.reshape(6, patches, patches, -1)
+    grid = values.reshape(6, _PATCHES, _PATCHES, -1)
     along = np.array([_along(wall) for wall in range(6)])[points.wall]
     xy = np.take_along_axis(points.position, along, axis=1) / half[along]
-    xy = np.clip((xy + 1) / 2 * patches - 0.5, 0.0, patches - 1.0)
-    low = np.minimum(xy.astype(np.int64), patches - 2)
+    xy = np.clip((xy + 1) / 2 * _PATCHES - 0.5, 0.0, _PATCHES - 1.0)
+    low = np.minimum(xy.astype(np.int64), _PATCHES - 2)
     x, y = np.moveaxis(xy - low, 1, 0)[..., None]
     i, j = low.T
     near = grid[points.wall, i, j] * (1 - y) + grid[points.wall, i, j + 1] * y
