@@ -216,6 +216,6 @@ def _draw_tints(rng: np.random.Generator, value: np.ndarray) -> np.ndarray:
 
 
 def _tinted(value: np.ndarray, tint: np.ndarray) -> np.ndarray:
-    """Return colours [N, 3] of luminance value [N], darkened where a channel would exceed MOST_ALBEDO."""
+    """Return colours [N, 3] of luminance value [N], darkened where a channel would exceed MAX_ALBEDO."""
     color = tint * (value / luminance(tint))[:, None]
     return color * np.minimum(1.0, MAX_ALBEDO / color.max(axis=1, keepdims=True))

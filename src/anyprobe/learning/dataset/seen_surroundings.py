@@ -67,7 +67,7 @@ def gather(
     Their cameras went round it; each shows the map a little off in its own way.
 
     Args:
-        chosen: [B], which photos come with 1 to MOST_OTHERS others.
+        chosen: [B], which photos come with 1 to MAX_OTHERS others.
         light, mask, tan_half, tone: of photo_surroundings; the mask stands for the object as the others see it.
     """
     counts = rng.integers(1, MAX_OTHERS + 1, len(chosen)) * chosen

@@ -32,7 +32,7 @@ _DISCS = 2
 highlight."""
 DISC_DEG = 4.0
 """Radius of the discs [degrees], the smallest that always covers a pixel centre."""
-MIN_LIKELIHOOD = 1e-6
+LEAST = 1e-6
 """Likelihood added to every direction [share of the likeliest's], so that something is always left."""
 
 
@@ -78,7 +78,7 @@ class EmitterHead(nn.Module):
         """Return the same power in _DISCS discs at the most likely positions, each with the likelihood near it."""
         # means over 3 x 3 pixels, across the seam: pixel shuffle leaves a grain of 2 x 2
         even = F.avg_pool2d(F.pad(wrap(logit, 1), (0, 0, 1, 1), mode="replicate"), 3, stride=1)
-        left = torch.exp(even - logit.amax(dim=(2, 3), keepdim=True)) + MIN_LIKELIHOOD
+        left = torch.exp(even - logit.amax(dim=(2, 3), keepdim=True)) + LEAST
         left = left * self.solid_angles
         left = left / left.sum(dim=(2, 3), keepdim=True)
         discs = torch.zeros_like(left)  # power per steradian, of a total of 1 at the end
