@@ -85,13 +85,13 @@ def test_node_killed_half_way_costs_nothing(cluster, tmp_path, monkeypatch):
 
     def on_ray(work, tasks, given):
         work = partial(traced, notes, victim.node_id, work)
-        run_ray(work, tasks, given, address=cluster.address, say=say)
+        run_ray(work, tasks, given, address=cluster.address, log=say)
 
     job = render_job.begin(tmp_path / "ray", GIVEN, None, DrawnRenderer, resume=False)
     render_job.render_missing(job, on_ray, watch)
 
     local = render_job.begin(tmp_path / "local", GIVEN, None, DrawnRenderer, resume=False)
-    render_job.render_missing(local, partial(run_local, workers=2, say=said.append), ignore)
+    render_job.render_missing(local, partial(run_local, workers=2, log=said.append), ignore)
     assert snapshot(tmp_path / "ray") == snapshot(tmp_path / "local")
     assert set(done) == set(range(12))
 
@@ -126,14 +126,14 @@ def fails(kind: str, task: int, tell) -> None:
 )
 def test_errors_are_those_of_the_local_engine(cluster, kind, error, text):
     with pytest.raises(error, match=text) as raised:
-        run_ray(partial(fails, kind), [0], ignore, address=cluster.address, say=ignore)
+        run_ray(partial(fails, kind), [0], ignore, address=cluster.address, log=ignore)
     assert type(raised.value) is error
     assert len(str(raised.value).splitlines()) == 1
 
 
 def test_cluster_that_is_not_there_is_one_line():
     with pytest.raises(AnyprobeError, match="expected a Ray cluster, got no answer") as raised:
-        run_ray(partial(fails, "ours"), [0], ignore, address="127.0.0.1:1", say=ignore)
+        run_ray(partial(fails, "ours"), [0], ignore, address="127.0.0.1:1", log=ignore)
     assert len(str(raised.value).splitlines()) == 1
 
 
@@ -142,7 +142,7 @@ def test_without_an_address_a_cluster_is_begun_here(tmp_path, monkeypatch):
     job = render_job.begin(tmp_path / "set", GIVEN, None, DrawnRenderer, resume=False)
     counts = {}
     render_job.render_missing(
-        job, partial(run_ray, workers=1, say=ignore, finished=lambda shard: 3), counts.__setitem__
+        job, partial(run_ray, workers=1, log=ignore, finished=lambda shard: 3), counts.__setitem__
     )
     assert counts == dict.fromkeys(range(12), 3)
     assert job.missing() == []

@@ -213,7 +213,7 @@ def test_file_that_only_the_manifest_knows_is_listed(tmp_path):
     names, lines = listed(load_maps, folder)
     assert names == ["here"]
     assert set(lines) == {"own.hdr", "by_split.hdr", "by_path.hdr"}
-    assert all("found none; fetch it again" in line for line in lines.values())
+    assert all("got none; fetch it again" in line for line in lines.values())
 
 
 def test_row_of_another_folder_gives_no_licence(tmp_path):

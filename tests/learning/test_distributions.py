@@ -29,7 +29,7 @@ def test_dull_things_reflect_a_tenth_to_a_half_and_some_four_fifths(rng):
     assert (f0[metal].mean(axis=1) > 0.4).all()
     assert f0[~metal].max() < 0.08
     assert (albedo[~metal] > 0).all()
-    assert albedo.max() <= distributions.MOST_ALBEDO + 1e-6
+    assert albedo.max() <= distributions.MAX_ALBEDO + 1e-6
 
 
 def test_draws_have_the_quantiles_that_are_written(rng):

@@ -127,7 +127,7 @@ def test_chain_begins_with_the_irradiance_net_that_it_is_given_and_names_its_tea
         if not name.endswith(("running_mean", "running_var", "num_batches_tracked")):
             torch.testing.assert_close(stored["nets"][name], value.to(stored["nets"][name].dtype), atol=0.01, rtol=0)
     assert stored["origin"]["teacher"] == init_weights_id(teacher)
-    with pytest.raises(InputError, match="--teacher with nothing, as the run began, got"):
+    with pytest.raises(InputError, match="--teacher with nothing, as the run started, got"):
         run(two_steps(paper).parents[1], steps=3, start=None, teacher=teacher)
 
 

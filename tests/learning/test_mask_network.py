@@ -250,19 +250,19 @@ def test_a_run_goes_on_with_what_it_began_with_or_not_at_all(tmp_path, monkeypat
 
     path = go(stop_after=2)
     assert torch.load(path, weights_only=True)["origin"] == {"start": None}
-    with pytest.raises(InputError, match=f"scenes.seed {config.scenes.seed}, as the run began, got 4"):
+    with pytest.raises(InputError, match=f"scenes.seed {config.scenes.seed}, as the run started, got 4"):
         go(replace(config, scenes=replace(config.scenes, seed=4)))
-    with pytest.raises(InputError, match="at least the 2 that are done, got 1"):
+    with pytest.raises(InputError, match="at least the 2 steps that are done, got 1"):
         go(replace(config, steps=1))
     with pytest.raises(ModelError, match="no such file"):
         go(start=tmp_path / "none.pt")
     store = AssetStore([MapAsset(name="a", id="0a", licence="own", indoor=True, radiance=np.ones((8, 16, 3)))])
     changed(path, origin={"start": None, "assets": "9 maps"})
     monkeypatch.setattr(training, "load_assets", lambda light, data: store)
-    with pytest.raises(InputError, match="expected --data with 9 maps, as the run began, got 1 maps"):
+    with pytest.raises(InputError, match="expected --data with 9 maps, as the run started, got 1 maps"):
         go(scenes=None)
     changed(path, optimizer=None)
-    with pytest.raises(ModelError, match="got weights that were kept to be scored"):
+    with pytest.raises(ModelError, match="got weights alone"):
         go()
 
 

@@ -237,7 +237,7 @@ def test_own_assets_depend_on_seed_and_split_alone() -> None:
 
 
 def test_an_asset_that_is_not_there_is_one_line(store) -> None:
-    with pytest.raises(InputError, match="map 00c0ffee: expected one of the 3 maps given"):
+    with pytest.raises(InputError, match="map 00c0ffee: expected the id of one of the 3 given maps"):
         render_pair(RECIPE, store)
 
 

@@ -52,14 +52,14 @@ def begun(tmp_path_factory):
 
 
 REFUSED = {
-    "a loss": ({"config": replace(CONFIG, learning_rate=0.5)}, "learning_rate 0.0015, as the run began, got 0.5"),
+    "a loss": ({"config": replace(CONFIG, learning_rate=0.5)}, "learning_rate 0.0015, as the run started, got 0.5"),
     "other pairs": (
         {"config": replace(CONFIG, pairs=replace(CONFIG.pairs, seed=5))},
-        "pairs.seed 71, as the run began, got 5",
+        "pairs.seed 71, as the run started, got 5",
     ),
-    "another network": ({"config": replace(CONFIG, model="paper")}, "model normals, as the run began, got paper"),
-    "workers": ({"workers": 3, "pairs": None}, r"2 without workers\) of 2, as the run began, got 3"),
-    "fewer steps": ({"config": replace(CONFIG, steps=1)}, "at least the 2 that are done, got 1"),
+    "another network": ({"config": replace(CONFIG, model="paper")}, "model normals, as the run started, got paper"),
+    "workers": ({"workers": 3, "pairs": None}, r"2 without workers\) of 2, as the run started, got 3"),
+    "fewer steps": ({"config": replace(CONFIG, steps=1)}, "at least the 2 steps that are done, got 1"),
 }
 
 
@@ -79,7 +79,7 @@ def test_a_team_of_another_size_does_not_go_on(tmp_path):
     path = go(tmp_path, stop_after=1)
     assert torch.load(path, weights_only=True)["origin"] == {"processes": 1, "start": None}
     changed(path, origin={"processes": 2, "start": None})
-    with pytest.raises(InputError, match="as many processes as 2, as the run began, got 1"):
+    with pytest.raises(InputError, match="a number of processes of 2, as the run started, got 1"):
         go(tmp_path)
 
 
@@ -91,11 +91,11 @@ def test_start_is_for_the_run_that_began_from_it(tmp_path):
     path = go(tmp_path / "b", stop_after=1, start=weights)
     assert torch.load(go(tmp_path / "b", stop_after=2, start=weights), weights_only=True)["step"] == 2
     assert torch.load(go(tmp_path / "b", stop_after=3), weights_only=True)["step"] == 3
-    with pytest.raises(InputError, match="expected --init-weights with [0-9a-f]{16}, as the run began, got"):
+    with pytest.raises(InputError, match="expected --init-weights with [0-9a-f]{16}, as the run started, got"):
         go(tmp_path / "b", start=others)
     with pytest.raises(ModelError, match="none.pt: no such file; keep weights"):
         go(tmp_path / "b", start=tmp_path / "none.pt")
-    with pytest.raises(InputError, match="expected --init-weights with nothing, as the run began, got"):
+    with pytest.raises(InputError, match="expected --init-weights with nothing, as the run started, got"):
         go(tmp_path / "a", start=weights)
     assert torch.load(path, weights_only=True)["step"] == 3
     with pytest.raises(ModelError, match="none.pt: no such file"):
@@ -112,7 +112,7 @@ def test_other_assets_do_not_go_on(tmp_path, monkeypatch):
     go(tmp_path, stop_after=2)
     go(tmp_path, pairs=None, stop_after=3)
     monkeypatch.setattr(loop, "load_assets", lambda light, data: some_store("0a", "0c"))
-    with pytest.raises(InputError, match=r"expected --data with 2 maps and 0 shapes \(.*\), as the run began, got 2"):
+    with pytest.raises(InputError, match=r"expected --data with 2 maps and 0 shapes \(.*\), as the run started, got 2"):
         go(tmp_path, pairs=None)
     changed(path, origin=None)
     assert torch.load(go(tmp_path, pairs=None), weights_only=True)["step"] == 4

@@ -10,12 +10,12 @@ from anyprobe.core.latlong import pixel_directions  # noqa: E402
 from anyprobe.core.response import MEAN_CURVE, response  # noqa: E402
 from anyprobe.estimate.surroundings import visible_surroundings  # noqa: E402
 from anyprobe.learning.dataset.seen_surroundings import (  # noqa: E402
-    MOST_OTHERS,
+    MAX_OTHERS,
     _shown,
     draw_frame,
     gather,
+    perturb,
     photo_surroundings,
-    unsteady,
 )
 
 
@@ -75,7 +75,7 @@ def test_an_empty_frame_shows_nothing():
 
 def test_surroundings_are_a_little_off():
     light = waves().expand(64, 3, 64, 128)
-    off = unsteady(light, np.random.default_rng(0))
+    off = perturb(light, np.random.default_rng(0))
     gains = off.mean(dim=(1, 2, 3)) / light.mean(dim=(1, 2, 3))
     assert 0.05 < torch.log2(gains).std() < 0.2
     turns = [
@@ -99,7 +99,7 @@ def test_other_photos_show_more_of_the_same_map():
     assert torch.equal(torch.where(own[:, 3:] == 1, all_seen, own), own)
     more = all_seen[chosen][:, 3].mean(dim=(1, 2)) / own[chosen][:, 3].mean(dim=(1, 2))
     assert more.min() >= 1.0
-    assert 1.5 < more.mean() < MOST_OTHERS + 1
+    assert 1.5 < more.mean() < MAX_OTHERS + 1
     assert all_seen[:, 3].max() <= 1.0
     behind = all_seen[chosen][:, 3, :, :32].mean()  # behind the camera, which its own photo cannot show
     assert behind > 0.1

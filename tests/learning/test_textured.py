@@ -19,7 +19,7 @@ from anyprobe.learning.dataset.pairs import PairConfig, PairSource  # noqa: E402
 from anyprobe.learning.dataset.recipe import full_plan  # noqa: E402
 from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.learning.dataset.textured import (  # noqa: E402
-    MOST_ALBEDO,
+    MAX_ALBEDO,
     ON_METAL,
     SECOND_SHARE,
     draw_factor,
@@ -163,7 +163,7 @@ def test_paint_changes_a_dielectrics_albedo_and_less_of_a_metals_mirror():
     factor = np.array([0.5, 1.0, 1.5])[:, None] * np.ones(3)
     paper = Material(albedo=np.full(3, 0.7, np.float32), f0=np.full(3, 0.04, np.float32), alpha=0.3)
     painted = paint(paper, factor)
-    np.testing.assert_allclose(painted.albedo, np.minimum(0.7 * factor, MOST_ALBEDO))
+    np.testing.assert_allclose(painted.albedo, np.minimum(0.7 * factor, MAX_ALBEDO))
     np.testing.assert_allclose(painted.f0, 0.04, rtol=1e-6)
     gold = Material(albedo=np.zeros(3, np.float32), f0=np.array(METALS[0]), alpha=0.3)
     tarnished = paint(gold, factor)
@@ -297,5 +297,5 @@ def test_pairs_show_textures_second_materials_and_both(store, few_samples, monke
 
 
 def test_another_renderer_is_not_asked_for_textures(store):
-    with pytest.raises(InputError, match="textured: expected objects shaded here"):
+    with pytest.raises(InputError, match="textured: expected objects shaded by anyprobe"):
         render_pair(full_plan(store).recipe(0), store, draw_mesh, textured=True)

@@ -150,14 +150,14 @@ def test_one_bad_photo_does_not_stop_the_others(work, command):
 def test_where_the_results_are_is_one_line_on_any_terminal(work):
     out = Path("a/rather/deep/folder/for the results of a photo")
     narrow = Console(file=io.StringIO(), width=60)
-    main = find_dominant_light(np.ones((64, 128, 3), np.float32))
-    _report([Done(photo=Path("vase.png"), stem="vase", main=main, level_stops=0.7)], narrow, out)
+    dominant = find_dominant_light(np.ones((64, 128, 3), np.float32))
+    _report([Done(photo=Path("vase.png"), stem="vase", dominant=dominant, level_stops=0.7)], narrow, out)
     shown = narrow.file.getvalue()
     assert f"results: {out}/vase_panorama.exr, _origin.png, .exr, .hdr, .json, .png" in shown.splitlines()
     assert "uncertainty" in shown
     assert shown.count("±") == 2  # of the direction and of the brightness
     dark = Console(file=io.StringIO(), width=200)
-    _report([Done(photo=Path("vase.png"), main=main, level_stops=0.7, is_exposed=False)], dark, out)
+    _report([Done(photo=Path("vase.png"), dominant=dominant, level_stops=0.7, is_exposed=False)], dark, out)
     assert "±" not in dark.file.getvalue()
     assert "a guess" in dark.file.getvalue()
 
@@ -165,10 +165,14 @@ def test_where_the_results_are_is_one_line_on_any_terminal(work):
 @pytest.mark.parametrize("width", [20, 60])
 def test_no_cell_of_the_table_is_broken_on_a_narrow_terminal(width):
     narrow = Console(file=io.StringIO(), width=width)
-    main = find_dominant_light(np.ones((64, 128, 3), np.float32))
+    dominant = find_dominant_light(np.ones((64, 128, 3), np.float32))
     names = ["a vase of a rather long name, seen from the left.png", "b.png"]
     photos = [Path("photos of a rather deep folder", name) for name in names]
-    _report([Done(photo=photo, stem=photo.stem, main=main, level_stops=0.7) for photo in photos], narrow, Path("light"))
+    _report(
+        [Done(photo=photo, stem=photo.stem, dominant=dominant, level_stops=0.7) for photo in photos],
+        narrow,
+        Path("light"),
+    )
     head, *rows, _ = narrow.file.getvalue().splitlines()
     assert [row.partition("   ")[0].split("  ")[0] for row in rows] == names
     assert "brightness uncertainty" in head
@@ -205,7 +209,7 @@ def test_mask_missing_from_the_folder_fails_that_photo_alone(work, command):
     outcome = command("estimate", "photos", "--mask", "masks", "-o", "out")
     assert outcome.status == 2
     assert names("out") == results("b[1]")
-    assert "expected a.png or a_mask.png in masks, found neither" in outcome.err
+    assert "expected a.png or a_mask.png in masks, got neither" in outcome.err
 
 
 def test_masks_beside_the_photos_are_no_photos(work, command):

@@ -20,7 +20,7 @@ TEST_ASSETS = ("--hdri", "h", "--meshes", "m")
     ("arguments", "words"),
     [
         (("train", "lift", "--device", "gpu"), "--device gpu: expected one of cpu, cuda"),
-        (("train", "lift", "--steps", "9", "--dry-run", "2"), "--steps 9: expected it or --dry-run"),
+        (("train", "lift", "--steps", "9", "--dry-run", "2"), "--steps and --dry-run: "),
         (("train", "mask"), "in a clone, with python -m anyprobe.learning.mask_network"),
         (("train", "lift", "--init-weights", "none.pt"), "none.pt: no such file"),
         (("train", "paper"), "expected --init-weights with a trained irradiance net, got none"),
@@ -28,8 +28,8 @@ TEST_ASSETS = ("--hdri", "h", "--meshes", "m")
         (("weights", "o", "lift", "--data", "d"), "--data d: does nothing without --mean-map"),
         (("weights", "o", "mask"), "in a clone, with python -m anyprobe.learning.mask_network"),
         (("weights", "o", "lift", "--mean-map", "m.exr"), "no such checkpoint; train first"),
-        (("evaluate", *TEST_ASSETS, "--frozen", "--seed", "5"), "--seed 5: expected pairs that are drawn"),
-        (("evaluate", *TEST_ASSETS, "--frozen", "--pairs", "2000"), "--pairs 2000: expected at most the 1000"),
+        (("evaluate", *TEST_ASSETS, "--frozen", "--seed", "5"), "--seed 5: expected pairs drawn at random"),
+        (("evaluate", *TEST_ASSETS, "--frozen", "--pairs", "2000"), "--pairs 2000: expected at most 1000"),
     ],
 )
 def test_what_is_refused_is_one_line(work, command, arguments, words):

@@ -112,7 +112,7 @@ def test_a_model_that_claims_nothing_has_no_confidence(work, command, rendered, 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
-    [((*ASSETS, "--textured", "--path-traced"), "--textured: expected photos that anyprobe shades")],
+    [((*ASSETS, "--textured", "--path-traced"), "--textured: expected photos shaded by anyprobe")],
 )
 def test_textured_objects_are_refused_where_they_cannot_be(work, command, arguments, words):
     before = snapshot(work)

@@ -189,7 +189,7 @@ def test_a_longer_name_is_another_photos_mask(work):
     for name, mask in {"shot.jpg": "shot.png", "shot.0002.jpg": "shot.0002.png", "[a].jpg": "[a].png"}.items():
         assert hints_for(Path(name), given).mask == masks / mask
     assert hints_for(Path("jar.JPG"), given).mask == masks / "jar.JPG.png"
-    with pytest.raises(InputError, match="expected pot.png or pot_mask.png in masks, found neither"):
+    with pytest.raises(InputError, match="expected pot.png or pot_mask.png in masks, got neither"):
         hints_for(Path("pot.jpg"), given)
 
 

@@ -381,7 +381,7 @@ def test_maps_of_earlier_matches_of_a_photo_are_said(folder, tmp_path):
     assert older("ball.png", 6) == []
     (out / "ball_2_mine.exr").write_bytes(b"of somebody else")
     (line,) = older("ball.png", 2)
-    assert line.startswith(f"{out}: has maps of this photo from earlier matches (4, such as ball_3_")
+    assert line.startswith(f"{out}: contains maps of this photo from earlier matches (4, such as ball_3_")
     assert len(list(out.glob("ball_[1-6]_*.exr"))) == 6 + 1 + 6  # nothing is deleted
 
 
@@ -403,6 +403,6 @@ def test_the_command_writes_maps_a_sheet_a_list_and_an_export(folder, tmp_path, 
     assert (out / "ball_match.png").is_file()
     assert (out / "ball_three.json").is_file()
     assert any("--pitch" in line for line in said["warnings"])
-    assert any("stops beside the estimate" in line for line in said["warnings"])
+    assert any("stops off the estimate" in line for line in said["warnings"])
     inside = CliRunner().invoke(app, [*words[:4], str(folder / "results")])
     assert isinstance(inside.exception, InputError)

@@ -322,4 +322,4 @@ def test_paths_are_to_be_loaded_first(photo_path, estimator):
 
 def test_detail_of_several_photos_is_refused_by_the_command(command, work, photo_path):
     complaint = command("estimate", photo_path, "--poses", "poses.json", "--detail", "plausible").complaint
-    assert complaint == "anyprobe: --detail: does nothing beside --poses; leave it out"
+    assert complaint == "anyprobe: --detail: does nothing with --poses; leave it out"

@@ -44,7 +44,7 @@ def test_results_that_differ_by_case_alone_are_refused_where_that_is_one_file(co
     monkeypatch.setattr(photo_files, "folds_case", lambda folder: True)
     outcome = command(*arguments)
     assert outcome.status == 2
-    assert "expected names that differ" in outcome.err
+    assert "expected distinct result names" in outcome.err
 
 
 def test_one_file_has_one_key_whatever_its_case_where_that_does_not_count(tmp_path, monkeypatch):

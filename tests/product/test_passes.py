@@ -148,7 +148,7 @@ def test_pixels_that_are_asked_for_count_though_transparent(photo):
 def test_the_command_says_that_the_result_of_a_cut_out_is_opaque(command, photo_path, work):
     for given in ((), ("--strict",)):
         done = command("relight", photo_path, "--renderer", "own", *given)
-        assert "warning: the photo is transparent in places: the result is opaque there" in done.err
+        assert "warning: the photo is partly transparent: the result is opaque there" in done.err
         assert done.status == (2 if given else 0)
     done = command("relight", photo_path, "--renderer", "own", "--surroundings", "photo")
     assert "transparent" not in done.err

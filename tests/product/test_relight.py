@@ -438,9 +438,9 @@ def test_slow_step_is_named_while_it_runs(monkeypatch, capsys, silent):
         (("--scale", "0"), ("--scale", "0.02 to 20")),
         (("--turn", "nan"), ("--turn", "degrees")),
         (("--pitch", "-50"), ("--pitch", "below the horizon")),
-        (("--strip", "--insert-material", "chrome"), ("--insert-material: does nothing beside --strip",)),
+        (("--strip", "--insert-material", "chrome"), ("--insert-material: does nothing with --strip",)),
         *(
-            (("--light", "absent.exr", option, *value), (f"{option}: does nothing beside --light",))
+            (("--light", "absent.exr", option, *value), (f"{option}: does nothing with --light",))
             for option, *value in (
                 ("--material", "gold"),
                 ("--emitters", "mode"),  # the default, but said

@@ -229,7 +229,7 @@ def test_assets_of_unknown_licence_are_used_unless_told(tmp_path, assets, comman
     free, _ = begin_true(tmp_path / "free", assets, pairs=1, commercial_only=True)
     assert free.plan["commercial_only"] is True
     begin_true(tmp_path / "free", assets, resume=True)
-    with pytest.raises(InputError, match="commercial only False, as the dataset was begun, got True"):
+    with pytest.raises(InputError, match="commercial only False, as the dataset was started, got True"):
         begin_true(tmp_path / "all", assets, resume=True, commercial_only=True)
 
 
@@ -237,7 +237,7 @@ def test_shape_that_no_pixel_shows_is_left_out(tmp_path, assets):
     """A pole thinner than a pixel, however it is seen."""
     (assets / "meshes/train/pole.obj").write_bytes(obj(SOLID * [0.004, 1.0, 0.004], SIDES))
     job, said = begin_true(tmp_path / "set", assets, pairs=1)
-    assert said == ["pole: expected a shape that photos show, got one thinner than a pixel; left out"]
+    assert said == ["pole: expected a shape that photos can show, got one thinner than a pixel; left out"]
     assert [one["name"] for one in job.plan["shapes"]] == ["solid"]
     begin_true(tmp_path / "set", assets, resume=True)
     (assets / "meshes/train/solid.obj").unlink()
@@ -297,7 +297,7 @@ def test_ctrl_c_says_how_to_go_on(start, rendered, tmp_path):
     *_, how, last = said.splitlines()
     assert last == "anyprobe: interrupted"
     assert "Traceback" not in said
-    assert f"go on with anyprobe data render '{folder}' --resume" in how
+    assert f"resume with anyprobe data render '{folder}' --resume" in how
     wait_for(lambda: not alive(running.pid))  # multiprocessing's own helper ends a moment later
     assert not any(shards.is_temporary(path) for path in folder.iterdir())
     assert "stopped with 2 of 5 shards done" in how
@@ -316,7 +316,7 @@ def test_dead_worker_is_reported_and_its_shard_done_again(tmp_path, rendered, dr
     monkeypatch.setenv("DRAWN_DEATH", f"12 {counter}")
     folder = tmp_path / "set"
     outcome = drawn_command("render", folder, *SMALL)
-    assert outcome.err.count("a worker died (signal 9); task 2 is done again by another") == 2
+    assert outcome.err.count("a worker died (signal 9); task 2 is repeated by another") == 2
     if deaths == 3:
         assert outcome.status == 2
         last = outcome.err.splitlines()[-1]
@@ -331,7 +331,7 @@ def test_workers_use_one_thread_each(monkeypatch):
     """Else they would fight for the cores, and sums would depend on how many there are."""
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
-    hints = run_local(drawn_pairs.thread_settings, [0], ignore, workers=1, say=print)
+    hints = run_local(drawn_pairs.thread_settings, [0], ignore, workers=1, log=print)
     assert hints == {0: ("1", "1")}
     assert os.environ["OMP_NUM_THREADS"] == "7"
     assert "OPENBLAS_NUM_THREADS" not in os.environ
@@ -375,7 +375,7 @@ def test_progress_adds_up(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("option", "value", "name"),
     [
-        ("--kind", "map", "kind object, as the dataset was begun, got map"),
+        ("--kind", "map", "kind object, as the dataset was started, got map"),
         ("--split", "test", "split train"),
         ("--conditions", "world", "conditions clean"),
         ("--seed", 7, "seed 2020"),
@@ -411,7 +411,7 @@ def test_repair_leaves_a_dataset_of_another_release_alone(whole, drawn_command, 
     before = snapshot(whole)
     for options in ((), ("--repair",), ("--render", 3, "--repair")):
         complaint = drawn_command("verify", whole, *options).complaint
-        assert f"expected {version.replace('_', ' ')} 0.0.1, as the dataset was begun" in complaint
+        assert f"expected {version.replace('_', ' ')} 0.0.1, as the dataset was started" in complaint
     assert snapshot(whole) == before
 
 
@@ -443,8 +443,8 @@ def test_resume_with_other_assets_is_refused(tmp_path, drawn_command):
     missing = drawn_command("render", tmp_path / "set", "--resume").complaint
     assert missing.startswith("anyprobe: --data: expected the folder of assets")
     for text, said in (
-        ("hall roof", "expected map 00000002 (beach), as the dataset was begun, got none"),
-        ("hall roof beach sky", "expected no map 00000003, as the dataset was begun, got sky"),
+        ("hall roof", "expected map 00000002 (beach), as the dataset was started, got none"),
+        ("hall roof beach sky", "expected no map 00000003, as the dataset was started, got sky"),
     ):
         (assets / "assets.txt").write_text(text)
         assert said in drawn_command("render", tmp_path / "set", "--resume", "--data", assets).complaint
@@ -465,12 +465,12 @@ def test_worker_on_another_machine_with_other_assets_refuses(tmp_path):
 
 def test_folder_with_something_in_it_is_refused(drawn_command, whole, tmp_path):
     before = snapshot(whole)
-    assert "go on with it by --resume" in drawn_command("render", whole, *SMALL).complaint
+    assert "continue it with --resume" in drawn_command("render", whole, *SMALL).complaint
     assert snapshot(whole) == before
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "photo.jpg").write_bytes(b"")
     assert "new or empty folder" in drawn_command("render", tmp_path / "mine", *SMALL).complaint
-    assert "found no dataset.json" in drawn_command("render", tmp_path / "mine", "--resume").complaint
+    assert "got a folder without dataset.json" in drawn_command("render", tmp_path / "mine", "--resume").complaint
     assert "got a file" in drawn_command("render", tmp_path / "mine" / "photo.jpg", *SMALL).complaint
     assert names(tmp_path / "mine") == {"photo.jpg"}
 
@@ -482,7 +482,7 @@ def test_bad_wishes_are_refused_and_leave_nothing(drawn_command, tmp_path):
     assert f"expected 1 to {most}" in too_many
     assert "--engine ray" in drawn_command("render", folder, "--address", "auto").complaint
     for verb in ("status", "verify"):
-        assert "found no dataset.json" in drawn_command(verb, folder).complaint
+        assert "got a folder without dataset.json" in drawn_command(verb, folder).complaint
     assert not folder.exists()
 
 
@@ -512,7 +512,7 @@ def test_plan_that_lacks_something_is_refused(whole, drawn_command, name, value,
     (whole / "dataset.json").write_text(json.dumps(plan if value is None else {**plan, name: value}))
     for verb in (("status", whole), ("verify", whole, "--repair"), ("render", whole, "--resume")):
         complaint = drawn_command(*verb).complaint
-        assert "dataset.json: expected the plan of a dataset, got damage" in complaint
+        assert "dataset.json: expected the plan of a dataset, got a damaged file" in complaint
         assert word in complaint
 
 

@@ -404,7 +404,7 @@ def test_no_answer_tells_a_path_of_the_machine(client, photo, monkeypatch, tmp_p
 
     with TestClient(create_app(Fails(), LIMITS), raise_server_exceptions=False) as failing:
         answer = failing.post("/v1/estimate", content=photo)
-    assert complaint(answer, 500) == "the server failed at this; its log says more"
+    assert complaint(answer, 500) == "the server failed to process the request; see its log"
 
 
 def test_pages_of_other_origins_are_kept_out(client, estimator, photo):

@@ -140,7 +140,7 @@ def test_a_client_that_does_not_read_is_let_go():
 
 
 def test_a_log_has_an_end():
-    few, record = FewLines(most=3), logging.LogRecord("a", 30, "", 0, "line", (), None)
+    few, record = FewLines(max_lines=3), logging.LogRecord("a", 30, "", 0, "line", (), None)
     assert [few.filter(record) for _ in range(5)] == [True, True, True, False, False]
     few._since -= 60
     assert few.filter(record)

@@ -42,17 +42,17 @@ def failing(monkeypatch, photo_path, networks_opened_once):
 @pytest.mark.parametrize(
     ("error", "status", "words"),
     [
-        (MemoryError(), 2, "expected more memory"),
-        (np._core._exceptions._ArrayMemoryError((9,), np.dtype(float)), 2, "expected more memory"),
-        (OSError(errno.ENOMEM, "Cannot allocate memory"), 2, "expected more memory"),
-        (BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable"), 2, "expected more processes or threads"),
-        (OSError(errno.EMFILE, "Too many open files"), 2, "expected more open files"),
-        (RuntimeError("can't start new thread"), 1, "expected more threads"),
-        (RuntimeError("[ONNXRuntimeError] : 6 : " + "x" * 200 + "std::bad_alloc"), 2, "expected more memory"),
-        (RuntimeError("Failed to allocate memory for requested buffer"), 2, "expected more memory"),
+        (MemoryError(), 2, "more memory"),
+        (np._core._exceptions._ArrayMemoryError((9,), np.dtype(float)), 2, "more memory"),
+        (OSError(errno.ENOMEM, "Cannot allocate memory"), 2, "more memory"),
+        (BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable"), 2, "more processes or threads"),
+        (OSError(errno.EMFILE, "Too many open files"), 2, "more open files"),
+        (RuntimeError("can't start new thread"), 1, "more threads"),
+        (RuntimeError("[ONNXRuntimeError] : 6 : " + "x" * 200 + "std::bad_alloc"), 2, "more memory"),
+        (RuntimeError("Failed to allocate memory for requested buffer"), 2, "more memory"),
         (TypeError("open() got an\nunexpected keyword"), 1, "TypeError at estimate.py"),
         (RecursionError("maximum recursion depth exceeded"), 1, "RecursionError"),
-        (AssertionError(), 1, "no words"),
+        (AssertionError(), 1, "no message"),
     ],
 )
 def test_what_a_command_cannot_get_or_did_not_foresee_is_one_line(
@@ -181,7 +181,7 @@ def test_a_closed_input_is_one_line(order, work):
     done = subprocess.run(line, shell=True, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")
     assert len(done.stderr.splitlines()) == 1, done.stderr
-    assert "closed input" in done.stderr
+    assert "closed standard input" in done.stderr
 
 
 def test_an_input_without_an_end_is_refused(monkeypatch):

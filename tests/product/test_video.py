@@ -143,7 +143,7 @@ def test_command_reads_poses_and_goes_on_with_the_same_alone(command, work, made
     order = ("video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "-q", "--poses", "poses.json")
     matrices = [rotation_y(-0.05 * i).tolist() for i in range(COUNT)]
     (work / "poses.json").write_text(json.dumps(matrices[:-1]))
-    assert f"expected {COUNT} poses, one a frame, got {COUNT - 1}" in command(*order).complaint
+    assert f"expected {COUNT} poses, one per frame, got {COUNT - 1}" in command(*order).complaint
     (work / "poses.json").write_text(json.dumps(matrices))
     assert command(*order).status == 0
     assert json.loads((work / "out" / "track.json").read_text())["settings"]["poses"]
@@ -326,7 +326,7 @@ def test_progress_is_said_from_the_first_frame_on(command, work, made, monkeypat
     assert len(lines) < COUNT
     monkeypatch.setattr(video_command, "LINE_S", 0)
     assert command(*order).err.splitlines()[:COUNT] == [f"{i + 1} of {COUNT} frames done" for i in range(COUNT)]
-    assert f"out: all {COUNT} frames are done already; --restart begins anew" in command(*order[:-1]).err
+    assert f"out: all {COUNT} frames are done already; --restart starts over" in command(*order[:-1]).err
 
 
 # What is refused

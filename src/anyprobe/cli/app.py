@@ -1,4 +1,4 @@
-"""The command line: thin, one file a command, everything heavy imported inside it."""
+"""The command line: one file per command, everything heavy imported inside it."""
 
 from __future__ import annotations
 
@@ -35,29 +35,29 @@ from anyprobe.errors import AnyprobeError, lacks_memory
 from anyprobe.maps import exr
 
 TRACEBACK = "ANYPROBE_TRACEBACK"
-"""Environment variable that lets errors which nobody foresaw through as they are."""
+"""Environment variable that lets unexpected errors through with their traceback."""
 
-NO_MORE = (
-    "expected more {} than the system gives this process; end other programs, raise its limits, or give less at once"
+EXHAUSTED = (
+    "the system refuses this process more {}; close other programs, raise the limit, or process fewer files at once"
 )
-SHORT_OF = {
+RESOURCES = {
     errno.ENOMEM: "memory",
     errno.EAGAIN: "processes or threads",
     errno.EMFILE: "open files",
     errno.ENFILE: "open files",
 }
-"""Meanings of the system's refusals, by error number."""
+"""Exhausted resource by error number of the system."""
 
-LEAST_COLUMNS = 20
-"""Least width of a terminal by COLUMNS; with fewer columns tables would be cut to nothing."""
+MIN_COLUMNS = 20
+"""Smallest COLUMNS that is honoured [characters]; tables would be cut to nothing below it."""
 
 USERS = (estimate, mask, relight, video, match, export, materials, serve, doctor)
 MAKERS = (evaluate, train, weights)
-"""Commands for training and evaluation; `data` is one too."""
+"""Commands for training and evaluation, beside the group `data`."""
 
 
 class Sections(TyperGroup):
-    """Lists users' commands first, then those for training and evaluation."""
+    """Help that lists users' commands first, then those for training and evaluation."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         names = {command.__name__ for command in USERS}
@@ -97,22 +97,22 @@ def _options(
 
 
 def main(command: Callable[[], Any] = app) -> None:
-    """Run a command; what anyprobe raises on purpose becomes one line and exit status 2."""
+    """Run a command; turn the errors that anyprobe raises into one line and exit status 2."""
     try:
-        with own_lines():
+        with quiet_libraries():
             command()
     except AnyprobeError as error:
         print(f"anyprobe: {OPTIONS.line(error.notice)}", file=sys.stderr)
         sys.exit(2)
     except MemoryError:
-        print(f"anyprobe: {NO_MORE.format('memory')}", file=sys.stderr)
+        print(f"anyprobe: {EXHAUSTED.format('memory')}", file=sys.stderr)
         sys.exit(2)
     except OSError as error:  # a folder that may not be looked into, a disk that is full
-        if error.errno in SHORT_OF and not error.filename:
-            print(f"anyprobe: {NO_MORE.format(SHORT_OF[error.errno])}", file=sys.stderr)
+        if error.errno in RESOURCES and not error.filename:
+            print(f"anyprobe: {EXHAUSTED.format(RESOURCES[error.errno])}", file=sys.stderr)
             sys.exit(2)
-        where = error.filename or "a file"
-        print(f"anyprobe: {where}: cannot be used ({error.strerror or error}); check the path", file=sys.stderr)
+        path = error.filename or "a file"
+        print(f"anyprobe: {path}: cannot be used ({error.strerror or error}); check the path", file=sys.stderr)
         sys.exit(2)
     except SystemExit as end:  # what typer makes of Ctrl-C
         if end.code == 130:
@@ -122,55 +122,55 @@ def main(command: Callable[[], Any] = app) -> None:
         if os.environ.get(TRACEBACK):
             raise
         if lacks_memory(error):
-            print(f"anyprobe: {NO_MORE.format('memory')}", file=sys.stderr)
+            print(f"anyprobe: {EXHAUSTED.format('memory')}", file=sys.stderr)
             sys.exit(2)
         print(f"anyprobe: {_fault(error)}", file=sys.stderr)
         sys.exit(1)
 
 
 def _fault(error: Exception) -> str:
-    """Return one line on an error that nobody foresaw, and where it came from."""
-    said = " ".join(str(error).split())[:160]
-    if "start new thread" in said:
-        return NO_MORE.format("threads")
-    steps = traceback.extract_tb(error.__traceback__)
-    ours = [step for step in steps if os.sep + "anyprobe" + os.sep in step.filename] or steps
-    where = f" at {os.path.basename(ours[-1].filename)}:{ours[-1].lineno}" if ours else ""
+    """Return one line about an unexpected error and where it came from."""
+    message = " ".join(str(error).split())[:160]
+    if "start new thread" in message:
+        return EXHAUSTED.format("threads")
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if os.sep + "anyprobe" + os.sep in frame.filename] or frames
+    place = f" at {os.path.basename(own[-1].filename)}:{own[-1].lineno}" if own else ""
     return (
-        f"a fault of anyprobe or of a package that it uses, {type(error).__name__}{where}: {said or 'no words'}; "
-        f"report it with what anyprobe doctor prints ({TRACEBACK}=1 shows all steps)"
+        f"bug in anyprobe or in a package that it uses, {type(error).__name__}{place}: {message or 'no message'}; "
+        f"report it with the output of anyprobe doctor ({TRACEBACK}=1 shows the traceback)"
     )
 
 
 @contextlib.contextmanager
-def own_lines() -> Iterator[None]:
-    """For as long as a command runs: libraries that print of damaged files, and their warnings, are silenced.
+def quiet_libraries() -> Iterator[None]:
+    """Silence libraries that print about damaged files, and their warnings, while a command runs.
 
-    SIGTERM ends it as Ctrl-C does, so that nothing half-written stays. All of this changes what the whole process has;
-    only the command line owns one.
+    SIGTERM ends the command as Ctrl-C does, so that nothing half-written stays. This changes the whole process, which
+    only the command line may do.
     """
-    _forget_no_width()
+    _drop_unusable_columns()
     for stream in (sys.stdout, sys.stderr):  # a name that the terminal's encoding lacks is no reason to end
         with contextlib.suppress(AttributeError, OSError, ValueError):  # none, or a caller's own
             getattr(stream, "reconfigure")(errors="backslashreplace")  # noqa: B009  # of files alone
     os.environ.setdefault("PYTHONSAFEPATH", "1")  # a random.py in the working folder is not Python's in children either
-    before, exr.quiet = exr.quiet, silenced
-    ours = threading.current_thread() is threading.main_thread()
-    handler = signal.signal(signal.SIGTERM, _end) if ours else None
+    saved_quiet, exr.quiet = exr.quiet, silenced
+    is_main_thread = threading.current_thread() is threading.main_thread()
+    handler = signal.signal(signal.SIGTERM, _end) if is_main_thread else None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
     finally:
-        exr.quiet = before
-        if ours:
+        exr.quiet = saved_quiet
+        if is_main_thread:
             signal.signal(signal.SIGTERM, handler)
 
 
-def _forget_no_width() -> None:
-    """Drop a COLUMNS that no terminal has."""
-    said = os.environ.get("COLUMNS", "")
-    if said and not (said.isascii() and said.isdecimal() and LEAST_COLUMNS <= int(said[:9])):
+def _drop_unusable_columns() -> None:
+    """Drop a COLUMNS that is no terminal's width."""
+    columns = os.environ.get("COLUMNS", "")
+    if columns and not (columns.isascii() and columns.isdecimal() and MIN_COLUMNS <= int(columns[:9])):
         del os.environ["COLUMNS"]
 
 
@@ -180,21 +180,21 @@ def _end(number: int, _: object) -> None:
 
 @contextlib.contextmanager
 def silenced() -> Iterator[None]:
-    """stdout and stderr of the whole process, C libraries included, lead nowhere."""
+    """Discard stdout and stderr of the whole process, C libraries included, within the block."""
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError, AttributeError):  # closed, or none
             stream.flush()
     with contextlib.ExitStack() as stack:
         for number in (1, 2):
             with contextlib.suppress(OSError):  # closed, as a service's may be
-                stack.callback(_put_back, os.dup(number), number)
-                nowhere = os.open(os.devnull, os.O_WRONLY)
-                os.dup2(nowhere, number)
-                os.close(nowhere)
+                stack.callback(_restore, os.dup(number), number)
+                null = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(null, number)
+                os.close(null)
         stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
         yield
 
 
-def _put_back(kept: int, number: int) -> None:
-    os.dup2(kept, number)
-    os.close(kept)
+def _restore(saved: int, number: int) -> None:
+    os.dup2(saved, number)
+    os.close(saved)

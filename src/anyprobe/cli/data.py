@@ -17,11 +17,12 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from anyprobe.cli.options import with_bundles
+from anyprobe.notices import give
 
 data = typer.Typer(help="Render and check training pairs on disk.", no_args_is_help=True, rich_markup_mode=None)
 
 Conditions = Literal["clean", "world"]
-"""Photos as in the paper, or as the world gives them: dataset.samples.CONDITIONS."""
+"""Conditions of photos: clean as in the paper, or as phones take them; see dataset.samples.CONDITIONS."""
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the dataset.")]
 Assets = Annotated[
@@ -31,7 +32,7 @@ Assets = Annotated[
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PlanOptions:
-    """Settings of a new dataset (dataset.render_job.SETTINGS); one not given is the old dataset's, or a default."""
+    """Settings of a new dataset (dataset.render_job.SETTINGS); None stands for the old dataset's, or the default."""
 
     split: Annotated[Literal["train", "test"] | None, typer.Option(help="Assets to use; default: train.")] = None
     kind: Annotated[
@@ -73,38 +74,38 @@ def render(
     ] = "local",
     address: Annotated[str | None, typer.Option(help="Address of the Ray cluster; default: a new one here.")] = None,
 ) -> None:
-    """Render training pairs into shards. WebDataset reads them; finished ones are kept, whatever happens."""
+    """Render training pairs into shards. WebDataset can read them; finished ones are kept whatever happens."""
     from anyprobe.errors import InputError
     from anyprobe.learning.dataset import render_job
 
     if address is not None and engine != "ray":
-        raise InputError("--address: expected --engine ray with it, got local; add it")
-    given = {name: value for name, value in asdict(plan).items() if value is not None and value is not False}
-    talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
-    say = partial(talk.print, soft_wrap=True)
-    job = render_job.begin(folder, given, data, _make(), resume=resume, report=say)
-    done = render_job.job_status(job.folder)
-    say(f"{folder}: {done.pairs} pairs in {done.shards} shards, {done.shards_done} of them done")
+        raise InputError("expected a Ray cluster, got the local engine", subject="address", remedy=give(engine="ray"))
+    settings = {name: value for name, value in asdict(plan).items() if value is not None and value is not False}
+    console = Console(stderr=True, markup=False, emoji=False, highlight=False)
+    report = partial(console.print, soft_wrap=True)
+    job = render_job.begin(folder, settings, data, _make(), resume=resume, report=report)
+    before = render_job.job_status(job.folder)
+    report(f"{folder}: {before.pairs} pairs in {before.shards} shards, {before.shards_done} of them done")
     start = time.monotonic()
     try:
-        with _progress(talk) as progress:
-            watch = _Watch(progress, done)
+        with _progress(console) as progress:
+            watch = _Watch(progress, before)
             run = _engine(engine, address, workers, partial(progress.console.print, soft_wrap=True), job)
             render_job.render_missing(job, run, watch)
     except KeyboardInterrupt:
-        now = render_job.job_status(job.folder)
+        current = render_job.job_status(job.folder)
         assets = "" if data is None else f" --data {shlex.quote(str(data))}"
-        say(
-            f"anyprobe: stopped with {now.shards_done} of {now.shards} shards done; go on with "
+        report(
+            f"anyprobe: stopped with {current.shards_done} of {current.shards} shards done; resume with "
             f"anyprobe data render {shlex.quote(str(folder))}{assets} --resume"
         )
         raise
     seconds = time.monotonic() - start
-    now = render_job.job_status(job.folder)
-    rendered = now.pairs_done - done.pairs_done
-    say(
-        f"{folder}: complete, {now.bytes / 1e6:.1f} MB; {rendered} pairs in {_clock(seconds)}, "
-        f"{rendered / max(seconds, 1e-9):.1f} a second"
+    current = render_job.job_status(job.folder)
+    num_rendered = current.pairs_done - before.pairs_done
+    report(
+        f"{folder}: complete, {current.bytes / 1e6:.1f} MB; {num_rendered} pairs in {_clock(seconds)}, "
+        f"{num_rendered / max(seconds, 1e-9):.1f} a second"
     )
 
 
@@ -114,16 +115,16 @@ def _make() -> Callable:
     return StoreRenderer
 
 
-def _engine(engine: str, address: str | None, workers: int, say: Callable, job) -> Callable:
+def _engine(engine: str, address: str | None, workers: int, report: Callable, job) -> Callable:
     from anyprobe.learning.dataset import process_pools, shards
 
     if engine == "local":
-        return partial(process_pools.run_local, workers=workers, say=say)
+        return partial(process_pools.run_local, workers=workers, log=report)
     return partial(
         process_pools.run_ray,
         address=address,
         workers=workers,
-        say=say,
+        log=report,
         finished=lambda shard: shards.read_index(job.folder, shard).pairs,
     )
 
@@ -132,40 +133,40 @@ def _clock(seconds: float) -> str:
     return str(timedelta(seconds=round(seconds)))
 
 
-def _progress(talk: Console) -> Progress:
+def _progress(console: Console) -> Progress:
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn("{task.fields[rate]}"),
         TimeRemainingColumn(),
-        console=talk,
+        console=console,
         transient=True,
-        disable=not talk.is_terminal,
+        disable=not console.is_terminal,
         speed_estimate_period=120,
     )
 
 
 class _Watch:
-    """Pairs done in each shard, as a bar, or as a line a minute where there is no terminal."""
+    """Progress over all shards: a bar, or one line a minute where there is no terminal."""
 
     LINE_S = 60
 
     def __init__(self, progress: Progress, done) -> None:
         self.progress, self.total = progress, done.pairs
         self.before = self.now = done.pairs_done
-        self.start = self.said = time.monotonic()
+        self.start = self.last_line = time.monotonic()
         self.counts: dict[int, int] = {}
         self.task = progress.add_task("rendering", total=done.pairs, completed=done.pairs_done, rate="")
 
     def __call__(self, shard: int, count: int) -> None:
         self.now += count - self.counts.get(shard, 0)
         self.counts[shard] = count
-        time_now = time.monotonic()
-        rate = (self.now - self.before) / max(time_now - self.start, 1e-9)
+        now = time.monotonic()
+        rate = (self.now - self.before) / max(now - self.start, 1e-9)
         self.progress.update(self.task, completed=self.now, rate=f"{rate:.1f} pairs/s")
-        if self.progress.disable and time_now - self.said >= self.LINE_S and rate > 0:
-            self.said = time_now
+        if self.progress.disable and now - self.last_line >= self.LINE_S and rate > 0:
+            self.last_line = now
             left = _clock((self.total - self.now) / rate)
             self.progress.console.print(f"{self.now}/{self.total} pairs, {rate:.1f} pairs/s, {left} left")
 
@@ -174,24 +175,26 @@ class _Watch:
 def status(
     folder: Folder, as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False
 ) -> None:
-    """Print how much of a dataset is rendered. Shards, pairs, bytes, and what is missing."""
+    """Print how much of a dataset is rendered. Lists shards, pairs, bytes, and what is missing."""
     from anyprobe.learning.dataset import render_job
 
-    found = render_job.job_status(folder)
+    progress = render_job.job_status(folder)
     if as_json:
-        typer.echo(json.dumps(asdict(found)))
+        typer.echo(json.dumps(asdict(progress)))
         return
-    typer.echo(f"shards {found.shards_done} of {found.shards}")
-    typer.echo(f"pairs {found.pairs_done} of {found.pairs}, {found.bytes / 1e6:.1f} MB")
+    typer.echo(f"shards {progress.shards_done} of {progress.shards}")
+    typer.echo(f"pairs {progress.pairs_done} of {progress.pairs}, {progress.bytes / 1e6:.1f} MB")
     for names in (("specular", "diffuse"), ("indoor", "outdoor")):
-        if any(name in found.groups for name in names):
-            typer.echo(", ".join(f"{name} {found.groups.get(name, 0)}" for name in names))
-    if found.missing:
-        typer.echo(f"missing shards {_ranges(found.missing)}; anyprobe data render {folder} --resume")
+        if any(name in progress.groups for name in names):
+            typer.echo(", ".join(f"{name} {progress.groups.get(name, 0)}" for name in names))
+    if progress.missing:
+        typer.echo(
+            f"missing shards {_ranges(progress.missing)}; render them with anyprobe data render {folder} --resume"
+        )
 
 
 def _ranges(numbers: list[int]) -> str:
-    """1, 2, 3, 7 as "1-3, 7"."""
+    """Format sorted numbers as ranges: 1, 2, 3, 7 as "1-3, 7"."""
     runs: list[list[int]] = []
     for number in numbers:
         if runs and number == runs[-1][1] + 1:
@@ -211,32 +214,32 @@ def verify(
     ] = False,
     workers: Annotated[int, typer.Option(min=1, metavar="N", help="Processes for --render.")] = 2,
 ) -> None:
-    """Check every shard. Its SHA-256, members, offsets, images and, if asked, pairs rendered again."""
+    """Check every shard. Compares SHA-256, members, offsets and images, and with --render pairs rendered again."""
     from anyprobe.learning.dataset import render_job, shards
 
     plan = render_job.read_plan(folder)
     render_job.check_versions(folder, plan)  # another release's shards are no damaged ones
-    talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
-    bad, there = {}, []
-    with _progress(talk) as progress:
+    console = Console(stderr=True, markup=False, emoji=False, highlight=False)
+    bad, present = {}, []
+    with _progress(console) as progress:
         task = progress.add_task("verifying", total=render_job.num_shards(plan), rate="")
         for shard in progress.track(range(render_job.num_shards(plan)), task_id=task):
             if not shards.index_path(folder, shard).exists():
                 continue
-            there.append(shard)
-            wrong = shards.fault(folder, shard, plan["kind"], len(render_job.shard_range(plan, shard)))
-            if wrong:
-                bad[shard] = wrong
+            present.append(shard)
+            fault = shards.fault(folder, shard, plan["kind"], len(render_job.shard_range(plan, shard)))
+            if fault:
+                bad[shard] = fault
     if again:
-        whole = [shard for shard in there if shard not in bad]
-        bad |= render_job.differing_pairs(folder, data, _make(), whole, again, workers=workers, say=talk.print)
-    for shard, wrong in sorted(bad.items()):
-        typer.echo(f"{shards.tar_path(folder, shard).name}: {wrong}")
+        intact = [shard for shard in present if shard not in bad]
+        bad |= render_job.differing_pairs(folder, data, _make(), intact, again, workers=workers, log=console.print)
+    for shard, fault in sorted(bad.items()):
+        typer.echo(f"{shards.tar_path(folder, shard).name}: {fault}")
         if repair:
             shards.remove_shard(folder, shard)
-    absent = render_job.num_shards(plan) - len(there)
-    typer.echo(f"{len(there) - len(bad)} shards good, {len(bad)} bad, {absent} not rendered yet")
+    num_missing = render_job.num_shards(plan) - len(present)
+    typer.echo(f"{len(present) - len(bad)} shards good, {len(bad)} bad, {num_missing} not rendered yet")
     if bad:
-        did = "deleted" if repair else "delete them, or let --repair do it"
-        typer.echo(f"bad shards: {did}; then anyprobe data render {folder} --resume renders them again")
+        action = "deleted" if repair else "delete them, or pass --repair"
+        typer.echo(f"bad shards: {action}; then anyprobe data render {folder} --resume renders them again")
         raise typer.Exit(2)

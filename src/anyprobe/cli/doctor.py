@@ -1,4 +1,4 @@
-"""anyprobe doctor: is this installation whole?"""
+"""anyprobe doctor: check the installation."""
 
 from __future__ import annotations
 
@@ -23,51 +23,53 @@ from anyprobe.notices import FETCH_MASKS
 
 
 def doctor(model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL) -> None:
-    """Check the installation. Prints versions and model hashes, and estimates the light of a drawn sphere."""
+    """Check the installation. Prints versions and model hashes, and estimates the light of a rendered sphere."""
     from anyprobe.estimate.runtime import file_hashes
     from anyprobe.files.onnx_runtime import onnxruntime
 
-    talk = Console(markup=False, emoji=False, highlight=False)
-    talk.print(f"python {platform.python_version()} on {platform.system()} {platform.machine()}")
-    wanted = lowest_versions()
-    talk.print(f"anyprobe {__version__}")
-    for extra, packages in wanted.items():
-        talk.print(_installed(extra, packages), soft_wrap=True)
-    check_package_versions({package: lowest for packages in wanted.values() for package, lowest in packages.items()})
-    talk.print(f"providers {', '.join(onnxruntime.get_available_providers())}")
+    console = Console(markup=False, emoji=False, highlight=False)
+    console.print(f"python {platform.python_version()} on {platform.system()} {platform.machine()}")
+    requirements = lowest_versions()
+    console.print(f"anyprobe {__version__}")
+    for extra, packages in requirements.items():
+        console.print(_installed(extra, packages), soft_wrap=True)
+    check_package_versions(
+        {package: lowest for packages in requirements.values() for package, lowest in packages.items()}
+    )
+    console.print(f"providers {', '.join(onnxruntime.get_available_providers())}")
     for stage, digest in file_hashes(model).items():
-        talk.print(f"model {model}/{stage} sha256 {digest}")
-    talk.print(mask_network(), soft_wrap=True)
+        console.print(f"model {model}/{stage} sha256 {digest}")
+    console.print(mask_network(), soft_wrap=True)
     seconds, error = self_test(model)
-    talk.print(f"self-test: dominant light {error:.0f} degrees off, {seconds * 1e3:.0f} ms a photo")
+    console.print(f"self-test: dominant light {error:.0f} degrees off, {seconds * 1e3:.0f} ms a photo")
     if error > SELF_TEST_DEG:
         raise ModelError(
             f"self-test: expected the dominant light within {SELF_TEST_DEG} degrees, got {error:.0f}; "
             "reinstall anyprobe"
         )
-    talk.print("OK")
+    console.print("OK")
 
 
 SELF_TEST_DEG = 45
 OTHERS = ("dev", "judge")
-"""Extras of those who work on anyprobe itself."""
+"""Extras for developing anyprobe itself."""
 
 
 def lowest_versions() -> dict[str, dict[str, str]]:
-    """By extra ("" for what is always needed), its packages and the lowest version of each that works."""
-    found: dict[str, dict[str, str]] = {"": {}}
-    for one in importlib.metadata.requires("anyprobe") or ():
-        below = re.search(r"python_version\s*<\s*['\"](\d+)\.(\d+)", one)
-        if below and sys.version_info[:2] >= (int(below[1]), int(below[2])):
+    """Return the packages of each extra ("" for the base install) with the lowest supported version of each."""
+    versions: dict[str, dict[str, str]] = {"": {}}
+    for requirement in importlib.metadata.requires("anyprobe") or ():
+        python_bound = re.search(r"python_version\s*<\s*['\"](\d+)\.(\d+)", requirement)
+        if python_bound and sys.version_info[:2] >= (int(python_bound[1]), int(python_bound[2])):
             continue
-        match = re.match(r"([\w.-]+)\s*>=\s*([\w.]+)(?:.*extra\s*==\s*['\"](\w+))?", one)
+        match = re.match(r"([\w.-]+)\s*>=\s*([\w.]+)(?:.*extra\s*==\s*['\"](\w+))?", requirement)
         if match and match[3] not in OTHERS:
-            found.setdefault(match[3] or "", {})[match[1]] = match[2]
-    return found
+            versions.setdefault(match[3] or "", {})[match[1]] = match[2]
+    return versions
 
 
 def _installed(extra: str, packages: dict[str, str]) -> str:
-    """One line: the packages of an extra with their versions, and what is missing."""
+    """Return one line on an extra's packages: their versions, and which are missing."""
     versions: dict[str, str] = {}
     for package in packages:
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):
@@ -79,36 +81,41 @@ def _installed(extra: str, packages: dict[str, str]) -> str:
     return f"{extra or 'packages'}: {line}"
 
 
-def check_package_versions(wanted: dict[str, str]) -> None:
-    """ModelError where a package is older than it must be; one that is absent is missed where it is used."""
-    old = []
-    for package, lowest in wanted.items():
+def check_package_versions(requirements: dict[str, str]) -> None:
+    """Raise ModelError if an installed package is older than supported; absent ones are reported where they are
+    used."""
+    outdated = []
+    for package, lowest in requirements.items():
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):
             version = importlib.metadata.version(package)
             if _numbers(version) < _numbers(lowest):
-                old.append(f"{package} {lowest} or newer, got {version}")
-    if old:
-        raise ModelError(f"packages: expected {'; '.join(old)}; update with pip install -U")
+                outdated.append(f"{package} {lowest} or newer, got {version}")
+    if outdated:
+        raise ModelError(f"packages: expected {'; '.join(outdated)}; update with pip install -U")
 
 
 def _numbers(version: str) -> tuple[int, ...]:
-    """1.20.3rc1 as 1, 20, 3."""
+    """Parse a version into numbers: 1.20.3rc1 into (1, 20, 3)."""
     return tuple(int(number) for number in re.findall(r"\d+", re.split(r"(?:a|b|rc|\.dev|\+)", version)[0]))
 
 
 def mask_network() -> str:
-    """Return which network finds objects in photos here."""
+    """Return one line on the network that finds objects in photos here."""
     from anyprobe.masks.weights import SHA256, find_weights
 
-    found = find_weights()
-    if found is None:
+    weights = find_weights()
+    if weights is None:
         advice = OPTIONS.action(FETCH_MASKS)
         return f"masks by the small network alone; for U2-Net-p, which is right far more often, {advice}"
-    return f"masks by U2-Net-p, {found.source}: {found.path} sha256 {SHA256}"
+    return f"masks by U2-Net-p, {weights.source}: {weights.path} sha256 {SHA256}"
 
 
 def self_test(model: str) -> tuple[float, float]:
-    """Seconds for one photo of a white sphere lit from the upper left, and the dominant light's error in degrees."""
+    """Estimate the light of a rendered white sphere, lit from the upper left.
+
+    Returns:
+        Seconds for one photo, and the error of the dominant light's direction [degrees].
+    """
     from anyprobe.estimate.estimator import Estimator
     from anyprobe.learning.evaluate.metrics import direction_error_deg
     from anyprobe.render.spheres import diffuse, sphere_normals

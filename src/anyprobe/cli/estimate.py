@@ -55,12 +55,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Done:
-    """One photo's outcome: what its files are called and the dominant light, or the error's line."""
+    """Outcome of one photo: the stem of its files and the dominant light, or the error as a line."""
 
     photo: Path
     stem: str = ""
-    main: DominantLight | None = None
-    toward: np.ndarray | None = None
+    dominant: DominantLight | None = None
+    direction: np.ndarray | None = None
     level_stops: float | None = None
     is_exposed: bool = True
     seconds: float = 0.0
@@ -74,9 +74,9 @@ def estimate(
     photos: Annotated[
         list[Path], typer.Argument(metavar="PHOTO...", help="Photos, folders of photos, or - for standard input.")
     ],
-    taken: ObjectOptions,
-    by: ModelOptions,
-    fine: DetailOptions,
+    object_options: ObjectOptions,
+    model_options: ModelOptions,
+    detail_options: DetailOptions,
     out: Annotated[Path, folder_option("Folder for the results.")] = Path("light"),
     poses: Annotated[
         Path | None,
@@ -91,15 +91,17 @@ def estimate(
     """Estimate the light around an object. Writes a panorama, <stem>_panorama.exr, with <stem>_origin.png (where it is
     seen, estimated, invented), the estimate's own map <stem>.exr and .hdr, a .json, and a preview <stem>.png."""
     if poses is not None:
-        refuse_unused(context, "beside --poses", "detail", "detail_library")
+        refuse_unused(context, "with --poses", "detail", "detail_library")
     check_panorama_rows(size)
-    hints = taken.hints()
+    hints = object_options.hints()
     listed = list_photos(photos)
-    detailed = {"size": min(max(size, 64), 512)} if fine.given.detail != DETAILS[0] else {}
-    estimator = by.estimator(segmenter=taken.finder.segmenter, **fine.settings(), **detailed)
-    talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
-    shows = len(listed) > 1 and talk.is_terminal
-    progress: Any = track(listed, "estimating", console=talk, transient=True, disable=not shows)
+    detail_size = {"size": min(max(size, 64), 512)} if detail_options.given.detail != DETAILS[0] else {}
+    estimator = model_options.estimator(
+        segmenter=object_options.finder.segmenter, **detail_options.settings(), **detail_size
+    )
+    console = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
+    has_bar = len(listed) > 1 and console.is_terminal
+    progress: Any = track(listed, "estimating", console=console, transient=True, disable=not has_bar)
     call = EstimateCall(
         estimator=estimator,
         out=out,
@@ -111,24 +113,26 @@ def estimate(
         frame=frame,
     )
     with contextlib.closing(progress) as steps:  # else its thread outlives an error, and the process never ends
-        done = [call.together(steps, poses)] if poses is not None else [call.one(path) for path in steps]
+        results = (
+            [call.estimate_views(steps, poses)] if poses is not None else [call.estimate_photo(path) for path in steps]
+        )
     if poses is not None:
-        _report(done, talk, out)
-        if taken.strict and done[0].warnings:
+        _report(results, console, out)
+        if object_options.strict and results[0].warnings:
             raise typer.Exit(2)
         return
-    failed = [one for one in done if one.error]
-    if len(done) > 1 or not failed:
-        _report(done, talk, out)
-    for one in failed:
-        print(f"anyprobe: {one.error}", file=sys.stderr)
-    if failed or (taken.strict and any(one.warnings for one in done)):
+    failed = [result for result in results if result.error]
+    if len(results) > 1 or not failed:
+        _report(results, console, out)
+    for result in failed:
+        print(f"anyprobe: {result.error}", file=sys.stderr)
+    if failed or (object_options.strict and any(result.warnings for result in results)):
         raise typer.Exit(2)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EstimateCall:
-    """State that all photos of a call share."""
+    """Options that all photos of a call share."""
 
     estimator: Estimator
     out: Path
@@ -139,8 +143,8 @@ class EstimateCall:
     size: int = 512
     frame: str = "level"
 
-    def one(self, path: Path) -> Done:
-        """Estimate one photo and write its files; an error of ours ends this photo alone."""
+    def estimate_photo(self, path: Path) -> Done:
+        """Estimate one photo and write its files; an AnyprobeError ends this photo alone."""
         from anyprobe.estimate.photo import load_photo
 
         start = time.perf_counter()
@@ -156,14 +160,15 @@ class EstimateCall:
                 print(json.dumps({"photo": str(path), "error": line, "code": error.code}), flush=True)
             return Done(photo=path, error=line)
 
-    def together(self, steps: Iterable[Path], poses: Path) -> Done:
-        """One light of all photos, under the first one's name; any error ends all of it."""
+    def estimate_views(self, steps: Iterable[Path], poses: Path) -> Done:
+        """Estimate one light from all photos, named after the first; any error ends the whole call."""
         from anyprobe.estimate.photo import load_photo
         from anyprobe.estimate.poses import read_poses
 
         start = time.perf_counter()
-        given = read_poses(poses)
-        turned, fovs = given.of(self.listed), dict(zip(self.listed, given.fovs_deg(self.listed), strict=True))
+        camera_poses = read_poses(poses)
+        rotations = camera_poses.of(self.listed)
+        fovs = dict(zip(self.listed, camera_poses.fovs_deg(self.listed), strict=True))
 
         def load(path: Path) -> Photo:
             hints = hints_for(path, self.hints)
@@ -177,67 +182,67 @@ class EstimateCall:
 
         photos = map(load, steps)
         first = next(photos)
-        light = self.estimator.multiview(chain([first], photos), list(turned), start=start)
+        light = self.estimator.multiview(chain([first], photos), list(rotations), start=start)
         return self._write(self.listed[0], first, light, time.perf_counter() - start)
 
     def _check(self, path: Path, hints: Hints, poses: Path | None = None) -> None:
-        """Refuse names that do not differ, and a result that would replace an input."""
+        """Refuse equal result names, and results that would replace an input."""
         from anyprobe.estimate.outputs import OUTPUT_SUFFIXES
 
-        given = (poses, *hints.files().values())
+        inputs = (poses, *hints.files().values())
         targets = (self.out / f"{result_stem(path, self.listed)}{suffix}" for suffix in OUTPUT_SUFFIXES)
-        check_names(path, self.listed, targets, given)
+        check_names(path, self.listed, targets, inputs)
 
     def _write(self, path: Path, photo: Photo, light: Light, seconds: float) -> Done:
         from anyprobe.estimate.doubts import exposure_doubts
         from anyprobe.estimate.outputs import write_results
 
         stem = result_stem(path, self.listed)
-        begun = time.perf_counter()
+        write_start = time.perf_counter()
         written = write_results(photo, light, self.out, stem, self.colorspace, size=self.size, frame=self.frame)
-        seconds += time.perf_counter() - begun
+        seconds += time.perf_counter() - write_start
         if self.as_json:
             files = {kind: str(target) for kind, target in written.items()}
             print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
-        main, ground = light.dominant_light(), light.ground
+        dominant, ground = light.dominant_light(), light.ground
         uncertainty = light.origin.uncertainty
-        unsure = None if uncertainty is None else uncertainty.get("level_stops")
+        level_stops = None if uncertainty is None else uncertainty.get("level_stops")
         crop = light.stages["photo"]
         pixels = crop[crop[..., 3] > 0.5]
         return Done(
             photo=path,
             stem=stem,
-            main=main,
-            toward=main.direction if ground is None else ground.level_from_camera @ main.direction,
-            level_stops=unsure,
+            dominant=dominant,
+            direction=dominant.direction if ground is None else ground.level_from_camera @ dominant.direction,
+            level_stops=level_stops,
             is_exposed=not exposure_doubts(pixels[:, :3] / pixels[:, 3:], photo.name),
             seconds=seconds,
             warnings=light.warnings,
         )
 
 
-def _report(done: list[Done], talk: Console, out: Path) -> None:
-    """A table of all photos, and where their results are; warnings below it."""
+def _report(results: list[Done], console: Console, out: Path) -> None:
+    """Print a table of all photos, where their results are, and the warnings."""
     table = Table("photo", "dominant light", "brightness uncertainty", "seconds", box=None, pad_edge=False)
-    for one in done:
-        if one.main is None:
-            table.add_row(one.photo.name, "failed")
+    for result in results:
+        if result.dominant is None:
+            table.add_row(result.photo.name, "failed")
             continue
-        x, y, z = one.main.direction if one.toward is None else one.toward
+        x, y, z = result.dominant.direction if result.direction is None else result.direction
         azimuth, elevation = np.degrees(np.arctan2(x, -z)), np.degrees(np.arcsin(np.clip(y, -1, 1)))
         side = "right" if azimuth >= 0 else "left"
-        where = f"{abs(azimuth):.0f}° {side}, {abs(elevation):.0f}° {'up' if elevation >= 0 else 'down'}"
-        where += f" ± {one.main.error_deg:.0f}°" if one.is_exposed else ", a guess"
+        text = f"{abs(azimuth):.0f}° {side}, {abs(elevation):.0f}° {'up' if elevation >= 0 else 'down'}"
+        text += f" ± {result.dominant.error_deg:.0f}°" if result.is_exposed else ", a guess"
         table.add_row(
-            one.photo.name,
-            where,
-            "" if one.level_stops is None or not one.is_exposed else f"± {one.level_stops:.1f} stops",
-            f"{one.seconds:.2f}",
+            result.photo.name,
+            text,
+            "" if result.level_stops is None or not result.is_exposed else f"± {result.level_stops:.1f} stops",
+            f"{result.seconds:.2f}",
         )
-    print_table(talk, table)
-    written = [one.stem for one in done if not one.error]
+    print_table(console, table)
+    written = [result.stem for result in results if not result.error]
     if written:  # on a line of its own, which a narrow terminal does not cut into pieces
         name = written[0] if len(written) == 1 else "<stem>"
-        talk.print(f"results: {out / name}_panorama.exr, _origin.png, .exr, .hdr, .json, .png", soft_wrap=True)
-    for warning in dict.fromkeys(line for one in done for line in one.warnings):
-        talk.print(f"warning: {OPTIONS.line(warning)}", soft_wrap=True)
+        console.print(f"results: {out / name}_panorama.exr, _origin.png, .exr, .hdr, .json, .png", soft_wrap=True)
+    for warning in dict.fromkeys(line for result in results for line in result.warnings):
+        console.print(f"warning: {OPTIONS.line(warning)}", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""anyprobe evaluate: a model beside trivial baselines, on maps and shapes it never saw."""
+"""anyprobe evaluate: a model beside trivial baselines, on held-out maps and shapes."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES
 from anyprobe.estimate.settings import MODEL_HELP
+from anyprobe.notices import give
 
 if TYPE_CHECKING:
     from anyprobe.learning.dataset.asset_store import AssetStore
@@ -33,7 +34,7 @@ SEED = 2020
 PATHS = 128
 """Paths per pixel of a path-traced photo."""
 CELL = 64
-"""Side of a picture in the grid [pixels]."""
+"""Side of a picture in the grid of pictures.png [pixels]."""
 
 
 def evaluate(
@@ -43,7 +44,8 @@ def evaluate(
     seed: Annotated[int, typer.Option(help="Seed of the test set.")] = SEED,
     frozen: Annotated[bool, typer.Option("--frozen", help="Take the first of the 1,000 frozen recipes.")] = False,
     recipes: Annotated[
-        Path | None, typer.Option(help="Take the pairs of a list, one recipe a line: research/world/test.txt, say.")
+        Path | None,
+        typer.Option(help="Take the pairs of a list, one recipe per line, such as research/world/test.txt."),
     ] = None,
     conditions: Annotated[
         Conditions, typer.Option(help="clean photos; world: as phones take them, with noise, JPEG, blur, rough masks.")
@@ -68,22 +70,27 @@ def evaluate(
     model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL,
     engine: Annotated[str, typer.Option(help=f"Engine: {', '.join(ENGINES)}.")] = DEFAULT_ENGINE,
 ) -> None:
-    """Score a model, or any program's maps, on a test set. Renders it, scores two baselines beside, prints tables."""
-    refused = (
-        (seed != SEED and frozen, f"--seed {seed}", "pairs that are drawn", "--frozen"),
-        (seed != SEED and recipes, f"--seed {seed}", "pairs that are drawn", "--recipes"),
+    """Score a model, or any program's maps, on a test set. Renders it, scores two baselines too, and prints tables."""
+    conflicts = (
+        (seed != SEED and frozen, f"--seed {seed}", "pairs drawn at random", "--frozen"),
+        (seed != SEED and recipes, f"--seed {seed}", "pairs drawn at random", "--recipes"),
         (frozen and recipes, "--frozen", "one list of pairs", "--recipes"),
-        (recipes and conditions != "clean", f"--conditions {conditions}", "pairs that do not say theirs", "--recipes"),
-        (textured and path_traced, "--textured", "photos that anyprobe shades", "--path-traced"),
-        (predictions and write_photos, "--predictions", "photos that are written already", "--write-photos"),
-        (write_photos and hints, "--hints", "something to score", "--write-photos"),
-        (write_photos and model != DEFAULT_MODEL, "--model", "something to score", "--write-photos"),
+        (
+            recipes and conditions != "clean",
+            f"--conditions {conditions}",
+            "recipes that state no conditions",
+            "--recipes",
+        ),
+        (textured and path_traced, "--textured", "photos shaded by anyprobe", "--path-traced"),
+        (predictions and write_photos, "--predictions", "photos written earlier", "--write-photos"),
+        (write_photos and hints, "--hints", "pairs to score", "--write-photos"),
+        (write_photos and model != DEFAULT_MODEL, "--model", "pairs to score", "--write-photos"),
         (predictions and engine != DEFAULT_ENGINE, "--engine", "a model to run", "--predictions"),
-        (predictions and hints, "--hints", "a model to give them to", "--predictions"),
+        (predictions and hints, "--hints", "a model that takes hints", "--predictions"),
         (predictions and model != DEFAULT_MODEL, "--model", "a model's maps to score", "--predictions"),
     )
-    for both, option, expected, other in refused:
-        if both:
+    for is_given, option, expected, other in conflicts:
+        if is_given:
             raise InputError(f"{option}: expected {expected}, got {other}; leave one of them out")
     from anyprobe.estimate.runtime import model_id
     from anyprobe.files.atomic import atomic_path
@@ -99,9 +106,9 @@ def evaluate(
 
         open_mitsuba()  # one clear line where it cannot run
         trace = partial(trace_mesh, num_paths=PATHS)
-    talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
+    console = Console(stderr=True, markup=False, emoji=False, highlight=False)
     drawn = None if frozen or recipes else seed
-    chosen, store = _test_set(hdri, meshes, pairs, drawn, recipes, conditions, talk)
+    chosen, store = _test_set(hdri, meshes, pairs, drawn, recipes, conditions, console)
     title = Path(model).name if predictions is None else predictions.resolve().name
     methods: dict[str, Method] = {}
     if write_photos is None:
@@ -110,7 +117,7 @@ def evaluate(
     photos: Iterable[Pair] = (render_pair(recipe, store, trace, textured=textured) for recipe in chosen)
     photos = map(with_noisy_mask, photos) if noisy_masks else photos
     columns = (TextColumn("evaluating"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=talk) as progress:
+    with Progress(*columns, console=console) as progress:
         task = progress.add_task("", total=len(chosen))
         if write_photos is not None:
             _write_photos(write_photos, photos, lambda: progress.advance(task))
@@ -123,7 +130,7 @@ def evaluate(
 
             scores = score_pairs(photos, methods, watch=seen)
     if write_photos is not None:
-        talk.print(f"{write_photos}: {len(chosen)} photos; maps go to a folder of their own, named by key")
+        console.print(f"{write_photos}: {len(chosen)} photos; write the maps into another folder, named by key")
         return
     result = {
         "settings": {
@@ -152,13 +159,13 @@ def evaluate(
         _print_irradiance(result["irradiance"])
     if result["confidence"] is not None:
         _print_confidence(title, result["confidence"], result["confidence_with_hints"])
-    talk.print(f"{out / 'scores.json'}, {out / 'pictures.png'}")
+    console.print(f"{out / 'scores.json'}, {out / 'pictures.png'}")
 
 
 def _judged(
     predictions: Path | None, keys: list[str], model: str, engine: str, title: str, hints: bool
 ) -> dict[str, Method]:
-    """Return the method judged beside the baselines: maps of a folder, or a model."""
+    """Return the method to judge beside the baselines: maps of a folder, or a model."""
     from anyprobe.estimate.runtime import Models
     from anyprobe.learning.evaluate.benchmark import predicted, read_predictions
     from anyprobe.learning.evaluate.methods import baselines, model_methods, truth_methods
@@ -169,7 +176,8 @@ def _judged(
         return {title: predicted(read_predictions(predictions, keys))}
     runtime = Models(model, engine=engine)
     if hints and not runtime.lifts:
-        raise InputError(f"--hints: expected a model that takes normals, got {title}; use {DEFAULT_MODEL}")
+        text = f"expected a model that takes normals, got {title}"
+        raise InputError(text, subject="hints", remedy=give(model=DEFAULT_MODEL))
     return model_methods(runtime, title, hints)
 
 
@@ -185,9 +193,9 @@ def _write_photos(folder: Path, pairs: Iterable[Pair], advance: Callable[[], Non
 
 
 def _test_set(
-    hdri: Path, meshes: Path, pairs: int, seed: int | None, path: Path | None, conditions: Conditions, talk: Console
+    hdri: Path, meshes: Path, pairs: int, seed: int | None, path: Path | None, conditions: Conditions, console: Console
 ) -> tuple[list[Recipe], AssetStore]:
-    """Recipes of so many pairs, drawn by seed, of a list at path or the frozen ones, and the assets they name."""
+    """Return `pairs` recipes, drawn by seed, or from the list at path, or the frozen ones; and the assets they name."""
     from anyprobe.learning.dataset.asset_store import AssetStore
     from anyprobe.learning.dataset.catalog import load_maps, load_shapes
     from anyprobe.learning.dataset.recipe import balanced_recipes, read_recipes
@@ -195,23 +203,22 @@ def _test_set(
     from anyprobe.learning.evaluate.scoring import FROZEN
 
     def warn(line: str) -> None:
-        talk.print(f"warning: {line}", soft_wrap=True)
+        console.print(f"warning: {line}", soft_wrap=True)
 
     listed = read_recipes(path or FROZEN) if seed is None else []
     if seed is None and pairs > len(listed):
         name = "--frozen" if path is None else path.name
-        raise InputError(
-            f"--pairs {pairs}: expected at most the {len(listed)} pairs that {name} has, got more; ask for fewer"
-        )
+        text = f"expected at most {len(listed)}, the pairs of {name}, got more; ask for fewer"
+        raise InputError(text, subject="pairs", source=pairs)
     store = AssetStore(load_maps(hdri, report=warn), load_shapes(meshes, report=warn))
     if path is not None:
         return listed[:pairs], store  # a list says the conditions of its pairs
     recipes = listed[:pairs] if seed is None else balanced_recipes(store, pairs, seed)
-    return [replace(one, conditions=CONDITIONS.index(conditions)) for one in recipes], store
+    return [replace(recipe, conditions=CONDITIONS.index(conditions)) for recipe in recipes], store
 
 
 class Watch:
-    """Sees every pair with its estimates: calibration, the irradiance image, and pictures (paper, Fig. 11)."""
+    """Record of all pairs with their estimates: calibration, the irradiance image, and pictures (paper, Fig. 11)."""
 
     def __init__(self, methods: Mapping[str, Method], title: str, pairs: int) -> None:
         from anyprobe.learning.evaluate.calibration import Calibration
@@ -235,18 +242,18 @@ class Watch:
             images = estimated, pair.irradiance / 255.0
             self.irradiance.append({"psnr": psnr(*images), "rmse": rmse(*images), "ssim": ssim(*images)})
         for name, calibration in self.calibrations.items():
-            one = estimates[name]
-            if one.confidence is not None:
-                calibration.add(one.confidence, one.ldr, response(pair.radiance), groups_of(pair))
+            estimate = estimates[name]
+            if estimate.confidence is not None:
+                calibration.add(estimate.confidence, estimate.ldr, response(pair.radiance), groups_of(pair))
         if index % self.every == 0:
             self.rows.append(_cells(pair, estimates))
 
     def result(self) -> dict[str, Any]:
-        """Means of the irradiance image's figures, None where there is none, and the confidence of the model, alone and
-        with hints."""
-        found = {name: one.result() for name, one in self.calibrations.items()}
+        """Return the mean figures of the irradiance image, None if there is none, and the model's confidence, without
+        and with hints."""
+        found = {name: calibration.result() for name, calibration in self.calibrations.items()}
         irradiance = {
-            name: round(sum(one[name] for one in self.irradiance) / len(self.irradiance), 5)
+            name: round(sum(row[name] for row in self.irradiance) / len(self.irradiance), 5)
             for name in next(iter(self.irradiance), {})
         }
         confidence = found.pop(self.title)
@@ -254,7 +261,7 @@ class Watch:
 
 
 def _cells(pair: Pair, estimates: Mapping[str, Estimate]) -> np.ndarray:
-    """Photo and true irradiance, then map, silver and mirror sphere of the truth and of each method, side by side:
+    """Draw photo and true irradiance, then map, silver and mirror sphere of the truth and of each method, side by side:
     display values [CELL, W, 3]."""
     from anyprobe.core.response import response
     from anyprobe.render.spheres import mirror, silver
@@ -277,7 +284,7 @@ def _print(table: dict, errors: dict) -> None:
 
 
 def _sheet(title: str, table: dict, group: str, headings: Mapping[str, str]) -> Table:
-    """Return a group's figures, a row for each method."""
+    """Return a table of a group's figures, one row per method."""
     sheet = Table("method", *headings.values(), title=title, title_justify="left")
     for method, groups in table.items():
         values = (groups[group][name] for name in headings)
@@ -291,7 +298,7 @@ def _print_irradiance(irradiance: dict[str, float]) -> None:
 
 
 def _print_confidence(title: str, confidence: dict, hints: dict[str, dict]) -> None:
-    """A row for all pixels, for each group and, of all pixels, for each prior."""
+    """Print a row for all pixels, one for each group, and one for each prior (of all pixels)."""
     rows = {title: confidence, **confidence["groups"], **hints}
     sheet = Table(
         "confidence",
@@ -299,8 +306,8 @@ def _print_confidence(title: str, confidence: dict, hints: dict[str, dict]) -> N
         title="confidence, in brackets: of a constant, the share of all pixels right (an oracle)",
         title_justify="left",
     )
-    for row, one in rows.items():
-        beside = (f"{one[name]:.3f} ({one['constant'][name]:.3f})" for name in ("error", "brier", "log_loss"))
-        auc = "" if one["auc"] is None else f"{one['auc']:.3f} (0.500)"
-        sheet.add_row(row, f"{one['claimed']:.3f}", f"{one['right']:.3f}", *beside, auc)
+    for row, figures in rows.items():
+        columns = (f"{figures[name]:.3f} ({figures['constant'][name]:.3f})" for name in ("error", "brier", "log_loss"))
+        auc = "" if figures["auc"] is None else f"{figures['auc']:.3f} (0.500)"
+        sheet.add_row(row, f"{figures['claimed']:.3f}", f"{figures['right']:.3f}", *columns, auc)
     print_table(Console(highlight=False), sheet)

@@ -1,4 +1,4 @@
-"""anyprobe export: one light in, the files of three.js, Blender, Unity and the others out."""
+"""anyprobe export: files for three.js, Blender, Unity and others from estimated lights."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from anyprobe.estimate.ground import Ground
 from anyprobe.export.exported_light import MAP_FROM_CAMERA, check_front, origin_beside, said_beside
 from anyprobe.export.targets import TARGETS
 
-CLIPPED_SAID = 0.02
+MAX_CLIPPED = 0.02
 """Share of a light's energy above what a target's files hold from which on it is said."""
 _MAX_PIXELS = 8192 * 4096
-"""The most pixels of a map that is exported: some targets take 90 bytes a pixel."""
+"""Largest map that is exported [pixels]: some targets take 90 bytes a pixel."""
 
 
 def export(
@@ -63,36 +63,40 @@ def export(
             written = targets.export(
                 radiance, name, folder, light.stem, world_from_camera=turn, exposure_ev=exposure, origin=origin
             )
-            lost = json.loads((folder / f"{light.stem}_{name}.json").read_text(encoding="utf-8"))["clipped_energy"]
+            clipped = json.loads((folder / f"{light.stem}_{name}.json").read_text(encoding="utf-8"))["clipped_energy"]
             if as_json:
-                said = {"light": str(light), "target": name, "files": [str(path) for path in written]}
-                print(json.dumps({**said, "clipped_energy": lost}), flush=True)
+                summary = {"light": str(light), "target": name, "files": [str(path) for path in written]}
+                print(json.dumps({**summary, "clipped_energy": clipped}), flush=True)
             elif not quiet:
                 print(f"{name}: {', '.join(str(path) for path in written)}", file=sys.stderr)
-            if lost > CLIPPED_SAID and not quiet:
+            if clipped > MAX_CLIPPED and not quiet:
                 print(
-                    f"warning: {name}: {lost:.0%} of the light is beyond what its files can hold; change --exposure",
+                    f"warning: {name}: {clipped:.0%} of the light exceeds the range of its files; lower --exposure",
                     file=sys.stderr,
                 )
 
 
 def folders(lights: list[Path], out: Path) -> list[tuple[Path, Path]]:
-    """Return each light once, and where its files go: out, or of several out/<stem>. InputError for two of one stem."""
-    listed = list(dict.fromkeys(lights))
+    """Return each light once, with the folder for its files: out, or out/<stem> if there are several.
+
+    Raises:
+        InputError: a light is missing, or two share a stem.
+    """
+    unique = list(dict.fromkeys(lights))
     by_stem: dict[str, Path] = {}
-    for light in listed:
+    for light in unique:
         if not light.exists():
             raise InputError(f"{light}: no such file; check the path")
-        other = by_stem.setdefault(light.stem, light)
-        if other != light:
-            raise InputError(f"{light}: expected names that differ, got {other} before it; export them one by one")
-    return [(light, out if len(listed) == 1 else out / light.stem) for light in listed]
+        previous = by_stem.setdefault(light.stem, light)
+        if previous != light:
+            raise InputError(f"{light}: expected distinct file names, got {previous} before it; export them separately")
+    return [(light, out if len(unique) == 1 else out / light.stem) for light in unique]
 
 
 def target_names(text: str) -> list[str]:
-    """Return the targets of --to, each once; all stands for every one. InputError for a name that is none."""
-    named = [name.strip() for name in text.split(",")]
-    names = list(dict.fromkeys(one for name in named for one in (TARGETS if name == "all" else (name,))))
+    """Return the targets of --to, each once; "all" stands for every one. InputError for an unknown name."""
+    parts = [name.strip() for name in text.split(",")]
+    names = list(dict.fromkeys(target for name in parts for target in (TARGETS if name == "all" else (name,))))
     for name in names:
         if name not in TARGETS:
             raise InputError(f"--to: expected any of {', '.join(TARGETS)}, or all, got {name!r}")
@@ -100,7 +104,7 @@ def target_names(text: str) -> list[str]:
 
 
 def parse_rotation(text: str) -> np.ndarray:
-    """YAW,ELEVATION[,ROLL] in degrees, or nine numbers row by row, to world_from_camera [3, 3]."""
+    """Convert YAW,ELEVATION[,ROLL] in degrees, or nine numbers row by row, to world_from_camera [3, 3]."""
     from anyprobe.core.frames import rotation_of
 
     try:

@@ -1,4 +1,4 @@
-"""anyprobe mask: photos in, masks out, and a picture that shows each."""
+"""anyprobe mask: masks from photos, and a picture that shows each."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from anyprobe.notices import give
 
 @with_bundles
 def mask(
-    pointed: MaskOptions,
+    mask_options: MaskOptions,
     photos: Annotated[
         list[Path] | None,
         typer.Argument(metavar="PHOTO...", help="Photos, folders of photos, or - for standard input."),
@@ -47,20 +47,20 @@ def mask(
     if not photos:
         if fetch:
             return
-        raise InputError("PHOTO: expected photos or folders of photos, got none; name one, or --fetch")
-    hints = pointed.hints()
-    listed = list_photos(photos)
+        raise InputError("PHOTO: expected photos or folders of photos, got none; give one, or --fetch")
+    hints = mask_options.hints()
+    paths = list_photos(photos)
     failed = False
-    for path in listed:
+    for path in paths:
         try:
-            found = _one(path, out, hints_for(path, hints), listed, pointed.finder.segmenter)
+            summary = _write(path, out, hints_for(path, hints), paths, mask_options.finder.segmenter)
             if as_json:
-                print(json.dumps(found), flush=True)
+                print(json.dumps(summary), flush=True)
             elif not quiet:
-                typer.echo(_line(found))
-            for warning in [] if quiet else found["warnings"]:
+                typer.echo(_line(summary))
+            for warning in [] if quiet else summary["warnings"]:
                 print(f"warning: {OPTIONS.line(warning)}", file=sys.stderr)
-            failed |= pointed.strict and bool(found["warnings"])
+            failed |= mask_options.strict and bool(summary["warnings"])
         except AnyprobeError as error:
             print(f"anyprobe: {photo_line(path, error)}", file=sys.stderr)
             failed = True
@@ -68,13 +68,15 @@ def mask(
         raise typer.Exit(2)
 
 
-def _line(found: dict[str, Any]) -> str:
-    sure = f", {found['said']}" if found["said"] else ""
-    return f"{found['mask']}: by {found['source']}, {100 * found['share']:.0f} % of the photo{sure}"
+def _line(summary: dict[str, Any]) -> str:
+    comment = f", {summary['said']}" if summary["said"] else ""
+    return f"{summary['mask']}: by {summary['source']}, {100 * summary['share']:.0f} % of the photo{comment}"
 
 
-def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: SegmenterSource | None) -> dict[str, Any]:
-    """Write one photo's two files; what was found and how, for JSON."""
+def _write(
+    path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: SegmenterSource | None
+) -> dict[str, Any]:
+    """Write one photo's two files; return how the mask was found, for JSON."""
     from anyprobe.estimate.doubts import scale_doubts
     from anyprobe.estimate.outputs import draw_overlay
     from anyprobe.masks.depth import is_carried
@@ -84,7 +86,7 @@ def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: Seg
     targets = {kind: out / f"{result_stem(path, listed)}_{kind}.png" for kind in ("overlay", "mask")}
     check_names(path, listed, targets.values(), hints.files().values())
     if hints.depth is not None and hints.near is None and hints.far is None:
-        raise InvalidMask("expected where to cut, got neither", subject="depth", remedy=give("near", "far"))
+        raise InvalidMask("expected a distance to cut at, got none", subject="depth", remedy=give("near", "far"))
     pixels = read_image(photo_source(path), photo_name(path), with_depth=is_carried(hints.depth))
     found = find_mask(pixels, **hints.place(), segmenter=segmenter)
     overlay = draw_overlay(pixels.rgb, found.mask, found.prompts.on, found.prompts.off)

@@ -1,4 +1,4 @@
-"""anyprobe match: a photo and a folder of panoramas in, the panoramas that light like the photo out."""
+"""anyprobe match: the panoramas of a folder that light like a photo."""
 
 from __future__ import annotations
 
@@ -33,23 +33,23 @@ if TYPE_CHECKING:
 
     from anyprobe.match.plate import Plate
 
-SURE = 0.5
+CLEAR_MARGIN = 0.5
 """Difference of misfits from which on one map is clearly better than another."""
 STOPS_APART = 1.0
-"""From so many on a map's level is doubtful."""
+"""Difference in brightness above which a map's level is doubtful [stops]."""
 
 
 @with_bundles
 def match(
     photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="A photo, or - for standard input.")],
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of .hdr and .exr panoramas.")],
-    taken: ObjectOptions,
-    by: ModelOptions,
+    object_options: ObjectOptions,
+    model_options: ModelOptions,
     out: Annotated[Path, folder_option("Folder for the results.")] = Path("match"),
-    best: Annotated[int, typer.Option(min=1, max=50, help="How many panoramas are written and shown.")] = 3,
+    best: Annotated[int, typer.Option(min=1, max=50, help="Number of panoramas to write and show.")] = 3,
     apply: Annotated[
         str | None,
-        typer.Option(metavar="TARGET[,TARGET...]", help="Also export the best one, as the command export does."),
+        typer.Option(metavar="TARGET[,TARGET...]", help="Also export the best one, as anyprobe export does."),
     ] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -67,108 +67,113 @@ def match(
     from anyprobe.pictures.images import write_png
 
     targets = [] if apply is None else target_names(apply)
-    talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
-    with talk.status("reading the panoramas"):
+    console = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
+    with console.status("reading the panoramas"):
         library = open_library(folder)
     if Path(same_file_key(out)).is_relative_to(same_file_key(folder)):
-        raise InputError(f"-o {out}: is within the folder of panoramas, which it would add to; choose another")
-    hints = hints_for(photo, taken.hints())
-    estimator = by.estimator(segmenter=taken.finder.segmenter)
+        raise InputError(f"-o {out}: expected a folder outside the panoramas, got one among them; choose another")
+    hints = hints_for(photo, object_options.hints())
+    estimator = model_options.estimator(segmenter=object_options.finder.segmenter)
     loaded = load_photo(photo_source(photo), hints, name=photo_name(photo), segmenter=estimator.segmenter)
     light = estimator.from_photo(loaded)
-    with talk.status("comparing"):
+    with console.status("comparing"):
         ranked = light.match(library)
     stem, chosen = result_stem(photo, [photo]), ranked[:best]
-    files = {one.rank: f"{stem}_{one.rank + 1}_{_file_name(one.name)}.exr" for one in chosen}
+    files = {candidate.rank: f"{stem}_{candidate.rank + 1}_{_file_name(candidate.name)}.exr" for candidate in chosen}
     warnings = [*light.warnings, *library.warnings]
     if light.pitch_deg is None and (light.shown is None or light.shown.behind is None):
-        text = "the camera's pitch is not known: maps may be tilted"
+        text = "the camera's pitch is unknown, so maps may be tilted"
         warnings.append(Notice(text, code="pitch-unknown", remedy=give("pitch_deg")))
     older = _older_maps(out, stem, set(files.values()))
     if older:
         text = (
-            f"has maps of this photo from earlier matches ({len(older)}, such as {older[0]}); delete them, "
+            f"contains maps of this photo from earlier matches ({len(older)}, such as {older[0]}); delete them, "
             "or choose another folder with -o"
         )
         warnings.append(Notice(text, code="older-results", source=out))
-    with atomic_files(out) as scratch, talk.status("writing"):
-        for one in chosen:
-            one.write(scratch / files[one.rank])
-        shown = [(one, one.radiance(256)) for one in chosen]
-        apart = stops_apart(shown[0][1], light.radiance)
-        if abs(apart) > STOPS_APART:
+    with atomic_files(out) as scratch, console.status("writing"):
+        for candidate in chosen:
+            candidate.write(scratch / files[candidate.rank])
+        pictured = [(candidate, candidate.radiance(256)) for candidate in chosen]
+        stops = stops_apart(pictured[0][1], light.radiance)
+        if abs(stops) > STOPS_APART:
             text = (
-                f"the first map lights the object's visible side {apart:+.1f} stops beside the estimate: the object "
-                f"and what is behind it ask for different exposures; look at {stem}_match.png before you take it"
+                f"the first map lights the object's visible side {stops:+.1f} stops off the estimate, as the object "
+                f"and its background need different exposures; check {stem}_match.png before using the map"
             )
             warnings.append(Notice(text, code="match-level"))
         warnings += kind_doubts(light.plate, library.lights[chosen[0].index], chosen[0].name)
-        write_png(scratch / f"{stem}_match.png", draw_matches(loaded, light, shown))
-        said = {
+        write_png(scratch / f"{stem}_match.png", draw_matches(loaded, light, pictured))
+        report = {
             "photo": loaded.name,
             "folder": str(folder),
             "maps": len(ranked),
-            "warnings": [OPTIONS.line(one) for one in warnings],
-            "matches": [one.sidecar() | ({"written": files[one.rank]} if one in chosen else {}) for one in ranked],
+            "warnings": [OPTIONS.line(warning) for warning in warnings],
+            "matches": [
+                candidate.sidecar() | ({"written": files[candidate.rank]} if candidate in chosen else {})
+                for candidate in ranked
+            ],
         }
-        (scratch / f"{stem}_match.json").write_text(json.dumps(said, indent=1) + "\n", encoding="utf-8")
+        (scratch / f"{stem}_match.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     for target in targets:
         first = chosen[0]
         origin = {"photo": loaded.name, "match": first.sidecar()}
         export(first.radiance(), target, out, stem, origin=origin)
     if as_json:
-        print(json.dumps(said), flush=True)
+        print(json.dumps(report), flush=True)
     table = Table("", "panorama", "misfit", "turned", "exposure", box=None, pad_edge=False)
-    for one in chosen:
+    for candidate in chosen:
         table.add_row(
-            str(one.rank + 1),
-            one.name,
-            f"{one.misfit - ranked[0].misfit:+.2f}" if one.rank else "best",
-            f"{one.yaw_deg:+.0f}°, camera {one.pitch_deg:+.0f}° down",
-            f"{one.exposure_ev:+.1f} EV",
+            str(candidate.rank + 1),
+            candidate.name,
+            f"{candidate.misfit - ranked[0].misfit:+.2f}" if candidate.rank else "best",
+            f"{candidate.yaw_deg:+.0f}°, camera {candidate.pitch_deg:+.0f}° down",
+            f"{candidate.exposure_ev:+.1f} EV",
         )
-    print_table(talk, table)
-    near = sum(one.misfit < ranked[0].misfit + SURE for one in ranked)
-    if near > 1:
-        talk.print(f"{near} of {len(ranked)} panoramas explain the photo about as well; look at {stem}_match.png")
+    print_table(console, table)
+    num_close = sum(candidate.misfit < ranked[0].misfit + CLEAR_MARGIN for candidate in ranked)
+    if num_close > 1:
+        console.print(
+            f"{num_close} of {len(ranked)} panoramas explain the photo about equally well; see {stem}_match.png"
+        )
     for warning in warnings:
-        talk.print(f"warning: {OPTIONS.line(warning)}", soft_wrap=True)
-    talk.print(f"results: {out / stem}_*", soft_wrap=True)
-    if taken.strict and warnings:
+        console.print(f"warning: {OPTIONS.line(warning)}", soft_wrap=True)
+    console.print(f"results: {out / stem}_*", soft_wrap=True)
+    if object_options.strict and warnings:
         raise typer.Exit(2)
 
 
 def kind_doubts(plate: Plate | None, radiance: np.ndarray, name: str) -> list[Notice]:
-    """Return a warning where a panorama [H, 2H, 3] is outdoors and the photo shows nothing of that, or the other way
+    """Return a warning if a panorama [H, 2H, 3] is outdoors and the photo shows no sign of it, or the other way
     round."""
     from anyprobe.match.kind import is_outdoors, shows_outdoors
 
     if plate is None:
         return []
-    is_out, shows = is_outdoors(radiance), shows_outdoors(plate)
-    if is_out == shows:
+    map_is_outdoors, photo_is_outdoors = is_outdoors(radiance), shows_outdoors(plate)
+    if map_is_outdoors == photo_is_outdoors:
         return []
     text = (
-        "looks like a place outdoors, and the photo shows neither sky nor plants; look before you take it"
-        if is_out
-        else "looks like a place indoors, and the photo shows sky or plants; look before you take it"
+        "looks outdoors, but the photo shows neither sky nor plants; check the map before using it"
+        if map_is_outdoors
+        else "looks indoors, but the photo shows sky or plants; check the map before using it"
     )
     return [Notice(text, code="match-kind", source=name)]
 
 
 def _older_maps(out: Path, stem: str, new: set[str]) -> list[str]:
-    """Names of the maps in a folder that match wrote of a photo before, by their headers."""
+    """Return the names of maps in a folder that earlier matches wrote for this photo, judged by their headers."""
     from anyprobe.maps.radiance import map_attributes
 
-    found = []
+    older = []
     for path in sorted(out.glob(f"{glob.escape(stem)}_*.exr")):
         name = map_attributes(path).get("match")
         is_ours = name and re.fullmatch(rf"\d+_{re.escape(_file_name(name))}\.exr", path.name[len(stem) + 1 :])
         if is_ours and path.name not in new:
-            found.append(path.name)
-    return found
+            older.append(path.name)
+    return older
 
 
 def _file_name(name: str) -> str:
-    """Return a map's name as part of a file's."""
+    """Return a map's name made safe for a file name."""
     return re.sub(r"[^\w.-]+", "_", name)[-80:]

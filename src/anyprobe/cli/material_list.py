@@ -23,15 +23,17 @@ def materials(
     """
     from anyprobe.scatter.materials import MATERIALS, PRESETS
 
-    chosen = {name: one for name, one in MATERIALS.items() if all(word.lower() in name for word in words or [])}
+    chosen = {
+        name: material for name, material in MATERIALS.items() if all(word.lower() in name for word in words or [])
+    }
     rows: dict[str, dict[str, Any]] = {}
-    for name, one in chosen.items():
-        metal = not np.any(one.albedo)
+    for name, material in chosen.items():
+        metal = not np.any(material.albedo)
         rows[name] = {
             "metal": metal,
-            "color": [round(float(v), 3) for v in (one.f0 if metal else one.albedo)],
-            "roughness": round(float(np.sqrt(one.alpha)), 2),
-            "reflectance": round(float(np.mean(one.f0)), 3),
+            "color": [round(float(v), 3) for v in (material.f0 if metal else material.albedo)],
+            "roughness": round(float(np.sqrt(material.alpha)), 2),
+            "reflectance": round(float(np.mean(material.f0)), 3),
             "source": "anyprobe" if name in PRESETS else "physicallybased.info (CC0)",
         }
     if as_json:

@@ -1,8 +1,8 @@
 """Options that commands share: what the photographed object is and where, and how its light is estimated.
 
-A command takes a bundle as one argument, `taken: Annotated[PhotoOptions, ...]`, and `with_bundles`
-makes its fields the command's own options, so that one option means the same everywhere. Hints and Settings name and
-describe theirs.
+A command takes a bundle as one argument, `object_options: ObjectOptions`, and `with_bundles` makes
+its fields the command's own options, so that one option means the same everywhere. Hints and Settings name and describe
+theirs.
 """
 
 from __future__ import annotations
@@ -41,18 +41,18 @@ QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print errors o
 
 
 NO_FOLDERS = (*PICTURES, ".npy", ".hdr", ".json", ".mp4", ".mov", ".glb", ".usda", ".usdz", ".zip")
-"""Suffixes that a name has by mistake where a folder is meant."""
+"""Suffixes that show that a file's name was given where a folder is meant."""
 
 
 def folder_option(help: str) -> Any:
-    """Return the option -o of a command that writes into a folder: the name of a file is refused."""
+    """Return the option -o of a command that writes into a folder; it refuses the name of a file."""
     return typer.Option("-o", "--out", help=help, callback=_folder)
 
 
 def _folder(out: Path | None) -> Path | None:
     if out is not None and out.suffix.lower() in NO_FOLDERS and not out.is_dir():
         raise OutputError(
-            f"-o {out}: expected a folder, got a name that ends in {out.suffix}; leave that out, or make the folder"
+            f"-o {out}: expected a folder, got a name that ends in {out.suffix}; drop the suffix, or create the folder"
         )
     return out
 
@@ -91,12 +91,12 @@ OPTIONS = OptionWords()
 
 
 TO_FIND = tuple(name for name, hint in HINTS.items() if hint.about == "place" and name != "mask")
-"""Hints by which a mask is found."""
+"""Hints that help to find the mask."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MaskOptions:
-    """Where the object is."""
+    """Location of the object."""
 
     given: Annotated[Hints, TO_FIND]
     finder: Annotated[Settings, ("segmenter",)]
@@ -128,7 +128,7 @@ def _read(hint: Hint, given: Any) -> Any:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ObjectOptions(MaskOptions):
-    """Where the object is and what is given of it, of its surroundings and of the camera."""
+    """Location of the object, and priors on it, its surroundings and the camera."""
 
     given: Annotated[Hints, tuple(HINTS)]
     normals_from: Annotated[
@@ -160,7 +160,7 @@ class ObjectOptions(MaskOptions):
         hints = hints if hints.material is not None else replace(hints, material="chrome")
         surface = hints.surface()
         if surface is not None and surface.albedo.any():
-            text = "expected a metal, got another; leave one out"
+            text = "expected a metal, got another material; leave one of them out"
             raise InputError(text, subject=("metal", "material"), source=hints.material)
         return hints
 
@@ -168,12 +168,12 @@ class ObjectOptions(MaskOptions):
         """Return what --camera gives, as hints; InputError where an option gives the same."""
         from anyprobe.files.fspy import read_fspy
 
-        found = read_fspy(Path(str(self.camera)))
-        given = {"fov_deg": found.long_fov_deg, "pitch_deg": found.pitch_deg, "roll_deg": found.roll_deg}
-        for name in given:
+        camera = read_fspy(Path(str(self.camera)))
+        hints_given = {"fov_deg": camera.long_fov_deg, "pitch_deg": camera.pitch_deg, "roll_deg": camera.roll_deg}
+        for name in hints_given:
             if getattr(hints, name) is not None:
                 raise InputError("expected one of them, got both", subject=("camera", name))
-        return given
+        return hints_given
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -183,7 +183,7 @@ class ModelOptions:
     settings: Annotated[Settings, ("emitters", "model", "engine", "threads")]
 
     def estimator(self, **more: Any) -> Estimator:
-        """Opened by these options."""
+        """Open the estimator with these options; `more` overrides settings."""
         from anyprobe.estimate.estimator import Estimator
 
         return Estimator(replace(self.settings, **more))
@@ -191,20 +191,20 @@ class ModelOptions:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class DetailOptions:
-    """Where a map's detail is from."""
+    """Source of a map's detail."""
 
     given: Annotated[Settings, ("detail", "detail_library")]
 
     def settings(self) -> dict[str, Any]:
-        """For Estimator. InputError for what does nothing without detail."""
+        """Return the options as settings of Estimator. InputError for a library without detail."""
         library = self.given.detail_library
-        given = {} if library is None else {"detail_library": library}
-        if self.given.detail == DETAILS[0] and given:
+        extra = {} if library is None else {"detail_library": library}
+        if self.given.detail == DETAILS[0] and extra:
             raise InputError("does nothing without detail", subject="detail_library", remedy=give(detail=DETAILS[1]))
-        return {"detail": self.given.detail, **given}
+        return {"detail": self.given.detail, **extra}
 
     def library(self) -> Library | None:
-        """Return the library that detail comes from; None where none is asked for."""
+        """Open the library that detail comes from; None without detail."""
         from anyprobe.match.library_folder import open_library
 
         is_asked = self.settings()["detail"] != DETAILS[0]
@@ -212,7 +212,7 @@ class DetailOptions:
 
 
 def with_bundles(command: Callable[..., None]) -> Callable[..., None]:
-    """Return the command with its parameters that are dataclasses of options replaced by these options.
+    """Return the command with each parameter that is a dataclass of options replaced by these options.
 
     A field of such a dataclass is an option, or `Annotated[Hints, names]` or `Annotated[Settings, names]`: an option
     for each of these fields of Hints or Settings, from their own descriptions.
@@ -230,8 +230,8 @@ def with_bundles(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def run(**values: Any) -> None:
-        made = {name: _bundle(kind, values) for name, kind in bundles.items()}
-        command(**made, **values)
+        bundle_values = {name: _bundle(kind, values) for name, kind in bundles.items()}
+        command(**bundle_values, **values)
 
     run.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]  # what typer reads
     run.__annotations__ = {one.name: one.annotation for one in options}
@@ -241,38 +241,38 @@ def with_bundles(command: Callable[..., None]) -> Callable[..., None]:
 
 def _options_of(bundle: type) -> list[inspect.Parameter]:
     """Return the options of a bundle's fields."""
-    inner, found = get_type_hints(bundle, include_extras=True), []
-    for one in fields(bundle):
-        kind, names = _group(inner[one.name])
+    annotations, options = get_type_hints(bundle, include_extras=True), []
+    for field in fields(bundle):
+        kind, names = _group(annotations[field.name])
         if kind is Hints:
-            found += [_option(name, _hint_option(HINTS[name]), None) for name in names]
+            options += [_option(name, _hint_option(HINTS[name]), None) for name in names]
         elif kind is Settings:
-            found += [_setting_option(setting) for setting in fields(Settings) if setting.name in names]
+            options += [_setting_option(setting) for setting in fields(Settings) if setting.name in names]
         else:
-            found.append(_option(one.name, inner[one.name], one.default))
-    return found
+            options.append(_option(field.name, annotations[field.name], field.default))
+    return options
 
 
 def _bundle(bundle: type, values: dict[str, Any]) -> Any:
-    """Return a bundle made of its options' values, which are taken out of these."""
-    inner = get_type_hints(bundle, include_extras=True)
-    made: dict[str, Any] = {}
-    for one in fields(bundle):
-        kind, names = _group(inner[one.name])
+    """Build a bundle from its options' values, which are removed from `values`."""
+    annotations = get_type_hints(bundle, include_extras=True)
+    arguments: dict[str, Any] = {}
+    for field in fields(bundle):
+        kind, names = _group(annotations[field.name])
         if kind is Hints:
             given = {name: values.pop(name) for name in names}
-            made[one.name] = Hints(
-                **{name: _read(HINTS[name], it) for name, it in given.items() if it not in (None, [])}
+            arguments[field.name] = Hints(
+                **{name: _read(HINTS[name], value) for name, value in given.items() if value not in (None, [])}
             )
         elif kind is Settings:
-            made[one.name] = Settings(**{name: values.pop(name) for name in names})
+            arguments[field.name] = Settings(**{name: values.pop(name) for name in names})
         else:
-            made[one.name] = values.pop(one.name)
-    return bundle(**made)
+            arguments[field.name] = values.pop(field.name)
+    return bundle(**arguments)
 
 
 def _group(annotation: Any) -> tuple[Any, tuple[str, ...]]:
-    """Hints or Settings and the names of Annotated[Hints, names]; None for another annotation."""
+    """Return Hints or Settings and the names of Annotated[Hints, names]; (None, ()) for another annotation."""
     kind, *names = get_args(annotation) if get_origin(annotation) is Annotated else (None,)
     return (kind, names[0]) if kind in (Hints, Settings) else (None, ())
 
@@ -289,17 +289,16 @@ def _option(name: str, annotation: Any, default: Any) -> inspect.Parameter:
 
 
 def refuse_unused(context: typer.Context, why: str, *names: str) -> None:
-    """InputError where the command line gives one of these parameters, which does nothing there; why: `beside --x`."""
+    """Raise InputError if the command line gives one of these parameters, which has no effect; why: "with --x"."""
     for name in names:
         source = context.get_parameter_source(name)
         assert source is not None, name
         if source.name == "COMMANDLINE":
-            option = next(one.opts[0] for one in context.command.params if one.name == name)
-            raise InputError(f"{option}: does nothing {why}; leave it out")
+            raise InputError(f"does nothing {why}; leave it out", subject=name)
 
 
 def need_torch(what: str) -> None:
-    """MissingExtra where PyTorch is not installed; what: what it is needed for."""
+    """Raise MissingExtra if PyTorch is not installed; what: the purpose it is needed for."""
     try:
         import torch  # noqa: F401
     except ImportError as error:
@@ -307,7 +306,7 @@ def need_torch(what: str) -> None:
 
 
 def pixels_of(name: str, text: str, count: int, form: str, example: str) -> tuple[float, ...]:
-    """Return `count` numbers of the text of an option; InvalidMask, with an example, for another."""
+    """Parse `count` numbers from an option's text; otherwise raise InvalidMask with an example."""
     try:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:

@@ -1,4 +1,4 @@
-"""Photos that a command is given, the files that belong to each, and what their results are called."""
+"""Photos given to a command, the files that belong to each, and the names of their results."""
 
 from __future__ import annotations
 
@@ -16,15 +16,17 @@ from anyprobe.hints import HINTS, PICTURES, Hints
 from anyprobe.maps.exr import HEADER_BYTES, parse_header
 
 STDIN = Path("-")
-"""A photo that comes through standard input."""
+"""Path that stands for standard input."""
 
 
 def photo_source(path: Path) -> Path | bytes:
-    """Return a photo's path, or what standard input holds where the path is `-`."""
+    """Return a photo's path, or the bytes of standard input if the path is `-`."""
     if path != STDIN:
         return path
     if sys.stdin is None:  # closed, as a service's may be
-        raise InvalidPhoto("expected a photo, got a closed input; name a file, or pipe one in", source="stdin")
+        raise InvalidPhoto(
+            "expected a photo, got a closed standard input; give a file, or pipe a photo in", source="stdin"
+        )
     return read_stream(sys.stdin.buffer, "stdin", InvalidPhoto)
 
 
@@ -53,9 +55,11 @@ def hints_for(photo: Path, hints: Hints) -> Hints:
 
 
 def list_photos(photos: list[Path]) -> list[Path]:
-    """Files as given; folders as the photos in them, in natural order, without hidden files, environment maps and
-    what anyprobe wrote: NAME_mask, NAME_overlay and NAME_relit beside NAME, and NAME.png beside a map of that name; nor
-    NAME.jpg.png, a mask of NAME.jpg."""
+    """List photos: files as given, folders as the photos in them, in natural order.
+
+    Left out of folders are hidden files, environment maps, and what anyprobe wrote: NAME_mask, NAME_overlay, NAME_relit
+    and NAME_origin beside NAME, NAME.png beside a map of that name, and NAME.jpg.png, a mask of NAME.jpg.
+    """
     chosen: list[Path] = []
     for path in photos:
         if not path.is_dir():
@@ -75,7 +79,7 @@ def list_photos(photos: list[Path]) -> list[Path]:
 
 
 def _is_map(path: Path) -> bool:
-    """Return whether an .exr is twice as wide as high, as environment maps are; nothing is decoded."""
+    """Return whether an .exr is twice as wide as high, as environment maps are, without decoding it."""
     try:
         with open_regular(path, InputError) as stream:
             low, high = parse_header(stream.read(HEADER_BYTES)).display
@@ -93,35 +97,35 @@ def result_stem(photo: Path, listed: list[Path]) -> str:
 
 
 def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given: Iterable[Any]) -> None:
-    """Refuse results of one name for two photos, and one that would replace a photo or what else is given."""
+    """Refuse equal result names for two photos, and results that would replace a photo or another input."""
     targets = list(targets)
     folds = bool(targets) and folds_case(targets[0].parent)
 
-    def name_of(one: Path) -> str:
-        stem = result_stem(one, listed)
+    def name_of(path: Path) -> str:
+        stem = result_stem(path, listed)
         return stem.casefold() if folds else stem
 
     twins = [other for other in listed if name_of(other) == name_of(photo)]
     if twins and twins[0] != photo:
-        raise OutputError(f"expected names that differ, got {twins[0]} before it; rename one of them", source=photo)
-    inputs = {same_file_key(one): one for one in (*listed, *given) if isinstance(one, Path)}
+        raise OutputError(f"expected distinct result names, got {twins[0]} before it; rename one of them", source=photo)
+    inputs = {same_file_key(path): path for path in (*listed, *given) if isinstance(path, Path)}
     for target in targets:
         if same_file_key(target) in inputs:
-            lost = inputs[same_file_key(target)]
-            raise OutputError(f"the result would replace {lost}; choose another folder with -o", source=photo)
+            replaced = inputs[same_file_key(target)]
+            raise OutputError(f"the result would replace {replaced}; choose another folder with -o", source=photo)
 
 
-def _file_for(photo: Path, given: Path, kind: str, suffixes: tuple[str, ...]) -> Path:
-    """Return the file itself, or by stem from a folder (NAME.*, NAME_<kind>.*, or the photo's whole name and a
-    suffix)."""
-    if not given.is_dir():
-        return given
+def _file_for(photo: Path, source: Path, kind: str, suffixes: tuple[str, ...]) -> Path:
+    """Return the file itself, or from a folder the one of the photo's stem: NAME.*, NAME_<kind>.*, or the photo's whole
+    name and a suffix."""
+    if not source.is_dir():
+        return source
     for stem in (f"{photo.stem}_{kind}", photo.stem, photo.name):
-        for candidate in sorted(given.glob(f"{glob.escape(stem)}.*")):
+        for candidate in sorted(source.glob(f"{glob.escape(stem)}.*")):
             # the glob finds stem.0002.png too, which is another photo's
             if candidate.stem != stem or candidate.suffix.lower() not in suffixes:
                 continue
             if same_file_key(candidate) != same_file_key(photo):
                 return candidate
-    text = f"expected {photo.stem}.png or {photo.stem}_{kind}.png in {given}, found neither"
+    text = f"expected {photo.stem}.png or {photo.stem}_{kind}.png in {source}, got neither"
     raise InvalidMask(text, subject=kind, source=photo)

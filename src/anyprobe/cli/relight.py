@@ -43,27 +43,27 @@ Renderer = Literal["auto", "own", "mitsuba"]
 STRIP = ("chrome", "gold", "plastic", "matte", "photo")
 """Materials that --strip shows after the photo."""
 _SUFFIXES = (".png", ".tif", ".tiff", ".exr")
-PROFILE_LOST = "the photo's colour profile is not kept, since it is not of RGB by curves: the result is sRGB"
+PROFILE_LOST = "the photo's colour profile is lost, as only RGB profiles with curves can be kept: the result is sRGB"
 TRANSPARENT = (
-    "the photo is transparent in places: the result is opaque there, and the object mirrors nothing of it; "
-    "give the whole photo, or take object and shadow from an .exr"
+    "the photo is partly transparent: the result is opaque there, and the object does not mirror those parts; "
+    "give an opaque photo, or take object and shadow from an .exr"
 )
 SHOWN_AFTER_S = 1.0
 OF_ESTIMATES = [
     *(name for name, hint in HINTS.items() if hint.about == "light"),
     *("normals_from", "metal", "emitters", "model", "engine", "threads", "detail", "detail_library"),
 ]
-"""Parameters that an estimate alone depends on."""
+"""Parameters that only affect an estimate."""
 PANORAMA_ROWS = 256
 """Rows of the panorama that an inserted object mirrors."""
 placing = arguments_named(size="scale", turn_deg="turn")
-"""Decorates what places an object."""
+"""Decorator that renames arguments in errors on an object's placement."""
 SHAPES = "sphere, vase, pebble, block, solid"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class InsertOptions:
-    """Options of the inserted object and its place."""
+    """The inserted object's material and place."""
 
     insert_material: Annotated[
         str,
@@ -78,18 +78,18 @@ class InsertOptions:
     scale: Annotated[float, typer.Option(help="Its height, relative to the real object's.")] = 0.5
 
     def foot(self) -> tuple[float, float] | None:
-        """Return the pixel of --at; None where it is absent."""
+        """Return the pixel of --at, or None."""
         if self.at is None:
             return None
         x, y = pixels_of("at", self.at, 2, "X,Y", "400,380")
         return x, y
 
     def refuse(self, context: typer.Context) -> None:
-        """InputError where any is given without --insert."""
+        """Raise InputError if any option is given without --insert."""
         refuse_unused(context, "without --insert", "insert_material", "at", "scale", "renderer")
 
     def mesh(self, insert: str) -> Mesh:
-        """Return the object that --insert names; InputError for an unknown one or an unknown material."""
+        """Open the object that --insert names. InputError if it or its material is unknown."""
         from anyprobe.files.objects import open_object
         from anyprobe.relight.insert import PHOTO_MATERIAL
         from anyprobe.relight.placement import check_height
@@ -107,10 +107,10 @@ class InsertOptions:
 def relight(
     context: typer.Context,
     photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="The photo with the object; - for stdin.")],
-    taken: ObjectOptions,
-    by: ModelOptions,
-    fine: DetailOptions,
-    placed: InsertOptions,
+    object_options: ObjectOptions,
+    model_options: ModelOptions,
+    detail_options: DetailOptions,
+    insert_options: InsertOptions,
     insert: Annotated[
         str, typer.Option(metavar="SHAPE|FILE", help=f"Object to insert: {SHAPES}, or a .glb, .obj or .ply file.")
     ] = "sphere",
@@ -145,22 +145,24 @@ def relight(
     from anyprobe.relight.passes import passes_of, write_passes
 
     if light is not None:
-        refuse_unused(context, "beside --light", *OF_ESTIMATES)
+        refuse_unused(context, "with --light", *OF_ESTIMATES)
     if strip:
-        refuse_unused(context, "beside --strip, which shows all materials", "insert_material")
-    material, size, strict = placed.insert_material, placed.scale, taken.strict
-    hints, segmenter = hints_for(photo, taken.hints()), taken.finder.segmenter
-    foot, mesh = placed.foot(), placed.mesh(insert)
+        refuse_unused(context, "with --strip, which shows all materials", "insert_material")
+    material, size, strict = insert_options.insert_material, insert_options.scale, object_options.strict
+    hints, segmenter = hints_for(photo, object_options.hints()), object_options.finder.segmenter
+    contact, mesh = insert_options.foot(), insert_options.mesh(insert)
     out = out or Path("relit") / f"{result_stem(photo, [photo])}_relit.png"
     kind = out.suffix.lower()
     if kind not in _SUFFIXES:
-        raise OutputError(f"{out}: expected a name that ends in {', '.join(_SUFFIXES)}; choose one of them")
+        raise OutputError(
+            f"{out}: expected a name that ends in {', '.join(_SUFFIXES)}, got {kind or 'no suffix'}; change it"
+        )
     if kind == ".exr":
-        refuse_unused(context, "beside an .exr, which has layers", "strip", "before")
+        refuse_unused(context, "with an .exr, which has layers", "strip", "before")
     else:
         refuse_unused(context, "without an .exr", "colorspace")
     inputs = (photo, light, *hints.files().values())
-    if same_file_key(out) in {same_file_key(one) for one in inputs if isinstance(one, Path)}:
+    if same_file_key(out) in {same_file_key(path) for path in inputs if isinstance(path, Path)}:
         raise OutputError(f"{out}: the result would replace an input; choose another name with -o")
     check_writable(out)
     traced = uses_mitsuba(renderer)
@@ -169,13 +171,13 @@ def relight(
         source = photo_source(photo)
         loaded = load_photo(source, hints, name=photo_name(photo), segmenter=segmenter)
     with progress("estimating the light", silent):
-        radiance, gain, ground, doubts = _radiance(loaded, light, by, fine)
+        radiance, gain, ground, doubts = _radiance(loaded, light, model_options, detail_options)
     stage = placing(Stage)(
-        loaded, mesh, Arrangement(size=size, at=foot, turn_deg=turn, ground=ground, match_shadow=True)
+        loaded, mesh, Arrangement(size=size, at=contact, turn_deg=turn, ground=ground, match_shadow=True)
     )
     names = STRIP if strip else (material,)
     stored = stored_as(source)
-    plain = stored.plain and kind == ".png"
+    is_plain_png = stored.plain and kind == ".png"
     if kind == ".exr":
         with progress(f"drawing the {insert}", silent):
             passes = passes_of(stage, radiance, material, renderer)
@@ -183,33 +185,33 @@ def relight(
             write_passes(out, passes, colorspace, opaque_linear(source, colorspace, MAX_PIXELS))
     else:
         with progress(f"drawing the {insert}", silent):
-            shown = picture_bytes(loaded.rgb) if plain else loaded.rgb.copy()
+            shown = picture_bytes(loaded.rgb) if is_plain_png else loaded.rgb.copy()
             pictures = [shown] if strip or before else []
             shadow = stage.shadow(radiance) if strip else None  # else while the object is drawn
-            for one in names:
-                part, changed = stage.change(radiance, one, renderer, shadow)
+            for name in names:
+                region, changed = stage.change(radiance, name, renderer, shadow)
                 pictures.append(shown.copy() if pictures else shown)
-                pictures[-1][part] = to_bytes(changed) if plain else changed
+                pictures[-1][region] = to_bytes(changed) if is_plain_png else changed
         with progress(f"writing {out}", silent):
             picture = np.concatenate(pictures, axis=1) if len(pictures) > 1 else pictures[0]
-            if plain:
+            if is_plain_png:
                 write_png(out, picture)
             else:
                 write_as(out, picture, stored)
-    spot = stage.view.pixels(stage.placement.foot)
-    lost = [PROFILE_LOST] if stored.lost and kind != ".exr" else []
+    contact_px = stage.view.pixels(stage.placement.foot)
+    caveats = [PROFILE_LOST] if stored.lost and kind != ".exr" else []
     if loaded.hidden is not None:
-        lost.append(TRANSPARENT)
-    library = fine.library()
-    lent = () if library is None else library.warnings
-    warnings = list(dict.fromkeys([*doubts, *lent, *stage.warnings, *lost]))
+        caveats.append(TRANSPARENT)
+    library = detail_options.library()
+    library_warnings = () if library is None else library.warnings
+    warnings = list(dict.fromkeys([*doubts, *library_warnings, *stage.warnings, *caveats]))
     summary = {
         "photo": str(photo),
         "picture": str(out),
         "object": insert,
         "materials": list(names),
         "renderer": "mitsuba" if traced else "own",
-        "foot_px": [round(float(v), 1) for v in spot],
+        "foot_px": [round(float(v), 1) for v in contact_px],
         "pitch_deg": round(stage.placement.pitch_deg, 2),
         "long_fov_deg": round(stage.view.long_fov_deg, 2),
         "light_gain": round(gain, 3),
@@ -223,7 +225,7 @@ def relight(
         print(json.dumps(summary))
     elif not quiet:
         print(
-            f"{out}: {insert} of {', '.join(names)} at {spot[0]:.0f},{spot[1]:.0f}, camera "
+            f"{out}: {insert} of {', '.join(names)} at {contact_px[0]:.0f},{contact_px[1]:.0f}, camera "
             f"{_pitch(stage, loaded, ground)} degrees down, by {'Mitsuba' if traced else 'the built-in renderer'}",
             file=sys.stderr,
         )
@@ -232,9 +234,9 @@ def relight(
 
 
 @contextmanager
-def progress(what: str, silent: bool) -> Iterator[None]:
-    """A line on stderr if the work takes longer than SHOWN_AFTER_S."""
-    timer = Timer(SHOWN_AFTER_S, lambda: print(f"{what} ...", file=sys.stderr, flush=True))
+def progress(text: str, silent: bool) -> Iterator[None]:
+    """Print a line to stderr if the block takes longer than SHOWN_AFTER_S."""
+    timer = Timer(SHOWN_AFTER_S, lambda: print(f"{text} ...", file=sys.stderr, flush=True))
     if not silent:
         timer.start()
     try:
@@ -244,7 +246,7 @@ def progress(what: str, silent: bool) -> Iterator[None]:
 
 
 def _pitch(stage: Stage, photo: Photo, ground: Ground | None) -> str:
-    """Return how far the camera looks down, in degrees; where that was not given or noted, with its error."""
+    """Format the camera's downward pitch in degrees, with its error unless it was given or noted."""
     from anyprobe.estimate.ground import USUAL_ERROR_DEG
 
     pitch = f"{stage.placement.pitch_deg:.0f}"
@@ -254,30 +256,35 @@ def _pitch(stage: Stage, photo: Photo, ground: Ground | None) -> str:
 
 
 def _radiance(
-    photo: Photo, light: Path | None, by: ModelOptions, fine: DetailOptions
+    photo: Photo, light: Path | None, model_options: ModelOptions, detail_options: DetailOptions
 ) -> tuple[np.ndarray, float, Ground | None, tuple[str, ...]]:
-    """Return the given map, turned back to the camera, and the ground that was found with it, else in the photo; or the
-    estimate, made as bright as the object asks, its gain, and its ground. Lastly what is doubtful of it."""
+    """Return radiance, gain, ground and warnings of the given map, or of an estimate.
+
+    A given map is turned back to the camera's frame; its ground is the one stored with it, or else estimated from the
+    photo. An estimate is scaled to the brightness that the object needs.
+    """
     if light is not None:
         from anyprobe.estimate.ground import Ground
         from anyprobe.export.exported_light import read_with_origin
         from anyprobe.light.environment import rotate
 
-        radiance, said, turn = read_with_origin(light)
+        radiance, origin, turn = read_with_origin(light)
         if not np.allclose(turn, np.eye(3)):
             radiance = np.maximum(rotate(radiance, turn.T), 0.0)
-        is_its = said.get("photo") == photo.name and "ground" in said and photo.pitch_deg is None
-        found_ground = Ground.of(said["ground"]) if is_its else by.estimator().from_photo(photo).ground
+        is_same_photo = origin.get("photo") == photo.name and "ground" in origin and photo.pitch_deg is None
+        found_ground = (
+            Ground.of(origin["ground"]) if is_same_photo else model_options.estimator().from_photo(photo).ground
+        )
         return radiance, 1.0, found_ground, photo.warnings
     from anyprobe.relight.appearance import least_scale
 
-    found = by.estimator(**fine.settings()).from_photo(photo)
+    estimated = model_options.estimator(**detail_options.settings()).from_photo(photo)
     if photo.material is not None:  # which settles the level
-        return _place(found), 1.0, found.ground, found.warnings
-    gain = least_scale(photo, found.radiance)
-    return _place(found) * np.float32(gain), gain, found.ground, found.warnings
+        return _mirrored_map(estimated), 1.0, estimated.ground, estimated.warnings
+    gain = least_scale(photo, estimated.radiance)
+    return _mirrored_map(estimated) * np.float32(gain), gain, estimated.ground, estimated.warnings
 
 
-def _place(found: Light) -> np.ndarray:
+def _mirrored_map(light: Light) -> np.ndarray:
     """Return the map that an inserted object mirrors, in the camera's frame."""
-    return found.radiance if found.origin.detail is not None else found.panorama(PANORAMA_ROWS, frame="camera").radiance
+    return light.radiance if light.origin.detail is not None else light.panorama(PANORAMA_ROWS, frame="camera").radiance

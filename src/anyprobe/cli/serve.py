@@ -23,7 +23,7 @@ LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 """Host names of a server on the same machine."""
 MIN_TOKEN = 8
 SHARED_MEMORY = "/dev/shm"
-"""A folder in memory that Linux has, in containers too."""
+"""Folder in memory on Linux, in containers too."""
 EVERYWHERE = ("0.0.0.0", "::", "")
 """Hosts that stand for all addresses of this machine."""
 
@@ -49,13 +49,13 @@ def serve(
     token: Annotated[
         str | None,
         typer.Option(
-            help="Token of 8 letters or more that clients must send, or none; default: a new one if other machines "
+            help="Token of at least 8 characters that clients must send, or none; default: a new one if other machines "
             "can connect.",
             envvar="ANYPROBE_TOKEN",
         ),
     ] = None,
     drain: Annotated[
-        float, typer.Option(help="Seconds for what it has begun, when it is to end (SIGTERM).", min=0, max=600)
+        float, typer.Option(help="Seconds for running work when the server is stopped (SIGTERM).", min=0, max=600)
     ] = DRAIN_S,
     model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL,
 ) -> None:
@@ -77,30 +77,35 @@ def serve(
         print(f"{static}: {len(written)} files, {size / 2**20:.0f} MiB; see docs/how-to/serve.md", file=sys.stderr)
         return
     limits = Limits(max_bytes=max_mb * 2**20, workers=workers or usable_cores(), drain_s=drain)
-    names = [name.lower() for name in allow_host or []]
+    extra_names = [name.lower() for name in allow_host or []]
     with _open_port(host, port) as listening, tempfile.TemporaryDirectory() as folder:
-        shown = own_address() if host in EVERYWHERE else host
-        only_here = is_loopback(host)
-        token = _token(token, only_here)
-        hosts = [host.lower(), *LOOPBACK, *names, *([] if only_here else [shown, socket.gethostname().lower()])]
+        shown_host = own_address() if host in EVERYWHERE else host
+        is_local = is_loopback(host)
+        token = _token(token, is_local)
+        hosts = [
+            host.lower(),
+            *LOOPBACK,
+            *extra_names,
+            *([] if is_local else [shown_host, socket.gethostname().lower()]),
+        ]
         origins = allow_origin or []
         app = create_app(
-            estimator, limits, page=page, hosts=hosts, addresses=not only_here, origins=origins, token=token
+            estimator, limits, page=page, hosts=hosts, addresses=not is_local, origins=origins, token=token
         )
         encrypted: dict[str, Any] = {}
         if https:
-            certified = ["localhost", "127.0.0.1", shown, *names]
+            certified = ["localhost", "127.0.0.1", shown_host, *extra_names]
             certificate, key = write_certificate(Path(folder), list(dict.fromkeys(certified)))
             encrypted = {"ssl_certfile": str(certificate), "ssl_keyfile": str(key)}
-        place = f"[{shown}]" if ":" in shown else shown
+        place = f"[{shown_host}]" if ":" in shown_host else shown_host
         address = f"{'https' if https else 'http'}://{place}:{listening.getsockname()[1]}/"
         entry = address if token is None else f"{address}?token={token}"
-        _say(f"{entry} (API: {address}api/), Ctrl-C ends it")
-        if not only_here:
+        _say(f"{entry} (API: {address}api/), Ctrl-C stops it")
+        if not is_local:
             whom = "with that token" if token else "without a token"
-            _say(f"warning: every machine that reaches this one can use it {whom}")
+            _say(f"warning: any machine that can reach this one can use the server {whom}")
             if not https:
-                _say("other machines get no camera over http, and others may read along; add --https")
+                _say("over http, other machines get no camera and traffic is not encrypted; add --https")
         app.state.pool.warm()
         DrainingServer(uvicorn.Config(app, **settings(drain), **encrypted), app.state.pool).run(sockets=[listening])
 
@@ -111,7 +116,7 @@ def _find_temporary_folder() -> None:
         tempfile.gettempdir()
     except OSError as error:
         if not os.access(SHARED_MEMORY, os.W_OK):
-            raise OutputError("no folder for temporary files can be written; let TMPDIR name one") from error
+            raise OutputError("no folder for temporary files is writable; set TMPDIR to one that is") from error
         tempfile.tempdir = os.environ["TMPDIR"] = SHARED_MEMORY
 
 
@@ -119,38 +124,38 @@ def _say(line: str) -> None:
     print(f"anyprobe: {line}", file=sys.stderr, flush=True)
 
 
-def _token(given: str | None, only_here: bool) -> str | None:
+def _token(given: str | None, is_local: bool) -> str | None:
     """Return the token that clients must send: the given one, a new one beyond the loopback, else None."""
     if given is None:
-        return None if only_here else secrets.token_urlsafe(12)
+        return None if is_local else secrets.token_urlsafe(12)
     if given == "none":
         return None
     if not given.isascii() or not given.isprintable() or len(given) < MIN_TOKEN or " " in given:
         raise InputError(
-            f"--token: expected {MIN_TOKEN} or more letters, digits and signs, or none, got {len(given)}; "
-            "leave it out to have one made"
+            f"--token: expected none, or at least {MIN_TOKEN} ASCII characters without spaces, got {len(given)}; "
+            "leave it out to get a new one"
         )
     return given
 
 
 def _open_port(host: str, port: int) -> socket.socket:
-    """Return a listening socket, or one line why there is none."""
+    """Return a listening socket; InputError if there is none."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         listening = socket.socket(family, kind, protocol)
         # on Windows that word would let a second server take the port of one that runs
-        alone = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
-        listening.setsockopt(socket.SOL_SOCKET, alone, 1)
+        exclusive = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
+        listening.setsockopt(socket.SOL_SOCKET, exclusive, 1)
         listening.bind(address)
     except OSError as error:
         raise InputError(
-            f"{host}:{port}: cannot be listened on ({error.strerror or error}); choose another --host or --port"
+            f"{host}:{port}: cannot listen there ({error.strerror or error}); choose another --host or --port"
         ) from error
     return listening
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether other machines cannot reach it."""
+    """Return whether a host name is unreachable for other machines."""
     if host == "localhost":
         return True
     try:
@@ -160,7 +165,7 @@ def is_loopback(host: str) -> bool:
 
 
 def own_address() -> str:
-    """Return the address by which this machine's own network knows it; nothing is sent to find it."""
+    """Return this machine's address in its own network; nothing is sent to find it."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))  # a documentation address: choosing a route sends no packet
@@ -170,7 +175,7 @@ def own_address() -> str:
 
 
 def _need_serve() -> None:
-    """Say so in one line where the extra is absent."""
+    """Raise MissingExtra if a package of the extra serve is absent."""
     for package, module in (("fastapi", "fastapi"), ("uvicorn", "uvicorn"), ("python-multipart", "python_multipart")):
         try:
             __import__(module)

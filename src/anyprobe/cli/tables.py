@@ -1,4 +1,4 @@
-"""Tables in a terminal or a pipe: no cell is broken or cut, however narrow it is."""
+"""Tables in a terminal or a pipe, whose cells are never broken or cut."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from rich.console import Console
 from rich.table import Table
 
 WIDEST = 10_000
-"""Characters of a line at most."""
+"""Longest line of a table [characters]."""
 
 
 def print_table(console: Console, table: Table) -> None:
-    """Print a table as wide as its cells; only the terminal itself breaks a line that is too long for it."""
+    """Print a table as wide as its cells; only the terminal itself breaks a line that is too long."""
     room = console.options.update(max_width=WIDEST)
     table.width = console.measure(table, options=room).maximum
     console.print(table, soft_wrap=True)

@@ -52,12 +52,13 @@ def train(
     from anyprobe.learning.train.config import smoke
 
     if steps is not None and dry_run is not None:
-        raise InputError(f"--steps {steps}: expected it or --dry-run, which has its own, got both; leave one out")
+        raise InputError("expected one of them, got both", subject=("steps", "dry_run"))
     if run not in NAMED:
         raise InputError(f"run {run!r}: expected one of {', '.join(NAMED)}")
     chosen = NAMED[run]()
     if chosen.model != "paper" and teacher is not None:
-        raise InputError(f"--teacher {teacher}: expected a run of the paper's chain, got {run}; leave it out")
+        text = f"expected a run of the paper's chain, got {run}; leave it out"
+        raise InputError(text, subject="teacher", source=teacher)
     if chosen.model == "paper" and init_weights is None and dry_run is None:
         raise InputError(
             f"run {run!r}: expected --init-weights with a trained irradiance net, got none; train it with anyprobe "
@@ -88,7 +89,7 @@ def _rendered(shards: Path, data: Path | None, chosen: RunConfig, device: str, w
     from anyprobe.learning.train.dataloader import ShardSource
 
     if workers:
-        raise InputError("--workers: expected pairs made on the fly, got --shards; leave one of them out")
+        raise InputError("expected one of them, got both", subject=("workers", "shards"))
     return ShardSource(shards, data, chosen.pairs, device)
 
 

@@ -28,19 +28,19 @@ from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer, placing, progr
 from anyprobe.errors import InputError, arguments_named
 
 named_as_options = arguments_named(clip_digest="clip", insert_digest="insert", object_material="material")
-"""Decorates what checks the settings of a run."""
+"""Decorator that renames a run's settings in errors as the command's options."""
 LINE_S = 5
-"""Between two lines of progress where there is no terminal."""
+"""Interval between lines of progress without a terminal [s]."""
 
 
 @with_bundles
 def video(
     context: typer.Context,
     clip: Annotated[Path, typer.Argument(metavar="CLIP", help="A video file.")],
-    taken: ObjectOptions,
-    by: ModelOptions,
-    fine: DetailOptions,
-    placed: InsertOptions,
+    object_options: ObjectOptions,
+    model_options: ModelOptions,
+    detail_options: DetailOptions,
+    insert_options: InsertOptions,
     out: Annotated[Path | None, folder_option("Folder for the results; default: <stem>_light.")] = None,
     insert: Annotated[
         str | None, typer.Option(metavar="SHAPE|FILE", help=f"Also write relit.mp4 with {SHAPES}, or a mesh file.")
@@ -71,55 +71,56 @@ def video(
     from anyprobe.video.track import forget_run
 
     if insert is None:
-        placed.refuse(context)
+        insert_options.refuse(context)
     out = out or Path(f"{clip.stem}_light")
-    name, material, size = insert, placed.insert_material, placed.scale
-    hints = taken.hints()
+    name, material, size = insert, insert_options.insert_material, insert_options.scale
+    hints = object_options.hints()
     object_material = hints.surface()
     folders = {kind: path for kind, path in hints.files().items() if kind in HINT_SUFFIXES}
-    first: dict[str, Any] = {key: value for key, value in hints.given() if key in ("click", "exclude", "box")}
-    if taken.finder.segmenter:
-        first["segmenter"] = taken.finder.segmenter
-    foot = placed.foot()
+    first_frame: dict[str, Any] = {key: value for key, value in hints.given() if key in ("click", "exclude", "box")}
+    if object_options.finder.segmenter:
+        first_frame["segmenter"] = object_options.finder.segmenter
+    contact = insert_options.foot()
     if poses is not None and name is not None:
-        raise InputError("--poses and --insert: expected one of them; relit clips need a camera that stands still")
-    mesh = None if name is None else placed.mesh(name)
+        text = "expected one of them, got both; relit clips need a static camera"
+        raise InputError(text, subject=("poses", "insert"))
+    mesh = None if name is None else insert_options.mesh(name)
     given_mesh = (mesh.positions, mesh.faces) if mesh is not None and Path(insert or "").suffix else None  # of a file
     header = open_clip(clip)
     given_poses = None if poses is None else read_poses(poses)
-    turned = None if given_poses is None else given_poses.in_order()
-    if turned is not None and len(turned) < header.num_frames:
-        raise InputError(f"{poses}: expected {header.num_frames} poses, one a frame, got {len(turned)}")
+    rotations = None if given_poses is None else given_poses.in_order()
+    if rotations is not None and len(rotations) < header.num_frames:
+        raise InputError(f"{poses}: expected {header.num_frames} poses, one per frame, got {len(rotations)}")
     if given_poses is not None and hints.fov_deg is None:
         hints = replace(hints, fov_deg=given_poses.clip_fov_deg(*clip_size(header)))
     virtual = None
     if mesh is not None:
         kind = "mitsuba" if uses_mitsuba(renderer) else "own"
-        place = Arrangement(size=size, at=foot)
+        place = Arrangement(size=size, at=contact)
         virtual = VirtualObject(mesh=mesh, material=material, arrangement=place, renderer=kind)
-    apart = {*first, *folders, "surroundings", "material", "albedo", "roughness"}
-    every_frame = {key: value for key, value in hints.given() if key not in apart}
+    handled = {*first_frame, *folders, "surroundings", "material", "albedo", "roughness"}
+    every_frame = {key: value for key, value in hints.given() if key not in handled}
     check_writable(out / "track.json")
-    follower = MaskFollower(folders, first, every_frame, hints.surroundings)
+    follower = MaskFollower(folders, first_frame, every_frame, hints.surroundings)
     with progress("opening the model", quiet):
-        estimator, library = by.estimator(), fine.library()
+        estimator, library = model_options.estimator(), detail_options.library()
     settings = {
         "clip": clip.name,
         "clip_digest": sampled_digest(clip),
         "model": estimator.model_id,
         "every": every,
         "exr": exr,
-        "first_frame": first,
+        "first_frame": first_frame,
         "every_frame": {key: value for key, value in every_frame.items() if isinstance(value, float | str)},
-        "normals_from": None if taken.normals_from is None else str(taken.normals_from),
-        "poses": None if turned is None else digest_of([turned.tobytes()]),
+        "normals_from": None if object_options.normals_from is None else str(object_options.normals_from),
+        "poses": None if rotations is None else digest_of([rotations.tobytes()]),
         **follower.content(),
-        "emitters": by.settings.emitters,
+        "emitters": model_options.settings.emitters,
         "object_material": None if object_material is None else repr(object_material),
         "insert": name,
         "insert_digest": None if given_mesh is None else digest_of([part.tobytes() for part in given_mesh]),
         "insert_material": material,
-        "at": foot,
+        "at": contact,
         "scale": size,
         "renderer": virtual.renderer if virtual else "own",
         "detail": None if library is None else library.digest(),
@@ -135,30 +136,30 @@ def video(
         every=every,
         exr=exr,
         virtual=virtual,
-        poses=turned,
+        poses=rotations,
         material=object_material,
         library=library,
     )
-    talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
-    begun, start = run.progress.next_index, time.monotonic()
-    if begun and begun == header.num_frames:
-        talk.print(f"{out}: all {begun} frames are done already; --restart begins anew", soft_wrap=True)
-    elif begun:
-        talk.print(f"{out}: resumes at frame {begun}")
+    console = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
+    num_done, start = run.progress.next_index, time.monotonic()
+    if num_done and num_done == header.num_frames:
+        console.print(f"{out}: all {num_done} frames are done already; --restart starts over", soft_wrap=True)
+    elif num_done:
+        console.print(f"{out}: resumes at frame {num_done}")
     try:
-        outcome = _watched(run, header.num_frames or None, begun, talk)
+        outcome = _watched(run, header.num_frames or None, num_done, console)
     except KeyboardInterrupt:
-        talk.print(f"anyprobe: stopped; resume with {shlex.join(['anyprobe', *sys.argv[1:]])}", soft_wrap=True)
+        console.print(f"anyprobe: stopped; resume with {shlex.join(['anyprobe', *sys.argv[1:]])}", soft_wrap=True)
         raise
     seconds = time.monotonic() - start
     for index, line in outcome.bad:
-        talk.print(f"warning: {_named(index, OPTIONS.line(line))} (the light before it is kept)", soft_wrap=True)
+        console.print(f"warning: {_named(index, OPTIONS.line(line))} (the previous light is kept)", soft_wrap=True)
     if outcome.damaged:
-        talk.print(f"warning: {clip.name}: {outcome.damaged} damaged pieces left out", soft_wrap=True)
-    lent = () if library is None else library.warnings
-    warnings = [*header.warnings, *lent, *outcome.notes, *run.place_warnings]
+        console.print(f"warning: {clip.name}: {outcome.damaged} damaged pieces skipped", soft_wrap=True)
+    library_warnings = () if library is None else library.warnings
+    warnings = [*header.warnings, *library_warnings, *outcome.notes, *run.place_warnings]
     for line in warnings:
-        talk.print(f"warning: {OPTIONS.line(line)}", soft_wrap=True)
+        console.print(f"warning: {OPTIONS.line(line)}", soft_wrap=True)
     summary = {
         "track": str(out / "track.json"),
         "light": str(out / "light.mp4"),
@@ -171,31 +172,31 @@ def video(
     }
     if as_json:
         print(json.dumps(summary))
-    rate = (outcome.frames - begun) / max(seconds, 1e-9)
-    speed = f", {rate:.1f} a second" if outcome.frames > begun else ""
-    talk.print(f"{out}: {outcome.frames} frames, {len(outcome.bad)} bad{speed}", soft_wrap=True)
-    if taken.strict and (warnings or outcome.bad or outcome.damaged):
+    rate = (outcome.frames - num_done) / max(seconds, 1e-9)
+    speed = f", {rate:.1f} a second" if outcome.frames > num_done else ""
+    console.print(f"{out}: {outcome.frames} frames, {len(outcome.bad)} bad{speed}", soft_wrap=True)
+    if object_options.strict and (warnings or outcome.bad or outcome.damaged):
         raise typer.Exit(2)
 
 
 def _named(index: int, line: str) -> str:
-    """Return a frame's warning with the frame's number before it, once."""
+    """Prefix a frame's warning with the frame's number, once."""
     name = f"frame {index}"
     return line if line.startswith((f"{name}: ", f"{name} with ")) else f"{name}: {line}"
 
 
 @placing
-def _watched(run, total: int | None, begun: int, talk: Console):
-    """A bar on a terminal, else a line for the first frame and every LINE_S."""
-    said: float = -LINE_S
-    with Progress(console=talk, transient=True, disable=not talk.is_terminal) as bar:
-        task = bar.add_task("frames", total=total, completed=begun)
+def _watched(run, total: int | None, num_done: int, console: Console):
+    """Run with a progress bar on a terminal, else with a line for the first frame and every LINE_S."""
+    last_line: float = -LINE_S
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("frames", total=total, completed=num_done)
 
         def watch(done: int) -> None:
-            nonlocal said
+            nonlocal last_line
             bar.update(task, completed=done)
-            if not talk.is_terminal and time.monotonic() - said >= LINE_S:
-                said = time.monotonic()
-                talk.print(f"{done}{f' of {total}' if total else ''} frames done")
+            if not console.is_terminal and time.monotonic() - last_line >= LINE_S:
+                last_line = time.monotonic()
+                console.print(f"{done}{f' of {total}' if total else ''} frames done")
 
         return run(watch)

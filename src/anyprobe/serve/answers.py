@@ -25,13 +25,13 @@ from anyprobe.serve.problems import FIELDS, notice_json
 JSON = "application/json"
 
 LIGHT_TYPES = {JSON: "json", "image/x-exr": "exr", "image/aces": "exr", "image/vnd.radiance": "hdr", "image/png": "png"}
-"""Media types a light can be had in, best first, and the suffix that each is written by."""
+"""Media types that a light is available in, best first, with the suffix that each is written under."""
 
 MASK_TYPES = {"image/png": "png", JSON: "json"}
 
 
 def choose_type(request: Request, types: dict[str, str]) -> str:
-    """Return the media type to answer in: ?format= by suffix, else the best of Accept.
+    """Return the media type of the answer: the one of ?format=, else the best that Accept allows.
 
     Raises:
         HTTPException: 406, none of those can be had.
@@ -48,7 +48,7 @@ def choose_type(request: Request, types: dict[str, str]) -> str:
 
 
 def light_response(light: Light, media: str, include: frozenset[str], mask: bytes | None) -> Response:
-    """Return a light as JSON with what was asked to be included, or as a picture file."""
+    """Return a light as JSON with the requested parts, or as a picture file."""
     if media != JSON:
         with tempfile.TemporaryDirectory() as folder:  # the writers of .exr know files only
             data = light.save(Path(folder) / f"light.{LIGHT_TYPES[media]}").read_bytes()
@@ -70,28 +70,27 @@ def light_json(light: Light, include: frozenset[str], mask: bytes | None) -> dic
 
 
 def packed(values: np.ndarray) -> dict[str, Any]:
-    """Return an array as JSON can carry it."""
+    """Return an array as data for JSON."""
     data = np.ascontiguousarray(values, dtype="<f4").tobytes()
     return {"shape": list(values.shape), "dtype": "float32", "base64": base64.b64encode(data).decode("ascii")}
 
 
 def mask_json(photo: Photo) -> dict[str, Any]:
-    """Return where the object is, without its outline; how it was found, and the IoU the network expects, if it was
-    asked."""
-    sure = photo.mask_confidence
+    """Return where the object is, how it was found, and the IoU that the network expects, None if it was not asked."""
+    confidence = photo.mask_confidence
     return {
         "photo": photo.name,
         "size": [photo.mask.shape[1], photo.mask.shape[0]],
         "box": list(object_box(photo.mask)),
         "share": round(float(photo.mask.mean()), 6),
         "source": photo.mask_source,
-        "confidence": None if sure is None else round(sure, 4),
+        "confidence": None if confidence is None else round(confidence, 4),
         **_warnings(photo.warnings),
     }
 
 
 def _warnings(notices: tuple[Notice, ...]) -> dict[str, Any]:
-    """Return warnings as lines, and as data, that name form fields."""
+    """Return warnings as lines and as data, in the words of form fields."""
     return {"warnings": [FIELDS.line(one) for one in notices], "notices": [notice_json(one) for one in notices]}
 
 
@@ -101,12 +100,12 @@ def mask_png(mask: np.ndarray) -> bytes:
 
 
 def png(picture: np.ndarray) -> bytes:
-    """uint8 [H, W] or [H, W, 3] as PNG."""
+    """Encode a picture uint8 [H, W] or [H, W, 3] as PNG."""
     return png_bytes(picture, compress_level=3)
 
 
 def zip_folder(folder: Path) -> bytes:
-    """Return every file of a folder, by its path in it."""
+    """Return a zip of all files below a folder, by their relative paths."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted(folder.rglob("*")):
@@ -116,7 +115,7 @@ def zip_folder(folder: Path) -> bytes:
 
 
 def _accepted(header: str, known: list[str]) -> list[str]:
-    """Known media types that an Accept header allows, by its q and then by our order."""
+    """Return the known media types that an Accept header allows, by its q and then in our order."""
     weights: dict[str, float] = {}
     for part in header.split(","):
         media, *parameters = (piece.strip() for piece in part.lower().split(";"))

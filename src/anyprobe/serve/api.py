@@ -1,4 +1,4 @@
-"""The HTTP server: photos in, lights out, and the page that does the same in the browser."""
+"""HTTP server: photos in, lights out, and the page that does the same in the browser."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Given = ParamSpec("Given")
 Answer = TypeVar("Answer")
 
 CLIENT_GONE = 499
-"""This answer is never read; the number is the one that logs of other servers use."""
+"""Status for a client that has left, as in other servers' logs; it is never sent."""
 
 
 def create_app(
@@ -51,7 +51,7 @@ def create_app(
     origins: Sequence[str] = (),
     token: str | None = None,
 ) -> FastAPI:
-    """Yield the application around networks that are open already.
+    """Build the application around an estimator whose networks are open.
 
     Args:
         estimator: shared by all workers; its own threads times limits.workers should be the cores.
@@ -102,7 +102,7 @@ def create_app(
 
 
 def _add_state(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPool, metrics: Metrics) -> None:
-    """The addresses that tell who runs the server how it is."""
+    """Add the addresses that report the server's state to its operator."""
 
     @app.get("/healthz", summary="Is the server up, and how busy is it?", tags=["server"], openapi_extra=openapi.HEALTH)
     async def healthz() -> dict[str, Any]:
@@ -126,16 +126,16 @@ def _add_state(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerP
 
 
 def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPool) -> None:
-    """The addresses that other programs call."""
+    """Add the addresses that other programs call."""
 
     async def decode(
         request: Request,
         task: Callable[Concatenate[Upload, int, Given], Answer],
         upload: Upload,
-        *given: Given.args,
-        **named: Given.kwargs,
+        *args: Given.args,
+        **kwargs: Given.kwargs,
     ) -> Answer:
-        work = partial(task, upload, limits.max_pixels, *given, **named)
+        work = partial(task, upload, limits.max_pixels, *args, **kwargs)
         return await pool.decode(work, upload.is_quick, _leaving(request))
 
     async def cut(request: Request, upload: Upload, first: bool = True) -> tasks.Cut:
@@ -152,13 +152,13 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         async with pool.place():
             upload = await read_upload(request, pool, openapi.ESTIMATE_ROUTE)
             start = time.perf_counter()
-            taken = await cut(request, upload)
+            cut_photo = await cut(request, upload)
 
             def work(cancellation: Cancellation) -> Response:
-                light = estimator.with_settings(**upload.settings).from_crop(taken.photo, taken.crop, start)
+                light = estimator.with_settings(**upload.settings).from_crop(cut_photo.photo, cut_photo.crop, start)
                 cancellation.check()
-                light = _detailed(light, upload, taken.seen)
-                return answers.light_response(light, media, upload.include, taken.mask)
+                light = _detailed(light, upload, cut_photo.seen)
+                return answers.light_response(light, media, upload.include, cut_photo.mask)
 
             return await pool.run(work, _leaving(request))
 
@@ -173,16 +173,16 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
             uploads, turns = await read_views(request, pool)
             common = uploads[0]
             cuts: list[tasks.Cut] = []
-            spent: list[float] = []
+            seconds: list[float] = []
             for upload in uploads:
                 start = time.perf_counter()
                 cuts.append(await cut(request, upload, first=not cuts))
-                spent.append(time.perf_counter() - start)
+                seconds.append(time.perf_counter() - start)
 
             def work(cancellation: Cancellation) -> Response:
-                taken = [(one.photo, one.crop) for one in cuts]
+                views = [(cut_view.photo, cut_view.crop) for cut_view in cuts]
                 from_crop = estimator.with_settings(**common.settings).from_crop
-                light = estimate_crops(from_crop, taken, turns, spent)
+                light = estimate_crops(from_crop, views, turns, seconds)
                 cancellation.check()
                 light = _detailed(light, common)
                 return answers.light_response(light, media, common.include, cuts[0].mask)
@@ -191,7 +191,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
 
     @app.post("/v1/detail", openapi_extra=openapi.DETAIL_ROUTE, tags=["light"], response_class=Response)
     async def detail(request: Request) -> Response:
-        """A map (.exr or .hdr as the body) with the structure of a real-looking place, for mirrors; SH9 stays."""
+        """Add the structure of a real-looking place to a map (.exr or .hdr as the body), for mirrors; SH9 stays."""
         media = answers.choose_type(request, answers.LIGHT_TYPES)
         async with pool.place():
             upload = await read_upload(request, pool, openapi.DETAIL_ROUTE)
@@ -201,7 +201,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
 
     @app.post("/v1/mask", openapi_extra=openapi.MASK_ROUTE, tags=["light"], response_class=Response)
     async def mask(request: Request) -> Response:
-        """The mask that an estimate would use: a grey PNG of the upright photo's size."""
+        """Return the mask that an estimate would use: a grey PNG of the upright photo's size."""
         media = answers.choose_type(request, answers.MASK_TYPES)
         async with pool.place():
             upload = await read_upload(request, pool, openapi.MASK_ROUTE)
@@ -210,7 +210,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
 
     @app.post("/v1/photo", openapi_extra=openapi.PHOTO_ROUTE, tags=["page"], response_class=Response)
     async def photo(request: Request) -> Response:
-        """A photo a browser cannot open (HEIC, TIFF, EXR) as an upright sRGB PNG of at most 2048 pixels."""
+        """Convert a photo that browsers cannot open (HEIC, TIFF, EXR) to an upright sRGB PNG of at most 2048 pixels."""
         async with pool.place():
             upload = await read_upload(request, pool, openapi.PHOTO_ROUTE)
             picture, fov_deg = await decode(request, tasks.upright, upload)
@@ -219,7 +219,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
 
     @app.post("/v1/export/{target}", openapi_extra=openapi.EXPORT_ROUTE, tags=["light"], response_class=Response)
     async def export(request: Request, target: str) -> Response:
-        """A map (.exr or .hdr as the body) as the files of one target, in a zip."""
+        """Export a map (.exr or .hdr as the body) as the files of one target, in a zip."""
         find_target(target)
         async with pool.place():
             upload = await read_upload(request, pool, openapi.EXPORT_ROUTE)
@@ -233,12 +233,12 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
 
 
 def _detailed(light: Light, upload: Upload, seen: np.ndarray | None = None) -> Light:
-    """With detail, where that is asked for."""
+    """Add detail to a light if the request asks for it."""
     return light if upload.rows is None else light.with_detail(size=upload.rows, seen=seen)
 
 
 def _leaving(request: Request) -> Callable[[], Any]:
-    """Returns when the client has gone; the body must have been read."""
+    """Return a coroutine function that waits until the client has gone; call it once the body is read."""
 
     async def gone() -> None:
         while (await request.receive())["type"] != "http.disconnect":
@@ -248,7 +248,7 @@ def _leaving(request: Request) -> Callable[[], Any]:
 
 
 def _add_error_lines(app: FastAPI, limits: Limits) -> None:
-    """Answer every error as problem details; what was not foreseen is logged and not sent."""
+    """Answer every error as problem details; log unexpected errors instead of sending them."""
 
     def line(error: object, status: int, headers: dict[str, str] | None = None) -> Response:
         return problem(status, error.notice if isinstance(error, AnyprobeError) else str(error), headers)
@@ -262,7 +262,7 @@ def _add_error_lines(app: FastAPI, limits: Limits) -> None:
     @app.exception_handler(Ending)
     async def ending(request: Request, error: Ending) -> Response:
         headers = {"Retry-After": str(limits.retry_after_s), "Connection": "close"}
-        return line("the server is to end; send it to another, or again in a moment", 503, headers)
+        return line("the server is shutting down; send the request to another, or again in a moment", 503, headers)
 
     @app.exception_handler(Cancelled)
     @app.exception_handler(ClientDisconnect)
@@ -272,8 +272,8 @@ def _add_error_lines(app: FastAPI, limits: Limits) -> None:
     @app.exception_handler(HTTPException)
     async def refused(request: Request, error: HTTPException) -> Response:
         headers = dict(error.headers or {})
-        wrong = f"expected {headers['Allow']}, got {request.method}" if "Allow" in headers else error.detail
-        return line(wrong, error.status_code, headers)
+        text = f"expected {headers['Allow']}, got {request.method}" if "Allow" in headers else error.detail
+        return line(text, error.status_code, headers)
 
     @app.exception_handler(AnyprobeError)
     async def ours(request: Request, error: AnyprobeError) -> Response:
@@ -282,9 +282,9 @@ def _add_error_lines(app: FastAPI, limits: Limits) -> None:
         if isinstance(error, MissingExtra):
             return line(error, 501)
         log.error("%s", error)  # it may name a path of this machine
-        return line("the server is not set up completely; its log says more", 500)
+        return line("the server is not fully set up; see its log", 500)
 
     @app.exception_handler(Exception)
     async def unforeseen(request: Request, error: Exception) -> Response:
         log.error("unforeseen", exc_info=error)
-        return line("the server failed at this; its log says more", 500)
+        return line("the server failed to process the request; see its log", 500)

@@ -1,4 +1,4 @@
-"""Requests, seconds and the queue as Prometheus asks for them, at /metrics."""
+"""Metrics for Prometheus at /metrics: requests, seconds and the queue."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from anyprobe.errors import MissingExtra
 from anyprobe.serve.pool import WorkerPool
 
 SECONDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0)
-"""Upper bounds of the histogram's bins."""
+"""Upper bounds of the histogram's bins [s]."""
 
 ELSEWHERE = "other"
-"""The route of what was refused before it had one, or has none: addresses are clients' words and without number."""
+"""Route label of requests without a route: clients can make up any number of addresses."""
 
 
 class Metrics:
-    """Metrics of one application, in a registry of its own, so that several fit into a process."""
+    """Metrics of one application, in its own registry, so that one process can run several."""
 
     def __init__(self, pool: WorkerPool, places: int) -> None:
         try:
@@ -29,19 +29,21 @@ class Metrics:
             return
         self._prometheus = prometheus
         self._registry = prometheus.CollectorRegistry()
-        more: dict[str, Any] = {"registry": self._registry}
-        self._requests = prometheus.Counter("anyprobe_requests", "Answered requests.", ["route", "status"], **more)
+        in_registry: dict[str, Any] = {"registry": self._registry}
+        self._requests = prometheus.Counter(
+            "anyprobe_requests", "Answered requests.", ["route", "status"], **in_registry
+        )
         self._seconds = prometheus.Histogram(
-            "anyprobe_request_seconds", "From head to last byte.", ["route"], buckets=SECONDS, **more
+            "anyprobe_request_seconds", "From head to last byte.", ["route"], buckets=SECONDS, **in_registry
         )
-        prometheus.Gauge("anyprobe_places_taken", "Requests that hold a place in the queue.", **more).set_function(
-            lambda: pool.taken
-        )
-        prometheus.Gauge("anyprobe_places", "Places of the queue, those at work included.", **more).set(places)
-        prometheus.Gauge("anyprobe_ready", "1 where a photo would be taken now.", **more).set_function(
+        prometheus.Gauge(
+            "anyprobe_places_taken", "Requests that hold a place in the queue.", **in_registry
+        ).set_function(lambda: pool.taken)
+        prometheus.Gauge("anyprobe_places", "Places of the queue, those at work included.", **in_registry).set(places)
+        prometheus.Gauge("anyprobe_ready", "1 where a photo would be taken now.", **in_registry).set_function(
             lambda: not pool.unready()
         )
-        prometheus.ProcessCollector(**more)
+        prometheus.ProcessCollector(**in_registry)
 
     def count(self, scope: Scope, status: int, seconds: float) -> None:
         """Count an answered request."""
@@ -52,7 +54,7 @@ class Metrics:
         self._seconds.labels(route).observe(seconds)
 
     def answer(self) -> Response:
-        """Return what Prometheus reads.
+        """Return the metrics in Prometheus's text format.
 
         Raises:
             MissingExtra: prometheus-client is not installed.
@@ -64,7 +66,7 @@ class Metrics:
 
 
 class Counted:
-    """Counts every request and its seconds."""
+    """Middleware that counts every request and its seconds."""
 
     def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
         self._app, self._metrics = app, metrics
@@ -74,13 +76,13 @@ class Counted:
             return await self._app(scope, receive, send)
         start, status = time.perf_counter(), 500
 
-        async def noted(message: Message) -> None:
+        async def send_noting_status(message: Message) -> None:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
             await send(message)
 
         try:
-            await self._app(scope, receive, noted)
+            await self._app(scope, receive, send_noting_status)
         finally:
             self._metrics.count(scope, status, time.perf_counter() - start)

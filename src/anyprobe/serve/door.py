@@ -1,6 +1,6 @@
-"""Limits that uvicorn lacks: half-open requests, too many connections, a log without end.
+"""Limits that uvicorn lacks: on half-open requests, on connections, and on the length of the log.
 
-And a certificate signed by itself: phones give a page their camera over https only.
+Also a self-signed certificate: phones give a page their camera over https only.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ class DoorProtocol(H11Protocol):
         self._head: asyncio.TimerHandle | None = None
         self._unread: asyncio.TimerHandle | None = None
         if len(self.connections) >= self.max_connections:
-            waiting: list[Any] = [one for one in self.connections if getattr(one, "_waits_since", None) is not None]
+            waiting: list[Any] = [c for c in self.connections if getattr(c, "_waits_since", None) is not None]
             if not waiting:  # all of them are being answered
                 super().connection_made(transport)
                 transport.abort()
                 return
-            min(waiting, key=lambda one: one._waits_since).transport.abort()
+            min(waiting, key=lambda c: c._waits_since).transport.abort()
         super().connection_made(transport)
         self._await_head()
 
@@ -90,7 +90,7 @@ class DoorProtocol(H11Protocol):
 
 
 class DrainingServer(uvicorn.Server):
-    """uvicorn, which tells the queue that the end is near: what has begun has some seconds, the rest gets 503."""
+    """uvicorn server that drains the queue at shutdown: running work gets some seconds, the rest gets 503."""
 
     def __init__(self, config: uvicorn.Config, pool: WorkerPool) -> None:
         super().__init__(config)
@@ -102,23 +102,24 @@ class DrainingServer(uvicorn.Server):
 
 
 class FewLines(logging.Filter):
-    """Lets so many lines a minute through; the first of the next minute says how many were left out."""
+    """Filter that passes a limited number of lines a minute; the next minute's first line says how many were
+    dropped."""
 
-    def __init__(self, most: int = limits.LINES_PER_MINUTE) -> None:
+    def __init__(self, max_lines: int = limits.LINES_PER_MINUTE) -> None:
         super().__init__()
-        self._most, self._since, self._count = most, time.monotonic(), 0
+        self._max_lines, self._since, self._count = max_lines, time.monotonic(), 0
 
     def filter(self, record: logging.LogRecord) -> bool:
         if time.monotonic() - self._since >= 60.0:
-            lost, self._since, self._count = self._count - self._most, time.monotonic(), 0
-            if lost > 0:
-                record.msg, record.args = f"({lost} lines left out) {record.getMessage()}", ()
+            num_dropped, self._since, self._count = self._count - self._max_lines, time.monotonic(), 0
+            if num_dropped > 0:
+                record.msg, record.args = f"({num_dropped} lines left out) {record.getMessage()}", ()
         self._count += 1
-        return self._count <= self._most
+        return self._count <= self._max_lines
 
 
 class FewLinesHandler(logging.StreamHandler):
-    """Writes the lines of all libraries on stderr, no more than FewLines lets through."""
+    """Handler that writes all libraries' lines to stderr, as many as FewLines passes."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -127,20 +128,20 @@ class FewLinesHandler(logging.StreamHandler):
 
 
 def bound_log() -> None:
-    """Have one handler write what any library logs: a client may make each of them speak."""
+    """Send the log of every library through one FewLinesHandler: clients can make any of them log."""
     root = logging.getLogger()
-    for old in [one for one in root.handlers if isinstance(one, FewLinesHandler)]:
-        root.removeHandler(old)
+    for handler in [handler for handler in root.handlers if isinstance(handler, FewLinesHandler)]:
+        root.removeHandler(handler)
     root.addHandler(FewLinesHandler())
 
 
 def settings(drain_s: float = limits.DRAIN_S) -> dict[str, Any]:
-    """uvicorn settings with limits that fit this process. Sets up its descriptors and logs too."""
-    descriptors = _most_descriptors()
-    limited = min(limits.MAX_CONNECTIONS, max(16, descriptors - limits.SPARE_DESCRIPTORS))
+    """Return uvicorn settings with limits that fit this process; raise its limit of descriptors and set up logging."""
+    num_descriptors = _most_descriptors()
+    max_connections = min(limits.MAX_CONNECTIONS, max(16, num_descriptors - limits.SPARE_DESCRIPTORS))
     bound_log()
     return {
-        "http": type("Door", (DoorProtocol,), {"max_connections": limited}),
+        "http": type("Door", (DoorProtocol,), {"max_connections": max_connections}),
         "ws": "none",
         "h11_max_incomplete_event_size": limits.MAX_HEAD_BYTES,
         "timeout_keep_alive": limits.IDLE_S,
@@ -153,18 +154,18 @@ def settings(drain_s: float = limits.DRAIN_S) -> dict[str, Any]:
 
 
 def _most_descriptors() -> int:
-    """Open files that this process may have, once its own limit is raised to the system's."""
+    """Raise this process's limit of open files towards the system's, and return it."""
     try:
         import resource
     except ImportError:  # Windows
         return limits.MAX_CONNECTIONS
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     with suppress(OSError, ValueError):
-        wanted = limits.MAX_CONNECTIONS + limits.SPARE_DESCRIPTORS
-        wanted = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
-        if soft < wanted:
-            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
-            return wanted
+        target = limits.MAX_CONNECTIONS + limits.SPARE_DESCRIPTORS
+        target = target if hard == resource.RLIM_INFINITY else min(target, hard)
+        if soft < target:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (target, hard))
+            return target
     return soft
 
 

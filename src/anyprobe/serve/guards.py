@@ -1,4 +1,4 @@
-"""Checks before every request: its size and its origin; and the headers of every answer."""
+"""Checks before every request, of its size and its origin, and the security headers of every answer."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ SECURITY_HEADERS = {
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 
 RECEIVED = "anyprobe.received"
-"""Where a request's scope counts the bytes of its body."""
+"""Key of a request's scope that counts the bytes of its body."""
 
 COOKIE = "anyprobe_token"
 
 HOST = re.compile(r"(\[[0-9a-fA-F:.%]+\]|[^\s:@/\\?#\[\],]+)(?::[0-9]{0,5})?")
-"""A name or an address, and a port: nothing before an @, which would be the name's place in another reader's eyes."""
+"""Pattern of a Host header: a name or an address, and a port; nothing before an @, where parsers disagree."""
 
 OPEN_PATHS = ("/healthz", "/readyz")
 """Paths that need no token."""
@@ -49,7 +49,7 @@ def too_large(max_bytes: int) -> str:
 
 
 class BodyLimit:
-    """Refuses a body by its Content-Length, when that many bytes have come, or when they come too slowly."""
+    """Middleware that refuses a body that is too large, by Content-Length or as it comes, or too slow."""
 
     def __init__(self, app: ASGIApp, max_bytes: int, grace_s: float, least_rate: float) -> None:
         self._app, self._max_bytes, self._grace_s, self._least_rate = app, max_bytes, grace_s, least_rate
@@ -61,32 +61,34 @@ class BodyLimit:
         if length.isdigit() and int(length[:20]) > self._max_bytes:
             answer = problem(413, too_large(self._max_bytes), {"Connection": "close"})
             return await answer(scope, receive, send)
-        scope[RECEIVED], start, more = 0, time.monotonic(), True
+        scope[RECEIVED], start, is_coming = 0, time.monotonic(), True
 
-        async def counted() -> Message:
-            nonlocal more
-            if not more:  # the body is there; what follows is that the client leaves
+        async def counted_receive() -> Message:
+            nonlocal is_coming
+            if not is_coming:  # the body is there; what follows is that the client leaves
                 return await receive()
             allowed = self._grace_s + scope[RECEIVED] / self._least_rate
             try:
                 async with asyncio.timeout(max(0.0, start + allowed - time.monotonic())):
                     message = await receive()
             except TimeoutError as error:
-                text = f"expected at least {self._least_rate / 1024:g} KiB of the body a second; send a smaller photo"
+                text = (
+                    f"expected {self._least_rate / 1024:g} KiB of the body per second, got less; shrink the photo first"
+                )
                 raise HTTPException(408, text, {"Connection": "close"}) from error
-            more = message.get("more_body", False)
+            is_coming = message.get("more_body", False)
             scope[RECEIVED] += len(message.get("body", b""))
             if scope[RECEIVED] > self._max_bytes:
                 raise HTTPException(413, too_large(self._max_bytes), {"Connection": "close"})
             return message
 
-        return await self._app(scope, counted, send)
+        return await self._app(scope, counted_receive, send)
 
 
 class OwnNamesOnly:
-    """Refuses names that the server does not go by, so that a foreign one pointed at this machine opens nothing.
+    """Middleware that refuses foreign host names, so that one pointed at this machine opens nothing.
 
-    Where addresses are let in, any IP address is: no DNS name can point one elsewhere.
+    With `addresses`, any IP address is accepted: no DNS name can redirect one.
     """
 
     def __init__(self, app: ASGIApp, names: Collection[str], addresses: bool = False) -> None:
@@ -96,8 +98,8 @@ class OwnNamesOnly:
         if scope["type"] == "lifespan":
             return await self._app(scope, receive, send)
         host = Headers(scope=scope).get("host", "")
-        found = HOST.fullmatch(host)
-        name = found[1].lower() if found else ""
+        match = HOST.fullmatch(host)
+        name = match[1].lower() if match else ""
         if "*" in self._names or name in self._names or (self._addresses and _is_address(name)):
             return await self._app(scope, receive, send)
         text = (
@@ -116,7 +118,8 @@ def _is_address(name: str) -> bool:
 
 
 class TokenOnly:
-    """Asks for a token, by Authorization: Bearer, by a cookie, or once in an address, which sets the cookie."""
+    """Middleware that requires a token: in Authorization: Bearer, in a cookie, or once in an address, which sets the
+    cookie."""
 
     def __init__(self, app: ASGIApp, token: str) -> None:
         self._app, self._token = app, token.encode()
@@ -129,8 +132,8 @@ class TokenOnly:
         if scheme.lower() == "bearer" and self._fits(bearer) or self._fits(request.cookies.get(COOKIE, "")):
             return await self._app(scope, receive, send)
         if scope["method"] in SAFE_METHODS and self._fits(request.query_params.get("token", "")):
-            here = "/" + request.url.path.lstrip("/\\")  # two strokes would begin another host's address
-            answer: Response = RedirectResponse(here, 303)
+            target = "/" + request.url.path.lstrip("/\\")  # two strokes would begin another host's address
+            answer: Response = RedirectResponse(target, 303)
             secure = scope["scheme"] == "https"
             answer.set_cookie(COOKIE, self._token.decode(), httponly=True, samesite="strict", secure=secure)
             return await answer(scope, receive, send)
@@ -139,12 +142,12 @@ class TokenOnly:
         answer = problem(401, text + "Authorization: Bearer TOKEN", headers)
         return await answer(scope, receive, send)
 
-    def _fits(self, given: str) -> bool:
-        return secrets.compare_digest(given.strip().encode(), self._token)
+    def _fits(self, token: str) -> bool:
+        return secrets.compare_digest(token.strip().encode(), self._token)
 
 
 class HeadAsGet:
-    """Answers HEAD as GET, without the body."""
+    """Middleware that answers HEAD as GET, without the body."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -160,7 +163,7 @@ class HeadAsGet:
 
 
 class OwnPagesOnly:
-    """Refuses what a page of another origin makes a browser send; programs send no such header."""
+    """Middleware that refuses requests sent by pages of other origins; programs send no such header."""
 
     def __init__(self, app: ASGIApp, origins: Collection[str] = ()) -> None:
         self._app, self._origins = app, frozenset(origins)
@@ -175,7 +178,10 @@ class OwnPagesOnly:
 
 
 def _is_foreign(headers: Headers) -> bool:
-    """By Sec-Fetch-Site, which browsers send to https and to this machine; else by Origin, which they always send."""
+    """Return whether a page of another origin sent a request: by Sec-Fetch-Site, else by Origin.
+
+    Browsers send the former to https and to this machine only, the latter always.
+    """
     site, origin = headers.get("sec-fetch-site"), headers.get("origin")
     if site is not None:
         return site not in ("none", "same-origin")
@@ -183,7 +189,7 @@ def _is_foreign(headers: Headers) -> bool:
 
 
 class SecureHeaders:
-    """Adds SECURITY_HEADERS to every answer that does not set them itself."""
+    """Middleware that adds SECURITY_HEADERS to every answer that does not set them itself."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app

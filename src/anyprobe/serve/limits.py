@@ -1,46 +1,46 @@
-"""Limits of requests, all of them; docs/reference/security.md lists them."""
+"""All limits of requests; docs/reference/security.md lists them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 MAX_CONNECTIONS = 512
-"""Beyond them the one that has kept the server waiting longest is closed."""
+"""Largest number of connections; beyond it the one that has been waited for longest is closed."""
 
 SPARE_DESCRIPTORS = 96
 """Files and pipes that the server needs besides its connections."""
 
 MAX_HEAD_BYTES = 32 * 2**10
 HEAD_S = 10.0
-"""Seconds in which a request's head must have arrived."""
+"""Time for a request's head to arrive [s]."""
 
 IDLE_S = 5
-"""Seconds that a connection without a request is kept for."""
+"""Time that a connection without a request is kept open [s]."""
 
 READ_S = 30.0
-"""Seconds that a client may leave an answer unread for."""
+"""Time that a client may leave an answer unread [s]."""
 
 UNREAD_S = 5.0
-"""Seconds for which the body of a request that is sent away is still taken."""
+"""Time for which the body of a refused request is still received [s]."""
 
 MAX_PHOTOS = 16
-"""Photos in one request."""
+"""Largest number of photos in one request."""
 
 MAX_MAP_ROWS = 512
-"""The most rows of a map that is exported: a cube of it takes 5 seconds; ours have 64."""
+"""Largest map that is exported [rows]: a cube of it takes 5 seconds; ours have 64 rows."""
 
 MAX_PANORAMA_PIXELS = 8_500_000
-"""The most pixels of surroundings, which are brought to 128 x 64."""
+"""Largest panorama of surroundings [pixels]; it is reduced to 128 x 64."""
 
 QUICK_BYTES = 16 * 2**20
-"""JPEG, PNG and WebP up to this are decoded in a moment."""
+"""Largest total size of JPEG, PNG and WebP files that decode quickly [bytes]."""
 
 LINES_PER_MINUTE = 60
-"""Lines of the log; what is beyond them is counted."""
+"""Largest number of log lines a minute; lines beyond it are counted."""
 
 
 DRAIN_S = 8.0
-"""Seconds for what has begun when the server is to end."""
+"""Time for running work when the server is stopped [s]."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -59,7 +59,7 @@ class Limits:
             before it waits with the slow formats.
         decode_s: seconds of the processor for decoding any file, and for an export; beyond them 422.
         decode_mb: memory for that, beyond the idle process's own; beyond it 422.
-        drain_s: seconds for what has begun when the server is to end; then 503. Containers are killed after 10.
+        drain_s: seconds for running work when the server is stopped; then 503. Containers are killed after 10.
     """
 
     max_bytes: int = 32 * 2**20

@@ -1,4 +1,4 @@
-"""OpenAPI of requests that are read by hand: bodies, forms, options, errors.
+"""OpenAPI of requests that are parsed by hand: bodies, forms, options, errors.
 
 Form models of FastAPI would read the whole body before an endpoint can hold its place, time it or bound its parts.
 """
@@ -25,15 +25,16 @@ Schemas = dict[str, dict[str, Any]]
 
 
 def _texts(*about: str) -> Schemas:
-    """Schemas of hints about these that come as text; of a file, of the words in its place."""
-    found = [hint for hint in HINTS.values() if hint.about in about]
-    return {hint.name: _text_schema(hint) for hint in found if hint.words or not hint.suffixes}
+    """Return the schemas of text fields for the hints on these subjects; for a file, of the words allowed in its
+    place."""
+    hints = [hint for hint in HINTS.values() if hint.about in about]
+    return {hint.name: _text_schema(hint) for hint in hints if hint.words or not hint.suffixes}
 
 
 def _files(*about: str) -> Schemas:
-    """Schemas of hints about these that come as file parts."""
-    found = [hint for hint in HINTS.values() if hint.about in about and hint.suffixes]
-    return {hint.name: _described(_file_schema(hint), hint.help) for hint in found}
+    """Return the schemas of file parts for the hints on these subjects."""
+    hints = [hint for hint in HINTS.values() if hint.about in about and hint.suffixes]
+    return {hint.name: _described(_file_schema(hint), hint.help) for hint in hints}
 
 
 def _text_schema(hint: Hint) -> dict[str, Any]:
@@ -51,7 +52,7 @@ def _file_schema(hint: Hint) -> dict[str, Any]:
 
 
 def _numbers_schema(count: int) -> dict[str, Any]:
-    """One number, or several with commas between."""
+    """Return the schema of one number, or of several separated by commas."""
     number = r"-?\d+(\.\d+)?"
     return {"type": "number"} if count == 1 else {"type": "string", "pattern": f"^{','.join([number] * count)}$"}
 
@@ -62,7 +63,7 @@ def _described(schema: dict[str, Any], text: str) -> dict[str, Any]:
 
 def _setting_help(name: str) -> str:
     """Return the description of a setting."""
-    return str(next(one.metadata["help"] for one in fields(Settings) if one.name == name))
+    return str(next(setting.metadata["help"] for setting in fields(Settings) if setting.name == name))
 
 
 _EXPORT = {
@@ -100,26 +101,26 @@ _PROBLEM = {
     },
     "required": ["type", "title", "status", "detail", "code"],
 }
-"""Problem details of RFC 9457, see serve.problems."""
+"""Schema of problem details (RFC 9457), see serve.problems."""
 
 
 def _error(text: str) -> dict[str, Any]:
     return {"description": text, "content": {"application/problem+json": {"schema": _PROBLEM}}}
 
 
-_AT_THE_DOOR = {
+_GUARD_ERRORS = {
     "400": _error("the server does not go by this host name, or the form is malformed"),
     "401": _error("the server asks for its token: Authorization: Bearer TOKEN"),
-    "500": _error("the server failed; its log says more"),
+    "500": _error("the server failed; see its log"),
 }
 
-_ERRORS = _AT_THE_DOOR | {
-    "403": _error("a page of another origin asks; start the server with --allow-origin ORIGIN"),
-    "406": _error("Accept names nothing this can be sent as"),
+_ERRORS = _GUARD_ERRORS | {
+    "403": _error("sent by a page of another origin; start the server with --allow-origin ORIGIN"),
+    "406": _error("Accept names no media type of this answer"),
     "408": _error("the body took too long"),
     "413": _error("too many bytes or pixels"),
-    "422": _error("the photo, the mask or an option cannot be used; the line says why"),
-    "429": _error("all places are taken; Retry-After says for how many seconds"),
+    "422": _error("the photo, the mask or an option cannot be used; see detail"),
+    "429": _error("all places are taken; retry after the seconds of Retry-After"),
     "501": _error("the server lacks an optional package for this"),
 }
 
@@ -164,7 +165,7 @@ ESTIMATE_ROUTE = _upload(
 
 
 def _multiview() -> dict[str, Any]:
-    """As ESTIMATE_ROUTE, of several photos in a form."""
+    """Return the route of several photos in a form, with the answers of ESTIMATE_ROUTE."""
     texts = {**_texts("camera", "light"), **_ANSWER, **_DETAIL}
     poses = "JSON: camera to world, a list of matrices, or transforms.json"
     parts: Schemas = {
@@ -183,11 +184,11 @@ def _multiview() -> dict[str, Any]:
 
 
 FUSE_ROUTE = _multiview()
-TARGETS_ROUTE = {"responses": _AT_THE_DOOR}
-HEALTH = {"responses": {status: text for status, text in _AT_THE_DOOR.items() if status != "401"}}
-READY = {"responses": HEALTH["responses"] | {"503": _error("it starts, ends, or all places are taken")}}
+TARGETS_ROUTE = {"responses": _GUARD_ERRORS}
+HEALTH = {"responses": {status: text for status, text in _GUARD_ERRORS.items() if status != "401"}}
+READY = {"responses": HEALTH["responses"] | {"503": _error("starting, shutting down, or all places are taken")}}
 METRICS_ROUTE = {
-    "responses": _AT_THE_DOOR
+    "responses": _GUARD_ERRORS
     | {"200": {"description": "Prometheus text", "content": {"text/plain": {"schema": {"type": "string"}}}}}
     | {"501": _error("prometheus-client is not installed")}
 }
@@ -208,10 +209,10 @@ EXPORT_ROUTE = _upload(_EXPORT, [], {"application/zip": _BYTES}, files={})
 
 
 def form_names(address: dict[str, Any]) -> list[str]:
-    """Return the parts that an address reads in a form."""
+    """Return the names of a route's form parts."""
     return list(address["requestBody"]["content"][FORM]["schema"]["properties"])
 
 
 def query_names(address: dict[str, Any]) -> list[str]:
-    """Return the names of an address's query parameters."""
+    """Return the names of a route's query parameters."""
     return [one["name"] for one in address["parameters"]]

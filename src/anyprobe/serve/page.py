@@ -1,7 +1,7 @@
-"""The built page: its files, the networks it runs and the example it opens with.
+"""The built page: its files, the networks it runs, and the example it opens with.
 
-page/ is made from web/ (CONTRIBUTING.md) and holds large files as .gz: a server sends them as they
-are, write_static unpacks them for hosts that cannot.
+page/ is built from web/ (CONTRIBUTING.md) and holds large files as .gz: a server sends them as they are, write_static
+unpacks them for hosts that cannot.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ PACKED = ".gz"
 
 EXAMPLE = "example/vase.png"
 EXAMPLE_FOV_DEG = 24.0
-"""Field of view of the camera that drew it."""
+"""Field of view of the camera that rendered the example [degrees]."""
 
 
 class Page:
-    """The page's files by address, and what only this installation can tell it."""
+    """The page's files by address, and its configuration for this installation."""
 
     def __init__(self, estimator: Estimator, model: str) -> None:
         root = Path(str(resources.files("anyprobe") / "serve" / "page"))
@@ -72,11 +72,11 @@ class Page:
         mask = weights_folder("paper").parent / "mask" / "mask.onnx"
         if mask.is_file():
             self.files["weights/mask.onnx"] = mask
-        if (found := find_weights()) is not None:
-            self.files["weights/u2netp.onnx"] = found.path
+        if (mask_weights := find_weights()) is not None:
+            self.files["weights/u2netp.onnx"] = mask_weights.path
 
     def config(self, *, server: bool) -> dict[str, Any]:
-        """Return what the page asks first: the networks there are, and whether a server is behind it."""
+        """Return the page's configuration: the available networks, and whether a server is behind it."""
         return {
             "version": __version__,
             "model": self._estimator.model_id,
@@ -121,7 +121,7 @@ class Page:
 
 
 def write_static(page: Page, folder: Path) -> list[Path]:
-    """Write the page for any static host into folder; each file whole or not at all."""
+    """Write the page for any static host into a folder, each file whole or not at all."""
     written = []
     for name, data in page.unpacked():
         with atomic_path(folder / name) as temporary:
@@ -131,7 +131,7 @@ def write_static(page: Page, folder: Path) -> list[Path]:
 
 
 def add_page(app: FastAPI, page: Page, pool: WorkerPool) -> None:
-    """Serve the page at /; addresses that are not its files are 404, or 405 where others may be sent there."""
+    """Serve the page at /; other addresses answer 404, or 405 if another method may use them."""
 
     @app.get("/config.json", include_in_schema=False)
     async def config() -> dict[str, Any]:
@@ -139,10 +139,10 @@ def add_page(app: FastAPI, page: Page, pool: WorkerPool) -> None:
 
     @app.get("/example/{name}", include_in_schema=False)
     async def example(name: str) -> Response:
-        made = await pool.run(page.example, asyncio.Event().wait)  # others wait for it too
-        if f"example/{name}" not in made:
+        files = await pool.run(page.example, asyncio.Event().wait)  # others wait for it too
+        if f"example/{name}" not in files:
             raise HTTPException(404, "there is no such page")
-        return Response(made[f"example/{name}"], media_type=MEDIA_TYPES[Path(name).suffix])
+        return Response(files[f"example/{name}"], media_type=MEDIA_TYPES[Path(name).suffix])
 
     @app.api_route("/{name:path}", methods=["GET", "POST", "PUT", "PATCH", "DELETE"], include_in_schema=False)
     async def file(request: Request, name: str) -> Response:
@@ -153,7 +153,7 @@ def add_page(app: FastAPI, page: Page, pool: WorkerPool) -> None:
 
 
 def _file_response(request: Request, page: Page, name: str) -> Response:
-    """Return a file, packed where it is kept packed and the browser can unpack it; 304 where it has it."""
+    """Return a file, packed if it is kept packed and the browser accepts it; 304 if the browser has it already."""
     path, packed = page.files.get(name), False
     if path is None:
         path, packed = page.files.get(name + PACKED), True
@@ -175,15 +175,15 @@ def _file_response(request: Request, page: Page, name: str) -> Response:
 
 
 def _absent(request: Request) -> HTTPException:
-    """405 where other methods have an address of the API, which this one of all addresses hides; else 404."""
-    hidden = [one for one in request.app.routes if one.matches(request.scope)[0] is Match.PARTIAL]
-    if hidden:
-        return HTTPException(405, headers={"Allow": ", ".join(sorted(hidden[0].methods))})
+    """Return 405 for an API address called by another method, which the page's catch-all route hides; else 404."""
+    hidden_routes = [route for route in request.app.routes if route.matches(request.scope)[0] is Match.PARTIAL]
+    if hidden_routes:
+        return HTTPException(405, headers={"Allow": ", ".join(sorted(hidden_routes[0].methods))})
     return HTTPException(404, "there is no such page")
 
 
 def _digest(path: Path) -> str:
-    """Return a short name for a file's content, kept while its time and size stay."""
+    """Return a short digest of a file's content, cached until its time or size changes."""
     stat = path.stat()
     key = (path, stat.st_mtime_ns, stat.st_size)
     if key not in _digests:

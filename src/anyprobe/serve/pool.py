@@ -1,4 +1,4 @@
-"""A bounded queue: a request beyond the bound is refused at once, one whose client left is not computed."""
+"""A bounded queue that refuses requests beyond its bound at once and drops those whose client has left."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ class Busy(Exception):
 
 
 class Ending(Exception):
-    """The server is to end; this piece of work is no longer done."""
+    """The server is shutting down; this work is dropped."""
 
 
 class Cancelled(Exception):
-    """Whoever asked is gone; the work stops at its next step."""
+    """The client is gone; the work stops at its next step."""
 
 
 class Cancellation:
-    """Token by which a piece of work asks whether it is still wanted; shared between threads."""
+    """Token, shared between threads, that tells running work whether its result is still wanted."""
 
     def __init__(self) -> None:
         self._gone = threading.Event()
@@ -46,7 +46,7 @@ class Cancellation:
         self._gone.set()
 
     def check(self) -> None:
-        """Called between the steps of the work.
+        """Raise Cancelled if the client no longer waits; called between the steps of the work.
 
         Raises:
             Cancelled: the client no longer waits for the answer.
@@ -57,7 +57,7 @@ class Cancellation:
 
 @dataclass(kw_only=True, slots=True, eq=False)
 class _Upload:
-    """A body that is arriving: what ends it, since when, and how many bytes have come."""
+    """A body that is arriving: its timeout, its start, and how many bytes have come."""
 
     timeout: asyncio.Timeout
     since: float
@@ -68,7 +68,7 @@ class _Upload:
 
 
 class WorkerPool:
-    """Places, threads that compute, and processes that decode.
+    """Places in the queue, threads that compute, and processes that decode.
 
     Decoding has two lanes, so that a plain photo never waits behind a file that takes seconds.
     """
@@ -94,10 +94,10 @@ class WorkerPool:
 
     @asynccontextmanager
     async def place(self) -> AsyncIterator[None]:
-        """Hold a place in the queue: from before the body is read until the answer is made.
+        """Hold a place in the queue from before the body is read until the answer is ready.
 
         Raises:
-            Busy: there is none. Ending: the server is to end.
+            Busy: there is none. Ending: the server is shutting down.
         """
         if self._is_draining:
             raise Ending
@@ -113,13 +113,13 @@ class WorkerPool:
         return self.taken >= self._limits.workers + self._limits.waiting
 
     async def _make_room(self) -> bool:
-        """End the slowest body that has had its time of grace, so that slow senders do not lock others out."""
-        slow = [one for one in self._uploads if time.monotonic() - one.since > self._limits.grace_s / 2]
+        """End the slowest body whose grace has passed, so that slow senders do not lock others out."""
+        slow = [upload for upload in self._uploads if time.monotonic() - upload.since > self._limits.grace_s / 2]
         if not slow:
             return False
-        worst = min(slow, key=_Upload.rate)
-        self._uploads.remove(worst)
-        worst.timeout.reschedule(asyncio.get_running_loop().time())
+        slowest = min(slow, key=_Upload.rate)
+        self._uploads.remove(slowest)
+        slowest.timeout.reschedule(asyncio.get_running_loop().time())
         for _ in range(20):
             await asyncio.sleep(0.01)
             if not self._is_full():
@@ -128,30 +128,30 @@ class WorkerPool:
 
     @asynccontextmanager
     async def upload(self, received: Callable[[], int]) -> AsyncIterator[None]:
-        """Time in which a body arrives; received: bytes so far.
+        """Limit the time in which a body arrives; received: returns the bytes so far.
 
         Raises:
             HTTPException: 408, it was too slow, or others needed its place.
         """
         try:
             async with asyncio.timeout(self._limits.upload_s) as timeout:
-                one = _Upload(timeout=timeout, since=time.monotonic(), received=received)
-                self._uploads.append(one)
+                arriving = _Upload(timeout=timeout, since=time.monotonic(), received=received)
+                self._uploads.append(arriving)
                 try:
                     yield
                 finally:
                     with contextlib.suppress(ValueError):
-                        self._uploads.remove(one)
+                        self._uploads.remove(arriving)
         except TimeoutError as error:
             raise HTTPException(
                 408,
-                f"expected the whole body within {self._limits.upload_s:g} seconds, sooner where others wait; "
-                "send a smaller photo",
+                f"expected the whole body within {self._limits.upload_s:g} seconds, or sooner if others wait, "
+                "got a slower one; send a smaller photo",
                 {"Connection": "close"},
             ) from error
 
     async def decode(self, task: Callable[[], Answer], quick: bool, gone: Callable[[], Awaitable[object]]) -> Answer:
-        """Run a function of serve.tasks, with its arguments bound, in a process; raises what it and Lane.call raise."""
+        """Run a function of serve.tasks, with its arguments bound, in a process; raise what it and Lane.call raise."""
         if quick:
             try:
                 return await self.run(lambda _: self._lanes["quick"].call(task), gone, "quick")
@@ -168,7 +168,7 @@ class WorkerPool:
 
         Raises:
             Cancelled: gone() returned; what waited is dropped, what ran stops at its next step.
-            Ending: the server is to end, and its time for that is over.
+            Ending: the server is shutting down, and the time for running work is over.
         """
         cancellation = Cancellation()
         try:
@@ -190,42 +190,42 @@ class WorkerPool:
         return await asyncio.shield(future)
 
     def warm(self) -> None:
-        """Have a process of each kind ready, in threads of their own; unready says when they are, or why not."""
+        """Start a process of each kind in the background; `unready` reports when they are ready, or why not."""
         self._warming = [self._threads[name].submit(lane.call, ready) for name, lane in self._lanes.items()]
-        for one in self._warming:
-            one.add_done_callback(_log_fault)
+        for future in self._warming:
+            future.add_done_callback(_log_fault)
 
     def unready(self) -> str:
-        """Return why no photo would be taken now; "" where one would."""
+        """Return why a photo would be refused now; "" if it would be accepted."""
         if self._is_draining:
-            return "the server is to end"
-        if any(not one.done() for one in self._warming):
-            return "the decoding processes start"
-        if any(one.cancelled() or one.exception() for one in self._warming):
+            return "the server is shutting down"
+        if any(not future.done() for future in self._warming):
+            return "the decoding processes are starting"
+        if any(future.cancelled() or future.exception() for future in self._warming):
             self.warm()
-            return "the decoding processes cannot be started; the log says why"
+            return "the decoding processes cannot be started; see the log"
         if self._is_full():
             return "all places are taken"
         return ""
 
     def drain(self) -> None:
-        """Take nothing more; give what has begun limits.drain_s. Called within the event loop."""
+        """Accept nothing more and give running work limits.drain_s; called within the event loop."""
         self._is_draining = True
         asyncio.get_running_loop().call_later(self._limits.drain_s, self._ends.set)
 
     def close(self) -> None:
-        """Let the running work end, or after a drain no more than its current step; drop what waits."""
-        over = self._is_draining  # then nobody waits for an answer any more
-        for lane in self._lanes.values() if over else ():
+        """Let running work end, or after a drain only its current step; drop waiting work."""
+        was_draining = self._is_draining  # then nobody waits for an answer any more
+        for lane in self._lanes.values() if was_draining else ():
             lane.close()
         for threads in self._threads.values():
-            threads.shutdown(wait=not over, cancel_futures=True)
+            threads.shutdown(wait=not was_draining, cancel_futures=True)
         for lane in self._lanes.values():
             lane.close()
 
 
 def _forget(future: asyncio.Future) -> None:
-    """Take the error of work that nobody waits for any more, so that it is not logged as lost."""
+    """Retrieve the error of abandoned work, so that asyncio does not log it as lost."""
     if not future.cancelled():
         future.exception()
 

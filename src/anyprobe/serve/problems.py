@@ -1,4 +1,4 @@
-"""Errors as answers: problem details of RFC 9457, with the notice's code, and its arguments as form fields."""
+"""Error answers: problem details of RFC 9457, with the notice's code, and its arguments as form fields."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ FIELDS = FormWords()
 
 
 def problem(status: int, notice: str, headers: Mapping[str, str] | None = None) -> JSONResponse:
-    """Return an error's answer; the code of a plain line is that of its status ("not-found")."""
+    """Return an error as an answer; a plain line gets its status as its code ("not-found")."""
     title = HTTPStatus(status).phrase
     code = notice.code if isinstance(notice, Notice) else title.lower().replace(" ", "-")
     body = {"type": "about:blank", "title": title, "status": status, "detail": FIELDS.line(notice), "code": code}
     if isinstance(notice, Notice):
-        said = notice_json(notice)
-        body |= {name: said[name] for name in ("text", "subject", "remedy") if said[name]}
+        data = notice_json(notice)
+        body |= {name: data[name] for name in ("text", "subject", "remedy") if data[name]}
     return JSONResponse(body, status, dict(headers or {}), media_type=MEDIA_TYPE)
 
 

@@ -1,7 +1,7 @@
-"""Processes that decode what strangers send: bounded in memory and time, and replaced when they are used up.
+"""Processes that decode untrusted files: limited in memory and time, and replaced when they are used up.
 
-A damaged or hostile file may take a process down, not the server. They bound what a file can take; they are no sandbox:
-they run as the same user and may open what it may.
+A damaged or hostile file may end a process, but not the server. The limits bound what a file can use; they are no
+sandbox: the processes run as the same user and may open the same files.
 """
 
 from __future__ import annotations
@@ -29,45 +29,47 @@ Answer = TypeVar("Answer")
 
 log = logging.getLogger("anyprobe.serve")
 
-USED_UP_MB = 400
-"""Memory that a process may hold between two pieces of work; above, it is replaced."""
+MAX_IDLE_MB = 400
+"""Memory above which a process is replaced between two pieces of work [MiB]."""
 
 WALL_FACTOR, START_S = 3.0, 10.0
-"""Wall clock for a piece of work: times the processor's seconds, as others want the processor too, and for imports."""
+"""Wall-clock limit of a piece of work: a factor on its processor seconds, as others want the processor too, and a
+constant for imports [s]."""
 
 STARVED_TIMES, STARVED_S = 20, 0.05
-"""Extensions of the time limit for a starved process, and the processor seconds per extension that it must use."""
+"""How often a starved process's time limit is extended, and the processor time that it must use in each extension
+[s]."""
 
 IMPORTS_S = 60.0
-"""Wall clock for the start of a process: about a second of the processor, which others may have."""
+"""Wall-clock limit for the start of a process [s]; it takes about one second on an idle processor."""
 
 SIGXCPU, SIGKILL = getattr(signal, "SIGXCPU", -1), getattr(signal, "SIGKILL", 9)
-"""As numbers, also where the system has none of them."""
+"""Numbers of the signals, also on systems that lack them."""
 
 READY = "ready"
-"""Message of a process once its imports are done."""
+"""Message that a process sends once its imports are done."""
 
 MAX_CALLS = 500
-"""Pieces of work after which it is replaced too: libraries leak."""
+"""Pieces of work after which a process is replaced: libraries leak."""
 
 
 class TooSlow(InputError):
-    """Decoding took longer than it may."""
+    """Decoding exceeded its time limit."""
 
 
 class TooMuchMemory(InputError):
-    """Decoding took more memory than it may, or ended the process."""
+    """Decoding exceeded its memory limit, or ended the process."""
 
 
 class WorkerLost(AnyprobeError):
-    """A process could not be started, or was ended from outside, and another too."""
+    """A process could not be started, or was ended from outside twice."""
 
 
 class Lane:
-    """Processes of one kind, started when they are needed; each does one piece of work at a time."""
+    """Processes of one kind, started on demand, each doing one piece of work at a time."""
 
     def __init__(self, *, seconds: float, memory_mb: int, niceness: int = 0) -> None:
-        """seconds: of the processor, for a piece of work; memory_mb: beyond what an idle process has."""
+        """Set the limits: seconds of processor time for a piece of work, memory_mb beyond an idle process's own."""
         self._seconds, self._memory_mb, self._niceness = seconds, memory_mb, niceness
         self._idle: list[_Worker] = []
         self._busy: list[_Worker] = []
@@ -75,30 +77,33 @@ class Lane:
         self._closed = False
         weakref.finalize(self, _end_all, self._idle)
 
-    def call(self, work: Callable[Given, Answer], *given: Given.args, **named: Given.kwargs) -> Answer:
-        """Run a module's function, as those of serve.tasks, in a process and return its result; blocks.
+    def call(self, work: Callable[Given, Answer], *args: Given.args, **kwargs: Given.kwargs) -> Answer:
+        """Run a module-level function, such as one of serve.tasks, in a process and return its result; blocks.
 
-        A process that ends meanwhile may have been ended from outside: the work is done once more, in another.
+        A process that ends meanwhile may have been ended from outside: the work is then repeated once, in another
+        process.
 
-        Raises:
+            Raises:
             AnyprobeError: as the function does. TooSlow, TooMuchMemory: it was ended. WorkerLost: the machine lacks
                 something, or somebody ends processes.
         """
-        task = partial(work, *given, **named)
+        task = partial(work, *args, **kwargs)
         try:
             return _outcome(self._do(task))
         except _Ended as first:
             log.warning("a decoding process ended (%s); its work is done once more", first)
         try:
             return _outcome(self._do(task))
-        except _Ended as again:
-            log.error("a decoding process ended twice at the same work (%s)", again)
-            if again.from_outside:
-                raise WorkerLost(f"decoding processes end ({again}); is memory short?") from again
+        except _Ended as second:
+            log.error("a decoding process ended twice at the same work (%s)", second)
+            if second.from_outside:
+                raise WorkerLost(
+                    f"decoding processes were ended from outside ({second}); check the free memory"
+                ) from second
             raise TooMuchMemory(
-                "expected a file that can be decoded here, got one that takes too much; "
+                "expected a file that can be decoded here, got one that needs too much memory; "
                 "send it smaller, or as PNG or JPEG"
-            ) from again
+            ) from second
 
     def _do(self, task: Callable[[], Any]) -> dict[str, Any]:
         """Return a process's answer to a task."""
@@ -116,18 +121,18 @@ class Lane:
             with self._lock:
                 self._busy.remove(worker)
         with self._lock:
-            keep = not self._closed and answer.pop("keep")
-            if keep:
+            is_reusable = not self._closed and answer.pop("keep")
+            if is_reusable:
                 self._idle.append(worker)
-        if not keep:
+        if not is_reusable:
             worker.end()
         return answer
 
     def _next(self) -> _Worker:
-        """Return a process that waits for work, a new one where there is none."""
+        """Return an idle process, or a new one."""
         while True:
             if self._closed:
-                raise WorkerLost("the server is to end")
+                raise WorkerLost("the server is shutting down")
             with self._lock:
                 worker = self._idle.pop() if self._idle else None
             if worker is None:
@@ -137,7 +142,7 @@ class Lane:
             worker.end()
 
     def close(self) -> None:
-        """End all processes, those at work too; whoever waits for these gets WorkerLost."""
+        """End all processes, busy ones too; callers waiting for those get WorkerLost."""
         with self._lock:
             self._closed = True
             for worker in self._busy:
@@ -151,7 +156,7 @@ def _end_all(workers: list[_Worker]) -> None:
 
 
 class _Ended(Exception):
-    """A process ended before it answered. from_outside: whether a signal that files do not cause ended it."""
+    """A process ended before it answered; from_outside: by a signal that files do not cause."""
 
     def __init__(self, status: int | None) -> None:
         super().__init__(f"signal {-status}" if status is not None and status < 0 else f"status {status}")
@@ -183,14 +188,14 @@ class _Worker:
             raise
 
     def _await_ready(self) -> None:
-        """Wait for its imports.
+        """Wait until the process has done its imports.
 
         Raises:
             WorkerLost: it ended, or took too long; with what it said.
         """
         stderr = self._process.stderr
         assert stderr is not None
-        with _ended_after(self._process, IMPORTS_S) as late:
+        with _ended_after(self._process, IMPORTS_S) as timed_out:
             try:
                 ready = pickle.load(self._answers) == READY
             except (OSError, EOFError, pickle.UnpicklingError):
@@ -199,11 +204,11 @@ class _Worker:
             stderr.close()
             return
         self._process.kill()
-        said = stderr.read(-1).decode(errors="replace").strip().splitlines()[-8:]
+        lines = stderr.read(-1).decode(errors="replace").strip().splitlines()[-8:]
         stderr.close()
         self._process.wait(5)
-        why = "takes too long to start" if late.is_set() else "ends as it starts"
-        raise WorkerLost(f"a decoding process {why} (status {self._process.returncode}): {' | '.join(said)}")
+        fault = "took too long to start" if timed_out.is_set() else "ended at its start"
+        raise WorkerLost(f"a decoding process {fault} (status {self._process.returncode}): {' | '.join(lines)}")
 
     def kill(self) -> None:
         self._process.kill()
@@ -212,13 +217,13 @@ class _Worker:
         return self._process.poll() is None
 
     def call(self, message: Any, seconds: float) -> dict[str, Any]:
-        with _ended_after(self._process, WALL_FACTOR * seconds + START_S) as late:
+        with _ended_after(self._process, WALL_FACTOR * seconds + START_S) as timed_out:
             try:
                 _send(self._questions, message)
                 return pickle.load(self._answers)
             except (OSError, EOFError, pickle.UnpicklingError) as error:
                 status = self._status()
-                if late.is_set() or status == -SIGXCPU:
+                if timed_out.is_set() or status == -SIGXCPU:
                     raise TooSlow(
                         f"expected a file that is decoded within {seconds:g} seconds, got a slower one; "
                         "send it smaller, or as PNG or JPEG"
@@ -226,7 +231,7 @@ class _Worker:
                 raise _Ended(status) from error
 
     def _status(self) -> int | None:
-        """Return how it ended; None where it did not, though its pipe is closed."""
+        """Return the process's exit status; None if it still runs, though its pipe is closed."""
         try:
             return self._process.wait(5)
         except subprocess.TimeoutExpired:
@@ -242,32 +247,33 @@ class _Worker:
 
 @contextlib.contextmanager
 def _ended_after(process: subprocess.Popen, seconds: float) -> Iterator[threading.Event]:
-    """Kill a process unless the block ends before; the event says that it was.
+    """Kill a process unless the block ends in time; the yielded event tells whether it was killed.
 
-    One that works on, as far as others let it, goes on: the system ends it once its time of the processor is used up.
+    A starved process, which uses the little processor time that it gets, may go on: the system ends it at its limit of
+    processor time.
     """
-    late, over = threading.Event(), threading.Event()
+    timed_out, finished = threading.Event(), threading.Event()
 
     def watch() -> None:
-        used = _used_s(process.pid)
+        used_s = _used_s(process.pid)
         for _ in range(STARVED_TIMES):
-            if over.wait(seconds):
+            if finished.wait(seconds):
                 return
-            before, used = used, _used_s(process.pid)
-            if used - before < STARVED_S:
+            used_before_s, used_s = used_s, _used_s(process.pid)
+            if used_s - used_before_s < STARVED_S:
                 break
-        late.set()
+        timed_out.set()
         process.kill()
 
     threading.Thread(target=watch, daemon=True).start()
     try:
-        yield late
+        yield timed_out
     finally:
-        over.set()
+        finished.set()
 
 
 def _used_s(pid: int) -> float:
-    """Return seconds of the processor that a process has used; 0 where the system does not say."""
+    """Return the processor seconds that a process has used; 0 if the system does not say."""
     try:
         with open(f"/proc/{pid}/stat", encoding="utf-8", errors="replace") as stream:
             fields = stream.read().rpartition(")")[2].split()
@@ -277,18 +283,18 @@ def _used_s(pid: int) -> float:
 
 
 def _import_path() -> list[str]:
-    """Return where modules are imported from in a process: as here, but for the working folder, unless this package is
-    there.
+    """Return the import path of processes: this one's without the working folder, unless this package is there.
 
     A random.py in it would be taken for Python's.
     """
-    own = os.path.realpath(Path(__file__).parents[2])
-    here = os.path.realpath(os.curdir)  # the working folder may be gone
-    return [one for one in sys.path if one and (os.path.realpath(one) != here or here == own)]
+    package_folder = os.path.realpath(Path(__file__).parents[2])
+    working_folder = os.path.realpath(os.curdir)  # may be gone
+    is_here = working_folder == package_folder
+    return [entry for entry in sys.path if entry and (is_here or os.path.realpath(entry) != working_folder)]
 
 
 def _outcome(answer: dict[str, Any]) -> Any:
-    """Return the result, or the error raised again."""
+    """Return an answer's result, or raise its error."""
     if "result" in answer:
         return answer["result"]
     if "fault" in answer:
@@ -305,14 +311,14 @@ def _send(pipe: IO[bytes], message: Any) -> None:
 
 
 def work(memory_mb: int, niceness: int) -> None:
-    """Do pieces of work until there are no more: the process's main function."""
-    given, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    nowhere = os.open(os.devnull, os.O_RDWR)
+    """Do pieces of work until there are no more; the main function of a process."""
+    questions, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    null = os.open(os.devnull, os.O_RDWR)
     for number in (0, 1):  # C libraries print
-        os.dup2(nowhere, number)
+        os.dup2(null, number)
     from anyprobe.serve import tasks
 
-    os.dup2(nowhere, 2)
+    os.dup2(null, 2)
     with contextlib.suppress(AttributeError, OSError):
         os.nice(niceness)
     tasks.ready()
@@ -320,13 +326,13 @@ def work(memory_mb: int, niceness: int) -> None:
     _send(answers, READY)
     for count in range(1, MAX_CALLS + 1):
         try:
-            task, seconds = pickle.load(given)
+            task, seconds = pickle.load(questions)
         except EOFError:
             return
         _bound_time(seconds)
         answer = _answer(task)
         del task
-        _send(answers, answer | {"keep": count < MAX_CALLS and _held_mb() < USED_UP_MB})
+        _send(answers, answer | {"keep": count < MAX_CALLS and _held_mb() < MAX_IDLE_MB})
 
 
 def _answer(task: Callable[[], Any]) -> dict[str, Any]:
@@ -342,20 +348,20 @@ def _answer(task: Callable[[], Any]) -> dict[str, Any]:
 
 
 def _bound_memory(memory_mb: int) -> None:
-    """No more than it has now and so much besides; where the system has no such limit, time alone bounds it."""
+    """Limit memory to what the process has now plus memory_mb, on systems that can."""
     try:
         import resource
 
         with open("/proc/self/statm", encoding="ascii") as stream:
-            now = int(stream.read().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (now + memory_mb * 2**20,) * 2)
+            used = int(stream.read().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (used + memory_mb * 2**20,) * 2)
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     except (ImportError, OSError, ValueError):
         log.debug("no limit of memory")
 
 
 def _bound_time(seconds: float) -> None:
-    """The processor's time for one piece of work, should the wall clock's guard be gone."""
+    """Limit the processor time of one piece of work, in case the wall-clock watcher is gone."""
     try:
         import resource
 

@@ -1,4 +1,4 @@
-"""Tasks of a decoding process: from bytes to what the networks or the answer need."""
+"""Tasks of decoding processes: from bytes to the input of the networks or of the answer."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from anyprobe.serve.answers import mask_json, mask_png, png, zip_folder
 from anyprobe.serve.limits import MAX_MAP_ROWS, MAX_PANORAMA_PIXELS, QUICK_BYTES
 
 PAGE_LONG_PX = 2048
-"""Longer side of what /v1/photo sends back: more than a page shows."""
+"""Longer side of the pictures that /v1/photo returns [pixels]: more than a page shows."""
 
 QUICK_STARTS = (b"\xff\xd8\xff", b"\x89PNG", b"RIFF")
 """First bytes of JPEG, PNG and WebP."""
@@ -59,7 +59,7 @@ class Upload:
 
     @property
     def rows(self) -> int | None:
-        """Return the rows of the map with detail; None without detail. InputError for a size without effect."""
+        """Rows of the map with detail; None without detail. InputError for a size without effect."""
         if check_detail(self.settings.get("detail", DETAILS[0])):
             return self.settings.get("size", ROWS)
         if "size" in self.settings:
@@ -68,15 +68,15 @@ class Upload:
         return None
 
     def pictures(self) -> list[tuple[str, bytes]]:
-        """Return its files with their names in messages; a client names its photo as it likes."""
+        """Return the request's files with their names in messages."""
         files = [(self.name, self.photo), ("confidence", self.confidence), *self.hints.given()]
         return [(name, data) for name, data in files if isinstance(data, bytes)]
 
     @property
     def is_quick(self) -> bool:
-        """Whether all its pictures are of formats that are decoded in a moment."""
+        """Whether all pictures are small and of formats that decode quickly."""
         pictures = [data for _, data in self.pictures()]
-        return all(one.startswith(QUICK_STARTS) for one in pictures) and sum(map(len, pictures)) <= QUICK_BYTES
+        return all(picture.startswith(QUICK_STARTS) for picture in pictures) and sum(map(len, pictures)) <= QUICK_BYTES
 
 
 class TooManyPixels(InputError):
@@ -86,12 +86,13 @@ class TooManyPixels(InputError):
 
 
 def ready() -> None:
-    """Nothing; for a process that is to have its imports done."""
+    """Do nothing: imports are done once a process can call this."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Cut:
-    """photo: without its pixels. crop: its object. mask: as PNG. seen: of Photo.seen. None what is not wanted."""
+    """A photo without its pixels, its object's crop, its mask as PNG and its map of seen directions; None if not asked
+    for."""
 
     photo: Photo
     crop: Crop
@@ -108,13 +109,13 @@ def cut(upload: Upload, max_pixels: int, first: bool, with_mask: bool) -> Cut:
 
 
 def mask(upload: Upload, max_pixels: int, as_json: bool) -> dict[str, Any] | bytes:
-    """Return the mask that an estimate would use, as PNG, or what is said of it."""
+    """Return the mask that an estimate would use as PNG, or its description as JSON data."""
     photo = _open(upload, max_pixels)
     return mask_json(photo) if as_json else mask_png(photo.mask)
 
 
 def upright(upload: Upload, max_pixels: int) -> tuple[bytes, float | None]:
-    """Return a photo of any known format as PNG, upright, sRGB, at most PAGE_LONG_PX long.
+    """Convert a photo of any known format to PNG: upright, sRGB, at most PAGE_LONG_PX long.
 
     Returns:
         The picture, and the field of view of its longer side [degrees] where its EXIF has it.
@@ -133,22 +134,22 @@ def upright(upload: Upload, max_pixels: int) -> tuple[bytes, float | None]:
 
 
 def export_zip(upload: Upload, max_pixels: int, target: str) -> bytes:
-    """Return a map (.exr or .hdr bytes in the place of the photo) as the files of one target, in a zip."""
+    """Export a map (.exr or .hdr bytes in the place of the photo) for one target, as a zip."""
     from anyprobe.export.exported_light import map_from_camera, origin_turned
     from anyprobe.export.targets import export
 
     _check_pixels(upload, min(max_pixels, 2 * MAX_MAP_ROWS**2))
     with _map_file(upload.photo) as path, tempfile.TemporaryDirectory() as folder:
         radiance = read_radiance(path)
-        turned = origin_turned(map_from_camera(path))
-        given, exposure_ev = upload.world_from_camera, upload.exposure or 0.0
-        turn = None if given is None else rotation_of(given)
-        export(radiance, target, Path(folder), "light", world_from_camera=turn, exposure_ev=exposure_ev, origin=turned)
+        origin = origin_turned(map_from_camera(path))
+        angles, exposure_ev = upload.world_from_camera, upload.exposure or 0.0
+        turn = None if angles is None else rotation_of(angles)
+        export(radiance, target, Path(folder), "light", world_from_camera=turn, exposure_ev=exposure_ev, origin=origin)
         return zip_folder(Path(folder))
 
 
 def sharpened(upload: Upload, max_pixels: int) -> Light:
-    """Return a map (.exr or .hdr bytes in the place of the photo) as a light with plausible detail."""
+    """Add plausible detail to a map (.exr or .hdr bytes in the place of the photo)."""
     _check_pixels(upload, min(max_pixels, 2 * MAX_MAP_ROWS**2))
     confidence = None
     if upload.confidence is not None:
@@ -157,12 +158,12 @@ def sharpened(upload: Upload, max_pixels: int) -> Light:
     with _map_file(upload.photo) as path:
         if "detail" in map_attributes(path):
             raise InvalidEnvironment(
-                "expected one without detail, got one that has it; send the estimate", source="map"
+                "expected a map without detail, got one with detail; send the original estimate", source="map"
             )
         radiance = read_radiance(path)
     if confidence is not None and confidence.shape != radiance.shape[:2]:
         raise InvalidEnvironment(
-            f"expected the map's size {radiance.shape[:2]}, got {confidence.shape}; send both of one size",
+            f"expected the map's size {radiance.shape[:2]}, got {confidence.shape}; send both in the same size",
             subject="confidence",
         )
     return Light(radiance=radiance, confidence=confidence).with_detail(size=upload.settings.get("size", ROWS))
@@ -170,7 +171,7 @@ def sharpened(upload: Upload, max_pixels: int) -> Light:
 
 @contextmanager
 def _map_file(data: bytes, name: str = "map") -> Iterator[Path]:
-    """A map's bytes as a file with the front in its centre; errors call it by its name."""
+    """Write a map's bytes to a temporary file and check that its front is in the centre; errors call it by `name`."""
     from anyprobe.export.exported_light import check_front
 
     with tempfile.TemporaryDirectory() as folder:
@@ -180,19 +181,21 @@ def _map_file(data: bytes, name: str = "map") -> Iterator[Path]:
             check_front(path)
             yield path
         except InputError as error:
-            is_its = error.notice.source in (str(path), path.name)
-            raise InvalidEnvironment(error.notice.of(name) if is_its else error) from error
+            is_about_file = error.notice.source in (str(path), path.name)
+            raise InvalidEnvironment(error.notice.of(name) if is_about_file else error) from error
 
 
 def _open(upload: Upload, max_pixels: int) -> Photo:
-    """Return the photo with its object marked, under the name it was sent with."""
+    """Load the photo, with its object marked, under the name it was sent with."""
     _check_pixels(upload, max_pixels)
     return load_photo(upload.photo, upload.hints, name=upload.name)
 
 
 def _check_pixels(upload: Upload, max_pixels: int) -> None:
-    """TooManyPixels where a picture's header claims more."""
+    """Raise TooManyPixels if a picture's header declares more pixels than allowed."""
     for name, picture in upload.pictures():
-        bound = min(max_pixels, MAX_PANORAMA_PIXELS) if picture is upload.hints.surroundings else max_pixels
-        if declared_pixels(picture) > bound:
-            raise TooManyPixels(f"expected at most {bound / 1e6:g} million pixels; shrink it first", source=name)
+        limit = min(max_pixels, MAX_PANORAMA_PIXELS) if picture is upload.hints.surroundings else max_pixels
+        if declared_pixels(picture) > limit:
+            raise TooManyPixels(
+                f"expected at most {limit / 1e6:g} million pixels, got more; shrink it first", source=name
+            )

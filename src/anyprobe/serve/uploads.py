@@ -1,4 +1,4 @@
-"""Contents of a request: a photo as the body or as a form's part, and options beside it."""
+"""Contents of a request: a photo as the body or as a form part, and its options."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from anyprobe.serve.pool import WorkerPool
 from anyprobe.serve.tasks import Upload
 
 FILES = {field: hint for field, hint in HINTS.items() if hint.suffixes}
-"""Hints that are file parts."""
+"""Hints that are sent as file parts."""
 
 
 async def take_unread(request: Request) -> None:
-    """Take the body of a request that is sent away, and forget it, for at most UNREAD_S.
+    """Receive and discard the body of a refused request, for at most UNREAD_S.
 
     An answer while the body still comes closes the connection on it, and some clients then never see the answer.
     """
@@ -42,7 +42,7 @@ async def take_unread(request: Request) -> None:
 
 
 async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any]) -> Upload:
-    """Read a photo and its options; options of the form win over those of the address.
+    """Read a photo and its options; form fields take precedence over query parameters.
 
     Args:
         address: what serve.openapi says of it; what it does not name is refused.
@@ -55,8 +55,8 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
         if request.headers.get("content-type", "").startswith(FORM):
             photo, name = await _file(form, "photo")
             confidence, _ = await _file(form, "confidence")
-            texts = [one for one, hint in FILES.items() if hint.words and isinstance(form.get(hint.name), str)]
-            files = {one: (await _file(form, hint.name))[0] for one, hint in FILES.items() if one not in texts}
+            texts = [field for field, hint in FILES.items() if hint.words and isinstance(form.get(hint.name), str)]
+            files = {field: (await _file(form, hint.name))[0] for field, hint in FILES.items() if field not in texts}
         else:
             photo = await request.body()
     refuse_unknown(form, request.query_params, address)
@@ -66,7 +66,7 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
     return Upload(
         photo=photo,
         name=name,
-        hints=option.hints({one: data for one, data in files.items() if data}),
+        hints=option.hints({field: data for field, data in files.items() if data}),
         settings=option.settings(),
         confidence=confidence or None,
         include=option.include(),
@@ -76,9 +76,9 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
 
 
 async def read_views(request: Request, pool: WorkerPool) -> tuple[list[Upload], np.ndarray]:
-    """Photos of one object, and world_from_camera [N, 3, 3] of each.
+    """Read the photos of one object, and world_from_camera [N, 3, 3] of each.
 
-    Read parts `photo` and as many of `mask` or `box` or none, one part `poses`, and what concerns all of them.
+    The form has parts `photo`, as many of `mask` or `box` or none, one part `poses`, and options common to all.
 
     Raises:
         HTTPException: 408 too slow.
@@ -87,23 +87,27 @@ async def read_views(request: Request, pool: WorkerPool) -> tuple[list[Upload], 
     async with _read_form(request, pool, max_files=2 * MAX_PHOTOS + 1) as form:
         photos = [await read_part(part, "photo") for part in form.getlist("photo")]
         masks = [(await read_part(part, "mask"))[0] for part in form.getlist("mask")]
-        _refuse_twice(form, "poses")
-        given = form.get("poses", "null")
-        poses = given.encode() if isinstance(given, str) else await given.read()
-        files = [name for name in form if not all(isinstance(one, str) for one in form.getlist(name))]
+        _refuse_repeated(form, "poses")
+        sent_poses = form.get("poses", "null")
+        poses = sent_poses.encode() if isinstance(sent_poses, str) else await sent_poses.read()
+        files = [name for name in form if not all(isinstance(part, str) for part in form.getlist(name))]
     option = Options(form, request.query_params)
-    unused = [name for name in files if name in FILES and name != "mask"]
-    unused += [name for name in ("click", "exclude") if option.texts(name)]
-    if unused:
-        raise InputError("expected a mask or a box a photo, got what one photo alone can have", subject=unused[0])
+    unusable = [name for name in files if name in FILES and name != "mask"]
+    unusable += [name for name in ("click", "exclude") if option.texts(name)]
+    if unusable:
+        raise InputError(
+            "expected a mask or a box per photo, got an input for single photos; leave it out", subject=unusable[0]
+        )
     refuse_unknown(form, request.query_params, FUSE_ROUTE)
     if not 1 <= len(photos) <= MAX_PHOTOS:
         raise InvalidPhoto(f"expected 1 to {MAX_PHOTOS} file parts of this name, got {len(photos)}", subject="photo")
     boxes = [HINTS["box"].read(text) for text in option.texts("box")]
-    for name, each in (("mask", masks), ("box", boxes)):
-        if len(each) not in (0, len(photos)):
-            raise InvalidMask(f"expected none or one a photo, got {len(each)} for {len(photos)} photos", subject=name)
-    turns, fovs = await asyncio.to_thread(_poses_of, photos, poses)
+    for name, values in (("mask", masks), ("box", boxes)):
+        if len(values) not in (0, len(photos)):
+            raise InvalidMask(
+                f"expected none or one per photo, got {len(values)} for {len(photos)} photos", subject=name
+            )
+    rotations, fovs = await asyncio.to_thread(_poses_of, photos, poses)
     common = option.hints({}, "camera", "light")
     settings, include = option.settings(), option.include()
     uploads = []
@@ -115,18 +119,18 @@ async def read_views(request: Request, pool: WorkerPool) -> tuple[list[Upload], 
             fov_deg=fovs[k] if common.fov_deg is None else common.fov_deg,
         )
         uploads.append(Upload(photo=data, name=name, hints=hints, settings=settings, include=include))
-    return uploads, turns
+    return uploads, rotations
 
 
 def _poses_of(photos: list[tuple[bytes, str]], poses: bytes) -> tuple[np.ndarray, list[float | None]]:
-    """world_from_camera [N, 3, 3] of photos (their data and names), and what Poses.fovs_deg says of them."""
-    given, names = parse_poses(poses, "poses", len(photos)), [Path(name) for _, name in photos]
-    return given.of(names), given.fovs_deg(names, [data for data, _ in photos])
+    """Parse the poses of photos (their data and names): world_from_camera [N, 3, 3] and fields of view [degrees]."""
+    parsed, names = parse_poses(poses, "poses", len(photos)), [Path(name) for _, name in photos]
+    return parsed.of(names), parsed.fovs_deg(names, [data for data, _ in photos])
 
 
 @asynccontextmanager
 async def _read_form(request: Request, pool: WorkerPool, max_files: int) -> AsyncIterator[FormData]:
-    """The request's form, an empty one where it has another body; what is read within is timed too.
+    """Yield the request's form, an empty one for another body; reading within the block is timed too.
 
     Raises:
         HTTPException: 408 too slow.
@@ -142,30 +146,30 @@ async def _read_form(request: Request, pool: WorkerPool, max_files: int) -> Asyn
 
 
 def refuse_unknown(form: FormData, query: QueryParams, address: dict[str, Any]) -> None:
-    """InputError for a name that nothing reads: a mistyped option would be left out without a word."""
-    read = (("form field", form, form_names(address)), ("query parameter", query, query_names(address)))
-    for kind, given, known in read:
-        for name in given:
-            if name not in known:
-                wanted = f"one of {', '.join(known)}" if known else "none here"
-                raise InputError(f"expected {wanted}, got {name[:60]!r}", source=kind)
+    """Raise InputError for a name that nothing reads, as a mistyped option would otherwise be ignored."""
+    sources = (("form field", form, form_names(address)), ("query parameter", query, query_names(address)))
+    for kind, names, known_names in sources:
+        for name in names:
+            if name not in known_names:
+                expected = f"one of {', '.join(known_names)}" if known_names else "none here"
+                raise InputError(f"expected {expected}, got {name[:60]!r}", source=kind)
 
 
 async def _file(form: FormData, field: str) -> tuple[bytes, str]:
-    _refuse_twice(form, field)
+    _refuse_repeated(form, field)
     part = form.get(field)
     return (b"", field) if part is None else await read_part(part, field)
 
 
-def _refuse_twice(form: FormData, field: str) -> None:
-    """InputError where a part that counts once came more often."""
+def _refuse_repeated(form: FormData, field: str) -> None:
+    """Raise InputError if a part that counts once is sent more often."""
     count = len(form.getlist(field))
     if count > 1:
         raise InputError(f"expected one part of this name, got {count}; send one", subject=field)
 
 
 async def read_part(part: UploadFile | str, field: str) -> tuple[bytes, str]:
-    """Return a file part's bytes and its name without folders; InvalidPhoto or InvalidMask if it is text."""
+    """Return a file part's bytes and its name without folders; InvalidPhoto or InvalidMask for text."""
     if not isinstance(part, UploadFile):
         fault = InvalidMask if field == "mask" else InvalidPhoto
         raise fault(f"expected a file, got text; send it as a file part (curl -F {field}=@FILE)", subject=field)
@@ -174,14 +178,14 @@ async def read_part(part: UploadFile | str, field: str) -> tuple[bytes, str]:
 
 
 class Options:
-    """Text fields by name, read as what they mean."""
+    """Text fields by name, parsed to their values."""
 
     def __init__(self, form: FormData, query: QueryParams) -> None:
         self._form, self._query = form, query
 
     def texts(self, name: str) -> list[str]:
-        given = [text for text in self._form.getlist(name) if isinstance(text, str)] or self._query.getlist(name)
-        return [text.strip() for text in given if text.strip()]
+        texts = [text for text in self._form.getlist(name) if isinstance(text, str)] or self._query.getlist(name)
+        return [text.strip() for text in texts if text.strip()]
 
     def number(self, name: str) -> float | None:
         text = self.text(name)
@@ -199,36 +203,38 @@ class Options:
         return None if text is None else parse_numbers(name, text, 2, 3, 9, shape=shape)
 
     def include(self) -> frozenset[str]:
-        found = {word.strip() for text in self.texts("include") for word in text.split(",")}
-        if more := found - {"radiance", "stages", "mask"}:
-            raise InputError(f"expected any of mask, radiance, stages, got {more}", subject="include")
-        return frozenset(found)
+        parts = {word.strip() for text in self.texts("include") for word in text.split(",")}
+        if unknown := parts - {"radiance", "stages", "mask"}:
+            raise InputError(
+                f"expected any of mask, radiance, stages, got {', '.join(sorted(unknown))[:60]!r}", subject="include"
+            )
+        return frozenset(parts)
 
     def hints(self, files: Mapping[str, bytes], *about: str) -> Hints:
-        """Return the hints in texts and files, about these subjects only; none given: about all."""
-        given: dict[str, Any] = dict(files)
+        """Return the hints in texts and files, on these subjects only; all if none are named."""
+        values: dict[str, Any] = dict(files)
         for field, hint in HINTS.items():
             if field in files or (about and hint.about not in about):
                 continue
             if hint.repeated:
-                given[field] = [hint.read(text) for text in self.texts(hint.name)]
+                values[field] = [hint.read(text) for text in self.texts(hint.name)]
             elif (text := self.text(hint.name)) is not None:
-                given[field] = hint.read_word(text) if hint.suffixes else hint.read(text)
-        return Hints(**given)
+                values[field] = hint.read_word(text) if hint.suffixes else hint.read(text)
+        return Hints(**values)
 
     def settings(self) -> dict[str, Any]:
-        """Return how the light is estimated, as far as it is said."""
-        given: dict[str, Any] = {}
+        """Return the requested settings of the estimate."""
+        settings: dict[str, Any] = {}
         if (emitters := self.one_of("emitters", EMITTERS)) is not None:
-            given["emitters"] = emitters
+            settings["emitters"] = emitters
         if (detail := self.one_of("detail", DETAILS)) is not None:
-            given["detail"] = detail
+            settings["detail"] = detail
         if (size := self.one_of("size", [str(rows) for rows in SIZES])) is not None:
-            given["size"] = int(size)
-        return given
+            settings["size"] = int(size)
+        return settings
 
     def one_of(self, name: str, known: Sequence[str]) -> str | None:
-        """One of these words; None where none came."""
+        """Return the option if it is one of the known words; None if it is absent."""
         text = self.text(name)
         if text not in (None, *known):
             raise InputError(f"expected one of {', '.join(known)}, got {str(text)[:60]!r}", subject=name)
@@ -236,11 +242,11 @@ class Options:
 
 
 def parse_numbers(name: str, text: str, *counts: int, shape: str = "a number") -> tuple[float, ...]:
-    """Return finite numbers between commas, as many as one of `counts`; InputError for other text."""
+    """Parse finite numbers separated by commas, as many as one of `counts`; InputError for other text."""
     try:
-        found = tuple(float(part) for part in text.split(","))
+        numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
-        found = ()
-    if len(found) not in counts or not all(abs(number) < 1e6 for number in found):  # NaN fails too
+        numbers = ()
+    if len(numbers) not in counts or not all(abs(number) < 1e6 for number in numbers):  # NaN fails too
         raise InputError(f"expected {shape}, got {text[:60]!r}", subject=name)
-    return found
+    return numbers

@@ -19,13 +19,13 @@ from anyprobe.render.shapes import draw_shape
 
 
 def draw_map(rng: np.random.Generator, height: int = 256) -> tuple[np.ndarray, bool]:
-    """One map of a random family and whether it is indoor."""
+    """Draw a map of a random family; return it and whether it is indoor."""
     kind = rng.integers(3)
     return [sky, room, studio][kind](rng, height), bool(kind > 0)
 
 
 PROCEDURAL_VERSION = 2
-"""Raised whenever the generators give other maps or shapes for the same seed."""
+"""Version of the generators, raised whenever the same seed gives other maps or shapes."""
 
 
 class AssetStore:
@@ -41,28 +41,28 @@ class AssetStore:
 
     def map(self, map_id: str) -> MapAsset:
         """Return the map of that id, or InputError."""
-        return _named("map", map_id, self.maps)
+        return _lookup("map", map_id, self.maps)
 
     def shape(self, shape_id: str) -> ShapeAsset:
         """Return the shape of that id, or InputError."""
-        return _named("shape", shape_id, self.shapes)
+        return _lookup("shape", shape_id, self.shapes)
 
 
-def _named(what: str, key: str, known: dict[str, Asset]) -> Asset:
+def _lookup(kind: str, key: str, known: dict[str, Asset]) -> Asset:
     if key not in known:
         raise InputError(
-            f"{what} {key}: expected one of the {len(known)} {what}s given, got another; "
+            f"{kind} {key}: expected the id of one of the {len(known)} given {kind}s, got an unknown one; "
             "give the folder that the recipe was made from"
         )
     return known[key]
 
 
-def _own_id(what: str, seed: int, index: int) -> str:
-    return hashlib.sha256(f"{what} {PROCEDURAL_VERSION} {seed} {index}".encode()).hexdigest()[:8]
+def _own_id(kind: str, seed: int, index: int) -> str:
+    return hashlib.sha256(f"{kind} {PROCEDURAL_VERSION} {seed} {index}".encode()).hexdigest()[:8]
 
 
 def own_map(seed: int, index: int) -> MapAsset:
-    """Procedural map number index of a seed."""
+    """Generate procedural map number `index` of a seed."""
     radiance, indoor = draw_map(np.random.default_rng((seed, 1, index)))
     return MapAsset(
         id=_own_id("map", seed, index), name=f"own-map-{seed}-{index}", licence="own", indoor=indoor, radiance=radiance
@@ -70,7 +70,7 @@ def own_map(seed: int, index: int) -> MapAsset:
 
 
 def own_shape(seed: int, index: int) -> ShapeAsset:
-    """Procedural shape number index of a seed."""
+    """Generate procedural shape number `index` of a seed."""
     return ShapeAsset(
         id=_own_id("shape", seed, index),
         name=f"own-shape-{seed}-{index}",
@@ -91,7 +91,7 @@ def load_asset_store(
     seed: int = 5,
     report: Callable[[str], None] | None = None,
 ) -> AssetStore:
-    """Assets of data/{hdri,meshes}/<split>, with `extra` those of hdri/train_extra too, and so many of our own.
+    """Load the assets of data/{hdri,meshes}/<split>, with `extra` those of hdri/train_extra, and procedural ones.
 
     Where shapes are not asked for, data has to have none. Without data everything is our own; test assets are then
     drawn from another seed.

@@ -1,4 +1,4 @@
-"""Surfaces and lit materials to pictures, a whole batch at once."""
+"""Pictures of lit materials on surfaces, a whole batch at once."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def shade_batch(
     places: Callable = lookup_coords,
     hidden: torch.Tensor | None = None,
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """Look lit materials up by the normals [B, 3, S, S] of surfaces seen along wo [B, S, S, 3].
+    """Look up lit materials by the normals [B, 3, S, S] of surfaces seen along wo [B, S, S, 3].
 
     materials: their f0 and albedo are [3], or [S, S, 3] where they differ from pixel to pixel.
     places: lookup_coords, or the same compiled.
@@ -59,13 +59,13 @@ def shade_batch(
 
 
 def column_of(values, device) -> torch.Tensor:
-    """One number or three a pair, [B, C, 1, 1]."""
+    """Convert one number or three per pair to a tensor [B, C, 1, 1]."""
     values = np.asarray(values, np.float32)
     return torch.from_numpy(values.reshape(len(values), -1, 1, 1)).to(device)
 
 
 def _colors(values: list[np.ndarray], device) -> torch.Tensor:
-    """[B, 3, 1, 1], or [B, 3, S, S] if one of the values is [S, S, 3]; the others are [3]."""
+    """Stack colours [3] to [B, 3, 1, 1], or to [B, 3, S, S] if one of them is [S, S, 3]."""
     shape = np.broadcast_shapes(*(np.shape(value) for value in values))
     if len(shape) == 1:
         return column_of(values, device)
@@ -74,7 +74,7 @@ def _colors(values: list[np.ndarray], device) -> torch.Tensor:
 
 
 def pixel_wo(tan_half: torch.Tensor, size: int) -> torch.Tensor:
-    """pixel_rays of a batch, tan_half [B, 1, 1, 1]: wo [B, S, S, 3], in planes like the normals."""
+    """Return the pixels' directions to the camera, wo [B, S, S, 3], for tan_half [B, 1, 1, 1]; see pixel_rays."""
     unit = torch.from_numpy(pixel_rays(1.0, size)).permute(2, 0, 1).to(tan_half.device)
     slope = unit[:2] / unit[2:]
     length = torch.sqrt(1.0 + tan_half**2 * (slope**2).sum(dim=0))
@@ -90,7 +90,7 @@ def curves(shots: list[Shot], device) -> CameraCurve:
 
 
 def see_behind(light: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
-    """Return the maps [B, 3, H, 2H] along the pixels' rays, [B, 3, S, S].
+    """Sample the maps [B, 3, H, 2H] along the pixels' rays, [B, 3, S, S].
 
     A window is far from the seam behind the camera, so that nothing need wrap.
     """
@@ -106,7 +106,7 @@ class Behind:
     """
 
     def __init__(self, light: torch.Tensor, wo: torch.Tensor, cut_out: float, rng: np.random.Generator) -> None:
-        """light [B, 3, H, 2H] before exposure, seen along wo [B, S, S, 3]; cut_out: the share in black."""
+        """Take light [B, 3, H, 2H] before exposure, seen along wo [B, S, S, 3]; cut_out: share of black backgrounds."""
         self.light, self.wo, self.cut_out, self.rng = light, wo, cut_out, rng
         self.framed = np.ones(len(light), bool)
         self.grain: torch.Tensor | None = None
@@ -122,23 +122,18 @@ class Behind:
 
 
 def draw_grain(rng: np.random.Generator, shape: Sequence[int], device: torch.device | str) -> torch.Tensor:
-    """Normal numbers on a device, by one number of rng."""
+    """Draw standard normal numbers on a device, seeded by one number of rng."""
     generator = torch.Generator(device=device).manual_seed(int(rng.integers(2**62)))
     return torch.randn(tuple(shape), generator=generator, device=device)
 
 
 def take_photos(
-    shots: list[Shot],
-    radiance: torch.Tensor,
-    mask: torch.Tensor,
-    background: torch.Tensor,
-    rng: np.random.Generator,
-    tone: Callable = response,
+    shots: list[Shot], radiance: torch.Tensor, mask: torch.Tensor, background: torch.Tensor, rng: np.random.Generator
 ) -> torch.Tensor:
-    """camera.take_photo of a batch, grain by rng: display values [B, 3, S, S] in steps of 1/255.
+    """Take a batch of photos with camera.take_photo, grain by rng: display values [B, 3, S, S] in steps of 1/255.
 
-    radiance, background: [B, 3, S, S]; mask: [B, 1, S, S]; tone: response, or the same compiled.
+    radiance, background: [B, 3, S, S]; mask: [B, 1, S, S].
     """
-    tone = partial(tone, curve=curves(shots, radiance.device))
+    tone = partial(response, curve=curves(shots, radiance.device))
     grain = draw_grain(rng, radiance.shape, radiance.device)
     return take_photo(shots, radiance, mask > 0, background, grain, tone).div_(255)

@@ -20,9 +20,9 @@ from anyprobe.learning.dataset import distributions
 SUBSAMPLINGS = ("4:4:4", "4:2:2", "4:2:0")
 SHARP_SHARE = 0.5
 JPEG_SHARE = 1 / 3
-"""The rest comes in PNG or, more often, was shrunk so much that its JPEG blocks no longer show."""
+"""Share of photos that show their JPEG compression; the rest are PNG or, more often, were shrunk enough to hide it."""
 OBJECT_RANGE = (0.03, 0.9)
-"""No camera leaves its subject darker or brighter than this mean radiance."""
+"""Range of the object's mean radiance that a camera's exposure keeps to."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -60,7 +60,7 @@ def draw_curve(rng: np.random.Generator) -> CameraCurve:
 
 
 def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
-    """Curve of draw_curve; the exposure spans about two stops each way.
+    """Draw the settings of a photo; its exposure varies by about two stops each way.
 
     Args:
         conditions: 0 for the paper's clean shot, without noise, blur and JPEG; 1 as the
@@ -68,7 +68,7 @@ def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
             that differ in this alone have other rngs: they are other pairs).
     """
     if conditions not in (0, 1):
-        raise InputError(f"conditions: expected 0 (clean) or 1 (as the world gives them), got {conditions!r}")
+        raise InputError(f"conditions: expected 0 (clean) or 1 (as phones take them), got {conditions!r}")
     shot = Shot(
         metering=float(rng.uniform(0.0, 0.7)),
         object_key=float(np.exp(rng.uniform(np.log(0.1), np.log(0.6)))),
@@ -92,8 +92,7 @@ def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
 
 
 def phone_shot(shot: Shot, ambient: np.ndarray, rng: np.random.Generator) -> Shot:
-    """Return the shot with the metering and white balance of dataset.distributions, in light of mean colour ambient
-    [3]."""
+    """Return the shot with metering and white balance of dataset.distributions, in light of mean colour ambient [3]."""
     (weight,), (key,) = distributions.draw_metering(rng, 1)
     balance = distributions.draw_white_balance(rng, ambient[None])[0]
     return replace(
@@ -123,7 +122,7 @@ def exposure(shot: Shot, object_mean: float, scene: float) -> float:
 
 
 def exposure_for_clipping(luminance: np.ndarray, share: float) -> float:
-    """Return the gain at which a share of the sphere, in (0, 1), is 1 and brighter in luminance [H, 2H] (hdrcnn: 5 to
+    """Return the gain that clips a share of the sphere, in (0, 1): luminance [H, 2H] is 1 or more there (hdrcnn: 5 to
     15 %).
 
     A map that is black but for less than that share cannot be exposed so; it gets the gain at which all brighter than a
@@ -143,7 +142,7 @@ def exposure_for_clipping(luminance: np.ndarray, share: float) -> float:
 
 
 def gaussian_rows(size: int, sigma: float) -> np.ndarray:
-    """[size, size]: row i weighs a line's pixels around pixel i; rows sum to 1, at the border too.
+    """Return a matrix [size, size] whose row i weighs a line's pixels around pixel i; rows sum to 1 at borders too.
 
     Zero from 5 sigma on: products of the tail's tiny numbers would make it 20 times slower.
     """
@@ -154,14 +153,14 @@ def gaussian_rows(size: int, sigma: float) -> np.ndarray:
 
 
 def blur(planes, sigma: float):
-    """Gaussian blur of pictures [..., S, S] by sigma > 0 pixels: G p G^T."""
+    """Blur pictures [..., S, S] by a Gaussian of sigma > 0 pixels: G p G^T."""
     xp = array_namespace(planes)
     rows = xp.asarray(gaussian_rows(planes.shape[-1], sigma), device=device(planes))
     return rows @ planes @ rows.T
 
 
 def compress(picture: np.ndarray, quality: int, subsampling: str) -> np.ndarray:
-    """Return a picture [S, S, 3] uint8 after a JPEG file."""
+    """Compress a picture [S, S, 3] uint8 as JPEG and decode it."""
     with io.BytesIO() as stream:
         Image.fromarray(picture).save(stream, "JPEG", quality=quality, subsampling=subsampling)
         with Image.open(stream) as stored:
@@ -169,8 +168,9 @@ def compress(picture: np.ndarray, quality: int, subsampling: str) -> np.ndarray:
 
 
 def take_photo(shots: Sequence[Shot], radiance, mask, background, grain, tone: Callable | None = None) -> Any:
-    """Photos as cameras take them, the one way for pairs of recipes and on the fly: white balance, lens, curve,
-    noise, 8 bits, JPEG.
+    """Take photos as cameras do: white balance, lens, curve, noise, 8 bits, JPEG.
+
+    Pairs of recipes and pairs made on the fly both use it.
 
     The lens blurs light, before the curve clips it: a light source spreads as it does in a
     camera, brighter than white, and the object's rim takes from what is behind it.
@@ -215,14 +215,15 @@ def take_photo(shots: Sequence[Shot], radiance, mask, background, grain, tone: C
 
 
 def as_planes(picture: np.ndarray) -> np.ndarray:
-    """[S, S, 3] to [1, 3, S, S] float32, as take_photo has it."""
+    """Convert a picture [S, S, 3] to [1, 3, S, S] float32, as take_photo takes it."""
     return np.ascontiguousarray(np.moveaxis(picture, -1, 0)[None], dtype=np.float32)
 
 
 def one_photo(
     shot: Shot, radiance: np.ndarray, mask: np.ndarray, background: np.ndarray | None, rng: np.random.Generator
 ) -> np.ndarray:
-    """take_photo of [S, S, 3], a mask [S, S] and a background [S, S, 3] or None, grain by rng: [S, S, 3] uint8."""
+    """Take one photo of [S, S, 3] with a mask [S, S] and a background [S, S, 3] or None, grain by rng: [S, S, 3]
+    uint8."""
     behind = None if background is None else as_planes(background)
     grain = as_planes(rng.standard_normal(radiance.shape, np.float32))
     levels = take_photo([shot], as_planes(radiance), mask[None, None], behind, grain)[0]

@@ -1,4 +1,4 @@
-"""Which maps and shapes there are, whose they are by the manifest.csv beside them, and how they are read."""
+"""The available maps and shapes: reading them, and their licences in the manifest.csv beside them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MAP_SUFFIXES = (".exr", ".hdr")
 
 STRANGE_MAPS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".pfm")
 STRANGE_MESHES = (".gltf", ".fbx", ".dae", ".3ds", ".blend", ".usd", ".usdz", ".3mf")
-"""Files that may be meant as assets: listed as unusable. Others are ignored."""
+"""Suffixes of files that may be meant as assets: reported as unusable. Other files are ignored."""
 
 Report = Callable[[str], None]
 Asset = TypeVar("Asset", "MapAsset", "ShapeAsset")
@@ -43,12 +43,12 @@ _OPEN = re.compile(
     r"|apache( licence)?,?( version)? 2(\.0)?( licence)?$"
     r"|0bsd\b|bsd (style|\d)\b"
 )
-"""How the licences below begin, or read as a whole where more could say of another than the file."""
+"""Beginnings of licences that allow commercial use; whole texts where more words could refer to something else."""
 _CLOSED = re.compile(
     r"commercial|\b(nc|nd|sa)\b|no ?deriv|share ?alike|resale|\b(not|only|unknown|unclear|probably)\b|\?"
     r"|\b(research|academic|educational|editorial|personal|private) (use|purpose)|examples licence"
 )
-"""Words that withdraw or qualify a licence, wherever they stand."""
+"""Words that withdraw or qualify a licence, anywhere in its text."""
 
 
 def allows_commercial_use(licence: str) -> bool:
@@ -93,7 +93,7 @@ def file_id(path: str | Path) -> str:
 
 
 def load_maps(folder: Path, *, commercial_only: bool = False, report: Report | None = None) -> list[MapAsset]:
-    """Return every map of a folder, normalised; `category` of the manifest says indoor or outdoor.
+    """Load every map of a folder, normalised; `category` of the manifest says indoor or outdoor.
 
     Args:
         commercial_only: leave out what allows_commercial_use refuses.
@@ -108,7 +108,7 @@ def load_maps(folder: Path, *, commercial_only: bool = False, report: Report | N
         mean = mean_luminance(radiance)
         if not DARKEST <= mean < np.inf:
             raise InvalidEnvironment(
-                f"{path.name}: expected light, got a map of mean luminance {mean:.2g}; save it again"
+                f"{path.name}: expected light, got a mean luminance of {mean:.2g}; export it again"
             )
         return MapAsset(
             name=path.stem,
@@ -123,7 +123,7 @@ def load_maps(folder: Path, *, commercial_only: bool = False, report: Report | N
 
 
 def load_shapes(folder: Path, *, commercial_only: bool = False, report: Report | None = None) -> list[ShapeAsset]:
-    """Return every mesh of a folder; arguments and errors as of load_maps."""
+    """Load every mesh of a folder; arguments and errors as in load_maps."""
 
     def load(path: Path, row: dict[str, str]) -> ShapeAsset:
         return ShapeAsset(name=path.stem, id=file_id(path), licence=row["licence"], mesh=read_mesh(path))
@@ -137,7 +137,7 @@ def normalize_map(radiance: np.ndarray) -> np.ndarray:
 
 
 def mean_luminance(radiance: np.ndarray) -> float:
-    """Mean over the sphere; infinite where float32 overflows."""
+    """Return the mean luminance over the sphere; infinite where float32 overflows."""
     weights = pixel_solid_angles(radiance.shape[0])
     with np.errstate(over="ignore"):
         return (luminance(radiance) * weights).sum() / (4 * np.pi)
@@ -162,32 +162,34 @@ def _load(
     commercial_only: bool,
     report: Report | None,
 ) -> list[Asset]:
-    """Load what can be used, report the rest."""
+    """Load the usable files and report the rest."""
     assets: list[Asset] = []
-    bad = refused = 0
+    num_bad = num_refused = 0
     expected = "/".join(suffixes)
     for path, row in listed_rows(folder, suffixes, strange):
         try:
             if path.suffix.lower() in strange:
-                raise InputError(f"{path.name}: expected {expected}, got {path.suffix}; convert it or take it away")
+                raise InputError(f"{path.name}: expected {expected}, got {path.suffix}; convert it or move it away")
             if commercial_only and not allows_commercial_use(row["licence"]):
-                refused += 1
+                num_refused += 1
                 continue
             if not path.exists():
-                raise InputError(f"{path.name}: expected in {folder} by its manifest.csv, found none; fetch it again")
+                raise InputError(
+                    f"{path.name}: expected in {folder}, as manifest.csv lists it, got none; fetch it again"
+                )
             assets.append(load(path, row))
         except InputError as error:
             if report is None:
                 raise
             report(" ".join(str(error).splitlines()))
-            bad += 1
-    if bad and not assets:
+            num_bad += 1
+    if num_bad and not assets:
         raise InputError(
-            f"{folder}: expected {expected} files that can be used, got {bad} that cannot; see the lines above"
+            f"{folder}: expected usable {expected} files, got {num_bad} unusable ones; see the lines above"
         )
-    if refused and report is not None:
+    if num_refused and report is not None:
         report(
-            f"{folder}: {refused} files left out, their licence does not allow commercial use "
+            f"{folder}: {num_refused} files left out, as their licence does not allow commercial use "
             "or is not stated in manifest.csv"
         )
     return assets
@@ -221,7 +223,7 @@ Row = dict[str, str]
 
 
 def read_table(path: Path) -> tuple[list[str], list[Row]]:
-    """Columns and rows of a manifest.csv, none if there is none; a short row's missing fields are empty.
+    """Read the columns and rows of a manifest.csv; none if there is no file. Fields missing in short rows are empty.
 
     Raises:
         InputError: no table in UTF-8 with the column file.
@@ -236,5 +238,5 @@ def read_table(path: Path) -> tuple[list[str], list[Row]]:
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: expected a table in UTF-8, got a damaged file ({error}); repair it") from error
     if "file" not in columns:
-        raise InputError(f"{path}: expected a table with the column file; move it away")
+        raise InputError(f"{path}: expected a table with the column file, got none; add it, or move the table away")
     return columns, rows

@@ -27,7 +27,7 @@ from anyprobe.scatter.microfacet import f0_from_ior
 
 ALPHA_MIN = 0.01
 SPECULAR_BELOW = 0.5
-"""The paper's border between specular and diffuse materials."""
+"""Border between specular and diffuse materials in the paper [GGX alpha]."""
 
 METALS = (  # linear Rec. 709 reflectance at normal incidence
     (1.00, 0.77, 0.34),  # gold
@@ -41,7 +41,7 @@ METALS = (  # linear Rec. 709 reflectance at normal incidence
 
 
 def draw_alpha(rng: np.random.Generator, specular: bool | None = None) -> float:
-    """GGX width: log-uniform in [0.01, 0.5) for specular, uniform in [0.5, 1] for diffuse."""
+    """Draw a GGX width: log-uniform in [0.01, 0.5) for specular, uniform in [0.5, 1] for diffuse."""
     if specular is None:
         specular = rng.random() < 0.5
     if specular:
@@ -53,7 +53,7 @@ METAL_SHARE = 0.4
 
 
 def draw_material(rng: np.random.Generator, alpha: float, metal: bool | None = None) -> Material:
-    """Return a metal with a tabled f0 made a little different, or a dielectric; METAL_SHARE decides if not given.
+    """Draw a metal with a slightly varied tabulated f0, or a dielectric; METAL_SHARE decides unless `metal` does.
 
     Dielectrics have an index of refraction in [1.3, 1.8] and an albedo that is
     white to dark, often grey, sometimes strongly coloured.
@@ -70,10 +70,10 @@ def draw_material(rng: np.random.Generator, alpha: float, metal: bool | None = N
 
 
 KINDS = ("metal", "smooth", "rough", "painted")
-"""Bare metal; glossy plastic, glaze, varnish, polished stone; unglazed clay, wood, stone, rubber, matte plastic;
-paint."""
+"""Kinds of materials: bare metal; glossy plastic, glaze, varnish, polished stone; unglazed clay, wood, stone, rubber,
+matte plastic; paint."""
 SHARES = (0.2, 0.25, 0.35, 0.2)
-"""How often each kind is met, our own estimate: nobody has counted what people photograph."""
+"""Share of each kind among photographed objects, our own estimate: nobody has counted them."""
 
 PROBABILITIES = (0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
 ALPHA = np.array(
@@ -84,7 +84,7 @@ ALPHA = np.array(
         (0.05, 0.12, 0.22, 0.32, 0.45, 0.60, 0.90),
     ]
 )
-"""Quantiles of the GGX width, a row for each kind."""
+"""Quantiles of the GGX width, one row per kind."""
 ALBEDO = np.array(
     [
         (1e-9,) * 7,
@@ -94,8 +94,8 @@ ALBEDO = np.array(
     ]
 )
 """Quantiles of the diffuse albedo's luminance; metals have none."""
-MOST_ALBEDO = 0.92
-"""The largest albedo of a channel: fresh snow, barium sulphate aside, nothing reflects more."""
+MAX_ALBEDO = 0.92
+"""Largest albedo of a channel: barium sulphate aside, nothing reflects more than fresh snow."""
 
 IOR, IOR_SPREAD, IOR_RANGE = 1.5, 0.06, (1.35, 1.75)
 """Mean, standard deviation and bounds of a dielectric's index of refraction: plastics 1.46-1.59, glazes and glass
@@ -104,44 +104,44 @@ METAL_SHARES = (0.08, 0.10, 0.10, 0.22, 0.20, 0.15, 0.15)
 """Shares of METALS, in their order; a polished surface loses up to a fifth of the table's f0."""
 
 TINTS = (0.25, 0.5, 0.25)
-"""Shares of nearly grey, of natural and of pigmented colours among dielectrics. Natural reflectance rises with the
+"""Shares of nearly grey, natural and pigmented colours among dielectrics. Natural reflectance rises with the
 wavelength: MERL's dull materials have ln R/G of .05 .28 .93 and ln B/G of -.58 -.12 -.02 at their quartiles."""
 
 KEY, KEY_SPREAD = 0.18, 0.35
-"""Median of the radiance that the meter brings its mean to, and the deviation of its logarithm, half a stop: 18 %
-grey (ISO 2720's K of 12.5 is 12.7 %), and a photo's display mean is near .42 by it."""
+"""Median of the radiance that the meter's mean is brought to, and the standard deviation of its logarithm (half a
+stop): 18 % grey (ISO 2720's K of 12.5 is 12.7 %); a photo's mean display value is near .42 by it."""
 OBJECT_WEIGHT = (0.2, 0.8)
-"""Weight of the object in the meter's mean: centre-weighted meters give their middle 60-80 % (Nikon: 75), which an
-object fills in part."""
+"""Range of the object's weight in the meter's mean: centre-weighted meters give their middle 60-80 % (Nikon: 75), which
+an object fills in part."""
 OBJECT_RANGE = (0.01, 0.9)
-"""Bounds of the object's mean radiance: a photo beyond is taken again."""
+"""Bounds of the object's mean radiance: photos beyond them are taken again."""
 FRAME_DEG = 33.0
-"""Half the angle that a phone's frame takes in: 26 mm equivalent, 65 x 51 degrees."""
+"""Half the field of view that a phone meters [degrees]: 26 mm equivalent, 65 x 51 degrees."""
 FRAME_POWER = 0.45
-"""Meters average display values: light sources in the frame count as display values, not as radiance."""
+"""Exponent of luminance in the meter's mean: meters average display values, so that light sources count less."""
 
 ADAPTED = (0.3, 0.9)
-"""Share of the light's colour that the camera's white balance takes out of a map, whose photographer took out a part
+"""Range of the exponent by which white balance removes the light's colour; a map's photographer removed a part
 before."""
 BALANCE_ERROR = (0.06, 0.03, 0.08)
-"""Standard deviation of the logarithm of its gains: 3 degrees, as methods of colour constancy are off in the mean by
-1.8 (Barron and Tsai, Fast Fourier Color Constancy, CVPR 2017) to 6 (grey world)."""
+"""Standard deviations of the logarithm of the gains, RGB: 3 degrees, as methods of colour constancy err by 1.8 (Barron
+and Tsai, Fast Fourier Color Constancy, CVPR 2017) to 6 (grey world) in the mean."""
 
 
 def draw_kinds(rng: np.random.Generator, count: int) -> np.ndarray:
-    """[N] numbers of KINDS, by SHARES."""
+    """Draw N indices into KINDS, by SHARES."""
     return rng.choice(len(KINDS), count, p=SHARES)
 
 
 def draw_alphas(rng: np.random.Generator, kind: np.ndarray) -> np.ndarray:
-    """GGX widths [N] of kinds [N]."""
+    """Draw the GGX widths [N] of kinds [N]."""
     return _quantile(ALPHA, kind, rng.random(len(kind)))
 
 
 def draw_colors(
     rng: np.random.Generator, kind: np.ndarray, rank: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Albedo and f0, [N, 3] each, of kinds [N].
+    """Draw albedo and f0, [N, 3] each, of kinds [N].
 
     Args:
         rank: [N] in [0, 1), how bright each is among its kind; drawn if not given.
@@ -161,14 +161,14 @@ def draw_colors(
 
 
 def draw_one(rng: np.random.Generator, kind: int, alpha: float, rank: float | None = None) -> Material:
-    """One material of a kind and a width; rank as in draw_colors."""
+    """Draw one material of a kind and a width; rank as in draw_colors."""
     ranks = None if rank is None else np.array([rank])
     albedo, f0 = draw_colors(rng, np.array([kind]), ranks)
     return Material(albedo=albedo[0], f0=f0[0], alpha=alpha)
 
 
 def draw_metering(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Weight of the object in the meter's mean and the radiance that this mean is brought to, [N] each."""
+    """Draw the weight of the object in the meter's mean and the radiance that this mean is brought to, [N] each."""
     return rng.uniform(*OBJECT_WEIGHT, count), KEY * np.exp(rng.normal(0.0, KEY_SPREAD, count))
 
 
@@ -181,7 +181,7 @@ def frame_level(seen: np.ndarray) -> np.ndarray:
 
 
 def metered_gain(object_mean, frame, weight, key):
-    """From radiance to exposure units, [...]: the mean of object and frame is brought to the key.
+    """Return the gain [...] from radiance to exposure units that brings the mean of object and frame to the key.
 
     Args:
         object_mean: mean luminance of the object. frame: frame_level. weight, key: draw_metering.
@@ -192,7 +192,7 @@ def metered_gain(object_mean, frame, weight, key):
 
 
 def draw_white_balance(rng: np.random.Generator, ambient: np.ndarray) -> np.ndarray:
-    """Gains [N, 3], of luminance 1 for a white, of cameras in lights of mean colours ambient [N, 3]."""
+    """Draw white-balance gains [N, 3], of luminance 1 for white, of cameras in light of mean colours ambient [N, 3]."""
     grey = np.maximum(ambient / np.maximum(luminance(ambient), 1e-9)[:, None], 0.05)
     adapted = rng.uniform(*ADAPTED, (len(ambient), 1))
     gains = np.exp(rng.normal(0.0, BALANCE_ERROR, ambient.shape)) * grey**-adapted
@@ -205,7 +205,7 @@ def _quantile(table: np.ndarray, kind: np.ndarray, rank: np.ndarray) -> np.ndarr
 
 
 def _draw_tints(rng: np.random.Generator, value: np.ndarray) -> np.ndarray:
-    """Factors [N, 3] of any luminance; what is nearly white is nearly grey."""
+    """Draw colour factors [N, 3] of any luminance; nearly white materials are nearly grey."""
     count = len(value)
     which = rng.choice(3, count, p=TINTS)[:, None]
     warm = np.abs(rng.normal(0.0, 0.45, (count, 1)))
@@ -216,6 +216,6 @@ def _draw_tints(rng: np.random.Generator, value: np.ndarray) -> np.ndarray:
 
 
 def _tinted(value: np.ndarray, tint: np.ndarray) -> np.ndarray:
-    """Colours [N, 3] of luminance value [N], as far as no channel exceeds MOST_ALBEDO."""
+    """Return colours [N, 3] of luminance value [N], darkened where a channel would exceed MAX_ALBEDO."""
     color = tint * (value / luminance(tint))[:, None]
-    return color * np.minimum(1.0, MOST_ALBEDO / color.max(axis=1, keepdims=True))
+    return color * np.minimum(1.0, MAX_ALBEDO / color.max(axis=1, keepdims=True))

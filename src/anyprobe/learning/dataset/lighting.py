@@ -1,8 +1,8 @@
-"""The light of training pairs: maps made of others, and materials lit by maps.
+"""The light of training pairs: variants of maps, and materials lit by maps.
 
-A new map is a blend of others, with added light sources, its dominant light elsewhere, another white: light adds up, so
-a sum of two rooms is a light that can be. A lit material is the reflectance maps of one light, one view of it and one
-alpha: the dear part of a training pair, and each one serves many pairs.
+A variant is a blend of maps, with added light sources, the dominant light moved, or another white: light is additive,
+so the sum of two rooms is a possible light. A lit material holds the reflectance maps of one light, one view of it and
+one alpha: the expensive part of a training pair, which serves many pairs.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from anyprobe.render.integrate import compile_kernel, shade_diffuse, shade_specu
 from anyprobe.render.reflectance import reflectance_normals
 
 SEARCH_HEIGHT = 64
-"""Rows of the map in which the dominant light is looked for."""
+"""Rows of the map in which the dominant light is found."""
 
 MAX_RADIUS = np.radians(35.0)
-"""A light wider than this is the surround itself and stays where it is."""
+"""Largest radius of a light that is moved [radians]; a wider one is the surround itself."""
 
 
 def turn(radiance: np.ndarray, columns: int, mirrored: bool = False) -> np.ndarray:
@@ -40,26 +40,26 @@ def turn(radiance: np.ndarray, columns: int, mirrored: bool = False) -> np.ndarr
 
 
 def blend_maps(one: np.ndarray, other: np.ndarray, share: float) -> np.ndarray:
-    """(1 - share) one + share other."""
+    """Return (1 - share) one + share other."""
     return (1 - share) * one + share * other
 
 
 def add_lamp(
     radiance: np.ndarray, direction: np.ndarray, radius: float, power: np.ndarray, softness: float = 0.3
 ) -> np.ndarray:
-    """Return the map and a soft round light source that adds power [3] to its integral over the sphere."""
+    """Add a soft round light source whose integral over the sphere is power [3]."""
     height = radiance.shape[0]
     cap = soft_cap(pixel_directions(height).astype(np.float64), direction, radius, softness)
-    whole = (cap[..., 0] * pixel_solid_angles(height)).sum()
-    if whole <= 0:
+    total = (cap[..., 0] * pixel_solid_angles(height)).sum()
+    if total <= 0:
         raise ValueError(
             f"expected a light source wider than a pixel, got a radius of {np.degrees(radius):.2g} degrees"
         )
-    return radiance + cap * (np.asarray(power) / whole)
+    return radiance + cap * (np.asarray(power) / total)
 
 
 def white_balance(radiance: np.ndarray, gains: np.ndarray) -> np.ndarray:
-    """Return each channel times its gain [3]."""
+    """Multiply each channel by its gain [3]."""
     return radiance * np.asarray(gains)
 
 
@@ -87,7 +87,7 @@ def split_light_cap(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def move_dominant_light(radiance: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Return the map with its dominant light at direction [3], upright as it was and of the same power."""
+    """Move the dominant light of a map to direction [3]; its power stays, and it stays upright."""
     split = split_light_cap(radiance)
     if split is None:
         return radiance
@@ -110,7 +110,7 @@ def _upright_turn(old: np.ndarray, new: np.ndarray) -> np.ndarray:
 
 
 def draw_variant(rng: np.random.Generator, maps: list[np.ndarray]) -> np.ndarray:
-    """Return a light that none of the maps is, made of one or two of them of the same size; mean luminance 1."""
+    """Draw a new light made of one or two of the maps, which are of the same size; mean luminance 1."""
 
     first, second = rng.choice(len(maps), 2, replace=len(maps) < 2)
 
@@ -148,9 +148,12 @@ SIZE = 128
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LitMaterial:
-    """terms [12, SIZE, SIZE]: Eq. 5's irradiance, S1, Ss, Dd, three channels each;
+    """Reflectance maps of a material under one light.
+
+    terms [12, SIZE, SIZE]: Eq. 5's irradiance, S1, Ss, Dd, three channels each;
     radiance [64, 128, 3]: the map in the camera's frame; alpha; elevation class; kind: of distributions.KINDS, None for
-    the materials and cameras of the paper."""
+    the materials and cameras of the paper.
+    """
 
     terms: torch.Tensor
     radiance: torch.Tensor
@@ -160,17 +163,17 @@ class LitMaterial:
 
 
 BUDGETS = ((0.12, 0.0, 128, 16), (0.3, 0.2, 64, 32), (np.inf, 1.0, 40, 48))
-"""Below which alpha; of which alpha the pyramid is; side of the computed reflectance map and samples a pixel: narrow
-lobes need pixels, wide ones samples."""
+"""Budgets by alpha: its upper bound; the alpha of the pyramid; side of the computed reflectance map, and samples per
+pixel. Narrow lobes need pixels, wide ones samples."""
 
 
 def _look(radiance: torch.Tensor, d: torch.Tensor) -> torch.Tensor:
-    """Return the map [H, 2H, 3] along unit directions [N, 3]."""
+    """Sample a map [H, 2H, 3] along unit directions [N, 3]."""
     return bilinear(radiance, direction_to_uv(d))
 
 
 class Illuminator:
-    """Shades reflectance maps from a store of maps; compiled where a compiler is at hand."""
+    """Shader of reflectance maps from a list of maps; compiled if a compiler is available."""
 
     def __init__(self, maps: list[np.ndarray], device: str = "cpu", compiled: bool = True) -> None:
         self.device = device
@@ -185,37 +188,37 @@ class Illuminator:
     def _tensor(self, array: np.ndarray) -> torch.Tensor:
         return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32)).to(self.device)
 
-    def _pyramid(self, width: float, which: int) -> Pyramid:
-        """That of map number which, made when it is first asked for."""
-        key = width, which
+    def _pyramid(self, width: float, number: int) -> Pyramid:
+        """Return the pyramid of a map by its number, built at its first use."""
+        key = width, number
         if key not in self._pyramids:
-            self._pyramids[key] = shading_pyramid(self.maps[which], width).to(self.device)
+            self._pyramids[key] = shading_pyramid(self.maps[number], width).to(self.device)
         return self._pyramids[key]
 
     @torch.no_grad()
-    def light(self, which: int, rotation: np.ndarray, alpha: float, elevation: int) -> LitMaterial:
-        """One lit material under map number which, through rotation [3, 3] = world from camera (mirrored or not)."""
+    def light(self, number: int, rotation: np.ndarray, alpha: float, elevation: int) -> LitMaterial:
+        """Light one material by a map, seen through rotation [3, 3] = world from camera (mirrored or not)."""
         _, width, size, samples = next(budget for budget in BUDGETS if alpha < budget[0])
         world = self._tensor(rotation.T)
         n = self._tensor(reflectance_normals(size).reshape(-1, 3)) @ world
         wo = self._tensor(np.tile([0.0, 0.0, 1.0], (len(n), 1))) @ world
         u = self._tensor(hammersley(samples))
         alphas = torch.full((len(n), 1), alpha, device=self.device)
-        specular = torch.cat(self._specular(self._pyramid(width, which), n, wo, alphas, u), dim=1)
+        specular = torch.cat(self._specular(self._pyramid(width, number), n, wo, alphas, u), dim=1)
         coarse = self._tensor(reflectance_normals(32).reshape(-1, 3)) @ world
-        wide = self._pyramid(1.0, which)
-        diffuse = self._diffuse(wide, coarse, wo[: len(coarse)].contiguous(), self._tensor(hammersley(64)))
+        diffuse_pyramid = self._pyramid(1.0, number)
+        diffuse = self._diffuse(diffuse_pyramid, coarse, wo[: len(coarse)].contiguous(), self._tensor(hammersley(64)))
         terms = [_picture(specular, size), _picture(diffuse, 32)]
-        fine = self._look(self.maps[which], self._directions @ world)
-        radiance = fine.reshape(MAP_HEIGHT, 4, 2 * MAP_HEIGHT, 4, 3).mean(dim=(1, 3))
+        sampled = self._look(self.maps[number], self._directions @ world)
+        radiance = sampled.reshape(MAP_HEIGHT, 4, 2 * MAP_HEIGHT, 4, 3).mean(dim=(1, 3))
         return LitMaterial(terms=torch.cat(terms), radiance=radiance, alpha=alpha, elevation=elevation)
 
     def draw(self, rng: np.random.Generator, world: float = 0.0) -> LitMaterial:
-        """Return a random map, view and alpha; half of the maps mirrored.
+        """Light a material of random alpha by a random map and view; half of the maps are mirrored.
 
         world: share of those of a kind and an alpha of dataset.distributions.
         """
-        which = int(rng.integers(len(self.maps)))
+        number = int(rng.integers(len(self.maps)))
         elevation = int(rng.integers(NUM_ELEVATIONS))
         rotation = world_from_camera(rng.uniform(0, 2 * np.pi), draw_elevation(rng, elevation), rng.normal(0, 0.05))
         if rng.random() < 0.5:
@@ -224,11 +227,11 @@ class Illuminator:
         if world > 0 and rng.random() < world:
             (kind,) = distributions.draw_kinds(rng, 1).tolist()
             alpha = float(distributions.draw_alphas(rng, np.array([kind]))[0])
-        return replace(self.light(which, rotation, alpha, elevation), kind=kind)
+        return replace(self.light(number, rotation, alpha, elevation), kind=kind)
 
 
 def _picture(values: torch.Tensor, size: int) -> torch.Tensor:
-    """[size * size, C] to [C, SIZE, SIZE]."""
+    """Convert [size * size, C] to [C, SIZE, SIZE]."""
     picture = values.reshape(1, size, size, -1).permute(0, 3, 1, 2)
     if size != SIZE:
         picture = torch.nn.functional.interpolate(picture, size=(SIZE, SIZE), mode="bilinear", align_corners=False)

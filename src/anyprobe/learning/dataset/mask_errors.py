@@ -1,4 +1,4 @@
-"""Errors of masks cut out of photos: too wide, too narrow, ragged, beside it, broken."""
+"""Errors of masks cut out of photos: too wide, too narrow, ragged, shifted, pierced, cut off."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ import numpy as np
 
 from anyprobe.learning.dataset.camera import blur
 
-LEAST_OBJECT_PX = 24
-"""Smallest longer side of what stays of an object: the least that an estimate accepts."""
+MIN_OBJECT_PX = 24
+"""Smallest longer side of the remaining object, as estimates require it [pixels]."""
 
 KEPT_SHARE = 0.4
-"""The smallest share of the object's pixels that stays in the mask."""
+"""Smallest share of the object's pixels that stay in the mask."""
 
 EXACT_SHARE = 0.25
-"""Share of masks without any error."""
+"""Share of masks without errors."""
 
 
 def widen(mask: np.ndarray, pixels: int) -> np.ndarray:
-    """Grown by pixels: cross and square in turn, which makes an octagon of a point."""
+    """Grow a mask by pixels, alternating cross and square, which makes a point an octagon."""
     for step in range(pixels):
         padded = np.pad(mask, 1)
         rows = padded[:-2] | padded[1:-1] | padded[2:]
@@ -27,12 +27,12 @@ def widen(mask: np.ndarray, pixels: int) -> np.ndarray:
 
 
 def narrow(mask: np.ndarray, pixels: int) -> np.ndarray:
-    """Shrunk by pixels from every edge but the picture's."""
+    """Shrink a mask by pixels from every edge but the picture's."""
     return ~widen(~mask, pixels)
 
 
 def shift(mask: np.ndarray, right: int, down: int) -> np.ndarray:
-    """Moved by whole pixels; what leaves the picture is lost."""
+    """Shift a mask by whole pixels; pixels that leave the picture are lost."""
     height, width = mask.shape
     moved = np.zeros_like(mask)
     moved[max(down, 0) : height + min(down, 0), max(right, 0) : width + min(right, 0)] = mask[
@@ -42,7 +42,7 @@ def shift(mask: np.ndarray, right: int, down: int) -> np.ndarray:
 
 
 def fray(mask: np.ndarray, sigma: float, depth: float, rng: np.random.Generator) -> np.ndarray:
-    """Return a ragged edge: the mask blurred by sigma pixels, with noise as coarse, cut at one half.
+    """Make a mask's edge ragged: blur it by sigma pixels, add noise as coarse, cut at one half.
 
     depth: of the noise, below 0.5; no noise is deeper, so that pixels further from the
     edge than the blur reaches stay what they are.
@@ -54,7 +54,7 @@ def fray(mask: np.ndarray, sigma: float, depth: float, rng: np.random.Generator)
 
 
 def pierce(mask: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Elliptic holes with centres in the mask, each 6 to 24 % of the object across."""
+    """Cut elliptic holes with centres in the mask, each 6 to 24 % of the object across."""
     rows, columns = np.nonzero(mask)
     across = object_px(mask)
     y, x = np.ogrid[: mask.shape[0], : mask.shape[1]]
@@ -69,7 +69,7 @@ def pierce(mask: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray
 
 
 def cut_off(mask: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:
-    """Return a limb is missing: what lies beyond a line in a random direction, a share of the object."""
+    """Cut off a limb: a share of the object, beyond a line in a random direction."""
     angle = rng.uniform(0.0, 2 * np.pi)
     y, x = np.ogrid[: mask.shape[0], : mask.shape[1]]
     along = x * np.cos(angle) + y * np.sin(angle)
@@ -84,7 +84,7 @@ def object_px(mask: np.ndarray) -> int:
 
 
 def disturb_mask(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return a mask [S, S] bool as people and programs draw it: some exact, most with one error or a few.
+    """Draw errors in a mask [S, S] bool as people and programs make them: none in some, one or a few in most.
 
     An error that would leave too little of the object is left out.
     """
@@ -104,6 +104,6 @@ def disturb_mask(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     for chance, error in errors:
         if rng.random() < chance:
             changed = error(result)
-            if object_px(changed) >= LEAST_OBJECT_PX and (changed & mask).sum() >= KEPT_SHARE * mask.sum():
+            if object_px(changed) >= MIN_OBJECT_PX and (changed & mask).sum() >= KEPT_SHARE * mask.sum():
                 result = changed
     return result

@@ -1,7 +1,7 @@
 """Renders of recipes, point by point in perspective: a photo with its targets (Pair), or a map alone (MapPair).
 
-Nothing here is a lookup in a reflectance map, as the pairs made on the fly for training
-are: every visible point is shaded by itself, in NumPy, so that bytes do not depend on a compiler.
+Unlike pairs made on the fly, nothing is looked up in a reflectance map: every visible point is shaded by itself, in
+NumPy, so that bytes do not depend on a compiler.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ from anyprobe.render.surface import Camera, Surface, frame_object, pixel_rays, s
 from anyprobe.scatter.materials import Material
 
 Trace = Callable[[Mesh, Camera, np.ndarray, Material], np.ndarray]
-"""A mesh, a camera, the map [H, 2H, 3] in the mesh's world and a material, its albedo [3] or [F, 3, 3] at the corners
-of the faces, to linear RGB (and more) [S, S, 3+]."""
+"""Renderer of a photo: from a mesh, a camera, the map [H, 2H, 3] in the mesh's world and a material, whose albedo is
+[3] or [F, 3, 3] at the corners of the faces, to linear RGB (and more) [S, S, 3+]."""
 
 NUM_SAMPLES = 64
 LN_RANGE = (-7.0, 9.0)
-"""Bounds of ln radiance in targets: 0.001 to 8000 of the photo's white."""
+"""Range of ln radiance in targets: 0.001 to 8000 of the photo's white."""
 
 LINE = 2.2**2 / 128
-"""Area of a line one pixel wide across a photo of 128, which shows 2.2 of the unit sphere's world at most."""
+"""Area of a line one pixel wide across a photo of 128 pixels, which shows at most 2.2 of the unit sphere's world."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -72,19 +72,22 @@ class Pair:
 
     @property
     def specular(self) -> bool:
-        """The paper's border: alpha below 0.5."""
+        """Whether the material is specular by the paper's border, alpha below 0.5."""
         return self.material.alpha < SPECULAR_BELOW
 
     @property
     def crop(self) -> np.ndarray:
-        """The input of the networks, [S, S, 4] float32: display RGB times mask, and mask."""
+        """Input of the networks, [S, S, 4] float32: display RGB times mask, and mask."""
         return self.photo.astype(np.float32) / 255.0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MapPair:
-    """ldr [64, 128, 3] uint8 and ln_radiance [64, 128, 3] float16: what the paper's HDR network learns from (Sect.
-    3.5). Ours learns from the maps of photos' pairs."""
+    """A view of a map and its light.
+
+    ldr [64, 128, 3] uint8 and ln_radiance [64, 128, 3] float16: what the paper's HDR network learns from (Sect.
+    3.5). Ours learns from the maps of photos' pairs.
+    """
 
     recipe: Recipe
     ldr: np.ndarray
@@ -96,13 +99,12 @@ class MapPair:
 
 
 def fibonacci_viewpoint(index: int) -> tuple[float, float]:
-    """Yaw and elevation [radians] of one of VIEWPOINTS points spread evenly over the upper hemisphere."""
+    """Return yaw and elevation [radians] of one of VIEWPOINTS points spread evenly over the upper hemisphere."""
     return float(index * np.pi * (3.0 - np.sqrt(5.0))), float(np.arcsin((index + 0.5) / VIEWPOINTS))
 
 
 def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, textured: bool = False) -> Pair:
-    """Return the pair of an "object" recipe; raises InputError if the store lacks its map or shape, or it is not
-    visible.
+    """Render the pair of an "object" recipe; InputError if the store lacks its map or shape, or it is not visible.
 
     trace: makes the photo in the place of our shading; the irradiance stays what no shadow falls on. Under WORLD
         conditions, painted objects get a mild texture by it, which our shading leaves out.
@@ -111,7 +113,7 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, t
         given one material.
     """
     if textured and trace is not None:
-        raise InputError("textured: expected objects shaded here, got another renderer; leave one of the two out")
+        raise InputError("textured: expected objects shaded by anyprobe, got another renderer; leave one of them out")
     asset, shape, rng = store.map(recipe.map_id), store.shape(recipe.shape_id), recipe.rng()
     drawn = _draw(recipe, rng)
     material = drawn.material
@@ -149,7 +151,7 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, t
         away = -pixel_rays(camera.tan_half, camera.size) @ map_from_camera.T.astype(np.float32)
         return as_planes(np.asarray(bilinear(asset.radiance, direction_to_uv(away)) * gain[0]))
 
-    taken = photograph(
+    photos = photograph(
         [drawn.shot],
         lit,
         rng,
@@ -157,13 +159,13 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, t
         grain=lambda: as_planes(rng.standard_normal(tuple(normals.shape), np.float32)),
         flawed=recipe.conditions > 0,
     )
-    (shot,), (gain,), (mask,) = taken.shots, taken.gain, taken.mask
+    (shot,), (gain,), (mask,) = photos.shots, photos.gain, photos.mask
     irradiance = np.zeros(normals.shape, np.uint8)
     gains = np.asarray(gain * shot.white_balance, np.float32)
     irradiance[surface.mask] = np.round(response(shading.irradiance * gains, MEAN_CURVE) * 255.0)
     return Pair(
         recipe=recipe,
-        photo=np.dstack([np.moveaxis(taken.photo[0], 0, -1), mask * 255]).astype(np.uint8, order="C"),
+        photo=np.dstack([np.moveaxis(photos.photo[0], 0, -1), mask * 255]).astype(np.uint8, order="C"),
         irradiance=irradiance,
         radiance=np.asarray(light * gains, np.float32),
         map_from_camera=map_from_camera,
@@ -178,12 +180,12 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, t
 
 
 def is_painted(recipe: Recipe) -> bool:
-    """Return whether an object's recipe is of the kind painted of the world's priors."""
+    """Return whether a recipe is of a painted object under WORLD conditions."""
     return recipe.conditions == WORLD and distributions.KINDS[recipe.material % 4] == "painted"
 
 
 def _painted(material: Material, mesh: Mesh, rng: np.random.Generator) -> Material:
-    """Under a mild texture that lies on the mesh: albedo [F, 3, 3], at the corners of the faces."""
+    """Return the material under a mild texture that lies on the mesh: albedo [F, 3, 3], at the corners of the faces."""
     corners = mesh.positions[mesh.faces].reshape(-1, 3).astype(np.float32)
     factor = factor_at(corners, mesh.normals.reshape(-1, 3).astype(np.float32), rng)
     return replace(paint(material, factor.reshape(-1, 3, 3)), f0=material.f0)
@@ -196,7 +198,7 @@ def _textured_radiance(
     normals: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Radiance [P, 3] of an object that is not quite uniform.
+    """Return the radiance [P, 3] of an object that is not quite uniform.
 
     Args:
         shading: the P pixels of the object, with the first material's alpha; shade_again: with another.
@@ -214,7 +216,7 @@ def _textured_radiance(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class _Drawn:
-    """Draws of a recipe, except for noise and mask errors."""
+    """Random parameters of a recipe, except for noise and mask errors."""
 
     world_from_camera: np.ndarray
     fov_deg: float
@@ -224,7 +226,7 @@ class _Drawn:
 
 
 def _draw(recipe: Recipe, rng: np.random.Generator) -> _Drawn:
-    """In the order that makes a recipe's bytes."""
+    """Draw a recipe's parameters; their order decides its bytes."""
     yaw, elevation = fibonacci_viewpoint(recipe.view)
     turned = world_from_camera(yaw + rng.uniform(0, 2 * np.pi), elevation)
     fov_deg = rng.uniform(10.0, 45.0)
@@ -241,14 +243,15 @@ def _draw(recipe: Recipe, rng: np.random.Generator) -> _Drawn:
 
 
 def shot_of(recipe: Recipe) -> Shot:
-    """Return how the photo of an "object" recipe is taken, without taking it; under WORLD but for its metering and
-    white."""
+    """Return the camera settings of an "object" recipe's photo; under WORLD without metering and white balance."""
     return _draw(recipe, recipe.rng()).shot
 
 
 def _look(mesh: Mesh, drawn: _Drawn, name: str) -> tuple[Camera, Surface]:
-    """Return the camera of a pair and what it sees of the shape; from quarter turns aside where that is nothing, as of
-    cards seen edge on."""
+    """Return the camera of a pair and what it sees of the shape.
+
+    Where that is nothing, as of cards seen edge on, the camera goes round by quarter turns.
+    """
     turned = drawn.world_from_camera
     for _ in range(4):
         camera = frame_object(mesh, turned, fov_deg=drawn.fov_deg)
@@ -257,12 +260,12 @@ def _look(mesh: Mesh, drawn: _Drawn, name: str) -> tuple[Camera, Surface]:
             return camera, surface
         turned = rotation_y(np.pi / 2) @ turned
     raise InvalidMesh(
-        f"{name}: expected a shape that {camera.size} pixels can show, got one too thin from all sides; leave it out"
+        f"{name}: expected a shape visible in {camera.size} pixels, got one too thin from all sides; leave it out"
     )
 
 
 def is_too_thin(mesh: Mesh) -> bool:
-    """Return whether photos show next to nothing of a shape: a line at most, see LINE.
+    """Return whether photos show no more of a shape than a line, see LINE.
 
     From all sides a shape covers in the mean no more than a quarter of its surface (Cauchy).
     """
@@ -273,7 +276,7 @@ def is_too_thin(mesh: Mesh) -> bool:
 
 
 def render_map_pair(recipe: Recipe, store: AssetStore) -> MapPair:
-    """Return the pair of a "map" recipe (Sect. 3.5): a view of a map through a camera of random curve.
+    """Render the pair of a "map" recipe (Sect. 3.5): a view of a map through a camera of random curve.
 
     The exposure that clips 5 to 15 % of the sphere, as in hdrcnn, times 0.5 to 2.0, the
     recipe's exposure number being the fifth of that range (in stops) it lies in.
@@ -300,7 +303,7 @@ def render_map_pair(recipe: Recipe, store: AssetStore) -> MapPair:
 def shade_surface(
     pyramid: Pyramid, surface: Surface, map_from_camera: np.ndarray, alpha: float, num_samples: int = NUM_SAMPLES
 ) -> Shading:
-    """Shade every visible point under a map whose frame is map_from_camera away."""
+    """Shade every visible point under a map whose frame differs from the camera's by map_from_camera."""
     turn = map_from_camera.T.astype(np.float32)
     u = hammersley(num_samples)
     return shade(pyramid, surface.normals @ turn, surface.wo @ turn, float(alpha), u)

@@ -1,7 +1,6 @@
-"""Training pairs on the fly: a lit material on a surface, through a camera.
+"""Training pairs made on the fly: a lit material on a surface, through a camera.
 
-Batch number k is a function of (seed, k) alone, so a run that was killed goes on
-with exactly the pairs it would have seen.
+Batch number k is a function of (seed, k) alone, so a run that was killed resumes with exactly the same pairs.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from anyprobe.learning.dataset.lighting import Illuminator, LitMaterial
 from anyprobe.learning.dataset.occlusion import mirrored
 from anyprobe.learning.dataset.pair import LN_RANGE
 from anyprobe.learning.dataset.photograph import LitObjects, photograph
-from anyprobe.learning.dataset.seen_surroundings import draw_frame, gather, photo_surroundings, unsteady
+from anyprobe.learning.dataset.seen_surroundings import draw_frame, gather, perturb, photo_surroundings
 from anyprobe.learning.dataset.shape_augment import join_some, reshape_some
 from anyprobe.learning.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
 from anyprobe.learning.dataset.textured import paint_some
@@ -37,7 +36,9 @@ from anyprobe.render.reflectance import lookup_coords
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PairConfig:
-    """batch: pairs a step; reuse: pairs a lit material serves; pool: groups of lit materials kept in a lane.
+    """Settings of pairs made on the fly.
+
+    batch: pairs a step; reuse: pairs a lit material serves; pool: groups of lit materials kept in a lane.
 
     lanes: step k belongs to lane k modulo lanes, and each lane has lit materials of its own, so that as
     many processes can make batches without shading anything twice.
@@ -77,19 +78,22 @@ class PairConfig:
 
 
 GIVEN_NORMALS_ERROR_DEG = 2.0
-"""Standard deviation of each of the three angles by which given normals are turned."""
+"""Standard deviation of each of the three angles by which given normals are rotated [degrees]."""
 GIVEN_MATERIAL_ERROR = np.array([0.0, 0.03, 0.08, 0.08, 0.08, 0.0, 0.0, 0.0], np.float32)
-"""Standard deviations of a given material's numbers, in the order of given_material.material_input."""
+"""Standard deviations of the errors of a given material, in the order of given_material.material_input."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Batch:
-    """photo [B, 4, S, S]: display RGB times mask, and mask; irradiance [B, 3, S, S] and ldr [B, 3, H, 2H] through the
+    """Batch of training pairs, as tensors.
+
+    photo [B, 4, S, S]: display RGB times mask, and mask; irradiance [B, 3, S, S] and ldr [B, 3, H, 2H] through the
     mean curve; ln_radiance [B, 3, H, 2H]; alpha [B]; normals [B, 3, S, S], zero outside the object, and tan_half [B] of
     half the field of view; given_normals_rotation [B, 3, 3]: from these normals to the given ones, a small turn, or
     zero where none are given; surroundings [B, 4, H, 2H]: what else the photo shows, see dataset.seen_surroundings, or
     zero; material [B, 8]: of the object (given_material.material_input; zero where a dataset does not say), and
-    given_material [B, 8]: as it is given, or zero."""
+    given_material [B, 8]: as it is given, or zero.
+    """
 
     photo: torch.Tensor
     irradiance: torch.Tensor
@@ -104,15 +108,15 @@ class Batch:
     given_material: torch.Tensor
 
     def to(self, device: str) -> Batch:
-        """Return the same on another device."""
+        """Move the batch to another device."""
         return Batch(**{one.name: getattr(self, one.name).to(device) for one in fields(self)})
 
 
-def slide(kept: dict, wanted: range, make: Callable[[int], Any]) -> list:
-    """Return the things of the wanted numbers, made when not kept yet; the others are forgotten."""
-    for number in kept.keys() - set(wanted):
-        del kept[number]
-    return [kept[number] if number in kept else kept.setdefault(number, make(number)) for number in wanted]
+def slide(cache: dict, numbers: range, make: Callable[[int], Any]) -> list:
+    """Return the items of the wanted numbers, made unless cached; items of other numbers are dropped."""
+    for number in cache.keys() - set(numbers):
+        del cache[number]
+    return [cache[number] if number in cache else cache.setdefault(number, make(number)) for number in numbers]
 
 
 class PairSource:
@@ -128,7 +132,7 @@ class PairSource:
         self._steps_per_group = max(1, config.group * config.reuse // config.batch)
 
     def _pool(self, step: int) -> list[LitMaterial]:
-        """Return the lit materials that the step's lane has at hand, the oldest first."""
+        """Return the lit materials available to the step's lane, the oldest first."""
         turn, lane = divmod(step, self.config.lanes)
         first = turn // self._steps_per_group
 
@@ -140,18 +144,18 @@ class PairSource:
 
     @torch.no_grad()
     def batch(self, step: int) -> Batch:
-        """The pairs of step number `step`."""
+        """Make the pairs of step number `step`."""
         pool = self._pool(step)
         rng = np.random.default_rng((self.config.seed, 2, step))
         chosen = [pool[i] for i in rng.choice(len(pool), self.config.batch, replace=len(pool) < self.config.batch)]
         index = np.array([rng.choice(self._by_elevation[lit.elevation]) for lit in chosen])
         drawn = np.asarray(self.surfaces.normals[index])
         shadows = None if self.surfaces.hidden is None else np.array(self.surfaces.hidden[index])
-        for one in np.nonzero(rng.random(len(index)) < 0.5)[0]:  # seen in a mirror, a shape is another shape
-            drawn[one] = drawn[one, :, :, ::-1]
-            drawn[one, 0] *= -1
+        for k in np.nonzero(rng.random(len(index)) < 0.5)[0]:  # seen in a mirror, a shape is another shape
+            drawn[k] = drawn[k, :, :, ::-1]
+            drawn[k, 0] *= -1
             if shadows is not None:
-                shadows[one] = mirrored(shadows[one])
+                shadows[k] = mirrored(shadows[k])
         hidden = None if shadows is None else torch.from_numpy(shadows).to(self.device)
         normals = torch.from_numpy(drawn).to(self.device).float()
         tan_half = self.surfaces.tan_half[index]
@@ -177,7 +181,7 @@ class PairSource:
         rng: np.random.Generator,
         hidden: torch.Tensor | None = None,
     ) -> Batch:
-        """Put lit materials on surfaces [B, 3, S, S], give them colours and take the photos.
+        """Put lit materials on surfaces [B, 3, S, S], draw their colours and take the photos.
 
         hidden: what the surfaces hide from themselves, [B, AZIMUTHS, SIDE, SIDE] of dataset.occlusion.
         """
@@ -186,7 +190,7 @@ class PairSource:
             draw_material(rng, lit.alpha) if lit.kind is None else distributions.draw_one(rng, lit.kind, lit.alpha)
             for lit in chosen
         ]
-        described = np.stack([material_input(one) for one in materials])
+        described = np.stack([material_input(material) for material in materials])
         shares = self.config.textured, self.config.two_materials
         if max(shares) > 0:  # by random numbers of its own: all else of a photo stays as it is
             materials = paint_some(materials, normals.cpu().numpy(), rng.spawn(1)[0], *shares)
@@ -201,7 +205,7 @@ class PairSource:
         shots = [draw_shot(rng, self.config.conditions) for _ in range(count)]
         light = torch.stack([lit.radiance for lit in chosen]).permute(0, 3, 1, 2)
         behind = Behind(light, wo, self.config.cut_out, rng)
-        taken = photograph(
+        photos = photograph(
             shots,
             self._lit(chosen, radiance, mask, light),
             rng,
@@ -210,50 +214,50 @@ class PairSource:
             flawed=self.config.conditions > 0,
             tone=partial(self._tone, curve=curves(shots, self.device)),
         )
-        shots, framed = taken.shots, behind.framed
-        gain = radiance.new_tensor(taken.gain).reshape(-1, 1, 1, 1)
+        shots, framed = photos.shots, behind.framed
+        gain = radiance.new_tensor(photos.gain).reshape(-1, 1, 1, 1)
         light = light * gain
-        photo_mask = torch.from_numpy(taken.mask[:, None]).to(self.device).float()
+        photo_mask = torch.from_numpy(photos.mask[:, None]).to(self.device).float()
         white_balance = column([shot.white_balance for shot in shots])
         light, gain = light * white_balance, gain * white_balance
-        given = np.zeros((count, 3, 3), np.float32)
+        rotations = np.zeros((count, 3, 3), np.float32)
         if self.config.given_normals > 0:
-            given = _small_turns(count, rng) * (rng.random(count) < self.config.given_normals)[:, None, None]
+            rotations = _small_turns(count, rng) * (rng.random(count) < self.config.given_normals)[:, None, None]
         angles = torch.from_numpy(np.asarray(tan_half, np.float32)).to(self.device)
         surroundings_map = light.new_zeros(count, 4, *light.shape[2:])
         if self.config.surroundings > 0:
             framed &= rng.random(count) < self.config.surroundings
-            frames = np.stack([draw_frame(rng, each) for each in tan_half]) * framed[:, None]
+            frames = np.stack([draw_frame(rng, photo_tan_half) for photo_tan_half in tan_half]) * framed[:, None]
             tone = partial(self._tone, curve=curves(shots, self.device))
-            surroundings_map = photo_surroundings(unsteady(light, rng), photo_mask, angles, frames, tone)
+            surroundings_map = photo_surroundings(perturb(light, rng), photo_mask, angles, frames, tone)
             if self.config.merged_surroundings > 0:
-                more = framed & (rng.random(count) < self.config.merged_surroundings)
-                surroundings_map = gather(surroundings_map, light, photo_mask, angles, more, rng, tone)
+                merged = framed & (rng.random(count) < self.config.merged_surroundings)
+                surroundings_map = gather(surroundings_map, light, photo_mask, angles, merged, rng, tone)
         return Batch(
-            photo=torch.cat([taken.photo / 255, photo_mask], dim=1),
+            photo=torch.cat([photos.photo / 255, photo_mask], dim=1),
             irradiance=self._tone(first_factor * gain, MEAN_CURVE) * mask,
             ldr=self._tone(light, MEAN_CURVE),
             ln_radiance=torch.log(light.clip(min=1e-6)).clip(*LN_RANGE),
             alpha=torch.tensor([lit.alpha for lit in chosen], device=self.device),
             normals=normals,
             tan_half=angles,
-            given_normals_rotation=torch.from_numpy(given.astype(np.float32)).to(self.device),
+            given_normals_rotation=torch.from_numpy(rotations.astype(np.float32)).to(self.device),
             surroundings=surroundings_map,
             material=torch.from_numpy(described).to(self.device),
             given_material=torch.from_numpy(self._given(described, rng)).to(self.device),
         )
 
     def _given(self, described: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Return the materials [B, 8] that come with their photos, with errors; the rest zero."""
+        """Return the materials [B, 8] given with the photos, with errors; zero where none is."""
         if self.config.given_material == 0:
             return np.zeros_like(described)
         rng = rng.spawn(1)[0]  # all else of a photo stays as it is
-        wrong = described + rng.standard_normal(described.shape, np.float32) * GIVEN_MATERIAL_ERROR
-        wrong[:, 1] = wrong[:, 1].clip(0.1, 1.0)
-        return wrong * (rng.random((len(wrong), 1)) < self.config.given_material)
+        noisy = described + rng.standard_normal(described.shape, np.float32) * GIVEN_MATERIAL_ERROR
+        noisy[:, 1] = noisy[:, 1].clip(0.1, 1.0)
+        return noisy * (rng.random((len(noisy), 1)) < self.config.given_material)
 
     def _lit(self, chosen: list[LitMaterial], radiance, mask, light) -> LitObjects:
-        """radiance [B, 3, S, S] of objects, with mask [B, 1, S, S], under light [B, 3, H, 2H]."""
+        """Describe objects of radiance [B, 3, S, S] and mask [B, 1, S, S] under light [B, 3, H, 2H] for the camera."""
         weights = radiance.new_tensor(REC709).reshape(1, 3, 1, 1)
         seen = (radiance * weights).sum(1, keepdim=True)
         return LitObjects(
@@ -267,6 +271,6 @@ class PairSource:
 
 
 def _small_turns(count: int, rng: np.random.Generator) -> np.ndarray:
-    """Rotations [count, 3, 3] about all three axes, GIVEN_NORMALS_ERROR_DEG each."""
+    """Draw rotations [count, 3, 3] about all three axes, GIVEN_NORMALS_ERROR_DEG each."""
     angles = rng.normal(0.0, np.radians(GIVEN_NORMALS_ERROR_DEG), (count, 3))
     return np.stack([rotation_x(x) @ rotation_y(y) @ rotation_z(z) for x, y, z in angles])

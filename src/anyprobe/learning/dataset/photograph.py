@@ -1,5 +1,4 @@
-"""From lit objects to what a user has: metering, mask errors and camera, in one order for exact pairs and those made on
-the fly."""
+"""Photos of lit objects: metering, mask errors and camera, the same for exact pairs and those made on the fly."""
 
 from __future__ import annotations
 
@@ -36,8 +35,11 @@ class LitObjects:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Photographed:
-    """photo [N, 3, S, S]: whole numbers from 0 to 255, zero beside the mask; mask [N, S, S] bool, NumPy, as found;
-    gain [N]: from radiance to the photos' units before white balance."""
+    """Photos of N objects.
+
+    photo [N, 3, S, S]: whole numbers from 0 to 255, zero beside the mask; mask [N, S, S] bool, NumPy, as found;
+    gain [N]: from radiance to the photos' units before white balance.
+    """
 
     shots: list[Shot]
     photo: Any
@@ -55,7 +57,7 @@ def photograph(
     flawed: bool,
     tone: Callable | None = None,
 ) -> Photographed:
-    """Meter, look behind the objects, err in the masks, take the photos.
+    """Meter, see the background, disturb the masks and take the photos.
 
     Args:
         behind: from the gains to what the photos show beside the objects, [N, 3, S, S] in their units, or None.
@@ -69,16 +71,16 @@ def photograph(
     factor = xp.asarray(gain, dtype=lit.radiance.dtype, device=device(lit.radiance))
     exposed = xp.astype(lit.radiance * factor[:, None, None, None], xp.float32)
     background = behind(gain)
-    found = np.asarray(lit.mask[:, 0].cpu() if hasattr(lit.mask, "cpu") else lit.mask[:, 0])
+    masks = np.asarray(lit.mask[:, 0].cpu() if hasattr(lit.mask, "cpu") else lit.mask[:, 0])
     if flawed:
-        found = np.stack([disturb_mask(one, rng) for one in found])
+        masks = np.stack([disturb_mask(mask, rng) for mask in masks])
     photo = take_photo(shots, exposed, lit.mask, background, grain(), tone)
-    cover = xp.asarray(found[:, None], dtype=photo.dtype, device=device(photo))
-    return Photographed(shots=shots, photo=photo * cover, mask=found, gain=gain)
+    cover = xp.asarray(masks[:, None], dtype=photo.dtype, device=device(photo))
+    return Photographed(shots=shots, photo=photo * cover, mask=masks, gain=gain)
 
 
 def _ambient(radiance: np.ndarray) -> np.ndarray:
-    """Sum of a map [H, 2H, 3] over the sphere, [3]."""
+    """Return the integral of a map [H, 2H, 3] over the sphere, [3]."""
     return (radiance * pixel_solid_angles(radiance.shape[0])[..., None]).sum(axis=(0, 1))
 
 
@@ -91,4 +93,4 @@ def _meter(shots: list[Shot], lit: LitObjects) -> list[float]:
         if shot.meters_frame:
             bright = lit.brightness[k]
             scene[k] = float(distributions.frame_level(bright.cpu().numpy() if hasattr(bright, "cpu") else bright))
-    return [exposure(*each) for each in zip(shots, lit.on_object, scene, strict=True)]
+    return [exposure(*arguments) for arguments in zip(shots, lit.on_object, scene, strict=True)]

@@ -1,4 +1,4 @@
-"""Tasks done by processes of this machine, or by a Ray cluster: those of a worker or node that is lost go to others."""
+"""Pools that do tasks, on this machine or on a Ray cluster; tasks of a lost worker or node go to others."""
 
 from __future__ import annotations
 
@@ -19,19 +19,21 @@ from typing import Any
 from anyprobe.errors import AnyprobeError, InputError, MissingExtra
 
 ATTEMPTS = 3
-"""How often a task is tried whose workers die."""
+"""Largest number of attempts at a task whose workers die."""
 
-_OF_CHILDREN = dict.fromkeys(
+_CHILD_ENVIRONMENT = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "PYTHONSAFEPATH"), "1"
 )
-"""Environment of processes: one thread, and no modules from the working folder, whose random.py is not Python's."""
+"""Environment of worker processes: one thread, and no modules from the working folder, whose random.py is not
+Python's."""
 
 Work = Callable[[Any, Callable[[int], None]], Any]
-"""work(task, report) does a task, calls report(n) on the way, and returns its result; all of it can be pickled."""
+"""A function work(task, report) that does a task, calls report(n) on the way, and returns its result; all can be
+pickled."""
 
 
 class WorkerFailed(AnyprobeError):
-    """A task could not be done by any worker."""
+    """No worker could do a task."""
 
 
 @dataclass(slots=True)
@@ -42,89 +44,89 @@ class _Worker:
 
 
 def run_local(
-    work: Work, tasks: Sequence[Any], watch: Callable[[Any, int], None], *, workers: int, say: Callable[[str], None]
+    work: Work, tasks: Sequence[Any], watch: Callable[[Any, int], None], *, workers: int, log: Callable[[str], None]
 ) -> dict[Any, Any]:
-    """Do every task in one of so many processes; result by task.
+    """Do every task in worker processes on this machine; return the results by task.
 
-    watch(task, n) hears of progress in this process, say(line) of workers that died.
+    watch(task, n) hears of progress in this process, log(line) of workers that died.
 
     Raises:
         AnyprobeError: what a task raised, at once; its other exceptions and three deaths as WorkerFailed.
     """
     waiting, results = deque(tasks), {}
     deaths: Counter[Any] = Counter()
-    crew: list[_Worker] = []
+    pool: list[_Worker] = []
     try:
-        while waiting or any(one.task is not None for one in crew):
-            while waiting and len(crew) < min(workers, len(tasks)):
-                crew.append(_hire(work))
-            for one in crew:
-                if one.task is None and waiting:
-                    one.task = waiting.popleft()
+        while waiting or any(worker.task is not None for worker in pool):
+            while waiting and len(pool) < min(workers, len(tasks)):
+                pool.append(_start_worker(work))
+            for worker in pool:
+                if worker.task is None and waiting:
+                    worker.task = waiting.popleft()
                     with suppress(OSError):  # it died; the pipe says so when it is read
-                        one.pipe.send(one.task)
-            ready = wait([one.pipe for one in crew])
-            for one in [one for one in crew if one.pipe in ready]:
+                        worker.pipe.send(worker.task)
+            ready = wait([worker.pipe for worker in pool])
+            for worker in [worker for worker in pool if worker.pipe in ready]:
                 try:
-                    message = one.pipe.recv()
+                    message = worker.pipe.recv()
                 except (EOFError, OSError):
-                    crew.remove(one)
-                    _bury(one, waiting, deaths, watch, say)
+                    pool.remove(worker)
+                    _requeue_task(worker, waiting, deaths, watch, log)
                     continue
                 if message[0] == "progress":
-                    watch(one.task, message[1])
+                    watch(worker.task, message[1])
                 elif message[0] == "done":
-                    results[one.task], one.task = message[1], None
+                    results[worker.task], worker.task = message[1], None
                 else:
                     raise message[1]
     finally:
-        for one in crew:
-            one.process.terminate()
-        for one in crew:
-            one.process.join()
-            one.pipe.close()
+        for worker in pool:
+            worker.process.terminate()
+        for worker in pool:
+            worker.process.join()
+            worker.pipe.close()
     return results
 
 
-def _bury(one: _Worker, waiting: deque, deaths: Counter, watch: Callable, say: Callable) -> None:
-    """Give a dead worker's task back, unless it killed too many."""
-    one.process.join()
-    one.pipe.close()
-    code = one.process.exitcode or 0
+def _requeue_task(worker: _Worker, waiting: deque, deaths: Counter, watch: Callable, log: Callable) -> None:
+    """Requeue a dead worker's task; WorkerFailed if it has ended too many workers."""
+    worker.process.join()
+    worker.pipe.close()
+    code = worker.process.exitcode or 0
     cause = f"signal {-code}" if code < 0 else f"status {code}"
-    if one.task is None:
-        say(f"an idle worker died ({cause})")
+    if worker.task is None:
+        log(f"an idle worker died ({cause})")
         return
-    deaths[one.task] += 1
-    watch(one.task, 0)
-    if deaths[one.task] >= ATTEMPTS:
+    deaths[worker.task] += 1
+    watch(worker.task, 0)
+    if deaths[worker.task] >= ATTEMPTS:
         raise WorkerFailed(
-            f"task {one.task}: expected a result, but its worker died {ATTEMPTS} times (last by {cause}); "
+            f"task {worker.task}: expected a result, but its worker died {ATTEMPTS} times (last by {cause}); "
             "if memory is short, use fewer --workers"
         )
-    say(f"a worker died ({cause}); task {one.task} is done again by another")
-    waiting.appendleft(one.task)
+    log(f"a worker died ({cause}); task {worker.task} is repeated by another")
+    waiting.appendleft(worker.task)
 
 
-def _hire(work: Work) -> _Worker:
+def _start_worker(work: Work) -> _Worker:
     context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe()
-    process = context.Process(target=_serve, args=(work, theirs), daemon=True)
+    own_end, worker_end = context.Pipe()
+    process = context.Process(target=_serve, args=(work, worker_end), daemon=True)
     with one_thread(), _interrupts_held():
         process.start()
-    theirs.close()
-    return _Worker(process=process, pipe=ours)
+    worker_end.close()
+    return _Worker(process=process, pipe=own_end)
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Numeric libraries loaded by processes begun here use one thread each: as fast, and the same sums.
+    """Make numeric libraries use one thread in processes started within the block: as fast, with the same sums.
 
     NumPy's products of small matrices are on every path that makes pairs, and its second thread would spin
     between them on a core that another worker needs.
     """
-    old = {name: os.environ.get(name) for name in _OF_CHILDREN}
-    os.environ.update(_OF_CHILDREN)
+    old = {name: os.environ.get(name) for name in _CHILD_ENVIRONMENT}
+    os.environ.update(_CHILD_ENVIRONMENT)
     try:
         yield
     finally:
@@ -137,7 +139,7 @@ def one_thread() -> Iterator[None]:
 
 @contextmanager
 def _interrupts_held() -> Iterator[None]:
-    """Processes begun here never see Ctrl-C; this one sees it afterwards and ends them."""
+    """Shield processes started within the block from Ctrl-C; this process receives it afterwards and ends them."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -150,7 +152,7 @@ def _interrupts_held() -> Iterator[None]:
 
 
 def _serve(work: Work, pipe: Connection) -> None:
-    """A worker's life; a parent that is gone breaks the pipe and so ends it, at the next pair at the latest."""
+    """Do the tasks that come through a pipe; a lost parent breaks the pipe and ends the worker at the next pair."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         while True:
@@ -170,7 +172,7 @@ def _serve(work: Work, pipe: Connection) -> None:
 
 
 def _portable(error: AnyprobeError) -> AnyprobeError:
-    """Return an error that can be pickled, whatever its constructor takes."""
+    """Return the error if it can be pickled, else an AnyprobeError with its text."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:
@@ -178,10 +180,10 @@ def _portable(error: AnyprobeError) -> AnyprobeError:
     return error
 
 
-AHEAD = 2
-"""Tasks handed to Ray per CPU; the rest wait here, so that a long job stays light."""
+TASKS_PER_CPU = 2
+"""Tasks handed to Ray per CPU; the rest wait here, which keeps a long job light."""
 
-KNOCK_S = 10.0
+CONNECT_S = 10.0
 
 _QUIET = {
     "RAY_USAGE_STATS_ENABLED": "0",
@@ -196,10 +198,10 @@ def run_ray(
     *,
     address: str | None = None,
     workers: int = 2,
-    say: Callable[[str], None],
+    log: Callable[[str], None],
     finished: Callable[[Any], int] = lambda task: 1,
 ) -> dict[Any, Any]:
-    """Do every task on a cluster, one CPU each; result by task.
+    """Do every task on a cluster, one CPU each; return the results by task.
 
     address: a cluster's, "auto" for the one this machine is a node of; None begins one here with so many workers, which
     ends with this call. watch(task, finished(task)) reports each task that is done. Tasks must not mind being done
@@ -215,10 +217,10 @@ def run_ray(
         shared = ray.put(work)
         waiting, results = list(reversed(tasks)), {}
         running: dict[Any, Any] = {}
-        nodes = _alive(ray)
+        nodes = _live_nodes(ray)
         while waiting or running:
             cpus = int(ray.cluster_resources().get("CPU", 1))
-            while waiting and len(running) < AHEAD * max(1, cpus):
+            while waiting and len(running) < TASKS_PER_CPU * max(1, cpus):
                 task = waiting.pop()
                 running[remote.remote(shared, task)] = task
             ready, _ = ray.wait(list(running), num_returns=1, timeout=1.0)
@@ -226,10 +228,10 @@ def run_ray(
                 task = running.pop(reference)
                 results[task] = _result(ray, reference, task)
                 watch(task, finished(task))
-            now = _alive(ray)
-            for node in sorted(nodes - now):
-                say(f"node {node} was lost; what it had in hand is done again by others")
-            nodes = now
+            live = _live_nodes(ray)
+            for node in sorted(nodes - live):
+                log(f"node {node} was lost; others repeat its tasks")
+            nodes = live
         return results
     finally:
         ray.shutdown()
@@ -257,7 +259,7 @@ def _short(error: BaseException) -> str:
     return " ".join(str(error).split())[:160]
 
 
-def _alive(ray) -> set[str]:
+def _live_nodes(ray) -> set[str]:
     return {f"{node['NodeManagerAddress']} ({node['NodeID'][:8]})" for node in ray.nodes() if node["Alive"]}
 
 
@@ -269,28 +271,28 @@ def _connect(address: str | None, workers: int):
     except ImportError as error:
         raise MissingExtra("ray", "ray", "--engine ray", error) from error
     if address is None:
-        where: dict[str, Any] = {"num_cpus": workers, "include_dashboard": False}
+        options: dict[str, Any] = {"num_cpus": workers, "include_dashboard": False}
     else:
-        _knock(address)
-        where = {"address": address}
+        _check_answers(address)
+        options = {"address": address}
     try:
-        ray.init(**where, log_to_driver=False, logging_level="ERROR", configure_logging=False)
+        ray.init(**options, log_to_driver=False, logging_level="ERROR", configure_logging=False)
     except Exception as error:  # of many kinds, bare ones too
         ray.shutdown()
         raise InputError(
-            f"--engine ray: expected a cluster {f'at {address}' if address else 'to begin here'}, "
+            f"--engine ray: expected a cluster {f'at {address}' if address else 'to start here'}, "
             f"got {type(error).__name__} ({_short(error)}); see `ray status`"
         ) from error
     return ray
 
 
-def _knock(address: str) -> None:
-    """Ray itself tries for minutes and then ends the process."""
+def _check_answers(address: str) -> None:
+    """Check that a cluster's address answers: Ray itself tries for minutes and then ends the process."""
     host, _, port = address.removeprefix("ray://").rpartition(":")
     if not host:  # "auto" and the like: found by files on this machine
         return
     try:
-        socket.create_connection((host, int(port)), timeout=KNOCK_S).close()
+        socket.create_connection((host, int(port)), timeout=CONNECT_S).close()
     except (OSError, ValueError) as error:
         raise InputError(
             f"--address {address}: expected a Ray cluster, got no answer ({_short(error)}); see `ray status`"

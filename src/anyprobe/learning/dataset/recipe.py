@@ -1,4 +1,5 @@
-"""The twenty bytes that a pair is rendered from, and which recipes a dataset or a test set has, in a fixed order."""
+"""Recipes: the twenty bytes that a pair is rendered from, and the recipes of datasets and test sets in a fixed
+order."""
 
 from __future__ import annotations
 
@@ -16,18 +17,18 @@ from anyprobe.errors import InputError
 from anyprobe.learning.dataset.asset_store import AssetStore
 
 RECIPE_VERSION = 2
-"""Raised whenever the same fields would give another pair."""
+"""Version of recipes, raised whenever the same fields would give another pair."""
 DRAWS = 1
-"""Raised whenever other scenes would be drawn; a better renderer alone shows the same ones anew."""
+"""Version of random scenes; a better renderer alone leaves it, as it shows the same scenes."""
 
 KINDS = ("object", "map")
 NO_SHAPE = "00000000"
 VIEWPOINTS = 23
-"""Camera positions on the upper hemisphere, as in the paper's Sect. 3.5."""
+"""Number of camera positions on the upper hemisphere, as in the paper's Sect. 3.5."""
 MATERIAL_CHOICES = 8
 EXPOSURES = 5
 WORLD = 2
-"""Conditions of photos with dataset.distributions, flawed as the world gives them."""
+"""Conditions of photos with dataset.distributions and with flaws, as phones take them."""
 
 _LAYOUT = struct.Struct(">BB4s4sBBQ")
 
@@ -56,7 +57,7 @@ class Recipe:
     seed: int
 
     def to_bytes(self) -> bytes:
-        """Version, kind and conditions, map, shape, material, view, seed; big-endian."""
+        """Encode version, kind and conditions, map, shape, material, view, seed; big-endian."""
         return _LAYOUT.pack(
             RECIPE_VERSION,
             2 * KINDS.index(self.kind) + (4 if self.conditions == WORLD else self.conditions),
@@ -68,12 +69,12 @@ class Recipe:
         )
 
     def to_hex(self) -> str:
-        """40 hexadecimal digits."""
+        """Encode the recipe as 40 hexadecimal digits."""
         return self.to_bytes().hex()
 
     @classmethod
     def from_hex(cls, text: str) -> Recipe:
-        """Inverse of to_hex; raises InputError on anything else."""
+        """Decode to_hex's digits; InputError for anything else."""
         try:
             version, flags, map_id, shape_id, material, view, seed = _LAYOUT.unpack(bytes.fromhex(text))
         except (ValueError, struct.error) as error:
@@ -103,23 +104,23 @@ class Recipe:
 
     @property
     def key(self) -> str:
-        """The pair's name: 16 hexadecimal digits of the bytes' SHA-256."""
+        """Name of the pair: 16 hexadecimal digits of the bytes' SHA-256."""
         return hashlib.sha256(self.to_bytes()).hexdigest()[:16]
 
     def rng(self) -> np.random.Generator:
-        """Return a fresh stream of random numbers that depends on every field."""
+        """Return a fresh generator of random numbers that depends on every field."""
         drawn_from = bytes([DRAWS]) + self.to_bytes()[1:]
         return np.random.default_rng(np.frombuffer(hashlib.sha256(drawn_from).digest(), np.uint32))
 
 
 def digest(recipes: list[Recipe]) -> str:
-    """Return the identity of a whole set: SHA-256 over the recipes in order, 16 digits."""
+    """Return the identity of a list of recipes: SHA-256 over them in order, 16 digits."""
     return hashlib.sha256(b"".join(recipe.to_bytes() for recipe in recipes)).hexdigest()[:16]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Plan:
-    """Every combination of maps, shapes, materials and views once, well mixed.
+    """All combinations of maps, shapes, materials and views, each once, well mixed.
 
     The first N recipes are a fair sample: specular and diffuse alternate, and the rest
     walks through all combinations in steps near the golden section of their number.
@@ -133,13 +134,14 @@ class Plan:
 
     @property
     def count(self) -> int:
-        """The paper's: shapes x maps x 8 materials x 23 views, or maps x 23 views x 5 exposures."""
+        """Number of recipes, as in the paper: shapes x maps x 8 materials x 23 views, or maps x 23 views x 5
+        exposures."""
         if self.kind == "map":
             return len(self.map_ids) * VIEWPOINTS * EXPOSURES
         return len(self.shape_ids) * len(self.map_ids) * MATERIAL_CHOICES * VIEWPOINTS
 
     def recipe(self, index: int) -> Recipe:
-        """Recipe number index, 0 to count - 1."""
+        """Return recipe number `index`, 0 to count - 1."""
         if not 0 <= index < self.count:
             raise IndexError(f"expected an index below {self.count}, got {index}")
         radices = (len(self.map_ids), VIEWPOINTS)
@@ -162,7 +164,7 @@ class Plan:
 
 
 def full_plan(store: AssetStore, kind: str = "object", conditions: int = 0, seed: int = 2020) -> Plan:
-    """Return the whole dataset over a stock."""
+    """Return the plan of all combinations of a store's assets."""
     if not store.maps or (kind == "object" and not store.shapes):
         raise InputError(
             f"dataset: expected at least one map and one shape, got {len(store.maps)} and {len(store.shapes)}"
@@ -177,7 +179,7 @@ def full_plan(store: AssetStore, kind: str = "object", conditions: int = 0, seed
 
 
 def balanced_recipes(store: AssetStore, count: int, seed: int = 2020, conditions: int = 0) -> list[Recipe]:
-    """Return a test set: in turn specular/diffuse, indoor/outdoor, every shape alike; the rest at random.
+    """Draw a test set: in turn specular/diffuse, indoor/outdoor, every shape equally often; the rest at random.
 
     Only one kind of place if the maps have no other.
     """
@@ -189,8 +191,8 @@ def balanced_recipes(store: AssetStore, count: int, seed: int = 2020, conditions
 
 
 def world_recipes(store: AssetStore, count: int, seed: int) -> list[Recipe]:
-    """Return a test set under the world's distributions: in turn their KINDS, the darker and the brighter half of
-    each, indoor/outdoor, every shape alike; the rest at random."""
+    """Draw a test set under the world's distributions: in turn KINDS, darker and brighter half, indoor/outdoor, every
+    shape; the rest at random."""
     return _test_set(
         store,
         count,
@@ -211,7 +213,7 @@ def _test_set(
     shape: Callable[[int], int],
     material: Callable[[int, np.random.Generator], int],
 ) -> list[Recipe]:
-    """Recipes 0 to count - 1: of shape number shape(k), of material(k, rng), `run` of one kind of place in turn."""
+    """Draw `count` recipes: number k has shape shape(k) and material(k, rng), `run` in a row of one kind of place."""
     if not store.maps or not store.shapes:
         raise InputError(
             f"test set: expected at least one map and one shape, got {len(store.maps)} and {len(store.shapes)}"
@@ -241,7 +243,7 @@ def _seed(seed: int, index: int) -> int:
 
 
 def _shuffled(index: int, count: int, seed: int) -> int:
-    """Return a permutation of range(count): steps coprime with count, near its golden section."""
+    """Permute range(count): steps coprime with count, near its golden section."""
     step = max(1, int(count * 0.6180339887))
     while gcd(step, count) != 1:
         step += 1
@@ -249,7 +251,7 @@ def _shuffled(index: int, count: int, seed: int) -> int:
 
 
 def _digits(value: int, radices: tuple[int, ...]) -> list[int]:
-    """Mixed-radix digits of value, most significant first."""
+    """Return the mixed-radix digits of a value, most significant first."""
     digits = []
     for radix in reversed(radices):
         value, digit = divmod(value, radix)
@@ -258,11 +260,11 @@ def _digits(value: int, radices: tuple[int, ...]) -> list[int]:
 
 
 def read_recipes(path: str | os.PathLike[str]) -> list[Recipe]:
-    """One recipe a line, the first line `# <digest>`; raises InputError if the digest is another."""
+    """Read recipes, one a line after a first line `# <digest>`; InputError if the digest differs."""
     try:
         lines = Path(path).read_text(encoding="ascii").split("\n")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: expected a text file of recipes, one a line, got none readable") from error
+        raise InputError(f"{path}: expected a text file of recipes, one per line, got an unreadable one") from error
     recipes = [Recipe.from_hex(line.strip()) for line in lines[1:] if line.strip()]
     if lines[0] != f"# {digest(recipes)}":
         raise InputError(

@@ -1,4 +1,4 @@
-"""A rendered dataset: dataset.json, its shards, and rendering those that are missing."""
+"""A rendered dataset: dataset.json, its shards, and the rendering of missing shards."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from anyprobe.learning.dataset.samples import CONDITIONS, DATASET_FORMAT, StoreR
 
 
 def render_again(job: RenderJob, task: tuple[int, tuple[int, ...]], report: Callable[[int], None]) -> str:
-    """Return what differs when pairs of a shard, by number in the dataset, are rendered again; empty if nothing."""
+    """Render pairs of a shard again, by number in the dataset; return what differs, empty if nothing."""
     shard, numbers = task
     renderer = _renderer(job)
     stored = dict(shards.read_samples(shards.tar_path(job.folder, shard)))
@@ -55,22 +55,22 @@ def differing_pairs(
     folder: Path,
     data: Path | None,
     make: Make,
-    among: Sequence[int],
+    shards_to_check: Sequence[int],
     count: int,
     *,
     workers: int,
-    say: Callable[[str], None],
+    log: Callable[[str], None],
 ) -> dict[int, str]:
-    """Return what differs, by shard, when `count` random pairs of some shards are rendered again."""
+    """Render `count` random pairs of some shards again; return what differs, by shard."""
     job = _job(folder, data, make)
-    tasks = choose_pairs(job.plan, among, count)
-    results = run_local(partial(render_again, job), tasks, lambda task, n: None, workers=workers, say=say)
-    return {shard: wrong for (shard, _), wrong in results.items() if wrong}
+    tasks = choose_pairs(job.plan, shards_to_check, count)
+    results = run_local(partial(render_again, job), tasks, lambda task, n: None, workers=workers, log=log)
+    return {shard: difference for (shard, _), difference in results.items() if difference}
 
 
-def choose_pairs(plan: Mapping, among: Sequence[int], count: int) -> list[tuple[int, tuple[int, ...]]]:
+def choose_pairs(plan: Mapping, shards: Sequence[int], count: int) -> list[tuple[int, tuple[int, ...]]]:
     """Choose `count` random pairs of some shards, or all if there are fewer: (shard, numbers of its pairs)."""
-    numbers = [number for shard in among for number in shard_range(plan, shard)]
+    numbers = [number for shard in shards for number in shard_range(plan, shard)]
     chosen = sorted(np.random.default_rng().permutation(numbers)[:count].tolist())
     return [(shard, tuple(group)) for shard, group in groupby(chosen, lambda number: number // plan["shard_size"])]
 
@@ -90,21 +90,21 @@ SETTINGS: dict[str, Any] = {
 """Settings of a dataset and their defaults; pairs None means all."""
 
 WORDS = {"kind": ("object", "map"), "split": ("train", "test"), "conditions": CONDITIONS}
-"""Values of the settings that are words."""
+"""Allowed values of the settings that are words."""
 
 PROCEDURAL = 32
-"""Maps and shapes of our own when no folder of assets is given."""
+"""Number of procedural maps, and of shapes, without a folder of assets."""
 
 BYTES_PER_PAIR = {"object": 45_000, "map": 60_000}
-"""Expected until a shard has shown it."""
+"""Expected size of a pair by kind [bytes], until a shard is there to measure."""
 
 Make = Callable[..., StoreRenderer]
-"""make(settings, data) opens the renderer; importable by name, as workers call it too."""
+"""A function make(settings, data) that opens the renderer; importable by name, as workers call it too."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RenderJob:
-    """One dataset: where it lies, how it is made and from which folder of assets."""
+    """One dataset: its folder, how to open its renderer, and its folder of assets."""
 
     folder: Path
     data: Path | None
@@ -112,11 +112,11 @@ class RenderJob:
 
     @property
     def plan(self) -> dict:
-        """The content of dataset.json."""
+        """Content of dataset.json."""
         return read_plan(self.folder)
 
     def missing(self) -> list[int]:
-        """Return the shards that are not there yet, or not of the size their index says."""
+        """Return the shards that are absent, or not of the size that their index states."""
         return [shard for shard in range(num_shards(self.plan)) if not shards.is_done(self.folder, shard)]
 
 
@@ -127,22 +127,22 @@ def _job(folder: Path, data: Path | None, make: Make) -> RenderJob:
 
 @lru_cache(maxsize=1)
 def _renderer(job: RenderJob) -> StoreRenderer:
-    """Return the renderer, opened once a process; InputError if its assets are not the dataset's."""
-    # what is left out of a folder of assets was said when the dataset was begun
+    """Return the renderer, opened once per process; InputError if its assets are not the dataset's."""
+    # what is left out of a folder of assets was reported when the dataset was started
     return _open(job, job.plan, report=lambda line: None)
 
 
 def _open(job: RenderJob, plan: Mapping, **options) -> StoreRenderer:
-    """Return the renderer of a plan; InputError if it is not over the plan's assets."""
+    """Open the renderer of a plan; InputError if it is not over the plan's assets."""
     if job.data is None and plan["procedural_maps"] < len(plan["maps"]):
-        raise InputError("--data: expected the folder of assets that the dataset was begun with, got none")
+        raise InputError("--data: expected the folder of assets that the dataset was started with, got none")
     renderer = job.make({name: plan[name] for name in SETTINGS}, job.data, **options)
     _same_assets(job.folder, plan, renderer)
     return renderer
 
 
 def num_shards(plan: Mapping) -> int:
-    """Return how many shards a plan has."""
+    """Return the number of shards of a plan."""
     return -(-plan["pairs"] // plan["shard_size"])
 
 
@@ -152,7 +152,7 @@ def shard_range(plan: Mapping, shard: int) -> range:
 
 
 def read_plan(folder: Path) -> dict:
-    """dataset.json of a folder; InputError if there is none or it is not one."""
+    """Read dataset.json of a folder; InputError if it is absent or damaged."""
     path = folder / NAME
     try:
         plan = json.loads(path.read_text(encoding="utf-8"))
@@ -160,16 +160,18 @@ def read_plan(folder: Path) -> dict:
             raise InputError(f"{path}: expected format {DATASET_FORMAT}, got {plan['format']}; use another version")
         _check_plan(plan)
     except FileNotFoundError as error:
-        raise InputError(f"{folder}: expected a rendered dataset, found no {NAME}; check the path") from error
+        raise InputError(
+            f"{folder}: expected a rendered dataset, got a folder without {NAME}; check the path"
+        ) from error
     except (OSError, ValueError, TypeError, KeyError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{path}: expected the plan of a dataset, got damage ({error})") from error
+        raise InputError(f"{path}: expected the plan of a dataset, got a damaged file ({error})") from error
     return plan
 
 
 def _check_plan(plan: Mapping) -> None:
-    """ValueError, KeyError or TypeError where a plan lacks anything that is read of it later."""
+    """Raise ValueError, KeyError or TypeError if a plan lacks anything that is read later."""
     for name, default in SETTINGS.items():
         expected = int if default is None else type(default)
         if type(plan[name]) is not expected or plan[name] not in WORDS.get(name, (plan[name],)):
@@ -182,11 +184,11 @@ def _check_plan(plan: Mapping) -> None:
 
 
 def begin(
-    folder: Path, given: Mapping[str, object], data: Path | None, make: Make, *, resume: bool, **options
+    folder: Path, chosen: Mapping[str, object], data: Path | None, make: Make, *, resume: bool, **options
 ) -> RenderJob:
-    """Write dataset.json of a new dataset, or check that an old one can go on.
+    """Write dataset.json of a new dataset, or check that an old one can be continued.
 
-    given: the settings the caller chose; others are the old dataset's, or as in SETTINGS.
+    chosen: the settings that the caller gave; others are the old dataset's, or as in SETTINGS.
     options go to make in this process.
 
     Raises:
@@ -196,35 +198,35 @@ def begin(
     folder, data = job.folder, job.data
     if resume:
         old = read_plan(folder)
-        for name, value in given.items():
+        for name, value in chosen.items():
             if old[name] != value:
                 raise InputError(
                     f"{folder.name}: --resume expected {name.replace('_', ' ')} {old[name]}, as the dataset was "
-                    f"begun, got {value}; give the same or another folder"
+                    f"started, got {value}; give the same or another folder"
                 )
         check_versions(folder, old)
         _open(job, old, **options)
         return job
     _refuse_occupied(folder)
-    own = {} if data is not None else {"procedural_maps": PROCEDURAL, "procedural_shapes": PROCEDURAL}
-    if given.get("kind") == "map":
-        own["procedural_shapes"] = 0
-    settings = {**SETTINGS, **own, **given}
+    procedural = {} if data is not None else {"procedural_maps": PROCEDURAL, "procedural_shapes": PROCEDURAL}
+    if chosen.get("kind") == "map":
+        procedural["procedural_shapes"] = 0
+    settings = {**SETTINGS, **procedural, **chosen}
     renderer = make(settings, data, **options)
     pairs = renderer.count if settings["pairs"] is None else settings["pairs"]
     if not 1 <= pairs <= renderer.count:
         raise InputError(
-            f"--pairs: expected 1 to {renderer.count}, as many as {len(renderer.maps)} maps and "
-            f"{len(renderer.shapes)} shapes give, got {pairs}"
+            f"--pairs: expected 1 to {renderer.count}, all pairs of {len(renderer.maps)} maps and "
+            f"{len(renderer.shapes)} shapes, got {pairs}"
         )
     plan = {**_versions(), **settings, "pairs": pairs, "maps": renderer.maps, "shapes": renderer.shapes}
-    # loading the assets took a while: another process may have begun a dataset here
+    # loading the assets took a while: another process may have started a dataset here
     shards.write_durably(folder / NAME, json.dumps(plan, indent=1) + "\n", new=True)
     return job
 
 
 def _versions() -> dict[str, object]:
-    """Return the versions and assets that would change the pairs of the same settings."""
+    """Return the versions that change the pairs of the same settings."""
     return {
         "format": DATASET_FORMAT,
         "anyprobe_version": __version__,
@@ -234,24 +236,24 @@ def _versions() -> dict[str, object]:
 
 
 def check_versions(folder: Path, plan: Mapping) -> None:
-    """InputError if the dataset is of another release: of the same settings this one would make other pairs."""
+    """Raise InputError if the dataset is of another release, whose pairs differ for the same settings."""
     for name, value in _versions().items():
         if plan.get(name) != value:
             raise InputError(
-                f"{folder}: expected {name.replace('_', ' ')} {plan.get(name)}, as the dataset was begun, "
+                f"{folder}: expected {name.replace('_', ' ')} {plan.get(name)}, as the dataset was started, "
                 f"got {value}; use that release, or another folder"
             )
 
 
 def _same_assets(folder: Path, plan: Mapping, renderer: StoreRenderer) -> None:
-    for what, notes in (("map", renderer.maps), ("shape", renderer.shapes)):
-        names = {one["id"]: one["name"] for one in plan[f"{what}s"]}
-        got = {one["id"]: one["name"] for one in notes}
+    for kind, entries in (("map", renderer.maps), ("shape", renderer.shapes)):
+        names = {entry["id"]: entry["name"] for entry in plan[f"{kind}s"]}
+        got = {entry["id"]: entry["name"] for entry in entries}
         for key in sorted(names.keys() ^ got.keys()):
             name = names.get(key) or got[key]
-            expected, came = (f"{what} {key} ({name})", "none") if key in names else (f"no {what} {key}", name)
+            expected, found = (f"{kind} {key} ({name})", "none") if key in names else (f"no {kind} {key}", name)
             raise InputError(
-                f"{folder.name}: expected {expected}, as the dataset was begun, got {came}; "
+                f"{folder.name}: expected {expected}, as the dataset was started, got {found}; "
                 "give the same assets or another folder"
             )
 
@@ -261,7 +263,7 @@ def _refuse_occupied(folder: Path) -> None:
         return
     if (folder / NAME).exists():
         raise InputError(
-            f"{folder}: expected a new folder, got a dataset; go on with it by --resume, or choose another"
+            f"{folder}: expected a new folder, got a dataset; continue it with --resume, or choose another"
         )
     if not folder.is_dir():
         raise InputError(f"{folder}: expected a new folder, got a file; choose another")
@@ -271,33 +273,35 @@ def _refuse_occupied(folder: Path) -> None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold a dataset against a second writer, until the block or the process ends."""
+    """Lock a dataset against a second writer, until the block or the process ends."""
     with held(folder / NAME, wait=False) as alone:
         if not alone:
-            raise InputError(f"{folder.name}: expected one writer, but another process renders into it; wait for it")
+            raise InputError(
+                f"{folder.name}: expected one writer, but another process renders into it; wait for its end"
+            )
         yield
 
 
 def check_space(job: RenderJob, missing: Sequence[int]) -> int:
-    """Bytes that the missing shards will need, by those that are there; OutputError if they do not fit."""
+    """Return the bytes that the missing shards will need, judged by those present; OutputError if they do not fit."""
     plan = job.plan
     done = [shard for shard in range(num_shards(plan)) if shard not in set(missing)][:20]
-    each = float(BYTES_PER_PAIR[plan["kind"]])
+    pair_bytes = float(BYTES_PER_PAIR[plan["kind"]])
     if done:
         paths = [shards.tar_path(job.folder, shard) for shard in done]
-        each = sum(p.stat().st_size for p in paths) / sum(len(shard_range(plan, s)) for s in done)
-    needed = int(each * sum(len(shard_range(plan, shard)) for shard in missing))
+        pair_bytes = sum(p.stat().st_size for p in paths) / sum(len(shard_range(plan, s)) for s in done)
+    needed = int(pair_bytes * sum(len(shard_range(plan, shard)) for shard in missing))
     free = shutil.disk_usage(job.folder).free
     if needed > free:
         raise OutputError(
             f"{job.folder}: expected {needed / 1e9:.1f} GB of free space for {len(missing)} shards, "
-            f"got {free / 1e9:.1f}; free some, or ask for fewer --pairs in another folder"
+            f"got {free / 1e9:.1f}; free some space, or ask for fewer --pairs in another folder"
         )
     return needed
 
 
 def render_shard(job: RenderJob, shard: int, report: Callable[[int], None]) -> None:
-    """Render one shard; report(n) after each pair. Any process on any machine may do this."""
+    """Render one shard; report(n) after each pair. Any process on any machine may call this."""
     renderer = _renderer(job)
 
     def samples():
@@ -309,7 +313,7 @@ def render_shard(job: RenderJob, shard: int, report: Callable[[int], None]) -> N
 
 
 def render_missing(job: RenderJob, engine: Callable, watch: Callable[[int, int], None]) -> None:
-    """Render what is missing with engine(work, tasks, watch): run_local or run_ray of process_pools.
+    """Render the missing shards with engine(work, tasks, watch): run_local or run_ray of process_pools.
 
     watch(shard, pairs done in it) reports the progress.
     """
@@ -332,7 +336,7 @@ def render_missing(job: RenderJob, engine: Callable, watch: Callable[[int, int],
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Status:
-    """How far a dataset is."""
+    """Progress of a dataset."""
 
     shards: int
     shards_done: int
@@ -344,7 +348,7 @@ class Status:
 
 
 def job_status(folder: Path) -> Status:
-    """Count what is there, by the indices."""
+    """Count the finished shards and pairs, by their indices."""
     plan, pairs, size = read_plan(folder), 0, 0
     groups: Counter[str] = Counter()
     missing: list[int] = []

@@ -28,12 +28,12 @@ WARM = np.array([1.15, 1.0, 0.75])
 WOOD = np.array([1.3, 1.0, 0.65])
 
 BOUNCES = 4
-"""Bounces of light; the first is the direct light."""
+"""Number of bounces of light; the first is the direct light."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Rectangle:
-    """On a wall, along its two axes in ascending order: centre [2] and half size [2] in metres."""
+    """Rectangle on a wall: centre [2] and half size [2] in metres, along the wall's two axes in ascending order."""
 
     wall: int
     centre: np.ndarray
@@ -42,7 +42,7 @@ class Rectangle:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Points:
-    """Where wall light is asked for: wall [N], position [N, 3], side [N, 2] of the square it stands for."""
+    """Points on walls: wall [N], position [N, 3], and side [N, 2] of the square that each stands for."""
 
     wall: np.ndarray
     position: np.ndarray
@@ -55,7 +55,7 @@ def _along(wall: int) -> tuple[int, int]:
 
 
 def _corner_sum(g: np.ndarray) -> np.ndarray:
-    """Return the alternating sum of a function over the corners of every pair of rectangles, [n, n, n, n]."""
+    """Sum a function over the corners of every pair of rectangles with alternating signs, [n, n, n, n]."""
     return reduce(lambda array, axis: np.diff(array, axis=axis), range(4), g)
 
 
@@ -86,36 +86,36 @@ def _perpendicular(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
 
 
 def form_factors(half: np.ndarray, patches: int = _PATCHES) -> np.ndarray:
-    """F [6 n^2, 6 n^2] of a box with half sizes [3]: F_ij is the share of i's light that reaches j.
+    """Compute F [6 n^2, 6 n^2] of a box with half sizes [3]: F_ij is the share of i's light that reaches j.
 
     Patches go wall by wall, in each by the first of its axes, then the second.
     """
     n = patches
     lines = [np.linspace(-h, h, n + 1) for h in half]
     exchange = np.zeros((6, n, n, 6, n, n))  # A_i F_ij, symmetric
-    for one in range(6):
-        for other in range(one + 1, 6):
-            p, q = one // 2, other // 2
+    for wall in range(6):
+        for other_wall in range(wall + 1, 6):
+            p, q = wall // 2, other_wall // 2
             if p == q:
-                u, v = _along(one)
+                u, v = _along(wall)
                 block = _parallel(lines[u], lines[v], 2 * half[p])
             else:
                 shared = 3 - p - q
-                here = np.abs(lines[q] - half[q] * (2 * (other % 2) - 1))
-                there = np.abs(lines[p] - half[p] * (2 * (one % 2) - 1))
+                here = np.abs(lines[q] - half[q] * (2 * (other_wall % 2) - 1))
+                there = np.abs(lines[p] - half[p] * (2 * (wall % 2) - 1))
                 block = np.abs(_perpendicular(here, lines[shared], there))
                 if shared < q:  # to the order of this wall's axes, then of the other's
                     block = block.swapaxes(0, 1)
                 if shared < p:
                     block = block.swapaxes(2, 3)
-            exchange[one, :, :, other] = block
-            exchange[other, :, :, one] = block.transpose(2, 3, 0, 1)
+            exchange[wall, :, :, other_wall] = block
+            exchange[other_wall, :, :, wall] = block.transpose(2, 3, 0, 1)
     areas = patch_areas(half, n)
     return exchange.reshape(len(areas), len(areas)) / areas[:, None]
 
 
 def patch_areas(half: np.ndarray, patches: int = _PATCHES) -> np.ndarray:
-    """Area of every patch, [6 n^2], in form_factors' order."""
+    """Compute the area of every patch, [6 n^2], in form_factors' order."""
     sides = [4 * half[u] * half[v] / patches**2 for u, v in map(_along, range(6))]
     return np.repeat(sides, patches**2)
 
@@ -134,7 +134,7 @@ def patch_points(half: np.ndarray, patches: int = _PATCHES) -> Points:
 
 
 def seen_points(half: np.ndarray, eye: np.ndarray, d: np.ndarray, texel: float) -> Points:
-    """Return what an eye inside the box sees along directions d [N, 3]; texel: its width in radians."""
+    """Return the points that an eye inside the box sees along directions d [N, 3]; texel: its width [radians]."""
     with np.errstate(divide="ignore"):
         t = np.where(d > 0, (half - eye) / d, (-half - eye) / d)
     axis = np.argmin(t, axis=-1)
@@ -144,7 +144,7 @@ def seen_points(half: np.ndarray, eye: np.ndarray, d: np.ndarray, texel: float) 
 
 
 def reflected(factors: np.ndarray, albedo: np.ndarray, source: np.ndarray, bounces: int = BOUNCES) -> np.ndarray:
-    """Radiance [K, 3] that patches of albedo [K, 3] send back when source [K, 3] shines.
+    """Compute the radiance [K, 3] that patches of albedo [K, 3] send back under source [K, 3].
 
     back_k = albedo F back_(k-1) from back_0 = source; the sum over k = 1 .. bounces.
     """
@@ -163,7 +163,7 @@ def coverage(rectangle: Rectangle, xy: np.ndarray, side: np.ndarray) -> np.ndarr
 
 
 def paint_rectangle(color: np.ndarray, rectangle: Rectangle, value: np.ndarray, points: Points) -> np.ndarray:
-    """color [N, 3] of the points with the rectangle laid over it; value [3], or [N, 3] of its own."""
+    """Lay a rectangle over the points' color [N, 3]; value [3], or one for each point [N, 3]."""
     here = np.flatnonzero(points.wall == rectangle.wall)
     share = coverage(rectangle, points.position[here][:, _along(rectangle.wall)], points.side[here])
     laid = color.copy()
@@ -172,7 +172,7 @@ def paint_rectangle(color: np.ndarray, rectangle: Rectangle, value: np.ndarray, 
 
 
 def sunlit(points: Points, half: np.ndarray, window: Rectangle, sun: np.ndarray) -> np.ndarray:
-    """cos of the sun on each point, times the share of it that comes through the window, [N, 1]."""
+    """Compute the cosine of the sun on each point, times the share of it that comes through the window, [N, 1]."""
     axis, sign = window.wall // 2, 2 * (window.wall % 2) - 1
     outward = sign * sun[axis]
     if outward <= 1e-3:
@@ -205,7 +205,7 @@ def _bars(window: Rectangle, rng: np.random.Generator) -> list[Rectangle]:
 
 
 def _behind_window(day: Day, wall: int, turn: np.ndarray) -> np.ndarray:
-    """Mean radiance [3] that comes in through a wall's window, the sun's beam left out."""
+    """Return the mean radiance [3] that comes in through a wall's window, without the sun's beam."""
     height = day.radiance.shape[0]
     outward = turn @ (np.eye(3)[wall // 2] * (2 * (wall % 2) - 1))
     cosine = np.maximum(pixel_directions(height) @ outward, 0.0) * pixel_solid_angles(height)
@@ -213,7 +213,7 @@ def _behind_window(day: Day, wall: int, turn: np.ndarray) -> np.ndarray:
 
 
 def room(rng: np.random.Generator, height: int = 256) -> np.ndarray:
-    """Inside a box with furniture, pictures, windows and light fixtures; mean luminance 1."""
+    """Render the inside of a box with furniture, pictures, windows and light fixtures; mean luminance 1."""
     half = rng.uniform([1.5, 1.15, 1.5], [5.0, 1.9, 5.0])
     eye = rng.uniform(-0.5, 0.5, size=3) * half * np.array([1, 0.6, 1])
     turn = rotation_y(rng.uniform(0, 2 * np.pi))  # the map's frame from the walls'
@@ -275,13 +275,13 @@ def room(rng: np.random.Generator, height: int = 256) -> np.ndarray:
     return normalize_map((radiance * balance).reshape(height, 2 * height, 3))
 
 
-def between_patches(values: np.ndarray, half: np.ndarray, points: Points, patches: int = _PATCHES) -> np.ndarray:
-    """values [6 n^2, C] of the patches at points between their middles, bilinear on each wall."""
-    grid = values.reshape(6, patches, patches, -1)
+def between_patches(values: np.ndarray, half: np.ndarray, points: Points) -> np.ndarray:
+    """Interpolate values [6 n^2, C] of the patches at points, bilinearly on each wall."""
+    grid = values.reshape(6, _PATCHES, _PATCHES, -1)
     along = np.array([_along(wall) for wall in range(6)])[points.wall]
     xy = np.take_along_axis(points.position, along, axis=1) / half[along]
-    xy = np.clip((xy + 1) / 2 * patches - 0.5, 0.0, patches - 1.0)
-    low = np.minimum(xy.astype(np.int64), patches - 2)
+    xy = np.clip((xy + 1) / 2 * _PATCHES - 0.5, 0.0, _PATCHES - 1.0)
+    low = np.minimum(xy.astype(np.int64), _PATCHES - 2)
     x, y = np.moveaxis(xy - low, 1, 0)[..., None]
     i, j = low.T
     near = grid[points.wall, i, j] * (1 - y) + grid[points.wall, i, j + 1] * y

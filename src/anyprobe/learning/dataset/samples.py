@@ -1,4 +1,4 @@
-"""A pair as named bytes, as stored in a shard, and its renderer."""
+"""A pair as named bytes, as a shard stores it, and its renderer."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from anyprobe.pictures.images import png_bytes
 CONDITIONS = ("clean", "world")
 
 DATASET_FORMAT = 2
-"""Format of datasets; another one is refused."""
+"""Version of the format of datasets; others are refused."""
 NORMALS = "normals.png"
 SAMPLE_ARRAYS = {
     "object": {
@@ -31,12 +31,12 @@ SAMPLE_ARRAYS = {
     },
     "map": {"ldr.png": ((64, 128, 3), "uint8"), "ln_radiance.npy": ((64, 128, 3), "float16")},
 }
-"""By kind, the shape and type of each array of a sample; json stands beside them."""
+"""Shape and type of each array of a sample, by kind; json stands beside them."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sample:
-    """A pair's name, its parts (photo.png and so on) in their order, and what it is counted under."""
+    """A pair's name, its parts (photo.png and so on) in order, and the groups that it counts towards."""
 
     key: str
     parts: dict[str, bytes]
@@ -47,7 +47,7 @@ _Report = Callable[[str], None] | None
 
 
 class StoreRenderer:
-    """Renders every combination of the assets of a folder, and of our own."""
+    """Renderer of all combinations of a folder's assets and of procedural ones."""
 
     def __init__(self, settings: Mapping, data: Path | None, report: _Report = None) -> None:
         self.kind = settings["kind"]
@@ -65,29 +65,29 @@ class StoreRenderer:
         conditions = CONDITIONS.index(settings["conditions"])
         self.plan = full_plan(self.store, self.kind, conditions, settings["seed"])
         self.count = self.plan.count
-        self.maps = _notes(self.store.maps)
-        self.shapes = _notes(self.store.shapes) if self.kind == "object" else []
+        self.maps = _asset_entries(self.store.maps)
+        self.shapes = _asset_entries(self.store.shapes) if self.kind == "object" else []
 
     def _leave_out_lines(self, report: _Report) -> None:
-        """Without the shapes that photos would not show."""
-        for shape in [one for one in self.store.shapes.values() if is_too_thin(one.mesh)]:
+        """Drop the shapes that photos would not show."""
+        for shape in [asset for asset in self.store.shapes.values() if is_too_thin(asset.mesh)]:
             del self.store.shapes[shape.id]
             if report is not None:
-                report(f"{shape.name}: expected a shape that photos show, got one thinner than a pixel; left out")
+                report(f"{shape.name}: expected a shape that photos can show, got one thinner than a pixel; left out")
 
     def recipe(self, index: int) -> Recipe:
-        """Recipe number index of the plan."""
+        """Return recipe number `index` of the plan."""
         return self.plan.recipe(index)
 
     def sample(self, recipe: Recipe) -> Sample:
-        """Its pair."""
+        """Render and encode a recipe's pair."""
         if recipe.kind == "object":
             return encode_pair(render_pair(recipe, self.store))
         return encode_map_pair(render_map_pair(recipe, self.store))
 
 
 def encode_pair(pair: Pair) -> Sample:
-    """photo.png (RGBA), irradiance.png, normals.png and json of an object's pair."""
+    """Encode an object's pair: photo.png (RGBA), irradiance.png, normals.png and json."""
     fields = {
         "shape_id": pair.recipe.shape_id,
         "shape": pair.shape_name,
@@ -105,35 +105,35 @@ def encode_pair(pair: Pair) -> Sample:
             NORMALS: png_bytes(encode_normals(pair.normals)),
             "json": _json(pair, fields),
         },
-        groups=("specular" if pair.specular else "diffuse", _place(pair)),
+        groups=("specular" if pair.specular else "diffuse", _location(pair)),
     )
 
 
 def encode_normals(normals: np.ndarray) -> np.ndarray:
-    """Unit normals [S, S, 3], zero off the object, to uint8: round(127 n) + 128, and 0 off the object."""
+    """Encode unit normals [S, S, 3], zero off the object, as uint8: round(127 n) + 128, and 0 off the object."""
     inside = normals.any(axis=-1, keepdims=True)
     return np.where(inside, np.round(127.0 * normals) + 128.0, 0.0).astype(np.uint8)
 
 
 def decode_normals(image: np.ndarray) -> np.ndarray:
-    """Back to [S, S, 3] float32: unit to rounding of half a degree, zero off the object."""
+    """Decode normals to [S, S, 3] float32: unit to rounding of half a degree, zero off the object."""
     inside = image.any(axis=-1, keepdims=True)
     return np.where(inside, (image.astype(np.float32) - 128.0) / 127.0, 0.0).astype(np.float32)
 
 
 def encode_map_pair(pair: MapPair) -> Sample:
-    """ldr.png, ln_radiance.npy and json of a map's pair."""
+    """Encode a map's pair: ldr.png, ln_radiance.npy and json."""
     array = io.BytesIO()
     np.save(array, np.ascontiguousarray(pair.ln_radiance, np.float16))
     return Sample(
         key=pair.recipe.key,
         parts={"ldr.png": png_bytes(pair.ldr), "ln_radiance.npy": array.getvalue(), "json": _json(pair, {})},
-        groups=(_place(pair),),
+        groups=(_location(pair),),
     )
 
 
 def decode_part(name: str, data: bytes) -> Any:
-    """Return a part as it was before encoding, by the end of its name; InputError if it is none."""
+    """Decode a part by the end of its name; InputError if it is damaged."""
     try:
         if name.endswith(".npy"):
             return np.load(io.BytesIO(data), allow_pickle=False)
@@ -141,12 +141,12 @@ def decode_part(name: str, data: bytes) -> Any:
             return np.asarray(Image.open(io.BytesIO(data), formats=["PNG"]))
         return json.loads(data)
     except (OSError, SyntaxError, ValueError, EOFError) as error:
-        what = " ".join(str(error).split())[:80] or type(error).__name__
-        raise InputError(f"{name}: expected a readable file, got damage ({what}); render it again") from error
+        message = " ".join(str(error).split())[:80] or type(error).__name__
+        raise InputError(f"{name}: expected a readable file, got a damaged one ({message}); render it again") from error
 
 
 def same(name: str, first: bytes, second: bytes) -> bool:
-    """Return whether two parts hold the same values bit for bit, however they were packed."""
+    """Return whether two parts hold the same values bit for bit, however they were compressed."""
     if first == second:
         return True
     a, b = decode_part(name, first), decode_part(name, second)
@@ -155,7 +155,7 @@ def same(name: str, first: bytes, second: bytes) -> bool:
     return a.shape == b.shape and a.dtype == b.dtype and a.tobytes() == b.tobytes()
 
 
-def _json(pair: Pair | MapPair, more: dict) -> bytes:
+def _json(pair: Pair | MapPair, extra: dict) -> bytes:
     recipe = pair.recipe
     fields = {
         "recipe": recipe.to_hex(),
@@ -168,17 +168,17 @@ def _json(pair: Pair | MapPair, more: dict) -> bytes:
         "map_from_camera": _numbers(pair.map_from_camera),
         "gain": _numbers(pair.gain),
     }
-    return json.dumps({**fields, **more}, allow_nan=False).encode()
+    return json.dumps({**fields, **extra}, allow_nan=False).encode()
 
 
 def _numbers(values) -> list[float]:
     return np.asarray(values, np.float64).tolist()
 
 
-def _place(pair: Pair | MapPair) -> str:
+def _location(pair: Pair | MapPair) -> str:
     return "indoor" if pair.indoor else "outdoor"
 
 
-def _notes(assets: Mapping) -> list[dict[str, str]]:
+def _asset_entries(assets: Mapping) -> list[dict[str, str]]:
     """Return the entries of maps or shapes in dataset.json."""
     return [{"id": i, "name": assets[i].name, "licence": assets[i].licence} for i in sorted(assets)]

@@ -1,4 +1,4 @@
-"""Seen surroundings: the part of the map around the object that lies inside the picture's frame."""
+"""Visible surroundings: the part of the map around the object that lies inside the picture's frame."""
 
 from __future__ import annotations
 
@@ -12,21 +12,20 @@ from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.latlong import pixel_directions
 
 GROW = 4
-"""Pixels of the crop around the object that are left out: its edge is not where the mask says."""
+"""Margin around the object that is left out [pixels of the crop], as the mask's edge is uncertain."""
 ASPECTS = (4 / 3, 3 / 2, 16 / 9)
 TURN_COLUMNS = 2
-"""Columns of the map (2.8 degrees) that the surroundings are off by at most: they are not as far as the light."""
+"""Largest rotation error of the surroundings [columns of the map, of 2.8 degrees]: they are nearer than the light."""
 GAIN_STOPS = 0.1
-"""Standard deviation of what they are brighter by in the photo, by vignetting and the like."""
-MOST_OTHERS = 7
-"""Photos beside the one, of which surroundings may be gathered."""
+"""Standard deviation of their brightness error in the photo [stops], by vignetting and the like."""
+MAX_OTHERS = 7
+"""Largest number of additional photos whose surroundings are merged."""
 PITCH_DEG = 10.0
-"""Standard deviation of how far up or down the others look."""
+"""Standard deviation of the other cameras' pitch [degrees]."""
 
 
 def draw_frame(rng: np.random.Generator, tan_half: float) -> np.ndarray:
-    """Return a picture's frame around a crop: least x, greatest x, least y, greatest y on the plane z = -1 before the
-    eye.
+    """Draw a picture's frame around a crop: x and y, least and greatest, on the plane z = -1 before the eye.
 
     Longer side 45 to 80 degrees wide, upright or across; the crop, [-tan_half, tan_half] both ways, anywhere in it.
     """
@@ -43,7 +42,7 @@ def photo_surroundings(
     frames: np.ndarray,
     tone: Callable[[torch.Tensor], torch.Tensor],
 ) -> torch.Tensor:
-    """Return the map as far as a photo shows it, [B, 4, H, 2H]: display RGB times cover, and cover in [0, 1].
+    """Render the part of the map that a photo shows, [B, 4, H, 2H]: display RGB times cover, and cover in [0, 1].
 
     Args:
         light: [B, 3, H, 2H] in the crop's frame and exposure units, with the photo's white balance.
@@ -63,26 +62,26 @@ def gather(
     rng: np.random.Generator,
     tone: Callable[[torch.Tensor], torch.Tensor],
 ) -> torch.Tensor:
-    """Return the surroundings of photos, and where they show none those of other photos of the same object.
+    """Merge the surroundings of photos with those of other photos of the same object, where the first show none.
 
     Their cameras went round it; each shows the map a little off in its own way.
 
     Args:
-        chosen: [B], which photos come with 1 to MOST_OTHERS others.
+        chosen: [B], which photos come with 1 to MAX_OTHERS others.
         light, mask, tan_half, tone: of photo_surroundings; the mask stands for the object as the others see it.
     """
-    counts = rng.integers(1, MOST_OTHERS + 1, len(chosen)) * chosen
+    counts = rng.integers(1, MAX_OTHERS + 1, len(chosen)) * chosen
     for number in range(counts.max(initial=0)):
         turns = np.stack([_turn_round(rng) for _ in chosen])
-        frames = np.stack([draw_frame(rng, each) for each in tan_half.tolist()])
+        frames = np.stack([draw_frame(rng, photo_tan_half) for photo_tan_half in tan_half.tolist()])
         frames *= (counts > number)[:, None]
-        others = _shown(unsteady(light, rng), mask, tan_half, frames, turns, tone)
+        others = _shown(perturb(light, rng), mask, tan_half, frames, turns, tone)
         surroundings = surroundings + (1 - surroundings[:, 3:]) * others
     return surroundings
 
 
 def _turn_round(rng: np.random.Generator) -> np.ndarray:
-    """map_from_other [3, 3] of a camera somewhere else round the object, about as high as the first."""
+    """Draw map_from_other [3, 3] of a camera somewhere else round the object, about as high as the first."""
     turn = rotation_y(rng.uniform(-np.pi, np.pi)) @ rotation_x(np.radians(rng.normal(0.0, PITCH_DEG)))
     return turn.astype(np.float32)
 
@@ -95,7 +94,7 @@ def _shown(
     map_from_photo: np.ndarray,
     tone: Callable[[torch.Tensor], torch.Tensor],
 ) -> torch.Tensor:
-    """photo_surroundings of cameras that were turned by map_from_photo [B, 3, 3]."""
+    """Render photo_surroundings of cameras rotated by map_from_photo [B, 3, 3]."""
     device = mask.device
     turns = torch.from_numpy(np.asarray(map_from_photo, np.float32)).to(device)
     d = torch.from_numpy(pixel_directions(light.shape[2])).to(device) @ turns[:, None]  # as rows: in the photos' frames
@@ -112,10 +111,13 @@ def _shown(
     return torch.cat([display * cover, cover], dim=1)
 
 
-def unsteady(light: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
-    """Maps [B, 3, H, 2H] a little turned about the vertical and a little too bright or dark, each in its own way."""
+def perturb(light: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
+    """Rotate each map [B, 3, H, 2H] a little about the vertical and change its brightness a little."""
     turns = rng.integers(-TURN_COLUMNS, TURN_COLUMNS + 1, len(light))
     gains = np.exp2(rng.normal(0.0, GAIN_STOPS, len(light)))
     return torch.stack(
-        [torch.roll(one, int(turn), dims=2) * float(gain) for one, turn, gain in zip(light, turns, gains, strict=True)]
+        [
+            torch.roll(radiance, int(turn), dims=2) * float(gain)
+            for radiance, turn, gain in zip(light, turns, gains, strict=True)
+        ]
     )

@@ -1,4 +1,4 @@
-"""Self-shadowing: an object's light where it hides part of its surroundings from itself (dataset.occlusion)."""
+"""Self-shadowing: an object's light where it hides part of its surroundings (dataset.occlusion)."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import torch.nn.functional as F
 from anyprobe.learning.dataset.occlusion import AZIMUTHS, RINGS, SIDE, cell_directions, cell_weights
 
 CELL_SHARPNESS = 25.0
-"""Sharpness of the spherical Gaussian as wide as a cell: a lobe is never taken for narrower."""
+"""Sharpness of a spherical Gaussian as wide as a cell, the largest that a lobe is given."""
 
 
 def moved(hidden: torch.Tensor, old_from_new: torch.Tensor, offset: torch.Tensor) -> torch.Tensor:
-    """Return the cells [B, AZIMUTHS, S, S] of pictures whose points are moved, as in dataset.shape_augment.Reshaping.
+    """Move the cells [B, AZIMUTHS, S, S] of pictures along with their points, as in dataset.shape_augment.Reshaping.
 
     Azimuths turn with the picture, to the nearest; that it is drawn out or gets deeper is left out.
 
@@ -39,7 +39,7 @@ def shade_hidden(
     radiance: torch.Tensor,
     glow: torch.Tensor,
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """Diffuse and specular light where the object hides part of its surroundings.
+    """Attenuate diffuse and specular light where the object hides part of its surroundings.
 
     Hidden cells show the object itself, as bright as it is in the mean.
 
@@ -58,24 +58,24 @@ def shade_hidden(
     small = F.interpolate(normals, size=(SIDE, SIDE), mode="nearest").permute(0, 2, 3, 1)
     eye = F.interpolate(wo.permute(0, 3, 1, 2), size=(SIDE, SIDE), mode="nearest").permute(0, 2, 3, 1)
     bits = 1 << torch.arange(RINGS, device=normals.device, dtype=torch.uint8)
-    for one in range(count):
-        some = (hidden[one] != 0).any(dim=0) & (small[one].abs().sum(dim=-1) > 0)
-        if not some.any():
+    for item in range(count):
+        is_affected = (hidden[item] != 0).any(dim=0) & (small[item].abs().sum(dim=-1) > 0)
+        if not is_affected.any():
             continue
-        n, toward = small[one][some], eye[one][some]
-        shown = (hidden[one][:, some].T[..., None] & bits == 0).reshape(len(n), -1).float()  # [P, cells]
+        n, toward = small[item][is_affected], eye[item][is_affected]
+        shown = (hidden[item][:, is_affected].T[..., None] & bits == 0).reshape(len(n), -1).float()  # [P, cells]
         facing = (n @ d.T).clip(min=0.0)
-        for part, lobe in enumerate((facing, facing.sign() * _lobe(n, toward, alpha[one], d))):
-            whole = lobe @ light[one]
-            left = (lobe * shown) @ light[one] + (lobe * (1 - shown)).sum(1, keepdim=True) * glow[one]
-            factors[part, one, :, some] = ((left + 1e-6) / (whole + 1e-6)).T
+        for part, lobe in enumerate((facing, facing.sign() * _lobe(n, toward, alpha[item], d))):
+            total = lobe @ light[item]
+            visible = (lobe * shown) @ light[item] + (lobe * (1 - shown)).sum(1, keepdim=True) * glow[item]
+            factors[part, item, :, is_affected] = ((visible + 1e-6) / (total + 1e-6)).T
     wide = F.interpolate(factors.flatten(0, 1), size=(size, size), mode="bilinear", align_corners=False)
     diffuse, specular = wide.unflatten(0, (2, count))
     return diffuse, specular
 
 
 def _lobe(n: torch.Tensor, wo: torch.Tensor, alpha: torch.Tensor, d: torch.Tensor) -> torch.Tensor:
-    """Return a GGX lobe as a spherical Gaussian (Wang et al. 2009), no narrower than a cell: [P, cells]."""
+    """Approximate a GGX lobe by a spherical Gaussian (Wang et al. 2009), no narrower than a cell: [P, cells]."""
     cosine = (n * wo).sum(dim=-1, keepdim=True).clip(min=0.1)
     mirror = 2 * cosine * n - wo
     middle = F.normalize(torch.lerp(n, mirror, (1 - alpha) * ((1 - alpha).sqrt() + alpha)), dim=-1)

@@ -17,26 +17,26 @@ import torch.nn.functional as F
 from anyprobe.learning.dataset.shadows import moved
 
 UPRIGHT_DEG = 15.0
-"""Standard deviation of the angle by which half of the pictures are rolled; the others are rolled by any."""
+"""Standard deviation of the roll of half of the pictures [degrees]; the others are rolled by any angle."""
 STRETCH = 0.15
-"""Standard deviation of the logarithm by which a picture is drawn out along one axis and in along the other."""
+"""Standard deviation of the logarithm by which a picture is stretched along one axis and compressed along the other."""
 DEPTH = 0.3
-"""Standard deviation of the logarithm by which slopes are made steeper."""
+"""Standard deviation of the logarithm of the factor on slopes."""
 _MARGIN = (1.04, 1.2)
-"""The picture's side over the longer side of the object's box, as where surfaces are drawn."""
+"""Range of the picture's side over the longer side of the object's box, as for rasterised surfaces."""
 SLOW, FAST = (1.0, 4.0), (6.0, 25.0)
-"""Speeds of the waves that bend the surface and that are pressed into it [radians over half the picture]."""
-MOST_SLOW, MOST_FAST = 0.5, 0.4
-"""Their slopes sum to no more."""
+"""Frequencies of the waves that bend the surface, and of those that emboss it [radians per half picture]."""
+MAX_SLOW_SLOPE, MAX_FAST_SLOPE = 0.5, 0.4
+"""Largest sum of the slopes of each kind of waves."""
 JOINED = (0.25, 0.7)
-"""Size of a surface that is put before another, of its own."""
-_LEAST = 0.02
-"""Cosine between a normal and the ray to the eye, at least: an interpolated one may have turned away."""
+"""Size range of a surface put before another, relative to its own size."""
+_MIN_COSINE = 0.02
+"""Smallest cosine between a normal and the ray to the eye: an interpolated normal may face away."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Reshaping:
-    """Deformation of B surfaces; places are in halves of the picture, x right, y up.
+    """Deformation of B surfaces; positions are in halves of the picture, x right, y up.
 
     old_from_new [B, 2, 2], offset [B, 2]: where each new place was.
     deeper [B]: how many times steeper the surface gets.
@@ -57,18 +57,18 @@ def reshape_some(
     share: float,
     hidden: torch.Tensor | None = None,
 ) -> torch.Tensor:
-    """Another shape for about a share of the surfaces; arguments and result as for `reshape`.
+    """Reshape about a share of the surfaces; arguments and result as in `reshape`.
 
     hidden: their cells of dataset.occlusion, which are moved along in place.
     """
-    some = np.nonzero(rng.random(len(normals)) < share)[0]
-    if len(some) == 0:
+    chosen = np.nonzero(rng.random(len(normals)) < share)[0]
+    if len(chosen) == 0:
         return normals
     result = normals.clone()
-    reshaping = draw_reshaping((normals[some].abs().sum(dim=1) > 0).cpu().numpy(), rng)
-    result[some] = reshape(normals[some], tan_half[some], reshaping)
+    reshaping = draw_reshaping((normals[chosen].abs().sum(dim=1) > 0).cpu().numpy(), rng)
+    result[chosen] = reshape(normals[chosen], tan_half[chosen], reshaping)
     if hidden is not None:
-        hidden[some] = moved(hidden[some], reshaping.old_from_new, reshaping.offset)
+        hidden[chosen] = moved(hidden[chosen], reshaping.old_from_new, reshaping.offset)
     return result
 
 
@@ -80,37 +80,37 @@ def join_some(
     rng: np.random.Generator,
     share: float,
 ) -> torch.Tensor:
-    """Put another surface, smaller and turned, before about a share of the surfaces, as a limb or a knob would be.
+    """Put another surface, smaller and turned, before about a share of the surfaces, like a limb or a knob.
 
     Arguments and result as for `reshape`; the others are as many.
     """
-    some = np.nonzero(rng.random(len(normals)) < share)[0]
-    if len(some) == 0:
+    chosen = np.nonzero(rng.random(len(normals)) < share)[0]
+    if len(chosen) == 0:
         return normals
     places = []
-    for mask in (normals[some].abs().sum(dim=1) > 0).cpu().numpy():
+    for mask in (normals[chosen].abs().sum(dim=1) > 0).cpu().numpy():
         scale = np.exp(rng.uniform(*np.log(JOINED)))
         on_mask = rng.choice(np.argwhere(mask))[::-1]
         centre = ((on_mask + 0.5) * 2 / len(mask) - 1) * [1.0, -1.0]
         centre = np.clip(centre, -1 + 1.2 * scale, 1 - 1.2 * scale)  # all of it inside the picture
         old_from_new = _turn(rng.uniform(0, 2 * np.pi)) / scale
         places.append((old_from_new, -old_from_new @ centre, 1.0, np.zeros((0, 2, 2)), np.zeros(0)))
-    before = reshape(others[some], other_tan_half[some], _stack(places), tan_half[some])
+    before = reshape(others[chosen], other_tan_half[chosen], _stack(places), tan_half[chosen])
     result = normals.clone()
-    result[some] = torch.where(before.abs().sum(dim=1, keepdim=True) > 0, before, normals[some])
+    result[chosen] = torch.where(before.abs().sum(dim=1, keepdim=True) > 0, before, normals[chosen])
     return result
 
 
 def draw_reshaping(masks: np.ndarray, rng: np.random.Generator) -> Reshaping:
-    """Rolled, drawn out, deeper or flatter, bent and with a relief, for objects of masks [B, S, S], on the CPU.
+    """Draw deformations of objects of masks [B, S, S], on the CPU: roll, stretch, depth, bending and relief.
 
     Each object fills its picture as it did before.
     """
     return _stack([_draw(mask, rng) for mask in masks])
 
 
-def _stack(each: list[tuple]) -> Reshaping:
-    parts = (torch.from_numpy(np.stack(part).astype(np.float32)) for part in zip(*each, strict=True))
+def _stack(tuples: list[tuple]) -> Reshaping:
+    parts = (torch.from_numpy(np.stack(part).astype(np.float32)) for part in zip(*tuples, strict=True))
     return Reshaping(**dict(zip(Reshaping.__slots__, parts, strict=True)))
 
 
@@ -125,7 +125,7 @@ def _draw(mask: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     low, high = places.min(axis=0), places.max(axis=0)
     half = (high - low).max() / 2 * rng.uniform(*_MARGIN)
     old_from_new = np.linalg.inv(new_from_old)
-    waves = [_waves(rng, SLOW, MOST_SLOW), _waves(rng, FAST, MOST_FAST)]
+    waves = [_waves(rng, SLOW, MAX_SLOW_SLOPE), _waves(rng, FAST, MAX_FAST_SLOPE)]
     return (
         old_from_new * half,
         old_from_new @ (low + high) / 2,
@@ -135,13 +135,13 @@ def _draw(mask: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     )
 
 
-def _waves(rng: np.random.Generator, speeds: tuple[float, float], most: float) -> np.ndarray:
-    """Three plane waves [3, 2, 2]: slope and speed along x and y."""
+def _waves(rng: np.random.Generator, frequencies: tuple[float, float], max_slope: float) -> np.ndarray:
+    """Draw three plane waves [3, 2, 2]: slope and frequency along x and y."""
     angle = rng.uniform(0, 2 * np.pi, 3)
     along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    slope = rng.dirichlet(np.ones(3)) * rng.uniform(0.0, most)
-    speed = np.exp(rng.uniform(np.log(speeds[0]), np.log(speeds[1]), 3))
-    return np.stack([along * slope[:, None], along * speed[:, None]], axis=1)
+    slope = rng.dirichlet(np.ones(3)) * rng.uniform(0.0, max_slope)
+    frequency = np.exp(rng.uniform(np.log(frequencies[0]), np.log(frequencies[1]), 3))
+    return np.stack([along * slope[:, None], along * frequency[:, None]], axis=1)
 
 
 def _turn(angle: float) -> np.ndarray:
@@ -152,8 +152,7 @@ def _turn(angle: float) -> np.ndarray:
 def reshape(
     normals: torch.Tensor, tan_half: torch.Tensor, reshaping: Reshaping, new_tan_half: torch.Tensor | None = None
 ) -> torch.Tensor:
-    """Give surfaces of normals [B, 3, S, S], camera frame, zero outside the objects, another shape: normals that are
-    unit and visible inside the objects.
+    """Reshape surfaces of normals [B, 3, S, S], camera frame, zero outside the objects; return unit, visible normals.
 
     tan_half: [B] of half the field of view; new_tan_half: that of the result, by default the same.
     """
@@ -170,7 +169,7 @@ def reshape(
     t = tan_half.to(device).reshape(-1, 1, 1)
     facing = n[..., 2] - t * (n[..., :2] * old).sum(dim=-1)  # n . (-x, -y, 1)
     length = torch.sqrt(1 + t**2 * old.square().sum(dim=-1))
-    slope = n[..., :2] / torch.maximum(facing, _LEAST * length)[..., None]  # rho_x, rho_y
+    slope = n[..., :2] / torch.maximum(facing, _MIN_COSINE * length)[..., None]  # rho_x, rho_y
     linear = reshaping.old_from_new.mT / torch.linalg.det(reshaping.old_from_new).sqrt()[:, None, None]
     slope = torch.einsum("bij,bhwj->bhwi", (linear * reshaping.deeper[:, None, None]).to(device), slope)
     waves, phases = reshaping.waves.to(device), reshaping.phases.to(device)

@@ -41,27 +41,27 @@ class ShardIndex:
 
     @property
     def pairs(self) -> int:
-        """How many samples."""
+        """Number of samples."""
         return len(self.parts)
 
 
 def tar_path(folder: Path, shard: int) -> Path:
-    """shard-000000.tar."""
+    """Return the path of a shard's tar, shard-000000.tar."""
     return folder / f"shard-{shard:06}.tar"
 
 
 def index_path(folder: Path, shard: int) -> Path:
-    """shard-000000.json."""
+    """Return the path of a shard's index, shard-000000.json."""
     return folder / f"shard-{shard:06}.json"
 
 
 def is_temporary(path: Path) -> bool:
-    """Return whether a file is one that a writer had not finished."""
+    """Return whether a file was left unfinished by a writer."""
     return bool(_TEMPORARY.match(path.name))
 
 
 def remove_temporaries(folder: Path) -> None:
-    """Delete what killed writers left in a folder."""
+    """Delete the unfinished files of killed writers in a folder."""
     for path in list(folder.iterdir()):
         if is_temporary(path):
             path.unlink(missing_ok=True)
@@ -110,7 +110,7 @@ def write_shard(folder: Path, shard: int, samples: Iterable[Sample]) -> ShardInd
 
 
 def write_durably(path: Path, text: str, *, new: bool = False) -> None:
-    """Write a small file whole, and return once it will outlive a power cut.
+    """Write a small file whole, and return once it will survive a power cut.
 
     Raises:
         InputError: it is to be new, and there is one, for instance of a process that was a moment faster.
@@ -130,7 +130,7 @@ def write_durably(path: Path, text: str, *, new: bool = False) -> None:
 
 
 def _claim(path: Path, content: Path) -> None:
-    """Give a file its name unless another has it; of several processes one succeeds."""
+    """Give a file its name unless the name is taken; of several processes one succeeds."""
     try:
         try:
             os.link(content, path)
@@ -140,8 +140,8 @@ def _claim(path: Path, content: Path) -> None:
             path.touch(exist_ok=False)
     except FileExistsError as error:
         raise InputError(
-            f"{path}: expected none, but another process has just written one; "
-            "go on with that, or choose another folder"
+            f"{path}: expected no such file, but another process has just written it; "
+            "continue that dataset, or choose another folder"
         ) from error
 
 
@@ -174,7 +174,7 @@ def _index_text(index: ShardIndex) -> str:
 
 
 def read_index(folder: Path, shard: int) -> ShardIndex:
-    """Return the index of a shard; InputError if there is none or it is not one."""
+    """Read the index of a shard; InputError if it is absent or damaged."""
     path = index_path(folder, shard)
     try:
         text = path.read_text(encoding="utf-8")
@@ -192,7 +192,7 @@ def read_index(folder: Path, shard: int) -> ShardIndex:
     except FileNotFoundError as error:
         raise InputError(f"{path}: expected the index of a shard, found none") from error
     except (OSError, ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
-        raise InputError(f"{path}: expected the index of a shard, got damage ({error})") from error
+        raise InputError(f"{path}: expected the index of a shard, got a damaged file ({error})") from error
     if fields.get("format") != DATASET_FORMAT or index.shard != shard:
         raise InputError(
             f"{path}: expected format {DATASET_FORMAT} of shard {shard}, got {fields.get('format')} of {index.shard}"
@@ -201,7 +201,7 @@ def read_index(folder: Path, shard: int) -> ShardIndex:
 
 
 def is_done(folder: Path, shard: int) -> bool:
-    """Return whether a shard has a readable index and a tar of the size that it says."""
+    """Return whether a shard has a readable index and a tar of the indexed size."""
     try:
         return read_index(folder, shard).size == tar_path(folder, shard).stat().st_size
     except (InputError, OSError):
@@ -209,7 +209,7 @@ def is_done(folder: Path, shard: int) -> bool:
 
 
 def read_samples(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
-    """Samples of a tar in WebDataset's convention: the key ends at the first dot, parts stand together.
+    """Yield the samples of a tar in WebDataset's convention: the key ends at the first dot, its parts are adjacent.
 
     Raises:
         InputError: not such a tar.
@@ -233,13 +233,13 @@ def read_samples(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
                     raise InputError(f"{path.name}: expected files <key>.<part>, got {member.name!r}")
                 parts[name] = file.read()
     except (OSError, tarfile.TarError) as error:
-        raise InputError(f"{path.name}: expected a tar, got damage ({error})") from error
+        raise InputError(f"{path.name}: expected a tar, got a damaged file ({error})") from error
     if key is not None:
         yield key, parts
 
 
 def fault(folder: Path, shard: int, kind: str, pairs: int) -> str:
-    """Return what is wrong with a shard that should hold so many `pairs` of a kind; empty if nothing."""
+    """Return what is wrong with a shard that should hold `pairs` pairs of a kind; empty if nothing."""
     arrays = SAMPLE_ARRAYS[kind]
     try:
         index = read_index(folder, shard)

@@ -28,19 +28,19 @@ def tint(rng: np.random.Generator, strength: float) -> np.ndarray:
 
 
 def direction_at(azimuth: float, elevation: float) -> np.ndarray:
-    """Unit vector [3]; azimuth 0 is -Z, a quarter turn +X."""
+    """Return a unit vector [3]; azimuth 0 is -Z, a quarter turn +X."""
     c = np.cos(elevation)
     return np.array([c * np.sin(azimuth), np.sin(elevation), -c * np.cos(azimuth)])
 
 
 def soft_cap(d: np.ndarray, centre: np.ndarray, radius: float, softness: float = 0.15) -> np.ndarray:
-    """1 inside a cap of the given radius [radians], falling off over softness x radius: [..., 1]."""
+    """Return 1 inside a cap of the given radius [radians], falling off over softness x radius: [..., 1]."""
     angle = np.arccos(np.clip(d @ centre, -1.0, 1.0))
     return np.clip((radius - angle) / (softness * radius) + 0.5, 0.0, 1.0)[..., None]
 
 
 def soft_box(d: np.ndarray, centre: np.ndarray, extent: np.ndarray) -> np.ndarray:
-    """1 inside an upright rectangle a unit away of half width and height extent [2]: [..., 1]."""
+    """Return 1 inside an upright rectangle a unit away, of half width and height extent [2]: [..., 1]."""
     right = np.cross(centre, [0, 1, 0])
     right /= np.linalg.norm(right)
     top = np.cross(right, centre)
@@ -50,7 +50,7 @@ def soft_box(d: np.ndarray, centre: np.ndarray, extent: np.ndarray) -> np.ndarra
 
 
 def studio(rng: np.random.Generator, height: int = 256) -> np.ndarray:
-    """Return a dim surround with a few soft boxes and round light sources; mean luminance 1."""
+    """Draw a dim surround with a few soft boxes and round light sources; mean luminance 1."""
     d = pixel_directions(height).astype(np.float64)
     up = d[..., 1:2] * 0.5 + 0.5
     radiance = rng.uniform(0.02, 0.25) * (tint(rng, 0.1) * (1 - up) + tint(rng, 0.1) * up)
@@ -66,7 +66,7 @@ def studio(rng: np.random.Generator, height: int = 256) -> np.ndarray:
 
 SUN_RADIUS = np.radians(0.267)
 TURBIDITY = (2.0, 10.0)
-"""Clear to hazy. Below 1.9 the model's zenith luminance is known to fail for a low sun."""
+"""Range of turbidity, from clear to hazy; below 1.9 the model's zenith luminance fails for a low sun."""
 
 PEREZ = {  # A2: coefficients A to E of Y, x and y as (slope, intercept) in turbidity
     "Y": [(0.1787, -1.4630), (-0.3554, 0.4275), (-0.0227, 5.3251), (0.1206, -2.5771), (-0.0670, 0.3703)],
@@ -107,8 +107,8 @@ REC709_FROM_XYZ = np.array(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Day:
-    """Light out of doors: radiance [H, 2H, 3] without the sun's disc [H, 2H, 3]; direction sun [3];
-    beam [3], its irradiance on a plane that faces it; ground [3], irradiance of the level ground."""
+    """Outdoor light: radiance [H, 2H, 3] without the sun, the sun's disc [H, 2H, 3], and its direction sun [3]; beam
+    [3], its irradiance on a plane that faces it; ground [3], irradiance of the level ground."""
 
     radiance: np.ndarray
     disc: np.ndarray
@@ -118,7 +118,7 @@ class Day:
 
 
 def matching_functions(wavelength: np.ndarray) -> np.ndarray:
-    """CIE 1931 x, y, z at wavelengths [nm]: [..., 3], the multi-lobe fit of Wyman et al. (JCGT 2013)."""
+    """Return CIE 1931 x, y, z at wavelengths [nm]: [..., 3], the multi-lobe fit of Wyman et al. (JCGT 2013)."""
 
     def lobe(centre, below, above):
         return np.exp(-0.5 * ((wavelength - centre) / np.where(wavelength < centre, below, above)) ** 2)
@@ -130,7 +130,7 @@ def matching_functions(wavelength: np.ndarray) -> np.ndarray:
 
 
 def zenith_luminance(elevation: float, turbidity: float) -> float:
-    """Y_z [kcd/m^2], A2: (4.0453 T - 4.9710) tan(chi) - 0.2155 T + 2.4192.
+    """Return Y_z [kcd/m^2], A2: (4.0453 T - 4.9710) tan(chi) - 0.2155 T + 2.4192.
 
     chi = (4/9 - T/120) (pi - 2 theta_s).
     """
@@ -139,7 +139,7 @@ def zenith_luminance(elevation: float, turbidity: float) -> float:
 
 
 def sky_radiance(d: np.ndarray, sun: np.ndarray, turbidity: float) -> np.ndarray:
-    """Return the clear sky without its sun along d [..., 3]; below the horizon, what is on it.
+    """Return the clear sky without its sun along d [..., 3]; below the horizon, the value at the horizon.
 
     Eq. 3 and 4: each of Y, x, y is its zenith value times F(theta, gamma) / F(0, theta_s), with
     Perez's F = (1 + A e^(B / cos theta)) (1 + C e^(D gamma) + E cos^2 gamma).
@@ -168,7 +168,7 @@ def sky_radiance(d: np.ndarray, sun: np.ndarray, turbidity: float) -> np.ndarray
 
 
 def _through_the_air(elevation: float, turbidity: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Transmittances of A1 at WAVELENGTHS: Rayleigh, aerosol, and the absorbers together."""
+    """Return the transmittances of A1 at WAVELENGTHS: Rayleigh, aerosol, and all absorbers."""
     theta_deg = 90.0 - np.degrees(elevation)
     m = 1 / (np.sin(elevation) + 0.15 * (93.885 - theta_deg) ** -1.253)  # relative optical mass
     micron = WAVELENGTHS / 1000
@@ -180,7 +180,7 @@ def _through_the_air(elevation: float, turbidity: float) -> tuple[np.ndarray, np
 
 
 def sun_irradiance(elevation: float, turbidity: float) -> np.ndarray:
-    """E [3] of the sun alone on a plane that faces it: A1, Table 2's radiance through the air."""
+    """Return E [3] of the sun alone on a plane that faces it: A1, Table 2's radiance through the air."""
     rayleigh, aerosol, absorbed = _through_the_air(elevation, turbidity)
     spectrum = SUN_RADIANCE * np.pi * np.sin(SUN_RADIUS) ** 2 * rayleigh * aerosol * absorbed  # [W/(m^2 nm)]
     xyz = 683e-3 * 10.0 * (spectrum[:, None] * matching_functions(WAVELENGTHS)).sum(axis=0)  # 683 lm/W, 10 nm a step
@@ -188,7 +188,7 @@ def sun_irradiance(elevation: float, turbidity: float) -> np.ndarray:
 
 
 def scattered_irradiance(elevation: float, turbidity: float) -> float:
-    """Luminous E [klx] of the clear sky on the ground, by what the beam lost to scattering.
+    """Return the luminous E [klx] of the clear sky on the ground, from the beam's loss to scattering.
 
     Half of Rayleigh's and 0.84 of the aerosol's share comes down (Bird and Hulstrom, SERI/TR-642-761,
     1981). Twilight keeps a sun on the horizon from leaving a black sky.
@@ -200,7 +200,7 @@ def scattered_irradiance(elevation: float, turbidity: float) -> float:
 
 
 def clear_sky(d: np.ndarray, sun: np.ndarray, turbidity: float) -> np.ndarray:
-    """sky_radiance, scaled to scattered_irradiance."""
+    """Return sky_radiance scaled to scattered_irradiance."""
     coarse = pixel_directions(32).astype(np.float64)
     model = np.where(coarse[..., 1:2] > 0, sky_radiance(coarse, sun, turbidity), 0.0)
     elevation = np.arcsin(np.clip(sun[1], 0.0, 1.0))
@@ -216,13 +216,13 @@ def sun_disc(height: int, sun: np.ndarray, irradiance: np.ndarray) -> np.ndarray
 
 
 def horizontal_irradiance(radiance: np.ndarray) -> np.ndarray:
-    """E [3] of a map on a plane that faces +Y."""
+    """Return E [3] of a map on a plane that faces +Y."""
     up = np.maximum(pixel_directions(radiance.shape[0])[..., 1], 0.0) * pixel_solid_angles(radiance.shape[0])
     return np.einsum("hwc,hw->c", radiance, up)
 
 
 def _waves(rng: np.random.Generator, x: np.ndarray, longest: float, shortest: float) -> np.ndarray:
-    """Two dozen bent sines over x [..., 3], [...]: about 1 at most places, now and then 3."""
+    """Sum two dozen bent sines over x [..., 3], [...]: about 1 at most places, now and then 3."""
     total = np.zeros(x.shape[:-1])
     for _ in range(24):
         k = normalize(rng.normal(size=3)) * np.exp(rng.uniform(np.log(6.28 / longest), np.log(6.28 / shortest)))
@@ -232,7 +232,7 @@ def _waves(rng: np.random.Generator, x: np.ndarray, longest: float, shortest: fl
 
 
 def _clouds(rng: np.random.Generator, d: np.ndarray) -> np.ndarray:
-    """Return how much cloud covers the sky along d, [..., 1] in [0, 1]: waves of a layer overhead."""
+    """Draw the cloud cover along d, [..., 1] in [0, 1]: waves of a layer overhead."""
     layer = d / (np.abs(d[..., 1:2]) + 0.25)
     cloud = _waves(rng, layer, 2.5, 0.2) * rng.uniform(0.4, 1.2) + rng.uniform(-1.0, 0.8)
     return np.clip(cloud, 0.0, 1.0)[..., None]
@@ -253,7 +253,7 @@ GROUNDS = np.array(
 
 
 def _ground(rng: np.random.Generator, d: np.ndarray, horizon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Albedo [..., 3] of what lies under a skyline, and where that is [..., 1]."""
+    """Draw the albedo [..., 3] of the ground under a skyline, and where the ground is [..., 1]."""
     plain = d / (np.maximum(-d[..., 1:2], 0.0) + 0.1)
     patches = _waves(rng, plain, 4.0, 0.3)[..., None]
     one, other, far = rng.choice(GROUNDS, 3) * np.exp(rng.normal(0, 0.2, (3, 1)))
@@ -263,7 +263,7 @@ def _ground(rng: np.random.Generator, d: np.ndarray, horizon: np.ndarray) -> tup
 
 
 def _skyline(rng: np.random.Generator, d: np.ndarray) -> np.ndarray:
-    """Sine of the elevation up to which the ground hides the sky, [..., 1]: flat, hills or houses."""
+    """Draw the sine of the elevation up to which the ground hides the sky, [..., 1]: flat, hills or houses."""
     azimuth = np.arctan2(d[..., :1], -d[..., 2:])
     waves = sum(np.sin(k * azimuth + rng.uniform(0, 6.28)) / k**0.7 for k in rng.integers(1, 24, size=8)) * rng.uniform(
         0.0, 0.08
@@ -275,7 +275,7 @@ def _skyline(rng: np.random.Generator, d: np.ndarray) -> np.ndarray:
 
 
 def draw_day(rng: np.random.Generator, height: int) -> Day:
-    """Random sun, haze, clouds, skyline and ground."""
+    """Draw a day with random sun, haze, clouds, skyline and ground."""
     d = pixel_directions(height).astype(np.float64)
     sun = direction_at(rng.uniform(0, 2 * np.pi), np.arcsin(rng.uniform(0.03, 0.98)))
     turbidity = TURBIDITY[0] * (TURBIDITY[1] / TURBIDITY[0]) ** rng.uniform()
@@ -296,12 +296,12 @@ def draw_day(rng: np.random.Generator, height: int) -> Day:
     clouds = grey * tint(rng, 0.03) * thick * (1 + forward)
     disc = sun_disc(height, sun, beam)
     weight = (disc.sum(axis=-1) * pixel_solid_angles(height))[..., None]
-    through = np.exp(-8.0 * (cover * weight).sum() / weight.sum())  # of the sun's light through the clouds
+    transmitted = np.exp(-8.0 * (cover * weight).sum() / weight.sum())  # of the sun's light through the clouds
     above = np.where(up, clear * (1 - cover) + clouds * cover, 0.0)
-    light = horizontal_irradiance(above) + beam * sun[1] * through
+    light = horizontal_irradiance(above) + beam * sun[1] * transmitted
     albedo, hidden = _ground(rng, d, _skyline(rng, d))
     facing = np.where(up, np.clip(0.6 - 0.5 * (d @ (sun * [1, 0, 1]))[..., None], 0.1, 1.0), 1.0)
-    disc = np.where(hidden, 0.0, disc * through)
+    disc = np.where(hidden, 0.0, disc * transmitted)
     return Day(
         radiance=np.where(hidden, albedo * light / np.pi * facing, above),
         disc=disc,
@@ -312,7 +312,7 @@ def draw_day(rng: np.random.Generator, height: int) -> Day:
 
 
 def sky(rng: np.random.Generator, height: int = 256) -> np.ndarray:
-    """Return a day out of doors; mean luminance 1."""
+    """Render a day outdoors; mean luminance 1."""
     day = draw_day(rng, height)
     balance = (luminance(day.ground) / np.maximum(day.ground, 0.2 * luminance(day.ground))) ** rng.uniform()
     return normalize_map((day.radiance + day.disc) * balance)  # the camera's white, set for the ground

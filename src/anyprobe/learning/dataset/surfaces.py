@@ -1,4 +1,4 @@
-"""Many shapes seen from many sides, rasterised once: the geometry of the training pairs."""
+"""Many shapes seen from many sides, rasterised once: the geometry of training pairs."""
 
 from __future__ import annotations
 
@@ -26,12 +26,14 @@ from anyprobe.render.surface import frame_object, see
 
 NUM_ELEVATIONS = 8
 ELEVATION_SINES = np.linspace(-0.1, 0.95, NUM_ELEVATIONS + 1)
-"""Borders of the elevation classes; uniform in the sine is uniform on the sphere."""
+"""Borders of the elevation classes in sine; uniform in the sine is uniform on the sphere."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SurfaceConfig:
-    """views: per shape and elevation class; procedural: how many shapes of our own are added, and figures: how many
+    """Number and variation of rasterised shapes.
+
+    views: per shape and elevation class; procedural: how many shapes of our own are added, and figures: how many
     made of several, each seen own_views times (None: views); parts: how many machined ones, each seen once, flat.
 
     stretch: standard deviation of the logarithm by which each view's shape is drawn out along three
@@ -56,8 +58,11 @@ class SurfaceConfig:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SurfaceSet:
-    """normals [N, 3, S, S] float16 in the camera frame, zero outside the object;
-    tan_half [N]; elevation [N] class index; hidden [N, AZIMUTHS, SIDE, SIDE] of dataset.occlusion, or None."""
+    """Rasterised views of shapes.
+
+    normals [N, 3, S, S] float16 in the camera frame, zero outside the object;
+    tan_half [N]; elevation [N] class index; hidden [N, AZIMUTHS, SIDE, SIDE] of dataset.occlusion, or None.
+    """
 
     normals: np.ndarray
     tan_half: np.ndarray
@@ -65,9 +70,9 @@ class SurfaceSet:
     hidden: np.ndarray | None = None
 
 
-def draw_elevation(rng: np.random.Generator, which: int) -> float:
-    """Return an elevation [radians] inside a class."""
-    return float(np.arcsin(rng.uniform(ELEVATION_SINES[which], ELEVATION_SINES[which + 1])))
+def draw_elevation(rng: np.random.Generator, elevation_class: int) -> float:
+    """Draw an elevation [radians] inside a class."""
+    return float(np.arcsin(rng.uniform(ELEVATION_SINES[elevation_class], ELEVATION_SINES[elevation_class + 1])))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -85,16 +90,16 @@ class SurfaceView:
     matrix: np.ndarray | None
 
 
-_Seen = tuple[np.ndarray, float, int, np.ndarray]
-"""Arrays of one view in the order of SurfaceSet; no hidden cells unless they are asked for."""
+_View = tuple[np.ndarray, float, int, np.ndarray]
+"""Arrays of one view in the order of SurfaceSet; empty hidden cells unless they are requested."""
 
 
 def draw_views(views: int, config: SurfaceConfig, rng: np.random.Generator) -> list[SurfaceView]:
-    """Draw `views` views of each class; no draw depends on the shape."""
+    """Draw `views` views of each class, independently of the shape."""
     return [_draw_view(which, config, rng) for which in range(NUM_ELEVATIONS) for _ in range(views)]
 
 
-def _draw_view(which: int, config: SurfaceConfig, rng: np.random.Generator) -> SurfaceView:
+def _draw_view(elevation_class: int, config: SurfaceConfig, rng: np.random.Generator) -> SurfaceView:
     waves = matrix = None
     if config.bend > 0 or config.relief > 0:
         slow, fast = _waves(rng, 3, (0.8, 3.0), config.bend), _waves(rng, 3, (5.0, 18.0), config.relief)
@@ -103,8 +108,8 @@ def _draw_view(which: int, config: SurfaceConfig, rng: np.random.Generator) -> S
     if any((config.stretch, config.tilt_deg, config.bend, config.relief)):
         matrix = _stretch_and_lean(config, rng)
     return SurfaceView(
-        world_from_camera=world_from_camera(rng.uniform(0, 2 * np.pi), draw_elevation(rng, which)),
-        elevation=which,
+        world_from_camera=world_from_camera(rng.uniform(0, 2 * np.pi), draw_elevation(rng, elevation_class)),
+        elevation=elevation_class,
         fov_deg=np.exp(rng.uniform(np.log(6.0), np.log(50.0))),
         margin=rng.uniform(1.04, 1.2),
         waves=waves,
@@ -113,7 +118,7 @@ def _draw_view(which: int, config: SurfaceConfig, rng: np.random.Generator) -> S
 
 
 def _stretch_and_lean(config: SurfaceConfig, rng: np.random.Generator) -> np.ndarray:
-    """Drawn out along three random directions, then leaning some way."""
+    """Draw a matrix that stretches along three random directions, then tilts in a random direction."""
     axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     stretch = (axes * np.exp(rng.normal(0.0, config.stretch, 3))) @ axes.T
     toward = rng.uniform(0, 2 * np.pi)
@@ -122,19 +127,19 @@ def _stretch_and_lean(config: SurfaceConfig, rng: np.random.Generator) -> np.nda
 
 
 def _waves(
-    rng: np.random.Generator, count: int, speed: tuple[float, float], most: float
+    rng: np.random.Generator, count: int, frequency: tuple[float, float], max_slope: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pushes, waves [count, 3] and phases [count] of waved, whose slopes sum to between none and `most`."""
+    """Draw pushes, waves [count, 3] and phases [count] for `waved`, whose slopes sum to at most `most`."""
     waves = normalize(rng.normal(size=(count, 3))) * np.exp(
-        rng.uniform(np.log(speed[0]), np.log(speed[1]), size=(count, 1))
+        rng.uniform(np.log(frequency[0]), np.log(frequency[1]), size=(count, 1))
     )
-    slopes = rng.dirichlet(np.ones(count)) * rng.uniform(0.0, most)
+    slopes = rng.dirichlet(np.ones(count)) * rng.uniform(0.0, max_slope)
     pushes = normalize(rng.normal(size=(count, 3))) * (slopes / np.linalg.norm(waves, axis=1))[:, None]
     return pushes, waves, rng.uniform(0, 2 * np.pi, count)
 
 
-def see_views(mesh: Mesh, views: list[SurfaceView], size: int, shadows: bool = False) -> list[_Seen]:
-    """Return the views of a mesh that show enough of it; shadows: with hidden cells."""
+def see_views(mesh: Mesh, views: list[SurfaceView], size: int, shadows: bool = False) -> list[_View]:
+    """Rasterise the views of a mesh that show enough of it; shadows: with hidden cells."""
     result = []
     for view in views:
         seen = mesh if view.waves is None else waved(mesh, *view.waves)
@@ -150,7 +155,7 @@ def see_views(mesh: Mesh, views: list[SurfaceView], size: int, shadows: bool = F
 
 
 def drawn_part(number: int, config: SurfaceConfig) -> tuple[Mesh, list[SurfaceView]]:
-    """Machined part `number` and its views; it is not bent, and nothing is pressed into it."""
+    """Draw machined part `number` and its views; it is neither bent nor embossed."""
     rng = np.random.default_rng((config.seed, 1, number))
     return part(rng), draw_views(1, replace(config, bend=0.0, relief=0.0), rng)
 
@@ -160,29 +165,31 @@ def _shapes_and_views(shapes: list[ShapeAsset], config: SurfaceConfig) -> Iterat
     meshes = [shape.mesh for shape in shapes] + [draw_shape(rng) for _ in range(config.procedural)]
     meshes += [figure(rng) for _ in range(config.figures)]
     for number, mesh in enumerate(meshes):
-        own = config.own_views if number >= len(shapes) else None
-        yield mesh, draw_views(config.views if own is None else own, config, rng)
+        own_views = config.own_views if number >= len(shapes) else None
+        yield mesh, draw_views(config.views if own_views is None else own_views, config, rng)
     for number in range(config.parts):
         yield drawn_part(number, config)
 
 
-def _seen(jobs: Iterator[tuple[Mesh, list[SurfaceView]]], config: SurfaceConfig, workers: int) -> Iterator[list[_Seen]]:
-    """see_views of each shape, in order, by so many processes; 0: by this one."""
+def _see_all(
+    jobs: Iterator[tuple[Mesh, list[SurfaceView]]], config: SurfaceConfig, workers: int
+) -> Iterator[list[_View]]:
+    """Yield see_views of each shape, in order, made by `workers` processes; 0: by this one."""
     see = partial(see_views, size=config.size, shadows=config.shadows)
     if workers == 0:
         for job in jobs:
             yield see(*job)
         return
-    asked: deque = deque()
+    pending: deque = deque()
     spawn, quiet = get_context("spawn"), (signal.SIGINT, signal.SIG_IGN)
     with one_thread(), ProcessPoolExecutor(workers, spawn, signal.signal, quiet) as pool:
         try:
             for job in jobs:
-                asked.append(pool.submit(see, *job))
-                if len(asked) > 4 * workers:
-                    yield asked.popleft().result()
-            while asked:
-                yield asked.popleft().result()
+                pending.append(pool.submit(see, *job))
+                if len(pending) > 4 * workers:
+                    yield pending.popleft().result()
+            while pending:
+                yield pending.popleft().result()
         finally:
             pool.shutdown(cancel_futures=True)
 
@@ -194,24 +201,24 @@ def build_surfaces(
     workers: int = 0,
     watch: Callable[[int, int], None] | None = None,
 ) -> SurfaceSet:
-    """Rasterise shapes x elevation classes x views; kept in the folder cache when one is given.
+    """Rasterise shapes x elevation classes x views, cached in a folder if one is given.
 
     Args:
         workers: processes that draw, 0 for this one; what is drawn does not depend on it.
         watch: hears how many shapes of how many are drawn.
     """
     ids = ",".join(shape.id for shape in shapes)
-    named = str(config).replace(", shadows=False", "")  # what is kept from before stays
-    key = hashlib.sha256(f"{PROCEDURAL_VERSION}|{named}|{ids}".encode()).hexdigest()[:16]
+    config_text = str(config).replace(", shadows=False", "")  # what is kept from before stays
+    key = hashlib.sha256(f"{PROCEDURAL_VERSION}|{config_text}|{ids}".encode()).hexdigest()[:16]
     folder = None if cache is None else Path(cache) / f"surfaces-{key}"
     names = ARRAYS if config.shadows else ARRAYS[:-1]
     if folder is not None and all((folder / f"{name}.npy").is_file() for name in names):
-        return _kept(folder, names)
+        return _open_cached(folder, names)
     total = len(shapes) + config.procedural + config.figures + config.parts
-    seen: list[_Seen] = []
+    seen: list[_View] = []
     jobs = _shapes_and_views(shapes, config)
-    for done, one in enumerate(_seen(jobs, config, workers), start=1):
-        seen += one
+    for done, shape_views in enumerate(_see_all(jobs, config, workers), start=1):
+        seen += shape_views
         if watch is not None:
             watch(done, total)
     normals, tan_half, elevation, hidden = zip(*seen, strict=True)
@@ -226,12 +233,12 @@ def build_surfaces(
     for name in names:
         with atomic_path(folder / f"{name}.npy") as temporary:
             np.save(temporary, getattr(result, name))
-    return _kept(folder, names)
+    return _open_cached(folder, names)
 
 
 ARRAYS = ("normals", "tan_half", "elevation", "hidden")
 
 
-def _kept(folder: Path, names: tuple[str, ...]) -> SurfaceSet:
-    """Those of a folder; the pictures stay on the disk, where all processes of a machine share what they read."""
+def _open_cached(folder: Path, names: tuple[str, ...]) -> SurfaceSet:
+    """Open the arrays of a folder; they stay on disk, so that all processes of a machine share them in memory."""
     return SurfaceSet(**{name: np.load(folder / f"{name}.npy", mmap_mode="r") for name in names})

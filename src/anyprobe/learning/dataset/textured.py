@@ -22,20 +22,20 @@ from anyprobe.scatter.materials import Material
 
 
 def smooth_noise(rng: np.random.Generator, size: int, cells: float) -> np.ndarray:
-    """Gaussian noise [size, size] of unit deviation, band-limited to about `cells` waves a side."""
+    """Draw Gaussian noise [size, size] of unit deviation, band-limited to about `cells` waves a side."""
     spectrum, radius = _white_noise(rng, size, 1.0)
     return _unit_deviation(spectrum * np.exp(-0.5 * (radius / cells) ** 2))
 
 
 def rough_noise(rng: np.random.Generator, size: int, slope: float, aspect: float = 1.0) -> np.ndarray:
-    """Noise of all scales: its amplitude falls with frequency to the power -slope; its grain is `aspect` times longer
-    across than down."""
+    """Draw noise [size, size] whose amplitude falls with frequency to the power -slope; `aspect` stretches its grain
+    across."""
     spectrum, radius = _white_noise(rng, size, aspect)
     return _unit_deviation(spectrum / np.maximum(radius, 1.0) ** slope)
 
 
 def _white_noise(rng: np.random.Generator, size: int, aspect: float) -> tuple[np.ndarray, np.ndarray]:
-    """Its spectrum, and how many waves a side each number of it is of."""
+    """Draw the spectrum of white noise, and the frequency of each coefficient in waves a side."""
     frequency = np.fft.fftfreq(size) * size
     radius = np.hypot(frequency[None, :] * aspect, frequency[:, None])
     return np.fft.fft2(rng.standard_normal((size, size))), radius
@@ -65,7 +65,7 @@ def _checks(rng: np.random.Generator, size: int) -> np.ndarray:
 
 
 def _cells(rng: np.random.Generator, size: int) -> np.ndarray:
-    """Voronoi cells: pebbles, tiles, terrazzo."""
+    """Draw Voronoi cells: pebbles, tiles, terrazzo."""
     y, x = np.mgrid[0:size, 0:size] / size
     points = rng.random((int(rng.integers(8, 60)), 2))
     distance = (x[..., None] - points[:, 0]) ** 2 + (y[..., None] - points[:, 1]) ** 2
@@ -73,7 +73,7 @@ def _cells(rng: np.random.Generator, size: int) -> np.ndarray:
 
 
 def draw_texture(rng: np.random.Generator, size: int = 128) -> np.ndarray:
-    """One pattern of a random family in random colours, [size, size, 3] in [0.02, 0.95]."""
+    """Draw one pattern of a random family in random colours, [size, size, 3] in [0.02, 0.95]."""
     kind = rng.integers(7)
     if kind == 0:
         pattern = rough_noise(rng, size, rng.uniform(0.7, 1.8))
@@ -99,30 +99,29 @@ def draw_texture(rng: np.random.Generator, size: int = 128) -> np.ndarray:
 
 
 CONTRAST, CONTRAST_SPREAD = 0.19, 0.35
-"""Median of a texture's contrast, the deviation of the factor's logarithm, and how far that spreads: most are between
-0.1 and 0.35."""
+"""Median and standard deviation of the logarithm of a texture's contrast, which is the standard deviation of the
+factor's logarithm: most are between 0.1 and 0.35."""
 COLORED_SHARE = 0.35
-"""Share of textures of several colours; the rest varies in brightness alone."""
+"""Share of textures of several colours; the rest varies in brightness only."""
 ON_METAL = 0.5
-"""Power of the factor for metals, which are tarnished or dirty rather than painted."""
-MOST_ALBEDO = 0.95
+"""Exponent of the factor for metals, which are tarnished or dirty rather than painted."""
+MAX_ALBEDO = 0.95
 SECOND_SHARE = (0.1, 0.38)
 """Share of an object's pixels that the second material covers."""
 BORDER_PX = 0.6
-"""Standard deviation of the blur of the border between two materials, as a pixel averages what it sees."""
+"""Standard deviation of the blur of the border between two materials [pixels], as a pixel averages what it sees."""
 STEEPEST = 0.25
-"""Least cosine of normals to the picture's axis when they are integrated: beyond, depth has no bounds."""
+"""Smallest cosine between a normal and the picture's axis when normals are integrated: below it, depth is unbounded."""
 SIDES = 128
-"""Side of patterns in their own pixels."""
+"""Side of patterns [pixels of their own]."""
 EXTENT = (2.5, 5.0)
-"""Period of a pattern, in halves of the picture."""
+"""Range of the period of a pattern [halves of the picture]."""
 CLEAR = 6.0
-"""Power of the normal's components by which a block's sides count: how narrow their seams are."""
+"""Exponent of the normal's components in the weights of a block's sides: higher makes narrower seams."""
 
 
 def locate(normals: np.ndarray) -> np.ndarray:
-    """Return where the pixels of a picture are in space, in halves of the picture: x right, y up, z to the eye, [S, S,
-    3].
+    """Compute the positions of a picture's pixels in halves of the picture: x right, y up, z to the eye, [S, S, 3].
 
     The depth whose slopes are nearest to those that normals have, by least squares (Frankot and Chellappa 1988), and
     off the object nearest to the object's mean slope.
@@ -147,7 +146,7 @@ def locate(normals: np.ndarray) -> np.ndarray:
 
 
 def lay(pattern: np.ndarray, points: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return a pattern [N, N, C] on points [P, 3] of normals [P, 3]: [P, C].
+    """Lay a pattern [N, N, C] on points [P, 3] of normals [P, 3]: [P, C].
 
     From three sides of a block turned at random, each where it is faced; beyond its border it goes on mirrored.
     """
@@ -166,8 +165,7 @@ def lay(pattern: np.ndarray, points: np.ndarray, normals: np.ndarray, rng: np.ra
 
 
 def draw_factor(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return a mild texture: what an object's reflectance is multiplied by, [S, S, 3], 1 in the mean and off the
-    object.
+    """Draw a mild texture: a factor on the object's reflectance, [S, S, 3], 1 in the mean and off the object.
 
     Args:
         normals: [S, S, 3], camera frame, zero off the object.
@@ -178,7 +176,7 @@ def draw_factor(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def factor_at(points: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """draw_factor of points [P, 3] of a surface, of normals [P, 3]: [P, 3], 1 in the mean.
+    """Draw the factor of draw_factor at points [P, 3] of a surface with normals [P, 3]: [P, 3], 1 in the mean.
 
     Marble, wood, cloth, tiles, print or dirt as `draw_texture` has them, of little contrast.
     """
@@ -194,7 +192,7 @@ def factor_at(points: np.ndarray, normals: np.ndarray, rng: np.random.Generator)
 
 
 def draw_share(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return which part of each pixel is of an object's second material, [S, S] in [0, 1], zero off the object.
+    """Draw the share of an object's second material in each pixel, [S, S] in [0, 1], zero off the object.
 
     Patches, what lies beyond a plane, or a band; SECOND_SHARE of the object, its border one pixel wide.
 
@@ -218,16 +216,16 @@ def draw_share(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def paint(material: Material, factor: np.ndarray) -> Material:
-    """Return a material under a texture: f0 and albedo [..., 3] as factor; a dielectric's coat stays as it is."""
+    """Apply a texture to a material: f0 and albedo [..., 3] as factor; a dielectric's coat stays as it is."""
     if np.any(material.albedo):
-        albedo = np.minimum(material.albedo * factor, MOST_ALBEDO)
+        albedo = np.minimum(material.albedo * factor, MAX_ALBEDO)
         return replace(material, albedo=albedo, f0=np.broadcast_to(material.f0, factor.shape))
     f0 = np.minimum(material.f0 * factor**ON_METAL, 1.0)
     return replace(material, albedo=np.zeros_like(factor), f0=f0)
 
 
 def mix(first: Material, second: Material, share: np.ndarray) -> Material:
-    """Two materials of one alpha, share [...] the second: f0 and albedo [..., 3]."""
+    """Mix two materials of one alpha, share [...] the second: f0 and albedo [..., 3]."""
     share = share[..., None]
     f0, albedo = ((1 - share) * getattr(first, name) + share * getattr(second, name) for name in ("f0", "albedo"))
     return replace(first, f0=f0, albedo=albedo)

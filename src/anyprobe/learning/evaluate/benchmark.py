@@ -1,4 +1,4 @@
-"""A test set for other programs: its photos as files, and their maps read back to be scored."""
+"""A test set for other programs: its photos as files, and the programs' maps read back to be scored."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ UNITS = "linear Rec. 709 radiance in the photo's exposure: 1 is where the photo 
 
 
 def write_photo(folder: Path, key: str, picture: np.ndarray, mask: np.ndarray, fov_deg: float | None) -> None:
-    """Write KEY.png, KEY_mask.png and KEY.json: all that a method is given.
+    """Write KEY.png, KEY_mask.png and KEY.json: all that a method may use.
 
     Args:
         picture: [H, W, 3 or 4] uint8 display values. mask: [H, W] bool.
         fov_deg: of the photo's longer side; None where it is not known.
     """
     height, width = mask.shape
-    said = {
+    description = {
         "photo": f"{key}.png",
         "mask": f"{key}_mask.png",
         "prediction": f"{key}.exr",
@@ -44,20 +44,20 @@ def write_photo(folder: Path, key: str, picture: np.ndarray, mask: np.ndarray, f
         "frame": _FRAME,
         "units": UNITS,
     }
-    write_png(folder / said["photo"], picture)
-    write_png(folder / said["mask"], mask * np.uint8(255))
+    write_png(folder / description["photo"], picture)
+    write_png(folder / description["mask"], mask * np.uint8(255))
     with atomic_path(folder / f"{key}.json") as temporary:
-        temporary.write_text(json.dumps(said, indent=1) + "\n", encoding="utf-8")
+        temporary.write_text(json.dumps(description, indent=1) + "\n", encoding="utf-8")
 
 
 def write_pair(folder: Path, pair: Pair) -> None:
-    """write_photo of a pair: the object on black."""
+    """Write a pair's photo, with the object on black, by write_photo."""
     fov_deg = 2.0 * np.degrees(np.arctan(pair.tan_half))
     write_photo(folder, pair.recipe.key, pair.photo[..., :3], pair.photo[..., 3] > 0, float(fov_deg))
 
 
 def read_predictions(folder: Path, keys: Sequence[str]) -> dict[str, np.ndarray]:
-    """Return the map of every key in a folder, KEY.exr, or where that is not there KEY.hdr, as [64, 128, 3].
+    """Read the map of every key in a folder, KEY.exr or else KEY.hdr, as [64, 128, 3].
 
     Raises:
         InputError: a key has no map.
@@ -70,16 +70,16 @@ def read_predictions(folder: Path, keys: Sequence[str]) -> dict[str, np.ndarray]
     if absent:
         raise InputError(
             f"{folder}: expected {len(found)} maps named by key, got none for {len(absent)} of them, such as "
-            f"{absent[0]}; write {absent[0]}.exr or .hdr, where the program failed what it would use instead"
+            f"{absent[0]}; write {absent[0]}.exr or .hdr; where the program failed, its fallback"
         )
     return {key: _read(paths[0]) for key, paths in found.items()}
 
 
 def _read(path: Path) -> np.ndarray:
-    """[64, 128, 3] of any size: larger ones with the integral over the sphere kept, smaller ones interpolated."""
+    """Read a map of any size as [64, 128, 3]: larger ones keep their integral, smaller ones are interpolated."""
     radiance = read_radiance(path)
     if not radiance.any():
-        raise InvalidEnvironment(f"{path.name}: expected light, got a black map; write what the program estimated")
+        raise InvalidEnvironment(f"{path.name}: expected light, got a black map; write the program's estimate")
     if len(radiance) < MAP_HEIGHT:
         return bilinear(radiance, direction_to_uv(pixel_directions(MAP_HEIGHT)).astype(np.float32))
     return np.asarray(reduced(radiance, MAP_HEIGHT), np.float32)

@@ -10,19 +10,19 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.learning.evaluate.scoring import GROUPS
 
 NEAREST = 1e-4
-"""How near to 0 and 1 a confidence may come before its logit, or its logarithm, is taken."""
+"""Smallest distance of a confidence from 0 and 1 when its logit or logarithm is taken."""
 CLOSE = 0.1
-"""Right is a display value, mean over channels of the absolute difference, within this."""
+"""Largest mean absolute difference over channels at which a display value counts as right."""
 BINS = 10
-"""Bins of the calibration error; docs and model cards quote it over these."""
+"""Number of bins of the calibration error; docs and model cards quote it over these."""
 FINE = 100
-"""Bins that are kept: two claims of one bin count as equal in the AUC."""
+"""Number of bins that are stored: two claims in one bin count as equal in the AUC."""
 HALVES = ("seen half", "unseen half")
-"""The halves of every map: behind the camera, which the object faces, and behind the object."""
+"""Halves of every map: behind the camera, which the object faces, and behind the object."""
 
 
 class Calibration:
-    """Counts, over many maps and weighted by solid angle, how often pixels of each confidence are right.
+    """Counts, over many maps and weighted by solid angle, of how often pixels of each confidence are right.
 
     By the groups of evaluate.scoring and by the halves of the map. What is kept does not grow with the maps.
     """
@@ -31,20 +31,20 @@ class Calibration:
         self._sums = {name: np.zeros((5, FINE)) for name in (*GROUPS, *HALVES)}
 
     def add(self, confidence: np.ndarray, ldr: np.ndarray, true_ldr: np.ndarray, groups: Iterable[str] = ()) -> None:
-        """One map: confidence [H, 2H] in [0, 1], estimated and true display values [H, 2H, 3].
+        """Add one map: confidence [H, 2H] in [0, 1], estimated and true display values [H, 2H, 3].
 
         groups: those that its pair belongs to; "all" goes without saying.
         """
         right = right_of(ldr, true_ldr)
         weight = np.broadcast_to(pixel_solid_angles(len(right)), right.shape)
-        which = np.minimum((confidence * FINE).astype(int), FINE - 1)
-        seen = pixel_directions(len(right))[..., 2] > 0
-        came = np.where(right, confidence, 1.0 - confidence)
-        surprise = -np.log(np.clip(came, NEAREST, 1.0))
-        values = (weight, weight * confidence, weight * right, weight * (1 - came) ** 2, weight * surprise)
+        bins = np.minimum((confidence * FINE).astype(int), FINE - 1)
+        is_seen_half = pixel_directions(len(right))[..., 2] > 0
+        probability = np.where(right, confidence, 1.0 - confidence)
+        surprise = -np.log(np.clip(probability, NEAREST, 1.0))
+        values = (weight, weight * confidence, weight * right, weight * (1 - probability) ** 2, weight * surprise)
         halves = [
-            np.stack([np.bincount(which[half], value[half], minlength=FINE) for value in values])
-            for half in (seen, ~seen)
+            np.stack([np.bincount(bins[half], value[half], minlength=FINE) for value in values])
+            for half in (is_seen_half, ~is_seen_half)
         ]
         for name, sums in zip(HALVES, halves, strict=True):
             self._sums[name] += sums
@@ -52,7 +52,7 @@ class Calibration:
             self._sums[name] += sum(halves)
 
     def result(self) -> dict | None:
-        """`figures` of all maps, their bins, and `figures` of each group that occurs; None before the first map.
+        """Return `figures` of all maps, their bins, and `figures` of each group that occurs; None before the first map.
 
         bins: [share of the sphere, claimed, right] of each of ten, those that occur.
         """
@@ -71,7 +71,7 @@ class Calibration:
 
 
 def figures(sums: np.ndarray, constant: float) -> dict:
-    """Return how good claims are, and beside them the one constant claim.
+    """Compute how good claims are, and beside them the one constant claim.
 
     The constant is the share of all pixels that are right, over all pairs: an oracle, unknown beforehand.
     It has no calibration error there, but in a group; it ranks nothing, so its AUC is 0.5.
@@ -88,7 +88,7 @@ def figures(sums: np.ndarray, constant: float) -> dict:
     total = sums[0].sum()
     _, claimed, right, squares, surprise = sums.sum(axis=1) / total
     tens = _tens(sums[:3]) / total
-    sure = np.clip([constant, 1 - constant], NEAREST, 1.0)
+    clipped = np.clip([constant, 1 - constant], NEAREST, 1.0)
     return {
         "claimed": _short(claimed),
         "right": _short(right),
@@ -100,19 +100,19 @@ def figures(sums: np.ndarray, constant: float) -> dict:
             "claimed": _short(constant),
             "error": _short(abs(constant - right)),
             "brier": _short(right * (1 - constant) ** 2 + (1 - right) * constant**2),
-            "log_loss": _short(-np.dot([right, 1 - right], np.log(sure))),
+            "log_loss": _short(-np.dot([right, 1 - right], np.log(clipped))),
             "auc": 0.5,
         },
     }
 
 
 def _tens(sums: np.ndarray) -> np.ndarray:
-    """Sums [N, FINE] by bins of the calibration error, [N, BINS]."""
+    """Sum [N, FINE] over the bins of the calibration error, [N, BINS]."""
     return sums.reshape(len(sums), BINS, -1).sum(axis=-1)
 
 
 def _auc(weight: np.ndarray, right: np.ndarray) -> float | None:
-    """Return the AUC of bins in the order of their claims; ties within a bin count half."""
+    """Compute the AUC of bins in the order of their claims; ties within a bin count half."""
     wrong = weight - right
     pairs = right.sum() * wrong.sum()
     return _short((right * (np.cumsum(wrong) - wrong / 2)).sum() / pairs) if pairs > 0 else None
@@ -123,5 +123,5 @@ def _short(value: float) -> float:
 
 
 def right_of(ldr: np.ndarray, true_ldr: np.ndarray) -> np.ndarray:
-    """Return where display values [..., 3] are close to the true ones."""
+    """Return which display values [..., 3] are close to the true ones."""
     return np.abs(np.asarray(ldr, np.float64) - true_ldr).mean(axis=-1) < CLOSE

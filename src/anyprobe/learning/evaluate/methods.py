@@ -1,4 +1,4 @@
-"""Scored methods: a model, the same given hints, two baselines that need no network, and parts of the truth."""
+"""Scored methods: a model, the same with hints, two baselines without a network, and parts of the truth."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ GIVEN_HINTS = {
     "surroundings": {"surroundings"},
     "all three": {"normals", "material", "surroundings"},
 }
-"""Hints that a model may be given beside the object's crop, by the name of the row."""
+"""Hints given to a model beside the object's crop, by row name."""
 PHONE_FOV_DEG = 65.0
 PHONE_PX = (256, 192)
-"""The photo that shows the surroundings of a pair: a phone's, the object in its middle; width, height."""
+"""Width and height of the photo that shows a pair's surroundings [pixels]: a phone's, with the object in its middle."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -58,7 +58,7 @@ Method = Callable[[Pair], Estimate]
 
 
 def model_methods(models: Models, name: str, hints: bool = False) -> dict[str, Method]:
-    """Return a model from the photo alone, with expected emitters where it has them and, if asked, with hints: by row.
+    """Return the methods of a model by row: from the photo alone, with expected emitters, and, if asked, with hints.
 
     hints: also a row for each of GIVEN_HINTS.
     """
@@ -89,11 +89,11 @@ def baselines() -> dict[str, Method]:
 
 
 BLURS_DEG = (15, 30)
-"""Radii of the caps that the truth is averaged over in rows that give figures a scale."""
+"""Radii of the caps that the truth is averaged over, in rows that give figures a scale [degrees]."""
 
 
 def truth_methods() -> dict[str, Method]:
-    """Return what figures are compared with, made of the truth: its mean colour everywhere, and the truth blurred.
+    """Return references made of the truth: its mean colour everywhere, and the truth blurred.
 
     All are of display values, of which no flat colour has a lower RMSE than their mean.
     """
@@ -111,7 +111,8 @@ def truth_methods() -> dict[str, Method]:
 
 @lru_cache(maxsize=1)
 def mean_map() -> np.ndarray:
-    """Geometric mean of the training maps in the camera's frame and the photo's exposure units, [64, 128, 3].
+    """Return the geometric mean of the training maps in the camera's frame and the photo's exposure units, [64, 128,
+    3].
 
     Written with the weights, from the pairs they were trained on.
     """
@@ -138,7 +139,7 @@ def chrome_sphere(photo: np.ndarray) -> np.ndarray:
 
 
 def run_with_hints(models: Models, pair: Pair, hints: Collection[str]) -> Outputs:
-    """Return a model's outputs given the pair's true normals, true material or surroundings."""
+    """Run a model with the pair's true normals, true material or surroundings."""
     normals = true_normals(pair) if "normals" in hints else None
     surroundings_map = surroundings(pair) if "surroundings" in hints else None
     material = pair.material if "material" in hints else None
@@ -151,7 +152,7 @@ def run_with_hints(models: Models, pair: Pair, hints: Collection[str]) -> Output
 
 
 def true_normals(pair: Pair) -> np.ndarray:
-    """Return a pair's normals as a model is given them: [64, 64, 3] unit, zero outside the object."""
+    """Return a pair's normals in a model's input format: [64, 64, 3] unit, zero outside the object."""
     step = len(pair.normals) // NORMALS_SIZE
     mean = np.asarray(pair.normals, np.float32).reshape(NORMALS_SIZE, step, NORMALS_SIZE, step, 3).mean(axis=(1, 3))
     length = np.linalg.norm(mean, axis=-1, keepdims=True)
@@ -159,24 +160,24 @@ def true_normals(pair: Pair) -> np.ndarray:
 
 
 def surroundings(pair: Pair) -> np.ndarray | None:
-    """Return what a phone's photo shows of a pair's map, see estimate.surroundings.visible_surroundings."""
+    """Return the part of a pair's map that a phone's photo shows, see estimate.surroundings.visible_surroundings."""
     width, height = PHONE_PX
     slope = np.tan(np.radians(PHONE_FOV_DEG) / 2)
     x = (np.arange(width) + 0.5) / width * 2 - 1
     y = (1 - (np.arange(height) + 0.5) / height * 2) * height / width
     rays = np.stack([*np.meshgrid(slope * x, slope * y), np.full((height, width), -1.0)], axis=-1)
-    shown = bilinear(pair.radiance, direction_to_uv(normalize(rays)).astype(np.float32))
-    display = np.round(response(shown, shot_of(pair.recipe).curve).clip(0.0, 1.0) * 255) / 255
+    radiance = bilinear(pair.radiance, direction_to_uv(normalize(rays)).astype(np.float32))
+    display = np.round(response(radiance, shot_of(pair.recipe).curve).clip(0.0, 1.0) * 255) / 255
     return visible_surroundings(display.astype(np.float32), PHONE_FOV_DEG, np.eye(3), pair.crop, pair.tan_half)
 
 
 ERROR_PX = 3
 HOLES = 0.05
-"""Share of the object that holes take."""
+"""Share of the object that holes remove."""
 
 
 def noisy_mask(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return a mask [S, S] bool too wide or too narrow by ERROR_PX, and pierced until HOLES of it is gone."""
+    """Make a mask [S, S] bool ERROR_PX too wide or too narrow, and pierce it until HOLES of it is gone."""
     edge = widen(mask, ERROR_PX) if rng.random() < 0.5 else narrow(mask, ERROR_PX)
     if not edge.any():
         return mask
@@ -187,7 +188,7 @@ def noisy_mask(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def with_noisy_mask(pair: Pair) -> Pair:
-    """Return the pair cut out so; where the mask is too wide the photo is black, as behind a pair it always is."""
+    """Return the pair with a noisy mask; the photo is black where the mask is too wide, as behind every pair."""
     rng = np.random.default_rng(pair.recipe.seed % 2**32)
     mask = noisy_mask(pair.photo[..., 3] > 0, rng)
     photo = pair.photo.copy()

@@ -1,4 +1,4 @@
-"""Numbers for how far a picture or map p is from the true one g.
+"""Metrics of how far a picture or map p is from the true one g.
 
 Pure NumPy; every function computes in float64 and returns a Python float. Pictures are [H, W] or [H, W, C].
 """
@@ -15,25 +15,25 @@ from anyprobe.light.environment import integral
 
 SSIM_SIGMA = 1.5
 SSIM_RADIUS = 5
-"""The 11 x 11 window of Wang et al. 2004."""
+"""Radius of the window [pixels]: 11 x 11 as in Wang et al. 2004."""
 
 STOPS = np.arange(-5.0, 5.01, 0.5)
-"""Gains that gain_rmse looks among before it looks closer [stops]."""
+"""Gains that gain_rmse tries before it refines the best [stops]."""
 
 
 def rmse(a: np.ndarray, b: np.ndarray) -> float:
-    """Root of the mean of (a - b)^2 over all numbers."""
+    """Compute the root of the mean of (a - b)^2 over all numbers."""
     return float(np.sqrt(np.square(np.asarray(a, np.float64) - np.asarray(b, np.float64)).mean()))
 
 
 def psnr(a: np.ndarray, b: np.ndarray, peak: float = 1.0) -> float:
-    """20 log10( peak / rmse(a, b) ) [dB]; infinite for equal pictures."""
+    """Compute 20 log10( peak / rmse(a, b) ) [dB]; infinite for equal pictures."""
     error = rmse(a, b)
     return 20.0 * math.log10(peak / error) if error > 0 else math.inf
 
 
 def _window_mean(image: np.ndarray) -> np.ndarray:
-    """Gaussian mean of every whole 11 x 11 window: [H, W, C] -> [H - 10, W - 10, C]."""
+    """Compute the Gaussian mean of every whole 11 x 11 window: [H, W, C] -> [H - 10, W - 10, C]."""
     x = np.arange(-SSIM_RADIUS, SSIM_RADIUS + 1)
     kernel = np.exp(-(x**2) / (2 * SSIM_SIGMA**2))
     kernel /= kernel.sum()
@@ -43,7 +43,7 @@ def _window_mean(image: np.ndarray) -> np.ndarray:
 
 
 def ssim(a: np.ndarray, b: np.ndarray) -> float:
-    """Structural similarity of values up to 1, Wang et al. 2004 Eq. 13, mean over windows and channels.
+    """Compute the structural similarity of values up to 1, Wang et al. 2004 Eq. 13, mean over windows and channels.
 
         (2 m_a m_b + C1) (2 c_ab + C2) / ((m_a^2 + m_b^2 + C1) (v_a + v_b + C2))
         C1 = 0.01^2, C2 = 0.03^2
@@ -70,7 +70,7 @@ def ssim(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def si_rmse(p: np.ndarray, g: np.ndarray, mask: np.ndarray) -> float:
-    """RMSE of linear radiance p, g [..., 3] after the best single exposure: s = sum p g / sum p p, then
+    """Compute the RMSE of linear radiance p, g [..., 3] after the best single exposure: s = sum p g / sum p p, then
 
         sqrt( mean over pixels and channels of the mask [...] of (s p - g)^2 )
 
@@ -83,7 +83,7 @@ def si_rmse(p: np.ndarray, g: np.ndarray, mask: np.ndarray) -> float:
 
 
 def gain_rmse(p: np.ndarray, g: np.ndarray) -> float:
-    """RMSE of display values after the single gain, within 5.4 stops, that makes it least; p, g [..., 3] radiance."""
+    """Compute the RMSE of display values of radiance p, g [..., 3] after the best gain within 5.4 stops."""
     target = response(g)
 
     def error(stops: float) -> float:
@@ -94,7 +94,8 @@ def gain_rmse(p: np.ndarray, g: np.ndarray) -> float:
 
 
 def color_angle_deg(p: np.ndarray, g: np.ndarray, mask: np.ndarray) -> float:
-    """Mean over pixels of the mask [...] of arccos( p.g / (|p| |g|) ) [degrees], of RGB vectors p, g [..., 3].
+    """Compute the mean over pixels of the mask [...] of arccos( p.g / (|p| |g|) ) [degrees], of RGB vectors p, g [...,
+    3].
 
     A pixel that is black in one picture alone counts 90, in both 0.
     """
@@ -108,13 +109,13 @@ def color_angle_deg(p: np.ndarray, g: np.ndarray, mask: np.ndarray) -> float:
 
 
 def direction_error_deg(a: np.ndarray, b: np.ndarray) -> float:
-    """Angle between two directions [3]: atan2(|a x b|, a.b) [degrees], exact at 0 and 180."""
+    """Compute the angle between two directions [3]: atan2(|a x b|, a.b) [degrees], exact at 0 and 180."""
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
 
 
 def power_ratio_stops(p: np.ndarray, g: np.ndarray) -> float:
-    """log2( integral of luminance(p) dw / integral of luminance(g) dw ), +1 is twice too bright.
+    """Compute log2( integral of luminance(p) dw / integral of luminance(g) dw ); +1 is twice too bright.
 
     Maps [H, 2H, 3], each weighted by its own solid angles, so their sizes may
     differ. A black p gives -inf, a black g +inf, two black maps 0.

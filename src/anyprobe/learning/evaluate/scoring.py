@@ -1,4 +1,4 @@
-"""Score methods on test pairs: figures per pair, then means over groups of pairs."""
+"""Scores of methods on test pairs: figures per pair, then means over groups of pairs."""
 
 from __future__ import annotations
 
@@ -30,22 +30,23 @@ from anyprobe.light.environment import integral
 from anyprobe.render.spheres import sphere_images, sphere_normals
 
 FROZEN = Path(str(resources.files("anyprobe") / "learning" / "evaluate" / "frozen.txt"))
-"""1,000 recipes over held-out maps and shapes; they never change."""
+"""List of 1,000 recipes over held-out maps and shapes; they never change."""
 ALPHA_EDGES = (0.0, 0.1, 0.25, 0.5, 0.75, 1.01)
 """Borders of the roughness bins; 0.5 is the paper's border of specular and diffuse."""
 ONE_LIGHT = 0.3
-"""One light dominates where it sends this share of all light or more."""
+"""Smallest share of all light at which one light dominates a map."""
 SHINY = 0.3
-"""Below this alpha an object shows emitters as highlights."""
+"""Alpha below which an object shows emitters as highlights."""
 
 Group = Callable[[Pair, bool], bool]
-"""Whether a pair belongs; the flag: one light dominates its true map."""
+"""Predicate of whether a pair belongs to a group; its flag: one light dominates the true map."""
 
 
 def dominant_light_share(radiance: np.ndarray) -> float:
-    """Share of a map's power that its dominant light has, by luminance: E on a plane facing it / all light."""
-    whole = float(luminance(integral(radiance.astype(np.float64))))
-    return float(luminance(find_dominant_light(radiance).irradiance)) / max(whole, 1e-9)
+    """Compute the share of a map's power that its dominant light has, by luminance: E on a plane facing it / all
+    light."""
+    total = float(luminance(integral(radiance.astype(np.float64))))
+    return float(luminance(find_dominant_light(radiance).irradiance)) / max(total, 1e-9)
 
 
 def _alpha_within(low: float, high: float) -> Group:
@@ -69,13 +70,13 @@ GROUPS: dict[str, Group] = {
 
 
 def groups_of(pair: Pair) -> set[str]:
-    """Names of the groups that a pair belongs to."""
+    """Return the names of the groups that a pair belongs to."""
     single = dominant_light_share(pair.radiance) >= ONE_LIGHT
     return {name for name, belongs in GROUPS.items() if belongs(pair, single)}
 
 
 LN_FLOOR = 1e-3
-"""Radiance below this counts as this in the log-HDR error: 0.001 of the photo's white."""
+"""Smallest radiance in the log-HDR error [of the photo's white]."""
 
 METRICS = {
     "ldr_psnr": "higher",
@@ -96,7 +97,7 @@ METRICS = {
     "ldr_rmse_seen": "lower",
     "ldr_rmse_unseen": "lower",
 }
-"""Metrics that are reported, and which way is better. All are means over pairs but those named median.
+"""Reported metrics, and which way is better. All are means over pairs but those named median.
 
 seen: the half of the map behind the camera, which the object faces; unseen: the half behind the object.
 """
@@ -116,13 +117,13 @@ HEADINGS = {
     "total_power_median_stops": "median",
     "ldr_ssim": "LDR SSIM",
 }
-"""Metrics that are printed, under the headings of docs/explanation/results.md; the others are in scores.json."""
+"""Printed metrics, with the headings of docs/explanation/results.md; the others are in scores.json."""
 
 MEDIANS = {"dominant_light_median_deg": "dominant_light_deg", "total_power_median_stops": "total_power_stops"}
 
 
 def score(estimate: np.ndarray, truth: np.ndarray) -> dict[str, float]:
-    """Return all metrics of one estimated map against the true one, both [H, 2H, 3] in exposure units.
+    """Compute all metrics of one estimated map against the true one, both [H, 2H, 3] in exposure units.
 
     LDR figures are of response(L), every pixel counted alike, as in the paper. Spheres are
     rendered linear, without tone mapping.
@@ -152,12 +153,13 @@ def score(estimate: np.ndarray, truth: np.ndarray) -> dict[str, float]:
 
 
 def score_radiance(pair: Pair, estimates: Mapping[str, Estimate]) -> dict[str, dict[str, float]]:
-    """`score` of every method's radiance."""
+    """Score every method's radiance with `score`."""
     return {name: score(one.lights, pair.radiance) for name, one in estimates.items()}
 
 
 Scorer = Callable[[Pair, Mapping[str, Estimate]], dict[str, dict[str, float]]]
-"""From a pair and every method's estimate of it to figures by method, so that work on the truth is done once."""
+"""Function from a pair and every method's estimate of it to figures by method, so that work on the truth is done
+once."""
 
 
 @dataclass(kw_only=True)
@@ -170,7 +172,7 @@ class Scores:
     shapes: list[str] = field(default_factory=list)
 
     def add(self, pair: Pair, figures: Mapping[str, dict[str, float]]) -> None:
-        """One pair's figures by method."""
+        """Add one pair's figures by method."""
         self.groups.append(groups_of(pair))
         self.maps.append(pair.map_name)
         self.shapes.append(pair.shape_name)
@@ -182,7 +184,7 @@ class Scores:
         return [row for row, member in zip(self.rows[method], self.groups, strict=True) if group in member]
 
     def table(self) -> dict[str, dict[str, dict[str, float]]]:
-        """Means: method -> group -> metric; groups without a pair are left out."""
+        """Return the means: method -> group -> metric; groups without a pair are left out."""
         result: dict[str, dict[str, dict[str, float]]] = {}
         for method in self.rows:
             result[method] = {}
@@ -203,11 +205,11 @@ class Scores:
         for method, rows in self.rows.items():
             errors[method] = {}
             for group in GROUPS:
-                found = [index for index, member in enumerate(self.groups) if group in member]
-                if found:
-                    where = [self.maps[index] for index in found], [self.shapes[index] for index in found]
+                indices = [index for index, member in enumerate(self.groups) if group in member]
+                if indices:
+                    clusters = [self.maps[index] for index in indices], [self.shapes[index] for index in indices]
                     errors[method][group] = {
-                        name: rounded(clustered_error([rows[index][name] for index in found], *where), 5)
+                        name: rounded(clustered_error([rows[index][name] for index in indices], *clusters), 5)
                         for name in METRICS
                         if name not in MEDIANS
                     }

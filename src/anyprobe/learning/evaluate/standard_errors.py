@@ -1,4 +1,4 @@
-"""Standard errors of means over test pairs, some of which share a map or a shape and so err together."""
+"""Standard errors of means over test pairs whose errors correlate where they share a map or a shape."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 
 def clustered_error(d: Sequence[float], maps: Sequence[str], shapes: Sequence[str]) -> float:
-    """Standard error of the mean of d [N], where pairs under one map, and pairs of one shape, may err together.
+    """Compute the standard error of the mean of d [N], where pairs of one map, and pairs of one shape, correlate.
 
     V = V_map + V_shape - V_(map and shape), each of one_way_variance (Cameron, Gelbach and Miller 2011), and no less
     than the larger of the first two, below which chance takes the sum where there are few shapes. NaN where all pairs
@@ -22,12 +22,12 @@ def clustered_error(d: Sequence[float], maps: Sequence[str], shapes: Sequence[st
 
 
 def rounded(value: float, digits: int) -> float | None:
-    """For JSON, which has no NaN."""
+    """Round a figure for JSON, which has no NaN: None."""
     return None if np.isnan(value) else round(value, digits)
 
 
 def one_way_variance(d: Sequence[float], clusters: Sequence[Hashable]) -> float:
-    """Variance of the mean of d [N], where those of one cluster may err together.
+    """Compute the variance of the mean of d [N], where the pairs of one cluster correlate.
 
     G / (G - 1) sum over the G clusters of (sum of d - mean)^2 / N^2 (Liang and Zeger 1986); 0 for one cluster.
     """

@@ -38,7 +38,7 @@ def train(
 ) -> None:
     """Train the network that proposes the object; resumes exactly."""
     if dry_run is not None and steps is not None:
-        raise InputError("--dry-run: expected its own number of steps, got --steps; leave one of them out")
+        raise InputError("expected one of them, got both", subject=("steps", "dry_run"))
     config = MaskRunConfig() if steps is None else replace(MaskRunConfig(), steps=steps)
     if dry_run is not None:
         config = smoke(config, dry_run)

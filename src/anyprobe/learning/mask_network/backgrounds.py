@@ -1,4 +1,4 @@
-"""Backgrounds behind the objects of a scene: the surroundings themselves, walls, plain paper, a table, flat things."""
+"""Backgrounds behind the objects of a scene: the surroundings, walls, plain paper, a table, flat things."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from anyprobe.learning.mask_network.foregrounds import LitView, TexturePool
 from anyprobe.render.surface import pixel_rays
 
 PLAIN_SHARE, WALL_SHARE = 0.15, 0.2
-"""Backgrounds of one colour, and of a pattern; the rest shows the map."""
+"""Shares of backgrounds of one colour and of a pattern; the rest show the map."""
 
 FLAT_SHARE = 0.65
-"""Share of these that are a piece of the stored map, about as sharp as a photo; a camera of usual field of view
-would see a few of its pixels, blurred."""
+"""Share of the latter that are a crop of the stored map, about as sharp as a photo; a camera of usual field of view
+would see only a few of its pixels, blurred."""
 
 SOFT_SHARE, SOFTEST = 0.35, 0.02
-"""Share of backgrounds out of focus, and the largest blur in sides."""
+"""Share of backgrounds out of focus, and their largest blur [sides of the picture]."""
 
 GROUND_SHARE = 0.65
 """Share of scenes with a table or a floor."""
 
 EYE_HEIGHT = 1.0
-"""The camera above the ground; textures are scaled by it."""
+"""Height of the camera above the ground, which scales the ground's textures."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Window:
-    """The pixels of a photo: centres x, y [S, S] in (-1, 1), y down, and tan of half the field of view."""
+    """Pixels of a photo: centres x, y [S, S] in (-1, 1), y down, and tan of half the field of view."""
 
     x: torch.Tensor
     y: torch.Tensor
@@ -48,7 +48,7 @@ def make_window(size: int, tan_half: float) -> Window:
 
 
 def draw_background(rng: np.random.Generator, view: LitView, window: Window, pool: TexturePool) -> torch.Tensor:
-    """Radiance [3, S, S] of everything but objects and shadows."""
+    """Draw the radiance [3, S, S] of everything but objects and shadows."""
     picture = _behind(rng, view, window, pool)
     size = len(window.x)
     if rng.random() < SOFT_SHARE:
@@ -65,7 +65,7 @@ def draw_background(rng: np.random.Generator, view: LitView, window: Window, poo
 def draw_flat(
     rng: np.random.Generator, view: LitView, window: Window, pool: TexturePool
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return a thing of straight edges (book, frame, rod, edge of a shelf): radiance [3, S, S], cover [S, S]."""
+    """Draw a thing with straight edges (book, frame, rod, shelf): radiance [3, S, S], cover [S, S]."""
     centre, angle = rng.uniform(-1.1, 1.1, size=2), rng.uniform(0, np.pi)
     if rng.random() < 0.5:
         angle = rng.choice([0.0, np.pi / 2]) + rng.normal(0, 0.05)
@@ -117,7 +117,7 @@ def _behind(rng: np.random.Generator, view: LitView, window: Window, pool: Textu
 def _ground(
     rng: np.random.Generator, view: LitView, window: Window, pool: TexturePool
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return a level plane below the camera, whole or a table's top: radiance [3, S, S] and cover [S, S]."""
+    """Draw a level plane below the camera, whole or a table's top: radiance [3, S, S] and cover [S, S]."""
     size = len(window.x)
     pitch = max(view.elevation, 0.02) + rng.uniform(0.0, 0.3)
     down = (-pixel_rays(window.tan_half, size) @ rotation_x(-pitch).T).astype(np.float32)
@@ -125,12 +125,12 @@ def _ground(
     distance = EYE_HEIGHT / (-ray[..., 1]).clip(min=1e-3)
     x, z = ray[..., 0] * distance, ray[..., 2] * distance
     cover = ((-ray[..., 1] - 0.01) * 200).clip(0, 1)
-    turn = float(rng.uniform(0, np.pi))
-    a = x * float(np.cos(turn)) + z * float(np.sin(turn))
-    b = z * float(np.cos(turn)) - x * float(np.sin(turn))
+    angle = float(rng.uniform(0, np.pi))
+    a = x * float(np.cos(angle)) + z * float(np.sin(angle))
+    b = z * float(np.cos(angle)) - x * float(np.sin(angle))
     if rng.random() < 0.5:  # a table: its edges lie around where the camera looks
         reach = EYE_HEIGHT / np.tan(pitch)
-        middle_a, middle_b = -reach * np.sin(turn), -reach * np.cos(turn)
+        middle_a, middle_b = -reach * np.sin(angle), -reach * np.cos(angle)
         half = np.exp(rng.uniform(np.log(0.4), np.log(2.5), size=2))
         inside = ((a - middle_a).abs() < half[0]) & ((b - middle_b).abs() < half[1])
         cover = cover * inside.float()
@@ -146,7 +146,8 @@ def _ground(
 
 
 def _lit(rng: np.random.Generator, view: LitView, window: Window) -> torch.Tensor:
-    """Radiance of white paper [3, S, S]: the ground's, brighter towards one side, with a pool of light or none."""
+    """Draw the radiance of white paper [3, S, S]: the ground's, brighter towards one side, with or without a pool of
+    light."""
     gain = np.exp(rng.normal(0, 0.4))
     slope = rng.normal(0, 0.3, size=2)
     shading = torch.exp(float(slope[0]) * window.x + float(slope[1]) * window.y)

@@ -1,4 +1,4 @@
-"""Scenes: several objects before a background, photographed, with how much of each pixel every one covers."""
+"""Scenes: photos of several objects before a background, with each object's cover of every pixel."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from anyprobe.learning.mask_network.backgrounds import Window, draw_background, 
 from anyprobe.learning.mask_network.foregrounds import LitView, TexturePool
 
 SIZE = 256
-"""Side of a scene's photo: parts of it are as sharp as the mask network's input."""
+"""Side of a scene's photo [pixels]: parts of it are as sharp as the mask network's input."""
 
 GREY = 0.5
-"""Fill of a square beside a photo that is not square."""
+"""Display value that pads a photo to a square."""
 
 EMPTY_SHARE = 0.04
-"""Scenes without any object: nothing is the right answer."""
+"""Share of scenes without any object."""
 
 WHITE = 0.8
-"""Radiance that most photos keep 60 % of their pixels below."""
+"""Radiance below which most photos keep 60 % of their pixels."""
 
 REFLECTING_SHARE = 0.12
 """Share of objects on a polished surface that mirrors them."""
@@ -37,8 +37,11 @@ ASPECTS = (1.0, 4 / 3, 3 / 2, 16 / 9, 3 / 4, 2 / 3, 9 / 16)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Scene:
-    """photo [3, S, S] display values, grey beyond the photo's borders; covers [N, S, S] of its N objects
-    as far as they are seen; bounds: the photo's rows and columns."""
+    """Photo of several objects.
+
+    photo [3, S, S] display values, grey beyond the photo's borders; covers [N, S, S] of its N objects
+    as far as they are seen; bounds: the photo's rows and columns.
+    """
 
     photo: torch.Tensor
     covers: torch.Tensor
@@ -46,7 +49,7 @@ class Scene:
 
 
 def draw_scene(rng: np.random.Generator, view: LitView, textures: TexturePool, size: int = SIZE) -> Scene:
-    """Up to four objects of a view and some flat things, before a background, through a camera.
+    """Draw up to four objects of a view and some flat things, before a background, through a camera.
 
     size: side of the picture; the same numbers of rng give the same scene at any size, but for its noise.
     """
@@ -58,16 +61,16 @@ def draw_scene(rng: np.random.Generator, view: LitView, textures: TexturePool, s
     photo_area[top:bottom, left:right] = 1.0
 
     count = 0 if rng.random() < EMPTY_SHARE else int(rng.choice([1, 2, 3, 4], p=[0.5, 0.28, 0.15, 0.07]))
-    placed = [_place(rng, index, bounds, size) for index in range(count)]
-    placed.sort(key=lambda one: one.base)  # nearer objects stand lower in the picture
+    places = [_place(rng, index, bounds, size) for index in range(count)]
+    places.sort(key=lambda place: place.base)  # nearer objects stand lower in the picture
     order = rng.permutation(len(view.foregrounds))[:count]
     covers: list[torch.Tensor] = []
-    for one, which in zip(placed, order, strict=True):
-        foreground = view.foregrounds[which]
+    for place, number in zip(places, order, strict=True):
+        foreground = view.foregrounds[number]
         if rng.random() < REFLECTING_SHARE:
-            picture = _reflect(rng, picture, foreground, one, window)
-        picture = picture * _shadows(rng, foreground, one, view, window)
-        layer = _warp(foreground, one, window)
+            picture = _reflect(rng, picture, foreground, place, window)
+        picture = picture * _shadows(rng, foreground, place, view, window)
+        layer = _warp(foreground, place, window)
         picture = picture * (1 - layer[3]) + layer[:3]
         covers = [cover * (1 - layer[3]) for cover in covers] + [layer[3]]
     for _ in range(int(rng.choice([0, 1, 2], p=[0.75, 0.2, 0.05]))):  # in front of everything
@@ -95,8 +98,11 @@ def draw_scene(rng: np.random.Generator, view: LitView, textures: TexturePool, s
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class _Place:
-    """centre and half size of a foreground's window in the photo's (-1, 1); flipped left to right or not;
-    base: y of its lower edge."""
+    """Placement of a foreground in the photo.
+
+    centre and half size of a foreground's window in the photo's (-1, 1); flipped left to right or not;
+    base: y of its lower edge.
+    """
 
     x: float
     y: float
@@ -129,7 +135,7 @@ def _place(rng: np.random.Generator, index: int, bounds: tuple[int, int, int, in
 
 
 def _warp(foreground: torch.Tensor, place: _Place, window: Window) -> torch.Tensor:
-    """Return a foreground [C, S, S] in its place, [C, S, S], averaged first where it shrinks."""
+    """Warp a foreground [C, S, S] to its place, [C, S, S], averaging first where it shrinks."""
     side = place.half * len(window.x)
     while foreground.shape[-1] >= 2 * side and foreground.shape[-1] > 16:
         foreground = F.avg_pool2d(foreground[None], 2)[0]
@@ -141,7 +147,7 @@ def _warp(foreground: torch.Tensor, place: _Place, window: Window) -> torch.Tens
 def _reflect(
     rng: np.random.Generator, picture: torch.Tensor, foreground: torch.Tensor, place: _Place, window: Window
 ) -> torch.Tensor:
-    """Return the picture with an object's mirror image under its foot, fainter further down."""
+    """Add an object's mirror image under its foot, fainter further down."""
     rows = torch.nonzero((foreground[3] > 0.5).any(dim=1)).flatten()
     if not len(rows):
         return picture
@@ -155,7 +161,7 @@ def _reflect(
 def _shadows(
     rng: np.random.Generator, foreground: torch.Tensor, place: _Place, view: LitView, window: Window
 ) -> torch.Tensor:
-    """Factor [S, S] on what is behind an object: a dark contact, and a shadow thrown to one side."""
+    """Draw the factor [S, S] on what is behind an object: a dark contact, and a shadow cast to one side."""
     factor = torch.ones_like(window.x)
     rows = torch.nonzero((foreground[3] > 0.5).any(dim=1)).flatten()
     if not len(rows) or rng.random() < 0.2:

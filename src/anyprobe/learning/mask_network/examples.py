@@ -1,8 +1,8 @@
-"""Training examples: photos with prompts as a user would give them, and which pixels the object meant covers.
+"""Training examples: photos with prompts as users give them, and the cover of the object meant.
 
-Batch number k is a function of (seed, k) alone, as for pairs: a run that was killed
-goes on with exactly the scenes it would have seen. Far cheaper than a new scene is the same one
-photographed again: mirrored, cropped, in other tones, by another phone.
+Batch number k is a function of (seed, k) alone, as for pairs: a run that was killed resumes with exactly the same
+scenes. Photographing a scene again is far cheaper than a new scene: mirrored, cropped, in other tones, by another
+phone.
 """
 
 from __future__ import annotations
@@ -22,31 +22,34 @@ from anyprobe.learning.mask_network.foregrounds import LitView, ViewSource
 from anyprobe.masks.prompts import draw_prompts
 
 SIZE = 160
-"""Side of the examples' pictures: that of the mask network's input."""
+"""Side of the examples' pictures [pixels], that of the mask network's input."""
 
 CLEAR_LEAD = 1.4
-"""Without a prompt the first object must weigh so much more than the second, or it would be anybody's guess."""
+"""Smallest ratio of the first object's weight to the second's at which the first is meant without a prompt."""
 
 MIN_TARGET_PX = 60
-"""Area below which an object is no target."""
+"""Smallest area of a target [pixels]."""
 
 CENTRE_SIGMA = 0.35
-"""Standard deviation of the weight around the picture's centre, in sides."""
+"""Standard deviation of the weight around the picture's centre [sides]."""
 
 PROMPTS = {"none": 0.45, "click": 0.25, "clicks": 0.1, "box": 0.2}
-"""Shares of the kinds of prompts: nothing, a click, up to three and some beside the object, a loose box."""
+"""Shares of the kinds of prompts: none, one click, up to three with some beside the object, a loose box."""
 
 CLOSE_SHARE = 0.4
-"""Share of photos that are second looks: the object fills much of them, and there is always a prompt."""
+"""Share of photos that are close-ups of an object, which always have a prompt."""
 
 CLOSE_PROMPTS = {"click": 0.3, "clicks": 0.15, "box": 0.55}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SceneConfig:
-    """batch: photos a step, each a retake of a random scene, with `prompts` prompts each; scenes kept, and how many
+    """Number of scenes, views and prompts.
+
+    batch: photos a step, each a retake of a random scene, with `prompts` prompts each; scenes kept, and how many
     of them are new at each step; views kept, and how many scenes one new view serves; textures: patterns drawn at the
-    start."""
+    start.
+    """
 
     batch: int = 16
     prompts: int = 2
@@ -60,7 +63,10 @@ class SceneConfig:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Batch:
-    """photo [B, 3, S, S]; of each P examples: prompt channel [B, P, S, S] and the target's cover, mask [B, P, S, S]."""
+    """Batch of training examples, as tensors.
+
+    photo [B, 3, S, S]; of each P examples: prompt channel [B, P, S, S] and the target's cover, mask [B, P, S, S].
+    """
 
     photo: torch.Tensor
     prompt: torch.Tensor
@@ -77,21 +83,21 @@ class SceneSource:
 
     @torch.no_grad()
     def batch(self, step: int) -> Batch:
-        """The examples of step number `step`."""
+        """Make the examples of step number `step`."""
         config = self.config
         first = step * config.fresh
         scenes = slide(self._scenes, range(first, first + config.scenes), self._draw)
         rng = np.random.default_rng((config.seed, 5, step))
         photos, prompts, masks = [], [], []
-        for which in rng.integers(len(scenes), size=config.batch):
-            photo, examples = _examples(rng, scenes[which], config.prompts)
+        for number in rng.integers(len(scenes), size=config.batch):
+            photo, examples = _examples(rng, scenes[number], config.prompts)
             photos.append(photo)
             prompts.append(torch.from_numpy(np.stack([prompt for prompt, _ in examples])))
             masks.append(torch.stack([mask for _, mask in examples]))
         return Batch(photo=torch.stack(photos), prompt=torch.stack(prompts), mask=torch.stack(masks))
 
     def _draw(self, number: int) -> Scene:
-        """Scene number `number`, of one of the views then kept."""
+        """Draw scene number `number`, of one of the views kept at that time."""
         oldest = number // self.config.scenes_per_view
         views = slide(self._views, range(oldest, oldest + self.config.views), self.views.view)
         rng = np.random.default_rng((self.config.seed, 2, number))
@@ -99,7 +105,7 @@ class SceneSource:
 
 
 def unasked_target(scene: Scene) -> int | None:
-    """Return the object meant without a prompt: most cover weighted towards the photo's centre.
+    """Return the object meant without a prompt: the largest cover, weighted towards the photo's centre.
 
     None where there is none, or where a second one weighs nearly as much.
     """
@@ -123,19 +129,19 @@ def unasked_target(scene: Scene) -> int | None:
 def _examples(
     rng: np.random.Generator, scene: Scene, count: int
 ) -> tuple[torch.Tensor, list[tuple[np.ndarray, torch.Tensor]]]:
-    """Return a retake's photo [3, S, S], and `count` prompts of different kinds with their answers."""
-    which = _draw_target(rng, scene)
-    if which is None or rng.random() >= CLOSE_SHARE:
-        scene, which, shares = retake(rng, scene, SIZE), None, PROMPTS
+    """Draw a retake's photo [3, S, S], and `count` prompts of different kinds with their answers."""
+    target = _draw_target(rng, scene)
+    if target is None or rng.random() >= CLOSE_SHARE:
+        scene, target, shares = retake(rng, scene, SIZE), None, PROMPTS
     else:
-        part = part_around(rng, cover_box(scene.covers[which]), scene.bounds)
+        part = part_around(rng, cover_box(scene.covers[target]), scene.bounds)
         scene, shares = retake(rng, scene, SIZE, part), CLOSE_PROMPTS
     kinds = rng.choice(list(shares), size=count, replace=False, p=list(shares.values()))
-    return scene.photo, [ask(rng, scene, str(kind), which) for kind in kinds]
+    return scene.photo, [ask(rng, scene, str(kind), target) for kind in kinds]
 
 
 def _draw_target(rng: np.random.Generator, scene: Scene) -> int | None:
-    """Return an object large enough to be meant, large ones more often; None where there is none."""
+    """Draw an object large enough to be meant, large ones more often; None if there is none."""
     areas = scene.covers.sum(dim=(1, 2)).numpy() if len(scene.covers) else np.zeros(0)
     possible = np.flatnonzero(areas >= MIN_TARGET_PX)
     if not len(possible):
@@ -143,23 +149,25 @@ def _draw_target(rng: np.random.Generator, scene: Scene) -> int | None:
     return int(rng.choice(possible, p=areas[possible] ** 0.5 / (areas[possible] ** 0.5).sum()))
 
 
-def ask(rng: np.random.Generator, scene: Scene, kind: str, which: int | None = None) -> tuple[np.ndarray, torch.Tensor]:
-    """Return a prompt of a kind of PROMPTS and the answer to it: channel [S, S], target's cover [S, S].
+def ask(
+    rng: np.random.Generator, scene: Scene, kind: str, target: int | None = None
+) -> tuple[np.ndarray, torch.Tensor]:
+    """Draw a prompt of a kind of PROMPTS and its answer: channel [S, S], target's cover [S, S].
 
-    Where there is none but no object stands out, there is a click after all.
+    A prompt "none" becomes a click where no object stands out.
 
     which: the object meant; else a random one.
     """
-    if which is None:
-        which = _draw_target(rng, scene)
-    if which is None:
+    if target is None:
+        target = _draw_target(rng, scene)
+    if target is None:
         return np.zeros((SIZE, SIZE), np.float32), torch.zeros(SIZE, SIZE)
     if kind == "none":
         best = unasked_target(scene)
         if best is not None:
             return np.zeros((SIZE, SIZE), np.float32), scene.covers[best]
         kind = "click"
-    cover = scene.covers[which]
+    cover = scene.covers[target]
     if kind == "box":
         box = cover_box(cover)
         reach = 0.08 * max(box[2] - box[0], box[3] - box[1])
@@ -170,12 +178,12 @@ def ask(rng: np.random.Generator, scene: Scene, kind: str, which: int | None = N
     if kind == "clicks":
         on += [inside_click(rng, cover) for _ in range(int(rng.integers(0, 3)))]
         for _ in range(int(rng.integers(0, 3))):
-            off.append(_click_beside(rng, scene, which))
+            off.append(_click_beside(rng, scene, target))
     return draw_prompts(SIZE, on, off), cover
 
 
 def cover_box(cover: torch.Tensor) -> tuple[int, int, int, int]:
-    """Bounding box x0, y0, x1, y1 of cover > 0.5."""
+    """Return the bounding box x0, y0, x1, y1 of cover > 0.5."""
     rows = torch.nonzero((cover > 0.5).any(dim=1)).flatten()
     columns = torch.nonzero((cover > 0.5).any(dim=0)).flatten()
     return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
@@ -186,7 +194,7 @@ def _centre_weight(size: int, centre: float) -> np.ndarray:
 
 
 def inside_click(rng: np.random.Generator, cover: torch.Tensor) -> tuple[float, float]:
-    """Return a point on the object, mostly well inside it."""
+    """Draw a point on the object, mostly well inside it."""
     inside = cover.numpy()
     if rng.random() < 0.8:
         soft = blur(cover, 3.0).numpy()
@@ -194,49 +202,49 @@ def inside_click(rng: np.random.Generator, cover: torch.Tensor) -> tuple[float, 
     return _pixel(rng, inside > 0.5)
 
 
-def _click_beside(rng: np.random.Generator, scene: Scene, which: int) -> tuple[float, float]:
-    """Return a point off the target: on another object, else around it, else anywhere in the photo."""
+def _click_beside(rng: np.random.Generator, scene: Scene, target: int) -> tuple[float, float]:
+    """Draw a point off the target: on another object, else around it, else anywhere in the photo."""
     top, bottom, left, right = scene.bounds
     photo = np.zeros((SIZE, SIZE), bool)
     photo[top:bottom, left:right] = True
-    off = photo & (scene.covers[which].numpy() < 0.1)
-    others: Sequence[int] = [i for i in range(len(scene.covers)) if i != which]
+    off = photo & (scene.covers[target].numpy() < 0.1)
+    others: Sequence[int] = [i for i in range(len(scene.covers)) if i != target]
     if others and rng.random() < 0.6:
         return _pixel(rng, off & (scene.covers[int(rng.choice(others))].numpy() > 0.5), off)
-    near = blur(scene.covers[which], 5.0).numpy() > 0.03
-    return _pixel(rng, off & near, off)
+    is_near = blur(scene.covers[target], 5.0).numpy() > 0.03
+    return _pixel(rng, off & is_near, off)
 
 
 def _pixel(rng: np.random.Generator, *choices: np.ndarray) -> tuple[float, float]:
-    """Return a random pixel's centre x, y in the first choice that is not empty; the middle if all are."""
+    """Draw a pixel's centre x, y in the first choice that is not empty; the middle if all are."""
     for choice in choices:
         rows, columns = np.nonzero(choice)
         if len(rows):
-            at = int(rng.integers(len(rows)))
-            return float(columns[at]) + 0.5, float(rows[at]) + 0.5
+            number = int(rng.integers(len(rows)))
+            return float(columns[number]) + 0.5, float(rows[number]) + 0.5
     return SIZE / 2, SIZE / 2
 
 
 MIRRORED_SHARE = 0.5
 
 CROPPED_SHARE = 0.6
-"""Share of retakes that show a part of the photo, of another shape; the rest show all of it."""
+"""Share of retakes that show a part of the photo, of another aspect; the rest show all of it."""
 
 SMALLEST_CROP = 0.5
-"""Sides of a crop in those of the photo."""
+"""Smallest side of a crop [sides of the photo]."""
 
 CLOSE_SIDES = (1.3, 2.4)
-"""Side of a second look in the object's longer sides."""
+"""Range of the side of a close-up [longer sides of the object]."""
 
 
 SHAKEN_SHARE, SHARPENED_SHARE, JPEG_SHARE = 0.1, 0.4, 0.4
 
 Part = tuple[float, float, float, float]
-"""x, y of the upper left corner, width and height of a part of a photo, in pixels of the square."""
+"""Part of a photo: x, y of the upper left corner, width and height, in pixels of the square."""
 
 
 def retake(rng: np.random.Generator, scene: Scene, size: int, part: Part | None = None) -> Scene:
-    """Another photo of the same objects, `size` pixels across, with their covers; colours keep their order.
+    """Photograph the same objects again, `size` pixels across, with their covers; colours keep their order.
 
     part: what it shows; else CROPPED_SHARE of the retakes show a random part.
     """
@@ -282,7 +290,7 @@ def _by_a_phone(rng: np.random.Generator, photo: torch.Tensor) -> torch.Tensor:
 
 
 def _shake(rng: np.random.Generator, photo: torch.Tensor) -> torch.Tensor:
-    """Motion blur along a short line of random direction."""
+    """Blur a photo along a short line of random direction."""
     reach, angle = rng.uniform(1.0, 3.5), rng.uniform(0, np.pi)
     kernel = np.zeros((7, 7), np.float32)
     for along in np.linspace(-reach, reach, 15):
@@ -292,7 +300,7 @@ def _shake(rng: np.random.Generator, photo: torch.Tensor) -> torch.Tensor:
 
 
 def part_around(rng: np.random.Generator, box: tuple[int, int, int, int], bounds: tuple[int, ...]) -> Part:
-    """Return the window of a second look at a box x0, y0, x1, y1: within the photo, not quite centred."""
+    """Draw the window of a close-up of a box x0, y0, x1, y1: within the photo, not quite centred."""
     top, bottom, left, right = bounds
     x0, y0, x1, y1 = box
     longer = max(x1 - x0, y1 - y0)
@@ -314,17 +322,17 @@ def _draw_part(rng: np.random.Generator, bounds: tuple[int, int, int, int]) -> P
 def _crop(
     photo: torch.Tensor, covers: torch.Tensor, part: Part, size: int
 ) -> tuple[torch.Tensor, torch.Tensor, tuple[int, int, int, int]]:
-    """Return a part of the photo brought to the square's full width or height, grey beside it."""
+    """Crop a part of the photo and scale it to the square's full width or height, grey beside it."""
     stored = photo.shape[-1]
     x, y, width, height = part
     inner = [max(1, round(size * side / max(width, height))) for side in (height, width)]
-    finer = 2 if max(width, height) > 1.3 * size else 1  # averaged where it shrinks
-    fine = [finer * side for side in inner]
-    columns = (x + (torch.arange(fine[1]) + 0.5) * width / fine[1]) / stored * 2 - 1
-    rows = (y + (torch.arange(fine[0]) + 0.5) * height / fine[0]) / stored * 2 - 1
+    factor = 2 if max(width, height) > 1.3 * size else 1  # averaged where it shrinks
+    sampled = [factor * side for side in inner]
+    columns = (x + (torch.arange(sampled[1]) + 0.5) * width / sampled[1]) / stored * 2 - 1
+    rows = (y + (torch.arange(sampled[0]) + 0.5) * height / sampled[0]) / stored * 2 - 1
     grid = torch.stack(torch.meshgrid(columns, rows, indexing="xy"), dim=-1)
     both = F.grid_sample(torch.cat([photo, covers])[None], grid[None], align_corners=False)
-    both = F.avg_pool2d(both, finer)[0] if finer > 1 else both[0]
+    both = F.avg_pool2d(both, factor)[0] if factor > 1 else both[0]
     start = (size - inner[0]) // 2, (size - inner[1]) // 2
     inside = (slice(start[0], start[0] + inner[0]), slice(start[1], start[1] + inner[1]))
     square = photo.new_full((3, size, size), GREY)

@@ -15,11 +15,12 @@ from anyprobe.learning.train.export_onnx import store_half, store_int8
 from anyprobe.masks.networks import MASK_CONTRACT, SIZE
 
 TOLERANCE = 0.01
-"""Largest mean difference of the cover that this may make."""
+"""Largest mean difference of the cover between graph and network."""
 
 
 def export_mask(checkpoint: Path, folder: Path) -> float:
-    """Write folder/mask.onnx: "input" [1, 4, 160, 160] to "output" [1, 1, 160, 160]; its mean difference from torch.
+    """Write folder/mask.onnx: "input" [1, 4, 160, 160] to "output" [1, 1, 160, 160]; return its mean difference from
+    torch.
 
     Raises:
         ModelError: the graph disagrees with the network by more than TOLERANCE.

@@ -1,6 +1,7 @@
-"""Foregrounds: objects lit by one map, patterned, cut out, to be put into scenes of many objects.
+"""Foregrounds: objects lit by one map, patterned and cut out, for scenes of many objects.
 
-Patterns are drawn once and read many times: our own, and crops of the maps, which are photos of real surroundings.
+Patterns are drawn once and read many times: procedural ones, and crops of the maps, which are photos of real
+surroundings.
 """
 
 from __future__ import annotations
@@ -24,22 +25,24 @@ from anyprobe.learning.dataset.textured import draw_texture, smooth_noise
 from anyprobe.light.environment import MAP_HEIGHT
 
 SIDE = 128
-"""Side of a pattern in its own pixels."""
+"""Side of a pattern [pixels of its own]."""
 
 REAL_SHARE = 0.5
-"""Share of patterns that are crops of maps, where there are any."""
+"""Share of patterns that are crops of maps, if there are maps."""
 
 
 class TexturePool:
-    """Reflectances [3, SIDE, SIDE], mirrored at their borders."""
+    """Pool of reflectances [3, SIDE, SIDE], mirrored at their borders."""
 
     def __init__(self, seed: int, count: int, maps: Sequence[np.ndarray | torch.Tensor] = ()) -> None:
-        """maps: [H, 2H, 3] radiance, as sharp as they are read where H is 256."""
+        """Draw patterns; maps: [H, 2H, 3] radiance, at their own sharpness where H is 256."""
         rng = np.random.default_rng((seed, 3))
-        real = round(REAL_SHARE * count) if len(maps) else 0
-        own = [torch.from_numpy(draw_texture(rng)).permute(2, 0, 1).contiguous() for _ in range(count - real)]
-        crops = [_crop(rng, maps[int(rng.integers(len(maps)))]) for _ in range(real)]
-        self.patterns = torch.stack(own + crops)
+        num_crops = round(REAL_SHARE * count) if len(maps) else 0
+        procedural = [
+            torch.from_numpy(draw_texture(rng)).permute(2, 0, 1).contiguous() for _ in range(count - num_crops)
+        ]
+        crops = [_crop(rng, maps[int(rng.integers(len(maps)))]) for _ in range(num_crops)]
+        self.patterns = torch.stack(procedural + crops)
 
     def read(self, rng: np.random.Generator, x: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
         """Return a random pattern at coordinates x, y [...] where 2 is one tile: [3, ...]."""
@@ -50,7 +53,7 @@ class TexturePool:
 
 
 def _crop(rng: np.random.Generator, radiance: np.ndarray | torch.Tensor) -> torch.Tensor:
-    """Return a piece of a map that is nowhere near its poles, its brightness pressed into what paint reflects."""
+    """Crop a piece of a map away from its poles, its brightness compressed to the range of paint."""
     height, width = radiance.shape[:2]
     side = int(rng.integers(height // 4, height // 2 + 1))
     top = int(rng.integers(height * 5 // 32, height * 27 // 32 - side))
@@ -62,14 +65,14 @@ def _crop(rng: np.random.Generator, radiance: np.ndarray | torch.Tensor) -> torc
 
 
 MATERIALS = 2
-"""Lit materials of one view."""
+"""Number of lit materials of one view."""
 
 FOREGROUNDS = 8
-"""Objects of one view."""
+"""Number of objects of one view."""
 
 PATTERNS = {"none": 0.3, "marks": 0.15, "regions": 0.25, "texture": 0.15, "bands": 0.1, "patch": 0.05}
-"""Shares of the ways in which an object's colour differs from place to place. An object is all of its parts,
-also where one of them has a much stronger colour than the others."""
+"""Shares of the kinds of an object's colour variation. An object is all of its parts, even if one has a much stronger
+colour than the others."""
 
 JOINED_SHARE = 0.25
 """Share of objects of two shapes of different materials, grown together: a pot and its plant, a figure and its base."""
@@ -99,7 +102,7 @@ class LitView:
 
 
 class ViewSource:
-    """Lit views by number: view k is a function of (seed, k) alone."""
+    """Source of lit views by number: view k is a function of (seed, k) alone."""
 
     def __init__(self, illuminator: Illuminator, surfaces: SurfaceSet, textures: TexturePool, seed: int) -> None:
         self.illuminator, self.surfaces, self.textures, self.seed = illuminator, surfaces, textures, seed
@@ -107,32 +110,32 @@ class ViewSource:
 
     @torch.no_grad()
     def view(self, number: int) -> LitView:
-        """A random map, camera, two materials' lobes, and eight objects of them."""
+        """Draw a map, a camera, two lit materials, and eight objects of them."""
         rng = np.random.default_rng((self.seed, 1, number))
-        which = int(rng.integers(len(self.illuminator.maps)))
+        map_number = int(rng.integers(len(self.illuminator.maps)))
         band = int(rng.integers(NUM_ELEVATIONS))
         elevation = draw_elevation(rng, band)
         rotation = world_from_camera(rng.uniform(0, 2 * np.pi), elevation, rng.normal(0, 0.05))
         if rng.random() < 0.5:
             rotation = np.diag([-1.0, 1.0, 1.0]) @ rotation
-        lit = [self.illuminator.light(which, rotation, draw_alpha(rng), band) for _ in range(MATERIALS)]
+        lit = [self.illuminator.light(map_number, rotation, draw_alpha(rng), band) for _ in range(MATERIALS)]
         ground = _facing(lit[0].radiance.numpy(), rotation.T @ np.array([0.0, 1.0, 0.0]))
         chosen = [lit[i % MATERIALS] for i in range(FOREGROUNDS)]
         index = rng.choice(self._by_elevation[band], FOREGROUNDS)
         normals = torch.from_numpy(self.surfaces.normals[index]).float()
         tan_half = torch.from_numpy(self.surfaces.tan_half[index]).reshape(-1, 1, 1, 1)
-        materials = [draw_material(rng, one.alpha) for one in chosen]
+        materials = [draw_material(rng, item.alpha) for item in chosen]
         wo = pixel_wo(tan_half, normals.shape[-1])
         radiance, _ = shade_batch(chosen, materials, normals, wo)
         if rng.random() < FLASH_SHARE:
             radiance = radiance + _flash(rng, normals, ground)
         cover = (normals.abs().sum(dim=1, keepdim=True) > 0).float()
-        for one, facing in zip(radiance, normals, strict=True):
-            one.mul_(draw_pattern(rng, facing, self.textures))
+        for item, facing in zip(radiance, normals, strict=True):
+            item.mul_(draw_pattern(rng, facing, self.textures))
         objects = list(torch.cat([radiance * cover, cover], dim=1))
         return LitView(
-            foregrounds=torch.stack([_join(rng, one, objects) for one in objects]),
-            sky=self.illuminator.maps[which],
+            foregrounds=torch.stack([_join(rng, item, objects) for item in objects]),
+            sky=self.illuminator.maps[map_number],
             world_from_camera=rotation,
             elevation=elevation,
             ground=ground,
@@ -141,7 +144,7 @@ class ViewSource:
 
 
 def draw_pattern(rng: np.random.Generator, normals: torch.Tensor, textures: TexturePool) -> torch.Tensor:
-    """Factors [3, S, S] on an object's radiance, by one of PATTERNS; normals [3, S, S], zero off the object."""
+    """Draw factors [3, S, S] on an object's radiance, by one of PATTERNS; normals [3, S, S], zero off the object."""
     size = normals.shape[-1]
     kind = str(rng.choice(list(PATTERNS), p=list(PATTERNS.values())))
     if kind == "none":
@@ -172,7 +175,7 @@ def draw_pattern(rng: np.random.Generator, normals: torch.Tensor, textures: Text
 
 
 def _colors(rng: np.random.Generator, labels: torch.Tensor, count: int) -> torch.Tensor:
-    """Factors [3, S, S]: 1 where the label is 0, for each other one a color of its own, some of them strong."""
+    """Draw factors [3, S, S]: 1 where the label is 0, a colour of its own, sometimes strong, for each other label."""
     table = [np.ones(3)]
     for _ in range(count - 1):
         table.append(np.exp(rng.uniform(np.log(0.08), np.log(2.5))) * tint(rng, rng.choice([0.1, 0.4, 1.0])))
@@ -180,20 +183,20 @@ def _colors(rng: np.random.Generator, labels: torch.Tensor, count: int) -> torch
     return colors[labels].permute(2, 0, 1)
 
 
-def _join(rng: np.random.Generator, one: torch.Tensor, others: list[torch.Tensor]) -> torch.Tensor:
-    """For JOINED_SHARE of the objects, another in front of it, overlapping, both shrunk into the window."""
+def _join(rng: np.random.Generator, foreground: torch.Tensor, others: list[torch.Tensor]) -> torch.Tensor:
+    """Join JOINED_SHARE of the objects with another in front, overlapping, both shrunk into the window."""
     if rng.random() >= JOINED_SHARE:
-        return one
+        return foreground
     other = others[int(rng.integers(len(others)))]
-    size = one.shape[-1]
+    size = foreground.shape[-1]
     share = float(rng.uniform(0.35, 0.8))
     small = torch.nn.functional.interpolate(other[None], size=round(size * share), mode="bilinear", antialias=True)[0]
-    rows = torch.nonzero((one[3] > 0.5).any(dim=1)).flatten()
+    rows = torch.nonzero((foreground[3] > 0.5).any(dim=1)).flatten()
     joined = torch.zeros(4, 2 * size, 2 * size)
     half = size // 2
-    joined[:, half : half + size, half : half + size] = one
+    joined[:, half : half + size, half : half + size] = foreground
     side = small.shape[-1]
-    inside = torch.nonzero(one[3] > 0.5)
+    inside = torch.nonzero(foreground[3] > 0.5)
     y, x = inside[int(rng.integers(len(inside)))].tolist()
     if rng.random() < 0.6:  # standing on it, or under it
         y = int(rows[0 if rng.random() < 0.5 else -1])
@@ -217,7 +220,7 @@ def _flash(rng: np.random.Generator, normals: torch.Tensor, ground: np.ndarray) 
 
 
 def _facing(radiance: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Irradiance / pi [3] of a plane with normal up under a map [64, 128, 3] of the camera's frame."""
+    """Compute the irradiance / pi [3] of a plane with normal up under a map [64, 128, 3] of the camera's frame."""
     cosine = np.maximum(pixel_directions(MAP_HEIGHT) @ up, 0.0)
     weights = cosine * pixel_solid_angles(MAP_HEIGHT)
     return (radiance * weights[..., None]).sum(axis=(0, 1)) / np.pi

@@ -1,4 +1,4 @@
-"""Photo and hints -> how much of each pixel the object covers: a U-Net that works at half the photo's size."""
+"""The mask network: a U-Net from photo and hints to the object's cover, working at half the photo's size."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from anyprobe.learning.nets.blocks import conv
 SIZE = 160
 
 HINT_GAIN = 4.0
-"""The few pixels of a hint count as much as the many of the photo, from the first step on."""
+"""Gain on the hint channel: a hint's few pixels must count as much as the photo's many from the first step on."""
 
 
 class Residual(nn.Module):
@@ -49,7 +49,7 @@ class MaskNet(nn.Module):
         self.head = nn.Conv2d(widths[0], 4, 3, padding=1)
 
     def logits(self, image: torch.Tensor) -> torch.Tensor:
-        """[N, 1, 160, 160] before the sigmoid."""
+        """Return the cover's logits [N, 1, 160, 160]."""
         given = torch.cat([image[:, :3], HINT_GAIN * image[:, 3:]], dim=1)
         features = [self.first(given)]
         for down in self.down:

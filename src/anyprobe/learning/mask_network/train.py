@@ -30,7 +30,9 @@ from anyprobe.learning.train.loop import CHECKPOINT_SECONDS, learning_rate
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MaskRunConfig:
-    """name: of the run's folder; the learning rate rises over warmup steps and falls over the last cooldown share.
+    """Settings of a run.
+
+    name: of the run's folder; the learning rate rises over warmup steps and falls over the last cooldown share.
 
     small: side of the pictures in the first small_steps steps, which cost a third there and teach what an
     object is as well; the rest are at full size and teach its edge. averaged: decay of the running mean of the
@@ -77,7 +79,7 @@ def make_scenes(config: MaskRunConfig, store: AssetStore, cache: Path) -> SceneS
 
 
 def mask_loss(logits: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
-    """Cross entropy of every pixel plus 1 - soft IoU of every picture; an empty target has no IoU."""
+    """Compute the cross entropy of every pixel plus 1 - soft IoU of every picture; an empty target has no IoU."""
     entropy = F.binary_cross_entropy_with_logits(logits, target)
     cover = torch.sigmoid(logits)
     shared = (cover * target).sum(dim=(1, 2, 3))
@@ -87,7 +89,7 @@ def mask_loss(logits: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
 
 
 def shrink(batch: Batch, size: int) -> Batch:
-    """Return the same examples [B, C, size, size], averaged over areas."""
+    """Downscale the examples to [B, C, size, size], averaged over areas."""
     parts = (batch.photo, batch.prompt, batch.mask)
     photo, prompt, mask = (F.interpolate(one, size=(size, size), mode="area") for one in parts)
     return Batch(photo=photo, prompt=prompt, mask=mask)
@@ -102,7 +104,7 @@ def train_mask(
     scenes: SceneSource | None = None,
     start: Path | None = None,
 ) -> Path:
-    """Train to config.steps, going on from the checkpoint of runs/<config.name> when there is one; its path.
+    """Train to config.steps, resuming from the checkpoint of runs/<config.name> if there is one; return its path.
 
     Args, errors: as of train.loop.train; scenes: the batches, when they are at hand already.
     """
@@ -132,7 +134,7 @@ def train_mask(
         del store  # hundreds of maps, of which the scenes keep what they need
     learner = SimpleNamespace(columns=("loss", "iou"), nets=net)
     logger = RunLogger(folder, config.name, learner, first, last, config.steps)
-    saved, each = time.monotonic(), config.scenes.batch * config.scenes.prompts
+    saved, examples_per_step = time.monotonic(), config.scenes.batch * config.scenes.prompts
     with logger:
         for step in range(first, last):
             rate = learning_rate(config, step)
@@ -143,7 +145,7 @@ def train_mask(
                 batch = shrink(batch, config.small)
             figures = _step(net, optimizer, batch)
             _follow(mean, net, min(config.averaged, (step + 1) / (step + 20)))
-            logger.note(step + 1, (step + 1) * each, each, figures, rate)
+            logger.note(step + 1, (step + 1) * examples_per_step, examples_per_step, figures, rate)
             if time.monotonic() - saved > CHECKPOINT_SECONDS or step + 1 == last:
                 with atomic_path(path) as temporary:
                     torch.save(
@@ -162,8 +164,8 @@ def train_mask(
 
 
 def load_mask_net(checkpoint: Path) -> tuple[MaskNet, dict]:
-    """Return the trained network of a checkpoint (the mean of its weights), ready to run, and its stored step and
-    configuration; ModelError if there is none, or of another release."""
+    """Load the trained network of a checkpoint (the mean of its weights), its step and its configuration; ModelError if
+    there is none, or of another release."""
     stored = read_checkpoint(checkpoint, holds="net")
     net = MaskNet()
     load_weights(net, stored["net"], checkpoint)
@@ -171,7 +173,7 @@ def load_mask_net(checkpoint: Path) -> tuple[MaskNet, dict]:
 
 
 def _step(net: MaskNet, optimizer: torch.optim.Optimizer, batch: Batch) -> dict[str, torch.Tensor]:
-    """One step; the loss and the mean IoU of the examples that have a target."""
+    """Do one step; return the loss and the mean IoU of the examples that have a target."""
     net.train()
     photo = batch.photo.repeat_interleave(batch.prompt.shape[1], dim=0)
     image = torch.cat([photo, batch.prompt.flatten(0, 1)[:, None]], dim=1)
@@ -183,17 +185,17 @@ def _step(net: MaskNet, optimizer: torch.optim.Optimizer, batch: Batch) -> dict[
     loss.backward()
     torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
     optimizer.step()
-    found, true = logits.detach() > 0, mask > 0.5
-    full = true.sum(dim=(1, 2, 3)) > 0
-    iou = (found & true).sum(dim=(1, 2, 3)) / (found | true).sum(dim=(1, 2, 3)).clip(min=1)
+    estimate, truth = logits.detach() > 0, mask > 0.5
+    full = truth.sum(dim=(1, 2, 3)) > 0
+    iou = (estimate & truth).sum(dim=(1, 2, 3)) / (estimate | truth).sum(dim=(1, 2, 3)).clip(min=1)
     return {"loss": loss, "iou": iou[full].mean()}
 
 
 @torch.no_grad()
 def _follow(mean: MaskNet, net: MaskNet, decay: float) -> None:
-    """Move the running mean of the weights, and of the statistics, towards those of now."""
-    for kept, new in zip(mean.state_dict().values(), net.state_dict().values(), strict=True):
-        if kept.is_floating_point():
-            kept.lerp_(new, 1.0 - decay)
+    """Move the running mean of the weights and of the statistics towards their current values."""
+    for mean_value, value in zip(mean.state_dict().values(), net.state_dict().values(), strict=True):
+        if mean_value.is_floating_point():
+            mean_value.lerp_(value, 1.0 - decay)
         else:
-            kept.copy_(new)
+            mean_value.copy_(value)

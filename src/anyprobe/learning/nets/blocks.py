@@ -1,4 +1,4 @@
-"""Parts that the networks share. NCHW; N batch, C channels, H x W pixels."""
+"""Building blocks of the networks. NCHW; N batch, C channels, H x W pixels."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from torch.nn import functional as F
 
 
 def has_bfloat16(device: torch.device | str) -> bool:
-    """Return whether the device computes in bfloat16; a processor without it takes seconds for a convolution."""
+    """Return whether the device computes in bfloat16; a processor without it takes seconds per convolution."""
     return torch.device(device).type != "cpu" or torch.ops.mkldnn._is_mkldnn_bf16_supported()
 
 
 def autocast(device: torch.device | str) -> torch.autocast:
-    """bfloat16 arithmetic where the device has it."""
+    """Enable bfloat16 arithmetic if the device has it."""
     return torch.autocast(torch.device(device).type, dtype=torch.bfloat16, enabled=has_bfloat16(device))
 
 
@@ -25,7 +25,7 @@ def wrap(x: torch.Tensor, columns: int) -> torch.Tensor:
 
 
 def fade_seam(x: torch.Tensor, columns: int) -> torch.Tensor:
-    """Undo wrap; what was computed twice, once on each side, is faded into one so that no seam shows."""
+    """Undo wrap; the columns computed on both sides are blended, so that no seam shows."""
     left, core, right = x.split([columns, x.shape[3] - 2 * columns, columns], dim=3)
     first, middle, last = core.split([columns, core.shape[3] - 2 * columns, columns], dim=3)
     fade = 0.5 - (torch.arange(columns, dtype=x.dtype, device=x.device) + 0.5) / (2 * columns)  # 0.5 to 0
@@ -33,7 +33,7 @@ def fade_seam(x: torch.Tensor, columns: int) -> torch.Tensor:
 
 
 def conv(inputs: int, outputs: int, *, stride: int = 1) -> nn.Sequential:
-    """3 x 3 convolution, batch normalisation, leaky ReLU."""
+    """Build a 3 x 3 convolution with batch normalisation and leaky ReLU."""
     return nn.Sequential(
         nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False), nn.BatchNorm2d(outputs), nn.LeakyReLU(0.1, inplace=True)
     )
@@ -64,7 +64,7 @@ class FoldedConv(nn.Sequential):
 
 
 class UpBlock(nn.Module):
-    """Twice the size, added to the skip, then a convolution: a third of what stacking them costs."""
+    """Upsampling by two, added to the skip, then a convolution: a third of the cost of stacking them."""
 
     def __init__(self, inputs: int, outputs: int) -> None:
         super().__init__()

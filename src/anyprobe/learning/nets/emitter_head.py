@@ -19,23 +19,25 @@ from anyprobe.learning.nets.blocks import wrap
 from anyprobe.light.environment import MAP_HEIGHT
 
 POWER_FLOOR = 0.1
-"""Added to the power above white [sr of white] before its logarithm: less than this hardly counts."""
+"""Power added to the power above white before its logarithm [sr of white]; less than this hardly counts."""
 HEIGHT = 16
-"""Rows at which directions are weighed against each other."""
+"""Rows of the map at which directions are weighed against each other."""
 REACH_DEG, ROUND_DEG = 40.0, 10.0
-"""A candidate position is worth exp(-sqrt(angle^2 + ROUND^2) / REACH) of the light at that angle from it."""
+"""Reach and rounding [degrees] of a candidate position's worth: exp(-sqrt(angle^2 + ROUND^2) / REACH) of the light at
+an angle from it."""
 _LIKELY, NEAR = 2.0, 48.0
 """Exponents of a direction's probability and of its worth as a candidate, in `mode`."""
 _DISCS = 2
-"""Discs that `mode` places. One has all power in the wrong place where it errs; each more is a highlight made up."""
+"""Number of discs that `mode` places. One puts all power in the wrong place where it errs; each more is an invented
+highlight."""
 DISC_DEG = 4.0
-"""Their radius: the smallest that always covers a pixel centre."""
+"""Radius of the discs [degrees], the smallest that always covers a pixel centre."""
 LEAST = 1e-6
-"""Added to the likelihood of every direction in shares of the likeliest's, so that something is always left."""
+"""Likelihood added to every direction [share of the likeliest's], so that something is always left."""
 
 
 def worth_matrix() -> torch.Tensor:
-    """Worth of each of the 2 HEIGHT^2 directions as a candidate for each other; symmetric."""
+    """Compute the worth of each of the 2 HEIGHT^2 directions as a candidate for each other; symmetric."""
     d = pixel_directions(HEIGHT).reshape(-1, 3).astype(np.float64)
     angles = np.degrees(np.arccos(np.clip(d @ d.T, -1.0, 1.0)))
     return torch.from_numpy(np.exp(-np.hypot(angles, ROUND_DEG) / REACH_DEG).astype(np.float32))
@@ -61,7 +63,7 @@ class EmitterHead(nn.Module):
         return self.power(code).float()
 
     def expected(self, ln_power: torch.Tensor, logit: torch.Tensor) -> torch.Tensor:
-        """Radiance [N, 3, 64, 128] with the power spread by probability: the mean over all positions.
+        """Return radiance [N, 3, 64, 128] with the power spread by probability: the mean over all positions.
 
         logit: [N, 1, 64, 128], ln of power per steradian up to a constant.
         """
@@ -73,8 +75,7 @@ class EmitterHead(nn.Module):
         return spread / (spread * self.solid_angles).sum(dim=(2, 3), keepdim=True)
 
     def mode(self, ln_power: torch.Tensor, logit: torch.Tensor) -> torch.Tensor:
-        """Return the same power in _DISCS discs at the most likely positions, each with the share that is likely near
-        it."""
+        """Return the same power in _DISCS discs at the most likely positions, each with the likelihood near it."""
         # means over 3 x 3 pixels, across the seam: pixel shuffle leaves a grain of 2 x 2
         even = F.avg_pool2d(F.pad(wrap(logit, 1), (0, 0, 1, 1), mode="replicate"), 3, stride=1)
         left = torch.exp(even - logit.amax(dim=(2, 3), keepdim=True)) + LEAST
@@ -91,7 +92,7 @@ class EmitterHead(nn.Module):
         return self.above(ln_power)[:, :, None, None] * discs
 
     def likeliest(self, share: torch.Tensor) -> torch.Tensor:
-        """Unit directions [N, 3, 1, 1] nearest to all that is likely; share: of each pixel [N, 1, 64, 128]."""
+        """Return unit directions [N, 3, 1, 1] near most of the likelihood; share: of each pixel [N, 1, 64, 128]."""
         step = MAP_HEIGHT // HEIGHT
         coarse = F.avg_pool2d(share, step)
         coarse = coarse / coarse.sum(dim=(2, 3), keepdim=True)
@@ -104,5 +105,5 @@ class EmitterHead(nn.Module):
 
     @staticmethod
     def above(ln_power: torch.Tensor) -> torch.Tensor:
-        """Power above white [N, 3]."""
+        """Return the power above white [N, 3]."""
         return (torch.exp(ln_power) - POWER_FLOOR).clamp(min=0.0)

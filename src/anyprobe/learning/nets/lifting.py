@@ -1,7 +1,7 @@
-"""Lifting: each pixel is moved to the direction its light came from.
+"""Lifting: moving each pixel to the direction that its light came from.
 
-A pixel of a smooth object shows mostly the light of its mirror direction. Moved there, pixels of
-the photo become pixels of the environment map, and only the gaps are left to be completed.
+A pixel of a smooth object shows mostly the light of its mirror direction. Moved there, pixels of the photo become
+pixels of the environment map, and only the gaps remain to be completed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from anyprobe.learning.nets.blocks import FoldedConv, UpBlock, conv
 from anyprobe.render.surface import pixel_rays
 
 SIZE = 64
-"""Side of the normal, direction and feature images; photo and irradiance are twice as large."""
+"""Side of the normal, direction and feature images [pixels]; photo and irradiance are twice as large."""
 
 
 class CameraRays(nn.Module):
@@ -70,7 +70,7 @@ class NormalsNet(nn.Module):
 
 
 def given_or_estimated(given: torch.Tensor | None, estimated: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Normals [N, 3, S, S], the given ones where there are any, and a mask [N, 1, S, S] of where they are given.
+    """Return normals [N, 3, S, S], given ones where there are any, and a mask [N, 1, S, S] of where they are given.
 
     given: of any length above one half where valid, zero elsewhere; None for none.
     """
@@ -82,12 +82,12 @@ def given_or_estimated(given: torch.Tensor | None, estimated: torch.Tensor) -> t
 
 
 def mirror_direction(n: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
-    """2 (n.wo) n - wo: unit normals and directions to the camera [N, 3, S, S] to mirror directions."""
+    """Return the mirror directions 2 (n.wo) n - wo of unit normals and directions to the camera [N, 3, S, S]."""
     return 2.0 * (n * wo).sum(dim=1, keepdim=True) * n - wo
 
 
 def map_pixel(direction: torch.Tensor, height: int) -> torch.Tensor:
-    """Directions [N, 3, S, S] to the row-major index of the pixel of a map [height, 2 height] they fall in."""
+    """Return the row-major index of the pixel of a map [height, 2 height] that each direction [N, 3, S, S] falls in."""
     uv = direction_to_uv(direction.flatten(2).transpose(1, 2))  # [N, S * S, 2]
     column = (uv[..., 0] * (2 * height)).floor().clamp(0, 2 * height - 1).long()
     row = (uv[..., 1] * height).floor().clamp(0, height - 1).long()
@@ -107,7 +107,8 @@ def lift_to_map(values: torch.Tensor, weight: torch.Tensor, pixel: torch.Tensor,
 
 
 def pyramid(sums: torch.Tensor, levels: int) -> list[torch.Tensor]:
-    """Weighted means at each scale, [N, C + 1, H / 2^k, 2H / 2^k]; the last channel is the coverage in [0, 1)."""
+    """Return weighted means at each scale, [N, C + 1, H / 2^k, 2H / 2^k]; the last channel is the coverage in [0,
+    1)."""
     result = []
     for _ in range(levels):
         weight = sums[:, -1:]

@@ -31,7 +31,7 @@ from anyprobe.learning.nets.lifting import (
 from anyprobe.light.environment import MAP_HEIGHT
 
 SPHERE_ROWS = 32
-"""Rows that it works at; the map has twice as many."""
+"""Rows that SphereNet works at; the map has twice as many."""
 _MARGIN = 8
 """Columns repeated beyond the seam, on both sides."""
 
@@ -64,8 +64,8 @@ class SphereNet(nn.Module):
         beside = lifted + 4 * surroundings + 3
         self.first = nn.ModuleList([FoldedConv(fine, beside, widths[0]), conv(widths[0], widths[0])])
         self.down = nn.ModuleList(conv(a, b, stride=2) for a, b in pairs)
-        more = {widths[-1]: 48}
-        self.seen = nn.ModuleList(conv(b + lifted + more.get(b, 0), b) for _, b in pairs)
+        extra_channels = {widths[-1]: 48}
+        self.seen = nn.ModuleList(conv(b + lifted + extra_channels.get(b, 0), b) for _, b in pairs)
         self.up = nn.ModuleList(UpBlock(b, a) for a, b in reversed(pairs))
         self.head = nn.Conv2d(widths[0], 4 * outputs, 3, padding=1)
 
@@ -156,11 +156,11 @@ class ObjectNet(nn.Module):
 
 
 SCALES = 5
-"""Lifted maps of 64, 32, 16, 8 and 4 rows."""
+"""Number of lifted maps, of 64, 32, 16, 8 and 4 rows."""
 COLORS = 6
-"""Channels lifted at full resolution: photo and irradiance; learned features only from 32 rows on."""
+"""Number of channels lifted at full resolution, photo and irradiance; learned features only from 32 rows on."""
 MEAN_LN = -1.2
-"""ln radiance before anything is learned: about the mean over indoor and outdoor photos."""
+"""ln radiance before training: about the mean over indoor and outdoor photos."""
 
 
 def display(ln_radiance: torch.Tensor) -> torch.Tensor:
@@ -196,9 +196,8 @@ class LightPrediction:
 
 
 POSTERIOR = ("metal_logit", "ln_red", "ln_green", "ln_blue", "ln_scale", "ln_level", "ln_color")
-"""Estimates of the object and of the map's errors: the logit of its being a metal; ln of its total reflectance, RGB,
-and ln of the mean error of these; ln of the mean error of the map's level, in ln, and of its mean colour, in tens of
-degrees."""
+"""Estimates of the object and of the map's errors: logit of being a metal; ln of the total reflectance, RGB, and of its
+mean error; ln of the mean error of the map's level, in ln, and of its mean colour, in tens of degrees."""
 
 
 class LightNet(nn.Module):
@@ -253,7 +252,7 @@ class LightNet(nn.Module):
     def _lifted(
         self, photo: torch.Tensor, features: ObjectFeatures, normals: torch.Tensor, wo: torch.Tensor
     ) -> list[torch.Tensor]:
-        """Photo, irradiance and features at their mirror directions, at SCALES scales."""
+        """Lift photo, irradiance and features to their mirror directions, at SCALES scales."""
         cover = F.avg_pool2d(photo[:, 3:], 2) + 1e-4
         seen = [F.avg_pool2d(photo[:, :3], 2) / cover, F.avg_pool2d(features.irradiance, 2) / cover]
         pixel = map_pixel(mirror_direction(normals, wo).detach(), MAP_HEIGHT)

@@ -63,7 +63,7 @@ class IlluminationNet(nn.Module):
         return self.shown_and_normals(image, tan_half)[0].clip(max=1.0)
 
     def shown_and_normals(self, image: torch.Tensor, tan_half: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return the map before it clips at 1, and the unit normals [N, 3, 64, 64] of the places."""
+        """Return the map before it clips at 1, and the object's unit normals [N, 3, 64, 64]."""
         slope, wo = self.camera_rays(tan_half)
         n = self.normals(image, slope, wo)
         x, deepest = self.places(image, torch.cat([slope, n], dim=1))
@@ -86,7 +86,7 @@ class HdrNet(nn.Module):
     MARGIN = 16
     """Columns repeated beyond the seam, on both sides."""
     DARKEST = 1e-3
-    """Display value; what is below counts as it."""
+    """Smallest display value; darker ones count as this."""
 
     def __init__(self, widths: tuple[int, ...] = (24, 48, 64, 96)) -> None:
         super().__init__()
@@ -101,4 +101,4 @@ class HdrNet(nn.Module):
 
 
 NETS = {"irradiance": IrradianceNet, "illumination": IlluminationNet, "hdr": HdrNet}
-"""By stage, in the order in which each reads the one before."""
+"""Networks by stage; each reads the output of the one before."""

@@ -27,24 +27,26 @@ from anyprobe.light.reconstruct import blend_weight, reconstruct
 
 NUM_EPOCHS = 11
 GRADUAL_SHARE = 0.3
-"""Share of the steps that the 11 filtered epochs take; the rest sees the map itself."""
+"""Share of the steps that the 11 filtered epochs take; the rest sees the unfiltered map."""
 TIMES_EXPOSURE = (0.5, 2.0)
-"""Between these times the photo's exposure the HDR net sees true maps (the paper's Sect. 3.5)."""
+"""Range of exposures at which the HDR net sees true maps [times the photo's] (the paper's Sect. 3.5)."""
 WEIGHTS = {"ldr": 1.0, "scales": 0.5, "structure": 0.2, "brightest": 0.18, "normals": 0.3}
-"""Weights of the illumination net's losses. With squares alone, as in the paper, its maps come near their mean."""
+"""Weights of the illumination net's losses. With squares alone, as in the paper, its maps approach their mean."""
 HDR_WEIGHTS = {"pixels": 1.0, "transport": 0.7, "shown": 1.5, "level": 0.4, "emitters": 0.1}
 """Weights of the HDR net's losses."""
 REACH = 0.25
-"""Share of their gradient that reaches the LDR map, through Eq. 7: it is to have light where Eq. 8 looks for it."""
+"""Share of the HDR net's gradient that reaches the LDR map through Eq. 7, so that it has light where Eq. 8 looks for
+it."""
 LN_SHOWN = 0.5
-"""Up to this ln radiance pixels are drawn back to what the true map shows: those at the edge of what is white."""
+"""Largest ln radiance at which pixels are pulled to the true map's display values, those at the edge of white
+included."""
 BRIGHTEST = ((2, 0.02), (8, 0.02), (2, 0.002))
-"""Settings of brightest_loss: pixels of the map in each direction that are averaged before, for it wants patches and
-not grain, and which share of these. The last is the peak, without which Eq. 7 hardly reads the HDR net."""
+"""Settings of brightest_loss: pixels averaged in each direction, as it compares patches rather than grain, and the
+share of patches. The last is the peak, without which Eq. 7 hardly reads the HDR net."""
 
 
 def sharpness(progress: float) -> float | None:
-    """beta e with beta = e^2: 1, 8, ... 1331 over the epochs; None when the map is left alone.
+    """Return beta e with beta = e^2: 1, 8, ... 1331 over the epochs; None once the map is left unfiltered.
 
     progress: share of the run's steps done, [0, 1). The paper ends with the 11th epoch; the steps after it, on
     unfiltered maps, are ours.
@@ -54,7 +56,7 @@ def sharpness(progress: float) -> float | None:
 
 
 def gradual_target(ldr: torch.Tensor, progress: float) -> torch.Tensor:
-    """Return the LDR map [N, 3, H, 2H] filtered as in the epoch at this progress (Eq. 6)."""
+    """Filter the LDR map [N, 3, H, 2H] as in the epoch at this progress (Eq. 6)."""
     exponent = sharpness(progress)
     if exponent is None:
         return ldr
@@ -62,7 +64,7 @@ def gradual_target(ldr: torch.Tensor, progress: float) -> torch.Tensor:
 
 
 def brightest_loss(shown: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
-    """Mean difference of the brightest patches of two maps [N, C, H, W], wherever they are.
+    """Compute the mean difference of the brightest patches of two maps [N, C, H, W], wherever they are.
 
     Eq. 8 takes radiance from the HDR net where the LDR map is above .8, which a mean over all likely maps hardly is:
     the map must have as much light as the truth, and has it where that is most likely.
@@ -70,8 +72,8 @@ def brightest_loss(shown: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
     loss = shown.new_zeros(())
     for size, share in BRIGHTEST:
         values = []
-        for one in (shown, true):
-            patches = F.avg_pool2d(one, size).flatten(2)
+        for radiance in (shown, true):
+            patches = F.avg_pool2d(radiance, size).flatten(2)
             chosen = patches.mean(dim=1, keepdim=True).topk(max(1, round(share * patches.shape[2])), dim=2).indices
             values.append(patches.gather(2, chosen.expand(-1, patches.shape[1], -1)))
         loss = loss + (values[0] - values[1]).abs().mean() / len(BRIGHTEST)
@@ -90,7 +92,7 @@ class _Stages:
 
     @classmethod
     def networks(cls) -> nn.ModuleDict:
-        """Untrained."""
+        """Build the untrained networks."""
         return nn.ModuleDict({stage: NETS[stage]() for stage in cls.stages})
 
     def _run(self, stage: str, x: torch.Tensor, *more: torch.Tensor) -> torch.Tensor:
@@ -107,12 +109,12 @@ class Irradiance(_Stages):
     stages = columns = ("irradiance",)
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
-        """Mean squared error, the same whatever the progress."""
+        """Compute the mean squared error; progress has no effect."""
         mask = batch.photo[:, 3:]
         return {"irradiance": irradiance_loss(self._irradiance(batch), batch.irradiance * mask, mask)}
 
     def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
-        """Photos, true irradiance and what it estimates."""
+        """Return photos, true irradiance and its estimates."""
         mask = batch.photo[:, 3:]
         return batch.photo[:, :3], batch.irradiance * mask, self._irradiance(batch).clip(0, 1)
 
@@ -130,8 +132,10 @@ class Chain(_Stages):
         self._teacher: LightNet | None = None
 
     def learn_from(self, teacher: LightNet, compiled: bool = False) -> None:
-        """A network whose maps are a share of the illumination net's targets (RunConfig.taught): what an object can
-        tell varies less than the whole map does, and so is learned from fewer pairs. It is given normals and material.
+        """Set a teacher, whose maps are a share of the illumination net's targets (RunConfig.taught).
+
+        What an object can tell varies less than the whole map, and so is learned from fewer pairs. The teacher is given
+        normals and material.
         """
         self._teacher = teacher.to(self.device).eval().requires_grad_(False)
         self._teacher.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -139,7 +143,8 @@ class Chain(_Stages):
             self._teacher = cast(LightNet, torch.compile(self._teacher))
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
-        """progress is the share of the run done, in [0, 1): the illumination net's targets sharpen with it."""
+        """Compute the losses; progress, the share of the run done in [0, 1), sharpens the illumination net's
+        targets."""
         seen, mask = self._irradiance(batch), batch.photo[:, 3:]
         with torch.no_grad():
             wanted = self._taught(batch)
@@ -154,7 +159,7 @@ class Chain(_Stages):
         }
 
     def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
-        """Photos, true LDR maps and those estimated from estimated irradiance."""
+        """Return photos, true LDR maps and those estimated from estimated irradiance."""
         return batch.photo[:, :3], batch.ldr, self._shown_and_normals(self._irradiance(batch), batch)[0].clip(max=1.0)
 
     def _shown_and_normals(self, irradiance: torch.Tensor, batch: Batch) -> tuple[torch.Tensor, torch.Tensor]:
@@ -169,7 +174,7 @@ class Chain(_Stages):
         return gradual_target(ldr, progress) if self.config.gradual else ldr
 
     def _taught(self, batch: Batch) -> torch.Tensor:
-        """True LDR maps, or what lies between them and the teacher's."""
+        """Return true LDR maps, or a blend of them with the teacher's."""
         if self._teacher is None:
             return batch.ldr
         photo = batch.photo.contiguous(memory_format=torch.channels_last)
@@ -206,8 +211,8 @@ class Chain(_Stages):
         return sum((HDR_WEIGHTS[name] * terms[name] for name in HDR_WEIGHTS), ln.new_zeros(()))
 
     def _shot_maps(self, ln: torch.Tensor, rng: np.random.Generator) -> tuple[torch.Tensor, torch.Tensor]:
-        """Display values of maps [B, 3, H, 2H], each at an exposure and through a camera's curve of its own, and their
-        ln radiance."""
+        """Return display values of maps [B, 3, H, 2H], each at its own exposure and camera curve, and their ln
+        radiance."""
 
         def column(values: list[float]) -> torch.Tensor:
             return ln.new_tensor(values).reshape(-1, 1, 1, 1)
@@ -221,5 +226,5 @@ class Chain(_Stages):
 
 
 def _last(function, *pictures: torch.Tensor) -> torch.Tensor:
-    """Return a function of pictures [B, H, W, C] of those that are [B, C, H, W]."""
+    """Apply a function of pictures [B, H, W, C] to pictures [B, C, H, W]."""
     return function(*(x.permute(0, 2, 3, 1) for x in pictures)).permute(0, 3, 1, 2)

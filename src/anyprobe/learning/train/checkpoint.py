@@ -1,5 +1,5 @@
-"""Checkpoints: reading them, resuming the run they are of and no other, and their weights alone, in half floats, to
-begin another run from or to average with."""
+"""Checkpoints: reading them, resuming their run and no other, and their weights alone, in half floats, to start another
+run from."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from anyprobe.errors import InputError, ModelError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.learning.train.from_lift import chain_from_lift
 
-FREE = ("name", "steps")
-"""Settings that may change: the folder's name, and how long the run is."""
-EXPLAINED = {
+CHANGEABLE = ("name", "steps")
+"""Settings that may change when a run is resumed."""
+OPTIONS_OF = {
     "pairs.lanes": "pairs.lanes (processes times --workers, 2 without workers) of",
-    "processes": "as many processes as",
+    "processes": "a number of processes of",
     "assets": "--data with",
     "start": "--init-weights with",
     "teacher": "--teacher with",
@@ -31,7 +31,7 @@ EXPLAINED = {
 
 
 def check_goes_on(path: Path, stored: Mapping[str, Any], config: Any) -> None:
-    """Refuse to go on from a checkpoint that has weights alone, with other settings, or to fewer steps than are done.
+    """Refuse to resume a checkpoint that has weights alone, other settings, or more steps than are asked for.
 
     stored: of read_checkpoint. config: a run's configuration, a dataclass with `steps`.
 
@@ -41,33 +41,31 @@ def check_goes_on(path: Path, stored: Mapping[str, Any], config: Any) -> None:
     """
     if "optimizer" not in stored:
         raise ModelError(
-            f"{path}: expected a run's checkpoint, got weights that were kept to be scored; train in another "
-            "folder with --init-weights"
+            f"{path}: expected a run's checkpoint, got weights alone; train in another folder with --init-weights"
         )
-    for name, then, now in differing(config, json.loads(stored["config"])):
-        if name not in FREE:
-            raise _another_run(path, name, then, now)
+    for name, old, current in differing(config, json.loads(stored["config"])):
+        if name not in CHANGEABLE:
+            raise _another_run(path, name, old, current)
     if config.steps < stored["step"]:
         raise InputError(
-            f"{path}: expected steps of at least the {stored['step']} that are done, got {config.steps}; "
+            f"{path}: expected at least the {stored['step']} steps that are done, got {config.steps}; "
             "give more --steps, or train in another --runs folder"
         )
 
 
-def agreed(path: Path, began: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the origin of the run at path: what is known of how it began, and of now; InputError where these
+def agreed(path: Path, first: Mapping[str, Any], current: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the origin of the run at path, merged from its checkpoint's and the current one; InputError if they
     differ."""
-    for name, value in now.items():
-        if began.get(name, value) != value:
-            raise _another_run(path, name, began[name], value)
-    return {**now, **began}
+    for name, value in current.items():
+        if first.get(name, value) != value:
+            raise _another_run(path, name, first[name], value)
+    return {**current, **first}
 
 
 def resumed(
     path: Path, config: Any, origin: dict[str, Any], start: Path | None, device: str = "cpu", holds: str = "nets"
 ) -> tuple[dict[str, Any] | None, dict[str, Any]]:
-    """Return the run's checkpoint, None where there is none yet, and its origin: `origin`, and the weights it began
-    from.
+    """Return the run's checkpoint, None if there is none yet, and its origin with the weights it started from.
 
     Raises:
         InputError, ModelError: of read_checkpoint and check_goes_on, or an origin that differs.
@@ -82,20 +80,22 @@ def resumed(
 
 
 def differing(config: Any, stored: Mapping[str, Any], part: str = "") -> Iterator[tuple[str, Any, Any]]:
-    """Name, as part.name, then its stored value and the one now, of each setting in which a dataclass differs from
-    its stored form; one that is not stored had its default."""
+    """Yield name (as part.name), stored value and current value of each setting that differs from its stored form.
+
+    A setting that is not stored had its default.
+    """
     for setting in fields(config):
-        now = getattr(config, setting.name)
-        then = stored[setting.name] if setting.name in stored else _default(setting, now)
-        if is_dataclass(now):
-            yield from differing(now, then, f"{part}{setting.name}.")
-        elif then != now:
-            yield part + setting.name, then, now
+        current = getattr(config, setting.name)
+        old = stored[setting.name] if setting.name in stored else _default(setting, current)
+        if is_dataclass(current):
+            yield from differing(current, old, f"{part}{setting.name}.")
+        elif old != current:
+            yield part + setting.name, old, current
 
 
-def _default(setting: Field, now: Any) -> Any:
+def _default(setting: Field, current: Any) -> Any:
     """Return a setting's default in its stored form; the value now where it has none."""
-    value = now
+    value = current
     if setting.default is not MISSING:
         value = setting.default
     elif setting.default_factory is not MISSING:
@@ -103,10 +103,10 @@ def _default(setting: Field, now: Any) -> Any:
     return asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
 
 
-def _another_run(path: Path, name: str, then: Any, now: Any) -> InputError:
+def _another_run(path: Path, name: str, old: Any, current: Any) -> InputError:
     return InputError(
-        f"{path}: expected {EXPLAINED.get(name, name)} {'nothing' if then is None else then}, as the run began, "
-        f"got {now}; go on as it began, or train in another --runs folder"
+        f"{path}: expected {OPTIONS_OF.get(name, name)} {'nothing' if old is None else old}, as the run started, "
+        f"got {current}; resume with the same, or train in another --runs folder"
     )
 
 
@@ -139,31 +139,31 @@ def read_checkpoint(path: Path, device: str = "cpu", holds: str = "nets") -> dic
 
 
 def load_weights(nets: nn.Module, weights: Mapping[str, torch.Tensor], path: Path) -> None:
-    """Give networks the weights that a checkpoint at path holds; ModelError that names the first that does not fit."""
+    """Load a checkpoint's weights into networks; ModelError names the first that does not fit."""
     wanted = nets.state_dict()
     for name in {**wanted, **weights}:
-        expected, found = (
+        expected, shape = (
             list(state[name].shape) if isinstance(state.get(name), torch.Tensor) else "none"
             for state in (wanted, weights)
         )
-        if expected != found:
+        if expected != shape:
             raise ModelError(
-                f"{path}: expected this run's weights, with {name} {expected}, got {found}; "
-                "take the release that trained it, or train again in another folder"
+                f"{path}: expected this run's weights, with {name} {expected}, got {shape}; "
+                "use the release that trained it, or train again in another folder"
             )
     nets.load_state_dict(weights)
 
 
 def _no_checkpoint(path: Path, found: str) -> ModelError:
-    return ModelError(f"{path}: expected a run's checkpoint, got {found}; train again, or put a copy back")
+    return ModelError(f"{path}: expected a run's checkpoint, got {found}; train again, or restore a copy")
 
 
 SMALL = 1024
-"""Tensors of fewer numbers stay float32: statistics and biases, which weigh nothing."""
+"""Size below which tensors stay float32 [numbers]: statistics and biases, which take little space."""
 
 
 def save_init_weights(checkpoint: Path, path: Path, holds: str = "nets") -> None:
-    """Keep a checkpoint's weights, of this name in it, at path, compressed, large tensors as float16.
+    """Save the weights of a checkpoint, those named `holds`, at path, compressed, large tensors as float16.
 
     Raises:
         InputError: path is the checkpoint.
@@ -180,7 +180,7 @@ def save_init_weights(checkpoint: Path, path: Path, holds: str = "nets") -> None
 
 
 def _save_deflated(weights: dict[str, torch.Tensor], path: Path) -> None:
-    """torch.save with a compressed archive, which torch.load reads too: half floats lose a twelfth."""
+    """Save weights as torch.save does, but compressed; torch.load reads it. Half floats shrink by a twelfth."""
     plain = io.BytesIO()
     torch.save(weights, plain)
     with zipfile.ZipFile(plain) as source, zipfile.ZipFile(path, "w") as target:
@@ -189,52 +189,49 @@ def _save_deflated(weights: dict[str, torch.Tensor], path: Path) -> None:
 
 
 def keep_apart(checkpoint: Path, path: Path) -> None:
-    """InputError if path is the run's checkpoint: what is kept is less, and must not take its place."""
+    """Raise InputError if path is the run's checkpoint, which bare weights must not replace."""
     if checkpoint.exists() and path.exists() and path.samefile(checkpoint):
-        raise InputError(
-            f"{path}: expected another place to keep weights in, got the run's own checkpoint; choose another"
-        )
+        raise InputError(f"{path}: expected another file for the weights, got the run's own checkpoint; choose another")
 
 
 def load_init_weights(nets: nn.Module, path: Path, lift: Path | None = None) -> None:
-    """Give networks the weights that save_init_weights or keep_run kept; ModelError if they are none of theirs.
+    """Load the weights that save_init_weights or keep_run wrote; ModelError if they do not fit.
 
     Whole networks that the file lacks begin as the same layers of `lift` where it has them, from its weights at lift or
     from path, see train.from_lift; else untrained.
     """
     fresh = nets.state_dict()
-    kept = read_init_weights(path)[0]
-    layers = chain_from_lift(kept if lift is None else read_init_weights(lift)[0], fresh)
+    weights = read_init_weights(path)[0]
+    layers = chain_from_lift(weights if lift is None else read_init_weights(lift)[0], fresh)
     if layers and lift is None:
-        kept = layers
-    have = {name.split(".")[0] for name in kept}
-    lacking = {name: x for name, x in fresh.items() if name.split(".")[0] not in have}
-    if have & {name for name, _ in nets.named_children()}:
-        kept = lacking | {name: x for name, x in layers.items() if name in lacking} | kept
+        weights = layers
+    present = {name.split(".")[0] for name in weights}
+    untrained = {name: x for name, x in fresh.items() if name.split(".")[0] not in present}
+    if present & {name for name, _ in nets.named_children()}:
+        weights = untrained | {name: x for name, x in layers.items() if name in untrained} | weights
     try:
-        nets.load_state_dict(kept)
+        nets.load_state_dict(weights)
     except Exception as error:  # other names, other shapes, no weights at all
         raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
 
 
 def init_weights_id(path: Path) -> str:
-    """Return which weights to begin from these are: the first 16 hex digits of the file's SHA-256; ModelError if there
-    is no such file."""
+    """Return the identity of initial weights: the first 16 hex digits of the file's SHA-256; ModelError if absent."""
     if not path.is_file():
-        raise ModelError(f"{path}: no such file; keep weights with `anyprobe weights --keep`")
+        raise ModelError(f"{path}: no such file; save weights with `anyprobe weights --keep`")
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()[:16]
 
 
 def read_init_weights(path: Path) -> tuple[dict[str, torch.Tensor], int | None]:
-    """Return the weights that a file keeps, as float32, and how many pairs they have seen, if it says so."""
+    """Read a file of weights as float32, and the number of pairs they have seen, None if it is not stored."""
     try:
-        kept = torch.load(path, map_location="cpu", weights_only=True)
-        weights, pairs = (kept["nets"], kept.get("pairs")) if kept.get("nets") else (kept, None)
+        stored = torch.load(path, map_location="cpu", weights_only=True)
+        weights, pairs = (stored["nets"], stored.get("pairs")) if stored.get("nets") else (stored, None)
         return {name: value.float() if value.is_floating_point() else value for name, value in weights.items()}, pairs
     except Exception as error:  # torch raises many kinds for a damaged file
         raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
 
 
 def _not_of_this_run(path: Path, found: str) -> ModelError:
-    return ModelError(f"{path}: expected weights of this run, kept by `anyprobe weights --keep`, got {found}")
+    return ModelError(f"{path}: expected weights of this run, saved by `anyprobe weights --keep`, got {found}")

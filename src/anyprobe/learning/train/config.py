@@ -58,7 +58,7 @@ class RunConfig:
 
 
 def lift() -> RunConfig:
-    """Return the model that ships, as it goes on: lifts what each pixel shows to where its light came from."""
+    """Return the run of the model that ships, as it is continued: it lifts each pixel to where its light came from."""
     return RunConfig(
         name="lift",
         model="lift",
@@ -98,7 +98,7 @@ def lift() -> RunConfig:
 
 
 def normals() -> RunConfig:
-    """Return the normals of `lift`, learned alone before it."""
+    """Return the run of the normals of `lift`, learned alone before it."""
     return RunConfig(
         name="normals",
         model="normals",
@@ -113,7 +113,7 @@ def normals() -> RunConfig:
 
 
 def paper() -> RunConfig:
-    """Return the paper's chain (Sect. 3.2-3.4): all three networks, each from what the one before it says."""
+    """Return the run of the paper's chain (Sect. 3.2-3.4): all three networks, each on the output of the one before."""
     return RunConfig(
         name="paper",
         steps=1_000,
@@ -125,7 +125,7 @@ def paper() -> RunConfig:
 
 
 def paper_irradiance() -> RunConfig:
-    """Return the first of the paper's networks, alone before the others."""
+    """Return the run of the first of the paper's networks, alone before the others."""
     return replace(
         paper(),
         name="paper_irradiance",
@@ -139,8 +139,7 @@ def paper_irradiance() -> RunConfig:
 
 
 def paper_on() -> RunConfig:
-    """Return the paper's chain as it goes on from weights that have been through `paper`: targets are not blurred
-    again."""
+    """Return the run that continues the paper's chain after `paper`: targets are not blurred again."""
     return replace(
         paper(),
         name="paper_on",
@@ -158,7 +157,7 @@ RUNS = {run.__name__: run for run in (paper_irradiance, paper, paper_on, lift, n
 
 
 def smoke(config: RunConfig, steps: int = 20) -> RunConfig:
-    """Return the same run made small: a dry run for any machine."""
+    """Return the same run made small, for a dry run on any machine."""
     return replace(
         config,
         name=f"{config.name}-dry",

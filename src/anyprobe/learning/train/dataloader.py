@@ -1,5 +1,4 @@
-"""Batches of pairs made on the fly, here or ahead in worker processes, or read from a rendered dataset (`anyprobe data
-render`)."""
+"""Batches of pairs: made on the fly, here or ahead in worker processes, or read from a rendered dataset."""
 
 from __future__ import annotations
 
@@ -34,11 +33,11 @@ from anyprobe.learning.train.config import LightConfig, RunConfig
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 
 AHEAD = 2
-"""Batches that each worker keeps ready."""
+"""Number of batches that each worker keeps ready."""
 
 
 class _Steps(Dataset):
-    """A source's batches by step number; every process opens its own source at its first batch."""
+    """Batches of a source by step number; every process opens its own source at its first batch."""
 
     def __init__(self, open_source: Callable[[], PairSource], steps: range) -> None:
         self.open_source, self.steps = open_source, steps
@@ -62,11 +61,11 @@ def stream(open_source: Callable[[], PairSource], steps: range, workers: int) ->
         open_source: picklable; gives the source, on the CPU.
         workers: processes of one thread each; 0 makes the batches here, on this process's threads.
     """
-    made = _Steps(open_source, steps)
+    source_batches = _Steps(open_source, steps)
     if workers == 0:
-        return (made[index] for index in range(len(made)))
+        return (source_batches[index] for index in range(len(source_batches)))
     batches = DataLoader(
-        made,
+        source_batches,
         batch_size=None,
         num_workers=workers,
         prefetch_factor=AHEAD,
@@ -82,8 +81,7 @@ def _as_it_is(batch: Any) -> Any:
 
 
 def make_pairs(config: RunConfig, data: Path | None, cache: Path, device: str, compiled: bool = True) -> PairSource:
-    """Return the endless pairs of a run, or views of its maps: real assets of data/{hdri,meshes} when given, and our
-    own.
+    """Open the endless pairs of a run, over real assets of data/{hdri,meshes} if given, and procedural ones.
 
     Files that cannot be used are listed on stderr.
     """
@@ -96,7 +94,7 @@ def _pairs(config: RunConfig, store: AssetStore, cache: Path, device: str, compi
 
 
 def make_maps(light: LightConfig, store: AssetStore) -> list[np.ndarray]:
-    """Real maps, our own, and what is made of all these."""
+    """Collect real maps, procedural ones, and variants of all these."""
     radiance = [asset.radiance for asset in store.maps.values()] if light.real else []
     radiance += [own_map(light.seed, index).radiance for index in range(light.procedural)]
     rng = np.random.default_rng(light.seed)
@@ -105,7 +103,7 @@ def make_maps(light: LightConfig, store: AssetStore) -> list[np.ndarray]:
 
 
 def load_assets(light: LightConfig, data: Path | None) -> AssetStore:
-    """Return the maps and shapes of a data folder that a run may learn from, none without one.
+    """Load the maps and shapes of a data folder that a run may learn from, none without a folder.
 
     Files that cannot be used are listed on stderr.
     """
@@ -118,7 +116,7 @@ def load_assets(light: LightConfig, data: Path | None) -> AssetStore:
 
 
 def name_assets(store: AssetStore) -> str:
-    """Return which maps and shapes these are, in their order: how many, and 8 hex digits of SHA-256 over their ids."""
+    """Name maps and shapes in their order: how many, and 8 hex digits of SHA-256 over their ids."""
     ids = [*store.maps, "", *store.shapes]
     digits = hashlib.sha256(" ".join(ids).encode()).hexdigest()[:8]
     return f"{len(store.maps)} maps and {len(store.shapes)} shapes ({digits})"
@@ -149,19 +147,19 @@ def open_batches(
     steps: range,
     workers: int,
 ) -> Iterator[Batch]:
-    """Return the batches of steps on a device, made by this process, or ahead of it by so many others on the CPU.
+    """Open the batches of steps on a device, made by this process, or ahead of it by `workers` others on the CPU.
 
     store: of load_assets; the others read their own from data.
     """
     if workers == 0:
         return map(_pairs(config, store, cache, device, compiled).batch, steps)
     _surfaces(config, store, cache, workers)  # once, before all of them ask for it
-    made = stream(partial(make_pairs, config, data, cache, "cpu", compiled), steps, workers)
-    return (batch.to(device) for batch in made)
+    batches = stream(partial(make_pairs, config, data, cache, "cpu", compiled), steps, workers)
+    return (batch.to(device) for batch in batches)
 
 
 KEPT_LIGHTS = 64
-"""Turned maps that are kept, 100 kB each."""
+"""Number of rotated maps that are cached, 100 kB each."""
 
 
 class ShardSource:
@@ -171,7 +169,7 @@ class ShardSource:
     """
 
     def __init__(self, folder: Path, data: Path | None, config: PairConfig, device: str = "cpu") -> None:
-        """folder: of `anyprobe data render`; data: the assets it was rendered from, None where all were procedural.
+        """Open a folder of `anyprobe data render`; data: the assets it was rendered from, None if all were procedural.
 
         Raises:
             InputError: no dataset of objects, none of its shards finished, fewer pairs than a batch, or other assets.
@@ -185,7 +183,7 @@ class ShardSource:
                 "render one with --split train"
             )
         if data is None and plan["procedural_maps"] < len(plan["maps"]):
-            raise InputError(f"--shards {folder}: expected --data too, the assets it was rendered from, got none")
+            raise InputError(f"--shards {folder}: expected --data with the assets it was rendered from, got none")
         self.folder, self.config, self.device = folder, config, device
         done = [shard for shard in range(num_shards(plan)) if is_done(folder, shard)]
         self.indices: dict[int, ShardIndex] = {shard: read_index(folder, shard) for shard in done}
@@ -199,35 +197,35 @@ class ShardSource:
         missing = {one["id"] for one in plan["maps"]} - self.store.maps.keys()
         if missing:
             raise InputError(
-                f"--shards {folder}: expected the maps it was rendered from in --data, {len(missing)} of "
-                f"{len(plan['maps'])} are not there"
+                f"--shards {folder}: expected in --data the {len(plan['maps'])} maps it was rendered from, "
+                f"got all but {len(missing)}"
             )
         self._light = lru_cache(maxsize=KEPT_LIGHTS)(self._turned_map)
 
     @property
     def identity(self) -> str:
-        """Which pairs these are: how many, and 8 hex digits of SHA-256 over their keys."""
+        """Identity of the pairs: how many, and 8 hex digits of SHA-256 over their keys."""
         digits = hashlib.sha256(" ".join(key for _, key in self.keys).encode()).hexdigest()[:8]
         return f"{len(self.keys)} rendered pairs ({digits})"
 
     def batch(self, step: int) -> Batch:
-        """Return the pairs of step number `step`."""
+        """Read the pairs of step number `step`."""
         size = self.config.batch
         epoch, place = divmod(step, len(self.keys) // size)
         order = np.random.default_rng((self.config.seed, 3, epoch)).permutation(len(self.keys))
         chosen = [self.keys[k] for k in order[place * size : (place + 1) * size]]
-        rows = [self._pair(*one) for one in chosen]
+        rows = [self._pair(*shard_and_key) for shard_and_key in chosen]
         arrays = {name: torch.from_numpy(np.stack([row[name] for row in rows])) for name in rows[0]}
-        nothing = {
+        absent = {
             "given_normals_rotation": torch.zeros(size, 3, 3),
             "surroundings": torch.zeros(size, 4, MAP_HEIGHT, 2 * MAP_HEIGHT),
             "material": torch.zeros(size, MATERIAL_INPUTS),
             "given_material": torch.zeros(size, MATERIAL_INPUTS),
         }
-        return Batch(**arrays, **nothing).to(self.device)
+        return Batch(**arrays, **absent).to(self.device)
 
     def _pair(self, shard: int, key: str) -> dict[str, np.ndarray]:
-        """Return the arrays of Batch, channels first."""
+        """Read a pair as the arrays of Batch, channels first."""
         parts = {}
         with tar_path(self.folder, shard).open("rb") as stream:
             for name, (offset, size) in self.indices[shard].parts[key].items():
@@ -248,6 +246,6 @@ class ShardSource:
         return rows | {name: np.asarray(fields[name], np.float32) for name in ("alpha", "tan_half")}
 
     def _turned_map(self, map_id: str, map_from_camera: str) -> np.ndarray:
-        """Return a map in a pair's camera frame, [64, 128, 3]."""
+        """Return a map rotated to a pair's camera frame, [64, 128, 3]."""
         turn = np.array(json.loads(map_from_camera))
         return np.asarray(shrink(rotate(self.store.map(map_id).radiance, turn.T), MAP_HEIGHT), np.float32)

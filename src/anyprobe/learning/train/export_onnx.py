@@ -1,4 +1,4 @@
-"""Checkpoint -> ONNX graph with its contract, half-float storage, checked against torch."""
+"""Export of checkpoints to ONNX graphs with their contract, in compact storage, checked against torch."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from anyprobe.maps.radiance import write_exr
 
 
 def write_mean_map(source: PairSource, path: Path, batches: int = 64) -> None:
-    """exp(mean ln radiance) over pairs, in the camera's frame and the photos' exposure units, as .exr."""
+    """Write exp(mean ln radiance) over pairs, in the camera's frame and the photos' exposure units, as .exr."""
     stride = 6  # neighbouring batches share lights
     total = torch.zeros(())
     for k in range(batches):
@@ -51,13 +51,13 @@ class Sureness:
 
 AS_LEARNED = Sureness()
 FLOATS = "float32"
-"""Precision that a graph computes in, in its metadata."""
+"""Precision that a graph computes in, as its metadata states it."""
 LARGE = 8192
-"""Layers of so many weights and more keep them as int8, a scale for each output channel, where that is asked."""
+"""Smallest number of weights of a layer that is stored as int8, with a scale per output channel."""
 LINEAR, CONVOLUTIONS = 2, 4
-"""Kinds of layers, by the dimensions of their weights."""
+"""Kinds of layers, by the number of dimensions of their weights."""
 TOLERANCE = 0.02
-"""Largest difference of display values or ln radiance that storing weights small may make."""
+"""Largest difference of display values or ln radiance that compact storage may cause."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -145,9 +145,9 @@ def export_graphs(checkpoint: Path, folder: Path, sureness: Sureness = AS_LEARNE
 
 
 def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
-    """Provenance of a checkpoint's weights besides its own steps, as far as known:
+    """Return the provenance of a checkpoint's weights besides its own steps, as far as known:
 
-    start           identity of the file of weights that the run began from, or "nothing"
+    start           identity of the file of weights that the run started from, or "nothing"
     teacher         identity of the file of weights whose maps were learned from, beside the truth
     assets          the maps and shapes of its data, as dataloader.name_assets has them
     mean_with       identity of the file of weights that they are the mean with
@@ -167,7 +167,7 @@ def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _export_stage(stage: str, graph: Graph, recipe: dict[str, str], path: Path) -> float:
-    """One network: batch normalisation folded, weights stored small, computed as float32."""
+    """Export one network: batch normalisation folded, weights stored small, computed as float32."""
     import onnx
 
     from anyprobe.files.onnx_runtime import onnxruntime
@@ -196,16 +196,16 @@ def _export_stage(stage: str, graph: Graph, recipe: dict[str, str], path: Path) 
         with torch.no_grad():
             expected = graph.net(*examples)
         expected = (expected,) if isinstance(expected, torch.Tensor) else expected
-        found = session.run(None, dict(zip(graph.inputs, (one.numpy() for one in examples), strict=True)))
+        outputs = session.run(None, dict(zip(graph.inputs, (example.numpy() for example in examples), strict=True)))
         typical = np.median if graph.median else np.max
-        difference = max(float(typical(np.abs(a - b.numpy()))) for a, b in zip(found, expected, strict=True))
+        difference = max(float(typical(np.abs(a - b.numpy()))) for a, b in zip(outputs, expected, strict=True))
         if not difference <= TOLERANCE:
             raise ModelError(f"{stage}: expected ONNX within {TOLERANCE} of torch, got {difference:.3g}")
     return difference
 
 
 def _smooth(shape: tuple[int, ...], generator: torch.Generator) -> torch.Tensor:
-    """Numbers in [0, 1]; pictures as smooth as photos are, since in noise a last bit may turn a normal around."""
+    """Draw numbers in [0, 1]; pictures as smooth as photos, since in noise a last bit may flip a normal."""
     if len(shape) < 4:
         return torch.rand(shape, generator=generator)
     coarse = torch.rand((*shape[:2], 8, 8), generator=generator)
@@ -213,12 +213,12 @@ def _smooth(shape: tuple[int, ...], generator: torch.Generator) -> torch.Tensor:
 
 
 def store_half(model) -> None:
-    """Keep large float32 weights as float16 behind a Cast, equal ones once; the runtime widens them when it opens."""
+    """Store large float32 weights as float16 behind a Cast, equal ones once; the runtime widens them when it opens."""
     import onnx
     from onnx import numpy_helper
 
     exact: set[str] = set()
-    for node in [one for one in model.graph.node if one.op_type == "Constant"]:  # the tracer writes each use anew
+    for node in [node for node in model.graph.node if node.op_type == "Constant"]:  # the tracer writes each use anew
         tensor = next((a.t for a in node.attribute if a.HasField("t")), None)
         if tensor is not None and numpy_helper.to_array(tensor).size >= 1024:
             tensor.name = node.output[0]
@@ -226,14 +226,14 @@ def store_half(model) -> None:
             model.graph.node.remove(node)
             exact.add(tensor.name)  # directions and the like, whose angles half floats would blur
     casts: list[Any] = []
-    kept: dict[Any, str] = {}
+    first_of: dict[Any, str] = {}
     renamed: dict[str, str] = {}
     for tensor in list(model.graph.initializer):
         values = numpy_helper.to_array(tensor)
         if values.dtype != np.float32 or values.size < 1024:
             continue
         name = tensor.name
-        first = kept.setdefault((values.shape, values.tobytes()), name)
+        first = first_of.setdefault((values.shape, values.tobytes()), name)
         if first == name and name in exact:
             continue
         model.graph.initializer.remove(tensor)
@@ -249,8 +249,10 @@ def store_half(model) -> None:
 
 
 def store_int8(model, kinds: tuple[int, ...] = (LINEAR, CONVOLUTIONS)) -> None:
-    """Keep the weights of large layers of some kinds, which store_half has halved, as int8 behind a DequantizeLinear;
-    the runtime widens them once, when it opens."""
+    """Store the halved weights of large layers of some kinds as int8 behind a DequantizeLinear.
+
+    store_half must come before; the runtime widens the weights once, when it opens.
+    """
     import onnx
     from onnx import numpy_helper
 

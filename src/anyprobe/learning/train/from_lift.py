@@ -1,4 +1,4 @@
-"""The paper's irradiance and illumination net as the same layers of `lift`, to begin from."""
+"""Initial weights of the paper's irradiance and illumination nets from the same layers of `lift`."""
 
 from __future__ import annotations
 
@@ -15,35 +15,35 @@ LAYERS = {
     "illumination.code.": "light.object.code.",
     "illumination.sphere.": "light.sphere.",
 }
-"""Layers of the chain, and those of LightNet that they begin as."""
+"""Layers of the chain, with the layers of LightNet that they start as."""
 ROOT_ALPHA = 0.5
-"""Layers that LightNet adds to the object's code and the chain lacks."""
+"""Value of LightNet's root alpha, which the chain's code lacks."""
 
 
 def chain_from_lift(lift: Mapping[str, torch.Tensor], fresh: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """Weights of the chain, by their names in fresh, that are LightNet's; none where there is no such network.
+    """Return the weights of the chain, by their names in fresh, that LightNet has; none without such a network.
 
     LightNet sees more, the photo beside its irradiance, given normals, material and surroundings, and says more: what
     it has for these is left out, and what it has for the photo is added to what it has for the irradiance.
     """
-    taken = {}
+    weights = {}
     for name in fresh:
         for ours, theirs in LAYERS.items():
             source = theirs + name.removeprefix(ours)
             if name.startswith(ours) and source in lift:
-                taken[name] = _part(name, lift[source], fresh[name].shape)
-    if "light.sphere.start.0.bias" in lift and "illumination.sphere.start.0.bias" in taken:
-        taken["illumination.sphere.start.0.bias"] = (
+                weights[name] = _part(name, lift[source], fresh[name].shape)
+    if "light.sphere.start.0.bias" in lift and "illumination.sphere.start.0.bias" in weights:
+        weights["illumination.sphere.start.0.bias"] = (
             lift["light.sphere.start.0.bias"] + ROOT_ALPHA * lift["light.sphere.start.0.weight"][:, -1]
         )
-    whole = lift.get("light.normals.whole.1.weight")
-    if whole is not None and "illumination.normals.whole.2.weight" in fresh:
+    full = lift.get("light.normals.whole.1.weight")
+    if full is not None and "illumination.normals.whole.2.weight" in fresh:
         rank = len(fresh["illumination.normals.whole.1.weight"])
-        u, s, v = torch.linalg.svd(whole.float(), full_matrices=False)
-        taken["illumination.normals.whole.1.weight"] = s[:rank, None].sqrt() * v[:rank]
-        taken["illumination.normals.whole.2.weight"] = u[:, :rank] * s[:rank].sqrt()
-        taken["illumination.normals.whole.2.bias"] = lift["light.normals.whole.1.bias"]
-    return taken
+        u, s, v = torch.linalg.svd(full.float(), full_matrices=False)
+        weights["illumination.normals.whole.1.weight"] = s[:rank, None].sqrt() * v[:rank]
+        weights["illumination.normals.whole.2.weight"] = u[:, :rank] * s[:rank].sqrt()
+        weights["illumination.normals.whole.2.bias"] = lift["light.normals.whole.1.bias"]
+    return weights
 
 
 def _part(name: str, x: torch.Tensor, shape: torch.Size) -> torch.Tensor:

@@ -18,7 +18,7 @@ from anyprobe.learning.train.map_losses import Sent, clipped_where_white, shown_
 
 
 def normals_loss(normals: torch.Tensor, batch: Batch, where: torch.Tensor | float = 1.0) -> torch.Tensor:
-    """Mean of 1 - cos(error) over the object's inner pixels.
+    """Compute the mean of 1 - cos(error) over the object's inner pixels.
 
     Args:
         normals: unit [N, 3, 64, 64].
@@ -32,7 +32,8 @@ def normals_loss(normals: torch.Tensor, batch: Batch, where: torch.Tensor | floa
 
 
 def irradiance_loss(estimate: torch.Tensor, target: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-    """Mean squared error of images [B, 3, S, S] per object pixel, so that small objects count as much as large."""
+    """Compute the mean squared error of images [B, 3, S, S] per object pixel, so that objects of all sizes count
+    alike."""
     share = mask.mean(dim=(1, 2, 3)).clip(min=0.02)
     return (((estimate - target) ** 2).mean(dim=(1, 2, 3)) / share).mean()
 
@@ -49,15 +50,15 @@ class Normals:
 
     @staticmethod
     def networks() -> nn.ModuleDict:
-        """Untrained."""
+        """Build the untrained network."""
         return nn.ModuleDict({"light": LightNet()})
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
-        """Return the same whatever the progress."""
+        """Compute the loss; progress has no effect."""
         return {"normals": normals_loss(self._guess(batch), batch)}
 
     def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
-        """Photos, true normals and those it guesses, as colours: (n + 1) / 2 inside the mask."""
+        """Return photos, true normals and estimated ones, as colours: (n + 1) / 2 inside the mask."""
         inside = F.avg_pool2d(batch.photo[:, 3:], 2)
         true, guess = F.avg_pool2d(batch.normals, 2), self._guess(batch) * inside
         return batch.photo[:, :3], 0.5 + 0.5 * true, 0.5 + 0.5 * guess
@@ -70,12 +71,12 @@ class Normals:
 
 
 METAL_F0 = 0.25
-"""Mean f0 above which a material is called a metal: dielectrics stay below a tenth."""
+"""Mean f0 above which a material counts as a metal: dielectrics stay below a tenth."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LiftConfig:
-    """Weight of each loss; 0 leaves it out."""
+    """Weights of the losses; 0 leaves a loss out."""
 
     irradiance: float = 3.0
     normals: float = 0.3
@@ -94,7 +95,7 @@ class LiftConfig:
 
 
 def given_normals(batch: Batch) -> torch.Tensor:
-    """Normals given with the photos [N, 3, 64, 64], with their errors; zero where none are."""
+    """Return the normals given with the photos [N, 3, 64, 64], with their errors; zero where none are."""
     turned = torch.einsum("nij,njhw->nihw", batch.given_normals_rotation, F.avg_pool2d(batch.normals, 2))
     length = turned.square().sum(dim=1, keepdim=True).sqrt()
     return torch.where(length > 0.5, turned / length.clamp(min=0.5), 0.0)
@@ -115,11 +116,11 @@ class Lift:
 
     @staticmethod
     def networks() -> nn.ModuleDict:
-        """Untrained."""
+        """Build the untrained network."""
         return nn.ModuleDict({"light": LightNet()})
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
-        """Return every loss, weighted."""
+        """Compute every loss, weighted."""
         guess, normals = self._predict(batch)
         terms = {
             **self._object(guess, batch, normals),
@@ -130,7 +131,7 @@ class Lift:
         return {name: getattr(self.config, name) * terms[name] for name in self.columns}
 
     def _predict(self, batch: Batch) -> tuple[LightPrediction, torch.Tensor]:
-        """Return the network's output, and the normals it was given."""
+        """Run the network; return its output and the normals it was given."""
         photo = batch.photo.contiguous(memory_format=torch.channels_last)
         with autocast(self.device):
             normals = given_normals(batch)
@@ -138,7 +139,7 @@ class Lift:
             return self.nets["light"](photo, *given), normals
 
     def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
-        """Photos, true LDR maps and those it estimates."""
+        """Return photos, true LDR maps and estimated ones."""
         guess, _ = self._predict(batch)
         return batch.photo[:, :3], batch.ldr, display(guess.ln_radiance).clip(max=1.0)
 
@@ -165,7 +166,7 @@ class Lift:
         }
 
     def _emitters(self, guess: LightPrediction, batch: Batch) -> dict[str, torch.Tensor]:
-        """Radiance above white: its total power, and where it comes from by cross entropy."""
+        """Compute the losses of the total power above white, and of where it comes from by cross entropy."""
         power, _ = self._sent.above_white(batch.ln_radiance)
         ln_share = torch.log_softmax((guess.emitter_logit + torch.log(self._sent.angles)).flatten(1), dim=1)
         return {
@@ -174,7 +175,8 @@ class Lift:
         }
 
     def _posterior(self, guess: LightPrediction, batch: Batch) -> dict[str, torch.Tensor]:
-        """Return the map's level and mean colour, with how wrong they are thought to be, and the object's material.
+        """Compute the losses of the map's level and mean colour with their claimed errors, and of the object's
+        material.
 
         A mean error s is learned from errors e by e / s + ln s (a Laplace distribution's likelihood); the errors
         themselves are learned as they are, or a doubtful photo would count less.
@@ -184,12 +186,12 @@ class Lift:
         cosine = F.cosine_similarity(*powers).clip(max=1 - 1e-5)
         color = torch.rad2deg(torch.acos(cosine)) / 10.0
         metal, reflectance, *scales = guess.posterior.split([1, 3, 1, 1, 1], dim=1)
-        wrong = (reflectance - batch.material[:, 2:5]).abs().mean(dim=1)
+        reflectance_error = (reflectance - batch.material[:, 2:5]).abs().mean(dim=1)
         is_metal = (batch.material[:, 5:].mean(dim=1) > METAL_F0).float()
         known = batch.material[:, 0]
         kind = F.binary_cross_entropy_with_logits(metal[:, 0], is_metal, reduction="none")
-        ln_wrong, ln_level, ln_color = (one[:, 0] for one in scales)
-        material = kind + wrong * (1 + torch.exp(-ln_wrong)) + ln_wrong
+        ln_wrong, ln_level, ln_color = (scale[:, 0] for scale in scales)
+        material = kind + reflectance_error * (1 + torch.exp(-ln_wrong)) + ln_wrong
         return {
             "level": (level + level.detach() * torch.exp(-ln_level) + ln_level).mean(),
             "color": (color + color.detach() * torch.exp(-ln_color) + ln_color).mean(),

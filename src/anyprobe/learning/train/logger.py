@@ -22,13 +22,13 @@ from anyprobe.learning.dataset.pairs import Batch
 from anyprobe.pictures.images import write_png
 
 LOG_STEPS = 25
-"""A row of log.csv is the mean over so many steps."""
+"""Number of steps that a row of log.csv averages."""
 PICTURED = 4
-"""Pictures are of so many pairs, the first of the run's first batch."""
+"""Number of pairs in pictures, the first of the run's first batch."""
 
 
 class Learner(Protocol):
-    """A learner: networks, and their losses by name, which columns lists."""
+    """Networks and their losses by name, which columns lists."""
 
     @property
     def columns(self) -> tuple[str, ...]: ...
@@ -41,15 +41,15 @@ class Learner(Protocol):
 
 @runtime_checkable
 class Pictured(Learner, Protocol):
-    """One that has pictures drawn at each checkpoint."""
+    """Learner that draws pictures at each checkpoint."""
 
     def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
-        """Display values [N, 3, H, W], from left to right."""
+        """Return display values [N, 3, H, W], from left to right."""
         ...
 
 
 def run_folder(runs: Path, name: str) -> Path:
-    """Return the folder of a run, made where it is not there; OutputError if that cannot be."""
+    """Return the folder of a run, created if absent; OutputError if that fails."""
     folder = runs / name
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -59,10 +59,10 @@ def run_folder(runs: Path, name: str) -> Path:
 
 
 class RunLogger:
-    """Used as a context; `see` and `note` every step, `draw` at every checkpoint."""
+    """Context that logs a run: call `see` and `note` every step, `draw` at every checkpoint."""
 
     def __init__(self, folder: Path, name: str, learner: Learner, first: int, last: int, total: int) -> None:
-        """Go on at step `first` of a run of `total` steps, to stop at `last`."""
+        """Continue at step `first` of a run of `total` steps, to stop at `last`."""
         self.columns, self.last, self._learner = learner.columns, last, learner
         self._folder, self._first, self._total = folder, first, total
         shown = (
@@ -97,7 +97,8 @@ class RunLogger:
         self._events.close()
 
     def note(self, step: int, pairs: int, pairs_each: int, losses: dict[str, torch.Tensor], rate: float) -> None:
-        """`step` steps are done and `pairs` pairs seen, pairs_each in this one, at this learning rate."""
+        """Log a step: `step` steps and `pairs` pairs are done, pairs_each of them in this step, at this learning
+        rate."""
         self._history.append(torch.stack([losses[name].detach() for name in self.columns]))
         self._progress.advance(self._task)
         if step % LOG_STEPS and step != self.last:
@@ -114,8 +115,10 @@ class RunLogger:
         self._history, self._since = [], now
 
     def see(self, batch: Any) -> None:
-        """A step's batch: the run's first one has the pairs that pictures are of. They are kept in its folder, for when
-        it goes on; where it has none, the first batch at hand serves."""
+        """Keep the pairs for pictures: those of the run's first batch, stored in its folder for later resumes.
+
+        If the folder has none, the first batch at hand serves.
+        """
         if self._pairs is not None or not isinstance(self._learner, Pictured):
             return
         path = self._folder / "pictures.pt"
@@ -126,7 +129,7 @@ class RunLogger:
                 torch.save(dict(_parts(self._pairs)), temporary)
 
     def draw(self, step: int) -> None:
-        """`step` steps are done: pictures.png and TensorBoard show what the networks make of these pairs, a row each.
+        """Draw the networks' output for these pairs, one row each, into pictures.png and TensorBoard.
 
         Nothing that the next step depends on changes: no statistics, no random numbers.
         """
@@ -141,13 +144,13 @@ class RunLogger:
 
 
 def side_by_side(pictures: tuple[torch.Tensor, ...]) -> np.ndarray:
-    """One picture [N h, W, 3] uint8 of pictures [N, 3, H, W] of display values: N rows, as high as the lowest."""
-    height = min(one.shape[2] for one in pictures)
-    level = [
-        F.interpolate(one.float(), size=(height, one.shape[3] * height // one.shape[2]), mode="area")
-        for one in pictures
+    """Join pictures [N, 3, H, W] of display values into one [N h, W, 3] uint8: N rows, as high as the lowest."""
+    height = min(picture.shape[2] for picture in pictures)
+    scaled = [
+        F.interpolate(picture.float(), size=(height, picture.shape[3] * height // picture.shape[2]), mode="area")
+        for picture in pictures
     ]
-    rows = torch.cat(level, dim=3).permute(0, 2, 3, 1)  # [N, h, W, 3]
+    rows = torch.cat(scaled, dim=3).permute(0, 2, 3, 1)  # [N, h, W, 3]
     return to_bytes(rows.flatten(0, 1).cpu().numpy())
 
 
@@ -156,18 +159,18 @@ def _parts(batch: Batch) -> list[tuple[str, torch.Tensor]]:
 
 
 def _read_pairs(path: Path, like: Batch) -> Batch | None:
-    """Return what `see` kept, on the device of `like`; None if it is absent, damaged or of another release."""
+    """Read the pairs that `see` kept to the device of `like`; None if absent, damaged or of another release."""
     if not path.is_file():
         return None
     try:
-        kept = torch.load(path, map_location=like.photo.device, weights_only=True)
-        return Batch(**kept)
+        stored = torch.load(path, map_location=like.photo.device, weights_only=True)
+        return Batch(**stored)
     except Exception:  # torch raises many kinds for a damaged file
         return None
 
 
 def forget_after(log: Path, step: int) -> None:
-    """Drop logged rows that a kill left after the last checkpoint."""
+    """Drop logged rows after the last checkpoint, left by a kill."""
     if not log.is_file():
         return
     lines = log.read_text(encoding="utf-8").splitlines()

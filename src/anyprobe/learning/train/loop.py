@@ -40,7 +40,7 @@ CHECKPOINT_SECONDS = 120.0
 
 
 def learning_rate(config: Any, step: int) -> float:
-    """Linear warm-up, constant, linear cool-down to zero, of a run's configuration."""
+    """Return the learning rate: linear warm-up, constant, linear cool-down to zero."""
     falling = config.cooldown * config.steps
     return config.learning_rate * min(1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0))
 
@@ -56,7 +56,7 @@ LEARNERS: dict[str, type[Irradiance | Chain | Lift | Normals]] = {
 def make_learner(
     config: RunConfig, device: str, teacher: Path | None = None, compiled: bool = False
 ) -> Irradiance | Chain | Lift | Normals:
-    """Return a learner: networks, and their losses by name.
+    """Build a run's learner: its networks and their losses by name.
 
     teacher: weights of `lift`, of which the chain learns; compiled is of it alone.
     """
@@ -72,13 +72,12 @@ def make_learner(
 
 
 def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
-    """Return the trained networks of a checkpoint, ready to run; ModelError if there are none, or of another
-    release."""
+    """Load the trained networks of a checkpoint for inference; ModelError if there are none, or of another release."""
     stored = read_checkpoint(checkpoint)
     model = json.loads(stored["config"]).get("model", "paper")
     if model not in LEARNERS:
         raise ModelError(
-            f"{checkpoint}: expected a run of this release, got one of {model}; take the release that trained it"
+            f"{checkpoint}: expected a run of this release, got one of {model}; use the release that trained it"
         )
     nets = LEARNERS[model].networks()
     load_weights(nets, stored["nets"], checkpoint)
@@ -86,7 +85,7 @@ def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
 
 
 def pairs_seen(stored: dict) -> int:
-    """Return how many pairs a checkpoint has learned from."""
+    """Return the number of pairs that a checkpoint has learned from."""
     return stored.get("pairs", stored["step"] * json.loads(stored["config"])["pairs"]["batch"])
 
 
@@ -99,7 +98,7 @@ def save_checkpoint(
     pairs: int,
     origin: Mapping[str, Any] | None = None,
 ) -> None:
-    """Everything that the next step depends on; pairs depend on the step's number alone.
+    """Save everything that the next step depends on; pairs depend on the step's number alone.
 
     origin: of train.checkpoint, as far as it is known.
     """
@@ -130,7 +129,7 @@ def train(
     start: Path | None = None,
     teacher: Path | None = None,
 ) -> Path:
-    """Train a run's networks to config.steps, going on from its checkpoint when there is one.
+    """Train a run's networks to config.steps, resuming from its checkpoint if there is one.
 
     Started by torchrun, its processes train together (ProcessGroup).
 
@@ -138,10 +137,10 @@ def train(
         data: folder with hdri/train and meshes/train; None trains on procedural assets.
         runs: the checkpoint, log.csv, pictures and TensorBoard events go to runs/<config.name>.
         workers: processes that draw shapes and make pairs ahead of this one; each has lit materials of its own,
-            so that a run goes on exactly with as many as it began with. 0: this process makes its pairs.
+            so that a run resumes exactly with as many as it started with. 0: this process makes its pairs.
         stop_after: stop (with a checkpoint) once this many steps are done in all.
         pairs: the batches, when they are at hand already, for instance rendered ones.
-        start: weights to begin from, of train.checkpoint; a run that goes on may name those that it began from.
+        start: weights to start from, of train.checkpoint; a resumed run may name those that it started from.
         teacher: weights of `lift` that the paper's chain learns from, beside the truth; layers that start lacks begin
             as its.
     Returns:
@@ -165,15 +164,15 @@ def train(
         betas=(0.9, 0.999),
         weight_decay=config.weight_decay,
     )
-    first = seen = 0
-    began: dict[str, Any] = {"processes": processes.size}
+    first = num_pairs = 0
+    facts: dict[str, Any] = {"processes": processes.size}
     if config.model == "paper":
-        began["teacher"] = None if teacher is None else init_weights_id(teacher)
-    stored, origin = resumed(path, config, began, start, device)
+        facts["teacher"] = None if teacher is None else init_weights_id(teacher)
+    stored, origin = resumed(path, config, facts, start, device)
     if stored is not None:
         load_weights(nets, stored["nets"], path)
         optimizer.load_state_dict(stored["optimizer"])
-        first, seen = stored["step"], pairs_seen(stored)
+        first, num_pairs = stored["step"], pairs_seen(stored)
     elif start is not None:
         load_init_weights(nets, start, teacher if isinstance(learner, Chain) else None)
     folder = run_folder(runs, config.name)
@@ -192,7 +191,7 @@ def train(
         batches = open_batches(config, store, data, runs / "cache", device, compiled, steps, workers)
         del store  # hundreds of maps, of which the batches keep what they need
     logger = RunLogger(folder, config.name, learner, first, last, config.steps)
-    saved, each = time.monotonic(), config.pairs.batch * processes.size
+    saved, pairs_per_step = time.monotonic(), config.pairs.batch * processes.size
     with logger if processes.is_first else nullcontext():
         for step, batch in enumerate(batches, start=first):
             rate = learning_rate(config, step)
@@ -205,14 +204,14 @@ def train(
             for net in nets.values():
                 torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
             optimizer.step()
-            seen += each
+            num_pairs += pairs_per_step
             if processes.is_first:
                 logger.see(batch)
-                logger.note(step + 1, seen, each, losses, rate)
+                logger.note(step + 1, num_pairs, pairs_per_step, losses, rate)
             if due or step + 1 == last:
                 processes.average_statistics(nets)
                 if processes.is_first:
-                    save_checkpoint(path, nets, config, optimizer, step + 1, seen, origin)
+                    save_checkpoint(path, nets, config, optimizer, step + 1, num_pairs, origin)
                     logger.draw(step + 1)
                 saved = time.monotonic()
     processes.leave()
@@ -220,27 +219,27 @@ def train(
 
 
 BACKENDS = {"cpu": "gloo", "cuda": "nccl"}
-"""Backends that carry tensors between processes, by kind of device."""
+"""Backend that carries tensors between processes, by kind of device."""
 
 
 class ProcessGroup:
-    """Processes that see different pairs and keep the same weights.
+    """Group of processes that see different pairs and keep the same weights.
 
     Every process makes step number * size + rank of the pairs; gradients are averaged, so that two processes learn as
     one with twice the batch would (but for batch normalisation, which sees each process's pairs alone).
     """
 
     def __init__(self, kind: str = "cpu") -> None:
-        """As torchrun's RANK and WORLD_SIZE say; a team of one without them.
+        """Join the group that torchrun's RANK and WORLD_SIZE describe; without them, a group of one.
 
         kind: of the device that every process trains on, "cpu" or "cuda"; `device` is this process's own.
         Raises:
             InputError: another kind, or one that this machine does not have.
         """
         if kind not in BACKENDS:
-            raise InputError(f"--device {kind}: expected one of {', '.join(BACKENDS)}, got another; take cpu")
+            raise InputError(f"--device {kind}: expected one of {', '.join(BACKENDS)}, got another; use cpu")
         if kind == "cuda" and not torch.cuda.is_available():
-            raise InputError("--device cuda: no GPU that torch can use; take cpu")
+            raise InputError("--device cuda: no GPU that torch can use; use cpu")
         self.rank, self.size = (int(os.environ.get(name, default)) for name, default in SINGLE.items())
         own = kind == "cuda" and self.size > 1
         self.device = f"cuda:{os.environ.get('LOCAL_RANK', '0')}" if own else kind
@@ -249,11 +248,11 @@ class ProcessGroup:
 
     @property
     def is_first(self) -> bool:
-        """The one that logs and saves."""
+        """Whether this process logs and saves."""
         return self.rank == 0
 
     def average_gradients(self, parameters: Iterable[nn.Parameter], ask: bool = False) -> bool:
-        """Replace every gradient by the team's mean; returns what the first process asked."""
+        """Replace every gradient by the group's mean; return what the first process asked."""
         if self.size == 1:
             return ask
         gradients = [p.grad for p in parameters if p.grad is not None]
@@ -262,7 +261,7 @@ class ProcessGroup:
         return bool(asked > 0)
 
     def average_statistics(self, nets: nn.Module) -> None:
-        """The same for what batch normalisation has seen; its mean is what one process of all would keep."""
+        """Average the statistics of batch normalisation; their mean is what one process would keep."""
         if self.size > 1:
             self._average([buffer for buffer in nets.buffers() if buffer.is_floating_point()])
 
@@ -275,7 +274,7 @@ class ProcessGroup:
             tensor.copy_(part.view_as(tensor))
 
     def leave(self) -> None:
-        """Once all is done."""
+        """Leave the group at the end."""
         if self.size > 1:
             dist.destroy_process_group()
 

@@ -1,4 +1,4 @@
-"""Losses of maps: of the display values that they show, and of the light that they send."""
+"""Losses of maps: of their display values, and of the light that they send."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from anyprobe.learning.dataset.pair import LN_RANGE
 from anyprobe.light.environment import MAP_HEIGHT
 
 LOBES = (1.0, 16.0, 128.0)
-"""Powers of the cosine: what a diffuse, a glossy and a nearly mirror-like sphere see of the map."""
+"""Exponents of the cosine: lobes of a diffuse, a glossy and a nearly mirror-like sphere."""
 FAINT = 0.02
-"""Added to radiance before its logarithm is compared: darker than this does not matter."""
+"""Radiance added before logarithms are compared: darker differences do not matter."""
 
 
 def lobe_matrices(height: int, rows: int) -> torch.Tensor:
-    """Means of a map [height, 2 height] around the pixels of one of `rows` rows, [lobes, out, in]; rows sum to 1."""
+    """Compute the matrices [lobes, out, in] that average a map [height, 2 height] around the pixels of one of `rows`
+    rows."""
     out, seen = (pixel_directions(h).reshape(-1, 3).astype(np.float64) for h in (rows, height))
     cosine = np.maximum(out @ seen.T, 0.0)
     angles = np.repeat(pixel_solid_angles(height)[:, 0], 2 * height)
@@ -27,7 +28,8 @@ def lobe_matrices(height: int, rows: int) -> torch.Tensor:
 
 
 def structure_loss(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
-    """1 - structural similarity over 7 x 7 boxes (Wang et al. 2004, Eq. 13), pictures [N, C, H, W] in [0, 1]."""
+    """Compute 1 - structural similarity over 7 x 7 boxes (Wang et al. 2004, Eq. 13), pictures [N, C, H, W] in [0,
+    1]."""
 
     def mean(x: torch.Tensor) -> torch.Tensor:
         return F.avg_pool2d(x, 7, stride=2)
@@ -41,13 +43,13 @@ def structure_loss(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
 
 
 def shown_losses(shown: torch.Tensor, true: torch.Tensor, weight: torch.Tensor) -> dict[str, torch.Tensor]:
-    """Return how far display values [N, 3, H, 2H] are from the truth: pixel by pixel, by the weight of each; as means
-    over 2, 4, 8 and 16 pixels; and in structure."""
+    """Compare display values [N, 3, H, 2H] with the truth: by weighted pixels, by means over 2 to 16 pixels, and in
+    structure."""
     difference = shown - true
-    scales, one = difference.new_zeros(()), difference
+    scales, scaled = difference.new_zeros(()), difference
     for _ in range(4):
-        one = F.avg_pool2d(one, 2)
-        scales = scales + one.square().mean() + 0.3 * one.abs().mean()
+        scaled = F.avg_pool2d(scaled, 2)
+        scales = scales + scaled.square().mean() + 0.3 * scaled.abs().mean()
     return {
         "ldr": (weight * (difference.abs() * 0.5 + difference.square() * 2)).mean(),
         "scales": scales,
@@ -56,12 +58,12 @@ def shown_losses(shown: torch.Tensor, true: torch.Tensor, weight: torch.Tensor) 
 
 
 def clipped_where_white(shown: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
-    """Display values [N, 3, H, 2H] clipped where the true ones are too: how far above white does not matter there."""
+    """Clip display values [N, 3, H, 2H] where the true ones clip: how far above white does not matter there."""
     return torch.where((shown > 1) & (true >= 1), shown.clip(max=1.0), shown)
 
 
 class Sent:
-    """How far two maps are from each other in the light that they send; maps are ln radiance [N, 3, 64, 128]."""
+    """Differences of two maps in the light that they send; maps are ln radiance [N, 3, 64, 128]."""
 
     def __init__(self, device: str) -> None:
         angles = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).to(device)
@@ -71,22 +73,22 @@ class Sent:
         self._luminance = torch.tensor(REC709, device=device)
 
     def transport(self, ln: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
-        """Mean difference of ln of what spheres of three kinds (LOBES) see: energy counts, not pixels."""
+        """Compute the mean difference of ln of what spheres of three kinds (LOBES) see: energy counts, not pixels."""
         seen = []
-        for one in (ln, true_ln):
-            power = F.avg_pool2d(torch.exp(one.clip(*LN_RANGE)) * self.angles, 2)
+        for ln_map in (ln, true_ln):
+            power = F.avg_pool2d(torch.exp(ln_map.clip(*LN_RANGE)) * self.angles, 2)
             radiance = power / F.avg_pool2d(self.angles, 2)
             means = torch.einsum("lop,ncp->nclo", self._lobes, radiance.flatten(2))
             seen.append(torch.log(means + FAINT))
         return (seen[0] - seen[1]).abs().mean()
 
     def power(self, ln: torch.Tensor) -> torch.Tensor:
-        """Radiance times solid angle over the sphere, [N, 3]."""
+        """Integrate radiance over the sphere, [N, 3]."""
         return (torch.exp(ln.clip(*LN_RANGE)) * self.angles).sum(dim=(2, 3))
 
     def level(self, ln: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
-        """Difference of ln of the luminance of the power, [N]."""
-        level, true = (torch.log(self.power(one) @ self._luminance) for one in (ln, true_ln))
+        """Compute the difference of ln of the luminance of the power, [N]."""
+        level, true = (torch.log(self.power(ln_map) @ self._luminance) for ln_map in (ln, true_ln))
         return (level - true).abs()
 
     def above_white(self, true_ln: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -96,13 +98,16 @@ class Sent:
         return power, above.sum(dim=1).flatten(1) / power.sum(dim=1, keepdim=True).clip(min=1e-6)
 
     def emitters(self, ln_share: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
-        """Cross entropy of where light is thought to come from, ln of shares [N, 64 * 128], with where what is above
-        white does; maps that have little of it count less."""
+        """Compute the cross entropy of estimated ln shares of light by direction [N, 64 * 128] with the true light
+        above white.
+
+        Maps with little light above white count less.
+        """
         power, share = self.above_white(true_ln)
         mean = power.mean(dim=1)
         return -(mean / (mean + 1.0) * (share * ln_share).sum(dim=1)).mean()
 
     def ln_share(self, ln: torch.Tensor) -> torch.Tensor:
-        """ln of every pixel's share of the luminance of the power, [N, 64 * 128]."""
+        """Return ln of every pixel's share of the luminance of the power, [N, 64 * 128]."""
         luminance = torch.einsum("nchw,c->nhw", torch.exp(ln.clip(*LN_RANGE)), self._luminance) * self.angles[0]
         return torch.log(luminance.flatten(1) / luminance.sum(dim=(1, 2))[:, None] + 1e-9)
