@@ -147,7 +147,7 @@ def test_tiles_of_a_float_picture_are_counted(monkeypatch):
     stream = io.BytesIO()
     info = TiffImagePlugin.ImageFileDirectory_v2()
     Image.fromarray(np.ones((600, 600), np.float32)).save(stream, "TIFF", tiffinfo=info)
-    with pytest.raises(InputError, match="expected at most 1 MB of numbers, got 1 MB"):
+    with pytest.raises(InputError, match="expected at most 1 MB of pixel data, got 1 MB"):
         read_image(stream.getvalue())
 
 
