@@ -26,7 +26,7 @@ MOST_BYTES = 16 * MAX_PIXELS
 """Largest number of bytes in the tiles of a TIFF: four floats a pixel."""
 MAX_SAMPLES = 16
 
-WIDTH, HEIGHT, BITS, COMPRESSION, PHOTOMETRIC, STRIPS, ORIENTATION = 256, 257, 258, 259, 262, 273, 274
+WIDTH, HEIGHT, BITS_PER_SAMPLE, COMPRESSION, PHOTOMETRIC, STRIPS, ORIENTATION = 256, 257, 258, 259, 262, 273, 274
 SAMPLES, ROWS_PER_STRIP, STRIP_SIZES, PLANAR, PREDICTOR = 277, 278, 279, 284, 317
 TILE_WIDTH, TILE_HEIGHT, TILES, TILE_SIZES, EXTRA, FORMAT = 322, 323, 324, 325, 338, 339
 EXIF, PROFILE, FILL_ORDER = 34665, 34675, 266
@@ -54,7 +54,7 @@ def sixteen_bits(image: ImageFile.ImageFile, reopen: Callable[[], ImageFile.Imag
         ValueError: a TIFF of separate planes, which Pillow misreads as 8 bits.
     """
     layout = _layout(image)
-    if isinstance(image, TiffImageFile) and layout == "R" and max(image.tag_v2.get(BITS, (8,))) > 8:
+    if isinstance(image, TiffImageFile) and layout == "R" and max(image.tag_v2.get(BITS_PER_SAMPLE, (8,))) > 8:
         raise ValueError("more than 8 bits in separate planes; save it with interleaved channels")
     if image.format not in ("PNG", "TIFF") or layout[:-1] not in ("RGB;16", "RGBA;16", "RGBX;16", "LA;16"):
         return None
@@ -129,7 +129,7 @@ def read_float_tiff(data: bytes, name: str) -> FloatPicture | None:
         if FORMAT not in entries or set(_numbers(entries[FORMAT], order)) != {3}:
             return None
         width, height = _first_number(entries, WIDTH, order), _first_number(entries, HEIGHT, order)
-        samples, bits = _first_number(entries, SAMPLES, order, 1), set(_numbers(entries[BITS], order))
+        samples, bits = _first_number(entries, SAMPLES, order, 1), set(_numbers(entries[BITS_PER_SAMPLE], order))
         planar, predictor = _first_number(entries, PLANAR, order, 1), _first_number(entries, PREDICTOR, order, 1)
         extra = _numbers(entries[EXTRA], order) if EXTRA in entries else ()
         tile = _first_number(entries, TILE_WIDTH, order, 0)
@@ -234,7 +234,7 @@ def _first_number(entries: dict[int, _Entry], tag: int, order: str, default: int
 
 def _as_bytes(data: bytes, order: str, kept: dict[int, _Entry], width: int, tile_width: int) -> bytes:
     """Return the same file with a directory that describes it as an 8-bit grey picture, `width` pixels wide."""
-    grey = {WIDTH: width, BITS: 8, PHOTOMETRIC: 1, SAMPLES: 1, PLANAR: 1, FORMAT: 1}
+    grey = {WIDTH: width, BITS_PER_SAMPLE: 8, PHOTOMETRIC: 1, SAMPLES: 1, PLANAR: 1, FORMAT: 1}
     grey |= {TILE_WIDTH: tile_width} if tile_width else {}
     entries = kept | {tag: (4, 1, struct.pack(f"{order}I", value)) for tag, value in grey.items()}
     start = len(data) + len(data) % 2
@@ -269,7 +269,7 @@ def full_range(values: np.ndarray, image: Image.Image) -> np.ndarray:
     """Scale integers to uint16 with white at 65535; a TIFF's 12-bit and signed 16-bit values have it lower."""
     tags = getattr(image, "tag_v2", {})
     white = 65535
-    if image.format == "TIFF" and tags.get(BITS) == (12,):
+    if image.format == "TIFF" and tags.get(BITS_PER_SAMPLE) == (12,):
         white = 4095
     elif image.format == "TIFF" and tags.get(FORMAT, (1,))[0] == 2:
         white = 32767

@@ -17,7 +17,7 @@ from PIL.TiffImagePlugin import TiffImageFile
 
 from anyprobe.files.atomic import atomic_path
 from anyprobe.pictures.color_encoding import ColorEncoding, is_srgb, srgb_to_linear
-from anyprobe.pictures.deep_pixels import BITS
+from anyprobe.pictures.deep_pixels import BITS_PER_SAMPLE
 from anyprobe.pictures.embedded_color import PNG_START
 from anyprobe.pictures.icc import encoding_of
 
@@ -54,7 +54,7 @@ def stored_as(source: Path | bytes) -> Stored:
     try:
         with Image.open(io.BytesIO(source) if isinstance(source, bytes) else source) as image:
             profile, kind = image.info.get("icc_profile") or b"", image.format
-            bits = max(image.tag_v2.get(BITS, (8,))) if isinstance(image, TiffImageFile) else 8
+            bits = max(image.tag_v2.get(BITS_PER_SAMPLE, (8,))) if isinstance(image, TiffImageFile) else 8
             mode = image.mode
         if kind == "PNG":
             head = source[:25] if isinstance(source, bytes) else _head(source)
