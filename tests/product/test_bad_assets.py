@@ -312,7 +312,7 @@ def test_cut_map(tmp_path, suffix, share):
     data = path.read_bytes()
     path.write_bytes(data[: int(len(data) * share)])
     message = refused_map(path)
-    assert "fetch it again" in message or "save it again" in message
+    assert "fetch it again" in message or "export it again" in message
     assert share or "0 bytes" in message
 
 

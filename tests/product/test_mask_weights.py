@@ -153,7 +153,7 @@ def test_it_is_put_where_it_can_be_written(nowhere, monkeypatch):
     assert weights.find_weights() == found
     found.path.unlink()
     monkeypatch.setattr(sys, "prefix", str(nowhere / "file"))
-    with pytest.raises(OutputError, match="let U2NET_HOME name a folder") as caught:
+    with pytest.raises(OutputError, match="set U2NET_HOME to a folder") as caught:
         weights.fetch_weights()
     assert "\n" not in str(caught.value)
 

@@ -202,7 +202,7 @@ def test_transparency_that_leaves_nearly_all_is_doubted():
     photo[:, :, 0] = np.arange(120)
     photo[:8, :8, 3] = 0
     (line,) = (one for one in load_photo(photo).warnings if "transparency" in one)
-    assert line.endswith("the photo the object; if it is smaller, say where it is; pass click=, box= or mask=")
+    assert (line.code, [one.name for one in line.remedy]) == ("alpha-wide", ["click", "box", "mask"])
     photo[:40, :, 3] = 0
     assert not any("transparency" in one for one in load_photo(photo).warnings)
 

@@ -227,7 +227,7 @@ def read_channels(
         if isinstance(error, fault):
             raise
         is_deep = "deep" in str(error)
-        got = "a deep one; save it flat" if is_deep else f"a damaged or empty file ({error}); save it again"
+        got = "a deep one; save it flat" if is_deep else f"a damaged or empty file ({error}); export it again"
         raise fault(f"expected a flat OpenEXR picture, got {got}", source=name) from error
     width, height = np.maximum(header.display[1] - header.display[0], header.data[1] - header.data[0]).tolist()
     if header.decoded > max_pixels:
@@ -246,7 +246,7 @@ def read_channels(
         with quiet(), OpenEXR.File(stream, separate_channels=True, num_threads=0) as file:
             return header, {key: channel.pixels for key, channel in file.channels().items()}
     except (RuntimeError, ValueError, KeyError, TypeError, OSError, MemoryError) as error:
-        raise fault("expected an OpenEXR picture, got a damaged or empty file; save it again", source=name) from error
+        raise fault("expected an OpenEXR picture, got a damaged or empty file; export it again", source=name) from error
 
 
 def read_exr(

@@ -235,7 +235,7 @@ def _check_kind(start: bytes, suffix: str, name: str) -> None:
     """Raise InvalidEnvironment for an empty file, or one whose first bytes contradict its suffix."""
     wanted = "a Radiance .hdr file" if suffix == ".hdr" else "an OpenEXR .exr file"
     if not start:
-        raise InvalidEnvironment(f"expected {wanted}, got an empty one (0 bytes); copy it again", source=name)
+        raise InvalidEnvironment(f"expected {wanted}, got an empty one (0 bytes); copy or export it again", source=name)
     kind = next((kind for magic, kind in KINDS.items() if start.startswith(magic)), suffix)
     if kind != suffix:
         advice = f"name it {kind}" if kind.startswith(".") else "8 bits do not hold radiance, use .hdr or .exr"
@@ -267,4 +267,4 @@ def decode_hdr(data: bytes, name: str, max_pixels: int) -> np.ndarray:
 
 
 def _truncated(name: str, height: int) -> InvalidEnvironment:
-    return InvalidEnvironment(f"expected {height} whole rows of RGBE, got fewer; copy it again", source=name)
+    return InvalidEnvironment(f"expected {height} whole rows of RGBE, got fewer; copy or export it again", source=name)
