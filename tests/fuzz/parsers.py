@@ -19,7 +19,7 @@ from support import depth_files, picture_files
 from anyprobe.estimate import poses
 from anyprobe.estimate.normals_hint import read_normals
 from anyprobe.estimate.result import Light
-from anyprobe.export.exported_light import check_front, said_beside
+from anyprobe.export.exported_light import check_front, sidecar_beside
 from anyprobe.files import meshes
 from anyprobe.maps import radiance
 from anyprobe.masks.depth import read_depth
@@ -249,7 +249,7 @@ def load_sidecar(data: bytes) -> None:
         radiance.write_hdr(path, np.full((8, 16, 3), 0.5, np.float32))
     path.with_suffix(".json").write_bytes(data)
     check_front(path)
-    said_beside(path)
+    sidecar_beside(path)
     Light.load(path).sidecar()
 
 

@@ -233,7 +233,7 @@ def test_what_cannot_be_done_is_said_in_a_line(library, estimate, change, error,
 
 def test_a_folder_without_maps_is_refused(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    with pytest.raises(InputError, match="no .exr or .hdr maps in this folder; check the path"):
+    with pytest.raises(InputError, match="expected .exr or .hdr maps in the folder, got none"):
         open_library(tmp_path)
 
 

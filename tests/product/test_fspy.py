@@ -65,7 +65,7 @@ def test_what_is_no_camera_is_one_line(tmp_path):
         ("unsolved.fspy", "expected a solved camera"),
         ("text.fspy", "got something else"),
         ("cut.fspy", "got a damaged one"),
-        ("mirrored.fspy", "got a camera that is none"),
+        ("mirrored.fspy", "got an impossible camera"),
         ("none.fspy", "no such file"),
     ):
         with pytest.raises(InputError, match=words):

@@ -12,7 +12,7 @@ from support.two_phase import two_phase
 from anyprobe.files.paths import home_folder, is_there
 from anyprobe.maps.radiance import write_exr
 from anyprobe.masks import networks, weights
-from anyprobe.masks.weights import find_weights, kept_in
+from anyprobe.masks.weights import find_weights, weight_folders
 
 pwd = pytest.importorskip("pwd", reason="needs POSIX")
 
@@ -110,7 +110,7 @@ def home(request, tmp_path, monkeypatch):
 
 def test_no_weights_are_found_there_and_all_places_are_named(home):
     assert find_weights() is None
-    assert all(not is_there(folder / weights.NAME) for folder, _ in kept_in())
+    assert all(not is_there(folder / weights.NAME) for folder, _ in weight_folders())
 
 
 def test_estimate_mask_and_doctor_work_there(home, command, work, photo_rgba, networks_opened_once):
@@ -141,6 +141,6 @@ def test_the_home_is_the_users(monkeypatch, tmp_path):
     monkeypatch.setenv("HOME", str(tmp_path))
     assert home_folder() == tmp_path
     monkeypatch.delenv("U2NET_HOME", raising=False)
-    assert kept_in()[0][0] == tmp_path / ".u2net"
+    assert weight_folders()[0][0] == tmp_path / ".u2net"
     monkeypatch.setenv("U2NET_HOME", "~/models")
-    assert kept_in()[0][0] == Path(tmp_path / "models")
+    assert weight_folders()[0][0] == Path(tmp_path / "models")

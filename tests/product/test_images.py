@@ -70,7 +70,7 @@ def test_sixteen_bits_in_separate_planes_are_refused_and_negatives_turned():
     planes = rng.integers(0, 65536, (3, 40, 48))
     with pytest.raises(InvalidPhoto) as caught:
         read_image(tiff_of_words(planes, 2))
-    assert_one_line(caught, "more than 8 bits in separate planes; save it with its channels together")
+    assert_one_line(caught, "more than 8 bits in separate planes; save it with interleaved channels")
     plain, negative = (read_image(tiff_of_words(one[:1], kind)).rgb for one, kind in ((planes, 1), (65535 - planes, 0)))
     np.testing.assert_array_equal(plain, negative)
     np.testing.assert_allclose(plain[..., 0], planes[0] / 65535, atol=1e-4)
@@ -148,7 +148,7 @@ def test_text_named_jpg(tmp_path):
 def test_postscript_starts_no_interpreter():
     with pytest.raises(InvalidPhoto) as caught:
         read_image(b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 64 64\n%%EndComments\nshowpage\n")
-    assert_one_line(caught, "something else")
+    assert_one_line(caught, "PostScript")
 
 
 def test_unknown_type():

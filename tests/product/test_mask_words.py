@@ -9,8 +9,8 @@ import numpy as np
 from anyprobe.masks.words import RIGHT, UNSURE, color_doubts, verdict
 
 SIDE, RED, BLUE = 80, np.array([200, 60, 50]) / 255, np.array([50, 70, 190]) / 255
-TWO = "two things of different colours may touch in it"
-LOCAL = "the click is on a small part of what was found: a box around what is meant helps"
+TWO = "it may contain two objects of different colours"
+LOCAL = "the click is on a small part of what was found; a box around the object helps"
 
 
 def doubts_of(is_blue: Callable[[np.ndarray, np.ndarray], np.ndarray], clicks=(), light=1.0) -> list[str]:

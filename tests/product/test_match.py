@@ -246,7 +246,7 @@ def test_what_moved_is_not_read_again_and_what_changed_is(folder, monkeypatch):
     assert not np.array_equal(anew.candidate(anew.names.index("place-1")), before)
     (folder / "a.exr").write_bytes((folder / "place-2.exr").read_bytes())
     open_library(folder)
-    with pytest.raises(InputError, match="got one written anew; open it again"):
+    with pytest.raises(InputError, match="got one rewritten since; open it again"):
         anew.candidate(anew.names.index("place-0") if "place-0" in anew.names else 0)
     np.testing.assert_allclose(changed.lights[changed.names.index("place-1")], light_of(place(9))[0], rtol=2e-3)
 
@@ -286,7 +286,7 @@ def _open_but(shut, usual, file, *more, **options):
 def test_a_black_map_is_left_out_by_name(folder):
     write_exr(folder / "more" / "dark.exr", np.zeros((32, 64, 3), np.float32))
     faults = open_library(folder).faults
-    assert faults == ("more/dark.exr: expected light, got a black map; take it out of the library",)
+    assert faults == ("more/dark.exr: expected a map with light, got a black one; remove it from the library",)
     (folder / "more" / "dark.exr").rename(folder / "black.exr")
     assert open_library(folder).faults[0].startswith("black.exr: ")
 

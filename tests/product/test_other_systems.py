@@ -75,8 +75,8 @@ def test_a_rename_that_is_refused_for_a_moment_is_tried_again(tmp_path, monkeypa
             raise PermissionError(13, "in use by another process")
         real(source, target)
 
-    monkeypatch.setattr(atomic, "WAITS", True)
-    monkeypatch.setattr(atomic, "WAITS_S", (0.001, 0.001, 0.001))
+    monkeypatch.setattr(atomic, "RETRIES_RENAME", True)
+    monkeypatch.setattr(atomic, "RETRY_DELAYS_S", (0.001, 0.001, 0.001))
     monkeypatch.setattr(os, "replace", replace)
     with atomic_path(tmp_path / "a.txt") as temporary:
         temporary.write_text("a", encoding="utf-8")
@@ -90,8 +90,8 @@ def test_a_rename_that_is_refused_for_good_is_one_line(tmp_path, monkeypatch):
     def replace(source, target):
         raise PermissionError(13, "in use by another process")
 
-    monkeypatch.setattr(atomic, "WAITS", True)
-    monkeypatch.setattr(atomic, "WAITS_S", (0.001,))
+    monkeypatch.setattr(atomic, "RETRIES_RENAME", True)
+    monkeypatch.setattr(atomic, "RETRY_DELAYS_S", (0.001,))
     monkeypatch.setattr(os, "replace", replace)
     with pytest.raises(OutputError, match="in use by another process"), atomic_path(tmp_path / "a.txt") as temporary:
         temporary.write_text("a", encoding="utf-8")

@@ -158,13 +158,11 @@ def test_commands_take_the_same_word(work, command):
 
 FAULTS = {
     "one along the rays": lambda: gdepth_jpeg(PICTURE, LEVELS, MeasureType="OpticRay", **RANGE),
-    "one of the format Cubic": lambda: gdepth_jpeg(PICTURE, LEVELS, Format="Cubic", **RANGE),
-    "one that does not say its Far": lambda: gdepth_jpeg(PICTURE, LEVELS, Near="1"),
+    "one of format Cubic": lambda: gdepth_jpeg(PICTURE, LEVELS, Format="Cubic", **RANGE),
+    "one without Far": lambda: gdepth_jpeg(PICTURE, LEVELS, Near="1"),
     "one from 3 to 3": lambda: gdepth_jpeg(PICTURE, LEVELS, Near="3", Far="3"),
     "one from -1 to 3": lambda: gdepth_jpeg(PICTURE, LEVELS, Near="-1", Far="3"),
-    "one of the object's segmentation": lambda: dynamic_depth_jpeg(
-        PICTURE, LEVELS, ItemSemantic="Segmentation", **RANGE
-    ),
+    "one of kind segmentation": lambda: dynamic_depth_jpeg(PICTURE, LEVELS, ItemSemantic="Segmentation", **RANGE),
     "a damaged one": lambda: gdepth_jpeg(PICTURE, LEVELS, **RANGE).replace(b"iVBORw0KGgo", b"iVBORw0KGgA"),
     "one of values from 255 to 255": lambda: apple_portrait(
         PICTURE, LEVELS, AuxiliaryImageType="depth", **{**APPLE, "IntMinValue": "255"}
@@ -175,11 +173,11 @@ FAULTS = {
     "XMP that defines entities": lambda: gdepth_jpeg(PICTURE, LEVELS, **RANGE).replace(
         b'<?xpacket begin=""', b"<!DOCTYPE a><?b    "
     ),
-    "one that its container does not hold": lambda: dynamic_depth_jpeg(PICTURE, LEVELS, **RANGE).replace(
+    "one that is missing from its container": lambda: dynamic_depth_jpeg(PICTURE, LEVELS, **RANGE).replace(
         b'URI="android/depthmap"', b'URI="android/depthmop"', 1
     ),
-    "one that does not say what its values mean": lambda: heic_with_depth(PICTURE, LEVELS, None),
-    "one that does not say what its values mean ": lambda: heic_with_depth(PICTURE, LEVELS, OTHER_DISPARITY, 1, 2),
+    "one whose values are of unknown meaning": lambda: heic_with_depth(PICTURE, LEVELS, None),
+    "one whose values are of unknown meaning ": lambda: heic_with_depth(PICTURE, LEVELS, OTHER_DISPARITY, 1, 2),
     "one from 4 to 0.5": lambda: heic_with_depth(PICTURE, LEVELS, INVERSE_Z, FAR, NEAR),
 }
 
@@ -189,7 +187,7 @@ def test_what_cannot_be_used_is_one_line(reason):
     if "heic" in FAULTS[reason].__code__.co_names[0]:
         pytest.importorskip("pillow_heif")
     data = FAULTS[reason]()
-    with pytest.raises(InvalidMask, match=rf"^bytes: expected a depth map .*, got {reason.strip()}.*; leave") as error:
+    with pytest.raises(InvalidMask, match=rf"^depth bytes: .*, got {reason.strip()}.*; leave out depth") as error:
         read_image(data, with_depth=True)
     assert "\n" not in str(error.value)
     assert read_image(data).rgb.shape == PICTURE.shape

@@ -224,7 +224,7 @@ def standing_by(mask: np.ndarray, shape: str = "sphere", size: float = 0.5) -> S
 def test_an_object_that_runs_over_the_lower_border_hides_where_it_stands(below):
     mask = np.zeros((HEIGHT, WIDTH), np.float32)
     mask[60 : HEIGHT if below else HEIGHT - 1, 20:60] = 1
-    assert any("runs over the photo's lower border" in line for line in standing_by(mask).warnings) == below
+    assert any("the photo's lower border cuts the real object" in line for line in standing_by(mask).warnings) == below
 
 
 def test_it_stands_below_what_overhangs():

@@ -178,7 +178,7 @@ function refuseBoth(options) {
 
 function nothingFound({ fullWidth, fullHeight }, marks) {
   if (marks.length === 0) {
-    const text = "expected an object that can be told from its surroundings, but nothing stands out";
+    const text = "expected an object distinct from its surroundings, but nothing stands out";
     return new AnyProbeError("no-object", text, { remedy: give("click", "box", "mask") });
   }
   const text = `expected an object at the ${marks.join(" and ")} in ${fullWidth} x ${fullHeight} pixels, found none that stands out`;

@@ -6,8 +6,8 @@ import { test } from "node:test";
 import { colorDoubts } from "../src/photo/colorDoubts.js";
 
 const [SIDE, RED, BLUE] = [80, [200, 60, 50], [50, 70, 190]];
-const TWO = "two things of different colours may touch in it";
-const LOCAL = "the click is on a small part of what was found: a box around what is meant helps";
+const TWO = "it may contain two objects of different colours";
+const LOCAL = "the click is on a small part of what was found; a box around the object helps";
 
 /** A mask of 64 x 64 in a picture of 80 x 80, each pixel of a colour of its place in the mask. */
 function doubtsOf(colorAt, clicks = []) {

@@ -13,7 +13,7 @@ import typer
 from anyprobe.cli.options import FrameOption, folder_option
 from anyprobe.errors import InputError
 from anyprobe.estimate.ground import Ground
-from anyprobe.export.exported_light import MAP_FROM_CAMERA, check_front, origin_beside, said_beside
+from anyprobe.export.exported_light import MAP_FROM_CAMERA, check_front, origin_beside, sidecar_beside
 from anyprobe.export.targets import TARGETS
 
 MAX_CLIPPED = 0.02
@@ -56,7 +56,7 @@ def export(
         check_front(light)
         origin = origin_beside(light)
         turn = rotation
-        ground = Ground.of(said_beside(light).get("ground"))
+        ground = Ground.of(sidecar_beside(light).get("ground"))
         if rotation is None and frame == "level" and ground is not None and MAP_FROM_CAMERA not in origin:
             turn, origin = ground.level_from_camera, {**origin, "level": ground.said_level()}
         for name in names:

@@ -97,7 +97,7 @@ def _write(
         "mask": str(targets["mask"]),
         "source": found.source,
         "confidence": None if found.confidence is None else round(float(found.confidence), 4),
-        "said": found.said,
+        "said": found.verdict,
         "share": round(float((found.mask > 0.5).mean()), 4),
         "warnings": [*pixels.warnings, *scale_doubts(pixels.radiance, pixels.name), *found.warnings],
     }

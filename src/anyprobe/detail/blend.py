@@ -37,14 +37,15 @@ docs/how-to/detail.md. Invented detail adds its own variance to the error, so th
 CONTRAST_GAIN = 1.6
 """Largest factor, or its inverse, by which a band's contrast is changed."""
 CEILING = 1.5
-"""Radiance in units of white at which a candidate is cut off: its light sources are not the estimate's."""
+"""Radiance in units of white at which a candidate is clipped: its light sources are not the estimate's."""
 FLOOR = 0.02
 """Radiance e added before the logarithm, which bounds the depth of a candidate's black."""
-FINE = 16
-"""Steps between two codes of a picture."""
+CODE_STEPS = 16
+"""Number of steps between two codes of a picture."""
 STEP = 2.0
 """Largest factor, or its inverse, of one step towards the estimate's display values or harmonics."""
 STEPS = 5
+"""Number of steps towards the estimate's harmonics."""
 MOST_LIGHTS = 3
 """Largest number of light sources above white that become discs of their own; an estimate has two."""
 _CLIPPED = 0.97
@@ -66,7 +67,7 @@ def blend(
     """Blend an estimate [h, 2h, 3] with the detail of a candidate: [rows, 2 rows, 3] float32 with the same SH9.
 
     Args:
-        codes: [H, 2H, 3] of library.Library.candidate.
+        codes: [H, 2H, 3], see match.library.Library.candidate.
         candidate_from_estimate, ln_gain: from match.Match.
         rows: a multiple of 64.
         seen: [rows, 2 rows, 4] known surroundings: display values times cover, and cover; with
@@ -162,19 +163,19 @@ def _candidate(codes: np.ndarray, turn: np.ndarray, ln_gain: np.ndarray, rows: i
     after = (left + 1) % width
     flat = codes.reshape(-1, 3)
     upper, lower = (_between(flat, line + left, line + after, right) for line in (top, top + width))
-    steps = ((upper + (lower - upper) * down) * FINE).astype(np.uint16)
-    ln = np.interp(np.arange(255 * FINE + 1) / FINE, np.arange(256), np.log(decode()))
+    steps = ((upper + (lower - upper) * down) * CODE_STEPS).astype(np.uint16)
+    ln = np.interp(np.arange(255 * CODE_STEPS + 1) / CODE_STEPS, np.arange(256), np.log(decode()))
     table = np.log(np.minimum(np.exp(ln[:, None] + ln_gain), CEILING) + FLOOR).astype(np.float32)
     return np.stack([table[steps[:, k], k] for k in range(3)]).reshape(3, rows, 2 * rows)
 
 
 def _between(pixels: np.ndarray, left: np.ndarray, after: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Interpolate pixels [N, 3] between two indices [P], weight `right` [P, 1] for the second: [P, 3] float32."""
-    one, other = (np.take(pixels, index, axis=0).astype(np.float32) for index in (left, after))
-    other -= one
-    other *= right
-    other += one
-    return other
+    first, second = (np.take(pixels, index, axis=0).astype(np.float32) for index in (left, after))
+    second -= first
+    second *= right
+    second += first
+    return second
 
 
 @lru_cache(maxsize=2)
@@ -204,8 +205,8 @@ def _measured(seen: np.ndarray | None) -> np.ndarray:
 
 
 def _towards(free: np.ndarray, fixed: np.ndarray, rest: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """Return the factor m [3, 64, 128] of `free` beside `fixed`: blurred display values move towards those of rest,
-    then harmonics [9, 3] towards those of the goal."""
+    """Return the factor m [3, 64, 128] of `free`, to which `fixed` is added: blurred display values move towards those
+    of rest, then harmonics [9, 3] towards those of the goal."""
     free, fixed = _shrunk(free), _shrunk(fixed)
     m = _ratio(_held(response(rest)), _held(response(free)))
     for _ in range(STEPS):

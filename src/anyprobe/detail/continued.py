@@ -50,11 +50,10 @@ BLOCK = 0.45
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Continued:
-    """Continuation: ln [R, 2R, 3] of radiance + CONTINUED_FLOOR; top, bottom: elevations of its rows [degrees]."""
+    """Continuation: ln [R, 2R, 3] of radiance + CONTINUED_FLOOR, and elevation [degrees] of the photo's top row."""
 
     ln: np.ndarray
     top: float
-    bottom: float
 
 
 def continue_around(seen: DrawnPlate) -> Continued | None:
@@ -79,7 +78,7 @@ def continue_around(seen: DrawnPlate) -> Continued | None:
         whole[beyond] += high[beyond] * (whole[beyond].mean(axis=1, keepdims=True) - whole[beyond])
     if elevation[last] < HORIZON_DEG:
         _lay_ground(whole, last, slice(int(columns[0]), int(columns[-1]) + 1), elevation)
-    return Continued(ln=whole, top=float(elevation[first]), bottom=float(elevation[last]))
+    return Continued(ln=whole, top=float(elevation[first]))
 
 
 def _sideways(seen: DrawnPlate, band: slice, left: int, right: int, per_deg: float) -> np.ndarray:
@@ -208,7 +207,7 @@ def _between(picture: np.ndarray, column: np.ndarray, row: np.ndarray, *, wraps:
     if not wraps:
         column = np.clip(column, 0, width - 1.001)
     left, top = np.floor(column), np.floor(row)
-    fx, fy = ((one - low)[..., None].astype(np.float32) for one, low in ((column, left), (row, top)))
+    fx, fy = ((at - low)[..., None].astype(np.float32) for at, low in ((column, left), (row, top)))
     left, top = left.astype(int) % width, top.astype(int)
     right, below = (left + 1) % width, top + 1
     upper = picture[top, left] * (1 - fx) + picture[top, right] * fx

@@ -55,10 +55,11 @@ of a weaker one in 2 to 13 %: weaker ones become soft spots, twice as wide below
 cut-outs it is 6 to 28 %: there the outline says little.
 """
 AROUND_DEG, CORE_DEG = 22.0, 10.0
-"""Angle [degrees] from a source within which its light is searched, and within which all of it is taken."""
+"""Angle [degrees] from a source within which light is attributed to it, and within which all of it is."""
 LEAST_RADIUS_DEG = 0.27
 """Smallest radius [degrees] of a disc: the sun's."""
 MOST_GAIN = np.log(6.0)
+"""Bound of the gain's logarithm."""
 NEWTON_STEPS = 12
 NEAR_GAIN_DEG = 20.0
 """Angle [degrees] from what is seen over which the gain sets in, so that no edge appears there."""
@@ -156,12 +157,12 @@ def _without_sources(estimate: np.ndarray) -> tuple[list[LightSource], np.ndarra
     share = blur_cosine_power(outside, SOFT)
     around = blur_cosine_power(rest * outside, SOFT) / np.maximum(share, 1e-4)
     within = np.clip((AROUND_DEG - nearest) / (AROUND_DEG - CORE_DEG), 0.0, 1.0)[..., None] * (share > 1e-4)
-    taken = within * np.maximum(rest - around, 0.0)
+    removed = within * np.maximum(rest - around, 0.0)
     lights = []
     for k, source in enumerate(found):
-        own = taken * (which == k)[..., None] * areas
+        own = removed * (which == k)[..., None] * areas
         lights.append(replace(source, irradiance=(own * cosines[k][..., None]).sum(axis=(0, 1))))
-    return lights, (rest - taken).astype(np.float32)
+    return lights, (rest - removed).astype(np.float32)
 
 
 def _place(
@@ -190,16 +191,16 @@ def _place(
     share, hue = (np.exp(-((angle / far) ** 2)) for far in (FAR_DEG, HUE_DEG))
     if around.top < 0:
         up = np.degrees(np.arcsin(pixel_directions(rows)[..., 1])) - around.top
-        share, hue = (one * np.exp(-np.maximum(up, 0.0) / ABOVE_GROUND_DEG) for one in (share, hue))
-    share, hue = (one[..., None].astype(np.float32) for one in (share, hue))
+        share, hue = (weight * np.exp(-np.maximum(up, 0.0) / ABOVE_GROUND_DEG) for weight in (share, hue))
+    share, hue = (weight[..., None].astype(np.float32) for weight in (share, hue))
     lack = goal - soft
     level = lack.mean(axis=-1, keepdims=True)
-    going_on = np.maximum(np.exp(ln + (1 - share) * level + (1 - hue) * (lack - level)) - CONTINUED_FLOOR, 0.0)
+    continued = np.maximum(np.exp(ln + (1 - share) * level + (1 - hue) * (lack - level)) - CONTINUED_FLOOR, 0.0)
     if is_detailed:
         beside = np.exp(-((angle / BESIDE_DEG) ** 2))[..., None].astype(np.float32)
-        going_on = smooth + beside * (going_on - smooth)
+        continued = smooth + beside * (continued - smooth)
         share = np.ones_like(share)
-    picture = going_on + within * (seen.radiance - going_on)
+    picture = continued + within * (seen.radiance - continued)
     clear = within * (1 - np.clip(seen.filled[..., None], 0.0, 1.0))
     invented = (1 - clear) * np.maximum(share, within)
     return picture, within, np.concatenate([clear, 1 - clear - invented, invented], axis=-1)

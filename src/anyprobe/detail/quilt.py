@@ -13,9 +13,9 @@ STRIP = (0.4, 0.65)
 """Widths of strips, in widths of the picture."""
 JOIN = 0.09
 """Width over which two strips may be cut, in widths of the picture."""
-AGAIN = 0.8
+REUSE_PENALTY = 0.8
 """Penalty of a place that was just used, in units of the mean difference over all places; it fades with each strip."""
-FILLED = 1.0
+FILLED_PENALTY = 1.0
 """Penalty of a strip that is filled rather than seen, in the same unit."""
 COARSE = 3
 """Pixels of the picture per pixel compared."""
@@ -96,7 +96,7 @@ def _place(picture: np.ndarray, tail: np.ndarray, used: np.ndarray, empty: np.nd
     for column in range(min(end.shape[1], small.shape[1])):
         squares += ((small[:, starts + column] - end[:, column : column + 1]) ** 2).sum(axis=(0, 2))
     holes = np.convolve(empty, np.ones(size) / size, mode="valid")[first]
-    price = squares / max(float(squares.mean()), 1e-9) + AGAIN * used[first] + FILLED * holes
+    price = squares / max(float(squares.mean()), 1e-9) + REUSE_PENALTY * used[first] + FILLED_PENALTY * holes
     return int(first[np.argmin(price)])
 
 
@@ -134,7 +134,7 @@ def _along(values: np.ndarray, sigma: int) -> np.ndarray:
     reach = 2 * sigma
     weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
     padded = np.pad(values, ((reach, reach), (0, 0)), mode="edge")
-    return np.stack([np.convolve(one, weights / weights.sum(), mode="valid") for one in padded.T], axis=-1)
+    return np.stack([np.convolve(channel, weights / weights.sum(), mode="valid") for channel in padded.T], axis=-1)
 
 
 def _shrunk(picture: np.ndarray, step: int) -> np.ndarray:

@@ -36,8 +36,8 @@ C_FROM_OURS = np.array([-1.0, 1.0, 1.0])
 SUPERSAMPLE = 4
 """Samples of the map along each side of a texel; dense enough not to miss an emitter of one pixel."""
 
-READS = 1 << 18
-"""Samples of the map at once, some 300 bytes each."""
+SAMPLES_AT_ONCE = 1 << 18
+"""Number of samples of the map at once, some 300 bytes each."""
 
 
 def face_directions(size: int) -> Float[np.ndarray, "6 S S 3"]:
@@ -53,12 +53,12 @@ def face_size(height: int) -> int:
 def cube_faces(radiance: Float[np.ndarray, "H 2*H 3"], size: int) -> Float[np.ndarray, "6 S S 3"]:
     """Resample a map [H, 2H, 3] to six faces [6, S, S, 3] float32, every texel an average over its square."""
     faces = np.empty((6, size, size, 3), np.float32)
-    rows = max(1, READS // (SUPERSAMPLE**2 * size))
+    rows = max(1, SAMPLES_AT_ONCE // (SUPERSAMPLE**2 * size))
     for face in range(6):
         for top in range(0, size, rows):
             strip = slice(top * SUPERSAMPLE, (top + rows) * SUPERSAMPLE)
-            fine = _directions(face, strip, size * SUPERSAMPLE) * C_FROM_OURS
-            values = bilinear(radiance, direction_to_uv(fine))
+            directions = _directions(face, strip, size * SUPERSAMPLE) * C_FROM_OURS
+            values = bilinear(radiance, direction_to_uv(directions))
             squares = values.reshape(-1, SUPERSAMPLE, size, SUPERSAMPLE, 3)
             faces[face, top : top + rows] = squares.mean(axis=(1, 3))
     return faces
@@ -211,8 +211,8 @@ def encode_bc6h(faces: Float[np.ndarray, "6 S S 3"]) -> UInt8[np.ndarray, "6 blo
 
 def _encode(texels: np.ndarray) -> np.ndarray:
     """Encode texels [B, 16, 3] as blocks [B, 16] uint8."""
-    halfs = np.clip(texels, 0.0, BC6H_MAX).astype(np.float16).view(np.uint16).astype(np.float64)
-    values = halfs * 64.0 / 31.0  # the scale that endpoints are unpacked to
+    halves = np.clip(texels, 0.0, BC6H_MAX).astype(np.float16).view(np.uint16).astype(np.float64)
+    values = halves * 64.0 / 31.0  # the scale that endpoints are unpacked to
     first, second = _endpoints(values)
     index = _nearest(values, first, second)
     first, second = _refined(values, index, first, second)
@@ -266,13 +266,13 @@ def _refined(
     w = WEIGHTS[index] / 64.0
     aa, ab, bb = ((1 - w) ** 2).sum(1), (w * (1 - w)).sum(1), (w**2).sum(1)
     determinant = aa * bb - ab**2
-    ok = determinant > 1e-6  # else all texels share an index
+    is_solvable = determinant > 1e-6  # else all texels share an index
     a = np.einsum("bi,bic->bc", 1 - w, values)
     b = np.einsum("bi,bic->bc", w, values)
-    scale = np.where(ok, determinant, 1.0)[:, None]
+    scale = np.where(is_solvable, determinant, 1.0)[:, None]
     better_first = _codes((a * bb[:, None] - b * ab[:, None]) / scale)
     better_second = _codes((b * aa[:, None] - a * ab[:, None]) / scale)
-    return np.where(ok[:, None], better_first, first), np.where(ok[:, None], better_second, second)
+    return np.where(is_solvable[:, None], better_first, first), np.where(is_solvable[:, None], better_second, second)
 
 
 def _pack(first: list[int], second: list[int], index: list[int]) -> bytes:
@@ -315,10 +315,10 @@ def write_dds(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     Both have all mips. three.js r187's DDSLoader reads the compressed one only.
     """
     levels = _levels(light)
-    halfs = [to_half_rgba(level, HALF_MAX) for level in levels]
-    write_dds_cube(folder / f"{light.name}.dds", halfs[0].shape[1], halfs, DXGI_R16G16B16A16_FLOAT)
+    halves = [to_half_rgba(level, HALF_MAX) for level in levels]
+    write_dds_cube(folder / f"{light.name}.dds", halves[0].shape[1], halves, DXGI_R16G16B16A16_FLOAT)
     blocks = [encode_bc6h(level) for level in levels]
-    write_dds_cube(folder / f"{light.name}_bc6h.dds", halfs[0].shape[1], blocks, DXGI_BC6H_UF16)
+    write_dds_cube(folder / f"{light.name}_bc6h.dds", halves[0].shape[1], blocks, DXGI_BC6H_UF16)
     (folder / f"{light.name}.js").write_text(template("dds.js", light), encoding="utf-8")
     return _cube(levels, clipped_share(levels[0], min(HALF_MAX, BC6H_MAX)))
 

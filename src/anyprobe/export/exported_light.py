@@ -139,8 +139,8 @@ def prepare(
     if sources:
         found, ambient = split_light_sources(radiance)
         lights = tuple(
-            DirectionalLight(direction=one.direction, irradiance=one.irradiance, angle_deg=2 * one.radius_deg)
-            for one in found
+            DirectionalLight(direction=source.direction, irradiance=source.irradiance, angle_deg=2 * source.radius_deg)
+            for source in found
         )
     return ExportedLight(
         radiance=radiance,
@@ -207,12 +207,12 @@ def sidecar(light: ExportedLight, target: str, frame: TargetFrame, more: Mapping
         },
         "lights": [
             {
-                "direction": numbers(one.direction),
-                "direction_in_target": numbers(frame.from_ours(one.direction)),
-                "irradiance": numbers(one.irradiance),
-                "angle_deg": round(one.angle_deg, 3),
+                "direction": numbers(source.direction),
+                "direction_in_target": numbers(frame.from_ours(source.direction)),
+                "irradiance": numbers(source.irradiance),
+                "angle_deg": round(source.angle_deg, 3),
             }
-            for one in light.lights
+            for source in light.lights
         ],
         "sh": {
             "definition": SH_DEFINITION,
@@ -232,7 +232,7 @@ def write_json(path: Path, value: Mapping[str, Any]) -> None:
 def write_maps(light: ExportedLight, folder: Path, frame: TargetFrame, suffix: str) -> None:
     """Write <name>.hdr or .exr, rolled for the target, and <name>_ambient beside it.
 
-    .exr holds halfs, or floats where halfs would clip or the darkest pixels would lose digits.
+    .exr holds halves, or floats where halves would clip or the darkest pixels would lose digits.
     """
     for name, radiance in ((light.name, light.radiance), (f"{light.name}_ambient", light.ambient)):
         path, rolled = folder / f"{name}{suffix}", frame.roll(radiance)
@@ -270,12 +270,12 @@ def read_with_origin(path: Path) -> tuple[np.ndarray, dict[str, Any], np.ndarray
     """
     radiance = read_radiance(path)
     check_front(path)
-    return radiance, said_beside(path), map_from_camera(path)
+    return radiance, sidecar_beside(path), map_from_camera(path)
 
 
 def origin_beside(path: Path) -> dict[str, Any]:
     """Read photo, model and rotation of a map from the .json beside it; empty if there is none."""
-    return origin_of(said_beside(path)) | origin_turned(map_from_camera(path))
+    return origin_of(sidecar_beside(path)) | origin_turned(map_from_camera(path))
 
 
 def origin_turned(turn: Float[np.ndarray, "3 3"]) -> dict[str, Any]:
@@ -286,33 +286,32 @@ def origin_turned(turn: Float[np.ndarray, "3 3"]) -> dict[str, Any]:
 def check_front(path: Path) -> None:
     """Refuse a map that was exported for a program whose maps are not centred on the front.
 
-    Its header says so, or for an older .hdr the .json beside it. A map without either passes.
+    This is known from its header or, for an older .hdr, from the .json beside it; a map without either passes.
 
     Raises:
         InputError: the map would be a quarter or half turn off.
     """
     wanted = "expected a map with the front in its centre"
-    advice = "take the file that estimate wrote"
+    advice = "use the file that estimate wrote"
     frame = map_attributes(path).get("frame", "")
     if f"u = {FRONT.u}" in frame:
         return
-    said = said_beside(path)
-    turned = said.get("map")
-    if isinstance(turned, Mapping) and turned.get("rolled_quarters_right"):
-        raise InputError(f"{wanted}, got one exported for {said.get('target')}; {advice}", source=path)
+    entries = sidecar_beside(path)
+    layout = entries.get("map")
+    if isinstance(layout, Mapping) and layout.get("rolled_quarters_right"):
+        raise InputError(f"{wanted}, got one exported for {entries.get('target')}; {advice}", source=path)
     if "u = " in frame:
         raise InputError(f"{wanted}, got one with {frame[frame.index('u = ') :]}; {advice}", source=path)
 
 
 def map_from_camera(path: Path) -> Float[np.ndarray, "3 3"]:
-    """Return the rotation [3, 3] from the photo's camera to a map's frame, by its header or, for an older .hdr, the
-    .json.
+    """Return the rotation [3, 3] from the photo's camera to a map's frame, from its header, or an older .hdr's .json.
 
     Raises:
         InputError: the entry is not a rotation.
     """
     header = map_attributes(path)
-    given = (header if "frame" in header else said_beside(path)).get(MAP_FROM_CAMERA)
+    given = (header if "frame" in header else sidecar_beside(path)).get(MAP_FROM_CAMERA)
     if given is None:
         return np.eye(3)
     try:
@@ -329,28 +328,29 @@ def map_from_camera(path: Path) -> Float[np.ndarray, "3 3"]:
 
 
 def float_where_long(digits: str) -> int | float:
-    """Parse a whole number of JSON; one too large for a float becomes infinite, and is refused where it is used."""
+    """Parse an integer of JSON; one of many digits becomes a float, perhaps infinite, which its user refuses."""
     return int(digits) if len(digits) < 19 else float(digits)
 
 
-def said_beside(path: Path) -> dict[str, Any]:
-    """Read the .json that an estimate or an export wrote beside a map; {} where there is none or another kind.
+def sidecar_beside(path: Path) -> dict[str, Any]:
+    """Read the .json that an estimate or an export wrote beside a map; empty where there is none, or no JSON object.
 
     Raises:
-        InputError: it is damaged or cannot be read, so that its content is unknown.
+        InputError: it is damaged or cannot be read.
     """
     stems = (path.stem, path.stem.removesuffix("_ambient"), path.stem.removesuffix("_panorama"))
-    beside = next((one for one in (path.with_name(f"{stem}.json") for stem in stems) if is_there(one)), None)
-    if beside is None:
+    file = next((file for file in (path.with_name(f"{stem}.json") for stem in stems) if is_there(file)), None)
+    if file is None:
         return {}
     try:  # in any Unicode encoding, with or without a byte order mark
-        data = read_regular(beside, str(beside), InputError, max_bytes=MAX_SIDECAR_BYTES)
-        said = json.loads(data, parse_int=float_where_long)
+        data = read_regular(file, str(file), InputError, max_bytes=MAX_SIDECAR_BYTES)
+        entries = json.loads(data, parse_int=float_where_long)
     except InputError:
         raise
     except (ValueError, RecursionError) as error:
         raise InputError(
-            f"{beside}: expected the .json beside {path.name} as it was written, got a damaged one "
-            f"({' '.join(str(error).split())[:80]}); save the light again, or move the .json away"
+            f"expected the .json beside {path.name} as it was written, got a damaged one "
+            f"({' '.join(str(error).split())[:80]}); save the light again, or move the .json away",
+            source=file,
         ) from error
-    return said if isinstance(said, dict) else {}
+    return entries if isinstance(entries, dict) else {}

@@ -6,7 +6,7 @@ coefficients of irradiance. Its text leaves the cube's axes, the signs of the SH
 the defaults of Babylon.js, its only reader.
 
 USD: a .usda with a DomeLight and a DistantLight for each source, two .exr maps, and all of it as one .usdz, written as
-text so that nothing need be installed. Mitsuba 3: the map as an .exr and a scene.xml with three spheres under it.
+text so that nothing needs to be installed. Mitsuba 3: the map as an .exr and a scene.xml with three spheres under it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from anyprobe.core.sampling import hammersley
-from anyprobe.errors import OutputError
 from anyprobe.export.cube_textures import C_FROM_OURS, clipped_share, cube_faces, face_directions, face_size
 from anyprobe.export.exported_light import (
     EXPORT_SCALE,
@@ -122,20 +121,20 @@ def write_gltf(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
                 {
                     "type": "directional",
                     "name": f"{light.name} source {number}",
-                    "color": numbers(one.color),
-                    "intensity": numbers(one.intensity),
-                    "extras": {"angle_deg": round(one.angle_deg, 3)},  # the extension has no sizes
+                    "color": numbers(source.color),
+                    "intensity": numbers(source.intensity),
+                    "extras": {"angle_deg": round(source.angle_deg, 3)},  # the extension has no sizes
                 }
-                for number, one in enumerate(light.lights, 1)
+                for number, source in enumerate(light.lights, 1)
             ]
         }
         document["nodes"] = [
             {
                 "name": f"source {number}",
-                "matrix": [value for row in pointing_away(one.direction) for value in row],
+                "matrix": [value for row in pointing_away(source.direction) for value in row],
                 "extensions": {"KHR_lights_punctual": {"light": number - 1}},
             }
-            for number, one in enumerate(light.lights, 1)
+            for number, source in enumerate(light.lights, 1)
         ]
         document["scenes"][0]["nodes"] = list(range(len(light.lights)))
     (folder / f"{light.name}.glb").write_bytes(glb_file(document, bytes(blob)))
@@ -165,7 +164,7 @@ def write_usd(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     stage = read_template("stage.usda").format(
         ambient=asset_path(f"./{light.name}_ambient.exr"),
         full=asset_path(f"./{light.name}.exr"),
-        lights="".join(_distant_light(number, one) for number, one in enumerate(light.lights, 1)),
+        lights="".join(_distant_light(number, source) for number, source in enumerate(light.lights, 1)),
     )
     path = folder / f"{light.name}.usda"
     path.write_text(stage, encoding="utf-8")
@@ -235,10 +234,7 @@ def write_mitsuba(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     }
     channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
     path = folder / f"{light.name}.exr"
-    try:
-        write_channels(path, channels, attributes, latlong=False)  # its rows lie elsewhere
-    except RuntimeError as error:  # OpenEXR's only report of a full disk
-        raise OutputError(f"cannot be written ({' '.join(str(error).split())})", source=path) from error
+    write_channels(path, channels, attributes, latlong=False)  # its rows lie elsewhere
     scene = (
         read_template("mitsuba.xml")
         .replace("{name}", light.name.replace("--", "__"))

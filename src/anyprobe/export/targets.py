@@ -184,13 +184,13 @@ def write_three(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
 def write_jpeg(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     """Write <name>.jpg: Ultra HDR, for three.js's UltraHDRLoader; rolled as three's maps are."""
     rolled = THREE.roll(light.radiance)
-    most = write_ultra_hdr(folder / f"{light.name}.jpg", rolled)
+    brightest = write_ultra_hdr(folder / f"{light.name}.jpg", rolled)
     return {
         "ultra_hdr": {
-            "most_radiance": round(most, 4),
+            "most_radiance": round(brightest, 4),
             "loader": "three.js UltraHDRLoader; mapping EquirectangularReflection",
         },
-        "clipped_energy": _share_above(light.radiance, most),
+        "clipped_energy": _share_above(light.radiance, brightest),
     }
 
 

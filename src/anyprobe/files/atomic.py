@@ -1,6 +1,6 @@
-"""Whole files or none, one or a set: write beside the target, then rename.
+"""Atomic writing of one file or a set: write beside the target, then rename.
 
-A reader never meets a half-written result, and a failed or interrupted run leaves the old file as it was.
+A reader never sees a half-written result, and a failed or interrupted run leaves the old file unchanged.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from pathlib import Path
 from anyprobe.errors import OutputError
 
 SCRATCH = ".anyprobe-"
-"""Prefix of the folders that hold files until all are written; machine name and process number follow."""
+"""Prefix of the folders that hold files until all are written; the machine's and the process's identifiers follow."""
 
-WAITS, WAITS_S = os.name == "nt", (0.02, 0.1, 0.5)
-"""Whether a rename may be refused for a moment, and how long it is waited for."""
+RETRIES_RENAME, RETRY_DELAYS_S = os.name == "nt", (0.02, 0.1, 0.5)
+"""Whether a refused rename is tried again, and after which delays [s]."""
 
 STALE_S = 86_400.0
-"""Age of such a folder that is abandoned, whichever machine's process made it."""
+"""Age [s] from which such a folder counts as abandoned, whichever machine's process made it."""
 
 
 @contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a path to write to; it becomes `path` when the block ends well.
+    """Yield a path to write to; it is renamed to `path` when the block ends without an error.
 
     The temporary file is a hidden sibling with the same suffix, because encoders choose the format by it, and is made
-    by the writer, so that it gets the usual permissions. Missing folders are made. A symbolic link is written through.
+    by the writer, so that it gets the usual permissions. Missing folders are made. A symbolic link is followed.
 
     Raises:
         OutputError: the folder cannot be made, or the file cannot be written.
@@ -55,15 +55,15 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
-    """Refuse at once what atomic_path would refuse after the work; nothing is left of it.
+    """Check in advance that atomic_path can write there; nothing is left behind.
 
     Raises:
-        OutputError: as of atomic_path.
+        OutputError: see atomic_path.
     """
     target = Path(os.path.realpath(path))
     _refuse_folder(target, path)
     try:
-        with tempfile.TemporaryFile(dir=next(one for one in target.parents if one.exists())):
+        with tempfile.TemporaryFile(dir=next(folder for folder in target.parents if folder.exists())):
             pass
     except OSError as error:
         raise unwritable(path, Path(path).parent, error) from error
@@ -71,10 +71,10 @@ def check_writable(path: str | os.PathLike[str]) -> None:
 
 @contextmanager
 def atomic_files(folder: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield an empty folder to write files to; when the block ends well all of them move into `folder`.
+    """Yield an empty folder to write files to; when the block ends without an error they all move into `folder`.
 
-    Older files of the same names are replaced; if any move fails they come back, and none of the new ones stays. What a
-    run that was killed has left behind is put back and removed. Missing folders are made.
+    Older files of the same names are replaced; if any move fails, they are restored and none of the new ones stays.
+    Leftovers of killed runs are restored or removed. Missing folders are made.
 
     Raises:
         OutputError: the folder cannot be made or written; its message never names the scratch folder.
@@ -105,26 +105,27 @@ def _refuse_folder(target: Path, path: str | os.PathLike[str]) -> None:
 def unwritable(
     path: str | os.PathLike[str], folder: Path, error: OSError, advice: str = "choose another folder"
 ) -> OutputError:
-    """One line on what the system refused: the file that stands in the place of a folder, or its own words."""
+    """Build the error for a refusal of the system: a file in the place of a folder, or the system's own message."""
     if isinstance(error, FileExistsError | NotADirectoryError):
         file = next((one for one in (folder, *folder.parents) if one.is_file()), folder)
-        return OutputError(f"{path}: {'' if path == file else f'{file} '}is a file, not a folder; {advice}")
+        subject = "" if path == file else f"{file} "
+        return OutputError(f"{subject}is a file, not a folder; {advice}", source=path)
     reason = error.strerror or str(error) or type(error).__name__
-    return OutputError(f"{path}: cannot be written ({reason}); {advice} or free some space")
+    return OutputError(f"cannot be written ({reason}); {advice} or free some space", source=path)
 
 
 def _replace(source: Path, target: Path) -> None:
-    """Rename a file over another. On Windows whoever reads that one, a virus scanner say, refuses it for a moment."""
-    for wait_s in WAITS_S if WAITS else ():
+    """Rename a file over another; on Windows a reader of that one, such as a virus scanner, blocks it for a moment."""
+    for delay_s in RETRY_DELAYS_S if RETRIES_RENAME else ():
         try:
             return os.replace(source, target)
         except PermissionError:
-            time.sleep(wait_s)
+            time.sleep(delay_s)
     os.replace(source, target)
 
 
 def _replace_all(files: list[Path], folder: Path, old: Path) -> None:
-    """Move files into folder, what they replace into `old`; undo everything if one fails."""
+    """Move files into `folder` and the files that they replace into `old`; undo everything if one move fails."""
     placed: list[Path] = []
     try:
         for file in files:
@@ -138,26 +139,25 @@ def _replace_all(files: list[Path], folder: Path, old: Path) -> None:
     except BaseException:
         for target in placed:
             target.unlink(missing_ok=True)
-            with suppress(FileNotFoundError):  # there was no older one
+            with suppress(FileNotFoundError):  # there was no older file
                 os.replace(old / target.name, target)
         raise
 
 
 def _tidy(folder: Path) -> None:
-    """Remove what killed runs have left; files that they had put aside and not replaced yet come back."""
-    for left in folder.glob(f"{SCRATCH}*"):
+    """Remove the scratch folders of killed runs; restore files that these had moved aside and not replaced."""
+    for scratch in folder.glob(f"{SCRATCH}*"):
         with suppress(OSError):
-            if not left.is_dir() or left.is_symlink() or not _is_left(left):
+            if not scratch.is_dir() or scratch.is_symlink() or not _is_abandoned(scratch):
                 continue
-            for file in (left / "old").glob("*"):
+            for file in (scratch / "old").glob("*"):
                 if not (folder / file.name).exists():
                     os.replace(file, folder / file.name)
-            shutil.rmtree(left, ignore_errors=True)
+            shutil.rmtree(scratch, ignore_errors=True)
 
 
-def _is_left(scratch: Path) -> bool:
-    """Return whether the process that made it is gone; on a shared drive it may be another machine's, which only age
-    shows."""
+def _is_abandoned(scratch: Path) -> bool:
+    """Return whether the process that made a folder is gone; for another machine's, on a shared drive, age decides."""
     number = scratch.name.removeprefix(f"{SCRATCH}{_machine()}-").partition("-")[0]
     if os.name == "posix" and number.isdecimal():
         try:
@@ -170,32 +170,32 @@ def _is_left(scratch: Path) -> bool:
 
 
 def _machine() -> str:
-    """Return this machine's name, short."""
+    """Return a short identifier of this machine."""
     return f"{zlib.crc32(platform.node().encode()):08x}"
 
 
 @contextmanager
 def held(path: Path, *, wait: bool) -> Iterator[bool]:
-    """Hold a file or folder against other processes until the block, or this process, ends.
+    """Lock a file or folder against other processes until the block, or this process, ends.
 
-    True where nobody else holds it: always with wait, which waits for them. Also where nothing can be held: on Windows,
-    where the user sees to it, and on shared file systems without locks.
+    Yields whether no other process holds it; with wait, wait until that is so. Also True where there are no locks: on
+    Windows, and on some shared file systems.
     """
     try:
         import fcntl
     except ImportError:
         yield True
         return
-    # some shared file systems lock for one alone only what may be written
+    # some shared file systems grant exclusive locks only on files opened for writing
     descriptor = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
     try:
-        alone = True
+        is_held = True
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
         except BlockingIOError:
-            alone = False
+            is_held = False
         except OSError:
             pass
-        yield alone
+        yield is_held
     finally:
         os.close(descriptor)

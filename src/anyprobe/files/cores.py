@@ -1,4 +1,4 @@
-"""How many cores this process may use."""
+"""Number of cores that this process may use."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import os
 from pathlib import Path
 
 QUOTA = Path("/sys/fs/cgroup/cpu.max")
-"""Where Linux says what share of the cores a container has: microseconds of processor time, and of which period."""
+"""File in which Linux states a container's limit: processor time per period, both in microseconds."""
 
 
 def usable_cores() -> int:
-    """Return the cores that this process may run on, at least 1: the machine's, its own, or its container's share."""
+    """Return the number of cores, at least 1: those that the process may run on, or its container's share of them."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     try:
         quota, period = QUOTA.read_text(encoding="ascii").split()

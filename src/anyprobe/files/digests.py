@@ -1,4 +1,4 @@
-"""Digests by which files and arrays are known again."""
+"""Digests that identify files and arrays."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from anyprobe.errors import InputError
 from anyprobe.files.paths import open_regular
 
 BLOCKS, BLOCK_BYTES = 64, 1 << 16
-"""Number and size of the blocks of a large file that are hashed, spread evenly over it."""
+"""Number and size [bytes] of the blocks of a large file that are hashed, spread evenly over it."""
 
 
 def digest_of(parts: Iterable[bytes]) -> str:
-    """16 hexadecimal digits that identify these parts in this order."""
+    """Return 16 hexadecimal digits that identify these parts in this order."""
     whole = hashlib.sha256()
     for part in parts:
         whole.update(hashlib.sha256(part).digest())
@@ -23,7 +23,7 @@ def digest_of(parts: Iterable[bytes]) -> str:
 
 
 def sampled_digest(path: Path) -> str:
-    """Return the same of a file's size and of BLOCKS parts of it: all of its bytes where it is small."""
+    """Return the digest of a file's size and of BLOCKS blocks of it, which are all its bytes where it is small."""
     with open_regular(path, InputError) as stream:
         size = os.fstat(stream.fileno()).st_size
         parts = [str(size).encode()]

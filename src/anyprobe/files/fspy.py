@@ -1,6 +1,6 @@
-"""A camera that fSpy found by vanishing points: its lens, pitch and roll, of a .fspy or of the .json that fSpy exports.
+"""Camera found by fSpy: field of view, pitch and roll, from a .fspy or the .json that fSpy exports.
 
-fSpy's world is Z up, as Blender's, and its camera looks along -Z with +Y up in the picture, as ours.
+fSpy's world is Z up, as Blender's; its camera looks along -Z with +Y up in the picture, as ours.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from anyprobe.files.paths import open_regular
 
 MAGIC = b"fspy"
 HEAD = struct.Struct("<4sIII")
-"""Magic, version, bytes of the project's JSON and of its picture."""
+"""Magic, version, and sizes [bytes] of the project's JSON and of its picture."""
 VERSION = 1
 MOST_BYTES = 1 << 22
 """Largest JSON part [bytes]."""
@@ -26,7 +26,7 @@ MOST_BYTES = 1 << 22
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FoundCamera:
-    """long_fov_deg: field of view of the longer side. pitch_deg, roll_deg: as of estimate.ground.Ground."""
+    """Field of view of the photo's longer side, and camera pitch and roll, see estimate.ground.Ground; degrees."""
 
     long_fov_deg: float
     pitch_deg: float
@@ -34,10 +34,10 @@ class FoundCamera:
 
 
 def read_fspy(path: str | Path) -> FoundCamera:
-    """Return the camera of a .fspy or of fSpy's exported .json.
+    """Read the camera of a .fspy or of fSpy's exported .json.
 
     Raises:
-        InputError: no such file, another one, or one without a solved camera.
+        InputError: the file is absent, of another kind, or without a solved camera.
     """
     path = Path(path)
     name, wanted = path.name, "expected a .fspy, or the .json that fSpy exports"
@@ -50,23 +50,19 @@ def read_fspy(path: str | Path) -> FoundCamera:
         else:
             text = head + stream.read(MOST_BYTES)
     try:
-        said = json.loads(text)
-        camera = said.get("cameraParameters", said)
-        is_solved = camera is not None
-        camera = camera or {
-            "cameraTransform": {"rows": np.eye(4)},
-            "horizontalFieldOfView": 1.0,
-            "verticalFieldOfView": 1.0,
-        }
+        project = json.loads(text)
+        camera = project.get("cameraParameters", project)
+        if camera is None:
+            unsolved = "expected a solved camera, got none; set fSpy's vanishing points, then save"
+            raise InputError(unsolved, source=name)
         rows = np.array(camera["cameraTransform"]["rows"], np.float64)[:3, :3]
         fov = np.degrees(max(float(camera["horizontalFieldOfView"]), float(camera["verticalFieldOfView"])))
+    except InputError:
+        raise
     except (ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError) as error:
         raise InputError(f"{wanted}, got something else; check the file", source=name) from error
-    if not is_solved:
-        unsolved = "expected a solved camera, got none; set fSpy's vanishing points, then save"
-        raise InputError(unsolved, source=name)
     if not (is_rotation(rows) and 1 < fov < 170):
-        raise InputError(f"{wanted}, got a camera that is none; solve it again in fSpy", source=name)
+        raise InputError(f"{wanted}, got an impossible camera; solve it again in fSpy", source=name)
     up = rows.T @ (0.0, 0.0, 1.0)
     return FoundCamera(
         long_fov_deg=float(fov),

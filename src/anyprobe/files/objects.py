@@ -1,4 +1,4 @@
-"""Virtual objects by name, made here, or from a mesh file."""
+"""Virtual objects: built-in ones by name, or mesh files."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from anyprobe.render.surface import frame_object
 from anyprobe.scatter.materials import Material, material_named
 
 MOST_SIDE = 4096
-"""Pixels along a side of a drawn picture."""
+"""Largest side [px] of a drawn picture."""
 BASE = 0.08
-"""Share of the vase's height that its rounded foot is cut off at, so that it stands."""
+"""Height at which the vase's rounded foot is cut off so that it stands, as a share of the vase's height."""
 
 
 def _vase() -> Mesh:
@@ -40,7 +40,7 @@ OBJECTS: dict[str, Callable[[], Mesh]] = {
 
 
 def open_object(name: str) -> Mesh:
-    """One of OBJECTS, or a mesh file; +Y is up. InputError or InvalidMesh lists them."""
+    """Return one of OBJECTS, or read a mesh file; +Y is up. InputError lists the names."""
     if name in OBJECTS:
         return OBJECTS[name]()
     if not Path(name).suffix:
@@ -61,19 +61,19 @@ def draw_under(
 ) -> np.ndarray:
     """Draw a mesh lit by an environment map: [S, S, 4] linear radiance in the map's units, and coverage.
 
-    core.response makes display values of it.
+    core.response converts it to display values.
 
     Args:
         radiance: [H, 2H, 3].
         mesh: of render.shapes or render.mesh, one of OBJECTS, or a mesh file; +Y up, inside the unit sphere.
         material: of scatter.materials, or a name.
-        size: pixels along a side. fov_deg: that the unit sphere fills.
+        size: side [px]. fov_deg: field of view, which the unit sphere fills.
         world_from_camera: [3, 3], the world being the map's frame; None: the camera looks along -Z as the photo's did.
     Raises:
-        InputError: another size or field of view, or as of open_object and material_named.
+        InputError: invalid size or field of view; see also open_object and material_named.
     """
     if not (isinstance(size, Integral) and 1 <= size <= MOST_SIDE):
-        raise InputError(f"expected a whole number of pixels from 1 to {MOST_SIDE}, got {size}", subject="size")
+        raise InputError(f"expected an integer number of pixels from 1 to {MOST_SIDE}, got {size}", subject="size")
     if not (isinstance(fov_deg, Real) and 0 < fov_deg < 180):
         raise InputError(f"expected more than 0 and less than 180 degrees, got {fov_deg}", subject="fov_deg")
     mesh = mesh if isinstance(mesh, Mesh) else open_object(str(mesh))

@@ -1,7 +1,7 @@
-"""ONNX Runtime, imported with its telemetry off: since 1.29 it tells Microsoft of every process that opens a graph.
+"""ONNX Runtime, imported with its telemetry off: since 1.29 it reports every process that opens a graph to Microsoft.
 
-It asks once, when it is imported; the environment stays as it was. A program that imports it earlier, or that sets the
-variable, decides itself.
+The variable is read once, at import, and then removed again. A program that imports ONNX Runtime earlier, or sets the
+variable, decides for itself.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Names of files: the user's own folder, the order people count in, libraries that take UTF-8 alone, files that end."""
+"""Paths: the home folder, natural order, names that are not UTF-8, and files that have an end."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from typing import BinaryIO
 from anyprobe.errors import InputError, OutputError
 
 MAX_BYTES = 2**31
-"""Longest file that is read whole."""
+"""Largest file [bytes] that is read whole."""
 
 CHUNK_BYTES = 2**20
-"""Bytes of a pipe that are read at a time."""
+"""Number of bytes of a pipe that are read at a time."""
 
 
 def home_folder() -> Path | None:
-    """Return the user's own folder; None where the system names none, as for a container's user without an entry."""
+    """Return the user's home folder; None where the system has none, as for a container's user without an entry."""
     try:
         return Path.home()
     except (RuntimeError, OSError, KeyError):
@@ -29,7 +29,7 @@ def home_folder() -> Path | None:
 
 
 def is_there(path: Path) -> bool:
-    """Return whether a file is there, and may be looked at; a folder above it may be a file, a loop or closed."""
+    """Return whether a file exists and is accessible; False too where a parent is a file, a loop or closed."""
     try:
         return path.is_file()
     except (OSError, RuntimeError, ValueError):
@@ -37,26 +37,26 @@ def is_there(path: Path) -> bool:
 
 
 def same_file_key(path: Path) -> str:
-    """Return what two names of one file have in common: links followed as far as they lead, case where it counts."""
+    """Return a key that all names of one file share: links resolved, and case ignored where the file system does."""
     real = os.path.normcase(os.path.realpath(path))
     return real.casefold() if folds_case(Path(real).parent) else real
 
 
 def folds_case(folder: Path) -> bool:
-    """Return whether Name and name are one file there, as on Windows and macOS; the folder need not exist yet."""
+    """Return whether names in a folder ignore case, as on Windows and macOS; the folder need not exist yet."""
     real = Path(os.path.realpath(folder))
-    for one in (real, *real.parents):
-        other = one.with_name(one.name.swapcase()) if one.name else one
-        if other != one and os.path.exists(one):
+    for path in (real, *real.parents):
+        other = path.with_name(path.name.swapcase()) if path.name else path
+        if other != path and os.path.exists(path):
             try:
-                return os.path.samefile(one, other)
-            except OSError:  # the other is not there
+                return os.path.samefile(path, other)
+            except OSError:  # the other does not exist
                 return False
     return os.name == "nt"
 
 
 def natural_order(name: str) -> list[tuple[bool, int, str]]:
-    """Return a key to sort names by: frame_2 stands before frame_10."""
+    """Return a key that sorts names by their numbers: frame_2 before frame_10."""
     return [
         (part.isdecimal(), int(part[:4000]) if part.isdecimal() else 0, part) for part in re.split(r"([0-9]+)", name)
     ]
@@ -74,12 +74,12 @@ def visible_files(folder: Path, suffixes: Iterable[str]) -> list[Path]:
 
 @contextmanager
 def open_regular(path: str | os.PathLike[str], fault: type[InputError], what: str = "a file") -> Iterator[BinaryIO]:
-    """Return a file to read that has an end: a pipe may never get one, a device has none.
+    """Open a regular file for reading: pipes may never end, devices do not.
 
-    what: it should be, for messages.
-
+    Args:
+        what: the expected kind of file, for messages.
     Raises:
-        fault: something else is there, or nothing, or it may not be read.
+        fault: there is no file, it is not a regular one, or it may not be read.
     """
     try:
         mode = os.stat(path).st_mode
@@ -98,7 +98,7 @@ def open_regular(path: str | os.PathLike[str], fault: type[InputError], what: st
 def read_regular(
     path: str | os.PathLike[str], name: str, fault: type[InputError], what: str = "a file", max_bytes: int = MAX_BYTES
 ) -> bytes:
-    """Return all bytes of open_regular; fault also where they are more."""
+    """Read a regular file whole; fault, see open_regular, also where it exceeds max_bytes."""
     with open_regular(path, fault, what) as stream:
         size = os.fstat(stream.fileno()).st_size
         if size > max_bytes:
@@ -107,14 +107,14 @@ def read_regular(
 
 
 def read_stream(stream: BinaryIO, name: str, fault: type[InputError], max_bytes: int = MAX_BYTES) -> bytes:
-    """Read all bytes of a pipe, which may have no end; fault where they are more than max_bytes."""
+    """Read a pipe to its end; fault where it exceeds max_bytes."""
     parts: list[bytes] = []
     size = 0
     while part := stream.read(CHUNK_BYTES):
         parts.append(part)
         size += len(part)
         if size > max_bytes:
-            raise fault(f"{name}: expected at most {max_bytes / 2**20:g} MiB, got more; shrink it")
+            raise fault(f"expected at most {max_bytes / 2**20:g} MiB, got more; shrink it", source=name)
     return b"".join(parts)
 
 
@@ -125,9 +125,9 @@ def read_rest(stream: BinaryIO) -> bytes:
 
 @contextmanager
 def utf8_path(path: str | os.PathLike[str]) -> Iterator[str]:
-    """Return the path itself, or one that leads to it where its bytes are no UTF-8; to read from and to write to.
+    """Yield the path itself, or a link to it where its bytes are not UTF-8; for reading and writing.
 
-    The other is a symbolic link of the same suffix, in a folder of its own for as long as the block lasts.
+    The symbolic link has the same suffix, in a temporary folder that lasts as long as the block.
 
     Raises:
         OutputError: no link can be made.
@@ -143,7 +143,7 @@ def utf8_path(path: str | os.PathLike[str]) -> Iterator[str]:
                 link.symlink_to(os.path.abspath(name))
             except OSError as error:
                 raise OutputError(
-                    f"expected a name in UTF-8, got other bytes, and no link to it can be made "
+                    f"expected a file name in UTF-8, got other bytes, and no link to it can be made "
                     f"({error.strerror or error}); rename it",
                     source=name,
                 ) from error

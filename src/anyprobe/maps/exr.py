@@ -1,7 +1,7 @@
-"""OpenEXR pictures: their headers, read here before the library sees the file, and their pixels.
+"""OpenEXR pictures: their headers, parsed here before the library opens the file, and their pixels.
 
-The limits hold for everything that the library would decode: all parts, all channels. It gets the file with the
-attributes that it needs and no others, since some are compressed and text may be of any encoding.
+Limits cover everything that the library would decode: all parts, all channels. It gets only the attributes that it
+needs, since others may be compressed, or hold text of any encoding.
 OpenEXR file layout: openexr.com, "OpenEXR File Layout".
 """
 
@@ -20,13 +20,13 @@ import numpy as np
 import OpenEXR
 
 from anyprobe.core.color import REC709_CHROMATICITIES, rec709_from_rgb, xyz_from_rgb
-from anyprobe.errors import InputError
+from anyprobe.errors import InputError, OutputError
 from anyprobe.files.paths import read_regular, utf8_path
 
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 
 HEADER_BYTES = 1 << 24
-"""Longest header that is read; a manifest of object names takes some MB."""
+"""Largest header [bytes] that is read; a manifest of object names takes a few megabytes."""
 
 MAX_CHANNELS = 1024
 MAX_PARTS = 256
@@ -42,22 +42,22 @@ NEEDED = {
 """Attributes without which the pixels cannot be decoded."""
 
 CHUNK_ROWS = (1, 1, 1, 16, 32, 16, 32, 32, 32, 256)
-"""Rows of a chunk by the number of its compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB."""
+"""Rows of a chunk by number of compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB."""
 
 LEAST_ASPECT = 0.25
-"""Pixels are made square where they are up to four times as wide as high, or as high as wide."""
+"""Smallest pixel aspect ratio, and inverse of the largest, that is corrected to square pixels."""
 
 WHOLE_LAYERS = ("combined", "beauty", "rgba", "composite")
-"""Names, in lower case, of layers that are the picture: Blender's, and other renderers'."""
+"""Lower-case names of layers that hold the whole picture, in files of Blender and other renderers."""
 
 FILLER = 13
-"""Bytes of an attribute x, a string, with nothing in it."""
+"""Size [bytes] of an empty string attribute named x."""
 
 quiet: Callable[[], AbstractContextManager] = nullcontext
-"""Held around the library, which prints of damaged files; a program that owns its process may set it."""
+"""Context of calls of the library, which prints about damaged files; a program that owns its process may replace it."""
 
 _Window = tuple[np.ndarray, np.ndarray]
-"""x, y of the first pixel, and x, y just after the last, int64."""
+"""x, y of the first pixel, and of the one after the last, int64."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -67,8 +67,8 @@ class ExrHeader:
     Attributes:
         display, data: windows of the first part.
         attributes: raw values of the first part by name: type, bytes.
-        decoded: pixels of all parts together; more than four channels count as more pixels, since all are decoded.
-        plain: the header's bytes with the NEEDED attributes alone, as long as they were.
+        decoded: number of pixels of all parts, counted once for every four channels, since all are decoded.
+        plain: the header's bytes with only the NEEDED attributes, at their original length.
     """
 
     display: _Window
@@ -79,9 +79,9 @@ class ExrHeader:
 
 
 def parse_header(data: bytes) -> ExrHeader:
-    """Return the header from a file's first bytes; ValueError where it is none, or one of a deep picture."""
+    """Parse the header in a file's first bytes; ValueError if it is damaged, or of a deep picture."""
     if data[:4] != EXR_MAGIC or len(data) < 8:
-        raise ValueError("no OpenEXR file")
+        raise ValueError("not an OpenEXR file")
     flags = int.from_bytes(data[4:8], "little")
     at, parts, plain = 8, [], [data[:8]]
     while True:
@@ -105,17 +105,17 @@ def parse_header(data: bytes) -> ExrHeader:
         display=_window(parts[0], "displayWindow"),
         data=_window(parts[0], "dataWindow"),
         attributes=parts[0],
-        decoded=sum(map(_decoded, parts)),
+        decoded=sum(map(_count_pixels, parts)),
         plain=b"".join(plain),
     )
 
 
 def _parse_part(data: bytes, at: int) -> tuple[dict[str, tuple[bytes, bytes]], int]:
-    """Attributes of one part that begin at a byte, and where the next part begins."""
+    """Parse the part that begins at a byte: its attributes, name to type and bytes, and the next part's start."""
     found: dict[str, tuple[bytes, bytes]] = {}
     while True:
         if at >= min(len(data), HEADER_BYTES):
-            raise ValueError("a header without end")
+            raise ValueError("a header without an end")
         name, at = _name(data, at)
         if not name:
             return found, at
@@ -123,16 +123,16 @@ def _parse_part(data: bytes, at: int) -> tuple[dict[str, tuple[bytes, bytes]], i
         size = int.from_bytes(data[at : at + 4], "little", signed=True)
         at += 4
         if size < 0 or at + size > len(data):
-            raise ValueError("a header that is cut")
+            raise ValueError("a truncated header")
         found[name.decode("latin-1")] = kind, data[at : at + size]
         at += size
 
 
 def _name(data: bytes, at: int) -> tuple[bytes, int]:
-    """Return a string that ends with 0, and where it has ended."""
+    """Return the zero-terminated string at a byte, and where the next value begins."""
     end = data.find(b"\0", at, at + 256)
     if end < 0:
-        raise ValueError("a name without end")
+        raise ValueError("a name without an end")
     return data[at:end], end + 1
 
 
@@ -162,8 +162,8 @@ def _window(attributes: Mapping[str, tuple[bytes, bytes]], name: str) -> _Window
     return low, high
 
 
-def _decoded(attributes: Mapping[str, tuple[bytes, bytes]]) -> int:
-    """Pixels of one part, see ExrHeader.decoded."""
+def _count_pixels(attributes: Mapping[str, tuple[bytes, bytes]]) -> int:
+    """Count the pixels of one part, see ExrHeader.decoded."""
     value = attributes.get("channels", (b"", b""))[1]
     count, at = 0, 0
     while at < len(value) - 1:
@@ -176,8 +176,8 @@ def _decoded(attributes: Mapping[str, tuple[bytes, bytes]]) -> int:
     return max(int(np.prod(high - low)) for low, high in windows) * -(-count // 4)
 
 
-def _check_whole(data: bytes, header: ExrHeader) -> None:
-    """ValueError where a chunk of rows lies beyond the file's end; parts and tiles are the library's to judge."""
+def _check_complete(data: bytes, header: ExrHeader) -> None:
+    """Raise ValueError if a chunk of rows ends beyond the file; parts and tiles are left to the library."""
     kind = header.attributes.get("compression", (b"", b"\xff"))[1]
     if data[5] & (MULTIPART | 0x200) >> 8 or not kind or kind[0] >= len(CHUNK_ROWS):
         return
@@ -186,39 +186,39 @@ def _check_whole(data: bytes, header: ExrHeader) -> None:
     offsets = np.frombuffer(data[first : first + 8 * count], "<u8") if len(data) >= first + 8 * count else [0]
     for at in map(int, offsets):
         if not first < at <= len(data) - 8 or at + 8 + int.from_bytes(data[at + 4 : at + 8], "little") > len(data):
-            raise ValueError("a file that is cut")
+            raise ValueError("a truncated file")
 
 
 def exr_pixels(data: bytes) -> int:
-    """Return the pixels that a file's bytes would decode to, see ExrHeader.decoded; 0 without such a header."""
+    """Return the number of pixels that a file would be decoded to, see ExrHeader.decoded; 0 without a valid header."""
     try:
         return parse_header(data).decoded
     except ValueError:
         return 0
 
 
-def exr_attributes(data: bytes, begin: str) -> dict[str, str]:
-    """Text attributes whose names begin so, without it; none where there is no such header."""
+def exr_attributes(data: bytes, prefix: str) -> dict[str, str]:
+    """Return the text attributes with this prefix, by the rest of their names; empty without a valid header."""
     try:
         found = parse_header(data).attributes
     except ValueError:
         return {}
     return {
-        name.removeprefix(begin): value.decode("utf-8", "replace")
+        name.removeprefix(prefix): value.decode("utf-8", "replace")
         for name, (kind, value) in found.items()
-        if name.startswith(begin) and kind == b"string"
+        if name.startswith(prefix) and kind == b"string"
     }
 
 
 def read_channels(
     source: str | os.PathLike[str] | bytes, name: str, fault: type[InputError], max_pixels: int
 ) -> tuple[ExrHeader, dict[str, np.ndarray]]:
-    """Return the header and every channel of the first part by name, [H, W] of the data window, as they are stored.
+    """Read the header and every channel of the first part by name, [H, W] of the data window, as they are stored.
 
     Args:
         source: a path, or the file's bytes.
         fault: class of the error to raise.
-        max_pixels: refused above, before pixels are decoded, see ExrHeader.decoded.
+        max_pixels: largest ExrHeader.decoded, checked before pixels are decoded.
     """
     try:
         data = source if isinstance(source, bytes) else read_regular(source, name, fault)
@@ -226,39 +226,40 @@ def read_channels(
     except ValueError as error:
         if isinstance(error, fault):
             raise
-        advice = "save it flat" if "deep" in str(error) else "save it again"
-        text = f"expected an OpenEXR picture, got a damaged or empty file ({error}); {advice}"
-        raise fault(text, source=name) from error
+        is_deep = "deep" in str(error)
+        got = "a deep one; save it flat" if is_deep else f"a damaged or empty file ({error}); export it again"
+        raise fault(f"expected a flat OpenEXR picture, got {got}", source=name) from error
     width, height = np.maximum(header.display[1] - header.display[0], header.data[1] - header.data[0]).tolist()
     if header.decoded > max_pixels:
         raise fault(
-            f"{name}: expected at most {max_pixels / 1e6:.0f} million pixels in all parts and layers, "
-            f"got {width} x {height} and {header.decoded / 1e6:.0f} million; shrink it first"
+            f"expected at most {max_pixels / 1e6:.0f} million pixels in all parts and layers, "
+            f"got {width} x {height} and {header.decoded / 1e6:.0f} million; shrink it first",
+            source=name,
         )
     if max(width, height) > MOST_SIDE_PX:
         raise fault(
             f"expected sides of at most {MOST_SIDE_PX} pixels, got {width} x {height}; shrink it first", source=name
         )
     try:
-        _check_whole(data, header)
+        _check_complete(data, header)
         stream = io.BytesIO(header.plain + data[len(header.plain) :])
         with quiet(), OpenEXR.File(stream, separate_channels=True, num_threads=0) as file:
             return header, {key: channel.pixels for key, channel in file.channels().items()}
     except (RuntimeError, ValueError, KeyError, TypeError, OSError, MemoryError) as error:
-        raise fault("expected an OpenEXR picture, got a damaged or empty file; save it again", source=name) from error
+        raise fault("expected an OpenEXR picture, got a damaged or empty file; export it again", source=name) from error
 
 
 def read_exr(
     source: str | os.PathLike[str] | bytes, name: str, fault: type[InputError], max_pixels: int, *, rec709: bool = False
 ) -> np.ndarray:
-    """Return the colour of an .exr: channels R, G, B, or Y, or Y, RY, BY, and perhaps A; else of a layer, LAYER.R.
+    """Read the colour of an .exr: R, G, B, or Y, or Y, RY, BY, with A if present; else those of a layer, LAYER.R.
 
-    A data window smaller than the display window is set into it, black around. Pixels that are not square are made so
-    by more or fewer columns.
+    A data window smaller than the display window is padded with black. Pixels that are not square are resampled to more
+    or fewer columns.
 
     Args:
-        source, fault, max_pixels: of read_channels.
-        rec709: turn light of other chromaticities to linear Rec. 709; else the numbers as stored.
+        source, fault, max_pixels: see read_channels.
+        rec709: convert light of other chromaticities to linear Rec. 709; else return the numbers as stored.
     Returns:
         [H, W, 3] or [H, W, 4] float32: colour is premultiplied by A.
     """
@@ -286,7 +287,7 @@ def read_exr(
 
 
 def _of_layer(found: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """R, G, B and perhaps A of the layer that is the whole picture by its name, else of the only one; or nothing."""
+    """Return R, G, B and perhaps A of the layer of WHOLE_LAYERS, else of the only layer; empty where neither exists."""
     layers = [key[:-2] for key in found if key.endswith(".R") and {f"{key[:-1]}G", f"{key[:-1]}B"} <= found.keys()]
     whole = [layer for layer in layers if layer.rpartition(".")[2].lower() in WHOLE_LAYERS] or layers
     if len(whole) != 1:
@@ -295,9 +296,9 @@ def _of_layer(found: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _from_chroma(found: Mapping[str, np.ndarray], chromaticities: Sequence[float]) -> dict[str, np.ndarray]:
-    """R, G and B of luminance and chroma, RY = (R - Y) / Y and BY = (B - Y) / Y, kept at every second pixel or at all.
+    """Convert luminance and chroma to R, G and B: RY = (R - Y) / Y and BY = (B - Y) / Y, of full or half size.
 
-    The weights of Y are those of the chromaticities. Nothing where they are impossible or sizes do not go together.
+    The weights of Y follow from the chromaticities. Empty where these are impossible or the sizes do not match.
     """
     y = found["Y"].astype(np.float32)
     try:
@@ -311,25 +312,25 @@ def _from_chroma(found: Mapping[str, np.ndarray], chromaticities: Sequence[float
             if values.shape[axis] != y.shape[axis]:
                 if values.shape[axis] != -(-y.shape[axis] // 2):
                     return {}
-                values = _between(values, np.arange(y.shape[axis]) / 2, axis)
+                values = _interpolated(values, np.arange(y.shape[axis]) / 2, axis)
         chroma.append((values + 1) * y)
     r, b = chroma
     return {"R": r, "G": (y - weights[0] * r - weights[2] * b) / np.float32(weights[1]), "B": b}
 
 
-def _between(values: np.ndarray, places: np.ndarray, axis: int) -> np.ndarray:
-    """Linearly between the pixels of an axis, at places counted in pixels from the first one's centre."""
-    places = np.clip(places, 0, values.shape[axis] - 1)
-    low = places.astype(int)
+def _interpolated(values: np.ndarray, positions: np.ndarray, axis: int) -> np.ndarray:
+    """Interpolate linearly along an axis, at positions in pixels from the first one's centre."""
+    positions = np.clip(positions, 0, values.shape[axis] - 1)
+    low = positions.astype(int)
     high = np.minimum(low + 1, values.shape[axis] - 1)
-    share = (places - low).astype(np.float32).reshape([-1 if k == axis else 1 for k in range(values.ndim)])
+    share = (positions - low).astype(np.float32).reshape([-1 if k == axis else 1 for k in range(values.ndim)])
     return np.take(values, low, axis) * (1 - share) + np.take(values, high, axis) * share
 
 
 def square_pixels(pixels: np.ndarray, header: ExrHeader, max_pixels: int, *, nearest: bool = False) -> np.ndarray:
-    """Pixels [H, W, ...] with as many columns as make them square; as they are where that is not to be believed.
+    """Resample the columns of pixels [H, W, ...] so that they are square; unchanged where the ratio is implausible.
 
-    Averaged or interpolated, unless the nearest is asked for.
+    Averaged or interpolated; with nearest, the nearest pixel is taken.
     """
     kind, value = header.attributes.get("pixelAspectRatio", (b"", b""))
     aspect = struct.unpack("<f", value)[0] if (kind, len(value)) == (b"float", 4) else 1.0
@@ -343,15 +344,15 @@ def square_pixels(pixels: np.ndarray, header: ExrHeader, max_pixels: int, *, nea
     if nearest:
         return pixels[:, ((edges[:-1] + edges[1:]) / 2).astype(int)]
     if aspect > 1:
-        return _between(pixels, (edges[:-1] + edges[1:]) / 2 - 0.5, 1)
+        return _interpolated(pixels, (edges[:-1] + edges[1:]) / 2 - 0.5, 1)
     sums = np.concatenate(
         [np.zeros_like(pixels[:, :1], np.float64), np.cumsum(pixels, axis=1, dtype=np.float64)], axis=1
     )
-    return (np.diff(_between(sums, edges, 1), axis=1) * (columns / width)).astype(pixels.dtype)
+    return (np.diff(_interpolated(sums, edges, 1), axis=1) * (columns / width)).astype(pixels.dtype)
 
 
 def in_display(pixels: np.ndarray, header: ExrHeader) -> np.ndarray:
-    """Pixels [H, W, ...] of the data window in the display window: overscan is cut, zero where there is no data."""
+    """Place pixels [H, W, ...] of the data window in the display window: overscan is cropped, missing data is zero."""
     (low, high), (data_low, data_high) = header.display, header.data
     if (low == data_low).all() and (high == data_high).all():
         return pixels
@@ -364,28 +365,40 @@ def in_display(pixels: np.ndarray, header: ExrHeader) -> np.ndarray:
 
 
 def to_rec709(rgb: np.ndarray, chromaticities: Sequence[float], name: str, fault: type[InputError]) -> np.ndarray:
-    """Linear colours [..., 3] in Rec. 709; none falls below 0 that did not before."""
+    """Convert linear colours [..., 3] to Rec. 709; no channel falls below 0 or the colour's own smallest."""
     try:
         matrix = rec709_from_rgb(chromaticities)
     except (TypeError, ValueError) as error:
         raise fault(
-            f"{name}: expected x, y of red, green, blue and of a white between them, "
-            f"got {' '.join(str(chromaticities).split())[:120]} ({error}); save it as linear Rec. 709"
+            "expected chromaticities, x, y of red, green, blue and of a white between them, "
+            f"got {' '.join(str(chromaticities).split())[:120]} ({error}); save it as linear Rec. 709",
+            source=name,
         ) from error
     if np.array_equal(matrix, np.eye(3)):
         return rgb
-    with np.errstate(invalid="ignore", over="ignore"):  # infinity is the caller's to refuse
-        turned = rgb @ matrix.T.astype(np.float32)
-    return np.maximum(turned, np.minimum(rgb.min(axis=-1, keepdims=True), 0.0))
+    with np.errstate(invalid="ignore", over="ignore"):  # the caller refuses infinity
+        converted = rgb @ matrix.T.astype(np.float32)
+    return np.maximum(converted, np.minimum(rgb.min(axis=-1, keepdims=True), 0.0))
 
 
 def write_channels(
-    path: Path, channels: Mapping[str, np.ndarray], attributes: Mapping[str, Any], *, latlong: bool = True
+    path: Path,
+    channels: Mapping[str, np.ndarray],
+    attributes: Mapping[str, Any],
+    *,
+    latlong: bool = True,
+    target: str | os.PathLike[str] = "",
 ) -> None:
-    """Write channels [H, W], ZIP, Rec. 709, with attributes; RuntimeError if it fails.
+    """Write channels [H, W] with ZIP compression; in Rec. 709 unless the attributes have other chromaticities.
 
-    latlong: whether the header says that they are a latitude-longitude map.
+    Args:
+        attributes: of the header.
+        latlong: whether the header says that they are a latitude-longitude map.
+        target: path that errors name, where `path` is a temporary file.
+    Raises:
+        OutputError: it cannot be written.
     """
+    target = target or path
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
@@ -396,5 +409,7 @@ def write_channels(
     with utf8_path(path) as plain:
         try:
             OpenEXR.File(header, dict(channels)).write(plain)
-        except RuntimeError as error:
-            raise RuntimeError(str(error).replace(plain, str(path))) from error
+        except RuntimeError as error:  # its only report of a full disk or a closed folder
+            reason = " ".join(str(error).replace(plain, str(target)).replace(str(path), str(target)).split())
+            advice = "choose another folder or free some space"
+            raise OutputError(f"cannot be written ({reason}); {advice}", source=target) from error

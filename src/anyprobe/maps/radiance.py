@@ -32,29 +32,29 @@ from anyprobe.maps.rgbe import (
 )
 
 MAX_MAP_PIXELS = 16384 * 8192
-"""Largest map that is decoded; the header is looked at first."""
+"""Largest number of pixels of a map that is decoded; checked in the header first."""
 
 HALF_MAX = 65504.0
-"""Largest finite half; what lies above would become infinity."""
+"""Largest finite half; larger values would become infinity."""
 
 HALF_MIN = 2.0**-14
-"""Smallest half of full precision; what lies below loses digits, and is 0 from 3e-8 on."""
+"""Smallest half of full precision; smaller values lose digits, and below 3e-8 become 0."""
 
 ATTRIBUTE = "anyprobe:"
 """Prefix of the names of our own strings in an .exr's header."""
 
 KINDS = {HDR_MAGIC: ".hdr", EXR_MAGIC: ".exr", b"\x89PNG": "PNG", b"\xff\xd8\xff": "JPEG"}
-"""First bytes of files that are mistaken for one another."""
+"""Formats by the first bytes of files that are mistaken for one another."""
 
 
 def read_radiance(path: str | os.PathLike[str], max_pixels: int = MAX_MAP_PIXELS) -> np.ndarray:
     """Read a .hdr or .exr map: [H, 2H, 3] float32, linear Rec. 709, >= 0.
 
-    Other primaries that the file names (an .exr's chromaticities, a .hdr's PRIMARIES) are turned
-    to Rec. 709, their white to its own; a colour outside of Rec. 709 is cut at 0.
+    Other primaries that the file names (an .exr's chromaticities, a .hdr's PRIMARIES) are converted
+    to Rec. 709, white to white; a colour outside of Rec. 709 is clipped at 0.
 
     Args:
-        max_pixels: refused above, before pixels are decoded.
+        max_pixels: largest number of pixels, checked before they are decoded.
     Raises:
         InvalidEnvironment: the file is absent, damaged, not HDR, not H x 2H, too large or of impossible primaries.
     """
@@ -74,7 +74,7 @@ def read_radiance(path: str | os.PathLike[str], max_pixels: int = MAX_MAP_PIXELS
         start = stream.read(HDR_HEADER_BYTES)
         _check_kind(start, suffix, path.name)
         if suffix == ".hdr":
-            read_header(start, path.name, max_pixels)  # before all of it is read
+            read_header(start, path.name, max_pixels)  # refuses a damaged or large one before all of it is read
         data = start + read_rest(stream)
     if suffix == ".hdr":
         return check_radiance(decode_hdr(data, path.name, max_pixels), path.name)
@@ -82,7 +82,7 @@ def read_radiance(path: str | os.PathLike[str], max_pixels: int = MAX_MAP_PIXELS
 
 
 def read_linear(source: object, max_pixels: int) -> np.ndarray | None:
-    """Return the radiance of an .exr or .hdr of any shape, path or bytes, known by its first bytes; None for any other.
+    """Read the radiance of an .exr or .hdr of any shape from a path or bytes; None for files with other first bytes.
 
     Returns:
         [H, W, 4] float32: linear Rec. 709 >= 0 times cover, and cover in [0, 1], 1 where the file has no A.
@@ -96,7 +96,7 @@ def read_linear(source: object, max_pixels: int) -> np.ndarray | None:
                 data = stream.read(len(EXR_MAGIC))
                 if data == EXR_MAGIC or data.startswith(HDR_MAGIC):
                     data += read_rest(stream)
-        except InputError:  # read_image says what is wrong
+        except InputError:  # read_image reports it
             return None
     elif isinstance(source, bytes):
         data, name = source, "bytes"
@@ -115,10 +115,10 @@ def read_linear(source: object, max_pixels: int) -> np.ndarray | None:
 
 
 def opaque_linear(source: Path | bytes, colorspace: str, max_pixels: int) -> np.ndarray | None:
-    """Return the colours of an opaque .exr in one of COLORSPACES, none cut at 0; None for any other picture.
+    """Read the colours of an opaque .exr in one of COLORSPACES, negative ones kept; None for any other picture.
 
     Returns:
-        [H, W, 3] float32: the numbers of the file where they are of that colorspace.
+        [H, W, 3] float32: the file's own numbers where it has that colour space.
     Raises:
         InputError: damaged, too large.
     """
@@ -133,8 +133,8 @@ def opaque_linear(source: Path | bytes, colorspace: str, max_pixels: int) -> np.
     pixels = read_exr(data, name, InputError, max_pixels)
     if (pixels[..., 3:] < 1.0).any():
         return None
-    said = parse_header(data).attributes.get("chromaticities")
-    stored = REC709_CHROMATICITIES if said is None else np.frombuffer(said[1], "<f4").astype(np.float64)
+    attribute = parse_header(data).attributes.get("chromaticities")
+    stored = REC709_CHROMATICITIES if attribute is None else np.frombuffer(attribute[1], "<f4").astype(np.float64)
     if np.allclose(stored, COLORSPACES[colorspace], rtol=0.0, atol=SAME_CHROMATICITIES):
         return pixels[..., :3]
     matrix = np.linalg.solve(rec709_from_rgb(COLORSPACES[colorspace]), rec709_from_rgb(stored))
@@ -178,13 +178,13 @@ def write_exr(
 ) -> float:
     """Write a map [H, 2H, 3] as OpenEXR with envmap and chromaticities, atomically.
 
-    envmap says latitude-longitude and no more: OpenEXR would have +Z in the centre column, our map has
-    what its "anyprobe:frame" says (docs/reference/conventions.md).
+    envmap only says latitude-longitude: OpenEXR has +Z in the centre column, while our maps have the frame in their
+    "anyprobe:frame" (docs/reference/conventions.md).
 
     Args:
         half: 16-bit floats, clamped at 65504; else 32-bit, exact.
         attributes: stored in the header as strings named "anyprobe:" + key.
-        colorspace: of core.color.COLORSPACES, to which light is turned; the header has its chromaticities.
+        colorspace: of core.color.COLORSPACES, to which light is converted; the header has its chromaticities.
     Returns:
         Share of the energy, the sum of L dOmega over the channels, lost to the
         clamp: 0 when nothing was clipped.
@@ -199,38 +199,30 @@ def write_exr(
         if energy > 0.0:
             clipped_share = float(((radiance - clamped) * weights).sum()) / energy
         pixels = clamped.astype(np.float16)
-    said = {f"{ATTRIBUTE}{key}": str(value) for key, value in (attributes or {}).items()}
+    named = {f"{ATTRIBUTE}{key}": str(value) for key, value in (attributes or {}).items()}
     channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
     with atomic_path(path) as temporary:
-        try:
-            write_channels(temporary, channels, {"chromaticities": COLORSPACES[colorspace], **said})
-            # a disk that fills up at the last few kilobytes is not reported: see whether they are there
+        write_channels(temporary, channels, {"chromaticities": COLORSPACES[colorspace], **named}, target=path)
+        try:  # OpenEXR does not report a disk that fills up with the last few kilobytes
             read_exr(temporary, temporary.name, InvalidEnvironment, radiance.size)
         except InvalidEnvironment as error:
-            raise OutputError("cannot be written (the file came out cut); free some space", source=path) from error
-        except RuntimeError as error:  # its only report of a full disk or a closed folder
-            reason = " ".join(str(error).replace(str(temporary), str(path)).split())
-            raise OutputError(f"cannot be written ({reason})", source=path) from error
+            raise OutputError("cannot be written (the file is truncated); free some space", source=path) from error
     return clipped_share
 
 
 def write_exr_planes(path: str | os.PathLike[str], planes: np.ndarray, attributes: Mapping[str, str]) -> None:
-    """Write a map [3, H, 2H] of halves or floats, of which no copy is made; else as write_exr.
+    """Write a map [3, H, 2H] of halves or floats as write_exr does, without a copy of it.
 
     Raises:
-        OutputError: cannot be written.
+        OutputError: it cannot be written.
     """
-    said = {f"{ATTRIBUTE}{key}": value for key, value in attributes.items()}
+    named = {f"{ATTRIBUTE}{key}": value for key, value in attributes.items()}
     with atomic_path(path) as temporary:
-        try:
-            write_channels(temporary, dict(zip("RGB", planes, strict=True)), said)
-        except RuntimeError as error:
-            reason = " ".join(str(error).replace(str(temporary), str(path)).split())
-            raise OutputError(f"cannot be written ({reason})", source=path) from error
+        write_channels(temporary, dict(zip("RGB", planes, strict=True)), named, target=path)
 
 
 def map_attributes(path: str | os.PathLike[str]) -> dict[str, str]:
-    """Return the attributes that write_exr or write_hdr was given; none where there is no such header."""
+    """Return the attributes that were given to write_exr or write_hdr; empty without a valid header."""
     try:
         with open_regular(path, InputError) as stream:
             start = stream.read(HEADER_BYTES)
@@ -240,24 +232,25 @@ def map_attributes(path: str | os.PathLike[str]) -> dict[str, str]:
 
 
 def _check_kind(start: bytes, suffix: str, name: str) -> None:
-    """Refuse a file whose first bytes are those of another format than its suffix."""
+    """Raise InvalidEnvironment for an empty file, or one whose first bytes contradict its suffix."""
     wanted = "a Radiance .hdr file" if suffix == ".hdr" else "an OpenEXR .exr file"
     if not start:
-        raise InvalidEnvironment(f"expected {wanted}, got a damaged one of 0 bytes; fetch it again", source=name)
+        raise InvalidEnvironment(f"expected {wanted}, got an empty one (0 bytes); copy or export it again", source=name)
     kind = next((kind for magic, kind in KINDS.items() if start.startswith(magic)), suffix)
     if kind != suffix:
-        advice = f"name it {kind}" if kind.startswith(".") else "8 bits do not hold radiance, take .hdr or .exr"
+        advice = f"name it {kind}" if kind.startswith(".") else "8 bits do not hold radiance, use .hdr or .exr"
         raise InvalidEnvironment(f"expected {wanted}, got {kind}; {advice}", source=name)
 
 
 def decode_hdr(data: bytes, name: str, max_pixels: int) -> np.ndarray:
-    """Return a whole .hdr file to radiance [H, W, 3] float32, upright, Rec. 709; or InvalidEnvironment.
+    """Decode a whole .hdr file to radiance [H, W, 3] float32, upright, in Rec. 709, divided by EXPOSURE and COLORCORR.
 
-    EXPOSURE and COLORCORR are divided out.
+    Raises:
+        InvalidEnvironment: damaged, too large, or of the old run-length encoding.
     """
     header = read_header(data, name, max_pixels)
     if len(data) - header.at < header.height * least_bytes(header.width):
-        raise _cut(name, header.height)
+        raise _truncated(name, header.height)
     radiance = np.empty((header.height, header.width, 3), dtype=np.float32)
     at, exposure = header.at, np.array(header.exposure, np.float32)
     try:
@@ -265,13 +258,13 @@ def decode_hdr(data: bytes, name: str, max_pixels: int) -> np.ndarray:
             row, at = decode_row(data, at, header.width)
             radiance[y] = rgbe_to_float(row) / exposure
     except EOFError as error:
-        raise _cut(name, header.height) from error
+        raise _truncated(name, header.height) from error
     except ValueError as error:
         raise InvalidEnvironment(
-            "expected new run-length coding or none, got the old; save again", source=name
+            "expected the new run-length encoding or none, got the old one; save it again", source=name
         ) from error
     return to_rec709(np.ascontiguousarray(header.upright(radiance)), header.primaries, name, InvalidEnvironment)
 
 
-def _cut(name: str, height: int) -> InvalidEnvironment:
-    return InvalidEnvironment(f"{name}: expected {height} whole rows of RGBE, got fewer; fetch it again")
+def _truncated(name: str, height: int) -> InvalidEnvironment:
+    return InvalidEnvironment(f"expected {height} whole rows of RGBE, got fewer; copy or export it again", source=name)

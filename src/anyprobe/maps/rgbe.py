@@ -1,4 +1,4 @@
-"""Inside a Radiance .hdr: its header, pixels of three mantissas under one exponent, run-length coded rows."""
+"""Contents of a Radiance .hdr: header, shared-exponent pixels, and run-length encoded rows."""
 
 from __future__ import annotations
 
@@ -14,39 +14,42 @@ from anyprobe.errors import InvalidEnvironment
 
 HDR_MAGIC = b"#?"
 RESOLUTION = re.compile(rb"([+-][XY]) +(\d{1,9}) +([+-][XY]) +(\d{1,9})")
-"""Along which axis rows follow each other and how many, and the same of a row's pixels; -Y is down, +X to the right."""
+"""Axis and number of rows, then axis and number of a row's pixels; -Y is down, +X to the right."""
 BLANK = re.compile(rb"\r?\n\r?\n")
 
 HDR_HEADER_BYTES = 1 << 16
-"""The header ends within these."""
+"""Largest size [bytes] of a header."""
 
 RGBE_MAX = 255.0 * 2.0**119
 """Largest value of a shared-exponent pixel: mantissa 255, exponent byte 255."""
 
 RLE_WIDTHS = range(8, 32768)
-"""Widths that the new run-length coding can hold; others are written flat."""
+"""Widths that the new run-length encoding can hold; others are written flat."""
 
 COMMENT_WIDTH = 72
-"""Characters of an attribute's value in one line of a header."""
+"""Largest number of characters of an attribute's value in one line of a header."""
 
 XYZ = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1 / 3, 1 / 3)
-"""PRIMARIES of a file of CIE X, Y and Z."""
+"""PRIMARIES of a file in CIE XYZ."""
 _FORMATS = (b"32-bit_rle_rgbe", b"32-bit_rle_xyze")
 
 UNSTATED = (0.0,) * 8
-"""PRIMARIES as programs write them that know of none."""
+"""PRIMARIES as written by programs that do not know them."""
 
 MIN_RUN = 4
-"""Shorter repetitions cost more as runs than inside a literal."""
+"""Shortest repetition stored as a run; a shorter one takes fewer bytes inside a literal."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class HdrHeader:
-    """Header of a .hdr; its pixels begin at byte `at`.
+    """Header of a .hdr.
 
-    height, width: of the rows as they are stored; axes: along which rows, and a row's pixels, follow each other.
-    exposure: what the pixels' red, green and blue were multiplied by.
-    primaries: CIE x, y of red, green, blue and white; those of Rec. 709 where the file names none, or eight zeros.
+    Attributes:
+        height, width: number of rows as they are stored, and of pixels in a row.
+        axes: along which rows, and a row's pixels, follow each other.
+        exposure: factors that red, green and blue were multiplied by.
+        primaries: CIE x, y of red, green, blue and white; those of Rec. 709 where the file names none, or eight zeros.
+        at: first byte of the pixels.
     """
 
     height: int
@@ -57,28 +60,28 @@ class HdrHeader:
     at: int
 
     def upright(self, stored: np.ndarray) -> np.ndarray:
-        """Pixels [height, width, C] as they are stored, upright."""
+        """Turn pixels [height, width, C] as they are stored upright."""
         rows, columns = self.axes
         stored = stored[:: 1 if rows in (b"-Y", b"+X") else -1, :: 1 if columns in (b"-Y", b"+X") else -1]
         return stored if rows.endswith(b"Y") else stored.swapaxes(0, 1)
 
 
 def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
-    """Return the header of a .hdr from the file's first bytes; InvalidEnvironment if it cannot be read by it."""
+    """Parse the header in a .hdr file's first bytes; InvalidEnvironment if it is damaged, unsupported or too large."""
     start = data[:HDR_HEADER_BYTES]
     blank = BLANK.search(start)
     if not data.startswith(HDR_MAGIC) or blank is None:
-        raise InvalidEnvironment("expected a Radiance .hdr file, got other or no data; copy it again", source=name)
+        raise InvalidEnvironment("expected a Radiance .hdr file, got something else; copy it again", source=name)
     exposure, form = np.ones(3), _FORMATS[0]
     primaries: tuple[float, ...] = REC709_CHROMATICITIES
     for line in start[: blank.start()].split(b"\n"):
-        if line[:1] in (b"\t", b" "):  # of the files that it was made from
+        if line[:1] in (b"\t", b" "):  # headers of the files that it was made from
             continue
         key, _, value = line.partition(b"=")
         key, value = key.strip(), value.strip()
         if key == b"FORMAT":
             form = value
-        if key == b"EXPOSURE":  # cumulative, as COLORCORR: each line tells a factor already multiplied in
+        if key == b"EXPOSURE":  # cumulative, as COLORCORR: every line is a factor already applied
             exposure *= _factors(value, 1, "EXPOSURE to be a number > 0", name)
         if key == b"COLORCORR":
             exposure *= _factors(value, 3, "COLORCORR to be three numbers > 0", name)
@@ -121,7 +124,7 @@ def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
 
 
 def _factors(value: bytes, count: int, expected: str, name: str) -> np.ndarray:
-    """Numbers of a header's line; a 0, which image libraries write for what they do not know, is a 1."""
+    """Parse the factors in a header's line; 0, which image libraries write for unknown, counts as 1."""
     try:
         numbers = np.array([float(number) for number in value.split()])
     except ValueError:
@@ -132,40 +135,40 @@ def _factors(value: bytes, count: int, expected: str, name: str) -> np.ndarray:
 
 
 def hdr_pixels(data: bytes) -> int:
-    """Width times height by a file's first bytes, where its pixels begin; 0 where they do not say."""
+    """Return width times height from a file's first bytes; 0 where they do not hold the whole header."""
     blank = BLANK.search(data[:HDR_HEADER_BYTES])
     size = blank and RESOLUTION.fullmatch(data[blank.end() : HDR_HEADER_BYTES].partition(b"\n")[0].strip())
     return int(size[2]) * int(size[4]) if size else 0
 
 
-def comments(attributes: Mapping[str, str], begin: str) -> str:
-    """Attributes as lines of a header that every reader passes over; one that is long has several.
+def comments(attributes: Mapping[str, str], prefix: str) -> str:
+    """Format attributes as comment lines of a header; a long value takes several.
 
-    Some readers take 127 bytes at a time, and the rest of a longer line for the next.
+    Some readers read 127 bytes at a time and take the rest of a longer line for the next one.
     """
     lines = []
     for key, value in attributes.items():
         plain = " ".join(str(value).split()).encode("ascii", "backslashreplace").decode()
-        lines += [f"# {begin}{key}={part}\n" for part in textwrap.wrap(plain, COMMENT_WIDTH, break_on_hyphens=False)]
+        lines += [f"# {prefix}{key}={part}\n" for part in textwrap.wrap(plain, COMMENT_WIDTH, break_on_hyphens=False)]
     return "".join(lines)
 
 
-def read_comments(data: bytes, begin: str) -> dict[str, str]:
-    """Return the attributes that comments wrote, from a file's first bytes."""
+def read_comments(data: bytes, prefix: str) -> dict[str, str]:
+    """Parse the attributes that `comments` wrote from a file's first bytes."""
     found: dict[str, str] = {}
     start = data[:HDR_HEADER_BYTES]
     blank = BLANK.search(start)
     for line in start[: blank.start() if blank else None].decode("ascii", "replace").splitlines():
-        key, equals, value = line.removeprefix(f"# {begin}").partition("=")
-        if equals and line.startswith(f"# {begin}"):
+        key, equals, value = line.removeprefix(f"# {prefix}").partition("=")
+        if equals and line.startswith(f"# {prefix}"):
             found[key] = f"{found[key]} {value}" if key in found else value
     return found
 
 
 def float_to_rgbe(radiance: np.ndarray) -> np.ndarray:
-    """Ward 1991: three mantissas under the exponent of the largest, [H, W, 3] -> [H, W, 4] uint8.
+    """Encode radiance [H, W, 3] as three mantissas under the largest channel's exponent, [H, W, 4] uint8 (Ward 1991).
 
-    Rounded, not cut, because today's readers add no half step back.
+    Rounded, not truncated, because today's readers do not add half a step.
     """
     rgb = np.minimum(radiance.astype(np.float64), RGBE_MAX)
     largest = rgb.max(axis=-1)
@@ -179,13 +182,13 @@ def float_to_rgbe(radiance: np.ndarray) -> np.ndarray:
 
 
 def rgbe_to_float(rgbe: np.ndarray) -> np.ndarray:
-    """[H, W, 4] uint8 to [H, W, 3] float32; exponent byte 0 is black."""
+    """Decode shared-exponent pixels [H, W, 4] uint8 to [H, W, 3] float32; exponent byte 0 is black."""
     scale = np.ldexp(np.float32(1.0), rgbe[..., 3].astype(np.int32) - 136)
     return rgbe[..., :3] * np.where(rgbe[..., 3] == 0, np.float32(0.0), scale)[..., None]
 
 
 def encode_rows(rgbe: np.ndarray) -> list[bytes]:
-    """[H, W, 4] uint8 as pieces of a file: run-length coded where the width allows it, else flat."""
+    """Encode rows [H, W, 4] uint8 as pieces of a file: run-length encoded where the width allows it, else flat."""
     width = rgbe.shape[1]
     if width not in RLE_WIDTHS:
         return [rgbe.tobytes()]
@@ -197,24 +200,23 @@ def encode_rows(rgbe: np.ndarray) -> list[bytes]:
 
 
 def least_bytes(width: int) -> int:
-    """Return the fewest bytes of a row: its start and runs of 127 pixels in each channel, or flat pixels."""
+    """Return the smallest size [bytes] of a row: its start and runs of 127 pixels in each channel, or flat pixels."""
     return min(4 * width, 4 + 8 * -(-width // 127)) if width in RLE_WIDTHS else 4 * width
 
 
 def decode_row(data: bytes, at: int, width: int) -> tuple[np.ndarray, int]:
-    """Return the row [W, 4] uint8 of a file that begins at byte `at`, run-length coded or flat, and where the next row
-    begins.
+    """Decode the row [W, 4] uint8 that begins at byte `at`, run-length encoded or flat, and find the next row's start.
 
     Raises:
-        EOFError: cut, or runs that do not end with the row.
-        ValueError: the run-length coding of the 1980s.
+        EOFError: truncated, or runs that do not end with the row.
+        ValueError: the run-length encoding of the 1980s.
     """
     if width not in RLE_WIDTHS or data[at : at + 4] != _start(width):
         flat = np.frombuffer(data[at : at + 4 * width], dtype=np.uint8)
         if flat.size < 4 * width:
             raise EOFError
         row = flat.reshape(width, 4)
-        if (row[:, :3] == 1).all(axis=1).any():  # no mantissas, but a repeat mark
+        if (row[:, :3] == 1).all(axis=1).any():  # mantissas of 1 mark a repetition
             raise ValueError
         return row, at + 4 * width
     at += 4
@@ -240,17 +242,17 @@ def decode_row(data: bytes, at: int, width: int) -> tuple[np.ndarray, int]:
 
 
 def _shown(value: bytes) -> str:
-    """Return a header's value for a message."""
+    """Format a header's value for a message."""
     return value.strip().decode("ascii", "replace")
 
 
 def _start(width: int) -> bytes:
-    """Return the first bytes of a run-length coded row."""
+    """Return the first bytes of a run-length encoded row."""
     return bytes((2, 2, width >> 8, width & 255))
 
 
 def _encode_runs(row: np.ndarray) -> bytes:
-    """One channel of one row, uint8 [W]: count > 128 repeats a byte, count <= 128 copies bytes."""
+    """Encode one channel of a row, uint8 [W]: a count > 128 repeats a byte, a count <= 128 copies bytes."""
     starts = np.concatenate([[0], np.flatnonzero(row[1:] != row[:-1]) + 1])
     lengths = np.diff(starts, append=row.size)
     long = lengths >= MIN_RUN

@@ -13,16 +13,18 @@ MIN_OBJECT_PX = contract("mask")["least_object_px"]
 
 
 def check_mask(mask: np.ndarray) -> np.ndarray:
-    """Return the mask as float32 [H, W], or raise InvalidMask: empty, too small, NaN."""
+    """Convert a mask [H, W] to float32 and check it; InvalidMask if it is empty, too small, or not in [0, 1]."""
     mask = np.asarray(mask, dtype=np.float32)
-    if mask.ndim != 2 or not (mask.size and mask.min() >= 0.0 and mask.max() <= 1.0):
+    if mask.ndim != 2 or not mask.size:
+        raise InvalidMask(f"expected an array [height, width], got shape {mask.shape}; convert it", subject="mask")
+    if not (mask.min() >= 0.0 and mask.max() <= 1.0):  # NaN fails too
         raise InvalidMask(
-            f"expected [height, width] in 0 to 1, got shape {mask.shape} or values outside", subject="mask"
+            f"expected values from 0 to 1, got {mask.min():g} to {mask.max():g}; scale them", subject="mask"
         )
     if not (mask > 0.5).any():
         raise InvalidMask(
             f"expected white on the object, got an empty mask (largest value {mask.max():.2f}); "
-            "paint the object white; labels of a file, 0 and 1, times 255",
+            "paint the object white; multiply a file's labels of 0 and 1 by 255",
             code="no-object",
             subject="mask",
         )
@@ -47,62 +49,62 @@ def object_box(mask: np.ndarray) -> tuple[int, int, int, int]:
 
 _GIVEN = contract("mask")["given"]
 FULL: float = _GIVEN["full"]
-"""Smallest maximum of a mask that marks an object."""
+"""Smallest maximum of a mask that is white somewhere."""
 
 MOSTLY: float = _GIVEN["mostly"]
 """Share of the photo above which a mask covers nearly everything."""
 
 GREY, GREY_SHARE = _GIVEN["grey"], _GIVEN["grey_share"]
-"""Range of values that are neither black nor white, and the largest number of them for each white pixel."""
+"""Range of values that are neither black nor white, and largest ratio of such pixels to those above 0.5."""
 
 FEW_PX: int = _GIVEN["few_px"]
-"""Longer side [px] of an object that is small for an estimate: networks see 128 pixels."""
+"""Longer side [px] below which an object is small for an estimate: the networks' input has 128 pixels."""
 
 
 def look_at_given(mask: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """Check a given mask [H, W] and return it with a line for each oddity.
+    """Return a given mask [H, W] and a warning for each oddity.
 
-    A segmenter's overlay, which is translucent on the object too, is brought to 1 there.
+    A segmenter's overlay, which is translucent on the object too, is scaled to 1 there.
     """
     lines: list[str] = []
-    most = float(mask.max())
-    if most < FULL:
+    brightest = float(mask.max())
+    if brightest < FULL:
         text = (
-            f"the mask is nowhere white (at most {most:.2f}), as a segmenter's overlay is; read as if it were: "
-            "save the mask itself, white on black, to be sure"
+            f"the mask is nowhere white (at most {brightest:.2f}), like a segmenter's overlay; its brightest value is "
+            "taken for white: save the mask itself, white on black, to be sure"
         )
         lines.append(Notice(text, code="mask-grey"))
-        mask = mask / most
+        mask = mask / brightest
     inside = mask > 0.5
     border = np.concatenate([inside[0], inside[-1], inside[:, 0], inside[:, -1]])
     if inside.mean() > MOSTLY and border.mean() > FULL:
         text = (
-            f"the mask covers {inside.mean():.0%} of the photo and its borders, as one does that is white around the "
-            "object; invert it if so: white is the object"
+            f"the mask covers {inside.mean():.0%} of the photo and its borders, as an inverted one does; if so, invert "
+            "it: white is the object"
         )
         lines.append(Notice(text, code="mask-inverted"))
     grey = (mask > GREY[0]) & (mask < GREY[1])
     if grey.sum() > GREY_SHARE * inside.sum():
-        text = "the mask is grey over wide areas; give one that is white on the object and black beside it"
+        text = "the mask is grey over wide areas; give one that is white on the object and black elsewhere"
         lines.append(Notice(text, code="mask-grey"))
     x0, y0, x1, y1 = object_box(mask)
     if max(x1 - x0, y1 - y0) < FEW_PX:
         text = (
-            f"the object is {x1 - x0} x {y1 - y0} pixels in its mask; use a larger photo or go closer: "
-            "so few tell little of the light"
+            f"the object is only {x1 - x0} x {y1 - y0} pixels in its mask, too few for a good estimate; use a larger "
+            "photo or go closer"
         )
         lines.append(Notice(text, code="object-small"))
     return mask.astype(np.float32), lines
 
 
 ALPHA_MOST: float = _GIVEN["alpha_most"]
-"""Share of the photo that a cut-out hardly ever exceeds; straightened photos with empty corners do."""
+"""Largest share of the photo that a cut-out usually covers; straightened photos with empty corners exceed it."""
 
 
 def alpha_doubts(mask: np.ndarray) -> list[str]:
-    """Return a line where a photo's transparency [H, W] leaves nearly all of it as the object."""
+    """Return a warning if a photo's transparency [H, W] marks nearly all of it as the object."""
     share = float((mask > 0.5).mean())
     if share <= ALPHA_MOST:
         return []
-    text = f"its transparency makes {share:.0%} of the photo the object; if it is smaller, say where it is"
+    text = f"its transparency marks {share:.0%} of the photo as the object; if it is smaller, mark it"
     return [Notice(text, code="alpha-wide", remedy=give("click", "box", "mask"))]

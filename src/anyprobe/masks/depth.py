@@ -1,4 +1,4 @@
-"""Depth images, and the paper's way to cut the object out: keep depths between a near and a far plane (Sect. 3)."""
+"""Depth images, and the paper's mask from them: depths between a near and a far plane (Sect. 3)."""
 
 from __future__ import annotations
 
@@ -25,29 +25,31 @@ CARRIED = "photo"
 """Value of `depth` that selects the depth image stored in the photo's file."""
 
 ASPECT_TOLERANCE = 0.02
-"""Relative difference of the sides' ratios above which depth and photo are not the same view."""
+"""Largest relative difference between the aspect ratios of a depth image and a photo of the same view."""
 
 EXR_CHANNELS = ("Z", "V", "Y", "R")
 """Channels of an .exr that may hold depth, in order of preference."""
 
 
 def is_carried(source: object) -> bool:
-    """Return whether depth is to be read from the photo's file."""
+    """Return whether a source is CARRIED: the depth in the photo's file."""
     return isinstance(source, str) and source == CARRIED
 
 
 def chosen_depth(source: DepthSource | None, pixels: Pixels) -> DepthSource | None:
-    """Return a depth image, or the one that the photo's file carries, for which pixels were read with_depth.
+    """Return the given depth image, or for CARRIED the one in the photo's file.
 
+    Args:
+        pixels: read with_depth.
     Raises:
-        InvalidMask: the photo carries none.
+        InvalidMask: the photo's file carries none.
     """
     if not is_carried(source):
         return source
     if pixels.depth is None:
         raise InvalidMask(
-            "expected a photo whose file carries depth, as HEIC and JPEG portraits of phones do, found "
-            "none; give it as a picture",
+            "expected a photo whose file carries depth, as HEIC and JPEG portraits of phones do, got "
+            "none; give a depth image",
             subject="depth",
             source=pixels.name,
             remedy=leave_out("depth"),
@@ -56,12 +58,12 @@ def chosen_depth(source: DepthSource | None, pixels: Pixels) -> DepthSource | No
 
 
 def read_depth(source: DepthSource) -> np.ndarray:
-    """Return a depth image as float32 [H, W] in its own unit; zero and NaN mean that nothing was measured.
+    """Read a depth image as float32 [H, W] in its own unit; zero and NaN mean that nothing was measured.
 
     Args:
         source: an array [H, W], a .npy, a one-channel PNG or TIFF of 8, 16 or 32 bits (sensors write millimetres), or
-            an .exr with a channel Z, V, Y or R: of it the display window, zero where it holds no data; as a path, or
-            as the file's bytes.
+            an .exr with a channel Z, V, Y or R, read over its display window, zero outside its data; files as a path
+            or as their bytes.
     Raises:
         InvalidMask: not a depth image.
     """
@@ -86,7 +88,7 @@ def read_depth(source: DepthSource) -> np.ndarray:
         values = values[..., 0]
     if values.ndim != 2 or values.size == 0 or values.dtype.kind not in "uif":
         raise InvalidMask(
-            f"expected one depth a pixel, [height, width], got {values.dtype} of shape {values.shape}; "
+            f"expected one depth per pixel, [height, width], got {values.dtype} of shape {values.shape}; "
             "export the depth itself, not a coloured picture of it",
             subject="depth",
             source=name,
@@ -95,12 +97,12 @@ def read_depth(source: DepthSource) -> np.ndarray:
 
 
 def depth_of_view(source: DepthSource, shape: tuple[int, int]) -> np.ndarray:
-    """Read the depth of a photo of this height and width, at its own size; InvalidMask where it shows another view."""
+    """Read a photo's depth image at its own size; InvalidMask if its aspect ratio is not the photo's [H, W]."""
     depth = read_depth(source)
     height, width = shape
     if abs(depth.shape[1] / depth.shape[0] / (width / height) - 1.0) > ASPECT_TOLERANCE:
         raise InvalidMask(
-            f"expected the photo's view, {width} x {height} or that shape smaller, "
+            f"expected the photo's view, {width} x {height} or smaller at that aspect ratio, "
             f"got {depth.shape[1]} x {depth.shape[0]}; crop both alike",
             subject="depth",
         )
@@ -112,16 +114,16 @@ def mask_from_depth(
 ) -> np.ndarray:
     """Return the mask of the depths from near to far, both included, in the depth image's own unit.
 
-    A depth image of another size but the same view is read at the nearest pixel.
+    A depth image of another size is sampled at the nearest pixel.
 
     Args:
         source: see read_depth.
         shape: (height, width) of the upright photo.
-        near, far: at least one; without near everything measured up to far, without far everything from near on.
+        near, far: at least one of them; None: no bound on that side.
     """
     if near is None and far is None:
         raise InvalidMask(
-            "expected where to cut, in the depth image's unit, got neither near nor far",
+            "expected a near or far depth, in the image's own unit, got neither",
             subject="depth",
             remedy=give("near", "far"),
         )
@@ -139,7 +141,7 @@ def mask_from_depth(
         if not measured.any():
             raise InvalidMask("expected measured depths, got none above zero; check the file", subject="depth")
         raise InvalidMask(
-            f"expected something from {low:g} to {high:g}, found none; the image holds "
+            f"expected depths from {low:g} to {high:g}, got none there; the image has "
             f"{depth[measured].min():g} to {depth[measured].max():g}",
             subject="depth",
         )
@@ -165,7 +167,10 @@ def _read_picture(source: _File, name: str) -> np.ndarray:
     with Image.open(_opened(source), formats=["PNG", "TIFF", "PPM"]) as image:
         if image.width * image.height > MAX_PIXELS:
             raise InvalidMask(
-                f"expected at most {MAX_PIXELS // 1_000_000} million pixels", subject="depth", source=name
+                f"expected at most {MAX_PIXELS // 1_000_000} million pixels, "
+                f"got {image.width} x {image.height}; shrink it",
+                subject="depth",
+                source=name,
             )
         values = np.asarray(image.convert("RGB") if image.mode == "P" else image)
         if image.mode == "P":
@@ -174,13 +179,13 @@ def _read_picture(source: _File, name: str) -> np.ndarray:
                     "expected depth, got a coloured picture of it; save the depth itself", subject="depth", source=name
                 )
             return values[..., 0]
-        if image.format == "PPM":  # stretched to all of its range
+        if image.format == "PPM":  # Pillow stretches it to the full range
             scale = 65535 if image.mode.startswith("I") else 255
-            return np.rint(values * (_pgm_most(source) / scale))
+            return np.rint(values * (_pgm_maximum(source) / scale))
         return values
 
 
-def _pgm_most(source: _File) -> int:
+def _pgm_maximum(source: _File) -> int:
     """Return the largest value stated in a PGM's header."""
     with open_regular(source, InputError) if not isinstance(source, bytes) else io.BytesIO(source) as stream:
         data = stream.read(512)
@@ -195,7 +200,7 @@ def _read_npy(source: _File, name: str) -> np.ndarray:
 def _read_exr(source: _File, name: str) -> np.ndarray:
     header, found = read_channels(source, name, InvalidMask, MAX_PIXELS)
     names = sorted((key for key in found if not _is_of_color(key, found)), key=lambda key: "depth" in key.lower())
-    channels = {key.split(".")[-1]: found[key] for key in names}  # of layers that of depth
+    channels = {key.split(".")[-1]: found[key] for key in names}  # the layer whose name has depth in it wins
     for channel in EXR_CHANNELS:
         if channel in channels:
             if channels[channel].shape != tuple((header.data[1] - header.data[0]).tolist()[::-1]):
@@ -209,7 +214,7 @@ def _read_exr(source: _File, name: str) -> np.ndarray:
 def _is_of_color(key: str, found: Mapping[str, np.ndarray]) -> bool:
     """Return whether a channel belongs to a vector X, Y, Z, or to a colour with differing R, G and B."""
     layer, _, channel = key.rpartition(".")
-    beside = [f"{layer}.{one}" if layer else one for one in ("XYZ" if channel in "XYZ" else "RGB")]
-    if channel not in "XYZRGB" or not all(one in found for one in beside):
+    group = [f"{layer}.{part}" if layer else part for part in ("XYZ" if channel in "XYZ" else "RGB")]
+    if channel not in "XYZRGB" or not all(name in found for name in group):
         return False
-    return channel in "XYZ" or not all(np.array_equal(found[key], found[one], equal_nan=True) for one in beside)
+    return channel in "XYZ" or not all(np.array_equal(found[key], found[name], equal_nan=True) for name in group)

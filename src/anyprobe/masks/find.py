@@ -24,15 +24,21 @@ from anyprobe.pictures.images import Pixels
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FoundMask:
-    """mask [H, W] float32 in [0, 1], 1 on the object; source: "mask", "function", "depth", "click", "box",
-    "alpha", "network" or "segmenter"; confidence: the IoU to expect, see quality, None where the mask was given; said:
-    the same in words, see words, or empty;
-    warnings: one line each, where the mask may well be wrong; prompts: as they were understood."""
+    """An object's mask.
+
+    Attributes:
+        mask: [H, W] float32 in [0, 1], 1 on the object.
+        source: "mask", "function", "depth", "click", "box", "alpha", "network" or "segmenter".
+        confidence: expected IoU, see masks.quality; None where the mask was given.
+        verdict: whether the mask looks right, in words, see masks.words; empty where it was given.
+        warnings: one line for each reason to check the mask.
+        prompts: clicks and box, as checked.
+    """
 
     mask: np.ndarray
     source: str
     confidence: float | None = None
-    said: str = ""
+    verdict: str = ""
     warnings: tuple[str, ...] = ()
     prompts: Prompts = Prompts()
 
@@ -56,14 +62,14 @@ def find_mask(
     box: Sequence[float] | None = None,
     segmenter: SegmenterSource | None = None,
 ) -> FoundMask:
-    """Return the object's mask: by the first given of mask, depth to cut, click or box, alpha; else the salient object.
+    """Return the object's mask from the first given of mask, depth range, prompts, alpha; else what stands out.
 
     Args:
         mask, click, exclude, box, depth, near, far: see hints.Hints.
         segmenter: a name of load_segmenter, a Network or a Segmenter; None: U2-Net-p if its
             weights are installed (masks.weights), else the small network that ships.
     Raises:
-        InvalidMask: bad hints, in one line that says what to do; or nothing is found.
+        InvalidMask: hints are invalid, or nothing is found.
     """
     shape = pixels.rgb.shape[:2]
     depth = chosen_depth(depth, pixels)
@@ -86,19 +92,19 @@ def _find(pixels: Pixels, prompts: Prompts, segmenter: SegmenterSource | None) -
         alpha = mask_from_alpha(pixels.alpha)
         if alpha is not None:
             cut_out, doubts = _given(alpha, "alpha", pixels.name), alpha_doubts(alpha)
-            return replace(cut_out, warnings=(*cut_out.warnings, *(as_notice(one, pixels.name) for one in doubts)))
-    finder = load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter
-    if finder is not None and not isinstance(finder, Network):
-        return _segmented(pixels, prompts, finder, "segmenter" if source == "network" else source)
-    network = shared_network() if finder is None else finder
+            return replace(cut_out, warnings=(*cut_out.warnings, *(as_notice(doubt, pixels.name) for doubt in doubts)))
+    loaded = load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter
+    if loaded is not None and not isinstance(loaded, Network):
+        return _segmented(pixels, prompts, loaded, "segmenter" if source == "network" else source)
+    network = shared_network() if loaded is None else loaded
     found = find_object(network, pixels.rgb, prompts)
     if found is None:
-        raise _nothing(pixels, prompts)
+        raise _not_found(pixels, prompts)
     return _judged(pixels, prompts, found, found.mask(*pixels.rgb.shape[1::-1]), network, source)
 
 
 def check_prompts(click: Clicks | None, exclude: Clicks | None, box, width: int, height: int) -> Prompts:
-    """Check clicks and a box as a caller gives them; InvalidMask where they are not on a photo of this size."""
+    """Check a caller's clicks and box; InvalidMask if they do not lie in a photo of this size."""
     return Prompts(
         on=check_clicks(() if click is None else click, width, height),
         off=check_clicks(() if exclude is None else exclude, width, height, "exclude"),
@@ -107,7 +113,7 @@ def check_prompts(click: Clicks | None, exclude: Clicks | None, box, width: int,
 
 
 def source_of(prompts: Prompts) -> str:
-    """Return the name by which FoundMask calls the source of these prompts."""
+    """Return FoundMask.source of these prompts."""
     clicked = prompts.on or (prompts.off and prompts.box is None)
     return "click" if clicked else "network" if prompts.box is None else "box"
 
@@ -120,71 +126,70 @@ def _given(mask: np.ndarray, source: str, name: str) -> FoundMask:
 def _judged(
     pixels: Pixels, prompts: Prompts, found: Finding, mask: np.ndarray, network: Network, source: str
 ) -> FoundMask:
-    """Judge a found mask and return it with its expected quality; InvalidMask where that is next to nothing."""
+    """Judge a found mask and return it with its expected IoU; InvalidMask where that is below REFUSED."""
     height, width = pixels.rgb.shape[:2]
     evidence = examine(found, width, height, prompts)
     confidence = evidence.expected_iou(network.name)
     if confidence < REFUSED or not (mask > 0.5).any():
-        raise _nothing(pixels, prompts)
+        raise _not_found(pixels, prompts)
     doubts = [*color_doubts(pixels.rgb, mask, tuple(prompts.on) if prompts.box is None else ())]
     is_doubtful = confidence < DOUBTFUL
     doubts += evidence.doubts() if is_doubtful else []
-    said = verdict(doubts, is_doubtful=is_doubtful)
-    warnings = [] if said == RIGHT else [_doubt(pixels.name, said)]
+    judgement = verdict(doubts, is_doubtful=is_doubtful)
+    warnings = [] if judgement == RIGHT else [_doubt(pixels.name, judgement)]
     if network.warning and source != "segmenter":
         warnings.append(as_notice(network.warning, pixels.name))
     return FoundMask(
         mask=check_mask(mask),
         source=source,
         confidence=confidence,
-        said=said,
+        verdict=judgement,
         warnings=tuple(warnings),
         prompts=prompts,
     )
 
 
 def _segmented(pixels: Pixels, prompts: Prompts, segmenter: Segmenter, source: str) -> FoundMask:
-    """Return one part of another segmenter's mask; if it needs a prompt and has none, it gets our network's box."""
+    """Return the part of another segmenter's mask that is meant; one that needs a prompt gets our network's box."""
     rgb, network, box = pixels.rgb, shared_network(), prompts.box
     if segmenter.needs_prompt and not prompts.on and box is None:
         found = find_object(network, rgb, prompts)
         if found is None:
-            raise _nothing(pixels, prompts)
+            raise _not_found(pixels, prompts)
         box = found.window.box_of(found.part)
     cover = np.asarray(segmenter.segment(to_bytes(rgb), prompts.on, prompts.off, box), np.float32)
     if cover.shape != rgb.shape[:2] or not np.isfinite(cover).all():
         raise InvalidMask(
-            f"expected a cover [{rgb.shape[0]}, {rgb.shape[1]}] in 0 to 1, got shape {cover.shape} "
+            f"expected a finite cover [{rgb.shape[0]}, {rgb.shape[1]}] in 0 to 1, got shape {cover.shape} "
             "or NaN; report it to the plug-in's author",
             subject="segmenter",
         )
     cover = np.clip(cover, 0.0, 1.0)
     found = finding_of(cover, prompts)
     if found is None:
-        raise _nothing(pixels, prompts)
+        raise _not_found(pixels, prompts)
     agreed = look_closer(network, rgb, found, Prompts()).agreed
     return _judged(pixels, prompts, replace(found, agreed=agreed), found.only(cover), network, source)
 
 
-def _nothing(pixels: Pixels, prompts: Prompts) -> InvalidMask:
+def _not_found(pixels: Pixels, prompts: Prompts) -> InvalidMask:
     name, source = pixels.name, source_of(prompts)
     height, width = pixels.rgb.shape[:2]
     if source == "network":
-        text = "expected an object that can be told from its surroundings, or an alpha channel, but nothing stands out"
+        text = "expected an object distinct from its surroundings, or an alpha channel, but nothing stands out"
         return InvalidMask(text, code="no-object", source=name, remedy=give("click", "box", "mask"))
-    shown = f"the {source}" if prompts.on or prompts.box is not None else "the clicks beside it"
+    place = f"at the {source}" if prompts.on or prompts.box is not None else "away from the excluded points"
     return InvalidMask(
-        f"expected an object at {shown} in {width} x {height} pixels as shown, found none that stands out; "
-        "click elsewhere on it",
+        f"expected an object {place} in {width} x {height} pixels, found none that stands out; click elsewhere on it",
         code="no-object",
         source=name,
         remedy=give("box", "mask"),
     )
 
 
-def _doubt(name: str, said: str) -> Notice:
+def _doubt(name: str, judgement: str) -> Notice:
     return Notice(
-        f"the mask {said}; look at it",
+        f"the mask {judgement}; check it",
         code="mask-doubtful",
         source=name,
         remedy=give("box", "click", "exclude", "mask"),

@@ -36,49 +36,55 @@ MASK_CONTRACT = {
 
 @runtime_checkable
 class Network(Protocol):
-    """A graph, opened once; safe to share between threads. name: its key in the contract's quality."""
+    """A graph, opened once; safe to share between threads.
+
+    Attributes:
+        name: its key in the contract's quality.
+        warning: attached to every mask that it finds; or "".
+    """
 
     name: str
     warning: str
-    """Warning attached to every mask that it finds, or ""."""
 
     def cover(
         self, rgb: np.ndarray, on: Sequence[Point] = (), off: Sequence[Point] = (), box: Sequence[float] | None = None
     ) -> np.ndarray:
-        """Return the probability that each place of a picture is the object's, [h, w] in [0, 1], over the picture's
-        extent.
+        """Return the probability that each cell of a picture is the object's, [h, w] in [0, 1], over its whole extent.
 
         Args:
-            rgb: [H, W, 3] display values in [0, 1]. on, off: clicks x, y on the object and beside it, in its pixels;
-                box: x0, y0, x1, y1 around it. A network may ignore all of them.
+            rgb: [H, W, 3] display values in [0, 1].
+            on, off: clicks x, y on the object and beside it, in pixels of rgb. A network may ignore them, as the box.
+            box: x0, y0, x1, y1 around the object.
         """
         ...
 
 
 class U2NetP:
-    """U2-Net-p of 320 x 320: what stands out in a picture. Input as in rembg: shrunk, over its largest value, less the
-    mean and over the spread of ImageNet."""
+    """U2-Net-p, 320 x 320, which finds the salient object.
+
+    Input as in rembg: resized, divided by its largest value, and normalised by ImageNet's mean and deviation.
+    """
 
     name = "u2netp"
     warning = ""
 
-    def __init__(self, named: str = "") -> None:
-        found = find_weights(named or None)
+    def __init__(self, path: str = "") -> None:
+        found = find_weights(path or None)
         if found is None:
-            raise ModelError("expected its weights, found none", source="u2netp", remedy=GET_WEIGHTS)
+            raise ModelError("expected the weights of U2-Net-p, found none", source="u2netp", remedy=GET_WEIGHTS)
         self._session = open_graph(found.path)
         self._input, self._output = self._session.get_inputs()[0].name, self._session.get_outputs()[0].name
 
     def cover(self, rgb, on=(), off=(), box=None) -> np.ndarray:
-        """Return the cover [320, 320], whatever the prompts."""
+        """Return the cover [320, 320]; prompts are ignored."""
         small = resize(rgb, U2NETP["size"], U2NETP["size"])
         image = (small / max(float(small.max()), 1e-6) - MEAN) / SPREAD
-        fed = np.ascontiguousarray(image.transpose(2, 0, 1)[None], np.float32)
-        return self._session.run([self._output], {self._input: fed}, run_options())[0][0, 0]
+        batch = np.ascontiguousarray(image.transpose(2, 0, 1)[None], np.float32)
+        return self._session.run([self._output], {self._input: batch}, run_options())[0][0, 0]
 
 
 class SmallNetwork:
-    """Our own network of 160 x 160, trained on renders alone; its fourth channel is the prompts."""
+    """Our own network, 160 x 160, trained on renders only; its fourth input channel holds the prompts."""
 
     name = "small"
     warning: str = Notice(
@@ -103,7 +109,7 @@ class SmallNetwork:
         """Return the cover [h, w], the longer side 160; the input is letterboxed, and the bars are cropped."""
         height, width = rgb.shape[:2]
         scale = SIZE / max(height, width)
-        w, h = (min(SIZE, max(1, round(length * scale))) for length in (width, height))
+        w, h = (min(SIZE, max(1, round(side * scale))) for side in (width, height))
         left, top = (SIZE - w) // 2, (SIZE - h) // 2
 
         def place(x: float, y: float) -> Point:

@@ -1,4 +1,4 @@
-"""Connected parts of a mask: the object is one of them, without pinholes; as web/src/photo/parts.js."""
+"""Connected parts of a mask, of which the object is one, without pinholes; as web/src/photo/parts.js."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import numpy as np
 from anyprobe.core.contract import contract
 
 HOLE_SHARE = contract("mask")["hole_share"]
-"""Largest share of the object of a hole that is filled; larger ones are real, such as a handle's."""
+"""Largest hole that is filled, as a share of the object; larger ones are real, such as a handle's."""
 
 
 def grow(mask: np.ndarray) -> np.ndarray:
-    """Return a mask [H, W] bool and the pixels beside it."""
+    """Grow a mask [H, W] bool by the 4-connected neighbours of its pixels."""
     grown = mask.copy()
     grown[1:] |= mask[:-1]
     grown[:-1] |= mask[1:]
@@ -31,22 +31,22 @@ def label_parts(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     rows, starts, stops = _runs(inside)
     parent = np.arange(len(rows))
 
-    def root(one: int) -> int:
-        while parent[one] != one:
-            parent[one] = parent[parent[one]]
-            one = parent[one]
-        return one
+    def root(run: int) -> int:
+        while parent[run] != run:
+            parent[run] = parent[parent[run]]
+            run = parent[run]
+        return run
 
     above, first = 0, np.searchsorted(rows, np.arange(len(inside) + 1))
-    for one in range(len(rows)):
-        above = max(above, first[rows[one] - 1] if rows[one] else 0)
+    for run in range(len(rows)):
+        above = max(above, first[rows[run] - 1] if rows[run] else 0)
         other = above
-        while other < len(rows) and rows[other] == rows[one] - 1 and starts[other] < stops[one]:
-            if stops[other] > starts[one]:
-                parent[root(other)] = root(one)
+        while other < len(rows) and rows[other] == rows[run] - 1 and starts[other] < stops[run]:
+            if stops[other] > starts[run]:
+                parent[root(other)] = root(run)
                 above = other
             other += 1
-    roots = np.array([root(one) for one in range(len(rows))], np.int64)
+    roots = np.array([root(run) for run in range(len(rows))], np.int64)
     _, number = np.unique(roots, return_inverse=True)
     flat = np.zeros(inside.size, np.int64)
     lengths = stops - starts
@@ -56,7 +56,7 @@ def label_parts(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _runs(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return row, first column and column after the last of each run of true pixels, row by row."""
+    """Return row, first column, and column after the last, of each run of true pixels, row by row."""
     padded = np.pad(inside, ((0, 0), (1, 1))).astype(np.int8)
     rows, starts = np.nonzero(np.diff(padded, axis=1) == 1)
     _, stops = np.nonzero(np.diff(padded, axis=1) == -1)
@@ -64,7 +64,7 @@ def _runs(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def fill_holes(part: np.ndarray) -> np.ndarray:
-    """Fill the holes of a part [H, W] bool that are at most HOLE_SHARE of it."""
+    """Fill the holes of a part [H, W] bool up to HOLE_SHARE of it."""
     labels, sizes = label_parts(~part)
     at_border = np.zeros(len(sizes), bool)
     for edge in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):

@@ -1,5 +1,5 @@
-"""Prompts: clicks and boxes as people give them, checked against the photo, in pixels of the photo as shown from the
-top left; and as a picture beside it, one channel that the mask network's input and its training draw with this.
+"""Prompts: checks of clicks and boxes, in pixels from the top left of the photo as shown; and their drawing as an input
+channel of the mask network, in inference and training.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ def draw_prompts(
 ) -> np.ndarray:
     """Draw the prompt channel [size, size] float32 in [-1, 1]; zero where nothing is given.
 
-    BOX_LEVEL inside the box; there, around each click on the object, the larger of it and a
-    Gaussian of height 1; a Gaussian of height 1 is taken off around each click off it.
+    BOX_LEVEL inside the box, or the larger of that and a Gaussian of height 1 around each click on the object, less the
+    largest Gaussian of height 1 around the clicks beside it.
 
     Args:
         on: x, y of clicks on the object, in pixels of this picture; pixel i covers [i, i + 1).
-        off: likewise beside it.
-        box: x0, y0, x1, y1 around it; a pixel is inside by its centre.
+        off: the same for clicks beside it.
+        box: x0, y0, x1, y1 around it; a pixel is inside if its centre is.
     """
     centre = np.arange(size) + 0.5
     hint = np.zeros((size, size), np.float32)
@@ -40,10 +40,10 @@ def draw_prompts(
         hint[np.ix_(rows, columns)] = BOX_LEVEL
     for point in on:
         hint = np.maximum(hint, _blob(centre, point))
-    taken = np.zeros_like(hint)
+    excluded = np.zeros_like(hint)
     for point in off:
-        taken = np.maximum(taken, _blob(centre, point))
-    return np.clip(hint - taken, -1.0, 1.0)
+        excluded = np.maximum(excluded, _blob(centre, point))
+    return np.clip(hint - excluded, -1.0, 1.0)
 
 
 def _blob(centre: np.ndarray, point: Point) -> np.ndarray:
@@ -52,7 +52,7 @@ def _blob(centre: np.ndarray, point: Point) -> np.ndarray:
 
 
 def check_clicks(clicks: Clicks, width: int, height: int, name: str = "click") -> list[Point]:
-    """Convert x, y or several to a list of points; InvalidMask: not numbers, outside the photo."""
+    """Convert one or several x, y to a list of points; InvalidMask if they are not numbers or lie outside the photo."""
     try:
         points = np.asarray(clicks, dtype=np.float64)
         points = points.reshape(-1, 2) if points.ndim == 1 and points.size in (0, 2) else points
@@ -71,7 +71,7 @@ def check_clicks(clicks: Clicks, width: int, height: int, name: str = "click") -
 
 
 def check_box(box: Sequence[float], width: int, height: int) -> tuple[float, float, float, float]:
-    """Convert a box to four numbers; InvalidMask: outside the photo, too small, all of it."""
+    """Convert a box to four numbers; InvalidMask if it is outside the photo, too small, or the whole photo."""
     try:
         x0, y0, x1, y1 = (float(v) for v in box)
     except (TypeError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""Expected quality of a found mask: by the network's own probabilities, and by a second look."""
+"""Expected quality of a found mask, from the network's own probabilities and from a second look."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from anyprobe.masks.prompts import Point
 from anyprobe.masks.search import GRID, Box, Finding, Prompts, Window
 
 QUALITY = contract("mask")["quality"]
-"""Offset and weights of the log-odds of the IoU for each network, by `python -m research.masks.calibrate`."""
+"""Offset and weights of the log-odds of the IoU for each network, fitted by `python -m research.masks.calibrate`."""
 
 DOUBTFUL = QUALITY["doubtful"]
-"""Expected IoU below which a mask has a warning."""
+"""Expected IoU below which a mask gets a warning."""
 
 FITS = QUALITY["fits"]
-"""Smallest IoU of a given box with the object's that fits; largest distance of clicks from the object's middle, in
-standard deviations of its cells; and the value of both where nothing is given."""
+"""Smallest IoU of a given box with the object's at which it fits fully; distance of clicks from the object's middle, in
+standard deviations of its cells, at which they fit no more; and the fit where nothing is given."""
 
 REFUSED = QUALITY["refused"]
 """Expected IoU below which a mask is refused."""
@@ -27,12 +27,17 @@ REFUSED = QUALITY["refused"]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Evidence:
-    """Evidence for a mask, each number from 0 to 1 where 1 is good, and reasons for doubt.
+    """Evidence about a mask: the first five numbers are in [0, 1], 1 is good; the others are 0 where all is well.
 
-    expected: IoU by the network's own probabilities; agreed: IoU with what a second look at the object alone gives,
-    mirrored; whole: share of all that stood out; single: see Finding.single; meant: how well it fits clicks and box;
-    border: share of the box's sides that lie on the photo's border; small: ln of how many times less than 5 % of the
-    photo the mask covers; large: how much more than 60 % of it.
+    Attributes:
+        expected: IoU by the network's own probabilities.
+        agreed: IoU with the result of a second, mirrored look at the object alone.
+        whole: share of all that stood out.
+        single: see Finding.single.
+        meant: how well it fits clicks and box.
+        border: share of the box's sides that lie on the photo's border.
+        small: ln of 5 % of the photo over the mask's share, at least 0.
+        large: the mask's share above 60 % of the photo, over the remaining 40 %.
     """
 
     expected: float
@@ -56,7 +61,7 @@ class Evidence:
             (self.agreed - 0.8, "a second look finds something else"),
             (self.expected - 0.85, "its outline is blurred"),
             (self.whole - 0.7, "other things stand out as well"),
-            (self.single - 0.95, "two things may hang together in it"),
+            (self.single - 0.95, "it may contain two objects"),
             (self.meant - 0.6, "it does not fit the click or the box"),
             (0.15 - self.border, "it is cut by the photo's border"),
             (0.9 - self.small, "it is very small"),
@@ -66,7 +71,7 @@ class Evidence:
 
 
 def examine(found: Finding, width: int, height: int, prompts: Prompts) -> Evidence:
-    """Collect the evidence about a mask that was found by prompts in a photo of this size."""
+    """Collect the evidence about a mask found with prompts in a photo of this size."""
     photo = Window(x0=0, y0=0, x1=width, y1=height)
     window = found.window
     share = float(found.part.mean()) * (window.size[0] * window.size[1]) / (width * height)

@@ -1,4 +1,4 @@
-"""Pictures to another size, as web/src/photo/resize.js."""
+"""Resizing of pictures, as web/src/photo/resize.js."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def resize(picture: np.ndarray, width: int, height: int, box: Sequence[float] | 
     """Resize float32 [H, W] or [H, W, C]: averaged over areas when shrinking, else linear.
 
     Args:
-        box: x0, y0, x1, y1 of the wanted part, in pixels, fractions too; None: all of it.
+        box: x0, y0, x1, y1 of the part to resize [px], not necessarily integers; None: the whole picture.
     """
     if picture.ndim == 3:
         return np.stack([resize(picture[..., c], width, height, box) for c in range(picture.shape[2])], axis=-1)

@@ -25,29 +25,28 @@ NUMBERS = contract("mask")["search"]
 GRID = NUMBERS["grid"]
 
 MARGIN = NUMBERS["margin"]
-"""Margin of a window around an object, in shares of the longer side of its box."""
+"""Margin of a window around an object, as a share of the longer side of its box."""
 
 WINDOWS = NUMBERS["windows"]
-"""Sides of the windows around a click where nothing was found, in longer sides of the photo."""
+"""Sides of the windows tried around clicks where nothing was found, in longer sides of the photo."""
 
-BORDER_TOUCH, SURE = NUMBERS["border_touch"], NUMBERS["sure"]
-"""Largest share of its outline on the window's border of a part that counts, and probability at which it ends the
-search."""
+BORDER_TOUCH, SURE_ENOUGH = NUMBERS["border_touch"], NUMBERS["sure"]
+"""Share of a part's outline on the window's border at which its score is zero, and score that ends the search."""
 
 PART_SHARE = NUMBERS["part_share"]
-"""Smallest rest beside an excluded part, as a share of it, for which that part is left out rather than cut."""
+"""Smallest weight of another part, as a share of an excluded one's, for which the latter is dropped rather than cut."""
 
 EDGE_CELLS = NUMBERS["edge_cells"]
 """Width beside a part [cells] in which its soft edge may lie."""
 
 SPLIT = NUMBERS["split"]
-"""Settings of cutting a part on a coarser grid, where a step costs a constant and the difference of the two colours."""
+"""Settings for cutting a part on a coarser grid; a step there costs a constant plus the difference in colour."""
 
 NECK = NUMBERS["neck"]
-"""Distance by which a part is shrunk to test whether it is one, in square roots of its cells."""
+"""Distance by which a part is shrunk to test whether it falls apart, in square roots of its cells."""
 
 BLANK = NUMBERS["blank"]
-"""Smallest range of display values in a window where anything can stand out."""
+"""Smallest range of display values of a window that is searched."""
 
 Box = tuple[float, float, float, float]
 
@@ -75,13 +74,13 @@ class Window:
         return self.x1 - self.x0, self.y1 - self.y0
 
     def around(self, box: Box, margin: float) -> Window:
-        """Return the window of a box and a margin in its longer sides, clipped to this window."""
-        more = margin * max(box[2] - box[0], box[3] - box[1])
+        """Return the window of a box and a margin, a share of its longer side, clipped to this window."""
+        pad = margin * max(box[2] - box[0], box[3] - box[1])
         return Window(
-            x0=max(self.x0, int(np.floor(box[0] - more))),
-            y0=max(self.y0, int(np.floor(box[1] - more))),
-            x1=min(self.x1, int(np.ceil(box[2] + more))),
-            y1=min(self.y1, int(np.ceil(box[3] + more))),
+            x0=max(self.x0, int(np.floor(box[0] - pad))),
+            y0=max(self.y0, int(np.floor(box[1] - pad))),
+            x1=min(self.x1, int(np.ceil(box[2] + pad))),
+            y1=min(self.y1, int(np.ceil(box[3] + pad))),
         )
 
     def square(self, points: Sequence[Point], side: float) -> Window:
@@ -96,7 +95,7 @@ class Window:
         return Window(x0=x0, y0=y0, x1=x1, y1=y1)
 
     def cells(self, points: Iterable[Point]) -> list[tuple[int, int]]:
-        """Return column and row of the points inside the window."""
+        """Return column and row of the cells of those points that lie inside the window."""
         width, height = self.size
         found = (
             (int(np.floor((x - self.x0) * GRID / width)), int(np.floor((y - self.y0) * GRID / height)))
@@ -120,9 +119,13 @@ class Window:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Finding:
-    """An object in a window: cover [GRID, GRID] in [0, 1], without other parts, and the part of it that it is, bool.
+    """An object in a window.
 
-    agreed: IoU of what two looks found, 1 after one; whole: its share of all that the first found, 1 by clicks.
+    Attributes:
+        cover: [GRID, GRID] in [0, 1], zero on other parts.
+        part: [GRID, GRID] bool, the object's cells.
+        agreed: IoU of two looks' parts, 1 after a single look.
+        whole: its share of all that the first look found; 1 with clicks.
     """
 
     window: Window
@@ -132,22 +135,23 @@ class Finding:
     whole: float = 1.0
 
     def expected(self) -> float:
-        """IoU to expect if the cover of each cell is a probability: of the part and what is beside it."""
+        """Return the expected IoU of the part if the cover of its cells and of those near it are probabilities."""
         near = _grown(self.part, 2 * EDGE_CELLS)
         inside = float(self.cover[self.part].sum())
         return inside / max(float(self.part.sum()) + float(self.cover[near & ~self.part].sum()), 1e-6)
 
     def single(self) -> float:
-        """1 where the part stays one when it is shrunk, less where two pieces hang together by a neck: 1 less the
-        second piece's share of the first."""
+        """Return 1 where the shrunk part stays in one piece, else 1 less the ratio of the second piece to the first."""
         cells = max(1, int(NECK * np.sqrt(self.part.sum())))
         _, sizes = label_parts(~_grown(~np.pad(self.part, 1), cells))
         sizes = np.sort(sizes[1:])
         return 1.0 if len(sizes) < 2 else 1.0 - float(sizes[-2] / sizes[-1])
 
     def border_share(self, photo: Window, is_photos: bool) -> float:
-        """Return the part's cells on the window's sides that are, or are not, the photo's border; over the sides of the
-        part's box."""
+        """Return the number of the part's cells on the window's sides, over the perimeter of its box.
+
+        is_photos: whether the sides that are the photo's border count, or the others.
+        """
         window, part = self.window, self.part
         sides = (
             (window.x0 == photo.x0, part[:, 0]),
@@ -156,10 +160,10 @@ class Finding:
             (window.y1 == photo.y1, part[-1]),
         )
         x0, y0, x1, y1 = object_box(part)
-        return sum(int(side.sum()) for there, side in sides if there == is_photos) / (2 * (x1 - x0 + y1 - y0))
+        return sum(int(side.sum()) for at_border, side in sides if at_border == is_photos) / (2 * (x1 - x0 + y1 - y0))
 
     def mask(self, width: int, height: int) -> np.ndarray:
-        """Return the mask [height, width] float32 of the whole photo, with the network's soft edge."""
+        """Return the mask [height, width] float32 of the whole photo, with the cover's soft edge."""
         soft = np.where(self.part, np.maximum(self.cover, 0.51), np.minimum(self.cover, 0.49))
         soft = np.where(_grown(self.part, EDGE_CELLS), soft, 0.0).astype(np.float32)
         return self._placed(soft, width, height)
@@ -168,8 +172,8 @@ class Finding:
         """Restrict another segmenter's cover [H, W] to this part at full resolution, its small holes filled."""
         height, width = cover.shape
         inner, near = (
-            self._placed(one.astype(np.float32), width, height) > INSIDE
-            for one in (~_grown(~self.part, EDGE_CELLS), _grown(self.part, EDGE_CELLS))
+            self._placed(cells.astype(np.float32), width, height) > INSIDE
+            for cells in (~_grown(~self.part, EDGE_CELLS), _grown(self.part, EDGE_CELLS))
         )
         return np.where(inner & (cover <= INSIDE), 0.51, cover * near).astype(np.float32)
 
@@ -182,8 +186,7 @@ class Finding:
 
 
 def finding_of(cover: np.ndarray, prompts: Prompts) -> Finding | None:
-    """Convert another segmenter's cover [H, W] in [0, 1] to a finding of the clicked parts; None where there is
-    none."""
+    """Convert another segmenter's cover [H, W] in [0, 1] to a finding; None where no part is meant by the prompts."""
     if not (cover > INSIDE).any():
         return None
     photo = Window(x0=0, y0=0, x1=cover.shape[1], y1=cover.shape[0])
@@ -192,14 +195,14 @@ def finding_of(cover: np.ndarray, prompts: Prompts) -> Finding | None:
 
 
 def find_object(network: Network, rgb: np.ndarray, prompts: Prompts) -> Finding | None:
-    """Find the object of a photo [H, W, 3] of display values in [0, 1]; None where nothing is there."""
+    """Find the object of a photo [H, W, 3] of display values in [0, 1]; None where nothing is found."""
     height, width = rgb.shape[:2]
     photo = Window(x0=0, y0=0, x1=width, y1=height)
     start = photo if prompts.box is None else photo.around(prompts.box, MARGIN)
     cover = look(network, rgb, start, prompts)
     found = choose(start, cover, prompts)
     if found is None and prompts.on:
-        found = _beside_clicks(network, rgb, photo, prompts)
+        found = _around_clicks(network, rgb, photo, prompts)
     if found is None and prompts.off:
         found = _cut(rgb, start, cover, prompts)
     return None if found is None else look_closer(network, rgb, found, prompts)
@@ -207,21 +210,21 @@ def find_object(network: Network, rgb: np.ndarray, prompts: Prompts) -> Finding 
 
 def look(network: Network, rgb: np.ndarray, window: Window, prompts: Prompts, mirrored: bool = False) -> np.ndarray:
     """Run the network on a window: cover [GRID, GRID], zero outside the box."""
-    seen = rgb[window.y0 : window.y1, window.x0 : window.x1]
+    crop = rgb[window.y0 : window.y1, window.x0 : window.x1]
     width, _ = window.size
-    turn = (lambda x: width - x) if mirrored else (lambda x: x)
+    mirror = (lambda x: width - x) if mirrored else (lambda x: x)
 
-    def place(points: Iterable[Point]) -> list[Point]:
-        return [(turn(x - window.x0), y - window.y0) for x, y in points]
+    def in_window(points: Iterable[Point]) -> list[Point]:
+        return [(mirror(x - window.x0), y - window.y0) for x, y in points]
 
     corners = None
     if prompts.box is not None:
-        (x0, y0), (x1, y1) = place((prompts.box[:2], prompts.box[2:]))
+        (x0, y0), (x1, y1) = in_window((prompts.box[:2], prompts.box[2:]))
         corners = (min(x0, x1), y0, max(x0, x1), y1)
-    if float(np.ptp(seen)) < BLANK:
+    if float(np.ptp(crop)) < BLANK:
         return np.zeros((GRID, GRID), np.float32)
-    shown = np.ascontiguousarray(seen[:, ::-1]) if mirrored else seen
-    cover = network.cover(shown, place(prompts.on), place(prompts.off), corners)
+    shown = np.ascontiguousarray(crop[:, ::-1]) if mirrored else crop
+    cover = network.cover(shown, in_window(prompts.on), in_window(prompts.off), corners)
     cover = resize(cover[:, ::-1] if mirrored else cover, GRID, GRID)
     return cover if prompts.box is None else cover * window.inside(prompts.box)
 
@@ -229,7 +232,7 @@ def look(network: Network, rgb: np.ndarray, window: Window, prompts: Prompts, mi
 def choose(window: Window, cover: np.ndarray, prompts: Prompts) -> Finding | None:
     """Choose the parts under the clicks, or without clicks the heaviest one.
 
-    None where there is none, or where it holds a click beside the object and no other part can be meant.
+    None where there is none, or where it holds a click beside the object and no other part is heavy enough.
     """
     labels, sizes = label_parts(cover > INSIDE)
     weights = np.bincount(labels.ravel(), weights=cover.ravel(), minlength=len(sizes))
@@ -241,9 +244,9 @@ def choose(window: Window, cover: np.ndarray, prompts: Prompts) -> Finding | Non
         chosen = on if not on & off else set()
     else:
         left = [0.0 if label in off else weight for label, weight in enumerate(weights)]
-        most = int(np.argmax(left))
-        taken = max((weights[label] for label in off), default=0.0)
-        chosen = {most} if left[most] > PART_SHARE * taken else set()
+        heaviest = int(np.argmax(left))
+        excluded = max((weights[label] for label in off), default=0.0)
+        chosen = {heaviest} if left[heaviest] > PART_SHARE * excluded else set()
     if not chosen:
         return None
     part = fill_holes(np.isin(labels, sorted(chosen)))
@@ -258,7 +261,7 @@ def look_closer(network: Network, rgb: np.ndarray, found: Finding, prompts: Prom
     closer = prompts if prompts.box or prompts.on else replace(prompts, box=box)
     again = look(network, rgb, window, closer, mirrored=True)
     cells = _cells_of(window, found.window)
-    before, kept = (resize(one.astype(np.float32), GRID, GRID, cells) for one in (found.cover, found.part))
+    before, kept = (resize(values.astype(np.float32), GRID, GRID, cells) for values in (found.cover, found.part))
     known = Finding(window=window, cover=before, part=kept > INSIDE)
     second = choose(window, again, prompts)
     agreed = 0.0 if second is None else _iou(known.part, second.part)
@@ -266,31 +269,34 @@ def look_closer(network: Network, rgb: np.ndarray, found: Finding, prompts: Prom
     return replace(known if mean is None else mean, agreed=agreed, whole=found.whole)
 
 
-def _beside_clicks(network: Network, rgb: np.ndarray, photo: Window, prompts: Prompts) -> Finding | None:
-    """Return the likeliest object in windows around the clicks that no window's border cuts."""
-    best, most = None, 0.0
+def _around_clicks(network: Network, rgb: np.ndarray, photo: Window, prompts: Prompts) -> Finding | None:
+    """Return the most likely object in windows around the clicks, less likely the more a window's border cuts it."""
+    best, best_score = None, 0.0
     for share in WINDOWS:
         window = photo.square(prompts.on, share * max(photo.size))
         found = choose(window, look(network, rgb, window, prompts), prompts)
         if found is None:
             continue
-        likely = found.expected() * (1.0 - min(1.0, found.border_share(photo, False) / BORDER_TOUCH))
-        if likely > most:
-            best, most = found, likely
-        if most > SURE:
+        score = found.expected() * (1.0 - min(1.0, found.border_share(photo, False) / BORDER_TOUCH))
+        if score > best_score:
+            best, best_score = found, score
+        if best_score > SURE_ENOUGH:
             break
     return best
 
 
 def _cut(rgb: np.ndarray, window: Window, cover: np.ndarray, prompts: Prompts) -> Finding | None:
-    """Cut the part that holds clicks beside the object: drop what is nearer to them than to the clicks on it, along the
-    photo's colours. Without a click on it, the part's cell farthest from them counts as one."""
-    plain = choose(window, cover, replace(prompts, off=()))
-    if plain is None:
+    """Cut the part that holds clicks beside the object: drop cells nearer to these than to the clicks on it.
+
+    Distances grow with changes of the photo's colour. Without a click on the object, the cell farthest from those
+    beside it counts as one.
+    """
+    uncut = choose(window, cover, replace(prompts, off=()))
+    if uncut is None:
         return None
     grid = SPLIT["grid"]
     colors = resize(rgb[window.y0 : window.y1, window.x0 : window.x1], grid, grid)
-    part = resize(plain.part.astype(np.float32), grid, grid) > INSIDE
+    part = resize(uncut.part.astype(np.float32), grid, grid) > INSIDE
     shrink = grid / GRID
     on, off = (
         [(int(column * shrink), int(row * shrink)) for column, row in window.cells(points)]
@@ -301,15 +307,14 @@ def _cut(rgb: np.ndarray, window: Window, cover: np.ndarray, prompts: Prompts) -
         away = np.min([np.hypot(columns - column, rows - row) for column, row in off], axis=0)
         on = [(int(columns[away.argmax()]), int(rows[away.argmax()]))]
     nearer = _distance(colors, part, on) < _distance(colors, part, off)
-    kept = (resize(nearer.astype(np.float32), GRID, GRID) > INSIDE) & plain.part
+    kept = (resize(nearer.astype(np.float32), GRID, GRID) > INSIDE) & uncut.part
     if not kept.any():
         return None
-    return replace(plain, part=kept, cover=np.where(plain.part & ~kept, 0.0, plain.cover))
+    return replace(uncut, part=kept, cover=np.where(uncut.part & ~kept, 0.0, uncut.cover))
 
 
 def _distance(colors: np.ndarray, part: np.ndarray, seeds: Sequence[tuple[int, int]]) -> np.ndarray:
-    """Return the shortest path [h, w] from the seeds within a part, counting steps and changes of colour; infinite
-    outside."""
+    """Return the cost [h, w] of the cheapest path from the seeds within a part, see SPLIT; infinite outside."""
     rows, columns = np.mgrid[0 : part.shape[0], 0 : part.shape[1]]
     near = [np.maximum(abs(columns - column), abs(rows - row)) < SPLIT["click_cells"] for column, row in seeds]
     length = np.where(np.any(near, axis=0) & part, 0.0, np.inf)
@@ -326,14 +331,14 @@ def _distance(colors: np.ndarray, part: np.ndarray, seeds: Sequence[tuple[int, i
             return length
 
 
-def _cells_of(window: Window, of: Window) -> Box:
-    """Return a window in the cells of one that contains it."""
-    width, height = of.size
+def _cells_of(window: Window, outer: Window) -> Box:
+    """Return a window's box in the cells of one that contains it."""
+    width, height = outer.size
     return (
-        (window.x0 - of.x0) * GRID / width,
-        (window.y0 - of.y0) * GRID / height,
-        (window.x1 - of.x0) * GRID / width,
-        (window.y1 - of.y0) * GRID / height,
+        (window.x0 - outer.x0) * GRID / width,
+        (window.y0 - outer.y0) * GRID / height,
+        (window.x1 - outer.x0) * GRID / width,
+        (window.y1 - outer.y0) * GRID / height,
     )
 
 
@@ -343,5 +348,5 @@ def _grown(part: np.ndarray, cells: int) -> np.ndarray:
     return part
 
 
-def _iou(one: np.ndarray, other: np.ndarray) -> float:
-    return float((one & other).sum() / max((one | other).sum(), 1))
+def _iou(a: np.ndarray, b: np.ndarray) -> float:
+    return float((a & b).sum() / max((a | b).sum(), 1))

@@ -1,7 +1,7 @@
-"""Other segmenters in the place of our own network: rembg, networks of the SAM family, anybody's plug-in.
+"""Other segmenters in place of our own networks: rembg, the SAM family, plug-ins.
 
 A plug-in is an entry point of the group `anyprobe.segmenters`: a callable that gets what follows the colon of
-`--segmenter NAME:ARGUMENT`, or "", and returns a Segmenter. What a segmenter needs it downloads or reads itself.
+`--segmenter NAME:ARGUMENT`, or "", and returns a Segmenter. It downloads or reads its own files.
 """
 
 from __future__ import annotations
@@ -25,18 +25,22 @@ GROUP = "anyprobe.segmenters"
 
 
 class Segmenter(Protocol):
-    """Anything that cuts an object out of a photo."""
+    """Anything that segments the object of a photo.
+
+    Attributes:
+        needs_prompt: whether it needs a click or a box; without one it gets the box of what our network finds.
+    """
 
     needs_prompt: bool
-    """Whether it finds nothing without a click or a box; without one it gets the box of our network's proposal."""
 
     def segment(
         self, rgb: np.ndarray, on: Sequence[Point], off: Sequence[Point], box: Sequence[float] | None
     ) -> np.ndarray:
-        """Cover [H, W] in [0, 1] of the object in a photo [H, W, 3] uint8; of several parts, clicks choose afterwards.
+        """Return the cover [H, W] in [0, 1] of the object in a photo [H, W, 3] uint8; clicks choose its parts later.
 
         Args:
-            on, off: clicks x, y on the object and beside it; box: x0, y0, x1, y1 around it; pixels, all optional.
+            on, off: clicks x, y [px] on the object and beside it; may be empty.
+            box: x0, y0, x1, y1 [px] around it; or None.
         """
         ...
 
@@ -46,30 +50,32 @@ SegmenterSource = str | Network | Segmenter
 
 
 def load_segmenter(name: str) -> Network | Segmenter:
-    """Return the segmenter called NAME or NAME:ARGUMENT; u2netp and small are networks that masks.search asks itself.
+    """Load the segmenter NAME or NAME:ARGUMENT; u2netp and small are networks, which masks.search runs on windows.
 
     Raises:
-        InputError: nothing has that name. MissingExtra: its package is not installed. ModelError: its files are absent.
+        InputError: no segmenter has that name. MissingExtra: its package is absent. ModelError: its files are absent.
     """
     name, _, argument = name.partition(":")
     if name in OWN:
         return OWN[name](argument)
-    found = {one.name: one for one in entry_points(group=GROUP)}
+    found = {entry.name: entry for entry in entry_points(group=GROUP)}
     if name not in found:
         known = ", ".join(sorted({*OWN, *found}))
         raise InputError(
-            f"expected one of {known}, got {name!r}; install the package that brings it", subject="segmenter"
+            f"expected one of {known}, got {name!r}; install the package that provides it", subject="segmenter"
         )
     try:
         return found[name].load()(argument)
     except AnyprobeError:
         raise
     except Exception as error:  # a plug-in may raise whatever it likes
-        raise ModelError(f"segmenter {name}: could not be loaded ({error}); see its own documentation") from error
+        raise ModelError(
+            f"could not be loaded ({error}); see its own documentation", subject="segmenter", source=name
+        ) from error
 
 
 class Rembg:
-    """A session of rembg (Gatis), by default U2-Net; its weights come from its own store at the first use."""
+    """A session of rembg (Gatis), by default with U2-Net; rembg downloads its weights at the first use."""
 
     needs_prompt = False
 
@@ -77,40 +83,42 @@ class Rembg:
         try:
             import rembg
             from rembg.sessions import sessions_class
-        except ImportError as error:  # a package that only brings weights may have the name
+        except ImportError as error:  # a package that only holds weights may have the name
             raise MissingExtra("rembg", "rembg", "--segmenter rembg", error) from error
 
         model = model or "u2net"
-        known = {one.name(): one for one in sessions_class if one.is_local()}
+        known = {session.name() for session in sessions_class if session.is_local()}
         if model not in known:
             raise InputError(
-                f"segmenter rembg: expected a model that runs here, got {model!r}; try u2net or isnet-general-use"
+                f"expected a model that runs here, got {model!r}; try u2net or isnet-general-use",
+                subject="segmenter",
+                source="rembg",
             )
         try:
             self._session = rembg.new_session(model)
         except Exception as error:  # downloads fail in many ways
             raise ModelError(
-                f"segmenter rembg: {model} could not be loaded ({error}); see rembg's documentation"
+                f"{model} could not be loaded ({error}); see rembg's documentation", subject="segmenter", source="rembg"
             ) from error
 
     def segment(
         self, rgb: np.ndarray, on: Sequence[Point], off: Sequence[Point], box: Sequence[float] | None
     ) -> np.ndarray:
-        """Return the cover of the salient object: within the box and a margin, if there is a box."""
+        """Return the cover of the salient object; within the box and a margin, if there is a box."""
         height, width = rgb.shape[:2]
         photo = Window(x0=0, y0=0, x1=width, y1=height)
-        seen = photo if box is None else photo.around((box[0], box[1], box[2], box[3]), MARGIN)
+        window = photo if box is None else photo.around((box[0], box[1], box[2], box[3]), MARGIN)
         found = np.zeros((height, width), np.float32)
-        area = slice(seen.y0, seen.y1), slice(seen.x0, seen.x1)
+        area = slice(window.y0, window.y1), slice(window.x0, window.x1)
         (mask, *_) = self._session.predict(Image.fromarray(rgb[area]))
         found[area] = np.asarray(mask.convert("L"), np.float32) / 255.0
         return found
 
 
 class Sam:
-    """An encoder and a decoder of the SAM family as ONNX files: SAM and MobileSAM, or SAM 2, which has finer features.
+    """Encoder and decoder of the SAM family as ONNX files: SAM, MobileSAM, or SAM 2, which adds finer features.
 
-    The files are those that the models' own export scripts and samexporter write (see docs/how-to/masks.md).
+    The files are as the models' own export scripts or samexporter write them (see docs/how-to/masks.md).
     """
 
     needs_prompt = True
@@ -119,11 +127,15 @@ class Sam:
 
     def __init__(self, folder: str) -> None:
         if not folder:
-            raise InputError("segmenter sam: expected sam:FOLDER with *encoder*.onnx and *decoder*.onnx, got no folder")
+            raise InputError(
+                "expected sam:FOLDER with *encoder*.onnx and *decoder*.onnx, got no folder",
+                subject="segmenter",
+                source="sam",
+            )
         self._encoder, self._decoder = (self._open(Path(folder), part) for part in ("encoder", "decoder"))
         self._input = self._encoder.get_inputs()[0]
-        self._wanted = [one.name for one in self._decoder.get_inputs()]
-        self._second = "high_res_feats_0" in self._wanted
+        self._wanted = [node.name for node in self._decoder.get_inputs()]
+        self._is_sam2 = "high_res_feats_0" in self._wanted
 
     @staticmethod
     def _open(folder: Path, part: str):
@@ -137,9 +149,9 @@ class Sam:
     def segment(
         self, rgb: np.ndarray, on: Sequence[Point], off: Sequence[Point], box: Sequence[float] | None
     ) -> np.ndarray:
-        """Return the likeliest of the masks that the decoder offers for these prompts."""
+        """Return the mask that the decoder rates highest among those for these prompts."""
         height, width = rgb.shape[:2]
-        size = (self.SIDE, self.SIDE) if self._second else _fitted(width, height, self.SIDE)
+        size = (self.SIDE, self.SIDE) if self._is_sam2 else _fitted(width, height, self.SIDE)
         features = self._encode(np.asarray(Image.fromarray(rgb).resize(size, Image.Resampling.BILINEAR)))
         points, labels = _as_points(on, off, box)
         prompts = {
@@ -153,11 +165,13 @@ class Sam:
         missing = [name for name in self._wanted if name not in available]
         if missing:
             raise ModelError(
-                f"segmenter sam: expected a decoder of SAM, MobileSAM or SAM 2, got one that wants {missing[0]}"
+                f"expected a decoder of SAM, MobileSAM or SAM 2, got one with an input {missing[0]}; export it again",
+                subject="segmenter",
+                source="sam",
             )
         answer = dict(
             zip(
-                [one.name for one in self._decoder.get_outputs()],
+                [node.name for node in self._decoder.get_outputs()],
                 self._decoder.run(None, {name: available[name] for name in self._wanted}),
                 strict=True,
             )
@@ -167,20 +181,20 @@ class Sam:
         return self._enlarged(odds, size, width, height)
 
     def _encode(self, picture: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the decoder's inputs for a picture [h, w, 3] uint8."""
+        """Return the encoder's features of a picture [h, w, 3] uint8, by names of the decoder's inputs."""
         if len(self._input.shape) == 3:  # it normalises and pads by itself
-            fed = picture.astype(np.float32)
+            tensor = picture.astype(np.float32)
         else:
-            fed = np.zeros((1, 3, self.SIDE, self.SIDE), np.float32)
+            tensor = np.zeros((1, 3, self.SIDE, self.SIDE), np.float32)
             scaled = (picture / 255.0 - self.MEAN) / self.SPREAD
-            fed[0, :, : picture.shape[0], : picture.shape[1]] = scaled.transpose(2, 0, 1)
-        outputs = self._encoder.run(None, {self._input.name: fed})
-        if not self._second:
+            tensor[0, :, : picture.shape[0], : picture.shape[1]] = scaled.transpose(2, 0, 1)
+        outputs = self._encoder.run(None, {self._input.name: tensor})
+        if not self._is_sam2:
             return {"image_embeddings": outputs[0]}
         return dict(zip(("high_res_feats_0", "high_res_feats_1", "image_embed"), outputs[:3], strict=True))
 
     def _enlarged(self, odds: np.ndarray, size: tuple[int, int], width: int, height: int) -> np.ndarray:
-        """Log-odds of the square, or of the photo, as cover [height, width]."""
+        """Convert log-odds of the network's square, or of the photo, to a cover [height, width]."""
         if odds.shape != (height, width):
             scale = odds.shape[0] / self.SIDE
             shown = odds[: max(1, round(size[1] * scale)), : max(1, round(size[0] * scale))]
@@ -189,14 +203,16 @@ class Sam:
 
 
 def _fitted(width: int, height: int, side: int) -> tuple[int, int]:
-    """Width and height with the longer side `side`."""
+    """Return width and height scaled to a longer side of `side`."""
     scale = side / max(width, height)
     return int(width * scale + 0.5), int(height * scale + 0.5)
 
 
 def _as_points(on, off, box) -> tuple[np.ndarray, np.ndarray]:
-    """Prompts as SAM takes them: points [N, 2] in the photo's pixels, labels [N]: 1 on, 0 off, 2 and 3 a box's corners;
-    without a box one point of label -1, which counts for nothing."""
+    """Convert prompts to SAM's points [N, 2] in the photo's pixels and labels [N].
+
+    Labels are 1 on the object, 0 beside it, 2 and 3 for a box's corners; without a box a point of label -1 is added.
+    """
     points = [*on, *off]
     labels = [1.0] * len(on) + [0.0] * len(off)
     if box is None:
@@ -207,4 +223,4 @@ def _as_points(on, off, box) -> tuple[np.ndarray, np.ndarray]:
 
 
 OWN = {"u2netp": U2NetP, "small": SmallNetwork, "rembg": Rembg, "sam": Sam}
-"""Segmenters that come with the package."""
+"""Segmenters of this package, by name."""

@@ -1,4 +1,4 @@
-"""Masks that come ready made: the photo's alpha channel, a picture, somebody else's segmenter."""
+"""Ready-made masks: the photo's alpha channel, a picture, the caller's own function."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ MaskFunction = Callable[[np.ndarray], np.ndarray]
 MaskSource = MaskPicture | MaskFunction
 
 CUT_AWAY = contract("mask")["alpha_cuts_at"]
-"""Alpha up to which a pixel is no part of the object."""
+"""Largest alpha of a pixel that is not the object's."""
 
 BLACK, WHITE = contract("mask")["file"]["black"], contract("mask")["file"]["white"]
-"""Brightness of a mask file up to which a pixel is not the object's, and from which on it is."""
+"""Largest brightness in a mask file that counts as 0, and smallest that counts as 1."""
 
 STRIP_ROWS = 256
-"""Rows of a large picture that are processed at once."""
+"""Number of rows of a large picture that are processed at once."""
 
 
 def mask_from_alpha(alpha: np.ndarray | None) -> np.ndarray | None:
-    """Return a picture's own transparency [H, W] as the mask; None where it cuts nothing away.
+    """Return a picture's alpha channel [H, W] as the mask; None where it is absent or marks no object.
 
-    Alpha that is the same everywhere tells no object, nor does one that is above one half everywhere:
-    renders and editors write 0.9995 or 254 of 255 into opaque pictures.
+    Alpha that is constant, or above CUT_AWAY everywhere, marks no object: renderers and editors write 0.9995, or 254 of
+    255, into opaque pictures.
     """
     if alpha is None or not alpha.min() <= CUT_AWAY or alpha.min() == alpha.max():
         return None
@@ -45,11 +45,11 @@ def mask_from_alpha(alpha: np.ndarray | None) -> np.ndarray | None:
 
 
 def mask_from_file(source: MaskPicture, shape: tuple[int, int]) -> np.ndarray:
-    """Return a picture of the mask, white on the object.
+    """Read a picture of the mask, white on the object.
 
-    Its alpha channel counts if it has one that cuts something away, else its brightness. The outer tenths of the range
-    are flattened, which removes the noise of JPEG around black and white and keeps soft edges, with the half level in
-    place. An .exr's luminance and an array of floats are the mask as they are: they have no such noise.
+    The mask is its alpha channel if that marks an object, else its brightness. The outer tenths of the range are
+    flattened, which removes JPEG noise around black and white and keeps soft edges centred at one half. An .exr's
+    luminance and an array of floats have no such noise and are used unchanged.
 
     Args:
         source: anything read_image takes, or a boolean or 0/1 array.
@@ -90,7 +90,7 @@ def _read(source: MaskPicture) -> tuple[np.ndarray, np.ndarray | None, str]:
 
 
 def _brightness(rgb: np.ndarray) -> np.ndarray:
-    """[H, W] of display values [H, W, 3], the outer tenths flattened; a few rows at a time, as photos are large."""
+    """Return the brightness [H, W] of display values [H, W, 3], its outer tenths flattened; a few rows at a time."""
     brightness = np.empty(rgb.shape[:2], np.float32)
     for top in range(0, len(rgb), STRIP_ROWS):
         rows = slice(top, top + STRIP_ROWS)
@@ -99,7 +99,7 @@ def _brightness(rgb: np.ndarray) -> np.ndarray:
 
 
 def _read_exr(source: str | os.PathLike[str] | bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
-    """Luminance as stored, and alpha or None, both [H, W] in [0, 1]."""
+    """Read luminance as stored, and alpha or None, both [H, W] in [0, 1]."""
     data = bytes(source) if isinstance(source, (bytearray, memoryview)) else source
     values = read_exr(data, name, InvalidPhoto, MAX_PIXELS)
     if not np.isfinite(values).all():
@@ -109,7 +109,7 @@ def _read_exr(source: str | os.PathLike[str] | bytes, name: str) -> tuple[np.nda
 
 
 def _is_exr(source: MaskPicture) -> TypeGuard[str | os.PathLike[str] | bytes]:
-    """Return whether the first bytes are an .exr's; a file that cannot be opened is read_image's to refuse."""
+    """Return whether a source begins as an .exr; False for a file that cannot be opened, which read_image refuses."""
     if isinstance(source, (bytes, bytearray, memoryview)):
         return bytes(source[: len(EXR_MAGIC)]) == EXR_MAGIC
     if not isinstance(source, (str, os.PathLike)):
@@ -126,7 +126,7 @@ def mask_from_function(segment: MaskFunction, rgb: np.ndarray) -> np.ndarray:
 
     Args:
         segment: gets the upright photo [H, W, 3] uint8 and returns its mask [H, W]: bool, 0/1,
-            uint8, or float in [0, 1]; axes of length 1 around it do not matter.
+            uint8, or float in [0, 1]; axes of length 1 are dropped.
         rgb: [H, W, 3] display values in [0, 1].
     """
     answer = segment(to_bytes(rgb))
@@ -147,7 +147,7 @@ def mask_from_function(segment: MaskFunction, rgb: np.ndarray) -> np.ndarray:
 
 
 def _is_mask_array(values: np.ndarray) -> bool:
-    """Return whether numbers are those of a mask; what is no picture at all is read_image's to refuse."""
+    """Return whether an array's type and range are those of a mask; True for types that read_image refuses."""
     if values.size == 0 or values.dtype in (np.uint8, np.uint16) or values.dtype.kind not in "uif":
         return True
     return values.dtype.kind == "f" and not (np.nanmin(values) < 0 or np.nanmax(values) > 1)

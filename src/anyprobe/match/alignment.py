@@ -20,6 +20,7 @@ from anyprobe.core.latlong import bilinear, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.match.library import FEATURE_ROWS, Library, features_of
+from anyprobe.pictures.resampling import resample
 
 PITCHES_DEG = tuple(range(-15, 76, 10))
 """Camera pitches [degrees], downwards, that are tried."""
@@ -50,13 +51,13 @@ class Match:
     distance: float
 
 
-def find_match(radiance: np.ndarray, confidence: np.ndarray | None, library: Library, rank: int = 0) -> Match:
-    """Find the candidate of a library that is ranked `rank` (modulo their number) for an estimate; 0 is the best.
+def find_match(radiance: np.ndarray, confidence: np.ndarray | None, library: Library) -> Match:
+    """Find the best candidate of a library for an estimate.
 
     Args:
         radiance: [H, 2H, 3]; confidence: [H, 2H] in [0, 1] or None.
     """
-    return find_matches(radiance, confidence, library, rank)[0]
+    return find_matches(radiance, confidence, library, rank=0)[0]
 
 
 def find_matches(
@@ -198,7 +199,7 @@ def hold_match(
     if held is not None and _apart(features, held.features) < MOVED:
         return held
     match = find_match(radiance, confidence, library)
-    turn, gain = (np.ascontiguousarray(one) for one in (match.candidate_from_estimate, match.ln_gain))
+    turn, gain = (np.ascontiguousarray(values) for values in (match.candidate_from_estimate, match.ln_gain))
     # in the memory order of an array read from a file, so that sums agree to the last bit
     match = replace(match, candidate_from_estimate=turn, ln_gain=gain)
     return HeldMatch(match=match, features=np.ascontiguousarray(features))
@@ -210,8 +211,9 @@ def exposed_match(held: HeldMatch, radiance: np.ndarray) -> Match:
     return replace(held.match, ln_gain=held.match.ln_gain + shift)
 
 
-def _apart(one: np.ndarray, other: np.ndarray) -> float:
-    difference = one - other
+def _apart(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the root mean square difference of features, apart from exposure and white balance."""
+    difference = a - b
     return float(np.sqrt(_mean((difference - _mean(difference)) ** 2).mean()))
 
 
@@ -220,8 +222,8 @@ def _mean(values: np.ndarray) -> np.ndarray:
     return (values * pixel_solid_angles(FEATURE_ROWS)[..., None]).sum(axis=(0, 1)) / (4 * np.pi)
 
 
-FINE = 1.0
-"""Smallest number of the shrunk photo's pixels per pixel of the map."""
+PHOTO_DENSITY = 1.0
+"""Number of the shrunk photo's pixels per pixel of the map."""
 EDGE = 0.04
 """Width of the fade-out at the photo's border, as a share of its shorter side."""
 GROW = 0.015
@@ -245,9 +247,9 @@ def seen_in_photo(
     """
     height, width = mask.shape
     focal = max(height, width) / 2 / np.tan(np.radians(long_fov_deg) / 2)
-    scale = min(1.0, FINE * rows / np.pi / focal)
+    scale = min(1.0, PHOTO_DENSITY * rows / np.pi / focal)
     size = (max(2, round(width * scale)), max(2, round(height * scale)))
-    colors = np.dstack([_resized((rgb if radiance is None else radiance)[..., k], size) for k in range(3)])
+    colors = resample(rgb if radiance is None else radiance, size)
     if radiance is not None:
         colors = np.where(colors > 1, colors, response(np.maximum(colors, 0.0)))
     picture = np.dstack([colors, _beside(mask, size)])
@@ -265,14 +267,9 @@ def seen_in_photo(
     return found if radiance is None else np.concatenate([found, found[..., 3:]], axis=-1)
 
 
-def _resized(plane: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    image = Image.fromarray(np.ascontiguousarray(plane, np.float32))
-    return np.asarray(image.resize(size, Image.Resampling.BOX))
-
-
 def _beside(mask: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     """Return 1 away from the object, 0 on it and close to it."""
-    plane = Image.fromarray(np.round(255 * np.clip(_resized(mask, size), 0, 1)).astype(np.uint8))
+    plane = Image.fromarray(np.round(255 * np.clip(resample(mask[..., None], size)[..., 0], 0, 1)).astype(np.uint8))
     reach = max(1, round(GROW * max(size)))
     grown = plane.filter(ImageFilter.MaxFilter(4 * reach + 1)).filter(ImageFilter.GaussianBlur(reach))
     return 1.0 - np.asarray(grown, np.float32) / 255.0

@@ -32,8 +32,11 @@ FAINT_SEEN = 0.05
 class Background:
     """Radiance of a photo beside its object.
 
-    B unit directions [B, 3] in the camera's frame, linear radiance [B, 3], which are clipped [B], and weights [B] that
-    sum to 1.
+    Attributes:
+        d: [B, 3] unit directions in the camera's frame.
+        radiance: [B, 3], linear.
+        clipped: [B], whether the pixel is clipped.
+        share: [B], weights that sum to 1.
     """
 
     d: np.ndarray
@@ -56,7 +59,7 @@ class Background:
         if share.sum() < LEAST_SEEN:
             return None
         drawn = bilinear(light, direction_to_uv(self.d @ map_from_camera.T))
-        own, theirs = (np.log(luminance(one) + 1e-3) for one in (self.radiance, drawn))
+        own, theirs = (np.log(luminance(values) + 1e-3) for values in (self.radiance, drawn))
         return float(np.exp(share @ (own - theirs) / share.sum()))
 
     def _cost(self, drawn: np.ndarray) -> np.ndarray:
@@ -85,7 +88,7 @@ def background_of(
     if len(at[0]) < LEAST_PIXELS:
         return None
     chosen = np.random.default_rng(0).permutation(len(at[0]))[:MOST_PIXELS]
-    row, column = (one[chosen] for one in at)
+    row, column = (axis[chosen] for axis in at)
     known = small[row, column]
     is_clipped = known[:, 3:6].max(axis=-1) > 0.5 * known[:, 6]
     share = known[:, 6] * pixel_solid_angles(rows)[row, 0] * np.where(is_clipped, CLIPPED_WEIGHT, 1.0)

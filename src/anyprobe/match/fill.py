@@ -8,7 +8,8 @@ and the horizon. Coarse levels compare with all patches, finer ones with those a
 from __future__ import annotations
 
 import numpy as np
-from PIL import Image
+
+from anyprobe.pictures.resampling import resample
 
 PATCH = 3
 """Pixels from a patch's centre to its sides."""
@@ -25,6 +26,7 @@ ROW_PRICE = 6.0
 FLOOR = 0.02
 """Radiance added before its logarithm."""
 NEIGHBORS = ((0, 0), (0, 2), (0, -2), (2, 0), (-2, 0))
+"""Rows down and columns across to the pixels whose matches are tried."""
 
 
 def fill_hole(radiance: np.ndarray, hole: np.ndarray) -> np.ndarray:
@@ -36,15 +38,15 @@ def fill_hole(radiance: np.ndarray, hole: np.ndarray) -> np.ndarray:
     filled = np.zeros(0)
     source = np.zeros((0, 2))
     for level, (width, height) in enumerate(sizes):
-        cover = _scaled((~hole).astype(np.float32)[..., None], (width, height))
+        cover = resample((~hole).astype(np.float32)[..., None], (width, height))
         known = cover[..., 0] > 0.999
         if not known.any():
             known = cover[..., 0] >= cover.max()
-        own = _scaled(ln * ~hole[..., None], (width, height)) / np.maximum(cover, 1e-3)
+        own = resample(ln * ~hole[..., None], (width, height)) / np.maximum(cover, 1e-3)
         if level == 0:
             filled = np.where(known[..., None], own, _smooth(own, known))
         else:
-            filled = np.where(known[..., None], own, _scaled(filled, (width, height), smooth=True))
+            filled = np.where(known[..., None], own, resample(filled, (width, height), smooth=True))
         filled, source = _level(filled, known, source)
     return np.where(hole[..., None], np.maximum(np.exp(filled) - FLOOR, 0.0), radiance).astype(np.float32)
 
@@ -73,15 +75,15 @@ def _level(filled: np.ndarray, known: np.ndarray, source: np.ndarray) -> tuple[n
         rows = np.clip((at[:, 0] + 0.5) / height * len(source), 0, len(source) - 1).astype(int)
         columns = np.clip((at[:, 1] + 0.5) / width * source.shape[1], 0, source.shape[1] - 1).astype(int)
         shift = source[rows, columns] * (height, width)
-        from_ = np.clip(np.round(shift + at), 0, (height - 1, width - 1)).astype(int)
+        matched = np.clip(np.round(shift + at), 0, (height - 1, width - 1)).astype(int)
     for _ in range(ROUNDS if is_coarse else 1):
         if is_coarse:
-            from_ = seen[_nearest(_patches(filled, at), _patches(filled, seen), at[:, 0] * place, seen[:, 0] * place)]
+            matched = seen[_nearest(_patches(filled, at), _patches(filled, seen), at[:, 0] * place, seen[:, 0] * place)]
         else:
-            from_ = _searched(filled, at, from_, whole, place)
-        filled = _voted(filled, known, at, from_)
+            matched = _searched(filled, at, matched, whole, place)
+        filled = _voted(filled, known, at, matched)
     shifts = np.zeros((height, width, 2), np.float32)
-    shifts[near] = (from_ - at) / (height, width)
+    shifts[near] = (matched - at) / (height, width)
     return filled, shifts
 
 
@@ -102,33 +104,33 @@ def _nearest(wanted: np.ndarray, seen: np.ndarray, row: np.ndarray, seen_row: np
     return np.concatenate(found)
 
 
-def _searched(filled: np.ndarray, at: np.ndarray, from_: np.ndarray, whole: np.ndarray, place: float) -> np.ndarray:
+def _searched(filled: np.ndarray, at: np.ndarray, matched: np.ndarray, whole: np.ndarray, place: float) -> np.ndarray:
     """Improve matches by patches that continue the neighbours' [P, 2]."""
     height, width = whole.shape
     wanted = _patches(filled, at)
     shift = np.zeros((height, width, 2), int)
-    shift[at[:, 0], at[:, 1]] = from_ - at
-    has = np.zeros((height, width), bool)
-    has[at[:, 0], at[:, 1]] = True
-    best, cost = from_, np.full(len(at), np.inf, np.float32)
+    shift[at[:, 0], at[:, 1]] = matched - at
+    has_match = np.zeros((height, width), bool)
+    has_match[at[:, 0], at[:, 1]] = True
+    best, cost = matched, np.full(len(at), np.inf, np.float32)
     for down, across in NEIGHBORS:
         row = np.clip(at[:, 0] + down, 0, height - 1)
         column = np.clip(at[:, 1] + across, 0, width - 1)
         tried = np.clip(at + shift[row, column], 0, (height - 1, width - 1))
-        ok = has[row, column] & whole[tried[:, 0], tried[:, 1]]
+        is_valid = has_match[row, column] & whole[tried[:, 0], tried[:, 1]]
         price = ((_patches(filled, tried) - wanted) ** 2).sum(axis=1) + ((tried[:, 0] - at[:, 0]) * place) ** 2
-        better = ok & (price < cost)
+        better = is_valid & (price < cost)
         best = np.where(better[:, None], tried, best)
         cost = np.where(better, price, cost)
     return best
 
 
-def _voted(filled: np.ndarray, known: np.ndarray, at: np.ndarray, from_: np.ndarray) -> np.ndarray:
+def _voted(filled: np.ndarray, known: np.ndarray, at: np.ndarray, matched: np.ndarray) -> np.ndarray:
     """Average, for each pixel of the hole, its value in all patches that cover it."""
     height, width = known.shape
     wide = width + 2 * PATCH
     flat = np.pad(filled, ((PATCH, PATCH), (PATCH, PATCH), (0, 0)), mode="edge").reshape(-1, 3)
-    target, source = ((one + PATCH) @ (wide, 1) for one in (at, from_))
+    target, source = ((pixels + PATCH) @ (wide, 1) for pixels in (at, matched))
     sums = np.zeros((len(flat), 4), np.float32)
     for down in range(-PATCH, PATCH + 1):
         for across in range(-PATCH, PATCH + 1):
@@ -157,19 +159,9 @@ def _smooth(own: np.ndarray, known: np.ndarray) -> np.ndarray:
     reach = 1
     while left.max() > 1e-3 and reach < 4 * max(height, width):
         size = (max(1, width // reach), max(1, height // reach))
-        mean = _scaled(_scaled(np.dstack([layer, share]), size), (width, height), smooth=True)
+        mean = resample(resample(np.dstack([layer, share]), size), (width, height), smooth=True)
         trust = np.clip(mean[..., 3:] * 2, 0, 1) * left
         result += trust * mean[..., :3] / np.maximum(mean[..., 3:], 1e-6)
         left = left - trust
         reach *= 2
     return result
-
-
-def _scaled(picture: np.ndarray, size: tuple[int, int], *, smooth: bool = False) -> np.ndarray:
-    """Resize [H, W, C] to (width, height): means over areas, or interpolated."""
-    way = Image.Resampling.BILINEAR if smooth else Image.Resampling.BOX
-    planes = [
-        np.asarray(Image.fromarray(np.ascontiguousarray(picture[..., k], np.float32)).resize(size, way))
-        for k in range(picture.shape[-1])
-    ]
-    return np.stack(planes, axis=-1)

@@ -59,8 +59,10 @@ class Entry(NamedTuple):
 class MapSource:
     """A file in a library's folder.
 
-    stamp: path within the folder, bytes and time of change; digest: SHA-256 of its bytes, empty if unreadable; fault:
-    why it is not in the library, or empty.
+    Attributes:
+        stamp: path within the folder, size [bytes] and time of change [ns].
+        digest: SHA-256 of its bytes; empty if it cannot be read.
+        fault: why it is not in the library; or empty.
     """
 
     stamp: tuple[str, int, int]
@@ -72,11 +74,18 @@ class MapSource:
 class Library:
     """Candidates for the detail of a map.
 
-    path: the file. names [N]; features [N, 16, 32, 4] float32, see features_of; richness [N], see richness_of.
-    lights [N, 32, 64, 3] float32 and levels [N], see likeness.light_of; files: paths of the maps within the folder, N
-    of them, or none for the bundled library; digests of their bytes; faults: a line for each file that could not be
-    read.
-    data: all bytes of the file, where it cannot be written; unkept: a line that says so.
+    Attributes:
+        path: the library's own file.
+        names: [N].
+        features: [N, 16, 32, 4] float32, see features_of.
+        richness: [N], see richness_of.
+        lights, levels: [N, 32, 64, 3] float32 and [N], see likeness.light_of.
+        files: paths of the N maps; none for the bundled library.
+        relative: the same within the folder.
+        digests: SHA-256 of their bytes.
+        faults: a line for each file that could not be read.
+        data: all bytes of the library's file, where that cannot be written.
+        unkept: a warning that it cannot be written; or empty.
     """
 
     path: Path
@@ -129,7 +138,7 @@ def encode(radiance: np.ndarray, name: str = "map") -> bytes:
     bright = luminance(small)
     floor = DARKEST * float((bright * weights).sum() / (4 * np.pi))
     if not 0 < floor < np.inf:
-        raise InputError("expected light, got a black map; take it out of the library", source=name)
+        raise InputError("expected a map with light, got a black one; remove it from the library", source=name)
     mean = np.exp(float((np.log(np.maximum(bright, floor)) * weights).sum() / (4 * np.pi)))
     power = np.maximum(small / np.float32(mean), DARKEST) ** EXPONENT
     stream = io.BytesIO()
@@ -161,7 +170,7 @@ def decode() -> np.ndarray:
 def entry_of(name: str, radiance: np.ndarray, digest: str = "") -> Entry:
     """Build the library's entry of a map [H, 2H, 3]; InputError if it has fewer rows than are compared."""
     if len(radiance) < MATCH_ROWS:
-        raise InputError(f"expected at least {MATCH_ROWS} rows, got {len(radiance)}; take a larger one", source=name)
+        raise InputError(f"expected at least {MATCH_ROWS} rows, got {len(radiance)}; use a larger map", source=name)
     light, level = light_of(radiance)
     return Entry(name, encode(radiance, name), light.astype(np.float16), level, digest)
 
@@ -192,17 +201,17 @@ def pack_library(
     levels: list[float] = []
     digests: list[str] = []
     with zipfile.ZipFile(target, "w") as file:
-        for given in entries:
-            one = Entry(*given)
-            _put(file, f"{len(names)}.jpg", one.picture)
-            codes = codes_of(one.picture)
-            names.append(one.name)
+        for fields in entries:
+            entry = Entry(*fields)
+            _put(file, f"{len(names)}.jpg", entry.picture)
+            codes = codes_of(entry.picture)
+            names.append(entry.name)
             features.append(features_of(decode()[codes]).astype(np.float16))
             richness.append(round(richness_of(codes / np.float32(255)), 4))
-            if one.light is not None:
-                lights.append(one.light)
-            levels.append(one.level)
-            digests.append(one.digest)
+            if entry.light is not None:
+                lights.append(entry.light)
+            levels.append(entry.level)
+            digests.append(entry.digest)
         if not names:
             raise InputError("expected at least one map, got none; check the folder", subject="library")
         _put_array(file, "features.npy", np.stack(features))
@@ -210,7 +219,7 @@ def pack_library(
             _put_array(file, "lights.npy", np.stack(lights))
         index = {
             **{"version": _VERSION, "names": names, "richness": richness, "levels": levels, "digests": digests},
-            "sources": [[list(one.stamp), one.digest, one.fault] for one in sources or []],
+            "sources": [[list(source.stamp), source.digest, source.fault] for source in sources or []],
         }
         _put(file, "index.json", json.dumps(index).encode())
 
@@ -256,13 +265,13 @@ def read_library(path: Path, stored: Path | io.BytesIO) -> Library:
         index = json.loads(file.read("index.json"))
         if index["version"] not in (_VERSION, OWN_VERSION):
             raise InputError(
-                f"expected a library of version {_VERSION}, got {index['version']}; make it anew", source=path
+                f"expected a library of version {_VERSION}, got {index['version']}; build it again", source=path
             )
         features = np.load(io.BytesIO(file.read("features.npy"))).astype(np.float32)
         count, lights = len(index["names"]), lights_in(file)
         if lights is None:  # from the pictures, whose light sources are cut off
             pictures = (file.read(f"{number}.jpg") for number in range(count))
-            lights = np.stack([light_of(decode()[codes_of(one)])[0] for one in pictures])
+            lights = np.stack([light_of(decode()[codes_of(picture)])[0] for picture in pictures])
     sources = index.get("sources", ())
     return Library(
         path=path,
@@ -282,7 +291,7 @@ def _picture(stored: str | bytes, index: int, digest: str) -> np.ndarray:
     with zipfile.ZipFile(stored if isinstance(stored, str) else io.BytesIO(stored)) as file:
         if digest and json.loads(file.read("index.json"))["digests"][index : index + 1] != [digest]:
             raise InputError(
-                "expected the library as it was opened, got one written anew; open it again", source=stored
+                "expected the library as it was opened, got one rewritten since; open it again", source=stored
             )
         codes = codes_of(file.read(f"{index}.jpg"))
     codes.setflags(write=False)

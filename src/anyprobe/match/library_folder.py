@@ -56,8 +56,9 @@ def open_library(folder: str | Path | None = None) -> Library:
         try:
             return _opened(folder, 0)
         except (KeyError, ValueError, zipfile.BadZipFile) as error:
-            expected = "expected a folder of .exr or .hdr maps, got a ZIP archive; unpack it"
-            raise InputError(f"{expected}", source=folder) from error
+            raise InputError(
+                "expected a folder of .exr or .hdr maps, got a ZIP archive; unpack it", source=folder
+            ) from error
     if not folder.is_dir():
         raise InputError("no such folder; name one of .exr or .hdr maps", source=folder)
     stamps = _stamps(folder)
@@ -75,15 +76,15 @@ def open_library(folder: str | Path | None = None) -> Library:
         found = _in_memory(path, folder, tuple(stamps))
     with suppress(OSError):
         os.utime(path, ns=(time.time_ns(), path.stat().st_mtime_ns))  # for _make_room
-    return replace(found, files=tuple(folder / one for one in found.relative))
+    return replace(found, files=tuple(folder / path for path in found.relative))
 
 
 def _stamps(folder: Path) -> list[tuple[str, int, int]]:
     """Return name, size and time of all maps in a folder and its subfolders, without hidden ones."""
     found: list[Path] = []
     for place, folders, names in os.walk(folder):
-        folders[:] = sorted(one for one in folders if not one.startswith("."))
-        found += [Path(place, one) for one in names if one.lower().endswith(_SUFFIXES) and not one.startswith(".")]
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        found += [Path(place, name) for name in names if name.lower().endswith(_SUFFIXES) and not name.startswith(".")]
         if len(found) > MOST_MAPS:
             raise InputError(f"expected at most {MOST_MAPS} maps, got more; name a folder within it", source=folder)
     stamps = []
@@ -149,9 +150,11 @@ def _entries_beside(
         sources.append(MapSource(stamp=stamp, digest=digest, fault=fault))
         if entry is not None:
             yield entry
-    faulty = [one.fault for one in sources if one.fault]
-    if len(faulty) == len(sources):
-        raise InputError(faulty[0] if faulty else f"{folder}: no .exr or .hdr maps in this folder; check the path")
+    faults = [source.fault for source in sources if source.fault]
+    if len(faults) == len(sources) > 0:
+        raise InputError(faults[0])
+    if not sources:
+        raise InputError("expected .exr or .hdr maps in the folder, got none; check the path", source=folder)
 
 
 def _digest(path: Path) -> str:
@@ -169,8 +172,8 @@ def check_unchanged(library: Library, index: int) -> None:
 
 def _make_room(path: Path) -> None:
     """Delete the least recently used libraries of the cache, but not this one."""
-    others = [one for one in path.parent.glob("*.zip") if one != path]
-    for old in sorted(others, key=lambda one: one.stat().st_atime)[: -(MOST_LIBRARIES - 1)]:
+    others = [other for other in path.parent.glob("*.zip") if other != path]
+    for old in sorted(others, key=lambda other: other.stat().st_atime)[: -(MOST_LIBRARIES - 1)]:
         old.unlink(missing_ok=True)
 
 
@@ -193,5 +196,5 @@ def _in_memory(path: Path, folder: Path, stamps: tuple) -> Library:
     sources: list[MapSource] = []
     data = io.BytesIO()
     pack_library(data, _entries(folder, stamps, path, sources), sources)
-    unkept = f"{path.parent}: cannot be written, maps are read anew each time; let XDG_CACHE_HOME name another folder"
+    unkept = f"{path.parent}: cannot be written, so maps are read again each time; set XDG_CACHE_HOME to another folder"
     return replace(read_library(path, data), data=data.getvalue(), unkept=unkept)

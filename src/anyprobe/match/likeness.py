@@ -46,6 +46,7 @@ LEAST_FACING = 0.15
 F0 = 0.04
 """Reflectance of a dielectric coat at normal incidence."""
 FLOOR, HUE_WEIGHT = 0.003, 2.0
+"""Parameters of the misfit above."""
 BATCH = 64
 """Number of maps searched at once."""
 TINT = 0.5
@@ -55,10 +56,13 @@ much."""
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Shown:
-    """P pixels of an object: linear radiance [P, 3], which are clipped [P], and unit n and wo [P, 3] in the camera's
-    frame.
+    """P pixels of an object.
 
-    behind: the photo's background.
+    Attributes:
+        radiance: [P, 3], linear.
+        clipped: [P], whether the pixel is clipped.
+        n, wo: [P, 3], unit normals and directions to the camera, in the camera's frame.
+        behind: the photo's background; None where it is unknown.
     """
 
     radiance: np.ndarray
@@ -140,8 +144,8 @@ def best_places(
         for start in range(0, len(lights), BATCH)
     ]
     return Places(
-        map_from_camera=np.concatenate([one.map_from_camera for one in found]),
-        misfit=np.concatenate([one.misfit for one in found]),
+        map_from_camera=np.concatenate([places.map_from_camera for places in found]),
+        misfit=np.concatenate([places.misfit for places in found]),
     )
 
 
@@ -183,11 +187,11 @@ def _places(shown: Shown, lights: np.ndarray, pitches: np.ndarray) -> Places:
     around = around if reach else around[:3]
     for share in (1.0, 0.5):
         chosen = cost.reshape(len(lights), -1).argmin(axis=1) + np.arange(len(lights)) * (len(cost) // len(lights))
-        index, pitch, yaw, coat, steep = (one[chosen] for one in (index, pitch, yaw, coat, steep))
+        index, pitch, yaw, coat, steep = (values[chosen] for values in (index, pitch, yaw, coat, steep))
         steps = around * share
         pitch = (pitch[:, None] + reach * steps[:, 0]).ravel()
         yaw = (yaw[:, None] + np.pi / YAWS * steps[:, 1]).ravel()
-        index, coat, steep = (np.repeat(one, len(steps)) for one in (index, coat, steep))
+        index, coat, steep = (np.repeat(values, len(steps)) for values in (index, coat, steep))
         cost, steep = _compared(shown, matt, coats, index, pitch, yaw, coat, steep)
         cost = cost + behind(index, yaw, pitch)
     table = cost.reshape(len(lights), -1)
@@ -197,15 +201,15 @@ def _places(shown: Shown, lights: np.ndarray, pitches: np.ndarray) -> Places:
 
 def _turns(yaw: np.ndarray, pitch_deg: np.ndarray) -> np.ndarray:
     """Return map_from_camera of M places, [M, 3, 3]."""
-    return np.stack([map_from_camera_at(*both) for both in zip(yaw, pitch_deg, strict=True)])
+    return np.stack([map_from_camera_at(*place) for place in zip(yaw, pitch_deg, strict=True)])
 
 
 def _search(shown: Shown, matt: np.ndarray, coats: list[np.ndarray], pitch_deg: float) -> np.ndarray:
-    """Return the misfit of every coat, map and yaw, [coats, N, yaws]."""
+    """Return the misfit of every coat, map and yaw, [2 coats, N, YAWS]: each coat with and without a matt base."""
     few = slice(None, PIXELS)
-    n, wo = (one[few] @ map_from_camera_at(0.0, pitch_deg).T for one in (shown.n, shown.wo))
+    n, wo = (vectors[few] @ map_from_camera_at(0.0, pitch_deg).T for vectors in (shown.n, shown.wo))
     coat = schlick_coat(n, wo).astype(np.float32)
-    at_n, at_r = (nearest_pixels(one, MATCH_ROWS) for one in (n, reflect(wo, n)))
+    at_n, at_r = (nearest_pixels(d, MATCH_ROWS) for d in (n, reflect(wo, n)))
     measured = _Measured(shown, few)
     e = seen_at_yaws(matt, at_n)
     cost = []

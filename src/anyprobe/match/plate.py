@@ -1,16 +1,16 @@
-"""The plate: a photo without its object, small enough to keep, from which a panorama shows the place."""
+"""The plate: a photo without its object, small enough to keep, for panoramas of the place."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from PIL import Image
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import inverse_response
 from anyprobe.match.fill import fill_hole
+from anyprobe.pictures.resampling import resample
 
 MOST_ROWS = 1024
 """Largest number of panorama rows for which a plate keeps enough pixels."""
@@ -45,11 +45,11 @@ class Plate:
             [h, w, 3] linear radiance, and [h, w] share of each pixel that is filled.
         """
         size = _size_at(self.tan_half, rows, self.rgb.shape[:2])
-        linear = inverse_response(_resized(self.rgb.astype(np.float32) / 255, size))
+        linear = inverse_response(resample(self.rgb.astype(np.float32) / 255, size))
         if self.radiance is not None:
-            above = _resized(self.radiance.astype(np.float32), size)
+            above = resample(self.radiance.astype(np.float32), size)
             linear = np.where(above > 1, above, linear)
-        grown = _grown(_resized(self.hidden.astype(np.float32)[..., None] / 255, size)[..., 0])
+        grown = _grown(resample(self.hidden.astype(np.float32)[..., None] / 255, size)[..., 0])
         return fill_hole(linear, grown > 0.02), grown
 
 
@@ -67,14 +67,14 @@ def keep_plate(
     size = _size_at(tan_half, MOST_ROWS, (height, width))
     step = max(1, min(width // (2 * size[0]), height // (2 * size[1])))
     covered = mask if transparent is None else np.maximum(mask, transparent)
-    hidden = _resized(covered[::step, ::step, None].astype(np.float32), size)
+    hidden = resample(covered[::step, ::step, None].astype(np.float32), size)
     if (hidden < 0.5).mean() < LEAST_LEFT:
         return None
     return Plate(
-        rgb=to_bytes(_resized(rgb[::step, ::step], size)),
+        rgb=to_bytes(resample(rgb[::step, ::step], size)),
         hidden=to_bytes(hidden[..., 0]),
         tan_half=tan_half,
-        radiance=None if radiance is None else _resized(radiance[::step, ::step], size).clip(0, 6e4).astype(np.float16),
+        radiance=None if radiance is None else resample(radiance[::step, ::step], size).clip(0, 6e4).astype(np.float16),
     )
 
 
@@ -82,8 +82,10 @@ def keep_plate(
 class DrawnPlate:
     """A plate in a panorama's frame.
 
-    ln: [R, 2R, 3] ln of radiance plus FLOOR where it is known, else zero. margin: [R, 2R] distance [degrees] inwards
-    from the photo's border, negative outside. filled: [R, 2R] share that is filled, not seen.
+    Attributes:
+        radiance: [R, 2R, 3], linear; zero outside the photo.
+        margin: [R, 2R], distance [degrees] inwards from the photo's border; negative outside.
+        filled: [R, 2R], share of each pixel that is filled, not seen.
     """
 
     radiance: np.ndarray
@@ -120,15 +122,6 @@ def _size_at(tan_half: tuple[float, float], rows: int, shape: tuple[int, int]) -
     width, height = (2 * tan * rows / np.pi for tan in tan_half)
     scale = min(1.0, shape[1] / width)
     return max(4, round(width * scale)), max(4, round(height * scale))
-
-
-def _resized(picture: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """Resize [H, W, C] to (width, height) by means over areas."""
-    planes = [
-        Image.fromarray(np.ascontiguousarray(picture[..., k], np.float32)).resize(size, Image.Resampling.BOX)
-        for k in range(picture.shape[-1])
-    ]
-    return np.stack([np.asarray(plane) for plane in planes], axis=-1)
 
 
 def _grown(hidden: np.ndarray) -> np.ndarray:

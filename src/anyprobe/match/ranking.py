@@ -24,7 +24,6 @@ from anyprobe.match.plate import Plate
 
 BLOCK_ROWS = 64
 """Rows of a large map that are rotated at once."""
-PREVIEW_ROWS = 128
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -84,7 +83,7 @@ class MatchedMap:
         return np.concatenate(list(self._turned(source)))
 
     def write(self, path: str | Path) -> Path:
-        """Write the panorama in the light's frame and units, at full size, as .exr of halfs, or of floats where halfs
+        """Write the panorama in the light's frame and units, at full size, as .exr of halves, or of floats where halves
         would clip.
 
         Raises:
@@ -92,7 +91,7 @@ class MatchedMap:
         """
         path = Path(path)
         if path.suffix.lower() != ".exr":
-            raise OutputError(f"expected .exr, got {path.suffix or 'no suffix'}; name it .exr", source=path)
+            raise OutputError(f"expected a name in .exr, got {path.suffix or 'no suffix'}; rename it", source=path)
         source = self._source()
         height = len(source)
         is_half = bool((source.max(axis=(0, 1)) * self.gain).max() <= HALF_MAX)
@@ -182,8 +181,8 @@ def rank_maps(
             radiance, confidence, library, light_from_camera.T, None if is_pitch_estimated else pitch_deg
         )
         order = list(found)
-        turns = {i: one.candidate_from_estimate @ to_camera for i, one in found.items()}
-        misfits = {i: one.distance for i, one in found.items()}
+        turns = {i: match.candidate_from_estimate @ to_camera for i, match in found.items()}
+        misfits = {i: match.distance for i, match in found.items()}
         mean = integral(reduced(radiance, FEATURE_ROWS)) / (4 * np.pi)
         gains = {i: mean / (integral(library.lights[i]) / (4 * np.pi) * library.levels[i]) for i in order}
     return [
@@ -213,15 +212,17 @@ def _by_map(
     pitch_deg: camera pitch, in whose frame it is kept; None: unknown.
     """
     if pitch_deg is None:
-        return {one.index: one for one in find_matches(radiance, confidence, library)}, np.eye(3)
+        return {match.index: match for match in find_matches(radiance, confidence, library)}, np.eye(3)
     camera = rotate(radiance, camera_from_light)
-    sure = None if confidence is None else rotate(confidence[..., None], camera_from_light)[..., 0]
-    found = find_matches(camera, sure, library, pitches_deg=(pitch_deg,))
-    return {one.index: one for one in found}, camera_from_light
+    turned = None if confidence is None else rotate(confidence[..., None], camera_from_light)[..., 0]
+    found = find_matches(camera, turned, library, pitches_deg=(pitch_deg,))
+    return {match.index: match for match in found}, camera_from_light
 
 
 def stops_apart(radiance: np.ndarray, other: np.ndarray) -> float:
     """Return by how many stops a map [H, 2H, 3] lights a plane that faces the camera more than another map does."""
-    facing = [integral(one * np.maximum(pixel_directions(len(one))[..., 2:], 0.0)) for one in (radiance, other)]
-    first, second = (max(float(luminance(one)), 1e-6) for one in facing)
+    irradiance = [
+        integral(light * np.maximum(pixel_directions(len(light))[..., 2:], 0.0)) for light in (radiance, other)
+    ]
+    first, second = (max(float(luminance(rgb)), 1e-6) for rgb in irradiance)
     return float(np.log2(first / second))

@@ -1,7 +1,7 @@
-"""How bright Apple's gain maps make a picture, by what the camera noted.
+"""Apple's gain maps: the headroom that the camera noted, and the curve of the map's values.
 
-Their light is that of the picture times 1 + (headroom - 1) g, with g the map's values by the inverse of Rec. 709's
-curve ("Applying Apple HDR effect to your photos", developer.apple.com).
+The light that is meant is the picture's times 1 + (headroom - 1) g, with g the map's values decoded by Rec. 709's curve
+("Applying Apple HDR effect to your photos", developer.apple.com).
 """
 
 from __future__ import annotations
@@ -14,18 +14,21 @@ from PIL import Image
 from anyprobe.pictures.apple_note import apple_numbers
 
 _HEADROOM, _GAIN = 33, 48
+"""Tags of the maker note."""
 MOST_STOPS = 8.0
-_SAID = re.compile(rb"HDRGainMapHeadroom(?:=\"|>)\s*([0-9]+(?:\.[0-9]*)?)")
+"""Largest headroom [stops]; a larger one is clipped."""
+_XMP_HEADROOM = re.compile(rb"HDRGainMapHeadroom(?:=\"|>)\s*([0-9]+(?:\.[0-9]*)?)")
 
 
-def apple_headroom(image: Image.Image, said: bytes = b"") -> float | None:
-    """Brightest white over the screen's white, by XMP, else by the maker's note in EXIF; None where neither says it.
+def apple_headroom(image: Image.Image, xmp: bytes = b"") -> float | None:
+    """Return the brightest white over the screen's white, from XMP, else from the maker note in EXIF; None if neither
+    has it.
 
-    said: XMP of the map, where it has any.
+    xmp: of the map, where it has any.
     """
-    by_name = _SAID.search(said)
-    if by_name is not None:
-        return float(np.clip(float(by_name[1]), 1.0, 2.0**MOST_STOPS))
+    stated = _XMP_HEADROOM.search(xmp)
+    if stated is not None:
+        return float(np.clip(float(stated[1]), 1.0, 2.0**MOST_STOPS))
     numbers = apple_numbers(image)
     if not {_HEADROOM, _GAIN} <= numbers.keys():
         return None
@@ -38,5 +41,5 @@ def apple_headroom(image: Image.Image, said: bytes = b"") -> float | None:
 
 
 def rec709_to_linear(values: np.ndarray) -> np.ndarray:
-    """Return the inverse of ITU-R BT.709's curve of values in [0, 1]."""
+    """Decode values in [0, 1] by the inverse of ITU-R BT.709's curve."""
     return np.where(values < 0.081, values / 4.5, ((values + 0.099) / 1.099) ** (1 / 0.45))

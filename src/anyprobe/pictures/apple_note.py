@@ -17,20 +17,20 @@ _SIGNED_RATIONAL = 10
 _ACCELERATION = 8
 MOST_ENTRIES, MOST_NUMBERS = 500, 16
 AT_REST = (0.9, 1.1)
-"""Length of the accelerometer's vector [g] of a phone that is not shaken."""
+"""Range of the length [g] of the accelerometer's vector in which a phone counts as at rest."""
 MOST_ROLL_DEG = 40.0
-"""A picture that was turned further than that is not upright."""
+"""Largest roll [degrees] of a picture that counts as upright."""
 _UPRIGHT = {
     1: ((0, 1, 0), (-1, 0, 0)),
     3: ((0, -1, 0), (1, 0, 0)),
     6: ((-1, 0, 0), (0, -1, 0)),
     8: ((1, 0, 0), (0, 1, 0)),
 }
-"""The shown picture's right and up in the vector's axes, by EXIF's orientation: a phone held upright writes 6."""
+"""Right and up of the shown picture in the accelerometer's axes, by EXIF orientation; a phone held upright writes 6."""
 
 
 def apple_numbers(image: Image.Image) -> dict[int, tuple[float, ...]]:
-    """Return the note's signed rationals; none where there is no note, or a damaged one."""
+    """Return the note's signed rationals by tag; empty where there is no note, or a damaged one."""
     try:
         note = bytes(image.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.MakerNote, b""))
         return _numbers(note)
@@ -39,10 +39,9 @@ def apple_numbers(image: Image.Image) -> dict[int, tuple[float, ...]]:
 
 
 def apple_posture_deg(image: Image.Image) -> tuple[float, float] | None:
-    """Return how far the camera looks down, and its roll as of estimate.ground.Ground, in degrees; None where that is
-    unknown.
+    """Return the camera's pitch downwards and its roll [degrees], see estimate.ground.Ground; None where unknown.
 
-    Of the rear camera of a phone at rest, of a picture that is shown upright.
+    Known for the rear camera of a phone at rest, in a picture that is shown upright.
     """
     acceleration = apple_numbers(image).get(_ACCELERATION, ())
     if len(acceleration) != 3:
@@ -51,7 +50,7 @@ def apple_posture_deg(image: Image.Image) -> tuple[float, float] | None:
         exif = image.getexif()
         axes = _UPRIGHT.get(int(exif.get(ExifTags.Base.Orientation, 1)))
         lens = str(exif.get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.LensModel, ""))
-    except Exception:  # likewise
+    except Exception:  # as in apple_numbers
         return None
     up = np.array(acceleration)
     if axes is None or "front" in lens.lower() or not AT_REST[0] <= np.linalg.norm(up) <= AT_REST[1]:

@@ -18,8 +18,8 @@ from anyprobe.core.color import REC709_CHROMATICITIES, rec709_from_rgb
 WHITE_NITS = 203.0
 """Luminance of diffuse white in PQ, cd/m2 (ITU-R BT.2408)."""
 
-PQ, HLG, SRGB, UNSPECIFIED = 16, 18, 13, 2
-"""Code points of H.273."""
+PQ, HLG, UNSPECIFIED = 16, 18, 2
+"""Code points of H.273: two transfer functions, and `unspecified` for primaries as for transfer."""
 
 D65, C = (0.3127, 0.3290), (0.310, 0.316)
 
@@ -37,34 +37,35 @@ PRIMARIES = {
     12: (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, *D65),
     22: (0.630, 0.340, 0.295, 0.605, 0.155, 0.077, *D65),
 }
-"""CIE x, y of red, green, blue and white by H.273's code point; what is unspecified is taken for Rec. 709."""
+"""CIE x, y of red, green, blue and white by H.273's code point; unspecified ones count as Rec. 709."""
 
 ADOBE_RGB = (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, *D65)
 
 STRIP_PIXELS = 1 << 20
-"""Pixels of a large picture that are converted at once."""
+"""Number of pixels of a large picture that are converted at once."""
 
 SAME = 1.2 / 255
-"""Display values that differ by no more are the same encoding: sRGB's profiles round its curve and its primaries."""
+"""Largest difference of display values between encodings that count as the same: sRGB profiles round its curve and
+primaries."""
 
 OUTSIDE = 0.03
-"""A colour with a channel this far below 0, in shares of its largest, lies noticeably outside of Rec. 709."""
+"""Depth of a negative channel, as a share of the colour's largest, from which the colour counts as outside Rec. 709."""
 
 OUTSIDE_SHARE = 0.05
-"""A picture with such colours in this share of its pixels gets a warning."""
+"""Share of pixels with such colours from which a picture gets a warning."""
 
 PROBED = 1 << 16
-"""Pixels that are looked at for it, evenly spread."""
+"""Number of pixels, evenly spread, from which that share is estimated."""
 
 
 def srgb_to_linear(values: np.ndarray) -> np.ndarray:
-    """IEC 61966-2-1, odd around 0."""
+    """Decode sRGB values (IEC 61966-2-1) to linear light; odd around 0."""
     size = np.abs(values)
     return np.sign(values) * np.where(size <= 0.04045, size / 12.92, ((size + 0.055) / 1.055) ** 2.4)
 
 
 def linear_to_srgb(linear: np.ndarray) -> np.ndarray:
-    """Its inverse, of values >= 0."""
+    """Encode linear light >= 0 as sRGB values; the inverse of srgb_to_linear."""
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055)
 
 
@@ -73,13 +74,13 @@ def _smpte240(values: np.ndarray) -> np.ndarray:
 
 
 def _pq(values: np.ndarray) -> np.ndarray:
-    """SMPTE ST 2084, in units of WHITE_NITS."""
+    """Decode SMPTE ST 2084 to light in units of WHITE_NITS."""
     v = np.clip(values, 0.0, 1.0).astype(np.float64) ** (32 / 2523)
     return 10_000.0 / WHITE_NITS * (np.maximum(v - 3424 / 4096, 0.0) / (2413 / 128 - 2392 / 128 * v)) ** (16384 / 2610)
 
 
 def _hlg(values: np.ndarray) -> np.ndarray:
-    """ARIB STD-B67: the light of the scene, in units of that at a signal of 0.75."""
+    """Decode ARIB STD-B67 to the light of the scene, in units of that at a signal of 0.75."""
     a, b, c = 0.17883277, 0.28466892, 0.55991073
     v = np.clip(values, 0.0, 1.0)
     scene = np.where(v <= 0.5, v**2 / 3, (np.exp((np.maximum(v, 0.5) - c) / a) + b) / 12)
@@ -87,7 +88,7 @@ def _hlg(values: np.ndarray) -> np.ndarray:
 
 
 def gamma(exponent: float) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the power function."""
+    """Return the power function with this exponent, 0 below 0."""
     return lambda values: np.clip(values, 0.0, None) ** exponent
 
 
@@ -110,9 +111,9 @@ TRANSFERS: dict[int, Callable[[np.ndarray], np.ndarray]] = {
     17: lambda values: 52.37 / 48.0 * np.clip(values, 0.0, None) ** 2.6,
     18: _hlg,
 }
-"""Code values in [0, 1] to linear light, by H.273's code point.
+"""Functions from code values in [0, 1] to linear light, by H.273's code point.
 
-Those of BT.709 and its kin are what cameras write; screens, browsers and this package show them as sRGB.
+BT.709 and its kin are what cameras write; screens, browsers and this package show them as sRGB.
 """
 
 
@@ -120,16 +121,18 @@ Those of BT.709 and its kin are what cameras write; screens, browsers and this p
 class ColorEncoding:
     """Colour encoding of a picture.
 
-    matrix: [3, 3] from its linear light to linear Rec. 709. decode: its code values in [0, 1] to linear light, diffuse
-    white at 1. brighter: whether it holds light above diffuse white.
+    Attributes:
+        matrix: [3, 3] from its linear light to linear Rec. 709.
+        decode: function from its code values in [0, 1] to linear light, diffuse white at 1.
+        is_hdr: whether it holds light above diffuse white.
     """
 
     matrix: np.ndarray
     decode: Callable[[np.ndarray], np.ndarray]
-    brighter: bool = False
+    is_hdr: bool = False
 
     def linear(self, values: np.ndarray) -> np.ndarray:
-        """Code values [..., 3] to linear Rec. 709 float32, below 0 where a colour lies outside of it."""
+        """Decode code values [..., 3] to linear Rec. 709 float32, below 0 where a colour lies outside of it."""
         return (self.decode(values) @ self.matrix.T).astype(np.float32)
 
 
@@ -137,7 +140,9 @@ class ColorEncoding:
 def by_code_points(primaries: int, transfer: int, full_range: bool = True, bits: int = 8) -> ColorEncoding | None:
     """Return the encoding of H.273's code points; None where one is reserved.
 
-    full_range: whether 0 and 1 are black and white; else 16 and 235 of 255 are, at so many bits.
+    Args:
+        full_range: whether 0 and 1 are black and white; else 16 and 235 of 255 are, scaled to `bits`.
+        bits: of a code value.
     """
     if primaries not in PRIMARIES or transfer not in TRANSFERS:
         return None
@@ -149,13 +154,14 @@ def by_code_points(primaries: int, transfer: int, full_range: bool = True, bits:
         def decode(values: np.ndarray) -> np.ndarray:
             return narrow(np.clip((values * top - 16 * step) / (219 * step), 0.0, None))
 
-    return ColorEncoding(matrix=rec709_from_rgb(PRIMARIES[primaries]), decode=decode, brighter=transfer in (PQ, HLG))
+    return ColorEncoding(matrix=rec709_from_rgb(PRIMARIES[primaries]), decode=decode, is_hdr=transfer in (PQ, HLG))
 
 
 def by_numbers(chromaticities: tuple[float, ...] | None, exponent: float | None) -> ColorEncoding | None:
-    """Return the encoding of primaries and white, CIE x, y, and of a decoding exponent; what is None is sRGB's.
+    """Return the encoding with these primaries and white (CIE x, y) and decoding exponent; None stands for sRGB's.
 
-    None where the primaries are impossible.
+    Returns:
+        None where the primaries are impossible.
     """
     try:
         matrix = rec709_from_rgb(REC709_CHROMATICITIES if chromaticities is None else chromaticities)
@@ -165,32 +171,32 @@ def by_numbers(chromaticities: tuple[float, ...] | None, exponent: float | None)
 
 
 def is_srgb(encoding: ColorEncoding) -> bool:
-    """Return whether its numbers are sRGB's display values already, but for what profiles round."""
+    """Return whether its code values are sRGB display values already, up to the rounding of profiles."""
     ramp = np.linspace(0.0, 1.0, 33)[:, None]
     values = np.concatenate(
         [ramp * color for color in np.array([[1, 1, 1], [1, 0.5, 0.5], [0.5, 1, 0.5], [0.5, 0.5, 1]])]
     )
     linear = encoding.linear(values)
-    return not encoding.brighter and bool((np.abs(linear_to_srgb(np.clip(linear, 0, 1)) - values) < SAME).all())
+    return not encoding.is_hdr and bool((np.abs(linear_to_srgb(np.clip(linear, 0, 1)) - values) < SAME).all())
 
 
 def is_linear(encoding: ColorEncoding) -> bool:
-    """Return whether its numbers are proportional to light."""
+    """Return whether its code values are proportional to light."""
     ramp = np.linspace(0.0, 1.0, 33, dtype=np.float32)[:, None].repeat(3, axis=1)
     return bool(np.allclose(encoding.decode(ramp), ramp, atol=2e-3))
 
 
 def to_display(values: np.ndarray, encoding: ColorEncoding) -> tuple[np.ndarray, np.ndarray | None]:
-    """Code values [H, W] or [H, W, 3] of any type to display values in [0, 1], and where it is brighter to radiance.
+    """Convert code values [H, W] or [H, W, 3] of any type to display values, and to radiance if the encoding is HDR.
 
-    Whole numbers count from 0 to their type's largest.
+    Integers span 0 to their type's maximum.
 
     Returns:
-        sRGB [H, W, 3] float32; and linear Rec. 709 radiance, or None.
+        sRGB [H, W, 3] float32 in [0, 1]; and linear Rec. 709 radiance [H, W, 3], or None.
     """
     linear_of, matrix = _decoder(values.dtype, encoding), encoding.matrix.T.astype(np.float32)
     display = np.empty((*values.shape[:2], 3), np.float32)
-    radiance = np.empty_like(display) if encoding.brighter else None
+    radiance = np.empty_like(display) if encoding.is_hdr else None
     step = max(1, STRIP_PIXELS // max(values.shape[1], 1))
     for top in range(0, len(values), step):
         rows = slice(top, top + step)
@@ -202,7 +208,7 @@ def to_display(values: np.ndarray, encoding: ColorEncoding) -> tuple[np.ndarray,
 
 
 def outside_share(values: np.ndarray, encoding: ColorEncoding) -> float:
-    """Share of the pixels of [H, W] or [H, W, 3] whose colour is noticeably outside of Rec. 709, of PROBED of them."""
+    """Return the share of PROBED pixels of [H, W] or [H, W, 3] whose colours are outside Rec. 709."""
     step = max(1, int(np.sqrt(values.shape[0] * values.shape[1] / PROBED)))
     linear = _decoder(values.dtype, encoding)(values[::step, ::step]) @ encoding.matrix.T
     largest = linear.max(axis=-1)
@@ -210,7 +216,7 @@ def outside_share(values: np.ndarray, encoding: ColorEncoding) -> float:
 
 
 def _decoder(kind: np.dtype, encoding: ColorEncoding) -> Callable[[np.ndarray], np.ndarray]:
-    """Code values [H, W] or [H, W, 3] to linear light [H, W, 3] float32; of whole numbers by a table."""
+    """Return a function from code values [H, W] or [H, W, 3] to linear light [H, W, 3] float32; integers by table."""
     if kind.kind == "f":
         return lambda values: encoding.decode(_three(values).astype(np.float32)).astype(np.float32)
     top = np.iinfo(kind).max

@@ -1,4 +1,4 @@
-"""How large a picture's file says that it is, of every kind that is read, before anything is decoded."""
+"""Size that a picture's file declares, for every kind that is read; nothing is decoded."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from anyprobe.pictures.raw import HEAD_BYTES, is_raw, raw_size
 
 
 def declared_pixels(data: bytes) -> int:
-    """Return how many pixels a file's bytes would be decoded to, nothing decoded; 0 where it is no picture or map."""
+    """Return the number of pixels that a file's bytes would be decoded to; 0 if they are no picture or map."""
     if data.startswith(EXR_MAGIC):
         return exr_pixels(data)
     if data.startswith(HDR_MAGIC):
@@ -27,9 +27,9 @@ def declared_pixels(data: bytes) -> int:
 
 
 def photo_header(source: str | os.PathLike[str] | bytes) -> tuple[tuple[int, int], float | None]:
-    """Width and height of a photo, upright, and the field of view by its EXIF, or None; nothing is decoded.
+    """Return the upright width and height of a photo, and the field of view [degrees] from its EXIF or None.
 
-    0, 0 and None where it is no photo that has them: read_image says why.
+    0, 0 and None where the header cannot be read; read_image then says why.
     """
     name = "" if isinstance(source, bytes) else Path(source).name
     try:
@@ -46,9 +46,9 @@ def _header(stream: BinaryIO, name: str) -> tuple[tuple[int, int], float | None]
     if head.startswith(TIFF_STARTS):
         head += stream.read(HEAD_BYTES)
     stream.seek(0)
-    if head.startswith(JXL_STARTS):  # whose reader decodes all of what it opens
+    if head.startswith(JXL_STARTS):  # its reader decodes whatever it opens
         return jxl_size(stream.read()), None
-    size = raw_size(stream.read()) if is_raw(head, name) else None  # whose first picture is a preview
+    size = raw_size(stream.read()) if is_raw(head, name) else None  # its first picture is a preview
     stream.seek(0)
     try:
         with open_picture(stream) as image:

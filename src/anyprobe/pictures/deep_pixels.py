@@ -18,44 +18,44 @@ from anyprobe.errors import InvalidPhoto
 from anyprobe.pictures.headers import MAX_PIXELS, check_size
 
 OTHER_HALF = {"B": "L", "L": "B", "N": "B" if sys.byteorder == "little" else "L"}
-"""Ends of Pillow's names of 16-bit layouts; each reads the byte of a value that its other one leaves out."""
+"""Last letters of Pillow's names of 16-bit layouts: each layout keeps the byte of a value that its partner drops."""
 
 TIFF_STARTS = (b"II*\0", b"MM\0*")
 MAX_ENTRIES = 4096
 MOST_BYTES = 16 * MAX_PIXELS
-"""Most bytes in the tiles of a TIFF: four floats a pixel."""
+"""Largest number of bytes in the tiles of a TIFF: four floats a pixel."""
 MAX_SAMPLES = 16
 
-WIDTH, HEIGHT, BITS, COMPRESSION, PHOTOMETRIC, STRIPS, ORIENTATION = 256, 257, 258, 259, 262, 273, 274
+WIDTH, HEIGHT, BITS_PER_SAMPLE, COMPRESSION, PHOTOMETRIC, STRIPS, ORIENTATION = 256, 257, 258, 259, 262, 273, 274
 SAMPLES, ROWS_PER_STRIP, STRIP_SIZES, PLANAR, PREDICTOR = 277, 278, 279, 284, 317
 TILE_WIDTH, TILE_HEIGHT, TILES, TILE_SIZES, EXTRA, FORMAT = 322, 323, 324, 325, 338, 339
 EXIF, PROFILE, FILL_ORDER = 34665, 34675, 266
 """Tags of TIFF 6.0."""
 
 KEPT = (HEIGHT, COMPRESSION, FILL_ORDER, STRIPS, ROWS_PER_STRIP, STRIP_SIZES, TILE_HEIGHT, TILES, TILE_SIZES, EXIF)
-"""Tags that are kept of a float picture that is read as one of bytes."""
+"""Tags that are kept when a picture of floats is presented to Pillow as one of bytes."""
 
 BYTES_OF = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4, 16: 8, 17: 8, 18: 8}
-"""Bytes of a value, by its type."""
+"""Bytes of a value, by TIFF type."""
 
 _Entry = tuple[int, int, bytes]
-"""Type, number of values, and their bytes."""
+"""Type of a tag, number of its values, and their bytes."""
 
 
 def sixteen_bits(image: ImageFile.ImageFile, reopen: Callable[[], ImageFile.ImageFile]) -> np.ndarray | None:
     """Return a PNG or TIFF of 16-bit colour as uint16 [H, W, 2, 3 or 4]; None for any other.
 
-    Pillow keeps the upper byte of each value; read a second time as if in the other byte order, it keeps the lower.
+    Pillow keeps the upper byte of each value; read again as if in the other byte order, it keeps the lower one.
 
     Args:
         image: opened, not loaded.
         reopen: opens the same file again.
     Raises:
-        ValueError: a TIFF of separate planes, whose bytes Pillow takes for values.
+        ValueError: a TIFF of separate planes, which Pillow misreads as 8 bits.
     """
     layout = _layout(image)
-    if isinstance(image, TiffImageFile) and layout == "R" and max(image.tag_v2.get(BITS, (8,))) > 8:
-        raise ValueError("more than 8 bits in separate planes; save it with its channels together")
+    if isinstance(image, TiffImageFile) and layout == "R" and max(image.tag_v2.get(BITS_PER_SAMPLE, (8,))) > 8:
+        raise ValueError("more than 8 bits in separate planes; save it with interleaved channels")
     if image.format not in ("PNG", "TIFF") or layout[:-1] not in ("RGB;16", "RGBA;16", "RGBX;16", "LA;16"):
         return None
     if "transparency" in image.info:
@@ -76,12 +76,12 @@ def sixteen_bits(image: ImageFile.ImageFile, reopen: Callable[[], ImageFile.Imag
 
 
 def is_white_zero(image: Image.Image) -> bool:
-    """Return whether 16-bit grey of a TIFF is stored as a negative, which Pillow leaves as it is."""
+    """Return whether a TIFF's 16-bit grey is stored inverted, white as 0, which Pillow does not undo."""
     return isinstance(image, TiffImageFile) and image.mode.startswith("I") and image.tag_v2.get(PHOTOMETRIC) == 0
 
 
 def heif_sixteen_bits(stream: BinaryIO) -> np.ndarray | None:
-    """Return a HEIC picture of more than 8 bits as uint16 [H, W, 3 or 4], upright; None for one of 8."""
+    """Return a HEIC picture of more than 8 bits as uint16 [H, W, 3 or 4], upright; None for one of 8 bits."""
     import pillow_heif
 
     stream.seek(0)
@@ -90,7 +90,7 @@ def heif_sixteen_bits(stream: BinaryIO) -> np.ndarray | None:
 
 
 def _layout(image: ImageFile.ImageFile) -> str:
-    """Pillow's name of how the file's values lie."""
+    """Return Pillow's name for the layout of the file's values, "" where there is none."""
     arguments = image.tile[0].args if image.tile else ""
     first = arguments[0] if isinstance(arguments, tuple) and arguments else arguments
     return first if isinstance(first, str) else ""
@@ -98,8 +98,14 @@ def _layout(image: ImageFile.ImageFile) -> str:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FloatPicture:
-    """values: [H, W, C] float32, upright. premultiplied: whether colour is times alpha, the last of 2 or 4 channels.
-    profile: the embedded one, or nothing. image: for its EXIF."""
+    """Pixels of a TIFF of floats.
+
+    Attributes:
+        values: [H, W, C] float32, upright; of 2 or 4 channels the last is alpha.
+        premultiplied: whether colour is multiplied by alpha.
+        profile: the embedded ICC profile, or empty.
+        image: opened picture, for its EXIF.
+    """
 
     values: np.ndarray
     premultiplied: bool
@@ -108,12 +114,12 @@ class FloatPicture:
 
 
 def read_float_tiff(data: bytes, name: str) -> FloatPicture | None:
-    """Return a TIFF of floats of 16, 32 or 64 bits; None for any other file.
+    """Read a TIFF of 16-, 32- or 64-bit floats; None for any other file.
 
-    It is given to Pillow, which decodes the compression, as a picture of bytes.
+    Pillow decompresses it, presented as a picture of bytes.
 
     Raises:
-        InvalidPhoto: too large, cut, or of a layout that cannot be read.
+        InvalidPhoto: too large, truncated, or of a layout that cannot be read.
     """
     if data[:4] not in TIFF_STARTS:
         return None
@@ -122,46 +128,48 @@ def read_float_tiff(data: bytes, name: str) -> FloatPicture | None:
         entries = _entries(data, order)
         if FORMAT not in entries or set(_numbers(entries[FORMAT], order)) != {3}:
             return None
-        width, height = _one(entries, WIDTH, order), _one(entries, HEIGHT, order)
-        samples, bits = _one(entries, SAMPLES, order, 1), set(_numbers(entries[BITS], order))
-        planar, predictor = _one(entries, PLANAR, order, 1), _one(entries, PREDICTOR, order, 1)
+        width, height = _first_number(entries, WIDTH, order), _first_number(entries, HEIGHT, order)
+        samples, bits = _first_number(entries, SAMPLES, order, 1), set(_numbers(entries[BITS_PER_SAMPLE], order))
+        planar, predictor = _first_number(entries, PLANAR, order, 1), _first_number(entries, PREDICTOR, order, 1)
         extra = _numbers(entries[EXTRA], order) if EXTRA in entries else ()
-        tile = _one(entries, TILE_WIDTH, order, 0)
-        turn = _one(entries, ORIENTATION, order, 1)
+        tile = _first_number(entries, TILE_WIDTH, order, 0)
+        orientation = _first_number(entries, ORIENTATION, order, 1)
         profile = entries[PROFILE][2] if PROFILE in entries else b""
-    except (struct.error, KeyError, IndexError):  # no picture, or a cut one
+    except (struct.error, KeyError, IndexError):  # no picture, or a truncated one
         return None
     check_size(width, height, name)
     colors = 3 if samples >= 3 else 1
-    whole = planar == 1 and samples in range(1, MAX_SAMPLES + 1) and tile in range(65536) and predictor in (1, 2, 3)
-    if not whole or len(bits) != 1 or not bits <= {16, 32, 64}:
+    is_supported = (
+        planar == 1 and samples in range(1, MAX_SAMPLES + 1) and tile in range(65536) and predictor in (1, 2, 3)
+    )
+    if not is_supported or len(bits) != 1 or not bits <= {16, 32, 64}:
         raise InvalidPhoto(
-            "expected a TIFF of floats of 16, 32 or 64 bits, channels together, got another layout; "
+            "expected a TIFF of 16-, 32- or 64-bit floats with interleaved channels, got another layout; "
             "save it as OpenEXR (.exr)",
             source=name,
         )
     size = bits.pop() // 8
-    pieces = -(-width // tile) if tile else 1
-    row = (tile or width) * samples * size
-    if row * pieces * height > MOST_BYTES:
+    tiles_across = -(-width // tile) if tile else 1
+    row_bytes = (tile or width) * samples * size
+    if row_bytes * tiles_across * height > MOST_BYTES:
         raise InvalidPhoto(
-            f"expected at most {MOST_BYTES >> 20} MB of numbers, got {row * pieces * height >> 20} MB; "
-            "save fewer channels, without tiles",
+            f"expected at most {MOST_BYTES >> 20} MB of pixel data, "
+            f"got {row_bytes * tiles_across * height >> 20} MB; save fewer channels, without tiles",
             source=name,
         )
     try:
         kept = {tag: entries[tag] for tag in KEPT if tag in entries}
-        made = _as_bytes(data, order, kept, row * pieces, row if tile else 0)
-        image = TiffImageFile(io.BytesIO(made), "")
-        with suppress(Exception):  # damaged; and it cannot be read any more when the pixels are
+        as_bytes = _as_bytes(data, order, kept, row_bytes * tiles_across, row_bytes if tile else 0)
+        image = TiffImageFile(io.BytesIO(as_bytes), "")
+        with suppress(Exception):  # damaged EXIF; read here, since it is gone once the pixels are read
             image.getexif().get_ifd(EXIF)
-        raw = np.asarray(image).reshape(height * pieces, row)
+        raw = np.asarray(image).reshape(height * tiles_across, row_bytes)
     except Exception as error:  # decoders raise whatever the bad bytes lead them to
         raise _damaged(name) from error
     values = _unpredicted(raw, predictor, samples, size, order).reshape(height, -1, samples)[:, :width]
     alpha = len(extra) > 0 and extra[0] in (1, 2) and samples > colors
     return FloatPicture(
-        values=np.ascontiguousarray(turned_upright(values[..., : colors + alpha], turn), np.float32),
+        values=np.ascontiguousarray(turned_upright(values[..., : colors + alpha], orientation), np.float32),
         premultiplied=alpha and extra[0] == 1,
         profile=profile,
         image=image,
@@ -169,19 +177,19 @@ def read_float_tiff(data: bytes, name: str) -> FloatPicture | None:
 
 
 def float_tiff_size(data: bytes) -> tuple[int, int] | None:
-    """Width and height of a TIFF of floats; None for any other file."""
+    """Return width and height of a TIFF of floats; None for any other file."""
     order = "<" if data[:2] == b"II" else ">"
     try:
         entries = _entries(data, order)
         if FORMAT in entries and set(_numbers(entries[FORMAT], order)) == {3}:
-            return _one(entries, WIDTH, order), _one(entries, HEIGHT, order)
+            return _first_number(entries, WIDTH, order), _first_number(entries, HEIGHT, order)
     except (struct.error, KeyError, IndexError):
         pass
     return None
 
 
 def turned_upright(values: np.ndarray, orientation: int) -> np.ndarray:
-    """Return an array [H, W, ...] upright, of EXIF's orientation."""
+    """Turn an array [H, W, ...] upright from its EXIF orientation."""
     if orientation in (5, 6, 7, 8):
         values = values.swapaxes(0, 1)
     if orientation in (2, 3, 6, 7):
@@ -192,11 +200,13 @@ def turned_upright(values: np.ndarray, orientation: int) -> np.ndarray:
 
 
 def _damaged(name: str) -> InvalidPhoto:
-    return InvalidPhoto(f"{name}: expected a whole TIFF of floats, got a damaged or cut one; copy it again")
+    return InvalidPhoto(
+        "expected a complete TIFF of floats, got a damaged or truncated one; copy it again", source=name
+    )
 
 
 def _entries(data: bytes, order: str) -> dict[int, _Entry]:
-    """Return the first directory of a TIFF."""
+    """Return the tags of a TIFF's first directory."""
     (at,) = struct.unpack_from(f"{order}I", data, 4)
     (count,) = struct.unpack_from(f"{order}H", data, at)
     found = {}
@@ -216,15 +226,15 @@ def _numbers(entry: _Entry, order: str) -> tuple[int, ...]:
     return struct.unpack(f"{order}{number}{code}", value)
 
 
-def _one(entries: dict[int, _Entry], tag: int, order: str, default: int | None = None) -> int:
+def _first_number(entries: dict[int, _Entry], tag: int, order: str, default: int | None = None) -> int:
     if tag not in entries and default is not None:
         return default
     return _numbers(entries[tag], order)[0]
 
 
 def _as_bytes(data: bytes, order: str, kept: dict[int, _Entry], width: int, tile_width: int) -> bytes:
-    """Return the same file with a directory that makes it a grey picture of 8 bits, so many pixels wide."""
-    grey = {WIDTH: width, BITS: 8, PHOTOMETRIC: 1, SAMPLES: 1, PLANAR: 1, FORMAT: 1}
+    """Return the same file with a directory that describes it as an 8-bit grey picture, `width` pixels wide."""
+    grey = {WIDTH: width, BITS_PER_SAMPLE: 8, PHOTOMETRIC: 1, SAMPLES: 1, PLANAR: 1, FORMAT: 1}
     grey |= {TILE_WIDTH: tile_width} if tile_width else {}
     entries = kept | {tag: (4, 1, struct.pack(f"{order}I", value)) for tag, value in grey.items()}
     start = len(data) + len(data) % 2
@@ -242,7 +252,7 @@ def _as_bytes(data: bytes, order: str, kept: dict[int, _Entry], width: int, tile
 
 
 def _unpredicted(raw: np.ndarray, predictor: int, samples: int, size: int, order: str) -> np.ndarray:
-    """Floats of rows of bytes [N, row], a predictor's differences undone (TIFF 6.0, section 14; Adobe's note)."""
+    """Return the floats of rows of bytes [N, R], their predictor undone (TIFF 6.0, section 14; Adobe's Note 3)."""
     count = raw.shape[1] // size
     if predictor == 3:
         sums = np.cumsum(raw.reshape(len(raw), -1, samples), axis=1, dtype=np.uint8)
@@ -256,11 +266,11 @@ def _unpredicted(raw: np.ndarray, predictor: int, samples: int, size: int, order
 
 
 def full_range(values: np.ndarray, image: Image.Image) -> np.ndarray:
-    """Whole numbers as uint16 whose largest is white; of a TIFF of 12 bits, or of signed 16, that is another."""
+    """Scale integers to uint16 with white at 65535; a TIFF's 12-bit and signed 16-bit values have it lower."""
     tags = getattr(image, "tag_v2", {})
-    most = 65535
-    if image.format == "TIFF" and tags.get(258) == (12,):
-        most = 4095
-    elif image.format == "TIFF" and tags.get(339, (1,))[0] == 2:
-        most = 32767
-    return values.astype(np.uint16) if most == 65535 else np.rint(values * (65535 / most)).astype(np.uint16)
+    white = 65535
+    if image.format == "TIFF" and tags.get(BITS_PER_SAMPLE) == (12,):
+        white = 4095
+    elif image.format == "TIFF" and tags.get(FORMAT, (1,))[0] == 2:
+        white = 32767
+    return values.astype(np.uint16) if white == 65535 else np.rint(values * (65535 / white)).astype(np.uint16)

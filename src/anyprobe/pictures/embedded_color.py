@@ -1,7 +1,7 @@
-"""The colour encoding that a picture's file asks for, and its pixels in sRGB.
+"""Colour encoding that a picture's file declares, and its pixels in sRGB.
 
-In this order: code points of a PNG (cICP), an embedded profile, code points of HEIC and AVIF (nclx), a PNG's gAMA and
-cHRM where it does not say sRGB, EXIF's Adobe RGB (R03). Where nothing is said, sRGB.
+Sources, in this order: code points of a PNG (cICP), an embedded profile, code points of HEIC and AVIF (nclx), a PNG's
+gAMA and cHRM where it does not say sRGB, EXIF's Adobe RGB (R03). A file without any is sRGB.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from anyprobe.pictures.icc import converted, encoding_of
 
 PNG_START = b"\x89PNG\r\n\x1a\n"
 PNG_CHUNKS, PNG_HEAD_BYTES = 200, 1 << 22
-"""How far the chunks before a PNG's pixels are looked through."""
+"""Largest number of chunks, and of bytes, before a PNG's pixels that are searched."""
 
 BOX_BYTES = 1 << 20
-"""Longest description of an AVIF that is looked through."""
+"""Number of bytes at the start of an AVIF that are searched."""
 CONTAINERS = (b"iprp", b"ipco")
 MAX_BOXES = 1000
 
 USUAL_GAMMA = 1 / 2.2
-"""Most programs mean sRGB by it."""
+"""PNG gamma by which most programs mean sRGB."""
 GAMMA_TOLERANCE = 0.005
 
 ADOBE_GAMMA = 563 / 256
@@ -47,8 +47,10 @@ R03, INTEROPERABILITY = "R03", 1
 class DisplayPixels:
     """A picture in sRGB.
 
-    values: [H, W] or [H, W, 3], uint8, uint16 or float in [0, 1]. radiance: [H, W, 3] linear Rec. 709,
-    above white too, or None. warnings: one line each, without the picture's name.
+    Attributes:
+        values: [H, W] or [H, W, 3], uint8, uint16 or float in [0, 1].
+        radiance: [H, W, 3] linear Rec. 709, above white too; or None.
+        warnings: one line each, without the picture's name.
     """
 
     values: np.ndarray
@@ -56,12 +58,14 @@ class DisplayPixels:
     warnings: tuple[str, ...] = ()
 
 
-def said_encoding(image: Image.Image, stream: BinaryIO | None) -> tuple[ColorEncoding | None, bytes, tuple[str, ...]]:
-    """Return the encoding or the profile that a picture declares, neither for sRGB, and warnings.
+def declared_encoding(
+    image: Image.Image, stream: BinaryIO | None
+) -> tuple[ColorEncoding | None, bytes, tuple[str, ...]]:
+    """Return the encoding or the ICC profile that a picture declares, neither for sRGB, and warnings.
 
     Args:
         image: opened by Pillow, its file still open where it has one.
-        stream: the file, to look for what Pillow leaves out.
+        stream: the file, for what Pillow does not return; None where there is none.
     """
     profile = image.info.get("icc_profile") or b""
     points = _code_points(image, stream)
@@ -70,7 +74,7 @@ def said_encoding(image: Image.Image, stream: BinaryIO | None) -> tuple[ColorEnc
         if (primaries, transfer) == (2, 2):
             return None, profile, ()
         encoding = by_code_points(primaries, transfer, full, bits)
-        note = f"names a colour encoding that is not known ({primaries}, {transfer}); taken for sRGB"
+        note = f"its colour encoding (primaries {primaries}, transfer {transfer}) is unknown; read as sRGB"
         return encoding, b"", (note,) if encoding is None else ()
     if profile:
         return None, profile, ()
@@ -81,18 +85,18 @@ def said_encoding(image: Image.Image, stream: BinaryIO | None) -> tuple[ColorEnc
     return None, b"", ()
 
 
-def shown(picture: Image.Image | np.ndarray, encoding: ColorEncoding | None, profile: bytes = b"") -> DisplayPixels:
-    """Return a picture in sRGB: of an encoding, or of a profile, or of neither.
+def to_srgb(picture: Image.Image | np.ndarray, encoding: ColorEncoding | None, profile: bytes = b"") -> DisplayPixels:
+    """Convert a picture from an encoding or a profile to sRGB; unchanged if it has neither.
 
     picture: L, RGB or CMYK of Pillow; or [H, W] or [H, W, 3] of 16 bits or floats.
     """
-    whole = isinstance(picture, Image.Image)
+    has_8_bits = isinstance(picture, Image.Image)
     if profile:
         encoding = encoding_of(profile)
         space = {"L": b"GRAY", "RGB": b"RGB ", "CMYK": b"CMYK"}[_mode(picture)]
         if profile[16:20] != space and profile[36:40] == b"acsp":
             return DisplayPixels(values=_plain(picture), warnings=(UNFIT,))
-        if encoding is None or (whole and not encoding.brighter and not is_srgb(encoding)):
+        if encoding is None or (has_8_bits and not encoding.is_hdr and not is_srgb(encoding)):
             return _by_table(picture, encoding, profile)
     values = _plain(picture)
     if encoding is None or is_srgb(encoding):
@@ -101,7 +105,7 @@ def shown(picture: Image.Image | np.ndarray, encoding: ColorEncoding | None, pro
     return DisplayPixels(values=display, radiance=radiance, warnings=_outside(values, encoding))
 
 
-UNFIT = "its colour profile is damaged or of another kind of picture; taken for sRGB"
+UNFIT = "its colour profile is damaged or for another colour model; read as sRGB"
 
 
 def _mode(picture: Image.Image | np.ndarray) -> str:
@@ -111,17 +115,17 @@ def _mode(picture: Image.Image | np.ndarray) -> str:
 
 
 def _plain(picture: Image.Image | np.ndarray) -> np.ndarray:
-    """Its values as they are, [H, W] or [H, W, 3]."""
+    """Return its values unconverted, [H, W] or [H, W, 3]."""
     if isinstance(picture, Image.Image):
         return np.asarray(picture if picture.mode in ("L", "RGB") else picture.convert("RGB"))
     return picture
 
 
 def _by_table(picture: Image.Image | np.ndarray, encoding: ColorEncoding | None, profile: bytes) -> DisplayPixels:
-    """By LittleCMS, with 8 bits."""
+    """Convert by LittleCMS, with 8 bits."""
     if not isinstance(picture, Image.Image):
-        whole = picture * 255.0 if picture.dtype.kind == "f" else picture / 257.0
-        picture = Image.fromarray(np.clip(np.round(whole), 0, 255).astype(np.uint8))
+        scaled = picture * 255.0 if picture.dtype.kind == "f" else picture / 257.0
+        picture = Image.fromarray(np.clip(np.round(scaled), 0, 255).astype(np.uint8))
     try:
         values = np.asarray(converted(picture, profile))
     except ValueError:
@@ -133,11 +137,11 @@ def _outside(values: np.ndarray, encoding: ColorEncoding) -> tuple[str, ...]:
     share = outside_share(values, encoding)
     if share < OUTSIDE_SHARE:
         return ()
-    return (f"{share:.0%} of its colours lie outside of Rec. 709 and are cut to it; their saturation is too low",)
+    return (f"{share:.0%} of its pixels have colours outside of Rec. 709; these are clipped and lose saturation",)
 
 
 def _code_points(image: Image.Image, stream: BinaryIO | None) -> tuple[int, int, bool, int] | None:
-    """Primaries, transfer, whether the range is full, and bits, where the file names them by H.273's numbers."""
+    """Return primaries, transfer, whether the range is full, and bits, where the file has H.273's code points."""
     if image.format == "PNG" and stream is not None:
         return _cicp(stream)
     if image.format == "HEIF":
@@ -183,7 +187,7 @@ def _nclx(stream: BinaryIO) -> tuple[int, int, bool, int] | None:
 
 
 def _boxes(data: bytes) -> Iterator[tuple[bytes, bytes]]:
-    """Boxes of an ISO base media file, those within CONTAINERS too."""
+    """Yield the boxes of an ISO base media file as kind and content, those within CONTAINERS too."""
     pieces, seen = [data], 0
     while pieces:
         piece, at = pieces.pop(0), 0

@@ -1,11 +1,11 @@
-"""Gain maps: what a photo for ordinary screens holds beside its picture to show highlights on brighter ones.
+"""Gain maps: a second picture in a photo's file that restores its highlights on HDR screens.
 
-Ultra HDR (Android: XMP of the namespace hdrgm) and ISO 21496-1, in a second JPEG behind the first; ISO's holds
+Ultra HDR (Android: XMP of the namespace hdrgm) and ISO 21496-1, in a second JPEG behind the first. They mean
 
     log2 (HDR + o_h) / (SDR + o_s) = min + (max - min) g^(1 / gamma)
 
-of linear light, with g in [0, 1] of the map's pixels; of a HEIC or AVIF as an item of its own. Apple's, there or beside
-the picture of a HEIC, see apple_gain.
+in linear light, with g in [0, 1] of the map's pixels. A HEIC or AVIF holds ISO's as an item. Apple's maps, in JPEG and
+HEIC, follow apple_gain.
 """
 
 from __future__ import annotations
@@ -31,12 +31,13 @@ from anyprobe.pictures.raw import HEAD_BYTES
 ISO = b"urn:iso:std:iso:ts:21496:-1\0"
 
 MARKS = (b"hdrgm", b"ts:21496")
-"""Marks in the first segments of a JPEG with a gain map of the first two kinds."""
+"""Bytes that occur in the first segments of a JPEG with a gain map of Ultra HDR or ISO."""
 MOST_BYTES = 1 << 28
 MAX_MAP_PIXELS = 50_000_000
-ANOTHER_SHAPE = 0.1
-"""By which a map's width over height may differ from its picture's, share of it; one that is turned differs more."""
+ASPECT_TOLERANCE = 0.1
+"""Largest relative difference between the aspect ratios of a map and its picture; a map that is turned differs more."""
 MOST_STOPS = 16.0
+"""Largest gain [stops], in either direction, that is believed."""
 
 COMMON_DENOMINATOR, MULTICHANNEL = 0x08, 0x80
 """Flags of ISO 21496-1."""
@@ -46,16 +47,16 @@ _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GainMap:
-    """image: the map. brighter: from linear light of the picture [h, w, 3] and the map's values [h, w, 1 or 3] in
-    [0, 1] to the light that is meant."""
+    """A gain map: its picture, and a function from linear light of the base picture [h, w, 3] and the map's values
+    [h, w, 1 or 3] in [0, 1] to HDR light [h, w, 3]."""
 
     image: Image.Image
-    brighter: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    apply: Callable[[np.ndarray, np.ndarray], np.ndarray]
 
     def radiance(self, display: np.ndarray, turn: Image.Transpose | None = None) -> np.ndarray:
-        """Linear Rec. 709 radiance [H, W, 3] float32 of the picture's sRGB [H, W, 3] in [0, 1].
+        """Compute linear Rec. 709 radiance [H, W, 3] float32 from the base picture's sRGB [H, W, 3] in [0, 1].
 
-        turn: that brings the map upright, as the picture is.
+        turn: transposition that turns the map upright; the picture is upright already.
         """
         image = self.image if turn is None else self.image.transpose(turn)
         height, width = display.shape[:2]
@@ -66,7 +67,7 @@ class GainMap:
             box = (0.0, top * image.height / height, float(image.width), (top + rows) * image.height / height)
             part = np.asarray(image.resize((width, rows), Image.Resampling.BILINEAR, box=box), np.float32) / 255.0
             base = srgb_to_linear(display[top : top + rows])
-            result[top : top + rows] = self.brighter(base, part.reshape(rows, width, -1))
+            result[top : top + rows] = self.apply(base, part.reshape(rows, width, -1))
         return np.maximum(result, 0.0)
 
 
@@ -91,10 +92,10 @@ def _of_tone_map(image: Image.Image, stream: BinaryIO) -> GainMap | None:
         return None
     try:
         found = find_tone_map(data)
-        numbers = None if found is None else _of_iso(found.said)
+        numbers = None if found is None else _of_iso(found.metadata)
         if found is None or numbers is None:
             return None
-        with open_picture(io.BytesIO(found.alone)) as picture:
+        with open_picture(io.BytesIO(found.file)) as picture:
             if picture.width * picture.height > MAX_MAP_PIXELS or _is_turned(picture.size, image.size):
                 return None
             return _checked(picture.convert("L" if picture.mode == "L" else "RGB"), *numbers)
@@ -103,52 +104,52 @@ def _of_tone_map(image: Image.Image, stream: BinaryIO) -> GainMap | None:
 
 
 def _is_turned(gain: tuple[int, int], picture: tuple[int, int]) -> bool:
-    return abs(gain[0] / gain[1] / (picture[0] / picture[1]) - 1.0) > ANOTHER_SHAPE
+    return abs(gain[0] / gain[1] / (picture[0] / picture[1]) - 1.0) > ASPECT_TOLERANCE
 
 
 def _of_heif(image: Image.Image, stream: BinaryIO) -> GainMap | None:
-    numbers = [each for kind, each in image.info.get("aux", {}).items() if _APPLE.search(str(kind).encode())]
-    headroom = apple_headroom(image, image.info.get("xmp") or b"") if numbers and numbers[0] else None
+    items = [ids for kind, ids in image.info.get("aux", {}).items() if _APPLE.search(str(kind).encode())]
+    headroom = apple_headroom(image, image.info.get("xmp") or b"") if items and items[0] else None
     if headroom is None:
         return None
     import pillow_heif
 
     try:
-        found = pillow_heif.open_heif(stream)[0].get_aux_image(numbers[0][0])
+        found = pillow_heif.open_heif(stream)[0].get_aux_image(items[0][0])
         if found.size[0] * found.size[1] > MAX_MAP_PIXELS or _is_turned(found.size, image.size):
             return None
-        return _apples(found.to_pillow(), headroom)
+        return _apple_map(found.to_pillow(), headroom)
     except Exception:  # decoders raise whatever the bad bytes lead them to
         return None
 
 
 def _of_apple_jpeg(image: Image.Image, data: bytes) -> GainMap | None:
     for number, picture in enumerate(jpeg_pictures(data)):
-        said = [one for one in app_segments(picture) if one.startswith(XMP) and _APPLE.search(one)] if number else []
-        headroom = apple_headroom(image, said[0]) if said else None
+        xmp = [part for part in app_segments(picture) if part.startswith(XMP) and _APPLE.search(part)] if number else []
+        headroom = apple_headroom(image, xmp[0]) if xmp else None
         if headroom is not None:
             try:
-                return _apples(_decoded(picture), headroom)
+                return _apple_map(_decoded(picture), headroom)
             except ValueError:
                 return None
     return None
 
 
-def _apples(image: Image.Image, headroom: float) -> GainMap:
-    def brighter(base: np.ndarray, gain: np.ndarray) -> np.ndarray:
+def _apple_map(image: Image.Image, headroom: float) -> GainMap:
+    def apply(base: np.ndarray, gain: np.ndarray) -> np.ndarray:
         return base * (1.0 + (headroom - 1.0) * rec709_to_linear(gain))
 
-    return GainMap(image=image.convert("L"), brighter=brighter)
+    return GainMap(image=image.convert("L"), apply=apply)
 
 
 def find_gain_map(data: bytes) -> GainMap | None:
-    """Return the gain map of a JPEG by Ultra HDR or ISO; None where it has none that brightens, or a damaged one."""
+    """Return the Ultra HDR or ISO gain map of a JPEG; None where it has none, one that darkens, or a damaged one."""
     for number, picture in enumerate(jpeg_pictures(data)):
         if number == 0:
             continue
-        for said in app_segments(picture):
+        for segment in app_segments(picture):
             try:
-                numbers = _of_iso(said[len(ISO) :]) if said.startswith(ISO) else _of_xmp(said)
+                numbers = _of_iso(segment[len(ISO) :]) if segment.startswith(ISO) else _of_xmp(segment)
                 found = None if numbers is None else _checked(_decoded(picture), *numbers)
             except (struct.error, ValueError, ZeroDivisionError):
                 continue
@@ -157,19 +158,20 @@ def find_gain_map(data: bytes) -> GainMap | None:
     return None
 
 
-UNREAD = "its gain map is not read, so that highlights end at white; save it as Ultra HDR, PQ or EXR to have them"
-_CLIPPED, MUCH = 0.99, 0.005
-"""Display value from which on a pixel is white, and share of these from which on a gain map is missed."""
+UNREAD = "its gain map cannot be read, so its highlights end at white; save it as Ultra HDR, PQ or OpenEXR to keep them"
+_CLIPPED, MUCH_CLIPPED = 0.99, 0.005
+"""Smallest display value of a clipped pixel, and share of such pixels from which a missing gain map matters."""
 BRAND_BYTES = 4096
+"""Number of bytes at the start of a HEIC or AVIF that list its brands."""
 _APPLE = re.compile(rb"hdrgainmap", re.IGNORECASE)
 
 
 def misses_gain_map(image: Image.Image, stream: BinaryIO | None, display: np.ndarray) -> bool:
-    """Return whether a picture [H, W, 3] without radiance is white in places and its file holds a gain map that could
-    not be read: Apple's without its headroom, say."""
+    """Return whether a picture [H, W, 3] has clipped highlights and its file a gain map that could not be read, such as
+    Apple's without its headroom."""
     if stream is None or image.format not in ("MPO", "HEIF", "AVIF"):
         return False
-    if (display.max(axis=-1) >= _CLIPPED).mean() < MUCH:
+    if (display.max(axis=-1) >= _CLIPPED).mean() < MUCH_CLIPPED:
         return False
     if any(_APPLE.search(str(kind).encode()) for kind in image.info.get("aux", ())):
         return True
@@ -180,20 +182,20 @@ def misses_gain_map(image: Image.Image, stream: BinaryIO | None, display: np.nda
 
 
 def _checked(image: Image.Image, *numbers: np.ndarray) -> GainMap | None:
-    """Return a map of numbers that can be meant; ValueError for others."""
-    low, high, gamma, base_offset, offset = (np.broadcast_to(np.asarray(one, np.float32), 3) for one in numbers)
-    usual = np.abs([low, high]).max() <= MOST_STOPS and (gamma > 0.01).all() and (gamma < 100.0).all()
-    if not usual or not (np.abs([base_offset, offset]) <= 1.0).all() or (high < low).any():
+    """Return the map with these parameters, see _of_iso; ValueError where they are implausible."""
+    low, high, gamma, base_offset, offset = (np.broadcast_to(np.asarray(number, np.float32), 3) for number in numbers)
+    plausible = np.abs([low, high]).max() <= MOST_STOPS and (gamma > 0.01).all() and (gamma < 100.0).all()
+    if not plausible or not (np.abs([base_offset, offset]) <= 1.0).all() or (high < low).any():
         raise ValueError
 
-    def brighter(base: np.ndarray, gain: np.ndarray) -> np.ndarray:
+    def apply(base: np.ndarray, gain: np.ndarray) -> np.ndarray:
         return (base + base_offset) * np.exp2(low + (high - low) * gain ** (1.0 / gamma)) - offset
 
-    return GainMap(image=image, brighter=brighter)
+    return GainMap(image=image, apply=apply)
 
 
 def _decoded(picture: bytes) -> Image.Image:
-    """Return a map's JPEG, L or RGB; ValueError where it is damaged or too large."""
+    """Decode a map's JPEG to L or RGB; ValueError where it is damaged or too large."""
     try:
         stored = JpegImageFile(io.BytesIO(picture), "")
         if stored.width * stored.height > MAX_MAP_PIXELS:
@@ -204,7 +206,10 @@ def _decoded(picture: bytes) -> Image.Image:
 
 
 def _of_iso(data: bytes) -> tuple[np.ndarray, ...] | None:
-    """Minimum, maximum, gamma and both offsets of ISO 21496-1's metadata; None of a picture that is brighter itself."""
+    """Return minimum, maximum, gamma, and the offsets of the base and HDR pictures, [1 or 3] each, of ISO 21496-1.
+
+    None where the base picture is the HDR one.
+    """
     if len(data) <= 5:  # the version alone, in the first picture
         return None
     flags, at = data[4], 5
@@ -221,7 +226,7 @@ def _of_iso(data: bytes) -> tuple[np.ndarray, ...] | None:
 
 
 def _of_xmp(data: bytes) -> tuple[np.ndarray, ...] | None:
-    """Return the same of Ultra HDR's XMP."""
+    """Return the same from Ultra HDR's XMP."""
     text = data.decode("utf-8", "replace")
     if not data.startswith(XMP) or "hdrgm:GainMapMax" not in text or 'BaseRenditionIsHDR="True"' in text:
         return None

@@ -1,8 +1,7 @@
-"""Headers of photos, read before decoding: format, EXIF, and whether decoding it would take too long."""
+"""Headers of photos, read before decoding: format, EXIF, and what takes too long to decode."""
 
 from __future__ import annotations
 
-import re
 from typing import Any, BinaryIO, cast
 
 import numpy as np
@@ -24,18 +23,19 @@ from PIL import (
 
 from anyprobe.errors import InvalidPhoto, MissingExtra
 from anyprobe.notices import CHOOSE_PHOTO, USE_VIDEO, Remedy
+from anyprobe.pictures.jpeg_parts import MARKER
 
 MAX_PIXELS = 100_000_000
-"""Largest photo that is decoded; the header is looked at first."""
+"""Largest number of pixels of a photo that is decoded; checked in the header first."""
 
 MIN_SIDE_PX, MAX_SIDE_PX = 32, 65_535
-"""Smallest and largest height and width of a photo; JPEG has the same largest."""
+"""Smallest and largest height and width [px] of a photo; the largest is JPEG's own."""
 
 MAX_SCANS = 32
-"""Scans of a progressive JPEG, each of which passes over the whole picture; encoders make about ten."""
+"""Largest number of scans of a progressive JPEG, each of which covers the whole picture; encoders write about ten."""
 
 PHOTO_FORMATS = ("JPEG", "MPO", "PNG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF", "HEIF", "JXL")
-"""Formats that may be opened; Pillow knows others that start programs or are no pictures."""
+"""Formats that may be opened; others that Pillow knows start programs or are not pictures."""
 
 PLUGINS = (
     *(AvifImagePlugin, BmpImagePlugin, GifImagePlugin, Jpeg2KImagePlugin, JpegImagePlugin, MpoImagePlugin),
@@ -44,54 +44,53 @@ PLUGINS = (
 """Their readers, imported here and not at the first photo: a process forked while a thread imports hangs."""
 
 ON_ITS_SIDE = (5, 6, 7, 8)
-"""Orientations of photos that are turned by a quarter to be shown."""
+"""EXIF orientations that are shown turned by a quarter."""
 
 _HEIC_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"}
 _JPEG_START = b"\xff\xd8\xff"
 JXL_BOX = b"\0\0\0\x0cJXL \r\n\x87\n"
 JXL_STARTS = (b"\xff\x0a", JXL_BOX)
 
-CUT = "a damaged or cut {}; copy it again from where it is from"
+TRUNCATED = "a damaged or truncated {}; copy it again from its source"
 KINDS_BY_START = {
-    b"\xff\xd8": CUT.format("JPEG"),
-    b"\x89PNG": CUT.format("PNG"),
-    b"GIF8": CUT.format("GIF"),
-    b"BM": CUT.format("BMP"),
-    b"RIFF": CUT.format("WebP"),
-    b"II*\0": "a TIFF that is damaged, cut or of an unusual layout; copy it again, or save it as plain TIFF or OpenEXR",
-    b"MM\0*": "a TIFF that is damaged, cut or of an unusual layout; copy it again, or save it as plain TIFF or OpenEXR",
+    b"\xff\xd8": TRUNCATED.format("JPEG"),
+    b"\x89PNG": TRUNCATED.format("PNG"),
+    b"GIF8": TRUNCATED.format("GIF"),
+    b"BM": TRUNCATED.format("BMP"),
+    b"RIFF": TRUNCATED.format("WebP"),
+    b"II*\0": "a damaged, truncated or unusual TIFF; copy it again, or save it as plain TIFF or OpenEXR",
+    b"MM\0*": "a damaged, truncated or unusual TIFF; copy it again, or save it as plain TIFF or OpenEXR",
     b"II+\0": "a TIFF of more than 4 GB (BigTIFF); save it as plain TIFF or OpenEXR",
     b"MM\0+": "a TIFF of more than 4 GB (BigTIFF); save it as plain TIFF or OpenEXR",
-    b"\xff\x0a": CUT.format("JPEG XL"),
-    JXL_BOX: CUT.format("JPEG XL"),
-    b"\xff\x4f\xff\x51": CUT.format("JPEG 2000"),
-    b"\0\0\0\x0cjP": CUT.format("JPEG 2000"),
+    b"\xff\x0a": TRUNCATED.format("JPEG XL"),
+    JXL_BOX: TRUNCATED.format("JPEG XL"),
+    b"\xff\x4f\xff\x51": TRUNCATED.format("JPEG 2000"),
+    b"\0\0\0\x0cjP": TRUNCATED.format("JPEG 2000"),
     b"8BPS": "a Photoshop document; export a flat picture, of 16 bits as TIFF or PNG, of 32 bits as OpenEXR",
     b"%PDF": "a PDF document; export its picture as PNG or TIFF",
-    b"%!PS": "something else, a PostScript document; export its picture as PNG or TIFF",
+    b"%!PS": "a PostScript document; export its picture as PNG or TIFF",
     b"<svg": "an SVG drawing, not a photo; export it as PNG",
     b"PF": "a PFM picture; save it as OpenEXR (.exr), which keeps its range",
     b"Pf": "a PFM picture; save it as OpenEXR (.exr), which keeps its range",
     b"\x1aE\xdf\xa3": "a video; anyprobe video takes it",
     b"PK\x03\x04": "a ZIP archive; unpack it",
 }
-"""Formats by their first bytes that no reader takes, and what to do with such a file."""
+"""Descriptions of unreadable files, and what to do with them, by their first bytes."""
 BRANDS = {
-    **dict.fromkeys((b"avif", b"avis"), CUT.format("AVIF")),
-    **dict.fromkeys((b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"), CUT.format("HEIC")),
+    **dict.fromkeys((b"avif", b"avis"), TRUNCATED.format("AVIF")),
+    **dict.fromkeys((b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"), TRUNCATED.format("HEIC")),
 }
-"""The same by the brand of a file of ISO's base media format; others are videos."""
-_MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])")
+"""The same by the brand of an ISO base media file; other brands are videos."""
 
 
 class UnknownPicture(Exception):
-    """No format of PHOTO_FORMATS, or a header that is damaged."""
+    """The file has none of PHOTO_FORMATS, or a damaged header."""
 
 
 def open_picture(stream: BinaryIO, name: str = "photo") -> ImageFile.ImageFile:
-    """Return a picture whose header is read and whose pixels are not.
+    """Open a picture: its header is read, its pixels are not.
 
-    Image.open would warn of pictures that are large; how large they may be is judged here.
+    Unlike Image.open it does not warn of large pictures; check_size refuses them.
 
     Raises:
         UnknownPicture: it cannot be read.
@@ -99,7 +98,7 @@ def open_picture(stream: BinaryIO, name: str = "photo") -> ImageFile.ImageFile:
         MissingExtra: a HEIC or JPEG XL photo without its reader installed.
     """
     head = stream.read(64)
-    brands = head[16 : int.from_bytes(head[:4], "big")]  # beside the main one
+    brands = head[16 : int.from_bytes(head[:4], "big")]  # besides the main one
     if head[4:8] == b"ftyp" and head[8:12] in _HEIC_BRANDS and b"avif" not in brands:
         _register_heic(name)
     if head.startswith(JXL_STARTS):
@@ -121,7 +120,7 @@ def open_picture(stream: BinaryIO, name: str = "photo") -> ImageFile.ImageFile:
 
 
 def check_size(width: int, height: int, name: str) -> None:
-    """InvalidPhoto where a picture is too large to be decoded or too small for a photo."""
+    """Raise InvalidPhoto if a picture is too large to be decoded or too small for a photo."""
     if width * height > MAX_PIXELS:
         raise InvalidPhoto(
             f"expected at most {MAX_PIXELS // 1_000_000} million pixels, got {width} x {height}; shrink it first",
@@ -129,7 +128,7 @@ def check_size(width: int, height: int, name: str) -> None:
         )
     if max(width, height) > MAX_SIDE_PX:
         raise InvalidPhoto(
-            f"expected at most {MAX_SIDE_PX} pixels on either side, got {width} x {height}; cut it", source=name
+            f"expected at most {MAX_SIDE_PX} pixels on either side, got {width} x {height}; crop it", source=name
         )
     if min(width, height) < MIN_SIDE_PX:
         raise InvalidPhoto(
@@ -139,18 +138,18 @@ def check_size(width: int, height: int, name: str) -> None:
 
 
 def upright_size(image: Image.Image) -> tuple[int, int]:
-    """Width and height of the picture as it is shown."""
+    """Return width and height of the picture as it is shown."""
     width, height = image.size
     if _exif(image).get(ExifTags.Base.Orientation) not in ON_ITS_SIDE:
         return width, height
-    if image.format == "TIFF":  # Pillow turns the size of these alone, and not in all its versions
+    if image.format == "TIFF":  # some versions of Pillow turn the size of TIFFs, and of no others
         tags = cast(TiffImagePlugin.TiffImageFile, image).tag_v2
         width, height = tags[ExifTags.Base.ImageWidth], tags[ExifTags.Base.ImageLength]
     return height, width
 
 
 def exif_fov_deg(image: Image.Image) -> float | None:
-    """Field of view of the longer side [degrees], 2 atan(18 / f), from the 35 mm equivalent f [mm]."""
+    """Return the field of view [degrees] of the longer side, 2 atan(18 / f), f the 35 mm equivalent [mm]; or None."""
     try:
         focal_mm = float(_exif(image, ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm, 0))
     except (TypeError, ValueError, ZeroDivisionError, OverflowError):
@@ -161,7 +160,7 @@ def exif_fov_deg(image: Image.Image) -> float | None:
 
 
 def exif_exposure(image: Image.Image) -> float | None:
-    """Light that reached the sensor, times its gain: t S / N^2 (ISO 2720); None where EXIF lacks one of the three."""
+    """Return the exposure t S / N^2 [s x ISO] (ISO 2720): the sensor's light times its gain; None if EXIF lacks any."""
     exif = _exif(image, ExifTags.IFD.Exif)
     tags = (ExifTags.Base.ExposureTime, ExifTags.Base.ISOSpeedRatings, ExifTags.Base.FNumber)
     try:
@@ -175,18 +174,18 @@ def exif_exposure(image: Image.Image) -> float | None:
 
 
 def kind_of(head: bytes, num_bytes: int) -> tuple[str, tuple[Remedy, ...]]:
-    """Return what a file is that no reader takes, and what to do about it."""
+    """Return the description of an unreadable file from its first bytes, and remedies."""
     if head[4:8] == b"ftyp":
-        cut = BRANDS.get(head[8:12])
-        return ("a video", (Remedy("run", USE_VIDEO),)) if cut is None else (cut, ())
-    said = next((said for start, said in KINDS_BY_START.items() if head.startswith(start)), None)
-    if said is not None:
-        return said, ()
+        picture = BRANDS.get(head[8:12])
+        return ("a video", (Remedy("run", USE_VIDEO),)) if picture is None else (picture, ())
+    found = next((kind for start, kind in KINDS_BY_START.items() if head.startswith(start)), None)
+    if found is not None:
+        return found, ()
     return f"{num_bytes} bytes of something else", (Remedy("run", CHOOSE_PHOTO),)
 
 
 def is_turned(image: Image.Image) -> bool:
-    """Return whether its reader has turned it already: a JPEG XL that is not a JPEG packed anew."""
+    """Return whether its reader has turned it upright already: a JPEG XL that is not a recompressed JPEG."""
     return image.format == "JXL" and not getattr(image, "jpeg", False)
 
 
@@ -199,11 +198,11 @@ TURNS = {
     7: Image.Transpose.TRANSVERSE,
     8: Image.Transpose.ROTATE_90,
 }
-"""Turn that brings a picture upright, by EXIF orientation."""
+"""Transpositions that turn a picture upright, by EXIF orientation."""
 
 
 def orientation_of(image: Image.Image) -> int:
-    """As EXIF has it; 1, upright, where that is damaged, or of a JPEG XL, which its reader turns itself."""
+    """Return the EXIF orientation; 1, upright, if that is damaged, or if the reader has turned the picture already."""
     try:
         if is_turned(image):
             return 1
@@ -213,7 +212,7 @@ def orientation_of(image: Image.Image) -> int:
 
 
 def jxl_size(data: bytes) -> tuple[int, int]:
-    """Width and height by the first bytes of a JPEG XL file (ISO/IEC 18181-1, SizeHeader), or 0, 0."""
+    """Return width and height from the first bytes of a JPEG XL file (ISO/IEC 18181-1, SizeHeader); else 0, 0."""
     if data.startswith(JXL_BOX):
         data = _jxl_codestream(data)
     bits, place = int.from_bytes(data[2:18].ljust(16, b"\0"), "little"), 0
@@ -235,8 +234,7 @@ def jxl_size(data: bytes) -> tuple[int, int]:
 
 
 def _jxl_codestream(data: bytes) -> bytes:
-    """Return the first bytes of the pixels in a file of boxes (ISO/IEC 18181-2), nothing where they are not in
-    these."""
+    """Return the start of the codestream in a file of boxes (ISO/IEC 18181-2); empty where `data` ends before it."""
     at, code = 0, b""
     while at + 8 <= len(data) and len(code) < 32:
         size, kind, head = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8], 8
@@ -254,7 +252,7 @@ def _jxl_codestream(data: bytes) -> bytes:
 
 
 def _exif(image: Image.Image, directory: int | None = None) -> Any:
-    """EXIF tags; none where they are damaged: a picture is one without them."""
+    """Return EXIF tags; empty if they are damaged, since the picture can be used without them."""
     try:
         exif = image.getexif()
         return exif if directory is None else exif.get_ifd(directory)
@@ -263,18 +261,18 @@ def _exif(image: Image.Image, directory: int | None = None) -> Any:
 
 
 def _check_scans(stream: BinaryIO, name: str) -> None:
-    """InvalidPhoto for a JPEG that passes over its pixels again and again; what follows its end does not count."""
+    """Raise InvalidPhoto for a JPEG of more than MAX_SCANS scans; data behind its end does not count."""
     place = stream.tell()
     stream.seek(0)
     data = stream.read()
     stream.seek(place)
     at, scans = 2, 0
-    while (marker := _MARKER.search(data, at)) and marker[1] != b"\xd9":
+    while (marker := MARKER.search(data, at)) and marker[1] != b"\xd9":
         at = marker.end()
         scans += marker[1] == b"\xda"
         if scans > MAX_SCANS:
             raise InvalidPhoto(
-                f"expected at most {MAX_SCANS} scans, got more; save it again as PNG or JPEG", source=name
+                f"expected a JPEG of at most {MAX_SCANS} scans, got more; save it again as PNG or JPEG", source=name
             )
         at += int.from_bytes(data[at : at + 2], "big") if marker[1] not in b"\x01\xd8" else 0
 
@@ -288,7 +286,7 @@ def _register_heic(name: str) -> None:
 
 
 def _register_jxl(stream: BinaryIO, name: str) -> None:
-    """Its reader decodes all of a file that it opens: how large the picture is, is judged before."""
+    """Register the reader, which decodes a whole file when it opens it; therefore check the size first."""
     try:
         import pillow_jxl  # noqa: F401
     except ImportError as error:

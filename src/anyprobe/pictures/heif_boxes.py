@@ -1,4 +1,4 @@
-"""Boxes of ISO's base media format that a HEIC or AVIF file describes its pictures by (ISO/IEC 23008-12, 14496-12)."""
+"""Boxes of a HEIC or AVIF file that describe its gain map (ISO/IEC 23008-12, 14496-12)."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from dataclasses import dataclass
 MOST_BOXES = 10_000
 
 Span = tuple[int, int]
-"""Where something begins and ends, in bytes of the file."""
+"""First byte in the file, and the one after the last."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ToneMap:
-    """A gain map of ISO 21496-1. said: its metadata, without the version. alone: a file whose picture is the map."""
+    """A gain map of ISO 21496-1: its metadata without the version byte, and a file whose picture is the map."""
 
-    said: bytes
-    alone: bytes
+    metadata: bytes
+    file: bytes
 
 
 def find_tone_map(data: bytes) -> ToneMap | None:
@@ -32,21 +32,21 @@ def find_tone_map(data: bytes) -> ToneMap | None:
     mapped = [number for number, kind in kinds.items() if kind == b"tmap"]
     if not mapped or b"iref" not in found:
         return None
-    made_of = _references(data, found[b"iref"]).get((b"dimg", mapped[0]), [])
+    inputs = _references(data, found[b"iref"]).get((b"dimg", mapped[0]), [])
     place = _place(data, found[b"iloc"], mapped[0], found.get(b"idat"))
-    if len(made_of) != 2 or place is None:
+    if len(inputs) != 2 or place is None:
         return None
-    alone, primary = bytearray(data), found[b"pitm"][0]
+    file, primary = bytearray(data), found[b"pitm"][0]
     if data[primary] == 0:
-        struct.pack_into(">H", alone, primary + 4, made_of[1])
+        struct.pack_into(">H", file, primary + 4, inputs[1])
     else:
-        struct.pack_into(">I", alone, primary + 4, made_of[1])
-    alone[flags[made_of[1]]] &= 0xFE  # not hidden
-    return ToneMap(said=data[place[0] + 1 : place[1]], alone=bytes(alone))
+        struct.pack_into(">I", file, primary + 4, inputs[1])
+    file[flags[inputs[1]]] &= 0xFE  # not hidden
+    return ToneMap(metadata=data[place[0] + 1 : place[1]], file=bytes(file))
 
 
 def _boxes(data: bytes, span: Span) -> Iterator[tuple[bytes, Span]]:
-    """Kind and content of each box in a span."""
+    """Yield the kind and the content's span of each box in a span."""
     at, end = span
     for _ in range(MOST_BOXES):
         if at + 8 > end:
@@ -56,13 +56,13 @@ def _boxes(data: bytes, span: Span) -> Iterator[tuple[bytes, Span]]:
             size, head = int.from_bytes(data[at + 8 : at + 16], "big"), 16
         size = size or end - at
         if size < head or at + size > end:
-            raise ValueError(f"a box {kind!r} that is cut")
+            raise ValueError(f"a truncated box {kind!r}")
         yield kind, (at + head, at + size)
         at += size
 
 
 def _items(data: bytes, span: Span) -> tuple[dict[int, bytes], dict[int, int]]:
-    """Kinds of the items by number, and where the byte of each one's flags is."""
+    """Return the items' kinds, and the offsets of their flags, by item number."""
     kinds, flags = {}, {}
     for kind, (at, _) in _boxes(data, (span[0] + (6 if data[span[0]] == 0 else 8), span[1])):
         if kind == b"infe" and data[at] in (2, 3):
@@ -74,7 +74,7 @@ def _items(data: bytes, span: Span) -> tuple[dict[int, bytes], dict[int, int]]:
 
 
 def _references(data: bytes, span: Span) -> dict[tuple[bytes, int], list[int]]:
-    """Items that each item refers to, by the kind of reference and its own number."""
+    """Return the items that each item refers to, by the kind of reference and its own number."""
     form, size = (">H", 2) if data[span[0]] == 0 else (">I", 4)
     found = {}
     for kind, (at, _) in _boxes(data, (span[0] + 4, span[1])):
@@ -84,7 +84,7 @@ def _references(data: bytes, span: Span) -> dict[tuple[bytes, int], list[int]]:
 
 
 def _place(data: bytes, span: Span, wanted: int, idat: Span | None) -> Span | None:
-    """Return where an item of one piece is; None where it is elsewhere."""
+    """Return the span of an item stored in one piece in this file; None for any other."""
     at, version = span[0] + 4, data[span[0]]
     offset_size, length_size = data[at] >> 4, data[at] & 15
     base_size, index_size = data[at + 1] >> 4, data[at + 1] & 15 if version else 0
@@ -108,6 +108,6 @@ def _place(data: bytes, span: Span, wanted: int, idat: Span | None) -> Span | No
             if item == wanted and extents == 1:
                 if method == 1 and idat is not None:
                     start += idat[0]
-                whole = method < 2 and 0 < length and start + length <= len(data)
-                return (start, start + length) if whole else None
+                is_inside = method < 2 and 0 < length and start + length <= len(data)
+                return (start, start + length) if is_inside else None
     return None

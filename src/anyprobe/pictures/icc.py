@@ -1,7 +1,7 @@
-"""Embedded colour profiles (ICC.1), read by what they hold, never by their names.
+"""Embedded colour profiles (ICC.1), interpreted by their contents, never by their names.
 
-Profiles of primaries and curves are read here, for pictures of any depth; LittleCMS takes those of tables, and all of
-pictures of 8 bits.
+Profiles of primaries and curves are read here, for pictures of any depth; profiles with tables, and all pictures of 8
+bits, are left to LittleCMS.
 """
 
 from __future__ import annotations
@@ -21,25 +21,26 @@ MAX_TAGS, MAX_POINTS = 200, 1 << 16
 SRGB_D50 = np.array(
     [[0.4360657, 0.3851514, 0.1430784], [0.2224932, 0.7168870, 0.0606169], [0.0139237, 0.0970764, 0.7140961]]
 )
-"""CIE XYZ of sRGB's primaries as its profiles have them, adapted to their white, D50."""
+"""Columns of CIE XYZ of sRGB's primaries as its profiles have them, adapted to their white, D50."""
 
 PARAMETRIC = ("g", "gab", "gabc", "gabcd", "gabcdef")
-"""Names of the numbers of a parametric curve, by its kind."""
+"""Names of a parametric curve's parameters, by its type."""
 
 Curve = Callable[[np.ndarray], np.ndarray]
 
 
 def encoding_of(profile: bytes) -> ColorEncoding | None:
-    """Return the encoding of a profile of code points, or of curves and primaries, or of one grey curve.
+    """Return the encoding of a profile of code points, of curves and primaries, or of one grey curve.
 
-    None where it is damaged, or holds tables or another colour space.
+    Returns:
+        None where it is damaged, or has tables or another colour space.
     """
     try:
         tags = _tags(profile)
         if "cicp" in tags and len(tags["cicp"]) >= 12:
             primaries, transfer, _, full = tags["cicp"][8:12]
             found = by_code_points(primaries, transfer, bool(full))
-            if found is not None and found.brighter:
+            if found is not None and found.is_hdr:
                 return found
         space, connection = profile[16:20], profile[20:24]
         if space == b"GRAY" and connection == b"XYZ ":
@@ -60,10 +61,10 @@ def encoding_of(profile: bytes) -> ColorEncoding | None:
 
 
 def converted(image: Image.Image, profile: bytes) -> Image.Image:
-    """Return a picture of 8 bits (L, RGB or CMYK) in sRGB, by LittleCMS.
+    """Convert a picture of 8 bits (L, RGB or CMYK) to sRGB by LittleCMS.
 
     Raises:
-        ValueError: the profile is damaged, or of another kind of picture.
+        ValueError: the profile is damaged, or for another colour model.
     """
     try:
         embedded = ImageCms.ImageCmsProfile(io.BytesIO(profile))
@@ -78,7 +79,7 @@ def converted(image: Image.Image, profile: bytes) -> Image.Image:
 
 
 def _tags(profile: bytes) -> dict[str, bytes]:
-    """Return a profile's tags by signature; struct.error or ValueError where it is none."""
+    """Return a profile's tags by signature; struct.error or ValueError if it is not a profile."""
     if profile[36:40] != b"acsp":
         raise ValueError("no profile")
     (count,) = struct.unpack_from(">I", profile, _HEADER_BYTES)
@@ -117,7 +118,7 @@ def _curve(tag: bytes) -> Curve:
 
 
 def _parametric(p: dict[str, float]) -> Curve:
-    """ICC.1:2022, table 68: (a x + b)^g + e from d on, c x + f below it."""
+    """Return the curve of ICC.1:2022, table 68: (a x + b)^g + e for x >= d, else c x + f."""
     g, a, b = p["g"], p.get("a", 1.0), p.get("b", 0.0)
     if "d" in p:
         start, slope, low, high = p["d"], p["c"], p.get("f", 0.0), p.get("e", 0.0)

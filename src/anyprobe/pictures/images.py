@@ -1,7 +1,7 @@
-"""Photos on disk or in memory to display values, and previews back to PNG.
+"""Photos from disk or memory as display values, and pictures written as PNG.
 
-Whatever comes (palette, CMYK, 16 bits, rotated by EXIF, wide-gamut, HDR, RAW, float EXR)
-leaves as upright sRGB in [0, 1]; what cannot be a photo is refused in one line.
+Every kind (palette, CMYK, 16 bits, rotated by EXIF, wide-gamut, HDR, RAW, float EXR) becomes upright sRGB in [0, 1];
+anything that cannot be a photo raises an error of one line.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from anyprobe.pictures.deep_pixels import (
     sixteen_bits,
     turned_upright,
 )
-from anyprobe.pictures.embedded_color import DisplayPixels, said_encoding, shown
+from anyprobe.pictures.embedded_color import DisplayPixels, declared_encoding, to_srgb
 from anyprobe.pictures.gain_map import UNREAD, gain_map_of, misses_gain_map
 from anyprobe.pictures.headers import (
     MAX_PIXELS,
@@ -69,13 +69,13 @@ class Pixels:
             channel where the picture is grey.
         alpha: [H, W] float32 in [0, 1], not premultiplied into rgb; None where all is opaque.
         long_fov_deg: field of view of the longer side from EXIF, or None.
-        exposure: how much light the photo took, from EXIF, in seconds x ISO / f-number^2, or None.
-        posture_deg: how far the camera looks down, and its roll, where the camera noted them (iPhones), or None.
+        exposure: from EXIF, seconds x ISO / f-number^2, or None.
+        posture_deg: camera pitch downwards and roll, where the camera noted them (iPhones), or None.
         name: what messages call the picture.
         warnings: one line each, for the user.
-        radiance: [H, W, 3] float32, linear Rec. 709 in the photo's exposure units (white at 1), of a picture that holds
-            light above white: OpenEXR, .hdr, TIFF of floats, PQ, HLG, a gain map. None of any other.
-        depth: [h, w] float32, upright, see files.photo_depth; None where the file carries none or nobody asked.
+        radiance: [H, W, 3] float32, linear Rec. 709 in the photo's exposure units (white at 1), where the picture holds
+            light above white: OpenEXR, .hdr, TIFF of floats, PQ, HLG, a gain map. None for any other.
+        depth: [h, w] float32, upright, see pictures.photo_depth; None where the file has none or it was not requested.
     """
 
     rgb: np.ndarray
@@ -96,11 +96,11 @@ def read_image(
 
     Arrays are [H, W], [H, W, 1], [H, W, 3] or [H, W, 4]: uint8, uint16, or float display values in [0, 1]. Linear
     radiance (.exr, .hdr, a TIFF of floats without a profile, RAW) goes through the camera's response. Of an animation
-    the first frame counts.
+    the first frame is read.
 
     Args:
-        as_data: the numbers as they are stored, whatever the file says of colour: normals, say.
-        with_depth: read the depth that a phone's file carries, too.
+        as_data: keep the stored values and ignore the file's colour encoding, for normals and masks.
+        with_depth: read the depth map in a phone's file too.
     Raises:
         InvalidPhoto: not an image, damaged, too small, too large, NaN.
         InvalidMask: depth that is damaged.
@@ -116,8 +116,8 @@ def read_image(
         return _from_stream(io.BytesIO(data), len(data), name or "bytes", as_data, with_depth)
     if not isinstance(source, (str, os.PathLike)):
         raise InvalidPhoto(
-            f"{name or 'photo'}: expected a path, bytes, a Pillow image or an array, "
-            f"got {type(source).__name__}; convert it"
+            f"expected a path, bytes, a Pillow image or an array, got {type(source).__name__}; convert it",
+            source=name or "photo",
         )
     path = Path(source)
     with open_regular(path, InvalidPhoto, "an image file") as stream:
@@ -126,12 +126,13 @@ def read_image(
 
 
 USUAL_PNG, FAST_PNG, MANY_VALUES = 6, 1, 24_000_000
-"""Compression of a PNG, and of one of so many values: a third of the time for a tenth more bytes."""
+"""Compression levels of a PNG, and of one of more than MANY_VALUES: a third of the time for a tenth more bytes."""
 STRIP_ROWS = 64
-"""Rows of a large picture that are converted at a time."""
+"""Number of rows of a large picture that are converted at a time."""
 
 TAKEN_FOR_LINEAR = (
-    "a TIFF of floats without a colour profile is taken for linear radiance; if it holds display values, embed sRGB's"
+    "a TIFF of floats without a colour profile is taken for linear radiance; if it holds display values, embed an sRGB "
+    "profile"
 )
 
 
@@ -146,14 +147,14 @@ def write_png(path: str | os.PathLike[str], rgb: np.ndarray) -> None:
 
 
 def png_bytes(picture: np.ndarray, **settings: Any) -> bytes:
-    """uint8 [H, W], [H, W, 3] or [H, W, 4] as PNG; settings: Pillow's."""
+    """Encode uint8 [H, W], [H, W, 3] or [H, W, 4] as PNG; settings are Pillow's."""
     stream = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(picture)).save(stream, format="PNG", **settings)
     return stream.getvalue()
 
 
 def picture_bytes(image: np.ndarray) -> np.ndarray:
-    """to_bytes, a few rows at a time where there are many values, which would not fit the processor's caches."""
+    """Convert display values as to_bytes does; large pictures a few rows at a time, to fit the processor's caches."""
     if image.size <= MANY_VALUES:
         return to_bytes(image)
     result = np.empty(image.shape, np.uint8)
@@ -169,7 +170,7 @@ def picture_bytes(image: np.ndarray) -> np.ndarray:
 def _from_stream(
     stream: BinaryIO, num_bytes: int, name: str, as_data: bool, with_depth: bool, file_name: str = ""
 ) -> Pixels:
-    """Decode an open file or buffer, by what its first bytes say."""
+    """Decode an open file or buffer, whose first bytes decide how."""
     head = stream.read(64)
     if not head:
         raise InvalidPhoto("expected an image, got an empty file; copy or save it again", source=name)
@@ -206,20 +207,20 @@ def _from_stream(
 
 
 def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data: bool, with_depth: bool) -> Pixels:
-    """Turn upright, take the transparency off, bring the colour to sRGB.
+    """Turn upright, separate the transparency, convert the colour to sRGB.
 
-    stream: the open file of the image, for what Pillow leaves out of it; None where there is none.
+    stream: the open file of the image, for what Pillow does not return; None where there is none.
     """
     check_size(*image.size, name)
     try:
-        # not n_frames, which walks through all of them; a phone's MPO holds a photo and its thumbnail or depth
+        # not n_frames, which reads all of them; a phone's MPO holds a photo and its thumbnail or depth
         animated = image.format != "MPO" and getattr(image, "is_animated", False)
-        encoding, profile, notes = (None, b"", ()) if as_data else said_encoding(image, stream)
+        encoding, profile, notes = (None, b"", ()) if as_data else declared_encoding(image, stream)
         deep: np.ndarray | None = None
         picture: Image.Image | np.ndarray
         if stream is not None and isinstance(image, ImageFile.ImageFile):
-            deep = sixteen_bits(image, lambda: _again(stream, name))
-            if encoding is not None and encoding.brighter and image.format == "HEIF":
+            deep = sixteen_bits(image, lambda: _reopened(stream, name))
+            if encoding is not None and encoding.is_hdr and image.format == "HEIF":
                 deep = heif_sixteen_bits(stream)
         image.load()
         long_fov_deg, exposure, posture_deg = exif_fov_deg(image), exif_exposure(image), apple_posture_deg(image)
@@ -232,20 +233,20 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
             picture, alpha = _opaque(_upright(image))
             if isinstance(picture, np.ndarray) and is_white_zero(image):
                 picture = np.iinfo(picture.dtype).max - picture
-        done = DisplayPixels(values=_values(picture)) if as_data else shown(picture, encoding, profile)
-        gain_map = None if as_data or done.radiance is not None else gain_map_of(image, stream)
+        display = DisplayPixels(values=_values(picture)) if as_data else to_srgb(picture, encoding, profile)
+        gain_map = None if as_data or display.radiance is not None else gain_map_of(image, stream)
     except Exception as error:  # decoders raise whatever the bad bytes lead them to
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InvalidPhoto(
-            f"expected a whole image, got a damaged or unusual one ({reason}); copy it again, or open and save "
+            f"expected a complete image, got a damaged or unusual one ({reason}); copy it again, or open and save "
             "it in another program",
             source=name,
         ) from error
-    del picture, deep  # pixels; they are in values now
-    pixels = _from_array(done.values, name)
+    del picture, deep  # free their memory: the pixels are in display.values
+    pixels = _from_array(display.values, name)
     if alpha is not None and (alpha < np.iinfo(alpha.dtype).max).any():
         pixels = replace(pixels, alpha=np.divide(alpha, np.float32(np.iinfo(alpha.dtype).max), dtype=np.float32))
-    radiance = done.radiance
+    radiance = display.radiance
     depth = photo_depth(image, stream, name) if with_depth else None
     missed = not as_data and radiance is None and gain_map is None and misses_gain_map(image, stream, pixels.rgb)
     del image
@@ -253,7 +254,7 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
         notes += (UNREAD,)
     if gain_map is not None:
         radiance = gain_map.radiance(pixels.rgb, TURNS.get(orientation))
-    notes = tuple(Notice(note, code="colors", source=name) for note in (*notes, *done.warnings))
+    notes = tuple(Notice(note, code="colors", source=name) for note in (*notes, *display.warnings))
     if animated:
         text = "expected one picture, got several frames or pages; the first is used"
         notes += (Notice(text, code="several-pictures", source=name),)
@@ -268,13 +269,13 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
     )
 
 
-def _again(stream: BinaryIO, name: str) -> ImageFile.ImageFile:
+def _reopened(stream: BinaryIO, name: str) -> ImageFile.ImageFile:
     stream.seek(0)
     return open_picture(stream, name)
 
 
 def _opaque(image: Image.Image) -> tuple[Image.Image | np.ndarray, np.ndarray | None]:
-    """Return a picture without its transparency (L, RGB or CMYK; or values of 16 bits or floats), and that, or None."""
+    """Return a picture without its transparency (L, RGB or CMYK; or values of 16 bits or floats), and alpha or None."""
     alpha = None
     if image.mode == "LA":
         return image.getchannel("L"), np.asarray(image.getchannel("A"))
@@ -285,7 +286,7 @@ def _opaque(image: Image.Image) -> tuple[Image.Image | np.ndarray, np.ndarray | 
     if image.mode.startswith("I;16") or image.mode == "I":  # older readers give 16 bits as I
         values = np.asarray(image)
         if values.min() < 0 or values.max() > 65535:
-            raise ValueError("whole numbers outside 0 to 65535")
+            raise ValueError("integers outside 0 to 65535")
         return full_range(values, image), alpha
     if image.mode == "F":
         return np.asarray(image), alpha
@@ -299,10 +300,10 @@ def _values(picture: Image.Image | np.ndarray) -> np.ndarray:
 
 
 def _upright(image: Image.Image) -> Image.Image:
-    """Turn a picture upright by its EXIF; leave it as it is where that is absent or damaged."""
+    """Turn a picture upright by its EXIF; unchanged where that is absent or damaged."""
     try:
         if is_turned(image) or image.getexif().get(ExifTags.Base.Orientation, 1) == 1:
-            return image  # which exif_transpose would copy
+            return image  # exif_transpose would copy it
         return ImageOps.exif_transpose(image)
     except (ValueError, KeyError, TypeError, SyntaxError, struct.error, OSError, Warning):
         return image
@@ -312,9 +313,9 @@ def _from_raw(stream: BinaryIO, num_bytes: int, name: str) -> Pixels:
     radiance, notes = develop(stream.read(num_bytes), name)
     stream.seek(0)
     warnings = tuple(Notice(note, code="raw", source=name) for note in notes)
-    pixels = replace(_from_linear(radiance, name), warnings=warnings, radiance=None)  # none is above the sensor's white
+    pixels = replace(_from_linear(radiance, name), warnings=warnings, radiance=None)  # the sensor clips at white
     try:
-        with open_picture(stream, name) as preview:  # which has the EXIF
+        with open_picture(stream, name) as preview:  # the preview has the EXIF
             return _with_exif(pixels, preview)
     except (UnknownPicture, InvalidPhoto):
         return pixels
@@ -325,7 +326,7 @@ def _with_exif(pixels: Pixels, image: Image.Image) -> Pixels:
 
 
 def _from_float_tiff(found: FloatPicture, name: str, as_data: bool) -> Pixels:
-    """Linear radiance, unless a profile says that they are coded; those above 1 are brighter than white."""
+    """Convert a TIFF of floats: linear radiance unless its profile has a curve; values above 1 are above white."""
     values, channels = found.values, found.values.shape[2]
     alpha = values[..., -1:] if channels in (2, 4) else values[..., :0]
     color = np.repeat(values[..., :1], 3, axis=-1) if channels < 3 else values[..., :3]
@@ -334,15 +335,15 @@ def _from_float_tiff(found: FloatPicture, name: str, as_data: bool) -> Pixels:
         return _with_exif(_from_array(np.concatenate([color, alpha], axis=-1), name), found.image)
     if encoding is None or is_linear(encoding):
         linear = color if encoding is None else encoding.linear(color)
-        times = 1.0 if found.premultiplied or not alpha.size else alpha
-        pixels = _from_linear(np.concatenate([linear * times, alpha], axis=-1), name)
+        weight = 1.0 if found.premultiplied or not alpha.size else alpha
+        pixels = _from_linear(np.concatenate([linear * weight, alpha], axis=-1), name)
         doubt = found.profile == b"" and pixels.radiance is None
         notes = (Notice(TAKEN_FOR_LINEAR, code="colors", source=name),) if doubt else ()
         return _with_exif(replace(pixels, warnings=notes), found.image)
     _check_finite(values, name)
-    done = shown(color, replace(encoding, brighter=bool(color.max() > 1.0)))
-    pixels = _from_array(np.concatenate([np.clip(done.values, 0.0, 1.0), alpha.clip(0.0, 1.0)], axis=-1), name)
-    return _with_exif(replace(pixels, radiance=done.radiance), found.image)
+    display = to_srgb(color, replace(encoding, is_hdr=bool(color.max() > 1.0)))
+    pixels = _from_array(np.concatenate([np.clip(display.values, 0.0, 1.0), alpha.clip(0.0, 1.0)], axis=-1), name)
+    return _with_exif(replace(pixels, radiance=display.radiance), found.image)
 
 
 def _check_finite(pixels: np.ndarray, name: str) -> None:
@@ -350,18 +351,18 @@ def _check_finite(pixels: np.ndarray, name: str) -> None:
         raise InvalidPhoto("expected finite radiance, got NaN or infinity; repair the picture first", source=name)
 
 
-def _from_linear(pixels: np.ndarray, name: str) -> Pixels:
-    """Linear radiance [H, W, 3 or 4], premultiplied by A, to display values; itself too where it is above white."""
-    check_size(pixels.shape[1], pixels.shape[0], name)
-    _check_finite(pixels, name)
-    radiance = np.maximum(pixels[..., :3], 0.0)
-    if pixels.shape[2] == 4:
-        alpha = np.clip(pixels[..., 3:], 0.0, 1.0)
+def _from_linear(linear: np.ndarray, name: str) -> Pixels:
+    """Convert linear radiance [H, W, 3 or 4], premultiplied by A, to display values; keep it if it exceeds white."""
+    check_size(linear.shape[1], linear.shape[0], name)
+    _check_finite(linear, name)
+    radiance = np.maximum(linear[..., :3], 0.0)
+    if linear.shape[2] == 4:
+        alpha = np.clip(linear[..., 3:], 0.0, 1.0)
         radiance = radiance / np.where(alpha > 0.0, np.maximum(alpha, 1e-4), 1.0)  # 1e-4: no overflow
-        made = _from_array(np.concatenate([response(radiance), alpha], axis=-1), name)
+        pixels = _from_array(np.concatenate([response(radiance), alpha], axis=-1), name)
     else:
-        made = _from_array(response(radiance), name)
-    return replace(made, radiance=radiance if radiance.max() > 1.0 else None)
+        pixels = _from_array(response(radiance), name)
+    return replace(pixels, radiance=radiance if radiance.max() > 1.0 else None)
 
 
 def _from_array(values: np.ndarray, name: str) -> Pixels:

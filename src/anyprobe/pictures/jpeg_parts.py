@@ -1,4 +1,4 @@
-"""Parts of a JPEG file: concatenated pictures, and the segments of each (ITU-T T.81)."""
+"""Parts of a JPEG file: concatenated pictures, their segments and markers (ITU-T T.81)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ XMP = b"http://ns.adobe.com/xap/1.0/\0"
 MAX_PICTURES = 8
 
 _START = b"\xff\xd8\xff"
-_MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])")
+MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])")
+"""A marker that is not a restart; its code is the group."""
 
 
 def jpeg_pictures(data: bytes) -> Iterator[bytes]:
@@ -28,14 +29,14 @@ def jpeg_pictures(data: bytes) -> Iterator[bytes]:
 def jpeg_end(data: bytes, start: int = 0) -> int:
     """Return where the JPEG that begins at a byte ends."""
     at = start + 2
-    while (marker := _MARKER.search(data, at)) and marker[1] != b"\xd9":
+    while (marker := MARKER.search(data, at)) and marker[1] != b"\xd9":
         at = marker.end()
         at += int.from_bytes(data[at : at + 2], "big") if marker[1] not in b"\x01\xd8" else 0
     return len(data) if marker is None else marker.end()
 
 
 def app_segments(picture: bytes) -> Iterator[bytes]:
-    """Contents of the APP1 and APP2 segments of one picture."""
+    """Yield the contents of the APP1 and APP2 segments of one picture."""
     at = 2
     while at + 4 <= len(picture) and picture[at] == 0xFF and picture[at + 1] not in (0xDA, 0xD9):
         size = int.from_bytes(picture[at + 2 : at + 4], "big")

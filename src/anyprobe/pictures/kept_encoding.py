@@ -1,6 +1,6 @@
-"""Pictures written as a photo was: its 16 bits and its ICC profile, in PNG and TIFF.
+"""Pictures written in a photo's own encoding: its 16 bits and its ICC profile, in PNG and TIFF.
 
-Pillow writes no colour of 16 bits, which both formats are simple enough for.
+Pillow cannot write colour of 16 bits; both formats are simple enough to write here.
 """
 
 from __future__ import annotations
@@ -17,22 +17,25 @@ from PIL.TiffImagePlugin import TiffImageFile
 
 from anyprobe.files.atomic import atomic_path
 from anyprobe.pictures.color_encoding import ColorEncoding, is_srgb, srgb_to_linear
+from anyprobe.pictures.deep_pixels import BITS_PER_SAMPLE
+from anyprobe.pictures.embedded_color import PNG_START
 from anyprobe.pictures.icc import encoding_of
 
 TIFF_SUFFIXES = (".tif", ".tiff")
 
-DEEP_BITS = 258
-"""TIFF's tag BitsPerSample."""
-
 CURVE = 4096
-"""Steps in which a profile's curve is looked up backwards."""
+"""Number of steps of the table that inverts a profile's curve."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Stored:
-    """How a photo's colours are stored. deep: in 16 bits. profile: its ICC profile, empty where it has none.
+    """Encoding of a photo's file.
 
-    encoding: what the profile means; None for sRGB's own numbers. lost: whether it has a profile that is not kept.
+    Attributes:
+        deep: whether it has 16 bits.
+        profile: ICC profile, empty where it has none or one that is not kept.
+        encoding: of the profile; None for sRGB.
+        lost: whether it has a profile that is not kept.
     """
 
     deep: bool = False
@@ -47,11 +50,11 @@ class Stored:
 
 
 def stored_as(source: Path | bytes) -> Stored:
-    """Return how a picture is stored: the bits of a PNG or TIFF, and an RGB profile by curves of any picture."""
+    """Return a picture's encoding: the bits of a PNG or TIFF, and of any picture an RGB profile of curves."""
     try:
         with Image.open(io.BytesIO(source) if isinstance(source, bytes) else source) as image:
             profile, kind = image.info.get("icc_profile") or b"", image.format
-            bits = max(image.tag_v2.get(DEEP_BITS, (8,))) if isinstance(image, TiffImageFile) else 8
+            bits = max(image.tag_v2.get(BITS_PER_SAMPLE, (8,))) if isinstance(image, TiffImageFile) else 8
             mode = image.mode
         if kind == "PNG":
             head = source[:25] if isinstance(source, bytes) else _head(source)
@@ -62,7 +65,7 @@ def stored_as(source: Path | bytes) -> Stored:
     if not profile or mode == "CMYK":
         return Stored(deep=deep, lost=bool(profile))
     encoding = encoding_of(profile) if profile[16:20] == b"RGB " else None
-    if encoding is None or encoding.brighter:
+    if encoding is None or encoding.is_hdr:
         return Stored(deep=deep, lost=True)
     return Stored(deep=deep, profile=profile, encoding=None if is_srgb(encoding) else encoding)
 
@@ -73,7 +76,7 @@ def _head(path: Path) -> bytes:
 
 
 def write_as(path: Path, rgb: np.ndarray, stored: Stored) -> None:
-    """Write sRGB display values [H, W, 3] in [0, 1] as PNG or TIFF, whole or not at all."""
+    """Write sRGB display values [H, W, 3] in [0, 1] as PNG or TIFF, atomically."""
     values = np.clip(rgb if stored.encoding is None else _coded(rgb, stored.encoding), 0.0, 1.0)
     tiff = path.suffix.lower() in TIFF_SUFFIXES
     if stored.deep:
@@ -90,7 +93,7 @@ def write_as(path: Path, rgb: np.ndarray, stored: Stored) -> None:
 
 
 def _coded(rgb: np.ndarray, encoding: ColorEncoding) -> np.ndarray:
-    """Display values as an encoding's numbers."""
+    """Convert display values [H, W, 3] to an encoding's code values."""
     linear = srgb_to_linear(rgb) @ np.linalg.inv(encoding.matrix).T
     ramp = np.linspace(0.0, 1.0, CURVE + 1) ** 2  # finer where it is dark
     curves = encoding.decode(ramp[:, None].repeat(3, axis=1).astype(np.float32))
@@ -106,11 +109,11 @@ def _deep_png(pixels: np.ndarray, profile: bytes) -> bytes:
     filtered = np.concatenate([np.zeros((height, 1), np.uint8), rows], axis=1)
     named = chunk(b"iCCP", b"photo\0\0" + zlib.compress(profile)) if profile else b""
     header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, 2, 0, 0, 0))
-    return b"\x89PNG\r\n\x1a\n" + header + named + chunk(b"IDAT", zlib.compress(filtered.data, 3)) + chunk(b"IEND", b"")
+    return PNG_START + header + named + chunk(b"IDAT", zlib.compress(filtered.data, 3)) + chunk(b"IEND", b"")
 
 
 def _deep_tiff(pixels: np.ndarray, profile: bytes) -> bytes:
-    """TIFF 6.0: one strip, Deflate."""
+    """Return a TIFF 6.0 of one strip, Deflate, of pixels [H, W, 3] uint16."""
     height, width = pixels.shape[:2]
     strip = zlib.compress(np.ascontiguousarray(pixels, "<u2").data, 3)
     strip += b"\0" * (len(strip) % 2)
@@ -130,6 +133,6 @@ def _deep_tiff(pixels: np.ndarray, profile: bytes) -> bytes:
         (279, long, 1, len(strip)),
         *([(34675, undefined, len(profile), profile_at)] if profile else []),
     ]
-    directory = struct.pack("<H", len(entries)) + b"".join(struct.pack("<HHII", *one) for one in entries) + bytes(4)
+    directory = struct.pack("<H", len(entries)) + b"".join(struct.pack("<HHII", *entry) for entry in entries) + bytes(4)
     body = strip + struct.pack("<HHH", 16, 16, 16) + profile + b"\0" * (len(profile) % 2)
     return b"II*\0" + struct.pack("<I", end) + body + directory

@@ -1,4 +1,4 @@
-"""RAW photos: known by what they hold, developed linearly by LibRaw, never read from the preview inside them."""
+"""RAW photos: recognised by their contents, developed linearly by LibRaw, never read from their embedded preview."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.errors import InvalidPhoto, MissingExtra
+from anyprobe.pictures.deep_pixels import TIFF_STARTS
 from anyprobe.pictures.headers import check_size
 
 RAW_SUFFIXES = (
@@ -17,36 +18,36 @@ RAW_SUFFIXES = (
 )
 
 STARTS = (b"FUJIFILMCCD-RAW", b"IIRO", b"IIRS", b"MMOR", b"IIU\0", b"\x00MRM", b"FOVb")
-"""First bytes of formats of their own: Fujifilm, Olympus, Panasonic, Minolta, Sigma."""
+"""First bytes of formats that are not TIFF: Fujifilm, Olympus, Panasonic, Minolta, Sigma."""
 
 CR3_BRAND, CR2_MARK = b"crx ", b"CR"
 
 DNG_VERSION, PHOTOMETRIC, COMPRESSION, NEXT_DIRECTORIES = 50706, 262, 259, 330
 MOSAIC, LINEAR_RAW = 32803, 34892
-"""Photometric interpretations of DNG and TIFF/EP: filter mosaic, and colours that are linear."""
+"""Photometric interpretations of DNG and TIFF/EP: colour filter array, and linear colour."""
 
 RAW_COMPRESSIONS = (34713, 32767, 32769, 32770, 65535)
 """TIFF compressions of Nikon, Sony, Epson, Samsung and Pentax."""
 
 MAX_DIRECTORIES, MAX_ENTRIES = 24, 1024
 HEAD_BYTES = 1 << 20
+"""Number of bytes at the start of a TIFF in which its directories are searched."""
 
 
 def is_raw(head: bytes, name: str) -> bool:
-    """Return whether a file is a camera's raw data, by its first bytes; a TIFF by its directories within HEAD_BYTES of
-    them.
+    """Return whether a file is a camera's raw data, by its first HEAD_BYTES.
 
-    name: whose suffix counts where the directories lie further on.
+    name: of the file; its suffix decides where a TIFF's directories lie further on.
     """
     if head.startswith(STARTS) or (head[4:8] == b"ftyp" and head[8:12] == CR3_BRAND):
         return True
-    if head[:4] not in (b"II*\0", b"MM\0*"):
+    if head[:4] not in TIFF_STARTS:
         return False
     return head[8:10] == CR2_MARK or Path(name).suffix.lower() in RAW_SUFFIXES or _has_mosaic(head)
 
 
 def _has_mosaic(data: bytes) -> bool:
-    """Return whether a directory of a TIFF is of raw data."""
+    """Return whether a directory of a TIFF describes raw data."""
     order = "<" if data[:2] == b"II" else ">"
     places = [struct.unpack_from(f"{order}I", data, 4)[0]] if len(data) >= 8 else []
     seen: set[int] = set()
@@ -94,7 +95,7 @@ def raw_size(data: bytes) -> tuple[int, int] | None:
 def develop(data: bytes, name: str) -> tuple[np.ndarray, tuple[str, ...]]:
     """Return a raw photo as linear Rec. 709 radiance [H, W, 3] float32, upright, and warnings.
 
-    White balance of the camera, the sensor's saturation at 1, nothing brightened.
+    With the camera's white balance, the sensor's saturation at 1, and nothing brightened.
 
     Raises:
         MissingExtra: without its reader. InvalidPhoto: damaged, too large, or of a camera that LibRaw does not know.
@@ -107,9 +108,9 @@ def develop(data: bytes, name: str) -> tuple[np.ndarray, tuple[str, ...]]:
     try:
         with rawpy.imread(io.BytesIO(data)) as raw:
             check_size(raw.sizes.iwidth, raw.sizes.iheight, name)
-            balanced = all(np.isfinite(one) and one > 0 for one in raw.camera_whitebalance[:3])
+            balanced = all(np.isfinite(gain) and gain > 0 for gain in raw.camera_whitebalance[:3])
             if not balanced:
-                notes = ("expected the camera's white balance in a RAW photo, found none; daylight is taken",)
+                notes = ("expected a RAW photo with the camera's white balance, found none; daylight is assumed",)
             values = raw.postprocess(
                 gamma=(1, 1),
                 no_auto_bright=True,

@@ -1,9 +1,9 @@
-"""Ultra HDR: a JPEG that every program shows, and behind it the gain map that makes it HDR (Android's XMP, hdrgm 1.0).
+"""Ultra HDR: a JPEG that every program shows, followed by the gain map that makes it HDR (Android's XMP, hdrgm 1.0).
 
     log2 (L / SDR) = g max
 
 with L linear light, SDR = min(L, 1) in sRGB, and g in [0, 1] of the gain map's pixels, channel by channel. The second
-picture follows the first; CIPA's multi-picture segment says where.
+picture follows the first; CIPA's multi-picture segment has its offset.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from anyprobe.pictures.jpeg_parts import XMP
 QUALITY, GAIN_QUALITY = 95, 98
 """Qualities of both JPEG pictures."""
 MOST_STOPS = 16.0
-"""Range of a gain map; more is clipped."""
+"""Largest range [stops] of a gain map; more is clipped."""
 LEAST_STOPS = 1.0
 _NAMES = (
     'xmlns:x="adobe:ns:meta/"',
@@ -63,13 +63,13 @@ def _jpeg(display: np.ndarray, quality: int) -> bytes:
 
 
 def _with_segments(picture: bytes, segments: list[tuple[int, bytes]]) -> bytes:
-    """Return a JPEG with application segments behind its start; readers that look for the next marker find one."""
+    """Insert application segments behind a JPEG's start marker."""
     parts = [struct.pack(">BBH", 0xFF, kind, 2 + len(body)) + body for kind, body in segments]
     return picture[:2] + b"".join(parts) + picture[2:]
 
 
 def _gain_xmp(stops: float) -> bytes:
-    said = {
+    attributes = {
         "Version": "1.0",
         "BaseRenditionIsHDR": "False",
         "GainMapMin": "0",
@@ -80,7 +80,7 @@ def _gain_xmp(stops: float) -> bytes:
         "HDRCapacityMin": "0",
         "HDRCapacityMax": f"{stops:.6f}",
     }
-    return _xmp(" ".join(f'hdrgm:{name}="{value}"' for name, value in said.items()), "")
+    return _xmp(" ".join(f'hdrgm:{name}="{value}"' for name, value in attributes.items()), "")
 
 
 def _container_xmp(length: int) -> bytes:
@@ -104,7 +104,7 @@ def _xmp(attributes: str, inside: str) -> bytes:
 
 
 def _pictures(primary: int, gain: int, offset: int) -> bytes:
-    """CIPA DC-007's segment for two pictures: sizes in bytes, and where the second is."""
+    """Return CIPA DC-007's segment for two pictures: sizes in bytes, and the offset of the second."""
     entry = struct.Struct("<IIIHH")
     head = b"MPF\0" + struct.pack("<2sHIH", b"II", 42, 8, 3)
     fields = struct.pack("<HHI4s", 0xB000, 7, 4, b"0100") + struct.pack("<HHII", 0xB001, 4, 1, 2)

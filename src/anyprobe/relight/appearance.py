@@ -22,8 +22,10 @@ from anyprobe.render.spheres import diffuse, mirror, sphere_normals
 from anyprobe.scatter.materials import Material
 
 ALPHAS = (0.05, 0.15, 0.35, 0.8)
+"""GGX widths of the candidates."""
 DIELECTRIC_F0 = 0.045
 LEAST_METAL_F0 = 0.2
+"""Smallest f0 in any channel of a metal that is a candidate."""
 MOST_REFLECTED = 0.9
 """Largest share of the light that is reflected; roughly that of paper and silver."""
 
@@ -31,11 +33,12 @@ MOST_PIXELS = 1 << 22
 """Largest number of photo pixels from which the object's brightness and colour are computed."""
 
 _SPHERE = 24
+"""Side [px] of the shaded sphere."""
 NUM_QUANTILES = 32
 
 
 def material_from_photo(photo: Photo, radiance: np.ndarray) -> Material:
-    """Choose the best of these materials for the masked pixels under a map [H, 2H, 3] in the camera's frame."""
+    """Return the candidate that fits the object's pixels best under a map [H, 2H, 3] in the camera's frame."""
     seen = _seen_of_object(photo)
     mean = inverse_response(seen).mean(axis=0)
     quantiles = np.quantile(luminance(seen), _levels())

@@ -124,15 +124,15 @@ def ratio_over(view: View, shadow: GroundShadow, part: Part) -> Callable[[Part],
     count = [min(side, MOST_SHADED) for side in size]
 
     def ratio_at(y: np.ndarray, x: np.ndarray) -> np.ndarray:
-        points = view.on_ground(*(one.ravel() for one in np.meshgrid(x, y)))
+        points = view.on_ground(*(axis.ravel() for axis in np.meshgrid(x, y)))
         return shadow.at(points).reshape(len(y), len(x), 3)
 
     if count == size:
         return lambda strip: ratio_at(*(np.arange(side.start, side.stop) + 0.5 for side in strip))
     y, x = (c + (np.arange(n) + 0.5) * s / n for c, n, s in zip(corner, count, size, strict=True))
-    some = np.array_split(y, -(-y.size * x.size // VIEW_STRIP_PIXELS))
+    row_groups = np.array_split(y, -(-y.size * x.size // VIEW_STRIP_PIXELS))
     with ThreadPoolExecutor(THREADS) as pool:
-        coarse = np.concatenate(list(pool.map(lambda rows: ratio_at(rows, x).astype(np.float32), some)))
+        coarse = np.concatenate(list(pool.map(lambda rows: ratio_at(rows, x).astype(np.float32), row_groups)))
     channels = [Image.fromarray(np.ascontiguousarray(coarse[..., k])) for k in range(3)]
 
     def enlarged_over(strip: Part) -> np.ndarray:
@@ -142,8 +142,8 @@ def ratio_over(view: View, shadow: GroundShadow, part: Part) -> Callable[[Part],
         )
         shape = int(strip[1].stop - strip[1].start), int(strip[0].stop - strip[0].start)
         box = (left, top, min(right, count[1]), min(bottom, count[0]))  # rounding may go beyond the picture
-        found = [one.resize(shape, Image.Resampling.BILINEAR, box=box) for one in channels]
-        return np.stack([np.asarray(one) for one in found], axis=-1)
+        found = [channel.resize(shape, Image.Resampling.BILINEAR, box=box) for channel in channels]
+        return np.stack([np.asarray(channel) for channel in found], axis=-1)
 
     return enlarged_over
 
@@ -200,12 +200,15 @@ PHOTO_MATERIAL = "photo"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Arrangement:
-    """Place of the virtual object, in the units of relight.ground_view.
+    """Place of the virtual object.
 
-    size: its height over the real object's. at: x, y of its foot in the photo [px], None for
-    beside the real object. turn_deg: about its vertical axis. pitch_deg: camera pitch downwards, None for
-    the ground's. ground: the photo's estimated ground (Light.ground); None: guessed. match_shadow: whether to make
-    the shadow as deep as the real object's, where one is seen, see relight.real_shadow.
+    Attributes:
+        size: its height over the real object's.
+        at: x, y of its foot in the photo [px]; None: beside the real object.
+        turn_deg: rotation about its vertical axis.
+        pitch_deg: camera pitch downwards; None: the ground's.
+        ground: the photo's estimated ground (Light.ground); None: guessed.
+        match_shadow: whether to make the shadow as deep as the real object's, if one is seen, see relight.real_shadow.
     """
 
     size: float = 0.5
@@ -250,21 +253,21 @@ class Stage:
     def warnings(self) -> tuple[str, ...]:
         """One line for each surprise about the place: not beside the real object, cut off, or on a ground that the
         photo does not show."""
-        said = []
+        lines = []
         side = self.placement.side
         if side in NOT_BESIDE:
             text = f"no room beside the object: the inserted one stands {NOT_BESIDE[side]}"
-            said.append(f"{text}; try another place or size")
+            lines.append(f"{text}; try another place or size")
         if not self.placement.stands:
             text = "the place beside the object may not be the surface that it stands on"
-            said.append(f"{text}: the inserted one may seem to float; choose its place")
+            lines.append(f"{text}: the inserted one may seem to float; choose its place")
         pixels = self.view.pixels(self.placement.mesh.positions)
         if (pixels < -0.5).any() or (pixels > np.array([self.view.width, self.view.height]) + 0.5).any():
-            said.append("part of the inserted object is outside the photo; choose another place or make it smaller")
+            lines.append("part of the inserted object is outside the photo; choose another place or make it smaller")
         if (self.photo.mask[-1] > 0.5).any():
-            text = "the real object runs over the photo's lower border, so where it touches the ground is not seen"
-            said.append(f"{text}; choose the inserted object's place")
-        return tuple(said)
+            text = "the photo's lower border cuts the real object, so where it touches the ground is not seen"
+            lines.append(f"{text}; choose the inserted object's place")
+        return tuple(lines)
 
     def on(self, photo: Photo) -> Stage:
         """Return the stage in another photo of the same camera, a frame of a video."""
@@ -368,7 +371,7 @@ class Stage:
         for strip, ground in self.view.ground_strips(self.view.part_around(foot, reach)):
             near = (np.linalg.norm(ground - foot, axis=-1) < reach) & (photo.mask[strip] < 0.05) & seen[strip]
             colors.append(photo.rgb[strip][near])
-        shown = np.concatenate(colors[1:]) if any(len(one) for one in colors[1:]) else colors[0]
+        shown = np.concatenate(colors[1:]) if any(map(len, colors[1:])) else colors[0]
         if not len(shown):
             return sky_irradiance(radiance, -self.view.up) / np.pi
         return inverse_response(shown).mean(axis=0)

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.core.color import COLORSPACES, from_rec709
-from anyprobe.errors import OutputError
 from anyprobe.maps.radiance import HALF_MAX
 from anyprobe.relight.insert import Stage, plate_of, ratio_over, within
 from anyprobe.relight.shadow import GroundShadow
@@ -48,11 +47,11 @@ class Passes:
         colours, if available, which becomes the plate.
         """
         plate, dark = convert(self.plate), convert(self.plate * self.shadow)
-        left = np.where(plate > 1e-6, dark / np.maximum(plate, 1e-6), self.shadow)
+        factor = np.where(plate > 1e-6, dark / np.maximum(plate, 1e-6), self.shadow)
         plate = plate if own is None else own
-        thing = convert(self.object[..., :3])
-        laid = np.concatenate([thing, self.object[..., 3:]], axis=-1)
-        composed = replace(self, plate=plate, shadow=left, object=laid).composed()
+        light = convert(self.object[..., :3])
+        premultiplied = np.concatenate([light, self.object[..., 3:]], axis=-1)
+        composed = replace(self, plate=plate, shadow=factor, object=premultiplied).composed()
         found = {
             "A": np.ones(plate.shape[:2], np.float32),
             "object.A": self.object[..., 3],
@@ -60,7 +59,7 @@ class Passes:
         }
         for k, name in enumerate("RGB"):
             found[name] = composed[..., k]
-            found |= {f"plate.{name}": plate[..., k], f"object.{name}": thing[..., k], f"shadow.{name}": left[..., k]}
+            found |= {f"plate.{name}": plate[..., k], f"object.{name}": light[..., k], f"shadow.{name}": factor[..., k]}
         return found
 
 
@@ -75,8 +74,8 @@ def passes_of(stage: Stage, radiance: np.ndarray, material: str | Material, rend
     coverage = drawn[..., 3:]
     if stage.is_behind():
         coverage = coverage * (1.0 - photo.mask[shown][..., None])
-    laid = np.zeros((height, width, 4), np.float32)
-    laid[shown] = np.concatenate([drawn[..., :3] * coverage, coverage], axis=-1)
+    premultiplied = np.zeros((height, width, 4), np.float32)
+    premultiplied[shown] = np.concatenate([drawn[..., :3] * coverage, coverage], axis=-1)
     even_light = np.ones((EVEN_ROWS, 2 * EVEN_ROWS, 3), np.float32)
     even = GroundShadow(spot.mesh, spot.foot, spot.radius, stage.view.up, even_light)
     plate = plate_of(photo, (slice(0, height), slice(0, width)))
@@ -84,18 +83,18 @@ def passes_of(stage: Stage, radiance: np.ndarray, material: str | Material, rend
         plate=plate.astype(np.float32),
         shadow=_multiplier(stage, shadow),
         occlusion=_multiplier(stage, even)[..., 0],
-        object=laid,
+        object=premultiplied,
     )
 
 
 def _multiplier(stage: Stage, shadow: GroundShadow) -> np.ndarray:
     """Return a shadow's transmittance for each pixel of the photo, [H, W, 3]."""
-    left = np.ones((*stage.photo.mask.shape, 3), np.float32)
+    factor = np.ones((*stage.photo.mask.shape, 3), np.float32)
     shown = stage.view.part_around(shadow.foot, shadow.reach)
     ratio_of = ratio_over(stage.view, shadow, shown)
     for strip in stage.view.strips(shown):
-        left[strip] = 1.0 - (1.0 - ratio_of(strip)) * (1.0 - stage.photo.mask[strip][..., None])
-    return left
+        factor[strip] = 1.0 - (1.0 - ratio_of(strip)) * (1.0 - stage.photo.mask[strip][..., None])
+    return factor
 
 
 def write_passes(path: Path, passes: Passes, colorspace: str, own: np.ndarray | None = None) -> None:
@@ -107,12 +106,10 @@ def write_passes(path: Path, passes: Passes, colorspace: str, own: np.ndarray | 
     from anyprobe.maps.exr import write_channels
 
     layers = passes.layers(lambda rgb: from_rec709(rgb, colorspace), own)
-    half = all(np.abs(one).max() <= HALF_MAX for one in layers.values())
+    half = all(np.abs(values).max() <= HALF_MAX for values in layers.values())
     half = half and (own is None or np.array_equal(own, own.astype(np.float16)))
-    channels = {name: np.ascontiguousarray(one, np.float16 if half else np.float32) for name, one in layers.items()}
+    channels = {
+        name: np.ascontiguousarray(values, np.float16 if half else np.float32) for name, values in layers.items()
+    }
     with atomic_path(path) as temporary:
-        try:
-            write_channels(temporary, channels, {"chromaticities": COLORSPACES[colorspace]}, latlong=False)
-        except RuntimeError as error:  # OpenEXR's only report of a full disk or a closed folder
-            reason = " ".join(str(error).replace(str(temporary), str(path)).split())
-            raise OutputError(f"cannot be written ({reason})", source=path) from error
+        write_channels(temporary, channels, {"chromaticities": COLORSPACES[colorspace]}, latlong=False, target=path)

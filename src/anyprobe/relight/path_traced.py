@@ -97,9 +97,11 @@ TURN = np.diag([-1.0, 1.0, -1.0])
 """Rotation by 180 degrees about +Y: Mitsuba's map has +Z in its middle, ours -Z."""
 
 NUM_PATHS = 256
+"""Number of paths per pixel."""
 PATHS_AT_ONCE = 1 << 20
 MAX_DEPTH = 6
 GROUND_RADII = 30.0
+"""Radius of the ground's disc, in radii of the object."""
 ALBEDO = "vertex_albedo"
 """Mitsuba's name for albedos at the corners of the faces."""
 
@@ -211,8 +213,8 @@ def _mi_rays(mi, origin: np.ndarray, direction: np.ndarray):
     import drjit as dr
 
     origin = np.broadcast_to(origin, direction.shape)
-    one = dr.opaque(mi.Float, 1.0)  # products are aligned as Dr.Jit prefers, which every kernel depends on
-    origins, directions = (one * kind(*x.T.copy()) for kind, x in ((mi.Point3f, origin), (mi.Vector3f, direction)))
+    unit = dr.opaque(mi.Float, 1.0)  # products are aligned as Dr.Jit prefers, which every kernel depends on
+    origins, directions = (unit * kind(*x.T.copy()) for kind, x in ((mi.Point3f, origin), (mi.Vector3f, direction)))
     dr.eval(origins, directions)
     return mi.RayDifferential3f(origins, directions)
 
@@ -231,15 +233,15 @@ def _shape(mi, mesh: Mesh, material: Material):
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(_bsdf(material))
     count = len(mesh.faces)
-    made = mi.Mesh("mesh", 3 * count, count, has_vertex_normals=True, props=properties)
+    converted = mi.Mesh("mesh", 3 * count, count, has_vertex_normals=True, props=properties)
     if np.ndim(material.albedo) == 3:
-        made.add_attribute(ALBEDO, 3, np.ascontiguousarray(material.albedo, np.float32).ravel())
-    parameters = mi.traverse(made)
+        converted.add_attribute(ALBEDO, 3, np.ascontiguousarray(material.albedo, np.float32).ravel())
+    parameters = mi.traverse(converted)
     parameters["vertex_positions"] = mesh.positions[mesh.faces].astype(np.float32).ravel()
     parameters["vertex_normals"] = mesh.normals.astype(np.float32).ravel()
     parameters["faces"] = np.arange(3 * count, dtype=np.uint32)
     parameters.update()
-    return made
+    return converted
 
 
 def _environment(mi, radiance: np.ndarray) -> dict:

@@ -201,33 +201,32 @@ def find_spot(
 def _on_surface(
     view: View, outline: Outline, surface: RealSurface, row: float, spot: Spot, side: Side, extent_at: Extent
 ) -> tuple[Spot, Side, bool]:
-    """Return the spot, or if it is off the surface under the real object, one on either side that is on it: nearer, and
-    smaller.
+    """Return the spot if it is on the surface under the real object, else a nearer and smaller one that is.
 
     Returns:
-        also whether it stands on that surface; the spot stays if none does, as where the real object stands on
-        something narrow, without room for both.
+        The spot, its side, and whether it is on that surface. The spot stays unchanged where none is, as where the real
+        object stands on something narrow.
     """
 
-    def support(one: Spot) -> float:
-        left, _, right, _ = extent_at(one)
-        return surface.support(one.x, one.y, right - left)
+    def support(place: Spot) -> float:
+        left, _, right, _ = extent_at(place)
+        return surface.support(place.x, place.y, right - left)
 
     if surface.narrow or support(spot) >= STANDS or side == Side.behind:
         return spot, side, support(spot) >= STANDS and not surface.narrow
     edge = _MARGIN * view.width
     bounds = edge, edge, view.width - edge, view.height - edge
     left, _, right, _ = outline.box
-    best, most = spot, support(spot)
+    best, best_support = spot, support(spot)
     for share in NEARER_SHARES:
-        for x, way in ((right, 1), (left, -1)):
+        for x, sign in ((right, 1), (left, -1)):
             tried = _fit(
-                Spot(x=x, y=row, share=min(share, spot.share)), bounds, view.farthest_row, extent_at, outline, way
+                Spot(x=x, y=row, share=min(share, spot.share)), bounds, view.farthest_row, extent_at, outline, sign
             )
             found = support(tried)
-            if tried.share >= LEAST_SHARE * share and found > most + 1e-6:
-                best, most = tried, found
-        if most >= STANDS:
+            if tried.share >= LEAST_SHARE * share and found > best_support + 1e-6:
+                best, best_support = tried, found
+        if best_support >= STANDS:
             return best, Side.beside, True
     return spot, side, False
 

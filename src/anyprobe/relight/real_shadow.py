@@ -26,7 +26,9 @@ LEAST_SPREAD, LEAST_PIXELS = 0.08, 150
 SAMPLED_SIDE = 160
 """Length [px] of the photo's longer side when sampled."""
 ROUNDS = 4
+"""Number of rounds of the reweighted fit."""
 FLOOR = 0.01
+"""Value added before logarithms."""
 
 
 def shadow_depth(photo: Photo, view: View, radiance: np.ndarray) -> float:

@@ -8,11 +8,11 @@ texture has such edges, colour and brightness decide alone.
 from __future__ import annotations
 
 import numpy as np
-from PIL import Image
 
 from anyprobe.core.response import inverse_response
 from anyprobe.estimate.photo import Photo
 from anyprobe.masks.check import object_box
+from anyprobe.pictures.resampling import resample
 
 CELLS = 128
 """Number of cells along the photo's longer side."""
@@ -52,10 +52,10 @@ class RealSurface:
         height, width = photo.mask.shape
         self.cell = max(height, width) / CELLS
         size = max(1, round(width / self.cell)), max(1, round(height / self.cell))
-        linear = np.log(inverse_response(_shrunk(photo.rgb, size)) + FLOOR)
+        linear = np.log(inverse_response(resample(photo.rgb, size)) + FLOOR)
         level = linear.mean(axis=-1, keepdims=True)
         self.features = np.concatenate([0.6 * level, HUE * 0.25 * (linear - level)], axis=-1)
-        hidden = _shrunk(photo.mask[..., None], size)[..., 0] > 0.05
+        hidden = resample(photo.mask[..., None], size)[..., 0] > 0.05
         seeds = self._seeds(photo, contact, hidden)
         self.known = bool(seeds.sum() >= 4)
         self.narrow = self._is_narrow(photo, contact, hidden)
@@ -66,7 +66,7 @@ class RealSurface:
 
     def _seeds(self, photo: Photo, contact: tuple[float, float], hidden: np.ndarray) -> np.ndarray:
         """Return the cells beside and before the foot."""
-        x0, _, x1, _ = (one / self.cell for one in object_box(photo.mask))
+        x0, _, x1, _ = (edge / self.cell for edge in object_box(photo.mask))
         reach = max(2.0, RIM * (x1 - x0))
         row, column = np.mgrid[: hidden.shape[0], : hidden.shape[1]] + 0.5
         foot = contact[1] / self.cell
@@ -75,7 +75,7 @@ class RealSurface:
 
     def _is_narrow(self, photo: Photo, contact: tuple[float, float], hidden: np.ndarray) -> bool:
         """Compare the cells below the contact with those beside them: another colour behind hard edges."""
-        x0, _, x1, _ = (one / self.cell for one in object_box(photo.mask))
+        x0, _, x1, _ = (edge / self.cell for edge in object_box(photo.mask))
         wide, reach = x1 - x0, max(2.0, RIM * (x1 - x0))
         row, column = np.mgrid[: hidden.shape[0], : hidden.shape[1]] + 0.5
         foot, away = contact[1] / self.cell, np.abs(column - contact[0] / self.cell)
@@ -96,19 +96,19 @@ class RealSurface:
         spread = np.maximum(1.5 * np.median(np.abs(self.features[seeds] - middle), axis=0), LEAST_SPREAD)
         alike = (np.abs(self.features - middle) / spread).max(axis=-1) < ALIKE
         steps = [np.linalg.norm(np.diff(self.features, axis=axis), axis=-1) for axis in (0, 1)]
-        own = [
+        inner = [
             step[(seeds[1:] & seeds[:-1]) if axis == 0 else (seeds[:, 1:] & seeds[:, :-1])]
             for axis, step in enumerate(steps)
         ]
-        usual = float(np.median(np.concatenate(own))) if sum(map(len, own)) else 0.0
-        open_ = [step < max(EDGE, 2.0 * usual) for step in steps]
+        usual = float(np.median(np.concatenate(inner))) if sum(map(len, inner)) else 0.0
+        passable = [step < max(EDGE, 2.0 * usual) for step in steps]
         joined = seeds.copy()
         for _ in range(2 * CELLS):
             grown = joined.copy()
-            grown[1:] |= joined[:-1] & open_[0]
-            grown[:-1] |= joined[1:] & open_[0]
-            grown[:, 1:] |= joined[:, :-1] & open_[1]
-            grown[:, :-1] |= joined[:, 1:] & open_[1]
+            grown[1:] |= joined[:-1] & passable[0]
+            grown[:-1] |= joined[1:] & passable[0]
+            grown[:, 1:] |= joined[:, :-1] & passable[1]
+            grown[:, :-1] |= joined[:, 1:] & passable[1]
             grown &= ~hidden
             if (grown == joined).all():
                 break
@@ -128,14 +128,3 @@ class RealSurface:
         across, down = (column - x / self.cell) / reach, (row - y / self.cell) / (0.5 * reach)
         foot = across**2 + down**2 <= 1
         return float(self.on[foot].mean()) if foot.any() else 0.0
-
-
-def _shrunk(picture: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """Resize [H, W, C] to (width, height) by means over areas."""
-    planes = [
-        np.asarray(
-            Image.fromarray(np.ascontiguousarray(picture[..., k], np.float32)).resize(size, Image.Resampling.BOX)
-        )
-        for k in range(picture.shape[-1])
-    ]
-    return np.stack(planes, axis=-1)

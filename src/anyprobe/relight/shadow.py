@@ -2,9 +2,9 @@
 
     ratio(p) = integral of L V(p, wi) cos dwi / integral of L cos dwi      (over the sky above the ground)
 
-is the remaining share of a Lambert ground's irradiance at p, a channel. The integrals are sums over directions
+is the remaining share of a Lambert ground's irradiance at p, for each channel. The integrals are sums over directions
 with density L cos (luminance). Light is distant: the points of the ground that the mesh occludes
-from wi are its projection along wi, rasterised, so one drawing a direction serves every p.
+from wi are its projection along wi, rasterised, so one drawing per direction serves every p.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ def sample_sky(radiance: np.ndarray, up: np.ndarray, count: int = NUM_DIRECTIONS
     Args:
         radiance: [H, 2H, 3]. up: [3], in the map's frame.
     Returns:
-        directions: [N, 3]. weights: [N, 3], each direction's share of the ground's irradiance a
-        channel; they sum to 1, and to 0 where a channel is black.
+        directions: [N, 3]. weights: [N, 3], each direction's share of the ground's irradiance in each
+        channel; they sum to 1, or to 0 where a channel is black.
     """
     radiance = reduced(radiance)
     height = radiance.shape[0]
@@ -59,7 +59,7 @@ def sample_sky(radiance: np.ndarray, up: np.ndarray, count: int = NUM_DIRECTIONS
     row = np.searchsorted(rows, numbers[:, 0] * rows[-1], side="right")
     columns = np.cumsum(power[row], axis=1)
     column = np.array(
-        [np.searchsorted(one, x * one[-1], side="right") for one, x in zip(columns, numbers[:, 1], strict=True)]
+        [np.searchsorted(sums, x * sums[-1], side="right") for sums, x in zip(columns, numbers[:, 1], strict=True)]
     )
     row, column = np.minimum(row, len(v) - 1), np.minimum(column, len(u) - 1)
     color = light[row, column].astype(np.float64)
@@ -90,15 +90,15 @@ class GroundShadow:
     def _draw(self, mesh: Mesh, radiance: np.ndarray, count: int) -> np.ndarray:
         relative = mesh.positions - self.foot
         height = relative @ self.up
-        left = np.ones((self.grid * self.grid, 3))
+        remaining = np.ones((self.grid * self.grid, 3))
         for direction, weight in zip(*sample_sky(radiance, self.up, count), strict=True):
             landed = relative - (height / (direction @ self.up))[:, None] * direction
             corners = self._cells(landed)[mesh.faces]
             hidden = cover(corners, self.grid)[2]
             shadow = np.zeros(self.grid * self.grid, bool)
             shadow[hidden] = True
-            left[shadow] -= weight
-        unshadowed = left.reshape(self.grid, self.grid, 3)
+            remaining[shadow] -= weight
+        unshadowed = remaining.reshape(self.grid, self.grid, 3)
         at = np.abs((np.arange(self.grid) + 0.5) / self.grid * 2 - 1)
         inward = np.clip((1 - np.maximum.outer(at, at)) / (1 - FADE), 0.0, 1.0)[..., None]
         return 1.0 - (1.0 - np.clip(unshadowed, 0.0, 1.0)) * inward

@@ -30,7 +30,7 @@ export function colorDoubts({ width, height, rgba }, mask, clicks) {
     }
   }
   if (shares.length < LEAST_PX) return [];
-  const found = areTwo(shares, places) ? ["two things of different colours may touch in it"] : [];
+  const found = areTwo(shares, places) ? ["it may contain two objects of different colours"] : [];
   const reach = Math.max(2 * step, NEAR * Math.sqrt(sum));
   const isLocal = clicks.some(([x, y]) => {
     const near = shares.filter((_, i) => Math.hypot(places[i][0] - x, places[i][1] - y) <= reach);
@@ -38,7 +38,7 @@ export function colorDoubts({ width, height, rgba }, mask, clicks) {
     const here = [0, 1, 2].map((c) => median(near.map((color) => color[c])));
     return mean(shares.map((color) => Number(distance(color, here) < 0.5 * APART))) < LOCAL;
   });
-  if (isLocal) found.push("the click is on a small part of what was found: a box around what is meant helps");
+  if (isLocal) found.push("the click is on a small part of what was found; a box around the object helps");
   return found;
 }
 

@@ -1,4 +1,4 @@
-/** What is odd about a mask that was given, as anyprobe.masks.check. */
+/** Checks of given masks, as anyprobe.masks.check. */
 
 import { CONTRACT } from "../core/contract.js";
 import { AnyProbeError } from "../errors.js";
@@ -21,8 +21,8 @@ export function checkObject(mask, width, subject = []) {
 }
 
 /**
- * The mask, and a line for whatever is odd about it. A segmenter's overlay, which is translucent on the object too, is brought
- * to 1 there.
+ * A given mask and a warning for each oddity. A segmenter's overlay, which is translucent on the object too, is scaled to 1
+ * there.
  *
  * @param {Float32Array} mask
  * @param {number} width of the picture
@@ -30,12 +30,12 @@ export function checkObject(mask, width, subject = []) {
  */
 export function lookAtGiven(mask, width) {
   const warnings = [];
-  const most = mask.reduce((a, b) => Math.max(a, b), 0);
-  if (most <= 0.5) return { mask, warnings }; // nothing is marked
-  if (most < FULL) {
+  const brightest = mask.reduce((a, b) => Math.max(a, b), 0);
+  if (brightest <= 0.5) return { mask, warnings }; // nothing is marked
+  if (brightest < FULL) {
     const advice = "save the mask itself, white on black, to be sure";
-    warnings.push(notice("mask-grey", `the mask is nowhere white (at most ${most.toFixed(2)}), as a segmenter's overlay is; read as if it were: ${advice}`));
-    mask = mask.map((value) => value / most);
+    warnings.push(notice("mask-grey", `the mask is nowhere white (at most ${brightest.toFixed(2)}), like a segmenter's overlay; its brightest value is taken for white: ${advice}`));
+    mask = mask.map((value) => value / brightest);
   }
   const height = mask.length / width;
   let [inside, grey, border] = [0, 0, 0];
@@ -47,21 +47,20 @@ export function lookAtGiven(mask, width) {
     border += (x === 0) + (x === width - 1) + (y === 0) + (y === height - 1); // corners count twice
   }
   if (inside > MOSTLY * mask.length && border > FULL * 2 * (width + height)) {
-    const advice = "invert it if so: white is the object";
-    warnings.push(notice("mask-inverted", `the mask covers ${percent(inside / mask.length)} of the photo and its borders, as one does that is white around the object; ${advice}`));
+    warnings.push(notice("mask-inverted", `the mask covers ${percent(inside / mask.length)} of the photo and its borders, as an inverted one does; if so, invert it: white is the object`));
   }
   if (grey > GREY_SHARE * inside) {
-    warnings.push(notice("mask-grey", "the mask is grey over wide areas; give one that is white on the object and black beside it"));
+    warnings.push(notice("mask-grey", "the mask is grey over wide areas; give one that is white on the object and black elsewhere"));
   }
   const [x0, y0, x1, y1] = objectBox(mask, width);
   if (Math.max(x1 - x0, y1 - y0) < FEW_PX) {
-    warnings.push(notice("object-small", `the object is ${x1 - x0} x ${y1 - y0} pixels in its mask; use a larger photo or go closer: so few tell little of the light`));
+    warnings.push(notice("object-small", `the object is only ${x1 - x0} x ${y1 - y0} pixels in its mask, too few for a good estimate; use a larger photo or go closer`));
   }
   return { mask, warnings };
 }
 
 /**
- * A line where a picture's transparency leaves nearly all of it as the object.
+ * A warning if a picture's transparency marks nearly all of it as the object.
  *
  * @param {Float32Array} mask
  * @returns {import("../notices.js").Notice[]}
@@ -69,6 +68,6 @@ export function lookAtGiven(mask, width) {
 export function alphaDoubts(mask) {
   const share = mask.reduce((sum, value) => sum + (value > 0.5), 0) / mask.length;
   if (share <= ALPHA_MOST) return [];
-  const text = `its transparency makes ${percent(share)} of the photo the object; if it is smaller, say where it is`;
+  const text = `its transparency marks ${percent(share)} of the photo as the object; if it is smaller, mark it`;
   return [notice("alpha-wide", text, give("click", "box", "mask"))];
 }

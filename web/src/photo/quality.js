@@ -81,7 +81,7 @@ export function doubts(evidence) {
     [evidence.agreed - 0.8, "a second look finds something else"],
     [evidence.expected - 0.85, "its outline is blurred"],
     [evidence.whole - 0.7, "other things stand out as well"],
-    [evidence.single - 0.95, "two things may hang together in it"],
+    [evidence.single - 0.95, "it may contain two objects"],
     [evidence.meant - 0.6, "it does not fit the click or the box"],
     [0.15 - evidence.border, "it is cut by the photo's border"],
     [0.9 - evidence.small, "it is very small"],

@@ -32,7 +32,7 @@ export async function findObject(network, picture, hints) {
   const start = hints.box ? around(photo, hints.box, MARGIN) : photo;
   const cover = await look(network, picture, start, hints);
   let found = choose(start, cover, hints);
-  if (!found && hints.on.length) found = await besideClicks(network, picture, photo, hints);
+  if (!found && hints.on.length) found = await aroundClicks(network, picture, photo, hints);
   if (!found && hints.off.length) found = cut(picture, start, cover, hints);
   return found && lookCloser(network, picture, found, hints);
 }
@@ -147,7 +147,7 @@ async function lookCloser(network, picture, found, hints) {
 }
 
 /** What stands out in windows around the clicks: the likeliest that a window's border does not cut. */
-async function besideClicks(network, picture, photo, hints) {
+async function aroundClicks(network, picture, photo, hints) {
   let [best, most] = [null, 0];
   for (const share of NUMBERS.windows) {
     const window = squareAround(photo, hints.on, share * Math.max(photo[2], photo[3]));
