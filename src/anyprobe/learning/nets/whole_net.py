@@ -172,12 +172,14 @@ class WholeNet(nn.Module):
         coarse = F.avg_pool2d(surroundings, MAP_HEIGHT // SEEN_ROWS).flatten(2).float()  # [N, 4, P]
         cover = coarse[:, 3]
         colors = coarse[:, :3] / cover[:, None].clamp(min=SEEN_COVER)
-        cosine = self.seen_directions @ self.seen_directions.T  # [P, P]
         hidden = -UNSEEN * (cover < SEEN_COVER).float()
         weight = torch.log(cover.clamp(min=SEEN_COVER)) + hidden
-        share = torch.softmax(NEAREST * cosine + weight[:, None], dim=2)  # [N, P, P]
-        seen = torch.einsum("nqp,ncp->ncq", share, colors)
-        nearest = torch.einsum("nqp,qp->nq", share, cosine).clamp(-1 + 1e-6, 1 - 1e-6)
+        d = self.seen_directions.T.expand(len(cover), -1, -1)  # [N, 3, P]
+        ones = torch.ones_like(self.seen_directions[:, :1])
+        asked = torch.cat([self.seen_directions, ones], dim=1)  # products with what an input decides: no graph keeps them
+        share = torch.softmax(asked @ torch.cat([NEAREST * d, weight[:, None]], dim=1), dim=2)  # [N, P, P]
+        seen, toward = torch.einsum("nqp,ncp->ncq", share, torch.cat([colors, d], dim=1)).split([3, 3], dim=1)
+        nearest = (toward * d).sum(dim=1).clamp(-1 + 1e-6, 1 - 1e-6)
         near = torch.cat([seen, (torch.acos(nearest) / torch.pi)[:, None]], dim=1)
         near = near.unflatten(2, (SEEN_ROWS, 2 * SEEN_ROWS))
         near = F.interpolate(wrap(near, 1), scale_factor=2.0, mode="bilinear", align_corners=False)[..., 2:-2]
