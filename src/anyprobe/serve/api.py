@@ -38,7 +38,7 @@ Given = ParamSpec("Given")
 Answer = TypeVar("Answer")
 
 CLIENT_GONE = 499
-"""Status for a client that has left, as in other servers' logs; it is never sent."""
+"""Status that logs show for a client that has left, as other servers do; nobody reads the answer."""
 
 
 def create_app(
