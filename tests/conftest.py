@@ -20,7 +20,10 @@ from support.scenes import sphere_photo  # noqa: E402
 
 from anyprobe.cli.app import main  # noqa: E402
 from anyprobe.estimate import estimator as estimate_module  # noqa: E402
+from anyprobe.estimate import outputs  # noqa: E402
 from anyprobe.estimate.estimator import Estimator  # noqa: E402
+from anyprobe.relight.insert import Stage  # noqa: E402
+from anyprobe.relight.shadow import GroundShadow  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -84,13 +87,26 @@ def estimator() -> Estimator:
     return Estimator()
 
 
-_kept = lru_cache(Estimator)
+_kept = lru_cache(8)(Estimator)
 
 
 @pytest.fixture
 def networks_opened_once(monkeypatch) -> None:
-    """The same Estimator kept between commands, each of which would take half a second to open it."""
+    """The same Estimator kept between commands, as `command` keeps it: each would take half a second to open it."""
     monkeypatch.setattr(estimate_module, "Estimator", _kept)
+
+
+@pytest.fixture
+def plain_previews(monkeypatch) -> None:
+    """The map alone in the place of the drawn preview, which takes longer than the estimate."""
+    monkeypatch.setattr(outputs, "draw_preview", lambda photo, light, panorama=None: np.clip(light.radiance, 0, 1))
+
+
+@pytest.fixture
+def rough_shadows(monkeypatch) -> None:
+    """Shadows of 32 directions on 64 x 64 cells, where no test looks at their grain."""
+    for function in (Stage.shadow, GroundShadow.__init__):
+        monkeypatch.setattr(function, "__defaults__", (32, 64))
 
 
 @pytest.fixture
@@ -121,7 +137,7 @@ class Outcome:
 
 
 @pytest.fixture
-def command(capfd, monkeypatch) -> Callable[..., Outcome]:
+def command(capfd, monkeypatch, networks_opened_once) -> Callable[..., Outcome]:
     """The installed command's own entry point, or another, called in this process."""
 
     def run(*arguments: object, main: Callable[[], None] = main) -> Outcome:

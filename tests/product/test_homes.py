@@ -13,6 +13,7 @@ from anyprobe.files.paths import home_folder, is_there
 from anyprobe.maps.radiance import write_exr
 from anyprobe.masks import networks, weights
 from anyprobe.masks.weights import find_weights, weight_folders
+from anyprobe.match.library_folder import open_library
 
 pwd = pytest.importorskip("pwd", reason="needs POSIX")
 
@@ -113,19 +114,18 @@ def test_no_weights_are_found_there_and_all_places_are_named(home):
     assert all(not is_there(folder / weights.NAME) for folder, _ in weight_folders())
 
 
-def test_estimate_mask_and_doctor_work_there(home, command, work, photo_rgba, networks_opened_once):
+def test_estimate_and_doctor_work_there(home, command, work, photo_rgba, networks_opened_once, plain_previews):
+    """Masks are found in an estimate as by `anyprobe mask`."""
     Image.fromarray(photo_rgba[..., :3]).save("photo.png")
-    for order in (("estimate", "photo.png"), ("mask", "photo.png"), ("doctor",)):
+    for order in (("estimate", "photo.png"), ("doctor",)):
         outcome = command(*order)
         assert (outcome.status, "Traceback" in outcome.err) == (0, False), (order, outcome.err)
     assert (work / "light" / "photo.exr").is_file()
 
 
-def test_match_works_there_without_its_cache(home, command, work, photo_path, networks_opened_once):
-    (work / "maps").mkdir()
+def test_panoramas_are_read_there_without_their_cache(home, work):
     write_exr(work / "maps" / "a.exr", two_phase(32))
-    outcome = command("match", photo_path, "maps")
-    assert outcome.status == 0, outcome.err
+    assert open_library("maps").names == ("a",)
     assert not [one for one in work.iterdir() if one.name == "~"]
 
 

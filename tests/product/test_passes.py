@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import OpenEXR
 import pytest
+from PIL import Image
 from support.picture_files import gamma_curve, icc, scene, srgb
 from support.scenes import made_map, sphere_photo
 
@@ -24,6 +25,8 @@ from anyprobe.relight.passes import passes_of, write_passes
 from anyprobe.render.shapes import sphere
 from anyprobe.scatter.materials import Material
 
+pytestmark = pytest.mark.usefixtures("rough_shadows", "networks_opened_once")
+
 MIRROR = Material(albedo=np.zeros(3), f0=np.ones(3), alpha=0.02)
 LIGHT = made_map()
 
@@ -31,6 +34,14 @@ LIGHT = made_map()
 @pytest.fixture(scope="module")
 def photo():
     return load_photo(sphere_photo((60, 90), 60, 160, 240))
+
+
+@pytest.fixture
+def relight(command, tmp_path, photo):
+    """The command on a photo like that of `photo`, with its mask."""
+    mask = tmp_path / "mask.png"
+    Image.fromarray((photo.mask * 255).astype(np.uint8)).save(mask)
+    return lambda path, *given: command("relight", path, "--mask", mask, "--renderer", "own", *given)
 
 
 @pytest.mark.parametrize("at", [None, (90, 112)])
@@ -169,30 +180,29 @@ def test_bits_and_profile_of_the_photo_are_kept(tmp_path, suffix, deep, profile)
     assert np.abs(back - rgb).max() < (0.003 if deep else 0.05 if profile == "linear" else 0.012)
 
 
-def test_the_command_keeps_16_bits_and_writes_passes(command, tmp_path, photo):
-    write_as(tmp_path / "deep.png", photo.rgb, Stored(deep=True))
-    order = ("relight", tmp_path / "deep.png", "--box", "25,55,95,125", "--renderer", "own")
+def test_the_command_keeps_16_bits_and_writes_passes(relight, tmp_path, photo):
+    deep = tmp_path / "deep.png"
+    write_as(deep, photo.rgb, Stored(deep=True))
     for name in ("a.png", "a.exr"):
-        done = command(*order, "-o", tmp_path / name, *(["--colorspace", "acescg"] if name == "a.exr" else []))
+        done = relight(deep, "-o", tmp_path / name, *(["--colorspace", "acescg"] if name == "a.exr" else []))
         assert done.status == 0, done.err
     assert stored_as(tmp_path / "a.png").deep
     linear = read_exr(tmp_path / "a.exr", "a", InvalidEnvironment, 10**7, rec709=True)[..., :3]
     assert np.abs(response(linear) - read_image(tmp_path / "a.png").rgb).max() < 0.02
-    refused = command(*order, "-o", tmp_path / "b.png", "--colorspace", "acescg")
+    refused = relight(deep, "-o", tmp_path / "b.png", "--colorspace", "acescg")
     assert "--colorspace: does nothing without an .exr" in refused.err
 
 
 @pytest.mark.parametrize("stored", ["rec709", "acescg"])
 @pytest.mark.parametrize("colorspace", ["rec709", "acescg"])
-def test_the_plate_of_an_exr_keeps_what_lies_outside(command, tmp_path, photo, stored, colorspace):
+def test_the_plate_of_an_exr_keeps_what_lies_outside(relight, tmp_path, photo, stored, colorspace):
     """Values above the largest half, below 0 and outside of Rec. 709; to the bit in the primaries of the photo."""
     plate = inverse_response(photo.rgb).astype(np.float32)
     plate[2, :3] = (1e5, 2e5, 3e5), (-0.01, 0.2, 0.3), (0.0, 0.9, 0.0)
     channels = {name: np.ascontiguousarray(plate[..., k]) for k, name in enumerate("RGB")}
     path = tmp_path / "plate.exr"
     write_channels(path, channels, {"chromaticities": COLORSPACES[stored]}, latlong=False)
-    order = ("relight", path, "--box", "25,55,95,125", "--renderer", "own", "--colorspace", colorspace)
-    done = command(*order, "-o", tmp_path / "a.exr")
+    done = relight(path, "--colorspace", colorspace, "-o", tmp_path / "a.exr")
     assert done.status == 0, done.err
     found = read_channels(tmp_path / "a.exr", "a", InvalidEnvironment, 10**7)[1]
     given = plate
@@ -206,12 +216,11 @@ def test_the_plate_of_an_exr_keeps_what_lies_outside(command, tmp_path, photo, s
         np.testing.assert_array_equal(found[name][2], found[f"plate.{name}"][2])  # where there is no shadow
 
 
-def test_a_plate_of_halves_stays_one(command, tmp_path, photo):
+def test_a_plate_of_halves_stays_one(relight, tmp_path, photo):
     plate = inverse_response(photo.rgb).astype(np.float16)
     channels = {name: np.ascontiguousarray(plate[..., k]) for k, name in enumerate("RGB")}
     write_channels(tmp_path / "plate.exr", channels, {}, latlong=False)
-    order = ("relight", tmp_path / "plate.exr", "--box", "25,55,95,125", "--renderer", "own")
-    done = command(*order, "-o", tmp_path / "a.exr")
+    done = relight(tmp_path / "plate.exr", "-o", tmp_path / "a.exr")
     assert done.status == 0, done.err
     with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
         found = {name: one.pixels for name, one in file.channels().items()}
