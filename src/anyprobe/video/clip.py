@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
@@ -131,7 +131,7 @@ def _unreadable(path: Path, error: Exception) -> InputError:
     return InputError(f"{path}: FFmpeg cannot read it as a video ({reason}); convert it to mp4")
 
 
-def read_frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
+def read_frames(clip: Clip, damaged: list[int]) -> Generator[Frame, None, None]:
     """Yield all frames in order, turned upright by the file's rotation, in square pixels of sRGB.
 
     Where they change their size or turn midway they are fitted into that of the first, with black bars.

@@ -176,7 +176,9 @@ class WholeNet(nn.Module):
         weight = torch.log(cover.clamp(min=SEEN_COVER)) + hidden
         d = self.seen_directions.T.expand(len(cover), -1, -1)  # [N, 3, P]
         ones = torch.ones_like(self.seen_directions[:, :1])
-        asked = torch.cat([self.seen_directions, ones], dim=1)  # products with what an input decides: no graph keeps them
+        asked = torch.cat(
+            [self.seen_directions, ones], dim=1
+        )  # a product with an input: exports fold it into no constant
         share = torch.softmax(asked @ torch.cat([NEAREST * d, weight[:, None]], dim=1), dim=2)  # [N, P, P]
         seen, toward = torch.einsum("nqp,ncp->ncq", share, torch.cat([colors, d], dim=1)).split([3, 3], dim=1)
         nearest = (toward * d).sum(dim=1).clamp(-1 + 1e-6, 1 - 1e-6)
