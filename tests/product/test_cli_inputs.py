@@ -20,7 +20,7 @@ from anyprobe.files.paths import natural_order
 from anyprobe.hints import Hints
 from anyprobe.maps.radiance import read_radiance
 
-pytestmark = pytest.mark.usefixtures("networks_opened_once")
+pytestmark = pytest.mark.usefixtures("networks_opened_once", "plain_previews")
 
 
 def png_with_size(width: int, height: int) -> bytes:

@@ -50,8 +50,13 @@ def rendered(monkeypatch) -> list[dict]:
 
 @pytest.fixture
 def scored_quickly(monkeypatch) -> None:
-    """Every figure 1: the spheres that most are of take a second a pair."""
+    """Every figure 1: the spheres that most are of take a second a pair, as do those of the pictures."""
+    without_pictures(monkeypatch)
     monkeypatch.setattr(scoring, "score", lambda estimate, truth: dict.fromkeys(scoring.METRICS, 1.0))
+
+
+def without_pictures(monkeypatch) -> None:
+    monkeypatch.setattr("anyprobe.cli.evaluate._cells", lambda pair, estimates: np.zeros((8, 8, 3)))
 
 
 def written(folder) -> dict:
@@ -121,7 +126,8 @@ def test_textured_objects_are_refused_where_they_cannot_be(work, command, argume
 
 
 def cheap_spheres(monkeypatch) -> None:
-    """Pieces of the map in the place of rendered spheres, which take a second a pair."""
+    """Pieces of the map in the place of rendered spheres, which take a second a pair, as do those of the pictures."""
+    without_pictures(monkeypatch)
     monkeypatch.setattr(
         scoring, "sphere_images", lambda radiance: dict.fromkeys(("diffuse", "silver", "mirror"), radiance[:, :64])
     )

@@ -31,6 +31,8 @@ from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
 from anyprobe.scatter.materials import MATERIALS, Material
 
+pytestmark = pytest.mark.usefixtures("rough_shadows", "networks_opened_once")
+
 WIDTH, HEIGHT, DIAMETER = 240, 160, 60
 WHITE = Material(albedo=np.ones(3), f0=np.zeros(3), alpha=1.0)
 
@@ -375,7 +377,6 @@ def test_what_cannot_be_placed_is_said_of_the_python_argument(photo, given, said
 # The command
 
 
-@pytest.mark.usefixtures("networks_opened_once")
 def test_command_writes_the_picture_and_says_where(command, work, photo_path):
     done = command(
         "relight", photo_path, "--insert", "vase", "--insert-material", "gold", "--renderer", "own", "--json"
@@ -388,7 +389,6 @@ def test_command_writes_the_picture_and_says_where(command, work, photo_path):
 
 
 @pytest.mark.parametrize("given", [(), ("--surroundings", "photo"), ("--pitch", 20.3)])
-@pytest.mark.usefixtures("networks_opened_once")
 def test_pitch_of_the_camera_is_said_in_whole_degrees_with_its_error(command, photo_path, work, given):
     said = command("relight", photo_path, "--renderer", "own", *given).err.splitlines()[-1]
     if "--pitch" in given:
@@ -399,7 +399,6 @@ def test_pitch_of_the_camera_is_said_in_whole_degrees_with_its_error(command, ph
     assert re.search(rf", camera \d+ ± {error:.0f} degrees down, ", said), said
 
 
-@pytest.mark.usefixtures("networks_opened_once")
 def test_strip_shows_the_photo_then_every_material(command, work, photo_path):
     done = command("relight", photo_path, "--strip", "--renderer", "own", "-o", "strip.png")
     assert done.status == 0, done.err
@@ -453,7 +452,6 @@ def test_slow_step_is_named_while_it_runs(monkeypatch, capsys, silent):
         (("-o", "out.jpg"), (".png", ".jpg")),
     ],
 )
-@pytest.mark.usefixtures("networks_opened_once")
 def test_bad_option_is_refused_in_one_line(command, work, photo_path, arguments, words, monkeypatch):
     monkeypatch.setattr("anyprobe.cli.relight.SHOWN_AFTER_S", 600.0)  # a busy machine is slow, which is said
     complaint = command("relight", photo_path, "--renderer", "own", *arguments).complaint
@@ -508,7 +506,6 @@ def test_place_that_cannot_be_written_is_refused_before_the_work(command, work, 
     assert sorted(path.name for path in work.iterdir()) == ["file", "folder.png", "photos"]
 
 
-@pytest.mark.usefixtures("networks_opened_once")
 def test_photo_is_never_replaced(command, work, photo_path):
     before = photo_path.read_bytes()
     assert "replace an input" in command("relight", photo_path, "-o", photo_path).complaint
@@ -543,7 +540,6 @@ def test_paths_agree_with_our_shading_on_a_sphere(name):
     assert np.sqrt(np.square(difference).mean()) < 0.06 * mean.mean()
 
 
-@pytest.mark.usefixtures("networks_opened_once")
 def test_an_object_lit_by_a_saved_light_stands_on_the_ground_that_was_found_with_it(command, work, photo_rgba):
     """As without --light; of another map, on what the photo shows."""
     Image.fromarray(photo_rgba[..., :3]).save("table.png")

@@ -42,28 +42,37 @@ def quick(monkeypatch):
     monkeypatch.setenv("no_proxy", "127.0.0.1")
 
 
+@pytest.fixture(scope="module")
+def bodies(tmp_path_factory):
+    """Files of six maps, no two alike: each map's by resolution and format."""
+    folder, noise = tmp_path_factory.mktemp("bodies"), np.random.default_rng(7)
+
+    def made() -> dict[str, bytes]:
+        found = {}
+        radiance = noise.gamma(1.0, 2.0, (64, 128, 3)).astype(np.float32)
+        for resolution, rows in (("1k", 32), ("2k", 64)):
+            for suffix, write in (("hdr", write_hdr), ("exr", write_exr)):
+                write(folder / f"source.{suffix}", radiance[:rows, : 2 * rows])
+                found[f"{resolution}/{suffix}"] = (folder / f"source.{suffix}").read_bytes()
+        return found
+
+    return [made() for _ in range(6)]
+
+
 @pytest.fixture
-def site(tmp_path):
+def site(bodies):
     """Six maps and one model."""
     site = PolyHaven()
-    noise = np.random.default_rng(7)
-    for slug, entry in {
+    maps = {
         "old_hall": {"categories": ["indoor", "urban"], "tags": ["hall"]},
         "new_room": {"attributes": {"environment": "indoor"}, "category": "Interiors/Rooms"},
         "white_studio_01": {"categories": ["indoor", "studio"], "attributes": {"environment": "indoor"}},
         "beach": {"categories": ["outdoor", "night"], "category": "Coast & Water/Beaches"},
         "roof": {"categories": ["outdoor", "skies"]},
         "meadow": {"categories": ["outdoor"], "authors": {"Ada Light": "Photo", "Bo Dark": "Sky"}},
-    }.items():
-        bodies = {}
-        radiance = noise.gamma(1.0, 2.0, (64, 128, 3)).astype(np.float32)
-        for resolution, rows in (("1k", 32), ("2k", 64)):
-            for suffix, write in (("hdr", write_hdr), ("exr", write_exr)):
-                write(tmp_path / f"source.{suffix}", radiance[:rows, : 2 * rows])
-                bodies[f"{resolution}/{suffix}"] = (tmp_path / f"source.{suffix}").read_bytes()
-        site.add_map(slug, bodies, **entry)
-    for left in tmp_path.glob("source.*"):
-        left.unlink()
+    }
+    for (slug, entry), files in zip(maps.items(), bodies, strict=True):
+        site.add_map(slug, files, **entry)
     document, buffers = tetrahedron()
     site.add_model("ArmChair_01", document, buffers, category="Seating/Chairs", categories=["props"])
     yield site
