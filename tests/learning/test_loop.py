@@ -62,17 +62,17 @@ def two_steps(run, tmp_path_factory):
 
 @pytest.mark.parametrize("named", [paper_irradiance, paper, lift])
 def test_resumed_run_equals_the_straight_one_to_the_bit(run, tmp_path, named):
-    straight = torch.load(run(tmp_path / "a", named=named), weights_only=True)
-    part = run(tmp_path / "b", stop_after=1, named=named)
+    straight = torch.load(run(tmp_path / "a", steps=2, named=named), weights_only=True)
+    part = run(tmp_path / "b", stop_after=1, steps=2, named=named)
     # a kill leaves rows that no checkpoint knows of
     log = part.with_name("log.csv")
     log.write_text(log.read_text() + "2,10,0.5,0.5,0.5,1e-3,1\n")
-    resumed = torch.load(run(tmp_path / "b", named=named), weights_only=True)
-    assert straight["step"] == resumed["step"] == 3
+    resumed = torch.load(run(tmp_path / "b", steps=2, named=named), weights_only=True)
+    assert straight["step"] == resumed["step"] == 2
     for name, value in straight["nets"].items():
         assert torch.equal(value, resumed["nets"][name]), name
     steps = [row["step"] for row in csv.DictReader(log.read_text().splitlines())]
-    assert steps == ["1", "3"]
+    assert steps == ["1", "2"]
 
 
 @pytest.mark.filterwarnings("ignore")  # TensorBoard warns about itself, the loader on one core
@@ -120,7 +120,7 @@ def test_chain_begins_with_the_irradiance_net_that_it_is_given_and_names_its_tea
     begin, teacher = tmp_path / "irradiance.pt", tmp_path / "lift.pt"
     save_init_weights(two_steps(paper_irradiance), begin)
     save_init_weights(two_steps(lift), teacher)
-    stored = torch.load(run(tmp_path / "runs", start=begin, teacher=teacher), weights_only=True)
+    stored = torch.load(run(tmp_path / "runs", steps=1, start=begin, teacher=teacher), weights_only=True)
     kept = torch.load(begin, weights_only=True)
     assert kept
     for name, value in kept.items():
@@ -252,22 +252,19 @@ def test_a_graph_tells_what_its_weights_come_from(run, tmp_path, monkeypatch):
 def test_a_run_begins_from_kept_weights(run, two_steps, tmp_path):
     """Half of the size, within half floats; a checkpoint goes before; others' weights are refused."""
     kept = tmp_path / "start.pt"
-    checkpoint = run(tmp_path / "a", steps=4, named=lift)
-    save_init_weights(checkpoint, kept)
-    assert kept.stat().st_size < 0.25 * checkpoint.stat().st_size
+    checkpoint, moved, weight = two_steps(lift), tmp_path / "moved.pt", "light.sphere.head.weight"
+    stored = torch.load(checkpoint, weights_only=True)
+    stored["nets"][weight] += 0.5  # farther than a run from elsewhere comes
+    torch.save(stored, moved)
+    save_init_weights(moved, kept)
+    assert kept.stat().st_size < 0.25 * moved.stat().st_size
     learner = Lift(lift().lift, "cpu")
     load_init_weights(learner.nets, kept)
-    trained = torch.load(checkpoint, weights_only=True)["nets"]
+    trained = stored["nets"]
     for name, value in learner.nets.state_dict().items():
         torch.testing.assert_close(value, trained[name], rtol=1e-3, atol=1e-6)
-    begun = run(tmp_path / "b", steps=2, named=lift, start=kept)
-    weights = [
-        torch.load(path, weights_only=True)["nets"]["light.sphere.head.weight"] for path in (begun, two_steps(lift))
-    ]
-    assert (weights[0] - trained["light.sphere.head.weight"]).abs().max() < 0.02
-    assert (weights[1] - trained["light.sphere.head.weight"]).abs().max() > (
-        weights[0] - trained["light.sphere.head.weight"]
-    ).abs().max()
+    begun = torch.load(run(tmp_path / "b", steps=1, named=lift, start=kept), weights_only=True)["nets"]
+    assert (begun[weight] - trained[weight]).abs().max() < 0.02
     save_init_weights(two_steps(paper), tmp_path / "paper.pt")
     with pytest.raises(ModelError, match="expected weights of this run"):
         run(tmp_path / "d", steps=2, named=lift, start=tmp_path / "paper.pt")
@@ -291,7 +288,7 @@ def test_the_mask_network_is_refused_whatever_is_asked_of_it(asked, tmp_path, mo
 
 def test_lift_begins_from_normals_that_learned_alone(run, tmp_path):
     kept, weight = tmp_path / "start.pt", "light.normals.head.weight"
-    checkpoint = run(tmp_path / "a", steps=4, named=normals)
+    checkpoint = run(tmp_path / "a", steps=1, named=normals)
     save_init_weights(checkpoint, kept)
     learned = torch.load(checkpoint, weights_only=True)["nets"][weight]
     learner = Lift(lift().lift, "cpu")
@@ -308,7 +305,7 @@ def test_no_checkpoint_is_one_clear_line(tmp_path):
 def test_the_mean_of_a_run_and_what_it_began_from(run, two_steps, tmp_path):
     kept, other = tmp_path / "start.pt", tmp_path / "paper.pt"
     save_init_weights(two_steps(lift), kept)
-    checkpoint = run(tmp_path / "b", steps=2, named=lift, start=kept)
+    checkpoint = run(tmp_path / "b", steps=1, named=lift, start=kept)
     mean = mean_checkpoint(checkpoint, kept, tmp_path / "mean.pt")
     before, after, both = (torch.load(path, map_location="cpu", weights_only=True) for path in (kept, checkpoint, mean))
     moved = 0
@@ -324,7 +321,7 @@ def test_the_mean_of_a_run_and_what_it_began_from(run, two_steps, tmp_path):
     name = max(less, key=lambda key: less[key].numel())
     torch.testing.assert_close(less[name], 0.2 * before[name].float() + 0.8 * after["nets"][name])
     whole = torch.load(mean_checkpoint(checkpoint, checkpoint, tmp_path / "same.pt"), weights_only=True)
-    assert whole["mean_with"] == {"start": init_weights_id(checkpoint), "pairs": 8, "share": 0.5}
+    assert whole["mean_with"] == {"start": init_weights_id(checkpoint), "pairs": 4, "share": 0.5}
     assert "light" in load_nets(mean)
     save_init_weights(two_steps(paper), other)
     with pytest.raises(ModelError, match="paper.pt: expected weights of the run.*got another network's"):

@@ -92,13 +92,13 @@ def test_one_batch_can_be_learned(net):
         target = target * photo[:, 3:]
     optimizer = torch.optim.Adam(net.parameters(), 2e-3)
     losses = []
-    for _ in range(25):
+    for _ in range(12):
         loss = ((net(photo, tan_half) - target) ** 2).mean()
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
         losses.append(loss.item())
-    assert losses[-1] < 0.4 * losses[0]
+    assert losses[-1] < 0.6 * losses[0]
 
 
 @pytest.mark.parametrize("beside", [0, 3])

@@ -54,6 +54,7 @@ def made(tmp_path_factory):
 def begin(made, estimator, library, monkeypatch):
     monkeypatch.setattr(run_module, "SAVE_EVERY", 3)
     monkeypatch.setattr(run_module, "SHADOW_DIRECTIONS", 8)
+    monkeypatch.setattr(run_module, "DETAIL_ROWS", 128)
 
     def begin(folder, *, material="chrome", detail=True, **more) -> ClipRun:
         virtual = VirtualObject(mesh=sphere(8), material=material, arrangement=Arrangement(pitch_deg=15))

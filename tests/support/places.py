@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from anyprobe.core.frames import world_from_camera
@@ -10,6 +12,11 @@ from anyprobe.core.latlong import pixel_directions
 
 def place(seed: int, height: int = 128) -> np.ndarray:
     """A bright sky over a dark ground with a lamp, and detail of a few degrees all over."""
+    return _drawn(seed, height).copy()
+
+
+@lru_cache
+def _drawn(seed: int, height: int) -> np.ndarray:
     rng = np.random.default_rng(seed)
     d = pixel_directions(height).astype(np.float64)
     smooth = sum(np.sin(d @ rng.normal(0, 2.5, 3) + rng.uniform(0, 6)) for _ in range(6))

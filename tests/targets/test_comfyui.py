@@ -20,6 +20,8 @@ from anyprobe.relight.insert import Arrangement, Stage
 
 torch = pytest.importorskip("torch", reason="the nodes' boundary is torch: pip install '.[train]'")
 
+pytestmark = pytest.mark.usefixtures("rough_shadows")
+
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "integrations" / "comfyui"
 LOADED_AS = "custom_nodes_x_light_from_photo"
