@@ -177,6 +177,8 @@ class SourceMap(nn.Module):
         colors = self.colors(above, tints)
         colored = density[..., None] * colors[:, :, None]  # [N, S, R, 3]
         drawn = torch.einsum("nsrc,nsrp->ncp", colored, rings).unflatten(2, shown.shape[2:])
-        rest = (above - torch.einsum("nsr,nsc->nc", power, colors)).clamp(min=0.0)
+        # what no source has keeps the hue of all power: a complement of the sources' hues would be a green halo
+        bright = (above @ self.luminance)[:, None]
+        rest = above * (1.0 - power.sum(dim=(1, 2))[:, None] / bright.clamp(min=1e-9)).clamp(min=0.0)
         soft = shown + rest[:, :, None, None] * spread
         return soft, soft + drawn, power
