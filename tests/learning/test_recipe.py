@@ -279,7 +279,7 @@ def test_a_pole_thinner_than_a_pixel_is_too_thin(store) -> None:
     assert is_too_thin(pole.mesh)
     own = AssetStore(store.maps.values(), [pole])
     upright = replace(full_plan(own).recipe(0), view=0)  # seen level, it stands between two columns of pixels
-    with pytest.raises(InvalidMesh, match="box: expected a shape that 128 pixels can show"):
+    with pytest.raises(InvalidMesh, match="box: expected a shape visible in 128 pixels"):
         render_pair(upright, own)
     for size in ((0.013, 1.0, 0.013), (1.0, 1.0, 0.001), (1.0, 1.0, 1.0)):
         assert not is_too_thin(box(*size).mesh)

@@ -93,7 +93,7 @@ def test_start_is_for_the_run_that_began_from_it(tmp_path):
     assert torch.load(go(tmp_path / "b", stop_after=3), weights_only=True)["step"] == 3
     with pytest.raises(InputError, match="expected --init-weights with [0-9a-f]{16}, as the run started, got"):
         go(tmp_path / "b", start=others)
-    with pytest.raises(ModelError, match="none.pt: no such file; keep weights"):
+    with pytest.raises(ModelError, match="none.pt: no such file; save weights"):
         go(tmp_path / "b", start=tmp_path / "none.pt")
     with pytest.raises(InputError, match="expected --init-weights with nothing, as the run started, got"):
         go(tmp_path / "a", start=weights)

@@ -125,7 +125,7 @@ def test_a_drawn_source_has_the_size_that_its_profile_says():
             assert found[0, 0, last - 1] < 0.5
 
 
-def test_a_source_has_its_own_colour_and_the_rest_makes_up_for_it():
+def test_a_source_has_its_own_colour_and_the_rest_keeps_that_of_all_light():
     draw = SourceMap()
     shown, above = torch.full((1, 3, 64, 128), 0.01), torch.tensor([[6.0, 5.0, 4.0]])
     places = torch.tensor([[[0.0, 0.6, -0.8]] + [[0.0, -1.0, 0.0]] * 3])
@@ -138,7 +138,9 @@ def test_a_source_has_its_own_colour_and_the_rest_makes_up_for_it():
     source = ((drawn - soft) * angles).sum(dim=(2, 3))[0]
     expected = above[0] * torch.exp(tints[0, 0])
     torch.testing.assert_close(source / source.sum(), expected / expected.sum(), rtol=1e-3, atol=1e-3)
-    torch.testing.assert_close(((drawn - shown) * angles).sum(dim=(2, 3)), above, rtol=1e-3, atol=1e-3)
+    rest = ((soft - shown) * angles).sum(dim=(2, 3))[0]
+    torch.testing.assert_close(rest / rest.sum(), above[0] / above.sum(), rtol=1e-3, atol=1e-3)  # no halo of another hue
+    torch.testing.assert_close((source + rest) @ draw.luminance, above[0] @ draw.luminance, rtol=1e-3, atol=1e-3)
 
 
 def test_the_nearest_seen_place_is_found_across_the_seam():

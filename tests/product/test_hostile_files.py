@@ -142,7 +142,7 @@ def test_chromaticities_that_are_text_are_refused():
     stream = io.BytesIO()
     OpenEXR.File(header | {"chromaticitiez": "red"}, channels).write(stream)
     data = stream.getvalue().replace(b"chromaticitiez", b"chromaticities")
-    assert "expected x, y of red" in refused(InvalidPhoto, read_image, data)
+    assert "expected chromaticities, x, y of red" in refused(InvalidPhoto, read_image, data)
 
 
 def test_text_of_another_encoding_is_no_damage():

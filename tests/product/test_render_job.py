@@ -222,7 +222,7 @@ def test_assets_of_unknown_licence_are_used_unless_told(tmp_path, assets, comman
     given = ("data", "render", tmp_path / "free", "--data", assets, "--commercial-only")
     outcome = command(*given)
     assert outcome.status == 2
-    assert outcome.err.count("1 files left out, their licence does not allow commercial use") == 2
+    assert outcome.err.count("1 files left out, as their licence does not allow commercial use") == 2
     assert "got 0 and 0" in outcome.err.splitlines()[-1]
     for folder, name in (("hdri", "hall.hdr"), ("meshes", "solid.obj")):
         (assets / folder / "manifest.csv").write_text(f"file,licence,split\n{name},CC BY 4.0,train\n")
