@@ -139,7 +139,7 @@ def test_a_source_has_its_own_colour_and_the_rest_keeps_that_of_all_light():
     expected = above[0] * torch.exp(tints[0, 0])
     torch.testing.assert_close(source / source.sum(), expected / expected.sum(), rtol=1e-3, atol=1e-3)
     rest = ((soft - shown) * angles).sum(dim=(2, 3))[0]
-    torch.testing.assert_close(rest / rest.sum(), above[0] / above.sum(), rtol=1e-3, atol=1e-3)  # no halo of another hue
+    torch.testing.assert_close(rest / rest.sum(), above[0] / above.sum(), rtol=1e-3, atol=1e-3)
     torch.testing.assert_close((source + rest) @ draw.luminance, above[0] @ draw.luminance, rtol=1e-3, atol=1e-3)
 
 

@@ -83,7 +83,7 @@ def test_depth_files_agree(tmp_path):
     [
         ({"near": None, "far": None}, ("near=", "far=")),
         ({"near": 5.0, "far": 2.0}, ("near < far", "5", "2")),
-        ({"near": 10.0, "far": 20.0}, ("found none", "1 to 3")),
+        ({"near": 10.0, "far": 20.0}, ("got none", "1 to 3")),
         ({"shape": (48, 48)}, ("48 x 48", "64 x 48")),
         ({"source": np.zeros((48, 64, 3), np.float32)}, ("one depth per pixel",)),
         ({"source": np.zeros((48, 64), np.float32)}, ("none above zero",)),

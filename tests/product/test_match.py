@@ -175,7 +175,7 @@ def test_a_sun_above_the_halfs_keeps_its_power_and_colour(tmp_path, monkeypatch)
 
 @pytest.mark.parametrize("name", ["x.hdr", "x.png", "x"])
 def test_a_map_is_not_written_under_another_formats_name(folder, camera_light, tmp_path, name):
-    with pytest.raises(OutputError, match=r"expected \.exr, got (\.hdr|\.png|no suffix); name it \.exr"):
+    with pytest.raises(OutputError, match=r"expected a name in \.exr, got (\.hdr|\.png|no suffix); rename it"):
         camera_light[0].match(folder, best=1)[0].write(tmp_path / name)
     assert not (tmp_path / name).exists()
 

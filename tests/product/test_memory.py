@@ -37,14 +37,14 @@ def test_faces_by_strips_are_the_faces(noise, monkeypatch, size):
     radiance = noise(33, 66, 3)
     found = []
     for reads in (1, 16 * size * 7, 1 << 30):  # a row of texels at once, seven, a whole face
-        monkeypatch.setattr("anyprobe.export.cube_textures.READS", reads)
+        monkeypatch.setattr("anyprobe.export.cube_textures.SAMPLES_AT_ONCE", reads)
         found.append(cube_faces(radiance, size))
     np.testing.assert_array_equal(found[0], found[2])
     np.testing.assert_array_equal(found[1], found[2])
 
 
 def test_faces_take_little_more_than_themselves(noise, monkeypatch):
-    monkeypatch.setattr("anyprobe.export.cube_textures.READS", 1 << 14)
+    monkeypatch.setattr("anyprobe.export.cube_textures.SAMPLES_AT_ONCE", 1 << 14)
     radiance, size = noise(16, 32, 3), 64
     assert most_bytes(lambda: cube_faces(radiance, size)) < 6 * size**2 * 12 + 400 * (1 << 14)
 
