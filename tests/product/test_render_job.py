@@ -427,7 +427,7 @@ def test_of_two_that_begin_at_once_one_is_refused(tmp_path, monkeypatch, links):
             super().__init__(*arguments, **options)
             plans.append(begin(folder, seed=7).plan)
 
-    with pytest.raises(InputError, match=r"dataset\.json: expected none, but another process") as caught:
+    with pytest.raises(InputError, match=r"dataset\.json: expected no such file, but another process") as caught:
         render_job.begin(folder, {"procedural_maps": 3}, None, Slow, resume=False)
     assert "\n" not in str(caught.value)
     assert [render_job.read_plan(folder)] == plans
