@@ -100,7 +100,7 @@ def test_a_map_gets_detail_by_its_confidence_and_keeps_its_harmonics(client, tmp
         ("estimate", "photo", "detail=sharp", "expected one of none, plausible"),
         ("estimate", "photo", "detail=plausible&size=100", "expected one of 64, 128, 256, 512"),
         ("detail", "photo", "", "expected an OpenEXR .exr file"),
-        ("detail", "fine", "", "got one that has it"),
+        ("detail", "fine", "", "got one with detail"),
         ("detail", "map", "detail=plausible", "expected one of size, format"),
         ("detail", "small", "", "at least 64 rows"),
     ],
