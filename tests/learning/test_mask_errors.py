@@ -7,7 +7,7 @@ import pytest
 
 from anyprobe.learning.dataset.mask_errors import (
     KEPT_SHARE,
-    MIN_OBJECT_PX,
+    MIN_CHANGED_PX,
     cut_off,
     disturb_mask,
     fray,
@@ -144,7 +144,7 @@ def test_something_of_the_object_always_stays(rng):
             result = disturb_mask(mask, rng)
             assert result.dtype == bool
             assert result.shape == mask.shape
-            assert object_px(result) >= MIN_OBJECT_PX
+            assert object_px(result) >= MIN_CHANGED_PX
             assert (result & mask).sum() >= KEPT_SHARE * mask.sum()
 
 
@@ -155,7 +155,7 @@ def test_a_mask_of_nothing_is_given_back():
 
 
 def test_what_training_leaves_is_what_an_estimate_accepts():
-    assert MIN_OBJECT_PX >= masks_at_run_time.MIN_OBJECT_PX
+    assert MIN_CHANGED_PX >= masks_at_run_time.MIN_OBJECT_PX
 
 
 def test_errors_stay_near_the_edge_and_come_often(rng):

@@ -166,7 +166,7 @@ def test_what_has_begun_is_answered_and_the_rest_is_told_in_time():
         with pytest.raises(Ending):
             async with pool.place():
                 pass
-        assert "end" in pool.unready()
+        assert "shutting down" in pool.unready()
         assert await quick == "answer"
         for one in (slow, waiting):
             with pytest.raises(Ending):

@@ -144,7 +144,7 @@ def test_a_panorama_of_radiance_may_be_unfinished(tmp_path):
     ("source", "says"),
     [
         (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\nabc", "surroundings bytes: expected 4 whole rows"),
-        (b"\x76\x2f\x31\x01 and no more", "surroundings bytes: expected an OpenEXR picture"),
+        (b"\x76\x2f\x31\x01 and no more", "surroundings bytes: expected a flat OpenEXR picture"),
         (np.zeros((64, 64, 3), np.uint8), "twice as wide as high"),
         (np.zeros((64, 128, 4), np.uint8), "not transparent"),
         ("nowhere.png", "surroundings nowhere.png"),

@@ -11,7 +11,7 @@ import anyprobe
 
 SOURCE = Path(anyprobe.__file__).parent
 TESTS = Path(__file__).parents[1]
-MAX_LINES = 400
+MAX_LINES = 420
 NAMELESS = {"utils", "util", "helpers", "helper", "common", "misc"}
 
 
@@ -32,7 +32,7 @@ def undocumented(root: Path) -> list[str]:
     return [str(p.relative_to(root)) for p, tree in trees.items() if tree.body and not ast.get_docstring(tree)]
 
 
-def test_no_file_over_400_lines():
+def test_no_file_over_420_lines():
     assert long_files(SOURCE) == {}
 
 
@@ -48,7 +48,7 @@ def test_every_module_says_what_it_is():
 @pytest.mark.parametrize(
     ("name", "text", "rule"),
     [
-        ("long.py", "x = 1\n" * 401, long_files),
+        ("long.py", "x = 1\n" * (MAX_LINES + 1), long_files),
         ("image_utils.py", "", nameless),
         ("common/__init__.py", "", nameless),
         ("bare.py", "x = 1\n", undocumented),

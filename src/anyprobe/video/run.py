@@ -83,7 +83,7 @@ class Outcome:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class _Look:
-    """What the follower finds in a frame.
+    """Mask follower's answer to one frame.
 
     photo: or why there is none. before: MaskFollower.last and shows_more as they were. looks_same: MaskFollower's.
     """

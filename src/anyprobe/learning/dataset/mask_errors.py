@@ -6,7 +6,7 @@ import numpy as np
 
 from anyprobe.learning.dataset.camera import blur
 
-MIN_OBJECT_PX = 24
+MIN_CHANGED_PX = 24
 """Smallest longer side of the remaining object, as estimates require it [pixels]."""
 
 KEPT_SHARE = 0.4
@@ -104,6 +104,6 @@ def disturb_mask(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     for chance, error in errors:
         if rng.random() < chance:
             changed = error(result)
-            if object_px(changed) >= MIN_OBJECT_PX and (changed & mask).sum() >= KEPT_SHARE * mask.sum():
+            if object_px(changed) >= MIN_CHANGED_PX and (changed & mask).sum() >= KEPT_SHARE * mask.sum():
                 result = changed
     return result
