@@ -15,7 +15,8 @@ from anyprobe.core.color import COLORSPACES, rec709_from_rgb
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InvalidEnvironment
 from anyprobe.estimate.photo import load_photo
-from anyprobe.maps.exr import read_channels, read_exr, write_channels
+from anyprobe.maps.exr import read_channels, read_exr
+from anyprobe.maps.exr_channels import write_channels
 from anyprobe.maps.radiance import read_radiance, write_exr
 from anyprobe.pictures.icc import encoding_of
 from anyprobe.pictures.images import read_image

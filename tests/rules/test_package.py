@@ -11,7 +11,7 @@ import anyprobe
 
 SOURCE = Path(anyprobe.__file__).parent
 TESTS = Path(__file__).parents[1]
-MAX_LINES = 420
+MAX_LINES = 400
 NAMELESS = {"utils", "util", "helpers", "helper", "common", "misc"}
 
 
@@ -32,7 +32,7 @@ def undocumented(root: Path) -> list[str]:
     return [str(p.relative_to(root)) for p, tree in trees.items() if tree.body and not ast.get_docstring(tree)]
 
 
-def test_no_file_over_420_lines():
+def test_no_file_over_400_lines():
     assert long_files(SOURCE) == {}
 
 

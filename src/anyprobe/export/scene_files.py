@@ -33,7 +33,7 @@ from anyprobe.export.target_frames import OPENEXR, gltf
 from anyprobe.files.meshes import glb_file
 from anyprobe.light.environment import reduced
 from anyprobe.light.octahedral import build_pyramid
-from anyprobe.maps.exr import write_channels
+from anyprobe.maps.exr_channels import write_channels
 from anyprobe.pictures.images import png_bytes
 from anyprobe.render.integrate import NUM_EMITTERS, shade_specular
 from anyprobe.render.picture import LIGHT_ROWS

@@ -13,15 +13,13 @@ import struct
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import OpenEXR
 
 from anyprobe.core.color import REC709_CHROMATICITIES, rec709_from_rgb, xyz_from_rgb
-from anyprobe.errors import InputError, OutputError
-from anyprobe.files.paths import read_regular, utf8_path
+from anyprobe.errors import InputError
+from anyprobe.files.paths import read_regular
 
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 
@@ -379,37 +377,3 @@ def to_rec709(rgb: np.ndarray, chromaticities: Sequence[float], name: str, fault
     with np.errstate(invalid="ignore", over="ignore"):  # the caller refuses infinity
         converted = rgb @ matrix.T.astype(np.float32)
     return np.maximum(converted, np.minimum(rgb.min(axis=-1, keepdims=True), 0.0))
-
-
-def write_channels(
-    path: Path,
-    channels: Mapping[str, np.ndarray],
-    attributes: Mapping[str, Any],
-    *,
-    latlong: bool = True,
-    target: str | os.PathLike[str] = "",
-) -> None:
-    """Write channels [H, W] with ZIP compression; in Rec. 709 unless the attributes have other chromaticities.
-
-    Args:
-        attributes: of the header.
-        latlong: whether the header says that they are a latitude-longitude map.
-        target: path that errors name, where `path` is a temporary file.
-    Raises:
-        OutputError: it cannot be written.
-    """
-    target = target or path
-    header = {
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "type": OpenEXR.scanlineimage,
-        "chromaticities": REC709_CHROMATICITIES,
-        **({"envmap": OpenEXR.ENVMAP_LATLONG} if latlong else {}),
-        **attributes,
-    }
-    with utf8_path(path) as plain:
-        try:
-            OpenEXR.File(header, dict(channels)).write(plain)
-        except RuntimeError as error:  # its only report of a full disk or a closed folder
-            reason = " ".join(str(error).replace(plain, str(target)).replace(str(path), str(target)).split())
-            advice = "choose another folder or free some space"
-            raise OutputError(f"cannot be written ({reason}); {advice}", source=target) from error

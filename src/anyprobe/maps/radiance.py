@@ -17,7 +17,8 @@ from anyprobe.errors import InputError, InvalidEnvironment, OutputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.paths import open_regular, read_rest
 from anyprobe.light.environment import check_radiance
-from anyprobe.maps.exr import EXR_MAGIC, HEADER_BYTES, exr_attributes, parse_header, read_exr, to_rec709, write_channels
+from anyprobe.maps.exr import EXR_MAGIC, HEADER_BYTES, exr_attributes, parse_header, read_exr, to_rec709
+from anyprobe.maps.exr_channels import write_channels
 from anyprobe.maps.rgbe import (
     HDR_HEADER_BYTES,
     HDR_MAGIC,

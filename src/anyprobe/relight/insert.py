@@ -202,13 +202,10 @@ PHOTO_MATERIAL = "photo"
 class Arrangement:
     """Place of the virtual object.
 
-    Attributes:
-        size: its height over the real object's.
-        at: x, y of its foot in the photo [px]; None: beside the real object.
-        turn_deg: rotation about its vertical axis.
-        pitch_deg: camera pitch downwards; None: the ground's.
-        ground: the photo's estimated ground (Light.ground); None: guessed.
-        match_shadow: whether to make the shadow as deep as the real object's, if one is seen, see relight.real_shadow.
+    size: its height over the real object's. at: x, y of its foot in the photo [px]; None: beside the real object.
+    turn_deg: rotation about its vertical axis. pitch_deg: camera pitch downwards; None: the ground's.
+    ground: the photo's estimated ground (Light.ground); None: guessed.
+    match_shadow: whether to make the shadow as deep as the real object's, if one is seen, see relight.real_shadow.
     """
 
     size: float = 0.5

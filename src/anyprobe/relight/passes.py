@@ -103,7 +103,7 @@ def write_passes(path: Path, passes: Passes, colorspace: str, own: np.ndarray | 
     own: see Passes.layers.
     """
     from anyprobe.files.atomic import atomic_path
-    from anyprobe.maps.exr import write_channels
+    from anyprobe.maps.exr_channels import write_channels
 
     layers = passes.layers(lambda rgb: from_rec709(rgb, colorspace), own)
     half = all(np.abs(values).max() <= HALF_MAX for values in layers.values())
