@@ -277,7 +277,7 @@ def test_losses_above_white_are_least_at_the_truth():
     def losses(ln_power, logit):
         guess = SimpleNamespace(ln_power=ln_power, emitter_logit=logit)
         batch = SimpleNamespace(ln_radiance=torch.log(above + 1.0))
-        return learner._emitters(guess, batch)
+        return learner.of_emitters(guess, batch)
 
     logit.requires_grad_(True)
     truth = losses(ln_power, logit)

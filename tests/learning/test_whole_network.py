@@ -19,11 +19,14 @@ from anyprobe.core.latlong import pixel_directions  # noqa: E402
 from anyprobe.errors import InputError  # noqa: E402
 from anyprobe.estimate.estimator import Estimator  # noqa: E402
 from anyprobe.estimate.ground import up_of  # noqa: E402
-from anyprobe.estimate.runtime import weights_folder  # noqa: E402
+from anyprobe.learning.nets.light_net import display  # noqa: E402
 from anyprobe.learning.whole_network import train as training  # noqa: E402
-from anyprobe.learning.whole_network.export import TOLERANCE, export_whole  # noqa: E402
+from anyprobe.learning.whole_network.export import TOLERANCE, export_photo_net  # noqa: E402
+from anyprobe.learning.whole_network.object_losses import OBJECT_WEIGHTS, ObjectLoss  # noqa: E402
+from anyprobe.learning.whole_network.pairs import Pairs, brighter, mirrored  # noqa: E402
 from anyprobe.learning.whole_network.score import score_pairs  # noqa: E402
-from anyprobe.learning.whole_network.train import Pairs, WholeRunConfig, load_whole_net, train_whole  # noqa: E402
+from anyprobe.learning.whole_network.train import WholeRunConfig, load_photo_net, train_whole  # noqa: E402
+from research.scenes import packed  # noqa: E402
 from research.scenes.camera import TakenPhoto  # noqa: E402
 from research.scenes.pairs import Known, known_of  # noqa: E402
 
@@ -129,24 +132,24 @@ def test_batches_are_of_all_files(folder, tmp_path):
     given = batch["given_up"].abs().sum(dim=1) > 0
     assert 0 < given.sum() < 30
     torch.testing.assert_close(batch["given_up"][given], batch["up"][given])
-    told = pairs._parts[0]["up"][:, 0]
+    told = pairs.rows(0, 3)["up"][:, 0]
     assert {round(float(x), 4) for x in batch["up"][:, 0]} >= {round(float(x), 4) for x in (*told, *-told)}  # mirrored
 
 
 def test_left_and_right_change_places_together():
-    batch = {name: torch.rand(2, 3, 4, 8) for name in ("context", "lift", "surroundings", "truth")}
-    batch |= {"up": torch.tensor([[0.1, 0.9, 0.2]] * 2), "given_up": torch.zeros(2, 3), "said": torch.rand(2, 7)}
-    found = training._mirrored(batch, torch.tensor([True, False]))
-    for name in ("context", "lift", "surroundings", "truth"):
+    batch = {name: torch.rand(2, 3, 4, 8) for name in ("context", "photo", "surroundings", "truth")}
+    batch |= {"up": torch.tensor([[0.1, 0.9, 0.2]] * 2), "given_up": torch.zeros(2, 3), "colors": torch.rand(2, 7)}
+    found = mirrored(batch, torch.tensor([True, False]))
+    for name in ("context", "photo", "surroundings", "truth"):
         torch.testing.assert_close(found[name][0], batch[name][0].flip(2))
         torch.testing.assert_close(found[name][1], batch[name][1])
     torch.testing.assert_close(found["up"], torch.tensor([[-0.1, 0.9, 0.2], [0.1, 0.9, 0.2]]))
-    assert found["said"] is batch["said"]
+    assert found["colors"] is batch["colors"]
 
 
 def test_what_is_clipped_stays_clipped_in_less_light():
     picture = torch.tensor([1.0, 0.5]).reshape(1, 1, 1, 2).expand(1, 4, 1, 2)
-    darker = training._brighter(picture, torch.full((1, 3, 1, 1), -1.0))
+    darker = brighter(picture, torch.full((1, 3, 1, 1), -1.0))
     assert darker[0, 0, 0, 0] == 1.0
     assert darker[0, 0, 0, 1] < 0.4
 
@@ -157,7 +160,7 @@ def test_a_panorama_takes_the_place_of_the_photo(folder):
     cover = batch["surroundings"][:, 3]
     assert 0 < cover.mean() < 1
     known = (cover > 0)[:, None].expand(-1, 3, -1, -1)
-    shown = torch.where(known, training.display(batch["truth"]).clip(max=1.0), torch.zeros(()))
+    shown = torch.where(known, display(batch["truth"]).clip(max=1.0), torch.zeros(()))
     torch.testing.assert_close(batch["surroundings"][:, :3], shown)
 
 
@@ -170,9 +173,16 @@ def test_added_files_are_learned_from_when_a_run_grows(folder, tmp_path):
 
 
 def test_scores_are_of_photos_and_of_cut_outs(folder, checkpoint):
-    net, _ = load_whole_net(checkpoint)
+    net, _ = load_photo_net(checkpoint)
     scores = score_pairs(net, Pairs(folder))
-    assert {"ldr_rmse", "dominant_deg", "pitch_deg", "ground_ldr_rmse", "cut-out_ldr_rmse"} <= set(scores)
+    assert {
+        "ldr_rmse",
+        "dominant_deg",
+        "pitch_deg",
+        "ground_ldr_rmse",
+        "cut-out_ldr_rmse",
+        "cut-out-alone_ldr_rmse",
+    } <= set(scores)
     assert all(np.isfinite(value) for value in scores.values())
 
 
@@ -182,16 +192,16 @@ def test_pairs_are_asked_for_where_there_are_none(tmp_path):
 
 
 def test_a_killed_run_goes_on_exactly(folder, checkpoint, tmp_path, monkeypatch):
-    asked, predict = [], training.predict
+    asked, answer = [], training.PhotoLosses.__call__
 
     def killed(*given):
         asked.append(given)
         if len(asked) == 3:
             raise KeyboardInterrupt
-        return predict(*given)
+        return answer(*given)
 
     monkeypatch.setattr(training, "CHECKPOINT_SECONDS", -1.0)
-    monkeypatch.setattr(training, "predict", killed)
+    monkeypatch.setattr(training.PhotoLosses, "__call__", killed)
     with pytest.raises(KeyboardInterrupt):
         trained(folder, tmp_path)
     part = tmp_path / CONFIG.name / "checkpoint.pt"
@@ -214,11 +224,10 @@ def test_a_killed_run_goes_on_exactly(folder, checkpoint, tmp_path, monkeypatch)
 def test_the_graph_completes_the_first_one_and_says_how_the_camera_looks_down(checkpoint, photo, tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # torch's exporter warns about itself
-        assert export_whole(checkpoint, tmp_path) <= TOLERANCE
+        assert max(export_photo_net(checkpoint, tmp_path).values()) <= TOLERANCE
     only = tmp_path / "alone"
     only.mkdir()
-    for folder in (tmp_path, only):
-        shutil.copy(weights_folder("lift") / "light.onnx", folder)
+    shutil.copy(tmp_path / "light.onnx", only)
     given = {"mask": np.where(photo.mask, 255, 0).astype(np.uint8), "fov_deg": photo.long_fov_deg}
     whole = Estimator(model=str(tmp_path), threads=1)(photo.picture, **given)
     alone = Estimator(model=str(only), threads=1)(photo.picture, **given)
@@ -230,3 +239,56 @@ def test_the_graph_completes_the_first_one_and_says_how_the_camera_looks_down(ch
     told = Estimator(model=str(tmp_path), threads=1)(photo.picture, **given, pitch_deg=30.0)
     assert told.info["ground"]["source"] == "given"
     assert told.info["ground"]["pitch_deg"] == 30.0
+
+
+def test_a_mirrored_answer_costs_nothing_and_another_does(folder, checkpoint):
+    net, _ = load_photo_net(checkpoint)
+    losses = training.PhotoLosses(net, replace(CONFIG, object_rate=0.0), "cpu")
+    batch = training._both_ways(Pairs(folder).rows(0, 2))
+    guess = net(batch).whole
+    half = {one.name: getattr(guess, one.name)[:2] for one in fields(guess)}
+    both = {name: torch.cat([values, values.flip(3) if values.dim() == 4 else values]) for name, values in half.items()}
+    assert float(losses._mirror(type(guess)(**both))) < 1e-6
+    twice = {name: torch.cat([values, values]) for name, values in half.items()}
+    assert float(losses._mirror(type(guess)(**twice))) > 1e-3
+
+
+def test_an_object_branch_at_rest_does_not_learn(folder, tmp_path):
+    config = replace(CONFIG, object_rate=0.0, averaged=0.0)
+    torch.manual_seed(config.seed)
+    first = training.PhotoNet().state_dict()
+    last = torch.load(trained(folder, tmp_path, config), weights_only=True)["moving"]
+    same = {name: torch.equal(first[name], last[name]) for name in first}
+    assert all(value for name, value in same.items() if name.startswith("light."))
+    assert not all(value for name, value in same.items() if name.startswith("whole."))
+
+
+def test_hints_are_answered_as_by_the_teacher(folder):
+    torch.manual_seed(0)
+    net = training.PhotoNet().eval()
+    losses = ObjectLoss(net.light, "cpu")
+    batch = {name: values.repeat(8, *[1] * (values.dim() - 1)) for name, values in Pairs(folder).rows(0, 3).items()}
+    batch = losses.with_hints(batch, torch.Generator().manual_seed(3))
+    assert 0 < batch["hinted"].sum() < len(batch["hinted"])
+    given = batch["given_normals"].flatten(1).abs().amax(dim=1) + batch["material"].abs().amax(dim=1) > 0
+    assert torch.equal(given, batch["hinted"])
+    with torch.no_grad():
+        answer = net(batch).alone
+    terms = losses(answer, batch)
+    assert set(terms) == set(OBJECT_WEIGHTS)
+    assert all(float(terms[name]) < 1e-4 for name in terms if name.startswith("kept"))
+    batch["teacher"] = losses.with_hints(batch, torch.Generator().manual_seed(4))["teacher"]
+    assert float(losses(answer, batch)["kept_answer"]) > 1e-3
+
+
+def test_packed_pairs_are_nearly_the_same(folder, tmp_path):
+    packed.pack(folder, tmp_path / "packed", 1)
+    packed.unpack(tmp_path / "packed", tmp_path / "pairs", 1)
+    own, found = Pairs(folder).rows(0, 3), Pairs(tmp_path / "pairs").rows(0, 3)
+    for name in ("photo", "context", "surroundings"):
+        assert float((own[name] - found[name]).abs().mean()) < 0.01, name
+    assert float((display(own["truth"]) - display(found["truth"])).abs().max()) < 0.1
+    for name in ("tan_half", "up", "family"):
+        torch.testing.assert_close(own[name], found[name])
+    size = sum(path.stat().st_size for path in folder.glob("*.npz"))
+    assert sum(path.stat().st_size for path in (tmp_path / "packed").glob("*.npz")) < size / 20

@@ -115,8 +115,9 @@ class WholeNet(nn.Module):
         said = torch.cat([said[:, :6], said[:, 6:] / 10.0], dim=1)
         expected, drawn = torch.exp(lift[:, :3]), torch.exp(lift[:, 3:6])
         shown0, above0 = expected.clamp(max=1.0), (expected - 1.0).clamp(min=0.0)
-        near = self._nearest(surroundings)
-        x = self._sphere(shown0, expected, drawn, lift[:, 6:], surroundings, near, posture, up)
+        with torch.autocast(context.device.type, enabled=False):  # a cosine of eight bits is degrees off
+            near = self._nearest(surroundings)
+            x = self._sphere(shown0, expected, drawn, lift[:, 6:], surroundings, near, posture, up)
         features = [self.first(x)]
         for down in self.down:
             features.append(down(features[-1]))

@@ -18,7 +18,7 @@ from anyprobe.estimate.runtime import CONTRACT, LIFT_INPUTS, LIFT_OUTPUTS, NORMA
 from anyprobe.files.atomic import atomic_path
 from anyprobe.given_material import MATERIAL_INPUTS
 from anyprobe.learning.dataset.pairs import PairSource
-from anyprobe.learning.nets.light_net import LightNet
+from anyprobe.learning.nets.light_net import LightNet, LightPrediction
 from anyprobe.learning.train.checkpoint import read_checkpoint
 from anyprobe.learning.train.loop import load_nets, pairs_seen
 from anyprobe.light.environment import MAP_HEIGHT
@@ -48,8 +48,15 @@ class Sureness:
     logit: tuple[float, float] = (1.0, 0.0)
     errors: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """All of them, as graphs' metadata have them."""
+        return *self.logit, *self.errors
+
 
 AS_LEARNED = Sureness()
+AS_CALIBRATED = Sureness(logit=(1.08061, -0.598498), errors=(0.996776, 1.15832, 1.1506))
+"""Of the weights that ship, found by evaluate.calibration; WholeNet learned from these claims."""
 FLOATS = "float32"
 """Precision that a graph computes in, as its metadata states it."""
 LARGE = 8192
@@ -75,6 +82,17 @@ class Graph:
     small: tuple[int, ...] = ()
 
 
+def claims_of(guess: LightPrediction, sureness: Sureness) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return the confidence [N, 1, 64, 128] in [0, 1], and the posterior [N, 7] as estimate.runtime.POSTERIOR has
+    it."""
+    slope, offset = sureness.logit
+    of_reflectance, of_level, of_color = sureness.errors
+    metal, others = guess.posterior.split([1, 6], dim=1)
+    factors = others.new_tensor([1.0, 1.0, 1.0, of_reflectance, of_level, 10 * of_color])
+    posterior = torch.cat([torch.sigmoid(metal), torch.exp(others) * factors], dim=1)
+    return torch.sigmoid(slope * guess.confidence_logit + offset), posterior
+
+
 class LightGraph(nn.Module):
     """Outputs of LightNet in the order of LIFT_OUTPUTS: irradiance, ln radiance with emitters at their mode, confidence
     [N, 1, 64, 128] in [0, 1], normals, expected ln radiance, posterior [N, 7] as estimate.runtime.POSTERIOR has it.
@@ -95,12 +113,7 @@ class LightGraph(nn.Module):
         material: torch.Tensor,
     ) -> tuple[torch.Tensor, ...]:
         guess = self.net(photo, tan_half, given_normals, surroundings, material)
-        slope, offset = self.sureness.logit
-        of_reflectance, of_level, of_color = self.sureness.errors
-        confidence = torch.sigmoid(slope * guess.confidence_logit + offset)
-        metal, others = guess.posterior.split([1, 6], dim=1)
-        factors = others.new_tensor([1.0, 1.0, 1.0, of_reflectance, of_level, 10 * of_color])
-        posterior = torch.cat([torch.sigmoid(metal), torch.exp(others) * factors], dim=1)
+        confidence, posterior = claims_of(guess, self.sureness)
         shown = guess.features.irradiance, guess.ln_radiance, confidence, guess.normals, guess.ln_expected
         return *shown, posterior
 
@@ -135,11 +148,11 @@ def export_graphs(checkpoint: Path, folder: Path, sureness: Sureness = AS_LEARNE
         "steps": str(stored["step"]),
         "pairs": str(pairs_seen(stored)),
         "config": stored["config"],
-        "sureness": " ".join(f"{value:g}" for value in (*sureness.logit, *sureness.errors)),
+        "sureness": " ".join(f"{value:g}" for value in sureness.numbers),
         **provenance(stored),
     }
     return {
-        stage: _export_stage(stage, graph, recipe, folder / f"{stage}.onnx")
+        stage: export_stage(stage, graph, recipe, folder / f"{stage}.onnx")
         for stage, graph in graphs_of(nets, sureness).items()
     }
 
@@ -166,7 +179,7 @@ def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
     return {name: str(value) for name, value in known.items() if value is not None}
 
 
-def _export_stage(stage: str, graph: Graph, recipe: dict[str, str], path: Path) -> float:
+def export_stage(stage: str, graph: Graph, recipe: dict[str, str], path: Path) -> float:
     """Export one network: batch normalisation folded, weights stored small, computed as float32."""
     import onnx
 

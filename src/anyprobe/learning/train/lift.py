@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import cast
+from typing import Any, cast
 
 import torch
 from torch import nn
@@ -124,8 +124,8 @@ class Lift:
         guess, normals = self._predict(batch)
         terms = {
             **self._object(guess, batch, normals),
-            **self._map(guess, batch),
-            **self._emitters(guess, batch),
+            **self.of_map(guess, batch),
+            **self.of_emitters(guess, batch),
             **self._posterior(guess, batch),
         }
         return {name: getattr(self.config, name) * terms[name] for name in self.columns}
@@ -152,7 +152,8 @@ class Lift:
             "alpha": (features.root_alpha[:, 0].float() - batch.alpha.sqrt()).abs().mean(),
         }
 
-    def _map(self, guess: LightPrediction, batch: Batch) -> dict[str, torch.Tensor]:
+    def of_map(self, guess: Any, batch: Any) -> dict[str, torch.Tensor]:
+        """Compute the losses of the map up to white, of what it sends, and of its confidence."""
         ln = guess.ln_shown
         shown = clipped_where_white(display(ln), batch.ldr)
         whole = display(guess.ln_radiance.detach()).clip(max=1.0)
@@ -165,7 +166,7 @@ class Lift:
             "confidence": confidence,
         }
 
-    def _emitters(self, guess: LightPrediction, batch: Batch) -> dict[str, torch.Tensor]:
+    def of_emitters(self, guess: Any, batch: Any) -> dict[str, torch.Tensor]:
         """Compute the losses of the total power above white, and of where it comes from by cross entropy."""
         power, _ = self._sent.above_white(batch.ln_radiance)
         ln_share = torch.log_softmax((guess.emitter_logit + torch.log(self._sent.angles)).flatten(1), dim=1)
@@ -181,19 +182,25 @@ class Lift:
         A mean error s is learned from errors e by e / s + ln s (a Laplace distribution's likelihood); the errors
         themselves are learned as they are, or a doubtful photo would count less.
         """
-        level = self._sent.level(guess.ln_expected, batch.ln_radiance)
-        powers = (self._sent.power(guess.ln_expected), self._sent.power(batch.ln_radiance))
-        cosine = F.cosine_similarity(*powers).clip(max=1 - 1e-5)
-        color = torch.rad2deg(torch.acos(cosine)) / 10.0
-        metal, reflectance, *scales = guess.posterior.split([1, 3, 1, 1, 1], dim=1)
+        metal, reflectance, ln_wrong, _ = guess.posterior.split([1, 3, 1, 2], dim=1)
+        level, color = self.of_errors(guess.ln_expected, guess.posterior, batch.ln_radiance)
         reflectance_error = (reflectance - batch.material[:, 2:5]).abs().mean(dim=1)
         is_metal = (batch.material[:, 5:].mean(dim=1) > METAL_F0).float()
         known = batch.material[:, 0]
         kind = F.binary_cross_entropy_with_logits(metal[:, 0], is_metal, reduction="none")
-        ln_wrong, ln_level, ln_color = (scale[:, 0] for scale in scales)
+        ln_wrong = ln_wrong[:, 0]
         material = kind + reflectance_error * (1 + torch.exp(-ln_wrong)) + ln_wrong
-        return {
-            "level": (level + level.detach() * torch.exp(-ln_level) + ln_level).mean(),
-            "color": (color + color.detach() * torch.exp(-ln_color) + ln_color).mean(),
-            "material": (known * material).sum() / known.sum().clip(min=1.0),
-        }
+        return {"level": level, "color": color, "material": (known * material).sum() / known.sum().clip(min=1.0)}
+
+    def of_errors(
+        self, ln_expected: torch.Tensor, posterior: torch.Tensor, true_ln: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Compute the losses of a map's level and mean colour with their claimed errors, see _posterior."""
+        level = self._sent.level(ln_expected, true_ln)
+        cosine = F.cosine_similarity(self._sent.power(ln_expected), self._sent.power(true_ln)).clip(max=1 - 1e-5)
+        color = torch.rad2deg(torch.acos(cosine)) / 10.0
+        ln_level, ln_color = posterior[:, 5], posterior[:, 6]
+        return (
+            (level + level.detach() * torch.exp(-ln_level) + ln_level).mean(),
+            (color + color.detach() * torch.exp(-ln_color) + ln_color).mean(),
+        )

@@ -13,7 +13,7 @@ import typer
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.learning.train.checkpoint import keep_apart, save_init_weights
-from anyprobe.learning.whole_network.export import export_whole
+from anyprobe.learning.whole_network.export import export_photo_net
 from anyprobe.learning.whole_network.train import WholeRunConfig, train_whole
 
 RUNS = Path("runs")
@@ -34,19 +34,28 @@ def train(
     growing: Annotated[bool, typer.Option(help="Also learn from pairs that are added meanwhile.")] = False,
     name: Annotated[str, typer.Option(help="Of the run's folder.")] = "whole",
     init_weights: Annotated[
-        Path | None, typer.Option(help="Weights to begin from, kept by export --keep; the same ones to resume.")
+        list[Path] | None,
+        typer.Option(help="Weights to begin from, repeat for those of each part; the same ones to resume."),
     ] = None,
+    batch: Annotated[int | None, typer.Option(min=2, help="Photos a step; the run's own number otherwise.")] = None,
+    object_rate: Annotated[
+        float | None, typer.Option(min=0.0, help="Learning rate of what sees the object, in shares; 0: it stays.")
+    ] = None,
+    device: Annotated[str, typer.Option(help="Of torch.")] = "cpu",
 ) -> None:
-    """Train the network that is given the whole photo; resumes exactly."""
-    config = WholeRunConfig(name=name, growing=growing)
-    config = config if steps is None else replace(config, steps=steps)
-    typer.echo(train_whole(config, pairs=pairs, runs=runs, start=init_weights, left_out=left_out))
+    """Train the networks that see the object and the whole photo; resumes exactly."""
+    given = {"steps": steps, "batch": batch, "object_rate": object_rate}
+    config = replace(
+        WholeRunConfig(name=name, growing=growing), **{key: value for key, value in given.items() if value is not None}
+    )
+    path = train_whole(config, pairs=pairs, runs=runs, start=init_weights or (), left_out=left_out, device=device)
+    typer.echo(path)
 
 
 @app.command()
 def export(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run's folder, or its checkpoint.")] = RUNS / "whole",
-    to: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Folder for whole.onnx.")] = WEIGHTS,
+    to: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Folder for the two graphs.")] = WEIGHTS,
     keep: Annotated[
         Path | None, typer.Option(help="Also keep the weights in this .pt, to begin another training from.")
     ] = None,
@@ -55,7 +64,8 @@ def export(
     checkpoint = run / "checkpoint.pt" if run.is_dir() else run
     if keep is not None:
         keep_apart(checkpoint, keep)
-    typer.echo(f"{to / 'whole.onnx'}: within {export_whole(checkpoint, to):.2g} of torch")
+    for name, off in export_photo_net(checkpoint, to).items():
+        typer.echo(f"{to / name}.onnx: within {off:.2g} of torch")
     if keep is not None:
         save_init_weights(checkpoint, keep, holds="net")
         typer.echo(keep)

@@ -1,4 +1,4 @@
-"""WholeNet's export: one ONNX graph with its contract, its weights stored small, checked against torch."""
+"""PhotoNet's export: an ONNX graph of each of its parts, weights stored small, checked against torch."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from anyprobe.estimate.photo import CONTEXT_SIZE
 from anyprobe.estimate.runtime import CONTRACT, WHOLE, WHOLE_INPUTS, WHOLE_OUTPUTS
 from anyprobe.files.atomic import atomic_path
 from anyprobe.learning.nets.whole_net import SAID, WholeNet
-from anyprobe.learning.train.export_onnx import store_half, store_int8
-from anyprobe.learning.whole_network.train import load_whole_net
+from anyprobe.learning.train.export_onnx import AS_CALIBRATED, FLOATS, export_stage, graphs_of, store_half, store_int8
+from anyprobe.learning.whole_network.train import load_photo_net
 from anyprobe.light.environment import MAP_HEIGHT
 
 TOLERANCE = 0.03
@@ -71,19 +71,26 @@ def example_inputs() -> dict[str, torch.Tensor]:
     return {name: values[name] for name in WHOLE_INPUTS}
 
 
-def export_whole(checkpoint: Path, folder: Path) -> float:
-    """Write folder/whole.onnx and return its largest median difference from torch among the outputs.
+def export_photo_net(checkpoint: Path, folder: Path) -> dict[str, float]:
+    """Write folder/light.onnx and folder/whole.onnx and return each one's largest median difference from torch.
 
     Raises:
-        ModelError: the graph disagrees with the network by more than TOLERANCE.
+        ModelError: a graph disagrees with its network by more than its tolerance.
     """
+    net, run = load_photo_net(checkpoint)
+    recipe = {"run": run["name"], "steps": str(run["step"]), "pairs": str(run["step"] * run["batch"])}
+    about = {**recipe, "config": json.dumps(run), "sureness": " ".join(f"{v:g}" for v in AS_CALIBRATED.numbers)}
+    (graph,) = graphs_of(nn.ModuleDict({"light": net.light}), AS_CALIBRATED).values()
+    light = export_stage("light", graph, about, folder / "light.onnx")
+    return {"light": light, WHOLE: _export_whole(net.whole, {**recipe, "config": json.dumps(run)}, folder)}
+
+
+def _export_whole(net: WholeNet, recipe: dict[str, str], folder: Path) -> float:
     import onnx
 
     from anyprobe.files.onnx_runtime import onnxruntime
 
-    net, run = load_whole_net(checkpoint)
     graph, inputs = WholeGraph(net).eval(), example_inputs()
-    recipe = {"run": run["name"], "steps": str(run["step"]), "pairs": str(run["step"] * run["batch"])}
     with atomic_path(folder / f"{WHOLE}.onnx") as temporary:
         torch.onnx.export(
             graph,
@@ -98,7 +105,7 @@ def export_whole(checkpoint: Path, folder: Path) -> float:
         model = onnx.load(str(temporary))
         store_half(model)
         store_int8(model)
-        about = {**CONTRACT, "stage": WHOLE, "computes": "float32", "config": json.dumps(run)}
+        about = {**CONTRACT, "stage": WHOLE, "computes": FLOATS}
         onnx.helper.set_model_props(model, {**about, **recipe})
         onnx.checker.check_model(model)
         onnx.save(model, str(temporary))

@@ -13,6 +13,7 @@ from anyprobe.learning.nets.emitter_head import POWER_FLOOR
 from anyprobe.learning.nets.whole_net import WholePrediction
 from anyprobe.learning.train.lift import CLOSE, display
 from anyprobe.learning.train.map_losses import FAINT, lobe_matrices, structure_loss
+from anyprobe.learning.whole_network.source_profiles import shares_around, source_colors
 from anyprobe.light.environment import MAP_HEIGHT
 
 WEIGHTS = {
@@ -48,10 +49,12 @@ SHARE_FLOOR = 0.02
 class WholeLoss:
     """The losses of predictions, unweighted."""
 
-    def __init__(self) -> None:
-        self._angles = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).expand(-1, 2 * MAP_HEIGHT)[None, None]
-        self._weight = 0.5 + 0.5 * self._angles / self._angles.mean()  # as for lift
-        self._luminance, self._lobes = torch.tensor(REC709), lobe_matrices(MAP_HEIGHT // 2, 8)
+    def __init__(self, device: str = "cpu") -> None:
+        self.angles = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).to(device).expand(-1, 2 * MAP_HEIGHT)[None, None]
+        """Steradians [1, 1, 64, 128]."""
+        self._weight = 0.5 + 0.5 * self.angles / self.angles.mean()  # as for lift
+        self._luminance = torch.tensor(REC709, device=device)
+        self._lobes = lobe_matrices(MAP_HEIGHT // 2, 8).to(device)
 
     def __call__(self, guess: WholePrediction, batch: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
         """By the names of WEIGHTS; batch: of train.Pairs."""
@@ -63,10 +66,11 @@ class WholeLoss:
             one = F.avg_pool2d(one, 2)
             scales = scales + one.square().mean() + 0.3 * one.abs().mean()
         close = (display(guess.ln_radiance.detach()).clip(max=1.0) - ldr).abs().mean(dim=1, keepdim=True) < CLOSE
-        above = (torch.exp(true) - 1).clip(min=0.0) * self._angles
+        above = (torch.exp(true) - 1).clip(min=0.0) * self.angles
         power = above.sum(dim=(2, 3))
         share = above.sum(dim=1).flatten(1) / power.sum(dim=1, keepdim=True).clip(min=1e-6)
         counts = power.mean(dim=1) / (power.mean(dim=1) + DIM_POWER)
+        profiles, colors = self._sources(guess.places.detach(), batch)
         present = (batch["context"][:, 4].amax(dim=(1, 2)) > 0).float()
         ln_context = guess.ln_context.unflatten(1, (MAP_HEIGHT, 2 * MAP_HEIGHT))[:, None]
         return {
@@ -78,11 +82,11 @@ class WholeLoss:
             "ln": (self._weight * (guess.ln_shown - true.clip(max=0.0)).abs()).mean(),
             "transport": sum(self._transport(ln, true) for ln in (guess.ln_expected, guess.ln_radiance)) / 2,
             "confidence": F.binary_cross_entropy_with_logits(guess.confidence_logit, close.float()),
-            "emitters": cross_entropy(guess.logit, share, self._angles, counts),
-            "context": cross_entropy(ln_context, share, self._angles, counts * present),
+            "emitters": cross_entropy(guess.logit, share, self.angles, counts),
+            "context": cross_entropy(ln_context, share, self.angles, counts * present),
             "power": (guess.ln_power - torch.log(power + POWER_FLOOR)).abs().mean(),
-            "profile": profile_loss(guess.profiles, batch["profiles"]),
-            "color": color_loss(guess.colors, batch["colors"], batch["profiles"]),
+            "profile": profile_loss(guess.profiles, profiles),
+            "color": color_loss(guess.colors, colors, profiles),
             "level": (self._ln_level(guess.ln_radiance) - self._ln_level(true)).abs().mean(),
             **posture_losses(guess.posture, batch["up"], present),
         }
@@ -93,17 +97,30 @@ class WholeLoss:
         shown = display(ln)
         return torch.where((shown > 1) & (ldr >= 1), shown.clip(max=1.0), shown) - ldr
 
+    @torch.no_grad()
+    def _sources(self, places: torch.Tensor, batch: dict[str, torch.Tensor]) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return what profiles [N, S, R] and colours [N, S, 3] should be.
+
+        Of the first, those of the brightest place, wherever it is, so that hard light stays hard; of the others, those
+        of the places that the network took, so that there is no source where there is none.
+        """
+        radiance = torch.exp(batch["truth"])
+        bright = torch.einsum("c,nchw->nhw", self._luminance, radiance)
+        others = places[:, 1:]
+        profiles = torch.cat([batch["profiles"][:, :1], shares_around(bright, others)], dim=1)
+        return profiles, torch.cat([batch["colors"][:, :1], source_colors(radiance, others, self._luminance)], dim=1)
+
     def _weighed(self, difference: torch.Tensor) -> torch.Tensor:
         return (self._weight * (difference.abs() * 0.5 + difference.square() * 2)).mean()
 
     def _ln_level(self, ln: torch.Tensor) -> torch.Tensor:
-        return torch.log((torch.exp(ln.clip(*LN_RANGE)) * self._angles).sum(dim=(2, 3)) @ self._luminance)
+        return torch.log((torch.exp(ln.clip(*LN_RANGE)) * self.angles).sum(dim=(2, 3)) @ self._luminance)
 
     def _transport(self, ln: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
         """As of lift: means over three lobes as spheres of three kinds see them."""
         seen = []
         for one in (ln, true_ln):
-            radiance = F.avg_pool2d(torch.exp(one.clip(*LN_RANGE)) * self._angles, 2) / F.avg_pool2d(self._angles, 2)
+            radiance = F.avg_pool2d(torch.exp(one.clip(*LN_RANGE)) * self.angles, 2) / F.avg_pool2d(self.angles, 2)
             seen.append(torch.log(torch.einsum("lop,ncp->nclo", self._lobes, radiance.flatten(2)) + FAINT))
         return (seen[0] - seen[1]).abs().mean()
 

@@ -11,20 +11,21 @@ from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.learning.evaluate.metrics import direction_error_deg
-from anyprobe.learning.nets.blocks import autocast
-from anyprobe.learning.nets.whole_net import WholeNet
 from anyprobe.learning.whole_network.families import FAMILIES
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT
 
 if TYPE_CHECKING:
-    from anyprobe.learning.whole_network.train import Pairs
+    from anyprobe.learning.whole_network.pairs import Pairs
+    from anyprobe.learning.whole_network.photo_net import PhotoNet
 
 AT_ONCE = 32
+CUT_OUT, ALONE = "cut-out", "cut-out-alone"
+"""Names of the figures of cut-outs: of the whole network, and of LightNet."""
 
 
 @torch.no_grad()
-def score_pairs(net: WholeNet, pairs: Pairs) -> dict[str, float]:
+def score_pairs(net: PhotoNet, pairs: Pairs) -> dict[str, float]:
     """Return figures of left-out pairs: LDR RMSE, dominant light (median; hardest third), power [stops], pitch; and LDR
     RMSE and dominant light of each family's photos and of the cut-outs."""
     rows = []
@@ -32,21 +33,21 @@ def score_pairs(net: WholeNet, pairs: Pairs) -> dict[str, float]:
     net.eval()
     for start in range(0, len(pairs), AT_ONCE):
         batch = pairs.rows(start, start + AT_ONCE)
-        names = ("context", "tan_half", "lift", "said", "surroundings", "given_up")
-        with autocast("cpu"):
-            guess = net(*(batch[name] for name in names))
-        drawn = torch.exp(guess.ln_radiance.float()).permute(0, 2, 3, 1).numpy()
-        truth = torch.exp(batch["truth"]).permute(0, 2, 3, 1).numpy()
-        present = batch["context"][:, 4].amax(dim=(1, 2)).numpy() > 0
-        true_pitch = np.arcsin(batch["up"][:, 2].numpy().clip(-1, 1))
-        pitch = np.degrees(np.abs(guess.posture[:, 0].float().numpy() - true_pitch))
+        answer = net(batch)
+        drawn, alone, truth = (_maps(ln) for ln in (answer.whole.ln_radiance, answer.alone.ln_radiance, batch["truth"]))
+        present = batch["context"][:, 4].amax(dim=(1, 2)).cpu().numpy() > 0
+        true_pitch = np.arcsin(batch["up"][:, 2].cpu().numpy().clip(-1, 1))
+        pitch = np.degrees(np.abs(answer.whole.posture[:, 0].float().cpu().numpy() - true_pitch))
         for k in range(len(truth)):
-            group = FAMILIES[int(batch["family"][k])] if present[k] else "cut-out"
-            rows.append((group, *_figures(drawn[k], truth[k]), pitch[k] if present[k] else np.nan))
+            if present[k]:
+                rows.append((FAMILIES[int(batch["family"][k])], *_figures(drawn[k], truth[k]), pitch[k]))
+            else:
+                rows.append((CUT_OUT, *_figures(drawn[k], truth[k]), np.nan))
+                rows.append((ALONE, *_figures(alone[k], truth[k]), np.nan))
     net.train(was_training)
     group = np.array([row[0] for row in rows])
     rmse, angle, power, hard, pitch = np.array([row[1:] for row in rows]).T
-    whole = group != "cut-out"
+    whole = (group != CUT_OUT) & (group != ALONE)
     hardest = whole & (hard >= np.quantile(hard[whole], 2 / 3))
     scores = {
         "ldr_rmse": rmse[whole].mean(),
@@ -57,11 +58,16 @@ def score_pairs(net: WholeNet, pairs: Pairs) -> dict[str, float]:
         "power": power[whole].mean(),
         "pitch_deg": np.nanmedian(pitch),
     }
-    for name in (*FAMILIES, "cut-out"):
+    for name in (*FAMILIES, CUT_OUT, ALONE):
         some = group == name
         if some.any():
             scores |= {f"{name}_ldr_rmse": rmse[some].mean(), f"{name}_dominant_deg": np.median(angle[some])}
     return {name: round(float(value), 4) for name, value in scores.items()}
+
+
+def _maps(ln_radiance: torch.Tensor) -> np.ndarray:
+    """Return maps [N, H, 2H, 3] of ln radiance [N, 3, H, 2H]."""
+    return torch.exp(ln_radiance.float()).permute(0, 2, 3, 1).cpu().numpy()
 
 
 def _figures(radiance: np.ndarray, truth: np.ndarray) -> tuple[float, float, float, float]:

@@ -53,14 +53,23 @@ def source_profiles(luminance: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor
     )
     d = torch.from_numpy(pixel_directions(height)).to(device).reshape(-1, 3)
     left, flat = (around / cap).flatten(1), power.flatten(1)
-    pixel, places, shares = 180.0 / height, [], []
+    places = []
     for _ in range(SOURCES):
         near = (d[left.argmax(dim=1)] @ d.T > np.cos(np.radians(PLACE_DEG))).to(flat.dtype)
         place = F.normalize((near * flat) @ d + LEAST_PULL * d[left.argmax(dim=1)], dim=1)
         cosine = place @ d.T  # [N, P]
         places.append(place)
-        degrees = torch.rad2deg(torch.acos(cosine.clamp(-1.0, 1.0)))
-        within = [(0.5 + (r - degrees) / pixel).clamp(0.0, 1.0) for r in RADII_DEG]
-        shares.append(torch.stack([(flat * one).sum(dim=1) for one in within], dim=1))
         left = left.masked_fill(cosine > np.cos(np.radians(APART_DEG)), -1.0)
-    return torch.stack(places, dim=1), torch.stack(shares, dim=1)
+    found = torch.stack(places, dim=1)
+    return found, shares_around(luminance, found)
+
+
+def shares_around(luminance: torch.Tensor, places: torch.Tensor) -> torch.Tensor:
+    """Return the shares [N, S, len(RADII_DEG)] of the power of maps [N, H, 2H] within RADII_DEG of places [N, S, 3]."""
+    height = luminance.shape[1]
+    power = (luminance * torch.from_numpy(pixel_solid_angles(height)).to(luminance)).flatten(1)
+    power = power / power.sum(dim=1, keepdim=True).clamp(min=1e-12)
+    d = torch.from_numpy(pixel_directions(height)).to(luminance).reshape(-1, 3)
+    degrees = torch.rad2deg(torch.acos((places @ d.T).clamp(-1.0, 1.0)))  # [N, S, P]
+    within = [(0.5 + (r - degrees) * height / 180.0).clamp(0.0, 1.0) for r in RADII_DEG]
+    return torch.stack([torch.einsum("np,nsp->ns", power, one) for one in within], dim=2)
