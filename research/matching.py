@@ -23,8 +23,8 @@ import typer
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import response
-from anyprobe.estimate.photo import CONTEXT_SCALE, CONTEXT_SIZE
-from anyprobe.estimate.runtime import Models
+from anyprobe.estimate.photo import CONTEXT_SCALE
+from anyprobe.estimate.runtime import CONTEXT_SIZE, Models
 from anyprobe.estimate.surroundings import hidden, on_plane, radiance_of, surroundings_of, use_surroundings
 from anyprobe.learning.dataset.asset_store import AssetStore
 from anyprobe.learning.dataset.catalog import MapAsset, load_maps, load_shapes

@@ -12,8 +12,8 @@ import numpy as np
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import up_of
-from anyprobe.estimate.photo import CONTEXT_SIZE, crop_object, load_photo
-from anyprobe.estimate.runtime import PHOTO_SIZE, lift_inputs
+from anyprobe.estimate.photo import crop_object, load_photo
+from anyprobe.estimate.runtime import CONTEXT_SIZE, PHOTO_SIZE, lift_inputs
 from anyprobe.files.atomic import atomic_path
 from anyprobe.learning.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe.learning.whole_network.families import FAMILIES

@@ -15,7 +15,14 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.result import Light
-from anyprobe.learning.evaluate.metrics import direction_error_deg, gain_rmse, power_ratio_stops, rmse, ssim
+from anyprobe.learning.evaluate.metrics import (
+    direction_error_deg,
+    false_sources,
+    gain_rmse,
+    power_ratio_stops,
+    rmse,
+    ssim,
+)
 from anyprobe.light.dominant_light import DominantLight, find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, rotate
 from anyprobe.light.filtering import blur_cap
@@ -28,8 +35,6 @@ from research.compare.transport import light, reflectance_matrix
 
 PLACE_DEG, APART_DEG = 8.0, 16.0
 """Radius of a place whose share of the power is taken, and how far the second brightest place is off the first."""
-WITHIN_DEG, THERE = 15.0, 0.25
-"""A source is false where the truth has less than that share of its power within that angle."""
 SOFT = 0.08
 """Hardness below which there is no dominant light to find."""
 MEANS = ("ldr_rmse", "gain_rmse", "ssim", "white", "chrome", "vase", "sources", "false_sources")
@@ -125,20 +130,6 @@ class Answer:
         return cls(radiance=given, main=find_dominant_light(given), sources=find_light_sources(given))
 
 
-def false_sources(answer: Answer, truth: np.ndarray) -> int:
-    """Count the sources of which the truth [H, 2H, 3] sends less than THERE within WITHIN_DEG of their direction.
-
-    Powers are shares of their map's, so that an error of the level makes no source false.
-    """
-    bright = luminance(np.asarray(truth, np.float64)) * pixel_solid_angles(len(truth))
-    d = pixel_directions(len(truth))
-    shares = [
-        bright[d @ one.direction > np.cos(np.radians(WITHIN_DEG))].sum() / max(bright.sum(), 1e-12)
-        for one in answer.sources
-    ]
-    return sum(there < THERE * one.share for there, one in zip(shares, answer.sources, strict=True))
-
-
 def sky_over_ground(radiance: np.ndarray, pitch_deg: float, roll_deg: float) -> float:
     """Return log2 of the mean luminance of a map [H, 2H, 3] above the horizon over that below it [stops]."""
     bright = luminance(np.asarray(radiance, np.float64)) * pixel_solid_angles(len(radiance))
@@ -177,7 +168,7 @@ def score(photo: Judged, rows: Mapping[str, np.ndarray | Light]) -> dict[str, di
             "power": power_ratio_stops(one, truth),
             "sky_ground": sky_over_ground(one, *posture) - true_sky,
             "sources": len(answer.sources),
-            "false_sources": false_sources(answer, truth),
+            "false_sources": false_sources(answer.sources, truth),
             "white": three["clean_diffuse_si_rmse"],
             "chrome": three["clean_mirror_si_rmse"],
             "vase": rmse(vase, true_vase),

@@ -11,9 +11,10 @@ from anyprobe.core.frames import rotation_y, world_from_camera
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.result import Light
+from anyprobe.learning.evaluate.metrics import false_sources
 from research.world.cut_outs import CutOut
 from research.world.judgement import ALL, CUT_OUTS, Judgement
-from research.world.whole_scores import Answer, false_sources, score, sky_over_ground, summary, world_from_photo
+from research.world.whole_scores import Answer, score, sky_over_ground, summary, world_from_photo
 
 
 def lamps(*places: tuple[float, float, float], level: float = 0.1) -> np.ndarray:
@@ -44,7 +45,7 @@ TRUTH = lamps((20, 40, 3.0), (-120, 30, 1.0))
 )
 def test_a_source_is_false_where_the_truth_has_little_light(estimate, drawn, false):
     answer = Answer.of(estimate)
-    assert (len(answer.sources), false_sources(answer, TRUTH)) == (drawn, false)
+    assert (len(answer.sources), false_sources(answer.sources, TRUTH)) == (drawn, false)
 
 
 @pytest.mark.parametrize(("pitch_deg", "roll_deg"), [(0, 0), (35, 0), (20, -15)])

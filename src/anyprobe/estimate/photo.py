@@ -15,7 +15,7 @@ from anyprobe.estimate.doubts import backdrop_doubts, exposure_doubts, scale_dou
 from anyprobe.estimate.ground import NOTED, Ground, estimate_ground
 from anyprobe.estimate.known import GivenPanorama, KnownNormals, PhotoBackground, asked_surroundings, find_normals
 from anyprobe.estimate.normals_hint import SHORTEST
-from anyprobe.estimate.runtime import NORMALS_SIZE
+from anyprobe.estimate.runtime import CONTEXT_SIZE, NORMALS_SIZE
 from anyprobe.estimate.surroundings import (
     at_rows,
     hides_backdrop,
@@ -44,11 +44,9 @@ DEFAULT_LONG_FOV_DEG: float = contract("lens")["default_long_fov_deg"]
 
 CROP_MARGIN: float = contract("sizes")["crop_margin"]
 """Side of the crop over the longer side of the object's bounding box."""
-CONTEXT_SIZE: int = contract("sizes")["context"]
 CONTEXT_SCALE: int = contract("sizes")["context_scale"]
 CONTEXT_FINE: int = contract("sizes")["context_fine"]
-"""The context picture: its side, its width in crops, and photo pixels per own pixel above which the photo is
-subsampled."""
+"""The context picture: its width in crops, and photo pixels per own pixel above which the photo is subsampled."""
 EXPOSURE_PIXELS: int = contract("exposure")["doubt"]["samples"]
 """Pixels of the object that are enough to judge its exposure."""
 

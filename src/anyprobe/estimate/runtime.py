@@ -132,6 +132,8 @@ MODE, EXPECTED = EMITTERS
 FIRST_STAGES = (LIFT_STAGES[0], STAGES[0])
 PHOTO_SIZE: int = contract("sizes")["crop"]
 NORMALS_SIZE: int = contract("sizes")["normals"]
+CONTEXT_SIZE: int = contract("sizes")["context"]
+"""Side of the context picture."""
 DEFAULT_MODEL = "lift"
 
 
@@ -269,7 +271,7 @@ class Models:
         """
         if self.lifts:
             given = lift_inputs(image, tan_half, normals, surroundings, material)
-            return self._lift(given, None if context is None else whole_inputs(context, up))
+            return self._lift(given, context, up)
         return self._chain(_batch(image), np.array([[tan_half]], np.float32))
 
     def _chain(self, photo: np.ndarray, tan_half: np.ndarray) -> Outputs:
@@ -284,12 +286,12 @@ class Models:
             ln_radiance=ln_radiance,
         )
 
-    def _lift(self, given: dict[str, np.ndarray], around: dict[str, np.ndarray] | None) -> Outputs:
+    def _lift(self, given: dict[str, np.ndarray], context: np.ndarray | None, up: np.ndarray | None) -> Outputs:
         irradiance, drawn, confidence, normals, spread, posterior = self._run["light"](*given.values())
         posture = None
-        if around is not None and WHOLE in self._run:
+        if WHOLE in self._run:
             alone = {"alone_expected": spread, "alone_radiance": drawn, "alone_confidence": confidence}
-            known = {**given, **around, **alone, "posterior": posterior}
+            known = {**given, **whole_inputs(context, up), **alone, "posterior": posterior}
             drawn, spread, confidence, posture = self._run[WHOLE](*(known[name] for name in WHOLE_INPUTS))
         ln_radiance = _image(spread if self.emitters == EXPECTED else drawn)
         radiance = np.exp(np.minimum(ln_radiance, LN_MAX))
@@ -301,7 +303,7 @@ class Models:
             confidence=confidence[0, 0],
             normals=_image(normals),
             posterior=dict(zip(POSTERIOR, posterior[0].tolist(), strict=True)),
-            posture=None if posture is None else posture[0],
+            posture=None if posture is None or context is None else posture[0],
         )
 
 
@@ -329,8 +331,9 @@ def lift_inputs(
     return dict(zip(LIFT_INPUTS, values, strict=True))
 
 
-def whole_inputs(context: np.ndarray, up: np.ndarray | None = None) -> dict[str, np.ndarray]:
-    """Return the inputs of the graph WHOLE beside those and the outputs of the first graph."""
+def whole_inputs(context: np.ndarray | None, up: np.ndarray | None = None) -> dict[str, np.ndarray]:
+    """Return the inputs of the graph WHOLE beside those and the outputs of the first graph; zeros of a cut-out."""
+    context = np.zeros((CONTEXT_SIZE, CONTEXT_SIZE, 5), np.float32) if context is None else context
     upright = np.zeros((1, 3), np.float32) if up is None else np.asarray(up, np.float32)[None]
     return {"context": _batch(context), "up": upright}
 

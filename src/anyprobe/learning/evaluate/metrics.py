@@ -6,16 +6,22 @@ Pure NumPy; every function computes in float64 and returns a Python float. Pictu
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from anyprobe.core.color import luminance
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.light.environment import integral
+from anyprobe.light.light_sources import LightSource
 
 SSIM_SIGMA = 1.5
 SSIM_RADIUS = 5
 """Radius of the window [pixels]: 11 x 11 as in Wang et al. 2004."""
+
+WITHIN_DEG, THERE = 15.0, 0.25
+"""A source is false where the truth has less than that share of its power within that angle."""
 
 STOPS = np.arange(-5.0, 5.01, 0.5)
 """Gains that gain_rmse tries before it refines the best [stops]."""
@@ -126,3 +132,14 @@ def power_ratio_stops(p: np.ndarray, g: np.ndarray) -> float:
     if power_p <= 0 or power_g <= 0:
         return -math.inf if power_p <= 0 else math.inf
     return math.log2(power_p / power_g)
+
+
+def false_sources(sources: Sequence[LightSource], truth: np.ndarray) -> int:
+    """Count the sources of which the truth [H, 2H, 3] sends less than THERE within WITHIN_DEG of their direction.
+
+    Powers are shares of their map's, so that an error of the level makes no source false.
+    """
+    bright = luminance(np.asarray(truth, np.float64)) * pixel_solid_angles(len(truth))
+    d, total = pixel_directions(len(truth)), max(float(bright.sum()), 1e-12)
+    shares = [bright[d @ one.direction > np.cos(np.radians(WITHIN_DEG))].sum() / total for one in sources]
+    return sum(there < THERE * one.share for there, one in zip(shares, sources, strict=True))

@@ -10,8 +10,7 @@ import torch
 from torch import nn
 
 from anyprobe.errors import ModelError
-from anyprobe.estimate.photo import CONTEXT_SIZE
-from anyprobe.estimate.runtime import CONTRACT, WHOLE, WHOLE_INPUTS, WHOLE_OUTPUTS
+from anyprobe.estimate.runtime import CONTEXT_SIZE, CONTRACT, WHOLE, WHOLE_INPUTS, WHOLE_OUTPUTS
 from anyprobe.files.atomic import atomic_path
 from anyprobe.learning.nets.whole_net import SAID, WholeNet
 from anyprobe.learning.train.export_onnx import AS_CALIBRATED, FLOATS, export_stage, graphs_of, store_half, store_int8

@@ -10,10 +10,11 @@ import torch
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.learning.evaluate.metrics import direction_error_deg
+from anyprobe.learning.evaluate.metrics import direction_error_deg, false_sources
 from anyprobe.learning.whole_network.families import FAMILIES
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.light.light_sources import find_light_sources
 
 if TYPE_CHECKING:
     from anyprobe.learning.whole_network.pairs import Pairs
@@ -46,7 +47,7 @@ def score_pairs(net: PhotoNet, pairs: Pairs) -> dict[str, float]:
                 rows.append((ALONE, *_figures(alone[k], truth[k]), np.nan))
     net.train(was_training)
     group = np.array([row[0] for row in rows])
-    rmse, angle, power, hard, pitch = np.array([row[1:] for row in rows]).T
+    rmse, angle, power, hard, ours_hard, false, pitch = np.array([row[1:] for row in rows]).T
     whole = (group != CUT_OUT) & (group != ALONE)
     hardest = whole & (hard >= np.quantile(hard[whole], 2 / 3))
     scores = {
@@ -56,12 +57,16 @@ def score_pairs(net: PhotoNet, pairs: Pairs) -> dict[str, float]:
         "dominant_hardest_deg": np.median(angle[hardest]),
         "power_abs": np.abs(power[whole]).mean(),
         "power": power[whole].mean(),
+        "false_sources": false[whole].mean(),
         "pitch_deg": np.nanmedian(pitch),
     }
     for name in (*FAMILIES, CUT_OUT, ALONE):
         some = group == name
         if some.any():
             scores |= {f"{name}_ldr_rmse": rmse[some].mean(), f"{name}_dominant_deg": np.median(angle[some])}
+    for name, some in (("whole", whole), (CUT_OUT, group == CUT_OUT), (ALONE, group == ALONE)):
+        if some.sum() > 2:
+            scores[f"{name}_hardness"] = np.corrcoef(ours_hard[some], hard[some])[0, 1]
     return {name: round(float(value), 4) for name, value in scores.items()}
 
 
@@ -70,11 +75,18 @@ def _maps(ln_radiance: torch.Tensor) -> np.ndarray:
     return torch.exp(ln_radiance.float()).permute(0, 2, 3, 1).cpu().numpy()
 
 
-def _figures(radiance: np.ndarray, truth: np.ndarray) -> tuple[float, float, float, float]:
-    """Return LDR RMSE, the dominant light's angle, power [stops], and the true dominant light's share of all power."""
+def _figures(radiance: np.ndarray, truth: np.ndarray) -> tuple[float, ...]:
+    """Return LDR RMSE, the dominant light's angle, power [stops], the share of all power that arrives from the dominant
+    light's side, true and estimated, and how many sources are false."""
     weights = pixel_solid_angles(MAP_HEIGHT)
     light, main = find_dominant_light(radiance), find_dominant_light(truth)
-    ours, true = ((luminance(one) * weights).sum() for one in (radiance, truth))
-    cosine_power = luminance(main.irradiance) / max(true, 1e-9)
-    rmse = float(np.sqrt(np.mean((response(radiance) - response(truth)) ** 2)))
-    return rmse, direction_error_deg(light.direction, main.direction), float(np.log2(ours / true)), float(cosine_power)
+    ours, true = (max(float((luminance(one) * weights).sum()), 1e-9) for one in (radiance, truth))
+    error = float(np.sqrt(np.mean((response(radiance) - response(truth)) ** 2)))
+    return (
+        error,
+        direction_error_deg(light.direction, main.direction),
+        float(np.log2(ours / true)),
+        float(luminance(main.irradiance)) / true,
+        float(luminance(light.irradiance)) / ours,
+        float(false_sources(find_light_sources(radiance), truth)),
+    )
