@@ -171,9 +171,14 @@ def save_init_weights(checkpoint: Path, path: Path, holds: str = "nets") -> None
     """
     stored = read_checkpoint(checkpoint, holds=holds)
     keep_apart(checkpoint, path)
+    save_weights(stored[holds], path)
+
+
+def save_weights(weights: Mapping[str, torch.Tensor], path: Path) -> None:
+    """Save weights at path, compressed, large tensors as float16; read_init_weights reads them."""
     halved = {
         name: value.half() if value.is_floating_point() and value.numel() >= SMALL else value
-        for name, value in stored[holds].items()
+        for name, value in weights.items()
     }
     with atomic_path(path) as temporary:
         _save_deflated(halved, temporary)

@@ -12,9 +12,9 @@ from typing import Annotated
 import typer
 
 from anyprobe.cli.app import main as run_command
-from anyprobe.learning.train.checkpoint import keep_apart, save_init_weights
+from anyprobe.learning.train.checkpoint import keep_apart, save_weights
 from anyprobe.learning.whole_network.export import export_photo_net
-from anyprobe.learning.whole_network.train import WholeRunConfig, train_whole
+from anyprobe.learning.whole_network.train import WholeRunConfig, load_photo_net, train_whole
 
 RUNS = Path("runs")
 WEIGHTS = Path("src/anyprobe/weights/lift")
@@ -56,6 +56,10 @@ def train(
 def export(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run's folder, or its checkpoint.")] = RUNS / "whole",
     to: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Folder for the two graphs.")] = WEIGHTS,
+    start: Annotated[
+        list[Path] | None, typer.Option(help="Weights the run began from, for a mean with them; repeat for more.")
+    ] = None,
+    share: Annotated[float, typer.Option(min=0.0, max=1.0, help="How much of the mean those are.")] = 0.5,
     keep: Annotated[
         Path | None, typer.Option(help="Also keep the weights in this .pt, to begin another training from.")
     ] = None,
@@ -64,10 +68,10 @@ def export(
     checkpoint = run / "checkpoint.pt" if run.is_dir() else run
     if keep is not None:
         keep_apart(checkpoint, keep)
-    for name, off in export_photo_net(checkpoint, to).items():
+    for name, off in export_photo_net(checkpoint, to, start or (), share).items():
         typer.echo(f"{to / name}.onnx: within {off:.2g} of torch")
     if keep is not None:
-        save_init_weights(checkpoint, keep, holds="net")
+        save_weights(load_photo_net(checkpoint, start or (), share)[0].state_dict(), keep)
         typer.echo(keep)
 
 

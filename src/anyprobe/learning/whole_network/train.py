@@ -53,13 +53,13 @@ class WholeRunConfig:
     """
 
     name: str = "whole"
-    steps: int = 9_500
-    batch: int = 32
-    learning_rate: float = 8e-4
+    steps: int = 2_500
+    batch: int = 128
+    learning_rate: float = 1e-3
     object_rate: float = 0.3
-    weight_decay: float = 1e-3
+    weight_decay: float = 1e-2
     warmup: int = 100
-    cooldown: float = 0.6
+    cooldown: float = 0.7
     averaged: float = 0.999
     given_up: float = 0.2
     panoramas: float = 0.05
@@ -226,11 +226,20 @@ def follow(mean: torch.nn.Module, net: torch.nn.Module, decay: float) -> None:
         kept[k].copy_(new[k])
 
 
-def load_photo_net(checkpoint: Path) -> tuple[PhotoNet, dict]:
+def load_photo_net(checkpoint: Path, start: Sequence[Path] = (), share: float = 0.0) -> tuple[PhotoNet, dict]:
     """Return the trained network of a checkpoint (the mean of its weights), ready to run, and its stored step,
-    configuration and origin; ModelError if there is none, or of another release."""
+    configuration and origin; ModelError if there is none, or of another release.
+
+    start, share: weights that it began from, see begin_from, and how much of the result they are.
+    """
     stored = read_checkpoint(checkpoint, holds="net")
     net = PhotoNet()
     load_weights(net, stored["net"], checkpoint)
     about = {"step": stored["step"], "origin": stored.get("origin", {}), **json.loads(stored["config"])}
+    if start:
+        first = deepcopy(net)
+        for one in start:
+            begin_from(first, one)
+        follow(net, first, 1.0 - share)
+        about["mean_with_start"] = share
     return net.eval().requires_grad_(False), about
