@@ -220,7 +220,7 @@ def test_a_graph_tells_what_its_weights_come_from(run, tmp_path, monkeypatch):
     written = {one.key: one.value for one in model.metadata_props}
     assert written["computes"] == "float32"
     told = {}
-    monkeypatch.setattr(export_onnx, "_export_stage", lambda stage, graph, recipe, path: told.update(recipe))
+    monkeypatch.setattr(export_onnx, "export_stage", lambda stage, graph, recipe, path: told.update(recipe))
 
     def hints(checkpoint) -> dict[str, str]:
         """What the graph would tell, without making it."""

@@ -202,6 +202,7 @@ def keep_apart(checkpoint: Path, path: Path) -> None:
 def load_init_weights(nets: nn.Module, path: Path, lift: Path | None = None) -> None:
     """Load the weights that save_init_weights or keep_run wrote; ModelError if they do not fit.
 
+    Networks of the file that are not among nets are left out.
     Whole networks that the file lacks begin as the same layers of `lift` where it has them, from its weights at lift or
     from path, see train.from_lift; else untrained.
     """
@@ -210,9 +211,11 @@ def load_init_weights(nets: nn.Module, path: Path, lift: Path | None = None) -> 
     layers = chain_from_lift(weights if lift is None else read_init_weights(lift)[0], fresh)
     if layers and lift is None:
         weights = layers
+    own = {name for name, _ in nets.named_children()}
+    weights = {name: x for name, x in weights.items() if name.split(".")[0] in own}
     present = {name.split(".")[0] for name in weights}
     untrained = {name: x for name, x in fresh.items() if name.split(".")[0] not in present}
-    if present & {name for name, _ in nets.named_children()}:
+    if present:
         weights = untrained | {name: x for name, x in layers.items() if name in untrained} | weights
     try:
         nets.load_state_dict(weights)
