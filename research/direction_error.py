@@ -22,7 +22,7 @@ from anyprobe.core.contract import contract
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models
 from anyprobe.learning.evaluate.metrics import direction_error_deg
 from anyprobe.learning.whole_network.families import FAMILIES
-from anyprobe.light.dominant_light import direction_error, find_dominant_light, spread_about
+from anyprobe.light.dominant_light import ERROR, ESTIMATED_ERROR, direction_error, find_dominant_light, spread_about
 from research.scenes.estimates import estimates_of
 
 SHARE = 2 / 3
@@ -31,23 +31,25 @@ EXPONENTS = np.arange(0.3, 1.85, 0.05)
 CUT_OUT = "cut-out"
 
 
-def measured(folder: Path, models: Models) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return spread about the dominant light and its error [degrees], and the group, of each pair."""
-    spread, error, group = [], [], []
+def measured(folder: Path, models: Models) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return spreads about the dominant light, of the map alone and of the expected one, its error [degrees], and the
+    group, of each pair."""
+    spread, expected, error, group = [], [], [], []
     for one in estimates_of(sorted(folder.glob("*.npz")), models):
         estimate = one.shipped()
         main = find_dominant_light(estimate)
         spread.append(spread_about(estimate, main.direction))
+        expected.append(spread_about(one.expected, main.direction, ESTIMATED_ERROR))
         error.append(direction_error_deg(main.direction, find_dominant_light(one.truth).direction))
         group.append(CUT_OUT if one.is_cut_out else FAMILIES[one.family])
-    return np.array(spread), np.array(error), np.array(group)
+    return np.array(spread), np.array(expected), np.array(error), np.array(group)
 
 
-def fitted(spread: np.ndarray, error: np.ndarray) -> tuple[float, float]:
+def fitted(spread: np.ndarray, error: np.ndarray, offset_deg: float = OFFSET_DEG) -> tuple[float, float]:
     """Return factor and exponent of the least quantile loss of ln error."""
     best = (np.inf, 0.0, 0.0)
     for exponent in EXPONENTS:
-        rest = np.log(error + 1.0) - exponent * np.log(spread + OFFSET_DEG)
+        rest = np.log(error + 1.0) - exponent * np.log(spread + offset_deg)
         level = float(np.quantile(rest, SHARE))
         loss = float(np.maximum(SHARE * (rest - level), (SHARE - 1) * (rest - level)).mean())
         best = min(best, (loss, float(np.exp(level)), float(exponent)))
@@ -76,17 +78,20 @@ def main(
     """Fit on the first folder's pairs; print what ships, by folder, third and family."""
     models = Models(model, threads=1)
     for number, folder in enumerate(folders):
-        spread, error, group = measured(folder, models)
-        if number == 0:
-            factor, exponent = fitted(spread, error)
-            print(f"factor {factor:.3g}, exponent {exponent:.2f}")
-        said = np.array([direction_error(one) for one in spread])
-        report(folder.name, said, error)
-        for third, which in zip(("surest", "middle", "least sure"), np.array_split(np.argsort(said), 3), strict=True):
-            report(f"{folder.name}, {third}", said[which], error[which])
-        for name in (*FAMILIES, CUT_OUT):
-            if (group == name).any():
-                report(f"{folder.name}, {name}", said[group == name], error[group == name])
+        *spreads, error, group = measured(folder, models)
+        for name, spread, own in zip(("map alone", "expected map"), spreads, (ERROR, ESTIMATED_ERROR), strict=True):
+            if number == 0:
+                factor, exponent = fitted(spread, error, own["offset_deg"])
+                print(f"{name}: factor {factor:.3g}, exponent {exponent:.2f}")
+            said = np.array([direction_error(one, own) for one in spread])
+            where = f"{folder.name}, {name}"
+            report(where, said, error)
+            thirds = np.array_split(np.argsort(said), 3)
+            for third, which in zip(("surest", "middle", "least sure"), thirds, strict=True):
+                report(f"{where}, {third}", said[which], error[which])
+            for family in (*FAMILIES, CUT_OUT):
+                if (group == family).any():
+                    report(f"{where}, {family}", said[group == family], error[group == family])
 
 
 if __name__ == "__main__":

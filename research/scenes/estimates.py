@@ -19,7 +19,8 @@ class PairEstimate:
 
     family: number of layouts.FAMILIES. is_cut_out: whether the object alone is known. beside: mean display luminance
     beside the object over the object's, 0 of a cut-out. alone: as of a cut-out; whole: of the whole photo, what
-    is seen not yet in it. seen: surroundings [64, 128, 4].
+    is seen not yet in it. seen: surroundings [64, 128, 4]. expected: of the answer that ships, with light
+    sources spread over all places where they may be.
     """
 
     family: int
@@ -29,6 +30,7 @@ class PairEstimate:
     whole: np.ndarray
     seen: np.ndarray
     truth: np.ndarray
+    expected: np.ndarray | None = None
 
     def shipped(self, goes_on: GoesOn | None = None) -> np.ndarray:
         """Return the map that the estimator answers with."""
@@ -52,15 +54,16 @@ def estimates_of(files: Sequence[Path], models: Models) -> Iterator[PairEstimate
                 own = luminance(crop[inside][:, :3] / crop[inside][:, 3:]).mean()
                 level = float(luminance(context[beside][:, :3]).mean() / max(own, 1e-3))
             tan_half, around = float(part["tan_half"][k]), part["surroundings"][k].transpose(1, 2, 0) / np.float32(255)
-            alone = models(crop, tan_half).radiance
+            alone = models(crop, tan_half)
             is_cut_out = not context[..., 4].any()
-            whole = alone if is_cut_out else models(crop, tan_half, surroundings=around, context=context).radiance
+            whole = alone if is_cut_out else models(crop, tan_half, surroundings=around, context=context)
             yield PairEstimate(
                 family=int(part["family"][k]),
                 is_cut_out=is_cut_out,
                 beside=level,
-                alone=alone,
-                whole=whole,
+                alone=alone.radiance,
+                whole=whole.radiance,
+                expected=(alone if is_cut_out or level < DARK_BESIDE else whole).expected,
                 seen=around,
                 truth=np.exp(part["truth"][k].astype(np.float32)).transpose(1, 2, 0),
             )

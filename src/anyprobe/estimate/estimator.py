@@ -298,6 +298,7 @@ class Estimator:
             camera_from_crop=crop.camera_from_crop,
             find_shown=None if outputs.normals is None else partial(shown_of, crop, outputs.normals),
             origin=self._origin(photo, crop, found, seconds),
+            expected=outputs.expected,
         )
 
     def _origin(self, photo: Photo, crop: Crop, found: Prediction, seconds: dict[str, float]) -> Origin:

@@ -21,7 +21,7 @@ from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
 from anyprobe.estimate.sidecar import FRAME, SCALE, SIDECAR_VERSION, TURNED, Origin, restored
 from anyprobe.files.atomic import atomic_path
-from anyprobe.light.dominant_light import DominantLight, find_dominant_light
+from anyprobe.light.dominant_light import DominantLight, estimated_error, find_dominant_light
 from anyprobe.light.environment import check_radiance, integral, rotate
 from anyprobe.light.harmonics import project
 from anyprobe.light.light_sources import LightSource, find_light_sources
@@ -65,6 +65,8 @@ class Light:
         origin: how the estimate came about.
         find_shown: gives `shown`; None where nothing is known of it.
         plate: what the photo shows beside its object, for panorama; None where that is nothing, or not kept.
+        expected: [64, 128, 3] in the crop's frame, the networks' map with light sources spread over all places where
+            they may be; the dominant light's error is judged by it. None where it is not known.
     """
 
     radiance: np.ndarray
@@ -77,6 +79,7 @@ class Light:
     origin: Origin = field(default_factory=Origin)
     find_shown: Callable[[], Shown | None] | None = None
     plate: Plate | None = None
+    expected: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "warnings", tuple(map(as_notice, self.warnings)))
@@ -133,7 +136,12 @@ class Light:
     def dominant_light(self) -> DominantLight:
         """Return the lobe that a directional light stands for: direction, irradiance, colour."""
         main = find_dominant_light(self.radiance)
-        return replace(main, error_deg=MIRROR_ERROR_DEG) if self._is_measured(main.direction) else main
+        if self._is_measured(main.direction):
+            return replace(main, error_deg=MIRROR_ERROR_DEG)
+        if self.expected is None or not main.irradiance.any():
+            return main
+        in_crop = (self.map_from_camera @ self.camera_from_crop).T @ main.direction
+        return replace(main, error_deg=estimated_error(self.expected, in_crop))
 
     def _is_measured(self, direction: np.ndarray) -> bool:
         """Return whether a mirror shows what is there, unclipped; at its rim, which shows what is behind it, too

@@ -145,7 +145,8 @@ class Outputs:
     ldr [H, 2H, 3] display and ln_radiance [H, 2H, 3]: what the map was made of.
     confidence [H, 2H]: probability that a pixel's display value is within 0.1; normals [64, 64, 3]: unit, the
     estimated ones or those that were given; posterior: by the names of POSTERIOR; posture [3]: of the camera, pitch
-    downwards and its mean error, and roll, radians in the crop's frame. None from a model that does not say.
+    downwards and its mean error, and roll, radians in the crop's frame; expected [H, 2H, 3]: the map with light sources
+    spread over all places where they may be, by likelihood. None from a model that does not say.
     """
 
     radiance: np.ndarray
@@ -156,6 +157,7 @@ class Outputs:
     normals: np.ndarray | None = None
     posterior: dict[str, float] | None = None
     posture: np.ndarray | None = None
+    expected: np.ndarray | None = None
 
     def with_map(
         self, radiance: Float[np.ndarray, "H 2*H 3"], confidence: Float[np.ndarray, "H 2*H"] | None
@@ -304,6 +306,7 @@ class Models:
             normals=_image(normals),
             posterior=dict(zip(POSTERIOR, posterior[0].tolist(), strict=True)),
             posture=None if posture is None or context is None else posture[0],
+            expected=np.exp(np.minimum(_image(spread), LN_MAX)),
         )
 
 

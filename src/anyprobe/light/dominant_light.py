@@ -8,6 +8,7 @@ light is their excess over the surroundings, L - L_ring with L_ring the mean rad
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -28,7 +29,9 @@ BLUR_RADIUS = np.radians(contract("dominant_light")["blur_deg"])
 LOBE_LEVEL: float = contract("dominant_light")["lobe_level"]
 RING_PX: int = contract("dominant_light")["ring_px"]
 ERROR: dict[str, float] = contract("dominant_light")["error"]
-"""Coefficients of direction_error; fitted by research.direction_error."""
+ESTIMATED_ERROR: dict[str, float] = contract("dominant_light")["estimated_error"]
+"""Coefficients of direction_error, of a map alone, and where an estimate's expected map is at hand, which tells where
+light sources may be; fitted by research.direction_error."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -107,14 +110,16 @@ def _moment(radiance: np.ndarray) -> np.ndarray:
     return np.einsum("hw,hwc->c", luminance(radiance) * pixel_solid_angles(height), pixel_directions(height))
 
 
-def spread_about(radiance: Float[np.ndarray, "H 2*H 3"], direction: np.ndarray) -> float:
+def spread_about(
+    radiance: Float[np.ndarray, "H 2*H 3"], direction: np.ndarray, error: Mapping[str, float] = ERROR
+) -> float:
     """Return the mean angle [degrees] between a unit direction and where a map's light comes from.
 
-    Directions are weighed by luminance^ERROR["power"] dw: bright places elsewhere make a direction doubtful, the dim
+    Directions are weighed by luminance^error["power"] dw: bright places elsewhere make a direction doubtful, the dim
     rest of the map hardly. A black map gives 90.
     """
     height = radiance.shape[0]
-    weight = luminance(radiance).astype(np.float64) ** ERROR["power"] * pixel_solid_angles(height)
+    weight = luminance(radiance).astype(np.float64) ** error["power"] * pixel_solid_angles(height)
     total = float(weight.sum())
     if total <= 0:
         return 90.0
@@ -122,13 +127,18 @@ def spread_about(radiance: Float[np.ndarray, "H 2*H 3"], direction: np.ndarray) 
     return float(np.degrees((weight * angle).sum() / total))
 
 
-def direction_error(spread_deg: float) -> float:
+def direction_error(spread_deg: float, error: Mapping[str, float] = ERROR) -> float:
     """Return a bound [degrees] on an estimated dominant light's error, which two of three estimates keep.
 
     spread_deg: result of spread_about.
     """
-    grown = ERROR["factor"] * (spread_deg + ERROR["offset_deg"]) ** ERROR["exponent"]
-    return min(grown, ERROR["most_deg"])
+    grown = error["factor"] * (spread_deg + error["offset_deg"]) ** error["exponent"]
+    return min(grown, error["most_deg"])
+
+
+def estimated_error(expected: Float[np.ndarray, "H 2*H 3"], direction: np.ndarray) -> float:
+    """Return such a bound [degrees] for a unit direction by a map that tells where light sources may be."""
+    return direction_error(spread_about(expected, direction, ESTIMATED_ERROR), ESTIMATED_ERROR)
 
 
 def find_dominant_light(radiance: Float[np.ndarray, "H 2*H 3"]) -> DominantLight:

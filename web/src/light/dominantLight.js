@@ -11,7 +11,8 @@ import { luminance } from "../core/color.js";
 import { pixelDirections, pixelSolidAngles } from "../core/latlong.js";
 import { blurCap } from "./filtering.js";
 
-const { blur_deg: BLUR_DEG, lobe_level: LOBE_LEVEL, ring_px: RING_PX, error: ERROR } = CONTRACT.dominant_light;
+const { blur_deg: BLUR_DEG, lobe_level: LOBE_LEVEL, ring_px: RING_PX } = CONTRACT.dominant_light;
+const { error: ERROR, estimated_error: ESTIMATED_ERROR } = CONTRACT.dominant_light;
 const BLUR_RADIUS = (BLUR_DEG * Math.PI) / 180;
 
 /** Grow a mask by one pixel up, down, left and right on the sphere; a touched pole row is taken whole. */
@@ -141,7 +142,7 @@ export function findDominantLight(radiance, height) {
   irradiance.forEach((value, c) => (irradiance[c] = Math.max(value, 0)));
   const most = Math.max(...irradiance);
   const color = most > 0 ? irradiance.map((value) => value / most) : [1, 1, 1];
-  const errorDeg = directionError(spreadAbout(bright, height, direction));
+  const errorDeg = directionError(spreadAbout(bright, height, direction, ERROR), ERROR);
   return { direction, irradiance, color, solidAngle: lobeAngle, directionality, errorDeg, pixels, surrounding };
 }
 
@@ -150,13 +151,16 @@ export function findDominantLight(radiance, height) {
  * direction doubtful, the dim rest of the map hardly. A black map gives 90.
  *
  * @param {Float32Array} bright luminance of each pixel
+ * @param {number} height
+ * @param {number[]} direction
+ * @param {typeof ERROR} error
  */
-function spreadAbout(bright, height, direction) {
+function spreadAbout(bright, height, direction, error) {
   const d = pixelDirections(height);
   const rowAngles = pixelSolidAngles(height);
   let [total, sum] = [0, 0];
   for (let pixel = 0; pixel < bright.length; pixel++) {
-    const weight = bright[pixel] ** ERROR.power * rowAngles[Math.floor(pixel / (2 * height))];
+    const weight = bright[pixel] ** error.power * rowAngles[Math.floor(pixel / (2 * height))];
     const cosine = d[3 * pixel] * direction[0] + d[3 * pixel + 1] * direction[1] + d[3 * pixel + 2] * direction[2];
     total += weight;
     sum += weight * Math.acos(Math.min(Math.max(cosine, -1), 1));
@@ -165,8 +169,24 @@ function spreadAbout(bright, height, direction) {
 }
 
 /** Degrees by which a dominant light of such a spread about it is off at most in two of three estimates. */
-function directionError(spreadDeg) {
-  return Math.min(ERROR.factor * (spreadDeg + ERROR.offset_deg) ** ERROR.exponent, ERROR.most_deg);
+function directionError(spreadDeg, error) {
+  return Math.min(error.factor * (spreadDeg + error.offset_deg) ** error.exponent, error.most_deg);
+}
+
+/**
+ * How far off, in degrees, a unit direction is at most in two of three estimates, by a map that tells where light sources
+ * may be.
+ *
+ * @param {Float32Array} expected H * 2H * 3, in the direction's frame
+ * @param {number} height
+ * @param {number[]} direction
+ */
+export function estimatedError(expected, height, direction) {
+  const bright = new Float32Array(expected.length / 3);
+  for (let pixel = 0, at = 0; pixel < bright.length; pixel++, at += 3) {
+    bright[pixel] = luminance(expected[at], expected[at + 1], expected[at + 2]);
+  }
+  return directionError(spreadAbout(bright, height, direction, ESTIMATED_ERROR), ESTIMATED_ERROR);
 }
 
 /**

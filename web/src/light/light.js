@@ -1,9 +1,10 @@
 /** Light (noun): what an estimate returns, as anyprobe's Light in Python. */
 
+import { turnedBack } from "../core/frames.js";
 import { MAP_HEIGHT } from "../core/latlong.js";
 import { described } from "../notices.js";
 import { rotate, rotateOne } from "./environment.js";
-import { findDominantLight } from "./dominantLight.js";
+import { estimatedError, findDominantLight } from "./dominantLight.js";
 import { prefilter } from "./prefilter.js";
 import { project } from "./harmonics.js";
 
@@ -52,12 +53,18 @@ export function cameraConfidence({ confidence }, cameraFromCrop) {
   return turned;
 }
 
-/** A map with what renderers ask of it. */
-export function describe(radiance) {
-  return {
-    radiance,
-    prefiltered: prefilter(radiance),
-    sh9: project(radiance, MAP_HEIGHT),
-    dominant: findDominantLight(radiance, MAP_HEIGHT),
-  };
+/**
+ * A map with what renderers ask of it.
+ *
+ * @param {Float32Array} radiance in the camera's frame
+ * @param {{expected: Float32Array, cameraFromCrop: number[]} | null} [likely] the networks' map with light sources spread over
+ *   all places where they may be, in the crop's frame: the dominant light's error is judged by it
+ */
+export function describe(radiance, likely = null) {
+  const dominant = findDominantLight(radiance, MAP_HEIGHT);
+  if (likely && Math.max(...dominant.irradiance) > 0) {
+    const direction = turnedBack(likely.cameraFromCrop, dominant.direction);
+    dominant.errorDeg = estimatedError(likely.expected, MAP_HEIGHT, direction);
+  }
+  return { radiance, prefiltered: prefilter(radiance), sh9: project(radiance, MAP_HEIGHT), dominant };
 }

@@ -105,7 +105,8 @@ export class Models {
    * @param {number[] | null} [options.up] [3] away from the ground in the crop's frame, where it is known
    * @returns {Promise<{radiance: Float32Array, confidence: Float32Array | null, irradiance: Float32Array,
    *   ldr: Float32Array, lnRadiance: Float32Array}>} row by row, channel last: maps [64, 128, 3] in the crop's frame,
-   *   irradiance [128, 128, 3] in [0, 1], confidence [64, 128] in [0, 1], null from the paper's chain
+   *   irradiance [128, 128, 3] in [0, 1], confidence [64, 128] in [0, 1], null from the paper's chain; with stages also
+   *   expected [64, 128, 3], light sources spread over all places where they may be
    */
   async light(image, tanHalf, options = {}) {
     return this.lifts ? this.#lift(image, tanHalf, options) : this.#chain(image, tanHalf);
@@ -133,12 +134,12 @@ export class Models {
     const said = readPosterior(outputs.posterior);
     if (this.completes) outputs = await this.#complete(outputs, tanHalf, options);
     const lnRadiance = channelLast(emitters === "expected" ? outputs.ln_expected : outputs.ln_radiance);
-    const radiance = new Float32Array(lnRadiance.length);
-    for (let i = 0; i < radiance.length; i++) radiance[i] = Math.exp(Math.min(lnRadiance[i], LN_MAX));
+    const radiance = exponentials(lnRadiance);
     const { confidence, posture = null } = outputs;
     if (!withStages) return { radiance, confidence, posture, ...said };
     const irradiance = clipped(channelLast(outputs.irradiance));
-    return { radiance, confidence, irradiance, ldr: radiance.map((x) => response(x)), lnRadiance, posture, ...said };
+    const expected = exponentials(channelLast(outputs.ln_expected));
+    return { radiance, expected, confidence, irradiance, ldr: radiance.map((x) => response(x)), lnRadiance, posture, ...said };
   }
 
   /** The first graph's answer with what lies around the object. */
@@ -244,4 +245,11 @@ function channelLast(values) {
     for (let to = channel; to < out.length; to += 3, from++) out[to] = values[from];
   }
   return out;
+}
+
+/** Radiance of its logarithm, bounded. */
+function exponentials(ln) {
+  const values = new Float32Array(ln.length);
+  for (let i = 0; i < values.length; i++) values[i] = Math.exp(Math.min(ln[i], LN_MAX));
+  return values;
 }

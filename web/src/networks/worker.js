@@ -54,7 +54,8 @@ const tasks = {
     const crop = cropObject(picture, mask, longFovDeg);
     const given = normals && cropNormals(normals, mask, picture.width, crop);
     const { radiance, stages, ...rest } = await lightOfObject(models, picture, longFovDeg, crop, { ...options, normals: given });
-    const light = { ...describe(radiance), ...rest };
+    const { expected } = stages;
+    const light = { ...describe(radiance, expected ? { expected, cameraFromCrop: crop.cameraFromCrop } : null), ...rest };
     const seconds = (performance.now() - start) / 1000;
     return withViews ? { light, stages, spheres: shadeSpheres(radiance), seconds } : { light, seconds };
   },
