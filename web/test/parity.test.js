@@ -79,7 +79,8 @@ before(async () => {
   );
   found.models = await Models.open(ort, bytes);
   found.stages = await found.models.light(found.crop.image, found.crop.tanHalf);
-  found.likely = { expected: found.stages.expected, cameraFromCrop: found.crop.cameraFromCrop };
+  const { expected } = found.stages;
+  found.likely = expected ? { expected, cameraFromCrop: found.crop.cameraFromCrop } : null;
   found.light = describe(cameraRadiance(found.stages, found.crop.cameraFromCrop), found.likely);
 });
 
