@@ -291,7 +291,7 @@ class Models:
     def _lift(self, given: dict[str, np.ndarray], context: np.ndarray | None, up: np.ndarray | None) -> Outputs:
         irradiance, drawn, confidence, normals, spread, posterior = self._run["light"](*given.values())
         posture = None
-        if WHOLE in self._run:
+        if context is not None and WHOLE in self._run:
             alone = {"alone_expected": spread, "alone_radiance": drawn, "alone_confidence": confidence}
             known = {**given, **whole_inputs(context, up), **alone, "posterior": posterior}
             drawn, spread, confidence, posture = self._run[WHOLE](*(known[name] for name in WHOLE_INPUTS))
@@ -305,7 +305,7 @@ class Models:
             confidence=confidence[0, 0],
             normals=_image(normals),
             posterior=dict(zip(POSTERIOR, posterior[0].tolist(), strict=True)),
-            posture=None if posture is None or context is None else posture[0],
+            posture=None if posture is None else posture[0],
             expected=np.exp(np.minimum(_image(spread), LN_MAX)),
         )
 
@@ -334,9 +334,8 @@ def lift_inputs(
     return dict(zip(LIFT_INPUTS, values, strict=True))
 
 
-def whole_inputs(context: np.ndarray | None, up: np.ndarray | None = None) -> dict[str, np.ndarray]:
-    """Return the inputs of the graph WHOLE beside those and the outputs of the first graph; zeros of a cut-out."""
-    context = np.zeros((CONTEXT_SIZE, CONTEXT_SIZE, 5), np.float32) if context is None else context
+def whole_inputs(context: np.ndarray, up: np.ndarray | None = None) -> dict[str, np.ndarray]:
+    """Return the inputs of the graph WHOLE beside those and the outputs of the first graph."""
     upright = np.zeros((1, 3), np.float32) if up is None else np.asarray(up, np.float32)[None]
     return {"context": _batch(context), "up": upright}
 

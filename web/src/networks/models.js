@@ -34,8 +34,6 @@ const NO_NORMALS = new Float32Array(3 * NORMALS_SIZE * NORMALS_SIZE);
 const MAP_SHAPE = [1, 4, MAP_HEIGHT, 2 * MAP_HEIGHT];
 /** Zero: nothing of the map is given. */
 const NO_SURROUNDINGS = new Float32Array(8 * MAP_HEIGHT * MAP_HEIGHT);
-/** Zero: the object is cut out. */
-const NO_CONTEXT = new Float32Array(5 * CONTEXT_SIZE * CONTEXT_SIZE);
 
 /** Zero: the object's material is not given. */
 const NO_MATERIAL = new Float32Array(CONTRACT.materials.inputs);
@@ -132,7 +130,7 @@ export class Models {
       material: [material ?? NO_MATERIAL, [1, NO_MATERIAL.length]],
     });
     const said = readPosterior(outputs.posterior);
-    if (this.completes) outputs = await this.#complete(outputs, tanHalf, options);
+    if (options.context && this.completes) outputs = await this.#complete(outputs, tanHalf, options);
     const lnRadiance = channelLast(emitters === "expected" ? outputs.ln_expected : outputs.ln_radiance);
     const radiance = exponentials(lnRadiance);
     const { confidence, posture = null } = outputs;
@@ -147,7 +145,7 @@ export class Models {
     const [ln, one] = [[1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT], [1, 1, MAP_HEIGHT, 2 * MAP_HEIGHT]];
     const [radiance, expected, confidence, posture] = await this.#run(
       WHOLE,
-      [context ?? NO_CONTEXT, [1, 5, CONTEXT_SIZE, CONTEXT_SIZE]],
+      [context, [1, 5, CONTEXT_SIZE, CONTEXT_SIZE]],
       [Float32Array.of(tanHalf), [1, 1]],
       [alone.ln_expected, ln],
       [alone.ln_radiance, ln],
@@ -156,7 +154,7 @@ export class Models {
       [surroundings ?? NO_SURROUNDINGS, MAP_SHAPE],
       [Float32Array.from(up ?? [0, 0, 0]), [1, 3]],
     );
-    return { ...alone, ln_radiance: radiance, ln_expected: expected, confidence, posture: context ? posture : null };
+    return { ...alone, ln_radiance: radiance, ln_expected: expected, confidence, posture };
   }
 
   async #chain(image, tanHalf) {
