@@ -22,7 +22,7 @@ from anyprobe.core.response import inverse_response, response
 from anyprobe.files.atomic import atomic_path
 
 QUALITY = 92
-"""Of WebP, for display values."""
+"""WebP quality of display values."""
 LN_MOST = 11.0
 """Largest ln radiance; what is above white is stored in 255 steps up to it."""
 SMALL = ("tan_half", "up", "family", "scene")

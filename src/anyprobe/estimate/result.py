@@ -65,8 +65,7 @@ class Light:
         origin: how the estimate came about.
         find_shown: gives `shown`; None where nothing is known of it.
         plate: what the photo shows beside its object, for panorama; None where that is nothing, or not kept.
-        expected: [64, 128, 3] in the crop's frame, the networks' map with light sources spread over all places where
-            they may be; the dominant light's error is judged by it. None where it is not known.
+        expected: [64, 128, 3] in the crop's frame, with light sources spread over all places where they may be.
     """
 
     radiance: np.ndarray
@@ -90,11 +89,10 @@ class Light:
                 object.__setattr__(self, name, own)
 
     def __repr__(self) -> str:
-        height, width, _ = self.radiance.shape
         x, y, z = self.dominant_light().direction
         confidence = self._mean_confidence()
         parts = [
-            f"Light {height} x {width}",
+            "Light {} x {}".format(*self.radiance.shape),
             *([self.origin.photo] if self.origin.photo else []),
             f"dominant light towards ({x:.2f}, {y:.2f}, {z:.2f})",
             *([] if confidence is None else [f"confidence {confidence:.2f}"]),
@@ -136,21 +134,19 @@ class Light:
     def dominant_light(self) -> DominantLight:
         """Return the lobe that a directional light stands for: direction, irradiance, colour."""
         main = find_dominant_light(self.radiance)
-        if self._is_measured(main.direction):
+        in_crop = (self.map_from_camera @ self.camera_from_crop).T @ main.direction
+        if self._is_measured(main.direction, in_crop):
             return replace(main, error_deg=MIRROR_ERROR_DEG)
         if self.expected is None or not main.irradiance.any():
             return main
-        in_crop = (self.map_from_camera @ self.camera_from_crop).T @ main.direction
         return replace(main, error_deg=estimated_error(self.expected, in_crop))
 
-    def _is_measured(self, direction: np.ndarray) -> bool:
-        """Return whether a mirror shows what is there, unclipped; at its rim, which shows what is behind it, too
-        little."""
+    def _is_measured(self, direction: np.ndarray, in_crop: np.ndarray) -> bool:
+        """Return whether a mirror shows what is there, unclipped; its rim shows too little of what is behind it."""
         if self.confidence is None or not (self.origin.hints or {}).get("above_white"):
             return False
-        toward_camera = (self.map_from_camera @ self.camera_from_crop).T @ direction
         at = bilinear(self.confidence[..., None], direction_to_uv(direction))
-        return bool(at[0] > 0.9 * MEASURED_CONFIDENCE and toward_camera[2] > BEHIND)
+        return bool(at[0] > 0.9 * MEASURED_CONFIDENCE and in_crop[2] > BEHIND)
 
     def sources(self) -> tuple[LightSource, ...]:
         """Return the map's light sources, the brightest place first: direction, irradiance, angular size; none under an

@@ -56,7 +56,7 @@ class Sureness:
 
 AS_LEARNED = Sureness()
 AS_CALIBRATED = Sureness(logit=(1.08061, -0.598498), errors=(0.996776, 1.15832, 1.1506))
-"""Of the weights that ship, found by evaluate.calibration; WholeNet learned from these claims."""
+"""Corrections of the weights that ship, found by evaluate.calibration; WholeNet learned from these claims."""
 FLOATS = "float32"
 """Precision that a graph computes in, as its metadata states it."""
 LARGE = 8192

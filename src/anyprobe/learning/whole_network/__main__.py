@@ -44,9 +44,12 @@ def train(
     device: Annotated[str, typer.Option(help="Of torch.")] = "cpu",
 ) -> None:
     """Train the networks that see the object and the whole photo; resumes exactly."""
-    given = {"steps": steps, "batch": batch, "object_rate": object_rate}
+    config = WholeRunConfig(name=name, growing=growing)
     config = replace(
-        WholeRunConfig(name=name, growing=growing), **{key: value for key, value in given.items() if value is not None}
+        config,
+        steps=steps or config.steps,
+        batch=batch or config.batch,
+        object_rate=config.object_rate if object_rate is None else object_rate,
     )
     path = train_whole(config, pairs=pairs, runs=runs, start=init_weights or (), left_out=left_out, device=device)
     typer.echo(path)

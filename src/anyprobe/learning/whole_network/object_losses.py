@@ -68,7 +68,7 @@ class ObjectLoss:
         return {**batch, "given_normals": normals, "material": material, "hinted": kind < HINTED, "teacher": hinted}
 
     def __call__(self, guess: LightPrediction, batch: dict[str, Any]) -> dict[str, torch.Tensor]:
-        """By the names of OBJECT_WEIGHTS; batch: of with_hints."""
+        """Compute the losses by the names of OBJECT_WEIGHTS; batch: as with_hints returns it."""
         told, hinted = batch["teacher"], batch["hinted"]
         free = ~hinted
         true = SimpleNamespace(ln_radiance=batch["truth"][free], ldr=display(batch["truth"][free]).clip(max=1.0))

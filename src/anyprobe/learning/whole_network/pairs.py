@@ -24,7 +24,7 @@ WHITE = 0.98
 NOISE = 0.03
 """Largest standard deviation of display values that pairs are seen with."""
 PICTURES, DIRECTIONS = ("photo", "context", "surroundings", "truth"), ("up", "given_up")
-"""What changes in a mirror."""
+"""Arrays of a batch that change in a mirror."""
 
 
 class Pairs:

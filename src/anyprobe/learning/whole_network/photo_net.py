@@ -16,7 +16,7 @@ from anyprobe.learning.train.export_onnx import AS_CALIBRATED, claims_of
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PhotoPrediction:
-    """What the object alone says, and what the whole photo does."""
+    """Answers for the object alone and for the whole photo."""
 
     alone: LightPrediction
     whole: WholePrediction
