@@ -1,7 +1,6 @@
-"""Pairs made small enough to be carried to another machine: pictures as lossy WebP, some 6 KB a pair instead of 300.
+"""Pairs made small enough to be carried to another machine: pictures as lossy WebP, some 7 KB a pair instead of 190.
 
-python -m research.scenes.packed pack SCENES PACKED; python -m research.scenes.packed unpack PACKED SCENES. What the
-object alone says (`lift`, `posterior`) is left out: training computes it anew.
+python -m research.scenes.packed pack SCENES PACKED; python -m research.scenes.packed unpack PACKED SCENES.
 """
 
 from __future__ import annotations

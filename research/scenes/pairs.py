@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.errors import AnyprobeError, InputError
-from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.photo import crop_object, load_photo
-from anyprobe.estimate.runtime import CONTEXT_SIZE, PHOTO_SIZE, lift_inputs
+from anyprobe.estimate.runtime import CONTEXT_SIZE, PHOTO_SIZE
 from anyprobe.files.atomic import atomic_path
 from anyprobe.learning.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe.learning.whole_network.families import FAMILIES
@@ -44,16 +43,13 @@ class Known:
     """What is known of one photo, in the crop's frame.
 
     image: [128, 128, 4] uint8, the crop. context: [96, 96, 5] uint8 of estimate.photo.Crop. tan_half: of the crop.
-    lift: [7, 64, 128] float16, what the object alone says: ln radiance expected (3) and with light sources (3), and
-    confidence. posterior: [7]. surroundings: [4, 64, 128] uint8. truth: [3, 64, 128] float16, ln radiance. up: [3].
+    surroundings: [4, 64, 128] uint8. truth: [3, 64, 128] float16, ln radiance. up: [3].
     family: its number; scene: the scene's.
     """
 
     image: np.ndarray
     context: np.ndarray
     tan_half: np.ndarray
-    lift: np.ndarray
-    posterior: np.ndarray
     surroundings: np.ndarray
     truth: np.ndarray
     up: np.ndarray
@@ -72,7 +68,7 @@ def store_of(data: Path, part: str) -> AssetStore:
     raise InputError(f"part {part!r}: expected one of {', '.join(PARTS)}")
 
 
-def known_of(photo: TakenPhoto, up: np.ndarray, estimator: Estimator, cut_out: bool, family: int, scene: int) -> Known:
+def known_of(photo: TakenPhoto, up: np.ndarray, cut_out: bool, family: int, scene: int) -> Known:
     """Return what the estimator would know of a photo; up: [3] in the camera's frame."""
     picture = photo.picture
     if cut_out:
@@ -84,9 +80,7 @@ def known_of(photo: TakenPhoto, up: np.ndarray, estimator: Estimator, cut_out: b
     except InputError:
         if cut_out:
             raise
-        return known_of(photo, up, estimator, True, family, scene)  # one colour behind it
-    values = lift_inputs(crop.image, crop.tan_half, None, crop.surroundings_map, None)
-    _, drawn, confidence, _, spread, posterior = estimator.models._run["light"](*values.values())
+        return known_of(photo, up, True, family, scene)  # one colour behind it
     context = np.zeros((CONTEXT_SIZE, CONTEXT_SIZE, 5), np.float32) if crop.context is None else crop.context
     turned = np.maximum(rotate(photo.truth, crop.camera_from_crop.T), 0.0)
     around = np.zeros((MAP_HEIGHT, 2 * MAP_HEIGHT, 4)) if crop.surroundings_map is None else crop.surroundings_map
@@ -94,8 +88,6 @@ def known_of(photo: TakenPhoto, up: np.ndarray, estimator: Estimator, cut_out: b
         image=np.round(255 * crop.image).astype(np.uint8),
         context=np.round(255 * context).astype(np.uint8),
         tan_half=np.array(crop.tan_half, np.float32),
-        lift=np.concatenate([spread[0], drawn[0], confidence[0]]).clip(-15, 11).astype(np.float16),
-        posterior=posterior[0].astype(np.float32),
         surroundings=np.round(255 * around[..., :4].transpose(2, 0, 1)).astype(np.uint8),
         truth=np.log(np.maximum(turned, np.exp(LN_LOW))).transpose(2, 0, 1).astype(np.float16),
         up=(crop.camera_from_crop.T @ up).astype(np.float32),
@@ -104,7 +96,7 @@ def known_of(photo: TakenPhoto, up: np.ndarray, estimator: Estimator, cut_out: b
     )
 
 
-def pairs_of(part: str, number: int, store: AssetStore, estimator: Estimator) -> Iterator[Known]:
+def pairs_of(part: str, number: int, store: AssetStore) -> Iterator[Known]:
     """Yield the pairs of one scene."""
     family = draw_family(part, number)
     layout = draw_layout(family, part, number, store)
@@ -115,7 +107,7 @@ def pairs_of(part: str, number: int, store: AssetStore, estimator: Estimator) ->
         photo = take(mirrored(render) if shot else render, phone.long_fov_deg, rng)
         up, cut_out = up_of(phone.pitch_deg, roll), bool(rng.random() < CUT_OUTS)
         try:
-            yield known_of(photo, up, estimator, cut_out, FAMILIES.index(family), number)
+            yield known_of(photo, up, cut_out, FAMILIES.index(family), number)
         except AnyprobeError:  # such as an object of too few pixels
             continue
 
@@ -124,7 +116,7 @@ def make_pairs(data: Path, out: Path, first: int, last: int, every: int = 1, par
     """Make the files of scenes first to last that are missing in out, one of `every`; yield each file's path."""
     import drjit
 
-    store, estimator = store_of(data, part), Estimator(threads=1)
+    store = store_of(data, part)
     gc.collect()
     gc.freeze()  # else every collection after a scene walks over all assets
     drjit.set_thread_count(1)
@@ -132,7 +124,7 @@ def make_pairs(data: Path, out: Path, first: int, last: int, every: int = 1, par
         path = out / f"{part}-{start:06d}.npz"
         if path.is_file():
             continue
-        rows = [row for k in range(start, start + IN_FILE) for row in pairs_of(part, k, store, estimator)]
+        rows = [row for k in range(start, start + IN_FILE) for row in pairs_of(part, k, store)]
         with atomic_path(path) as temporary, open(temporary, "wb") as stream:
             np.savez(stream, **{one.name: np.stack([getattr(row, one.name) for row in rows]) for one in fields(Known)})
         yield path

@@ -53,7 +53,6 @@ UP = up_of(20.0, 5.0)
 @pytest.fixture(scope="module")
 def known(photo) -> dict[str, Known]:
     """What is known of it as it is, in a mirror, and cut out."""
-    estimator = Estimator(threads=1)
     flipped = {
         name: np.ascontiguousarray(getattr(photo, name)[:, ::-1]) for name in ("picture", "mask", "true_mask", "truth")
     }
@@ -62,7 +61,7 @@ def known(photo) -> dict[str, Known]:
         "mirrored": (replace(photo, **flipped), UP * [-1, 1, 1], False),
         "cut": (photo, UP, True),
     }
-    return {name: known_of(taken, up, estimator, cut, 0, 7) for name, (taken, up, cut) in ways.items()}
+    return {name: known_of(taken, up, cut, 0, 7) for name, (taken, up, cut) in ways.items()}
 
 
 def test_known_has_the_shapes_that_it_says(known):
@@ -74,8 +73,6 @@ def test_known_has_the_shapes_that_it_says(known):
         "scene": (),
         "context": (96, 96, 5),
         "tan_half": (),
-        "lift": (7, 64, 128),
-        "posterior": (7,),
         "surroundings": (4, 64, 128),
         "truth": (3, 64, 128),
         "up": (3,),
