@@ -21,9 +21,9 @@ from anyprobe.estimate.estimator import Estimator  # noqa: E402
 from anyprobe.estimate.ground import up_of  # noqa: E402
 from anyprobe.learning.nets.light_net import display  # noqa: E402
 from anyprobe.learning.whole_network import train as training  # noqa: E402
+from anyprobe.learning.whole_network.batches import Pairs, brighter, mirrored  # noqa: E402
 from anyprobe.learning.whole_network.export import TOLERANCE, export_photo_net  # noqa: E402
 from anyprobe.learning.whole_network.object_losses import OBJECT_WEIGHTS, ObjectLoss  # noqa: E402
-from anyprobe.learning.whole_network.pairs import Pairs, brighter, mirrored  # noqa: E402
 from anyprobe.learning.whole_network.score import score_pairs  # noqa: E402
 from anyprobe.learning.whole_network.train import WholeRunConfig, load_photo_net, train_whole  # noqa: E402
 from research.scenes import packed  # noqa: E402

@@ -1,6 +1,6 @@
 """Metrics of how far a picture or map p is from the true one g.
 
-Pure NumPy; every function computes in float64 and returns a Python float. Pictures are [H, W] or [H, W, C].
+Pure NumPy; every function computes in float64 and returns a Python number. Pictures are [H, W] or [H, W, C].
 """
 
 from __future__ import annotations

@@ -25,6 +25,9 @@ Pairs = Annotated[Path, typer.Option(help="Folder of the pairs, see research.sce
 
 @app.command()
 def train(
+    init_weights: Annotated[
+        list[Path], typer.Option(help="Weights to begin from, repeat for those of each part; the same ones to resume.")
+    ],
     pairs: Pairs = RUNS / "scenes",
     left_out: Annotated[
         Path | None, typer.Option(help="Folder of pairs of the left-out part, scored while training.")
@@ -33,10 +36,6 @@ def train(
     steps: Annotated[int | None, typer.Option(min=1, help="Steps in all; the run's own number otherwise.")] = None,
     growing: Annotated[bool, typer.Option(help="Also learn from pairs that are added meanwhile.")] = False,
     name: Annotated[str, typer.Option(help="Of the run's folder.")] = "whole",
-    init_weights: Annotated[
-        list[Path] | None,
-        typer.Option(help="Weights to begin from, repeat for those of each part; the same ones to resume."),
-    ] = None,
     batch: Annotated[int | None, typer.Option(min=2, help="Photos a step; the run's own number otherwise.")] = None,
     object_rate: Annotated[
         float | None, typer.Option(min=0.0, help="Learning rate of what sees the object, in shares; 0: it stays.")
@@ -51,7 +50,7 @@ def train(
         batch=batch or config.batch,
         object_rate=config.object_rate if object_rate is None else object_rate,
     )
-    path = train_whole(config, pairs=pairs, runs=runs, start=init_weights or (), left_out=left_out, device=device)
+    path = train_whole(config, pairs=pairs, runs=runs, start=init_weights, left_out=left_out, device=device)
     typer.echo(path)
 
 

@@ -57,7 +57,7 @@ class WholeLoss:
         self._lobes = lobe_matrices(MAP_HEIGHT // 2, 8).to(device)
 
     def __call__(self, guess: WholePrediction, batch: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-        """Compute the losses by the names of WEIGHTS; batch: of pairs.Pairs."""
+        """Compute the losses by the names of WEIGHTS; batch: of batches.Pairs."""
         true = batch["truth"]
         ldr = display(true).clip(max=1.0)
         shown = self._difference(guess.ln_shown, ldr)

@@ -17,7 +17,7 @@ from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.light_sources import find_light_sources
 
 if TYPE_CHECKING:
-    from anyprobe.learning.whole_network.pairs import Pairs
+    from anyprobe.learning.whole_network.batches import Pairs
     from anyprobe.learning.whole_network.photo_net import PhotoNet
 
 AT_ONCE = 32

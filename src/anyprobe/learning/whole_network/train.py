@@ -28,9 +28,9 @@ from anyprobe.learning.train.checkpoint import (
 )
 from anyprobe.learning.train.logger import RunLogger, run_folder
 from anyprobe.learning.train.loop import CHECKPOINT_SECONDS, learning_rate
+from anyprobe.learning.whole_network.batches import Pairs, mirrored
 from anyprobe.learning.whole_network.losses import WEIGHTS, WholeLoss
 from anyprobe.learning.whole_network.object_losses import OBJECT_WEIGHTS, ObjectLoss
-from anyprobe.learning.whole_network.pairs import Pairs, mirrored
 from anyprobe.learning.whole_network.photo_net import PhotoNet
 from anyprobe.learning.whole_network.score import score_pairs
 
