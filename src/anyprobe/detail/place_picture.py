@@ -161,8 +161,32 @@ def _without_sources(estimate: np.ndarray) -> tuple[list[LightSource], np.ndarra
     lights = []
     for k, source in enumerate(found):
         own = removed * (which == k)[..., None] * areas
-        lights.append(replace(source, irradiance=(own * cosines[k][..., None]).sum(axis=(0, 1))))
+        source = replace(source, irradiance=(own * cosines[k][..., None]).sum(axis=(0, 1)))
+        lights.append(_sharpened(source, estimate) if len(estimate) > MAP_HEIGHT else source)
     return lights, (rest - removed).astype(np.float32)
+
+
+def _sharpened(source: LightSource, estimate: np.ndarray) -> LightSource:
+    """Return a source with the direction and radius that a map [H, 2H, 3] of more rows than MAP_HEIGHT shows.
+
+    The radius is that of a disc of the solid angle (sum L dw)^2 / sum L^2 dw, L above the median around the source; it
+    becomes no larger.
+    """
+    rows = len(estimate)
+    reach = np.radians(2.0 * source.radius_deg)
+    top, bottom = _row_span(source.direction, reach, rows)
+    near = pixel_directions(rows)[top:bottom] @ source.direction > np.cos(reach)
+    d = pixel_directions(rows)[top:bottom][near]
+    areas = np.broadcast_to(pixel_solid_angles(rows)[top:bottom], near.shape)[near]
+    light = luminance(estimate[top:bottom])[near]
+    above = np.maximum(light - np.median(light), 0.0).astype(np.float64)
+    power = float((above * areas).sum())
+    if power <= 0.0:
+        return source
+    mean = (above * areas) @ d
+    radius_deg = float(np.degrees(np.sqrt(power**2 / float((above**2 * areas).sum()) / np.pi)))
+    direction = (mean / np.linalg.norm(mean)).astype(source.direction.dtype)
+    return replace(source, direction=direction, radius_deg=min(radius_deg, source.radius_deg))
 
 
 def _place(
