@@ -16,8 +16,6 @@ from anyprobe.estimate.ground import Ground
 from anyprobe.export.exported_light import MAP_FROM_CAMERA, check_front, origin_beside, sidecar_beside
 from anyprobe.export.targets import TARGETS
 
-MAX_CLIPPED = 0.02
-"""Share of a light's energy above what a target's files hold from which on it is said."""
 _MAX_PIXELS = 8192 * 4096
 """Largest map that is exported [pixels]: some targets take 90 bytes a pixel."""
 
@@ -60,20 +58,18 @@ def export(
         if rotation is None and frame == "level" and ground is not None and MAP_FROM_CAMERA not in origin:
             turn, origin = ground.level_from_camera, {**origin, "level": ground.said_level()}
         for name in names:
-            written = targets.export(
+            written, doubts = targets.write_export(
                 radiance, name, folder, light.stem, world_from_camera=turn, exposure_ev=exposure, origin=origin
             )
-            clipped = json.loads((folder / f"{light.stem}_{name}.json").read_text(encoding="utf-8"))["clipped_energy"]
             if as_json:
                 summary = {"light": str(light), "target": name, "files": [str(path) for path in written]}
-                print(json.dumps({**summary, "clipped_energy": clipped}), flush=True)
+                said = json.loads((folder / f"{light.stem}_{name}.json").read_text(encoding="utf-8"))
+                summary |= {key: said[key] for key in ("clipped_energy", "warnings")}
+                print(json.dumps(summary), flush=True)
             elif not quiet:
                 print(f"{name}: {', '.join(str(path) for path in written)}", file=sys.stderr)
-            if clipped > MAX_CLIPPED and not quiet:
-                print(
-                    f"warning: {name}: {clipped:.0%} of the light exceeds the range of its files; lower --exposure",
-                    file=sys.stderr,
-                )
+            for doubt in () if quiet else doubts:
+                print(f"warning: {doubt}", file=sys.stderr)
 
 
 def folders(lights: list[Path], out: Path) -> list[tuple[Path, Path]]:

@@ -60,7 +60,7 @@ def match(
     """
     from anyprobe.estimate.outputs import draw_matches
     from anyprobe.estimate.photo import load_photo
-    from anyprobe.export.targets import export
+    from anyprobe.export.targets import write_export
     from anyprobe.files.atomic import atomic_files
     from anyprobe.match.library_folder import open_library
     from anyprobe.match.ranking import stops_apart
@@ -118,7 +118,7 @@ def match(
     for target in targets:
         first = chosen[0]
         origin = {"photo": loaded.name, "match": first.sidecar()}
-        export(first.radiance(), target, out, stem, origin=origin)
+        warnings += write_export(first.radiance(), target, out, stem, origin=origin)[1]
     if as_json:
         print(json.dumps(report), flush=True)
     table = Table("", "panorama", "misfit", "turned", "exposure", box=None, pad_edge=False)

@@ -3,6 +3,7 @@ WebXR, ARCore, ARKit, Unreal, Unity, Blender, three.js."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from html import escape
@@ -40,6 +41,8 @@ from anyprobe.export.target_frames import (
     webxr,
 )
 from anyprobe.files.atomic import atomic_files
+from anyprobe.maps.radiance import HALF_MAX
+from anyprobe.notices import Notice
 from anyprobe.pictures.ultra_hdr import write_ultra_hdr
 
 if TYPE_CHECKING:
@@ -178,7 +181,10 @@ def write_three(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     (folder / f"{light.name}.js").write_text(template("three.js", light), encoding="utf-8")
     page = template("three.html", light).replace("@TITLE@", escape(light.name))
     (folder / f"{light.name}.html").write_text(page, encoding="utf-8")
-    return {"half_float": "HDRLoader makes halfs of .hdr: what is above 65504 is clamped there"}
+    return {
+        "half_float": "HDRLoader makes halfs of .hdr: what is above 65504 is clamped there",
+        "clipped_energy": share_above(light.radiance, HALF_MAX),
+    }
 
 
 def write_jpeg(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
@@ -190,11 +196,11 @@ def write_jpeg(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
             "most_radiance": round(brightest, 4),
             "loader": "three.js UltraHDRLoader; mapping EquirectangularReflection",
         },
-        "clipped_energy": _share_above(light.radiance, brightest),
+        "clipped_energy": share_above(light.radiance, brightest),
     }
 
 
-def _share_above(radiance: np.ndarray, limit: float) -> float:
+def share_above(radiance: np.ndarray, limit: float) -> float:
     """Return the share of a map's energy [H, 2H, 3] above a limit."""
     areas = pixel_solid_angles(len(radiance))[..., None].astype(np.float64)
     energy = float((radiance * areas).sum())
@@ -264,6 +270,18 @@ TARGETS = {
 }
 
 
+MAX_CLIPPED = 0.01
+"""Share of a light's energy beyond the range of a target's files from which on a warning says so."""
+
+
+def range_doubts(target: str, clipped: float) -> tuple[Notice, ...]:
+    """Return a warning if the files of a target lack more than MAX_CLIPPED of a light's energy."""
+    if clipped <= MAX_CLIPPED:
+        return ()
+    text = f"{clipped:.0%} of the light exceeds the range of its files; lower the exposure"
+    return (Notice(text, code="range-clipped", source=target),)
+
+
 def export(
     radiance: np.ndarray,
     target: str,
@@ -276,7 +294,8 @@ def export(
 ) -> list[Path]:
     """Export a light for one target into folder: every name begins with <stem>_<target>.
 
-    <stem>_<target>.json is the sidecar; the other files are the target's own.
+    <stem>_<target>.json is the sidecar; the other files are the target's own. Light beyond the range of its files, as
+    the sun's in halfs, is a RuntimeWarning; see range_doubts.
 
     Args:
         radiance: [H, 2H, 3] linear, in the camera's frame.
@@ -290,6 +309,25 @@ def export(
         InputError, InvalidEnvironment: one line that says what to do.
         OutputError: the folder cannot be written; nothing new is left in it.
     """
+    paths, doubts = write_export(
+        radiance, target, folder, stem, world_from_camera=world_from_camera, exposure_ev=exposure_ev, origin=origin
+    )
+    for doubt in doubts:
+        warnings.warn(doubt, RuntimeWarning, stacklevel=2)
+    return paths
+
+
+def write_export(
+    radiance: np.ndarray,
+    target: str,
+    folder: str | Path,
+    stem: str = "light",
+    *,
+    world_from_camera: Float[np.ndarray, "3 3"] | None = None,
+    exposure_ev: float = 0.0,
+    origin: Mapping[str, Any] | None = None,
+) -> tuple[list[Path], tuple[Notice, ...]]:
+    """Return export's paths, and its warnings, which the sidecar has too."""
     chosen = find_target(target)
     light = prepare(
         radiance,
@@ -303,8 +341,10 @@ def export(
         more = chosen.write(light, scratch)
         names = sorted([*(path.name for path in scratch.iterdir()), f"{light.name}.json"])
         described = sidecar(light, target, chosen.frame, {"checked": chosen.checked, "files": names, **more})
+        doubts = range_doubts(target, described["clipped_energy"])
+        described["warnings"] = [doubt.as_json() for doubt in doubts]
         write_json(scratch / f"{light.name}.json", described)
-    return [Path(folder) / name for name in names]
+    return [Path(folder) / name for name in names], doubts
 
 
 def find_target(name: str) -> Target:

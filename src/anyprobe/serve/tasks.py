@@ -136,7 +136,7 @@ def upright(upload: Upload, max_pixels: int) -> tuple[bytes, float | None]:
 def export_zip(upload: Upload, max_pixels: int, target: str) -> bytes:
     """Export a map (.exr or .hdr bytes in the place of the photo) for one target, as a zip."""
     from anyprobe.export.exported_light import map_from_camera, origin_turned
-    from anyprobe.export.targets import export
+    from anyprobe.export.targets import write_export
 
     _check_pixels(upload, min(max_pixels, 2 * MAX_MAP_ROWS**2))
     with _map_file(upload.photo) as path, tempfile.TemporaryDirectory() as folder:
@@ -144,7 +144,9 @@ def export_zip(upload: Upload, max_pixels: int, target: str) -> bytes:
         origin = origin_turned(map_from_camera(path))
         angles, exposure_ev = upload.world_from_camera, upload.exposure or 0.0
         turn = None if angles is None else rotation_of(angles)
-        export(radiance, target, Path(folder), "light", world_from_camera=turn, exposure_ev=exposure_ev, origin=origin)
+        write_export(
+            radiance, target, Path(folder), "light", world_from_camera=turn, exposure_ev=exposure_ev, origin=origin
+        )
         return zip_folder(Path(folder))
 
 
