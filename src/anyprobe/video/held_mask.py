@@ -191,9 +191,15 @@ def narrowed(cover: np.ndarray, pixels: float) -> np.ndarray:
 
 
 def _least(cover: np.ndarray) -> np.ndarray:
-    padded = np.pad(cover, 1)
-    sides = padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]
-    return np.minimum.reduce([cover, *sides])
+    """Return the least of each pixel and its four neighbours, zero beyond the border."""
+    least = cover.copy()
+    for here, there in ((least[1:], cover[:-1]), (least[:-1], cover[1:])):
+        np.minimum(here, there, out=here)
+    for here, there in ((least[:, 1:], cover[:, :-1]), (least[:, :-1], cover[:, 1:])):
+        np.minimum(here, there, out=here)
+    least[0] = least[-1] = 0.0
+    least[:, 0] = least[:, -1] = 0.0
+    return least
 
 
 def _in_key(held: Held, mask: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _SIDE = 128
 SPHERES = ("diffuse", "silver", "mirror")
 
-_SILVER_SIDE, _ROWS = 64, 32
+_SILVER_SIDE, _ROWS = 32, 32
 """Rows of the silver sphere, and of the map that both spheres see: neither shows anything finer."""
 
 
@@ -53,4 +53,5 @@ def _silver_weights() -> np.ndarray:
     silver = Material(albedo=0.0, f0=SILVER_F0, alpha=SILVER_ALPHA)
     cosine = np.maximum(normals @ wi.T, 0.0)
     reflected = brdf(silver, WO, wi, normals[:, None])[..., 0]
-    return reflected * cosine * np.repeat(pixel_solid_angles(_ROWS)[:, 0], 2 * _ROWS)
+    solid_angles = np.repeat(pixel_solid_angles(_ROWS)[:, 0], 2 * _ROWS)
+    return (reflected * cosine * solid_angles).astype(np.float32)
