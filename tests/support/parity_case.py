@@ -275,10 +275,14 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         answers["transparent"], answers["context_transparent"] = hidden, cut.context.transpose(2, 0, 1)
         answers["surroundings_transparent"] = cut.surroundings_map.transpose(2, 0, 1)
         answers["radiance_expected"] = estimator.with_settings(emitters=EXPECTED).from_photo(loaded).radiance
+        two_looks = estimator.with_settings(looks=2)
+        answers["radiance_looks"] = two_looks.from_photo(loaded).radiance
+        answers["radiance_looks_auto"] = two_looks.from_photo(with_ground).radiance
         answers["normals"] = _normals(loaded.mask)
         with_normals = replace(loaded, normals=KnownNormals(values=answers["normals"]))
         answers["normals_crop"] = crop_object(with_normals).normals.transpose(2, 0, 1)
         answers["radiance_normals"] = estimator.from_photo(with_normals).radiance
+        answers["radiance_looks_normals"] = two_looks.from_photo(with_normals).radiance
         for name, given in GIVEN_MATERIALS.items():
             material = given_material(**given)
             answers[f"material_{name}"] = material_input(material)

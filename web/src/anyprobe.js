@@ -78,7 +78,7 @@ export class AnyProbe {
   async estimate(image, options = {}) {
     checkNames("estimate", options);
     checkLight(options);
-    const { surroundings, pitchDeg, emitters, signal } = options;
+    const { surroundings, pitchDeg, emitters, looks, signal } = options;
     const material = describe(options.material);
     this.#client.check();
     const picture = await readSource(image, signal);
@@ -87,7 +87,7 @@ export class AnyProbe {
     const normals = options.normals && readNormals(options.normals, picture);
     checkHints(options, picture.fullWidth, picture.fullHeight);
     const { mask, quality, warnings } = await this.#maskOf(picture, options);
-    const asked = { picture, mask, normals, longFovDeg, options: { surroundings, pitchDeg, emitters, material } };
+    const asked = { picture, mask, normals, longFovDeg, options: { surroundings, pitchDeg, emitters, looks, material } };
     const { light } = await this.#client.ask("estimate", asked, signal);
     const own = { data: mask, width, height, quality, ...described(warnings) };
     return new Light({ ...light, warnings: [...warnings, ...light.warnings], mask: own });
@@ -114,7 +114,7 @@ export class AnyProbe {
     checkLight(options);
     if (typeof onLight !== "function") throw wrong("onLight", "a function", onLight);
     const followed = checkSource(source);
-    const { surroundings, pitchDeg, emitters, mask, onError, onLost, onMissed, pose, signal, withViews = false } = options;
+    const { surroundings, pitchDeg, emitters, looks, mask, onError, onLost, onMissed, pose, signal, withViews = false } = options;
     refuseBoth(options);
     const material = describe(options.material);
     this.#client.check();
@@ -130,7 +130,7 @@ export class AnyProbe {
     const { click, exclude, box, fovDeg, longFovDeg, projectionMatrix } = options;
     const given = { hints: { click, exclude, box }, lens: { fovDeg, longFovDeg, projectionMatrix } };
     tracker
-      .start({ ...given, options: { surroundings, pitchDeg, emitters, material }, withViews })
+      .start({ ...given, options: { surroundings, pitchDeg, emitters, looks, material }, withViews })
       .catch((error) => tracker.running && tracker.fail(error));
     signal?.addEventListener("abort", () => tracker.stop(), { once: true });
     return tracker;

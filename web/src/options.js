@@ -6,7 +6,7 @@ import { DEFAULT_LONG_FOV_DEG } from "./photo/crop.js";
 
 const HINTS = ["click", "exclude", "box"];
 const LENS = ["fovDeg", "longFovDeg", "projectionMatrix"];
-const LIGHT = ["surroundings", "pitchDeg", "emitters", "material"];
+const LIGHT = ["surroundings", "pitchDeg", "emitters", "looks", "material"];
 const SURROUNDINGS = ["auto", "photo", "none", true, false];
 
 /** Names of the options of each method. */
@@ -19,7 +19,7 @@ export const OPTIONS = {
   "tracker.set": LIGHT,
 };
 
-const EMITTERS = CONTRACT.graph.emitters;
+const { emitters: EMITTERS, looks: LOOKS } = CONTRACT.graph;
 
 /** Angles that a picture without distortion can have, degrees. */
 const { least_fov_deg: LEAST_FOV_DEG, most_fov_deg: MOST_FOV_DEG } = CONTRACT.lens;
@@ -65,10 +65,11 @@ export function shown(got) {
 }
 
 /** The kind of light that is wanted. */
-export function checkLight({ surroundings, pitchDeg, emitters }) {
+export function checkLight({ surroundings, pitchDeg, emitters, looks }) {
   if (surroundings !== undefined && !SURROUNDINGS.includes(surroundings)) throw wrong("surroundings", "auto, photo or none", surroundings);
   if (pitchDeg !== undefined && !(typeof pitchDeg === "number" && Math.abs(pitchDeg) <= 90)) throw wrong("pitchDeg", "-90 to 90 degrees that the camera looks down", pitchDeg);
   if (emitters !== undefined && !EMITTERS.includes(emitters)) throw wrong("emitters", EMITTERS.join(" or "), emitters);
+  if (looks !== undefined && !LOOKS.includes(looks)) throw wrong("looks", LOOKS.join(" or "), looks);
 }
 
 /** Clicks and boxes that lie in a picture of this size, which they are in pixels of. */

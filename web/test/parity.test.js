@@ -200,6 +200,13 @@ test("the mean radiance of light sources", { skip }, async (t) => {
   assertMostlyClose(stages.ldr, stages.radiance.map((value) => response(value)), 1e-6, "ldr expected");
 });
 
+test("a second look in a mirror", { skip }, async (t) => {
+  if (!found.models.lifts) return assert.rejects(lit({ looks: 2 }), { code: "invalid-option", subject: ["looks"] });
+  const normals = cropNormals(floats("normals"), floats("mask"), found.picture.width, found.crop);
+  const cases = { radiance_looks: {}, radiance_looks_auto: { surroundings: true, isAlone: false, pitchDeg: 35 }, radiance_looks_normals: { normals } };
+  for (const [name, given] of Object.entries(cases)) assertMostlyClose((await lit({ ...given, looks: 2 })).radiance, floats(name), 5e-3, name);
+});
+
 test("given normals, cropped, and the map with them", { skip }, async (t) => {
   if (!found.models.lifts) return t.diagnostic("the paper's chain has no use for them");
   const normals = cropNormals(floats("normals"), floats("mask"), found.picture.width, found.crop);

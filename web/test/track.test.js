@@ -163,12 +163,13 @@ test("another kind of light leaves what it does not name", async () => {
   const asked = [];
   const client = { spares: [], check: () => {}, give: () => {}, ask: async (task, given) => asked.push([task, given.options]) };
   globalThis.createImageBitmap = async () => ({});
-  const tracker = new AnyProbe(client, {}).track(null, () => {}, { surroundings: "none", emitters: "expected", pitchDeg: 20 });
+  const first = { surroundings: "none", emitters: "expected", looks: 2, pitchDeg: 20 };
+  const tracker = new AnyProbe(client, {}).track(null, () => {}, first);
   await settle();
   await tracker.set({ pitchDeg: 30, material: "chrome" });
   await tracker.offer({ width: 4, height: 4 });
   const [[, { material, ...rest }]] = asked;
-  assert.deepEqual(rest, { surroundings: "none", emitters: "expected", pitchDeg: 30 });
+  assert.deepEqual(rest, { ...first, pitchDeg: 30 });
   assert.ok(material instanceof Float32Array);
   await tracker.set({ material: "gold" });
   assert.deepEqual([Object.keys(asked[1][1]), asked[1][1].material instanceof Float32Array], [["material"], true]);

@@ -120,6 +120,8 @@ export interface LightOptions {
   pitchDeg?: number;
   /** Light sources at their most likely positions (sharp shadows), or their mean radiance (soft). Default "mode". */
   emitters?: "mode" | "expected";
+  /** 2: look at the picture in a mirror too and take the likelier light, in twice the time. Default 1. */
+  looks?: 1 | 2;
   /** What the object is made of: settles level and colour of the light, which a photo alone leaves open. */
   material?: GivenMaterial;
 }

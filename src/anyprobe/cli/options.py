@@ -180,7 +180,7 @@ class ObjectOptions(MaskOptions):
 class ModelOptions:
     """Options of the estimator."""
 
-    settings: Annotated[Settings, ("emitters", "model", "engine", "threads")]
+    settings: Annotated[Settings, ("emitters", "looks", "model", "engine", "threads")]
 
     def estimator(self, **more: Any) -> Estimator:
         """Open the estimator with these options; `more` overrides settings."""

@@ -34,7 +34,7 @@ from anyprobe.estimate.refine import (
     with_surroundings,
 )
 from anyprobe.estimate.result import Light
-from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, MODE, PHOTO_SIZE, Models, model_id
+from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, LOOKS, MODE, Models, model_id
 from anyprobe.estimate.settings import Settings
 from anyprobe.estimate.sidecar import Origin
 from anyprobe.given_material import Albedo, as_material
@@ -62,6 +62,7 @@ class Estimator:
         threads: int | None = None,
         engine: str = DEFAULT_ENGINE,
         emitters: str = MODE,
+        looks: int = LOOKS[0],
         segmenter: SegmenterSource | None = None,
         detail: str = DETAILS[0],
         size: int = ROWS,
@@ -72,8 +73,8 @@ class Estimator:
 
         Args:
             settings: all settings, or the model's name instead of `model`.
-            model, threads, engine, emitters, segmenter, detail, size, detail_library: see Settings; those that are not
-                defaults replace the ones in `settings`.
+            model, threads, engine, emitters, looks, segmenter, detail, size, detail_library: see Settings; those that
+                are not defaults replace the ones in `settings`.
         Raises:
             InputError, ModelError, MissingExtra: bad settings or models, in one line that says what to do.
             TypeError: an unknown keyword; the message names the most similar one.
@@ -86,6 +87,7 @@ class Estimator:
             threads=threads,
             engine=engine,
             emitters=emitters,
+            looks=looks,
             segmenter=segmenter,
             detail=detail,
             size=size,
@@ -216,7 +218,13 @@ class Estimator:
         return estimate_crops(self.from_crop, taken, world_from_camera, spent, given)
 
     def from_photo(
-        self, photo: Photo, start: float | None = None, *, material: Material | None = None, plate: bool = True
+        self,
+        photo: Photo,
+        start: float | None = None,
+        *,
+        material: Material | None = None,
+        plate: bool = True,
+        crop: Crop | None = None,
     ) -> Light:
         """Estimate the light of a loaded Photo; see __call__.
 
@@ -224,9 +232,10 @@ class Estimator:
             start: time.perf_counter() when its loading began; the sidecar's seconds count from it.
             material: the object's, instead of the Photo's own.
             plate: whether the light keeps the photo beside its object, so that detail can be added later.
+            crop: of crop_object(photo), if it was cut out already.
         """
         start = time.perf_counter() if start is None else start
-        light = self.from_crop(photo, crop_object(photo, PHOTO_SIZE), start, material=material)
+        light = self.from_crop(photo, crop_object(photo) if crop is None else crop, start, material=material)
         if material is None and photo.material is None and photo.normals is None and self.models.lifts:
             light = self._unwrapped(light, photo, start)
         if plate and photo.shows_place:
@@ -240,7 +249,7 @@ class Estimator:
             return light
         values = normals_from_outline(photo.mask, photo.long_fov_deg)
         ball = replace(photo, normals=KnownNormals(values=values))
-        found = self.from_crop(ball, crop_object(ball, PHOTO_SIZE), start, material=material_named(CHROME))
+        found = self.from_crop(ball, crop_object(ball), start, material=material_named(CHROME))
         return replace(found, warnings=(*found.warnings, said_of_ball(photo.name)))
 
     def _with_detail(self, light: Light, photo: Photo) -> Light:
@@ -268,10 +277,10 @@ class Estimator:
         loaded = time.perf_counter()
         material = photo.material if material is None else as_material(material)
         crop, merged_surroundings = usable(self.models, photo, crop, merged_surroundings)
-        check_use(self.models, crop, material)
+        check_use(self.models, crop, material, self.settings.looks)
         exposed = well_exposed_fraction(crop.image)
         known = crop.surroundings_map if merged_surroundings is None else merged_surroundings
-        found = predict(self.models, crop, photo.ground, material)
+        found = predict(self.models, crop, photo.ground, material, self.settings.looks)
         found = with_estimated_ground(found, crop)
         found = with_material(found, crop, material)
         found = with_exposure(found, exposed)
@@ -308,6 +317,7 @@ class Estimator:
             photo=photo.name,
             model=self.model_id,
             emitters=self.settings.emitters,
+            looks=None if self.settings.looks == LOOKS[0] else self.settings.looks,
             exposure=None if photo.exposure is None else float(f"{photo.exposure:.6g}"),
             long_fov_deg=round(float(photo.long_fov_deg), 3),
             fov_source=photo.fov_source,
@@ -349,6 +359,7 @@ def estimate(
     threads: int | None = None,
     engine: str = DEFAULT_ENGINE,
     emitters: str = MODE,
+    looks: int = LOOKS[0],
     segmenter: SegmenterSource | None = None,
     detail: str = DETAILS[0],
     size: int = ROWS,
@@ -363,7 +374,7 @@ def estimate(
         hints: optional inputs about the object, the camera and the light.
         mask, click, exclude, box, depth, near, far, fov_deg, pitch_deg, roll_deg, normals, material, albedo, roughness,
             surroundings: see Hints; these replace those in `hints`.
-        model, threads, engine, emitters, segmenter, detail, size, detail_library: see Settings.
+        model, threads, engine, emitters, looks, segmenter, detail, size, detail_library: see Settings.
     Raises:
         AnyprobeError: bad input, in one line that says what to do.
         TypeError: an unknown keyword; the message names the most similar one.
@@ -374,6 +385,7 @@ def estimate(
         threads=threads,
         engine=engine,
         emitters=emitters,
+        looks=looks,
         segmenter=segmenter,
         detail=detail,
         size=size,

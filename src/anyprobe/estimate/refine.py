@@ -16,13 +16,14 @@ from anyprobe.estimate.doubts import ground_doubts, light_doubts
 from anyprobe.estimate.ground import Ground, ground_by_posture
 from anyprobe.estimate.known import FROM_DEPTH, PhotoBackground
 from anyprobe.estimate.material_hint import use_material
+from anyprobe.estimate.mirror_look import MIRRORED, likelier, mirrored_back, mirrored_crop
 from anyprobe.estimate.photo import Crop, Photo
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, Outputs
 from anyprobe.estimate.surroundings import radiance_of, use_surroundings
 from anyprobe.light.environment import integral, rotate
 from anyprobe.match.background import background_of
 from anyprobe.match.likeness import MATCH_ROWS, Shown, shown_by
-from anyprobe.notices import Notice, leave_out
+from anyprobe.notices import Notice, give, leave_out
 from anyprobe.scatter.materials import Material
 
 BLACK, WHITE, ENOUGH_EXPOSED = (contract("exposure")[name] for name in ("black", "white", "enough"))
@@ -57,8 +58,11 @@ def usable(
     return crop, merged_surroundings
 
 
-def check_use(models: Models, crop: Crop, material: Material | None) -> None:
-    """Refuse hints that the model does not take: only the one that lifts pixels takes any."""
+def check_use(models: Models, crop: Crop, material: Material | None, looks: int) -> None:
+    """Refuse hints and looks that the model does not take: only the one that lifts pixels takes any."""
+    if looks > 1 and not models.lifts:
+        text = f"expected a model that knows where light may come from, got {models.name}"
+        raise InputError(text, subject="looks", remedy=give(model=DEFAULT_MODEL))
     hints = (("normals", crop.normals), ("surroundings", crop.surroundings_map), ("material", material))
     given = [name for name, value in hints if value is not None]
     if given and not models.lifts:
@@ -66,11 +70,18 @@ def check_use(models: Models, crop: Crop, material: Material | None) -> None:
         raise InputError(text, subject=given, remedy=leave_out(*given))
 
 
-def predict(models: Models, crop: Crop, ground: Ground | None, material: Material | None) -> Prediction:
-    """Run the networks."""
+def predict(models: Models, crop: Crop, ground: Ground | None, material: Material | None, looks: int = 1) -> Prediction:
+    """Run the networks; looks: 2 to look in a mirror, too."""
     up = crop.camera_from_crop.T @ ground.up if ground is not None and ground.is_known else None
-    outputs = models(crop.image, crop.tan_half, crop.normals, crop.surroundings_map, material, crop.context, up)
+    outputs = _look(models, crop, material, up)
+    if looks > 1:
+        other = _look(models, mirrored_crop(crop), material, None if up is None else up * MIRRORED)
+        outputs = likelier(outputs, mirrored_back(other))
     return Prediction(outputs=outputs, ground=ground, used={"normals": crop.normals is not None})
+
+
+def _look(models: Models, crop: Crop, material: Material | None, up: np.ndarray | None) -> Outputs:
+    return models(crop.image, crop.tan_half, crop.normals, crop.surroundings_map, material, crop.context, up)
 
 
 def with_estimated_ground(found: Prediction, crop: Crop) -> Prediction:

@@ -129,6 +129,8 @@ EMITTERS: tuple[str, str] = tuple(contract("graph")["emitters"])
 """Ways to draw emitters: at the position nearest to all likely ones, or their light spread over all positions by
 likelihood; see docs/reference/conventions.md."""
 MODE, EXPECTED = EMITTERS
+LOOKS: tuple[int, ...] = tuple(contract("graph")["looks"])
+"""Numbers of looks at a photo that can be asked for: as it is, and in a mirror too."""
 FIRST_STAGES = (LIFT_STAGES[0], STAGES[0])
 PHOTO_SIZE: int = contract("sizes")["crop"]
 NORMALS_SIZE: int = contract("sizes")["normals"]

@@ -8,7 +8,7 @@ from typing import Any
 
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
 from anyprobe.errors import InputError
-from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
+from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, LOOKS, MODE
 from anyprobe.masks.segmenters import SegmenterSource
 
 MODEL_HELP = (
@@ -32,6 +32,8 @@ class Settings:
         engine: what runs the graphs: "onnxruntime", "openvino", "openvino-bf16" or "cuda".
         emitters: "mode", light sources at their most likely positions (sharp shadows and highlights), or "expected",
             the mean radiance over all positions (soft, and truer on matte objects).
+        looks: 2, to look at the photo in a mirror too and take the likelier light, in twice the time: then a mirrored
+            photo has the mirrored light.
         segmenter: what finds the object in photos without a mask, instead of the built-in network: a name of
             masks.segmenters ("rembg", "sam:FOLDER", a plug-in), or a Segmenter.
         detail: "none", or "plausible": the structure of a real-looking place, see Light.with_detail; of single photos,
@@ -39,7 +41,7 @@ class Settings:
         size: rows of a map with detail: 64, 128, 256 or 512.
         detail_library: folder of maps that detail is from; None: our own.
     Raises:
-        InputError: another detail or size.
+        InputError: another number of looks, detail or size.
     """
 
     model: str = _setting(DEFAULT_MODEL, MODEL_HELP)
@@ -50,6 +52,12 @@ class Settings:
         "mode: light sources at their most likely positions, with sharp shadows and highlights; expected: "
         "the mean over all positions, with soft shadows and a smaller error on matte objects.",
         "mode|expected",
+    )
+    looks: int = _setting(
+        1,
+        "2: look at the photo in a mirror too, and take the likelier light. A mirrored photo then has the mirrored "
+        "light; takes twice the time.",
+        "1|2",
     )
     segmenter: SegmenterSource | None = _setting(
         None,
@@ -67,6 +75,8 @@ class Settings:
     )
 
     def __post_init__(self) -> None:
+        if self.looks not in LOOKS:
+            raise InputError(f"expected {' or '.join(map(str, LOOKS))}, got {self.looks}", subject="looks")
         check_detail(self.detail)
         check_rows(self.size)
         if self.threads is not None and self.threads < 1:

@@ -65,6 +65,7 @@ class Origin:
         photo: file name.
         model: name and hash.
         emitters: "mode" or "expected".
+        looks: 2 where the photo was looked at in a mirror, too.
         exposure: of EXIF, relative.
         long_fov_deg, fov_source: field of view of the photo's longer side, and whether it is "given", of "exif", of the
             poses' lens, or "default".
@@ -83,6 +84,7 @@ class Origin:
     photo: str | None = None
     model: str | None = None
     emitters: str | None = None
+    looks: int | None = None
     exposure: float | None = None
     long_fov_deg: float | None = None
     fov_source: str | None = None

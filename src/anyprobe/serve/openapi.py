@@ -11,7 +11,7 @@ from importlib import resources
 from typing import Any
 
 from anyprobe.detail.plausible import DETAILS, SIZES
-from anyprobe.estimate.runtime import EMITTERS
+from anyprobe.estimate.runtime import EMITTERS, LOOKS
 from anyprobe.estimate.settings import Settings
 from anyprobe.hints import HINTS, Hint
 from anyprobe.serve.limits import MAX_PHOTOS
@@ -77,6 +77,7 @@ _EXPORT = {
 
 _ANSWER = {
     "emitters": _described({"type": "string", "enum": list(EMITTERS)}, _setting_help("emitters")),
+    "looks": _described({"type": "integer", "enum": list(LOOKS)}, _setting_help("looks")),
     "include": _described(
         {"type": "string"}, "any of radiance, stages, mask, with commas: carried by the JSON answer besides"
     ),

@@ -41,7 +41,7 @@ class Upload:
         photo: the file's bytes, as sent.
         name: file name without folders, for messages; "photo" where none came.
         hints: what is given of its object; files as their bytes.
-        settings: those of Settings that are asked for: emitters, detail and size.
+        settings: those of Settings that are asked for: emitters, looks, detail and size.
         confidence: bytes of a map that says how much each direction of a map counts.
         include: what the JSON answer shall carry besides: "radiance", "stages", "mask".
         exposure: stops that an export is brightened by.

@@ -18,7 +18,7 @@ from starlette.requests import ClientDisconnect, Request
 from anyprobe.detail.plausible import DETAILS, SIZES
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
 from anyprobe.estimate.poses import parse_poses
-from anyprobe.estimate.runtime import EMITTERS
+from anyprobe.estimate.runtime import EMITTERS, LOOKS
 from anyprobe.hints import HINTS, Hints
 from anyprobe.serve.guards import RECEIVED
 from anyprobe.serve.limits import MAX_PHOTOS, UNREAD_S
@@ -227,6 +227,8 @@ class Options:
         settings: dict[str, Any] = {}
         if (emitters := self.one_of("emitters", EMITTERS)) is not None:
             settings["emitters"] = emitters
+        if (looks := self.one_of("looks", [str(count) for count in LOOKS])) is not None:
+            settings["looks"] = int(looks)
         if (detail := self.one_of("detail", DETAILS)) is not None:
             settings["detail"] = detail
         if (size := self.one_of("size", [str(rows) for rows in SIZES])) is not None:

@@ -19,7 +19,7 @@ from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.known import GivenPanorama
 from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
-from anyprobe.estimate.photo import Photo
+from anyprobe.estimate.photo import Crop, Photo, crop_object
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import FRAME, SCALE
 from anyprobe.estimate.surroundings import turned
@@ -85,10 +85,12 @@ class Outcome:
 class _Look:
     """Mask follower's answer to one frame.
 
-    photo: or why there is none. before: MaskFollower.last and shows_more as they were. looks_same: MaskFollower's.
+    photo: or why there is none. crop: of the photo; None where it is to be cut out with what other frames show.
+    before: MaskFollower.last and shows_more as they were. looks_same: MaskFollower's.
     """
 
     photo: Photo | AnyprobeError
+    crop: Crop | None = None
     before: tuple[list[float] | None, bool | None]
     looks_same: bool
 
@@ -203,9 +205,10 @@ class ClipRun:
         before = self.follower.last, self.follower.shows_more
         try:
             photo = self.follower.photo(frame)
+            crop = crop_object(photo) if self.poses is None or photo.surroundings is None else None
         except AnyprobeError as error:
             return _Look(photo=error, before=before, looks_same=False)
-        return _Look(photo=photo, before=before, looks_same=self.follower.looks_same)
+        return _Look(photo=photo, crop=crop, before=before, looks_same=self.follower.looks_same)
 
     def _one(self, frame: Frame, look: _Look | None) -> dict:
         """Return the record of one frame; a frame that gives no light keeps the last one and says why.
@@ -223,7 +226,7 @@ class ClipRun:
             if isinstance(look.photo, AnyprobeError):
                 raise look.photo
             self._photo = look.photo
-            light = self._estimate(self._photo, frame.index)
+            light = self._estimate(self._photo, look.crop, frame.index)
             if done.light is None:
                 done.notes = list(light.warnings)
         except AnyprobeError as error:
@@ -260,14 +263,14 @@ class ClipRun:
             done.material = {key: np.asarray(value).tolist() for key, value in asdict(material).items()}
         return {**record, **describe(steady), "held": done.light.held}
 
-    def _estimate(self, photo: Photo, index: int) -> Light:
+    def _estimate(self, photo: Photo, crop: Crop | None, index: int) -> Light:
         """Return the light of one frame in its camera; where poses are known, with the surroundings that all before
         showed.
 
         A panorama from a file is of frame 0's camera, whichever frame is the first that gives a light.
         """
-        if self.poses is None or photo.surroundings is None:
-            return self.estimator.from_photo(photo, material=self.material, plate=False)
+        if self.poses is None or crop is not None:
+            return self.estimator.from_photo(photo, material=self.material, plate=False, crop=crop)
         done = self.progress
         crop = cut_out(photo, first=False)
         world_from_crop = self.poses[index] @ crop.camera_from_crop

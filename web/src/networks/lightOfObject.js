@@ -11,6 +11,7 @@ import { CROP_SIZE, contextOf } from "../photo/crop.js";
 import { exposureDoubts } from "../photo/exposure.js";
 import { groundDoubts, groundOf, upOf } from "../photo/ground.js";
 import { backdropDoubts, coverageOf, isCutOut, isDarkBeside, seeSurroundings, useSurroundings, withoutTransparent } from "../photo/surroundings.js";
+import { likelierLook } from "./mirrorLook.js";
 
 /**
  * Luminance of display values between which a pixel says something of the light, and the share of such pixels from which
@@ -24,6 +25,7 @@ const { black: BLACK, white: WHITE, enough: ENOUGH } = CONTRACT.exposure;
  *   "auto", unless the object is cut out; "photo" or true, always
  * @property {number} [pitchDeg] how far the camera looks down, where it is known
  * @property {"mode" | "expected"} [emitters] light sources at their most likely positions, or their mean radiance
+ * @property {1 | 2} [looks] 2: look in a mirror too, and take the likelier light
  * @property {Float32Array} [material] of photo/material.js, where it is known
  */
 
@@ -36,7 +38,7 @@ const { black: BLACK, white: WHITE, enough: ENOUGH } = CONTRACT.exposure;
  *   object is cut out, where that is known already
  */
 export async function lightOfObject(models, picture, longFovDeg, crop, options) {
-  const { surroundings = "auto", pitchDeg, emitters = "mode", isAlone, ...given } = options;
+  const { surroundings = "auto", pitchDeg, emitters = "mode", looks = 1, isAlone, ...given } = options;
   const isAuto = surroundings === "auto" && !(isAlone ?? (isCutOut(picture, crop.mask) || isDarkBeside(picture, crop.mask)));
   const isUnasked = surroundings === "auto" && !isAuto && isAlone === undefined;
   const isShown = isAuto || surroundings === "photo" || surroundings === true;
@@ -51,7 +53,11 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
   if (given.material && !models.lifts) {
     throw new AnyProbeError("invalid-option", "expected a model that takes it, got the paper's chain", { subject: ["material"], remedy: leaveOut("material") });
   }
-  const prediction = await models.light(crop.image, crop.tanHalf, { ...given, emitters, surroundings: seen, context, up });
+  if (looks > 1 && !models.lifts) {
+    throw new AnyProbeError("invalid-option", "expected a model that knows where light may come from, got the paper's chain", { subject: ["looks"], remedy: leaveOut("looks") });
+  }
+  const asked = { ...given, emitters, surroundings: seen, context, up };
+  const prediction = await (looks > 1 ? likelierLook(models, crop, asked) : models.light(crop.image, crop.tanHalf, asked));
   const ground = isShown ? groundOf(picture, longFovDeg, crop, pitchDeg, prediction.posture) : null;
   const wellExposed = wellExposedFraction(crop.image);
   const worth = Math.min(1, wellExposed / ENOUGH);
