@@ -178,6 +178,8 @@ def test_an_error_of_a_mask_names_the_photo_it_is_of(work, command, photo_rgba, 
         (("--albedo", "7"), "--albedo: expected one number"),
         (("--emitters", "bright"), "--emitters: expected one of mode, expected, got 'bright'"),
         (("--emitters", "expected", "--model", "paper"), "got paper; pass --model lift"),
+        (("--looks", "3"), "--looks: expected 1 or 2, got 3"),
+        (("--looks", "2", "--model", "paper"), "got paper; pass --model lift"),
     ],
 )
 def test_senseless_option(work, command, photo_path, arguments, word):

@@ -278,7 +278,8 @@ def _group(annotation: Any) -> tuple[Any, tuple[str, ...]]:
 
 
 def _setting_option(setting: Field[Any]) -> inspect.Parameter:
-    kinds: dict[str, Any] = {"threads": int | None, "size": int, "detail_library": Path | None, "segmenter": str | None}
+    whole = {"threads": int | None, "looks": int, "size": int}
+    kinds: dict[str, Any] = {**whole, "detail_library": Path | None, "segmenter": str | None}
     name = f"--{setting.name.replace('_', '-')}"
     option = typer.Option(name, metavar=setting.metadata["metavar"], help=setting.metadata["help"])
     return _option(setting.name, Annotated[kinds.get(setting.name, str), option], setting.default)

@@ -57,7 +57,6 @@ class Settings:
         1,
         "2: look at the photo in a mirror too, and take the likelier light. A mirrored photo then has the mirrored "
         "light; takes twice the time.",
-        "1|2",
     )
     segmenter: SegmenterSource | None = _setting(
         None,
