@@ -19,11 +19,10 @@ from anyprobe.estimate.multiview import cut_photos, estimate_crops
 from anyprobe.estimate.normals_hint import normals_from_outline
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
 from anyprobe.estimate.refine import (
-    Prediction,
     camera_map,
     check_use,
+    estimate_origin,
     map_doubts,
-    object_info,
     predict,
     shown_of,
     usable,
@@ -36,7 +35,6 @@ from anyprobe.estimate.refine import (
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, LOOKS, MODE, Models, model_id
 from anyprobe.estimate.settings import Settings
-from anyprobe.estimate.sidecar import Origin
 from anyprobe.given_material import Albedo, as_material
 from anyprobe.hints import Hints, NormalsEstimator, NormalsSource, SurroundingsSource, check_keywords, combine
 from anyprobe.masks.depth import DepthSource
@@ -306,28 +304,8 @@ class Estimator:
             },
             camera_from_crop=crop.camera_from_crop,
             find_shown=None if outputs.normals is None else partial(shown_of, crop, outputs.normals),
-            origin=self._origin(photo, crop, found, seconds),
+            origin=estimate_origin(photo, crop, found, seconds, self.settings, self.model_id),
             expected=outputs.expected,
-        )
-
-    def _origin(self, photo: Photo, crop: Crop, found: Prediction, seconds: dict[str, float]) -> Origin:
-        """Record what a light was estimated from, and by which model and settings."""
-        confidence = photo.mask_confidence
-        return Origin(
-            photo=photo.name,
-            model=self.model_id,
-            emitters=self.settings.emitters,
-            looks=None if self.settings.looks == LOOKS[0] else self.settings.looks,
-            exposure=None if photo.exposure is None else float(f"{photo.exposure:.6g}"),
-            long_fov_deg=round(float(photo.long_fov_deg), 3),
-            fov_source=photo.fov_source,
-            pitch_deg=None if photo.pitch_deg is None else round(float(photo.pitch_deg), 3),
-            ground=found.ground,
-            mask={"source": photo.mask_source, "confidence": confidence and round(confidence, 4)},
-            hints=dict(found.used),
-            crop={"center_px": list(crop.center_px), "side_px": crop.side_px},
-            seconds=seconds,
-            **object_info(found.outputs.posterior),
         )
 
 

@@ -18,7 +18,9 @@ from anyprobe.estimate.known import FROM_DEPTH, PhotoBackground
 from anyprobe.estimate.material_hint import use_material
 from anyprobe.estimate.mirror_look import MIRRORED, likelier, mirrored_back, mirrored_crop
 from anyprobe.estimate.photo import Crop, Photo
-from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, Outputs
+from anyprobe.estimate.runtime import DEFAULT_MODEL, LOOKS, Models, Outputs
+from anyprobe.estimate.settings import Settings
+from anyprobe.estimate.sidecar import Origin
 from anyprobe.estimate.surroundings import radiance_of, use_surroundings
 from anyprobe.light.environment import integral, rotate
 from anyprobe.match.background import background_of
@@ -162,6 +164,29 @@ def object_info(posterior: Mapping[str, float] | None) -> dict[str, Any]:
             "color_deg": round(posterior["color_error"], 1),
         },
     }
+
+
+def estimate_origin(
+    photo: Photo, crop: Crop, found: Prediction, seconds: dict[str, float], settings: Settings, model_id: str
+) -> Origin:
+    """Return what a light was estimated from, and by which model and settings; seconds: time by step."""
+    confidence = photo.mask_confidence
+    return Origin(
+        photo=photo.name,
+        model=model_id,
+        emitters=settings.emitters,
+        looks=None if settings.looks == LOOKS[0] else settings.looks,
+        exposure=None if photo.exposure is None else float(f"{photo.exposure:.6g}"),
+        long_fov_deg=round(float(photo.long_fov_deg), 3),
+        fov_source=photo.fov_source,
+        pitch_deg=None if photo.pitch_deg is None else round(float(photo.pitch_deg), 3),
+        ground=found.ground,
+        mask={"source": photo.mask_source, "confidence": confidence and round(confidence, 4)},
+        hints=dict(found.used),
+        crop={"center_px": list(crop.center_px), "side_px": crop.side_px},
+        seconds=seconds,
+        **object_info(found.outputs.posterior),
+    )
 
 
 def shown_of(crop: Crop, normals: np.ndarray) -> Shown | None:
