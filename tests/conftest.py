@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from PIL import Image
 from support import shape_checks
 
@@ -19,9 +20,11 @@ shape_checks.install()
 from support.scenes import sphere_photo  # noqa: E402
 
 from anyprobe.cli.app import main  # noqa: E402
+from anyprobe.detail.place_picture import PANORAMA_SIZES, Panorama  # noqa: E402
 from anyprobe.estimate import estimator as estimate_module  # noqa: E402
 from anyprobe.estimate import outputs  # noqa: E402
 from anyprobe.estimate.estimator import Estimator  # noqa: E402
+from anyprobe.estimate.result import Light  # noqa: E402
 from anyprobe.relight.insert import Stage  # noqa: E402
 from anyprobe.relight.shadow import GroundShadow  # noqa: E402
 
@@ -39,7 +42,15 @@ def pytest_configure() -> None:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--slow", action="store_true", help="run the tests marked slow too")
+    parser.addoption("--ci", action="store_true", help="run the tests marked ci too, also where no file is named")
+    parser.addoption("--slow", action="store_true", help="run the tests marked slow and ci too")
+
+
+def leaves_out_ci(config: pytest.Config) -> bool:
+    """Whether tests marked ci do not run: where nobody asks for them, and no file is named."""
+    return not (
+        config.getoption("--ci") or config.getoption("--slow") or any(".py" in argument for argument in config.args)
+    )
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -47,6 +58,18 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         for item in items:
             if "slow" in item.keywords:
                 item.add_marker(pytest.mark.skip(reason="slow: runs with --slow"))
+    if leaves_out_ci(config):
+        config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("ci")])
+        items[:] = [item for item in items if not item.get_closest_marker("ci")]
+
+
+def pytest_report_header(config: pytest.Config) -> str:
+    return "without the tests marked ci, which --ci runs" if leaves_out_ci(config) else ""
+
+
+def pytest_make_parametrize_id(val: object, argname: str) -> str | None:
+    """The argument's name in the place of a whole file."""
+    return argname if isinstance(val, bytes | str) and len(val) > 100 else None
 
 
 @pytest.fixture
@@ -97,9 +120,15 @@ def networks_opened_once(monkeypatch) -> None:
 
 
 @pytest.fixture
-def plain_previews(monkeypatch) -> None:
-    """The map alone in the place of the drawn preview, which takes longer than the estimate."""
+def small_results(monkeypatch) -> None:
+    """The map alone in the place of the drawn preview, and panoramas of 64 rows: both take longer than the estimate."""
     monkeypatch.setattr(outputs, "draw_preview", lambda photo, light, panorama=None: np.clip(light.radiance, 0, 1))
+    full = Light.panorama
+
+    def panorama(light: Light, size: int = 64, *, frame: str = "level") -> Panorama:
+        return full(light, 64 if size in PANORAMA_SIZES else size, frame=frame)
+
+    monkeypatch.setattr(Light, "panorama", panorama)
 
 
 @pytest.fixture
@@ -114,6 +143,10 @@ def work(tmp_path, monkeypatch) -> Path:
     """An empty folder to stand in."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+_commands = lru_cache(typer.main.get_command)
+"""The commands of an application: made once, as they take longer than many a test of them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,8 +170,9 @@ class Outcome:
 
 
 @pytest.fixture
-def command(capfd, monkeypatch, networks_opened_once) -> Callable[..., Outcome]:
-    """The installed command's own entry point, or another, called in this process."""
+def command(capfd, monkeypatch, networks_opened_once, small_results) -> Callable[..., Outcome]:
+    """The installed command's own entry point, or another, called in this process; its pictures are small."""
+    monkeypatch.setattr(typer.main, "get_command", _commands)
 
     def run(*arguments: object, main: Callable[[], None] = main) -> Outcome:
         monkeypatch.setattr(sys, "argv", ["anyprobe", *map(str, arguments)])

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+pytest.importorskip("torch", reason="needs the train extra")
+
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.learning.dataset import room as rooms

@@ -25,17 +25,28 @@ NOTHING = dict.fromkeys(
 )
 
 
-def answer(folder, **order):
-    """What the worker writes, run apart from this process's paths."""
+def loaded(path: Path):
+    """A script as a module."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def answer(folder, *, apart: bool = False, **order):
+    """What the worker writes; apart: run in a process of its own, without this one's paths."""
     photo = {"file": str(ROOT / "examples" / "table.png")}
     whole = {"photo": photo, "name": "table", "background": False, "detail": False, "library": None, "heading_deg": 0}
     (folder / "order.json").write_text(json.dumps({**NOTHING, **whole, "python_path": sys.path, **order}))
-    subprocess.run([sys.executable, "-I", str(WORKER), str(folder)], check=True, timeout=300)
+    if apart:
+        subprocess.run([sys.executable, "-I", str(WORKER), str(folder)], check=True, timeout=300)
+    else:
+        loaded(WORKER).main(folder)
     return json.loads((folder / "answer.json").read_text())
 
 
 def test_estimate_is_another_than_pythons(tmp_path):
-    found = answer(tmp_path, do="estimate", fov_deg=50, pitch_deg=15, material="plastic", heading_deg=30)
+    found = answer(tmp_path, apart=True, do="estimate", fov_deg=50, pitch_deg=15, material="plastic", heading_deg=30)
     light = anyprobe.estimate(ROOT / "examples" / "table.png", fov_deg=50, pitch_deg=15, material="plastic")
     turn = np.array(found["turn"])
     assert is_rotation(turn)
@@ -72,13 +83,9 @@ def test_advice_is_for_python(tmp_path):
     Image.new("RGB", (320, 240), (90, 120, 150)).save(tmp_path / "plain.png")
     said = answer(tmp_path, do="estimate", photo={"file": str(tmp_path / "plain.png")})["error"]
     assert said.endswith("give a click, a box or a mask picture (by Mark Object)")
-    sys.path.insert(0, str(WORKER.parent))
-    try:
-        from worker import panel_words
-    finally:
-        sys.path.pop(0)
-    assert "pip" not in panel_words().line(SmallNetwork.warning)
-    assert panel_words().line("the object is white") == "the object is white"
+    words = loaded(WORKER).panel_words()
+    assert "pip" not in words.line(SmallNetwork.warning)
+    assert words.line("the object is white") == "the object is white"
 
 
 def test_turned_pictures_lose_their_transparency_or_are_damaged(tmp_path):
@@ -124,12 +131,9 @@ def test_panoramas_that_cannot_be_read_are_left_out_in_silence(tmp_path):
 
 
 def test_the_zip_cannot_be_built():
-    spec = importlib.util.spec_from_file_location("build", WORKER.parents[1] / "build.py")
-    build = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(build)
-    names = [one.partition("==")[0] for one in build.wanted()]
-    assert {"onnxruntime", "OpenEXR", "pillow"} <= set(names)
-    assert all("==" in one for one in build.wanted())
+    wanted = loaded(WORKER.parents[1] / "build.py").wanted()
+    assert {"onnxruntime", "OpenEXR", "pillow"} <= {one.partition("==")[0] for one in wanted}
+    assert all("==" in one for one in wanted)
 
 
 def test_materials_are_unknown(tmp_path):

@@ -20,8 +20,6 @@ from anyprobe.files.paths import natural_order
 from anyprobe.hints import Hints
 from anyprobe.maps.radiance import read_radiance
 
-pytestmark = pytest.mark.usefixtures("networks_opened_once", "plain_previews")
-
 
 def png_with_size(width: int, height: int) -> bytes:
     """A PNG whose header tells a size that its pixels do not have."""

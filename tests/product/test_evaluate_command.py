@@ -59,11 +59,19 @@ def without_pictures(monkeypatch) -> None:
     monkeypatch.setattr("anyprobe.cli.evaluate._cells", lambda pair, estimates: np.zeros((8, 8, 3)))
 
 
+@pytest.fixture
+def cheap_spheres(monkeypatch) -> None:
+    """Pieces of the map in the place of rendered spheres, which take a second a pair."""
+    monkeypatch.setattr(
+        scoring, "sphere_images", lambda radiance: dict.fromkeys(("diffuse", "silver", "mirror"), radiance[:, :64])
+    )
+
+
 def written(folder) -> dict:
     return json.loads((folder / "evaluation" / "scores.json").read_text())
 
 
-def test_every_group_has_every_method_and_its_confidence(work, command, rendered):
+def test_every_group_has_every_method_and_its_confidence(work, command, rendered, cheap_spheres):
     """In the file and in print: the baselines, all groups that occur, and a constant beside what is claimed."""
     ended = command("evaluate", *ASSETS, "--conditions", "world", "--noisy-masks")
     assert ended.status == 0, ended.err
@@ -125,14 +133,6 @@ def test_textured_objects_are_refused_where_they_cannot_be(work, command, argume
     assert snapshot(work) == before
 
 
-def cheap_spheres(monkeypatch) -> None:
-    """Pieces of the map in the place of rendered spheres, which take a second a pair, as do those of the pictures."""
-    without_pictures(monkeypatch)
-    monkeypatch.setattr(
-        scoring, "sphere_images", lambda radiance: dict.fromkeys(("diffuse", "silver", "mirror"), radiance[:, :64])
-    )
-
-
 def own_maps(photos, maps, gain: float = 1.0) -> None:
     """A stranger's program: reads the photos that were written, writes a map for each."""
     models = Models(DEFAULT_MODEL)
@@ -144,16 +144,17 @@ def own_maps(photos, maps, gain: float = 1.0) -> None:
         write_exr(maps / given["prediction"], outputs.radiance * gain, half=False)
 
 
-def test_own_maps_score_as_the_model_itself(work, command, rendered, monkeypatch):
-    cheap_spheres(monkeypatch)
-    assert command("evaluate", *ASSETS).status == 0
+def test_own_maps_score_as_the_model_itself(work, command, rendered, cheap_spheres, monkeypatch):
+    without_pictures(monkeypatch)
+    assets = (*ASSETS[:-1], "2")
+    assert command("evaluate", *assets).status == 0
     itself = written(work)
     rendered.clear()
-    assert command("evaluate", *ASSETS, "--write-photos", "photos").status == 0
+    assert command("evaluate", *assets, "--write-photos", "photos").status == 0
     (work / "maps").mkdir()
     own_maps(work / "photos", work / "maps")
     rendered.clear()
-    ended = command("evaluate", *ASSETS, "--predictions", "maps")
+    ended = command("evaluate", *assets, "--predictions", "maps")
     assert ended.status == 0, ended.err
     theirs = written(work)
     assert theirs["scores"]["maps"] == itself["scores"]["lift"]
@@ -163,7 +164,7 @@ def test_own_maps_score_as_the_model_itself(work, command, rendered, monkeypatch
     assert (theirs["irradiance"], theirs["confidence"], theirs["model"]) == (None, None, "maps")
     own_maps(work / "photos", work / "maps", gain=2.0)
     rendered.clear()
-    assert command("evaluate", *ASSETS, "--predictions", "maps").status == 0
+    assert command("evaluate", *assets, "--predictions", "maps").status == 0
     brighter = written(work)["scores"]["maps"]["all"]
     assert brighter["ldr_rmse"] != itself["scores"]["lift"]["all"]["ldr_rmse"]
     assert brighter["ldr_gain_rmse"] == pytest.approx(itself["scores"]["lift"]["all"]["ldr_gain_rmse"], abs=1e-4)

@@ -20,7 +20,7 @@ from anyprobe.files.paths import folds_case, same_file_key
 
 @pytest.mark.parametrize(
     ("order", "encoding"),
-    [(("estimate",), "ascii"), (("estimate",), "cp437"), (("mask",), "cp1252"), (("mask", "--json"), "ascii")],
+    [(("estimate", "--size", "64"), "ascii"), (("mask",), "cp1252"), (("mask", "--json"), "ascii")],
 )
 def test_a_name_that_the_terminal_cannot_show_ends_nothing(work, photo_rgba, order, encoding):
     """By a table, a line and JSON."""

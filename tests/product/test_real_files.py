@@ -656,14 +656,14 @@ def test_two_photos_of_one_name_are_two_results(tmp_path, command):
 
 
 @pytest.fixture(scope="module")
-def light_of():
+def light_of(estimator):
     """Of a picture of the plain scene, a ball before a backdrop."""
     mask = CASES / "plain_mask.png"
 
     def estimate(rgb: np.ndarray, radiance: np.ndarray | None = None) -> anyprobe.Light:
         assert rgb.shape == (240, 320, 3)
         photo = replace(load_photo(rgb, mask=mask), radiance=radiance)
-        return anyprobe.Estimator().from_photo(photo)
+        return estimator.from_photo(photo)
 
     return estimate
 

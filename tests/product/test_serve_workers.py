@@ -16,6 +16,7 @@ pytest.importorskip("fastapi", reason="needs the serve extra")
 pytest.importorskip("python_multipart", reason="needs the serve extra")
 
 from fastapi.testclient import TestClient
+from support.lane_work import end_itself, out_of_memory, take
 
 from anyprobe.masks import weights
 from anyprobe.serve import processes, tasks
@@ -41,27 +42,9 @@ def source(lane, photo) -> str:
     return lane.call(tasks.mask, Upload(photo=photo), 10**9, True)["source"]
 
 
-def out_of_memory() -> None:
-    """In a process: what ONNX Runtime raises there."""
-    raise RuntimeError("[ONNXRuntimeError] : 6 : RUNTIME_EXCEPTION : Non-zero status code: std::bad_alloc")
-
-
 def test_a_network_that_lacks_memory_is_told_as_any_other_work(lane):
     with pytest.raises(TooMuchMemory, match="fits in memory"):
         lane.call(out_of_memory)
-
-
-def end_itself(flag: str, number: int, times: int) -> str:
-    """In a process: end by a signal, for so many times; then answer."""
-    with open(flag, "a+", encoding="utf-8") as stream:
-        stream.write("x")
-        stream.seek(0)
-        count = len(stream.read())
-    if count <= times:
-        if number:
-            os.kill(os.getpid(), number)
-        os._exit(3)
-    return "done"
 
 
 MODULES = (
@@ -76,10 +59,10 @@ def test_a_module_in_the_working_folder_is_not_taken_for_pythons(lane, photo, wo
     assert not (work / "ran").exists()
 
 
-@pytest.mark.parametrize("given", ["", ".", "{here}", "{here}/../{name}"])
-def test_nor_is_one_that_the_path_of_imports_leads_to(lane, photo, work, monkeypatch, given):
+def test_nor_is_one_that_the_path_of_imports_leads_to(lane, photo, work, monkeypatch):
     (work / "queue.py").write_text("raise SystemExit\n")
-    monkeypatch.syspath_prepend(given.format(here=work, name=work.name))
+    for given in ("", ".", work, work / ".." / work.name):
+        monkeypatch.syspath_prepend(str(given))
     assert source(lane, photo) == "alpha"
 
 
@@ -125,13 +108,26 @@ def test_one_that_was_ended_while_it_waited_is_replaced(lane, photo):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
-@pytest.mark.parametrize("number", ["SIGKILL", "SIGTERM", "SIGSEGV", None])
-def test_work_whose_process_ended_is_done_once_more(lane, tmp_path, number):
-    ended_by = getattr(signal, number) if number else 0
+@pytest.mark.parametrize(("number", "fault"), [("SIGKILL", WorkerLost), ("SIGSEGV", TooMuchMemory)])
+def test_work_whose_process_ended_is_done_once_more(lane, tmp_path, number, fault):
+    ended_by = getattr(signal, number)
     assert lane.call(end_itself, str(tmp_path / "flag"), ended_by, 1) == "done"
-    fault = WorkerLost if number in ("SIGKILL", "SIGTERM") else TooMuchMemory
     with pytest.raises(fault):
         lane.call(end_itself, str(tmp_path / "other"), ended_by, 2)
+
+
+@pytest.mark.parametrize(
+    ("status", "fault"), [(-15, WorkerLost), (-2, WorkerLost), (-6, TooMuchMemory), (3, TooMuchMemory)]
+)
+def test_a_signal_that_files_do_not_cause_is_no_fault_of_the_file(lane, monkeypatch, status, fault):
+    """SIGTERM and SIGINT; SIGABRT, and an exit, are what libraries do."""
+
+    def ended(task):
+        raise processes._Ended(status)
+
+    monkeypatch.setattr(lane, "_do", ended)
+    with pytest.raises(fault):
+        lane.call(out_of_memory)
 
 
 def test_a_worker_killed_at_work_costs_no_photo(estimator, photo, monkeypatch):
@@ -150,17 +146,6 @@ def test_a_worker_killed_at_work_costs_no_photo(estimator, photo, monkeypatch):
     with TestClient(create_app(estimator)) as client:
         assert [client.post("/v1/mask", content=photo).status_code for _ in range(4)] == [200] * 4
     assert len([one for one in killed if one]) == 2
-
-
-def take(processor_s: float, sleep_s: float) -> str:
-    """In a process: work and sleep by turns, as one does that others leave little of the processor."""
-    start = time.process_time()
-    while time.process_time() - start < processor_s:
-        until = time.process_time() + 0.02
-        while time.process_time() < until:
-            pass
-        time.sleep(sleep_s)
-    return "done"
 
 
 def test_one_that_works_as_far_as_others_let_it_is_waited_for_and_one_that_sleeps_is_not(monkeypatch):

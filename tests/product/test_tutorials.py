@@ -29,7 +29,7 @@ NOT_RUN = (
 BLENDERS_OWN = {"Open", "Add > Mesh > Monkey", "Image > Save As", "Cycles", "Metallic", "Roughness", "New"}
 """Labels of Blender itself, as are those that begin with a menu."""
 MENUS = ("Edit >", "File >", "View >", "Render >", "Install from Disk")
-pytestmark = pytest.mark.usefixtures("networks_opened_once", "rough_shadows")
+pytestmark = pytest.mark.usefixtures("networks_opened_once", "rough_shadows", "small_results")
 
 
 def steps_of(page: str) -> list[str]:

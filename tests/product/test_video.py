@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import shutil
 import struct
 import subprocess
 import sys
 import time
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -40,24 +42,32 @@ COUNT, FPS = 10, 24
 PROGRAM = Path(sys.executable).with_name("anyprobe")
 
 
-@pytest.fixture(scope="module")
-def made(tmp_path_factory):
-    """clip.mp4 of COUNT frames under a light that turns, and masks/."""
-    folder = tmp_path_factory.mktemp("clip")
+def clip_of(folder: Path, count: int) -> Path:
+    """The folder, with clip.mp4 under a light that turns, and masks/."""
     rng = np.random.default_rng(1)
-    frames = [sphere_frame(turned(made_map(), 0.05 * i), 0.01, rng) for i in range(COUNT)]
+    frames = [sphere_frame(turned(made_map(), 0.05 * i), 0.01, rng) for i in range(count)]
     write_clip(folder / "clip.mp4", frames, FPS)
-    write_masks(folder / "masks", COUNT)
+    write_masks(folder / "masks", count)
     return folder
 
 
-@pytest.fixture
-def begin(made, estimator, monkeypatch):
-    """A ClipRun of the made clip into a folder, saved every four frames."""
-    monkeypatch.setattr(run_module, "SAVE_EVERY", 4)
-    monkeypatch.setattr(run_module, "SHADOW_DIRECTIONS", 8)
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A clip of COUNT frames."""
+    return clip_of(tmp_path_factory.mktemp("clip"), COUNT)
 
-    def begin(folder, *, relit=False, every=1, **settings) -> ClipRun:
+
+@pytest.fixture(scope="module")
+def brief(tmp_path_factory):
+    """A clip of four."""
+    return clip_of(tmp_path_factory.mktemp("brief"), 4)
+
+
+@pytest.fixture(scope="module")
+def prepare(made, estimator):
+    """A ClipRun of the made clip into a folder."""
+
+    def prepare(folder, *, relit=False, every=1, **settings) -> ClipRun:
         virtual = None
         if relit:
             virtual = VirtualObject(mesh=sphere(8), material="photo", arrangement=Arrangement(pitch_deg=15))
@@ -65,7 +75,35 @@ def begin(made, estimator, monkeypatch):
         clip = open_clip(made / "clip.mp4")
         return ClipRun(clip, folder, estimator, follower, settings, every=every, virtual=virtual)
 
-    return begin
+    return prepare
+
+
+def save_often(patch: pytest.MonkeyPatch) -> None:
+    """Runs are saved every four frames, and draw rough shadows."""
+    patch.setattr(run_module, "SAVE_EVERY", 4)
+    patch.setattr(run_module, "SHADOW_DIRECTIONS", 8)
+
+
+@pytest.fixture
+def begin(prepare, monkeypatch):
+    """The same, saved often."""
+    save_often(monkeypatch)
+    return prepare
+
+
+@pytest.fixture(scope="module")
+def whole(prepare, tmp_path_factory):
+    """Finished runs with an object in them, not to be written to: whole(3), a light for every third frame."""
+
+    @lru_cache
+    def whole(every: int) -> ClipRun:
+        run = prepare(tmp_path_factory.mktemp("whole") / "out", relit=True, every=every)
+        with pytest.MonkeyPatch.context() as patch:
+            save_often(patch)
+            run(lambda done: None)
+        return run
+
+    return whole
 
 
 def files_of(folder) -> dict[str, bytes]:
@@ -94,15 +132,15 @@ def test_command_writes_a_track_and_maps(command, work, made):
 
 
 @pytest.mark.usefixtures("networks_opened_once")
-def test_command_uses_what_is_known_of_the_surroundings(command, work, made):
+def test_command_uses_what_is_known_of_the_surroundings(command, work, brief):
     """A panorama without gaps is the light; a photo's own surroundings are what its frames show there."""
     panorama = np.zeros((64, 128, 3), np.uint8)
     panorama[...] = (180, 90, 45)
     Image.fromarray(panorama).save(work / "panorama.png")
     lights = {}
     for name, given in (("alone", "none"), ("photo", "photo"), ("panorama", "panorama.png")):
-        options = ("--mask", made / "masks", "--exr", "-q", "--surroundings", given)
-        done = command("video", made / "clip.mp4", "-o", name, *options)
+        options = ("--mask", brief / "masks", "--exr", "-q", "--surroundings", given)
+        done = command("video", brief / "clip.mp4", "-o", name, *options)
         assert done.status == 0, done.err
         lights[name] = read_radiance(work / name / "lights" / "000003.exr")
     np.testing.assert_allclose(response(lights["panorama"]), panorama / 255, atol=0.02)
@@ -112,20 +150,19 @@ def test_command_uses_what_is_known_of_the_surroundings(command, work, made):
     assert np.abs(response(lights["alone"][ahead]) - shown).max() > 0.05
 
 
-def test_results_do_not_stand_beside_the_clip(command, made, work):
-    done = command("video", made / "clip.mp4", "--mask", made / "masks", "-q")
+def test_results_do_not_stand_beside_the_clip(command, brief, work):
+    done = command("video", brief / "clip.mp4", "--mask", brief / "masks", "-q")
     assert done.status == 0, done.err
     assert (work / "clip_light" / "track.json").is_file()
-    assert not (made / "clip_light").exists()
+    assert not (brief / "clip_light").exists()
 
 
-def test_poses_keep_the_light_still_in_the_world(begin, made, tmp_path):
+def test_poses_keep_the_light_still_in_the_world(begin, whole, tmp_path):
     """Told that the camera turned instead of the light, frames agree about it, also those without one of their own."""
     poses = np.array([rotation_y(-0.05 * i) for i in range(COUNT)])
-    still, turning = begin(tmp_path / "a", every=3), begin(tmp_path / "b", every=3)
+    still, turning = whole(3), begin(tmp_path, every=3)
     turning.poses = poses
-    for run in (still, turning):
-        run(lambda done: None)
+    turning(lambda done: None)
     records = turning.progress.frames
     assert all("same_as" not in one and len(one["sh9"]) == 9 for one in records)
     last = turning.progress.light.seen_from(poses[-1])
@@ -152,10 +189,8 @@ def test_command_reads_poses_and_goes_on_with_the_same_alone(command, work, made
     assert "expected one of them" in command(*order, "--insert", "sphere").complaint
 
 
-def test_every_nth_frame_has_a_light_of_its_own(begin, tmp_path):
-    run = begin(tmp_path, every=3)
-    run(lambda done: None)
-    assert [one.get("same_as") for one in run.progress.frames] == [None, 0, 0, None, 3, 3, None, 6, 6, None]
+def test_every_nth_frame_has_a_light_of_its_own(whole):
+    assert [one.get("same_as") for one in whole(3).progress.frames] == [None, 0, 0, None, 3, 3, None, 6, 6, None]
 
 
 @pytest.mark.parametrize("relit", [False, True])
@@ -182,8 +217,8 @@ def test_masks_are_taken_in_the_order_one_counts_in(tmp_path, made):
 
 
 @pytest.mark.parametrize("cut", [0, 100])
-def test_what_another_version_left_is_one_line(begin, tmp_path, cut):
-    begin(tmp_path / "out")(lambda done: None)
+def test_what_another_version_left_is_one_line(begin, whole, tmp_path, cut):
+    shutil.copytree(whole(3).folder, tmp_path / "out")
     state = tmp_path / "out" / ".state.npz"
     state.write_bytes(state.read_bytes()[:cut])
     with pytest.raises(InputError, match="another or damaged file; restart"):
@@ -221,9 +256,7 @@ def test_inner_point_of_a_crescent_lies_on_it(size):
 
 
 @pytest.mark.parametrize(("stop_at", "every"), [(1, 1), (7, 1), (7, 3)])
-def test_stopped_run_goes_on_to_the_same_files(begin, tmp_path, every, stop_at):
-    begin(tmp_path / "whole", relit=True, every=every)(lambda done: None)
-
+def test_stopped_run_goes_on_to_the_same_files(begin, whole, tmp_path, every, stop_at):
     def stop(done: int) -> None:
         if done == stop_at:
             raise KeyboardInterrupt
@@ -234,8 +267,8 @@ def test_stopped_run_goes_on_to_the_same_files(begin, tmp_path, every, stop_at):
     again = begin(tmp_path / "stopped", relit=True, every=every)
     assert (again.progress.next_index > 0) == (stop_at > 6)
     again(lambda done: None)
-    assert files_of(tmp_path / "stopped") == files_of(tmp_path / "whole")
-    assert len(files_of(tmp_path / "whole")) == 3
+    assert files_of(tmp_path / "stopped") == files_of(whole(every).folder)
+    assert len(files_of(whole(every).folder)) == 3
 
 
 def test_run_that_finds_its_masks_goes_on_to_the_same_files(begin, tmp_path):
@@ -289,10 +322,10 @@ def test_killed_command_goes_on_to_the_same_files(tmp_path):
     assert len(results(killed)) == -(-count // 3) + 3
 
 
-def test_finished_run_does_nothing_again(begin, tmp_path):
-    begin(tmp_path)(lambda done: None)
+def test_finished_run_does_nothing_again(begin, whole, tmp_path):
+    shutil.copytree(whole(3).folder, tmp_path / "out")
     seen = []
-    begin(tmp_path)(seen.append)
+    begin(tmp_path / "out", relit=True, every=3)(seen.append)
     assert seen == []
 
 
@@ -303,15 +336,14 @@ def test_kept_warnings_stay_notices(tmp_path):
     assert kept.as_json() == note.as_json()
 
 
-def test_other_settings_are_refused(begin, tmp_path):
-    begin(tmp_path, size=0.8)(lambda done: None)
+def test_other_settings_are_refused(begin, whole):
     with pytest.raises(InputError, match="size: expected what the run in"):
-        begin(tmp_path, size=0.9)
+        begin(whole(3).folder, size=0.9)
 
 
 @pytest.mark.usefixtures("networks_opened_once")
-def test_options_that_differ_are_named_as_on_the_command_line(command, work, made):
-    order = ("video", made / "clip.mp4", "-o", "out", "-q")
+def test_options_that_differ_are_named_as_on_the_command_line(command, work, brief):
+    order = ("video", brief / "clip.mp4", "-o", "out", "-q")
     assert command(*order, "--box", "30,10,100,90", "--fov", 50, "--insert", "sphere").status == 0
     said = command(*order, "--fov", 40, "--albedo", 0.5, "--every", 2).complaint
     expected = "--every and --box and --fov and --material and --insert"
@@ -415,10 +447,9 @@ def test_pieces_join_where_frames_are_missing(tmp_path, missing):
     np.testing.assert_allclose(found, times, atol=1e-3)
 
 
-def test_light_clip_shows_the_map_and_three_spheres_of_every_frame(begin, tmp_path):
-    run = begin(tmp_path)
-    run(lambda done: None)
-    shown = [frame.rgb for frame in read_frames(open_clip(tmp_path / "light.mp4"), [])]
+def test_light_clip_shows_the_map_and_three_spheres_of_every_frame(whole):
+    run = whole(1)
+    shown = [frame.rgb for frame in read_frames(open_clip(run.folder / "light.mp4"), [])]
     assert len(shown) == COUNT
     assert shown[0].shape == (128, 640, 3)
     radiance = run.progress.light.radiance
@@ -429,9 +460,8 @@ def test_light_clip_shows_the_map_and_three_spheres_of_every_frame(begin, tmp_pa
     np.testing.assert_allclose(middles, wanted, atol=4)
 
 
-def test_relit_clip_has_every_frame_and_the_object(begin, made, tmp_path):
-    begin(tmp_path, relit=True)(lambda done: None)
-    relit = [frame.rgb for frame in read_frames(open_clip(tmp_path / "relit.mp4"), [])]
+def test_relit_clip_has_every_frame_and_the_object(whole, made):
+    relit = [frame.rgb for frame in read_frames(open_clip(whole(1).folder / "relit.mp4"), [])]
     plain = [frame.rgb for frame in read_frames(open_clip(made / "clip.mp4"), [])]
     assert len(relit) == len(plain) == COUNT
     difference = np.abs(np.array(relit, float) - np.array(plain, float)).mean(axis=(0, 3))

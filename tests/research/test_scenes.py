@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+pytest.importorskip("torch", reason="needs the train extra")
+
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import inverse_response
 from anyprobe.learning.dataset.asset_store import load_asset_store

@@ -10,10 +10,12 @@ import typer
 
 from anyprobe.cli.app import app
 
+COMMANDS = typer.main.get_command(app)
+
 
 def fault_of(words: list[str]) -> str:
     """What click says of a command that it would refuse; empty where it takes it. Nothing runs."""
-    command, rest = typer.main.get_command(app), words[1:]
+    command, rest = COMMANDS, words[1:]
     context = command.context_class(command, info_name="anyprobe")
     try:
         while hasattr(command, "commands") and rest and not rest[0].startswith("-"):
