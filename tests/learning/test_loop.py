@@ -60,14 +60,20 @@ def two_steps(run, tmp_path_factory):
     return lru_cache(lambda named: run(tmp_path_factory.mktemp("two_steps"), steps=2, named=named))
 
 
+@pytest.fixture(scope="module")
+def one_step(run, tmp_path_factory):
+    """A checkpoint of a run of `normals`, trained for a step."""
+    return run(tmp_path_factory.mktemp("one_step"), steps=1, named=normals)
+
+
 @pytest.mark.parametrize("named", [paper_irradiance, paper, lift])
-def test_resumed_run_equals_the_straight_one_to_the_bit(run, tmp_path, named):
-    straight = torch.load(run(tmp_path / "a", steps=2, named=named), weights_only=True)
-    part = run(tmp_path / "b", stop_after=1, steps=2, named=named)
+def test_resumed_run_equals_the_straight_one_to_the_bit(run, two_steps, tmp_path, named):
+    straight = torch.load(two_steps(named), weights_only=True)
+    part = run(tmp_path, stop_after=1, steps=2, named=named)
     # a kill leaves rows that no checkpoint knows of
     log = part.with_name("log.csv")
     log.write_text(log.read_text() + "2,10,0.5,0.5,0.5,1e-3,1\n")
-    resumed = torch.load(run(tmp_path / "b", steps=2, named=named), weights_only=True)
+    resumed = torch.load(run(tmp_path, steps=2, named=named), weights_only=True)
     assert straight["step"] == resumed["step"] == 2
     for name, value in straight["nets"].items():
         assert torch.equal(value, resumed["nets"][name]), name
@@ -181,7 +187,7 @@ def test_exported_chain_agrees_with_torch(two_steps, tmp_path, monkeypatch):
         differences = export_onnx.export_graphs(checkpoint, tmp_path / "weights")
         monkeypatch.setattr(export_onnx, "TOLERANCE", 0.0)
         with pytest.raises(ModelError, match="expected ONNX within"):
-            export_onnx.export_graphs(checkpoint, tmp_path / "refused")
+            export_onnx.export_graphs(two_steps(paper_irradiance), tmp_path / "refused")
     assert set(differences) == set(NETS)
     assert max(differences.values()) < 0.02
     assert not list((tmp_path / "refused").iterdir())
@@ -204,12 +210,11 @@ def test_exported_lift_agrees_with_torch_and_runs_on_a_crop(two_steps, tmp_path)
     assert np.abs(wider.ln_radiance - outputs.ln_radiance).max() > 0.01
 
 
-def test_a_graph_tells_what_its_weights_come_from(run, tmp_path, monkeypatch):
+def test_a_graph_tells_what_its_weights_come_from(run, one_step, tmp_path, monkeypatch):
     """As far as the checkpoint knows it: older ones do not say what they began from, few are means."""
     onnx = pytest.importorskip("onnx", reason="needs the train extra")
     kept = tmp_path / "start.pt"
-    path = run(tmp_path / "a", steps=1, named=normals)
-    save_init_weights(path, kept)
+    save_init_weights(one_step, kept)
     begun = run(tmp_path / "b", steps=1, named=normals, start=kept)
 
     names = ("start", "assets", "mean_with", "mean_with_pairs")
@@ -229,11 +234,11 @@ def test_a_graph_tells_what_its_weights_come_from(run, tmp_path, monkeypatch):
         assert (told["steps"], told["pairs"]) == ("1", "4")
         return {name: told[name] for name in names if name in told}
 
-    assert hints(path) == {"start": "nothing"}
+    assert hints(one_step) == {"start": "nothing"}
     assert {name: written[name] for name in names if name in written} == hints(begun)
     assert written.items() >= told.items()
     assert hints(begun) == {"start": hashlib.sha256(kept.read_bytes()).hexdigest()[:16]}
-    stored = torch.load(path, weights_only=True)
+    stored = torch.load(one_step, weights_only=True)
     mean = {"mean_with": {"start": "0123456789abcdef", "pairs": 823040}}
     for name, more in (
         ("mean", mean | {"origin": {"start": "fedcba9876543210", "assets": "2 maps and 3 shapes (00112233)"}}),
@@ -286,15 +291,14 @@ def test_the_mask_network_is_refused_whatever_is_asked_of_it(asked, tmp_path, mo
     assert not list(tmp_path.iterdir())
 
 
-def test_lift_begins_from_normals_that_learned_alone(run, tmp_path):
+def test_lift_begins_from_normals_that_learned_alone(one_step, tmp_path):
     kept, weight = tmp_path / "start.pt", "light.normals.head.weight"
-    checkpoint = run(tmp_path / "a", steps=1, named=normals)
-    save_init_weights(checkpoint, kept)
-    learned = torch.load(checkpoint, weights_only=True)["nets"][weight]
+    save_init_weights(one_step, kept)
+    learned = torch.load(one_step, weights_only=True)["nets"][weight]
     learner = Lift(lift().lift, "cpu")
     load_init_weights(learner.nets, kept)
     torch.testing.assert_close(learner.nets.state_dict()[weight], learned, rtol=1e-3, atol=1e-6)
-    assert set(export_onnx.graphs_of(load_nets(checkpoint))) == {"light"}
+    assert set(export_onnx.graphs_of(load_nets(one_step))) == {"light"}
 
 
 def test_no_checkpoint_is_one_clear_line(tmp_path):

@@ -165,8 +165,8 @@ def test_an_objects_patterns_change_its_colour_and_nothing_else(views):
         assert one.min() > 0
 
 
-def test_the_mean_of_the_weights_is_kept(run, tmp_path):
-    stored = torch.load(run(tmp_path), weights_only=True)
+def test_the_mean_of_the_weights_is_kept(checkpoint):
+    stored = torch.load(checkpoint, weights_only=True)
     torch.manual_seed(MaskRunConfig().seed)
     first = MaskNet().state_dict()["head.weight"]
     kept, moving = (stored[name]["head.weight"] for name in ("net", "moving"))
@@ -186,10 +186,15 @@ def run(views):
     return call
 
 
-def test_resumed_run_equals_the_straight_one_to_the_bit(run, tmp_path):
-    straight = torch.load(run(tmp_path / "a"), weights_only=True)
-    part = run(tmp_path / "b", stop_after=2)
-    resumed = torch.load(run(tmp_path / "b"), weights_only=True)
+@pytest.fixture(scope="module")
+def checkpoint(run, tmp_path_factory):
+    return run(tmp_path_factory.mktemp("straight"))
+
+
+def test_resumed_run_equals_the_straight_one_to_the_bit(run, checkpoint, tmp_path):
+    straight = torch.load(checkpoint, weights_only=True)
+    part = run(tmp_path, stop_after=2)
+    resumed = torch.load(run(tmp_path), weights_only=True)
     assert straight["step"] == resumed["step"] == 4
     for kept in ("net", "moving"):
         for name, value in straight[kept].items():
@@ -198,8 +203,7 @@ def test_resumed_run_equals_the_straight_one_to_the_bit(run, tmp_path):
     assert steps == ["2", "4"]
 
 
-def test_exported_graph_is_the_network(run, tmp_path):
-    checkpoint = run(tmp_path)
+def test_exported_graph_is_the_network(checkpoint, tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # torch's exporter warns about itself
         difference = export_mask(checkpoint, tmp_path)

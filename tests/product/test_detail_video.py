@@ -27,7 +27,7 @@ from anyprobe.video.clip import open_clip
 from anyprobe.video.following import MaskFollower
 from anyprobe.video.run import ClipRun, VirtualObject
 
-COUNT, FPS = 8, 24
+COUNT, FPS, ROWS = 6, 24, 128
 
 
 @pytest.fixture(scope="module")
@@ -50,20 +50,41 @@ def made(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def begin(made, estimator, library, monkeypatch):
-    monkeypatch.setattr(run_module, "SAVE_EVERY", 3)
-    monkeypatch.setattr(run_module, "SHADOW_DIRECTIONS", 8)
-    monkeypatch.setattr(run_module, "DETAIL_ROWS", 128)
+@pytest.fixture(scope="module")
+def prepare(made, estimator, library):
+    """A ClipRun of the made clip into a folder, with a sphere of a material in it."""
 
-    def begin(folder, *, material="chrome", detail=True, **more) -> ClipRun:
+    def prepare(folder, *, material="chrome", detail=True, **more) -> ClipRun:
         virtual = VirtualObject(mesh=sphere(8), material=material, arrangement=Arrangement(pitch_deg=15))
         follower = MaskFollower({"mask": made / "masks"}, {}, {})
         more = {"virtual": virtual} | more
         clip = open_clip(made / "clip.mp4")
         return ClipRun(clip, folder, estimator, follower, {}, exr=True, library=library if detail else None, **more)
 
-    return begin
+    return prepare
+
+
+def make_small(patch: pytest.MonkeyPatch) -> None:
+    """Runs are saved every three frames, and draw rough shadows and maps."""
+    patch.setattr(run_module, "SAVE_EVERY", 3)
+    patch.setattr(run_module, "SHADOW_DIRECTIONS", 8)
+    patch.setattr(run_module, "DETAIL_ROWS", ROWS)
+
+
+@pytest.fixture
+def begin(prepare, monkeypatch):
+    make_small(monkeypatch)
+    return prepare
+
+
+@pytest.fixture(scope="module")
+def fine(prepare, tmp_path_factory) -> ClipRun:
+    """A finished run with detail."""
+    run = prepare(tmp_path_factory.mktemp("fine") / "out")
+    with pytest.MonkeyPatch.context() as patch:
+        make_small(patch)
+        run(lambda done: None)
+    return run
 
 
 def results(folder) -> dict[str, bytes]:
@@ -100,52 +121,49 @@ def test_the_exposure_of_a_held_place_follows_the_light(estimate, library):
     np.testing.assert_allclose(change, np.log([0.5, 0.25, 0.125]), atol=0.02)
 
 
-def test_reflections_do_not_change_their_place_and_the_light_stays(begin, tmp_path):
+def test_reflections_do_not_change_their_place_and_the_light_stays(begin, fine, tmp_path):
     """The same records as without but for the place's name, and chrome that shows more and stays as still."""
-    plain, fine = begin(tmp_path / "plain", detail=False), begin(tmp_path / "fine")
-    for run in (plain, fine):
-        run(lambda done: None)
-    names = [record.pop("detail") for record in fine.progress.frames]
-    assert len(set(names)) == 1
-    assert fine.progress.frames == plain.progress.frames
-    maps = [read_radiance(tmp_path / "fine" / "lights" / f"{i:06d}.exr") for i in (4, 7)]
-    assert maps[0].shape == (run_module.DETAIL_ROWS, 2 * run_module.DETAIL_ROWS, 3)
-    assert names[0] in map_attributes(tmp_path / "fine" / "lights" / "000004.exr")["detail"]
-    for radiance, record in zip(maps, (fine.progress.frames[i] for i in (4, 7)), strict=True):
+    plain = begin(tmp_path, detail=False)
+    plain(lambda done: None)
+    (name,) = {record["detail"] for record in fine.progress.frames}
+    assert fine.progress.frames == [{**record, "detail": name} for record in plain.progress.frames]
+    maps = [read_radiance(fine.folder / "lights" / f"{i:06d}.exr") for i in (3, 5)]
+    assert maps[0].shape == (ROWS, 2 * ROWS, 3)
+    assert name in map_attributes(fine.folder / "lights" / "000003.exr")["detail"]
+    for radiance, record in zip(maps, (fine.progress.frames[i] for i in (3, 5)), strict=True):
         np.testing.assert_allclose(project(radiance), record["sh9"], atol=0.01 * np.abs(record["sh9"]).max())
     dim = np.maximum(*maps).max(axis=-1) < 2  # the rest are light sources, which turn by parts of a degree
     assert dim.mean() > 0.98
     ln = [np.log(one + 0.02)[dim] for one in maps]
     assert np.std(ln[1] - ln[0]) < 0.1 * np.std(ln[0])
-    assert results(tmp_path / "fine")["relit.mp4"] != results(tmp_path / "plain")["relit.mp4"]
+    assert results(fine.folder)["relit.mp4"] != results(tmp_path)["relit.mp4"]
 
 
 def test_what_is_dull_is_drawn_as_without(begin, tmp_path):
     drawn = []
     for name, detail in (("plain", False), ("fine", True)):
-        run = begin(tmp_path / name, material="matte", detail=detail)
+        run = begin(tmp_path / name, material="matte", detail=detail, every=COUNT)
         run(lambda done: None)
         drawn.append(run._shown[1])
     np.testing.assert_array_equal(*drawn)
 
 
-def test_a_stopped_run_goes_on_with_the_place_that_it_held(begin, tmp_path, monkeypatch):
+def test_a_stopped_run_goes_on_with_the_place_that_it_held(begin, fine, tmp_path, monkeypatch):
     """Also where the estimate of the frame it goes on with would choose another."""
-    begin(tmp_path / "whole")(lambda done: None)
 
     def stop(done: int) -> None:
         if done == 5:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        begin(tmp_path / "stopped")(stop)
-    again = begin(tmp_path / "stopped")
+        begin(tmp_path)(stop)
+    again = begin(tmp_path)
     assert again.progress.next_index == 3
     chosen = []
     monkeypatch.setattr("anyprobe.match.alignment.find_match", lambda *given: chosen.append(given))
     again(lambda done: None)
     assert not chosen
-    assert results(tmp_path / "stopped") == results(tmp_path / "whole")
+    assert results(tmp_path) == results(fine.folder)
 
 
 def test_the_place_stands_still_in_the_world(begin, tmp_path):
