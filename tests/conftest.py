@@ -170,7 +170,7 @@ class Outcome:
 
 
 @pytest.fixture
-def command(capfd, monkeypatch, networks_opened_once, small_results) -> Callable[..., Outcome]:
+def command(capfd, monkeypatch, networks_opened_once, small_results, rough_shadows) -> Callable[..., Outcome]:
     """The installed command's own entry point, or another, called in this process; its pictures are small."""
     monkeypatch.setattr(typer.main, "get_command", _commands)
 
