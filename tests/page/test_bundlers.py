@@ -17,8 +17,9 @@ ROOT = Path(__file__).parents[2]
 WEB = ROOT / "web"
 FOV_DEG = 24.0
 ISOLATED = {"Cross-Origin-Opener-Policy": "same-origin", "Cross-Origin-Embedder-Policy": "require-corp"}
-IN_CI = ("vite", "webpack")
+IN_CI = ("vite",)
 """The others take a minute each."""
+pytestmark = pytest.mark.ci
 
 
 @pytest.fixture(scope="module")

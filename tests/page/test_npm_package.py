@@ -28,6 +28,7 @@ TABLE_LONG_FOV_DEG = 42.0
 """Of the examples' photo, 32.13 vertically."""
 ISOLATED = {"Cross-Origin-Opener-Policy": "same-origin", "Cross-Origin-Embedder-Policy": "require-corp"}
 """Without them the networks run on one thread."""
+pytestmark = pytest.mark.ci
 
 
 @pytest.fixture(scope="module")

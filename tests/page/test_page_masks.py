@@ -16,7 +16,10 @@ from research.masks.cases import iou, photo_cases
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
-pytestmark = pytest.mark.skipif(not can_run(), reason="needs Node.js and the packages of web/ (cd web && npm ci)")
+pytestmark = [
+    pytest.mark.ci,
+    pytest.mark.skipif(not can_run(), reason="needs Node.js and the packages of web/ (cd web && npm ci)"),
+]
 
 
 @pytest.fixture(scope="module")

@@ -18,6 +18,7 @@ from anyprobe.estimate.runtime import DEFAULT_MODEL, bundled_models
 
 ROOT = Path(__file__).parents[2]
 WEB = ROOT / "web"
+pytestmark = pytest.mark.ci
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from support.page_spheres import MOST_OFF, SPHERES, drawn_by_package, typical_di
 VASE = Path(__file__).parents[2] / "examples" / "vase.png"
 MIDDLE = [0.5, 0.55]
 """Of the camera's picture: on the vase."""
+pytestmark = pytest.mark.ci
 
 
 @pytest.fixture(scope="module")

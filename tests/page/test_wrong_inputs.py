@@ -27,6 +27,7 @@ SERVER_ALONE = (
     *("box of nothing", "box of all", "no background"),  # its networks judge these
 )
 """Inputs that the page can have wrong at its server alone."""
+pytestmark = pytest.mark.ci
 IN_BROWSER = tuple(name for name in TABLE if name not in SERVER_ALONE or name == "unknown emitters")
 
 

@@ -28,6 +28,7 @@ from anyprobe.video.following import MaskFollower
 from anyprobe.video.run import ClipRun, VirtualObject
 
 COUNT, FPS, ROWS = 6, 24, 128
+pytestmark = pytest.mark.ci
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ from anyprobe.maps.radiance import write_exr
 ROOT = Path(__file__).parents[2]
 BLOCK = re.compile(r"(?:<!-- not run: ([^>]+) -->\n)?^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")), *sorted((ROOT / "docs").rglob("*.ipynb"))]
-pytestmark = pytest.mark.usefixtures("networks_opened_once", "rough_shadows", "small_results")
+pytestmark = [pytest.mark.ci, pytest.mark.usefixtures("networks_opened_once", "rough_shadows", "small_results")]
 
 
 def blocks_of(path: Path) -> list[tuple[int, str, str]]:

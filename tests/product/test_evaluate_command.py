@@ -146,15 +146,14 @@ def own_maps(photos, maps, gain: float = 1.0) -> None:
 
 def test_own_maps_score_as_the_model_itself(work, command, rendered, cheap_spheres, monkeypatch):
     without_pictures(monkeypatch)
-    assets = (*ASSETS[:-1], "2")
-    assert command("evaluate", *assets).status == 0
+    assert command("evaluate", *ASSETS).status == 0
     itself = written(work)
     rendered.clear()
-    assert command("evaluate", *assets, "--write-photos", "photos").status == 0
+    assert command("evaluate", *ASSETS, "--write-photos", "photos").status == 0
     (work / "maps").mkdir()
     own_maps(work / "photos", work / "maps")
     rendered.clear()
-    ended = command("evaluate", *assets, "--predictions", "maps")
+    ended = command("evaluate", *ASSETS, "--predictions", "maps")
     assert ended.status == 0, ended.err
     theirs = written(work)
     assert theirs["scores"]["maps"] == itself["scores"]["lift"]
@@ -164,7 +163,7 @@ def test_own_maps_score_as_the_model_itself(work, command, rendered, cheap_spher
     assert (theirs["irradiance"], theirs["confidence"], theirs["model"]) == (None, None, "maps")
     own_maps(work / "photos", work / "maps", gain=2.0)
     rendered.clear()
-    assert command("evaluate", *assets, "--predictions", "maps").status == 0
+    assert command("evaluate", *ASSETS, "--predictions", "maps").status == 0
     brighter = written(work)["scores"]["maps"]["all"]
     assert brighter["ldr_rmse"] != itself["scores"]["lift"]["all"]["ldr_rmse"]
     assert brighter["ldr_gain_rmse"] == pytest.approx(itself["scores"]["lift"]["all"]["ldr_gain_rmse"], abs=1e-4)

@@ -289,7 +289,7 @@ def test_workers_end_in_the_middle_of_a_shard_when_the_command_is_killed(start, 
     assert names(folder) == {"dataset.json"}
 
 
-def test_ctrl_c_says_how_to_go_on(start, rendered, tmp_path):
+def test_ctrl_c_says_how_to_go_on(start, drawn_command, rendered, tmp_path):
     """As a terminal sends it, to the command and its workers alike, here to these a little before."""
     folder = tmp_path / "a set"
     running = start(folder, *SMALL, DRAWN_STOP="12")
@@ -308,9 +308,8 @@ def test_ctrl_c_says_how_to_go_on(start, rendered, tmp_path):
     assert not any(shards.is_temporary(path) for path in folder.iterdir())
     assert "stopped with 2 of 5 shards done" in how
     assert render_job.RenderJob(folder=folder, data=None, make=DrawnRenderer).missing() == [2, 3, 4]
-    again = start(folder, "--resume")
-    _, said = again.communicate(timeout=PATIENCE_S)
-    assert again.returncode == 0, said
+    outcome = drawn_command("render", folder, "--resume")
+    assert outcome.status == 0, outcome.err
     assert snapshot(folder) == snapshot(rendered)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+pytestmark = pytest.mark.ci
 
 SHORT = """
 import numpy as np, swaying, swaying_light as benchmark
