@@ -25,6 +25,7 @@ from anyprobe.estimate import estimator as estimate_module  # noqa: E402
 from anyprobe.estimate import outputs  # noqa: E402
 from anyprobe.estimate.estimator import Estimator  # noqa: E402
 from anyprobe.estimate.result import Light  # noqa: E402
+from anyprobe.masks.networks import small_network  # noqa: E402
 from anyprobe.relight.insert import Stage  # noqa: E402
 from anyprobe.relight.shadow import GroundShadow  # noqa: E402
 
@@ -136,6 +137,13 @@ def rough_shadows(monkeypatch) -> None:
     """Shadows of 32 directions on 64 x 64 cells, where no test looks at their grain."""
     for function in (Stage.shadow, GroundShadow.__init__):
         monkeypatch.setattr(function, "__defaults__", (32, 64))
+
+
+@pytest.fixture
+def small_masks(monkeypatch) -> None:
+    """Objects are found by the bundled network, whatever is installed: U2-Net-p takes three seconds of a core."""
+    for module in ("masks.find", "video.following"):
+        monkeypatch.setattr(f"anyprobe.{module}.shared_network", small_network)
 
 
 @pytest.fixture

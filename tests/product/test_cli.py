@@ -26,6 +26,7 @@ from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.maps.radiance import read_radiance
 
 SUFFIXES = {".exr", ".hdr", ".json", ".png", "_panorama.exr", "_origin.png"}
+pytestmark = pytest.mark.usefixtures("small_masks")
 
 
 def save_sphere(path: str | Path, center=(64, 48), alpha: bool = True) -> Path:

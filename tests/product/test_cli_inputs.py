@@ -20,6 +20,8 @@ from anyprobe.files.paths import natural_order
 from anyprobe.hints import Hints
 from anyprobe.maps.radiance import read_radiance
 
+pytestmark = pytest.mark.usefixtures("small_masks")
+
 
 def png_with_size(width: int, height: int) -> bytes:
     """A PNG whose header tells a size that its pixels do not have."""

@@ -71,6 +71,7 @@ def written(folder) -> dict:
     return json.loads((folder / "evaluation" / "scores.json").read_text())
 
 
+@pytest.mark.ci
 def test_every_group_has_every_method_and_its_confidence(work, command, rendered, cheap_spheres):
     """In the file and in print: the baselines, all groups that occur, and a constant beside what is claimed."""
     ended = command("evaluate", *ASSETS, "--conditions", "world", "--noisy-masks")
@@ -97,6 +98,7 @@ def test_every_group_has_every_method_and_its_confidence(work, command, rendered
         assert f"{indoor[name]:.3f} ({indoor['constant'][name]:.3f})" in row
 
 
+@pytest.mark.ci
 def test_what_is_told_has_a_confidence_of_its_own(work, command, rendered, scored_quickly, monkeypatch):
     """Two of the five things that are: the others take as long again."""
     monkeypatch.setattr(
@@ -116,6 +118,7 @@ def test_what_is_told_has_a_confidence_of_its_own(work, command, rendered, score
     assert f"{given['lift, surroundings given']['auc']:.3f} (0.500)" in row
 
 
+@pytest.mark.ci
 def test_a_model_that_claims_nothing_has_no_confidence(work, command, rendered, scored_quickly):
     ended = command("evaluate", *ASSETS, "--model", "paper")
     assert (written(work)["confidence"], written(work)["confidence_with_hints"]) == (None, {})
@@ -144,6 +147,7 @@ def own_maps(photos, maps, gain: float = 1.0) -> None:
         write_exr(maps / given["prediction"], outputs.radiance * gain, half=False)
 
 
+@pytest.mark.ci
 def test_own_maps_score_as_the_model_itself(work, command, rendered, cheap_spheres, monkeypatch):
     without_pictures(monkeypatch)
     assert command("evaluate", *ASSETS).status == 0
@@ -229,6 +233,7 @@ def test_maps_of_any_size_are_read_with_their_power(tmp_path):
         assert abs(power_ratio_stops(found, truth)) < (0.02 if height < 64 else 2e-3)
 
 
+@pytest.mark.ci
 def test_a_list_of_recipes_keeps_its_conditions(work, command, rendered, scored_quickly):
     recipes = world_recipes(AssetStore([own_map(1, 1)], [own_shape(1, 1)]), 5, 3)
     (work / "list.txt").write_text("\n".join([f"# {digest(recipes)}", *(one.to_hex() for one in recipes)]))

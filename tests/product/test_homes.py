@@ -115,6 +115,7 @@ def test_no_weights_are_found_there_and_all_places_are_named(home):
     assert all(not is_there(folder / weights.NAME) for folder, _ in weight_folders())
 
 
+@pytest.mark.ci
 def test_estimate_and_doctor_work_there(home, command, work, photo_rgba, monkeypatch):
     """Masks are found in an estimate as by `anyprobe mask`."""
     monkeypatch.setattr(doctor, "self_test", lambda model: (0.1, 4.0))

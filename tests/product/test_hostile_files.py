@@ -101,6 +101,7 @@ def test_a_picture_of_one_endless_row_is_refused():
     assert "65535" in refused(InvalidPhoto, read_image, stream.getvalue())
 
 
+@pytest.mark.ci
 def test_a_scene_of_very_many_nodes_is_refused(tmp_path):
     (tmp_path / "many.glb").write_bytes(instanced_glb(200_000))
     is_soon(3.0, refused, InvalidMesh, read_mesh, tmp_path / "many.glb")
@@ -198,6 +199,7 @@ def test_reading_leaves_stdout_alone(monkeypatch):
     assert seen == [sys.stdout]
 
 
+@pytest.mark.ci
 def test_a_process_that_forks_while_another_thread_reads_goes_on():
     """In an interpreter of its own, which this one may end."""
     code = """
@@ -245,6 +247,7 @@ def test_a_damaged_exr_is_one_line_where_the_process_is_ours(tmp_path, monkeypat
     assert (captured.out, captured.err) == ("", "")
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("blas", ["1", "3"])
 def test_the_same_photo_gives_the_same_bits_whatever_the_threads(photo_rgba, tmp_path, blas):
     """Of the networks, of NumPy's linear algebra, and with others at work beside it."""

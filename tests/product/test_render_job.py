@@ -153,6 +153,7 @@ def test_plan_says_what_it_is_made_of(rendered):
     assert plan["shapes"] == [{"id": "0a0a0a0a", "name": "sphere", "licence": "CC0"}]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("kind", ["object", "map"])
 def test_command_renders_what_one_process_renders(drawn_command, tmp_path, kind):
     """Processes share the shards; the folder is the same byte for byte, and so says verify."""
@@ -167,6 +168,7 @@ def test_command_renders_what_one_process_renders(drawn_command, tmp_path, kind)
     assert (outcome.status, outcome.out) == (0, "5 shards good, 0 bad, 0 not rendered yet\n")
 
 
+@pytest.mark.ci
 def test_true_renderer_gives_the_same_in_processes_as_here(command, tmp_path):
     """A pair of a map and a shape of our own."""
     given = {"pairs": 1, "shard_size": 1, "procedural_maps": 1, "procedural_shapes": 1}
@@ -199,6 +201,7 @@ def begin_true(folder: Path, data: Path, resume: bool = False, **given) -> tuple
     return job, said
 
 
+@pytest.mark.ci
 def test_folder_of_assets_with_a_bad_file(tmp_path, assets):
     """It is named when the dataset is begun; workers and verify leave it out as well."""
     (tmp_path / "data/hdri/train/cut.hdr").write_bytes(b"#?RADIANCE")
@@ -254,6 +257,7 @@ def test_shape_that_no_pixel_shows_is_left_out(tmp_path, assets):
 # Stopped
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("victims", ["the command", "its whole group"])
 def test_killed_render_goes_on_to_the_same_folder(start, drawn_command, rendered, tmp_path, victims):
     """kill -9 in the middle of two shards: nothing bad is left, --resume makes the rest and no more."""
@@ -289,6 +293,7 @@ def test_workers_end_in_the_middle_of_a_shard_when_the_command_is_killed(start, 
     assert names(folder) == {"dataset.json"}
 
 
+@pytest.mark.ci
 def test_ctrl_c_says_how_to_go_on(start, drawn_command, rendered, tmp_path):
     """As a terminal sends it, to the command and its workers alike, here to these a little before."""
     folder = tmp_path / "a set"
@@ -313,6 +318,7 @@ def test_ctrl_c_says_how_to_go_on(start, drawn_command, rendered, tmp_path):
     assert snapshot(folder) == snapshot(rendered)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("deaths", [2, 3])
 def test_dead_worker_is_reported_and_its_shard_done_again(tmp_path, rendered, drawn_command, monkeypatch, deaths):
     """Pair 12 kills whoever renders it; the third time the command gives up, all else stays."""
@@ -527,6 +533,7 @@ def test_folder_that_cannot_be_made_is_one_line(drawn_command, tmp_path):
     assert "file is a file, not a folder; choose another folder" in complaint
 
 
+@pytest.mark.ci
 def test_worker_that_cannot_write_ends_the_command_with_one_line(tmp_path):
     """A limit on the size of files stands for a full disk."""
     folder = tmp_path / "set"
@@ -637,6 +644,7 @@ def one_bit_off(data: bytes) -> bytes:
     return packed(picture)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("part", "change", "complaint"),
     [

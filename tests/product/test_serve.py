@@ -84,6 +84,7 @@ def test_accept_that_nothing_meets_is_refused(client, photo):
     assert "image/x-exr" in line
 
 
+@pytest.mark.ci
 def test_mask_shows_what_the_estimate_uses(client, photo, photo_rgba, photo_mask):
     answer = client.post("/v1/mask", content=photo)
     assert answer.headers["content-type"] == "image/png"
@@ -407,6 +408,7 @@ def test_no_answer_tells_a_path_of_the_machine(client, photo, monkeypatch, tmp_p
     assert complaint(answer, 500) == "the server failed to process the request; see its log"
 
 
+@pytest.mark.ci
 def test_pages_of_other_origins_are_kept_out(client, estimator, photo):
     foreign = {"Origin": "https://elsewhere.example", "Sec-Fetch-Site": "cross-site"}
     complaint(client.post("/v1/estimate", content=photo, headers=foreign), 403)

@@ -25,6 +25,8 @@ from anyprobe.serve.api import create_app
 from anyprobe.serve.processes import Lane, TooMuchMemory, WorkerLost
 from anyprobe.serve.tasks import Upload
 
+pytestmark = pytest.mark.ci  # a process takes a second to start
+
 
 @pytest.fixture
 def photo(photo_rgba) -> bytes:

@@ -133,6 +133,7 @@ def run(*arguments: str, **named) -> subprocess.CompletedProcess:
     return subprocess.run(order, capture_output=True, text=True, check=False, timeout=120, **named)
 
 
+@pytest.mark.ci
 @pytest.mark.skipif(sys.platform != "linux", reason="limits memory by RLIMIT_AS")
 @pytest.mark.parametrize("megabytes", [150, 420])
 def test_a_process_short_of_memory_ends_in_lines_without_a_traceback(photo_path, work, megabytes):
@@ -192,6 +193,7 @@ def test_a_closed_input_is_one_line(command, order, work, monkeypatch):
     assert "closed standard input" in command(*order.split()).complaint
 
 
+@pytest.mark.ci
 @pytest.mark.skipif(os.name == "nt", reason="needs a shell that closes an input")
 def test_so_is_one_that_the_shell_closes(work):
     line = f"'{sys.executable}' -m anyprobe estimate - <&-"

@@ -113,7 +113,6 @@ def files_of(folder) -> dict[str, bytes]:
 # Tracks
 
 
-@pytest.mark.usefixtures("networks_opened_once")
 def test_command_writes_a_track_and_maps(command, work, made):
     done = command("video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "--exr", "--json", "-q")
     assert done.status == 0, done.err
@@ -131,7 +130,6 @@ def test_command_writes_a_track_and_maps(command, work, made):
     assert np.shape(last["sh9_ambient"]) == (9, 3)
 
 
-@pytest.mark.usefixtures("networks_opened_once")
 def test_command_uses_what_is_known_of_the_surroundings(command, work, brief):
     """A panorama without gaps is the light; a photo's own surroundings are what its frames show there."""
     panorama = np.zeros((64, 128, 3), np.uint8)
@@ -175,7 +173,6 @@ def test_poses_keep_the_light_still_in_the_world(begin, whole, tmp_path):
     assert turned < 0.5 * np.degrees(np.arccos(np.dot(*lit)))
 
 
-@pytest.mark.usefixtures("networks_opened_once")
 def test_command_reads_poses_and_goes_on_with_the_same_alone(command, work, made):
     order = ("video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "-q", "--poses", "poses.json")
     matrices = [rotation_y(-0.05 * i).tolist() for i in range(COUNT)]
@@ -225,6 +222,7 @@ def test_what_another_version_left_is_one_line(begin, whole, tmp_path, cut):
         begin(tmp_path / "out")
 
 
+@pytest.mark.usefixtures("small_masks")
 @pytest.mark.parametrize("where", [{"box": (12, 32, 70, 90)}, {"click": (40, 60)}])
 def test_object_of_the_first_frame_is_followed(made, where):
     follower = MaskFollower({}, where, {})
@@ -234,6 +232,7 @@ def test_object_of_the_first_frame_is_followed(made, where):
         assert (mask & truth).sum() / (mask | truth).sum() > 0.7
 
 
+@pytest.mark.usefixtures("small_masks")
 def test_another_object_is_not_taken_for_it(made):
     follower = MaskFollower({}, {}, {})
     follower.last = [40.0, 60.0, 100.0, 20, 40, 60, 80]  # the sphere has some 1250 pixels
@@ -271,6 +270,7 @@ def test_stopped_run_goes_on_to_the_same_files(begin, whole, tmp_path, every, st
     assert len(files_of(whole(every).folder)) == 3
 
 
+@pytest.mark.usefixtures("small_masks")
 def test_run_that_finds_its_masks_goes_on_to_the_same_files(begin, tmp_path):
     """Saved between two looks: what the masks were moved from is not kept."""
 
@@ -341,7 +341,7 @@ def test_other_settings_are_refused(begin, whole):
         begin(whole(3).folder, size=0.9)
 
 
-@pytest.mark.usefixtures("networks_opened_once")
+@pytest.mark.usefixtures("small_masks")
 def test_options_that_differ_are_named_as_on_the_command_line(command, work, brief):
     order = ("video", brief / "clip.mp4", "-o", "out", "-q")
     assert command(*order, "--box", "30,10,100,90", "--fov", 50, "--insert", "sphere").status == 0
@@ -350,7 +350,6 @@ def test_options_that_differ_are_named_as_on_the_command_line(command, work, bri
     assert f"{expected}: expected what the run in out was begun with, got another or none" in said
 
 
-@pytest.mark.usefixtures("networks_opened_once")
 def test_progress_is_said_from_the_first_frame_on(command, work, made, monkeypatch):
     order = ("video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "--restart")
     lines = command(*order).err.splitlines()
@@ -379,7 +378,6 @@ def test_progress_is_said_from_the_first_frame_on(command, work, made, monkeypat
         (("--at", "500,50", "--insert", "sphere", "--mask", "MASKS"), "--at: expected a pixel of"),
     ],
 )
-@pytest.mark.usefixtures("networks_opened_once")
 def test_bad_option_leaves_nothing(command, work, made, arguments, words):
     arguments = [made / "masks" if one == "MASKS" else one for one in arguments]
     assert words in command("video", made / "clip.mp4", "-o", "out", "-q", *arguments).complaint
@@ -396,7 +394,6 @@ def test_folder_that_cannot_be_made_is_refused_before_the_work(command, work, ma
 # Clips
 
 
-@pytest.mark.usefixtures("networks_opened_once")
 def test_restart_deletes_what_a_run_left_and_nothing_else(command, work, made):
     (work / "out" / "lights").mkdir(parents=True)
     mine = work / "out" / "lights" / "vase_blender.exr"
