@@ -369,6 +369,7 @@ def test_what_the_system_forbids_is_one_line(work, command, monkeypatch):
     assert "vase.png: cannot be used (Permission denied)" in command("estimate", "vase.png").complaint
 
 
+@pytest.mark.ci
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit of file size")
 def test_real_write_that_stops_halfway(work):
     """The system itself refuses bytes: at once, within the map, within the preview."""
@@ -415,6 +416,7 @@ for missing in (1, 300, 900):
 # Interrupted
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("moment", ["outputs.draw_preview", "os.replace"])
 def test_interrupt_leaves_no_temporary_files(work, moment):
     save_sphere("a.png")
@@ -441,6 +443,7 @@ interrupted.count = {1 if moment == "outputs.draw_preview" else 13}
 # The command itself, in a process of its own
 
 
+@pytest.mark.ci
 def test_exit_status_for_real(work):
     save_sphere("vase.png")
     good = shell("estimate", "vase.png", "-o", "out", "--json")

@@ -331,6 +331,7 @@ def test_names_are_ordered_whatever_digits_they_have():
     assert [name for name in sorted(names, key=natural_order) if name.startswith("a")] == ["a2.jpg", "a10.jpg"]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("order", "written"),
     [

@@ -158,6 +158,7 @@ def test_what_does_not_go_together_is_refused_before_anything_is_read(given, sub
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.ci
 def test_the_library_names_no_option():
     """Its lines are read in Python and by HTTP clients too."""
     source = Path(anyprobe.__file__).parent
@@ -228,6 +229,7 @@ def test_the_photo_s_pitch_is_the_ground_s(photo_rgba):
     assert view_of(load_photo(photo_rgba, pitch_deg=30.0), 40.0)[1] == 40.0
 
 
+@pytest.mark.ci
 def test_every_door_takes_the_pitch(work, command, estimator, photo_rgba):
     pytest.importorskip("fastapi", reason="needs the serve extra")
     from fastapi.testclient import TestClient

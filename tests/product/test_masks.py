@@ -351,6 +351,7 @@ def test_overlay_dims_the_rest_and_draws_the_edge():
 # The command
 
 
+@pytest.mark.ci
 def test_mask_command_writes_a_mask_that_estimate_takes(tmp_path, monkeypatch, command, project_root):
     monkeypatch.chdir(tmp_path)
     rgb, true = vase(project_root)

@@ -18,6 +18,7 @@ from anyprobe.files.atomic import atomic_files, atomic_path
 from anyprobe.files.paths import folds_case, same_file_key
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("order", "encoding"),
     [(("estimate", "--size", "64"), "ascii"), (("mask",), "cp1252"), (("mask", "--json"), "ascii")],

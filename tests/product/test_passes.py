@@ -129,6 +129,7 @@ def test_a_mirrored_ground_has_its_pattern(photo):
     assert drawn[row, round(0.75 * size), 1] > 3 * drawn[row, round(0.75 * size), 0]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("opaque", [0, 60])
 def test_transparent_pixels_are_no_ground(photo, opaque):
     """Whatever colour they have: a cut-out's object mirrors the light from below, and else the ground that is shown."""
@@ -157,6 +158,7 @@ def test_pixels_that_are_asked_for_count_though_transparent(photo):
     assert load_photo(rgba[..., :3], mask=photo.mask).hidden is None
 
 
+@pytest.mark.ci
 def test_the_command_says_that_the_result_of_a_cut_out_is_opaque(command, photo_path, work):
     for given in ((), ("--strict",)):
         done = command("relight", photo_path, "--renderer", "own", *given)
@@ -181,6 +183,7 @@ def test_bits_and_profile_of_the_photo_are_kept(tmp_path, suffix, deep, profile)
     assert np.abs(back - rgb).max() < (0.003 if deep else 0.05 if profile == "linear" else 0.012)
 
 
+@pytest.mark.ci
 def test_the_command_keeps_16_bits_and_writes_passes(relight, tmp_path, photo):
     deep = tmp_path / "deep.png"
     write_as(deep, photo.rgb, Stored(deep=True))
@@ -194,6 +197,7 @@ def test_the_command_keeps_16_bits_and_writes_passes(relight, tmp_path, photo):
     assert "--colorspace: does nothing without an .exr" in refused.err
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("stored", ["rec709", "acescg"])
 @pytest.mark.parametrize("colorspace", ["rec709", "acescg"])
 def test_the_plate_of_an_exr_keeps_what_lies_outside(relight, tmp_path, photo, stored, colorspace):
@@ -217,6 +221,7 @@ def test_the_plate_of_an_exr_keeps_what_lies_outside(relight, tmp_path, photo, s
         np.testing.assert_array_equal(found[name][2], found[f"plate.{name}"][2])  # where there is no shadow
 
 
+@pytest.mark.ci
 def test_a_plate_of_halves_stays_one(relight, tmp_path, photo):
     plate = inverse_response(photo.rgb).astype(np.float16)
     channels = {name: np.ascontiguousarray(plate[..., k]) for k, name in enumerate("RGB")}

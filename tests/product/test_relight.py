@@ -254,6 +254,7 @@ def test_where_no_side_has_room_it_stands_in_front_and_says_so():
     assert -stage.placement.foot[2] < -stage.view.on_ground(120, 80)[2]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("seed", range(12))
 def test_nothing_of_the_object_is_covered_unless_it_stands_behind(seed):
     """Masks of a few ellipses, cut by the border or not."""
@@ -377,6 +378,7 @@ def test_what_cannot_be_placed_is_said_of_the_python_argument(photo, given, said
 # The command
 
 
+@pytest.mark.ci
 def test_command_writes_the_picture_and_says_where(command, work, photo_path):
     done = command(
         "relight", photo_path, "--insert", "vase", "--insert-material", "gold", "--renderer", "own", "--json"
@@ -388,6 +390,7 @@ def test_command_writes_the_picture_and_says_where(command, work, photo_path):
     assert read_image(given["picture"]).rgb.shape == (96, 128, 3)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("given", [(), ("--surroundings", "photo"), ("--pitch", 20.3)])
 def test_pitch_of_the_camera_is_said_in_whole_degrees_with_its_error(command, photo_path, work, given):
     said = command("relight", photo_path, "--renderer", "own", *given).err.splitlines()[-1]
@@ -540,6 +543,7 @@ def test_paths_agree_with_our_shading_on_a_sphere(name):
     assert np.sqrt(np.square(difference).mean()) < 0.06 * mean.mean()
 
 
+@pytest.mark.ci
 def test_an_object_lit_by_a_saved_light_stands_on_the_ground_that_was_found_with_it(command, work, photo_rgba):
     """As without --light; of another map, on what the photo shows."""
     Image.fromarray(photo_rgba[..., :3]).save("table.png")

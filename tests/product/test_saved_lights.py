@@ -158,6 +158,7 @@ def test_what_is_no_saved_light_is_refused(light, tmp_path, name):
 # Turned
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("turn", "kind"), [("left", "exr"), ("askew", "hdr")])
 @pytest.mark.usefixtures("rough_shadows", "networks_opened_once")
 def test_a_turned_light_relights_as_it_did(command, work, kind, turn):

@@ -113,6 +113,7 @@ def files_of(folder) -> dict[str, bytes]:
 # Tracks
 
 
+@pytest.mark.ci
 def test_command_writes_a_track_and_maps(command, work, made):
     done = command("video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "--exr", "--json", "-q")
     assert done.status == 0, done.err
@@ -130,6 +131,7 @@ def test_command_writes_a_track_and_maps(command, work, made):
     assert np.shape(last["sh9_ambient"]) == (9, 3)
 
 
+@pytest.mark.ci
 def test_command_uses_what_is_known_of_the_surroundings(command, work, brief):
     """A panorama without gaps is the light; a photo's own surroundings are what its frames show there."""
     panorama = np.zeros((64, 128, 3), np.uint8)
@@ -155,6 +157,7 @@ def test_results_do_not_stand_beside_the_clip(command, brief, work):
     assert not (brief / "clip_light").exists()
 
 
+@pytest.mark.ci
 def test_poses_keep_the_light_still_in_the_world(begin, whole, tmp_path):
     """Told that the camera turned instead of the light, frames agree about it, also those without one of their own."""
     poses = np.array([rotation_y(-0.05 * i) for i in range(COUNT)])
@@ -173,6 +176,7 @@ def test_poses_keep_the_light_still_in_the_world(begin, whole, tmp_path):
     assert turned < 0.5 * np.degrees(np.arccos(np.dot(*lit)))
 
 
+@pytest.mark.ci
 def test_command_reads_poses_and_goes_on_with_the_same_alone(command, work, made):
     order = ("video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "-q", "--poses", "poses.json")
     matrices = [rotation_y(-0.05 * i).tolist() for i in range(COUNT)]
@@ -190,6 +194,7 @@ def test_every_nth_frame_has_a_light_of_its_own(whole):
     assert [one.get("same_as") for one in whole(3).progress.frames] == [None, 0, 0, None, 3, 3, None, 6, 6, None]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("relit", [False, True])
 def test_frame_without_object_keeps_the_light_and_is_named(begin, tmp_path, relit):
     masks = write_masks(tmp_path / "masks", COUNT)
@@ -254,6 +259,7 @@ def test_inner_point_of_a_crescent_lies_on_it(size):
 # Going on
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("stop_at", "every"), [(1, 1), (7, 1), (7, 3)])
 def test_stopped_run_goes_on_to_the_same_files(begin, whole, tmp_path, every, stop_at):
     def stop(done: int) -> None:
@@ -270,6 +276,7 @@ def test_stopped_run_goes_on_to_the_same_files(begin, whole, tmp_path, every, st
     assert len(files_of(whole(every).folder)) == 3
 
 
+@pytest.mark.ci
 @pytest.mark.usefixtures("small_masks")
 def test_run_that_finds_its_masks_goes_on_to_the_same_files(begin, tmp_path):
     """Saved between two looks: what the masks were moved from is not kept."""
@@ -341,6 +348,7 @@ def test_other_settings_are_refused(begin, whole):
         begin(whole(3).folder, size=0.9)
 
 
+@pytest.mark.ci
 @pytest.mark.usefixtures("small_masks")
 def test_options_that_differ_are_named_as_on_the_command_line(command, work, brief):
     order = ("video", brief / "clip.mp4", "-o", "out", "-q")
@@ -350,6 +358,7 @@ def test_options_that_differ_are_named_as_on_the_command_line(command, work, bri
     assert f"{expected}: expected what the run in out was begun with, got another or none" in said
 
 
+@pytest.mark.ci
 def test_progress_is_said_from_the_first_frame_on(command, work, made, monkeypatch):
     order = ("video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "--restart")
     lines = command(*order).err.splitlines()
@@ -394,6 +403,7 @@ def test_folder_that_cannot_be_made_is_refused_before_the_work(command, work, ma
 # Clips
 
 
+@pytest.mark.ci
 def test_restart_deletes_what_a_run_left_and_nothing_else(command, work, made):
     (work / "out" / "lights").mkdir(parents=True)
     mine = work / "out" / "lights" / "vase_blender.exr"
