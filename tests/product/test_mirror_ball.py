@@ -30,7 +30,7 @@ def ball_photo(radiance: np.ndarray, kind: str) -> tuple[np.ndarray, np.ndarray]
     y, x = np.mgrid[:height, :width] + 0.5
     d = np.stack([(x - width / 2) / focal, (height / 2 - y) / focal, -np.ones_like(x)], axis=-1)
     d /= np.linalg.norm(d, axis=-1, keepdims=True)
-    axis, radius = np.array([0.05, -0.08, -1.0]) / np.linalg.norm([0.05, -0.08, -1.0]), 0.3
+    axis, radius = np.array([0.05, -0.08, -1.0]) / np.linalg.norm([0.05, -0.08, -1.0]), 0.22
     along = d @ axis
     inside = along**2 - 1 + radius**2
     on = inside > 0
@@ -39,11 +39,12 @@ def ball_photo(radiance: np.ndarray, kind: str) -> tuple[np.ndarray, np.ndarray]
     if kind == "mirror":
         picture[on] = 0.8 * bilinear(radiance, direction_to_uv(reflect(-d[on], n)))
     else:
-        picture[on] = 0.6 * bilinear(irradiance_map(radiance), direction_to_uv(n)) / np.pi
+        stripes = 0.5 + 0.45 * np.sign(np.sin(12.0 * n @ [0.6, 0.8, 0.0]))[:, None] if kind == "painted" else 0.6
+        picture[on] = stripes * bilinear(irradiance_map(radiance), direction_to_uv(n)) / np.pi
     return np.round(response(picture) * 255).astype(np.uint8), on.astype(np.float32)
 
 
-@pytest.mark.parametrize("kind", ["mirror", "matte"])
+@pytest.mark.parametrize("kind", ["mirror", "matte", "painted"])
 def test_only_a_ball_that_shows_its_place_is_one(kind):
     picture, mask = ball_photo(rich_map(), kind)
     photo = load_photo(picture, mask=mask, fov_deg=FOV)
@@ -51,6 +52,21 @@ def test_only_a_ball_that_shows_its_place_is_one(kind):
     square = np.zeros_like(mask)
     square[60:180, 100:220] = 1
     assert not is_mirror_ball(load_photo(picture, mask=square, fov_deg=FOV), 1.0)
+
+
+@pytest.mark.parametrize("kind", ["mirror", "matte"])
+def test_a_ball_in_a_dark_room_is_a_mirror_if_it_shows_the_lamp_alone(kind):
+    """Nothing else is seen in it or beside it; a matte ball would be lit on one side."""
+    lamp = pixel_directions(64) @ [0.48, 0.6, 0.64] > 0.985
+    picture, mask = ball_photo((0.001 + 20.0 * lamp[..., None] * np.ones(3)).astype(np.float32), kind)
+    assert is_mirror_ball(load_photo(picture, mask=mask, fov_deg=FOV), 0.0) == (kind == "mirror")
+
+
+def test_a_lens_that_is_not_known_is_tried():
+    """The photo's own is 60 degrees; 65 and 55 are tried where nothing says so, and one that is given is believed."""
+    picture, mask = ball_photo(rich_map(), "mirror")
+    assert is_mirror_ball(load_photo(picture, mask=mask), 0.0)
+    assert not is_mirror_ball(load_photo(picture, mask=mask, fov_deg=30.0), 0.0)
 
 
 def test_it_is_unwrapped_with_a_line_unless_a_material_is_given():
