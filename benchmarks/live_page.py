@@ -1,10 +1,13 @@
 """The live page in headless Chromium with a fake camera: lights and pictures a second, stillness, following.
 
     python benchmarks/live_page.py [--seconds 20] [--engine wasm|webgpu] [--threads 2] [--cores 0,1] [--sway 0]
+    python benchmarks/live_page.py --photo clay_teapot --data DATA --pictures FOLDER [--seconds 4] ...
 
 The camera shows a shaded sphere with a little noise, and every four seconds the light on it turns by 90
 degrees about +Y, there and back; a patch in the video's corner says when. With --sway the sphere goes to and fro
-by so many pixels at 0.3 Hz, and its mask must be found anew all the time. It draws in software (SwiftShader)
+by so many pixels at 0.3 Hz, and its mask must be found anew all the time. With --photo the camera shows the clip of
+swaying.py, there and back, before the photo's own background: one still light. --pictures keeps a picture of the page
+every half second while it counts. It draws in software (SwiftShader)
 where no GPU is, on the same cores as the networks. Needs Chromium, Node.js and the packages of
 tests/browser; run it on a machine with nothing else to do. Prints one JSON object:
 
@@ -37,6 +40,9 @@ from pathlib import Path
 
 import numpy as np
 from measure import cpu_model
+from swaying import CLIPS, HIGH, WIDE, click_on, read_cutouts
+from swaying import FPS as CLIP_FPS
+from swaying import frames as clip_frames
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import rotation_y
@@ -167,11 +173,21 @@ def server():
             process.terminate()
 
 
+def spheres_in_turn(half_s: float, sway: float) -> tuple[list[np.ndarray], int, list[int]]:
+    """Frames of the sphere under two lights, frames a second, and which is shown when: so long under each."""
+    from support.scenes import made_map
+
+    rng = np.random.default_rng(3)
+    lights = [made_map(), np.maximum(rotate(made_map(), rotation_y(np.pi / 2)), 0)]
+    pictures = [one for patch, light in enumerate(lights) for one in frames(light, patch, DISTINCT, rng, sway)]
+    stretch = np.arange(round(FPS * half_s)) % DISTINCT
+    return pictures, FPS, [*stretch, *(DISTINCT + stretch)]
+
+
 def main() -> None:
     sys.path.insert(0, str(ROOT / "tests"))
     from support.browser import run_steps
     from support.camera import camera_flags, write_y4m
-    from support.scenes import made_map
 
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=20.0)
@@ -180,23 +196,30 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=0, help="of the networks; one a core where not told")
     parser.add_argument("--cores", help="which ones all of it runs on, as 0,1")
     parser.add_argument("--sway", type=float, default=0.0, help="pixels by which the sphere goes to and fro")
+    parser.add_argument("--photo", metavar="NAME", help="a real photo's object, not a sphere; needs --data")
+    parser.add_argument("--data", type=Path, help="folder with photos/ and real_masks/")
+    parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="pictures of the page, one every half second")
     parser.add_argument("--screenshot", type=Path, help="where to keep a picture of the page")
     asked = parser.parse_args()
     if asked.cores:
         os.sched_setaffinity(0, {int(core) for core in asked.cores.split(",")})
-    rng = np.random.default_rng(3)
-    lights = [made_map(), np.maximum(rotate(made_map(), rotation_y(np.pi / 2)), 0)]
     query = f"?engine={asked.engine}" + (f"&threads={asked.threads}" if asked.threads else "")
     steps = {"seconds": asked.seconds, "lights": WARM_LIGHTS, "patience_s": PATIENCE_S, "click": CLICK}
     if asked.screenshot:
         steps["screenshot"] = str(asked.screenshot.resolve())
+    if asked.pictures:
+        asked.pictures.mkdir(parents=True, exist_ok=True)
+        steps["pictures"] = str(asked.pictures.resolve())
     with tempfile.TemporaryDirectory() as folder, server() as url:
-        pictures = [
-            one for patch, light in enumerate(lights) for one in frames(light, patch, DISTINCT, rng, asked.sway)
-        ]
-        stretch = np.arange(round(FPS * asked.half)) % DISTINCT
-        order = [*stretch, *(DISTINCT + stretch)]
-        video = write_y4m(Path(folder) / "camera.y4m", pictures, FPS, order)
+        path = Path(folder) / "camera.y4m"
+        if asked.photo:
+            (cutout,) = read_cutouts(asked.data, [asked.photo])
+            pictures = [shown.rgb for shown in clip_frames(cutout, CLIPS[0])]
+            x, y = click_on(cutout, CLIPS[0])
+            steps["click"] = [x / WIDE, y / HIGH]
+            video = write_y4m(path, pictures, CLIP_FPS, [*range(len(pictures)), *reversed(range(len(pictures)))])
+        else:
+            video = write_y4m(path, *spheres_in_turn(asked.half, asked.sway))
         flags = [*camera_flags(video)]
         if asked.engine == "webgpu":
             flags += ["--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader"]

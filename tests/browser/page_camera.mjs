@@ -1,5 +1,6 @@
-// The camera's lights for some seconds. arguments: { seconds, lights, click?, query?, screenshot?, patience_s? };
-// before it counts it waits for so many lights, and not longer than its patience.
+// The camera's lights for some seconds. arguments: { seconds, lights, click?, query?, screenshot?, pictures?, patience_s? };
+// before it counts it waits for so many lights, and not longer than its patience. `pictures` is a folder for a picture of
+// the page every half second while it counts.
 // Chromium's --use-file-for-fake-video-capture gives the video. `changes` are the times at which the
 // lightness of the video's top left corner was seen to change; `pictures` are the video's callbacks, each with how many
 // pictures the browser had handed to the display by then; `camera` is what the camera had delivered, twice a second.
@@ -53,11 +54,16 @@ export default async ({ page, context, url, arguments: given }) => {
   const now = await page.evaluate(() => performance.now() / 1000);
   await page.waitForFunction(enough, [given.lights, now + (given.patience_s ?? Infinity)], { polling: 200 });
   await page.waitForFunction(() => document.getElementById("rates").textContent, null, { polling: 200 });
-  const told = await page.evaluate(async (seconds) => {
+  const telling = page.evaluate(async (seconds) => {
     const from = performance.now() / 1000;
     await new Promise((done) => setTimeout(done, 1000 * seconds));
     return { ...seen, from, to: performance.now() / 1000 };
   }, given.seconds);
+  for (let count = 0; given.pictures && count < 2 * given.seconds; count++) {
+    await page.screenshot({ path: `${given.pictures}/${String(count).padStart(2, "0")}.png` });
+    await new Promise((done) => setTimeout(done, 500));
+  }
+  const told = await telling;
   told.quality = await page.textContent("#mask-quality:not([hidden])");
   if (given.screenshot) await page.screenshot({ path: given.screenshot, fullPage: true });
   await page.click("#camera");
