@@ -27,14 +27,14 @@ from anyprobe.video.registration import Motion
 SHAPE = (240, 320)
 
 
-def frame(motion: Motion | None = None, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
-    """A shaded egg before a bright wall, [240, 320, 3] uint8, and where it is, [240, 320] bool."""
+def frame(motion: Motion | None = None, seed: int = 1, lit: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
+    """A shaded egg before a bright wall, [240, 320, 3] uint8, and where it is, [240, 320] bool; lit: from the right."""
     motion = motion or Motion()
     y, x = np.mgrid[0 : SHAPE[0], 0 : SHAPE[1]] + 0.5
     places = np.stack([x - 150 - motion.x, y - 120 - motion.y], axis=-1) @ np.linalg.inv(motion.matrix()).T
     u, v = np.moveaxis(places, -1, 0)
     inside = np.clip(50.0 - np.hypot(u, 1.3 * v) + 0.5, 0.0, 1.0)
-    object_ = 90.0 + 0.5 * u - 0.4 * v + 12.0 * np.sin(0.12 * u)
+    object_ = 90.0 + lit * u - 0.4 * v + 12.0 * np.sin(0.12 * u)
     seen = inside * object_ + (1.0 - inside) * (215.0 + 0.06 * x)
     seen = seen + np.random.default_rng(seed).normal(0.0, 2.0, SHAPE)
     return np.clip(np.round(seen), 0, 255).astype(np.uint8)[..., None].repeat(3, axis=-1), inside
@@ -127,6 +127,17 @@ def test_what_is_less_sure_is_narrowed_more():
     held = hold(*frame())
     sure, unsure = (lit_mask(replace(held, error_px=error), SHAPE).sum() for error in (0.0, 1.5))
     assert unsure < sure < mask_in(held, SHAPE).sum()
+
+
+def test_an_object_looks_other_where_its_light_changes_and_where_it_changes_back():
+    held, same = hold(*frame()), ""
+    for index in range(1, 40):
+        rgb, _ = frame(seed=index, lit=0.2 if 10 <= index < 25 else 0.5)
+        held = follow(held, rgb, found_in(held, rgb), lambda mask: mask)
+        same += "y" if held.looks_same else "n"
+    until = [same.index("n"), same.index("n", 15)]
+    assert until == [9, 24], same
+    assert same.count("n") <= 10, same
 
 
 def test_one_odd_frame_changes_nothing_after_it(rng, monkeypatch):

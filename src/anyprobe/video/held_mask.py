@@ -14,8 +14,9 @@ mask's pixels, or so much fewer, is another object's and counts for nothing at a
 
 **The key is replaced** by a frame in which it is found but is less alike than FADED.
 
-**The object looks the same**, so that its light did not change, where it is found and 1 - alike is at most
-other_light.times that of the last REMEMBERED frames (median) and other_light.more.
+**The object looks the same**, so that its light did not change, where it is found and 1 - alike is like that of the
+last REMEMBERED frames (median): neither is over other_light.times the other and other_light.more. It falls where the
+light changes back to that of the key.
 
 **For the light** the mask is narrowed by `narrow` = NARROW of the longer side of its box, and NARROW_ERROR times the
 error that registration expects of itself, at most NARROW_MOST pixels: beside its edge lies what is not the object's.
@@ -112,7 +113,7 @@ def follow(
         error_px=found.error_px,
         age=held.age + 1,
         unlike=(*held.unlike, 1.0 - found.alike)[-REMEMBERED:],
-        looks_same=1.0 - found.alike <= TIMES * usual + MORE,
+        looks_same=_is_like(1.0 - found.alike, usual),
     )
     if held.age >= (EVERY_REFUSED if held.refused else min(every * 2 ** (held.finds - 1), EVERY_SURE)):
         held = _looked(held, rgb, find(mask_in(held, rgb.shape)))
@@ -129,6 +130,10 @@ def follow(
             looks_same=held.looks_same,
         )
     return held
+
+
+def _is_like(one: float, other: float) -> bool:
+    return max(one, other) <= TIMES * min(one, other) + MORE
 
 
 def _looked(held: Held, rgb: np.ndarray, mask: np.ndarray | None) -> Held:

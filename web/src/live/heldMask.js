@@ -50,6 +50,9 @@ export function foundIn(held, picture) {
   return locateKey(held.key, lumaOf(picture, window), held.motion, window);
 }
 
+/** Of 1 - alike: it rises where the light changes, and falls where it changes back to that of the key. */
+const isLike = (one, other) => Math.max(one, other) <= OTHER_LIGHT.times * Math.min(one, other) + OTHER_LIGHT.more;
+
 /**
  * After one more frame, in which the object was found for sure.
  *
@@ -62,7 +65,7 @@ export function foundIn(held, picture) {
 export async function follow(before, picture, found, find) {
   const usual = before.unlike.length ? median(before.unlike) : 1 - found.alike;
   const unlike = [...before.unlike, 1 - found.alike].slice(-REMEMBERED);
-  const looksSame = 1 - found.alike <= OTHER_LIGHT.times * usual + OTHER_LIGHT.more;
+  const looksSame = isLike(1 - found.alike, usual);
   let held = { ...before, motion: found.motion, errorPx: found.errorPx, age: before.age + 1, unlike, looksSame };
   const every = held.refused ? EVERY_REFUSED : Math.min(EVERY * 2 ** (held.finds - 1), EVERY_SURE);
   if (find && held.age >= every) held = looked(held, picture, await find(maskIn(held)));
