@@ -1,10 +1,11 @@
-"""python -m research.scenes: commands pairs, sheet, score, goes-on, dark.
+"""python -m research.scenes: commands pairs, sheet, score, goes-on, dark, shading, inserted.
 
 Rendering needs Mitsuba 3, mitsuba-oidn and an LLVM of 17 or newer.
 """
 
 from __future__ import annotations
 
+import json
 import time
 from pathlib import Path
 from typing import Annotated
@@ -88,6 +89,42 @@ def goes_on(
     """Print how good maps are by how much what is seen goes on beside it."""
     for line in goes_on_table(estimates_of(sorted(folder.glob("*.npz")), Models(model, threads=1))):
         typer.echo(line)
+
+
+@app.command()
+def shading(
+    folder: Annotated[Path, typer.Argument(help="Folder of pairs, of --part left-out.")],
+    model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
+) -> None:
+    """Print how far off the shading of a matte sphere is: number of photos, quantiles of .5, .8 and .9 [stops]."""
+    from research.scenes.shading import shading_errors
+
+    for name, figures in shading_errors(folder, Models(model, threads=1)).items():
+        typer.echo(f"{name}: {figures}")
+
+
+@app.command()
+def inserted(
+    data: Data,
+    kept: Annotated[Path, typer.Option(help="Folder for the renders.")] = Path("runs/world"),
+    part: Annotated[str, typer.Option(help="test or left-out.")] = "left-out",
+    count: Annotated[int, typer.Option(min=1, help="Photos of each family.")] = 5,
+    model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="File to write.")] = None,
+) -> None:
+    """Print how deep the shadows of inserted objects are, and to which side, beside second renders with the object."""
+    from research.scenes.inserted import compared, summary
+
+    rows = []
+    for row in compared(data, part, kept, Estimator(model, threads=1), count):
+        rows.append(row)
+        figures = [f"{name} {one['depth']:.2f}, {one['side_deg']:.0f} deg" for name, one in list(row.items())[3:]]
+        truly = f"{row['true_depth']:.2f}, off {row['true_off']:.2f}"
+        typer.echo(f"{row['scene']}: {truly}; {'; '.join(figures)}", err=True)
+    said = summary(rows)
+    typer.echo(json.dumps(said, indent=1))
+    content = {"commit": commit(), "model": model_id(model), "figures": said, "scenes": rows}
+    write_result(out or Path(f"runs/scenes-inserted-{part}.json"), content)
 
 
 @app.command()

@@ -1,11 +1,14 @@
-"""Whether panoramas are taken for places indoors or outdoors."""
+"""Whether panoramas and photos are taken for places indoors or outdoors."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.match.kind import is_outdoors
+from anyprobe.match.doubts import kind_doubts
+from anyprobe.match.kind import is_outdoors, photo_outdoors, prices
+from anyprobe.match.plate import keep_plate
+from anyprobe.notices import Notice
 
 
 def place(upper: tuple[float, float, float], lower: tuple[float, float, float]) -> np.ndarray:
@@ -24,3 +27,36 @@ def test_exposure_does_not_matter():
     for gain in (0.01, 100.0):
         assert is_outdoors(gain * place((0.5, 0.7, 1.0), (0.15, 0.2, 0.08)))
         assert not is_outdoors(gain * place((1.0, 0.95, 0.85), (0.3, 0.22, 0.15)))
+
+
+GRASS, ROOM = place((0.5, 0.7, 1.0), (0.15, 0.2, 0.08)), place((1.0, 0.95, 0.85), (0.3, 0.22, 0.15))
+
+
+def test_a_photo_of_one_colour_behind_its_object_is_a_studios_and_a_cut_out_says_nothing():
+    assert photo_outdoors(None, [Notice("plain", code="plain-backdrop")]) is False
+    assert photo_outdoors(None, [Notice("dark", code="object-dark")]) is None
+    mask = np.zeros((60, 80), np.float32)
+    mask[20:40, 30:50] = 1
+    for color, outdoors in (((0.2, 0.5, 0.1), True), ((0.5, 0.4, 0.3), False)):
+        rgb = np.broadcast_to(np.float32(color), (60, 80, 3))
+        assert photo_outdoors(keep_plate(rgb, mask, 40.0), []) is outdoors
+
+
+def test_panoramas_of_the_other_kind_cost_more():
+    maps = np.stack([GRASS[::2, ::2], ROOM[::2, ::2]])
+    assert prices(False, maps, 0.5).tolist() == [0.5, 0.0]
+    assert prices(True, maps, 0.5).tolist() == [0.0, 0.5]
+    assert prices(None, maps, 0.5).tolist() == [0.0, 0.0]
+
+
+def test_a_panorama_outdoors_is_doubted_unless_the_photo_is():
+    assert kind_doubts(True, GRASS, "map") == []
+    assert kind_doubts(False, ROOM, "map") == kind_doubts(None, ROOM, "map") == []
+    for outdoors, radiance, words in (
+        (False, GRASS, "neither sky nor plants"),
+        (None, GRASS, "nothing of its place"),
+        (True, ROOM, "looks indoors"),
+    ):
+        (doubt,) = kind_doubts(outdoors, radiance, "map")
+        assert doubt.code == "match-kind"
+        assert words in doubt

@@ -16,7 +16,6 @@ from support.scenes import sphere_photo
 from typer.testing import CliRunner
 
 import anyprobe
-from anyprobe.cli import match as match_folder
 from anyprobe.cli.app import app
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
@@ -27,11 +26,12 @@ from anyprobe.estimate.sidecar import Origin
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.maps.radiance import read_radiance, write_exr
+from anyprobe.match import doubts
 from anyprobe.match import library_folder as libraries
 from anyprobe.match.background import background_of
+from anyprobe.match.doubts import shading_apart, stops_apart
 from anyprobe.match.library_folder import open_library
 from anyprobe.match.likeness import MATCH_ROWS, Shown, best_places, gain_of, light_of, schlick_coat
-from anyprobe.match.ranking import stops_apart
 
 ROOT = Path(__file__).parents[2]
 YAW, PITCH = 2.0, np.radians(20)
@@ -347,11 +347,28 @@ def test_levels_of_maps_are_compared_where_the_camera_sees_the_object_lit():
     assert stops_apart(dark, np.roll(bright, 64, axis=1)) == pytest.approx(0.0, abs=0.01)
 
 
+def test_a_map_that_shades_unlike_the_estimate_does_not_fit(folder, camera_light, monkeypatch):
+    light, _ = camera_light
+    ranked = light.match(folder)
+    lit = np.full((64, 128, 3), 0.01, np.float32)
+    lit[20, 24] = 50.0  # a lamp at the left, before the object
+    assert shading_apart(lit, 3 * lit) < 1e-3
+    assert shading_apart(np.ascontiguousarray(lit[:, ::-1]), lit) > 0.9
+    apart = [shading_apart(one.radiance(64), light.radiance) for one in ranked]
+    assert apart[0] < min(apart[1:])
+    monkeypatch.setattr(doubts, "OWN_ERROR", (apart[0] + min(apart[1:])) / 2)
+    assert doubts.fit_doubts(light, ranked) == []
+    (none,) = doubts.fit_doubts(light, ranked[1:])
+    assert none.startswith("no panorama fits")
+    (other,) = doubts.fit_doubts(light, [*ranked[1:3], *ranked[:1]])
+    assert f"number 1, {ranked[0].name}" in other
+
+
 @pytest.mark.usefixtures("networks_opened_once")
 def test_strict_counts_the_warnings_of_a_match(folder, tmp_path, monkeypatch):
     from PIL import Image
 
-    monkeypatch.setattr(match_folder, "STOPS_APART", 99.0)
+    monkeypatch.setattr(doubts, "STOPS_APART", 99.0)
     photo = tmp_path / "ball.png"
     Image.fromarray(sphere_photo((64, 48))).save(photo)
     words = ["match", str(photo), str(folder), "-o", str(tmp_path / "out")]
@@ -389,7 +406,7 @@ def test_maps_of_earlier_matches_of_a_photo_are_said(folder, tmp_path):
 def test_the_command_writes_maps_a_sheet_a_list_and_an_export(folder, tmp_path, monkeypatch):
     from PIL import Image
 
-    monkeypatch.setattr(match_folder, "STOPS_APART", 0.0)
+    monkeypatch.setattr(doubts, "STOPS_APART", 0.0)
 
     photo = tmp_path / "ball.png"
     Image.fromarray(sphere_photo((64, 48))).save(photo)

@@ -6,7 +6,7 @@ import glob
 import json
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.console import Console
@@ -26,17 +26,10 @@ from anyprobe.cli.photo_files import hints_for, photo_name, photo_source, result
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe.files.paths import same_file_key
-from anyprobe.notices import Notice, give
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from anyprobe.match.plate import Plate
+from anyprobe.notices import Notice
 
 CLEAR_MARGIN = 0.5
 """Difference of misfits from which on one map is clearly better than another."""
-STOPS_APART = 1.0
-"""Difference in brightness above which a map's level is doubtful [stops]."""
 
 
 @with_bundles
@@ -62,8 +55,8 @@ def match(
     from anyprobe.estimate.photo import load_photo
     from anyprobe.export.targets import write_export
     from anyprobe.files.atomic import atomic_files
+    from anyprobe.match.doubts import match_doubts
     from anyprobe.match.library_folder import open_library
-    from anyprobe.match.ranking import stops_apart
     from anyprobe.pictures.images import write_png
 
     targets = [] if apply is None else target_names(apply)
@@ -81,9 +74,6 @@ def match(
     stem, chosen = result_stem(photo, [photo]), ranked[:best]
     files = {candidate.rank: f"{stem}_{candidate.rank + 1}_{_file_name(candidate.name)}.exr" for candidate in chosen}
     warnings = [*light.warnings, *library.warnings]
-    if light.pitch_deg is None and (light.shown is None or light.shown.behind is None):
-        text = "the camera's pitch is unknown, so maps may be tilted"
-        warnings.append(Notice(text, code="pitch-unknown", remedy=give("pitch_deg")))
     older = _older_maps(out, stem, set(files.values()))
     if older:
         text = (
@@ -95,14 +85,7 @@ def match(
         for candidate in chosen:
             candidate.write(scratch / files[candidate.rank])
         pictured = [(candidate, candidate.radiance(256)) for candidate in chosen]
-        stops = stops_apart(pictured[0][1], light.radiance)
-        if abs(stops) > STOPS_APART:
-            text = (
-                f"the first map lights the object's visible side {stops:+.1f} stops off the estimate, as the object "
-                f"and its background need different exposures; check {stem}_match.png before using the map"
-            )
-            warnings.append(Notice(text, code="match-level"))
-        warnings += kind_doubts(light.plate, library.lights[chosen[0].index], chosen[0].name)
+        warnings += match_doubts(light, ranked)
         write_png(scratch / f"{stem}_match.png", draw_matches(loaded, light, pictured))
         report = {
             "photo": loaded.name,
@@ -141,24 +124,6 @@ def match(
     console.print(f"results: {out / stem}_*", soft_wrap=True)
     if object_options.strict and warnings:
         raise typer.Exit(2)
-
-
-def kind_doubts(plate: Plate | None, radiance: np.ndarray, name: str) -> list[Notice]:
-    """Return a warning if a panorama [H, 2H, 3] is outdoors and the photo shows no sign of it, or the other way
-    round."""
-    from anyprobe.match.kind import is_outdoors, shows_outdoors
-
-    if plate is None:
-        return []
-    map_is_outdoors, photo_is_outdoors = is_outdoors(radiance), shows_outdoors(plate)
-    if map_is_outdoors == photo_is_outdoors:
-        return []
-    text = (
-        "looks outdoors, but the photo shows neither sky nor plants; check the map before using it"
-        if map_is_outdoors
-        else "looks indoors, but the photo shows sky or plants; check the map before using it"
-    )
-    return [Notice(text, code="match-kind", source=name)]
 
 
 def _older_maps(out: Path, stem: str, new: set[str]) -> list[str]:

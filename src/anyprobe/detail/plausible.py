@@ -14,7 +14,6 @@ from anyprobe.match.alignment import find_matches
 from anyprobe.match.kind import MATCH_PRICE, prices
 from anyprobe.match.library import Library
 from anyprobe.match.library_folder import open_library
-from anyprobe.match.plate import Plate
 
 DETAILS = ("none", "plausible")
 SIZES = (64, 128, 256, 512)
@@ -59,7 +58,7 @@ def add_detail(
     rows: int = ROWS,
     seed: int = 0,
     seen: np.ndarray | None = None,
-    plate: Plate | None = None,
+    outdoors: bool | None = None,
     pitch_deg: float | None = None,
 ) -> Detailed:
     """Add the detail of a real place to an estimate's map; the same input gives the same bits.
@@ -71,7 +70,7 @@ def add_detail(
         rows: one of SIZES.
         seed: 0 picks the best candidate, 1 the next, and so on.
         seen: [rows, 2 rows, 4 or 5] known surroundings, see detail.blend.
-        plate: the photo without its object: a place of its kind, in- or outdoors, is preferred.
+        outdoors: whether the photo is: a place of its kind is preferred; None: unknown.
         pitch_deg: camera pitch downwards, which keeps the ground level; None: unknown.
     Raises:
         InvalidEnvironment, InputError: bad arguments, in one line that says what to do.
@@ -87,7 +86,7 @@ def add_detail(
         )
     library = library if isinstance(library, Library) else open_library(library)
     known = {} if pitch_deg is None else {"pitches_deg": (pitch_deg,)}
-    asked = prices(plate, library.lights, MATCH_PRICE)
+    asked = prices(outdoors, library.lights, MATCH_PRICE)
     match = find_matches(radiance, confidence, library, seed, prices=asked, **known)[0]
     detailed = blend(radiance, library.candidate(match.index), match.candidate_from_estimate, match.ln_gain, rows, seen)
     return Detailed(radiance=detailed, name=match.name, seed=seed, warnings=library.warnings)

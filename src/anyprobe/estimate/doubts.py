@@ -10,6 +10,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
 from anyprobe.estimate.ground import ESTIMATED, GIVEN_ERROR_DEG, USUAL_ERROR_DEG, USUAL_PITCH_DEG, Ground, up_of
 from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.match.kind import PLAIN_BACKDROP
 from anyprobe.notices import Notice, give
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def exposure_doubts(
 def backdrop_doubts(name: str) -> tuple[Notice, ...]:
     """Warn of an object before a single colour: a cut-out or a studio."""
     text = "what is behind the object is of one colour and taken for a cut-out's; a real backdrop must be asked for"
-    return (Notice(text, code="plain-backdrop", source=name, remedy=give(surroundings="photo")),)
+    return (Notice(text, code=PLAIN_BACKDROP, source=name, remedy=give(surroundings="photo")),)
 
 
 def ground_doubts(ground: Ground | None, name: str) -> tuple[Notice, ...]:

@@ -26,6 +26,7 @@ from anyprobe.light.environment import check_radiance, integral, rotate
 from anyprobe.light.harmonics import project
 from anyprobe.light.light_sources import LightSource, find_light_sources
 from anyprobe.maps.radiance import map_attributes, write_exr, write_hdr
+from anyprobe.match.kind import photo_outdoors
 from anyprobe.match.plate import Plate
 from anyprobe.notices import Notice, as_notice
 from anyprobe.pictures.images import png_bytes, write_png
@@ -208,7 +209,7 @@ class Light:
             rows=size,
             seed=seed,
             seen=seen,
-            plate=self.plate,
+            outdoors=photo_outdoors(self.plate, self.warnings),
             pitch_deg=self.ground.pitch_deg if is_camera and self.ground is not None else None,
         )
         origin = replace(self.origin, detail=found.info())
@@ -293,7 +294,7 @@ class Light:
             self.pitch_deg,
             is_pitch_estimated=not is_known,
             roll_deg=self.ground.roll_deg if self.ground is not None and self.ground.is_known else 0.0,
-            plate=self.plate,
+            outdoors=photo_outdoors(self.plate, self.warnings),
         )
         return ranked[:best]
 

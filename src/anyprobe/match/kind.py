@@ -7,11 +7,14 @@ little and excludes nothing.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.light.environment import reduced
 from anyprobe.match.plate import Plate
+from anyprobe.notices import Notice
 
 KIND_ROWS = 32
 """Rows at which panoramas are classified."""
@@ -29,6 +32,8 @@ OUTDOORS = 0.71
 """Score of a panorama above which it counts as outdoors."""
 SKY_SHARE, PLANT_SHARE = 0.12, 0.15
 """Smallest shares of sky and of plants beside the object in an outdoor photo."""
+PLAIN_BACKDROP = "plain-backdrop"
+"""Code of the warning that a photo's object stands before a single colour."""
 PRICE = 0.5
 """Penalty of a panorama of the other kind, in units of likeness.Places.misfit."""
 MATCH_PRICE = 0.08
@@ -68,8 +73,18 @@ def is_outdoors(radiance: np.ndarray) -> bool:
     return bool(outdoor_scores(reduced(radiance, KIND_ROWS)[None])[0] > OUTDOORS)
 
 
-def prices(plate: Plate | None, maps: np.ndarray, price: float) -> np.ndarray:
-    """Return each panorama's penalty [N] for a kind other than the photo's; zeros without a photo."""
-    if plate is None:
+def photo_outdoors(plate: Plate | None, warnings: Iterable[Notice]) -> bool | None:
+    """Return whether a photo is outdoors, by what it shows beside its object; None where that is nothing.
+
+    A backdrop of one colour is a studio's.
+    """
+    if plate is not None:
+        return shows_outdoors(plate)
+    return False if any(one.code == PLAIN_BACKDROP for one in warnings) else None
+
+
+def prices(outdoors: bool | None, maps: np.ndarray, price: float) -> np.ndarray:
+    """Return each panorama's penalty [N] for a kind other than the photo's; zeros where that is None."""
+    if outdoors is None:
         return np.zeros(len(maps), np.float32)
-    return np.where((outdoor_scores(maps) > OUTDOORS) != shows_outdoors(plate), price, 0.0).astype(np.float32)
+    return np.where((outdoor_scores(maps) > OUTDOORS) != outdoors, price, 0.0).astype(np.float32)

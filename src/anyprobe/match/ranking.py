@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_z
-from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, uv_to_direction
+from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
 from anyprobe.errors import InputError, OutputError
 from anyprobe.light.environment import integral, reduced, rotate
 from anyprobe.maps.radiance import HALF_MAX, read_radiance, write_exr_planes
@@ -20,7 +19,6 @@ from anyprobe.match.kind import PRICE, prices
 from anyprobe.match.library import FEATURE_ROWS, Library
 from anyprobe.match.library_folder import check_unchanged, open_library
 from anyprobe.match.likeness import Shown, best_places, gain_of
-from anyprobe.match.plate import Plate
 
 BLOCK_ROWS = 64
 """Rows of a large map that are rotated at once."""
@@ -146,7 +144,7 @@ def rank_maps(
     *,
     is_pitch_estimated: bool = False,
     roll_deg: float = 0.0,
-    plate: Plate | None = None,
+    outdoors: bool | None = None,
 ) -> list[MatchedMap]:
     """Rank all maps of a folder, the best first.
 
@@ -156,8 +154,7 @@ def rank_maps(
         light_from_camera: [3, 3].
         pitch_deg: camera pitch downwards, where known; kept unless is_pitch_estimated.
         roll_deg: camera roll, which is kept, see estimate.ground.Ground.
-        plate: the photo beside its object; panoramas of another kind, in- or outdoors, are penalised by
-            match.kind.PRICE.
+        outdoors: whether the photo is; panoramas of the other kind are penalised by match.kind.PRICE. None: unknown.
     """
     if roll_deg:  # as for a camera without roll
         unrolled = rotation_z(np.radians(roll_deg))
@@ -172,7 +169,7 @@ def rank_maps(
     if shown is not None:
         camera = rotate(radiance, light_from_camera.T)
         places = best_places(shown, library.lights, pitch_deg, is_estimated=is_pitch_estimated)
-        found_turns, cost = places.map_from_camera, places.misfit + prices(plate, library.lights, PRICE)
+        found_turns, cost = places.map_from_camera, places.misfit + prices(outdoors, library.lights, PRICE)
         misfits, order = cost, np.argsort(cost, kind="stable").tolist()
         gains = {i: gain_of(shown, camera, library.lights[i], found_turns[i]) / library.levels[i] for i in order}
         turns = found_turns @ light_from_camera.T
@@ -217,12 +214,3 @@ def _by_map(
     turned = None if confidence is None else rotate(confidence[..., None], camera_from_light)[..., 0]
     found = find_matches(camera, turned, library, pitches_deg=(pitch_deg,))
     return {match.index: match for match in found}, camera_from_light
-
-
-def stops_apart(radiance: np.ndarray, other: np.ndarray) -> float:
-    """Return by how many stops a map [H, 2H, 3] lights a plane that faces the camera more than another map does."""
-    irradiance = [
-        integral(light * np.maximum(pixel_directions(len(light))[..., 2:], 0.0)) for light in (radiance, other)
-    ]
-    first, second = (max(float(luminance(rgb)), 1e-6) for rgb in irradiance)
-    return float(np.log2(first / second))
