@@ -26,11 +26,12 @@ from anyprobe.estimate.runtime import DEFAULT_MODEL
 from anyprobe.files.atomic import atomic_path
 from anyprobe.light.environment import reduced
 from anyprobe.maps.radiance import read_radiance
-from anyprobe.match.doubts import match_doubts, shading_apart
+from anyprobe.match.doubts import match_doubts
 from anyprobe.match.kind import is_outdoors, photo_outdoors
 from anyprobe.match.library import Library
 from anyprobe.match.library_folder import open_library
 from anyprobe.match.ranking import MatchedMap
+from anyprobe.match.shading import shading_apart
 from anyprobe.render.spheres import sphere_images
 from research.real_photos.folders import masked_photos
 from research.real_photos.sheet import ROW, Tile, strip, write_pages
@@ -63,9 +64,8 @@ def row_of(
     """Return one photo's line of the table, and of the sheet."""
     photo = load_photo(paths[0], mask=paths[1])
     light = estimator.from_photo(photo)
-    ranked = light.match(library)
-    first, doubts = ranked[0], match_doubts(light, ranked)
-    placed = first.radiance(256)
+    first = light.match(library, best=1)[0]
+    doubts, placed = match_doubts(light, first), first.radiance(256)
     row = {
         "photo": name,
         "by_eye": kinds_by_eye().get(name, "either"),
@@ -78,10 +78,7 @@ def row_of(
     }
     said = ", ".join(row["warnings"]) or "no warning"
     captions = f"{name}: {row['by_eye']}, judged {row['judged']}", f"{first.name}: {row['map_kind']}; {said}"
-    first_line: list[Tile] = [
-        (captions[0], photo.rgb),
-        *spheres_of(light.radiance, "estimate"),
-    ]
+    first_line: list[Tile] = [(captions[0], photo.rgb), *spheres_of(light.radiance, "estimate")]
     return row, strip(
         [[*first_line, *spheres_of(placed, f"{row['apart']:.2f} stops apart"), as_it_is(first, captions[1])]]
     )

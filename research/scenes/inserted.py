@@ -45,6 +45,8 @@ SHARE = 0.5
 """Area of the ground that is averaged for the depth, in areas of the sphere."""
 OFF_FOOT = 0.5
 """Least distance of a shadow's middle from the foot, in the sphere's radii, of a shadow that has a side."""
+CORE = 0.4
+"""Share of the darkest place's lost light from which on ground counts for a shadow's side."""
 LEAST_RATIO = 1 / 64
 NEAR = 5.0
 """Reach around the foot that is compared, in the sphere's radii."""
@@ -158,7 +160,8 @@ def shade_of(ratio: np.ndarray, free: np.ndarray, view: View, placed: Placement)
     darkest = np.sort(lost[near])[::-1][:count]
     depth = -float(np.log2(max(1.0 - float(darkest.mean()), LEAST_RATIO))) if len(darkest) else 0.0
     side, across = orthonormal_basis(view.up)
-    area = lost * np.linalg.norm(np.nan_to_num(view.on_ground(x, y), nan=0.0), axis=-1) ** 3  # of a pixel on the ground
+    core = np.where(lost > CORE * (darkest[0] if len(darkest) else 1.0), lost, 0.0)
+    area = core * np.linalg.norm(np.nan_to_num(view.on_ground(x, y), nan=0.0), axis=-1) ** 3  # of a pixel on the ground
     on = np.nan_to_num(np.stack([ground @ side, ground @ across], axis=-1)) / placed.radius
     middle = (on * area[..., None]).sum(axis=(0, 1)) / max(float(area.sum()), 1e-9)
     return Shade(depth=depth, toward=middle)

@@ -1,4 +1,4 @@
-"""How far off an estimate's shading of a matte sphere is, in stops, see match.doubts.shading_apart."""
+"""How far off an estimate's shading of a matte sphere is, in stops, see match.shading.shading_apart."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.estimate.runtime import Models
-from anyprobe.match.doubts import shading_apart
+from anyprobe.match.shading import shading_apart
 from research.scenes.estimates import estimates_of
 
 QUANTILES = (0.5, 0.8, 0.9)

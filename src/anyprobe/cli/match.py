@@ -85,7 +85,7 @@ def match(
         for candidate in chosen:
             candidate.write(scratch / files[candidate.rank])
         pictured = [(candidate, candidate.radiance(256)) for candidate in chosen]
-        warnings += match_doubts(light, ranked)
+        warnings += match_doubts(light, chosen[0])
         write_png(scratch / f"{stem}_match.png", draw_matches(loaded, light, pictured))
         report = {
             "photo": loaded.name,

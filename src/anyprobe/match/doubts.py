@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.light.environment import MAP_HEIGHT, integral
+from anyprobe.light.environment import MAP_HEIGHT, integral, rotate
 from anyprobe.match.kind import is_outdoors, photo_outdoors
+from anyprobe.match.shading import OWN_ERROR, shading_apart
 from anyprobe.notices import Notice, give
-from anyprobe.render.spheres import diffuse, sphere_normals
 
 if TYPE_CHECKING:
     from anyprobe.estimate.result import Light
@@ -20,26 +19,17 @@ if TYPE_CHECKING:
 
 STOPS_APART = 1.0
 """Difference in brightness above which a map's level is doubtful [stops]."""
-OWN_ERROR = 0.8
-"""Error of an estimate's shading that one in ten exceeds [stops], see shading_apart.
-
-Of 182 left-out renders of whole photos, quantiles of .5, .8 and .9 are .33, .61 and .82, of 72 cut-outs .41, .65 and
-1.03 (`python -m research.scenes shading`).
-"""
-MOST_TRIED = 20
-"""Number of maps, the best first, among which one that fits is looked for."""
-SHADED, FAINT = 16, 1e-4
-"""Size [px] of the sphere that is compared, and the share of the mean radiance added before logarithms."""
 
 
-def match_doubts(light: Light, ranked: Sequence[MatchedMap]) -> list[Notice]:
-    """Return what is doubtful about the first of a light's maps, the best first."""
-    first, radiance = ranked[0], ranked[0].radiance(MAP_HEIGHT)
-    doubts = fit_doubts(light, ranked)
+def match_doubts(light: Light, first: MatchedMap) -> list[Notice]:
+    """Return what is doubtful about a light's first map."""
+    to_camera = light.map_from_camera.T
+    radiance, estimate = rotate(first.radiance(MAP_HEIGHT), to_camera), rotate(light.radiance, to_camera)
+    doubts = fit_doubts(estimate, radiance)
     if light.pitch_deg is None and (light.shown is None or light.shown.behind is None):
         text = "the camera's pitch is unknown, so maps may be tilted"
         doubts.append(Notice(text, code="pitch-unknown", remedy=give("pitch_deg")))
-    stops = stops_apart(radiance, light.radiance)
+    stops = stops_apart(radiance, estimate)
     if abs(stops) > STOPS_APART:
         text = (
             f"the first map lights the object's visible side {stops:+.1f} stops off the estimate, as the object "
@@ -50,17 +40,17 @@ def match_doubts(light: Light, ranked: Sequence[MatchedMap]) -> list[Notice]:
     return doubts + kind_doubts(outdoors, first.library.lights[first.index], first.name)
 
 
-def fit_doubts(light: Light, ranked: Sequence[MatchedMap]) -> list[Notice]:
-    """Return a warning if the first map shades a matte sphere unlike the estimate, by more than that may be wrong."""
-    apart = shading_apart(ranked[0].radiance(MAP_HEIGHT), light.radiance)
+def fit_doubts(estimate: np.ndarray, radiance: np.ndarray) -> list[Notice]:
+    """Return a warning if the first map, and so every other, shades a matte sphere unlike the estimate, by more than
+    that may be wrong; both [H, 2H, 3] in the camera's frame."""
+    apart = shading_apart(radiance, estimate)
     if apart <= OWN_ERROR:
         return []
-    text = f"the first panorama shades a matte sphere {apart:.1f} stops off the estimate, more than that may be wrong"
-    for other in ranked[1:MOST_TRIED]:
-        if shading_apart(other.radiance(MAP_HEIGHT), light.radiance) <= OWN_ERROR:
-            text = f"{text}; the first that fits is number {other.rank + 1}, {other.name}"
-            return [Notice(text, code="match-fit")]
-    return [Notice(f"no panorama fits: {text}; use the estimate itself, or other panoramas", code="match-fit")]
+    text = (
+        f"no panorama fits: the first one shades a matte sphere {apart:.1f} stops off the estimate, more than that may "
+        "be wrong; use the estimate itself, or other panoramas"
+    )
+    return [Notice(text, code="match-fit")]
 
 
 def kind_doubts(outdoors: bool | None, radiance: np.ndarray, name: str) -> list[Notice]:
@@ -87,16 +77,3 @@ def stops_apart(radiance: np.ndarray, other: np.ndarray) -> float:
     ]
     first, second = (max(float(luminance(rgb)), 1e-6) for rgb in irradiance)
     return float(np.log2(first / second))
-
-
-def shading_apart(radiance: np.ndarray, other: np.ndarray) -> float:
-    """Return how differently two maps [H, 2H, 3] shade a matte sphere, in stops: root mean square over its visible
-    side, exposure being free."""
-    normals, inside = sphere_normals(SHADED)
-    shades = [
-        np.log2(luminance(diffuse(light, SHADED)[inside]) + FAINT * float(light.mean())) for light in (radiance, other)
-    ]
-    apart = shades[0] - shades[1]
-    facing = normals[:, 2]
-    apart = apart - np.average(apart, weights=facing)
-    return float(np.sqrt(np.average(apart**2, weights=facing)))

@@ -19,7 +19,10 @@ from anyprobe.match.kind import PRICE, prices
 from anyprobe.match.library import FEATURE_ROWS, Library
 from anyprobe.match.library_folder import check_unchanged, open_library
 from anyprobe.match.likeness import Shown, best_places, gain_of
+from anyprobe.match.shading import OWN_ERROR, shading_apart
 
+MOST_TRIED = 50
+"""Number of maps, the best first, among which those that shade an object as the estimate does come first."""
 BLOCK_ROWS = 64
 """Rows of a large map that are rotated at once."""
 
@@ -170,7 +173,7 @@ def rank_maps(
         camera = rotate(radiance, light_from_camera.T)
         places = best_places(shown, library.lights, pitch_deg, is_estimated=is_pitch_estimated)
         found_turns, cost = places.map_from_camera, places.misfit + prices(outdoors, library.lights, PRICE)
-        misfits, order = cost, np.argsort(cost, kind="stable").tolist()
+        misfits, order = cost, _fitting_first(np.argsort(cost, kind="stable").tolist(), library, found_turns, camera)
         gains = {i: gain_of(shown, camera, library.lights[i], found_turns[i]) / library.levels[i] for i in order}
         turns = found_turns @ light_from_camera.T
     else:
@@ -195,6 +198,14 @@ def rank_maps(
         )
         for rank, i in enumerate(order)
     ]
+
+
+def _fitting_first(order: list[int], library: Library, turns: np.ndarray, camera: np.ndarray) -> list[int]:
+    """Return the order with those of the first MOST_TRIED maps ahead that shade an object as the estimate [H, 2H, 3]
+    does; turns: of all maps, from the camera's frame."""
+    fits = [shading_apart(rotate(library.lights[i], turns[i].T), camera) <= OWN_ERROR for i in order[:MOST_TRIED]]
+    tried = sorted(range(len(fits)), key=lambda k: not fits[k])
+    return [order[k] for k in tried] + order[MOST_TRIED:]
 
 
 def _by_map(
