@@ -46,7 +46,7 @@ def main(photo: Annotated[Path, typer.Argument(help="The teapot's photo, square.
     around = light.panorama(256, frame="camera").radiance * np.float32(least_scale(before, light.radiance))
     after = before
     for material, foot in SPHERES.items():
-        arrangement = Arrangement(size=SCALE, at=foot, ground=light.ground, match_shadow=True)
+        arrangement = Arrangement(size=SCALE, at=foot, ground=light.ground)
         stage = Stage(after, open_object("sphere"), arrangement)
         after = replace(after, rgb=stage.relit(around, material))
     panels = [_fitted(one.rgb, SHOWN, WIDTH) for one in (before, after)]

@@ -38,6 +38,7 @@ from research.world.whole_photos import read_render, write_render
 from research.world.whole_render import Render
 from research.world.whole_scenes import Phone, Thing
 
+ESTIMATED, TRUE = "estimated", "true light and camera"
 FAMILIES_USED = ("ground", "table", "procedural")
 SIZE, QUALITY = 0.6, 4
 """The sphere's size, in the object's, and times the paths of what is learned from."""
@@ -85,7 +86,7 @@ def _row(layout: Layout, path: Path, estimator: Estimator) -> dict[str, Any] | N
     try:
         photo = load_photo(taken.picture, mask=taken.true_mask, fov_deg=layout.phone.long_fov_deg)
         light = estimator.from_photo(photo)
-        stage = Stage(photo, open_object("sphere"), Arrangement(size=SIZE, ground=light.ground, match_shadow=True))
+        stage = Stage(photo, open_object("sphere"), Arrangement(size=SIZE, ground=light.ground))
     except AnyprobeError:
         return None
     if stage.placement.side is not Side.beside or light.ground is None:
@@ -103,12 +104,7 @@ def _row(layout: Layout, path: Path, estimator: Estimator) -> dict[str, Any] | N
     free = (before.mask < 0.01) & ~silhouette(view, truly)
     truth = shade_of(true_ratio, free, view, truly)
     bare = GroundShadow(truly.mesh, truly.foot, truly.radius, view.up, before.truth)
-    unmatched = Stage(photo, open_object("sphere"), Arrangement(size=SIZE, ground=light.ground))
-    ways = {
-        "shipped": (stage.view, stage.placement, stage.shadow(light.radiance)),
-        "as estimated": (stage.view, stage.placement, unmatched.shadow(light.radiance)),
-        "true light and camera": (view, truly, bare),
-    }
+    ways = {ESTIMATED: (stage.view, stage.placement, stage.shadow(light.radiance)), TRUE: (view, truly, bare)}
     row: dict[str, Any] = {"true_depth": truth.depth, "true_off": float(np.linalg.norm(truth.toward))}
     for name, (seen, placed, shadow) in ways.items():
         whole = slice(0, seen.height), slice(0, seen.width)
@@ -171,7 +167,7 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Return medians over the scenes, and in how many with a side it is the same within 45 degrees."""
     sided = [row for row in rows if row["true_off"] > OFF_FOOT]
     said: dict[str, Any] = {"scenes": len(rows), "with_a_side": len(sided)}
-    for name in ("shipped", "as estimated", "true light and camera"):
+    for name in (ESTIMATED, TRUE):
         off = np.array([row[name]["depth"] - row["true_depth"] for row in rows])
         said[name] = {
             "depth_error_stops": float(np.median(np.abs(off))),

@@ -18,7 +18,7 @@ import anyprobe
 from anyprobe.cli.relight import progress
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
-from anyprobe.estimate.ground import USUAL_ERROR_DEG, contact_of
+from anyprobe.estimate.ground import USUAL_ERROR_DEG, contact_of, estimate_ground, up_of
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.objects import OBJECTS, open_object
 from anyprobe.light.filtering import irradiance_map
@@ -148,6 +148,18 @@ def test_foot_is_where_it_was_asked(photo):
     assert stage.placement.foot @ stage.view.up == pytest.approx(-1)
     heights = stage.placement.mesh.positions @ stage.view.up + 1
     assert heights.min() == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("roll_deg", "source", "used_deg"), [(15.0, "estimated", 15.0), (2.0, "exif", 2.0), (2.0, "estimated", 0.0)]
+)
+def test_an_object_stands_upright_where_the_camera_is_rolled(photo, roll_deg, source, used_deg):
+    ground = replace(estimate_ground(photo, pitch_deg=20.0), roll_deg=roll_deg, source=source)
+    placed = Stage(photo, open_object("vase"), Arrangement(ground=ground)).placement
+    top = placed.mesh.positions[np.argmax(placed.mesh.positions @ ground.up)] - placed.foot
+    ring = placed.mesh.positions[placed.mesh.positions @ ground.up > top @ ground.up + placed.foot @ ground.up - 1e-6]
+    axis = ring.mean(axis=0) - placed.foot
+    np.testing.assert_allclose(axis / np.linalg.norm(axis), up_of(20.0, used_deg), atol=0.01)
 
 
 def test_further_is_smaller(photo):

@@ -172,9 +172,7 @@ def relight(
         loaded = load_photo(source, hints, name=photo_name(photo), segmenter=segmenter)
     with progress("estimating the light", silent):
         radiance, gain, ground, doubts = _radiance(loaded, light, model_options, detail_options)
-    stage = placing(Stage)(
-        loaded, mesh, Arrangement(size=size, at=contact, turn_deg=turn, ground=ground, match_shadow=True)
-    )
+    stage = placing(Stage)(loaded, mesh, Arrangement(size=size, at=contact, turn_deg=turn, ground=ground))
     names = STRIP if strip else (material,)
     stored = stored_as(source)
     is_plain_png = stored.plain and kind == ".png"

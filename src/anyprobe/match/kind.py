@@ -1,8 +1,8 @@
 """Classification as indoors or outdoors, of a photo's surroundings and of panoramas.
 
-A photo is outdoors if it shows sky, bright and bluish above, or plants. A panorama is outdoors if its upper part is
-blue and brighter than its lower one, and its lower part green. Both are sometimes wrong; therefore a mismatch costs a
-little and excludes nothing.
+A photo is outdoors if it shows sky, bright and bluish above, or plants; one colour behind the object is a studio's. A
+panorama is outdoors if its upper part is blue and brighter than its lower one, and its lower part green. Both are
+sometimes wrong; therefore a mismatch costs a little and excludes nothing.
 """
 
 from __future__ import annotations

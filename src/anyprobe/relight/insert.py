@@ -21,7 +21,6 @@ from anyprobe.relight.ground_map import with_ground
 from anyprobe.relight.ground_view import VIEW_STRIP_PIXELS, View, view_of
 from anyprobe.relight.path_traced import GROUND_RADII, NUM_PATHS, GroundDisc, open_mitsuba, trace_mesh
 from anyprobe.relight.placement import Placement, Side, place_beside
-from anyprobe.relight.real_shadow import shadow_depth
 from anyprobe.relight.shadow import NUM_DIRECTIONS, SHADOW_CELLS, GroundShadow, sky_irradiance
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.picture import draw_mesh
@@ -205,7 +204,6 @@ class Arrangement:
     size: its height over the real object's. at: x, y of its foot in the photo [px]; None: beside the real object.
     turn_deg: rotation about its vertical axis. pitch_deg: camera pitch downwards; None: the ground's.
     ground: the photo's estimated ground (Light.ground); None: guessed.
-    match_shadow: whether to make the shadow as deep as the real object's, if one is seen, see relight.real_shadow.
     """
 
     size: float = 0.5
@@ -213,7 +211,6 @@ class Arrangement:
     turn_deg: float = 0.0
     pitch_deg: float | None = None
     ground: Ground | None = None
-    match_shadow: bool = False
 
 
 class Stage:
@@ -229,7 +226,6 @@ class Stage:
                 f"expected a pixel of {width} x {height}, got {at[0]:g},{at[1]:g}; choose another", subject="at"
             )
         self.photo = photo
-        self.is_shadow_matched = arrangement.match_shadow
         self.view: View
         self.view, pitch_deg = view_of(photo, arrangement.pitch_deg, arrangement.ground)
         if not np.isfinite(arrangement.turn_deg):
@@ -275,10 +271,7 @@ class Stage:
     def shadow(self, radiance: np.ndarray, count: int = NUM_DIRECTIONS, grid: int = SHADOW_CELLS) -> GroundShadow:
         """Return the object's shadow under a map [H, 2H, 3] of the camera's frame."""
         spot = self.placement
-        shadow = GroundShadow(spot.mesh, spot.foot, spot.radius, self.view.up, radiance, count, grid)
-        if self.is_shadow_matched:
-            shadow.ratio = shadow.ratio ** shadow_depth(self.photo, self.view, radiance)
-        return shadow
+        return GroundShadow(spot.mesh, spot.foot, spot.radius, self.view.up, radiance, count, grid)
 
     def relit(
         self,
