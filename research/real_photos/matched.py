@@ -26,7 +26,7 @@ from anyprobe.estimate.runtime import DEFAULT_MODEL
 from anyprobe.files.atomic import atomic_path
 from anyprobe.light.environment import reduced
 from anyprobe.maps.radiance import read_radiance
-from anyprobe.match.doubts import match_doubts
+from anyprobe.match.fit_warnings import match_doubts
 from anyprobe.match.kind import is_outdoors, photo_outdoors
 from anyprobe.match.library import Library
 from anyprobe.match.library_folder import open_library

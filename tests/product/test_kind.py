@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.match.doubts import kind_doubts
+from anyprobe.match.fit_warnings import kind_doubts
 from anyprobe.match.kind import is_outdoors, photo_outdoors, prices
 from anyprobe.match.plate import keep_plate
 from anyprobe.notices import Notice

@@ -26,10 +26,10 @@ from anyprobe.estimate.sidecar import Origin
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.maps.radiance import read_radiance, write_exr
-from anyprobe.match import doubts, ranking
+from anyprobe.match import fit_warnings, ranking
 from anyprobe.match import library_folder as libraries
 from anyprobe.match.background import background_of
-from anyprobe.match.doubts import stops_apart
+from anyprobe.match.fit_warnings import stops_apart
 from anyprobe.match.library_folder import open_library
 from anyprobe.match.likeness import MATCH_ROWS, Shown, best_places, gain_of, light_of, schlick_coat
 from anyprobe.match.shading import shading_apart
@@ -358,13 +358,13 @@ def test_shading_is_compared_whatever_the_exposure():
 def test_maps_that_shade_unlike_the_estimate_come_after_those_that_do(folder, camera_light, monkeypatch):
     light, _ = camera_light
     ranked = light.match(folder)
-    assert doubts.fit_doubts(light.radiance, ranked[0].radiance(64)) == []
+    assert fit_warnings.fit_doubts(light.radiance, ranked[0].radiance(64)) == []
     monkeypatch.setattr(ranking, "shading_apart", lambda radiance, other: next(found))
     found = iter([9.0, 9.0, 0.1, 0.1, 9.0, 0.1])
     names = [one.name for one in light.match(folder)]
     assert names == [ranked[k].name for k in (2, 3, 5, 0, 1, 4)]
-    monkeypatch.setattr(doubts, "OWN_ERROR", 0.0)
-    (none,) = doubts.fit_doubts(light.radiance, ranked[0].radiance(64))
+    monkeypatch.setattr(fit_warnings, "OWN_ERROR", 0.0)
+    (none,) = fit_warnings.fit_doubts(light.radiance, ranked[0].radiance(64))
     assert none.startswith("no panorama fits")
 
 
@@ -372,7 +372,7 @@ def test_maps_that_shade_unlike_the_estimate_come_after_those_that_do(folder, ca
 def test_strict_counts_the_warnings_of_a_match(folder, tmp_path, monkeypatch):
     from PIL import Image
 
-    monkeypatch.setattr(doubts, "STOPS_APART", 99.0)
+    monkeypatch.setattr(fit_warnings, "STOPS_APART", 99.0)
     photo = tmp_path / "ball.png"
     Image.fromarray(sphere_photo((64, 48))).save(photo)
     words = ["match", str(photo), str(folder), "-o", str(tmp_path / "out")]
@@ -410,7 +410,7 @@ def test_maps_of_earlier_matches_of_a_photo_are_said(folder, tmp_path):
 def test_the_command_writes_maps_a_sheet_a_list_and_an_export(folder, tmp_path, monkeypatch):
     from PIL import Image
 
-    monkeypatch.setattr(doubts, "STOPS_APART", 0.0)
+    monkeypatch.setattr(fit_warnings, "STOPS_APART", 0.0)
 
     photo = tmp_path / "ball.png"
     Image.fromarray(sphere_photo((64, 48))).save(photo)

@@ -55,7 +55,7 @@ def match(
     from anyprobe.estimate.photo import load_photo
     from anyprobe.export.targets import write_export
     from anyprobe.files.atomic import atomic_files
-    from anyprobe.match.doubts import match_doubts
+    from anyprobe.match.fit_warnings import match_doubts
     from anyprobe.match.library_folder import open_library
     from anyprobe.pictures.images import write_png
 

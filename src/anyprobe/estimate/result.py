@@ -212,8 +212,10 @@ class Light:
             outdoors=photo_outdoors(self.plate, self.warnings),
             pitch_deg=self.ground.pitch_deg if is_camera and self.ground is not None else None,
         )
-        origin = replace(self.origin, detail=found.info())
-        warnings = self.warnings + tuple(map(as_notice, found.warnings))
+        warnings, origin = (
+            self.warnings + tuple(map(as_notice, found.warnings)),
+            replace(self.origin, detail=found.info()),
+        )
         return replace(self, radiance=found.radiance, warnings=warnings, origin=origin)
 
     def panorama(self, size: int = DRAWN_ROWS, *, frame: str = LEVEL) -> Panorama:
