@@ -212,11 +212,8 @@ class Light:
             outdoors=photo_outdoors(self.plate, self.warnings),
             pitch_deg=self.ground.pitch_deg if is_camera and self.ground is not None else None,
         )
-        warnings, origin = (
-            self.warnings + tuple(map(as_notice, found.warnings)),
-            replace(self.origin, detail=found.info()),
-        )
-        return replace(self, radiance=found.radiance, warnings=warnings, origin=origin)
+        origin, added = replace(self.origin, detail=found.info()), tuple(map(as_notice, found.warnings))
+        return replace(self, radiance=found.radiance, warnings=self.warnings + added, origin=origin)
 
     def panorama(self, size: int = DRAWN_ROWS, *, frame: str = LEVEL) -> Panorama:
         """Return one picture of the place, `size` x 2 `size`: the photo, continued all around under this light.
