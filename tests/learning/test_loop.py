@@ -66,6 +66,7 @@ def one_step(run, tmp_path_factory):
     return run(tmp_path_factory.mktemp("one_step"), steps=1, named=normals)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("named", [paper_irradiance, paper, lift])
 def test_resumed_run_equals_the_straight_one_to_the_bit(run, two_steps, tmp_path, named):
     straight = torch.load(two_steps(named), weights_only=True)
@@ -81,6 +82,7 @@ def test_resumed_run_equals_the_straight_one_to_the_bit(run, two_steps, tmp_path
     assert steps == ["1", "2"]
 
 
+@pytest.mark.ci
 @pytest.mark.filterwarnings("ignore")  # TensorBoard warns about itself, the loader on one core
 def test_pairs_that_others_made_ahead_teach_the_same(tmp_path, capsys):
     """Two processes go on where one stopped; each has the lit materials of its own lane."""
@@ -111,6 +113,7 @@ def test_a_finished_run_is_left_alone(run, two_steps):
     assert path.stat().st_mtime_ns == before
 
 
+@pytest.mark.ci
 def test_losses_do_not_mix():
     """Each stage learns from its own; the LDR map also from what Eq. 7 makes of it."""
     chain = Chain(smoke(paper()), "cpu")
@@ -122,6 +125,7 @@ def test_losses_do_not_mix():
         assert touched == ({"illumination", "hdr"} if stage == "hdr" else {stage})
 
 
+@pytest.mark.ci
 def test_chain_begins_with_the_irradiance_net_that_it_is_given_and_names_its_teacher(run, two_steps, tmp_path):
     begin, teacher = tmp_path / "irradiance.pt", tmp_path / "lift.pt"
     save_init_weights(two_steps(paper_irradiance), begin)
@@ -146,6 +150,7 @@ def test_kept_weights_are_compressed_and_the_same_each_time(two_steps, tmp_path)
     assert kept.stat().st_size < 0.97 * sum(value.numel() * value.element_size() for value in weights.values())
 
 
+@pytest.mark.ci
 def test_the_chain_begins_as_the_same_layers_of_lift(two_steps, tmp_path):
     """Also where it is given them beside weights of its own."""
     kept, own = tmp_path / "lift.pt", tmp_path / "own.pt"
@@ -179,6 +184,7 @@ def test_learning_rate_rises_stays_and_falls():
     assert rates[-1] < 0.01 * config.learning_rate
 
 
+@pytest.mark.ci
 def test_exported_chain_agrees_with_torch(two_steps, tmp_path, monkeypatch):
     """The graphs pass the parity check that export makes, and that check can fail."""
     checkpoint = two_steps(paper)
@@ -193,6 +199,7 @@ def test_exported_chain_agrees_with_torch(two_steps, tmp_path, monkeypatch):
     assert not list((tmp_path / "refused").iterdir())
 
 
+@pytest.mark.ci
 def test_exported_lift_agrees_with_torch_and_runs_on_a_crop(two_steps, tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # torch's exporter warns about itself
@@ -210,6 +217,7 @@ def test_exported_lift_agrees_with_torch_and_runs_on_a_crop(two_steps, tmp_path)
     assert np.abs(wider.ln_radiance - outputs.ln_radiance).max() > 0.01
 
 
+@pytest.mark.ci
 def test_a_graph_tells_what_its_weights_come_from(run, one_step, tmp_path, monkeypatch):
     """As far as the checkpoint knows it: older ones do not say what they began from, few are means."""
     onnx = pytest.importorskip("onnx", reason="needs the train extra")
@@ -254,6 +262,7 @@ def test_a_graph_tells_what_its_weights_come_from(run, one_step, tmp_path, monke
     assert hints(tmp_path / "unknown.pt") == {"mean_with": "0123456789abcdef"}
 
 
+@pytest.mark.ci
 def test_a_run_begins_from_kept_weights(run, two_steps, tmp_path):
     """Half of the size, within half floats; a checkpoint goes before; others' weights are refused."""
     kept = tmp_path / "start.pt"
@@ -291,6 +300,7 @@ def test_the_mask_network_is_refused_whatever_is_asked_of_it(asked, tmp_path, mo
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.ci
 def test_lift_begins_from_normals_that_learned_alone(one_step, tmp_path):
     kept, weight = tmp_path / "start.pt", "light.normals.head.weight"
     save_init_weights(one_step, kept)
@@ -306,6 +316,7 @@ def test_no_checkpoint_is_one_clear_line(tmp_path):
         export_onnx.export_graphs(tmp_path / "checkpoint.pt", tmp_path)
 
 
+@pytest.mark.ci
 def test_the_mean_of_a_run_and_what_it_began_from(run, two_steps, tmp_path):
     kept, other = tmp_path / "start.pt", tmp_path / "paper.pt"
     save_init_weights(two_steps(lift), kept)

@@ -74,6 +74,7 @@ def test_a_scene_is_a_photo_of_things_that_hide_one_another(scenes):
         assert (scene.covers.sum(dim=0) <= 1 + 1e-5).all()
 
 
+@pytest.mark.ci
 def test_the_same_number_gives_the_same_view(views):
     once, again, other = views.view(3), views.view(3), views.view(4)
     assert torch.equal(once.foregrounds, again.foregrounds)
@@ -136,6 +137,7 @@ def test_loss_is_least_for_the_answer():
     assert mask_loss(torch.full_like(target, -12.0), torch.zeros_like(target)) < 0.01
 
 
+@pytest.mark.ci
 def test_network_learns_one_batch_and_sees_the_hint():
     torch.manual_seed(0)
     scene = two_discs()
@@ -191,6 +193,7 @@ def checkpoint(run, tmp_path_factory):
     return run(tmp_path_factory.mktemp("straight"))
 
 
+@pytest.mark.ci
 def test_resumed_run_equals_the_straight_one_to_the_bit(run, checkpoint, tmp_path):
     straight = torch.load(checkpoint, weights_only=True)
     part = run(tmp_path, stop_after=2)
@@ -240,6 +243,7 @@ def changed(path, **parts):
     torch.save({name: value for name, value in stored.items() if value is not None}, path)
 
 
+@pytest.mark.ci
 def test_a_run_goes_on_with_what_it_began_with_or_not_at_all(tmp_path, monkeypatch):
     config = smoke(MaskRunConfig(), 3)
 
@@ -270,6 +274,7 @@ def test_a_run_goes_on_with_what_it_began_with_or_not_at_all(tmp_path, monkeypat
         go()
 
 
+@pytest.mark.ci
 def test_commands_train_export_and_keep(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     app = CliRunner()

@@ -65,6 +65,7 @@ def angle_deg(a: np.ndarray, b: np.ndarray) -> float:
 # Families
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("family", [sky, room, studio])
 def test_a_map_is_light_of_mean_one(family):
     for seed in range(6):
@@ -78,6 +79,7 @@ def test_a_map_is_light_of_mean_one(family):
     assert not np.array_equal(radiance, family(np.random.default_rng(99), height=64))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("family", [sky, room, studio])
 def test_a_map_is_the_same_at_every_height(family):
     """The seed decides the scene, the height only how finely it is drawn."""
@@ -89,6 +91,7 @@ def test_a_map_is_the_same_at_every_height(family):
         np.testing.assert_allclose(a, b, rtol=0.12)
 
 
+@pytest.mark.ci
 def test_draw_map_has_all_three_and_knows_which_is_indoor():
     drawn = [draw_map(np.random.default_rng(seed), height=16) for seed in range(12)]
     families = set()

@@ -28,6 +28,7 @@ def sent_back(f0: float, alpha: float, cosine: float) -> float:
     return float((f * wi[..., 2].clip(min=0) * 4 * facing.clip(min=0) * solid_angle).sum())
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("cosine", [0.97, 0.6, 0.25, 0.08])
 @pytest.mark.parametrize("alpha", [0.05, 0.2, 0.5, 0.9])
 def test_table_is_not_the_brdfs_integral(alpha, cosine):

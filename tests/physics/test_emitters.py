@@ -93,6 +93,7 @@ def test_a_constant_map_has_emitters_without_light():
     assert np.abs(pyramid.emitter_power).max() == 0.0
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("alpha", "f0"), [(0.15, 0.5), (0.5, 0.5), (1.0, 0.5), (0.5, 0.0)])
 def test_sixty_four_samples_render_a_sun(rng, alpha, f0):
     """Against the sum over all pixels: a few percent with emitters, far off without."""
@@ -139,6 +140,7 @@ def test_a_wide_emitter_makes_a_wide_highlight(rng):
     assert error(replace(pyramid, emitter_spread=np.zeros(2, np.float32))) > 0.15
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("alpha", "f0"), [(1.0, 0.5), (0.5, 0.5), (0.3, 0.5), (0.1, 0.04)])
 def test_sixty_four_samples_render_a_emitter_of_many_pixels(rng, alpha, f0):
     """Emitters of a pixel hold too little of it."""

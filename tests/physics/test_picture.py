@@ -35,6 +35,7 @@ def suns() -> list[np.ndarray]:
     return maps
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("alpha", [0.05, 0.15, 0.5])
 def test_glint_of_a_drawn_sphere_is_as_strong_wherever_the_sun_stands(suns, alpha):
     """Its sum over the sphere does not depend on half a degree; at alpha 0.05 emitters are pixels, else patches."""
@@ -45,12 +46,14 @@ def test_glint_of_a_drawn_sphere_is_as_strong_wherever_the_sun_stands(suns, alph
     np.testing.assert_allclose(sums, np.mean(sums), rtol=0.03)
 
 
+@pytest.mark.ci
 def test_silver_sphere_is_as_bright_wherever_the_sun_stands(suns):
     """And in however many rows."""
     sums = [luminance(silver(light)).sum() for sun in suns for light in (sun, shrink(sun, 64))]
     np.testing.assert_allclose(sums, np.mean(sums), rtol=0.03)
 
 
+@pytest.mark.ci
 def test_material_is_found_under_a_large_map(suns):
     """A photo of a sphere of paper under the sun: its albedo, told apart from the light's strength."""
     n, mask = sphere_normals(48)

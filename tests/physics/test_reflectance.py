@@ -61,6 +61,7 @@ def test_even_light_shows_where_the_camera_stands(alpha, colours):
     assert error(np.ones((HEIGHT, 2 * HEIGHT, 3), np.float32), colours, alpha, fov_deg=45.0) < 0.01
 
 
+@pytest.mark.ci
 def test_far_sphere_needs_what_a_near_one_needs():
     """Seen straight on, all that is lost is what lies between the maps' pixels."""
     near, far = (error(sky_and_sun(), METAL, 0.5, fov_deg=fov, size=64) for fov in (45.0, 2.0))

@@ -57,6 +57,7 @@ def test_fills_the_unit_sphere_and_no_more(family):
         np.testing.assert_allclose(middle, 0.0, atol=1e-6)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("family", FAMILIES)
 def test_normals_are_of_the_faces(family):
     """Unit length; towards the face's own outside; over the whole, within 10 degrees of it."""
@@ -121,6 +122,7 @@ def test_polyhedron_has_flat_faces():
     assert np.median(shares) > 0.6
 
 
+@pytest.mark.ci
 def test_every_family_is_drawn():
     """Told apart by their vertex counts: rows differ from family to family, but for blobs and spheres."""
     rng = np.random.default_rng(0)
@@ -156,6 +158,7 @@ def test_waves_turn_normals_as_they_turn_the_surface():
     np.testing.assert_allclose(mesh.positions, moved / np.linalg.norm(moved, axis=1).max(), atol=1e-5)
 
 
+@pytest.mark.ci
 def test_slopes_below_one_turn_nothing_inside_out():
     """Every face of a wavy figure still looks the way its normals do."""
     rng = np.random.default_rng(5)
@@ -181,6 +184,7 @@ def piece_of(mesh: Mesh) -> np.ndarray:
         label = spread
 
 
+@pytest.mark.ci
 def test_figures_are_closed_pieces_turned_outwards():
     """Each piece has a positive volume, mirrored ones too; about half of the figures have all but the body twice."""
     twice = 0

@@ -54,6 +54,7 @@ def tremble(maps: list[np.ndarray]) -> float:
     return float(np.sqrt(np.mean(np.square(angles))))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("fps", [15, 30])
 def test_still_scene_is_still(rng, fps):
     frames = [noisy(LEFT, rng) for _ in range(4 * fps)]
@@ -165,6 +166,7 @@ def test_time_must_go_on(dt):
         step(state, LEFT, dt)
 
 
+@pytest.mark.ci
 def test_slower_memory_is_stiller(rng):
     frames = [noisy(LEFT, rng) for _ in range(60)]
     ends = []
@@ -201,6 +203,7 @@ def bright(radiance) -> int:
     return int((radiance.max(axis=-1) > 5.0).sum())
 
 
+@pytest.mark.ci
 def test_sources_that_tremble_and_blink_leave_no_ghosts(rng):
     frames = [seen(rng, has_lamp=i % 5 != 3) for i in range(6 * FPS)]
     states = run(frames, [1 / FPS] * len(frames))
@@ -293,6 +296,7 @@ def test_one_frame_with_another_leader_is_not_shown(rng):
     assert max(steps_deg(states[1:])) < 5
 
 
+@pytest.mark.ci
 def test_two_sources_that_change_rank_move_no_dominant_light():
     frames = [
         lamps((SUN, 2.0 + 0.5 * (-1) ** (i // 3), 4.2), (LAMP, 2.0 - 0.5 * (-1) ** (i // 3), 6.0)) for i in range(45)

@@ -71,6 +71,7 @@ def test_file_where_the_folder_should_be(tmp_path):
         write_new(tmp_path / "taken", "a")
 
 
+@pytest.mark.ci
 def test_what_a_killed_run_has_left_is_removed_and_its_old_files_come_back(tmp_path):
     (tmp_path / "a.txt").write_text("old")
     code = f"""

@@ -239,6 +239,7 @@ def test_box_cuts_the_object_out(work, command, photo_rgba):
 # Odd inputs that are fine
 
 
+@pytest.mark.ci
 def test_odd_kinds_of_photos_are_converted(work, command, photo_rgba, mask_path):
     """One mask serves them all; each says the same as its plain RGB twin, or nearly so after JPEG."""
     rgb = Image.fromarray(np.ascontiguousarray(photo_rgba[..., :3]))

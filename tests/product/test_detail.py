@@ -140,6 +140,7 @@ def test_a_light_source_that_is_seen_is_not_drawn_twice(library):
     np.testing.assert_allclose(project(found), project(truth), atol=0.02 * np.abs(project(truth)).max())
 
 
+@pytest.mark.ci
 def test_two_light_sources_stay_two_and_the_rest_stays_as_it_is(library):
     """What lies under the second one must not be dimmed to make up for it."""
     d = pixel_directions(64)

@@ -14,7 +14,6 @@ from support.refused import refused
 from support.scenes import sphere_photo
 
 import anyprobe
-from anyprobe.cli.app import main
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
 from anyprobe.estimate import estimator
@@ -60,6 +59,7 @@ def test_a_light_with_detail_says_so_and_keeps_what_was_measured(estimate, folde
         detailed.with_detail(library=folder)
 
 
+@pytest.mark.ci
 def test_an_estimator_gives_detail_where_it_is_asked_for(folder):
     photo = sphere_photo()
     plain = anyprobe.Estimator(threads=1)(photo)
@@ -73,6 +73,7 @@ def test_an_estimator_gives_detail_where_it_is_asked_for(folder):
         anyprobe.Estimator(detail="sharp")
 
 
+@pytest.mark.ci
 def test_the_function_takes_what_an_estimator_takes(folder):
     """Each of Estimator's settings, on networks that are opened once."""
     photo, mask = sphere_photo()[..., :3], sphere_photo()[..., 3]
@@ -103,6 +104,7 @@ def test_the_function_takes_and_explains_every_argument():
     assert [name for name in taken if not re.search(rf"\b{name}(, \w+)*: \S", text)] == []
 
 
+@pytest.mark.ci
 def test_networks_are_opened_anew_for_another_engine_or_other_threads(monkeypatch):
     opened = []
 
@@ -136,21 +138,18 @@ def test_what_a_model_does_not_estimate_is_none():
     assert (light.info["object"], light.info["uncertainty"]) == (None, None)
 
 
-def test_the_command_writes_a_map_with_detail(folder, tmp_path, monkeypatch):
+def test_the_command_writes_a_map_with_detail(folder, tmp_path, command):
     Image.fromarray(sphere_photo()).save(tmp_path / "sphere.png")
     out = tmp_path / "out"
     options = ["--detail", "plausible", "--size", "128", "--detail-library", str(folder), "-q"]
-    monkeypatch.setattr("sys.argv", ["anyprobe", "estimate", str(tmp_path / "sphere.png"), "-o", str(out), *options])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert not ended.value.code
+    assert command("estimate", tmp_path / "sphere.png", "-o", out, *options).status == 0
     assert read_radiance(out / "sphere.exr").shape == (128, 256, 3)
     said = json.loads((out / "sphere.json").read_text())
     assert said["detail"]["kind"] == "plausible"
     assert said["size"] == [256, 128]
 
 
-def test_the_command_says_once_what_a_library_lacks(folder, tmp_path, monkeypatch, capsys):
+def test_the_command_says_once_what_a_library_lacks(folder, tmp_path, monkeypatch, command):
     (tmp_path / "file").touch()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     (folder / "broken.hdr").write_bytes(b"no picture")
@@ -158,28 +157,22 @@ def test_the_command_says_once_what_a_library_lacks(folder, tmp_path, monkeypatc
     for photo in photos:
         Image.fromarray(sphere_photo()).save(photo)
     options = ["--detail", "plausible", "--size", "64", "--detail-library", str(folder), "-o", str(tmp_path / "out")]
-    monkeypatch.setattr("sys.argv", ["anyprobe", "estimate", *map(str, photos), *options])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert not ended.value.code
+    done = command("estimate", *photos, *options)
+    assert done.status == 0
     for photo in photos:
         said = json.loads((tmp_path / "out" / f"{photo.stem}.json").read_text())["warnings"]
         assert any(line.startswith("left out: broken.hdr: expected a Radiance .hdr file") for line in said)
         assert any("XDG_CACHE_HOME" in line for line in said)
-    printed = capsys.readouterr().err
-    assert (printed.count("left out: broken.hdr"), printed.count("XDG_CACHE_HOME")) == (1, 1)
+    assert (done.err.count("left out: broken.hdr"), done.err.count("XDG_CACHE_HOME")) == (1, 1)
 
 
-@pytest.mark.usefixtures("rough_shadows", "networks_opened_once")
-def test_an_inserted_objects_detail_says_what_its_library_lacks(folder, tmp_path, monkeypatch, capsys):
+def test_an_inserted_objects_detail_says_what_its_library_lacks(folder, tmp_path, command):
     (folder / "broken.hdr").write_bytes(b"no picture")
     Image.fromarray(sphere_photo()).save(tmp_path / "one.png")
     options = ["--detail", "plausible", "--detail-library", str(folder), "-o", str(tmp_path / "out.png")]
-    monkeypatch.setattr("sys.argv", ["anyprobe", "relight", str(tmp_path / "one.png"), "--insert", "sphere", *options])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert not ended.value.code
-    assert capsys.readouterr().err.count("left out: broken.hdr") == 1
+    done = command("relight", tmp_path / "one.png", "--insert", "sphere", *options)
+    assert done.status == 0
+    assert done.err.count("left out: broken.hdr") == 1
 
 
 def test_a_panorama_lends_its_own_pixels_to_a_map_with_detail(folder):

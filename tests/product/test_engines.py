@@ -50,6 +50,7 @@ def test_bfloat16_says_nearly_the_same(crops):
         assert np.abs(one.irradiance - two.irradiance).mean() < 0.02
 
 
+@pytest.mark.ci
 def test_what_openvino_cannot_read_is_run_all_the_same(monkeypatch, crops):
     class Core:
         def read_model(self, path):

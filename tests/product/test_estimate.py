@@ -251,6 +251,7 @@ A = np.arctan(83 / FOCAL_PX)
 B = np.arctan(51 / FOCAL_PX)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("kind", "in_crop", "in_camera"),
     [

@@ -61,6 +61,7 @@ def slow_processes(monkeypatch) -> None:
     monkeypatch.setattr(processes._Worker, "call", slowly)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("count", [1, 2])
 def test_the_server_counts_from_the_photo_s_opening(estimator, photo_path, slow_processes, count):
     pytest.importorskip("fastapi", reason="needs the serve extra")

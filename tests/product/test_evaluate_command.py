@@ -189,6 +189,7 @@ def test_written_photos_are_all_that_a_method_is_given(work, command, rendered):
         assert read_image(work / "photos" / one["photo"]).rgb.shape[:2] == (one["height"], one["width"])
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("prepare", "words"),
     [

@@ -98,6 +98,7 @@ def test_object_stands_beside_on_the_same_row(center_x, side):
     assert (left > center_x + DIAMETER / 2) if side > 0 else (right < center_x - DIAMETER / 2)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("diameter", [40, 150])
 @pytest.mark.parametrize("where", [(0, 0), (0.5, 0.5), (1, 1)])
 @pytest.mark.parametrize("stretch", [(1, 1, 1), (1, 0.2, 0.2), (0.2, 1, 0.2), (0.2, 0.2, 1)])
@@ -414,6 +415,7 @@ def test_pitch_of_the_camera_is_said_in_whole_degrees_with_its_error(command, ph
     assert re.search(rf", camera \d+ ± {error:.0f} degrees down, ", said), said
 
 
+@pytest.mark.ci
 def test_strip_shows_the_photo_then_every_material(command, work, photo_path):
     done = command("relight", photo_path, "--strip", "--renderer", "own", "-o", "strip.png")
     assert done.status == 0, done.err
@@ -494,11 +496,13 @@ def test_light_that_lies_for_another_program_is_refused(command, work, photo_pat
         assert word in complaint
 
 
+@pytest.mark.ci
 def test_light_of_an_estimate_is_taken(command, work, photo_path):
     saved = anyprobe.Light(radiance=made_map()).save(work / "map.exr")
     assert command("relight", photo_path, "--light", saved, "--renderer", "own", "-q").status == 0
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("height", [0.0, 0.0005])
 def test_mesh_that_lies_flat_is_refused(command, work, photo_path, photo, height):
     (work / "card.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 1 {height} 1\nv 0 0 1\nf 1 3 2\nf 1 4 3\n")

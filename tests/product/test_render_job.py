@@ -281,6 +281,7 @@ def test_killed_render_goes_on_to_the_same_folder(start, drawn_command, rendered
     assert {path: path.stat().st_ino for path in before} == before
 
 
+@pytest.mark.ci
 def test_workers_end_in_the_middle_of_a_shard_when_the_command_is_killed(start, tmp_path):
     """They do not render on unseen, for the twenty seconds that their shards would take."""
     folder = tmp_path / "set"
@@ -338,6 +339,7 @@ def test_dead_worker_is_reported_and_its_shard_done_again(tmp_path, rendered, dr
     assert snapshot(folder) == snapshot(rendered)
 
 
+@pytest.mark.ci
 def test_workers_use_one_thread_each(monkeypatch):
     """Else they would fight for the cores, and sums would depend on how many there are."""
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
@@ -603,6 +605,7 @@ def test_status_counts_what_the_pairs_say(whole, drawn_command):
     assert "missing shards 1-2, 4;" in printed
 
 
+@pytest.mark.ci
 def test_verify_names_bad_shards_and_repair_mends_them(whole, rendered, drawn_command):
     data = bytearray((whole / "shard-000001.tar").read_bytes())
     data[len(data) // 2] ^= 1

@@ -210,6 +210,7 @@ def test_too_many_pixels_are_refused_before_they_are_decoded(client, photo, part
     assert "pixels" in complaint(client.post("/v1/estimate", files=parts), 413)
 
 
+@pytest.mark.ci
 def test_full_house_answers_429_and_when_to_come_back(estimator, photo):
     started, go_on = threading.Event(), threading.Event()
 
@@ -323,6 +324,7 @@ def test_places_are_given_back():
     asyncio.run(scene())
 
 
+@pytest.mark.ci
 def test_client_that_hangs_up_costs_one_place_for_a_moment(estimator, photo):
     """Straight through ASGI: the body arrives, then the line is cut."""
     app = create_app(estimator, LIMITS)
@@ -390,6 +392,7 @@ def test_heic_photo_is_opened_for_browsers_that_cannot(client, photo_rgba):
     assert np.abs(picture - photo_rgba[..., :3]).mean() < 4
 
 
+@pytest.mark.ci
 def test_no_answer_tells_a_path_of_the_machine(client, photo, monkeypatch, tmp_path):
     parts = {"photo": (str(tmp_path / "secret" / "sphere.png"), photo)}
     given = client.post("/v1/estimate", files=parts, params={"include": "stages,mask,radiance"}).json()

@@ -187,6 +187,7 @@ def test_a_width_that_no_terminal_has_cuts_nothing(columns, monkeypatch, capsys)
 # Inputs
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("order", ["estimate -", "mask -", "relight - --insert sphere"])
 def test_a_closed_input_is_one_line(command, order, work, monkeypatch):
     monkeypatch.setattr(sys, "stdin", None)  # which is what Python makes of it

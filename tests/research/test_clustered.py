@@ -23,6 +23,7 @@ def test_photos_of_one_cluster_count_as_one():
     assert np.isnan(with_error(np.mean, ["map"] * 50, values)[1])
 
 
+@pytest.mark.ci
 def test_few_clusters_are_not_surer_than_they_are():
     errors = [with_error(np.mean, range(3), draw)[1] for draw in np.random.default_rng(3).normal(0, 1, (100, 3))]
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(1 / np.sqrt(3), rel=0.12)

@@ -12,6 +12,7 @@ from research.detail_library.outdoors import detailed_outdoor
 from research.detail_library.rooms import detailed_room, detailed_studio
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("draw", [detailed_room, detailed_outdoor, detailed_studio])
 def test_a_scene_is_finite_detailed_and_the_same_again(draw):
     radiance = draw(np.random.default_rng((1, 2)), 64)

@@ -230,6 +230,7 @@ for number in range(20):
 """
 
 
+@pytest.mark.ci
 def test_rows_of_processes_that_fetch_at_once_all_stay(tmp_path):
     """Of each that was opened before the others wrote, and of four that write as fast as they can."""
     first, second = (Manifest(tmp_path / "manifest.csv", COLUMNS) for _ in range(2))
@@ -555,6 +556,7 @@ def process(site, to) -> subprocess.Popen:
     return subprocess.Popen([*program, *given], cwd=ROOT, stderr=subprocess.PIPE, text=True)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("blow", [signal.SIGINT, signal.SIGKILL])
 def test_stopped_download_goes_on_where_it_was(fetch, site, blow):
     slow = Fault(pause_s=0.1, end_after=None)

@@ -148,6 +148,7 @@ def test_field_arithmetic_by_hand():
     np.testing.assert_allclose(field_tone(7 * drawn()), toned, rtol=1e-5)  # exposure drops out
 
 
+@pytest.mark.ci
 def test_field_scores_do_not_see_exposure_and_clean_ones_do():
     truth = drawn()
     (field,) = field_scores(truth, [2 * truth])
@@ -185,6 +186,7 @@ def test_white_sphere_sends_back_what_it_gets():
     np.testing.assert_allclose(sphere, 0.7, rtol=2e-3)
 
 
+@pytest.mark.ci
 def test_silver_matrix_agrees_with_the_sampled_renderer():
     radiance = drawn()
     some = slice(None, None, 97)
@@ -198,6 +200,7 @@ def test_silver_matrix_agrees_with_the_sampled_renderer():
     assert np.abs(sphere[some] - sampled)[inside].mean() < 0.02 * sampled[inside].mean()
 
 
+@pytest.mark.ci
 def test_spheres_stand_in_the_light_and_cast_shadows():
     even = array_of_spheres([uniform()])[0]
     assert even[0, 0].mean() == pytest.approx(0.8, rel=0.05)  # far plane: nearly the whole sky
@@ -213,6 +216,7 @@ def test_spheres_stand_in_the_light_and_cast_shadows():
     assert (array_of_spheres([low])[0].max(axis=-1) < 1e-6).mean() > 0.2
 
 
+@pytest.mark.ci
 def test_relighting_by_the_truth_has_no_error():
     truth = drawn() * np.float32(0.2)
     same, brighter = relight_scores([truth, truth, 2 * truth])

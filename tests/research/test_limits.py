@@ -89,6 +89,7 @@ def test_a_white_sphere_in_even_light_shows_that_light():
         np.testing.assert_allclose(seen, 0.6, rtol=0.06)
 
 
+@pytest.mark.ci
 def test_a_sphere_explains_the_maps_it_has_learned_from(monkeypatch):
     monkeypatch.setattr(sphere_limit, "VIEWS", 4)
     maps = [draw_map(np.random.default_rng(k), height=64)[0] for k in range(12)]

@@ -2,12 +2,15 @@
 
 from pathlib import Path
 
+import pytest
+
 from anyprobe.estimate.runtime import stages_of, weights_folder
 from research.timing import time_model, timing
 
 VASE = Path(__file__).parents[2] / "examples" / "vase.png"
 
 
+@pytest.mark.ci
 def test_every_network_and_the_whole_call_are_timed():
     one = time_model("paper", VASE, threads=1, repeats=3)
     assert tuple(one["networks"]) == stages_of(weights_folder("paper"))
@@ -16,6 +19,7 @@ def test_every_network_and_the_whole_call_are_timed():
         assert times["processor"] > 0
 
 
+@pytest.mark.ci
 def test_the_command_prints_a_line_for_each_model(capsys):
     timing(["paper"], None, 1, 3, VASE)
     assert "paper, onnxruntime: irradiance " in capsys.readouterr().out

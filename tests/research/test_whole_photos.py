@@ -77,6 +77,7 @@ def test_a_scene_is_a_function_of_its_recipe():
     assert again.phone.pitch_deg == SCENES[5].phone.pitch_deg != SCENES[6].phone.pitch_deg
 
 
+@pytest.mark.ci
 def test_covers_have_the_measured_albedos():
     for k, kind in enumerate(4 * KINDS):
         mean = luminance(draw_cover(np.random.default_rng(k), kind).albedo).mean()
@@ -93,6 +94,7 @@ def _photo(scene, recipe):
     return whole.photograph(recipe, scene, Render(picture=picture, mask=mask, truth=truth), STORE)
 
 
+@pytest.mark.ci
 def test_photo_and_truth_are_in_the_same_units():
     ratios = []
     for scene, recipe in zip(SCENES, RECIPES, strict=True):
@@ -105,6 +107,7 @@ def test_photo_and_truth_are_in_the_same_units():
     assert np.std([_photo(s, r).truth.mean() for s, r in zip(SCENES[:6], RECIPES[:6], strict=True)]) > 0
 
 
+@pytest.mark.ci
 def test_cut_outs_show_nothing_of_the_scene():
     kinds = Counter(scene.cut_out for scene in SCENES)
     assert kinds[""] > 12
@@ -127,6 +130,7 @@ def test_hardness_is_the_share_of_the_two_brightest_places():
     assert first > 2.5 * second > 0
 
 
+@pytest.mark.ci
 def test_the_stage_s_shadow_falls_away_from_the_light():
     matrix, vase, shown = stage()
     light = np.zeros((64, 128), np.float32)
@@ -142,6 +146,7 @@ def test_the_stage_s_shadow_falls_away_from_the_light():
     assert values[0] > values[1]
 
 
+@pytest.mark.ci
 def test_own_maps_of_whole_photos_score_as_the_row_itself(tmp_path, monkeypatch):
     """Photos are written with what a method may know; maps that are read back have the figures of those written."""
     photos = [_photo(scene, recipe) for scene, recipe in zip(SCENES[:12], RECIPES[:12], strict=True)]

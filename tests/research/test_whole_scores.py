@@ -88,6 +88,7 @@ def figures(**more):
     return _perfect() | more
 
 
+@pytest.mark.ci
 def test_the_summary_takes_thirds_by_hardness_and_errors_by_map():
     """The hardest of six lights are found best; photos of one map are the same photo."""
     degrees = [40.0, 30.0, 25.0, 12.0, 6.0, 2.0]
@@ -110,6 +111,7 @@ def test_power_and_sky_are_absolute_means_and_signed_medians():
     assert (made["power_median"], made["sky_ground_median"]) == (-0.5, -1.0)
 
 
+@pytest.mark.ci
 def test_families_are_judged_apart_where_there_are_several():
     one = Judgement()
     for k, family in enumerate(("table", "ground", "table")):

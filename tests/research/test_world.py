@@ -76,6 +76,7 @@ def test_the_lists_are_balanced_and_share_no_asset_with_each_other():
     assert {recipe.map_id for recipe in read_recipes(FROZEN)} >= {recipe.map_id for recipe in test}
 
 
+@pytest.mark.ci
 def test_materials_are_of_the_recipe_s_kind_and_half():
     for kind in range(4):
         value = []
