@@ -321,6 +321,7 @@ def test_gltf_of_a_large_map_is_no_larger_than_it_must_be(tmp_path, monkeypatch)
     assert len(light["specularImages"]) == 1
 
 
+@pytest.mark.ci
 def test_a_sun_between_the_points_of_a_large_map_is_not_lost():
     d = pixel_directions(1024)
     sun = np.where(d @ (0.48, 0.6, -0.64) > np.cos(np.radians(0.55)), 1e4, 0.01)

@@ -31,6 +31,7 @@ def test_a_damaged_graph_is_one_clear_line(tmp_path):
         open_graph(path)
 
 
+@pytest.mark.ci
 def test_the_runtime_tells_nobody(tmp_path):
     """Its telemetry keeps a database, from which it sends; and the host's environment stays as it was."""
     code = (

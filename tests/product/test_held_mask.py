@@ -140,6 +140,7 @@ def test_an_object_looks_other_where_its_light_changes_and_where_it_changes_back
     assert same.count("n") <= 10, same
 
 
+@pytest.mark.ci
 def test_one_odd_frame_changes_nothing_after_it(rng, monkeypatch):
     looked = []
 

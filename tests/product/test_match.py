@@ -368,6 +368,7 @@ def test_maps_that_shade_unlike_the_estimate_come_after_those_that_do(folder, ca
     assert none.startswith("no panorama fits")
 
 
+@pytest.mark.ci
 @pytest.mark.usefixtures("networks_opened_once")
 def test_strict_counts_the_warnings_of_a_match(folder, tmp_path, monkeypatch):
     from PIL import Image
@@ -384,6 +385,7 @@ def test_strict_counts_the_warnings_of_a_match(folder, tmp_path, monkeypatch):
     assert CliRunner().invoke(app, words).exit_code == 2
 
 
+@pytest.mark.ci
 @pytest.mark.usefixtures("networks_opened_once")
 def test_maps_of_earlier_matches_of_a_photo_are_said(folder, tmp_path):
     from PIL import Image
@@ -406,6 +408,7 @@ def test_maps_of_earlier_matches_of_a_photo_are_said(folder, tmp_path):
     assert len(list(out.glob("ball_[1-6]_*.exr"))) == 2 + 1 + 3  # nothing is deleted
 
 
+@pytest.mark.ci
 @pytest.mark.usefixtures("networks_opened_once")
 def test_the_command_writes_maps_a_sheet_a_list_and_an_export(folder, tmp_path, monkeypatch):
     from PIL import Image

@@ -48,6 +48,7 @@ def test_what_is_told_is_all_that_differs(models):
         np.testing.assert_allclose(np.exp(answers[name].ln_radiance), fitted, rtol=1e-2)
 
 
+@pytest.mark.ci
 def test_only_a_model_that_lifts_is_given_normals():
     rows = {name: list(model_methods(Models(name), name, hints)) for name, hints in (("lift", True), ("paper", False))}
     assert rows["lift"] == ["lift", "lift, emitters expected", *(f"lift, {what} given" for what in GIVEN_HINTS)]

@@ -70,6 +70,7 @@ def test_the_light_that_both_expect_is_taken():
     assert mirrored_back(outputs(40, 50)).radiance[30, 127 - 40, 0] == 50.0
 
 
+@pytest.mark.ci
 def test_other_numbers_of_looks_are_refused():
     for looks in (0, 3):
         with pytest.raises(InputError, match=r"expected 1 or 2, got \d") as refused:

@@ -137,6 +137,7 @@ def shown_by(poses, first: np.ndarray) -> np.ndarray:
     return np.max(covers, axis=0) > 0.99
 
 
+@pytest.mark.ci
 def test_what_one_photo_shows_all_know(estimator):
     light = estimator.multiview([take(pose) for pose in POSES], POSES)
     truth = rotate(smooth_map(), POSES[0].T)
@@ -160,6 +161,7 @@ def test_photos_without_surroundings_are_fused_as_ever(estimator):
     assert "surroundings" not in together.info["hints"]
 
 
+@pytest.mark.ci
 def test_photos_are_let_go_when_their_object_is_cut_out(estimator):
     """Several are opened in turn; no two need be in memory."""
     alive = []
@@ -205,6 +207,7 @@ def test_the_command_gathers_what_photos_show(command, tmp_path):
     assert json.loads(done.out)["hints"]["surroundings"] > 0.1
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("given", ["photo", "panorama"])
 def test_a_clip_gathers_what_its_frames_have_shown(given, tmp_path, estimator):
     """In the last frame's light is what only the first ones showed; the same after an end in between."""

@@ -73,6 +73,7 @@ def test_box_goes_before_alpha():
     assert len(asked) == 2
 
 
+@pytest.mark.ci
 def test_fully_transparent_photo_is_looked_at_as_an_opaque_one():
     """Programs that know no alpha leave it at zero."""
     photo = rgba_photo()
@@ -199,6 +200,7 @@ def test_senseless_box(box):
     assert_one_line(caught, "box")
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("scale", [1, 6])
 def test_box_finds_the_object(scale):
     height, width = 120 * scale, 200 * scale

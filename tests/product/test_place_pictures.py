@@ -84,6 +84,7 @@ def test_what_is_beside_the_photo_goes_on(drawn):
     assert beside[140, 0] > 1.3 * beside[140, 2]  # brown below
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("suffix", [".exr", ".hdr"])
 @pytest.mark.parametrize("radius_deg", [0.6, 0.27, 0.05])
 def test_a_sun_keeps_its_power_in_files(tmp_path, radius_deg, suffix):

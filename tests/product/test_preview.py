@@ -27,6 +27,7 @@ def captions(monkeypatch) -> list[str]:
     return seen
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("radiance", "exposure"), [(0, "0 EV"), (0.2, "0 EV"), (0.9, "0 EV"), (1.1, "-0.5 EV"), (2.7, "-1.5 EV")]
 )
@@ -44,6 +45,7 @@ def test_a_bright_light_clips_no_white_sphere(photo_path, captions, radiance, ex
     assert (shown > 0.6).all() or radiance < 0.9
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("name", "drawn"), [("sünset", "sunset"), ("日\n1", "??1")])
 def test_names_of_maps_are_drawn_in_letters_that_the_font_has(photo_path, name, drawn):
     photo = anyprobe.load_photo(photo_path)

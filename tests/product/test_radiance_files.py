@@ -118,6 +118,7 @@ def test_hdr_exposure_is_divided_out(tmp_path):
     np.testing.assert_allclose(read_radiance(tmp_path / "map.hdr"), 0.5)
 
 
+@pytest.mark.ci
 def test_large_hdr_is_fast(tmp_path):
     y, x = np.mgrid[0:1024, 0:2048]
     radiance = np.stack([np.exp(np.sin(x / 50) + y / 300), x / 2048, y / 1024], axis=-1).astype(np.float32)

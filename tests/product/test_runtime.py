@@ -127,6 +127,7 @@ def test_hashes_name_the_bytes(copied):
     assert model_id("paper") == identity
 
 
+@pytest.mark.ci
 def test_spread_emitters_are_the_same_light_less_sharp():
     """As much power, up to what no display shows; nothing else differs."""
     drawn, spread = Models(threads=1), Models(threads=1, emitters=EXPECTED)

@@ -58,6 +58,7 @@ def test_an_estimate_with_detail_is_the_package_s_own(client, estimator, photo, 
     assert plain["size"] == [128, 64]
 
 
+@pytest.mark.ci
 def test_the_photo_s_surroundings_are_in_it_at_the_photo_s_resolution(client, photo_rgba):
     """As Estimator(detail="plausible") has them, of pixels that the server's own process never sees."""
     import anyprobe

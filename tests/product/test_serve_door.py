@@ -216,6 +216,7 @@ def black(side: int) -> bytes:
     return stream.getvalue()
 
 
+@pytest.mark.ci
 def test_what_takes_too_long_is_ended_and_the_next_is_served(photo):
     lane = Lane(seconds=0.5, memory_mb=2000)
     with pytest.raises(TooSlow, match="seconds"):
@@ -224,6 +225,7 @@ def test_what_takes_too_long_is_ended_and_the_next_is_served(photo):
     lane.close()
 
 
+@pytest.mark.ci
 def test_what_takes_too_much_memory_is_refused_and_the_next_is_served(photo):
     lane = Lane(seconds=30.0, memory_mb=300)
     with pytest.raises(TooMuchMemory):
@@ -240,6 +242,7 @@ def test_errors_come_back_as_they_are(lane):
         lane.call(tasks.mask, None, 10**9, True)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("address", "body"),
     [("photo", multipart_exr(64, 9000)), ("export/cube", hidden_hdr(8192, 16384)), ("photo", hidden_hdr(8192, 16384))],
@@ -251,6 +254,7 @@ def test_bombs_are_refused_by_what_they_would_be_decoded_to(estimator, address, 
         assert (answer.status_code, "pixels" in answer.json()["detail"]) == (413, True)
 
 
+@pytest.mark.ci
 def test_a_plain_photo_does_not_wait_behind_slow_files(estimator, photo, monkeypatch):
     go_on, started, real = threading.Event(), threading.Event(), Lane.call
 
@@ -276,6 +280,7 @@ def test_a_plain_photo_does_not_wait_behind_slow_files(estimator, photo, monkeyp
 # Names, tokens, methods, parts
 
 
+@pytest.mark.ci
 def test_a_token_is_asked_for_by_all_but_the_health(estimator, photo):
     with TestClient(create_app(estimator, token="secret-secret"), base_url="https://testserver") as client:
         assert client.get("/healthz").status_code == 200

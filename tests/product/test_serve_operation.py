@@ -40,6 +40,7 @@ def photo(photo_rgba) -> bytes:
 # Readiness
 
 
+@pytest.mark.ci
 def test_it_is_alive_from_the_start_and_ready_once_its_processes_are(estimator, monkeypatch):
     go_on, real = threading.Event(), processes._Worker._await_ready
 
@@ -66,6 +67,7 @@ def test_it_is_alive_from_the_start_and_ready_once_its_processes_are(estimator, 
         app.state.pool.taken = 0
 
 
+@pytest.mark.ci
 def test_what_cannot_start_is_not_ready_and_tries_again(estimator, monkeypatch):
     name = processes.__name__
     monkeypatch.setattr(processes, "__name__", "anyprobe.no_such_module")
@@ -85,6 +87,7 @@ def test_what_cannot_start_is_not_ready_and_tries_again(estimator, monkeypatch):
 # Metrics
 
 
+@pytest.mark.ci
 def test_metrics_count_requests_by_route_and_status_their_seconds_and_the_queue(estimator, photo):
     pytest.importorskip("prometheus_client", reason="needs the serve extra")
     from prometheus_client.parser import text_string_to_metric_families
@@ -113,6 +116,7 @@ def test_metrics_count_requests_by_route_and_status_their_seconds_and_the_queue(
     assert "a-word-of" not in answer.text
 
 
+@pytest.mark.ci
 def test_without_the_library_all_else_works(estimator, photo, monkeypatch):
     monkeypatch.setitem(sys.modules, "prometheus_client", None)
     with TestClient(create_app(estimator)) as client:
@@ -178,6 +182,7 @@ def test_what_has_begun_is_answered_and_the_rest_is_told_in_time():
     asyncio.run(scene())
 
 
+@pytest.mark.ci
 @pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
 def test_sigterm_ends_a_busy_server_in_time_and_every_request_is_answered(tmp_path, photo, photo_rgba):
     """In a folder that holds modules of Python's names, and without a home."""

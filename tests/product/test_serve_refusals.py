@@ -129,6 +129,7 @@ def test_all_that_is_described_is_taken(client, photo):
         assert client.post(f"/v1/{address}", files=files, data=data, params=given).status_code == 200
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["mask", "normals", "surroundings", "confidence"])
 def test_a_photo_is_bounded_whatever_its_name(estimator, photo, name):
     with TestClient(create_app(estimator, Limits(max_pixels=1000))) as client:

@@ -81,6 +81,7 @@ def test_the_package_webdataset_reads_it(tmp_path, kind):
         assert {name: one[name] for name in sample.parts} == sample.parts
 
 
+@pytest.mark.ci
 def test_rendered_pairs_come_back_as_they_were():
     """Photo and targets of the true renderer, bit for bit; the rest as told in json."""
     for kind, parts in (("object", ("photo", "irradiance", "normals")), ("map", ("ldr", "ln_radiance"))):

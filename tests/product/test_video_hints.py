@@ -94,6 +94,7 @@ def test_the_lens_of_the_poses_is_told_across_and_a_portrait_clip_is_higher(comm
 # Going on
 
 
+@pytest.mark.ci
 def test_the_object_stands_where_it_stood_after_an_end(tmp_path, estimator, monkeypatch):
     """Its frame's mask is found by the one before, which was found too, though that frame gave no light."""
     monkeypatch.setattr(run_module, "SAVE_EVERY", 2)
@@ -168,6 +169,7 @@ def test_another_mesh_or_clip_under_the_same_name_is_refused(command, work):
     assert ": expected what the run in out was begun with" in command(*order).complaint
 
 
+@pytest.mark.ci
 @pytest.mark.usefixtures("networks_opened_once")
 def test_strict_is_told_of_warnings_also_by_a_run_that_is_done(command, work):
     """A frame without a mask is named once, with the number that it has in track.json."""
