@@ -114,6 +114,7 @@ def test_all_that_is_described_is_taken(client, photo):
         "albedo": "0.5",
         "roughness": "0.4",
         "emitters": "expected",
+        "looks": "2",
         "detail": "plausible",
         "size": "64",
         "include": "mask",
