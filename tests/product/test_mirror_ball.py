@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -67,6 +69,15 @@ def test_a_lens_that_is_not_known_is_tried():
     picture, mask = ball_photo(rich_map(), "mirror")
     assert is_mirror_ball(load_photo(picture, mask=mask), 0.0)
     assert not is_mirror_ball(load_photo(picture, mask=mask, fov_deg=30.0), 0.0)
+
+
+def test_without_a_background_the_network_decides():
+    """What is transparent shows no place, whatever colours it has."""
+    picture, mask = ball_photo(rich_map(), "mirror")
+    photo = load_photo(picture, mask=mask, fov_deg=FOV)
+    alone = replace(photo, hidden=mask == 0)
+    assert [is_mirror_ball(one, 0.0) for one in (photo, alone)] == [True, False]
+    assert is_mirror_ball(alone, 0.9)
 
 
 def test_it_is_unwrapped_with_a_line_unless_a_material_is_given():

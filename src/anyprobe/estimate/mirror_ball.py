@@ -89,7 +89,9 @@ def is_mirror_ball(photo: Photo, metal: float) -> bool:
         return False
     if (metal >= METAL and fine >= FINE_METAL) or _is_black_with_spots(radiance[on & (facing > INNER)].max(axis=-1)):
         return True
-    beside = _beside(mask)
+    beside = _beside(mask) if photo.hidden is None else _beside(mask) & ~photo.hidden[::step, ::step]
+    if not beside.any():
+        return False
     for factor in LENSES if photo.fov_source == "default" else (1.0,):
         fov_deg = factor * photo.long_fov_deg
         if factor != 1.0:
