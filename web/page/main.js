@@ -59,7 +59,7 @@ const state = {
   turn: 0,
   /** Ends the search of a mask that is no longer wanted. @type {AbortController | null} */
   searching: null,
-  /** What is said again once a file that it takes has come. @type {string | null} */
+  /** The status line to go back to after a file that was still needed has come. @type {string | null} */
   doing: null,
   /** The file that is on its way. @type {string | null} */
   fetched: null,

@@ -83,8 +83,8 @@ def ground_doubts(ground: Ground | None, name: str) -> tuple[Notice, ...]:
     if ground is None or not ground.is_doubtful:
         return ()
     text = (
-        "the object stands so high in the photo that the ground was guessed from that alone, of a camera "
-        f"that looks {ground.pitch_deg:.0f} degrees down"
+        "the ground was guessed from how high the object stands in the photo: a camera that looks "
+        f"{ground.pitch_deg:.0f} degrees down"
     )
     return (Notice(text, code="ground-guessed", source=name, remedy=give("pitch_deg")),)
 

@@ -46,9 +46,9 @@ def mirrored_back(outputs: Outputs) -> Outputs:
 
 
 def likelier(one: Outputs, other: Outputs) -> Outputs:
-    """Return the answer whose light comes from where both expect it, with the mean of what they expect.
+    """Return the answer whose light comes from where both answers expect light, with the mean of their expected maps.
 
-    That is the mean, over an answer's light, of the luminance that both expect where it comes from.
+    Compared is the luminance of that mean, averaged over the directions that an answer's light comes from.
     """
     assert one.expected is not None  # of models that lift
     assert other.expected is not None

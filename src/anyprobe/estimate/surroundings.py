@@ -59,13 +59,14 @@ PANORAMA_ROWS = 512
 LINEAR = 5
 """Number of channels of surroundings that hold values above white."""
 PLAIN_STEP: float = contract("ground")["plain_step"]
+"""Difference from a background's median colour [display values] up to which a pixel is of that colour."""
 BACKDROP_LEVEL: float = contract("ground")["backdrop_level"]
 """Median display value above which a single colour may be a backdrop, rather than the black of a cut-out or a dark
 room."""
 BACKDROP_DAMPING = 1e-6
 """Term added to the normal equations of a backdrop's shading, so that few pixels suffice."""
 PLAIN_SHARE: float = contract("ground")["plain_share"]
-"""A background of which so much is no farther from its median colour than this is one colour with flaws: a cut-out."""
+"""Share of a background's pixels of one colour, see PLAIN_STEP, above which the photo is a cut-out with flaws."""
 DARK_BESIDE: float = contract("ground")["dark_beside"]
 """Mean display luminance beside the object over the object's, below which surroundings are taken for unlit and tell
 nothing of the light: in rendered photos of all families the object alone is then nearer to the dominant light
@@ -271,8 +272,7 @@ def _backdrop(display: np.ndarray, beside: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True)
 class GoesOn:
-    """How what is seen goes on beside it: share of the nearest seen colour at once, and the angle [degrees] after which
-    it is a factor e less."""
+    """Share of the nearest seen colour just beside the photo, and the angle [degrees] over which it falls to 1/e."""
 
     share: float = GOES_ON_SHARE
     reach_deg: float = GOES_ON_DEG

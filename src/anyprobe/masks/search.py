@@ -34,7 +34,8 @@ BORDER_TOUCH, SURE_ENOUGH = NUMBERS["border_touch"], NUMBERS["sure"]
 """Share of a part's outline on the window's border at which its score is zero, and score that ends the search."""
 
 PART_SHARE = NUMBERS["part_share"]
-"""Smallest weight of another part, as a share of an excluded one's, for which the latter is dropped rather than cut."""
+"""Smallest weight of another part over that of a part with an excluded click: then this part is dropped whole; else
+it is cut."""
 
 EDGE_CELLS = NUMBERS["edge_cells"]
 """Width beside a part [cells] in which its soft edge may lie."""

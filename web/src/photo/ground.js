@@ -95,8 +95,8 @@ export function groundDoubts(ground) {
     return [notice("pitch-unsure", text, give("pitchDeg"))];
   }
   if (source !== "guessed" || pitchDeg <= GROUND.usual_pitch_deg) return [];
-  const guess = "the object stands so high in the photo that the ground was guessed from that alone";
-  return [notice("ground-guessed", `${guess}, of a camera that looks ${pitch} degrees down`, give("pitchDeg"))];
+  const guess = "the ground was guessed from how high the object stands in the photo";
+  return [notice("ground-guessed", `${guess}: a camera that looks ${pitch} degrees down`, give("pitchDeg"))];
 }
 
 /** @param {number[]} values */

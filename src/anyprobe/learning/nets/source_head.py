@@ -3,8 +3,8 @@ from within how many degrees.
 
 The brightest places of a map are its sources: the greatest power within PLACE_DEG, then the greatest outside APART_DEG
 of the first, and so on. A source is described by its profile: shares of the map's total power within RADII_DEG of its
-place, from nearly none (overcast: no source) to most of it (a sun). Power above white that no source takes is spread as
-likely as it is.
+place, from nearly none (overcast: no source) to most of it (a sun). Power above white that no source takes is spread
+over all directions, in proportion to a power of their likelihood.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ RADII_DEG = (4.0, 8.0, 16.0, 32.0)
 DRAWN = 2
 """Discs that are drawn, the smallest first: wider light is spread by its likelihood."""
 LIKELY = 2.0
-"""Exponent of the likelihood by which that is spread. Both chosen on left-out whole photos: with all discs drawn and an
+"""Exponent of that likelihood. DRAWN and LIKELY were chosen on left-out whole photos: with all discs drawn and an
 exponent of 1, maps have more places that are white though they should not be."""
 SOURCES = MOST_SOURCES
 PLACE_DEG, APART_DEG = 8.0, 16.0

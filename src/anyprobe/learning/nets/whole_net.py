@@ -24,7 +24,7 @@ from anyprobe.light.environment import MAP_HEIGHT
 SEAM = 8
 """Columns repeated beyond the seam, on both sides."""
 SAID = 7
-"""Numbers that LightNet says of the object and of its own errors."""
+"""Length of LightNet's posterior: the object's material, and errors of its level and colour."""
 DROPPED = 0.25
 """Share of the codes' numbers that a step of training goes without."""
 LN_FLOOR = 0.01

@@ -42,7 +42,7 @@ SURROUNDINGS = (1, 4, MAP_HEIGHT, 2 * MAP_HEIGHT)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sureness:
-    """How a graph corrects its claims (evaluate.calibration): slope and offset of the confidence logit, and factors
+    """How a graph corrects its claims: slope and offset of the confidence logit, and factors
     of the errors of reflectance, level and colour."""
 
     logit: tuple[float, float] = (1.0, 0.0)
@@ -56,7 +56,7 @@ class Sureness:
 
 AS_LEARNED = Sureness()
 AS_CALIBRATED = Sureness(logit=(1.08061, -0.598498), errors=(0.996776, 1.15832, 1.1506))
-"""Corrections of the weights that ship, found by evaluate.calibration; WholeNet learned from these claims."""
+"""Corrections of the weights that ship, by research/export_weights/calibrate.py; WholeNet learned from these."""
 FLOATS = "float32"
 """Precision that a graph computes in, as its metadata states it."""
 LARGE = 8192

@@ -101,8 +101,8 @@ class WholeLoss:
     def _sources(self, places: torch.Tensor, batch: dict[str, torch.Tensor]) -> tuple[torch.Tensor, torch.Tensor]:
         """Return what profiles [N, S, R] and colours [N, S, 3] should be.
 
-        Of the first, those of the brightest place, wherever it is, so that hard light stays hard; of the others, those
-        of the places that the network took, so that there is no source where there is none.
+        The first source learns the profile of the truth's brightest place, wherever that is, so that hard light stays
+        hard. Each other source learns the profile of the truth around its own place: none where there is no source.
         """
         radiance = torch.exp(batch["truth"])
         bright = torch.einsum("c,nchw->nhw", self._luminance, radiance)
