@@ -55,6 +55,7 @@ def test_lids_are_flat_but_where_a_rounding_begins():
     assert np.mean(flat) > 0.4
 
 
+@pytest.mark.ci
 def test_parts_show_flat_faces_as_nothing_else_of_ours_does():
     """Most of what a part shows are pixels whose right neighbours have the same normal."""
     flat = []

@@ -47,6 +47,7 @@ def error(radiance, colours, alpha, fov_deg, size=32) -> float:
     return float(np.sqrt(np.mean((found - exact) ** 2)) / np.mean(exact))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("colours", [METAL, PLASTIC], ids=["metal", "plastic"])
 @pytest.mark.parametrize("alpha", [0.3, 0.5, 1.0])
 def test_near_sphere_under_a_sun_is_another_picture(alpha, colours):
@@ -54,6 +55,7 @@ def test_near_sphere_under_a_sun_is_another_picture(alpha, colours):
     assert error(sky_and_sun(), colours, alpha, fov_deg=30.0) < 0.009
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("colours", [METAL, PLASTIC], ids=["metal", "plastic"])
 @pytest.mark.parametrize("alpha", [0.1, 0.5, 1.0])
 def test_even_light_shows_where_the_camera_stands(alpha, colours):

@@ -38,6 +38,7 @@ def surroundings(shadow: GroundShadow, distance: float, count: int = 64) -> np.n
     return FOOT + distance * circle
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("distance", "tilt"), [(0.6, 0.4), (1.0, 0.0), (2.0, 0.4)])
 def test_sphere_under_an_even_sky_hides_its_form_factor(distance, tilt):
     """A sphere of radius r, all above the horizon, seen from D away at height h, hides (h / D) (r / D)^2."""

@@ -225,6 +225,7 @@ def test_a_source_that_is_elsewhere_is_followed_within_half_a_second(rng, moved_
     assert bright(light) <= 1.5 * bright(frames[-1])
 
 
+@pytest.mark.ci
 def test_light_stands_still_in_the_world_while_the_camera_turns(rng):
     poses = [rotation_y(np.radians(30.0) * i / FPS) for i in range(3 * FPS)]
     state = None

@@ -124,6 +124,7 @@ def test_normals_that_blender_holds_are_refused_or_bent(tmp_path):
     assert np.abs(found[0] - found[2]).mean() > 0.01
 
 
+@pytest.mark.ci
 def test_panoramas_that_cannot_be_read_are_left_out_in_silence(tmp_path):
     folder = tmp_path / "panoramas"
     folder.mkdir()

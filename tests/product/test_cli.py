@@ -58,6 +58,7 @@ def shell(*arguments: object, code: str = "", **options) -> subprocess.Completed
 # What one photo leaves
 
 
+@pytest.mark.ci
 def test_files_that_agree(work, command):
     save_sphere("vase.png")
     outcome = command("estimate", "vase.png", "-o", "out")
@@ -232,6 +233,7 @@ def test_two_photos_of_one_name(work, command):
     assert names("out") == results("vase")
 
 
+@pytest.mark.ci
 def test_odd_names_reach_table_and_files(work, command):
     stems = ["[bold]vase[red]", ":smile:", "-o", "ünï", "two words", "line\nbreak"]
     for stem in stems:
@@ -393,6 +395,7 @@ for limit in (0, 9_000, 60_000):
     assert names("out") == set()
 
 
+@pytest.mark.ci
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit of file size")
 def test_small_map_cut_by_the_last_flush_is_noticed(work):
     """A map of one colour fits into the writer's buffer, whose loss it does not report."""

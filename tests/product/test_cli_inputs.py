@@ -213,6 +213,7 @@ def test_a_folder_that_is_there_or_has_a_dot_takes_results(work, command, photo_
         assert (work / out / "sphere.exr").is_file()
 
 
+@pytest.mark.ci
 def test_emitters_are_drawn_or_spread(work, command, photo_path):
     """Spread, the same light is nowhere as bright."""
     for emitters in ("mode", "expected"):

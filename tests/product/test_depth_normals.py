@@ -63,6 +63,7 @@ def test_a_sphere_has_its_normals(double):
     assert known.sum() > 0.8 * mask.sum()
 
 
+@pytest.mark.ci
 def test_large_depth_images_are_averaged():
     depth, true = sphere(CENTRE, 1.0, height=1200, width=1600)
     found = normals_from_depth(depth, np.isfinite(depth).astype(np.float32), FOV_DEG).normals

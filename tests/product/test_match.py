@@ -181,6 +181,7 @@ def test_a_map_is_not_written_under_another_formats_name(folder, camera_light, t
     assert not (tmp_path / name).exists()
 
 
+@pytest.mark.ci
 def test_a_turned_light_gets_panoramas_in_its_own_frame(folder, camera_light):
     light, _ = camera_light
     quarter = world_from_camera(np.pi / 2, 0.0)
@@ -292,6 +293,7 @@ def test_a_black_map_is_left_out_by_name(folder):
     assert open_library(folder).faults[0].startswith("black.exr: ")
 
 
+@pytest.mark.ci
 def test_without_a_cache_all_is_done_in_memory(folder, camera_light, tmp_path, monkeypatch):
     kept = camera_light[0].match(folder, best=1)[0]
     (tmp_path / "file").touch()

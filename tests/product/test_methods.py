@@ -29,6 +29,7 @@ def test_true_normals_are_means_of_four_made_unit():
     assert (hints[0, 0] == 0).all()
 
 
+@pytest.mark.ci
 def test_what_is_told_is_all_that_differs(models):
     pair = sphere_pair(2)
     plain = models(pair.crop, pair.tan_half)

@@ -28,6 +28,7 @@ def in_mirror(photo: Photo) -> Photo:
     return load_photo(rgb, mask=np.ascontiguousarray(photo.mask[:, ::-1]), fov_deg=42.0, pitch_deg=20.0)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("surroundings", ["photo", "none"])
 def test_a_mirrored_photo_has_the_mirrored_light(estimator, photo, surroundings):
     both = estimator.with_settings(looks=2)

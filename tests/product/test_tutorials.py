@@ -61,6 +61,7 @@ def clone(work) -> Path:
     return work
 
 
+@pytest.mark.ci
 def test_three_js_tutorial_leaves_a_scene(clone, command):
     page = (TUTORIALS / "three.md").read_text(encoding="utf-8")
     assert len(follow(page, clone, command)) == 2

@@ -98,6 +98,7 @@ def data(tmp_path):
     return tmp_path / "data"
 
 
+@pytest.mark.ci
 def test_the_page_lists_what_training_takes_and_nothing_else(work, capsys, data):
     """Neither what may not be sold, nor what nobody lists, nor what cannot be read, nor what is held out."""
     main(data)

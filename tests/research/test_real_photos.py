@@ -215,6 +215,7 @@ def test_no_manifest_is_one_clear_line(tmp_path):
         read_real(tmp_path)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("command", [[], ["score"]])
 def test_a_mixed_folder_gives_both_kinds(folder, command):
     write(folder, GOOD, LAMP)
