@@ -77,11 +77,14 @@ def row_of(
         "warnings": [doubt.code for doubt in doubts],
     }
     said = ", ".join(row["warnings"]) or "no warning"
-    captions = f"{name}: {row['by_eye']}, judged {row['judged']}", f"{first.name}: {row['map_kind']}; {said}"
-    first_line: list[Tile] = [(captions[0], photo.rgb), *spheres_of(light.radiance, "estimate")]
-    return row, strip(
-        [[*first_line, *spheres_of(placed, f"{row['apart']:.2f} stops apart"), as_it_is(first, captions[1])]]
-    )
+    kinds_said = f"{row['by_eye']}, judged {row['judged']}; {first.name}: {row['map_kind']}"
+    tiles: list[Tile] = [
+        (Path(name).stem, photo.rgb),
+        *spheres_of(light.radiance, "estimate"),
+        *spheres_of(placed, f"first panorama, {row['apart']:.2f} stops apart"),
+        as_it_is(first, f"{kinds_said}; {said}"),
+    ]
+    return row, strip([tiles])
 
 
 def spheres_of(radiance: np.ndarray, caption: str) -> list[Tile]:

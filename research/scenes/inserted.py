@@ -11,6 +11,7 @@ with the estimated light and camera, and with the true ones.
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -39,7 +40,8 @@ from research.world.whole_render import Render
 from research.world.whole_scenes import Phone, Thing
 
 ESTIMATED, TRUE = "estimated", "true light and camera"
-FAMILIES_USED = ("ground", "table", "procedural")
+PHONES = {"ground": 10, "table": 9, "procedural": 14}
+"""Families that are used, and the seed of the phone that takes the photos of each."""
 SIZE, QUALITY = 0.6, 4
 """The sphere's size, in the object's, and times the paths of what is learned from."""
 SHARE = 0.5
@@ -66,7 +68,7 @@ class Shade:
 def compared(data: Path, part: str, kept: Path, estimator: Estimator, count: int) -> Iterator[dict[str, Any]]:
     """Yield the figures of so many photos of each family."""
     store = store_of(data, part)
-    for family in FAMILIES_USED:
+    for family in PHONES:
         found = 0
         for number in range(TRIED):
             layout = draw_layout(family, f"{part} photos", number, store)
@@ -82,7 +84,7 @@ def compared(data: Path, part: str, kept: Path, estimator: Estimator, count: int
 def _row(layout: Layout, path: Path, estimator: Estimator) -> dict[str, Any] | None:
     """Return one photo's figures; None where the sphere has no place beside the object."""
     before = _kept(layout, path)
-    taken = take(before, layout.phone.long_fov_deg, np.random.default_rng(len(path.stem)))
+    taken = take(before, layout.phone.long_fov_deg, np.random.default_rng(PHONES[layout.family]))
     try:
         photo = load_photo(taken.picture, mask=taken.true_mask, fov_deg=layout.phone.long_fov_deg)
         light = estimator.from_photo(photo)
@@ -99,7 +101,8 @@ def _row(layout: Layout, path: Path, estimator: Estimator) -> dict[str, Any] | N
         )
     except AnyprobeError:
         return None
-    after = _kept(with_thing(layout, truly), path.with_name(f"{path.stem}-inserted.npz"))
+    digest = zlib.crc32(truly.mesh.positions.round(4).tobytes())  # of where it stands
+    after = _kept(with_thing(layout, truly), path.with_name(f"{path.stem}-{digest:08x}.npz"))
     true_ratio = luminance(after.picture) / np.maximum(luminance(before.picture), 1e-6)
     free = (before.mask < 0.01) & ~silhouette(view, truly)
     truth = shade_of(true_ratio, free, view, truly)
