@@ -13,10 +13,8 @@ import numpy as np
 
 from anyprobe.detail.plausible import DETAILS, ROWS
 from anyprobe.errors import InputError
-from anyprobe.estimate.known import KnownNormals
-from anyprobe.estimate.mirror_ball import CHROME, is_mirror_ball, said_of_ball
+from anyprobe.estimate.mirror_ball import CHROME, Ball, find_ball, said_of_ball
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
-from anyprobe.estimate.normals_hint import normals_from_outline
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
 from anyprobe.estimate.refine import (
     camera_map,
@@ -234,21 +232,19 @@ class Estimator:
         """
         start = time.perf_counter() if start is None else start
         light = self.from_crop(photo, crop_object(photo) if crop is None else crop, start, material=material)
-        if material is None and photo.material is None and photo.normals is None and self.models.lifts:
-            light = self._unwrapped(light, photo, start)
+        if material is None:
+            light = self.unwrapped(light, find_ball(photo), start)
         if plate and photo.shows_place:
             light = replace(light, plate=photo.plate())
         return light if self.settings.detail == DETAILS[0] else self._with_detail(light, photo)
 
-    def _unwrapped(self, light: Light, photo: Photo, start: float) -> Light:
+    def unwrapped(self, light: Light, ball: Ball | None, start: float | None = None) -> Light:
         """Replace the light of a mirror ball by the one unwrapped from its photo; else return it unchanged."""
         said = light.origin.object
-        if said is None or not is_mirror_ball(photo, said["metal"]):
+        if ball is None or said is None or said["metal"] < ball.least_metal:
             return light
-        values = normals_from_outline(photo.mask, photo.long_fov_deg)
-        ball = replace(photo, normals=KnownNormals(values=values))
-        found = self.from_crop(ball, crop_object(ball), start, material=material_named(CHROME))
-        return replace(found, warnings=(*found.warnings, said_of_ball(photo.name)))
+        found = self.from_crop(ball.photo, ball.crop, start, material=material_named(CHROME))
+        return replace(found, warnings=(*found.warnings, said_of_ball(ball.photo.name)))
 
     def _with_detail(self, light: Light, photo: Photo) -> Light:
         """Add plausible detail that continues the known surroundings."""

@@ -9,13 +9,16 @@ compared as the eye would, by colour and by place, in cells of some degrees, sin
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from anyprobe.core.frames import reflect
 from anyprobe.core.latlong import direction_to_uv, pixel_directions
 from anyprobe.core.response import inverse_response
-from anyprobe.estimate.normals_hint import sphere_of_outline
-from anyprobe.estimate.photo import Photo
+from anyprobe.estimate.known import KnownNormals
+from anyprobe.estimate.normals_hint import normals_from_outline, sphere_of_outline
+from anyprobe.estimate.photo import Crop, Photo, crop_object
 from anyprobe.light.harmonics import sh_basis
 from anyprobe.masks.check import object_box
 from anyprobe.masks.parts import grow
@@ -71,27 +74,51 @@ def said_of_ball(name: str) -> Notice:
     return Notice(text, code="mirror-ball", source=name, remedy=give("material"))
 
 
-def is_mirror_ball(photo: Photo, metal: float) -> bool:
-    """Return whether the object of a photo is a mirror ball; metal: the network's probability of a metal."""
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Ball:
+    """An object that looks like a mirror ball.
+
+    Attributes:
+        photo: of it, with a sphere's normals.
+        crop: of that photo.
+        least_metal: the network's probability of a metal from which on it is one.
+    """
+
+    photo: Photo
+    crop: Crop
+    least_metal: float
+
+
+def find_ball(photo: Photo) -> Ball | None:
+    """Return a photo's object as a ball; None where it does not look like one, or its shape or material is given."""
+    if photo.material is not None or photo.normals is not None or (least := least_metal(photo)) > 1.0:
+        return None
+    ball = replace(photo, normals=KnownNormals(values=normals_from_outline(photo.mask, photo.long_fov_deg)))
+    return Ball(photo=ball, crop=crop_object(ball), least_metal=least)
+
+
+def least_metal(photo: Photo) -> float:
+    """Return the probability of a metal from which on the object is a mirror ball; infinity: it never is."""
     x0, y0, x1, y1 = object_box(photo.mask)
     side, other = max(x1 - x0, y1 - y0), min(x1 - x0, y1 - y0)
     if other < max(LEAST_SIDE_PX, 0.8 * side):
-        return False
+        return np.inf
     step = max(1, side // MOST_SIDE, min(max(photo.mask.shape) // LONG_PX, side // LEAST_SIDE))
     mask, rgb = photo.mask[::step, ::step], photo.rgb[::step, ::step]
     normals, overlap = sphere_of_outline(mask, photo.long_fov_deg)
     if overlap < ROUND:
-        return False
+        return np.inf
     d, facing, on = _seen(normals, mask, photo.long_fov_deg)
     radiance = inverse_response(rgb)
     fine = _fineness(normals, np.log(radiance + FLOOR).mean(axis=-1), on & (facing > INNER))
     if fine < FINE:
-        return False
-    if (metal >= METAL and fine >= FINE_METAL) or _is_black_with_spots(radiance[on & (facing > INNER)].max(axis=-1)):
-        return True
+        return np.inf
+    if _is_black_with_spots(radiance[on & (facing > INNER)].max(axis=-1)):
+        return 0.0
+    unless_agreed = METAL if fine >= FINE_METAL else np.inf
     beside = _beside(mask) if photo.hidden is None else _beside(mask) & ~photo.hidden[::step, ::step]
     if not beside.any():
-        return False
+        return unless_agreed
     for factor in LENSES if photo.fov_source == "default" else (1.0,):
         fov_deg = factor * photo.long_fov_deg
         if factor != 1.0:
@@ -99,8 +126,8 @@ def is_mirror_ball(photo: Photo, metal: float) -> bool:
         d, _, on = _seen(normals, mask, fov_deg)
         whole, finely = _agreement(reflect(-d[on], normals[on]), radiance[on], d[beside], radiance[beside])
         if whole >= AGREE and finely >= AGREE_FINELY:
-            return True
-    return False
+            return 0.0
+    return unless_agreed
 
 
 def _is_black_with_spots(brightest: np.ndarray) -> bool:

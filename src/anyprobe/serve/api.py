@@ -138,8 +138,8 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         work = partial(task, upload, limits.max_pixels, *args, **kwargs)
         return await pool.decode(work, upload.is_quick, _leaving(request))
 
-    async def cut(request: Request, upload: Upload, first: bool = True) -> tasks.Cut:
-        return await decode(request, tasks.cut, upload, first, first and "mask" in upload.include)
+    async def cut(request: Request, upload: Upload, first: bool = True, is_alone: bool = False) -> tasks.Cut:
+        return await decode(request, tasks.cut, upload, first, first and "mask" in upload.include, is_alone)
 
     @app.post("/v1/estimate", openapi_extra=openapi.ESTIMATE_ROUTE, tags=["light"], response_class=Response)
     async def estimate(request: Request) -> Response:
@@ -152,10 +152,13 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         async with pool.place():
             upload = await read_upload(request, pool, openapi.ESTIMATE_ROUTE)
             start = time.perf_counter()
-            cut_photo = await cut(request, upload)
+            cut_photo = await cut(request, upload, is_alone=True)
 
             def work(cancellation: Cancellation) -> Response:
-                light = estimator.with_settings(**upload.settings).from_crop(cut_photo.photo, cut_photo.crop, start)
+                model = estimator.with_settings(**upload.settings)
+                light = model.from_crop(cut_photo.photo, cut_photo.crop, start)
+                if cut_photo.ball is not None:
+                    light = model.unwrapped(light, cut_photo.ball, start)
                 cancellation.check()
                 light = _detailed(light, upload, cut_photo.seen)
                 return answers.light_response(light, media, upload.include, cut_photo.mask)

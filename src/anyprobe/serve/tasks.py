@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from PIL import Image
 from anyprobe.core.frames import rotation_of
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail
 from anyprobe.errors import InputError, InvalidEnvironment
+from anyprobe.estimate.mirror_ball import Ball, find_ball
 from anyprobe.estimate.panorama import cut_out
 from anyprobe.estimate.photo import Crop, Photo, load_photo
 from anyprobe.estimate.result import Light
@@ -92,20 +93,23 @@ def ready() -> None:
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Cut:
     """A photo without its pixels, its object's crop, its mask as PNG and its map of seen directions; None if not asked
-    for."""
+    for. ball: the object without pixels too, where it is alone and looks like a mirror ball."""
 
     photo: Photo
     crop: Crop
+    ball: Ball | None
     mask: bytes | None
     seen: np.ndarray | None
 
 
-def cut(upload: Upload, max_pixels: int, first: bool, with_mask: bool) -> Cut:
+def cut(upload: Upload, max_pixels: int, first: bool, with_mask: bool, is_alone: bool) -> Cut:
     """Return the object cut out of its photo, and what else of the photo the light or the answer needs."""
     photo = _open(upload, max_pixels)
     seen = None if upload.rows is None else photo.seen(upload.rows)
     mask = mask_png(photo.mask) if with_mask else None
-    return Cut(photo=photo.without_pixels(), crop=cut_out(photo, first=first), mask=mask, seen=seen)
+    ball = find_ball(photo) if is_alone else None
+    ball = ball and replace(ball, photo=ball.photo.without_pixels())
+    return Cut(photo=photo.without_pixels(), crop=cut_out(photo, first=first), ball=ball, mask=mask, seen=seen)
 
 
 def mask(upload: Upload, max_pixels: int, as_json: bool) -> dict[str, Any] | bytes:
