@@ -18,4 +18,4 @@ def shading_errors(folder: Path, models: Models) -> dict[str, list[float]]:
     found: dict[str, list[float]] = {"whole": [], "cut-out": []}
     for one in estimates_of(sorted(folder.glob("*.npz")), models):
         found["cut-out" if one.is_cut_out else "whole"].append(shading_apart(one.shipped(), one.truth))
-    return {name: [len(all_), *np.quantile(all_, QUANTILES).round(2)] for name, all_ in found.items() if all_}
+    return {name: [len(all_), *np.quantile(all_, QUANTILES).round(2).tolist()] for name, all_ in found.items() if all_}
