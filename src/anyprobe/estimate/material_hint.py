@@ -62,8 +62,8 @@ def measure(
 
     A mirror shows F(n.wo) L(2 (n.wo) n - wo), with Schlick's F. Pixels fall into maps of several sizes; the finest that
     covers a direction well provides it, clipped or not, and the given map the rest. A clipped pixel marks where light
-    above white may come from but not how much: that is taken from the given map. Where the photo holds radiance above
-    white, it is measured too: each pixel's power, over the solid angle that it mirrors, goes to where it comes from.
+    above white may come from but not how much: that is taken from the given map. Where the photo holds radiance above white,
+    it is measured too: each pixel's power, over the solid angle that it mirrors, goes to where it comes from.
 
     Args:
         radiance: [H, 2H, 3], the map in the crop's frame and the photo's exposure units.
