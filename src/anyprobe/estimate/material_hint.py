@@ -61,8 +61,8 @@ def measure(
     """Replace the part of a map that the object mirrors by what its photo shows.
 
     A mirror shows F(n.wo) L(2 (n.wo) n - wo), with Schlick's F. Pixels fall into maps of several sizes; the finest that
-    covers a direction well provides it, clipped or not, and the given map the rest. A clipped pixel marks where light
-    above white may come from but not how much: that is taken from the given map. Where the photo holds radiance above white,
+    covers a direction well provides it, and the given map the rest. A clipped pixel marks where light above
+    white may come from but not how much: that is taken from the given map. Where the photo holds radiance above white,
     it is measured too: each pixel's power, over the solid angle that it mirrors, goes to where it comes from.
 
     Args:
@@ -91,15 +91,15 @@ def measure(
         clipped, light, emitted = np.zeros_like(clipped), np.minimum(whole, 1.0), np.maximum(whole - 1.0, 0.0)
     uv, at = direction_to_uv(wi), direction_to_uv(pixel_directions(height))
     result, unseen = np.minimum(radiance, 1.0).astype(np.float64), np.ones((height, 2 * height, 1))
-    place = np.zeros((height, 2 * height, 1))
-    shown = np.concatenate([light, clipped], axis=1)
     for level in reversed(range(LEVELS)):
-        sums, count = _gather(shown, uv, height >> level)
+        sums, count = _gather(light, uv, height >> level)
         share = count / (count + ENOUGH)
         given = np.concatenate([share * sums / np.maximum(count, 1e-6), share], axis=-1)
         given = given if level == 0 else bilinear(given, at)
-        left = 1.0 - given[..., 4:]
-        result, place, unseen = result * left + given[..., :3], place * left + given[..., 3:4], unseen * left
+        result = result * (1.0 - given[..., 3:]) + given[..., :3]
+        unseen = unseen * (1.0 - given[..., 3:])
+    place, count = _gather(clipped.repeat(3, axis=1), uv, height)
+    place = place[..., :1] / (count + ENOUGH)
     result = result + _above_white(np.maximum(radiance - 1.0, 0.0), place, unseen)
     if emitted is not None and angles is not None:
         result = result + _laid_down(emitted, angles, uv, height)
@@ -169,17 +169,17 @@ def _twice(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _gather(values: np.ndarray, uv: np.ndarray, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Splat values [P, C] onto the four pixels around each uv [P, 2]: sums [H, 2H, C] and counts [H, 2H, 1]."""
+    """Splat values [P, 3] onto the four pixels around each uv [P, 2]: sums [H, 2H, 3] and counts [H, 2H, 1]."""
     width = 2 * height
     column = np.mod(uv[:, 0] * width - 0.5, width)
     row = np.clip(uv[:, 1] * height - 0.5, 0.0, height - 1.001)
+    sums = np.zeros((height * (width + 1) + 1, 4))
     stacked = np.concatenate([values, np.ones_like(values[:, :1])], axis=1)
-    sums = np.zeros((height * (width + 1) + 1, stacked.shape[1]))
     for index, share in corners(column, row, width + 1):
         np.add.at(sums, index, stacked * share[:, None])
-    wide = sums[:-1].reshape(height, width + 1, -1)
+    wide = sums[:-1].reshape(height, width + 1, 4)
     wide[:, 0] += wide[:, width]  # the column after the last is the first again
-    return wide[:, :width, :-1], wide[:, :width, -1:]
+    return wide[:, :width, :3], wide[:, :width, 3:]
 
 
 INSIDE = 0.99
