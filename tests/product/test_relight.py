@@ -556,7 +556,8 @@ def test_paths_agree_with_our_shading_on_a_sphere(name):
     difference = (ours - theirs)[inside][:, :3]
     mean = theirs[inside][:, :3].mean(axis=0)
     np.testing.assert_allclose(difference.mean(axis=0) / mean, 0, atol=0.01)
-    assert np.sqrt(np.square(difference).mean()) < 0.06 * mean.mean()
+    # a metal's highlight differs over a pixel; with independent paths the others' error is .025
+    assert np.sqrt(np.square(difference).mean()) < (0.03 if name == "gold" else 0.015) * mean.mean()
 
 
 @pytest.mark.ci

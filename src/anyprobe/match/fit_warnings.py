@@ -59,14 +59,16 @@ def match_doubts(light: Estimated, first: MatchedMap) -> list[Notice]:
 
 
 def fit_doubts(estimate: np.ndarray, radiance: np.ndarray) -> list[Notice]:
-    """Return a warning if the first map, and so every other, shades a matte sphere unlike the estimate, by more than
-    that may be wrong; both [H, 2H, 3] in the camera's frame."""
+    """Return a warning if the first map shades a matte sphere further from the estimate than the estimate's own error.
+
+    Then no other map shades it as the estimate does, either. Both maps [H, 2H, 3] are in the camera's frame.
+    """
     apart = shading_apart(radiance, estimate)
     if apart <= OWN_ERROR:
         return []
     text = (
-        f"no panorama fits: the first one shades a matte sphere {apart:.1f} stops off the estimate, more than that may "
-        "be wrong; use the estimate itself, or other panoramas"
+        f"no panorama fits: the first one shades a matte sphere {apart:.1f} stops off the estimate, more than the "
+        "estimate's own error; use the estimate itself, or other panoramas"
     )
     return [Notice(text, code="match-fit")]
 

@@ -183,16 +183,19 @@ def trace_mesh(
     jitter = hammersley(paths)
     for start in range(0, paths, each):
         direction = _rays(camera, jitter[start : start + each])
-        pixel = np.tile(np.arange(pixels), each)
         hit = np.array(alone.ray_intersect_preliminary(_mi_rays(mi, camera.position, direction)).is_valid())
-        if not hit.any():
+        hit = hit.reshape(each, pixels).T  # a pixel's paths side by side, as the sampler stratifies them
+        seen = np.flatnonzero(hit.any(axis=1))
+        if not len(seen):
             continue
-        sampler = mi.load_dict({"type": "independent", "sample_count": 1})
-        sampler.seed(start, int(hit.sum()))
-        color, _, _ = tracer.sample(scene, sampler, _mi_rays(mi, camera.position, direction[hit]))
-        color, where = np.nan_to_num(np.array(color).T), pixel[hit]
-        total += np.stack([np.bincount(where, color[:, k], pixels) for k in range(3)], axis=-1)
-        count += np.bincount(where, minlength=pixels)
+        sampler = mi.load_dict({"type": "multijitter", "sample_count": each})
+        sampler.set_samples_per_wavefront(each)
+        sampler.seed(start, len(seen) * each)
+        rays = direction.reshape(each, pixels, 3).transpose(1, 0, 2)[seen].reshape(-1, 3)
+        color, _, _ = tracer.sample(scene, sampler, _mi_rays(mi, camera.position, rays))
+        color = np.nan_to_num(np.array(color).T).reshape(len(seen), each, 3) * hit[seen][..., None]
+        total[seen] += color.sum(axis=1)
+        count[seen] += hit[seen].sum(axis=1)
     picture = np.zeros((pixels, 4), np.float32)
     picture[:, :3] = total / np.maximum(count, 1)[:, None]
     picture[:, 3] = count / paths
