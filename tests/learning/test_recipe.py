@@ -124,6 +124,7 @@ def test_the_test_set_is_balanced(store) -> None:
     assert digest(recipes) != digest(recipes[::-1])
 
 
+@pytest.mark.ci
 def test_a_pair_is_the_same_whatever_the_threads() -> None:
     """Clean and worldly, rendered anew in two processes with another number of threads: bit for bit."""
     script = (
@@ -197,6 +198,7 @@ def test_the_shot_is_told_without_taking_the_photo(store, few_samples) -> None:
     assert np.ptp(balance) > 1e-3
 
 
+@pytest.mark.ci
 def test_photo_and_map_have_one_exposure() -> None:
     """In a white world an object sends back its albedo times the map, up to the camera's curve."""
     white = AssetStore(
@@ -213,6 +215,7 @@ def test_photo_and_map_have_one_exposure() -> None:
         assert (ratio < 1.6).all()
 
 
+@pytest.mark.ci
 def test_clean_photos_keep_the_mask_and_worldly_ones_do_not(store, few_samples) -> None:
     clean, worldly = (
         [render_pair(full_plan(store, conditions=c).recipe(i), store) for i in range(count)]
@@ -225,6 +228,7 @@ def test_clean_photos_keep_the_mask_and_worldly_ones_do_not(store, few_samples) 
         assert not pair.photo[pair.photo[..., 3] == 0].any()
 
 
+@pytest.mark.ci
 def test_own_assets_depend_on_seed_and_split_alone() -> None:
     first, again, other, held_out = (
         load_asset_store(None, split, procedural_maps=0, procedural_shapes=3, seed=seed)
@@ -304,6 +308,7 @@ def test_material_numbers_say_what_the_material_is(store, few_samples) -> None:
         assert (np.max(pair.material.albedo) == 0) == bool(material & 2)
 
 
+@pytest.mark.ci
 def test_another_renderer_takes_the_same_photo():
     """It is given mesh, camera, material and the map about the mesh: drawn with these, the picture is the pair's."""
     own = load_asset_store(None, "test", procedural_maps=1, procedural_shapes=1)

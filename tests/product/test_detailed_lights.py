@@ -166,6 +166,7 @@ def test_the_command_says_once_what_a_library_lacks(folder, tmp_path, monkeypatc
     assert (done.err.count("left out: broken.hdr"), done.err.count("XDG_CACHE_HOME")) == (1, 1)
 
 
+@pytest.mark.ci
 def test_an_inserted_objects_detail_says_what_its_library_lacks(folder, tmp_path, command):
     (folder / "broken.hdr").write_bytes(b"no picture")
     Image.fromarray(sphere_photo()).save(tmp_path / "one.png")

@@ -349,6 +349,7 @@ def test_client_that_hangs_up_costs_one_place_for_a_moment(estimator, photo):
         assert client.get("/healthz").json()["taken"] == 0
 
 
+@pytest.mark.ci
 def test_export_is_a_zip_of_the_target_s_files(client, photo):
     exr = client.post("/v1/estimate?format=exr", content=photo).content
     for target in client.get("/v1/targets").json():

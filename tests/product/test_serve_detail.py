@@ -47,6 +47,7 @@ def exr(values: np.ndarray, folder, name: str = "map", **settings) -> bytes:
     return (folder / f"{name}.exr").read_bytes()
 
 
+@pytest.mark.ci
 def test_an_estimate_with_detail_is_the_package_s_own(client, estimator, photo, photo_rgba):
     answer = client.post("/v1/estimate?detail=plausible&size=128&include=radiance", content=photo)
     expected = estimator(photo_rgba).with_detail(size=128)
@@ -78,6 +79,7 @@ def test_a_fused_light_takes_detail_too(client, photo):
     assert answer.json()["detail"]["kind"] == "plausible"
 
 
+@pytest.mark.ci
 def test_a_map_gets_detail_by_its_confidence_and_keeps_its_harmonics(client, tmp_path):
     """What the page asks for: the map is its own, the structure the server's."""
     estimate = np.maximum(blur_cosine_power(reduced(place(3), 64), 30.0), 0.0)

@@ -89,6 +89,7 @@ HALF = WHOLE[:-2]
 # Connections
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("first", [b"", HALF, WHOLE + HALF])
 def test_a_head_that_does_not_come_closes_the_connection(first):
     with served(hello, head_s=0.2) as port, opened(port, first) as line:

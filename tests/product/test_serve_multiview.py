@@ -80,6 +80,7 @@ def test_the_lens_of_the_poses_counts_unless_another_is_told(client, pictures):
     assert given.json()["long_fov_deg"] == 40
 
 
+@pytest.mark.ci
 def test_masks_boxes_and_what_is_known_reach_every_photo(client, estimator, pictures, photo_mask):
     rgb = [one[..., :3] for one in pictures]
     masks = [photo_mask, photo_mask * (np.arange(photo_mask.shape[1]) < 64).astype(np.uint8)]

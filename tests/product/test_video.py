@@ -454,6 +454,7 @@ def test_pieces_join_where_frames_are_missing(tmp_path, missing):
     np.testing.assert_allclose(found, times, atol=1e-3)
 
 
+@pytest.mark.ci
 def test_light_clip_shows_the_map_and_three_spheres_of_every_frame(whole):
     run = whole(1)
     shown = [frame.rgb for frame in read_frames(open_clip(run.folder / "light.mp4"), [])]

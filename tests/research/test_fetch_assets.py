@@ -439,6 +439,7 @@ def test_size_need_not_be_told(site, tmp_path):
     assert "the server will not go on from there" in said.pop()
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("as_date", [False, True])
 def test_retry_after_is_honoured(fetch, site, as_date):
     # a date has whole seconds, and some time goes by before it is read

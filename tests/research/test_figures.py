@@ -224,6 +224,7 @@ def test_relighting_by_the_truth_has_no_error():
     assert brighter["relight_rmse"] > 0.01
 
 
+@pytest.mark.ci
 def test_the_truth_scores_perfectly_and_ldr_methods_have_no_hdr_figures():
     pair = sphere_pair()
     ldr = response(pair.radiance)

@@ -59,6 +59,7 @@ def judged(truth=TRUTH):
     return CutOut(truth=truth, pitch_deg=20.0, roll_deg=0.0)
 
 
+@pytest.mark.ci
 def test_colour_is_of_the_dominant_light_and_sky_is_signed():
     red = TRUTH * np.array([1.0, 0.5, 0.5], np.float32)
     darker = TRUTH.copy()
