@@ -112,13 +112,14 @@ def inserted(
     model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="File to write.")] = None,
 ) -> None:
-    """Print how deep the shadows of inserted objects are, and to which side, beside second renders with the object."""
+    """Print how far inserted spheres and their shadows are from second renders with the spheres in the scene."""
     from research.scenes.inserted import compared, summary
 
     rows = []
     for row in compared(data, part, kept, Estimator(model, threads=1), count):
         rows.append(row)
-        figures = [f"{name} {one['depth']:.2f}, {one['side_deg']:.0f} deg" for name, one in list(row.items())[3:]]
+        ways = [(name, one) for name, one in row.items() if isinstance(one, dict)]
+        figures = [" ".join([name, *(f"{key} {value:.3g}" for key, value in one.items())]) for name, one in ways]
         truly = f"{row['true_depth']:.2f}, off {row['true_off']:.2f}"
         typer.echo(f"{row['scene']}: {truly}; {'; '.join(figures)}", err=True)
     said = summary(rows)

@@ -3,16 +3,21 @@
 A sphere is put beside the object of a photo as `anyprobe relight` does. The truth is the second render over the first,
 on the ground beside both objects. Compared are, in the photo,
 
-    depth  stops by which the darkest part of the ground, of half the sphere's area, is darkened
-    side   direction from the sphere's foot to its shadow's middle, on the ground; only where that is off the foot
+    depth    stops by which the darkest part of the ground, of half the sphere's area, is darkened
+    side     direction from the sphere's foot to its shadow's middle, on the ground; only where that is off the foot
+    level    stops by which the matte sphere is brighter than the true one, in the mean over what is seen of it
+    shading  root mean square difference of the stops over the matte sphere, its level apart
+    mirror   root mean square difference of a chrome sphere's display values from the true one's
 
-with the estimated light and camera, and with the true ones.
+with the estimated light and camera, and with the true ones. The last three are of families whose renders show things
+beside the object as they are; on a map's own ground they are drawn as shadows are.
 """
 
 from __future__ import annotations
 
 import zlib
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,13 +26,14 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import orthonormal_basis
+from anyprobe.core.response import response
 from anyprobe.errors import AnyprobeError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.objects import open_object
 from anyprobe.relight.ground_view import View
-from anyprobe.relight.insert import Arrangement, Stage, ratio_over
+from anyprobe.relight.insert import Arrangement, Stage, ratio_over, window_of
 from anyprobe.relight.placement import Placement, Side, place_beside
 from anyprobe.relight.shadow import GroundShadow
 from anyprobe.scatter.materials import material_named
@@ -53,6 +59,11 @@ CORE = 0.4
 LEAST_RATIO = 1 / 64
 NEAR = 5.0
 """Reach around the foot that is compared, in the sphere's radii."""
+MATTE, CHROME = "matte", "chrome"
+COMPARED = 48
+"""Side of the grid over a sphere's box on which two spheres are compared."""
+WITHIN = 0.9
+"""Share of a sphere's radius that is compared: its rim is mixed with what is behind it."""
 TRIED = 60
 """Scenes of a family that are tried: in some there is no room beside the object."""
 
@@ -102,12 +113,22 @@ def _row(layout: Layout, path: Path, estimator: Estimator) -> dict[str, Any] | N
     except AnyprobeError:
         return None
     digest = zlib.crc32(truly.mesh.positions.round(4).tobytes())  # of where it stands
-    after = _kept(with_thing(layout, truly), path.with_name(f"{path.stem}-{digest:08x}.npz"))
+    after = _kept(with_thing(layout, truly, MATTE), path.with_name(f"{path.stem}-{digest:08x}.npz"))
     true_ratio = luminance(after.picture) / np.maximum(luminance(before.picture), 1e-6)
     free = (before.mask < 0.01) & ~silhouette(view, truly)
     truth = shade_of(true_ratio, free, view, truly)
     bare = GroundShadow(truly.mesh, truly.foot, truly.radius, view.up, before.truth)
     ways = {ESTIMATED: (stage.view, stage.placement, stage.shadow(light.radiance)), TRUE: (view, truly, bare)}
+    stages = {
+        ESTIMATED: (stage, light.panorama(frame="camera").radiance),
+        TRUE: (seen_by(stage, view, truly), taken.truth),
+    }
+    shown = {}
+    if not layout.on_map:
+        mirroring = _kept(with_thing(layout, truly, CHROME), path.with_name(f"{path.stem}-{digest:08x}-{CHROME}.npz"))
+        exposure = taken.truth.sum(axis=(0, 1)) / before.truth.sum(axis=(0, 1))
+        pictures = {MATTE: after.picture * exposure, CHROME: mirroring.picture * exposure}
+        shown = {name: on_sphere(picture, view, truly) for name, picture in pictures.items()}
     row: dict[str, Any] = {"true_depth": truth.depth, "true_off": float(np.linalg.norm(truth.toward))}
     for name, (seen, placed, shadow) in ways.items():
         whole = slice(0, seen.height), slice(0, seen.width)
@@ -116,7 +137,51 @@ def _row(layout: Layout, path: Path, estimator: Estimator) -> dict[str, Any] | N
         shade = shade_of(ratio, own, seen, placed)
         angle = np.degrees(np.arccos(np.clip(_unit(shade.toward) @ _unit(truth.toward), -1.0, 1.0)))
         row[name] = {"depth": shade.depth, "side_deg": float(angle)}
+        if shown:
+            row[name] |= body_of(*stages[name], shown)
     return row
+
+
+def seen_by(stage: Stage, view: View, placed: Placement) -> Stage:
+    """Return the stage seen by another camera, with the object placed as given."""
+    other = copy(stage)
+    other.view, other.placement = view, placed
+    other.window = window_of(placed, view)
+    return other
+
+
+def body_of(stage: Stage, radiance: np.ndarray, shown: dict[str, np.ndarray]) -> dict[str, float]:
+    """Return level, shading and mirror of the spheres drawn on a stage, beside the true ones of on_sphere."""
+    window, drawn = stage.window, {}
+    for name in shown:
+        picture = np.zeros((stage.view.height, stage.view.width, 3), np.float32)
+        part = window.part(stage.view.height, stage.view.width)
+        one = stage.draw(radiance, name)
+        picture[part] = one[
+            part[0].start - window.top : part[0].stop - window.top,
+            part[1].start - window.left : part[1].stop - window.left,
+            :3,
+        ]
+        drawn[name] = on_sphere(picture, stage.view, stage.placement)
+    matte = luminance(drawn[MATTE]), luminance(shown[MATTE])
+    apart = np.log2(np.maximum(matte[0], 1e-4) / np.maximum(matte[1], 1e-4))
+    chrome = response(drawn[CHROME]) - response(shown[CHROME])
+    return {
+        "level": float(np.log2(matte[0].mean() / matte[1].mean())),
+        "shading": float(apart.std()),
+        "mirror": float(np.sqrt(np.square(chrome).mean())),
+    }
+
+
+def on_sphere(picture: np.ndarray, view: View, placed: Placement) -> np.ndarray:
+    """Return the pixels [P, 3] of a grid over a sphere's box in a picture [H, W, 3], without its rim."""
+    seen = view.pixels(placed.mesh.positions)
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    y, x = np.mgrid[-1 : 1 : COMPARED * 1j, -1 : 1 : COMPARED * 1j]
+    at = np.stack([x, y], axis=-1)[x * x + y * y < WITHIN**2]
+    pixels = (low + high) / 2 + at * (high - low) / 2 - 0.5
+    column, row = np.round(pixels).astype(int).T
+    return picture[np.clip(row, 0, view.height - 1), np.clip(column, 0, view.width - 1)]
 
 
 def true_view(phone: Phone) -> View:
@@ -124,8 +189,8 @@ def true_view(phone: Phone) -> View:
     return View(width=phone.width, height=phone.height, focal=phone.focal, up=up_of(phone.pitch_deg, phone.roll_deg))
 
 
-def with_thing(layout: Layout, placed: Placement) -> Layout:
-    """Return the scene with the inserted object in it, of matte grey."""
+def with_thing(layout: Layout, placed: Placement, material: str) -> Layout:
+    """Return the scene with the inserted object in it."""
     phone = layout.phone
     turn, high = phone.world_from_camera, phone.position[1]
     mesh = placed.mesh
@@ -134,7 +199,7 @@ def with_thing(layout: Layout, placed: Placement) -> Layout:
         positions=phone.position + high * mesh.positions @ turn.T,
         normals=(mesh.normals @ turn.T).astype(np.float32),
     )
-    thing = Thing(mesh=world, material=material_named("matte"))
+    thing = Thing(mesh=world, material=material_named(material))
     return replace(layout, others=(*layout.others, thing))
 
 
@@ -177,8 +242,17 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
             "depth_bias_stops": float(np.median(off)),
             "side_deg": float(np.median([row[name]["side_deg"] for row in sided])) if sided else None,
             "same_side": sum(row[name]["side_deg"] < 45 for row in sided),
+            **_body_summary([row[name] for row in rows if "level" in row[name]]),
         }
     return said
+
+
+def _body_summary(found: list[dict[str, float]]) -> dict[str, float]:
+    """Return medians of level, its size, shading and mirror."""
+    if not found:
+        return {}
+    said = {name: float(np.median([one[name] for one in found])) for name in ("level", "shading", "mirror")}
+    return {"bodies": len(found), "level_error": float(np.median([abs(one["level"]) for one in found])), **said}
 
 
 def _kept(layout: Layout, path: Path) -> Render:

@@ -29,6 +29,7 @@ from anyprobe.relight.insert import Arrangement, Stage, cast_shadow
 from anyprobe.relight.shadow import REACH
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
+from anyprobe.render.surface import frame_object
 from anyprobe.scatter.materials import MATERIALS, Material
 
 pytestmark = pytest.mark.usefixtures("rough_shadows", "networks_opened_once")
@@ -544,7 +545,6 @@ def test_paths_agree_with_our_shading_on_a_sphere(name):
     except anyprobe.MissingExtra as reason:
         pytest.skip(str(reason))
     from anyprobe.render.picture import draw_mesh
-    from anyprobe.render.surface import frame_object
 
     mesh, light = sphere(48), made_map()
     material = replace(MATERIALS[name], alpha=max(MATERIALS[name].alpha, 0.35))  # even over a pixel
@@ -558,6 +558,22 @@ def test_paths_agree_with_our_shading_on_a_sphere(name):
     np.testing.assert_allclose(difference.mean(axis=0) / mean, 0, atol=0.01)
     # a metal's highlight differs over a pixel; with independent paths the others' error is .025
     assert np.sqrt(np.square(difference).mean()) < (0.03 if name == "gold" else 0.015) * mean.mean()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("at_once", [2, 8, 32, 128])
+def test_any_number_of_paths_is_traced_in_any_number_of_steps(at_once, monkeypatch):
+    """The sampler itself takes few counts."""
+    mitsuba = pytest.importorskip("anyprobe.relight.path_traced")
+    try:
+        mitsuba.open_mitsuba()
+    except anyprobe.MissingExtra as reason:
+        pytest.skip(str(reason))
+    mesh = sphere(16)
+    camera = frame_object(mesh, np.eye(3), 30.0, size=8)
+    monkeypatch.setattr(mitsuba, "PATHS_AT_ONCE", at_once * camera.size**2)
+    drawn = mitsuba.trace_mesh(mesh, camera, np.ones((8, 16, 3), np.float32), WHITE, num_paths=100)
+    np.testing.assert_allclose(drawn[2:6, 2:6].mean(axis=(0, 1)), 1.0, atol=0.03)
 
 
 @pytest.mark.ci

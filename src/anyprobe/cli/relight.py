@@ -54,7 +54,7 @@ OF_ESTIMATES = [
     *("normals_from", "metal", "emitters", "looks", "model", "engine", "threads", "detail", "detail_library"),
 ]
 """Parameters that only affect an estimate."""
-PANORAMA_ROWS = 256
+PANORAMA_ROWS = 512
 """Rows of the panorama that an inserted object mirrors."""
 placing = arguments_named(size="scale", turn_deg="turn")
 """Decorator that renames arguments in errors on an object's placement."""

@@ -1,7 +1,7 @@
 """Ground maps: the photo's ground as an object mirrors it below the horizon.
 
 The ground is seen from the object's middle, so that one map serves all of its points. Ground outside the photo or
-hidden by the real object has the mean colour around the object's foot; the object's own shadow lies on it.
+hidden by the real object is what the map shows in its direction; the object's own shadow lies on it.
 """
 
 from __future__ import annotations
@@ -9,8 +9,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from PIL import Image, ImageFilter
 
-from anyprobe.core.latlong import uv_to_direction
+from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
 from anyprobe.core.response import inverse_response
 from anyprobe.estimate.photo import Photo
 from anyprobe.relight.ground_view import View
@@ -23,11 +24,46 @@ if TYPE_CHECKING:
 _ROWS = 128
 """Smallest number of rows of the map."""
 
-MOST_SIDE = 512
-"""Largest length [px] of the photo's longer side; larger ones are reduced."""
-
 EDGE = 0.08
 """Width of the photo's rim, as a share of its shorter side, over which its pixels blend into the mean colour."""
+
+
+RIM = 0.004
+"""Width of the rim around the real object that is not taken for ground, as a share of the photo's longer side."""
+
+
+class GroundPicture:
+    """The ground as the photo shows it; elsewhere what a map shows in the same direction from the camera."""
+
+    def __init__(self, photo: Photo, view: View, radiance: np.ndarray) -> None:
+        """Keep photo, camera and map [H, 2H, 3] in the camera's frame."""
+        self.photo, self.view, self.radiance = photo, view, radiance
+        hidden = photo.mask if photo.hidden is None else np.maximum(photo.mask, photo.hidden)
+        reach = 2 * max(1, round(RIM * max(hidden.shape))) + 1
+        grown = Image.fromarray((hidden > 0.02).astype(np.uint8)).filter(ImageFilter.MaxFilter(reach))
+        self.free = np.asarray(grown) == 0
+
+    def at(self, points: np.ndarray) -> np.ndarray:
+        """Return linear radiance [P, 3] of points of the ground."""
+        photo, view = self.photo, self.view
+        pixels = view.pixels(points)
+        border = np.minimum(pixels, [view.width, view.height] - pixels).min(axis=-1)
+        weight = np.clip(border / (EDGE * min(view.width, view.height)), 0.0, 1.0) * (points[:, 2] < -1e-3)
+        column, row = np.clip(pixels, 0, [view.width - 1, view.height - 1]).astype(int).T
+        weight = (weight * self.free[row, column])[:, None]
+        shown = radiance_at(photo, row, column)
+        toward = points / np.maximum(np.linalg.norm(points, axis=-1, keepdims=True), 1e-9)
+        around = bilinear(self.radiance, direction_to_uv(toward.astype(np.float32)))
+        return weight * shown + (1 - weight) * around
+
+
+def radiance_at(photo: Photo, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+    """Return the linear radiance [..., 3] of pixels, above white too where the photo holds that."""
+    shown = inverse_response(photo.rgb[row, column])
+    if photo.radiance is None:
+        return shown
+    radiance = photo.radiance[row, column]
+    return np.where(radiance > 1, radiance, shown)
 
 
 def with_ground(
@@ -35,13 +71,11 @@ def with_ground(
     view: View,
     spot: Placement,
     radiance: Float[np.ndarray, "H 2*H 3"],
-    color: np.ndarray,
     shadow: GroundShadow | None = None,
 ) -> Float[np.ndarray, "K 2*K 3"]:
     """Add the ground below the horizon to a map in the camera's frame, of at least _ROWS rows.
 
     Args:
-        color: [3], linear radiance of the ground outside the photo.
         shadow: on the ground; None: none.
     """
     times = max(1, _ROWS // radiance.shape[0])
@@ -55,24 +89,10 @@ def with_ground(
     height = float(((spot.mesh.positions - spot.foot) @ view.up).max()) / 2
     toward = directions[below]
     landed = spot.foot + height * view.up + toward * (height / np.maximum(-sine[below], 1e-3))[:, None]
-    seen = _seen(photo, view, landed, np.asarray(color, np.float64))
+    seen = GroundPicture(photo, view, radiance).at(landed)
     if shadow is not None:
         seen = seen * shadow.at(landed)
     weight = share[below][:, None]
     result = light.astype(np.float32, copy=True)
     result[below] = result[below] * (1 - weight) + seen * weight
     return result
-
-
-def _seen(photo: Photo, view: View, points: np.ndarray, color: np.ndarray) -> np.ndarray:
-    """Return linear radiance [P, 3] of points of the ground."""
-    step = -(-max(view.width, view.height) // MOST_SIDE)
-    rgb, hidden = photo.rgb[::step, ::step], photo.mask[::step, ::step]
-    pixels = view.pixels(points)
-    border = np.minimum(pixels, [view.width, view.height] - pixels).min(axis=-1)
-    weight = np.clip(border / (EDGE * min(view.width, view.height)), 0.0, 1.0) * (points[:, 2] < -1e-3)
-    column, row = (np.clip(pixels // step, 0, [rgb.shape[1] - 1, rgb.shape[0] - 1])).astype(int).T
-    if photo.hidden is not None:
-        hidden = np.maximum(hidden, photo.hidden[::step, ::step])
-    weight = (weight * (1 - hidden[row, column]))[:, None]
-    return weight * inverse_response(rgb[row, column]) + (1 - weight) * color

@@ -17,11 +17,12 @@ from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
 from anyprobe.masks.resize import resize
 from anyprobe.relight.appearance import material_from_photo
-from anyprobe.relight.ground_map import with_ground
+from anyprobe.relight.ground_map import GroundPicture, with_ground
 from anyprobe.relight.ground_view import VIEW_STRIP_PIXELS, View, view_of
-from anyprobe.relight.path_traced import GROUND_RADII, NUM_PATHS, GroundDisc, open_mitsuba, trace_mesh
+from anyprobe.relight.path_traced import NUM_PATHS, open_mitsuba, trace_mesh
+from anyprobe.relight.photographed import ShownSurface, shown_ground, shown_object
 from anyprobe.relight.placement import Placement, Side, place_beside
-from anyprobe.relight.shadow import NUM_DIRECTIONS, SHADOW_CELLS, GroundShadow, sky_irradiance
+from anyprobe.relight.shadow import NUM_DIRECTIONS, SHADOW_CELLS, GroundShadow
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.picture import draw_mesh
 from anyprobe.render.surface import Camera
@@ -241,6 +242,7 @@ class Stage:
         if window is None:
             raise InputError("the photo shows nothing of the object there; choose another place", subject="at")
         self.window: ObjectWindow = window
+        self._kept: tuple[Photo, np.ndarray, list[ShownSurface]] | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -332,11 +334,11 @@ class Stage:
         camera = replace(camera, size=min(camera.size, MOST_DRAWN))
         if uses_mitsuba(renderer):
             paths = min(NUM_PATHS, MOST_PATHS // camera.size**2)
-            drawn = trace_mesh(mesh, camera, radiance, material, self._ground(radiance), paths)
+            drawn = trace_mesh(mesh, camera, radiance, material, self._around(radiance, shadow), paths)
         else:
             finer = {} if camera.size == self.window.camera.size else {"supersample": ENLARGED_SUPERSAMPLE}
             cast = self.shadow(radiance, MIRRORED_DIRECTIONS, MIRRORED_GRID) if shadow is None else shadow
-            lit = with_ground(self.photo, self.view, self.placement, radiance, self._ground_color(radiance), cast)
+            lit = with_ground(self.photo, self.view, self.placement, radiance, cast)
             drawn = draw_mesh(mesh, camera, lit, material, **finer)
         return enlarged(drawn, self.window.size)
 
@@ -352,26 +354,15 @@ class Stage:
         rows = np.flatnonzero((self.photo.mask > 0.5).any(axis=1))
         return len(rows) > 0 and bool(foot_row < rows[-1])  # a video's frame may have no mask
 
-    def _ground_color(self, radiance: np.ndarray) -> np.ndarray:
-        """Return mean linear radiance [3] around the object's foot, else of the photo's last row; for a cut-out, of the
-        map below the horizon."""
-        photo, foot, reach = self.photo, self.placement.foot, 2 * self.placement.radius
-        seen = np.ones(photo.mask.shape, bool) if photo.hidden is None else ~photo.hidden
-        colors = [photo.rgb[-1][seen[-1]]]
-        for strip, ground in self.view.ground_strips(self.view.part_around(foot, reach)):
-            near = (np.linalg.norm(ground - foot, axis=-1) < reach) & (photo.mask[strip] < 0.05) & seen[strip]
-            colors.append(photo.rgb[strip][near])
-        shown = np.concatenate(colors[1:]) if any(map(len, colors[1:])) else colors[0]
-        if not len(shown):
-            return sky_irradiance(radiance, -self.view.up) / np.pi
-        return inverse_response(shown).mean(axis=0)
-
-    def _ground(self, radiance: np.ndarray) -> GroundDisc:
-        """Return a ground whose radiance under the map matches the photo around the object's foot."""
-        irradiance = np.maximum(sky_irradiance(radiance, self.view.up), 1e-6)
-        albedo = np.clip(np.pi * self._ground_color(radiance) / irradiance, 0.0, 0.95)
-        radius = GROUND_RADII * self.placement.radius
-        return GroundDisc(foot=self.placement.foot, up=self.view.up, radius=radius, albedo=albedo)
+    def _around(self, radiance: np.ndarray, shadow: GroundShadow | None) -> list[ShownSurface]:
+        """Return what the photo shows around the object: its ground and the real object; kept for other materials."""
+        if self._kept is None or self._kept[0] is not self.photo or self._kept[1] is not radiance:
+            cast = self.shadow(radiance, MIRRORED_DIRECTIONS, MIRRORED_GRID) if shadow is None else shadow
+            picture = GroundPicture(self.photo, self.view, radiance)
+            ground = shown_ground(picture, self.view, self.placement, cast)
+            real = shown_object(self.photo, self.view, self.placement)
+            self._kept = self.photo, radiance, [ground] if real is None else [ground, real]
+        return self._kept[2]
 
 
 def uses_mitsuba(renderer: str) -> bool:

@@ -6,17 +6,18 @@ import os
 import re
 import subprocess
 import sys
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import lru_cache
 from glob import glob
 from typing import Any
 
 import numpy as np
 
-from anyprobe.core.frames import normalize, orthonormal_basis
+from anyprobe.core.frames import normalize
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import MissingExtra
 from anyprobe.export.scene_files import pole_to_pole
+from anyprobe.relight.photographed import ShownSurface
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera
 from anyprobe.scatter.materials import Material
@@ -100,23 +101,10 @@ NUM_PATHS = 256
 """Number of paths per pixel."""
 PATHS_AT_ONCE = 1 << 20
 MAX_DEPTH = 6
-GROUND_RADII = 30.0
-"""Radius of the ground's disc, in radii of the object."""
+BEFORE = 0.9999
+"""Share of the way to the mesh at which a path begins."""
 ALBEDO = "vertex_albedo"
 """Mitsuba's name for albedos at the corners of the faces."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class GroundDisc:
-    """Lambert disc that a mesh stands on; only the path tracer uses it.
-
-    foot, up: [3], a point of it and its normal.
-    """
-
-    foot: np.ndarray
-    up: np.ndarray
-    radius: float
-    albedo: np.ndarray
 
 
 @lru_cache(maxsize=1)
@@ -160,31 +148,31 @@ def trace_mesh(
     camera: Camera,
     radiance: np.ndarray,
     material: Material,
-    ground: GroundDisc | None = None,
+    around: Sequence[ShownSurface] = (),
     num_paths: int = NUM_PATHS,
 ) -> np.ndarray:
     """Draw a mesh as render.picture.draw_mesh does, by path tracing: same arguments and same [S, S, 4].
 
     Args:
         material: its albedo may also be [F, 3, 3], at the corners of the mesh's faces.
-        ground: disc under the mesh; it lights the mesh and is mirrored in it, but is not in the picture.
+        around: surfaces that light the mesh, shade it and are mirrored in it, but are not in the picture.
         num_paths: per pixel, rounded up to a power of two.
     """
     mi = open_mitsuba()
     alone = {"type": "scene", "mesh": _shape(mi, mesh, material)}
     scene = {**alone, "light": _environment(mi, radiance)}
-    if ground is not None:
-        scene["ground"] = _disc(mi, ground)
+    scene |= {f"around{k}": _emitting(mi, surface) for k, surface in enumerate(around)}
     alone, scene = mi.load_dict(alone), mi.load_dict(scene)
     tracer = mi.load_dict({"type": "path", "max_depth": MAX_DEPTH})
     pixels = camera.size**2
     total, count, paths = np.zeros((pixels, 3)), np.zeros(pixels), 1 << (num_paths - 1).bit_length()
-    each = max(1, min(paths, 1 << max(0, (PATHS_AT_ONCE // pixels).bit_length() - 1)))
+    each = _square_count(min(paths, max(1, PATHS_AT_ONCE // pixels)))
     jitter = hammersley(paths)
     for start in range(0, paths, each):
         direction = _rays(camera, jitter[start : start + each])
-        hit = np.array(alone.ray_intersect_preliminary(_mi_rays(mi, camera.position, direction)).is_valid())
-        hit = hit.reshape(each, pixels).T  # a pixel's paths side by side, as the sampler stratifies them
+        distance = np.array(alone.ray_intersect_preliminary(_mi_rays(mi, camera.position, direction)).t)
+        distance = distance.reshape(each, pixels).T  # a pixel's paths side by side, as the sampler stratifies them
+        hit = np.isfinite(distance)
         seen = np.flatnonzero(hit.any(axis=1))
         if not len(seen):
             continue
@@ -192,7 +180,8 @@ def trace_mesh(
         sampler.set_samples_per_wavefront(each)
         sampler.seed(start, len(seen) * each)
         rays = direction.reshape(each, pixels, 3).transpose(1, 0, 2)[seen].reshape(-1, 3)
-        color, _, _ = tracer.sample(scene, sampler, _mi_rays(mi, camera.position, rays))
+        near = np.where(hit, BEFORE * distance, 0.0)[seen].reshape(-1, 1)  # nothing around is in the picture
+        color, _, _ = tracer.sample(scene, sampler, _mi_rays(mi, camera.position + near * rays, rays))
         color = np.nan_to_num(np.array(color).T).reshape(len(seen), each, 3) * hit[seen][..., None]
         total[seen] += color.sum(axis=1)
         count[seen] += hit[seen].sum(axis=1)
@@ -200,6 +189,11 @@ def trace_mesh(
     picture[:, :3] = total / np.maximum(count, 1)[:, None]
     picture[:, 3] = count / paths
     return picture.reshape(camera.size, camera.size, 4)
+
+
+def _square_count(most: int) -> int:
+    """Return the largest power of four up to a number: the sampler rounds others up to what it can stratify."""
+    return 1 << ((most.bit_length() - 1) // 2 * 2)
 
 
 def _rays(camera: Camera, jitter: np.ndarray) -> np.ndarray:
@@ -255,14 +249,24 @@ def _environment(mi, radiance: np.ndarray) -> dict:
     return {"type": "envmap", "bitmap": bitmap, "to_world": mi.ScalarTransform4f(to_world)}
 
 
-def _disc(mi, ground: GroundDisc) -> dict:
-    across, along = orthonormal_basis(ground.up)
-    to_world = np.eye(4)
-    to_world[:3, :3] = np.stack([across, along, ground.up], axis=1) @ np.diag([ground.radius] * 2 + [1.0])
-    to_world[:3, 3] = ground.foot - 1e-4 * ground.up  # below the mesh's own lowest faces
-    albedo = {"type": "rgb", "value": [float(c) for c in np.clip(ground.albedo, 0, 0.95)]}
-    return {
-        "type": "disk",
-        "to_world": mi.ScalarTransform4f(to_world),
-        "bsdf": {"type": "diffuse", "reflectance": albedo},
-    }
+def _emitting(mi, surface: ShownSurface):
+    """Convert a surface; paths find it by their own reflection, as it is large and smooth."""
+    rows, columns = (count - 1 for count in surface.points.shape[:2])
+    properties = mi.Properties()
+    bitmap = mi.Bitmap(np.ascontiguousarray(surface.radiance, np.float32))
+    radiance = {"type": "bitmap", "bitmap": bitmap, "raw": True}
+    properties["emitter"] = mi.load_dict({"type": "area", "radiance": radiance, "sampling_weight": 0.0})
+    properties["bsdf"] = mi.load_dict({"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}})
+    count = surface.points.shape[0] * surface.points.shape[1]
+    made = mi.Mesh("around", count, 2 * rows * columns, has_vertex_texcoords=True, props=properties)
+    texels = surface.radiance.shape[0]
+    v = (0.5 + np.linspace(0, texels - 1, rows + 1)) / texels
+    uv = np.stack(np.meshgrid(np.linspace(0, 1, columns + 1), v), axis=-1)
+    a = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).ravel()
+    b, c, d = a + 1, a + columns + 2, a + columns + 1
+    parameters = mi.traverse(made)
+    parameters["vertex_positions"] = surface.points.astype(np.float32).ravel()
+    parameters["vertex_texcoords"] = uv.astype(np.float32).ravel()
+    parameters["faces"] = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]).astype(np.uint32).ravel()
+    parameters.update()
+    return made

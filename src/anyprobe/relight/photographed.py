@@ -1,0 +1,131 @@
+"""Surfaces around an inserted object that show the photo, for the path tracer: the ground and the real object.
+
+Each sends out the radiance that the photo shows there and reflects nothing more, so that the inserted object is lit by
+them, mirrors them, and lies in the real object's shade. The ground is darker by the inserted object's own shadow.
+Of the real object only one side is seen: it counts as a solid of revolution about a vertical axis, its back as its
+front.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from anyprobe.core.frames import orthonormal_basis
+from anyprobe.estimate.ground import contact_of
+from anyprobe.estimate.photo import Photo
+from anyprobe.masks.check import object_box
+from anyprobe.relight.ground_map import GroundPicture, radiance_at
+from anyprobe.relight.ground_view import View
+from anyprobe.relight.placement import Placement
+from anyprobe.relight.shadow import GroundShadow
+
+GROUND_RADII = 0.01, 30.0
+"""Radii of the ground's innermost and outermost ring, in those of the inserted object."""
+GROUND_RINGS, GROUND_SECTORS = 96, 128
+"""Numbers of cells of the ground's mesh, outwards and around."""
+GROUND_TEXELS = 512, 1024
+"""Texels of the ground's picture, outwards and around; the rows are evenly spaced in the logarithm of the radius."""
+BODY_ROWS, BODY_SECTORS = 256, 64
+"""Largest number of rows, and number of cells around, of the real object's mesh."""
+BODY_TEXELS = 256
+"""Texels around it."""
+INSET = 0.96
+"""Share of a row's half width from which its colours are read: masks are a pixel too wide in places."""
+LEAST_ROWS = 4
+"""Smallest height [px] of a real object that is modelled."""
+LEAST_AWAY = 0.2
+"""Smallest distance along the ground from the camera, in its heights: from straight above, no side is seen."""
+LEAST_DEPTH = 0.1
+"""Smallest depth of the real object, in its widths, that leaves room for the inserted one before or behind it."""
+LIFT = 1e-4
+"""Distance of the ground below the foot, in the camera's heights: below the inserted mesh's own lowest faces."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ShownSurface:
+    """A grid that sends out light on one side.
+
+    points: [R, C, 3] corners; its front is where the cross product of a step along a row and one down a column points.
+    radiance: [h, w, 3] over the grid: the middles of its first and last row lie on those of the corners, and it
+    goes on periodically along rows.
+    """
+
+    points: np.ndarray
+    radiance: np.ndarray
+
+
+def shown_ground(picture: GroundPicture, view: View, spot: Placement, shadow: GroundShadow) -> ShownSurface:
+    """Return the ground around an inserted object, with its shadow on it."""
+    side, across = orthonormal_basis(view.up)
+    low, high = (np.log(radius * spot.radius) for radius in GROUND_RADII)
+
+    def rings(rows: int, angles: np.ndarray) -> np.ndarray:
+        radius = np.exp(np.linspace(low, high, rows))[:, None, None]
+        return spot.foot + radius * (np.cos(angles)[:, None] * side - np.sin(angles)[:, None] * across)
+
+    rows, columns = GROUND_TEXELS
+    texels = rings(rows, (np.arange(columns) + 0.5) / columns * 2 * np.pi).reshape(-1, 3)
+    radiance = (picture.at(texels) * shadow.at(texels)).reshape(rows, columns, 3)
+    corners = rings(GROUND_RINGS + 1, np.linspace(0, 2 * np.pi, GROUND_SECTORS + 1))
+    return ShownSurface(points=corners - LIFT * view.up, radiance=radiance.astype(np.float32))
+
+
+def shown_object(photo: Photo, view: View, spot: Placement) -> ShownSurface | None:
+    """Return the real object; None where there is none, where its form says too little, or without room for both."""
+    inside = photo.mask > 0.5
+    if not inside.any():
+        return None
+    (x, bottom), top = contact_of(photo.mask), object_box(photo.mask)[1]
+    contact = view.on_ground(x, bottom)
+    away = -contact - view.up * float(-contact @ view.up)  # along the ground to the camera
+    if bottom - top < LEAST_ROWS or not np.isfinite(contact).all() or np.linalg.norm(away) < LEAST_AWAY:
+        return None
+    toward = away / np.linalg.norm(away)
+    right = np.cross(view.up, toward)
+    rows = np.unique(np.linspace(top, bottom - 1, BODY_ROWS).round().astype(int))
+    rows = rows[inside[rows].any(axis=1)]
+    first = inside[rows].argmax(axis=1)
+    last = inside.shape[1] - inside[rows, ::-1].argmax(axis=1)
+
+    def upright(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return middles [R, 3] and half widths [R] of the rows in the vertical plane through a point."""
+        ends = [view.rays(columns, rows + 0.5) for columns in (first, last)]
+        ends = [rays * ((point @ toward) / np.minimum(rays @ toward, -1e-6))[:, None] for rays in ends]
+        return (ends[0] + ends[1]) / 2, np.linalg.norm(ends[1] - ends[0], axis=-1) / 2
+
+    base = upright(contact)[1][-1]
+    middle, half = upright(contact - base * toward)  # what is seen to touch the ground is the front of the base
+    flat = _flattened(spot, middle, half, right, toward)
+    if flat is None:
+        return None
+    angle = np.linspace(0, 2 * np.pi, BODY_SECTORS + 1)
+    around = np.cos(angle)[:, None] * right + flat * np.sin(angle)[:, None] * toward
+    points = middle[:, None] + half[:, None, None] * around
+    lid = np.broadcast_to(middle[:1, None], points[:1].shape)
+    colors = _colors(photo, rows, first, last)
+    return ShownSurface(points=np.concatenate([lid, points]), radiance=np.concatenate([colors[:1], colors]))
+
+
+def _flattened(
+    spot: Placement, middle: np.ndarray, half: np.ndarray, right: np.ndarray, toward: np.ndarray
+) -> float | None:
+    """Return the real object's depth over its width that leaves the inserted one its place; None without room."""
+    beside, before = (np.abs((spot.foot - middle) @ axis) for axis in (right, toward))
+    if (beside >= half + spot.radius).all():
+        return 1.0
+    room = float((before.min() - spot.radius) / half.max())
+    return None if room < LEAST_DEPTH else min(room, 1.0)
+
+
+def _colors(photo: Photo, rows: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Return the radiance [R, BODY_TEXELS, 3] of rows of the real object from right to left and back."""
+    across = INSET * np.cos((np.arange(BODY_TEXELS) + 0.5) / BODY_TEXELS * 2 * np.pi)
+    columns = ((first + last) / 2)[:, None] + ((last - first) / 2)[:, None] * across
+    columns = np.clip(columns, 0, photo.mask.shape[1] - 1).astype(int)
+    lines = np.broadcast_to(rows[:, None], columns.shape)
+    shown = radiance_at(photo, lines, columns)
+    own = (photo.mask[lines, columns] > 0.5)[..., None]  # not between a pot and its handle
+    mean = (shown * own).sum(axis=1, keepdims=True) / np.maximum(own.sum(axis=1, keepdims=True), 1)
+    return np.where(own, shown, mean).astype(np.float32)
