@@ -306,9 +306,10 @@ HINTS: dict[str, Hint] = {one.name: _named(one.name, one.metadata["hint"]) for o
 """Descriptions by the field's name, in the order of Hints."""
 
 
-def combine(hints: Hints | None, **given: Any) -> Hints:
-    """Merge hints with the keywords among `given` that are not None; these win."""
-    return replace(Hints() if hints is None else hints, **{name: one for name, one in given.items() if one is not None})
+def combine(hints: Hints | None, arguments: Mapping[str, Any]) -> Hints:
+    """Merge hints with a function's arguments, its locals(), of the same names; those that are not None win."""
+    given = {name: arguments[name] for name in HINTS if arguments[name] is not None}
+    return replace(Hints() if hints is None else hints, **given)
 
 
 def check_keywords(unknown: Mapping[str, Any], function: Callable[..., Any]) -> None:

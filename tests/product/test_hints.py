@@ -62,8 +62,8 @@ def test_keywords_arrive(name, monkeypatch, estimator):
     function, kinds = SIGNATURES[name]
     given = object()
 
-    def combined(hints, **keywords):
-        raise LookupError([one for one, value in keywords.items() if value is given])
+    def combined(hints, arguments):
+        raise LookupError([one for one, value in arguments.items() if value is given])
 
     for module in ("estimator", "photo"):
         monkeypatch.setattr(sys.modules[f"anyprobe.estimate.{module}"], "combine", combined)

@@ -78,17 +78,7 @@ class Estimator:
         check_keywords(unknown, Estimator.__init__)
         if isinstance(settings, str):
             model, settings = settings, None
-        given = Settings(
-            model=model,
-            threads=threads,
-            engine=engine,
-            emitters=emitters,
-            looks=looks,
-            segmenter=segmenter,
-            detail=detail,
-            size=size,
-            detail_library=detail_library,
-        )
+        given = Settings.among(locals())
         settings = given if settings is None else replace(settings, **given.changes())
         self.models = Models(*settings.networks, settings.emitters)
         self.model_id = model_id(settings.model)
@@ -164,24 +154,7 @@ class Estimator:
         """
         start = time.perf_counter()
         check_keywords(unknown, Estimator.__call__)
-        hints = combine(
-            hints,
-            mask=mask,
-            click=click,
-            exclude=exclude,
-            box=box,
-            depth=depth,
-            near=near,
-            far=far,
-            fov_deg=fov_deg,
-            pitch_deg=pitch_deg,
-            roll_deg=roll_deg,
-            normals=normals,
-            material=material,
-            albedo=albedo,
-            roughness=roughness,
-            surroundings=surroundings,
-        )
+        hints = combine(hints, locals())
         if not isinstance(source, Photo):
             return self.from_photo(load_photo(source, hints, segmenter=self.segmenter), start)
         late = [name for name, _ in hints.given() if name not in ("material", "albedo", "roughness")]
@@ -354,33 +327,6 @@ def estimate(
         TypeError: an unknown keyword; the message names the most similar one.
     """
     check_keywords(unknown, estimate)
-    settings = Settings(
-        model=model,
-        threads=threads,
-        engine=engine,
-        emitters=emitters,
-        looks=looks,
-        segmenter=segmenter,
-        detail=detail,
-        size=size,
-        detail_library=detail_library,
-    )
-    hints = combine(
-        hints,
-        mask=mask,
-        click=click,
-        exclude=exclude,
-        box=box,
-        depth=depth,
-        near=near,
-        far=far,
-        fov_deg=fov_deg,
-        pitch_deg=pitch_deg,
-        roll_deg=roll_deg,
-        normals=normals,
-        material=material,
-        albedo=albedo,
-        roughness=roughness,
-        surroundings=surroundings,
-    )
+    settings = Settings.among(locals())
+    hints = combine(hints, locals())
     return _shared(*settings.networks).with_settings(settings)(source, hints)

@@ -181,24 +181,7 @@ def load_photo(
         TypeError: an unknown keyword; names the one that it is most like.
     """
     check_keywords(unknown, load_photo)
-    hints = combine(
-        hints,
-        mask=mask,
-        click=click,
-        exclude=exclude,
-        box=box,
-        depth=depth,
-        near=near,
-        far=far,
-        fov_deg=fov_deg,
-        pitch_deg=pitch_deg,
-        roll_deg=roll_deg,
-        normals=normals,
-        material=material,
-        albedo=albedo,
-        roughness=roughness,
-        surroundings=surroundings,
-    )
+    hints = combine(hints, locals())
     pixels = source
     if not isinstance(pixels, Pixels):
         pixels = read_image(pixels, name, with_depth=is_carried(hints.depth))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -82,6 +83,11 @@ class Settings:
             raise InputError(
                 f"expected 1 or more, got {self.threads}; leave it out to use all cores", subject="threads"
             )
+
+    @classmethod
+    def among(cls, arguments: Mapping[str, Any]) -> Settings:
+        """Return the settings among a function's arguments, its locals(), which have all of them."""
+        return cls(**{one.name: arguments[one.name] for one in fields(cls)})
 
     def changes(self) -> dict[str, Any]:
         """Return the settings that are not defaults."""
