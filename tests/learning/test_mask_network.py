@@ -22,16 +22,22 @@ from anyprobe.learning.dataset.asset_store import AssetStore, draw_map  # noqa: 
 from anyprobe.learning.dataset.catalog import MapAsset  # noqa: E402
 from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
-from anyprobe.learning.mask_network import train as training  # noqa: E402
+from anyprobe.learning.mask_network import mask_training as training  # noqa: E402
 from anyprobe.learning.mask_network.__main__ import app as commands  # noqa: E402
-from anyprobe.learning.mask_network.composites import GREY, Scene, draw_scene  # noqa: E402
-from anyprobe.learning.mask_network.examples import PROMPTS, SIZE, Batch, SceneSource, ask, retake, unasked_target  # noqa: E402
-from anyprobe.learning.mask_network.export import TOLERANCE, export_mask  # noqa: E402
+from anyprobe.learning.mask_network.composites import Scene, draw_scene  # noqa: E402
+from anyprobe.learning.mask_network.examples import PROMPTS, MaskBatch, SceneSource, ask, retake, unasked_target  # noqa: E402
 from anyprobe.learning.mask_network.foregrounds import TexturePool, ViewSource, draw_pattern  # noqa: E402
-from anyprobe.learning.mask_network.net import MaskNet  # noqa: E402
-from anyprobe.learning.mask_network.train import MaskRunConfig, load_mask_net, mask_loss, smoke, train_mask  # noqa: E402
+from anyprobe.learning.mask_network.mask_export import TOLERANCE, export_mask  # noqa: E402
+from anyprobe.learning.mask_network.mask_net import MaskNet  # noqa: E402
+from anyprobe.learning.mask_network.mask_training import (  # noqa: E402
+    MaskRunConfig,
+    load_mask_net,
+    mask_loss,
+    small_mask_run,
+    train_mask,
+)
 from anyprobe.learning.train.checkpoint import load_init_weights, save_init_weights  # noqa: E402
-from anyprobe.masks.networks import SmallNetwork  # noqa: E402
+from anyprobe.masks.networks import PADDING_GREY, SMALL_PX, SmallNetwork  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -46,18 +52,18 @@ def views():
 def scenes(views):
     rng = np.random.default_rng(1)
     view = views.view(0)
-    return [draw_scene(rng, view, views.textures, SIZE) for _ in range(30)]
+    return [draw_scene(rng, view, views.textures, SMALL_PX) for _ in range(30)]
 
 
 def two_discs() -> Scene:
     """A large dark disc left of the middle and a small bright one at the right, in a 3:2 photo."""
-    rows, columns = torch.meshgrid(torch.arange(SIZE) + 0.5, torch.arange(SIZE) + 0.5, indexing="ij")
+    rows, columns = torch.meshgrid(torch.arange(SMALL_PX) + 0.5, torch.arange(SMALL_PX) + 0.5, indexing="ij")
     large = ((rows - 80) ** 2 + (columns - 60) ** 2 < 30**2).float()
     small = ((rows - 80) ** 2 + (columns - 135) ** 2 < 12**2).float()
-    photo = torch.full((3, SIZE, SIZE), 0.6)
+    photo = torch.full((3, SMALL_PX, SMALL_PX), 0.6)
     photo = photo * (1 - large) + 0.1 * large
     photo = photo * (1 - small) + 0.95 * small
-    photo[:, :27] = photo[:, 133:] = GREY
+    photo[:, :27] = photo[:, 133:] = PADDING_GREY
     return Scene(photo=photo, covers=torch.stack([small, large]), bounds=(27, 133, 0, 160))
 
 
@@ -67,9 +73,9 @@ def test_a_scene_is_a_photo_of_things_that_hide_one_another(scenes):
         top, bottom, left, right = scene.bounds
         assert 0.0 <= scene.photo.min()
         assert scene.photo.max() <= 1.0
-        beside = torch.ones(SIZE, SIZE, dtype=torch.bool)
+        beside = torch.ones(SMALL_PX, SMALL_PX, dtype=torch.bool)
         beside[top:bottom, left:right] = False
-        assert (scene.photo[:, beside] == GREY).all()
+        assert (scene.photo[:, beside] == PADDING_GREY).all()
         assert (scene.covers[:, beside] == 0).all()
         assert (scene.covers.sum(dim=0) <= 1 + 1e-5).all()
 
@@ -112,13 +118,13 @@ def test_a_retake_moves_photo_and_answer_alike():
     rng = np.random.default_rng(3)
     sizes = set()
     for _ in range(40):
-        scene = retake(rng, two_discs(), SIZE)
+        scene = retake(rng, two_discs(), SMALL_PX)
         top, bottom, left, right = scene.bounds
         sizes.add(scene.bounds)
         small, large = scene.covers
-        inside = torch.zeros(SIZE, SIZE, dtype=torch.bool)
+        inside = torch.zeros(SMALL_PX, SMALL_PX, dtype=torch.bool)
         inside[top:bottom, left:right] = True
-        assert (scene.photo[:, ~inside] == GREY).all()
+        assert (scene.photo[:, ~inside] == PADDING_GREY).all()
         assert (scene.covers[:, ~inside] == 0).all()
         tone = scene.photo.mean(dim=0)
         rest = inside & (scene.covers.sum(dim=0) == 0)
@@ -142,7 +148,7 @@ def test_network_learns_one_batch_and_sees_the_hint():
     torch.manual_seed(0)
     scene = two_discs()
     hints = torch.stack([cover * 0.5 for cover in scene.covers])
-    image = torch.cat([scene.photo.expand(2, 3, SIZE, SIZE), hints[:, None]], dim=1)
+    image = torch.cat([scene.photo.expand(2, 3, SMALL_PX, SMALL_PX), hints[:, None]], dim=1)
     target = scene.covers[:, None]
     net = MaskNet(widths=(8, 8, 12, 16, 16))
     optimizer = torch.optim.Adam(net.parameters(), lr=1e-2)
@@ -181,7 +187,7 @@ def run(views):
     """Train a few steps on tiny batches: run(folder, stop_after) -> checkpoint."""
 
     def call(folder, stop_after=None):
-        config = smoke(MaskRunConfig(), 4)
+        config = small_mask_run(MaskRunConfig(), 4)
         source = SceneSource(views, config.scenes)
         return train_mask(config, data=None, runs=folder, stop_after=stop_after, scenes=source)
 
@@ -212,7 +218,7 @@ def test_exported_graph_is_the_network(checkpoint, tmp_path):
         difference = export_mask(checkpoint, tmp_path)
     assert difference <= TOLERANCE
     net, _ = load_mask_net(checkpoint)
-    image = torch.rand(1, 4, SIZE, SIZE)
+    image = torch.rand(1, 4, SMALL_PX, SMALL_PX)
     with torch.no_grad():
         expected = net(image)[0, 0].numpy()
     graph = SmallNetwork(tmp_path / "mask.onnx")
@@ -245,11 +251,11 @@ def changed(path, **parts):
 
 @pytest.mark.ci
 def test_a_run_goes_on_with_what_it_began_with_or_not_at_all(tmp_path, monkeypatch):
-    config = smoke(MaskRunConfig(), 3)
+    config = small_mask_run(MaskRunConfig(), 3)
 
     def examples(step):
-        image = torch.rand((2, 5, SIZE, SIZE), generator=torch.Generator().manual_seed(step))
-        return Batch(photo=image[:, :3], prompt=image[:, 3:], mask=(image[:, 3:] > 0.5).float())
+        image = torch.rand((2, 5, SMALL_PX, SMALL_PX), generator=torch.Generator().manual_seed(step))
+        return MaskBatch(photo=image[:, :3], prompt=image[:, 3:], mask=(image[:, 3:] > 0.5).float())
 
     at_hand = SimpleNamespace(batch=examples)
 

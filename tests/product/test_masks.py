@@ -16,7 +16,7 @@ from anyprobe.estimate.photo import load_photo
 from anyprobe.masks.check import look_at_given
 from anyprobe.masks.depth import mask_from_depth, read_depth
 from anyprobe.masks.find import find_mask, require_plausible
-from anyprobe.masks.networks import SIZE, SmallNetwork, default_graph
+from anyprobe.masks.networks import SMALL_PX, SmallNetwork, default_graph
 from anyprobe.masks.parts import fill_holes, label_parts
 from anyprobe.masks.prompts import BOX_LEVEL, check_clicks, draw_prompts
 from anyprobe.masks.quality import DOUBTFUL, Evidence
@@ -144,14 +144,14 @@ def test_floats_are_the_mask_as_they_are_as_in_javascript(given):
 
 
 def test_prompt_channel():
-    hint = draw_prompts(SIZE, on=[(40.5, 30.5)], off=[(100.5, 90.5)], box=(20, 10, 60, 50))
+    hint = draw_prompts(SMALL_PX, on=[(40.5, 30.5)], off=[(100.5, 90.5)], box=(20, 10, 60, 50))
     assert hint[30, 40] == 1.0
     assert hint[90, 100] == -1.0
     assert hint[30, 44] == pytest.approx(np.exp(-0.5))
     assert hint[90, 104] == pytest.approx(-np.exp(-0.5))
     assert hint[12, 58] == hint[10, 20] == hint[49, 59] == BOX_LEVEL
     assert hint[50, 60] == pytest.approx(0.0, abs=1e-6)
-    assert draw_prompts(SIZE).any() == False  # noqa: E712
+    assert draw_prompts(SMALL_PX).any() == False  # noqa: E712
 
 
 def test_the_small_network_sees_the_whole_photo_centred_and_prompts_follow(monkeypatch):
@@ -162,7 +162,7 @@ def test_the_small_network_sees_the_whole_photo_centred_and_prompts_follow(monke
     monkeypatch.setattr(network, "run", lambda square: seen.append(square) or square[..., 0])
     cover = network.cover(rgb, on=[(300, 150)], box=(0, 0, 300, 300))
     (square,) = seen
-    assert square.shape == (SIZE, SIZE, 4)
+    assert square.shape == (SMALL_PX, SMALL_PX, 4)
     assert (square[:40, :, :3] == 0.5).all()
     assert (square[120:, :, :3] == 0.5).all()
     bright = np.argwhere(square[40:120, :, 0] > 0.5) + [40, 0]

@@ -24,8 +24,8 @@ def modules(root: Path) -> list[str]:
 
 
 def of_one_network(path: Path) -> bool:
-    """Whether a module belongs to the training of one network, which nothing else imports: its names are its own."""
-    return path.parent.name.endswith("_network")
+    """Whether a module belongs to the training of the network of whole photos, whose names are its own."""
+    return path.parent.name == "whole_network"
 
 
 def shared(root: Path) -> list[str]:

@@ -21,13 +21,15 @@ from anyprobe.notices import Notice
 U2NETP, SMALL = contract("mask")["u2netp"], contract("mask")["small"]
 MEAN, SPREAD = (np.array(U2NETP[key], np.float32) for key in ("mean", "spread"))
 
-SIZE = SMALL["size"]
+SMALL_PX = SMALL["size"]
 """Side of the small network's input and output [px]."""
+PADDING_GREY = SMALL["grey"]
+"""Display value beside a photo that is not square."""
 
 MASK_CONTRACT = {
     "contract": "1",
     "stage": "mask",
-    "input": f"display RGB in [0, 1] of the whole photo, longer side {SIZE}, centred, {SMALL['grey']} beside it; "
+    "input": f"display RGB in [0, 1] of the whole photo, longer side {SMALL_PX}, centred, {PADDING_GREY} beside it; "
     "hint channel",
     "hint": f"box {BOX_LEVEL}, clicks +1 and -1, Gaussian of sigma {CLICK_SIGMA_PX:g} px",
 }
@@ -108,17 +110,17 @@ class SmallNetwork:
     def cover(self, rgb, on=(), off=(), box=None) -> np.ndarray:
         """Return the cover [h, w], the longer side 160; the input is letterboxed, and the bars are cropped."""
         height, width = rgb.shape[:2]
-        scale = SIZE / max(height, width)
-        w, h = (min(SIZE, max(1, round(side * scale))) for side in (width, height))
-        left, top = (SIZE - w) // 2, (SIZE - h) // 2
+        scale = SMALL_PX / max(height, width)
+        w, h = (min(SMALL_PX, max(1, round(side * scale))) for side in (width, height))
+        left, top = (SMALL_PX - w) // 2, (SMALL_PX - h) // 2
 
         def place(x: float, y: float) -> Point:
             return left + x * w / width, top + y * h / height
 
-        square = np.full((SIZE, SIZE, 4), SMALL["grey"], np.float32)
+        square = np.full((SMALL_PX, SMALL_PX, 4), PADDING_GREY, np.float32)
         square[top : top + h, left : left + w, :3] = resize(rgb, w, h)
         corners = None if box is None else (*place(*box[:2]), *place(*box[2:]))
-        square[..., 3] = draw_prompts(SIZE, [place(*p) for p in on], [place(*p) for p in off], corners)
+        square[..., 3] = draw_prompts(SMALL_PX, [place(*p) for p in on], [place(*p) for p in off], corners)
         return self.run(square)[top : top + h, left : left + w]
 
     def run(self, square: np.ndarray) -> np.ndarray:

@@ -11,11 +11,11 @@ import typer
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.errors import InputError
-from anyprobe.learning.mask_network.export import export_mask
-from anyprobe.learning.mask_network.train import MaskRunConfig, smoke, train_mask
+from anyprobe.learning.mask_network.mask_export import export_mask
+from anyprobe.learning.mask_network.mask_training import MaskRunConfig, small_mask_run, train_mask
 from anyprobe.learning.train.checkpoint import keep_apart, save_init_weights
 
-RUNS = Path("runs")
+RUNS_DIR = Path("runs")
 WEIGHTS = Path("src/anyprobe/weights/mask")
 
 app = typer.Typer(no_args_is_help=True)
@@ -26,7 +26,7 @@ def train(
     data: Annotated[
         Path | None, typer.Option(help="Folder with hdri/train and meshes/train; else our own maps and shapes.")
     ] = None,
-    runs: Annotated[Path, typer.Option(help="Folder for checkpoints, logs and caches.")] = RUNS,
+    runs: Annotated[Path, typer.Option(help="Folder for checkpoints, logs and caches.")] = RUNS_DIR,
     steps: Annotated[int | None, typer.Option(min=1, help="Steps in all; the run's own number otherwise.")] = None,
     dry_run: Annotated[int | None, typer.Option(min=1, metavar="N", help="N small steps, to try a machine.")] = None,
     init_weights: Annotated[
@@ -41,7 +41,7 @@ def train(
         raise InputError("expected one of them, got both", subject=("steps", "dry_run"))
     config = MaskRunConfig() if steps is None else replace(MaskRunConfig(), steps=steps)
     if dry_run is not None:
-        config = smoke(config, dry_run)
+        config = small_mask_run(config, dry_run)
         (runs / config.name / "checkpoint.pt").unlink(missing_ok=True)
     every = keep_every or config.steps
     for stop in range(every, config.steps + every, every):
@@ -53,7 +53,7 @@ def train(
 
 @app.command()
 def export(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run's folder, or its checkpoint.")] = RUNS / "mask",
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run's folder, or its checkpoint.")] = RUNS_DIR / "mask",
     to: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Folder for mask.onnx.")] = WEIGHTS,
     keep: Annotated[
         Path | None, typer.Option(help="Also keep the weights in this .pt, to begin another training from.")

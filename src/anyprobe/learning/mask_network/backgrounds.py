@@ -32,7 +32,7 @@ EYE_HEIGHT = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Window:
+class PhotoGrid:
     """Pixels of a photo: centres x, y [S, S] in (-1, 1), y down, and tan of half the field of view."""
 
     x: torch.Tensor
@@ -40,14 +40,14 @@ class Window:
     tan_half: float
 
 
-def make_window(size: int, tan_half: float) -> Window:
+def make_window(size: int, tan_half: float) -> PhotoGrid:
     """Return the pixels of a square photo."""
     line = (torch.arange(size) + 0.5) / size * 2 - 1
     y, x = torch.meshgrid(line, line, indexing="ij")
-    return Window(x=x, y=y, tan_half=tan_half)
+    return PhotoGrid(x=x, y=y, tan_half=tan_half)
 
 
-def draw_background(rng: np.random.Generator, view: LitView, window: Window, pool: TexturePool) -> torch.Tensor:
+def draw_background(rng: np.random.Generator, view: LitView, window: PhotoGrid, pool: TexturePool) -> torch.Tensor:
     """Draw the radiance [3, S, S] of everything but objects and shadows."""
     picture = _behind(rng, view, window, pool)
     size = len(window.x)
@@ -63,7 +63,7 @@ def draw_background(rng: np.random.Generator, view: LitView, window: Window, poo
 
 
 def draw_flat(
-    rng: np.random.Generator, view: LitView, window: Window, pool: TexturePool
+    rng: np.random.Generator, view: LitView, window: PhotoGrid, pool: TexturePool
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Draw a thing with straight edges (book, frame, rod, shelf): radiance [3, S, S], cover [S, S]."""
     centre, angle = rng.uniform(-1.1, 1.1, size=2), rng.uniform(0, np.pi)
@@ -85,7 +85,7 @@ def draw_flat(
     return color * _lit(rng, view, window), cover
 
 
-def _behind(rng: np.random.Generator, view: LitView, window: Window, pool: TexturePool) -> torch.Tensor:
+def _behind(rng: np.random.Generator, view: LitView, window: PhotoGrid, pool: TexturePool) -> torch.Tensor:
     kind = rng.random()
     if kind < PLAIN_SHARE:
         value = rng.choice([0.0, 0.02, rng.uniform(0.02, 0.9), 0.9, 1.5])
@@ -115,7 +115,7 @@ def _behind(rng: np.random.Generator, view: LitView, window: Window, pool: Textu
 
 
 def _ground(
-    rng: np.random.Generator, view: LitView, window: Window, pool: TexturePool
+    rng: np.random.Generator, view: LitView, window: PhotoGrid, pool: TexturePool
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Draw a level plane below the camera, whole or a table's top: radiance [3, S, S] and cover [S, S]."""
     size = len(window.x)
@@ -145,7 +145,7 @@ def _ground(
     return color * _lit(rng, view, window), cover
 
 
-def _lit(rng: np.random.Generator, view: LitView, window: Window) -> torch.Tensor:
+def _lit(rng: np.random.Generator, view: LitView, window: PhotoGrid) -> torch.Tensor:
     """Draw the radiance of white paper [3, S, S]: the ground's, brighter towards one side, with or without a pool of
     light."""
     gain = np.exp(rng.normal(0, 0.4))

@@ -11,14 +11,12 @@ import torch.nn.functional as F
 from anyprobe.core.color import REC709
 from anyprobe.learning.dataset.batch_shading import take_photos
 from anyprobe.learning.dataset.camera import blur, draw_shot, exposure
-from anyprobe.learning.mask_network.backgrounds import Window, draw_background, draw_flat, make_window
+from anyprobe.learning.mask_network.backgrounds import PhotoGrid, draw_background, draw_flat, make_window
 from anyprobe.learning.mask_network.foregrounds import LitView, TexturePool
+from anyprobe.masks.networks import PADDING_GREY
 
-SIZE = 256
+SCENE_PX = 256
 """Side of a scene's photo [pixels]: parts of it are as sharp as the mask network's input."""
-
-GREY = 0.5
-"""Display value that pads a photo to a square."""
 
 EMPTY_SHARE = 0.04
 """Share of scenes without any object."""
@@ -32,7 +30,7 @@ REFLECTING_SHARE = 0.12
 HARD_LIGHT = 0.6
 """Share of objects that cast a shadow of their own shape, beside the dark contact that most have."""
 
-ASPECTS = (1.0, 4 / 3, 3 / 2, 16 / 9, 3 / 4, 2 / 3, 9 / 16)
+PHOTO_ASPECTS = (1.0, 4 / 3, 3 / 2, 16 / 9, 3 / 4, 2 / 3, 9 / 16)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -48,7 +46,7 @@ class Scene:
     bounds: tuple[int, int, int, int]
 
 
-def draw_scene(rng: np.random.Generator, view: LitView, textures: TexturePool, size: int = SIZE) -> Scene:
+def draw_scene(rng: np.random.Generator, view: LitView, textures: TexturePool, size: int = SCENE_PX) -> Scene:
     """Draw up to four objects of a view and some flat things, before a background, through a camera.
 
     size: side of the picture; the same numbers of rng give the same scene at any size, but for its noise.
@@ -89,10 +87,10 @@ def draw_scene(rng: np.random.Generator, view: LitView, textures: TexturePool, s
     if rng.random() < 0.8:  # few photos are white in half of their area
         gain = min(gain, WHITE / max(float(bright[photo_area > 0].quantile(0.6)), 1e-6))
     sharper = 0.5 if rng.random() < 0.5 else 1.0
-    shot = replace(shot, blur_px=shot.blur_px * sharper * size / SIZE)
+    shot = replace(shot, blur_px=shot.blur_px * sharper * size / SCENE_PX)
     everywhere = torch.ones(1, 1, size, size)
     photo = take_photos([shot], picture[None] * gain, everywhere, picture[None] * gain, rng)[0]
-    photo = torch.where(photo_area > 0, photo, torch.tensor(GREY))
+    photo = torch.where(photo_area > 0, photo, torch.tensor(PADDING_GREY))
     return Scene(photo=photo, covers=seen, bounds=bounds)
 
 
@@ -112,7 +110,7 @@ class _Place:
 
 
 def _draw_bounds(rng: np.random.Generator, size: int) -> tuple[int, int, int, int]:
-    aspect = float(rng.choice(ASPECTS))
+    aspect = float(rng.choice(PHOTO_ASPECTS))
     height, width = round(size * min(1.0, 1 / aspect)), round(size * min(1.0, aspect))
     top, left = (size - height) // 2, (size - width) // 2
     return top, top + height, left, left + width
@@ -134,7 +132,7 @@ def _place(rng: np.random.Generator, index: int, bounds: tuple[int, int, int, in
     return _Place(x=x, y=y, half=half, flipped=rng.random() < 0.5, base=y + half)
 
 
-def _warp(foreground: torch.Tensor, place: _Place, window: Window) -> torch.Tensor:
+def _warp(foreground: torch.Tensor, place: _Place, window: PhotoGrid) -> torch.Tensor:
     """Warp a foreground [C, S, S] to its place, [C, S, S], averaging first where it shrinks."""
     side = place.half * len(window.x)
     while foreground.shape[-1] >= 2 * side and foreground.shape[-1] > 16:
@@ -145,7 +143,7 @@ def _warp(foreground: torch.Tensor, place: _Place, window: Window) -> torch.Tens
 
 
 def _reflect(
-    rng: np.random.Generator, picture: torch.Tensor, foreground: torch.Tensor, place: _Place, window: Window
+    rng: np.random.Generator, picture: torch.Tensor, foreground: torch.Tensor, place: _Place, window: PhotoGrid
 ) -> torch.Tensor:
     """Add an object's mirror image under its foot, fainter further down."""
     rows = torch.nonzero((foreground[3] > 0.5).any(dim=1)).flatten()
@@ -159,7 +157,7 @@ def _reflect(
 
 
 def _shadows(
-    rng: np.random.Generator, foreground: torch.Tensor, place: _Place, view: LitView, window: Window
+    rng: np.random.Generator, foreground: torch.Tensor, place: _Place, view: LitView, window: PhotoGrid
 ) -> torch.Tensor:
     """Draw the factor [S, S] on what is behind an object: a dark contact, and a shadow cast to one side."""
     factor = torch.ones_like(window.x)
@@ -182,7 +180,7 @@ def _shadows(
         x = (window.x - place.x + lean * height) / place.half * (-1 if place.flipped else 1)
         y = (height + foot - place.y) / place.half
         shadow = F.grid_sample(foreground[None, 3:], torch.stack([x, y], -1)[None], align_corners=False)[0, 0]
-        softness = float(np.exp(rng.uniform(np.log(0.7), np.log(8.0)))) / SIZE
+        softness = float(np.exp(rng.uniform(np.log(0.7), np.log(8.0)))) / SCENE_PX
         shadow = blur(shadow, softness * len(window.x))
         factor = factor * (1 - float(rng.uniform(0.15, 0.8)) * shadow.clip(0, 1))
     return factor

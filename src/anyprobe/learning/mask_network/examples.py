@@ -1,6 +1,6 @@
 """Training examples: photos with prompts as users give them, and the cover of the object meant.
 
-Batch number k is a function of (seed, k) alone, as for pairs: a run that was killed resumes with exactly the same
+MaskBatch number k is a function of (seed, k) alone, as for pairs: a run that was killed resumes with exactly the same
 scenes. Photographing a scene again is far cheaper than a new scene: mirrored, cropped, in other tones, by another
 phone.
 """
@@ -17,12 +17,10 @@ import torch.nn.functional as F
 from anyprobe.core.color import to_bytes
 from anyprobe.learning.dataset.camera import SUBSAMPLINGS, blur, compress
 from anyprobe.learning.dataset.pairs import slide
-from anyprobe.learning.mask_network.composites import ASPECTS, GREY, Scene, draw_scene
+from anyprobe.learning.mask_network.composites import PHOTO_ASPECTS, Scene, draw_scene
 from anyprobe.learning.mask_network.foregrounds import LitView, ViewSource
+from anyprobe.masks.networks import PADDING_GREY, SMALL_PX
 from anyprobe.masks.prompts import draw_prompts
-
-SIZE = 160
-"""Side of the examples' pictures [pixels], that of the mask network's input."""
 
 CLEAR_LEAD = 1.4
 """Smallest ratio of the first object's weight to the second's at which the first is meant without a prompt."""
@@ -62,8 +60,8 @@ class SceneConfig:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Batch:
-    """Batch of training examples, as tensors.
+class MaskBatch:
+    """MaskBatch of training examples, as tensors.
 
     photo [B, 3, S, S]; of each P examples: prompt channel [B, P, S, S] and the target's cover, mask [B, P, S, S].
     """
@@ -82,7 +80,7 @@ class SceneSource:
         self._scenes: dict[int, Scene] = {}
 
     @torch.no_grad()
-    def batch(self, step: int) -> Batch:
+    def batch(self, step: int) -> MaskBatch:
         """Make the examples of step number `step`."""
         config = self.config
         first = step * config.fresh
@@ -94,7 +92,7 @@ class SceneSource:
             photos.append(photo)
             prompts.append(torch.from_numpy(np.stack([prompt for prompt, _ in examples])))
             masks.append(torch.stack([mask for _, mask in examples]))
-        return Batch(photo=torch.stack(photos), prompt=torch.stack(prompts), mask=torch.stack(masks))
+        return MaskBatch(photo=torch.stack(photos), prompt=torch.stack(prompts), mask=torch.stack(masks))
 
     def _draw(self, number: int) -> Scene:
         """Draw scene number `number`, of one of the views kept at that time."""
@@ -119,7 +117,7 @@ def unasked_target(scene: Scene) -> int | None:
     scores = (scene.covers * weight).sum(dim=(1, 2)).numpy()
     order = np.argsort(-scores)
     best = int(order[0])
-    if scene.covers[best].sum() < MIN_TARGET_PX * (size / SIZE) ** 2:
+    if scene.covers[best].sum() < MIN_TARGET_PX * (size / SMALL_PX) ** 2:
         return None
     if len(order) > 1 and scores[best] < CLEAR_LEAD * scores[order[1]]:
         return None
@@ -132,10 +130,10 @@ def _examples(
     """Draw a retake's photo [3, S, S], and `count` prompts of different kinds with their answers."""
     target = _draw_target(rng, scene)
     if target is None or rng.random() >= CLOSE_SHARE:
-        scene, target, shares = retake(rng, scene, SIZE), None, PROMPTS
+        scene, target, shares = retake(rng, scene, SMALL_PX), None, PROMPTS
     else:
         part = part_around(rng, cover_box(scene.covers[target]), scene.bounds)
-        scene, shares = retake(rng, scene, SIZE, part), CLOSE_PROMPTS
+        scene, shares = retake(rng, scene, SMALL_PX, part), CLOSE_PROMPTS
     kinds = rng.choice(list(shares), size=count, replace=False, p=list(shares.values()))
     return scene.photo, [ask(rng, scene, str(kind), target) for kind in kinds]
 
@@ -161,25 +159,25 @@ def ask(
     if target is None:
         target = _draw_target(rng, scene)
     if target is None:
-        return np.zeros((SIZE, SIZE), np.float32), torch.zeros(SIZE, SIZE)
+        return np.zeros((SMALL_PX, SMALL_PX), np.float32), torch.zeros(SMALL_PX, SMALL_PX)
     if kind == "none":
         best = unasked_target(scene)
         if best is not None:
-            return np.zeros((SIZE, SIZE), np.float32), scene.covers[best]
+            return np.zeros((SMALL_PX, SMALL_PX), np.float32), scene.covers[best]
         kind = "click"
     cover = scene.covers[target]
     if kind == "box":
         box = cover_box(cover)
         reach = 0.08 * max(box[2] - box[0], box[3] - box[1])
         moved = np.array(box, np.float64) + rng.normal(0.0, reach, 4) + reach * np.array([-1, -1, 1, 1])
-        return draw_prompts(SIZE, box=np.clip(moved, 0, SIZE).tolist()), cover
+        return draw_prompts(SMALL_PX, box=np.clip(moved, 0, SMALL_PX).tolist()), cover
     on = [inside_click(rng, cover)]
     off: list[tuple[float, float]] = []
     if kind == "clicks":
         on += [inside_click(rng, cover) for _ in range(int(rng.integers(0, 3)))]
         for _ in range(int(rng.integers(0, 3))):
             off.append(_click_beside(rng, scene, target))
-    return draw_prompts(SIZE, on, off), cover
+    return draw_prompts(SMALL_PX, on, off), cover
 
 
 def cover_box(cover: torch.Tensor) -> tuple[int, int, int, int]:
@@ -205,7 +203,7 @@ def inside_click(rng: np.random.Generator, cover: torch.Tensor) -> tuple[float, 
 def _click_beside(rng: np.random.Generator, scene: Scene, target: int) -> tuple[float, float]:
     """Draw a point off the target: on another object, else around it, else anywhere in the photo."""
     top, bottom, left, right = scene.bounds
-    photo = np.zeros((SIZE, SIZE), bool)
+    photo = np.zeros((SMALL_PX, SMALL_PX), bool)
     photo[top:bottom, left:right] = True
     off = photo & (scene.covers[target].numpy() < 0.1)
     others: Sequence[int] = [i for i in range(len(scene.covers)) if i != target]
@@ -222,7 +220,7 @@ def _pixel(rng: np.random.Generator, *choices: np.ndarray) -> tuple[float, float
         if len(rows):
             number = int(rng.integers(len(rows)))
             return float(columns[number]) + 0.5, float(rows[number]) + 0.5
-    return SIZE / 2, SIZE / 2
+    return SMALL_PX / 2, SMALL_PX / 2
 
 
 MIRRORED_SHARE = 0.5
@@ -239,11 +237,11 @@ CLOSE_SIDES = (1.3, 2.4)
 
 SHAKEN_SHARE, SHARPENED_SHARE, JPEG_SHARE = 0.1, 0.4, 0.4
 
-Part = tuple[float, float, float, float]
+PhotoPart = tuple[float, float, float, float]
 """Part of a photo: x, y of the upper left corner, width and height, in pixels of the square."""
 
 
-def retake(rng: np.random.Generator, scene: Scene, size: int, part: Part | None = None) -> Scene:
+def retake(rng: np.random.Generator, scene: Scene, size: int, part: PhotoPart | None = None) -> Scene:
     """Photograph the same objects again, `size` pixels across, with their covers; colours keep their order.
 
     part: what it shows; else CROPPED_SHARE of the retakes show a random part.
@@ -259,7 +257,7 @@ def retake(rng: np.random.Generator, scene: Scene, size: int, part: Part | None 
         photo, covers = photo.flip(-1), covers.flip(-1)
         bounds = (bounds[0], bounds[1], size - bounds[3], size - bounds[2])
     top, bottom, left, right = bounds
-    toned = torch.full_like(photo, GREY)
+    toned = torch.full_like(photo, PADDING_GREY)
     inside = photo[:, top:bottom, left:right].clip(1e-4, 1.0)
     gain = torch.from_numpy(np.exp(rng.normal(0, 0.06, 3)).astype(np.float32))[:, None, None]
     inside = (gain * inside ** float(np.exp(rng.normal(0, 0.2)))).clip(0.0, 1.0)
@@ -299,7 +297,7 @@ def _shake(rng: np.random.Generator, photo: torch.Tensor) -> torch.Tensor:
     return F.conv2d(F.pad(photo[None], (3, 3, 3, 3), mode="replicate"), weights, groups=3)[0]
 
 
-def part_around(rng: np.random.Generator, box: tuple[int, int, int, int], bounds: tuple[int, ...]) -> Part:
+def part_around(rng: np.random.Generator, box: tuple[int, int, int, int], bounds: tuple[int, ...]) -> PhotoPart:
     """Draw the window of a close-up of a box x0, y0, x1, y1: within the photo, not quite centred."""
     top, bottom, left, right = bounds
     x0, y0, x1, y1 = box
@@ -310,9 +308,9 @@ def part_around(rng: np.random.Generator, box: tuple[int, int, int, int], bounds
     return float(np.clip(x, left, right - width)), float(np.clip(y, top, bottom - height)), width, height
 
 
-def _draw_part(rng: np.random.Generator, bounds: tuple[int, int, int, int]) -> Part:
+def _draw_part(rng: np.random.Generator, bounds: tuple[int, int, int, int]) -> PhotoPart:
     top, bottom, left, right = bounds
-    aspect = float(rng.choice(ASPECTS))
+    aspect = float(rng.choice(PHOTO_ASPECTS))
     longest = min((right - left) / min(1.0, aspect), (bottom - top) / min(1.0, 1 / aspect))
     longer = longest * float(rng.uniform(SMALLEST_CROP, 1.0))
     width, height = longer * min(1.0, aspect), longer * min(1.0, 1 / aspect)
@@ -320,7 +318,7 @@ def _draw_part(rng: np.random.Generator, bounds: tuple[int, int, int, int]) -> P
 
 
 def _crop(
-    photo: torch.Tensor, covers: torch.Tensor, part: Part, size: int
+    photo: torch.Tensor, covers: torch.Tensor, part: PhotoPart, size: int
 ) -> tuple[torch.Tensor, torch.Tensor, tuple[int, int, int, int]]:
     """Crop a part of the photo and scale it to the square's full width or height, grey beside it."""
     stored = photo.shape[-1]
@@ -335,7 +333,7 @@ def _crop(
     both = F.avg_pool2d(both, factor)[0] if factor > 1 else both[0]
     start = (size - inner[0]) // 2, (size - inner[1]) // 2
     inside = (slice(start[0], start[0] + inner[0]), slice(start[1], start[1] + inner[1]))
-    square = photo.new_full((3, size, size), GREY)
+    square = photo.new_full((3, size, size), PADDING_GREY)
     square[(slice(None), *inside)] = both[:3]
     seen = covers.new_zeros(len(covers), size, size)
     seen[(slice(None), *inside)] = both[3:]

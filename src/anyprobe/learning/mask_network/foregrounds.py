@@ -24,7 +24,7 @@ from anyprobe.learning.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet, draw_
 from anyprobe.learning.dataset.textured import draw_texture, smooth_noise
 from anyprobe.light.environment import MAP_HEIGHT
 
-SIDE = 128
+VIEW_PX = 128
 """Side of a pattern [pixels of its own]."""
 
 REAL_SHARE = 0.5
@@ -32,7 +32,7 @@ REAL_SHARE = 0.5
 
 
 class TexturePool:
-    """Pool of reflectances [3, SIDE, SIDE], mirrored at their borders."""
+    """Pool of reflectances [3, VIEW_PX, VIEW_PX], mirrored at their borders."""
 
     def __init__(self, seed: int, count: int, maps: Sequence[np.ndarray | torch.Tensor] = ()) -> None:
         """Draw patterns; maps: [H, 2H, 3] radiance, at their own sharpness where H is 256."""
@@ -60,11 +60,11 @@ def _crop(rng: np.random.Generator, radiance: np.ndarray | torch.Tensor) -> torc
     left = int(rng.integers(0, width - side))
     piece = torch.as_tensor(radiance)[top : top + side, left : left + side].permute(2, 0, 1).float()
     piece = piece / (2.0 * piece.flatten().median().clip(min=1e-4))
-    piece = F.interpolate(piece[None], size=(SIDE, SIDE), mode="bilinear")[0]
+    piece = F.interpolate(piece[None], size=(VIEW_PX, VIEW_PX), mode="bilinear")[0]
     return (piece / (1 + 0.5 * piece)).clip(0.02, 0.95)
 
 
-MATERIALS = 2
+NUM_MATERIALS = 2
 """Number of lit materials of one view."""
 
 FOREGROUNDS = 8
@@ -118,9 +118,9 @@ class ViewSource:
         rotation = world_from_camera(rng.uniform(0, 2 * np.pi), elevation, rng.normal(0, 0.05))
         if rng.random() < 0.5:
             rotation = np.diag([-1.0, 1.0, 1.0]) @ rotation
-        lit = [self.illuminator.light(map_number, rotation, draw_alpha(rng), band) for _ in range(MATERIALS)]
+        lit = [self.illuminator.light(map_number, rotation, draw_alpha(rng), band) for _ in range(NUM_MATERIALS)]
         ground = _facing(lit[0].radiance.numpy(), rotation.T @ np.array([0.0, 1.0, 0.0]))
-        chosen = [lit[i % MATERIALS] for i in range(FOREGROUNDS)]
+        chosen = [lit[i % NUM_MATERIALS] for i in range(FOREGROUNDS)]
         index = rng.choice(self._by_elevation[band], FOREGROUNDS)
         normals = torch.from_numpy(self.surfaces.normals[index]).float()
         tan_half = torch.from_numpy(self.surfaces.tan_half[index]).reshape(-1, 1, 1, 1)

@@ -8,8 +8,6 @@ from torch.nn import functional as F
 
 from anyprobe.learning.nets.blocks import conv
 
-SIZE = 160
-
 HINT_GAIN = 4.0
 """Gain on the hint channel: a hint's few pixels must count as much as the photo's many from the first step on."""
 

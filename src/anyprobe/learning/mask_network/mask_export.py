@@ -10,9 +10,9 @@ import torch
 
 from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.learning.mask_network.train import load_mask_net
+from anyprobe.learning.mask_network.mask_training import load_mask_net
 from anyprobe.learning.train.export_onnx import store_half, store_int8
-from anyprobe.masks.networks import MASK_CONTRACT, SIZE
+from anyprobe.masks.networks import MASK_CONTRACT, SMALL_PX
 
 TOLERANCE = 0.01
 """Largest mean difference of the cover between graph and network."""
@@ -36,7 +36,7 @@ def export_mask(checkpoint: Path, folder: Path) -> float:
         "scenes": str(run["scenes"]["scenes"] + run["step"] * run["scenes"]["fresh"]),
         "config": json.dumps(run),
     }
-    example = torch.rand((1, 4, SIZE, SIZE), generator=torch.Generator().manual_seed(0))
+    example = torch.rand((1, 4, SMALL_PX, SMALL_PX), generator=torch.Generator().manual_seed(0))
     with atomic_path(folder / "mask.onnx") as temporary:
         torch.onnx.export(
             net,

@@ -17,9 +17,9 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.learning.dataset.asset_store import AssetStore
 from anyprobe.learning.dataset.lighting import Illuminator
 from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces
-from anyprobe.learning.mask_network.examples import Batch, SceneConfig, SceneSource
+from anyprobe.learning.mask_network.examples import MaskBatch, SceneConfig, SceneSource
 from anyprobe.learning.mask_network.foregrounds import TexturePool, ViewSource
-from anyprobe.learning.mask_network.net import MaskNet
+from anyprobe.learning.mask_network.mask_net import MaskNet
 from anyprobe.learning.nets.blocks import autocast
 from anyprobe.learning.train.checkpoint import agreed, load_init_weights, load_weights, read_checkpoint, resumed
 from anyprobe.learning.train.config import LightConfig
@@ -56,7 +56,7 @@ class MaskRunConfig:
     light: LightConfig = field(default_factory=lambda: LightConfig(procedural=20))
 
 
-def smoke(config: MaskRunConfig, steps: int) -> MaskRunConfig:
+def small_mask_run(config: MaskRunConfig, steps: int) -> MaskRunConfig:
     """Return the same run made small: a dry run for any machine."""
     return replace(
         config,
@@ -88,11 +88,11 @@ def mask_loss(logits: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
     return 2.0 * entropy + ((1 - (shared + 1) / (either + 1)) * full).mean()
 
 
-def shrink(batch: Batch, size: int) -> Batch:
+def shrink_batch(batch: MaskBatch, size: int) -> MaskBatch:
     """Downscale the examples to [B, C, size, size], averaged over areas."""
     parts = (batch.photo, batch.prompt, batch.mask)
     photo, prompt, mask = (F.interpolate(one, size=(size, size), mode="area") for one in parts)
-    return Batch(photo=photo, prompt=prompt, mask=mask)
+    return MaskBatch(photo=photo, prompt=prompt, mask=mask)
 
 
 def train_mask(
@@ -142,7 +142,7 @@ def train_mask(
                 group["lr"] = rate
             batch = scenes.batch(step)
             if step < config.small_steps:
-                batch = shrink(batch, config.small)
+                batch = shrink_batch(batch, config.small)
             figures = _step(net, optimizer, batch)
             _follow(mean, net, min(config.averaged, (step + 1) / (step + 20)))
             logger.note(step + 1, (step + 1) * examples_per_step, examples_per_step, figures, rate)
@@ -172,7 +172,7 @@ def load_mask_net(checkpoint: Path) -> tuple[MaskNet, dict]:
     return net.eval().requires_grad_(False), {"step": stored["step"], **json.loads(stored["config"])}
 
 
-def _step(net: MaskNet, optimizer: torch.optim.Optimizer, batch: Batch) -> dict[str, torch.Tensor]:
+def _step(net: MaskNet, optimizer: torch.optim.Optimizer, batch: MaskBatch) -> dict[str, torch.Tensor]:
     """Do one step; return the loss and the mean IoU of the examples that have a target."""
     net.train()
     photo = batch.photo.repeat_interleave(batch.prompt.shape[1], dim=0)
