@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -71,15 +71,17 @@ TOLERANCE = 0.02
 class Graph:
     """One graph: its network, and the shapes of its inputs and names of its outputs in order.
 
-    median: compare by the median difference, where a last bit may move a pixel to its neighbour.
+    typical: of the differences from torch; their median, where a last bit may move a pixel to its neighbour.
     small: which layers keep their weights as int8, see store_int8.
+    batched: whether it takes several examples at a time.
     """
 
     net: nn.Module
     inputs: dict[str, tuple[int, ...]]
     outputs: tuple[str, ...] = ("output",)
-    median: bool = False
+    typical: Callable[[np.ndarray], float] = np.max
     small: tuple[int, ...] = ()
+    batched: bool = True
 
 
 def claims_of(guess: LightPrediction, sureness: Sureness) -> tuple[torch.Tensor, torch.Tensor]:
@@ -123,12 +125,13 @@ def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str,
     if "light" in nets:
         net = LightGraph(cast(LightNet, nets["light"]), sureness).eval()
         shapes = dict(zip(LIFT_INPUTS, (_PHOTO, (1, 1), _NORMALS, SURROUNDINGS, (1, MATERIAL_INPUTS)), strict=True))
-        return {"light": Graph(net=net, inputs=shapes, outputs=LIFT_OUTPUTS, median=True, small=(CONVOLUTIONS,))}
+        return {"light": Graph(net=net, inputs=shapes, outputs=LIFT_OUTPUTS, typical=np.median, small=(CONVOLUTIONS,))}
     seen: dict[str, tuple[int, ...]] = {"input": _PHOTO, "tan_half": (1, 1)}
     inputs: dict[str, dict[str, tuple[int, ...]]]
     inputs = {"irradiance": seen, "illumination": seen, "hdr": {"input": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}}
+    typical: dict[str, Callable[[np.ndarray], float]] = {"illumination": np.median}
     return {
-        stage: Graph(net=net, inputs=inputs[stage], median=stage == "illumination", small=(LINEAR,))
+        stage: Graph(net=net, inputs=inputs[stage], typical=typical.get(stage, np.max), small=(LINEAR,))
         for stage, net in nets.items()
         if stage in inputs
     }
@@ -180,13 +183,27 @@ def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
 
 
 def export_stage(stage: str, graph: Graph, recipe: dict[str, str], path: Path) -> float:
-    """Export one network: batch normalisation folded, weights stored small, computed as float32."""
+    """Export one network of a model, see write_graph."""
+    generator = torch.Generator().manual_seed(0)
+    examples = tuple(_smooth(shape, generator) for shape in graph.inputs.values())
+    about = {**CONTRACT, "stage": stage, "computes": FLOATS, **recipe}
+    return write_graph(stage, graph, examples, about, path, TOLERANCE)
+
+
+def write_graph(
+    name: str, graph: Graph, examples: tuple[torch.Tensor, ...], about: dict[str, str], path: Path, tolerance: float
+) -> float:
+    """Write a graph with its metadata: batch normalisation folded, weights stored small, computed as float32.
+
+    Returns:
+        The typical difference of its outputs for the examples from torch's.
+    Raises:
+        ModelError: that is more than tolerance.
+    """
     import onnx
 
     from anyprobe.files.onnx_runtime import onnxruntime
 
-    generator = torch.Generator().manual_seed(0)
-    examples = tuple(_smooth(shape, generator) for shape in graph.inputs.values())
     with atomic_path(path) as temporary:
         torch.onnx.export(
             graph.net,
@@ -194,7 +211,7 @@ def export_stage(stage: str, graph: Graph, recipe: dict[str, str], path: Path) -
             str(temporary),
             input_names=list(graph.inputs),
             output_names=list(graph.outputs),
-            dynamic_axes={name: {0: "n"} for name in (*graph.inputs, *graph.outputs)},
+            dynamic_axes={name: {0: "n"} for name in (*graph.inputs, *graph.outputs)} if graph.batched else None,
             opset_version=17,
             dynamo=False,
         )
@@ -202,7 +219,7 @@ def export_stage(stage: str, graph: Graph, recipe: dict[str, str], path: Path) -
         store_half(model)
         if graph.small:
             store_int8(model, graph.small)
-        onnx.helper.set_model_props(model, {**CONTRACT, "stage": stage, "computes": FLOATS, **recipe})
+        onnx.helper.set_model_props(model, about)
         onnx.checker.check_model(model)
         onnx.save(model, str(temporary))
         session = onnxruntime.InferenceSession(str(temporary), providers=["CPUExecutionProvider"])
@@ -210,10 +227,9 @@ def export_stage(stage: str, graph: Graph, recipe: dict[str, str], path: Path) -
             expected = graph.net(*examples)
         expected = (expected,) if isinstance(expected, torch.Tensor) else expected
         outputs = session.run(None, dict(zip(graph.inputs, (example.numpy() for example in examples), strict=True)))
-        typical = np.median if graph.median else np.max
-        difference = max(float(typical(np.abs(a - b.numpy()))) for a, b in zip(outputs, expected, strict=True))
-        if not difference <= TOLERANCE:
-            raise ModelError(f"{stage}: expected ONNX within {TOLERANCE} of torch, got {difference:.3g}")
+        difference = max(float(graph.typical(np.abs(a - b.numpy()))) for a, b in zip(outputs, expected, strict=True))
+        if not difference <= tolerance:
+            raise ModelError(f"expected ONNX within {tolerance} of torch, got {difference:.3g}", source=name)
     return difference
 
 
