@@ -91,7 +91,7 @@ def evaluate(
     )
     for is_given, option, expected, other in conflicts:
         if is_given:
-            raise InputError(f"{option}: expected {expected}, got {other}; leave one of them out")
+            raise InputError(f"expected {expected}, got {other}; leave one of them out", source=option)
     from anyprobe.estimate.runtime import model_id
     from anyprobe.files.atomic import atomic_path
     from anyprobe.learning.dataset.pair import render_pair
@@ -172,7 +172,7 @@ def _judged(
 
     if predictions is not None:
         if title in baselines() | truth_methods():
-            raise InputError(f"{predictions}: expected a folder named after its program, got {title!r}; rename it")
+            raise InputError(f"expected a folder named after its program, got {title!r}; rename it", source=predictions)
         return {title: predicted(read_predictions(predictions, keys))}
     runtime = Models(model, engine=engine)
     if hints and not runtime.lifts:

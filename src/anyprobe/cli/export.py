@@ -82,10 +82,12 @@ def folders(lights: list[Path], out: Path) -> list[tuple[Path, Path]]:
     by_stem: dict[str, Path] = {}
     for light in unique:
         if not light.exists():
-            raise InputError(f"{light}: no such file; check the path")
+            raise InputError("no such file; check the path", source=light)
         previous = by_stem.setdefault(light.stem, light)
         if previous != light:
-            raise InputError(f"{light}: expected distinct file names, got {previous} before it; export them separately")
+            raise InputError(
+                f"expected distinct file names, got {previous} before it; export them separately", source=light
+            )
     return [(light, out if len(unique) == 1 else out / light.stem) for light in unique]
 
 
@@ -95,7 +97,7 @@ def target_names(text: str) -> list[str]:
     names = list(dict.fromkeys(target for name in parts for target in (TARGETS if name == "all" else (name,))))
     for name in names:
         if name not in TARGETS:
-            raise InputError(f"--to: expected any of {', '.join(TARGETS)}, or all, got {name!r}")
+            raise InputError(f"expected any of {', '.join(TARGETS)}, or all, got {name!r}", subject="to")
     return names
 
 
@@ -110,6 +112,7 @@ def parse_rotation(text: str) -> np.ndarray:
     if len(values) in (2, 3, 9) and np.isfinite(values).all():
         return rotation_of(values)
     raise InputError(
-        f"--world-from-camera: expected YAW,ELEVATION[,ROLL] in degrees or nine numbers, got {text!r}; "
-        "for instance --world-from-camera 0,20 for a camera that looks 20 degrees down"
+        f"expected YAW,ELEVATION[,ROLL] in degrees or nine numbers, got {text!r}; "
+        "for instance --world-from-camera 0,20 for a camera that looks 20 degrees down",
+        subject="world_from_camera",
     )

@@ -47,7 +47,7 @@ def mask(
     if not photos:
         if fetch:
             return
-        raise InputError("PHOTO: expected photos or folders of photos, got none; give one, or --fetch")
+        raise InputError("expected photos or folders of photos, got none; give one, or --fetch", subject="photo")
     hints = mask_options.hints()
     paths = list_photos(photos)
     failed = False

@@ -155,7 +155,7 @@ def relight(
     kind = out.suffix.lower()
     if kind not in _SUFFIXES:
         raise OutputError(
-            f"{out}: expected a name that ends in {', '.join(_SUFFIXES)}, got {kind or 'no suffix'}; change it"
+            f"expected a name that ends in {', '.join(_SUFFIXES)}, got {kind or 'no suffix'}; change it", source=out
         )
     if kind == ".exr":
         refuse_unused(context, "with an .exr, which has layers", "strip", "before")
@@ -163,7 +163,7 @@ def relight(
         refuse_unused(context, "without an .exr", "colorspace")
     inputs = (photo, light, *hints.files().values())
     if same_file_key(out) in {same_file_key(path) for path in inputs if isinstance(path, Path)}:
-        raise OutputError(f"{out}: the result would replace an input; choose another name with -o")
+        raise OutputError("the result would replace an input; choose another name with -o", source=out)
     check_writable(out)
     traced = uses_mitsuba(renderer)
     silent = quiet or as_json

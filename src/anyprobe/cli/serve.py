@@ -132,8 +132,9 @@ def _token(given: str | None, is_local: bool) -> str | None:
         return None
     if not given.isascii() or not given.isprintable() or len(given) < MIN_TOKEN or " " in given:
         raise InputError(
-            f"--token: expected none, or at least {MIN_TOKEN} ASCII characters without spaces, got {len(given)}; "
-            "leave it out to get a new one"
+            f"expected none, or at least {MIN_TOKEN} ASCII characters without spaces, got {len(given)}; "
+            "leave it out to get a new one",
+            subject="token",
         )
     return given
 

@@ -54,15 +54,16 @@ def train(
     if steps is not None and dry_run is not None:
         raise InputError("expected one of them, got both", subject=("steps", "dry_run"))
     if run not in NAMED:
-        raise InputError(f"run {run!r}: expected one of {', '.join(NAMED)}")
+        raise InputError(f"expected one of {', '.join(NAMED)}", source=f"run {run!r}")
     chosen = NAMED[run]()
     if chosen.model != "paper" and teacher is not None:
         text = f"expected a run of the paper's chain, got {run}; leave it out"
         raise InputError(text, subject="teacher", source=teacher)
     if chosen.model == "paper" and init_weights is None and dry_run is None:
         raise InputError(
-            f"run {run!r}: expected --init-weights with a trained irradiance net, got none; train it with anyprobe "
-            "train paper_irradiance, keep it with anyprobe weights FOLDER paper_irradiance --keep irradiance.pt"
+            "expected --init-weights with a trained irradiance net, got none; train it with anyprobe "
+            "train paper_irradiance, keep it with anyprobe weights FOLDER paper_irradiance --keep irradiance.pt",
+            source=f"run {run!r}",
         )
     if steps is not None:
         chosen = replace(chosen, steps=steps)
@@ -114,7 +115,7 @@ def weights(
     """Export a trained run as ONNX. The graphs are checked against torch."""
     _refuse_mask(run)
     if data is not None and mean_map is None:
-        raise InputError(f"--data {data}: does nothing without --mean-map; leave it out")
+        raise InputError("does nothing without --mean-map; leave it out", subject="data", source=data)
     need_torch("training")
     from anyprobe.learning.train.checkpoint import keep_apart, read_checkpoint, save_init_weights
     from anyprobe.learning.train.config import RUNS as NAMED
@@ -123,7 +124,8 @@ def weights(
 
     if mean_map is not None and run not in NAMED:
         raise InputError(
-            f"--mean-map: expected one of the runs {', '.join(NAMED)}, whose maps are known, got {run}; leave it out"
+            f"expected one of the runs {', '.join(NAMED)}, whose maps are known, got {run}; leave it out",
+            subject="mean_map",
         )
     checkpoint = runs / run / "checkpoint.pt"
     if keep is not None:

@@ -90,7 +90,7 @@ def video(
     given_poses = None if poses is None else read_poses(poses)
     rotations = None if given_poses is None else given_poses.in_order()
     if rotations is not None and len(rotations) < header.num_frames:
-        raise InputError(f"{poses}: expected {header.num_frames} poses, one per frame, got {len(rotations)}")
+        raise InputError(f"expected {header.num_frames} poses, one per frame, got {len(rotations)}", source=poses)
     if given_poses is not None and hints.fov_deg is None:
         hints = replace(hints, fov_deg=given_poses.clip_fov_deg(*clip_size(header)))
     virtual = None

@@ -76,20 +76,20 @@ def open_clip(path: Path) -> Clip:
     if not path.is_file():
         if path.is_dir() or not os.path.exists(path):
             found = "is a folder, not a video" if path.is_dir() else "no such file"
-            raise InputError(f"{path}: {found}; check the path")
-        raise InputError(f"{path}: is a pipe or device, not a video; write it into a file first")
+            raise InputError(f"{found}; check the path", source=path)
+        raise InputError("is a pipe or device, not a video; write it into a file first", source=path)
     try:
         with open_video(path) as container:
             if container.format.name == "image2" or container.format.name.endswith("_pipe"):
-                raise InputError(f"{path}: is a still picture, not a video; anyprobe estimate and relight take it")
+                raise InputError("is a still picture, not a video; anyprobe estimate and relight take it", source=path)
             if not container.streams.video:
-                raise InputError(f"{path}: a file without pictures, not a video; check the path")
+                raise InputError("a file without pictures, not a video; check the path", source=path)
             moving = [one for one in container.streams.video if not one.disposition & _pictures()]
             if not moving:
-                raise InputError(f"{path}: holds a cover picture but no video; check the path")
+                raise InputError("holds a cover picture but no video; check the path", source=path)
             stream = max(moving, key=_rank)
             if stream.codec_context is None:
-                raise InputError(f"{path}: expected a codec that FFmpeg knows, got another; convert it to mp4")
+                raise InputError("expected a codec that FFmpeg knows, got another; convert it to mp4", source=path)
             rate = stream.average_rate or stream.guessed_rate or 30
             others = [one for one in moving if one is not stream and _rank(one)[0]]
             said = () if not others else (_several(path, stream, len(others)),)
@@ -125,10 +125,11 @@ def _unreadable(path: Path, error: Exception) -> InputError:
     reason = getattr(error, "strerror", None) or " ".join(str(error).split())[:120] or type(error).__name__
     if getattr(error, "errno", None) in SHORTAGES:
         return InputError(
-            f"{path}: FFmpeg is refused memory, threads or open files ({reason}); end other programs, raise the "
-            "limits, or shrink the video"
+            f"FFmpeg is refused memory, threads or open files ({reason}); end other programs, raise the "
+            "limits, or shrink the video",
+            source=path,
         )
-    return InputError(f"{path}: FFmpeg cannot read it as a video ({reason}); convert it to mp4")
+    return InputError(f"FFmpeg cannot read it as a video ({reason}); convert it to mp4", source=path)
 
 
 def read_frames(clip: Clip, damaged: list[int]) -> Generator[Frame, None, None]:
@@ -218,7 +219,8 @@ def _written(path: Path) -> Iterator[Any]:
             raise
         reason = getattr(error, "strerror", None) or type(error).__name__
         raise OutputError(
-            f"{path}: FFmpeg cannot write it as H.264 ({reason}); install PyAV from the package index, with libx264"
+            f"FFmpeg cannot write it as H.264 ({reason}); install PyAV from the package index, with libx264",
+            source=path,
         ) from error
 
 

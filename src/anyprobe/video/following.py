@@ -142,7 +142,7 @@ class MaskFollower:
         own = {}
         for kind, paths in self._files.items():
             if frame.index >= len(paths):
-                raise InvalidMask(f"{name}: expected one {kind} a frame, got {len(paths)} files; make the others")
+                raise InvalidMask(f"expected one {kind} a frame, got {len(paths)} files; make the others", source=name)
             own[kind] = paths[frame.index]
         if not self.finds:
             return self._load(frame, name, own)
@@ -163,8 +163,9 @@ class MaskFollower:
             self.held, self._before, self._lost_for = known
             first = "" if self.hints else "look at the first frame's mask, pass box= around the object there, or "
             raise InvalidMask(
-                f"{name}: expected the object of about {self.last[2]:.0f} pixels at {self.last[0]:.0f},"
-                f"{self.last[1]:.0f}, got {last[2]:.0f} pixels; {first}pass mask=, one file a frame"
+                f"expected the object of about {self.last[2]:.0f} pixels at {self.last[0]:.0f},"
+                f"{self.last[1]:.0f}, got {last[2]:.0f} pixels; {first}pass mask=, one file a frame",
+                source=name,
             )
         self.last = last
         return photo

@@ -80,8 +80,9 @@ def shown_pixels(
     width, height = square_size(picture.width, picture.height, aspect)
     if max(picture.width, width) * max(picture.height, height) > MAX_PIXELS:
         raise InputError(
-            f"{path}: expected at most {MAX_PIXELS // 1_000_000} million pixels, "
-            f"got {picture.width} x {picture.height}; shrink it first"
+            f"expected at most {MAX_PIXELS // 1_000_000} million pixels, "
+            f"got {picture.width} x {picture.height}; shrink it first",
+            source=path,
         )
     turns, mirrors = _turns_and_mirrors(_display_matrix(picture))
     own = (height, width) if turns % 2 else (width, height)
@@ -206,5 +207,6 @@ def _matrix(picture, path: Path) -> int | None:
         hd = picture.width >= HD[0] or picture.height > HD[1]
         return BY_PRIMARIES.get(primaries, BT709 if hd else BT601)
     raise InputError(
-        f"{path}: expected RGB or YCbCr colours, got others (matrix {said} of ITU-T H.273); convert it to SDR first"
+        f"expected RGB or YCbCr colours, got others (matrix {said} of ITU-T H.273); convert it to SDR first",
+        source=path,
     )

@@ -77,10 +77,13 @@ def _not_opened(path: Path) -> InputError:
     with open(path, "rb") as stream:
         start = stream.read(64).lstrip(b"\xef\xbb\xbf \t\r\n").lower()
     if start.startswith(tuple(word.lower() for word in PLAYLISTS)):
-        return InputError(f"{path}: expected a video, got a playlist, which names other files; name the video itself")
+        return InputError(
+            "expected a video, got a playlist, which names other files; name the video itself", source=path
+        )
     return InputError(
-        f"{path}: expected a file that holds a video, got a kind that is not opened, as it may name other files or "
-        "none; convert it to mp4"
+        "expected a file that holds a video, got a kind that is not opened, as it may name other files or "
+        "none; convert it to mp4",
+        source=path,
     )
 
 
@@ -100,6 +103,7 @@ def known_interface() -> Iterator[None]:
         version = getattr(av, "__version__", "of an unknown version")
         said = " ".join(str(error).split())[:120]
         raise AnyprobeError(
-            f"PyAV {version}: expected an interface that anyprobe knows, got another ({type(error).__name__}: {said}); "
-            f"pip install '{TESTED}'"
+            f"expected an interface that anyprobe knows, got another ({type(error).__name__}: {said}); "
+            f"pip install '{TESTED}'",
+            source=f"PyAV {version}",
         ) from error

@@ -179,13 +179,13 @@ class ClipRun:
                 self._save(frame.index + 1, pictures, previews)
                 pictures, previews = [], []
         if frame is None:
-            raise InputError(f"{self.clip.path}: no frame of it can be decoded; convert it to mp4")
+            raise InputError("no frame of it can be decoded; convert it to mp4", source=self.clip.path)
         if frame.index + 1 > done.next_index:
             self._save(frame.index + 1, pictures, previews)
         if done.light is None:
             shutil.rmtree(self.folder / PIECES, ignore_errors=True)
             forget_progress(self.folder)
-            raise InputError(f"{self.clip.path}: no frame gave a light; {done.frames[0]['error']}")
+            raise InputError(f"no frame gave a light; {done.frames[0]['error']}", source=self.clip.path)
         write_track(self.folder / "track.json", done, self.clip.fps, size)
         join_pieces(self.folder / "light.mp4", self._pieces(LIGHT))
         if self.virtual is not None:
@@ -218,7 +218,7 @@ class ClipRun:
         done = self.progress
         record: dict[str, Any] = {"index": frame.index, "time_s": round(frame.time_s, 5)}
         if self.poses is not None and frame.index >= len(self.poses):
-            raise InputError(f"poses: expected one a frame, got {len(self.poses)}; make the others")
+            raise InputError(f"expected one a frame, got {len(self.poses)}; make the others", subject="poses")
         if frame.index % self.every and done.light is not None:
             return {**record, **(self._turned(frame.index) or self._same())}
         look = look or self._look(frame)

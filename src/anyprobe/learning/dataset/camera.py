@@ -68,7 +68,7 @@ def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
             that differ in this alone have other rngs: they are other pairs).
     """
     if conditions not in (0, 1):
-        raise InputError(f"conditions: expected 0 (clean) or 1 (as phones take them), got {conditions!r}")
+        raise InputError(f"expected 0 (clean) or 1 (as phones take them), got {conditions!r}", subject="conditions")
     shot = Shot(
         metering=float(rng.uniform(0.0, 0.7)),
         object_key=float(np.exp(rng.uniform(np.log(0.1), np.log(0.6)))),
@@ -129,12 +129,12 @@ def exposure_for_clipping(luminance: np.ndarray, share: float) -> float:
     thousandth of its mean clips.
     """
     if not 0.0 < share < 1.0:
-        raise InputError(f"share: expected a share of the sphere between 0 and 1, got {share:g}")
+        raise InputError(f"expected a share of the sphere between 0 and 1, got {share:g}", subject="share")
     weights = np.broadcast_to(pixel_solid_angles(luminance.shape[0]), luminance.shape)
     order = np.argsort(-luminance, axis=None, kind="stable")
     brightest = np.asarray(luminance, np.float64).reshape(-1)[order]
     if not brightest[0] > 0.0:
-        raise InvalidEnvironment("map: expected some light, got a black map; no exposure can clip it")
+        raise InvalidEnvironment("expected some light, got a black map; no exposure can clip it", source="map")
     weights = np.asarray(weights, np.float64).reshape(-1)[order]
     before = np.cumsum(weights) - 0.5 * weights  # a pixel stands at the middle of its own share
     white = np.interp(share * weights.sum(), before, brightest)

@@ -108,7 +108,7 @@ def load_maps(folder: Path, *, commercial_only: bool = False, report: Report | N
         mean = mean_luminance(radiance)
         if not DARKEST <= mean < np.inf:
             raise InvalidEnvironment(
-                f"{path.name}: expected light, got a mean luminance of {mean:.2g}; export it again"
+                f"expected light, got a mean luminance of {mean:.2g}; export it again", source=path.name
             )
         return MapAsset(
             name=path.stem,
@@ -169,13 +169,15 @@ def _load(
     for path, row in listed_rows(folder, suffixes, strange):
         try:
             if path.suffix.lower() in strange:
-                raise InputError(f"{path.name}: expected {expected}, got {path.suffix}; convert it or move it away")
+                raise InputError(
+                    f"expected {expected}, got {path.suffix}; convert it or move it away", source=path.name
+                )
             if commercial_only and not allows_commercial_use(row["licence"]):
                 num_refused += 1
                 continue
             if not path.exists():
                 raise InputError(
-                    f"{path.name}: expected in {folder}, as manifest.csv lists it, got none; fetch it again"
+                    f"expected in {folder}, as manifest.csv lists it, got none; fetch it again", source=path.name
                 )
             assets.append(load(path, row))
         except InputError as error:
@@ -185,7 +187,7 @@ def _load(
             num_bad += 1
     if num_bad and not assets:
         raise InputError(
-            f"{folder}: expected usable {expected} files, got {num_bad} unusable ones; see the lines above"
+            f"expected usable {expected} files, got {num_bad} unusable ones; see the lines above", source=folder
         )
     if num_refused and report is not None:
         report(
@@ -200,7 +202,7 @@ def listed_rows(
 ) -> Iterator[tuple[Path, dict[str, str]]]:
     """Yield each file of the folder with its row of the manifest (the folder's own or its parent's)."""
     if not folder.is_dir():
-        raise InputError(f"{folder}: expected a folder of {'/'.join(suffixes)} files, found none; check the path")
+        raise InputError(f"expected a folder of {'/'.join(suffixes)} files, found none; check the path", source=folder)
     files = {path.name for path in visible_files(folder, suffixes + strange)}
     place = folder.resolve()
     rows: dict[str, dict[str, str]] = {}
@@ -214,7 +216,7 @@ def listed_rows(
             if listed.name in files or (ours and listed.name):
                 rows.setdefault(listed.name, row)
     if not files | set(rows):
-        raise InputError(f"{folder}: expected {'/'.join(suffixes)} files, found none; check the path")
+        raise InputError(f"expected {'/'.join(suffixes)} files, found none; check the path", source=folder)
     for name in sorted(files | set(rows)):
         yield folder / name, {"licence": "not stated"} | rows.get(name, {})
 
@@ -236,7 +238,7 @@ def read_table(path: Path) -> tuple[list[str], list[Row]]:
             rows = [{key: value or "" for key, value in row.items() if key} for row in reader]
             columns = [name for name in reader.fieldnames or [] if name]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: expected a table in UTF-8, got a damaged file ({error}); repair it") from error
+        raise InputError(f"expected a table in UTF-8, got a damaged file ({error}); repair it", source=path) from error
     if "file" not in columns:
-        raise InputError(f"{path}: expected a table with the column file, got none; add it, or move the table away")
+        raise InputError("expected a table with the column file, got none; add it, or move the table away", source=path)
     return columns, rows

@@ -113,7 +113,9 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, t
         given one material.
     """
     if textured and trace is not None:
-        raise InputError("textured: expected objects shaded by anyprobe, got another renderer; leave one of them out")
+        raise InputError(
+            "expected objects shaded by anyprobe, got another renderer; leave one of them out", subject="textured"
+        )
     asset, shape, rng = store.map(recipe.map_id), store.shape(recipe.shape_id), recipe.rng()
     drawn = _draw(recipe, rng)
     material = drawn.material
@@ -260,7 +262,7 @@ def _look(mesh: Mesh, drawn: _Drawn, name: str) -> tuple[Camera, Surface]:
             return camera, surface
         turned = rotation_y(np.pi / 2) @ turned
     raise InvalidMesh(
-        f"{name}: expected a shape visible in {camera.size} pixels, got one too thin from all sides; leave it out"
+        f"expected a shape visible in {camera.size} pixels, got one too thin from all sides; leave it out", source=name
     )
 
 

@@ -101,8 +101,9 @@ def _requeue_task(worker: _Worker, waiting: deque, deaths: Counter, watch: Calla
     watch(worker.task, 0)
     if deaths[worker.task] >= ATTEMPTS:
         raise WorkerFailed(
-            f"task {worker.task}: expected a result, but its worker died {ATTEMPTS} times (last by {cause}); "
-            "if memory is short, use fewer --workers"
+            f"expected a result, but its worker died {ATTEMPTS} times (last by {cause}); "
+            "if memory is short, use fewer --workers",
+            source=f"task {worker.task}",
         )
     log(f"a worker died ({cause}); task {worker.task} is repeated by another")
     waiting.appendleft(worker.task)
@@ -165,7 +166,7 @@ def _serve(work: Work, pipe: Connection) -> None:
                 return
             except Exception as error:
                 traceback.print_exc()
-                answer = ("failed", WorkerFailed(f"task {task}: expected a result, got {error!r}"))
+                answer = ("failed", WorkerFailed(f"expected a result, got {error!r}", source=f"task {task}"))
             pipe.send(answer)
     except (EOFError, OSError):
         return
@@ -248,10 +249,10 @@ def _result(ray, reference: Any, task: Any) -> Any:
         if isinstance(error.cause, AnyprobeError):
             raise error.cause from None
         reason = f"{type(error.cause).__name__}: {_short(error.cause)}"
-        raise WorkerFailed(f"task {task}: expected a result, got {reason}") from error
+        raise WorkerFailed(f"expected a result, got {reason}", source=f"task {task}") from error
     except ray.exceptions.RayError as error:
         raise WorkerFailed(
-            f"task {task}: expected a result, but its workers were lost {ATTEMPTS} times ({_short(error)})"
+            f"expected a result, but its workers were lost {ATTEMPTS} times ({_short(error)})", source=f"task {task}"
         ) from error
 
 
@@ -280,8 +281,10 @@ def _connect(address: str | None, workers: int):
     except Exception as error:  # of many kinds, bare ones too
         ray.shutdown()
         raise InputError(
-            f"--engine ray: expected a cluster {f'at {address}' if address else 'to start here'}, "
-            f"got {type(error).__name__} ({_short(error)}); see `ray status`"
+            f"expected a cluster {f'at {address}' if address else 'to start here'}, "
+            f"got {type(error).__name__} ({_short(error)}); see `ray status`",
+            subject="engine",
+            source="ray",
         ) from error
     return ray
 
@@ -295,5 +298,7 @@ def _check_answers(address: str) -> None:
         socket.create_connection((host, int(port)), timeout=CONNECT_S).close()
     except (OSError, ValueError) as error:
         raise InputError(
-            f"--address {address}: expected a Ray cluster, got no answer ({_short(error)}); see `ray status`"
+            f"expected a Ray cluster, got no answer ({_short(error)}); see `ray status`",
+            subject="address",
+            source=address,
         ) from error

@@ -79,18 +79,21 @@ class Recipe:
             version, flags, map_id, shape_id, material, view, seed = _LAYOUT.unpack(bytes.fromhex(text))
         except (ValueError, struct.error) as error:
             raise InputError(
-                f"recipe {text[:48]!r}: expected {2 * _LAYOUT.size} hexadecimal digits, got {len(text)} characters"
+                f"expected {2 * _LAYOUT.size} hexadecimal digits, got {len(text)} characters",
+                source=f"recipe {text[:48]!r}",
             ) from error
         if version != RECIPE_VERSION:
             raise InputError(
-                f"recipe {text}: expected version {RECIPE_VERSION}, got {version}; use the release that wrote it"
+                f"expected version {RECIPE_VERSION}, got {version}; use the release that wrote it",
+                source=f"recipe {text}",
             )
         kind = flags // 2 % 2
         count = EXPOSURES if kind else MATERIAL_CHOICES
         if flags > 4 or material >= count or view >= VIEWPOINTS:
             raise InputError(
-                f"recipe {text}: expected kind < 2, material < {count}, view < {VIEWPOINTS}, "
-                f"got {kind if flags < 5 else flags // 2}, {material}, {view}"
+                f"expected kind < 2, material < {count}, view < {VIEWPOINTS}, "
+                f"got {kind if flags < 5 else flags // 2}, {material}, {view}",
+                source=f"recipe {text}",
             )
         return cls(
             kind=KINDS[kind],
@@ -167,7 +170,7 @@ def full_plan(store: AssetStore, kind: str = "object", conditions: int = 0, seed
     """Return the plan of all combinations of a store's assets."""
     if not store.maps or (kind == "object" and not store.shapes):
         raise InputError(
-            f"dataset: expected at least one map and one shape, got {len(store.maps)} and {len(store.shapes)}"
+            f"expected at least one map and one shape, got {len(store.maps)} and {len(store.shapes)}", source="dataset"
         )
     return Plan(
         kind=kind,
@@ -216,7 +219,7 @@ def _test_set(
     """Draw `count` recipes: number k has shape shape(k) and material(k, rng), `run` in a row of one kind of place."""
     if not store.maps or not store.shapes:
         raise InputError(
-            f"test set: expected at least one map and one shape, got {len(store.maps)} and {len(store.shapes)}"
+            f"expected at least one map and one shape, got {len(store.maps)} and {len(store.shapes)}", source="test set"
         )
     ids, shapes = sorted(store.maps), sorted(store.shapes)
     by_place = {place: [i for i in ids if store.maps[i].indoor == place] or ids for place in (True, False)}
@@ -264,11 +267,11 @@ def read_recipes(path: str | os.PathLike[str]) -> list[Recipe]:
     try:
         lines = Path(path).read_text(encoding="ascii").split("\n")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: expected a text file of recipes, one per line, got an unreadable one") from error
+        raise InputError("expected a text file of recipes, one per line, got an unreadable one", source=path) from error
     recipes = [Recipe.from_hex(line.strip()) for line in lines[1:] if line.strip()]
     if lines[0] != f"# {digest(recipes)}":
         raise InputError(
-            f"{path}: expected the first line '# {digest(recipes)}', got {lines[0][:40]!r}; "
-            "the list was edited or cut short"
+            f"expected the first line '# {digest(recipes)}', got {lines[0][:40]!r}; the list was edited or cut short",
+            source=path,
         )
     return recipes

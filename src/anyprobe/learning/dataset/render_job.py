@@ -135,7 +135,7 @@ def _renderer(job: RenderJob) -> StoreRenderer:
 def _open(job: RenderJob, plan: Mapping, **options) -> StoreRenderer:
     """Open the renderer of a plan; InputError if it is not over the plan's assets."""
     if job.data is None and plan["procedural_maps"] < len(plan["maps"]):
-        raise InputError("--data: expected the folder of assets that the dataset was started with, got none")
+        raise InputError("expected the folder of assets that the dataset was started with, got none", subject="data")
     renderer = job.make({name: plan[name] for name in SETTINGS}, job.data, **options)
     _same_assets(job.folder, plan, renderer)
     return renderer
@@ -157,16 +157,18 @@ def read_plan(folder: Path) -> dict:
     try:
         plan = json.loads(path.read_text(encoding="utf-8"))
         if plan["format"] != DATASET_FORMAT:
-            raise InputError(f"{path}: expected format {DATASET_FORMAT}, got {plan['format']}; use another version")
+            raise InputError(
+                f"expected format {DATASET_FORMAT}, got {plan['format']}; use another version", source=path
+            )
         _check_plan(plan)
     except FileNotFoundError as error:
         raise InputError(
-            f"{folder}: expected a rendered dataset, got a folder without {NAME}; check the path"
+            f"expected a rendered dataset, got a folder without {NAME}; check the path", source=folder
         ) from error
     except (OSError, ValueError, TypeError, KeyError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{path}: expected the plan of a dataset, got a damaged file ({error})") from error
+        raise InputError(f"expected the plan of a dataset, got a damaged file ({error})", source=path) from error
     return plan
 
 
@@ -201,8 +203,9 @@ def begin(
         for name, value in chosen.items():
             if old[name] != value:
                 raise InputError(
-                    f"{folder.name}: --resume expected {name.replace('_', ' ')} {old[name]}, as the dataset was "
-                    f"started, got {value}; give the same or another folder"
+                    f"--resume expected {name.replace('_', ' ')} {old[name]}, as the dataset was "
+                    f"started, got {value}; give the same or another folder",
+                    source=folder.name,
                 )
         check_versions(folder, old)
         _open(job, old, **options)
@@ -216,8 +219,9 @@ def begin(
     pairs = renderer.count if settings["pairs"] is None else settings["pairs"]
     if not 1 <= pairs <= renderer.count:
         raise InputError(
-            f"--pairs: expected 1 to {renderer.count}, all pairs of {len(renderer.maps)} maps and "
-            f"{len(renderer.shapes)} shapes, got {pairs}"
+            f"expected 1 to {renderer.count}, all pairs of {len(renderer.maps)} maps and "
+            f"{len(renderer.shapes)} shapes, got {pairs}",
+            subject="pairs",
         )
     plan = {**_versions(), **settings, "pairs": pairs, "maps": renderer.maps, "shapes": renderer.shapes}
     # loading the assets took a while: another process may have started a dataset here
@@ -240,8 +244,9 @@ def check_versions(folder: Path, plan: Mapping) -> None:
     for name, value in _versions().items():
         if plan.get(name) != value:
             raise InputError(
-                f"{folder}: expected {name.replace('_', ' ')} {plan.get(name)}, as the dataset was started, "
-                f"got {value}; use that release, or another folder"
+                f"expected {name.replace('_', ' ')} {plan.get(name)}, as the dataset was started, "
+                f"got {value}; use that release, or another folder",
+                source=folder,
             )
 
 
@@ -253,8 +258,8 @@ def _same_assets(folder: Path, plan: Mapping, renderer: StoreRenderer) -> None:
             name = names.get(key) or got[key]
             expected, found = (f"{kind} {key} ({name})", "none") if key in names else (f"no {kind} {key}", name)
             raise InputError(
-                f"{folder.name}: expected {expected}, as the dataset was started, got {found}; "
-                "give the same assets or another folder"
+                f"expected {expected}, as the dataset was started, got {found}; give the same assets or another folder",
+                source=folder.name,
             )
 
 
@@ -263,12 +268,12 @@ def _refuse_occupied(folder: Path) -> None:
         return
     if (folder / NAME).exists():
         raise InputError(
-            f"{folder}: expected a new folder, got a dataset; continue it with --resume, or choose another"
+            "expected a new folder, got a dataset; continue it with --resume, or choose another", source=folder
         )
     if not folder.is_dir():
-        raise InputError(f"{folder}: expected a new folder, got a file; choose another")
+        raise InputError("expected a new folder, got a file; choose another", source=folder)
     if any(path for path in folder.iterdir() if not shards.is_temporary(path)):
-        raise InputError(f"{folder}: expected a new or empty folder, got one with files; choose another")
+        raise InputError("expected a new or empty folder, got one with files; choose another", source=folder)
 
 
 @contextmanager
@@ -277,7 +282,7 @@ def locked(folder: Path) -> Iterator[None]:
     with held(folder / NAME, wait=False) as alone:
         if not alone:
             raise InputError(
-                f"{folder.name}: expected one writer, but another process renders into it; wait for its end"
+                "expected one writer, but another process renders into it; wait for its end", source=folder.name
             )
         yield
 
@@ -294,8 +299,9 @@ def check_space(job: RenderJob, missing: Sequence[int]) -> int:
     free = shutil.disk_usage(job.folder).free
     if needed > free:
         raise OutputError(
-            f"{job.folder}: expected {needed / 1e9:.1f} GB of free space for {len(missing)} shards, "
-            f"got {free / 1e9:.1f}; free some space, or ask for fewer --pairs in another folder"
+            f"expected {needed / 1e9:.1f} GB of free space for {len(missing)} shards, "
+            f"got {free / 1e9:.1f}; free some space, or ask for fewer --pairs in another folder",
+            source=job.folder,
         )
     return needed
 
@@ -329,8 +335,9 @@ def render_missing(job: RenderJob, engine: Callable, watch: Callable[[int, int],
         left = job.missing()
     if left:
         raise OutputError(
-            f"{job.folder}: expected shard {left[0]} here after it was rendered, found none; "
-            "every machine must see the folder under this path"
+            f"expected shard {left[0]} here after it was rendered, found none; "
+            "every machine must see the folder under this path",
+            source=job.folder,
         )
 
 

@@ -142,7 +142,9 @@ def decode_part(name: str, data: bytes) -> Any:
         return json.loads(data)
     except (OSError, SyntaxError, ValueError, EOFError) as error:
         message = " ".join(str(error).split())[:80] or type(error).__name__
-        raise InputError(f"{name}: expected a readable file, got a damaged one ({message}); render it again") from error
+        raise InputError(
+            f"expected a readable file, got a damaged one ({message}); render it again", source=name
+        ) from error
 
 
 def same(name: str, first: bytes, second: bytes) -> bool:

@@ -140,8 +140,9 @@ def _claim(path: Path, content: Path) -> None:
             path.touch(exist_ok=False)
     except FileExistsError as error:
         raise InputError(
-            f"{path}: expected no such file, but another process has just written it; "
-            "continue that dataset, or choose another folder"
+            "expected no such file, but another process has just written it; "
+            "continue that dataset, or choose another folder",
+            source=path,
         ) from error
 
 
@@ -152,7 +153,7 @@ def remove_shard(folder: Path, shard: int, *, index_only: bool = False) -> None:
         try:
             path.unlink(missing_ok=True)
         except OSError as error:
-            raise OutputError(f"{path}: cannot be deleted ({error.strerror}); check its permissions") from error
+            raise OutputError(f"cannot be deleted ({error.strerror}); check its permissions", source=path) from error
 
 
 def _header(name: str, size: int) -> bytes:
@@ -190,12 +191,13 @@ def read_index(folder: Path, shard: int) -> ShardIndex:
             },
         )
     except FileNotFoundError as error:
-        raise InputError(f"{path}: expected the index of a shard, found none") from error
+        raise InputError("expected the index of a shard, found none", source=path) from error
     except (OSError, ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
-        raise InputError(f"{path}: expected the index of a shard, got a damaged file ({error})") from error
+        raise InputError(f"expected the index of a shard, got a damaged file ({error})", source=path) from error
     if fields.get("format") != DATASET_FORMAT or index.shard != shard:
         raise InputError(
-            f"{path}: expected format {DATASET_FORMAT} of shard {shard}, got {fields.get('format')} of {index.shard}"
+            f"expected format {DATASET_FORMAT} of shard {shard}, got {fields.get('format')} of {index.shard}",
+            source=path,
         )
     return index
 
@@ -225,15 +227,15 @@ def read_samples(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
                     if key is not None:
                         yield key, parts
                     if prefix in seen:
-                        raise InputError(f"{path.name}: expected the parts of {prefix} together, got them apart")
+                        raise InputError(f"expected the parts of {prefix} together, got them apart", source=path.name)
                     seen.add(prefix)
                     key, parts = prefix, {}
                 file = tar.extractfile(member) if member.isfile() else None
                 if file is None or not name or name in parts:
-                    raise InputError(f"{path.name}: expected files <key>.<part>, got {member.name!r}")
+                    raise InputError(f"expected files <key>.<part>, got {member.name!r}", source=path.name)
                 parts[name] = file.read()
     except (OSError, tarfile.TarError) as error:
-        raise InputError(f"{path.name}: expected a tar, got a damaged file ({error})") from error
+        raise InputError(f"expected a tar, got a damaged file ({error})", source=path.name) from error
     if key is not None:
         yield key, parts
 

@@ -64,13 +64,16 @@ def read_predictions(folder: Path, keys: Sequence[str]) -> dict[str, np.ndarray]
         InvalidEnvironment: a map is damaged or not H x 2H.
     """
     if not folder.is_dir():
-        raise InputError(f"{folder}: expected a folder of maps named by key, got none; write KEY.exr or KEY.hdr there")
+        raise InputError(
+            "expected a folder of maps named by key, got none; write KEY.exr or KEY.hdr there", source=folder
+        )
     found = {key: [path for s in _SUFFIXES if (path := folder / f"{key}{s}").is_file()] for key in keys}
     absent = [key for key, paths in found.items() if not paths]
     if absent:
         raise InputError(
-            f"{folder}: expected {len(found)} maps named by key, got none for {len(absent)} of them, such as "
-            f"{absent[0]}; write {absent[0]}.exr or .hdr; where the program failed, its fallback"
+            f"expected {len(found)} maps named by key, got none for {len(absent)} of them, such as "
+            f"{absent[0]}; write {absent[0]}.exr or .hdr; where the program failed, its fallback",
+            source=folder,
         )
     return {key: _read(paths[0]) for key, paths in found.items()}
 
@@ -79,7 +82,7 @@ def _read(path: Path) -> np.ndarray:
     """Read a map of any size as [64, 128, 3]: larger ones keep their integral, smaller ones are interpolated."""
     radiance = read_radiance(path)
     if not radiance.any():
-        raise InvalidEnvironment(f"{path.name}: expected light, got a black map; write the program's estimate")
+        raise InvalidEnvironment("expected light, got a black map; write the program's estimate", source=path.name)
     if len(radiance) < MAP_HEIGHT:
         return bilinear(radiance, direction_to_uv(pixel_directions(MAP_HEIGHT)).astype(np.float32))
     return np.asarray(reduced(radiance, MAP_HEIGHT), np.float32)

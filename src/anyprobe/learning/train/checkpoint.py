@@ -41,15 +41,16 @@ def check_goes_on(path: Path, stored: Mapping[str, Any], config: Any) -> None:
     """
     if "optimizer" not in stored:
         raise ModelError(
-            f"{path}: expected a run's checkpoint, got weights alone; train in another folder with --init-weights"
+            "expected a run's checkpoint, got weights alone; train in another folder with --init-weights", source=path
         )
     for name, old, current in differing(config, json.loads(stored["config"])):
         if name not in CHANGEABLE:
             raise _another_run(path, name, old, current)
     if config.steps < stored["step"]:
         raise InputError(
-            f"{path}: expected at least the {stored['step']} steps that are done, got {config.steps}; "
-            "give more --steps, or train in another --runs folder"
+            f"expected at least the {stored['step']} steps that are done, got {config.steps}; "
+            "give more --steps, or train in another --runs folder",
+            source=path,
         )
 
 
@@ -105,8 +106,9 @@ def _default(setting: Field, current: Any) -> Any:
 
 def _another_run(path: Path, name: str, old: Any, current: Any) -> InputError:
     return InputError(
-        f"{path}: expected {OPTIONS_OF.get(name, name)} {'nothing' if old is None else old}, as the run started, "
-        f"got {current}; resume with the same, or train in another --runs folder"
+        f"expected {OPTIONS_OF.get(name, name)} {'nothing' if old is None else old}, as the run started, "
+        f"got {current}; resume with the same, or train in another --runs folder",
+        source=path,
     )
 
 
@@ -119,7 +121,7 @@ def read_checkpoint(path: Path, device: str = "cpu", holds: str = "nets") -> dic
         ModelError: no file, a damaged one, or none of a run.
     """
     if not path.is_file():
-        raise ModelError(f"{path}: no such checkpoint; train first")
+        raise ModelError("no such checkpoint; train first", source=path)
     with path.open("rb") as stream:
         try:
             stored = torch.load(stream, map_location=device, weights_only=True)
@@ -148,14 +150,15 @@ def load_weights(nets: nn.Module, weights: Mapping[str, torch.Tensor], path: Pat
         )
         if expected != shape:
             raise ModelError(
-                f"{path}: expected this run's weights, with {name} {expected}, got {shape}; "
-                "use the release that trained it, or train again in another folder"
+                f"expected this run's weights, with {name} {expected}, got {shape}; "
+                "use the release that trained it, or train again in another folder",
+                source=path,
             )
     nets.load_state_dict(weights)
 
 
 def _no_checkpoint(path: Path, found: str) -> ModelError:
-    return ModelError(f"{path}: expected a run's checkpoint, got {found}; train again, or restore a copy")
+    return ModelError(f"expected a run's checkpoint, got {found}; train again, or restore a copy", source=path)
 
 
 SMALL = 1024
@@ -196,7 +199,9 @@ def _save_deflated(weights: dict[str, torch.Tensor], path: Path) -> None:
 def keep_apart(checkpoint: Path, path: Path) -> None:
     """Raise InputError if path is the run's checkpoint, which bare weights must not replace."""
     if checkpoint.exists() and path.exists() and path.samefile(checkpoint):
-        raise InputError(f"{path}: expected another file for the weights, got the run's own checkpoint; choose another")
+        raise InputError(
+            "expected another file for the weights, got the run's own checkpoint; choose another", source=path
+        )
 
 
 def load_init_weights(nets: nn.Module, path: Path, lift: Path | None = None) -> None:
@@ -226,7 +231,7 @@ def load_init_weights(nets: nn.Module, path: Path, lift: Path | None = None) -> 
 def init_weights_id(path: Path) -> str:
     """Return the identity of initial weights: the first 16 hex digits of the file's SHA-256; ModelError if absent."""
     if not path.is_file():
-        raise ModelError(f"{path}: no such file; save weights with `anyprobe weights --keep`")
+        raise ModelError("no such file; save weights with `anyprobe weights --keep`", source=path)
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()[:16]
 
@@ -242,4 +247,4 @@ def read_init_weights(path: Path) -> tuple[dict[str, torch.Tensor], int | None]:
 
 
 def _not_of_this_run(path: Path, found: str) -> ModelError:
-    return ModelError(f"{path}: expected weights of this run, saved by `anyprobe weights --keep`, got {found}")
+    return ModelError(f"expected weights of this run, saved by `anyprobe weights --keep`, got {found}", source=path)

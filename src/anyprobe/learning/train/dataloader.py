@@ -176,29 +176,38 @@ class ShardSource:
         """
         plan = read_plan(folder)
         if plan["kind"] != "object":
-            raise InputError(f"--shards {folder}: expected a dataset of objects, got one of {plan['kind']}s")
+            raise InputError(
+                f"expected a dataset of objects, got one of {plan['kind']}s", subject="shards", source=folder
+            )
         if plan["split"] != "train":
             raise InputError(
-                f"--shards {folder}: expected a dataset of training assets, got one of split {plan['split']}; "
-                "render one with --split train"
+                f"expected a dataset of training assets, got one of split {plan['split']}; "
+                "render one with --split train",
+                subject="shards",
+                source=folder,
             )
         if data is None and plan["procedural_maps"] < len(plan["maps"]):
-            raise InputError(f"--shards {folder}: expected --data with the assets it was rendered from, got none")
+            raise InputError(
+                "expected --data with the assets it was rendered from, got none", subject="shards", source=folder
+            )
         self.folder, self.config, self.device = folder, config, device
         done = [shard for shard in range(num_shards(plan)) if is_done(folder, shard)]
         self.indices: dict[int, ShardIndex] = {shard: read_index(folder, shard) for shard in done}
         self.keys = [(shard, key) for shard, index in self.indices.items() for key in index.parts]
         if len(self.keys) < config.batch:
             raise InputError(
-                f"--shards {folder}: expected at least {config.batch} finished pairs, got {len(self.keys)}; "
-                "render more with anyprobe data render --resume"
+                f"expected at least {config.batch} finished pairs, got {len(self.keys)}; "
+                "render more with anyprobe data render --resume",
+                subject="shards",
+                source=folder,
             )
         self.store: AssetStore = StoreRenderer({name: plan[name] for name in SETTINGS}, data).store
         missing = {one["id"] for one in plan["maps"]} - self.store.maps.keys()
         if missing:
             raise InputError(
-                f"--shards {folder}: expected in --data the {len(plan['maps'])} maps it was rendered from, "
-                f"got all but {len(missing)}"
+                f"expected in --data the {len(plan['maps'])} maps it was rendered from, got all but {len(missing)}",
+                subject="shards",
+                source=folder,
             )
         self._light = lru_cache(maxsize=KEPT_LIGHTS)(self._turned_map)
 

@@ -77,7 +77,7 @@ def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
     model = json.loads(stored["config"]).get("model", "paper")
     if model not in LEARNERS:
         raise ModelError(
-            f"{checkpoint}: expected a run of this release, got one of {model}; use the release that trained it"
+            f"expected a run of this release, got one of {model}; use the release that trained it", source=checkpoint
         )
     nets = LEARNERS[model].networks()
     load_weights(nets, stored["nets"], checkpoint)
@@ -237,9 +237,11 @@ class ProcessGroup:
             InputError: another kind, or one that this machine does not have.
         """
         if kind not in BACKENDS:
-            raise InputError(f"--device {kind}: expected one of {', '.join(BACKENDS)}, got another; use cpu")
+            raise InputError(
+                f"expected one of {', '.join(BACKENDS)}, got another; use cpu", subject="device", source=kind
+            )
         if kind == "cuda" and not torch.cuda.is_available():
-            raise InputError("--device cuda: no GPU that torch can use; use cpu")
+            raise InputError("no GPU that torch can use; use cpu", subject="device", source="cuda")
         self.rank, self.size = (int(os.environ.get(name, default)) for name, default in SINGLE.items())
         own = kind == "cuda" and self.size > 1
         self.device = f"cuda:{os.environ.get('LOCAL_RANK', '0')}" if own else kind
