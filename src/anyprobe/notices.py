@@ -74,9 +74,8 @@ class Notice(str):
         old = text if isinstance(text, Notice) else None
         text = old.text if old is not None else str(text)
         code = code or (old.code if old is not None else "")
-        subject = ((subject,) if isinstance(subject, str) else tuple(dict.fromkeys(subject))) or (
-            () if old is None else old.subject
-        )
+        names = [subject] if isinstance(subject, str) else subject
+        subject = tuple(dict.fromkeys(filter(None, names))) or (() if old is None else old.subject)
         remedy = tuple(remedy) or (() if old is None else old.remedy)
         source = str(source) or ("" if old is None else old.source)
         source = "" if source in subject else source

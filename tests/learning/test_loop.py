@@ -9,6 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from support.refused import refused
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 pytest.importorskip("onnx", reason="needs the train extra")
@@ -19,7 +20,7 @@ from typer.testing import CliRunner  # noqa: E402
 
 from anyprobe.cli.app import app  # noqa: E402
 from anyprobe.core.response import response  # noqa: E402
-from anyprobe.errors import InputError, ModelError, OutputError  # noqa: E402
+from anyprobe.errors import ModelError  # noqa: E402
 from anyprobe.estimate.runtime import Models  # noqa: E402
 from anyprobe.learning.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
@@ -137,7 +138,7 @@ def test_chain_begins_with_the_irradiance_net_that_it_is_given_and_names_its_tea
         if not name.endswith(("running_mean", "running_var", "num_batches_tracked")):
             torch.testing.assert_close(stored["nets"][name], value.to(stored["nets"][name].dtype), atol=0.01, rtol=0)
     assert stored["origin"]["teacher"] == init_weights_id(teacher)
-    with pytest.raises(InputError, match="--teacher with nothing, as the run started, got"):
+    with refused(source="checkpoint.pt", naming="--teacher with nothing"):
         run(two_steps(paper).parents[1], steps=3, start=None, teacher=teacher)
 
 
@@ -280,7 +281,7 @@ def test_a_run_begins_from_kept_weights(run, two_steps, tmp_path):
     begun = torch.load(run(tmp_path / "b", steps=1, named=lift, start=kept), weights_only=True)["nets"]
     assert (begun[weight] - trained[weight]).abs().max() < 0.02
     save_init_weights(two_steps(paper), tmp_path / "paper.pt")
-    with pytest.raises(ModelError, match="expected weights of this run"):
+    with refused(code="invalid-model", source="paper.pt"):
         run(tmp_path / "d", steps=2, named=lift, start=tmp_path / "paper.pt")
 
 
@@ -312,7 +313,7 @@ def test_lift_begins_from_normals_that_learned_alone(one_step, tmp_path):
 
 
 def test_no_checkpoint_is_one_clear_line(tmp_path):
-    with pytest.raises(ModelError, match="train first"):
+    with refused(code="invalid-model", source="checkpoint.pt"):
         export_onnx.export_graphs(tmp_path / "checkpoint.pt", tmp_path)
 
 
@@ -347,5 +348,5 @@ def test_the_mean_of_a_run_and_what_it_began_from(run, two_steps, tmp_path):
 def test_runs_below_a_plain_file_are_one_clear_line(tmp_path):
     (tmp_path / "file").touch()
     for begin in (lambda runs: train(paper(), data=None, runs=runs), lambda runs: run_folder(runs, "mask")):
-        with pytest.raises(OutputError, match="file is a file, not a folder; choose another folder"):
+        with refused(code="not-written", source="runs"):
             begin(tmp_path / "file" / "runs")

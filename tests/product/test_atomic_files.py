@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+from support.refused import refused
 
 from anyprobe.errors import OutputError
 from anyprobe.files.atomic import atomic_files
@@ -67,7 +68,7 @@ def test_folder_in_the_way(tmp_path):
 
 def test_file_where_the_folder_should_be(tmp_path):
     (tmp_path / "taken").write_text("")
-    with pytest.raises(OutputError, match="taken: is a file, not a folder; choose another with -o"):
+    with refused(code="not-written", source="taken"):
         write_new(tmp_path / "taken", "a")
 
 

@@ -8,9 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import onnxruntime
 import pytest
+from support.refused import refused
 from support.some_pair import sphere_pair
 
-from anyprobe.errors import InputError, MissingExtra
+from anyprobe.errors import InputError
 from anyprobe.estimate import runtime
 from anyprobe.estimate.runtime import Models
 
@@ -64,12 +65,12 @@ def test_what_openvino_cannot_read_is_run_all_the_same(monkeypatch, crops):
 
 def test_absent_engine_names_its_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "openvino", None)
-    with pytest.raises(MissingExtra, match=r"from a clone: pip install '\.\[openvino\]'"):
+    with refused(code="unsupported", naming="[openvino]"):
         Models(engine="openvino")
 
 
 def test_unknown_engine_names_the_known():
-    with pytest.raises(InputError, match="expected one of onnxruntime, openvino"):
+    with refused("engine"):
         Models(engine="tensorrt")
 
 

@@ -6,6 +6,7 @@ import inspect
 
 import numpy as np
 import pytest
+from support.refused import refused
 from support.scenes import sphere_photo
 
 import anyprobe
@@ -61,11 +62,11 @@ def test_name_albedo_and_material_reach_the_light(estimator, photo_rgba, expecte
     ],
 )
 def test_what_is_no_material_is_refused_in_one_line(estimator, photo_rgba, entry, given, words):
-    with pytest.raises(anyprobe.InputError) as refused:
+    with pytest.raises(anyprobe.InputError) as error:
         through(entry, estimator, photo_rgba, **given)
-    assert "\n" not in str(refused.value)
+    assert "\n" not in str(error.value)
     for word in words:
-        assert word in str(refused.value)
+        assert word in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -80,9 +81,9 @@ def test_what_is_no_material_is_refused_in_one_line(estimator, photo_rgba, entry
     ],
 )
 def test_numbers_that_no_surface_has_are_refused(values):
-    with pytest.raises(anyprobe.InputError, match="material: expected albedo and f0 of") as refused:
+    with refused("material") as error:
         as_material(anyprobe.Material(**{"albedo": 0.5, "f0": 0.04, "alpha": 0.9} | values))
-    assert "\n" not in str(refused.value)
+    assert "\n" not in str(error.value)
 
 
 def test_lists_and_single_numbers_are_numbers_of_a_material(estimator, photo_rgba):
@@ -96,7 +97,7 @@ def test_a_material_is_refused_before_any_photo_is_loaded(estimator):
         raise AssertionError("loaded")
         yield
 
-    with pytest.raises(anyprobe.InputError, match="'granite'"):
+    with refused("material", naming="granite"):
         estimator.multiview(never(), [], material="granite")
 
 

@@ -7,6 +7,7 @@ import json
 import numpy as np
 import OpenEXR
 import pytest
+from support.refused import refused
 from support.two_phase import two_phase
 
 from anyprobe.cli.export import target_names
@@ -212,7 +213,7 @@ def test_values_below_half_stay_in_exr(work, exposure_ev, kind):
 
 @pytest.mark.parametrize("stem", ["a/b", "..", ".hidden", "a\nb"])
 def test_name_that_no_file_can_have(work, stem):
-    with pytest.raises(InputError, match="expected a file name"):
+    with refused("name"):
         export(two_phase(32), "three", work, stem)
     assert list(work.iterdir()) == []
 
@@ -248,5 +249,5 @@ def test_a_map_too_bright_for_its_sums_is_refused(command, work, brightest):
 
 def test_targets_are_named_one_by_one(tmp_path):
     for wrong in (["three", "usd"], "all"):
-        with pytest.raises(InputError, match="; choose one"):
+        with refused("target"):
             export(two_phase(32), wrong, tmp_path)

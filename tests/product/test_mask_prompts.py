@@ -9,6 +9,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
+from support.refused import refused
 
 from anyprobe.cli.photo_files import hints_for, list_photos
 from anyprobe.errors import InputError, InvalidMask
@@ -84,7 +85,7 @@ def test_alpha_that_cuts_the_object_out_is_its_mask_as_it_is(square):
         assert found.source == "alpha"
         np.testing.assert_array_equal(found.mask, alpha)
     assert mask_from_alpha(None) is None
-    with pytest.raises(InvalidMask, match="empty mask"):
+    with refused("mask", code="no-object", naming="empty", kind=InvalidMask):
         mask_from_alpha(square * 0.4)
 
 
@@ -189,7 +190,7 @@ def test_a_longer_name_is_another_photos_mask(work):
     for name, mask in {"shot.jpg": "shot.png", "shot.0002.jpg": "shot.0002.png", "[a].jpg": "[a].png"}.items():
         assert hints_for(Path(name), given).mask == masks / mask
     assert hints_for(Path("jar.JPG"), given).mask == masks / "jar.JPG.png"
-    with pytest.raises(InputError, match="expected pot.png or pot_mask.png in masks, got neither"):
+    with refused("mask", source="pot.jpg", kind=InputError):
         hints_for(Path("pot.jpg"), given)
 
 
@@ -200,7 +201,7 @@ def test_hidden_files_of_a_folder_are_no_photos(work):
     assert list_photos([hidden]) == [hidden]  # named, it is meant
     for name in ("IMG_1.jpg", "IMG_2.jpg"):
         os.remove(photos / name)
-    with pytest.raises(InputError, match="photos: no photos in this folder; check the path"):
+    with refused(source="photos"):
         list_photos([photos])
 
 

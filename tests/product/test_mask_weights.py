@@ -11,8 +11,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.refused import refused
 
-from anyprobe.errors import ModelError, OutputError
+from anyprobe.errors import ModelError
 from anyprobe.masks import download, networks, weights
 from anyprobe.masks.segmenters import load_segmenter
 
@@ -155,7 +156,7 @@ def test_it_is_put_where_it_can_be_written(nowhere, monkeypatch):
     assert weights.find_weights() == found
     found.path.unlink()
     monkeypatch.setattr(sys, "prefix", str(nowhere / "file"))
-    with pytest.raises(OutputError, match="set U2NET_HOME to a folder") as caught:
+    with refused(code="not-written", source="u2netp.onnx", naming="U2NET_HOME") as caught:
         weights.fetch_weights()
     assert "\n" not in str(caught.value)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.refused import refused
 
-from anyprobe.errors import InputError, ModelError
+from anyprobe.errors import InputError
 from anyprobe.estimate.normals_hint import normals_from_outline
 from anyprobe.estimate.normals_model import estimated_normals, open_normals_model
 from anyprobe.estimate.photo import load_photo
@@ -61,7 +61,7 @@ def test_another_frame_s_axes_are_refused(frame):
 
 def test_another_shape_is_refused():
     mask = sphere_mask()
-    with pytest.raises(InputError, match=r"answers \[h, w, 3\], got shape \(4, 4\)"):
+    with refused("normals", naming="(4, 4)"):
         estimated_normals(lambda rgb: np.zeros((4, 4)), np.ones((120, 160, 3)), mask, 60.0)
 
 
@@ -97,7 +97,7 @@ def test_a_graph_whose_answer_is_no_picture_is_one_line(tmp_path):
     del model.graph.node[:]
     model.graph.node.append(onnx.helper.make_node("Reshape", ["image", "shape"], ["normal"]))
     onnx.save(model, path)
-    with pytest.raises(ModelError, match=r"expected three numbers a pixel, got shape \(3, 1024\)"):
+    with refused(code="invalid-model", source="flat.onnx", naming="(3, 1024)"):
         open_normals_model(path)(np.full((50, 40, 3), 0.5, np.float32))
 
 
@@ -134,7 +134,7 @@ def test_a_spec_that_does_not_fit_is_refused_in_one_line(tmp_path, values, words
 
 
 def test_without_spec_or_graph(tmp_path):
-    with pytest.raises(InputError, match=r"m\.json: expected a spec beside the graph"):
+    with refused(source="m.json"):
         open_normals_model(graph(tmp_path / "m.onnx"))
     with pytest.raises(InputError, match="no such file; check the path to the ONNX graph"):
         open_normals_model(spec_of(tmp_path / "gone.onnx", **OPENCV))

@@ -12,7 +12,7 @@ from support.refused import refused
 from support.some_pair import sphere_pair
 
 from anyprobe.core.response import response
-from anyprobe.errors import InputError, ModelError
+from anyprobe.errors import ModelError
 from anyprobe.estimate import runtime
 from anyprobe.estimate.runtime import CONTRACT, EXPECTED, STAGES, Models, file_hashes, model_id, weights_folder
 from anyprobe.light.environment import integral
@@ -91,7 +91,7 @@ def test_damaged_file_is_refused(copied, stage, damage):
 
 def test_unknown_model_names_the_known():
     for model in ("nobody", "", "paper/../nobody"):
-        with pytest.raises(ModelError, match=r"expected one of .*paper"):
+        with refused("model", code="invalid-model"):
             weights_folder(model)
 
 
@@ -147,7 +147,7 @@ def test_other_emitters_are_asked_of_the_same_sessions():
     assert spread._run is drawn._run
     assert (drawn.emitters, spread.emitters) == ("mode", "expected")
     assert spread(crop, 0.2).radiance.max() < 0.7 * drawn(crop, 0.2).radiance.max()
-    with pytest.raises(InputError, match="got paper; pass model=lift"):
+    with refused("emitters", naming="paper"):
         Models("paper", threads=1).with_emitters(EXPECTED)
 
 

@@ -13,11 +13,12 @@ import threading
 import numpy as np
 import pytest
 from PIL import Image
+from support.refused import refused
 from support.two_phase import two_phase
 
 import anyprobe
 from anyprobe.cli import app
-from anyprobe.errors import InputError, InvalidEnvironment, InvalidPhoto, MissingExtra, ModelError
+from anyprobe.errors import InputError, InvalidPhoto, MissingExtra, ModelError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import Origin
@@ -249,7 +250,7 @@ def test_a_masked_array_is_refused_and_says_how_to_fill_it(photo_rgba, kind, fie
 
 
 def test_a_light_of_a_masked_array_is_refused():
-    with pytest.raises(InvalidEnvironment, match="masked array"):
+    with refused(code="invalid-map", source="light", naming="masked array"):
         Light(radiance=np.ma.masked_array(two_phase(8)))
 
 
@@ -297,7 +298,7 @@ def test_a_damaged_sidecar_is_refused_as_load_says(saved, damage, command, work)
         "text": b"not JSON",
     }[damage]
     beside.write_bytes(damaged)
-    with pytest.raises(InputError, match="damaged one .*save the light again, or move the .json away"):
+    with refused(source="light.json", naming="damaged"):
         Light.load(saved)
     assert "light.json" in command("export", saved, "--to", "three", "-o", work / "out").complaint
 

@@ -8,6 +8,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
+from support.refused import refused
 from support.room_photos import FOV_DEG, room_photo, smooth_map
 
 import anyprobe
@@ -263,7 +264,7 @@ def test_surroundings_change_the_light_and_are_noted():
 
 def test_the_papers_chain_has_no_use_for_surroundings():
     photo, mask = room_photo(smooth_map())
-    with pytest.raises(InputError, match="use lift"):
+    with refused("surroundings", naming="paper"):
         anyprobe.estimate(photo, mask=mask, surroundings="photo", model="paper")
 
 
