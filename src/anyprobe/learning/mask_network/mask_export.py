@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from anyprobe.learning.mask_network.mask_training import load_mask_net
-from anyprobe.learning.train.export_onnx import CONVOLUTIONS, LINEAR, Graph, write_graph
+from anyprobe.learning.train.export_onnx import CONVOLUTIONS, LINEAR_LAYERS, Graph, write_graph
 from anyprobe.masks.networks import MASK_CONTRACT, SMALL_PX
 
 TOLERANCE = 0.01
@@ -32,5 +32,5 @@ def export_mask(checkpoint: Path, folder: Path) -> float:
     }
     example = torch.rand((1, 4, SMALL_PX, SMALL_PX), generator=torch.Generator().manual_seed(0))
     shapes = {"input": tuple(example.shape)}
-    graph = Graph(net=net, inputs=shapes, typical=np.mean, small=(LINEAR, CONVOLUTIONS), batched=False)
+    graph = Graph(net=net, inputs=shapes, typical=np.mean, small=(LINEAR_LAYERS, CONVOLUTIONS), batched=False)
     return write_graph("mask", graph, (example,), {**MASK_CONTRACT, **recipe}, folder / "mask.onnx", TOLERANCE)

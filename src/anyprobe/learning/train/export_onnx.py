@@ -61,7 +61,7 @@ FLOATS = "float32"
 """Precision that a graph computes in, as its metadata states it."""
 LARGE = 8192
 """Smallest number of weights of a layer that is stored as int8, with a scale per output channel."""
-LINEAR, CONVOLUTIONS = 2, 4
+LINEAR_LAYERS, CONVOLUTIONS = 2, 4
 """Kinds of layers, by the number of dimensions of their weights."""
 TOLERANCE = 0.02
 """Largest difference of display values or ln radiance that compact storage may cause."""
@@ -131,7 +131,7 @@ def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str,
     inputs = {"irradiance": seen, "illumination": seen, "hdr": {"input": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}}
     typical: dict[str, Callable[[np.ndarray], float]] = {"illumination": np.median}
     return {
-        stage: Graph(net=net, inputs=inputs[stage], typical=typical.get(stage, np.max), small=(LINEAR,))
+        stage: Graph(net=net, inputs=inputs[stage], typical=typical.get(stage, np.max), small=(LINEAR_LAYERS,))
         for stage, net in nets.items()
         if stage in inputs
     }
@@ -277,7 +277,7 @@ def store_half(model) -> None:
         model.graph.node.insert(0, node)
 
 
-def store_int8(model, kinds: tuple[int, ...] = (LINEAR, CONVOLUTIONS)) -> None:
+def store_int8(model, kinds: tuple[int, ...] = (LINEAR_LAYERS, CONVOLUTIONS)) -> None:
     """Store the halved weights of large layers of some kinds as int8 behind a DequantizeLinear.
 
     store_half must come before; the runtime widens the weights once, when it opens.
