@@ -55,3 +55,42 @@ def test_pages_of_the_site_are_listed():
     assert there == own - {"reference/command-line.md", "reference/http.md"}
     for name in listed - own:
         assert (ROOT / name.removeprefix("project/")).is_file(), name
+
+
+def named_places(text: str) -> list[tuple[Path, str]]:
+    """Files that rows of tables name, each with the name that follows it, empty where none does.
+
+    A file may be named within the package, or within the folder of the one before it in the row.
+    """
+    found = []
+    for row in re.findall(r"^\|.*\|$", text, re.MULTILINE):
+        folder = ROOT / "src" / "anyprobe" / (re.findall(r"`(\w+)`", row) or ["none"])[0]
+        for name, symbol in re.findall(r"`([\w/.-]+\.(?:py|js|json|txt))`(?:: `([\w.]+)`)?", row):
+            places = [ROOT / "src" / "anyprobe" / name, ROOT / name, folder / name]
+            path = next((place for place in places if place.is_file()), places[1])
+            folder = path.parent
+            found.append((path, symbol.rpartition(".")[2]))
+    return found
+
+
+def missing_places(text: str) -> list[str]:
+    """Those files that are absent, or in which the name does not stand."""
+    return [
+        f"{path.relative_to(ROOT)} {symbol}"
+        for path, symbol in named_places(text)
+        if not path.is_file() or not re.search(rf"\b{symbol}\b", path.read_text(encoding="utf-8"))
+    ]
+
+
+def test_the_map_for_contributors_names_what_is_there():
+    page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    assert len(named_places(page)) > 60
+    assert missing_places(page) == []
+
+
+def test_a_place_that_is_not_there_is_found():
+    rows = """
+| `cli` | `options.py`: `OptionWords`, `core/none.py` |
+| a | `core/color.py`: `to_bytes`, `latlong.py`: `gone` |
+"""
+    assert missing_places(rows) == ["core/none.py ", "src/anyprobe/core/latlong.py gone"]
