@@ -11,6 +11,11 @@ import anyprobe
 
 ROOT = Path(__file__).parents[2]
 LINK = re.compile(r"\]\(([^)#\s:]+)(?:#[^)\s]*)?\)")
+DEFINED = (
+    r"(?:def|class|function|const) {0}\b|^(?:\w+, )*{0}\b(?:, \w+)*(?:: [^=]+)? =|^ +{0}: |"
+    r"^ *(?:async )?{0}\(.*\{{$"
+)
+"""Pattern of a definition, or of a field, in Python and JavaScript."""
 REFERENCE = ROOT / "docs" / "reference" / "python.md"
 
 
@@ -74,11 +79,13 @@ def named_places(text: str) -> list[tuple[Path, str]]:
 
 
 def missing_places(text: str) -> list[str]:
-    """Those files that are absent, or in which the name does not stand."""
+    """Those files that are absent, or that do not define the name."""
     return [
         f"{path.relative_to(ROOT)} {symbol}"
         for path, symbol in named_places(text)
-        if not path.is_file() or not re.search(rf"\b{symbol}\b", path.read_text(encoding="utf-8"))
+        if not path.is_file()
+        or symbol
+        and not re.search(DEFINED.format(symbol), path.read_text(encoding="utf-8"), re.M)
     ]
 
 
