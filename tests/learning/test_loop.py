@@ -291,7 +291,7 @@ def test_a_run_begins_from_kept_weights(run, two_steps, tmp_path):
         ("train", "mask", "--workers", "2"),
         ("train", "mask", "--device", "cuda"),
         ("train", "mask", "--no-compile"),
-        ("weights", "to", "mask", "--mean-map", "a.exr"),
+        ("weights", "to", "mask", "--keep", "a.pt"),
     ],
 )
 def test_the_mask_network_is_refused_whatever_is_asked_of_it(asked, tmp_path, monkeypatch):

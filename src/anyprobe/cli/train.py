@@ -106,38 +106,21 @@ def weights(
     to: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for the .onnx graphs.")],
     run: RunName = "lift",
     runs: Annotated[Path, typer.Option(help="Folder of the trained runs.")] = _RUNS,
-    mean_map: Annotated[Path | None, typer.Option(help="Also write the mean training map to this .exr.")] = None,
-    data: Annotated[Path | None, typer.Option(help="Data the run was trained on, for the mean map.")] = None,
     keep: Annotated[
         Path | None, typer.Option(help="Also save the weights to this .pt, for train --init-weights.")
     ] = None,
 ) -> None:
     """Export a trained run as ONNX. The graphs are checked against torch."""
     _refuse_mask(run)
-    if data is not None and mean_map is None:
-        raise InputError("does nothing without --mean-map; leave it out", subject="data", source=data)
     need_torch("training")
-    from anyprobe.learning.train.checkpoint import keep_apart, read_checkpoint, save_init_weights
-    from anyprobe.learning.train.config import RUNS as NAMED
-    from anyprobe.learning.train.dataloader import make_pairs
-    from anyprobe.learning.train.export_onnx import export_graphs, write_mean_map
+    from anyprobe.learning.train.checkpoint import keep_apart, save_init_weights
+    from anyprobe.learning.train.export_onnx import export_graphs
 
-    if mean_map is not None and run not in NAMED:
-        raise InputError(
-            f"expected one of the runs {', '.join(NAMED)}, whose maps are known, got {run}; leave it out",
-            subject="mean_map",
-        )
     checkpoint = runs / run / "checkpoint.pt"
     if keep is not None:
         keep_apart(checkpoint, keep)
-    if mean_map is not None:
-        read_checkpoint(checkpoint)  # there is one, or its pairs would be made in vain
-        pairs = make_pairs(NAMED[run](), data, runs / "cache", "cpu")
     for stage, difference in export_graphs(checkpoint, to).items():
         typer.echo(f"{to / (stage + '.onnx')}: within {difference:.2g} of torch")
     if keep is not None:
         save_init_weights(checkpoint, keep)
         typer.echo(keep)
-    if mean_map is not None:
-        write_mean_map(pairs, mean_map)
-        typer.echo(mean_map)

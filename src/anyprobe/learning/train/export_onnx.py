@@ -17,23 +17,10 @@ from anyprobe.errors import ModelError
 from anyprobe.estimate.runtime import CONTRACT, LIFT_INPUTS, LIFT_OUTPUTS, NORMALS_SIZE, PHOTO_SIZE
 from anyprobe.files.atomic import atomic_path
 from anyprobe.given_material import MATERIAL_INPUTS
-from anyprobe.learning.dataset.pairs import PairSource
 from anyprobe.learning.nets.light_net import LightNet, LightPrediction
 from anyprobe.learning.train.checkpoint import read_checkpoint
 from anyprobe.learning.train.loop import load_nets, pairs_seen
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.maps.radiance import write_exr
-
-
-def write_mean_map(source: PairSource, path: Path, batches: int = 64) -> None:
-    """Write exp(mean ln radiance) over pairs, in the camera's frame and the photos' exposure units, as .exr."""
-    stride = 6  # neighbouring batches share lights
-    total = torch.zeros(())
-    for k in range(batches):
-        total = total + source.batch(k * stride).ln_radiance.mean(dim=0).cpu()
-    mean = torch.exp(total / batches).permute(1, 2, 0).numpy()
-    write_exr(path, np.ascontiguousarray(mean))
-
 
 _PHOTO = (1, 4, PHOTO_SIZE, PHOTO_SIZE)
 _NORMALS = (1, 3, NORMALS_SIZE, NORMALS_SIZE)
