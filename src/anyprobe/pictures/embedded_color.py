@@ -6,7 +6,7 @@ gAMA and cHRM where it does not say sRGB, EXIF's Adobe RGB (R03). A file without
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import struct
 from dataclasses import dataclass
 from typing import BinaryIO
 
@@ -23,6 +23,7 @@ from anyprobe.pictures.color_encoding import (
     outside_share,
     to_display,
 )
+from anyprobe.pictures.heif_boxes import iso_boxes
 from anyprobe.pictures.icc import converted, encoding_of
 
 PNG_START = b"\x89PNG\r\n\x1a\n"
@@ -31,8 +32,6 @@ PNG_CHUNKS, PNG_HEAD_BYTES = 200, 1 << 22
 
 BOX_BYTES = 1 << 20
 """Number of bytes at the start of an AVIF that are searched."""
-CONTAINERS = (b"iprp", b"ipco")
-MAX_BOXES = 1000
 
 USUAL_GAMMA = 1 / 2.2
 """PNG gamma by which most programs mean sRGB."""
@@ -178,30 +177,18 @@ def _nclx(stream: BinaryIO) -> tuple[int, int, bool, int] | None:
     stream.seek(0)
     data = stream.read(BOX_BYTES)
     stream.seek(place)
-    for kind, content in _boxes(data):
-        if kind == b"meta":
-            for name, value in _boxes(content[4:]):
-                if name == b"colr" and value[:4] == b"nclx" and len(value) >= 10:
-                    return int.from_bytes(value[4:6], "big"), int.from_bytes(value[6:8], "big"), True, 8
+    span = (0, len(data))
+    try:
+        for wanted, skipped in ((b"meta", 4), (b"iprp", 0), (b"ipco", 0)):
+            start, end = next(found for kind, found in iso_boxes(data, span) if kind == wanted)
+            span = (start + skipped, end)
+        for kind, (at, end) in iso_boxes(data, span):
+            if kind == b"colr" and data[at : at + 4] == b"nclx" and end - at >= 10:
+                primaries, transfer = struct.unpack_from(">HH", data, at + 4)
+                return primaries, transfer, True, 8
+    except (StopIteration, ValueError):  # it has none, or is damaged
+        pass
     return None
-
-
-def _boxes(data: bytes) -> Iterator[tuple[bytes, bytes]]:
-    """Yield the boxes of an ISO base media file as kind and content, those within CONTAINERS too."""
-    pieces, seen = [data], 0
-    while pieces:
-        piece, at = pieces.pop(0), 0
-        while at + 8 <= len(piece) and seen < MAX_BOXES:
-            size, kind = int.from_bytes(piece[at : at + 4], "big"), piece[at + 4 : at + 8]
-            content = piece[at + 8 : at + size] if size >= 8 else piece[at + 8 :]
-            seen += 1
-            if kind in CONTAINERS:
-                pieces.append(content)
-            else:
-                yield kind, content
-            if size < 8:
-                break
-            at += size
 
 
 def _by_gamma(image: Image.Image) -> ColorEncoding | None:

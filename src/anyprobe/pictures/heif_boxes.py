@@ -1,4 +1,4 @@
-"""Boxes of a HEIC or AVIF file that describe its gain map (ISO/IEC 23008-12, 14496-12)."""
+"""Boxes of HEIC and AVIF files, and those that describe a gain map (ISO/IEC 14496-12, 23008-12)."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def find_tone_map(data: bytes) -> ToneMap | None:
     Raises:
         struct.error, ValueError, KeyError: damaged.
     """
-    start, end = dict(_boxes(data, (0, len(data))))[b"meta"]
-    found = dict(_boxes(data, (start + 4, end)))
+    start, end = dict(iso_boxes(data, (0, len(data))))[b"meta"]
+    found = dict(iso_boxes(data, (start + 4, end)))
     kinds, flags = _items(data, found[b"iinf"])
     mapped = [number for number, kind in kinds.items() if kind == b"tmap"]
     if not mapped or b"iref" not in found:
@@ -45,8 +45,12 @@ def find_tone_map(data: bytes) -> ToneMap | None:
     return ToneMap(metadata=data[place[0] + 1 : place[1]], file=bytes(file))
 
 
-def _boxes(data: bytes, span: Span) -> Iterator[tuple[bytes, Span]]:
-    """Yield the kind and the content's span of each box in a span."""
+def iso_boxes(data: bytes, span: Span) -> Iterator[tuple[bytes, Span]]:
+    """Yield the kind and the content's span of each box in a span.
+
+    Raises:
+        ValueError: a truncated box, after those before it.
+    """
     at, end = span
     for _ in range(MOST_BOXES):
         if at + 8 > end:
@@ -64,7 +68,7 @@ def _boxes(data: bytes, span: Span) -> Iterator[tuple[bytes, Span]]:
 def _items(data: bytes, span: Span) -> tuple[dict[int, bytes], dict[int, int]]:
     """Return the items' kinds, and the offsets of their flags, by item number."""
     kinds, flags = {}, {}
-    for kind, (at, _) in _boxes(data, (span[0] + (6 if data[span[0]] == 0 else 8), span[1])):
+    for kind, (at, _) in iso_boxes(data, (span[0] + (6 if data[span[0]] == 0 else 8), span[1])):
         if kind == b"infe" and data[at] in (2, 3):
             wide = data[at] == 3
             (number,) = struct.unpack_from(">I" if wide else ">H", data, at + 4)
@@ -77,7 +81,7 @@ def _references(data: bytes, span: Span) -> dict[tuple[bytes, int], list[int]]:
     """Return the items that each item refers to, by the kind of reference and its own number."""
     form, size = (">H", 2) if data[span[0]] == 0 else (">I", 4)
     found = {}
-    for kind, (at, _) in _boxes(data, (span[0] + 4, span[1])):
+    for kind, (at, _) in iso_boxes(data, (span[0] + 4, span[1])):
         (number,), (count,) = struct.unpack_from(form, data, at), struct.unpack_from(">H", data, at + size)
         found[kind, number] = list(struct.unpack_from(f">{count}{form[1]}", data, at + size + 2))
     return found
