@@ -96,7 +96,7 @@ def shading(
     folder: Annotated[Path, typer.Argument(help="Folder of pairs, of --part left-out.")],
     model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
 ) -> None:
-    """Print how far off the shading of a matte sphere is: number of photos, quantiles of .5, .8 and .9 [stops]."""
+    """Print how far off shading and level of a matte sphere are [stops], and how much light objects reflect."""
     from research.scenes.shading import shading_errors
 
     for name, figures in shading_errors(folder, Models(model, threads=1)).items():

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.core.color import luminance
+from anyprobe.core.response import inverse_response
 from anyprobe.estimate.runtime import Models, Outputs
 from anyprobe.estimate.surroundings import DARK_BESIDE, GoesOn, use_surroundings
 
@@ -19,8 +20,8 @@ class PairEstimate:
 
     family: number of layouts.FAMILIES. is_cut_out: whether the object alone is known. beside: mean display luminance
     beside the object over the object's, 0 of a cut-out. alone: as of a cut-out; whole: of the whole photo, what
-    is seen not yet in it. seen: surroundings [64, 128, 4]. expected: of the answer that ships, with light
-    sources spread over all places where they may be.
+    is seen not yet in it. seen: surroundings [64, 128, 4]. own: mean radiance [3] of the object in the photo.
+    expected: of the answer that ships, with light sources spread over all places where they may be.
     """
 
     family: int
@@ -30,6 +31,7 @@ class PairEstimate:
     whole: np.ndarray
     seen: np.ndarray
     truth: np.ndarray
+    own: np.ndarray
     expected: np.ndarray | None = None
 
     def shipped(self, goes_on: GoesOn | None = None) -> np.ndarray:
@@ -49,10 +51,9 @@ def estimates_of(files: Sequence[Path], models: Models) -> Iterator[PairEstimate
             context, crop = (part[name][k] / np.float32(255) for name in ("context", "image"))
             inside = crop[..., 3] > 0.5
             beside = (context[..., 4] > 0.5) & (context[..., 3] < 0.02)
-            level = 0.0
+            level, shown = 0.0, crop[inside][:, :3] / crop[inside][:, 3:]
             if beside.any() and inside.any():
-                own = luminance(crop[inside][:, :3] / crop[inside][:, 3:]).mean()
-                level = float(luminance(context[beside][:, :3]).mean() / max(own, 1e-3))
+                level = float(luminance(context[beside][:, :3]).mean() / max(luminance(shown).mean(), 1e-3))
             tan_half, around = float(part["tan_half"][k]), part["surroundings"][k].transpose(1, 2, 0) / np.float32(255)
             alone = models(crop, tan_half)
             is_cut_out = not context[..., 4].any()
@@ -65,5 +66,6 @@ def estimates_of(files: Sequence[Path], models: Models) -> Iterator[PairEstimate
                 whole=whole.radiance,
                 expected=(alone if is_cut_out or level < DARK_BESIDE else whole).expected,
                 seen=around,
+                own=inverse_response(shown).mean(axis=0) if inside.any() else np.full(3, np.nan),
                 truth=np.exp(part["truth"][k].astype(np.float32)).transpose(1, 2, 0),
             )

@@ -220,7 +220,7 @@ class Hints:
     )
     material: Material | str | None = _hint(
         "light",
-        "The object's material: chrome, gold, plastic, matte (albedo 0.6) or a measured one (anyprobe materials).",
+        "The object's material: chrome, gold, plastic, matte (albedo 0.3) or a measured one (anyprobe materials).",
         metavar="NAME",
         in_web="material",
     )

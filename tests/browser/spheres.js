@@ -20,7 +20,7 @@ scene.environment = new EnvironmentTexture().update(light.prefiltered);
 const materials = [
   { color: [0.549, 0.556, 0.554], metalness: 1, roughness: 0.173 },
   { color: [1, 0.77, 0.34], metalness: 1, roughness: 0.346 },
-  { color: [0.6, 0.6, 0.6], metalness: 0, roughness: 0.949 },
+  { color: [0.3, 0.3, 0.3], metalness: 0, roughness: 0.949 },
 ];
 materials.forEach(({ color, ...rest }, i) => {
   const sphere = new Mesh(new SphereGeometry(1, 64, 32), new MeshStandardMaterial(rest));

@@ -87,7 +87,7 @@ def test_numbers_that_no_surface_has_are_refused(values):
 
 
 def test_lists_and_single_numbers_are_numbers_of_a_material(estimator, photo_rgba):
-    written = anyprobe.Material(albedo=[0.6, 0.6, 0.6], f0=0.04, alpha=0.9)
+    written = anyprobe.Material(albedo=[0.3, 0.3, 0.3], f0=0.04, alpha=0.9)
     found = estimator(photo_rgba, material=written)
     np.testing.assert_array_equal(found.radiance, estimator(photo_rgba, material="matte").radiance)
 

@@ -9,7 +9,7 @@ export const MATERIALS = {
   chrome: { color: [0.549, 0.556, 0.554], metalness: 1, roughness: Math.sqrt(0.03) },
   gold: { color: [1, 0.77, 0.34], metalness: 1, roughness: Math.sqrt(0.12) },
   plastic: { color: [0.52, 0.06, 0.05], metalness: 0, roughness: Math.sqrt(0.12) },
-  matte: { color: [0.6, 0.6, 0.6], metalness: 0, roughness: Math.sqrt(0.9) },
+  matte: { color: [0.3, 0.3, 0.3], metalness: 0, roughness: Math.sqrt(0.9) },
 };
 
 export function makeMaterial(name) {
