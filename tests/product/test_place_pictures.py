@@ -13,8 +13,10 @@ import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import inverse_response, response
+from anyprobe.detail.layers import OUTDOORS, ROOM
+from anyprobe.detail.noise import along_rows, of_patch
 from anyprobe.detail.place_picture import compose
-from anyprobe.detail.quilt import continue_right, join_of, strewn
+from anyprobe.detail.spread import spread
 from anyprobe.estimate.ground import Ground, up_of
 from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.sidecar import Origin
@@ -163,25 +165,62 @@ def test_a_hole_is_filled_from_around_it():
     np.testing.assert_array_equal(fill_hole(given, np.zeros_like(hole)), given)
 
 
-def test_a_picture_goes_on_in_strips_without_a_jump():
-    """A slope of brightness and a horizon keep their rows; nothing is brighter or darker than in the picture."""
-    x = np.linspace(0.0, 3.0, 90)
-    picture = np.repeat((np.arange(60)[:, None] > 25) + 0.2 * np.sin(7 * x), 3).reshape(60, 90, 3).astype(np.float32)
-    found = continue_right(picture, np.zeros((60, 90)), 300, seed=1)
-    assert found.shape == (60, join_of(90) + 300, 3)
-    assert found[:24].max() < 0.5 < found[28:].min() < found.max() < 1.5
-    joined = np.concatenate([picture[:, : -join_of(90)], found], axis=1)
-    assert np.abs(np.diff(joined, axis=1)).max() < 0.25
+def test_colours_are_spread_along_rows():
+    """From a window of two layers, across a hole, without an edge; all around."""
+    values = np.where(np.arange(64)[:, None, None] < 32, 1.0, -1.0) * np.ones((64, 128, 3), np.float32)
+    weight = np.zeros((64, 128), np.float32)
+    weight[20:44, 50:80] = 1.0
+    weight[28:36, 60:70] = 0.0
+    found = spread(np.where(weight[..., None] > 0, values, 7.0), weight)
+    assert found[22, :].min() > 0.7
+    assert found[42, :].max() < -0.7
+    assert found[29, 65, 0] > 0.3 > -0.3 > found[34, 65, 0]
+    assert np.abs(np.diff(found[22], axis=0)).max() < 0.05
 
 
-@pytest.mark.parametrize("width", [6, 9, 20, 27, 28])
-@pytest.mark.parametrize("height", [2, 5, 40])
-def test_a_narrow_picture_goes_on_too(height, width):
-    """As a telephoto's, or any photo's in a panorama of few rows."""
-    picture = np.random.default_rng(0).random((height, width, 3), np.float32)
-    found = continue_right(picture, np.zeros((height, width)), 60, seed=1)
-    assert found.shape == (height, join_of(width) + 60, 3)
-    assert np.isfinite(found).all()
+def test_noise_has_the_power_of_the_texture_and_none_of_its_pieces():
+    random = np.random.default_rng(0)
+    seen = np.zeros((40, 256), np.float32)
+    seen[:, 100:160] = 1.0
+    texture = (random.normal(0, 0.3, (40, 256, 3)) * seen[..., None]).astype(np.float32)
+    texture[:10] *= 0.2
+    found = along_rows(texture, seen, seed=1)
+    assert found[10:].std() == pytest.approx(0.3, rel=0.15)
+    assert found[:10].std() == pytest.approx(0.06, rel=0.2)
+    piece = texture[10:, 100:160, 0]
+    at = [
+        float(np.corrcoef(piece.ravel(), np.roll(found, -k, axis=1)[10:, 100:160, 0].ravel())[0, 1]) for k in range(256)
+    ]
+    assert max(at) < 0.5  # a copy has 1
+    plane = of_patch(texture[10:, 100:160], seen[10:, 100:160], 128, seed=3)
+    assert plane.shape == (128, 128, 3)
+    assert plane.std() == pytest.approx(0.3, rel=0.15)
+
+
+def test_nothing_of_the_photo_is_repeated_around_the_horizon():
+    """A red post beside the object is seen once."""
+    photo, mask = photo_of(place_map()), np.zeros((150, 200), np.float32)
+    mask[50:110, 80:120] = 1.0
+    photo[30:120, 150:160] = [0.9, 0.1, 0.1]
+    picture, _ = compose(place_map(), keep_plate(photo, mask, FOV), np.eye(3), 256, kind=OUTDOORS)
+    shown = response(picture)
+    red = (shown[..., 0] - shown[..., 1:].max(axis=-1))[115:140].max(axis=0) > 0.25
+    column = np.flatnonzero(red)
+    assert 3 <= len(column) < 20
+    assert np.ptp(column) < 20
+
+
+def test_a_guess_is_drawn_as_a_place():
+    """Its smooth horizon becomes an edge outdoors; a room has edges, and both keep the light."""
+    up = pixel_directions(64)[..., 1:2]
+    smooth = (0.35 + 0.25 * np.tanh(2 * up) * np.array([0.5, 0.7, 1.0])).astype(np.float32)
+    steps = {}
+    for kind in (None, ROOM, OUTDOORS):
+        picture, origin = compose(smooth, None, np.eye(3), 128, kind=kind)
+        steps[kind] = np.abs(np.diff(picture, axis=0)).max()
+        assert np.linalg.norm(project(picture) - project(smooth)) < 0.01 * np.linalg.norm(project(smooth))
+        assert origin[..., 1].min() == 1.0
+    assert min(steps[ROOM], steps[OUTDOORS]) > 2 * steps[None]
 
 
 @pytest.mark.parametrize(("fov", "rows"), [(3.0, 512), (9.0, 512), (10.0, 64), (60.0, 64)])
@@ -193,28 +232,22 @@ def test_a_telephoto_and_a_small_panorama_are_composed(fov, rows):
     assert np.isfinite(made).all()
 
 
-def test_strewn_blocks_have_the_textures_contrast():
-    texture = np.random.default_rng(0).normal(0, 0.3, (40, 50, 3)).astype(np.float32)
-    found = strewn(texture, 12, 120, seed=0)
-    assert found.shape == (120, 120, 3)
-    assert found.std() == pytest.approx(0.3, rel=0.1)
-    assert abs(found.mean()) < 0.03
-
-
-def test_only_a_strong_source_has_the_outline_of_a_disc():
+def test_sources_have_soft_edges_and_keep_their_power():
+    """A strong one falls to a tenth within less of its radius than a weak one."""
     d = pixel_directions(64)
-
-    def edge(strength: float) -> float:
-        """Part of the light's peak that is left a third further out than half of it."""
-        towards = np.array([0.6, 0.7, 0.39]) / np.linalg.norm([0.6, 0.7, 0.39])
+    towards = np.array([0.6, 0.7, 0.39]) / np.linalg.norm([0.6, 0.7, 0.39])
+    angle = np.degrees(np.arccos(np.clip(pixel_directions(512) @ towards, -1, 1)))
+    widths = []
+    for strength in (60.0, 8.0):
         lamp = strength * (d @ towards > np.cos(np.radians(5)))[..., None]
         picture, _ = compose((place_map() * 0 + 0.3 + lamp).astype(np.float32), None, np.eye(3), 512)
-        angle = np.degrees(np.arccos(np.clip(pixel_directions(512) @ towards, -1, 1)))
-        means = [picture[(angle > a) & (angle <= a + 0.5)].mean() - 0.3 for a in np.arange(0, 12, 0.5)]
-        half = int(np.argmax(np.array(means) < 0.5 * means[0]))
-        return means[round(1.3 * half)] / means[0]
-
-    assert edge(60.0) < 0.1 < edge(8.0)
+        means = np.array([picture[(angle > a) & (angle <= a + 0.5)].mean() - 0.3 for a in np.arange(0, 14, 0.5)])
+        high, low = (int(np.argmax(means < share * means[0])) for share in (0.9, 0.1))
+        widths.append((low - high) / low)
+        near = (angle < 14)[..., None] * pixel_solid_angles(512)[..., None] * (picture - 0.3)
+        given = (lamp * pixel_solid_angles(64)[..., None]).sum()
+        assert near.sum() / 3 == pytest.approx(given, rel=0.15)
+    assert 0.1 < widths[0] < 0.7 * widths[1]
 
 
 def test_a_dark_room_is_shown_though_it_tells_nothing_of_the_light():

@@ -1,9 +1,10 @@
-"""Continuation of a photo all around.
+"""Continuation of a photo all around, and through the place of its object.
 
 In a level panorama one row is one elevation: the same distance on the ground, or the same height on a wall or in the
-sky. So every row is continued by strips of what is seen (detail.quilt), softer the farther from the photo. Above the
-photo its upper rows continue, ever softer; below it the ground continues: the colours of its lowest rows, and their
-texture seen from above, scattered over the plane under the camera.
+sky. So colours are spread along rows far more than across them (detail.spread): next to the photo they are its own,
+farther away ever wider means. What they lack in texture is noise with the power and the columns of what is seen
+(detail.noise), which has no piece that could be recognised. Below the photo the texture is that of the plane under
+the camera, seen from above.
 """
 
 from __future__ import annotations
@@ -13,46 +14,54 @@ from dataclasses import dataclass
 import numpy as np
 
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.detail.quilt import continue_right, join_of, smoothed, strewn
+from anyprobe.detail.angles import angles_from
+from anyprobe.detail.noise import along_rows, of_patch
+from anyprobe.detail.spread import spread
 from anyprobe.match.plate import DrawnPlate
 
 CONTINUED_FLOOR = 0.02
 """Radiance added before its logarithm."""
 LEAST_WIDTH = 0.45
-"""Smallest width of a row in the photo, as a share of the widest, that is continued."""
-LEAST_KNOWN = 0.7
-"""Smallest seen share of a column that is continued."""
-SEAM_DEG = 4.0
-"""Width [degrees] over which two pieces are mixed."""
-MEET_DEG = 10.0
-"""The same width behind the camera, where left and right meet."""
-SOFT_DEG = (0.0, 0.8, 2.5, 6.0)
-"""Standard deviations [degrees] of blurs along rows."""
-SOFT_AT_DEG = (4.0, 25.0, 60.0, 130.0)
-"""Azimuths [degrees] from the photo's border at which each blur is reached."""
-EDGE_SOFT_DEG, EDGE_SOFT_AT_DEG = (0.5, 3.0, 10.0, 40.0), (0.0, 4.0, 14.0, 40.0)
-"""The same above and below the photo, by elevation from its border."""
-ABOVE_DEG = 4.0
-"""Elevation [degrees] above the photo over which its mirrored upper rows decay to their mean by a factor e."""
-EDGE_DEG = 1.5
-"""Height [degrees] of the band at its border whose mean continues."""
+"""Smallest width of a row in the photo, as a share of the widest, from which texture is taken."""
+LEAST_CLEAR = 0.02
+"""Smallest share of the panorama that must be seen."""
+FADE_DEG = 3.0
+"""Elevation [degrees] above the photo over which its rows' texture fades by a factor e."""
+PLANE = 0.8, 0.4
+"""Elevations, in that of the photo's lowest row, between which the ground's texture replaces that of rows."""
 HORIZON_DEG = -6.0
 """Elevation [degrees] below which rows are ground."""
-POLE_DEG = (55.0, 84.0)
-"""Elevations [degrees] between which all azimuths merge into one."""
-GROUND_PX, GROUND_REACH = 384, 1.25
+EDGE_DEG = 2.0
+"""Height [degrees] of the band at the photo's border whose mean prolongs a column."""
+TALL = 0.85
+"""Smallest height of a column, in that of the tallest, that is prolonged."""
+PROLONGED = 0.4
+"""Weight of what is prolonged."""
+MERGED_DEG = 25.0
+"""Elevation [degrees] above or below the photo at which all azimuths have merged."""
+POLE_DEG = (50.0, 80.0)
+"""Elevations [degrees] between which all azimuths merge into one, and the ground's texture fades."""
+GROUND_PX, GROUND_REACH = 512, 1.25
 """Side of the ground's picture seen from above, and half of it in radii of the circle outside the photo."""
-GRAIN, HUELESS = 0.75, 0.5
-"""Contrast of that texture relative to the seen one, and share of its colour that it loses."""
-BLOCK = 0.45
-"""Side of the ground texture's blocks, in the same radii."""
+GRAIN, HUELESS = 0.8, 0.5
+"""Contrast of textures relative to the seen one, and share of their colour that they lose."""
+MOST_GRAIN = 0.25
+"""Largest standard deviation of ln radiance of a texture; a stronger pattern is not noise."""
+EVEN, EVEN_GROUND = (0.6, 0.8), (0.4, 0.7)
+"""Median absolute fine detail over its deviation, 1 for Gaussian noise, between which rows and ground are textures."""
+DEPTH_DEG = 4.0
+"""Distance [degrees] into the object's place over which the texture of patches gives way to noise by a factor e."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Continued:
-    """Continuation: ln [R, 2R, 3] of radiance + CONTINUED_FLOOR, and elevation [degrees] of the photo's top row."""
+    """Continuation: ln [R, 2R, 3] of radiance + CONTINUED_FLOOR, and elevation [degrees] of the photo's top row.
+
+    within: ln of the photo with its object's place filled anew.
+    """
 
     ln: np.ndarray
+    within: np.ndarray
     top: float
 
 
@@ -60,155 +69,130 @@ def continue_around(seen: DrawnPlate) -> Continued | None:
     """Continue what a level panorama shows; None where it shows too little."""
     rows = len(seen.margin)
     per_deg = rows / 180.0
-    known = seen.margin > 0.0
-    widths = known.sum(axis=1)
+    inside = seen.margin > 0.0
+    clear = np.where(inside, np.clip(1.0 - 1.5 * seen.filled, 0.0, 1.0), 0.0).astype(np.float32)
+    widths = inside.sum(axis=1)
     used = np.flatnonzero(widths >= max(LEAST_WIDTH * widths.max(), 6))
-    if len(used) < 4:
+    if len(used) < 4 or clear.sum() < LEAST_CLEAR * inside.sum():
         return None
     first, last = int(used[0]), int(used[-1])
-    band = slice(first, last + 1)
-    columns = np.flatnonzero(known[band].mean(axis=0) >= LEAST_KNOWN)
-    if len(columns) < 6:
-        return None
-    ring = _sideways(seen, band, int(columns[0]), int(columns[-1]), per_deg)
     elevation = 90.0 - (np.arange(rows) + 0.5) / per_deg
-    whole = _upright(ring, first, last, elevation, per_deg)
-    high = np.clip((np.abs(elevation) - POLE_DEG[0]) / (POLE_DEG[1] - POLE_DEG[0]), 0.0, 1.0)[:, None, None]
-    for beyond in (slice(0, first), slice(last + 1, rows)):
-        whole[beyond] += high[beyond] * (whole[beyond].mean(axis=1, keepdims=True) - whole[beyond])
+    ln = np.log(seen.radiance + CONTINUED_FLOOR)
+    base = spread(*_prolonged(ln, clear, inside, per_deg))
+    mean = (ln * clear[..., None]).sum(axis=1) / np.maximum(clear.sum(axis=1), 1e-3)[:, None]
+    texture = _calmer((ln - mean[:, None]) * clear[..., None], (ln - base) * clear[..., None], clear, EVEN)
+    grain = along_rows(texture, clear, seed=1)
+    row = np.arange(rows)
+    beyond = np.maximum(np.maximum(first - row, row - last), 0)
+    mirrored = np.clip(np.where(row < first, 2 * first - row, np.where(row > last, 2 * last - row, row)), first, last)
+    grain = grain[mirrored] * np.exp(-beyond / per_deg / FADE_DEG).astype(np.float32)[:, None, None]
     if elevation[last] < HORIZON_DEG:
-        _lay_ground(whole, last, slice(int(columns[0]), int(columns[-1]) + 1), elevation)
-    return Continued(ln=whole, top=float(elevation[first]))
+        columns = np.flatnonzero(inside[first : last + 1].any(axis=0))
+        _lay_ground(grain, (ln - base) * clear[..., None], clear, last, (int(columns[0]), int(columns[-1])), elevation)
+    high = np.clip((np.abs(elevation) - POLE_DEG[0]) / (POLE_DEG[1] - POLE_DEG[0]), 0.0, 1.0)
+    merged = np.maximum(high, np.clip(beyond / per_deg / MERGED_DEG, 0.0, 1.0))[:, None, None]
+    merged = (merged * merged * (3 - 2 * merged)).astype(np.float32)
+    high = high[:, None, None].astype(np.float32)
+    around = base + merged * (base.mean(axis=1, keepdims=True) - base) + (1 - high) * grain
+    near = np.exp(-angles_from(clear) / DEPTH_DEG)[..., None].astype(np.float32)
+    patches = ln - spread(ln, inside.astype(np.float32))
+    behind = around + near * (base + patches - around)
+    within = ln + (1 - clear[..., None]) * (behind - ln)
+    return Continued(ln=around, within=within, top=float(elevation[first]))
 
 
-def _sideways(seen: DrawnPlate, band: slice, left: int, right: int, per_deg: float) -> np.ndarray:
-    """Continue a band's rows, seen from column left to right, all around: [H, 2R, 3]; seen pixels stay."""
-    known = seen.margin[band] > 0.0
-    ln = np.log(seen.radiance[band] + CONTINUED_FLOOR)
-    width = ln.shape[1]
-    column = np.arange(width)
-    nearest = _nearest_known(known)
-    rows = np.arange(len(ln))[:, None]
-    source = ln[rows, nearest[:, left : right + 1]]
-    filled = np.where(known, seen.filled[band], 1.0)[:, left : right + 1]
-    after, before = (column - right) % width, (left - column) % width
-    meet, join = MEET_DEG * per_deg, join_of(right - left + 1)
-    length = int((width - (right - left)) / 2 + meet)
-    to_right = continue_right(source, filled, length, seed=1)
-    to_left = continue_right(source[:, ::-1], filled[:, ::-1], length, seed=2)
-    share = np.clip(0.5 + (before - after) / (2 * meet), 0.0, 1.0).astype(np.float32)[None, :, None]
-    inside = (column >= left) & (column <= right)
-    around = np.empty_like(ln)
-    around[:, left : right + 1] = source
-    around[:, right + 1 - join : right + 1] = to_right[:, :join]
-    around[:, left : left + join] = to_left[:, join - 1 :: -1]
-    around[:, ~inside] = (
-        share * to_right[:, np.clip(join + after - 1, 0, join + length - 1)]
-        + (1 - share) * to_left[:, np.clip(join + before - 1, 0, join + length - 1)]
-    )[:, ~inside]
-    distance = np.where(inside, 0, np.minimum(after, before)) / per_deg
-    around = _softer_upright(_softer(around, distance, per_deg), distance, per_deg)
-    own = np.clip(_from_border(known) / (SEAM_DEG * per_deg), 0.0, 1.0)[..., None]
-    return own * ln + (1 - own) * around
+def _prolonged(ln: np.ndarray, clear: np.ndarray, inside: np.ndarray, per_deg: float) -> tuple[np.ndarray, np.ndarray]:
+    """Prolong columns up and down by the mean of their borders, where these are the photo's, not the object's."""
+    rows = len(ln)
+    row = np.arange(rows)[:, None]
+    edge = max(2, round(EDGE_DEG * per_deg))
+    tall = inside.sum(axis=0)
+    is_whole = tall > TALL * tall.max()
+    sums = np.cumsum(np.concatenate([ln * clear[..., None], clear[..., None]], axis=-1), axis=0)
+    column = np.arange(ln.shape[1])
+    values, weight = ln, clear
+    top, bottom = inside.argmax(axis=0), rows - 1 - inside[::-1].argmax(axis=0)
+    for first, beyond in ((top, row < top), (bottom - edge, row > bottom)):
+        last = np.clip(first + edge, 0, rows - 1)
+        total = sums[last, column] - sums[np.clip(first, 0, rows - 1), column]
+        seen = is_whole & (total[:, -1] > 0.7 * edge)
+        total = np.stack([_along(one, 2 * edge) for one in (total * seen[:, None]).T], axis=-1)
+        mean = total[:, :-1] / np.maximum(total[:, -1:], 1e-3)
+        values = np.where(beyond[..., None], mean[None], values)
+        weight = np.where(beyond, PROLONGED * seen, weight)
+    return values.astype(np.float32), weight.astype(np.float32)
 
 
-def _nearest_known(known: np.ndarray) -> np.ndarray:
-    """Return the column [H, W] of the nearest known pixel of each row; rows without any have their own columns."""
-    column = np.broadcast_to(np.arange(known.shape[1]), known.shape)
-    left = known.argmax(axis=1)[:, None]
-    right = known.shape[1] - 1 - known[:, ::-1].argmax(axis=1)[:, None]
-    return np.where(np.any(known, axis=1, keepdims=True), np.clip(column, left, right), column)
+def _calmer(texture: np.ndarray, fine: np.ndarray, weight: np.ndarray, even: tuple[float, float]) -> np.ndarray:
+    """Return a texture [H, W, 3] of GRAIN of its contrast and of less colour.
 
-
-def _softer(ring: np.ndarray, distance: np.ndarray, per_deg: float) -> np.ndarray:
-    """Blur rows [H, W, 3] along themselves, more with their distance [W] from what is seen."""
-    level = np.interp(distance, SOFT_AT_DEG, np.arange(len(SOFT_DEG)))[None, :, None]
-    return _between_blurs(ring, SOFT_DEG, level, per_deg)
-
-
-def _softer_upright(ring: np.ndarray, distance: np.ndarray, per_deg: float) -> np.ndarray:
-    """Blur columns too, half as much; beyond the upper and lower border by their mirror images."""
-    level = np.interp(distance, SOFT_AT_DEG, np.arange(len(SOFT_DEG)))[:, None, None]
-    tall = np.concatenate([ring, ring[::-1]]).transpose(1, 0, 2)
-    sigmas = tuple(sigma / 2 for sigma in SOFT_DEG)
-    return _between_blurs(tall, sigmas, level, per_deg)[:, : len(ring)].transpose(1, 0, 2)
-
-
-def _between_blurs(rows: np.ndarray, sigmas_deg: tuple[float, ...], level: np.ndarray, per_deg: float) -> np.ndarray:
-    """Blur rows [H, W, 3] along themselves by the deviations at a fractional level, an index into them."""
-    width = rows.shape[1]
-    waves = np.fft.rfft(rows, axis=1)
-    frequency = np.arange(waves.shape[1]) * 2 * np.pi / width
-    result = np.zeros(1, np.float32)
-    for k, sigma in enumerate(sigmas_deg):
-        kernel = np.exp(-0.5 * (frequency * sigma * per_deg) ** 2)[None, :, None]
-        blurred = np.fft.irfft(waves * kernel, n=width, axis=1).astype(np.float32) if sigma else rows
-        result = result + np.clip(1 - np.abs(level - k), 0.0, 1.0).astype(np.float32) * blurred
-    return result
-
-
-def _from_border(band: np.ndarray) -> np.ndarray:
-    """Return the distance [H, W] in pixels to the nearest unseen column of the row, zero where unseen."""
-    width = band.shape[1]
-    column = np.arange(width)
-    left, right = band.argmax(axis=1)[:, None], (width - 1 - band[:, ::-1].argmax(axis=1))[:, None]
-    return np.maximum(np.minimum(column - left, right - column), 0).astype(np.float32)
-
-
-def _upright(ring: np.ndarray, first: int, last: int, elevation: np.ndarray, per_deg: float) -> np.ndarray:
-    """Extend rows first to last to all rows [R, 2R, 3]."""
-    rows = len(elevation)
-    whole = np.empty((rows, *ring.shape[1:]), np.float32)
-    whole[first : last + 1] = ring
-    edge = max(2, min(round(EDGE_DEG * per_deg), len(ring) // 3))
-    reach = len(ring) // 2
-    for target, near in ((np.arange(first), ring), (np.arange(last + 1, rows), ring[::-1])):
-        distance = np.abs(target - (first if near is ring else last))
-        mirrored = near[np.minimum(distance, reach)]
-        fade = np.exp(-distance / (ABOVE_DEG * per_deg))[:, None, None].astype(np.float32)
-        mean = near[:edge].mean(axis=0, keepdims=True)
-        level = np.interp(distance / per_deg, EDGE_SOFT_AT_DEG, np.arange(len(EDGE_SOFT_DEG)))[:, None, None]
-        whole[target] = _between_blurs(mean + fade * (mirrored - mean), EDGE_SOFT_DEG, level, per_deg)
-    return whole
-
-
-def _lay_ground(whole: np.ndarray, last: int, columns: slice, elevation: np.ndarray) -> None:
-    """Give rows below the last one the texture of the plane under the camera; modifies whole.
-
-    The texture is the difference of the seen columns' lowest rows from their smooth colours, seen from above, in blocks
-    scattered over the circle.
+    Rows in whose fine part a few places differ much from a calm rest have edges of things, no texture: they fade.
+    even: median absolute fine detail over its deviation as of Gaussian noise, between which rows are texture.
     """
-    rows, width = whole.shape[:2]
-    seam = max(1, round(SEAM_DEG * rows / 180.0))
+    grey = texture.mean(axis=-1, keepdims=True)
+    texture = texture + HUELESS * (grey - texture)
+    reach = max(1, len(texture) // 60)
+    known = weight > 0.5
+    count = np.maximum(known.sum(axis=1), 1)
+    fine = np.where(known, np.abs(fine.mean(axis=-1)), np.inf)
+    typical = np.sort(fine, axis=1)[np.arange(len(fine)), count // 2] / 0.6745
+    deviation = np.sqrt((np.where(known, fine, 0.0) ** 2).sum(axis=1) / count)
+    ratio = np.where(np.isfinite(typical), typical, 0.0) / np.maximum(deviation, 1e-6)
+    share = _along(np.clip((ratio - even[0]) / (even[1] - even[0]), 0.0, 1.0), reach)
+    whole = np.sqrt(_along((grey[..., 0] ** 2 * weight).sum(axis=1), reach) / _along(count, reach))
+    gain = GRAIN * share / np.sqrt(1 + (GRAIN * whole / MOST_GRAIN) ** 2)
+    return texture * gain[:, None, None].astype(np.float32)
+
+
+def _along(values: np.ndarray, reach: int) -> np.ndarray:
+    """Average values [N] over 2 reach + 1 of them."""
+    padded = np.pad(values, reach, mode="edge")
+    return np.convolve(padded, np.ones(2 * reach + 1) / (2 * reach + 1), mode="valid")
+
+
+def _lay_ground(
+    grain: np.ndarray,
+    texture: np.ndarray,
+    clear: np.ndarray,
+    last: int,
+    columns: tuple[int, int],
+    elevation: np.ndarray,
+) -> None:
+    """Give rows below the last one the texture of the plane under the camera; modifies grain.
+
+    texture: [R, 2R, 3] of what is seen, zero elsewhere. columns: first and last of the photo.
+    """
+    rows, width = grain.shape[:2]
     near = 1 / np.tan(np.radians(-elevation[last]))  # the circle's radius over the camera's height
     scale = GROUND_PX / (2 * GROUND_REACH * near)  # pixels to the camera's height
-    side = max(8, round(BLOCK * near * scale) // 2 * 2)
-    wide = near * np.sin(min((columns.stop - columns.start) * np.pi / width, 1.2))
-    across = np.arange(max(side, round(2 * wide * scale)) + 1) / scale
-    along = np.arange(round(1.6 * side) + 1) / scale
+    wide = near * np.sin(min((columns[1] + 1 - columns[0]) * np.pi / width, 1.2))
+    across = np.arange(max(8, round(2 * wide * scale))) / scale
+    along = np.arange(GROUND_PX // 3) / scale
     x, z = np.meshgrid(across - across[-1] / 2, -near - along[::-1])
     row = (90.0 + np.degrees(np.arctan2(1.0, np.hypot(x, z)))) / 180.0 * rows - 0.5
-    column = ((columns.start + columns.stop) / 2 / width + np.arctan2(x, -z) / (2 * np.pi)) * width - 0.5
-    seen = _between(whole, column, np.minimum(row, last), wraps=True)
-    grain = GRAIN * (seen - smoothed(seen, side // 4))
-    texture = strewn(grain + HUELESS * (grain.mean(axis=-1, keepdims=True) - grain), side, GROUND_PX, seed=3)
-    d = pixel_directions(rows)[last - seam :]
-    plane = d[..., [0, 2]] / np.maximum(-d[..., 1:2], 1e-3)
-    place = (plane * scale + GROUND_PX / 2) - 0.5
-    laid = _between(texture, place[..., 0], np.clip(place[..., 1], 0, GROUND_PX - 1.001), wraps=False)
-    share = np.clip(np.arange(len(d)) / (2 * seam), 0.0, 1.0)[:, None, None].astype(np.float32)
-    whole[last - seam :] += share * laid
+    column = ((columns[0] + columns[1] + 1) / 2 / width + np.arctan2(x, -z) / (2 * np.pi)) * width - 0.5
+    patch = _between(np.dstack([texture, clear]), column, np.minimum(row, last))
+    patch, weight = patch[..., :3], patch[..., 3]
+    if weight.sum() < 32:
+        return
+    patch = patch.reshape(1, -1, 3)
+    flat = _calmer(patch, patch, weight.reshape(1, -1), EVEN_GROUND).reshape(*weight.shape, 3)
+    plane = of_patch(flat, weight, GROUND_PX, seed=3)
+    start = int(np.searchsorted(-elevation, -PLANE[1] * elevation[last]))
+    d = pixel_directions(rows)[start:]
+    place = d[..., [0, 2]] / np.maximum(-d[..., 1:2], 1e-3) * scale
+    laid = _between(plane, place[..., 0] % GROUND_PX, place[..., 1] % GROUND_PX)
+    share = (elevation[start:] / elevation[last] - PLANE[1]) / (PLANE[0] - PLANE[1])
+    share = np.clip(share, 0.0, 1.0)[:, None, None].astype(np.float32)
+    grain[start:] = np.sqrt(share) * laid + np.sqrt(1 - share) * grain[start:]
 
 
-def _between(picture: np.ndarray, column: np.ndarray, row: np.ndarray, *, wraps: bool) -> np.ndarray:
-    """Interpolate a picture [H, W, C] at fractional pixels, [..., C]."""
+def _between(picture: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """Interpolate a picture [H, W, C] at fractional pixels, [..., C]; both wrap."""
     height, width = picture.shape[:2]
-    row = np.clip(row, 0, height - 1.001)
-    if not wraps:
-        column = np.clip(column, 0, width - 1.001)
     left, top = np.floor(column), np.floor(row)
     fx, fy = ((at - low)[..., None].astype(np.float32) for at, low in ((column, left), (row, top)))
-    left, top = left.astype(int) % width, top.astype(int)
-    right, below = (left + 1) % width, top + 1
+    left, top = left.astype(int) % width, top.astype(int) % height
+    right, below = (left + 1) % width, (top + 1) % height
     upper = picture[top, left] * (1 - fx) + picture[top, right] * fx
     return upper * (1 - fy) + (picture[below, left] * (1 - fx) + picture[below, right] * fx) * fy
