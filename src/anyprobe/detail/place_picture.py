@@ -137,14 +137,15 @@ def _place(
     """Return the picture without sources, the share of it that is the photo's [R, 2R, 1], and the origin of each
     pixel."""
     nothing = np.zeros((rows, 2 * rows, 1), np.float32)
-    shows = seen is not None and bool((seen.margin > 0).any())
-    around = continue_around(seen) if shows else None
+    if seen is not None and not (seen.margin > 0).any():
+        seen = None
+    around = None if seen is None else continue_around(seen)
     floor_deg = FLOOR_DEG if around is None else float(np.clip(around.top + OVER_DEG, FLOOR_DEG, -OVER_DEG))
     outdoors = kind == OUTDOORS
     drawn, ground = as_place(blur_cosine_power(reduced(rest, MAP_HEIGHT), WALLS), rows, outdoors, floor_deg)
     if kind is None:
         drawn = enlarged(rest, rows)
-    if not shows:
+    if seen is None:
         return drawn, nothing, np.concatenate([nothing, nothing + 1 - is_detailed, nothing + is_detailed], axis=-1)
     within = np.clip(seen.margin / EDGE_DEG, 0.0, 1.0)[..., None].astype(np.float32)
     within = within * within * (3 - 2 * within)

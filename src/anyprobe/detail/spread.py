@@ -20,28 +20,27 @@ def spread(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Spread values [R, 2R, C] from where their weights [R, 2R] in [0, 1] are: [R, 2R, C], smooth everywhere."""
     rows = len(values)
     layers = [np.concatenate([values * weight[..., None], weight[..., None]], axis=-1).astype(np.float32)]
-    halved = []
-    while layers[-1].shape[0] > 1 or layers[-1].shape[1] > 1:
-        level, now = len(halved), layers[-1]
-        across = now.shape[1] > 1
-        down = now.shape[0] > 1 and (not across or level % ACROSS == ACROSS - 1)
-        now = _halved(now, across=across, down=down)
+    halved: list[tuple[bool, bool]] = []
+    while max(layers[-1].shape[:2]) > 1:
+        height, width = layers[-1].shape[:2]
+        across = width > 1
+        down = height > 1 and (not across or len(halved) % ACROSS == ACROSS - 1)
         halved.append((across, down))
-        layers.append(now)
+        layers.append(_halved(layers[-1], across=across, down=down))
     finest = max(0, round(np.log2(FINEST_DEG * rows / 180.0)))
-    filled = None
-    for level in range(len(layers) - 1, -1, -1):
-        layer = layers[level]
-        own = layer[..., :-1] / np.maximum(layer[..., -1:], 1e-6)
-        if filled is None:
-            filled = own
-            continue
+    filled = _mean(layers.pop())
+    for level in range(len(halved) - 1, -1, -1):
         across, down = halved[level]
         filled = _doubled(filled, across=across, down=down)
         if level >= finest:
-            share = np.clip(layer[..., -1:] / FULL, 0.0, 1.0)
-            filled = filled + share * (own - filled)
+            share = np.clip(layers[level][..., -1:] / FULL, 0.0, 1.0)
+            filled = filled + share * (_mean(layers[level]) - filled)
     return filled
+
+
+def _mean(layer: np.ndarray) -> np.ndarray:
+    """Return the weighted means [H, W, C] of a layer [H, W, C + 1]."""
+    return layer[..., :-1] / np.maximum(layer[..., -1:], 1e-6)
 
 
 def _halved(layer: np.ndarray, *, across: bool, down: bool) -> np.ndarray:
