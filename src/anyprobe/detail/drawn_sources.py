@@ -86,7 +86,7 @@ def _sharpened(source: LightSource, estimate: np.ndarray) -> LightSource:
     return replace(source, direction=direction, radius_deg=min(radius_deg, source.radius_deg))
 
 
-def draw_sources(sources: Sequence[LightSource], cover: np.ndarray, picture: np.ndarray) -> np.ndarray:
+def draw_lights(sources: Sequence[LightSource], cover: np.ndarray, picture: np.ndarray) -> np.ndarray:
     """Draw light sources [R, 2R, 3], each with its whole irradiance.
 
     cover: [R, 2R, 1] share of the picture [R, 2R, 3] that is seen, where only clipped pixels are sources.

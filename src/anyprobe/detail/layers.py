@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
-from anyprobe.detail.matched_light import enlarged
+from anyprobe.detail.matched_light import enlarged_map
 from anyprobe.light.environment import MAP_HEIGHT
 
 ROOM, OUTDOORS = "room", "outdoors"
@@ -34,7 +34,7 @@ def as_place(
     """
     d = pixel_directions(rows)
     toward, ground = _beside_horizon(d) if outdoors else _in_room(d, floor_deg, np.pi / rows)
-    drawn = bilinear(enlarged(radiance, 2 * MAP_HEIGHT), direction_to_uv(toward).astype(np.float32))
+    drawn = bilinear(enlarged_map(radiance, 2 * MAP_HEIGHT), direction_to_uv(toward).astype(np.float32))
     return drawn.astype(np.float32), ground.astype(np.float32)
 
 

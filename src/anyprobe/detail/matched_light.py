@@ -25,11 +25,11 @@ def with_moments(free: np.ndarray, fixed: np.ndarray, goal: np.ndarray, strength
     small, held = (reduced(one, MAP_HEIGHT).astype(np.float64) for one in (free, fixed))
     force = reduced(strength, MAP_HEIGHT)[..., 0].reshape(-1).astype(np.float64)
     gain = _gain(small, goal - project(held.astype(np.float32)), force)
-    changed = free * enlarged(gain.astype(np.float32), len(free))
+    changed = free * enlarged_map(gain.astype(np.float32), len(free))
     return fixed + changed * _residual(changed, goal - project(fixed + changed), force)
 
 
-def enlarged(values: np.ndarray, rows: int) -> np.ndarray:
+def enlarged_map(values: np.ndarray, rows: int) -> np.ndarray:
     """Resize a map [h, 2h, C] to `rows` rows, more (smoothly) or fewer."""
     if len(values) >= rows:
         return reduced(values, rows)
@@ -58,7 +58,7 @@ def _residual(light: np.ndarray, lack: np.ndarray, force: np.ndarray) -> np.ndar
         gram = (y * (force * small[..., k].reshape(-1) * areas)[:, None]).T @ y
         step = np.linalg.solve(gram + (1e-6 * np.trace(gram) + 1e-9) * np.eye(9), lack[:, k])
         factor[:, k] = 1.0 + np.clip(force * (y @ step), -0.5, 0.5)
-    return enlarged(factor.reshape(small.shape).astype(np.float32), len(light))
+    return enlarged_map(factor.reshape(small.shape).astype(np.float32), len(light))
 
 
 @lru_cache(maxsize=1)

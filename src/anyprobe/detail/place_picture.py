@@ -19,9 +19,9 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from anyprobe.detail.angles import angles_from
 from anyprobe.detail.continued import CONTINUED_FLOOR, continue_around
-from anyprobe.detail.drawn_sources import SOFT, draw_sources, take_sources
+from anyprobe.detail.drawn_sources import SOFT, draw_lights, take_sources
 from anyprobe.detail.layers import FLOOR_DEG, OUTDOORS, as_place
-from anyprobe.detail.matched_light import enlarged, with_moments
+from anyprobe.detail.matched_light import enlarged_map, with_moments
 from anyprobe.errors import InputError, OutputError
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.light.filtering import blur_cosine_power
@@ -123,7 +123,7 @@ def compose(
     sources, rest = ((), estimate) if is_detailed else take_sources(estimate)
     seen = None if plate is None else seen_in(plate, frame_from_camera, rows)
     picture, cover, origin = _place(rest, seen, rows, kind, is_detailed)
-    fixed = picture * cover + draw_sources(sources, cover, picture)
+    fixed = picture * cover + draw_lights(sources, cover, picture)
     free = picture * (1 - cover)
     angle = angles_from(cover[..., 0])
     strength = 1.0 - np.exp(-((angle / NEAR_GAIN_DEG) ** 2)) if cover.any() else np.ones_like(angle)
@@ -144,7 +144,7 @@ def _place(
     outdoors = kind == OUTDOORS
     drawn, ground = as_place(blur_cosine_power(reduced(rest, MAP_HEIGHT), WALLS), rows, outdoors, floor_deg)
     if kind is None:
-        drawn = enlarged(rest, rows)
+        drawn = enlarged_map(rest, rows)
     if seen is None:
         return drawn, nothing, np.concatenate([nothing, nothing + 1 - is_detailed, nothing + is_detailed], axis=-1)
     within = np.clip(seen.margin / EDGE_DEG, 0.0, 1.0)[..., None].astype(np.float32)
@@ -153,7 +153,7 @@ def _place(
         picture = drawn + within * (seen.radiance - drawn)
         return picture, within, np.concatenate([within, 1 - within, nothing], axis=-1)
     ln, ln_drawn = around.ln, np.log(drawn + CONTINUED_FLOOR)
-    soft, goal = (enlarged(blur_cosine_power(reduced(one, MAP_HEIGHT), SOFT), rows) for one in (ln, ln_drawn))
+    soft, goal = (enlarged_map(blur_cosine_power(reduced(one, MAP_HEIGHT), SOFT), rows) for one in (ln, ln_drawn))
     angle = angles_from(within[..., 0])
     up = np.maximum(np.degrees(np.arcsin(pixel_directions(rows)[..., 1])) - around.top, 0.0)
     if around.top < 0:
