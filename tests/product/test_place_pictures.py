@@ -13,7 +13,7 @@ import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import inverse_response, response
-from anyprobe.detail.layers import OUTDOORS, ROOM
+from anyprobe.detail.layers import OPEN_AIR, INDOORS
 from anyprobe.detail.noise import along_rows, of_patch
 from anyprobe.detail.place_picture import compose
 from anyprobe.detail.spread import spread
@@ -202,7 +202,7 @@ def test_nothing_of_the_photo_is_repeated_around_the_horizon():
     photo, mask = photo_of(place_map()), np.zeros((150, 200), np.float32)
     mask[50:110, 80:120] = 1.0
     photo[30:120, 150:160] = [0.9, 0.1, 0.1]
-    picture, _ = compose(place_map(), keep_plate(photo, mask, FOV), np.eye(3), 256, kind=OUTDOORS)
+    picture, _ = compose(place_map(), keep_plate(photo, mask, FOV), np.eye(3), 256, kind=OPEN_AIR)
     shown = response(picture)
     red = (shown[..., 0] - shown[..., 1:].max(axis=-1))[115:140].max(axis=0) > 0.25
     column = np.flatnonzero(red)
@@ -215,12 +215,12 @@ def test_a_guess_is_drawn_as_a_place():
     up = pixel_directions(64)[..., 1:2]
     smooth = (0.35 + 0.25 * np.tanh(2 * up) * np.array([0.5, 0.7, 1.0])).astype(np.float32)
     steps = {}
-    for kind in (None, ROOM, OUTDOORS):
+    for kind in (None, INDOORS, OPEN_AIR):
         picture, origin = compose(smooth, None, np.eye(3), 128, kind=kind)
         steps[kind] = np.abs(np.diff(picture, axis=0)).max()
         assert np.linalg.norm(project(picture) - project(smooth)) < 0.01 * np.linalg.norm(project(smooth))
         assert origin[..., 1].min() == 1.0
-    assert min(steps[ROOM], steps[OUTDOORS]) > 2 * steps[None]
+    assert min(steps[INDOORS], steps[OPEN_AIR]) > 2 * steps[None]
 
 
 @pytest.mark.parametrize(("fov", "rows"), [(3.0, 512), (9.0, 512), (10.0, 64), (60.0, 64)])

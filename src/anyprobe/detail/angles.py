@@ -7,14 +7,14 @@ import numpy as np
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.light.environment import reduced
 
-ROWS = 64
+ANGLE_ROWS = 64
 """Rows at which angles are measured."""
 
 
 def angles_from(cover: np.ndarray) -> np.ndarray:
     """Return the angle [degrees, R, 2R] to the nearest direction that is covered [R, 2R]; 180 where none is."""
     rows = len(cover)
-    small = reduced(cover[..., None].astype(np.float32), ROWS)[..., 0]
+    small = reduced(cover[..., None].astype(np.float32), ANGLE_ROWS)[..., 0]
     if not cover.any():
         return np.full(cover.shape, 180.0, np.float32)
     covered = small > min(0.5, 0.9 * float(small.max()))

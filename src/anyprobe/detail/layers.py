@@ -12,7 +12,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.detail.matched_light import enlarged_map
 from anyprobe.light.environment import MAP_HEIGHT
 
-ROOM, OUTDOORS = "room", "outdoors"
+INDOORS, OPEN_AIR = "indoors", "outdoors"
 """Kinds of places."""
 CEILING_DEG, FLOOR_DEG = 44.0, -24.0
 """Elevations [degrees] of the edges of ceiling and floor, at the middles of the walls."""

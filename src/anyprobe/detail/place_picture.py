@@ -20,7 +20,7 @@ from anyprobe.core.response import response
 from anyprobe.detail.angles import angles_from
 from anyprobe.detail.continued import CONTINUED_FLOOR, continue_around
 from anyprobe.detail.drawn_sources import SOFT, draw_lights, take_sources
-from anyprobe.detail.layers import FLOOR_DEG, OUTDOORS, as_place
+from anyprobe.detail.layers import FLOOR_DEG, OPEN_AIR, as_place
 from anyprobe.detail.matched_light import enlarged_map, with_moments
 from anyprobe.errors import InputError, OutputError
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
@@ -118,7 +118,7 @@ def compose(
         plate: the photo without its object; None where it shows nothing but the object.
         frame_from_camera: [3, 3].
         is_detailed: whether the estimate has plausible detail, which then surrounds what is seen, sources included.
-        kind: as which place a smooth estimate is drawn, layers.ROOM or OUTDOORS; None: the map as it is.
+        kind: as which place a smooth estimate is drawn, layers.INDOORS or OPEN_AIR; None: the map as it is.
     """
     sources, rest = ((), estimate) if is_detailed else take_sources(estimate)
     seen = None if plate is None else seen_in(plate, frame_from_camera, rows)
@@ -141,7 +141,7 @@ def _place(
         seen = None
     around = None if seen is None else continue_around(seen)
     floor_deg = FLOOR_DEG if around is None else float(np.clip(around.top + OVER_DEG, FLOOR_DEG, -OVER_DEG))
-    outdoors = kind == OUTDOORS
+    outdoors = kind == OPEN_AIR
     drawn, ground = as_place(blur_cosine_power(reduced(rest, MAP_HEIGHT), WALLS), rows, outdoors, floor_deg)
     if kind is None:
         drawn = enlarged_map(rest, rows)

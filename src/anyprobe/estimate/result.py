@@ -15,7 +15,7 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import is_rotation
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
-from anyprobe.detail.layers import OUTDOORS, ROOM
+from anyprobe.detail.layers import OPEN_AIR, INDOORS
 from anyprobe.detail.place_picture import DRAWN_ROWS, Panorama, check_panorama_rows, compose, in_frame
 from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.ground import Ground
@@ -249,7 +249,7 @@ class Light:
         known = hints.get("above_white") or (hints.get("surroundings") or 0.0) > KNOWN
         if self.expected is None or self.origin.detail is not None or known:
             return None
-        return OUTDOORS if photo_outdoors(self.plate, self.warnings) else ROOM
+        return OPEN_AIR if photo_outdoors(self.plate, self.warnings) else INDOORS
 
     def _panorama_frame(self, frame: str) -> tuple[bool, np.ndarray]:
         """Return whether a panorama is level, and the rotation [3, 3] from this map's frame to its own."""
