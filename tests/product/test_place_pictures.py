@@ -13,7 +13,7 @@ import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import inverse_response, response
-from anyprobe.detail.layers import OPEN_AIR, INDOORS
+from anyprobe.detail.layers import INDOORS, OPEN_AIR
 from anyprobe.detail.noise import along_rows, of_patch
 from anyprobe.detail.place_picture import compose
 from anyprobe.detail.spread import spread

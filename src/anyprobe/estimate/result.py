@@ -15,7 +15,7 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import is_rotation
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
-from anyprobe.detail.layers import OPEN_AIR, INDOORS
+from anyprobe.detail.layers import INDOORS, OPEN_AIR
 from anyprobe.detail.place_picture import DRAWN_ROWS, Panorama, check_panorama_rows, compose, in_frame
 from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.ground import Ground
