@@ -6,14 +6,22 @@ estimate, and their edges, which it blurs, are edges.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+from typing import Any
+
 import numpy as np
 
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.detail.matched_light import enlarged_map
 from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.match.kind import photo_outdoors
+from anyprobe.match.plate import Plate
+from anyprobe.notices import Notice
 
 INDOORS, OPEN_AIR = "indoors", "outdoors"
 """Kinds of places."""
+KNOWN = 0.25
+"""Share of all directions from which on a light counts as known."""
 CEILING_DEG, FLOOR_DEG = 44.0, -24.0
 """Elevations [degrees] of the edges of ceiling and floor, at the middles of the walls."""
 PULL = 0.3
@@ -23,6 +31,17 @@ HORIZON_PULL_DEG, HORIZON_REACH_DEG = 12.0, 25.0
 EDGE_DEG = 0.7
 """Width [degrees] of an edge."""
 _MIDDLES = np.concatenate([np.eye(3), -np.eye(3)]).astype(np.float32)
+
+
+def kind_of_place(hints: Mapping[str, Any] | None, plate: Plate | None, warnings: Iterable[Notice]) -> str | None:
+    """Return INDOORS or OPEN_AIR for a photo's light; None where it is known nearly all around, not guessed.
+
+    hints: estimate.sidecar.Origin.hints.
+    """
+    hints = hints or {}
+    if hints.get("above_white") or (hints.get("surroundings") or 0.0) > KNOWN:
+        return None
+    return OPEN_AIR if photo_outdoors(plate, warnings) else INDOORS
 
 
 def as_place(

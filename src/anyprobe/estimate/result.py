@@ -15,7 +15,7 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import is_rotation
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
-from anyprobe.detail.layers import INDOORS, OPEN_AIR
+from anyprobe.detail.layers import kind_of_place
 from anyprobe.detail.place_picture import DRAWN_ROWS, Panorama, check_panorama_rows, compose, in_frame
 from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.ground import Ground
@@ -43,8 +43,6 @@ if TYPE_CHECKING:
 
 LEVEL, CAMERA = FRAMES = ("level", "camera")
 """Frames of panoramas and exports."""
-KNOWN = 0.25
-"""Share of all directions from which on a light counts as known, not guessed."""
 MIRROR_ERROR_DEG = 180 / 64
 """A pixel of the map that a mirror is unwrapped to."""
 BEHIND = -0.5
@@ -235,21 +233,14 @@ class Light:
         is_level, turn = self._panorama_frame(frame)
         turned, from_camera = in_frame(self.radiance, turn), turn @ self.map_from_camera
         is_detailed = self.origin.detail is not None
-        radiance, origin = compose(turned, self.plate, from_camera, size, is_detailed=is_detailed, kind=self._kind)
+        is_guess = self.expected is not None and not is_detailed
+        kind = kind_of_place(self.origin.hints, self.plate, self.warnings) if is_guess else None
+        radiance, origin = compose(turned, self.plate, from_camera, size, is_detailed=is_detailed, kind=kind)
         said = {name: str(value) for name, value in frame_of(from_camera).items()}
         said |= {"model": self.origin.model or "", "scale": SCALE}
         return Panorama(
             radiance=radiance, origin=origin, frame_from_camera=from_camera, is_level=is_level, attributes=said
         )
-
-    @property
-    def _kind(self) -> str | None:
-        """As which kind of place a panorama draws the light; None where it is known, not guessed, nearly all around."""
-        hints = self.origin.hints or {}
-        known = hints.get("above_white") or (hints.get("surroundings") or 0.0) > KNOWN
-        if self.expected is None or self.origin.detail is not None or known:
-            return None
-        return OPEN_AIR if photo_outdoors(self.plate, self.warnings) else INDOORS
 
     def _panorama_frame(self, frame: str) -> tuple[bool, np.ndarray]:
         """Return whether a panorama is level, and the rotation [3, 3] from this map's frame to its own."""
