@@ -143,7 +143,7 @@ def _place(
     floor_deg = FLOOR_DEG if around is None else float(np.clip(around.top + OVER_DEG, FLOOR_DEG, -OVER_DEG))
     outdoors = kind == OPEN_AIR
     drawn, ground = as_place(blur_cosine_power(reduced(rest, MAP_HEIGHT), WALLS), rows, outdoors, floor_deg)
-    if kind is None:
+    if kind is None or is_detailed:
         drawn = enlarged_map(rest, rows)
     if seen is None:
         return drawn, nothing, np.concatenate([nothing, nothing + 1 - is_detailed, nothing + is_detailed], axis=-1)

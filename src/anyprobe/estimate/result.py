@@ -110,8 +110,7 @@ class Light:
 
     @classmethod
     def load(cls, path: str | Path) -> Light:
-        """Return a light that save wrote as .exr or .hdr: its map, how it was turned, and its info from the .json
-        beside it.
+        """Return a light that save wrote as .exr or .hdr: map, how it was turned, and info from the .json beside it.
 
         Of any other environment map with the front in its centre, the map alone. Per-pixel confidence and stages are
         in none of the files.
@@ -219,8 +218,7 @@ class Light:
     def panorama(self, size: int = DRAWN_ROWS, *, frame: str = LEVEL) -> Panorama:
         """Return one picture of the place, `size` x 2 `size`: the photo, continued all around under this light.
 
-        It shows what the photo shows at the photo's own resolution, without the object; ground, walls and sky go on
-        from there; light sources are round, of their own size. Its nine spherical harmonics are this light's.
+        It shows what the photo shows, without the object, and goes on from there; its harmonics are this light's.
 
         Args:
             size: rows, one of detail.place_picture.PANORAMA_SIZES.
@@ -232,12 +230,11 @@ class Light:
         check_panorama_rows(size)
         is_level, turn = self._panorama_frame(frame)
         turned, from_camera = in_frame(self.radiance, turn), turn @ self.map_from_camera
-        is_detailed = self.origin.detail is not None
-        is_guess = self.expected is not None and not is_detailed
+        is_detailed, is_guess = self.origin.detail is not None, self.expected is not None
         kind = kind_of_place(self.origin.hints, self.plate, self.warnings) if is_guess else None
         radiance, origin = compose(turned, self.plate, from_camera, size, is_detailed=is_detailed, kind=kind)
-        said = {name: str(value) for name, value in frame_of(from_camera).items()}
-        said |= {"model": self.origin.model or "", "scale": SCALE}
+        said = {key: str(value) for key, value in frame_of(from_camera).items()} | {"scale": SCALE}
+        said["model"] = self.origin.model or ""
         return Panorama(
             radiance=radiance, origin=origin, frame_from_camera=from_camera, is_level=is_level, attributes=said
         )
