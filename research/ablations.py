@@ -139,7 +139,7 @@ def train_run(
 ) -> None:
     """Train one, a quarter of an hour of a core; resumes."""
     if name not in ABLATIONS:
-        raise InputError(f"run {name!r}: expected one of {', '.join(ABLATIONS)}")
+        raise InputError(f"expected one of {', '.join(ABLATIONS)}", source=f"run {name!r}")
     typer.echo(train(ABLATIONS[name](), data=data, runs=runs))
 
 
@@ -152,7 +152,7 @@ def score(
     """Score every trained one, pair by pair against lift_trial."""
     methods = trained(runs)
     if FIRST not in methods:
-        raise InputError(f"{runs}: expected the run {FIRST} that others are compared with, found none")
+        raise InputError(f"expected the run {FIRST} that others are compared with, found none", source=runs)
     pairs = left_out_pairs(data, runs / "cache" / "left_out")
     scores = score_pairs(track(pairs, "scoring", total=PAIRS), methods)
     rows: dict[str, Mapping[str, Any]] = {

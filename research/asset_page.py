@@ -113,8 +113,9 @@ def frozen_page(data: Path) -> str:
         parts.append(f"## {kind} of `{name}`: {len(rows)}\n\n{_table([FROZEN_COLUMNS, *rows])}")
     if wanted != found:
         raise InputError(
-            f"{data}: expected all files of the frozen test set, {len(wanted - found)} of {len(wanted)} are missing; "
-            "give the folder with hdri/test and meshes/test"
+            f"expected all files of the frozen test set, {len(wanted - found)} of {len(wanted)} are missing; "
+            "give the folder with hdri/test and meshes/test",
+            source=data,
         )
     return "\n".join([TEST_PAGE.format(count=len(found)), *parts])
 

@@ -29,8 +29,9 @@ def load_left_out(data: Path) -> AssetStore:
     shapes = [asset for key, asset in everything.shapes.items() if key not in learned.shapes]
     if not maps or not shapes:
         raise InputError(
-            f"{data}: expected maps and shapes that shipped weights do not learn from, "
-            f"got {len(maps)} maps and {len(shapes)} shapes; leave the calibration out"
+            f"expected maps and shapes that shipped weights do not learn from, "
+            f"got {len(maps)} maps and {len(shapes)} shapes; leave the calibration out",
+            source=data,
         )
     return AssetStore(maps, shapes)
 

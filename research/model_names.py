@@ -13,5 +13,7 @@ def titles_of(names: Sequence[str]) -> list[str]:
     titles = [Path(name).name for name in names]
     for title in titles:
         if titles.count(title) > 1:
-            raise InputError(f"--model: expected models of different names, got two of {title}; rename one's folder")
+            raise InputError(
+                f"expected models of different names, got two of {title}; rename one's folder", subject="model"
+            )
     return titles

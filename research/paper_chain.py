@@ -56,7 +56,9 @@ def pairs_of(part: str, data: Path, kept: Path | None) -> list[Pair]:
         return list(left_out_pairs(data, kept))
     if part == "world":
         return list(world_pairs(data, "test", kept))
-    raise InputError(f"--part {part}: expected frozen, world, left-out or a file of recipes, got another; name one")
+    raise InputError(
+        "expected frozen, world, left-out or a file of recipes, got another; name one", subject="part", source=part
+    )
 
 
 def spread(maps: list[np.ndarray]) -> float:

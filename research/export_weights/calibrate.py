@@ -69,7 +69,9 @@ def calibrate_errors(models: Models, pairs: Iterable[Pair]) -> tuple[float, floa
         for material in (None, pair.material):
             outputs = models(pair.crop, pair.tan_half, material=material)
             if outputs.posterior is None:
-                raise ModelError(f"{models.name}: expected a model that estimates its errors, got one that does not")
+                raise ModelError(
+                    "expected a model that estimates its errors, got one that does not", source=models.name
+                )
             claimed = [outputs.posterior[name] for name in POSTERIOR[-3:]]
             ratios.append(true_errors(outputs, pair) / claimed)
     first, second, third = np.quantile(ratios, INTERVAL, axis=0).tolist()
@@ -82,7 +84,9 @@ def calibrate(models: Models, pairs: Iterable[Pair]) -> tuple[float, float]:
     for pair in pairs:
         outputs = models(pair.crop, pair.tan_half)
         if outputs.confidence is None:
-            raise ModelError(f"{models.name}: expected a model that estimates its confidence, got one that does not")
+            raise ModelError(
+                "expected a model that estimates its confidence, got one that does not", source=models.name
+            )
         confidence.append(outputs.confidence)
         right.append(right_of(outputs.ldr.clip(0.0, 1.0), response(pair.radiance)))
     claimed = np.stack(confidence)

@@ -23,7 +23,7 @@ def mean_checkpoint(checkpoint: Path, other: Path, path: Path, share: float = 0.
     stored = read_checkpoint(checkpoint)
     (kept, pairs), nets = read_init_weights(other), stored["nets"]
     if {name: value.shape for name, value in kept.items()} != {name: value.shape for name, value in nets.items()}:
-        raise ModelError(f"{other}: expected weights of the run {checkpoint}, got another network's")
+        raise ModelError(f"expected weights of the run {checkpoint}, got another network's", source=other)
     mean = {
         name: torch.lerp(value, kept[name], share) if value.is_floating_point() else value
         for name, value in nets.items()
@@ -43,7 +43,7 @@ def kept_checkpoint(kept: Path, graph: Path, path: Path) -> Path:
 
     said = {entry.key: entry.value for entry in load(str(graph), load_external_data=False).metadata_props}
     if not {"config", "steps", "pairs"} <= said.keys():
-        raise ModelError(f"{graph}: expected a graph of `anyprobe weights`, got one that names no run")
+        raise ModelError("expected a graph of `anyprobe weights`, got one that names no run", source=graph)
     nets, _ = read_init_weights(kept)
     origin = {name: said[name] for name in ("start", "assets") if name in said}
     step, pairs = int(said["steps"]), int(said["pairs"])

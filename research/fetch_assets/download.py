@@ -258,7 +258,7 @@ def _writing(path: Path):
         yield
     except OSError as error:
         raise OutputError(
-            f"{path}: cannot be written ({error.strerror}); choose another folder or free some space"
+            f"cannot be written ({error.strerror}); choose another folder or free some space", source=path
         ) from error
 
 

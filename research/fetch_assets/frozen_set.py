@@ -162,11 +162,11 @@ def small_map(data: bytes, name: str) -> np.ndarray:
     else:
         _, found = read_channels(data, name, InvalidEnvironment, MAX_PIXELS)
         if not all(channel in found for channel in "RGB"):
-            raise InvalidEnvironment(f"{name}: expected channels R, G, B, got {', '.join(sorted(found))}")
+            raise InvalidEnvironment(f"expected channels R, G, B, got {', '.join(sorted(found))}", source=name)
         radiance = np.stack([found[channel] for channel in "RGB"], axis=-1).astype(np.float32)
     step, rest = divmod(len(radiance), ROWS)
     if rest or radiance.shape[1] != 2 * len(radiance):
-        raise InvalidEnvironment(f"{name}: expected a map of {ROWS} rows or a multiple, got {radiance.shape[:2]}")
+        raise InvalidEnvironment(f"expected a map of {ROWS} rows or a multiple, got {radiance.shape[:2]}", source=name)
     light = np.where(np.isfinite(radiance) & (radiance > 0), radiance, np.float32(0))
     small = light.reshape(ROWS, step, 2 * ROWS, step, 3).mean(axis=(1, 3))
     while small.max() > HALF_MAX:
@@ -191,9 +191,9 @@ def read_obj(data: bytes, name: str) -> tuple[np.ndarray, np.ndarray]:
                 faces += [[corners[0], b, c] for b, c in zip(corners[1:], corners[2:], strict=False)]
         points, triangles = np.array(vertices, np.float64).reshape(-1, 3), np.array(faces, np.int64).reshape(-1, 3)
     except ValueError as error:
-        raise InvalidMesh(f"{name}: not readable as .obj ({error})") from error
+        raise InvalidMesh(f"not readable as .obj ({error})", source=name) from error
     if not len(triangles) or triangles.min() < 0 or triangles.max() >= len(points):
-        raise InvalidMesh(f"{name}: expected triangles of its vertices, got none or others")
+        raise InvalidMesh("expected triangles of its vertices, got none or others", source=name)
     return points, triangles
 
 

@@ -36,14 +36,14 @@ def read_gltf(path: Path, name: str) -> dict:
         required = document.get("extensionsRequired", [])
         faces = _count_faces(document)
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
-        raise InvalidMesh(f"{name}: not readable as glTF ({error!r})") from error
+        raise InvalidMesh(f"not readable as glTF ({error!r})", source=name) from error
     if not str(version).startswith("2."):
-        raise InvalidMesh(f"{name}: expected glTF 2, got version {version}")
+        raise InvalidMesh(f"expected glTF 2, got version {version}", source=name)
     strange = [one for one in required if not str(one).startswith(HARMLESS)]
     if strange:
-        raise InvalidMesh(f"{name}: expected plain glTF, got one that needs {', '.join(map(str, strange))}")
+        raise InvalidMesh(f"expected plain glTF, got one that needs {', '.join(map(str, strange))}", source=name)
     if faces > MAX_FACES:
-        raise InvalidMesh(f"{name}: expected at most {MAX_FACES:,} faces, got {faces:,}")
+        raise InvalidMesh(f"expected at most {MAX_FACES:,} faces, got {faces:,}", source=name)
     return document
 
 
@@ -62,7 +62,7 @@ def pack_glb(document: dict, buffers: Mapping[str, bytes], name: str) -> bytes:
     try:
         return _pack(document, buffers)
     except (ValueError, LookupError, TypeError, AttributeError) as error:
-        raise InvalidMesh(f"{name}: its glTF and its buffers do not fit together ({error!r})") from error
+        raise InvalidMesh(f"its glTF and its buffers do not fit together ({error!r})", source=name) from error
 
 
 def _pack(document: dict, buffers: Mapping[str, bytes]) -> bytes:

@@ -100,7 +100,8 @@ def choose(assets: Iterable[Asset], categories: Iterable[str] = (), limit: int =
         counts = Counter(word for one in assets for word in one.words)
         known = ", ".join(word for word, _ in counts.most_common(20))
         raise InputError(
-            f"--category: no {assets[0].kind} are in all of: {', '.join(sorted(wanted))}; the largest are {known}"
+            f"no {assets[0].kind} are in all of: {', '.join(sorted(wanted))}; the largest are {known}",
+            subject="category",
         )
     return left[:limit] if limit else left
 

@@ -84,7 +84,9 @@ def limits(
 
 def _pairs(data: Path, part: str, count: int, kept: Path | None):
     if part not in (FROZEN, *PARTS):
-        raise InputError(f"--part {part}: expected {', '.join((FROZEN, *PARTS))}, got another; choose one of them")
+        raise InputError(
+            f"expected {', '.join((FROZEN, *PARTS))}, got another; choose one of them", subject="part", source=part
+        )
     if part != FROZEN:
         return islice(world_pairs(data, part, kept), count)
     store = load_asset_store(data, "test", commercial_only=False)

@@ -340,7 +340,7 @@ def test_the_mean_of_a_run_and_what_it_began_from(run, two_steps, tmp_path):
     assert whole["mean_with"] == {"start": init_weights_id(checkpoint), "pairs": 4, "share": 0.5}
     assert "light" in load_nets(mean)
     save_init_weights(two_steps(paper), other)
-    with pytest.raises(ModelError, match="paper.pt: expected weights of the run.*got another network's"):
+    with refused(code="invalid-model", source="paper.pt", naming="another network's"):
         mean_checkpoint(checkpoint, other, tmp_path / "none.pt")
     assert not (tmp_path / "none.pt").exists()
 

@@ -10,10 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.refused import refused
 
 from anyprobe.core.response import MEAN_CURVE, inverse_response
 from anyprobe.core.sampling import hammersley
-from anyprobe.errors import InputError, InvalidMesh
+from anyprobe.errors import InputError
 from anyprobe.learning.dataset import pair as pair_module
 from anyprobe.learning.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe.learning.dataset.catalog import MapAsset, ShapeAsset
@@ -283,7 +284,7 @@ def test_a_pole_thinner_than_a_pixel_is_too_thin(store) -> None:
     assert is_too_thin(pole.mesh)
     own = AssetStore(store.maps.values(), [pole])
     upright = replace(full_plan(own).recipe(0), view=0)  # seen level, it stands between two columns of pixels
-    with pytest.raises(InvalidMesh, match="box: expected a shape visible in 128 pixels"):
+    with refused(code="invalid-mesh", source="box", naming="128 pixels"):
         render_pair(upright, own)
     for size in ((0.013, 1.0, 0.013), (1.0, 1.0, 0.001), (1.0, 1.0, 1.0)):
         assert not is_too_thin(box(*size).mesh)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 
 import pytest
+from support.refused import refused
 
-from anyprobe.errors import InputError
 from anyprobe.learning.dataset.recipe import Recipe, digest, read_recipes
 from anyprobe.learning.evaluate.scoring import FROZEN
 
@@ -37,7 +37,7 @@ def test_a_list_that_is_not_whole_is_refused(tmp_path, damage):
         path.write_bytes(b"\xff\xfe\x00")
     else:
         path.unlink()
-    with pytest.raises(InputError, match=r"list\.txt: expected"):
+    with refused(source="list.txt"):
         read_recipes(path)
 
 

@@ -4,11 +4,11 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from support.refused import refused
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
 from anyprobe.core.sampling import hammersley  # noqa: E402
-from anyprobe.errors import InputError  # noqa: E402
 from anyprobe.learning.dataset import pair as pair_module  # noqa: E402
 from anyprobe.learning.dataset import pairs, photograph  # noqa: E402
 from anyprobe.learning.dataset.asset_store import load_asset_store  # noqa: E402
@@ -297,5 +297,5 @@ def test_pairs_show_textures_second_materials_and_both(store, few_samples, monke
 
 
 def test_another_renderer_is_not_asked_for_textures(store):
-    with pytest.raises(InputError, match="textured: expected objects shaded by anyprobe"):
+    with refused("textured"):
         render_pair(full_plan(store).recipe(0), store, draw_mesh, textured=True)

@@ -76,7 +76,7 @@ def test_unknown_engine_names_the_known():
 
 def test_cuda_is_refused_where_there_is_none_and_never_replaced_in_silence(monkeypatch):
     monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: ["CPUExecutionProvider"])
-    with pytest.raises(InputError, match="expected an NVIDIA GPU and onnxruntime-gpu"):
+    with refused("engine", code="unsupported", naming="onnxruntime-gpu", kind=InputError):
         Models(engine="cuda")
     asked = []
 
@@ -93,7 +93,7 @@ def test_cuda_is_refused_where_there_is_none_and_never_replaced_in_silence(monke
 
     monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: ["CUDAExecutionProvider"])
     monkeypatch.setattr(runtime.onnxruntime, "InferenceSession", Session)
-    with pytest.raises(InputError, match="expected an NVIDIA GPU"):
+    with refused("engine", code="unsupported", naming="NVIDIA", kind=InputError):
         runtime._open_cuda(Path("light.onnx"))
     Session.has_gpu = True
     assert isinstance(runtime._open_cuda(Path("light.onnx")), Session)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from support.refused import refused
 
-from anyprobe.errors import InputError
 from anyprobe.estimate.normals_hint import normals_from_outline
 from anyprobe.estimate.normals_model import estimated_normals, open_normals_model
 from anyprobe.estimate.photo import load_photo
@@ -136,7 +135,7 @@ def test_a_spec_that_does_not_fit_is_refused_in_one_line(tmp_path, values, words
 def test_without_spec_or_graph(tmp_path):
     with refused(source="m.json"):
         open_normals_model(graph(tmp_path / "m.onnx"))
-    with pytest.raises(InputError, match="no such file; check the path to the ONNX graph"):
+    with refused(source="gone.onnx", naming="no such file"):
         open_normals_model(spec_of(tmp_path / "gone.onnx", **OPENCV))
 
 

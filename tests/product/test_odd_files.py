@@ -13,7 +13,7 @@ import pytest
 from PIL import Image, TiffImagePlugin
 from support.refused import refused
 
-from anyprobe.errors import InputError, InvalidMask, InvalidMesh
+from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.poses import read_poses
 from anyprobe.files.meshes import read_mesh
@@ -86,7 +86,7 @@ def test_packed_and_mixed_meshes_say_what_to_do(tmp_path):
     head += "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
     body = np.arange(15, dtype="<f4").tobytes() + struct.pack("<B4iB3i", 4, 0, 1, 2, 3, 3, 0, 1, 4)
     (tmp_path / "a.ply").write_bytes(head.encode() + body)
-    with pytest.raises(InvalidMesh, match="polygons of one kind in a binary PLY.*export triangles"):
+    with refused(code="invalid-mesh", source="a.ply", naming="polygons of one kind"):
         read_mesh(tmp_path / "a.ply")
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
+from support.refused import refused
 
 from anyprobe.cli import photo_files
-from anyprobe.errors import OutputError
 from anyprobe.files import atomic, paths
 from anyprobe.files.atomic import atomic_files, atomic_path
 from anyprobe.files.paths import folds_case, same_file_key
@@ -71,11 +71,11 @@ def test_whether_case_counts_is_seen_of_the_nearest_folder_that_is_there(tmp_pat
 
 @pytest.mark.parametrize("times", [1, 3])
 def test_a_rename_that_is_refused_for_a_moment_is_tried_again(tmp_path, monkeypatch, times):
-    real, refused = os.replace, []
+    real, tries = os.replace, []
 
     def replace(source, target):
-        if len(refused) < times:
-            refused.append(target)
+        if len(tries) < times:
+            tries.append(target)
             raise PermissionError(13, "in use by another process")
         real(source, target)
 
@@ -97,7 +97,10 @@ def test_a_rename_that_is_refused_for_good_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setattr(atomic, "RETRIES_RENAME", True)
     monkeypatch.setattr(atomic, "RETRY_DELAYS_S", (0.001,))
     monkeypatch.setattr(os, "replace", replace)
-    with pytest.raises(OutputError, match="in use by another process"), atomic_path(tmp_path / "a.txt") as temporary:
+    with (
+        refused(code="not-written", source="a.txt", naming="in use by another process"),
+        atomic_path(tmp_path / "a.txt") as temporary,
+    ):
         temporary.write_text("a", encoding="utf-8")
     assert list(tmp_path.iterdir()) == []
 

@@ -504,7 +504,7 @@ def test_a_layer_of_an_exr_is_the_picture():
     OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, channels).write(stream)
     np.testing.assert_allclose(read_image(stream.getvalue()).rgb, response(rgb), atol=1e-6)
     two = stream.getvalue().replace(b"Combined", b"Emission")  # neither is the whole
-    with pytest.raises(InvalidPhoto, match="expected channels R, G, B"):
+    with refused(code="invalid-image", source="bytes", naming="channels R, G, B"):
         read_image(two)
 
 

@@ -22,9 +22,10 @@ from support import drawn_pairs
 from support.drawn_pairs import DrawnRenderer
 from support.folders import names, snapshot
 from support.mesh_files import obj
+from support.refused import refused
 
 from anyprobe.cli import data as data_command
-from anyprobe.errors import InputError, OutputError
+from anyprobe.errors import InputError
 from anyprobe.learning.dataset import render_job, shards
 from anyprobe.learning.dataset.process_pools import run_local
 from anyprobe.learning.dataset.samples import Sample, StoreRenderer, decode_part
@@ -238,7 +239,7 @@ def test_assets_of_unknown_licence_are_used_unless_told(tmp_path, assets, comman
     free, _ = begin_true(tmp_path / "free", assets, pairs=1, commercial_only=True)
     assert free.plan["commercial_only"] is True
     begin_true(tmp_path / "free", assets, resume=True)
-    with pytest.raises(InputError, match="commercial only False, as the dataset was started, got True"):
+    with refused(source="all", naming="commercial only False"):
         begin_true(tmp_path / "all", assets, resume=True, commercial_only=True)
 
 
@@ -250,7 +251,7 @@ def test_shape_that_no_pixel_shows_is_left_out(tmp_path, assets):
     assert [one["name"] for one in job.plan["shapes"]] == ["solid"]
     begin_true(tmp_path / "set", assets, resume=True)
     (assets / "meshes/train/solid.obj").unlink()
-    with pytest.raises(InputError, match="got 1 and 0"):
+    with refused(source="dataset", naming="1 and 0"):
         begin_true(tmp_path / "other", assets)
 
 
@@ -352,7 +353,7 @@ def test_workers_use_one_thread_each(monkeypatch):
 
 def test_second_writer_is_refused(whole):
     shards.remove_shard(whole, 2)
-    with render_job.locked(whole), pytest.raises(InputError, match="another process renders into it"):
+    with render_job.locked(whole), refused(source="set", naming="another process"):
         render_job.render_missing(begin(whole, resume=True), here, ignore)
     render_job.render_missing(begin(whole, resume=True), here, ignore)
     assert shards.is_done(whole, 2)
@@ -440,7 +441,7 @@ def test_of_two_that_begin_at_once_one_is_refused(tmp_path, monkeypatch, links):
             super().__init__(*arguments, **options)
             plans.append(begin(folder, seed=7).plan)
 
-    with pytest.raises(InputError, match=r"dataset\.json: expected no such file, but another process") as caught:
+    with refused(source="dataset.json", naming="another process") as caught:
         render_job.begin(folder, {"procedural_maps": 3}, None, Slow, resume=False)
     assert "\n" not in str(caught.value)
     assert [render_job.read_plan(folder)] == plans
@@ -472,7 +473,7 @@ def test_worker_on_another_machine_with_other_assets_refuses(tmp_path):
     (assets / "assets.txt").write_text("hall roof beach")
     job = begin(tmp_path / "set", data=assets, procedural_maps=0)
     (assets / "assets.txt").write_text("hall roof")
-    with pytest.raises(InputError, match="beach"):
+    with refused(source="set", naming="beach"):
         render_job.render_shard(job, 0, print)
 
 
@@ -568,14 +569,14 @@ def test_too_small_a_disk_is_refused_before_the_work(whole, monkeypatch):
         if fits:
             render_job.render_missing(job, here, ignore)
         else:
-            with pytest.raises(OutputError, match="free space for 3 shards"):
+            with refused(code="not-written", source="set", naming="3 shards"):
                 render_job.render_missing(job, here, ignore)
             assert job.missing() == [0, 1, 4]
 
 
 def test_shard_rendered_elsewhere_only_is_missed(tmp_path):
     """An engine whose machines do not share the folder."""
-    with pytest.raises(OutputError, match="expected shard 0 here"):
+    with refused(code="not-written", source="set", naming="shard 0"):
         render_job.render_missing(begin(tmp_path / "set"), lambda *_: None, ignore)
 
 

@@ -15,8 +15,9 @@ import pytest
 from PIL import Image
 from support.drawn_pairs import DrawnRenderer
 from support.folders import names, snapshot
+from support.refused import refused
 
-from anyprobe.errors import InputError, OutputError
+from anyprobe.errors import OutputError
 from anyprobe.learning.dataset import shards
 from anyprobe.learning.dataset.pair import render_map_pair, render_pair
 from anyprobe.learning.dataset.recipe import Recipe
@@ -313,7 +314,7 @@ def test_parts_apart_are_refused(tmp_path):
     with tarfile.open(path, "w") as tar:
         for key, name in ((one.key, "a"), (two.key, "a"), (one.key, "b")):
             tar.addfile(tarfile.TarInfo(f"{key}.{name}"))
-    with pytest.raises(InputError, match="together"):
+    with refused(source="apart.tar", naming="together"):
         list(shards.read_samples(path))
 
 

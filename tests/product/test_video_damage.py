@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.refused import refused
 
 from anyprobe.errors import InputError
 
@@ -83,11 +84,11 @@ def test_whatever_a_decoder_raises_is_one_line_or_a_damaged_frame(made, monkeypa
             pass
 
     monkeypatch.setattr("anyprobe.video.clip.open_video", lambda path: Container(0))
-    with pytest.raises(InputError, match="convert it to mp4"):
+    with refused(source="clip.mp4"):
         list(read_frames(clip, []))
 
 
 def test_a_frame_of_too_many_pixels_is_refused(made, monkeypatch):
     monkeypatch.setattr("anyprobe.video.frame_pixels.MAX_PIXELS", 1000)
-    with pytest.raises(InputError, match="48 x 32"):
+    with refused(source="clip.mp4", naming="48 x 32"):
         frames(made)

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from support.refused import refused
 
-from anyprobe.errors import InputError
 from research.paper_chain import FIGURES, above, differences, pairs_of, spread
 
 
@@ -27,5 +27,5 @@ def test_models_are_compared_pair_by_pair():
 
 
 def test_another_part_is_refused(tmp_path):
-    with pytest.raises(InputError, match="expected frozen, world, left-out or a file of recipes"):
+    with refused("part", source="train"):
         pairs_of("train", tmp_path, None)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.refused import refused
 
 from anyprobe.core.color import luminance
 from anyprobe.errors import InputError
@@ -112,5 +113,5 @@ def test_photos_of_the_world_are_metered_by_the_frame(monkeypatch):
 def test_a_part_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(InputError, match="expected one of test, left-out"):
         world.recipes_of("train")
-    with pytest.raises(InputError, match="expected frozen, test, left-out"):
+    with refused("part", source="train", naming="frozen, test, left-out"):
         limits(tmp_path, part="train")

@@ -34,7 +34,7 @@ def main(
     """Draw one figure."""
     if figure not in FIGURES:
         raise InputError(
-            f"{figure}: expected a figure of {', '.join(FIGURES)}, got another; see docs/explanation/paper.md"
+            f"expected a figure of {', '.join(FIGURES)}, got another; see docs/explanation/paper.md", source=figure
         )
     to = out or (UNCOMMITTED if real and figure in ("12", "15") else HERE)
     if figure == "7":

@@ -62,7 +62,7 @@ def kept_file(path: str) -> bytes:
     found = subprocess.run(["git", "-C", str(ROOT), "show", f"{COMMIT}:{path}"], capture_output=True, check=False)
     if found.returncode:
         raise InputError(
-            f"{path}: expected it in commit {COMMIT} of this clone's history, got none; git fetch --unshallow"
+            f"expected it in commit {COMMIT} of this clone's history, got none; git fetch --unshallow", source=path
         )
     return found.stdout
 
