@@ -38,6 +38,9 @@ OBJECT_WEIGHTS = {
 """Weight of each loss."""
 HINTED = 0.12
 """Share of the pairs that are given hints, normals or a material, and whose answer is the teacher's."""
+ANSWERED = ("normals", "posterior", "ln_shown", "ln_expected", "ln_power")
+SEEN = ("irradiance", "root_alpha")
+"""What of the teacher's answer, and of its features, is compared."""
 NORMALS_ERROR = 0.05
 """Standard deviation of the components of given normals."""
 
@@ -63,9 +66,17 @@ class ObjectLoss:
         normals = F.normalize(plain.normals.float() + spread, dim=1) * inside
         normals = normals * with_normals[:, None, None, None]
         material = _materials(count, generator, device) * with_material[:, None]
+        some = kind < HINTED
         with autocast(device):
-            hinted = self.teacher(photo, batch["tan_half"], normals, batch["surroundings"], material)
-        return {**batch, "given_normals": normals, "material": material, "hinted": kind < HINTED, "teacher": hinted}
+            known = photo, batch["tan_half"], normals, batch["surroundings"], material
+            hinted = self.teacher(*(one[some] for one in known))
+        told = SimpleNamespace(
+            **{name: _put(getattr(plain, name), some, getattr(hinted, name)) for name in ANSWERED},
+            features=SimpleNamespace(
+                **{name: _put(getattr(plain.features, name), some, getattr(hinted.features, name)) for name in SEEN}
+            ),
+        )
+        return {**batch, "given_normals": normals, "material": material, "hinted": some, "teacher": told}
 
     def __call__(self, guess: LightPrediction, batch: dict[str, Any]) -> dict[str, torch.Tensor]:
         """Compute the losses by the names of OBJECT_WEIGHTS; batch: as with_hints returns it."""
@@ -98,7 +109,14 @@ class ObjectLoss:
         }
 
 
-def _difference(guess: LightPrediction, told: LightPrediction, where: torch.Tensor) -> torch.Tensor:
+def _put(values: torch.Tensor, some: torch.Tensor, others: torch.Tensor) -> torch.Tensor:
+    """Return values [N, ...] with others in the place of some [N]."""
+    values = values.clone()
+    values[some] = others
+    return values
+
+
+def _difference(guess: LightPrediction, told: SimpleNamespace, where: torch.Tensor) -> torch.Tensor:
     """Return the mean difference of two answers' maps and powers where [N] is 1."""
     shown = (display(guess.ln_shown) - display(told.ln_shown)).abs().mean(dim=(1, 2, 3))
     expected = (guess.ln_expected - told.ln_expected).abs().mean(dim=(1, 2, 3))
