@@ -137,7 +137,7 @@ def _within(x: torch.Tensor, y: torch.Tensor, limits: torch.Tensor) -> torch.Ten
 
 
 def developed(picture: torch.Tensor, exponent: torch.Tensor, saturation: torch.Tensor) -> torch.Tensor:
-    """Return a picture [N, 4 or 5, H, W] of another contrast and saturation, both [N, 1, 1, 1]; black and white stay."""
+    """Return a picture [N, 4 or 5, H, W] of another contrast and saturation, each [N, 1, 1, 1]; white stays."""
     shown = picture[:, :3].clip(0.0, 1.0)
     grey = torch.einsum("c,nchw->nhw", torch.tensor(REC709, device=picture.device), shown)[:, None]
     shown = torch.where(shown >= WHITE, shown, (grey + saturation * (shown - grey)).clip(0.0, 1.0))

@@ -72,11 +72,7 @@ def example_inputs() -> dict[str, torch.Tensor]:
 
 
 def export_photo_net(
-    checkpoint: Path,
-    folder: Path,
-    start: Sequence[Path] = (),
-    share: float = 0.0,
-    object_share: float | None = None,
+    checkpoint: Path, folder: Path, start: Sequence[Path] = (), share: float = 0.0, object_share: float | None = None
 ) -> dict[str, float]:
     """Write folder/light.onnx and folder/whole.onnx and return each one's largest median difference from torch.
 
