@@ -40,7 +40,7 @@ HINTED = 0.12
 """Share of the pairs that are given hints, normals or a material, and whose answer is the teacher's."""
 ANSWERED = ("normals", "posterior", "ln_shown", "ln_expected", "ln_power")
 SEEN = ("irradiance", "root_alpha")
-"""What of the teacher's answer, and of its features, is compared."""
+"""Parts of the teacher's answer, and of its features, that are compared."""
 NORMALS_ERROR = 0.05
 """Standard deviation of the components of given normals."""
 
