@@ -9,13 +9,13 @@ import { Newest } from "../src/live/newest.js";
 const [WIDTH, HEIGHT] = [160, 120];
 
 /** A bright square on a dark ground, with the camera's noise, as a frame's memory. */
-function frameOf(left, noise, random) {
+function frameOf(left, noise, random, shade = () => 180) {
   const count = WIDTH * HEIGHT;
   const bytes = new Uint8Array(1.5 * count).fill(128);
   for (let i = 0; i < count; i++) {
     const [x, y] = [i % WIDTH, Math.floor(i / WIDTH)];
     const isInside = x >= left && x < left + 60 && y >= 30 && y < 90;
-    bytes[i] = (isInside ? 180 : 90) + noise * (random() - 0.5);
+    bytes[i] = (isInside ? shade(x - left) : 90) + noise * (random() - 0.5);
   }
   const chroma = (offset) => ({ offset, stride: WIDTH / 2 });
   const layout = [{ offset: 0, stride: WIDTH }, chroma(count), chroma(1.25 * count)];
@@ -79,6 +79,29 @@ test("whether the object is cut out is seen anew with its mask", async () => {
     await lights.next(frameOf(50, at === 0 ? 10 : 0, random), at / 15);
   }
   assert.deepEqual(contexts, [true, true, false, false]);
+});
+
+test("networks look at one of three frames while the object looks the same, at each again once it looks other", async () => {
+  const random = numbers(5);
+  const looks = [];
+  let at = 0;
+  const light = async () => {
+    looks.push(at);
+    const radiance = new Float32Array(64 * 128 * 3).fill(0.5);
+    return { radiance, confidence: new Float32Array(64 * 128).fill(0.5) };
+  };
+  const lights = new FrameLight({ light }, masksBy(async ({ rgba }) => foundIn(rgba)), noHints, 65, {}, false);
+  lights.mark({ on: [[0.5, 0.5]], off: [], box: null });
+  const shades = [(x) => 130 + x, (x) => 190 - x];
+  for (; at < 60; at++) {
+    const { light, mask } = await lights.next(frameOf(50, 4, random, shades[at < 45 ? 0 : 1]), at / 15);
+    assert.ok(mask && light.confidence.length, `${at}`);
+    structuredClone(light.confidence, { transfer: [light.confidence.buffer] });
+  }
+  const among = (from, to) => looks.filter((one) => one >= from && one < to).length;
+  assert.equal(among(0, 10), 10, looks.join());
+  assert.equal(among(15, 45), 10, looks.join());
+  assert.equal(among(45, 52), 7, looks.join());
 });
 
 test("a click is looked for at once", async () => {

@@ -24,7 +24,9 @@ const RECENT_S = rules.view.recent_s;
 /** Stands for the pose where none is known. */
 const STILL = [1, 0, 0, 0, 1, 0, 0, 0, 1];
 const { patience_s: PATIENCE_S, fade_s: FADE_S, most: MOST, lead_ratio: LEAD_RATIO, lead_margin: LEAD_MARGIN } = rules;
-const { after_s: SAME_AFTER_S, odd_s: [LEAST_ODD_S, MOST_ODD_S] } = rules.same;
+const { odd_s: [LEAST_ODD_S, MOST_ODD_S] } = rules.same;
+/** Seconds for which the object must look the same before its light is taken to be. */
+export const SAME_AFTER_S = rules.same.after_s;
 const SAME_MOST_TURN = radians(rules.same.most_turn_deg_s);
 /** Of the cap within which findDominantLight compares. */
 const PEAK = radians(CONTRACT.dominant_light.blur_deg);

@@ -5,7 +5,7 @@ import { rotateOne } from "../light/environment.js";
 import { shadeSpheres } from "../light/spheres.js";
 import { describe } from "../light/light.js";
 import { lightOfObject } from "../networks/lightOfObject.js";
-import { shown, step } from "../light/temporal.js";
+import { SAME_AFTER_S, shown, step } from "../light/temporal.js";
 import { cropObject } from "../photo/crop.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
 import { isCutOut, isDarkBeside } from "../photo/surroundings.js";
@@ -17,6 +17,12 @@ const PATIENCE = 8;
 
 /** The spheres, and half as many frames later the networks' stages, are sent every so many frames. */
 const REST_EVERY = 8;
+
+/**
+ * While the object looks the same, and the filter doubts nothing, the networks look at one of so many frames; the frames between
+ * have their last answer. One thread has time for more frames then.
+ */
+const LOOK_EVERY = 3;
 
 export class FrameLight {
   /**
@@ -34,7 +40,8 @@ export class FrameLight {
     this.longFovDeg = longFovDeg;
     this.object = new ObjectFollower(masks, hints);
     this.state = this.size = null;
-    this.count = this.unseen = 0;
+    this.count = this.unseen = this.rested = 0;
+    this.found = null; // the networks' last answer
   }
 
   /** New clicks or a new box: the mask is found anew at the next frame. Where they find nothing, the last object stays. */
@@ -72,14 +79,20 @@ export class FrameLight {
     if (!isLarge) return { [this.object.last && this.unseen < PATIENCE ? "held" : "lost"]: true, ...this.size };
     const { mask, lit, isNew, missed } = seen;
     if (isNew || missed) this.isAlone = isCutOut(picture, mask) || isDarkBeside(picture, mask);
-    const crop = cropObject(picture, lit, this.longFovDeg);
-    lap("crop");
     const phase = this.withViews ? this.count++ % REST_EVERY : -1;
     const withStages = phase === REST_EVERY / 2;
-    const options = { ...this.options, isAlone: this.isAlone, withStages };
-    const found = await lightOfObject(this.models, picture, this.longFovDeg, crop, options);
-    const { radiance, stages, ...rest } = found;
-    this.single = radiance; // this frame's own
+    if (!this.object.looksSame) this.otherAt = time;
+    const isAsked = isNew || missed || withStages || worldFromCamera !== null;
+    if (isAsked || !this.#mayRest(time)) {
+      const crop = cropObject(picture, lit, this.longFovDeg);
+      lap("crop");
+      const options = { ...this.options, isAlone: this.isAlone, withStages };
+      this.found = await lightOfObject(this.models, picture, this.longFovDeg, crop, options);
+      [this.rested, this.lookedWith] = [0, this.options];
+    } else this.rested++;
+    const { radiance, stages, ...rest } = this.found;
+    if (rest.confidence) rest.confidence = rest.confidence.slice(); // its memory is given away with the answer
+    this.single = radiance; // a frame's own
     const isInWorld = worldFromCamera !== null;
     if (isInWorld !== this.isInWorld) this.state = null;
     this.isInWorld = isInWorld;
@@ -99,6 +112,13 @@ export class FrameLight {
     const { quality } = this.object;
     const about = { mask: isOfThese ? mask : null, quality, box, ...this.size, ...(missed && { missed }) };
     return { light, stages: withStages ? stages : null, spheres, ...about, ms };
+  }
+
+  /** Whether the last answer is as good as one for this frame, given as neither marked nor turned. */
+  #mayRest(time) {
+    const { state, found, options } = this;
+    const isSteady = found && state && !state.held && state.oddS === 0 && time - this.otherAt > SAME_AFTER_S;
+    return isSteady && this.rested < LOOK_EVERY - 1 && this.lookedWith === options;
   }
 
   /** A camera held another way sees another picture: nothing marked or found in the last one is where it was. */
