@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from PIL import Image
 
 from anyprobe.core.frames import dot, normalize, reflect
 from anyprobe.core.latlong import bilinear, corners, direction_to_uv, pixel_directions, pixel_solid_angles
@@ -18,6 +17,7 @@ from anyprobe.core.response import inverse_response, response
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Outputs
+from anyprobe.pictures.resampling import resample
 from anyprobe.render.integrate import PATCHES, shade, shading_pyramid
 from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.materials import Material
@@ -162,9 +162,7 @@ def _laid_down(emitted: np.ndarray, angles: np.ndarray, uv: np.ndarray, height: 
 def _twice(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Double the size of normals by bilinear interpolation; also return where all sources are known."""
     side = 2 * len(normals)
-    planes = [Image.fromarray(np.ascontiguousarray(normals[..., k], np.float32)) for k in range(3)]
-    grown = [np.asarray(plane.resize((side, side), Image.Resampling.BILINEAR)) for plane in planes]
-    mixed = np.stack(grown, axis=-1)
+    mixed = resample(normals, (side, side), smooth=True)
     return normalize(mixed), np.linalg.norm(mixed, axis=-1) > 0.9
 
 

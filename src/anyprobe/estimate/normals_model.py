@@ -26,6 +26,7 @@ from anyprobe.errors import InputError, ModelError
 from anyprobe.files.graphs import open_graph
 from anyprobe.hints import NormalsEstimator
 from anyprobe.masks.check import object_box
+from anyprobe.pictures.resampling import resample
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -196,7 +197,4 @@ def _resized(values: np.ndarray, height: int, width: int) -> np.ndarray:
     """Resize [H, W, C] float: means over areas where it shrinks, else bilinear."""
     if values.shape[:2] == (height, width):
         return np.asarray(values, np.float32)
-    shrinks = height * width < values.shape[0] * values.shape[1]
-    how = Image.Resampling.BOX if shrinks else Image.Resampling.BILINEAR
-    planes = [Image.fromarray(np.ascontiguousarray(values[..., k], np.float32)) for k in range(values.shape[-1])]
-    return np.stack([np.asarray(plane.resize((width, height), how)) for plane in planes], axis=-1)
+    return resample(values, (width, height), smooth=height * width >= values.shape[0] * values.shape[1])

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from PIL import Image
 
 from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
@@ -26,6 +25,7 @@ from anyprobe.light.environment import MAP_HEIGHT, rotate
 from anyprobe.maps.radiance import read_linear
 from anyprobe.pictures.headers import MAX_PIXELS
 from anyprobe.pictures.images import read_image
+from anyprobe.pictures.resampling import resample
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
@@ -101,7 +101,7 @@ def read_panorama(source: SurroundingsSource) -> tuple[np.ndarray, np.ndarray]:
 
 def at_rows(panorama: Float[np.ndarray, "H 2*H C"], rows: int) -> Float[np.ndarray, "R 2*R C"]:
     """Resize surroundings to more rows, or to fewer."""
-    return panorama if len(panorama) == rows else _resize(panorama, (2 * rows, rows), smooth=len(panorama) < rows)
+    return panorama if len(panorama) == rows else resample(panorama, (2 * rows, rows), smooth=len(panorama) < rows)
 
 
 def _read_panorama(source: SurroundingsSource) -> tuple[np.ndarray, bool]:
@@ -123,7 +123,7 @@ def _read_panorama(source: SurroundingsSource) -> tuple[np.ndarray, bool]:
 
 
 def _at_rows(picture: np.ndarray, linear: bool, rows: int) -> np.ndarray:
-    small = _resize(picture, (2 * rows, rows))
+    small = resample(picture, (2 * rows, rows))
     if not linear:
         return small
     cover = small[..., 3:]
@@ -205,7 +205,7 @@ def visible_surroundings(
     cover = inside * (1.0 - hidden(d, image, tan_half))
 
     def sampled(values: np.ndarray) -> np.ndarray:
-        return _sample(_resize(values, size), column.clip(0, 1), row.clip(0, 1))
+        return _sample(resample(values, size), column.clip(0, 1), row.clip(0, 1))
 
     opaque = None if transparent is None else (~transparent)[..., None].astype(np.float32)
     share = None if opaque is None else sampled(opaque)
@@ -388,13 +388,3 @@ def _sample(picture: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndar
     fx, fy = (x - x0)[..., None], (y - y0)[..., None]
     upper = picture[y0, x0] * (1 - fx) + picture[y0, x1] * fx
     return upper * (1 - fy) + (picture[y1, x0] * (1 - fx) + picture[y1, x1] * fx) * fy
-
-
-def _resize(picture: np.ndarray, size: tuple[int, int], smooth: bool = False) -> np.ndarray:
-    """Resize [H, W, C] to (width, height) by means over areas; smooth: interpolate, when enlarging."""
-    way = Image.Resampling.BILINEAR if smooth else Image.Resampling.BOX
-    planes = [
-        Image.fromarray(np.ascontiguousarray(picture[..., k], np.float32)).resize(size, way)
-        for k in range(picture.shape[-1])
-    ]
-    return np.stack([np.asarray(plane) for plane in planes], axis=-1)
