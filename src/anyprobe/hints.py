@@ -92,11 +92,8 @@ class Hint:
         """
         if not self.numbers:
             return text
-        try:
-            found = tuple(float(part) for part in text.split(","))
-        except ValueError:
-            found = ()
-        if len(found) not in self.numbers or not all(abs(one) < MAX_NUMBER for one in found):  # NaN fails too
+        found = numbers_in(text, *self.numbers)
+        if not found:
             example = f"; for instance {self.example}" if self.example else ""
             raise InputError(f"expected {self._form()}, got {text[:60]!r}{example}", subject=self.keyword)
         return found[0] if self.numbers == (1,) else found
@@ -117,6 +114,15 @@ class Hint:
     def read_path(self, text: str) -> str | Path:
         """Return one of the words, or a file's path."""
         return text if text in self.words else Path(text)
+
+
+def numbers_in(text: str, *counts: int) -> tuple[float, ...]:
+    """Return the numbers below MAX_NUMBER between a text's commas; none unless there are as many as one of `counts`."""
+    try:
+        found = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        return ()
+    return found if len(found) in counts and all(abs(one) < MAX_NUMBER for one in found) else ()  # NaN fails too
 
 
 def _hint(about: About, help: str, **more: Any) -> Any:

@@ -15,6 +15,7 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.ground import Ground
 from anyprobe.export.exported_light import MAP_FROM_CAMERA, check_front, origin_beside, sidecar_beside
 from anyprobe.export.targets import TARGETS
+from anyprobe.hints import numbers_in
 
 _MAX_PIXELS = 8192 * 4096
 """Largest map that is exported [pixels]: some targets take 90 bytes a pixel."""
@@ -105,12 +106,8 @@ def parse_rotation(text: str) -> np.ndarray:
     """Convert YAW,ELEVATION[,ROLL] in degrees, or nine numbers row by row, to world_from_camera [3, 3]."""
     from anyprobe.core.frames import rotation_of
 
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) in (2, 3, 9) and np.isfinite(values).all():
-        return rotation_of(values)
+    if numbers := numbers_in(text, 2, 3, 9):
+        return rotation_of(numbers)
     raise InputError(
         f"expected YAW,ELEVATION[,ROLL] in degrees or nine numbers, got {text!r}; "
         "for instance --world-from-camera 0,20 for a camera that looks 20 degrees down",

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import functools
 import inspect
-import math
 from collections.abc import Callable
 from dataclasses import Field, dataclass, fields, is_dataclass, replace
 from pathlib import Path
@@ -20,7 +19,7 @@ import typer
 from anyprobe.detail.plausible import DETAILS
 from anyprobe.errors import InputError, InvalidMask, MissingExtra, OutputError
 from anyprobe.estimate.settings import Settings
-from anyprobe.hints import HINTS, PICTURES, Hint, Hints
+from anyprobe.hints import HINTS, PICTURES, Hint, Hints, numbers_in
 from anyprobe.notices import Words, give
 
 if TYPE_CHECKING:
@@ -308,10 +307,7 @@ def need_torch(what: str) -> None:
 
 def pixels_of(name: str, text: str, count: int, form: str, example: str) -> tuple[float, ...]:
     """Parse `count` numbers from an option's text; otherwise raise InvalidMask with an example."""
-    try:
-        numbers = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        numbers = ()
-    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+    numbers = numbers_in(text, count)
+    if not numbers:
         raise InvalidMask(f"expected {form} in pixels, got {text!r}; for instance {example}", subject=name)
     return numbers

@@ -19,7 +19,7 @@ from anyprobe.detail.plausible import DETAILS, SIZES
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
 from anyprobe.estimate.poses import parse_poses
 from anyprobe.estimate.runtime import EMITTERS, LOOKS
-from anyprobe.hints import HINTS, Hints
+from anyprobe.hints import HINTS, Hints, numbers_in
 from anyprobe.serve.guards import RECEIVED
 from anyprobe.serve.limits import MAX_PHOTOS, UNREAD_S
 from anyprobe.serve.openapi import FORM, FUSE_ROUTE, form_names, query_names
@@ -245,10 +245,7 @@ class Options:
 
 def parse_numbers(name: str, text: str, *counts: int, shape: str = "a number") -> tuple[float, ...]:
     """Parse finite numbers separated by commas, as many as one of `counts`; InputError for other text."""
-    try:
-        numbers = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        numbers = ()
-    if len(numbers) not in counts or not all(abs(number) < 1e6 for number in numbers):  # NaN fails too
+    numbers = numbers_in(text, *counts)
+    if not numbers:
         raise InputError(f"expected {shape}, got {text[:60]!r}", subject=name)
     return numbers
