@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
+from anyprobe.detail.plausible import DETAILS, ROWS, SIZES, check_detail, check_rows
 from anyprobe.errors import InputError
-from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, LOOKS, MODE
+from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, EMITTERS, ENGINES, LOOKS, MODE
 from anyprobe.masks.segmenters import SegmenterSource
 
 MODEL_HELP = (
@@ -19,8 +19,9 @@ MODEL_HELP = (
 """Default of --model."""
 
 
-def _setting(default: Any, help: str, metavar: str | None = None) -> Any:
-    return field(default=default, metadata={"help": help, "metavar": metavar})
+def _setting(default: Any, help: str, metavar: str | None = None, choices: tuple[Any, ...] = ()) -> Any:
+    """Return a field; choices: the values that a request to the server may ask for, none where it may not ask."""
+    return field(default=default, metadata={"help": help, "metavar": metavar, "choices": choices})
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -53,11 +54,13 @@ class Settings:
         "mode: light sources at their most likely positions, with sharp shadows and highlights; expected: "
         "the mean over all positions, with soft shadows and a smaller error on matte objects.",
         "mode|expected",
+        EMITTERS,
     )
     looks: int = _setting(
         1,
         "2: look at the photo in a mirror too, and take the likelier light. A mirrored photo then has the mirrored "
         "light; takes twice the time.",
+        choices=LOOKS,
     )
     segmenter: SegmenterSource | None = _setting(
         None,
@@ -68,8 +71,9 @@ class Settings:
         DETAILS[0],
         "plausible: add invented high-frequency detail that fits the estimate, for sharp reflections.",
         "none|plausible",
+        DETAILS,
     )
-    size: int = _setting(ROWS, "Rows of a map with detail: 64, 128, 256 or 512.")
+    size: int = _setting(ROWS, "Rows of a map with detail: 64, 128, 256 or 512.", choices=SIZES)
     detail_library: str | Path | None = _setting(
         None, "Folder of .exr and .hdr maps to take it from; default: the built-in library."
     )
@@ -98,3 +102,9 @@ class Settings:
     def networks(self) -> tuple[str, int | None, str]:
         """The settings that networks are opened with."""
         return self.model, self.threads, self.engine
+
+
+CHOICES: dict[str, tuple[Any, ...]] = {
+    one.name: one.metadata["choices"] for one in fields(Settings) if one.metadata["choices"]
+}
+"""Values of the settings that a request may ask for."""

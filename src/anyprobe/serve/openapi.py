@@ -10,9 +10,7 @@ from dataclasses import fields
 from importlib import resources
 from typing import Any
 
-from anyprobe.detail.plausible import DETAILS, SIZES
-from anyprobe.estimate.runtime import EMITTERS, LOOKS
-from anyprobe.estimate.settings import Settings
+from anyprobe.estimate.settings import CHOICES, Settings
 from anyprobe.hints import HINTS, Hint
 from anyprobe.serve.limits import MAX_PHOTOS
 
@@ -61,9 +59,11 @@ def _described(schema: dict[str, Any], text: str) -> dict[str, Any]:
     return {**schema, "description": text}
 
 
-def _setting_help(name: str) -> str:
-    """Return the description of a setting."""
-    return str(next(setting.metadata["help"] for setting in fields(Settings) if setting.name == name))
+def _choice(name: str) -> dict[str, Any]:
+    """Return the schema of a setting, one of its choices."""
+    kind = "integer" if isinstance(CHOICES[name][0], int) else "string"
+    text = next(setting.metadata["help"] for setting in fields(Settings) if setting.name == name)
+    return _described({"type": kind, "enum": list(CHOICES[name])}, text)
 
 
 _EXPORT = {
@@ -76,18 +76,14 @@ _EXPORT = {
 }
 
 _ANSWER = {
-    "emitters": _described({"type": "string", "enum": list(EMITTERS)}, _setting_help("emitters")),
-    "looks": _described({"type": "integer", "enum": list(LOOKS)}, _setting_help("looks")),
+    **{name: _choice(name) for name in ("emitters", "looks")},
     "include": _described(
         {"type": "string"}, "any of radiance, stages, mask, with commas: carried by the JSON answer besides"
     ),
 }
 
 
-_DETAIL = {
-    "detail": _described({"type": "string", "enum": list(DETAILS)}, _setting_help("detail")),
-    "size": _described({"type": "integer", "enum": list(SIZES)}, _setting_help("size")),
-}
+_DETAIL = {name: _choice(name) for name in ("detail", "size")}
 
 
 _NAMES = {"type": "array", "items": {"type": "string"}}

@@ -15,10 +15,9 @@ from starlette.datastructures import FormData, QueryParams, UploadFile
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 
-from anyprobe.detail.plausible import DETAILS, SIZES
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
 from anyprobe.estimate.poses import parse_poses
-from anyprobe.estimate.runtime import EMITTERS, LOOKS
+from anyprobe.estimate.settings import CHOICES
 from anyprobe.hints import HINTS, Hints, numbers_in
 from anyprobe.serve.guards import RECEIVED
 from anyprobe.serve.limits import MAX_PHOTOS, UNREAD_S
@@ -224,16 +223,8 @@ class Options:
 
     def settings(self) -> dict[str, Any]:
         """Return the requested settings of the estimate."""
-        settings: dict[str, Any] = {}
-        if (emitters := self.one_of("emitters", EMITTERS)) is not None:
-            settings["emitters"] = emitters
-        if (looks := self.one_of("looks", [str(count) for count in LOOKS])) is not None:
-            settings["looks"] = int(looks)
-        if (detail := self.one_of("detail", DETAILS)) is not None:
-            settings["detail"] = detail
-        if (size := self.one_of("size", [str(rows) for rows in SIZES])) is not None:
-            settings["size"] = int(size)
-        return settings
+        found = {name: self.one_of(name, [str(one) for one in known]) for name, known in CHOICES.items()}
+        return {name: type(CHOICES[name][0])(text) for name, text in found.items() if text is not None}
 
     def one_of(self, name: str, known: Sequence[str]) -> str | None:
         """Return the option if it is one of the known words; None if it is absent."""
