@@ -112,8 +112,7 @@ def _row(layout: Layout, path: Path, estimator: Estimator) -> dict[str, Any] | N
         )
     except AnyprobeError:
         return None
-    digest = zlib.crc32(truly.mesh.positions.round(4).tobytes())  # of where it stands
-    after = _kept(with_thing(layout, truly, MATTE), path.with_name(f"{path.stem}-{digest:08x}.npz"))
+    after = _kept(with_thing(layout, truly, MATTE), _beside(path, truly, MATTE))
     true_ratio = luminance(after.picture) / np.maximum(luminance(before.picture), 1e-6)
     free = (before.mask < 0.01) & ~silhouette(view, truly)
     truth = shade_of(true_ratio, free, view, truly)
@@ -125,7 +124,7 @@ def _row(layout: Layout, path: Path, estimator: Estimator) -> dict[str, Any] | N
     }
     shown = {}
     if not layout.on_map:
-        mirroring = _kept(with_thing(layout, truly, CHROME), path.with_name(f"{path.stem}-{digest:08x}-{CHROME}.npz"))
+        mirroring = _kept(with_thing(layout, truly, CHROME), _beside(path, truly, CHROME))
         exposure = taken.truth.sum(axis=(0, 1)) / before.truth.sum(axis=(0, 1))
         pictures = {MATTE: after.picture * exposure, CHROME: mirroring.picture * exposure}
         shown = {name: on_sphere(picture, view, truly) for name, picture in pictures.items()}
@@ -253,6 +252,12 @@ def _body_summary(found: list[dict[str, float]]) -> dict[str, float]:
         return {}
     said = {name: float(np.median([one[name] for one in found])) for name in ("level", "shading", "mirror")}
     return {"bodies": len(found), "level_error": float(np.median([abs(one["level"]) for one in found])), **said}
+
+
+def _beside(path: Path, placed: Placement, material: str) -> Path:
+    """Return the name of the second render, by where the sphere stands and what it is of."""
+    one = placed.mesh.positions.round(4).tobytes() + repr(material_named(material)).encode()
+    return path.with_name(f"{path.stem}-{zlib.crc32(one):08x}.npz")
 
 
 def _kept(layout: Layout, path: Path) -> Render:
