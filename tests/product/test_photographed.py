@@ -95,6 +95,14 @@ def test_real_object_stands_where_the_photo_shows_it_and_has_its_colour(stage):
     assert beside.min() > stage.placement.radius
 
 
+@pytest.mark.parametrize(("top", "stands"), [(20, True), (100, False)])
+def test_an_object_stands_beside_it_unless_it_is_in_its_way(stage, top, stands):
+    """A spout above the inserted ball leaves it its place; one as low as it does not."""
+    mask = stage.photo.mask.copy()
+    mask[top : top + 10, 60:200] = 1.0
+    assert (shown_object(replace(stage.photo, mask=mask), stage.view, stage.placement) is not None) == stands
+
+
 def test_nothing_stands_where_no_object_is_marked(stage):
     photo = replace(stage.photo, mask=np.zeros_like(stage.photo.mask))
     assert shown_object(photo, stage.view, stage.placement) is None

@@ -99,7 +99,9 @@ def shown_object(photo: Photo, view: View, spot: Placement) -> ShownSurface | No
 
     base = upright(contact)[1][-1]
     middle, half = upright(contact - DEPTH * base * toward)  # what is seen to touch the ground is the front of the base
-    flat = _flattened(spot, middle, half, right, toward)
+    height = (spot.mesh.positions - spot.foot) @ view.up
+    low = (middle - spot.foot) @ view.up < height.max()  # a spout above it is not in its way
+    flat = _flattened(spot, middle[low], half[low], right, toward)
     if flat is None:
         return None
     angle = np.linspace(0, 2 * np.pi, BODY_SECTORS + 1)
@@ -113,7 +115,12 @@ def shown_object(photo: Photo, view: View, spot: Placement) -> ShownSurface | No
 def _flattened(
     spot: Placement, middle: np.ndarray, half: np.ndarray, right: np.ndarray, toward: np.ndarray
 ) -> float | None:
-    """Return the real object's depth over its width that leaves the inserted one its place; None without room."""
+    """Return the real object's depth over its width that leaves the inserted one its place; None without room.
+
+    middle, half: of the rows at the inserted one's height.
+    """
+    if not len(half):
+        return DEPTH
     beside, before = (np.abs((spot.foot - middle) @ axis) for axis in (right, toward))
     if (beside >= half + spot.radius).all():
         return DEPTH
