@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.scenes import sphere_photo
+from support.scenes import made_map, sphere_photo
 
 import anyprobe
 from anyprobe.core.response import inverse_response
@@ -136,6 +136,20 @@ def test_a_surface_lights_what_is_on_its_front_and_shades_what_is_behind_it(abov
     drawn = traced(mesh, camera, np.ones((8, 16, 3), np.float32), MATERIALS["mirror"], around=[floor])
     np.testing.assert_allclose(drawn[8, 16, :3], 1.0, atol=0.05)
     np.testing.assert_allclose(drawn[24, 16, :3], 3.0 if facing_up else 0.0, atol=0.05)
+
+
+@pytest.mark.slow
+def test_grain_has_no_streaks(monkeypatch):
+    """Errors of a pixel say nothing of those to its right, however many steps the paths are traced in."""
+    mesh, light = sphere(24), made_map()
+    camera = frame_object(mesh, np.eye(3), 30.0, size=64)
+    many = traced(mesh, camera, light, MATERIALS["matte"], num_paths=1024)
+    monkeypatch.setattr("anyprobe.relight.path_traced.PATHS_AT_ONCE", 16 * camera.size**2)
+    few = traced(mesh, camera, light, MATERIALS["matte"])
+    on = (few[..., 3] == 1) & (many[..., 3] == 1)
+    error = np.where(on, (few - many)[..., 0] / np.maximum(many[..., 0], 1e-3), 0.0)
+    together = [(error[:, k:] * error[:, :-k])[on[:, k:] & on[:, :-k]].mean() for k in (1, 2, 4)]
+    assert np.mean(together) / np.square(error[on]).mean() < 0.1  # .2 of neighbours side by side
 
 
 def traced(mesh: Mesh | None, *arguments, **options) -> np.ndarray | None:

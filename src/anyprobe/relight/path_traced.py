@@ -173,7 +173,8 @@ def trace_mesh(
         distance = np.array(alone.ray_intersect_preliminary(_mi_rays(mi, camera.position, direction)).t)
         distance = distance.reshape(each, pixels).T  # a pixel's paths side by side, as the sampler stratifies them
         hit = np.isfinite(distance)
-        seen = np.flatnonzero(hit.any(axis=1))
+        # in any order, as the sampler's numbers for neighbours are alike: grain instead of streaks
+        seen = np.random.default_rng(start).permutation(np.flatnonzero(hit.any(axis=1)))
         if not len(seen):
             continue
         sampler = mi.load_dict({"type": "multijitter", "sample_count": each})
