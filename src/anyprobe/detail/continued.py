@@ -49,7 +49,7 @@ MOST_GRAIN = 0.25
 """Largest standard deviation of ln radiance of a texture; a stronger pattern is not noise."""
 EVEN, EVEN_GROUND = (0.6, 0.8), (0.4, 0.7)
 """Median absolute fine detail over its deviation, 1 for Gaussian noise, between which rows and ground are textures."""
-DEPTH_DEG = 4.0
+DEPTH_DEG = 2.0
 """Distance [degrees] into the object's place over which the texture of patches gives way to noise by a factor e."""
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.light.environment import MAP_HEIGHT, reduced
-from anyprobe.light.filtering import blur_cosine_power
+from anyprobe.light.filtering import blur_cap, blur_cosine_power
 from anyprobe.light.light_sources import LightSource, find_light_sources
 
 SOFT = 20.0
@@ -31,6 +31,10 @@ GLOW, GLOW_PEAK, GLOW_RADII, GLOW_DEG = 0.25, 1.2, 1.5, 6.0
 quarter: in radii of the body, and at least [degrees]."""
 AROUND_DEG, CORE_DEG = 26.0, 15.0
 """Angle [degrees] from a source within which light is attributed to it, and within which all of it is."""
+SURFACE = 0.7
+"""Luminance above which light is glare."""
+GLARE, GLARE_DEG = 0.12, 14.0
+"""Share of the map's light within an angle [degrees] at which half of the glare is drawn."""
 LEAST_RADIUS_DEG = 0.27
 """Smallest radius [degrees] of a disc: the sun's."""
 REACH = 5.0
@@ -84,6 +88,21 @@ def _sharpened(source: LightSource, estimate: np.ndarray) -> LightSource:
     radius_deg = float(np.degrees(np.sqrt(power**2 / float((above**2 * areas).sum()) / np.pi)))
     direction = (mean / np.linalg.norm(mean)).astype(source.direction.dtype)
     return replace(source, direction=direction, radius_deg=min(radius_deg, source.radius_deg))
+
+
+def take_glare(rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Split a map [H, 2H, 3] into what walls and skies may be, and the glare of windows and lamps that are not round.
+
+    Spots with less than about a share GLARE of the map's light are in neither: they are seldom there.
+    """
+    bright = luminance(rest)
+    over = np.maximum(bright - SURFACE, 0.0)
+    glare = rest * (over / np.maximum(bright, 1e-6))[..., None]
+    areas = pixel_solid_angles(len(rest))
+    around = 2 * np.pi * blur_cap((luminance(glare))[..., None], np.radians(GLARE_DEG))[..., 0]
+    around = around * (1 - np.cos(np.radians(GLARE_DEG))) / max(float((bright * areas).sum()), 1e-6)
+    kept = around**4 / (around**4 + GLARE**4)
+    return (rest - glare).astype(np.float32), (glare * kept[..., None]).astype(np.float32)
 
 
 def draw_lights(sources: Sequence[LightSource], cover: np.ndarray, picture: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from anyprobe.detail.angles import angles_from
 from anyprobe.detail.continued import CONTINUED_FLOOR, continue_around
-from anyprobe.detail.drawn_sources import SOFT, draw_lights, take_sources
+from anyprobe.detail.drawn_sources import SOFT, draw_lights, take_glare, take_sources
 from anyprobe.detail.layers import FLOOR_DEG, OPEN_AIR, as_place
 from anyprobe.detail.matched_light import enlarged_map, with_moments
 from anyprobe.errors import InputError, OutputError
@@ -49,6 +49,8 @@ OVER_DEG = 4.0
 """Elevation [degrees] from the top of a photo of the ground alone to the floor's edge."""
 NEAR_GAIN_DEG = 20.0
 """Angle [degrees] from what is seen over which the gain sets in, so that no edge appears there."""
+NEAR_GLARE_DEG = 4.0
+"""The same angle of the glare."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -121,13 +123,16 @@ def compose(
         kind: as which place a smooth estimate is drawn, layers.INDOORS or OPEN_AIR; None: the map as it is.
     """
     sources, rest = ((), estimate) if is_detailed else take_sources(estimate)
+    glare = np.zeros((1, 2, 3), np.float32)
+    if kind is not None and not is_detailed:
+        rest, glare = take_glare(rest)
     seen = None if plate is None else seen_in(plate, frame_from_camera, rows)
     picture, cover, origin = _place(rest, seen, rows, kind, is_detailed)
-    fixed = picture * cover + draw_lights(sources, cover, picture)
+    angle = angles_from(cover[..., 0])[..., None]
+    away, strength = (1.0 - np.exp(-((angle / near) ** 2)) for near in (NEAR_GLARE_DEG, NEAR_GAIN_DEG))
+    fixed = picture * cover + draw_lights(sources, cover, picture) + enlarged_map(glare, rows) * away
     free = picture * (1 - cover)
-    angle = angles_from(cover[..., 0])
-    strength = 1.0 - np.exp(-((angle / NEAR_GAIN_DEG) ** 2)) if cover.any() else np.ones_like(angle)
-    radiance = with_moments(free, fixed, project(estimate), strength[..., None].astype(np.float32))
+    radiance = with_moments(free, fixed, project(estimate), strength.astype(np.float32))
     return radiance.astype(np.float32), origin
 
 
