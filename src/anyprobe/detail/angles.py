@@ -7,7 +7,7 @@ import numpy as np
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.light.environment import reduced
 
-ANGLE_ROWS = 64
+ANGLE_ROWS = 44
 """Rows at which angles are measured."""
 
 

@@ -78,17 +78,23 @@ def continue_around(seen: DrawnPlate) -> Continued | None:
     first, last = int(used[0]), int(used[-1])
     elevation = 90.0 - (np.arange(rows) + 0.5) / per_deg
     ln = np.log(seen.radiance + CONTINUED_FLOOR)
-    base = spread(*_prolonged(ln, clear, inside, per_deg))
-    mean = (ln * clear[..., None]).sum(axis=1) / np.maximum(clear.sum(axis=1), 1e-3)[:, None]
-    texture = _calmer((ln - mean[:, None]) * clear[..., None], (ln - base) * clear[..., None], clear, EVEN)
+    column = np.flatnonzero(inside.any(axis=0))
+    photo = slice(int(column[0]), int(column[-1]) + 1)
+    values, weight = ln.copy(), clear.copy()
+    values[:, photo], weight[:, photo] = _prolonged(ln[:, photo], clear[:, photo], inside[:, photo], per_deg)
+    base = spread(values, weight)
+    part, known = ln[:, photo], clear[:, photo]
+    fine = (part - base[:, photo]) * known[..., None]
+    mean = (part * known[..., None]).sum(axis=1) / np.maximum(known.sum(axis=1), 1e-3)[:, None]
+    texture = np.zeros_like(ln)
+    texture[:, photo] = _calmer((part - mean[:, None]) * known[..., None], fine, known, EVEN)
     grain = along_rows(texture, clear, seed=1)
     row = np.arange(rows)
     beyond = np.maximum(np.maximum(first - row, row - last), 0)
     mirrored = np.clip(np.where(row < first, 2 * first - row, np.where(row > last, 2 * last - row, row)), first, last)
     grain = grain[mirrored] * np.exp(-beyond / per_deg / FADE_DEG).astype(np.float32)[:, None, None]
     if elevation[last] < HORIZON_DEG:
-        columns = np.flatnonzero(inside[first : last + 1].any(axis=0))
-        _lay_ground(grain, (ln - base) * clear[..., None], clear, last, (int(columns[0]), int(columns[-1])), elevation)
+        _lay_ground(grain, fine, known, last, elevation)
     high = np.clip((np.abs(elevation) - POLE_DEG[0]) / (POLE_DEG[1] - POLE_DEG[0]), 0.0, 1.0)
     merged = np.maximum(high, np.clip(beyond / per_deg / MERGED_DEG, 0.0, 1.0))[:, None, None]
     merged = (merged * merged * (3 - 2 * merged)).astype(np.float32)
@@ -150,28 +156,21 @@ def _along(values: np.ndarray, reach: int) -> np.ndarray:
     return np.convolve(padded, np.ones(2 * reach + 1) / (2 * reach + 1), mode="valid")
 
 
-def _lay_ground(
-    grain: np.ndarray,
-    texture: np.ndarray,
-    clear: np.ndarray,
-    last: int,
-    columns: tuple[int, int],
-    elevation: np.ndarray,
-) -> None:
+def _lay_ground(grain: np.ndarray, texture: np.ndarray, clear: np.ndarray, last: int, elevation: np.ndarray) -> None:
     """Give rows below the last one the texture of the plane under the camera; modifies grain.
 
-    texture: [R, 2R, 3] of what is seen, zero elsewhere. columns: first and last of the photo.
+    texture, clear: [R, P, 3] of what is seen, zero elsewhere, and [R, P], of the photo's columns.
     """
     rows, width = grain.shape[:2]
     near = 1 / np.tan(np.radians(-elevation[last]))  # the circle's radius over the camera's height
     scale = GROUND_PX / (2 * GROUND_REACH * near)  # pixels to the camera's height
-    wide = near * np.sin(min((columns[1] + 1 - columns[0]) * np.pi / width, 1.2))
+    wide = near * np.sin(min(texture.shape[1] * np.pi / width, 1.2))
     across = np.arange(max(8, round(2 * wide * scale))) / scale
     along = np.arange(GROUND_PX // 3) / scale
     x, z = np.meshgrid(across - across[-1] / 2, -near - along[::-1])
     row = (90.0 + np.degrees(np.arctan2(1.0, np.hypot(x, z)))) / 180.0 * rows - 0.5
-    column = ((columns[0] + columns[1] + 1) / 2 / width + np.arctan2(x, -z) / (2 * np.pi)) * width - 0.5
-    patch = _between(np.dstack([texture, clear]), column, np.minimum(row, last))
+    column = (texture.shape[1] - 1) / 2 + np.arctan2(x, -z) / (2 * np.pi) * width
+    patch = _between(np.dstack([texture, clear]), np.clip(column, 0, texture.shape[1] - 1), np.minimum(row, last))
     patch, weight = patch[..., :3], patch[..., 3]
     if weight.sum() < 32:
         return

@@ -1,6 +1,7 @@
 """Light sources of a map: taken out of it, and drawn again with soft edges.
 
-A source has a body of its own size, a weak one without an outline, and a faint glow around it.
+A source has a body of its own size, a weak one without an outline, and a faint glow around it. Glare that is not
+round, as a window's, keeps its shape.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from anyprobe.light.light_sources import LightSource, find_light_sources
 
 SOFT = 20.0
 """Sharpness of the blur whose colours give way to the estimate's: about 10 degrees."""
-RIM, WEAK_RIM = 0.6, 1.6
-"""Width of a body's rim, in its radii; that of a weak source."""
+RIM, WEAK_RIM, WEAK_RADIUS = 0.6, 1.6, 0.5
+"""Width of a body's rim, in its radii; that of a weak source, and the radius in the middle of that rim, in its own."""
 STRONG = 0.2
 """Smallest share of the map's power of a source drawn with an outline.
 
@@ -31,12 +32,14 @@ GLOW, GLOW_PEAK, GLOW_RADII, GLOW_DEG = 0.25, 1.2, 1.5, 6.0
 quarter: in radii of the body, and at least [degrees]."""
 AROUND_DEG, CORE_DEG = 26.0, 15.0
 """Angle [degrees] from a source within which light is attributed to it, and within which all of it is."""
-SURFACE = 0.7
+SURFACE = 0.9
 """Luminance above which light is glare."""
-GLARE, GLARE_DEG = 0.12, 14.0
+GLARE, GLARE_DEG = 0.18, 14.0
 """Share of the map's light within an angle [degrees] at which half of the glare is drawn."""
 LEAST_RADIUS_DEG = 0.27
 """Smallest radius [degrees] of a disc: the sun's."""
+LEAST_FREE = 0.05
+"""Smallest share of a source outside what is seen, or clipped there, that is drawn, with the whole power."""
 REACH = 5.0
 """Reach of a glow, in its angle."""
 
@@ -96,13 +99,12 @@ def take_glare(rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Spots with less than about a share GLARE of the map's light are in neither: they are seldom there.
     """
     bright = luminance(rest)
-    over = np.maximum(bright - SURFACE, 0.0)
-    glare = rest * (over / np.maximum(bright, 1e-6))[..., None]
-    areas = pixel_solid_angles(len(rest))
-    around = 2 * np.pi * blur_cap((luminance(glare))[..., None], np.radians(GLARE_DEG))[..., 0]
-    around = around * (1 - np.cos(np.radians(GLARE_DEG))) / max(float((bright * areas).sum()), 1e-6)
-    kept = around**4 / (around**4 + GLARE**4)
-    return (rest - glare).astype(np.float32), (glare * kept[..., None]).astype(np.float32)
+    glare = rest * (np.maximum(bright - SURFACE, 0.0) / np.maximum(bright, 1e-6))[..., None]
+    cap = np.radians(GLARE_DEG)
+    power = blur_cap(luminance(glare)[..., None], cap) * (2 * np.pi * (1 - np.cos(cap)))
+    share = power / max(float((bright * pixel_solid_angles(len(rest))).sum()), 1e-6)
+    drawn = share**4 / (share**4 + GLARE**4)
+    return (rest - glare).astype(np.float32), (glare * drawn).astype(np.float32)
 
 
 def draw_lights(sources: Sequence[LightSource], cover: np.ndarray, picture: np.ndarray) -> np.ndarray:
@@ -114,12 +116,15 @@ def draw_lights(sources: Sequence[LightSource], cover: np.ndarray, picture: np.n
     drawn = np.zeros((rows, 2 * rows, 3), np.float32)
     for source in sources:
         radius = np.radians(max(source.radius_deg, LEAST_RADIUS_DEG))
+        rim = RIM
+        if source.share < STRONG:
+            radius, rim = WEAK_RADIUS * radius, WEAK_RIM
         glow = max(GLOW_RADII * radius, np.radians(GLOW_DEG))
         top, bottom = _row_span(source.direction, REACH * glow, rows)
         d = pixel_directions(rows)[top:bottom]
         angle = 2 * np.arcsin(np.clip(np.linalg.norm(d - source.direction, axis=-1) / 2, 0.0, 1.0))
         around = np.maximum((1 + (angle / glow) ** 2) ** -2.0 - (1 + REACH**2) ** -2.0, 0.0)
-        edge = max(np.pi / rows, (RIM if source.share >= STRONG else WEAK_RIM) * radius)
+        edge = max(np.pi / rows, rim * radius)
         body = np.clip((radius - angle) / edge + 0.5, 0.0, 1.0)
         if not body.any():
             body[np.unravel_index(np.argmin(angle), angle.shape)] = 1.0
@@ -129,7 +134,7 @@ def draw_lights(sources: Sequence[LightSource], cover: np.ndarray, picture: np.n
         shape = body + min(GLOW, GLOW_PEAK / max(bright, 1e-6)) * (around - body)
         free = np.where(luminance(picture[top:bottom]) > 0.8, 1.0, 1.0 - cover[top:bottom, :, 0])
         kept = float((shape * free * facing).sum())
-        if kept > 0.3:
+        if kept > LEAST_FREE:
             drawn[top:bottom] += (shape * free / kept)[..., None] * source.irradiance
     return drawn
 

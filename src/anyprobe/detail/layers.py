@@ -68,10 +68,11 @@ def _beside_horizon(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _in_room(d: np.ndarray, floor_deg: float, pixel: float) -> tuple[np.ndarray, np.ndarray]:
     """Return directions pulled to the middles of a room's faces, and the floor's share."""
-    height = np.where(d[..., 1] > 0, np.tan(np.radians(CEILING_DEG)), np.tan(np.radians(-floor_deg)))
+    up, down = (np.float32(np.tan(np.radians(deg))) for deg in (CEILING_DEG, -floor_deg))
+    height = np.where(d[..., 1] > 0, up, down)
     over = np.stack([d[..., 0], d[..., 1] / height, d[..., 2]], axis=-1)
     over = np.concatenate([over, -over], axis=-1)
-    edge = max(np.radians(EDGE_DEG), 1.5 * pixel)
+    edge = np.float32(max(np.radians(EDGE_DEG), 1.5 * pixel))
     shares = np.clip((over - over.max(axis=-1, keepdims=True)) / edge + 1.0, 0.0, 1.0)
     shares /= shares.sum(axis=-1, keepdims=True)
     pulled = d + PULL * (shares @ _MIDDLES - d)

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from anyprobe.detail.angles import angles_from
 from anyprobe.detail.continued import CONTINUED_FLOOR, continue_around
@@ -49,6 +48,8 @@ OVER_DEG = 4.0
 """Elevation [degrees] from the top of a photo of the ground alone to the floor's edge."""
 NEAR_GAIN_DEG = 20.0
 """Angle [degrees] from what is seen over which the gain sets in, so that no edge appears there."""
+MOST_OFF = 0.005
+"""Error of the harmonics up to which small spots of glare may be left out."""
 NEAR_GLARE_DEG = 4.0
 """The same angle of the glare."""
 
@@ -123,16 +124,19 @@ def compose(
         kind: as which place a smooth estimate is drawn, layers.INDOORS or OPEN_AIR; None: the map as it is.
     """
     sources, rest = ((), estimate) if is_detailed else take_sources(estimate)
-    glare = np.zeros((1, 2, 3), np.float32)
-    if kind is not None and not is_detailed:
-        rest, glare = take_glare(rest)
+    tries = [(rest, np.zeros((MAP_HEIGHT, 2 * MAP_HEIGHT, 3), np.float32))]
+    if kind is not None and not is_detailed:  # with less glare the harmonics may be out of reach
+        tries.insert(0, take_glare(reduced(rest, MAP_HEIGHT)))
     seen = None if plate is None else seen_in(plate, frame_from_camera, rows)
-    picture, cover, origin = _place(rest, seen, rows, kind, is_detailed)
-    angle = angles_from(cover[..., 0])[..., None]
-    away, strength = (1.0 - np.exp(-((angle / near) ** 2)) for near in (NEAR_GLARE_DEG, NEAR_GAIN_DEG))
-    fixed = picture * cover + draw_lights(sources, cover, picture) + enlarged_map(glare, rows) * away
-    free = picture * (1 - cover)
-    radiance = with_moments(free, fixed, project(estimate), strength.astype(np.float32))
+    goal = project(estimate)
+    for surfaces, glare in tries:
+        picture, cover, origin = _place(surfaces, seen, rows, kind, is_detailed)
+        angle = angles_from(cover[..., 0])[..., None]
+        away, strength = (1.0 - np.exp(-((angle / near) ** 2)) for near in (NEAR_GLARE_DEG, NEAR_GAIN_DEG))
+        fixed = picture * cover + draw_lights(sources, cover, picture) + enlarged_map(glare, rows) * away
+        radiance = with_moments(picture * (1 - cover), fixed, goal, strength)
+        if np.linalg.norm(project(radiance) - goal) < MOST_OFF * np.linalg.norm(goal):
+            break
     return radiance.astype(np.float32), origin
 
 
@@ -160,7 +164,8 @@ def _place(
     ln, ln_drawn = around.ln, np.log(drawn + CONTINUED_FLOOR)
     soft, goal = (enlarged_map(blur_cosine_power(reduced(one, MAP_HEIGHT), SOFT), rows) for one in (ln, ln_drawn))
     angle = angles_from(within[..., 0])
-    up = np.maximum(np.degrees(np.arcsin(pixel_directions(rows)[..., 1])) - around.top, 0.0)
+    elevation = 90.0 - 180.0 * (np.arange(rows, dtype=np.float32)[:, None] + 0.5) / rows
+    up = np.maximum(elevation - np.float32(around.top), 0.0)
     if around.top < 0:
         up = up * (1 - ground)
     rise = RISE_DEG[int(outdoors)]

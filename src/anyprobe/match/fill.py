@@ -17,9 +17,9 @@ COARSE_PX = 56
 """Longer side of the coarsest level [px]."""
 LEVEL_STEP = 1.6
 """Ratio of one level's size to the next coarser one's."""
-ROUNDS = 3
+ROUNDS = 2
 """Number of patch searches on each level."""
-MOST_PATCHES = 2500
+MOST_PATCHES = 1500
 """Largest number of seen patches that are compared with."""
 ROW_PRICE = 6.0
 """Squared distance of two patches one picture height apart, in mean squared ln radiance of a pixel."""
