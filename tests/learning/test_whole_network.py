@@ -21,7 +21,7 @@ from anyprobe.estimate.estimator import Estimator  # noqa: E402
 from anyprobe.estimate.ground import up_of  # noqa: E402
 from anyprobe.learning.nets.light_net import display  # noqa: E402
 from anyprobe.learning.whole_network import train as training  # noqa: E402
-from anyprobe.learning.whole_network.batches import Pairs, brighter, cropped, developed, mirrored  # noqa: E402
+from anyprobe.learning.whole_network.batches import Pairs, brighter, mirrored  # noqa: E402
 from anyprobe.learning.whole_network.export import TOLERANCE, export_photo_net  # noqa: E402
 from anyprobe.learning.whole_network.object_losses import OBJECT_WEIGHTS, ObjectLoss  # noqa: E402
 from anyprobe.learning.whole_network.score import score_pairs  # noqa: E402
@@ -149,45 +149,6 @@ def test_what_is_clipped_stays_clipped_in_less_light():
     darker = brighter(picture, torch.full((1, 3, 1, 1), -1.0))
     assert darker[0, 0, 0, 0] == 1.0
     assert darker[0, 0, 0, 1] < 0.4
-
-
-def test_a_crop_hides_the_same_of_the_photo_and_of_the_map(folder):
-    batch = Pairs(folder).rows(0, 1)
-    sides = torch.tensor([[torch.inf, 1.0, torch.inf, torch.inf]])
-    found = cropped(batch, sides)
-    assert not found["context"][0, :, :, 72:].any()  # the crop is the context's middle half
-    torch.testing.assert_close(found["context"][..., :72], batch["context"][..., :72])
-    x, y, z = torch.from_numpy(pixel_directions(64)).unbind(dim=2)
-    beyond = x / -z > float(batch["tan_half"])
-    before = z < 0
-    assert (batch["surroundings"][0, 3] * (beyond & before)).any()
-    assert not (found["surroundings"][0] * (beyond & before)).any()
-    rest = (~beyond & before).float()
-    torch.testing.assert_close(found["surroundings"] * rest, batch["surroundings"] * rest)
-    everything = cropped(batch, torch.full((1, 4), torch.inf))
-    torch.testing.assert_close(everything["context"], batch["context"])
-
-
-def test_contrast_and_saturation_leave_black_and_white():
-    picture = torch.tensor([[0.0, 0.0, 0.0, 1.0], [1.0, 1.0, 1.0, 1.0], [0.6, 0.4, 0.4, 1.0]]).T.reshape(1, 4, 1, 3)
-    exponent, saturation = torch.full((1, 1, 1, 1), 1.2), torch.full((1, 1, 1, 1), 1.5)
-    found = developed(picture, exponent, saturation)
-    torch.testing.assert_close(found[..., :2], picture[..., :2])
-    torch.testing.assert_close(found[:, 3:], picture[:, 3:])
-    flat = developed(picture, torch.ones_like(exponent), saturation)
-    assert float((flat[0, 0] - flat[0, 1])[0, 2]) == pytest.approx(0.3, abs=1e-5)
-    assert float(found[0, 1, 0, 2]) < float(flat[0, 1, 0, 2])
-
-
-def test_a_mean_with_the_weights_before_may_spare_the_object(checkpoint, folder, tmp_path):
-    start, kept = tmp_path / "start.pt", torch.load(checkpoint, weights_only=True)["net"]
-    torch.save({name: value + 1 if value.is_floating_point() else value for name, value in kept.items()}, start)
-    net, about = load_photo_net(checkpoint, [start], share=0.5, object_share=0.0)
-    for name, value in net.state_dict().items():
-        if value.is_floating_point():
-            more = 0.0 if name.startswith("light.") else 0.5
-            torch.testing.assert_close(value, kept[name] + more, rtol=0, atol=1e-3)
-    assert about["mean_with_start"] == [0.5, 0.0]
 
 
 def test_a_panorama_takes_the_place_of_the_photo(folder):

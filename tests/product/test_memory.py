@@ -12,8 +12,10 @@ import pytest
 from anyprobe.core.response import inverse_response, response
 from anyprobe.export.cube_textures import cube_faces, encode_bc6h
 from anyprobe.relight.appearance import _seen_of_object
+from anyprobe.relight.ground_map import GroundPicture
 from anyprobe.relight.ground_view import View
-from anyprobe.relight.insert import Stage, cast_shadow
+from anyprobe.relight.insert import cast_shadow
+from anyprobe.relight.photographed import shown_ground
 
 
 @pytest.fixture
@@ -125,8 +127,10 @@ def test_shadow_and_ground_take_little_more_than_the_photo(scene, monkeypatch):
     photo, view, shadow = scene
     monkeypatch.setattr("anyprobe.relight.ground_view.VIEW_STRIP_PIXELS", 9_000)
     assert most_bytes(lambda: cast_shadow(photo, view, shadow)) < photo.rgb.nbytes + 400 * 9_000
-    stage = object.__new__(Stage)
-    stage.photo, stage.view = photo, view
-    stage.placement = SimpleNamespace(foot=view.on_ground(350.0, 400.0), radius=0.2)
+    placement = SimpleNamespace(foot=view.on_ground(350.0, 400.0), radius=0.2)
     light = np.ones((16, 32, 3), np.float32)
-    assert most_bytes(lambda: stage._ground(light)) < photo.rgb.nbytes + 400 * 9_000
+
+    def ground():
+        return shown_ground(GroundPicture(photo, view, light), view, placement, shadow)
+
+    assert most_bytes(ground) < ground().radiance.nbytes + photo.rgb.nbytes + 400 * 9_000

@@ -26,6 +26,8 @@ GROUND_RINGS, GROUND_SECTORS = 96, 128
 """Numbers of cells of the ground's mesh, outwards and around."""
 GROUND_TEXELS = 512, 1024
 """Texels of the ground's picture, outwards and around; the rows are evenly spaced in the logarithm of the radius."""
+GROUND_STRIPS = 32
+"""Parts in which the picture is read: all at once would take 115 MB."""
 BODY_ROWS, BODY_SECTORS = 256, 64
 """Largest number of rows, and number of cells around, of the real object's mesh."""
 BODY_TEXELS = 256
@@ -63,15 +65,18 @@ def shown_ground(picture: GroundPicture, view: View, spot: Placement, shadow: Gr
     side, across = orthonormal_basis(view.up)
     low, high = (np.log(radius * spot.radius) for radius in GROUND_RADII)
 
-    def rings(rows: int, angles: np.ndarray) -> np.ndarray:
-        radius = np.exp(np.linspace(low, high, rows))[:, None, None]
-        return spot.foot + radius * (np.cos(angles)[:, None] * side - np.sin(angles)[:, None] * across)
+    def rings(radii: np.ndarray, angles: np.ndarray) -> np.ndarray:
+        along = np.cos(angles)[:, None] * side - np.sin(angles)[:, None] * across
+        return spot.foot + radii[:, None, None] * along
 
     rows, columns = GROUND_TEXELS
-    texels = rings(rows, (np.arange(columns) + 0.5) / columns * 2 * np.pi).reshape(-1, 3)
-    radiance = (picture.at(texels) * shadow.at(texels)).reshape(rows, columns, 3)
-    corners = rings(GROUND_RINGS + 1, np.linspace(0, 2 * np.pi, GROUND_SECTORS + 1))
-    return ShownSurface(points=corners - LIFT * view.up, radiance=radiance.astype(np.float32))
+    middles = (np.arange(columns) + 0.5) / columns * 2 * np.pi
+    strips = []
+    for radii in np.array_split(np.exp(np.linspace(low, high, rows)), GROUND_STRIPS):
+        points = rings(radii, middles).reshape(-1, 3)
+        strips.append((picture.at(points) * shadow.at(points)).reshape(-1, columns, 3).astype(np.float32))
+    corners = rings(np.exp(np.linspace(low, high, GROUND_RINGS + 1)), np.linspace(0, 2 * np.pi, GROUND_SECTORS + 1))
+    return ShownSurface(points=corners - LIFT * view.up, radiance=np.concatenate(strips))
 
 
 def shown_object(photo: Photo, view: View, spot: Placement) -> ShownSurface | None:

@@ -62,9 +62,6 @@ def export(
         list[Path] | None, typer.Option(help="Weights the run began from, for a mean with them; repeat for more.")
     ] = None,
     share: Annotated[float, typer.Option(min=0.0, max=1.0, help="How much of the mean those are.")] = 0.5,
-    object_share: Annotated[
-        float | None, typer.Option(min=0.0, max=1.0, help="The same of what sees the object; --share by default.")
-    ] = None,
     keep: Annotated[
         Path | None, typer.Option(help="Also keep the weights in this .pt, to begin another training from.")
     ] = None,
@@ -73,10 +70,10 @@ def export(
     checkpoint = run / "checkpoint.pt" if run.is_dir() else run
     if keep is not None:
         keep_apart(checkpoint, keep)
-    for name, off in export_photo_net(checkpoint, to, start or (), share, object_share).items():
+    for name, off in export_photo_net(checkpoint, to, start or (), share).items():
         typer.echo(f"{to / name}.onnx: within {off:.2g} of torch")
     if keep is not None:
-        save_weights(load_photo_net(checkpoint, start or (), share, object_share)[0].state_dict(), keep)
+        save_weights(load_photo_net(checkpoint, start or (), share)[0].state_dict(), keep)
         typer.echo(keep)
 
 

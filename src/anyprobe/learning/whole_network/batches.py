@@ -10,25 +10,19 @@ import torch
 from torch.nn import functional as F
 
 from anyprobe.core.color import REC709
-from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import MEAN_CURVE
 from anyprobe.errors import InputError
 from anyprobe.learning.nets.light_net import display
 from anyprobe.learning.whole_network.source_profiles import source_colors, source_profiles
-from anyprobe.light.environment import MAP_HEIGHT
 
-LEVEL = 0.3
-"""Standard deviation of ln of the light that a pair has more of each time it is seen."""
+LEVEL, TINT = 0.25, 0.12
+"""Standard deviations of ln of the light that a pair has more of, all of it and each channel, each time it is seen."""
 USED = ("image", "context", "tan_half", "surroundings", "truth", "up", "family")
 """Arrays of research.scenes.pairs.Known that are learned from."""
 WHITE = 0.98
 """Display value from which on a pixel of a photo is clipped: less light does not make it less."""
 NOISE = 0.03
 """Largest standard deviation of display values that pairs are seen with."""
-CONTRAST, SATURATION = 0.1, 0.15
-"""Standard deviations of ln of the exponent, and of ln of the saturation, of a photo's display values."""
-CROPPED = 0.35
-"""Share of a photo's four sides that are cropped."""
 PICTURES, DIRECTIONS = ("photo", "context", "surroundings", "truth"), ("up", "given_up")
 """Arrays of a batch that change in a mirror."""
 
@@ -72,25 +66,20 @@ class Pairs:
         return self._batch(torch.arange(start, min(stop, len(self)), device=self.device))
 
     def batch(
-        self, rng: np.random.Generator, count: int, given_up: float, panoramas: float = 0.0, tint: float = 0.2
+        self, rng: np.random.Generator, count: int, given_up: float, panoramas: float = 0.0
     ) -> dict[str, torch.Tensor]:
         """Return a random batch, as PhotoNet takes it.
 
         given_up, panoramas: shares of the pairs that are told which way is up, and that know a part of the map instead
-            of the photo around the object. tint: standard deviation of ln of the light that each channel has more of.
+            of the photo around the object.
         """
         batch = self._batch(self._on(rng.integers(len(self), size=count)))
-        sides = np.where(rng.random((count, 4)) < CROPPED, rng.uniform(1.0, 2.0, (count, 4)), np.inf)
-        batch = cropped(batch, self._on(sides))
-        ln_gain = self._on(rng.normal(0.0, LEVEL, (count, 1)) + rng.normal(0.0, tint, (count, 3))).float()
+        ln_gain = self._on(rng.normal(0.0, LEVEL, (count, 1)) + rng.normal(0.0, TINT, (count, 3))).float()
         gain = ln_gain[:, :, None, None]
-        exponent, saturation = (
-            self._on(np.exp(rng.normal(0.0, one, (count, 1, 1, 1)))).float() for one in (CONTRAST, SATURATION)
-        )
         noise = self._on(rng.uniform(0.0, NOISE, (count, 1, 1, 1))).float()
         generator = torch.Generator(self.device).manual_seed(int(rng.integers(2**62)))
         for name in ("photo", "context", "surroundings"):
-            batch[name] = _seen(developed(batch[name], exponent, saturation), gain, noise, generator)
+            batch[name] = _seen(batch[name], gain, noise, generator)
         batch["truth"] = batch["truth"] + gain
         batch["given_up"] = batch["up"] * self._on(rng.random((count, 1)) < given_up).float()
         batch = with_panoramas(batch, rng, panoramas)
@@ -114,34 +103,6 @@ class Pairs:
 
     def _on(self, values: np.ndarray) -> torch.Tensor:
         return torch.from_numpy(values).to(self.device)
-
-
-def cropped(batch: dict[str, torch.Tensor], sides: torch.Tensor) -> dict[str, torch.Tensor]:
-    """Return the batch without what lies beyond the photo's sides [N, 4] (left, right, bottom, top), in half crops."""
-    limits = sides.float() * batch["tan_half"]
-    size = batch["context"].shape[3]
-    place = (torch.arange(size, device=limits.device) + 0.5) / size * 4 - 2  # the context is twice as wide as the crop
-    at = place * batch["tan_half"]  # [N, size]
-    inside = _within(at[:, None, :], -at[:, :, None], limits)
-    d = torch.from_numpy(pixel_directions(MAP_HEIGHT)).to(limits)
-    depth = (-d[..., 2]).clip(min=1e-6)
-    seen = _within((d[..., 0] / depth)[None], (d[..., 1] / depth)[None], limits)
-    context, surroundings = batch["context"] * inside[:, None], batch["surroundings"] * seen[:, None]
-    return {**batch, "context": context, "surroundings": surroundings}
-
-
-def _within(x: torch.Tensor, y: torch.Tensor, limits: torch.Tensor) -> torch.Tensor:
-    """Return 1 where slopes lie within limits [N, 4], else 0."""
-    left, right, bottom, top = limits[:, :, None, None].unbind(dim=1)
-    return ((x > -left) & (x < right) & (y > -bottom) & (y < top)).float()
-
-
-def developed(picture: torch.Tensor, exponent: torch.Tensor, saturation: torch.Tensor) -> torch.Tensor:
-    """Return a picture [N, 4 or 5, H, W] of another contrast and saturation, each [N, 1, 1, 1]; white stays."""
-    shown = picture[:, :3].clip(0.0, 1.0)
-    grey = torch.einsum("c,nchw->nhw", torch.tensor(REC709, device=picture.device), shown)[:, None]
-    shown = torch.where(shown >= WHITE, shown, (grey + saturation * (shown - grey)).clip(0.0, 1.0))
-    return torch.cat([shown**exponent, picture[:, 3:]], dim=1)
 
 
 def mirrored(batch: dict[str, torch.Tensor], some: torch.Tensor) -> dict[str, torch.Tensor]:

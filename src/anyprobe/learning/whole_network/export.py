@@ -72,16 +72,16 @@ def example_inputs() -> dict[str, torch.Tensor]:
 
 
 def export_photo_net(
-    checkpoint: Path, folder: Path, start: Sequence[Path] = (), share: float = 0.0, object_share: float | None = None
+    checkpoint: Path, folder: Path, start: Sequence[Path] = (), share: float = 0.0
 ) -> dict[str, float]:
     """Write folder/light.onnx and folder/whole.onnx and return each one's largest median difference from torch.
 
-    start, share, object_share: see load_photo_net.
+    start, share: see load_photo_net.
 
     Raises:
         ModelError: a graph disagrees with its network by more than its tolerance.
     """
-    net, run = load_photo_net(checkpoint, start, share, object_share)
+    net, run = load_photo_net(checkpoint, start, share)
     recipe = {"run": run["name"], "steps": str(run["step"]), "pairs": str(run["step"] * run["batch"])}
     about = {**recipe, "config": json.dumps(run), "sureness": " ".join(f"{v:g}" for v in AS_CALIBRATED.numbers)}
     (graph,) = graphs_of(nn.ModuleDict({"light": net.light}), AS_CALIBRATED).values()

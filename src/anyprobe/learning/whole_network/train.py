@@ -36,6 +36,7 @@ from anyprobe.learning.whole_network.score import score_pairs
 
 MIRROR = "mirror"
 """Name of the loss of a mirrored photo's answer."""
+MIRROR_WEIGHT = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -62,8 +63,6 @@ class WholeRunConfig:
     averaged: float = 0.999
     given_up: float = 0.2
     panoramas: float = 0.05
-    tint: float = 0.2
-    mirror: float = 2.0
     seed: int = 7
     pairs: int = 0
     scored: int = 500
@@ -91,7 +90,7 @@ class PhotoLosses:
 
     def __init__(self, net: PhotoNet, config: WholeRunConfig, device: str) -> None:
         self.object_learns = config.object_rate > 0
-        self.weights = {**WEIGHTS, MIRROR: config.mirror, **(OBJECT_WEIGHTS if self.object_learns else {})}
+        self.weights = {**WEIGHTS, MIRROR: MIRROR_WEIGHT, **(OBJECT_WEIGHTS if self.object_learns else {})}
         self._whole = WholeLoss(device)
         self._object = ObjectLoss(net.light, device) if self.object_learns else None
 
@@ -181,7 +180,7 @@ def train_whole(
             for group in optimizer.param_groups:
                 group["lr"] = rate * group["share"]
             rng = np.random.default_rng((config.seed, step))
-            batch = _both_ways(data.batch(rng, config.batch // 2, config.given_up, config.panoramas, config.tint))
+            batch = _both_ways(data.batch(rng, config.batch // 2, config.given_up, config.panoramas))
             net.train()
             net.light.train(losses.object_learns)
             torch.manual_seed(step + config.seed)  # what is dropped is the step's own
@@ -227,14 +226,11 @@ def follow(mean: torch.nn.Module, net: torch.nn.Module, decay: float) -> None:
         kept[k].copy_(new[k])
 
 
-def load_photo_net(
-    checkpoint: Path, start: Sequence[Path] = (), share: float = 0.0, object_share: float | None = None
-) -> tuple[PhotoNet, dict]:
+def load_photo_net(checkpoint: Path, start: Sequence[Path] = (), share: float = 0.0) -> tuple[PhotoNet, dict]:
     """Return the trained network of a checkpoint (the mean of its weights), ready to run, and its stored step,
     configuration and origin; ModelError if there is none, or of another release.
 
-    start: weights that it began from, see begin_from. share: how much of the result they are; object_share: how much
-    of what sees the object, the same by default.
+    start, share: weights that it began from, see begin_from, and how much of the result they are.
     """
     stored = read_checkpoint(checkpoint, holds="net")
     net = PhotoNet()
@@ -244,8 +240,6 @@ def load_photo_net(
         first = deepcopy(net)
         for one in start:
             begin_from(first, one)
-        object_share = share if object_share is None else object_share
-        follow(net.whole, first.whole, 1.0 - share)
-        follow(net.light, first.light, 1.0 - object_share)
-        about["mean_with_start"] = [share, object_share]
+        follow(net, first, 1.0 - share)
+        about["mean_with_start"] = share
     return net.eval().requires_grad_(False), about
