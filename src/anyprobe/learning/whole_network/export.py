@@ -10,11 +10,18 @@ import numpy as np
 import torch
 from torch import nn
 
-from anyprobe.errors import ModelError
 from anyprobe.estimate.runtime import CONTEXT_SIZE, CONTRACT, WHOLE, WHOLE_INPUTS, WHOLE_OUTPUTS
-from anyprobe.files.atomic import atomic_path
 from anyprobe.learning.nets.whole_net import SAID, WholeNet
-from anyprobe.learning.train.export_onnx import AS_CALIBRATED, FLOATS, export_stage, graphs_of, store_half, store_int8
+from anyprobe.learning.train.export_onnx import (
+    AS_CALIBRATED,
+    CONVOLUTIONS,
+    FLOATS,
+    LINEAR_LAYERS,
+    Graph,
+    export_stage,
+    graphs_of,
+    write_graph,
+)
 from anyprobe.learning.whole_network.train import load_photo_net
 from anyprobe.light.environment import MAP_HEIGHT
 
@@ -90,34 +97,13 @@ def export_photo_net(
 
 
 def _export_whole(net: WholeNet, recipe: dict[str, str], folder: Path) -> float:
-    import onnx
-
-    from anyprobe.files.onnx_runtime import onnxruntime
-
-    graph, inputs = WholeGraph(net).eval(), example_inputs()
-    with atomic_path(folder / f"{WHOLE}.onnx") as temporary:
-        torch.onnx.export(
-            graph,
-            tuple(inputs.values()),
-            str(temporary),
-            input_names=list(inputs),
-            output_names=list(WHOLE_OUTPUTS),
-            dynamic_axes={name: {0: "n"} for name in (*inputs, *WHOLE_OUTPUTS)},
-            opset_version=17,
-            dynamo=False,
-        )
-        model = onnx.load(str(temporary))
-        store_half(model)
-        store_int8(model)
-        about = {**CONTRACT, "stage": WHOLE, "computes": FLOATS}
-        onnx.helper.set_model_props(model, {**about, **recipe})
-        onnx.checker.check_model(model)
-        onnx.save(model, str(temporary))
-        session = onnxruntime.InferenceSession(str(temporary), providers=["CPUExecutionProvider"])
-        with torch.no_grad():
-            expected = graph(*inputs.values())
-        found = session.run(None, {name: value.numpy() for name, value in inputs.items()})
-        off = max(float(np.median(np.abs(a - b.numpy()))) for a, b in zip(found, expected, strict=True))
-        if not off <= TOLERANCE:
-            raise ModelError(f"whole: expected ONNX within {TOLERANCE} of torch, got {off:.3g}")
-    return off
+    inputs = example_inputs()
+    graph = Graph(
+        net=WholeGraph(net).eval(),
+        inputs={name: tuple(value.shape) for name, value in inputs.items()},
+        outputs=WHOLE_OUTPUTS,
+        typical=lambda difference: float(np.median(difference)),
+        small=(LINEAR_LAYERS, CONVOLUTIONS),
+    )
+    about = {**CONTRACT, "stage": WHOLE, "computes": FLOATS, **recipe}
+    return write_graph(WHOLE, graph, tuple(inputs.values()), about, folder / f"{WHOLE}.onnx", TOLERANCE)
