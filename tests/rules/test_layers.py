@@ -26,7 +26,7 @@ ONLY = {
         *("learning.mask_network", "learning.whole_network"),
     },
     "onnxruntime": {"files"},
-    "onnx": {"learning.train", "learning.whole_network"},
+    "onnx": {"learning.train"},
     "openvino": {"estimate"},
     "rembg": {"masks"},
     "trimesh": {"files"},
