@@ -24,7 +24,7 @@ from anyprobe.learning.whole_network import train as training  # noqa: E402
 from anyprobe.learning.whole_network.batches import Pairs, brighter, mirrored  # noqa: E402
 from anyprobe.learning.whole_network.export import TOLERANCE, export_photo_net  # noqa: E402
 from anyprobe.learning.whole_network.object_losses import OBJECT_WEIGHTS, ObjectLoss  # noqa: E402
-from anyprobe.learning.whole_network.score import score_pairs  # noqa: E402
+from anyprobe.learning.whole_network.score import _figures, score_pairs  # noqa: E402
 from anyprobe.learning.whole_network.train import WholeRunConfig, load_photo_net, train_whole  # noqa: E402
 from research.scenes import packed  # noqa: E402
 from research.scenes.camera import TakenPhoto  # noqa: E402
@@ -181,6 +181,12 @@ def test_scores_are_of_photos_and_of_cut_outs(folder, checkpoint):
         "cut-out-alone_ldr_rmse",
     } <= set(scores)
     assert all(np.isfinite(value) for value in scores.values())
+
+
+def test_a_cast_is_scored():
+    truth = np.ones((64, 128, 3), np.float32)
+    *_, red, blue = _figures(truth * [1.2, 1.0, 0.9], truth)
+    assert (red, blue) == pytest.approx((np.log(1.2), np.log(0.9)), abs=1e-5)
 
 
 def test_pairs_are_asked_for_where_there_are_none(tmp_path):

@@ -27,8 +27,9 @@ CUT_OUT, ALONE = "cut-out", "cut-out-alone"
 
 @torch.no_grad()
 def score_pairs(net: PhotoNet, pairs: Pairs) -> dict[str, float]:
-    """Return figures of left-out pairs: LDR RMSE, dominant light (median; hardest third), power [stops], pitch; and LDR
-    RMSE and dominant light of each family's photos and of the cut-outs."""
+    """Return figures of left-out pairs: LDR RMSE, dominant light (median; hardest third), power [stops], pitch; LDR
+    RMSE and dominant light of each family's photos and of the cut-outs; and the cast of photos and of cut-outs: median
+    errors of ln red and ln blue over green in all light."""
     rows = []
     was_training = net.training
     net.eval()
@@ -47,7 +48,7 @@ def score_pairs(net: PhotoNet, pairs: Pairs) -> dict[str, float]:
                 rows.append((ALONE, *_figures(alone[k], truth[k]), np.nan))
     net.train(was_training)
     group = np.array([row[0] for row in rows])
-    rmse, angle, power, hard, ours_hard, false, pitch = np.array([row[1:] for row in rows]).T
+    rmse, angle, power, hard, ours_hard, false, red, blue, pitch = np.array([row[1:] for row in rows]).T
     whole = (group != CUT_OUT) & (group != ALONE)
     hardest = whole & (hard >= np.quantile(hard[whole], 2 / 3))
     scores = {
@@ -65,6 +66,8 @@ def score_pairs(net: PhotoNet, pairs: Pairs) -> dict[str, float]:
         if some.any():
             scores |= {f"{name}_ldr_rmse": rmse[some].mean(), f"{name}_dominant_deg": np.median(angle[some])}
     for name, some in (("whole", whole), (CUT_OUT, group == CUT_OUT), (ALONE, group == ALONE)):
+        if some.any():
+            scores |= {f"{name}_red": np.median(red[some]), f"{name}_blue": np.median(blue[some])}
         if some.sum() > 2:
             scores[f"{name}_hardness"] = np.corrcoef(ours_hard[some], hard[some])[0, 1]
     return {name: round(float(value), 4) for name, value in scores.items()}
@@ -75,12 +78,18 @@ def _maps(ln_radiance: torch.Tensor) -> np.ndarray:
     return torch.exp(ln_radiance.float()).permute(0, 2, 3, 1).cpu().numpy()
 
 
+def _sum(radiance: np.ndarray) -> np.ndarray:
+    """Return all light [3] of a map."""
+    return np.maximum((radiance * pixel_solid_angles(MAP_HEIGHT)[..., None]).sum(axis=(0, 1)), 1e-9)
+
+
 def _figures(radiance: np.ndarray, truth: np.ndarray) -> tuple[float, ...]:
     """Return LDR RMSE, the dominant light's angle, power [stops], the share of all power that arrives from the dominant
-    light's side, true and estimated, and how many sources are false."""
+    light's side, true and estimated, how many sources are false, and the errors of ln red and ln blue over green."""
     weights = pixel_solid_angles(MAP_HEIGHT)
     light, main = find_dominant_light(radiance), find_dominant_light(truth)
     ours, true = (max(float((luminance(one) * weights).sum()), 1e-9) for one in (radiance, truth))
+    red, green, blue = np.log(_sum(radiance) / _sum(truth))
     error = float(np.sqrt(np.mean((response(radiance) - response(truth)) ** 2)))
     return (
         error,
@@ -89,4 +98,6 @@ def _figures(radiance: np.ndarray, truth: np.ndarray) -> tuple[float, ...]:
         float(luminance(main.irradiance)) / true,
         float(luminance(light.irradiance)) / ours,
         float(false_sources(find_light_sources(radiance), truth)),
+        float(red - green),
+        float(blue - green),
     )
