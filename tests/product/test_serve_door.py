@@ -307,7 +307,7 @@ def test_a_token_is_made_where_other_machines_come_in():
     for bad in ("short", "with space in", "é" * 20, ""):
         with pytest.raises(InputError) as caught:
             _token(bad, True)
-        assert caught.value.subject == "token"
+        assert caught.value.subject == ("token",)
 
 
 @pytest.mark.parametrize(
