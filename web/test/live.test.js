@@ -94,8 +94,8 @@ test("networks look at one of three frames while the object looks the same, at e
   lights.mark({ on: [[0.5, 0.5]], off: [], box: null });
   const shades = [(x) => 130 + x, (x) => 190 - x];
   for (; at < 60; at++) {
-    const { light, mask } = await lights.next(frameOf(50, 4, random, shades[at < 45 ? 0 : 1]), at / 15);
-    assert.ok(mask && light.confidence.length, `${at}`);
+    const { light, mask, ms } = await lights.next(frameOf(50, 4, random, shades[at < 45 ? 0 : 1]), at / 15);
+    assert.ok(mask && light.confidence.length && "crop" in ms, `${at}`);
     structuredClone(light.confidence, { transfer: [light.confidence.buffer] });
   }
   const among = (from, to) => looks.filter((one) => one >= from && one < to).length;

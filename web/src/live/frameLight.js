@@ -89,7 +89,10 @@ export class FrameLight {
       const options = { ...this.options, isAlone: this.isAlone, withStages };
       this.found = await lightOfObject(this.models, picture, this.longFovDeg, crop, options);
       [this.rested, this.lookedWith] = [0, this.options];
-    } else this.rested++;
+    } else {
+      this.rested++;
+      lap("crop");
+    }
     const { radiance, stages, ...rest } = this.found;
     if (rest.confidence) rest.confidence = rest.confidence.slice(); // its memory is given away with the answer
     this.single = radiance; // a frame's own
