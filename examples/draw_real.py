@@ -18,7 +18,6 @@ from PIL import Image, ImageDraw, ImageFont
 
 import anyprobe
 from anyprobe.core.color import to_bytes
-from anyprobe.core.response import response
 from anyprobe.files.objects import open_object
 from anyprobe.relight.appearance import least_scale
 from anyprobe.relight.insert import Arrangement, Stage
@@ -50,7 +49,7 @@ def main(photo: Annotated[Path, typer.Argument(help="The teapot's photo, square.
         stage = Stage(after, open_object("sphere"), arrangement)
         after = replace(after, rgb=stage.relit(around, material))
     panels = [_fitted(one.rgb, SHOWN, WIDTH) for one in (before, after)]
-    place = _fitted(response(light.panorama(512).radiance), None, 2 * WIDTH + GAP)
+    place = _fitted(light.panorama(512).display(), None, 2 * WIDTH + GAP)
     sheet = Image.new("RGB", (place.width, 2 * LABEL + panels[0].height + place.height), "white")
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(15)
     for index, (title, panel) in enumerate(zip(("photo", "with a golden and a plaster sphere"), panels, strict=True)):

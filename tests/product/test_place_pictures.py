@@ -13,14 +13,17 @@ import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import inverse_response, response
-from anyprobe.detail.layers import INDOORS, OPEN_AIR
+from anyprobe.detail.drawn_sources import Body, bodies_of, draw_lights
+from anyprobe.detail.kinds import INDOORS, OPEN_AIR
+from anyprobe.detail.layers import kind_of_place
 from anyprobe.detail.noise import along_rows, of_patch
-from anyprobe.detail.place_picture import compose
+from anyprobe.detail.place_picture import KNEE, Panorama, compose
 from anyprobe.detail.spread import spread
 from anyprobe.estimate.ground import Ground, up_of
 from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.sidecar import Origin
 from anyprobe.light.harmonics import project
+from anyprobe.light.light_sources import LightSource
 from anyprobe.maps.radiance import HALF_MAX, read_radiance
 from anyprobe.match.fill import fill_hole
 from anyprobe.match.plate import keep_plate
@@ -248,6 +251,75 @@ def test_sources_have_soft_edges_and_keep_their_power():
         given = (lamp * pixel_solid_angles(64)[..., None]).sum()
         assert near.sum() / 3 == pytest.approx(given, rel=0.15)
     assert 0.1 < widths[0] < 0.7 * widths[1]
+
+
+def source_at(elevation_deg: float, share: float, radius_deg: float = 4.0) -> LightSource:
+    up = np.radians(elevation_deg)
+    direction = np.array([0.6 * np.cos(up), np.sin(up), 0.8 * np.cos(up)], np.float32)
+    return LightSource(direction=direction, irradiance=np.ones(3, np.float32), radius_deg=radius_deg, share=share)
+
+
+def test_a_place_has_one_sun_and_a_room_has_windows_and_lamps():
+    """Whatever else the estimate takes for a source becomes a glow."""
+    weak, low = source_at(20, 0.05), source_at(-20, 0.2)
+    high, aside, hazy = source_at(70, 0.5, 2.0), source_at(10, 0.3), source_at(40, 0.5, 6.0)
+    assert bodies_of([weak, aside, high], OPEN_AIR) == [Body.none, Body.none, Body.disc]
+    assert bodies_of([hazy], OPEN_AIR) == [Body.haze]
+    assert bodies_of([low], OPEN_AIR) == [Body.none]
+    assert bodies_of([weak, aside, high], INDOORS) == [Body.none, Body.window, Body.disc]
+    assert bodies_of([high, low, weak], INDOORS) == [Body.disc, Body.none, Body.none]
+    assert bodies_of([low], INDOORS) == [Body.window]  # as where a lamp beside the camera points down
+    assert bodies_of([weak, aside, high], None) == [Body.disc] * 3
+
+
+@pytest.mark.parametrize("kind", [INDOORS, OPEN_AIR])
+def test_a_window_and_a_sun_are_where_the_source_is_with_its_power(kind):
+    d, areas = pixel_directions(256), pixel_solid_angles(256)
+    source = source_at(15, 0.5, 6.0)
+    black = np.zeros((256, 512, 3), np.float32)
+    drawn = draw_lights([source], black[..., :1], black, kind)[..., 1]
+    facing = np.maximum(d @ source.direction, 0.0)
+    assert float((drawn * facing * areas).sum()) == pytest.approx(1.0, rel=0.01)
+    bright = drawn > 0.5 * drawn.max()
+    middle = (bright * areas)[..., None] * d
+    middle = middle.sum(axis=(0, 1)) / np.linalg.norm(middle.sum(axis=(0, 1)))
+    assert middle @ source.direction > np.cos(np.radians(1.0))
+    if kind == INDOORS:
+        solid = float((bright * areas).sum())
+        assert solid == pytest.approx(np.pi * np.radians(6.0) ** 2, rel=0.2)  # the bars are dark
+
+
+def test_highlights_are_shown_and_the_photo_is_as_it_was():
+    ramp = np.geomspace(0.01, 16.0, 128, dtype=np.float32)[None, :, None] * np.float32([1.0, 0.5, 0.25])
+    shown = Panorama(radiance=np.repeat(ramp, 64, 0), origin=ramp, frame_from_camera=np.eye(3), is_level=True).display()
+    dark = ramp[0, :, 0] < KNEE
+    np.testing.assert_allclose(shown[:1, dark], response(ramp[:, dark]), rtol=1e-5)
+    assert (np.diff(shown[0, :, 0]) > 0).all()
+    assert shown[0, -1, 0] == pytest.approx(1.0, abs=0.01)
+    assert shown[0, -1, 2] < 0.7  # its hue stays
+
+
+def test_a_photo_far_darker_than_the_light_is_no_hole():
+    """Behind a flash: it is shown brighter, and white stays white."""
+    photo, mask = 0.15 * photo_of(place_map()), np.zeros((150, 200), np.float32)
+    photo[20:30, 20:60] = 1.0
+    mask[50:110, 80:120] = 1.0
+    estimate = np.full((64, 128, 3), 0.3, np.float32)
+    plate = keep_plate(photo, mask, FOV)
+    (lifted, _), (same, origin) = (compose(gain * estimate, plate, np.eye(3), 256) for gain in (1.0, 0.01))
+    seen = origin[..., 0] > 0.99
+    dark, white = seen & (same.max(axis=-1) < 0.1), seen & (same.min(axis=-1) > 0.9)
+    assert np.median(lifted[dark] / np.maximum(same[dark], 1e-6)) > 3
+    assert lifted[white].mean() == pytest.approx(same[white].mean(), rel=0.1)
+
+
+def test_an_estimate_of_open_air_tells_the_kind_where_the_photo_shows_neither_sky_nor_plants():
+    plate = keep_plate(np.full((60, 80, 3), [0.5, 0.4, 0.3], np.float32), np.zeros((60, 80), np.float32), FOV)
+    up = pixel_directions(64)[..., 1:2] > 0
+    sky, room = (np.where(up, top, np.float32([0.2] * 3)) for top in np.float32([[0.5, 0.7, 1.2], [0.5, 0.5, 0.5]]))
+    assert kind_of_place({}, plate, [], sky) == OPEN_AIR
+    assert kind_of_place({}, plate, [], room) == INDOORS
+    assert kind_of_place({}, None, [], sky) == INDOORS  # a cut-out
 
 
 def test_a_dark_room_is_shown_though_it_tells_nothing_of_the_light():

@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
+from anyprobe.detail.kinds import INDOORS, OPEN_AIR
 from anyprobe.detail.matched_light import enlarged_map
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.match.kind import photo_outdoors
+from anyprobe.match.kind import is_lit_outdoors, photo_outdoors
 from anyprobe.match.plate import Plate
 from anyprobe.notices import Notice
 
-INDOORS, OPEN_AIR = "indoors", "outdoors"
-"""Kinds of places."""
 KNOWN = 0.25
 """Share of all directions from which on a light counts as known."""
 CEILING_DEG, FLOOR_DEG = 44.0, -24.0
@@ -33,15 +32,20 @@ EDGE_DEG = 0.7
 _MIDDLES = np.concatenate([np.eye(3), -np.eye(3)]).astype(np.float32)
 
 
-def kind_of_place(hints: Mapping[str, Any] | None, plate: Plate | None, warnings: Iterable[Notice]) -> str | None:
+def kind_of_place(
+    hints: Mapping[str, Any] | None, plate: Plate | None, warnings: Iterable[Notice], radiance: np.ndarray
+) -> str | None:
     """Return INDOORS or OPEN_AIR for a photo's light; None where it is known nearly all around, not guessed.
 
-    hints: estimate.sidecar.Origin.hints.
+    Args:
+        hints: estimate.sidecar.Origin.hints.
+        radiance: [H, 2H, 3], level: what the photo shows beside its object may be nothing typical of outdoors.
     """
     hints = hints or {}
     if hints.get("above_white") or (hints.get("surroundings") or 0.0) > KNOWN:
         return None
-    return OPEN_AIR if photo_outdoors(plate, warnings) else INDOORS
+    outdoors = photo_outdoors(plate, warnings) or (plate is not None and is_lit_outdoors(radiance))
+    return OPEN_AIR if outdoors else INDOORS
 
 
 def as_place(

@@ -10,7 +10,7 @@ change (Kullback-Leibler). Sources have bodies of their own size and a faint glo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,8 @@ from anyprobe.core.response import response
 from anyprobe.detail.angles import angles_from
 from anyprobe.detail.continued import CONTINUED_FLOOR, continue_around
 from anyprobe.detail.drawn_sources import SOFT, draw_lights, take_glare, take_sources
-from anyprobe.detail.layers import FLOOR_DEG, OPEN_AIR, as_place
+from anyprobe.detail.kinds import OPEN_AIR
+from anyprobe.detail.layers import FLOOR_DEG, as_place
 from anyprobe.detail.matched_light import enlarged_map, with_moments
 from anyprobe.errors import InputError, OutputError
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
@@ -32,8 +33,14 @@ from anyprobe.pictures.images import write_png
 PANORAMA_SIZES = (64, 128, 256, 512, 1024, 2048)
 DRAWN_ROWS = 512
 """Rows of a panorama."""
+KNEE, SHOULDER = 0.5, 0.099
+"""Radiance above which a picture compresses highlights, and by which factor of a logarithm: 16 is shown as 1."""
 EDGE_DEG = 3.0
 """Width [degrees] over which the photo gives way to its continuation, inside its border."""
+WIDEST_EDGE_DEG = 14.0
+"""The same of a photo that stays darker than the estimate by a factor e."""
+DARKER, MOST_LIFT = 1.5, 8.0
+"""Estimate over photo from which on the photo is shown brighter, and by how much at most."""
 FAR_DEG, HUE_DEG = 45.0, 60.0
 """Angles [degrees] from what is seen at which the continued brightness and hue count 1 / e."""
 BESIDE_DEG = 12.0
@@ -46,7 +53,7 @@ WALLS = 14.0
 """Sharpness of the blur of the estimate's light on walls, floor and sky: about 12 degrees."""
 OVER_DEG = 4.0
 """Elevation [degrees] from the top of a photo of the ground alone to the floor's edge."""
-NEAR_GAIN_DEG = 20.0
+NEAR_GAIN_DEG = 25.0
 """Angle [degrees] from what is seen over which the gain sets in, so that no edge appears there."""
 MOST_OFF = 0.005
 """Error of the harmonics up to which small spots of glare may be left out."""
@@ -72,6 +79,13 @@ class Panorama:
     is_level: bool
     attributes: dict[str, str] = field(default_factory=dict)
 
+    def display(self) -> np.ndarray:
+        """Return display values [R, 2R, 3] in [0, 1]: as the photo's, highlights compressed instead of clipped."""
+        bright = self.radiance.max(axis=-1, keepdims=True)
+        over = np.maximum(bright - KNEE, 0.0)
+        shown = np.minimum(bright, KNEE) + SHOULDER * np.log1p(over / SHOULDER)
+        return response(self.radiance * (shown / np.maximum(bright, 1e-9)))
+
     def save(self, path: str | Path, *, colorspace: str = "rec709") -> Path:
         """Write .exr (half floats, or floats where halves would clip), .hdr, or a tone-mapped .png.
 
@@ -86,7 +100,7 @@ class Panorama:
         elif kind == ".hdr":
             write_hdr(path, self.radiance, attributes=self.attributes)
         elif kind == ".png":
-            write_png(path, response(self.radiance))
+            write_png(path, self.display())
         else:
             raise OutputError(f"expected .exr, .hdr or .png, got {kind or 'no suffix'}", source=path)
         return path
@@ -121,7 +135,7 @@ def compose(
         plate: the photo without its object; None where it shows nothing but the object.
         frame_from_camera: [3, 3].
         is_detailed: whether the estimate has plausible detail, which then surrounds what is seen, sources included.
-        kind: as which place a smooth estimate is drawn, layers.INDOORS or OPEN_AIR; None: the map as it is.
+        kind: as which place a smooth estimate is drawn, kinds.INDOORS or OPEN_AIR; None: the map as it is.
     """
     sources, rest = ((), estimate) if is_detailed else take_sources(estimate)
     tries = [(rest, np.zeros((MAP_HEIGHT, 2 * MAP_HEIGHT, 3), np.float32))]
@@ -133,7 +147,7 @@ def compose(
         picture, cover, origin = _place(surfaces, seen, rows, kind, is_detailed)
         angle = angles_from(cover[..., 0])[..., None]
         away, strength = (1.0 - np.exp(-((angle / near) ** 2)) for near in (NEAR_GLARE_DEG, NEAR_GAIN_DEG))
-        fixed = picture * cover + draw_lights(sources, cover, picture) + enlarged_map(glare, rows) * away
+        fixed = picture * cover + draw_lights(sources, cover, picture, kind) + enlarged_map(glare, rows) * away
         radiance = with_moments(picture * (1 - cover), fixed, goal, strength)
         if np.linalg.norm(project(radiance) - goal) < MOST_OFF * np.linalg.norm(goal):
             break
@@ -148,6 +162,9 @@ def _place(
     nothing = np.zeros((rows, 2 * rows, 1), np.float32)
     if seen is not None and not (seen.margin > 0).any():
         seen = None
+    edge_deg = EDGE_DEG
+    if seen is not None and not is_detailed:
+        seen, edge_deg = _lifted(seen, rest)
     around = None if seen is None else continue_around(seen)
     floor_deg = FLOOR_DEG if around is None else float(np.clip(around.top + OVER_DEG, FLOOR_DEG, -OVER_DEG))
     outdoors = kind == OPEN_AIR
@@ -156,7 +173,7 @@ def _place(
         drawn = enlarged_map(rest, rows)
     if seen is None:
         return drawn, nothing, np.concatenate([nothing, nothing + 1 - is_detailed, nothing + is_detailed], axis=-1)
-    within = np.clip(seen.margin / EDGE_DEG, 0.0, 1.0)[..., None].astype(np.float32)
+    within = np.clip(seen.margin / edge_deg, 0.0, 1.0)[..., None].astype(np.float32)
     within = within * within * (3 - 2 * within)
     if around is None:
         picture = drawn + within * (seen.radiance - drawn)
@@ -184,6 +201,21 @@ def _place(
     clear = within * (1 - np.clip(seen.filled[..., None], 0.0, 1.0))
     invented = (1 - clear) * np.maximum(share, within)
     return picture, within, np.concatenate([clear, 1 - clear - invented, invented], axis=-1)
+
+
+def _lifted(seen: DrawnPlate, estimate: np.ndarray) -> tuple[DrawnPlate, float]:
+    """Brighten a photo far darker than the estimate there, and return the width [degrees] of its edge.
+
+    Such a place, behind a flash or near lamps, tells nothing of the light: as it is, it would be a hole in the
+    panorama. White stays white.
+    """
+    inside = reduced((seen.margin > 0.0).astype(np.float32)[..., None], MAP_HEIGHT)
+    shown = float((reduced(seen.radiance, MAP_HEIGHT) * inside).sum())
+    ratio = float((reduced(estimate, MAP_HEIGHT) * inside).sum()) / max(shown, 1e-6)
+    lift = float(np.clip(ratio / DARKER, 1.0, MOST_LIFT))
+    left = float(np.clip(np.log(max(ratio / DARKER / lift, 1.0)), 0.0, 1.0))
+    radiance = lift * seen.radiance / (1 + (lift - 1) * np.minimum(seen.radiance, 1.0))
+    return replace(seen, radiance=radiance.astype(np.float32)), EDGE_DEG + (WIDEST_EDGE_DEG - EDGE_DEG) * left
 
 
 def in_frame(radiance: np.ndarray, frame_from_camera: np.ndarray) -> np.ndarray:

@@ -32,8 +32,6 @@ SPHERES = {"diffuse": "matte", "silver": "satin", "mirror": "mirror"}
 ROW, PANORAMA_ROW = 256, 512
 _MATTE = 0.7
 """Radiance of the bright side of a matte sphere in the median row of matches."""
-_BRIGHT, _BRIGHTEST = 0.75, 0.9
-"""Mean display values from which on a panorama is shown darker."""
 _SPHERE = 128
 GAP = 8
 CAPTION = 20
@@ -68,10 +66,8 @@ def _sheet(light: Light, panorama: Panorama, given: list[Captioned]) -> np.ndarr
     row = [*given]
     for name, sphere in spheres.items():
         row.append((f"{SPHERES[name]}, {_stops(ev)}", _fit(response(sphere * 2.0**ev), ROW)))
-    level = float(np.mean(response(panorama.radiance)))
-    shown = 0.0 if level < _BRIGHT else -1.0 if level < _BRIGHTEST else -2.0
-    caption = f"panorama, {'level' if panorama.is_level else 'in the frame of the camera'}, {_stops(shown)}"
-    return _captioned([[(caption, _fit(response(panorama.radiance * 2.0**shown), PANORAMA_ROW))], row])
+    caption = f"panorama, {'level' if panorama.is_level else 'in the frame of the camera'}, highlights compressed"
+    return _captioned([[(caption, _fit(panorama.display(), PANORAMA_ROW))], row])
 
 
 def draw_matches(photo: Photo, light: Light, matches: Sequence[tuple[MatchedMap, np.ndarray]]) -> np.ndarray:

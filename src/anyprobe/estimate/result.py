@@ -231,7 +231,7 @@ class Light:
         is_level, turn = self._panorama_frame(frame)
         turned, from_camera = in_frame(self.radiance, turn), turn @ self.map_from_camera
         is_detailed, is_guess = self.origin.detail is not None, self.expected is not None
-        kind = kind_of_place(self.origin.hints, self.plate, self.warnings) if is_guess else None
+        kind = kind_of_place(self.origin.hints, self.plate, self.warnings, turned) if is_guess else None
         radiance, origin = compose(turned, self.plate, from_camera, size, is_detailed=is_detailed, kind=kind)
         said = {key: str(value) for key, value in frame_of(from_camera).items()} | {"scale": SCALE}
         said["model"] = self.origin.model or ""

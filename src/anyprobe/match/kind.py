@@ -30,6 +30,12 @@ LOW, GREENEST = 0.3, 0.8
 """Largest y of what may be green, and the quantile."""
 OUTDOORS = 0.71
 """Score of a panorama above which it counts as outdoors."""
+LIT_OUTDOORS = 1.2
+"""Score of an estimate above which its photo counts as outdoors.
+
+Of left-out renders before real places it finds as many again outdoors as sky and plants do, with no more rooms among
+them.
+"""
 SKY_SHARE, PLANT_SHARE = 0.12, 0.15
 """Smallest shares of sky and of plants beside the object in an outdoor photo."""
 PLAIN_BACKDROP = "plain-backdrop"
@@ -71,6 +77,12 @@ def outdoor_scores(maps: np.ndarray) -> np.ndarray:
 def is_outdoors(radiance: np.ndarray) -> bool:
     """Return whether a panorama [H, 2H, 3] counts as outdoors."""
     return bool(outdoor_scores(reduced(radiance, KIND_ROWS)[None])[0] > OUTDOORS)
+
+
+def is_lit_outdoors(radiance: np.ndarray) -> bool:
+    """Return whether an estimate [H, 2H, 3], level, is surely of a place outdoors: an estimate is smoother than a
+    panorama."""
+    return bool(outdoor_scores(reduced(radiance, KIND_ROWS)[None])[0] > LIT_OUTDOORS)
 
 
 def photo_outdoors(plate: Plate | None, warnings: Iterable[Notice]) -> bool | None:

@@ -1,0 +1,3 @@
+"""Kinds of places that a panorama may show."""
+
+INDOORS, OPEN_AIR = "indoors", "outdoors"
