@@ -7,7 +7,7 @@ import { describe } from "../light/light.js";
 import { lightOfObject } from "../networks/lightOfObject.js";
 import { SAME_AFTER_S, shown, step } from "../light/temporal.js";
 import { cropObject } from "../photo/crop.js";
-import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
+import { MIN_OBJECT_PX } from "../photo/picture.js";
 import { isCutOut, isDarkBeside } from "../photo/surroundings.js";
 import { ObjectFollower } from "./objectFollower.js";
 import { readFrame } from "./videoFrames.js";
@@ -73,7 +73,7 @@ export class FrameLight {
     lap("read");
     const seen = await this.object.next(picture, given);
     lap("mask");
-    const box = seen && objectBox(seen.mask, picture.width);
+    const box = seen?.box;
     const isLarge = box && Math.max(box[2] - box[0], box[3] - box[1]) >= MIN_OBJECT_PX;
     this.unseen = isLarge ? 0 : this.unseen + 1;
     if (!isLarge) return { [this.object.last && this.unseen < PATIENCE ? "held" : "lost"]: true, ...this.size };

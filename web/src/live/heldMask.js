@@ -101,10 +101,25 @@ export function maskIn(held, cover = held.cover) {
   const { motion, key, offset } = held;
   const [cx, cy] = key.center;
   const [a, b, c, d] = matrixOf({ angle: -motion.angle, scale: -motion.scale });
+  const [left, right] = [Math.max(x0 - 2, 0), Math.min(x1 + 2, width)];
+  const line = held.width;
+  const [moreX, moreY] = [cx - offset[0] - 0.5, cy - offset[1] - 0.5];
   for (let y = Math.max(y0 - 2, 0); y < Math.min(y1 + 2, height); y++) {
-    for (let x = Math.max(x0 - 2, 0); x < Math.min(x1 + 2, width); x++) {
-      const [u, v] = [x + 0.5 - cx - motion.x, y + 0.5 - cy - motion.y];
-      mask[y * width + x] = valueAt(cover, held.width, held.height, a * u + b * v + cx - offset[0] - 0.5, c * u + d * v + cy - offset[1] - 0.5);
+    const v = y + 0.5 - cy - motion.y;
+    const [startX, startY] = [b * v + moreX, d * v + moreY];
+    for (let x = left, to = y * width + left; x < right; x++, to++) {
+      const u = x + 0.5 - cx - motion.x;
+      const fromX = a * u + startX;
+      const fromY = c * u + startY;
+      if (!(fromX >= 0 && fromX < line - 1 && fromY >= 0 && fromY < held.height - 1)) {
+        mask[to] = valueAt(cover, line, held.height, fromX, fromY);
+        continue;
+      }
+      const at = Math.floor(fromY) * line + Math.floor(fromX);
+      const beside = fromX - Math.floor(fromX);
+      const above = cover[at] * (1 - beside) + cover[at + 1] * beside;
+      const below = cover[at + line] * (1 - beside) + cover[at + line + 1] * beside;
+      mask[to] = above + (fromY - Math.floor(fromY)) * (below - above);
     }
   }
   return mask;
@@ -133,17 +148,24 @@ export function narrowed(cover, width, pixels) {
   const part = pixels - whole;
   if (part === 0) return cover;
   const next = leastOf(cover, width);
-  return cover.map((value, i) => value + part * (next[i] - value));
+  const out = new Float32Array(cover.length);
+  for (let i = 0; i < out.length; i++) out[i] = cover[i] + part * (next[i] - cover[i]);
+  return out;
 }
 
-/** The least of each pixel and its four neighbours; beside the cover is nothing. */
+const leasts = new WeakMap();
+
+/** The least of each pixel and its four neighbours, found once; beside the cover is nothing. */
 function leastOf(cover, width) {
+  if (leasts.has(cover)) return leasts.get(cover);
   const out = new Float32Array(cover.length);
-  for (let i = width; i < cover.length - width; i++) {
-    const x = i % width;
-    if (cover[i] === 0 || x === 0 || x === width - 1) continue;
-    out[i] = Math.min(cover[i], cover[i - 1], cover[i + 1], cover[i - width], cover[i + width]);
+  for (let row = width; row < cover.length - width; row += width) {
+    for (let i = row + 1; i < row + width - 1; i++) {
+      if (cover[i] === 0) continue;
+      out[i] = Math.min(cover[i], cover[i - 1], cover[i + 1], cover[i - width], cover[i + width]);
+    }
   }
+  leasts.set(cover, out);
   return out;
 }
 

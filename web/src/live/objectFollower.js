@@ -61,12 +61,12 @@ export class ObjectFollower {
    *
    * @param {import("../photo/picture.js").Picture} picture
    * @param {{data: Float32Array, width: number, height: number} | null} given the caller's own mask of it
-   * @returns {Promise<{mask: Float32Array, lit: Float32Array, isNew: boolean, missed?: true} | null>} lit: as the light is to be
-   *   estimated by; null: it is not seen, or something was marked meanwhile
+   * @returns {Promise<{mask: Float32Array, box: number[], lit: Float32Array, isNew: boolean, missed?: true} | null>} box: around
+   *   the mask; lit: as the light is to be estimated by; null: it is not seen, or something was marked meanwhile
    */
   async next(picture, given = null) {
     const found = given ? this.#take(picture, given) : this.last ? await this.#move(picture) : await this.#findMarked(picture);
-    return found && objectBox(found.lit, picture.width) ? found : null;
+    return found && isAny(found.lit) ? found : null;
   }
 
   /** A mask of the caller's own, which is not doubted; frames without one move it. */
@@ -74,10 +74,10 @@ export class ObjectFollower {
     const isFit = width === picture.width && height === picture.height;
     const mask = isFit ? data : resize(data, 1, [width, height], [picture.width, picture.height]);
     this.quality = this.#held = this.#before = this.#kept = null;
-    if (!objectBox(mask, picture.width)) return null;
+    if (!isAny(mask)) return null;
     this.#given = { picture, mask };
     this.last = lastOf(mask, picture.width);
-    return { mask, lit: mask, isNew: true };
+    return { mask, box: this.last.extent, lit: mask, isNew: true };
   }
 
   async #findMarked(picture) {
@@ -86,7 +86,7 @@ export class ObjectFollower {
     if (this.hints !== hints) return null; // clicked meanwhile: found anew at the next frame
     const kept = this.#kept;
     this.#kept = null;
-    const isFound = objectBox(mask, picture.width) !== null;
+    const isFound = isAny(mask);
     if (kept && !(isFound && quality >= REFUSED)) {
       Object.assign(this, { hints: kept.hints, last: kept.last, quality: kept.quality });
       this.#held = kept.held;
@@ -102,7 +102,7 @@ export class ObjectFollower {
   #begin(picture, mask) {
     this.#held = hold(picture, mask);
     this.last = lastOf(mask, picture.width);
-    return { mask, lit: litMask(this.#held), isNew: true };
+    return { mask, box: this.last.extent, lit: litMask(this.#held), isNew: true };
   }
 
   /** The held mask where its object is now. */
@@ -117,12 +117,12 @@ export class ObjectFollower {
     if (this.hints !== hints || isNew === null) return null;
     const mask = maskIn(this.#held);
     const last = lastOf(mask, picture.width);
-    if (!objectBox(mask, picture.width) || !isOneObject(last.count, this.last.count)) {
+    if (!last.extent || !isOneObject(last.count, this.last.count)) {
       [this.#held, this.#before, this.#lostFor] = known;
       return null;
     }
     this.last = last;
-    return { mask, lit: litMask(this.#held), isNew };
+    return { mask, box: last.extent, lit: litMask(this.#held), isNew };
   }
 
   /** Whether the mask is another one than was held; null: the object is not seen. */
@@ -151,7 +151,7 @@ export class ObjectFollower {
   /** The mask by one look at the last one's box and a margin, or by another search; null where nothing is there. */
   async #lookedFor(picture, { point, box }, search = this.masks.again) {
     const found = await search(picture, { on: [point], off: [], box });
-    return objectBox(found.mask, picture.width) ? found : null;
+    return isAny(found.mask) ? found : null;
   }
 }
 
@@ -161,15 +161,26 @@ function hintsIn({ on, off, box }, { width, height }) {
   return { on: pixels(on), off: pixels(off), box: box && [0, 2].flatMap((i) => pixels([box.slice(i, i + 2)])[0]) };
 }
 
-/** A point well inside a mask, its pixels and its box, grown, by which it is looked for; all of it made when it is read. */
+/** Whether a mask covers a pixel. */
+function isAny(mask) {
+  let at = 0;
+  while (at < mask.length && !(mask[at] > 0.5)) at++;
+  return at < mask.length;
+}
+
+/** A mask's pixels, the box around them, and the point well inside and the box, grown, by which it is looked for, made when read. */
 function lastOf(mask, width) {
+  let count = 0;
+  for (let at = 0; at < mask.length; at++) count += mask[at];
+  const extent = objectBox(mask, width);
   return {
-    count: mask.reduce((sum, value) => sum + value, 0),
+    count,
+    extent,
     get point() {
       return innerPoint(mask, width);
     },
     get box() {
-      const [x0, y0, x1, y1] = objectBox(mask, width);
+      const [x0, y0, x1, y1] = extent;
       const [right, down] = [GROWTH * (x1 - x0), GROWTH * (y1 - y0)];
       return [Math.max(x0 - right, 0), Math.max(y0 - down, 0), Math.min(x1 + right, width), Math.min(y1 + down, mask.length / width)];
     },

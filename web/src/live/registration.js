@@ -163,10 +163,9 @@ function alignedTo(key, { count, places, rows }, picture, motion, step, first) {
     [fit] = solved(normal.matrix, [normal.right]);
     let known = 0;
     for (let i = 0, at = 0; i < count; i++, at += TERMS) {
-      let value = values[i];
-      for (let term = 0; term < TERMS; term++) value -= rows[at + term] * fit[term];
-      left[i] = value;
-      if (there[i]) sizes[known++] = Math.abs(value);
+      const moved = rows[at] * fit[0] + rows[at + 1] * fit[1] + rows[at + 2] * fit[2] + rows[at + 3] * fit[3];
+      left[i] = values[i] - (moved + rows[at + 4] * fit[4] + fit[5]);
+      if (there[i]) sizes[known++] = Math.abs(left[i]);
     }
     gain = Math.max(fit[4], LEAST_GAIN);
     if (turn === STEPS || moved <= DONE_PX * 2 ** step) break;
@@ -204,23 +203,24 @@ function judged(values, left, weights) {
 
 /** The normal equations of weighted rows: matrix [6][6] and right side [6]. */
 function normalOf(rows, values, weights) {
-  const matrix = Array.from({ length: TERMS }, () => new Float64Array(TERMS));
-  const right = new Float64Array(TERMS);
-  for (let i = 0, at = 0; i < values.length; i++, at += TERMS) {
-    const weight = weights[i];
-    if (weight === 0) continue;
-    for (let a = 0; a < TERMS; a++) {
-      const part = weight * rows[at + a];
-      right[a] += part * values[i];
-      const line = matrix[a];
-      for (let b = a; b < TERMS; b++) line[b] += part * rows[at + b];
+  const [matrix, right] = [[], []];
+  for (let term = 0; term < TERMS; term++) {
+    let s0 = 0.0, s1 = 0.0, s2 = 0.0, s3 = 0.0, s4 = 0.0, s5 = 0.0, sum = 0.0;
+    for (let i = 0, at = 0; i < values.length; i++, at += TERMS) {
+      const part = weights[i] * rows[at + term];
+      s0 += part * rows[at];
+      s1 += part * rows[at + 1];
+      s2 += part * rows[at + 2];
+      s3 += part * rows[at + 3];
+      s4 += part * rows[at + 4];
+      s5 += part * rows[at + 5];
+      sum += part * values[i];
     }
+    matrix.push([s0, s1, s2, s3, s4, s5]);
+    right.push(sum);
   }
   const trace = matrix.reduce((sum, line, a) => sum + line[a], 0);
-  for (let a = 0; a < TERMS; a++) {
-    for (let b = 0; b < a; b++) matrix[a][b] = matrix[b][a];
-    matrix[a][a] += 1e-9 * trace + 1e-12;
-  }
+  matrix.forEach((line, a) => (line[a] += 1e-9 * trace + 1e-12));
   return { matrix, right };
 }
 
@@ -293,24 +293,34 @@ function searched({ across, down, cells, cover, start: begin, coarse, center }, 
   const seen = new Float64Array(wide * high);
   const there = new Uint8Array(wide * high);
   sample(picture, places, start, center, first, cell, seen, there);
-  const covered = [];
-  cover.forEach((value, i) => value && covered.push([i, Math.floor(i / across) * wide + (i % across)]));
-  const mean = covered.reduce((sum, [i]) => sum + cells[i], 0) / covered.length;
-  const power = covered.reduce((sum, [i]) => sum + (cells[i] - mean) ** 2, 0);
+  const covered = cover.reduce((sum, value) => sum + (value ? 1 : 0), 0);
+  const [parts, at] = [new Float64Array(covered), new Int32Array(covered)]; // cells less their mean, and where they are
+  for (let i = 0, count = 0; i < cover.length; i++) {
+    if (!cover[i]) continue;
+    parts[count] = cells[i];
+    at[count++] = Math.floor(i / across) * wide + (i % across);
+  }
+  const mean = parts.reduce((sum, value) => sum + value, 0) / covered;
+  let power = 0;
+  for (let i = 0; i < covered; i++) power += (parts[i] -= mean) ** 2;
   let [best, likeliest] = [[0, 0], -Infinity];
   for (let dy = -reach; dy <= reach; dy++) {
     for (let dx = -reach; dx <= reach; dx++) {
       const shift = (dy + reach) * wide + dx + reach;
-      let [agree, total, square, known] = [0, 0, 0, 0];
-      for (const [i, at] of covered) {
-        const value = seen[at + shift];
-        agree += value * (cells[i] - mean);
+      let agree = 0;
+      let total = 0;
+      let square = 0;
+      let known = 0;
+      for (let i = 0; i < covered; i++) {
+        const place = at[i] + shift;
+        const value = seen[place];
+        agree += value * parts[i];
         total += value;
         square += value * value;
-        known += there[at + shift];
+        known += there[place];
       }
-      const spread = Math.sqrt(Math.max(square - total ** 2 / covered.length, 1e-6) * Math.max(power, 1e-6));
-      const alike = (known / covered.length >= INSIDE ? agree / spread : -1) - (PULL * (dx * dx + dy * dy)) / reach ** 2;
+      const spread = Math.sqrt(Math.max(square - total ** 2 / covered, 1e-6) * Math.max(power, 1e-6));
+      const alike = (known / covered >= INSIDE ? agree / spread : -1) - (PULL * (dx * dx + dy * dy)) / reach ** 2;
       if (alike > likeliest) [best, likeliest] = [[dx, dy], alike];
     }
   }
