@@ -1,12 +1,13 @@
 """The npm package beside the page: lights a second, the first light, what is fetched for it.
 
-    python benchmarks/web_package.py [--seconds 10] [--rounds 3] [--threads 1 2] [--pages NAME=CLONE ...]
+    python benchmarks/web_package.py [--seconds 10] [--rounds 3] [--threads 1 2] [--clones NAME=CLONE ...]
 
 Headless Chromium with a fake camera that shows the example; the page as `anyprobe serve --static` writes it,
 the package as `npm pack` makes it in a plain page with an import map, both over WASM, with one thread and with
 two. The rounds take turns, so that a slow minute of the machine is nobody's; of each figure the median, the
 least and the most. worker_ms is the networks' processor time a light (Linux), memory_mb what page and workers
-hold in the end. --pages adds the page of other clones, an older one for instance. Needs Chromium, Node.js and
+hold in the end. --clones adds page and package of other clones, an older one for instance, with the node_modules
+of this one's web/. Needs Chromium, Node.js and
 the packages of web/ and tests/browser. Prints one JSON object a line.
 """
 
@@ -36,9 +37,11 @@ IMPORTS = {
 PAGE = '<!doctype html><link rel="icon" href="data:,"><script type="importmap">{}</script>'
 
 
-def package_site(folder: Path) -> Path:
-    """A page with the packed package beside it."""
-    web = ROOT / "web"
+def package_site(clone: Path, folder: Path) -> Path:
+    """A page with a clone's packed package beside it."""
+    web = clone / "web"
+    if not (web / "node_modules").exists():
+        (web / "node_modules").symlink_to(ROOT / "web" / "node_modules")
     command = ["npm", "pack", "--silent", "--pack-destination", folder]
     subprocess.run(command, cwd=web, check=True, capture_output=True)
     with tarfile.open(next(folder.glob("*.tgz"))) as archive:
@@ -67,14 +70,19 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
-    parser.add_argument("--pages", nargs="*", default=[], metavar="NAME=CLONE")
+    parser.add_argument("--clones", nargs="*", default=[], metavar="NAME=CLONE")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        clones = {"page": ROOT} | {one.split("=")[0]: Path(one.split("=")[1]) for one in given.pages}
-        sites = {key: page_site(clone, folder / key) for key, clone in clones.items()}
-        (folder / "package").mkdir()
-        sites["package"] = package_site(folder / "package")
+        sites = {}
+        for clone_name, clone in [
+            ("", ROOT),
+            *((key, Path(path).resolve()) for key, path in (one.split("=") for one in given.clones)),
+        ]:
+            for kind, make in (("page", page_site), ("package", package_site)):
+                site = folder / f"{kind} {clone_name}".strip()
+                site.mkdir()
+                sites[site.name] = make(clone, site)
         with Image.open(ROOT / "examples" / "vase.png") as image:
             frame = np.pad(np.asarray(image.convert("RGB")), ((0, 0), (80, 80), (0, 0)), mode="edge")
         noise = np.random.default_rng(7)
@@ -87,11 +95,7 @@ def main() -> None:
         for _ in range(given.rounds):
             for key, site in sites.items():
                 for threads in given.threads:
-                    steps = {
-                        "kind": "package" if key == "package" else "page",
-                        "threads": threads,
-                        "seconds": given.seconds,
-                    }
+                    steps = {"kind": key.split()[0], "threads": threads, "seconds": given.seconds}
                     with serve({"/": site}, headers=ISOLATED) as url:
                         found = run_steps("web_speed.mjs", url, steps, flags=flags, viewport=(1280, 900))
                     seen.setdefault((key, threads), []).append(found)

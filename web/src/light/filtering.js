@@ -95,7 +95,7 @@ function applyToPair(map, blurred, height, channels, channel, isPair, spectrum) 
 }
 
 /** Every frequency's rows by that frequency's matrix; those above H only where `all`. */
-function multiply({ matrices, spans }, waves, height, all) {
+function multiply({ matrices, spans }, { real: reals, imag: imags }, height, all) {
   const width = 2 * height;
   const product = { real: new Float64Array(width * height), imag: new Float64Array(width * height) };
   for (let k = 0; k < (all ? width : height + 1); k++) {
@@ -103,11 +103,13 @@ function multiply({ matrices, spans }, waves, height, all) {
     const rows = k * height;
     for (let out = 0; out < height; out++) {
       const line = matrix + out * height;
-      let [real, imag] = [0, 0];
-      for (let inside = spans[2 * out]; inside < spans[2 * out + 1]; inside++) {
+      const end = spans[2 * out + 1];
+      let real = 0;
+      let imag = 0;
+      for (let inside = spans[2 * out]; inside < end; inside++) {
         const weight = matrices[line + inside];
-        real += weight * waves.real[rows + inside];
-        imag += weight * waves.imag[rows + inside];
+        real += weight * reals[rows + inside];
+        imag += weight * imags[rows + inside];
       }
       product.real[rows + out] = real;
       product.imag[rows + out] = imag;

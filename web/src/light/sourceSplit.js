@@ -85,12 +85,9 @@ function above(soft, height, center, { reach, ring: around }) {
   const d = pixelDirections(height);
   const angles = pixelSolidAngles(height);
   const near = [];
-  const ring = [[], [], []];
-  inCap(height, center, around, (pixel, cosine) => {
-    if (cosine > reach) near.push(pixel);
-    else ring.forEach((values, c) => values.push(soft[3 * pixel + c]));
-  });
-  const level = ring.map((values) => (values.length ? values.sort((a, b) => a - b)[(values.length - 1) >> 1] : 0));
+  const ring = [];
+  inCap(height, center, around, (pixel, cosine) => (cosine > reach ? near : ring).push(pixel));
+  const level = [0, 1, 2].map((c) => Float32Array.from(ring, (pixel) => soft[3 * pixel + c]).sort()[(ring.length - 1) >> 1] ?? 0);
   const excess = new Float32Array(3 * near.length);
   const [mean, power] = [[0, 0, 0], [0, 0, 0]];
   let total = 0;
@@ -133,17 +130,16 @@ export function drawSources(map, height, sources) {
 function inCap(height, direction, least, visit) {
   const d = pixelDirections(height);
   const width = 2 * height;
+  const [x, y, z] = direction;
   const [polar, radius] = [Math.acos(Math.min(Math.max(direction[1], -1), 1)), Math.acos(least)];
   const rowOf = (theta) => Math.min(Math.max(Math.floor((theta * height) / Math.PI), 0), height - 1);
   for (let row = rowOf(polar - radius); row <= rowOf(polar + radius); row++) {
     for (let pixel = row * width; pixel < (row + 1) * width; pixel++) {
-      const cosine = cosineOf(d, pixel, direction);
+      const cosine = d[3 * pixel] * x + d[3 * pixel + 1] * y + d[3 * pixel + 2] * z;
       if (cosine > least) visit(pixel, cosine);
     }
   }
 }
-
-const cosineOf = (d, pixel, [x, y, z]) => d[3 * pixel] * x + d[3 * pixel + 1] * y + d[3 * pixel + 2] * z;
 
 function unit(vector) {
   const length = Math.hypot(...vector);

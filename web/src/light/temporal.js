@@ -42,13 +42,8 @@ const PEAK = radians(CONTRACT.dominant_light.blur_deg);
  * @param {boolean} [looksSame] whether the object's shading is that of the last frames; false where that is not known
  */
 export function step(state, radiance, dt, worldFromCamera = null, looksSame = false, smoothing = SMOOTHING) {
-  let { soft, sources } = splitSources(radiance, MAP_HEIGHT);
   const pose = worldFromCamera ?? STILL;
-  if (worldFromCamera) {
-    soft = turn(soft, worldFromCamera);
-    sources = sources.map((one) => ({ ...one, direction: turned(worldFromCamera, one.direction) }));
-  }
-  const y = encode(soft);
+  const { y, sources } = worldFromCamera ? splitInWorld(radiance, worldFromCamera) : split(radiance);
   const power = Float64Array.of(Math.log(OFFSET + sources.reduce((sum, one) => sum + luminance(...one.power), 0)));
   if (state === null) return begun(y, power, sources, pose, SAME_AFTER_S);
   const sameS = looksSame ? state.sameS + dt : 0;
@@ -71,6 +66,23 @@ export function step(state, radiance, dt, worldFromCamera = null, looksSame = fa
     ledS: oddS === 0 && tracks[leader]?.leads ? state.ledS + dt : 0,
     sameS,
   };
+}
+
+const splits = new WeakMap();
+
+/** A map's soft part, encoded, and its sources; worked out once, as frames without an answer of their own have the last one. */
+function split(radiance) {
+  if (!splits.has(radiance)) {
+    const { soft, sources } = splitSources(radiance, MAP_HEIGHT);
+    splits.set(radiance, { y: encode(soft), sources });
+  }
+  return splits.get(radiance);
+}
+
+function splitInWorld(radiance, worldFromCamera) {
+  const { soft, sources } = splitSources(radiance, MAP_HEIGHT);
+  const turnedSources = sources.map((one) => ({ ...one, direction: turned(worldFromCamera, one.direction) }));
+  return { y: encode(turn(soft, worldFromCamera)), sources: turnedSources };
 }
 
 /** The first state, or that after a cut. */

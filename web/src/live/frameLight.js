@@ -19,10 +19,10 @@ const PATIENCE = 8;
 const REST_EVERY = 8;
 
 /**
- * While the object looks the same, and the filter doubts nothing, the networks look at one of so many frames; the frames between
- * have their last answer. One thread has time for more frames then.
+ * While the object looks the same, and the filter doubts nothing, the networks rest for so many frames, and for as many more as
+ * there are in so many seconds; these frames have their last answer. One thread has time for more frames then.
  */
-const LOOK_EVERY = 3;
+const [REST_FRAMES, REST_S] = [2, 0.25];
 
 export class FrameLight {
   /**
@@ -88,7 +88,7 @@ export class FrameLight {
       lap("crop");
       const options = { ...this.options, isAlone: this.isAlone, withStages };
       this.found = await lightOfObject(this.models, picture, this.longFovDeg, crop, options);
-      [this.rested, this.lookedWith] = [0, this.options];
+      [this.rested, this.lookedAt, this.lookedWith] = [0, time, this.options];
     } else {
       this.rested++;
       lap("crop");
@@ -121,7 +121,8 @@ export class FrameLight {
   #mayRest(time) {
     const { state, found, options } = this;
     const isSteady = found && state && !state.held && state.oddS === 0 && time - this.otherAt > SAME_AFTER_S;
-    return isSteady && this.rested < LOOK_EVERY - 1 && this.lookedWith === options;
+    const isSoon = this.rested < REST_FRAMES || time - this.lookedAt < REST_S;
+    return isSteady && isSoon && this.lookedWith === options;
   }
 
   /** A camera held another way sees another picture: nothing marked or found in the last one is where it was. */

@@ -33,6 +33,6 @@ export function exposureDoubts({ width, height, rgba }, mask) {
 
 function covered(mask) {
   let sum = 0;
-  for (const cover of mask) sum += cover;
+  for (let i = 0; i < mask.length; i++) sum += mask[i];
   return sum;
 }

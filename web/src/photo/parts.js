@@ -55,17 +55,23 @@ export function fillHoles(part, width) {
 
 /** What is inside, 1, and the pixels up to so many steps beside it. */
 export function grow(inside, width, steps = 1) {
-  let grown = inside;
+  const grown = inside.slice();
+  const edge = new Int32Array(inside.length); // first what is inside, then what each step has added
+  let [begin, end] = [0, 0];
+  for (let at = 0; at < inside.length; at++) if (inside[at]) edge[end++] = at;
+  const add = (at) => {
+    if (grown[at]) return;
+    grown[at] = 1;
+    edge[end++] = at;
+  };
   for (let step = 0; step < steps; step++) {
-    const last = grown;
-    grown = last.slice();
-    for (let at = 0; at < last.length; at++) {
-      if (!last[at]) continue;
+    for (const last = end; begin < last; begin++) {
+      const at = edge[begin];
       const x = at % width;
-      if (x > 0) grown[at - 1] = 1;
-      if (x < width - 1) grown[at + 1] = 1;
-      if (at >= width) grown[at - width] = 1;
-      if (at + width < last.length) grown[at + width] = 1;
+      if (x > 0) add(at - 1);
+      if (x < width - 1) add(at + 1);
+      if (at >= width) add(at - width);
+      if (at + width < grown.length) add(at + width);
     }
   }
   return grown;

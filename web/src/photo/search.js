@@ -109,9 +109,9 @@ async function look(network, picture, window, hints, isMirrored = false) {
  * beside the object and no other part can be meant.
  */
 export function choose(window, cover, { on, off }) {
-  const { labels, sizes } = labelParts(Uint8Array.from(cover, (value) => (value > INSIDE ? 1 : 0)), GRID);
+  const { labels, sizes } = labelParts(insideParts(cover), GRID);
   const weights = new Float64Array(sizes.length);
-  labels.forEach((label, i) => (weights[label] += cover[i]));
+  for (let i = 0; i < CELLS; i++) weights[labels[i]] += cover[i];
   weights[0] = 0;
   const under = (points) => new Set(cellsOf(window, points).map(([x, y]) => labels[y * GRID + x]).filter((label) => label > 0));
   const [wanted, taken] = [under(on), under(off)];
@@ -125,7 +125,8 @@ export function choose(window, cover, { on, off }) {
     if (left[most] > NUMBERS.part_share * largest) chosen.add(most);
   }
   if (!chosen.size) return null;
-  const part = fillHoles(Uint8Array.from(labels, (label) => (chosen.has(label) ? 1 : 0)), GRID);
+  const isChosen = Uint8Array.from(sizes, (_, label) => (chosen.has(label) ? 1 : 0));
+  const part = fillHoles(new Uint8Array(CELLS).map((_, i) => isChosen[labels[i]]), GRID);
   const total = weights.reduce((sum, weight) => sum + weight, 0);
   const whole = on.length ? 1 : [...chosen].reduce((sum, label) => sum + weights[label], 0) / total;
   return { window, cover: cover.map((value, i) => (labels[i] && !part[i] ? 0 : value)), part, agreed: 1, whole };
@@ -139,7 +140,7 @@ async function lookCloser(network, picture, found, hints) {
   const cells = cellBox(window, found.window);
   const before = resize(found.cover, 1, [GRID, GRID], [GRID, GRID], cells);
   const kept = resize(Float32Array.from(found.part), 1, [GRID, GRID], [GRID, GRID], cells);
-  const known = { ...found, window, cover: before, part: Uint8Array.from(kept, (value) => (value > INSIDE ? 1 : 0)) };
+  const known = { ...found, window, cover: before, part: insideParts(kept) };
   const second = choose(window, again, hints);
   const agreed = second ? iou(known.part, second.part) : 0;
   const mean = choose(window, before.map((value, i) => (value + again[i]) / 2), hints);
@@ -263,11 +264,13 @@ export function boxOf([x0, y0, x1, y1], part) {
 /** Which cells of a window have their centres in a box. */
 function insideOf([x0, y0, x1, y1], box) {
   const centre = (i, low, high) => low + ((i + 0.5) * (high - low)) / GRID;
-  return Uint8Array.from({ length: CELLS }, (_, i) => {
-    const [x, y] = [centre(i % GRID, x0, x1), centre(Math.floor(i / GRID), y0, y1)];
-    return x >= box[0] && x < box[2] && y >= box[1] && y < box[3] ? 1 : 0;
-  });
+  const isIn = (low, high, first, end) => new Uint8Array(GRID).map((_, i) => (centre(i, low, high) >= first && centre(i, low, high) < end ? 1 : 0));
+  const [columns, rows] = [isIn(x0, x1, box[0], box[2]), isIn(y0, y1, box[1], box[3])];
+  return new Uint8Array(CELLS).map((_, i) => columns[i % GRID] * rows[Math.floor(i / GRID)]);
 }
+
+/** 1 where a cover is more likely the object's than not. */
+const insideParts = (cover) => new Uint8Array(CELLS).map((_, i) => (cover[i] > INSIDE ? 1 : 0));
 
 /** A window of a picture as one of its own. */
 function cropOf({ width, rgba }, [x0, y0, x1, y1], isMirrored) {
