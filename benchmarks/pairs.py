@@ -16,11 +16,11 @@ import torch
 from measure import held_mb
 
 from anyprobe.core.response import MEAN_CURVE, response
+from anyprobe.files.cores import one_thread
 from anyprobe.learning.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe.learning.dataset.catalog import load_maps, load_shapes
 from anyprobe.learning.dataset.pair import render_pair
 from anyprobe.learning.dataset.pairs import LN_RANGE, Batch, PairConfig, PairSource
-from anyprobe.learning.dataset.process_pools import one_thread
 from anyprobe.learning.dataset.recipe import MATERIAL_CHOICES, VIEWPOINTS, Recipe
 from anyprobe.learning.train.config import RunConfig
 from anyprobe.learning.train.dataloader import make_pairs, stream
@@ -103,7 +103,6 @@ def count_straight_pairs(data: Path | None, seconds: float) -> tuple[int, float]
 
     def one(k: int) -> None:
         recipe = Recipe(
-            kind="object",
             map_id=map_ids[k % len(map_ids)],
             shape_id=shape_ids[k % len(shape_ids)],
             material=k % MATERIAL_CHOICES,

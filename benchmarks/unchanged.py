@@ -65,9 +65,9 @@ PAIRS = """
 import dataclasses, hashlib
 from anyprobe.learning.dataset.asset_store import load_asset_store
 from anyprobe.learning.dataset.pair import render_pair
-from anyprobe.learning.dataset.recipe import full_plan, world_recipes
+from anyprobe.learning.dataset.recipe import balanced_recipes, world_recipes
 assets = load_asset_store(None, "train", procedural_maps=2, procedural_shapes=2)
-recipes = [full_plan(assets, conditions=c).recipe(k) for c in (0, 1) for k in (3, 50)] + world_recipes(assets, 8, 1)
+recipes = [*balanced_recipes(assets, 4), *balanced_recipes(assets, 4, conditions=1), *world_recipes(assets, 8, 1)]
 for number, recipe in enumerate(recipes):
     pair = render_pair(recipe, assets, textured=number % 3 == 0)
     for part in ("photo", "irradiance", "radiance", "map_from_camera", "gain"):

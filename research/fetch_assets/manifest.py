@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from anyprobe.files.atomic import atomic_path, held
+from anyprobe.files.atomic import atomic_path
 from anyprobe.learning.dataset.catalog import Row, read_table
 
 
@@ -35,7 +37,7 @@ class Manifest:
     def put(self, row: Row) -> None:
         """Add a row, or replace the one with the same source; rows that others added meanwhile stay. The folder is
         there."""
-        with held(self.path.parent, wait=True):
+        with _locked(self.path.parent):
             self._read()
             old = self.row(row["source"])
             if old is None:
@@ -48,3 +50,20 @@ class Manifest:
                 writer = csv.DictWriter(stream, self.columns, restval="", extrasaction="ignore")
                 writer.writeheader()
                 writer.writerows(self.rows)
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Wait until no other process holds the folder, and hold it within the block; not on Windows, which lacks fcntl."""
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # some shared file systems have no locks
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)

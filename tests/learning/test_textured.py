@@ -16,7 +16,7 @@ from anyprobe.learning.dataset.distributions import METALS, draw_material  # noq
 from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.learning.dataset.pair import render_pair  # noqa: E402
 from anyprobe.learning.dataset.pairs import PairConfig, PairSource  # noqa: E402
-from anyprobe.learning.dataset.recipe import full_plan  # noqa: E402
+from anyprobe.learning.dataset.recipe import balanced_recipes  # noqa: E402
 from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.learning.dataset.textured import (  # noqa: E402
     MAX_ALBEDO,
@@ -239,11 +239,8 @@ def test_about_a_share_of_objects_is_painted_and_the_rest_left_as_it_is():
 
 def test_a_textured_pair_is_the_same_every_time_and_asks_for_the_same_light(store, few_samples):
     """At the same exposure: all but the photo, and in it the mask."""
-    plan = full_plan(store, conditions=1)
-    for index in (3, 400):
-        plain, first, second = (
-            render_pair(plan.recipe(index), store, textured=textured) for textured in (False, True, True)
-        )
+    for recipe in balanced_recipes(store, 2, conditions=1):
+        plain, first, second = (render_pair(recipe, store, textured=textured) for textured in (False, True, True))
         np.testing.assert_array_equal(first.photo, second.photo)
         assert not np.array_equal(first.photo, plain.photo)
         np.testing.assert_array_equal(first.photo[..., 3], plain.photo[..., 3])
@@ -274,11 +271,11 @@ def test_pairs_show_textures_second_materials_and_both(store, few_samples, monke
     monkeypatch.setattr(pair_module, "shade_surface", spy_on_alpha)
     for name in ("draw_factor", "draw_share", "draw_alpha"):
         spy(name)
-    plan, kinds = full_plan(store), []
-    for index in range(0, 15 * 25, 25):
+    kinds = []
+    for recipe in balanced_recipes(store, 15):
         calls.clear()
         shaded.clear()
-        textured = render_pair(plan.recipe(index), store, textured=True)
+        textured = render_pair(recipe, store, textured=True)
         (_, alpha), *changes = calls
         kinds.append(tuple(name for name, _ in changes if name != "draw_alpha"))
         if kinds[-1] == ("draw_share",):
@@ -287,7 +284,7 @@ def test_pairs_show_textures_second_materials_and_both(store, few_samples, monke
             assert other != alpha == textured.material.alpha
             assert shaded == [alpha, other]
             share = next(value for name, value in changes if name == "draw_share")
-            plain = render_pair(plan.recipe(index), store)
+            plain = render_pair(recipe, store)
             first = (share == 0) & (plain.photo[..., 3] > 0)
             assert first.mean() > 0.1
             np.testing.assert_array_equal(textured.photo[first], plain.photo[first])
@@ -298,4 +295,4 @@ def test_pairs_show_textures_second_materials_and_both(store, few_samples, monke
 
 def test_another_renderer_is_not_asked_for_textures(store):
     with refused("textured"):
-        render_pair(full_plan(store).recipe(0), store, draw_mesh, textured=True)
+        render_pair(*balanced_recipes(store, 1), store, draw_mesh, textured=True)

@@ -52,7 +52,7 @@ def test_what_pages_show_is_a_command():
         ("anyprobe relight a.jpg --insert vase  # comment --nothing", ""),
         ("anyprobe relight a.jpg --object sphere", "--object"),
         ("anyprobe relit a.jpg", "relit"),
-        ("anyprobe data pack set", "pack"),
+        ("anyprobe mask pack set", "set"),
         ("anyprobe video", "CLIP"),
         ("anyprobe relight a.jpg --renderer cycles", "cycles"),
         ("pip install '.[video]' && anyprobe video a.mp4 --nothing | less", "--nothing"),
@@ -66,7 +66,7 @@ def test_a_planted_fault_is_found(line, fault):
 
 def test_every_command_says_in_short_what_it_does():
     root = typer.main.get_command(app)
-    for command in [*root.commands.values(), *root.commands["data"].commands.values()]:
+    for command in root.commands.values():
         line = command.get_short_help_str(80)
         assert line.endswith("."), line  # not cut off
         assert len(line) <= SHORT, line

@@ -70,7 +70,7 @@ def test_nor_is_one_that_the_path_of_imports_leads_to(lane, photo, work, monkeyp
 
 def test_children_of_pools_take_no_modules_from_there_either(work):
     """spawn imports pickle and socket before it hears of the parent's path."""
-    from anyprobe.learning.dataset.process_pools import one_thread
+    from anyprobe.files.cores import one_thread
 
     for name in ("pickle", "socket", "numpy"):
         (work / f"{name}.py").write_text("raise SystemExit(9)\n")

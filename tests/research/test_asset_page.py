@@ -148,7 +148,7 @@ def frozen(data, monkeypatch) -> list[Recipe]:
     with (data / "meshes" / "manifest.csv").open("a") as stream:
         stream.write('test/goat.ply,goat,some/meshes,goat.obj,"CC BY-NC 4.0; Doe",test\n')
     ids = {"map_id": file_id(data / "hdri" / "test" / "t.hdr"), "shape_id": file_id(shapes / "goat.ply")}
-    recipes = [Recipe(kind="object", **ids, material=0, view=0, seed=1)]
+    recipes = [Recipe(**ids, material=0, view=0, seed=1)]
     monkeypatch.setattr(module, "read_recipes", lambda path: recipes)
     return recipes
 

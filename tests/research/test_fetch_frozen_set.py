@@ -111,7 +111,7 @@ def test_what_can_be_had_is_made_and_the_rest_named(site, tmp_path, capsys):
 def test_the_recipes_are_the_frozen_ones_whose_files_are_there(site, tmp_path, monkeypatch):
     room, corner, _ = frozen_set.frozen_files()
     recipes = [
-        Recipe(kind="object", map_id=map_id, shape_id=shape_id, material=0, view=3, seed=k)
+        Recipe(map_id=map_id, shape_id=shape_id, material=0, view=3, seed=k)
         for k, (map_id, shape_id) in enumerate(
             [(room.sha256[:8], corner.sha256[:8]), (room.sha256[:8], "00c0ffee"), ("00c0ffee", corner.sha256[:8])]
         )

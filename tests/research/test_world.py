@@ -22,7 +22,7 @@ from anyprobe.scatter.materials import total_reflectance
 from research.limits.__main__ import limits
 from research.world import pairs as world
 
-RECIPE = Recipe(kind="object", map_id="0" * 8, shape_id="1" * 8, material=3, view=4, conditions=WORLD, seed=9)
+RECIPE = Recipe(map_id="0" * 8, shape_id="1" * 8, material=3, view=4, conditions=WORLD, seed=9)
 
 
 RADIANCE = np.exp(np.random.default_rng(3).normal(0, 1, (64, 128, 3))).astype(np.float32)

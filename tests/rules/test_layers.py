@@ -34,7 +34,6 @@ ONLY = {
     "pillow_jxl": {"pictures"},
     "typer": {"cli"},
     "rich": {"cli", "learning.train"},
-    "ray": {"learning.dataset"},
     "av": {"video"},
     "mitsuba": {"relight"},
     "drjit": {"relight"},

@@ -22,7 +22,7 @@ def sphere_pair(seed: int = 0, alpha: float = 0.3, indoor: bool = True, material
     seen = np.zeros((128, 128, 3), np.float32)
     seen[mask] = normals
     return Pair(
-        recipe=Recipe(kind="object", map_id="0" * 8, material=material, view=0, seed=seed),
+        recipe=Recipe(map_id="0" * 8, shape_id="0" * 8, material=material, view=0, seed=seed),
         photo=np.concatenate([picture, mask[..., None] * np.uint8(255)], axis=-1),
         irradiance=picture,
         radiance=radiance,

@@ -18,7 +18,6 @@ import typer
 from typer.core import TyperGroup
 
 from anyprobe import __version__
-from anyprobe.cli.data import data
 from anyprobe.cli.doctor import doctor
 from anyprobe.cli.estimate import estimate
 from anyprobe.cli.evaluate import evaluate
@@ -53,7 +52,7 @@ MIN_COLUMNS = 20
 
 USERS = (estimate, mask, relight, video, match, export, materials, serve, doctor)
 MAKERS = (evaluate, train, weights)
-"""Commands for training and evaluation, beside the group `data`."""
+"""Commands for training and evaluation."""
 
 
 class Sections(TyperGroup):
@@ -80,7 +79,6 @@ app = typer.Typer(
 )
 for command in (*USERS, *MAKERS):
     app.command()(command)
-app.add_typer(data, name="data")
 
 
 def _version(value: bool) -> None:

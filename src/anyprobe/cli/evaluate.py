@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import typer
@@ -15,7 +15,6 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from anyprobe.cli.data import Conditions
 from anyprobe.cli.options import folder_option
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
@@ -31,6 +30,8 @@ if TYPE_CHECKING:
 
 PAIRS = 200
 SEED = 2020
+Conditions = Literal["clean", "world"]
+"""Conditions of test photos, as in dataset.recipe.CONDITIONS."""
 PATHS = 128
 """Paths per pixel of a path-traced photo."""
 CELL = 64
@@ -198,8 +199,7 @@ def _test_set(
     """Return `pairs` recipes, drawn by seed, or from the list at path, or the frozen ones; and the assets they name."""
     from anyprobe.learning.dataset.asset_store import AssetStore
     from anyprobe.learning.dataset.catalog import load_maps, load_shapes
-    from anyprobe.learning.dataset.recipe import balanced_recipes, read_recipes
-    from anyprobe.learning.dataset.samples import CONDITIONS
+    from anyprobe.learning.dataset.recipe import CONDITIONS, balanced_recipes, read_recipes
     from anyprobe.learning.evaluate.scoring import FROZEN
 
     def warn(line: str) -> None:

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from anyprobe.cli.options import need_torch
 from anyprobe.errors import InputError
-
-if TYPE_CHECKING:
-    from anyprobe.learning.train.config import RunConfig
-    from anyprobe.learning.train.dataloader import ShardSource
 
 _RUNS = Path("runs")
 RunName = Annotated[str, typer.Argument(metavar="RUN", help="Named run; see docs/how-to/training.md.")]
@@ -35,10 +31,6 @@ def train(
         Path | None, typer.Option(help="Weights of lift, kept likewise, whose maps the paper's chain learns from too.")
     ] = None,
     device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
-    shards: Annotated[
-        Path | None,
-        typer.Option(help="Train on a dataset that anyprobe data render wrote; default: pairs made on the fly."),
-    ] = None,
     workers: Annotated[
         int, typer.Option(min=0, help="Processes that make pairs ahead, so that a GPU need not wait.")
     ] = 0,
@@ -70,7 +62,6 @@ def train(
     if dry_run is not None:
         chosen = smoke(chosen, dry_run)
         (runs / chosen.name / "checkpoint.pt").unlink(missing_ok=True)  # each one begins anew
-    pairs = None if shards is None else _rendered(shards, data, chosen, device, workers)
     path = loop.train(
         chosen,
         data=data,
@@ -79,19 +70,9 @@ def train(
         compiled=compiled,
         workers=workers,
         start=init_weights,
-        pairs=pairs,
         teacher=teacher,
     )
     typer.echo(path)
-
-
-def _rendered(shards: Path, data: Path | None, chosen: RunConfig, device: str, workers: int) -> ShardSource:
-    """Return the batches of a rendered dataset; InputError where the run cannot learn from it."""
-    from anyprobe.learning.train.dataloader import ShardSource
-
-    if workers:
-        raise InputError("expected one of them, got both", subject=("workers", "shards"))
-    return ShardSource(shards, data, chosen.pairs, device)
 
 
 def _refuse_mask(run: str) -> None:

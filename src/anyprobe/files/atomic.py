@@ -172,30 +172,3 @@ def _is_abandoned(scratch: Path) -> bool:
 def _machine() -> str:
     """Return a short identifier of this machine."""
     return f"{zlib.crc32(platform.node().encode()):08x}"
-
-
-@contextmanager
-def held(path: Path, *, wait: bool) -> Iterator[bool]:
-    """Lock a file or folder against other processes until the block, or this process, ends.
-
-    Yields whether no other process holds it; with wait, wait until that is so. Also True where there are no locks: on
-    Windows, and on some shared file systems.
-    """
-    try:
-        import fcntl
-    except ImportError:
-        yield True
-        return
-    # some shared file systems grant exclusive locks only on files opened for writing
-    descriptor = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
-    try:
-        is_held = True
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-        except BlockingIOError:
-            is_held = False
-        except OSError:
-            pass
-        yield is_held
-    finally:
-        os.close(descriptor)

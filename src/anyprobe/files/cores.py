@@ -1,13 +1,21 @@
-"""Number of cores that this process may use."""
+"""Number of cores that this process may use, and child processes that use one each."""
 
 from __future__ import annotations
 
 import math
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 QUOTA = Path("/sys/fs/cgroup/cpu.max")
 """File in which Linux states a container's limit: processor time per period, both in microseconds."""
+
+_CHILD_ENVIRONMENT = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "PYTHONSAFEPATH"), "1"
+)
+"""Environment of worker processes: one thread, and no modules from the working folder, whose random.py is not
+Python's."""
 
 
 def usable_cores() -> int:
@@ -18,3 +26,21 @@ def usable_cores() -> int:
         return max(1, min(cores, math.ceil(int(quota) / int(period))))
     except (OSError, ValueError, ZeroDivisionError):  # no container, or one without a limit
         return cores
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Make numeric libraries use one thread in processes started within the block: as fast, with the same sums.
+
+    NumPy's second thread would spin between products of small matrices, on a core that another worker needs.
+    """
+    old = {name: os.environ.get(name) for name in _CHILD_ENVIRONMENT}
+    os.environ.update(_CHILD_ENVIRONMENT)
+    try:
+        yield
+    finally:
+        for name, value in old.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

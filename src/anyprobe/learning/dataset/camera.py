@@ -12,9 +12,8 @@ import numpy as np
 from array_api_compat import array_namespace, device, to_device
 from PIL import Image
 
-from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import CameraCurve, response
-from anyprobe.errors import InputError, InvalidEnvironment
+from anyprobe.errors import InputError
 from anyprobe.learning.dataset import distributions
 
 SUBSAMPLINGS = ("4:4:4", "4:2:2", "4:2:0")
@@ -119,26 +118,6 @@ def exposure(shot: Shot, object_mean: float, scene: float) -> float:
         gain = by_object**shot.metering * by_scene ** (1.0 - shot.metering)
     mean = max(object_mean * gain, 1e-9)
     return float(gain * np.clip(mean, *shot.object_range) / mean)
-
-
-def exposure_for_clipping(luminance: np.ndarray, share: float) -> float:
-    """Return the gain that clips a share of the sphere, in (0, 1): luminance [H, 2H] is 1 or more there (hdrcnn: 5 to
-    15 %).
-
-    A map that is black but for less than that share cannot be exposed so; it gets the gain at which all brighter than a
-    thousandth of its mean clips.
-    """
-    if not 0.0 < share < 1.0:
-        raise InputError(f"expected a share of the sphere between 0 and 1, got {share:g}", subject="share")
-    weights = np.broadcast_to(pixel_solid_angles(luminance.shape[0]), luminance.shape)
-    order = np.argsort(-luminance, axis=None, kind="stable")
-    brightest = np.asarray(luminance, np.float64).reshape(-1)[order]
-    if not brightest[0] > 0.0:
-        raise InvalidEnvironment("expected some light, got a black map; no exposure can clip it", source="map")
-    weights = np.asarray(weights, np.float64).reshape(-1)[order]
-    before = np.cumsum(weights) - 0.5 * weights  # a pixel stands at the middle of its own share
-    white = np.interp(share * weights.sum(), before, brightest)
-    return float(1.0 / max(white, 1e-3 * float((brightest * weights).sum() / weights.sum())))
 
 
 def gaussian_rows(size: int, sigma: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Renders of recipes, point by point in perspective: a photo with its targets (Pair), or a map alone (MapPair).
+"""Renders of recipes, point by point in perspective: a photo with its targets (Pair).
 
 Unlike pairs made on the fly, nothing is looked up in a reflectance map: every visible point is shaded by itself, in
 NumPy, so that bytes do not depend on a compiler.
@@ -20,10 +20,10 @@ from anyprobe.core.sampling import hammersley
 from anyprobe.errors import InputError, InvalidMesh
 from anyprobe.learning.dataset import distributions
 from anyprobe.learning.dataset.asset_store import AssetStore
-from anyprobe.learning.dataset.camera import Shot, as_planes, draw_shot, exposure_for_clipping
+from anyprobe.learning.dataset.camera import Shot, as_planes, draw_shot
 from anyprobe.learning.dataset.distributions import SPECULAR_BELOW, draw_alpha, draw_material
 from anyprobe.learning.dataset.photograph import LitObjects, photograph
-from anyprobe.learning.dataset.recipe import EXPOSURES, VIEWPOINTS, WORLD, Recipe
+from anyprobe.learning.dataset.recipe import VIEWPOINTS, WORLD, Recipe
 from anyprobe.learning.dataset.textured import draw_factor, draw_share, factor_at, paint
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.light.octahedral import Pyramid
@@ -39,9 +39,6 @@ Trace = Callable[[Mesh, Camera, np.ndarray, Material], np.ndarray]
 NUM_SAMPLES = 64
 LN_RANGE = (-7.0, 9.0)
 """Range of ln radiance in targets: 0.001 to 8000 of the photo's white."""
-
-LINE = 2.2**2 / 128
-"""Area of a line one pixel wide across a photo of 128 pixels, which shows at most 2.2 of the unit sphere's world."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -81,30 +78,13 @@ class Pair:
         return self.photo.astype(np.float32) / 255.0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class MapPair:
-    """A view of a map and its light.
-
-    ldr [64, 128, 3] uint8 and ln_radiance [64, 128, 3] float16: what the paper's HDR network learns from (Sect.
-    3.5). Ours learns from the maps of photos' pairs.
-    """
-
-    recipe: Recipe
-    ldr: np.ndarray
-    ln_radiance: np.ndarray
-    map_from_camera: np.ndarray
-    gain: np.ndarray
-    map_name: str
-    indoor: bool
-
-
 def fibonacci_viewpoint(index: int) -> tuple[float, float]:
     """Return yaw and elevation [radians] of one of VIEWPOINTS points spread evenly over the upper hemisphere."""
     return float(index * np.pi * (3.0 - np.sqrt(5.0))), float(np.arcsin((index + 0.5) / VIEWPOINTS))
 
 
 def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, textured: bool = False) -> Pair:
-    """Render the pair of an "object" recipe; InputError if the store lacks its map or shape, or it is not visible.
+    """Render the pair of a recipe; InputError if the store lacks its map or shape, or it is not visible.
 
     trace: makes the photo in the place of our shading; the irradiance stays what no shadow falls on. Under WORLD
         conditions, painted objects get a mild texture by it, which our shading leaves out.
@@ -245,7 +225,7 @@ def _draw(recipe: Recipe, rng: np.random.Generator) -> _Drawn:
 
 
 def shot_of(recipe: Recipe) -> Shot:
-    """Return the camera settings of an "object" recipe's photo; under WORLD without metering and white balance."""
+    """Return the camera settings of a recipe's photo; under WORLD without metering and white balance."""
     return _draw(recipe, recipe.rng()).shot
 
 
@@ -263,42 +243,6 @@ def _look(mesh: Mesh, drawn: _Drawn, name: str) -> tuple[Camera, Surface]:
         turned = rotation_y(np.pi / 2) @ turned
     raise InvalidMesh(
         f"expected a shape visible in {camera.size} pixels, got one too thin from all sides; leave it out", source=name
-    )
-
-
-def is_too_thin(mesh: Mesh) -> bool:
-    """Return whether photos show no more of a shape than a line, see LINE.
-
-    From all sides a shape covers in the mean no more than a quarter of its surface (Cauchy).
-    """
-    corners = mesh.positions[mesh.faces]
-    edges = corners[:, 1:] - corners[:, :1]
-    surface = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1).sum() / 2
-    return bool(surface / 4 < LINE)
-
-
-def render_map_pair(recipe: Recipe, store: AssetStore) -> MapPair:
-    """Render the pair of a "map" recipe (Sect. 3.5): a view of a map through a camera of random curve.
-
-    The exposure that clips 5 to 15 % of the sphere, as in hdrcnn, times 0.5 to 2.0, the
-    recipe's exposure number being the fifth of that range (in stops) it lies in.
-    """
-    asset, rng = store.map(recipe.map_id), recipe.rng()
-    yaw, elevation = fibonacci_viewpoint(recipe.view)
-    map_from_camera = world_from_camera(yaw + rng.uniform(0, 2 * np.pi), elevation)
-    light = shrink(rotate(asset.radiance, map_from_camera.T), MAP_HEIGHT)
-    shot = draw_shot(rng, recipe.conditions)
-    gain = exposure_for_clipping(luminance(light), rng.uniform(0.05, 0.15))
-    gain *= 0.5 * 4.0 ** ((recipe.material + rng.random()) / EXPOSURES)
-    gains = np.asarray(gain * shot.white_balance, np.float32)
-    return MapPair(
-        recipe=recipe,
-        ldr=np.round(response(light * gains, shot.curve) * 255.0).astype(np.uint8),
-        ln_radiance=np.log(np.clip(light * gains, 1e-6, None)).clip(*LN_RANGE).astype(np.float16),
-        map_from_camera=map_from_camera,
-        gain=gains,
-        map_name=asset.name,
-        indoor=asset.indoor,
     )
 
 

@@ -1,5 +1,4 @@
-"""Recipes: the twenty bytes that a pair is rendered from, and the recipes of datasets and test sets in a fixed
-order."""
+"""Recipes: the twenty bytes that a pair is rendered from, and the recipes of test sets."""
 
 from __future__ import annotations
 
@@ -8,7 +7,6 @@ import os
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import gcd
 from pathlib import Path
 
 import numpy as np
@@ -21,14 +19,17 @@ RECIPE_VERSION = 2
 DRAWS = 1
 """Version of random scenes; a better renderer alone leaves it, as it shows the same scenes."""
 
-KINDS = ("object", "map")
-NO_SHAPE = "00000000"
 VIEWPOINTS = 23
 """Number of camera positions on the upper hemisphere, as in the paper's Sect. 3.5."""
 MATERIAL_CHOICES = 8
-EXPOSURES = 5
 WORLD = 2
 """Conditions of photos with dataset.distributions and with flaws, as phones take them."""
+
+CONDITIONS = ("clean", "world")
+"""Names of the first two conditions, by number: clean as in the paper, or with flaws."""
+
+_WORLD_CODE = 4
+"""Conditions of WORLD as stored; 2 and 3 are of pairs that are not made any more."""
 
 _LAYOUT = struct.Struct(">BB4s4sBBQ")
 
@@ -37,30 +38,28 @@ _LAYOUT = struct.Struct(">BB4s4sBBQ")
 class Recipe:
     """Recipe of one pair; the same recipe gives the same pair bit for bit on the CPU.
 
-    kind: "object" for photo and irradiance, "map" for an LDR map and its ln radiance.
     map_id, shape_id: 8 hexadecimal digits, the assets' ids in an AssetStore.
-    material: for objects 0 to 7: bit 0 diffuse rather than specular, bit 1 metal, bit 2 a
+    material: 0 to 7: bit 0 diffuse rather than specular, bit 1 metal, bit 2 a
         second draw of the two, or under WORLD bits 0 and 1 the kind of distributions.KINDS, bit 2 the
-        brighter half of that kind; for maps the exposure's number, 0 to 4.
+        brighter half of that kind.
     view: Fibonacci viewpoint, 0 to 22.
-    conditions: 0 for the paper's clean photos, 1 for photos as the world gives them, WORLD (objects
-        alone) for these with the world's materials, metering and white balance.
+    conditions: 0 for the paper's clean photos, 1 for photos as the world gives them, WORLD for
+        these with the world's materials, metering and white balance.
     seed: all else is drawn from it and from the fields above.
     """
 
-    kind: str
     map_id: str
-    shape_id: str = NO_SHAPE
+    shape_id: str
     material: int
     view: int
     conditions: int = 0
     seed: int
 
     def to_bytes(self) -> bytes:
-        """Encode version, kind and conditions, map, shape, material, view, seed; big-endian."""
+        """Encode version, conditions, map, shape, material, view, seed; big-endian."""
         return _LAYOUT.pack(
             RECIPE_VERSION,
-            2 * KINDS.index(self.kind) + (4 if self.conditions == WORLD else self.conditions),
+            _WORLD_CODE if self.conditions == WORLD else self.conditions,
             bytes.fromhex(self.map_id),
             bytes.fromhex(self.shape_id),
             self.material,
@@ -76,7 +75,7 @@ class Recipe:
     def from_hex(cls, text: str) -> Recipe:
         """Decode to_hex's digits; InputError for anything else."""
         try:
-            version, flags, map_id, shape_id, material, view, seed = _LAYOUT.unpack(bytes.fromhex(text))
+            version, code, map_id, shape_id, material, view, seed = _LAYOUT.unpack(bytes.fromhex(text))
         except (ValueError, struct.error) as error:
             raise InputError(
                 f"expected {2 * _LAYOUT.size} hexadecimal digits, got {len(text)} characters",
@@ -87,21 +86,18 @@ class Recipe:
                 f"expected version {RECIPE_VERSION}, got {version}; use the release that wrote it",
                 source=f"recipe {text}",
             )
-        kind = flags // 2 % 2
-        count = EXPOSURES if kind else MATERIAL_CHOICES
-        if flags > 4 or material >= count or view >= VIEWPOINTS:
+        if code not in (0, 1, _WORLD_CODE) or material >= MATERIAL_CHOICES or view >= VIEWPOINTS:
             raise InputError(
-                f"expected kind < 2, material < {count}, view < {VIEWPOINTS}, "
-                f"got {kind if flags < 5 else flags // 2}, {material}, {view}",
+                f"expected conditions 0, 1 or {_WORLD_CODE}, material < {MATERIAL_CHOICES}, view < {VIEWPOINTS}, "
+                f"got {code}, {material}, {view}",
                 source=f"recipe {text}",
             )
         return cls(
-            kind=KINDS[kind],
             map_id=map_id.hex(),
             shape_id=shape_id.hex(),
             material=material,
             view=view,
-            conditions=WORLD if flags == 4 else flags % 2,
+            conditions=WORLD if code == _WORLD_CODE else code,
             seed=seed,
         )
 
@@ -119,66 +115,6 @@ class Recipe:
 def digest(recipes: list[Recipe]) -> str:
     """Return the identity of a list of recipes: SHA-256 over them in order, 16 digits."""
     return hashlib.sha256(b"".join(recipe.to_bytes() for recipe in recipes)).hexdigest()[:16]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Plan:
-    """All combinations of maps, shapes, materials and views, each once, well mixed.
-
-    The first N recipes are a fair sample: specular and diffuse alternate, and the rest
-    walks through all combinations in steps near the golden section of their number.
-    """
-
-    kind: str
-    map_ids: tuple[str, ...]
-    shape_ids: tuple[str, ...]
-    conditions: int
-    seed: int
-
-    @property
-    def count(self) -> int:
-        """Number of recipes, as in the paper: shapes x maps x 8 materials x 23 views, or maps x 23 views x 5
-        exposures."""
-        if self.kind == "map":
-            return len(self.map_ids) * VIEWPOINTS * EXPOSURES
-        return len(self.shape_ids) * len(self.map_ids) * MATERIAL_CHOICES * VIEWPOINTS
-
-    def recipe(self, index: int) -> Recipe:
-        """Return recipe number `index`, 0 to count - 1."""
-        if not 0 <= index < self.count:
-            raise IndexError(f"expected an index below {self.count}, got {index}")
-        radices = (len(self.map_ids), VIEWPOINTS)
-        shape_id = NO_SHAPE
-        if self.kind == "map":
-            place, view, material = _digits(_shuffled(index, self.count, self.seed), (*radices, EXPOSURES))
-        else:
-            half = _shuffled(index // 2, self.count // 2, self.seed)
-            place, view, shape, material = _digits(half, (*radices, len(self.shape_ids), MATERIAL_CHOICES // 2))
-            shape_id, material = self.shape_ids[shape], 2 * material + index % 2
-        return Recipe(
-            kind=self.kind,
-            map_id=self.map_ids[place],
-            shape_id=shape_id,
-            material=material,
-            view=view,
-            conditions=self.conditions,
-            seed=_seed(self.seed, index),
-        )
-
-
-def full_plan(store: AssetStore, kind: str = "object", conditions: int = 0, seed: int = 2020) -> Plan:
-    """Return the plan of all combinations of a store's assets."""
-    if not store.maps or (kind == "object" and not store.shapes):
-        raise InputError(
-            f"expected at least one map and one shape, got {len(store.maps)} and {len(store.shapes)}", source="dataset"
-        )
-    return Plan(
-        kind=kind,
-        map_ids=tuple(sorted(store.maps)),
-        shape_ids=tuple(sorted(store.shapes)),
-        conditions=conditions,
-        seed=seed,
-    )
 
 
 def balanced_recipes(store: AssetStore, count: int, seed: int = 2020, conditions: int = 0) -> list[Recipe]:
@@ -229,7 +165,6 @@ def _test_set(
         places = by_place[bool(k // run % 2)]
         recipes.append(
             Recipe(
-                kind="object",
                 map_id=places[rng.integers(len(places))],
                 shape_id=shapes[shape(k) % len(shapes)],
                 material=material(k, rng),
@@ -243,23 +178,6 @@ def _test_set(
 
 def _seed(seed: int, index: int) -> int:
     return int.from_bytes(hashlib.sha256(f"{seed} {index}".encode()).digest()[:8], "big")
-
-
-def _shuffled(index: int, count: int, seed: int) -> int:
-    """Permute range(count): steps coprime with count, near its golden section."""
-    step = max(1, int(count * 0.6180339887))
-    while gcd(step, count) != 1:
-        step += 1
-    return (index * step + seed) % count
-
-
-def _digits(value: int, radices: tuple[int, ...]) -> list[int]:
-    """Return the mixed-radix digits of a value, most significant first."""
-    digits = []
-    for radix in reversed(radices):
-        value, digit = divmod(value, radix)
-        digits.append(digit)
-    return digits[::-1]
 
 
 def read_recipes(path: str | os.PathLike[str]) -> list[Recipe]:

@@ -16,10 +16,10 @@ import numpy as np
 
 from anyprobe.core.frames import normalize, rotation_x, rotation_y, world_from_camera
 from anyprobe.files.atomic import atomic_path
+from anyprobe.files.cores import one_thread
 from anyprobe.learning.dataset.asset_store import PROCEDURAL_VERSION
 from anyprobe.learning.dataset.catalog import ShapeAsset
 from anyprobe.learning.dataset.occlusion import SIDE, hidden_cells
-from anyprobe.learning.dataset.process_pools import one_thread
 from anyprobe.render.mesh import Mesh, transformed, waved
 from anyprobe.render.shapes import draw_shape, figure, part
 from anyprobe.render.surface import frame_object, see

@@ -32,7 +32,7 @@ from anyprobe.learning.train.checkpoint import (
     resumed,
 )
 from anyprobe.learning.train.config import RunConfig
-from anyprobe.learning.train.dataloader import ShardSource, load_assets, name_assets, open_batches
+from anyprobe.learning.train.dataloader import load_assets, name_assets, open_batches
 from anyprobe.learning.train.lift import Lift, Normals
 from anyprobe.learning.train.logger import Learner, RunLogger, run_folder
 
@@ -125,7 +125,7 @@ def train(
     compiled: bool = True,
     workers: int = 0,
     stop_after: int | None = None,
-    pairs: PairSource | ShardSource | None = None,
+    pairs: PairSource | None = None,
     start: Path | None = None,
     teacher: Path | None = None,
 ) -> Path:
@@ -139,7 +139,7 @@ def train(
         workers: processes that draw shapes and make pairs ahead of this one; each has lit materials of its own,
             so that a run resumes exactly with as many as it started with. 0: this process makes its pairs.
         stop_after: stop (with a checkpoint) once this many steps are done in all.
-        pairs: the batches, when they are at hand already, for instance rendered ones.
+        pairs: a source of batches to use in place of one over data.
         start: weights to start from, of train.checkpoint; a resumed run may name those that it started from.
         teacher: weights of `lift` that the paper's chain learns from, beside the truth; layers that start lacks begin
             as its.
@@ -182,8 +182,6 @@ def train(
     steps = range(first * processes.size + processes.rank, last * processes.size + processes.rank, processes.size)
     batches: Iterable[Batch]
     if pairs is not None:
-        if isinstance(pairs, ShardSource):
-            origin = agreed(path, origin, {"assets": pairs.identity})
         batches = (pairs.batch(step).to(device) for step in steps)  # of several GPUs each has its own
     else:
         store = load_assets(config.light, data)
