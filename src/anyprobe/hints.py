@@ -21,7 +21,7 @@ import numpy as np
 from anyprobe.core.arrays import plain_array
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
 from anyprobe.given_material import Albedo, as_material
-from anyprobe.masks.depth import CARRIED, DepthSource
+from anyprobe.masks.depth import DepthSource
 from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.sources import MaskSource
 from anyprobe.notices import give, leave_out
@@ -29,9 +29,6 @@ from anyprobe.pictures.images import ImageSource
 from anyprobe.pictures.raw import RAW_SUFFIXES
 from anyprobe.scatter.materials import Material
 
-NormalsEstimator = Callable[[np.ndarray], np.ndarray]
-"""Function from a picture [H, W, 3] of display values in [0, 1] to normals [h, w, 3] of any size in its camera's
-frame."""
 NormalsSource = str | os.PathLike[str] | bytes | np.ndarray
 SurroundingsSource = ImageSource
 
@@ -140,13 +137,13 @@ class Hints:
         click, exclude: x, y in pixels of the photo as shown (upright, square pixels) on the object and beside it, one
             or several.
         box: x0, y0, x1, y1 around the object, likewise.
-        depth: depth image of the same view, along the camera's axis, which gives normals; or "photo", the depth stored
-            in the photo's own file by phones; near, far: cut-off distances in its unit, which give the mask too.
+        depth: depth image of the same view, along the camera's axis, which gives normals; near, far: cut-off distances
+            in its unit, which give the mask too.
         fov_deg: field of view of the photo's longer side, in degrees; else from EXIF, else 65.
         pitch_deg: camera pitch downwards, in degrees: 0 level, 90 straight down.
         roll_deg: camera roll to the left about its axis, in degrees; needs pitch_deg.
         normals: the object's normal map of the photo's size in the camera's frame, see normals_hint.read_normals;
-            "sphere"; or a function from a picture [H, W, 3] in [0, 1] to its normals [h, w, 3].
+            or "sphere".
         material: the object's material: a Material, or a name: "chrome", "gold", "plastic", "matte" or a measured one,
             see scatter.materials. Level and colour of the light are fitted to it.
         albedo: linear, one number or three (0.18 for a grey card), of a matte object or of the named material.
@@ -186,15 +183,9 @@ class Hints:
         in_web="box",
     )
     depth: DepthSource | None = _hint(
-        "place",
-        "Depth image of the same view: gives normals; with near or far the mask too; or photo, that of the photo's own "
-        "file, as phones write it.",
-        words=(CARRIED,),
-        suffixes=ARRAYS,
+        "place", "Depth image of the same view: gives normals; with near or far the mask too.", suffixes=ARRAYS
     )
-    near: float | None = _hint(
-        "place", "Near clipping depth, in the depth image's own unit (often mm; Apple's: m).", numbers=(1,)
-    )
+    near: float | None = _hint("place", "Near clipping depth, in the depth image's own unit (often mm).", numbers=(1,))
     far: float | None = _hint("place", "Far clipping depth, in the same unit.", numbers=(1,))
     fov_deg: float | None = _hint(
         "camera",
@@ -216,7 +207,7 @@ class Hints:
         name="roll",
         numbers=(1,),
     )
-    normals: NormalsSource | NormalsEstimator | None = _hint(
+    normals: NormalsSource | None = _hint(
         "light",
         "The object's normal map: (n + 1) / 2 in a picture of the photo's size; +X right, +Y up, +Z toward the camera; "
         "or sphere, if the object is one.",
@@ -259,10 +250,10 @@ class Hints:
                 raise InputError(f"expected a number, got {type(value).__name__} {str(value)[:40]!r}", subject=name)
         for name in ("mask", "depth", "normals", "surroundings"):
             value = getattr(self, name)
-            if isinstance(value, Real):
-                raise InputError(
-                    f"expected a file, its bytes, a picture or an array, got the number {value}", subject=name
-                )
+            is_number, is_file = isinstance(value, Real), isinstance(value, os.PathLike | str | bytes | np.ndarray)
+            if is_number or not (value is None or is_file or name in ("mask", "surroundings")):
+                got = f"the number {value}" if is_number else type(value).__name__
+                raise InputError(f"expected a file, its bytes, a picture or an array, got {got}", subject=name)
             if isinstance(value, np.ma.MaskedArray):
                 plain_array(value, name, subject=name)
         if self.fov_deg is not None and not 1.0 < self.fov_deg < 170.0:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 from PIL import Image
-from support import depth_files, picture_files
+from support import picture_files
 
 from anyprobe.estimate import poses
 from anyprobe.estimate.normals_hint import read_normals
@@ -145,22 +145,6 @@ def with_readers() -> list[bytes]:
         found += [picture_files.apple_heic(rgb, rgb[..., 1], picture_files.maker_note(0.8, 0.005))]
         found += [picture_files.iso_heif("HEIC", rgb, rgb[..., 1], 3.0)]
     return found or [b"II*\0\x08\0\0\0"]
-
-
-def portraits() -> list[bytes]:
-    """Photos that carry depth, in every container."""
-    rgb = picture_files.scene(40, 48)
-    levels, near_far = rgb[..., 1], {"Near": "1", "Far": "3"}
-    apple = {"AuxiliaryImageType": "disparity", "FloatMinValue": "0.5", "FloatMaxValue": "2"}
-    found = [
-        depth_files.apple_portrait(rgb, levels, **apple),
-        depth_files.gdepth_jpeg(rgb, levels, **near_far),
-        depth_files.gdepth_jpeg(rgb, levels, parts=2, Format="RangeLinear", **near_far),
-        depth_files.dynamic_depth_jpeg(rgb, levels, **near_far),
-    ]
-    with suppress(ImportError):
-        found.append(depth_files.heic_with_depth(rgb, levels, depth_files.DISPARITY, 0.5, 2.0))
-    return found
 
 
 def exrs() -> list[bytes]:
@@ -298,7 +282,6 @@ PARSERS: dict[str, Parser] = {
     "photo": Parser(seeds=photos, call=images.read_image, weight=6),
     "encoded photo": Parser(seeds=encoded, call=images.read_image, weight=6),
     "extra photo": Parser(seeds=with_readers, call=images.read_image, weight=3),
-    "portrait": Parser(seeds=portraits, call=lambda data: images.read_image(data, with_depth=True), weight=3),
     "linear photo": Parser(seeds=lambda: exrs() + hdrs(), call=images.read_image, weight=3),
     "header": Parser(seeds=lambda: photos() + encoded() + with_readers() + exrs() + hdrs(), call=look, weight=6),
     "exr": Parser(seeds=exrs, call=by_path(".exr", radiance.read_radiance), weight=4),

@@ -52,7 +52,6 @@ def test_what_pages_show_is_a_command():
         ("anyprobe relight a.jpg --insert vase  # comment --nothing", ""),
         ("anyprobe relight a.jpg --object sphere", "--object"),
         ("anyprobe relit a.jpg", "relit"),
-        ("anyprobe mask pack set", "set"),
         ("anyprobe video", "CLIP"),
         ("anyprobe relight a.jpg --renderer cycles", "cycles"),
         ("pip install '.[video]' && anyprobe video a.mp4 --nothing | less", "--nothing"),

@@ -147,6 +147,8 @@ TOGETHER = [
     ({"fov_deg": float("nan")}, ("fov_deg",)),
     ({"pitch_deg": 91.0}, ("pitch_deg",)),
     ({"material": "gold", "albedo": 0.5}, ("albedo",)),
+    ({"normals": np.asarray}, ("normals",)),
+    ({"depth": {}}, ("depth",)),
 ]
 
 

@@ -70,10 +70,10 @@ def exported(target: str, folder, suffix: str, **options) -> bytes:
 @pytest.mark.parametrize(
     ("address", "name", "known"),
     [
-        ("estimate", "not", "click, exclude, box, depth, near, far, fov,"),
+        ("estimate", "not", "click, exclude, box, near, far, fov,"),
         ("estimate", "clik", "detail, size, format"),
         ("estimate", "world_from_camera", "material"),
-        ("mask", "material", "one of click, exclude, box, depth, near, far, fov, pitch, roll, format, got"),
+        ("mask", "material", "one of click, exclude, box, near, far, fov, pitch, roll, format, got"),
         ("photo", "fov", "expected none here"),
         ("fuse", "clik", "surroundings"),
         ("export/three", "yaw", "one of exposure, world_from_camera, got"),
@@ -121,7 +121,7 @@ def test_all_that_is_described_is_taken(client, photo):
         "format": "json",
     }
     pointed = {"box": "24,8,104,88", "click": "64,48", "exclude": "2,2"}
-    cut = {"depth": "photo", "near": "1", "far": "2"}
+    cut = {"near": "1", "far": "2"}
     poses = {"poses": "[[[1,0,0],[0,1,0],[0,0,1]]]"}
     assert set(openapi.query_names(openapi.ESTIMATE_ROUTE)) == {*given, *pointed, *cut}
     assert set(openapi.query_names(openapi.FUSE_ROUTE)) == set(given) | {"box"}

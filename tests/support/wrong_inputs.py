@@ -73,7 +73,6 @@ TABLE = {
     "depth of another view": Wrong({"depth": png("I;16", (80, 80), 9), "far": 30.0}, subject=("depth",)),
     "coloured depth": Wrong({"depth": photo(), "far": 3.0}, subject=("depth",)),
     "text as depth": Wrong({"depth": b"depth", "far": 3.0}, subject=("depth",)),
-    "no depth in the photo": Wrong({"depth": "photo", "far": 3.0}, subject=("depth",), remedy=("depth",)),
     "field of view of 0": Wrong({"fov_deg": 0.0}, subject=("fov_deg",)),
     "field of view of 200": Wrong({"fov_deg": 200.0}, subject=("fov_deg",)),
     "pitch of 91": Wrong({"pitch_deg": 91.0}, subject=("pitch_deg",)),

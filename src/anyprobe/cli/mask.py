@@ -79,7 +79,6 @@ def _write(
     """Write one photo's two files; return how the mask was found, for JSON."""
     from anyprobe.estimate.doubts import scale_doubts
     from anyprobe.estimate.outputs import draw_overlay
-    from anyprobe.masks.depth import is_carried
     from anyprobe.masks.find import find_mask
     from anyprobe.pictures.images import read_image, write_png
 
@@ -87,7 +86,7 @@ def _write(
     check_names(path, listed, targets.values(), hints.files().values())
     if hints.depth is not None and hints.near is None and hints.far is None:
         raise InvalidMask("expected a distance to cut at, got none", subject="depth", remedy=give("near", "far"))
-    pixels = read_image(photo_source(path), photo_name(path), with_depth=is_carried(hints.depth))
+    pixels = read_image(photo_source(path), photo_name(path))
     found = find_mask(pixels, **hints.place(), segmenter=segmenter)
     overlay = draw_overlay(pixels.rgb, found.mask, found.prompts.on, found.prompts.off)
     write_png(targets["overlay"], overlay)

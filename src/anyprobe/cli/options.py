@@ -130,13 +130,6 @@ class ObjectOptions(MaskOptions):
     """Location of the object, and priors on it, its surroundings and the camera."""
 
     given: Annotated[Hints, tuple(HINTS)]
-    normals_from: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.onnx",
-            help="Estimate the normals with this ONNX graph; FILE.json beside it describes it (docs/how-to/inputs.md).",
-        ),
-    ] = None
     camera: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Lens, pitch and roll of a .fspy, or of the .json that fSpy exports."),
@@ -144,14 +137,8 @@ class ObjectOptions(MaskOptions):
     metal: Annotated[bool, typer.Option("--metal", help="The object is bare metal: chrome, if no --material.")] = False
 
     def hints(self) -> Hints:
-        """Return what the options give, with the normals' estimator opened."""
-        from anyprobe.estimate.normals_model import open_normals_model
-
+        """Return what the options give."""
         hints = MaskOptions.hints(self)
-        if self.normals_from is not None:
-            if hints.normals is not None:
-                raise InputError("expected one of them, got both", subject=("normals", "normals_from"))
-            hints = replace(hints, normals=open_normals_model(self.normals_from))
         if self.camera is not None:
             hints = replace(hints, **self._camera(hints))
         if not self.metal:

@@ -51,7 +51,7 @@ TRANSPARENT = (
 SHOWN_AFTER_S = 1.0
 OF_ESTIMATES = [
     *(name for name, hint in HINTS.items() if hint.about == "light"),
-    *("normals_from", "metal", "emitters", "looks", "model", "engine", "threads", "detail", "detail_library"),
+    *("metal", "emitters", "looks", "model", "engine", "threads", "detail", "detail_library"),
 ]
 """Parameters that only affect an estimate."""
 PANORAMA_ROWS = 512

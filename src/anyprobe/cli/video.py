@@ -112,7 +112,6 @@ def video(
         "exr": exr,
         "first_frame": first_frame,
         "every_frame": {key: value for key, value in every_frame.items() if isinstance(value, float | str)},
-        "normals_from": None if object_options.normals_from is None else str(object_options.normals_from),
         "poses": None if rotations is None else digest_of([rotations.tobytes()]),
         **follower.content(),
         "emitters": model_options.settings.emitters,

@@ -34,7 +34,7 @@ from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, LOOKS, MODE, Models, model_id
 from anyprobe.estimate.settings import Settings
 from anyprobe.given_material import Albedo, as_material
-from anyprobe.hints import Hints, NormalsEstimator, NormalsSource, SurroundingsSource, check_keywords, combine
+from anyprobe.hints import Hints, NormalsSource, SurroundingsSource, check_keywords, combine
 from anyprobe.masks.depth import DepthSource
 from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.segmenters import SegmenterSource, load_segmenter
@@ -133,7 +133,7 @@ class Estimator:
         fov_deg: float | None = None,
         pitch_deg: float | None = None,
         roll_deg: float | None = None,
-        normals: NormalsSource | NormalsEstimator | None = None,
+        normals: NormalsSource | None = None,
         material: Material | str | None = None,
         albedo: Albedo | None = None,
         roughness: float | None = None,
@@ -297,7 +297,7 @@ def estimate(
     fov_deg: float | None = None,
     pitch_deg: float | None = None,
     roll_deg: float | None = None,
-    normals: NormalsSource | NormalsEstimator | None = None,
+    normals: NormalsSource | None = None,
     material: Material | str | None = None,
     albedo: Albedo | None = None,
     roughness: float | None = None,

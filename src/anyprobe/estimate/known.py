@@ -9,10 +9,9 @@ import numpy as np
 from anyprobe.errors import InputError
 from anyprobe.estimate.depth_normals import normals_from_depth
 from anyprobe.estimate.normals_hint import normals_from_outline, read_normals
-from anyprobe.estimate.normals_model import estimated_normals
 from anyprobe.estimate.surroundings import read_panorama
-from anyprobe.hints import AUTO, NONE, PHOTO, SPHERE, Hints, NormalsEstimator, NormalsSource, SurroundingsSource
-from anyprobe.masks.depth import DepthSource, chosen_depth
+from anyprobe.hints import AUTO, NONE, PHOTO, SPHERE, Hints, NormalsSource, SurroundingsSource
+from anyprobe.masks.depth import DepthSource
 from anyprobe.notices import Notice, give
 from anyprobe.pictures.images import Pixels
 
@@ -64,23 +63,18 @@ def find_normals(
     hints: Hints, pixels: Pixels, mask: np.ndarray, long_fov_deg: float, fov_source: str
 ) -> tuple[KnownNormals | None, tuple[Notice, ...]]:
     """Return the given normals, else those of a depth image, and doubts about them."""
-    given = _known_normals(hints.normals, pixels.rgb, mask, long_fov_deg)
+    given = _known_normals(hints.normals, mask, long_fov_deg)
     if given is not None:
         return KnownNormals(values=given), ()
-    depth = chosen_depth(hints.depth, pixels)
-    if depth is None:
+    if hints.depth is None:
         return None, ()
-    values, doubts = _normals_by_depth(depth, mask, long_fov_deg, fov_source, pixels.name)
+    values, doubts = _normals_by_depth(hints.depth, mask, long_fov_deg, fov_source, pixels.name)
     return None if values is None else KnownNormals(values=values, origin=FROM_DEPTH), doubts
 
 
-def _known_normals(
-    source: NormalsSource | NormalsEstimator | None, rgb: np.ndarray, mask: np.ndarray, long_fov_deg: float
-) -> np.ndarray | None:
+def _known_normals(source: NormalsSource | None, mask: np.ndarray, long_fov_deg: float) -> np.ndarray | None:
     if source is None:
         return None
-    if callable(source):
-        return estimated_normals(source, rgb, mask, long_fov_deg)
     if isinstance(source, str) and source == SPHERE:
         return normals_from_outline(mask, long_fov_deg)
     try:

@@ -26,9 +26,9 @@ from anyprobe.estimate.surroundings import (
 )
 from anyprobe.estimate.window import sample_window
 from anyprobe.given_material import Albedo
-from anyprobe.hints import Hints, NormalsEstimator, NormalsSource, SurroundingsSource, check_keywords, combine
+from anyprobe.hints import Hints, NormalsSource, SurroundingsSource, check_keywords, combine
 from anyprobe.masks.check import object_box
-from anyprobe.masks.depth import DepthSource, is_carried
+from anyprobe.masks.depth import DepthSource
 from anyprobe.masks.find import find_mask
 from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.segmenters import SegmenterSource
@@ -160,7 +160,7 @@ def load_photo(
     fov_deg: float | None = None,
     pitch_deg: float | None = None,
     roll_deg: float | None = None,
-    normals: NormalsSource | NormalsEstimator | None = None,
+    normals: NormalsSource | None = None,
     material: Material | str | None = None,
     albedo: Albedo | None = None,
     roughness: float | None = None,
@@ -184,7 +184,7 @@ def load_photo(
     hints = combine(hints, locals())
     pixels = source
     if not isinstance(pixels, Pixels):
-        pixels = read_image(pixels, name, with_depth=is_carried(hints.depth))
+        pixels = read_image(pixels, name)
     around = asked_surroundings(hints.surroundings)
     scale = scale_doubts(pixels.radiance, pixels.name)
     try:

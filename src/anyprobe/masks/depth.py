@@ -15,46 +15,16 @@ from anyprobe.errors import InputError, InvalidMask
 from anyprobe.files.paths import open_regular
 from anyprobe.maps.exr import EXR_MAGIC, in_display, read_channels, square_pixels
 from anyprobe.masks.check import check_mask
-from anyprobe.notices import give, leave_out
+from anyprobe.notices import give
 from anyprobe.pictures.headers import MAX_PIXELS
-from anyprobe.pictures.images import Pixels
 
 DepthSource = str | os.PathLike[str] | bytes | np.ndarray
-
-CARRIED = "photo"
-"""Value of `depth` that selects the depth image stored in the photo's file."""
 
 ASPECT_TOLERANCE = 0.02
 """Largest relative difference between the aspect ratios of a depth image and a photo of the same view."""
 
 EXR_CHANNELS = ("Z", "V", "Y", "R")
 """Channels of an .exr that may hold depth, in order of preference."""
-
-
-def is_carried(source: object) -> bool:
-    """Return whether a source is CARRIED: the depth in the photo's file."""
-    return isinstance(source, str) and source == CARRIED
-
-
-def chosen_depth(source: DepthSource | None, pixels: Pixels) -> DepthSource | None:
-    """Return the given depth image, or for CARRIED the one in the photo's file.
-
-    Args:
-        pixels: read with_depth.
-    Raises:
-        InvalidMask: the photo's file carries none.
-    """
-    if not is_carried(source):
-        return source
-    if pixels.depth is None:
-        raise InvalidMask(
-            "expected a photo whose file carries depth, as HEIC and JPEG portraits of phones do, got "
-            "none; give a depth image",
-            subject="depth",
-            source=pixels.name,
-            remedy=leave_out("depth"),
-        )
-    return pixels.depth
 
 
 def read_depth(source: DepthSource) -> np.ndarray:

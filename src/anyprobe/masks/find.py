@@ -10,7 +10,7 @@ import numpy as np
 from anyprobe.core.color import to_bytes
 from anyprobe.errors import InvalidMask
 from anyprobe.masks.check import alpha_doubts, check_mask, look_at_given
-from anyprobe.masks.depth import DepthSource, chosen_depth, mask_from_depth
+from anyprobe.masks.depth import DepthSource, mask_from_depth
 from anyprobe.masks.networks import Network, shared_network
 from anyprobe.masks.prompts import Clicks, check_box, check_clicks
 from anyprobe.masks.quality import DOUBTFUL, REFUSED, examine
@@ -72,7 +72,6 @@ def find_mask(
         InvalidMask: hints are invalid, or nothing is found.
     """
     shape = pixels.rgb.shape[:2]
-    depth = chosen_depth(depth, pixels)
     if callable(mask):
         return _given(mask_from_function(mask, pixels.rgb), "function", pixels.name)
     if mask is not None:

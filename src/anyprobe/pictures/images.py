@@ -54,7 +54,6 @@ from anyprobe.pictures.headers import (
     orientation_of,
 )
 from anyprobe.pictures.icc import encoding_of
-from anyprobe.pictures.photo_depth import photo_depth
 from anyprobe.pictures.raw import HEAD_BYTES, develop, is_raw
 
 ImageSource = str | os.PathLike[str] | bytes | Image.Image | np.ndarray
@@ -75,7 +74,6 @@ class Pixels:
         warnings: one line each, for the user.
         radiance: [H, W, 3] float32, linear Rec. 709 in the photo's exposure units (white at 1), where the picture holds
             light above white: OpenEXR, .hdr, TIFF of floats, PQ, HLG, a gain map. None for any other.
-        depth: [h, w] float32, upright, see pictures.photo_depth; None where the file has none or it was not requested.
     """
 
     rgb: np.ndarray
@@ -86,12 +84,9 @@ class Pixels:
     exposure: float | None = None
     posture_deg: tuple[float, float] | None = None
     radiance: np.ndarray | None = None
-    depth: np.ndarray | None = None
 
 
-def read_image(
-    source: ImageSource, name: str | None = None, *, as_data: bool = False, with_depth: bool = False
-) -> Pixels:
+def read_image(source: ImageSource, name: str | None = None, *, as_data: bool = False) -> Pixels:
     """Read a photo from a path, bytes, a Pillow image or an array.
 
     Arrays are [H, W], [H, W, 1], [H, W, 3] or [H, W, 4]: uint8, uint16, or float display values in [0, 1]. Linear
@@ -100,20 +95,18 @@ def read_image(
 
     Args:
         as_data: keep the stored values and ignore the file's colour encoding, for normals and masks.
-        with_depth: read the depth map in a phone's file too.
     Raises:
         InvalidPhoto: not an image, damaged, too small, too large, NaN.
-        InvalidMask: depth that is damaged.
         MissingExtra: a HEIC, RAW or JPEG XL photo without its reader installed.
     """
     if isinstance(source, np.ndarray):
         return _from_array(source, name or "array")
     if isinstance(source, Image.Image):
         name = name or Path(getattr(source, "filename", "") or "image").name
-        return _from_pillow(source, name, None, as_data, with_depth)
+        return _from_pillow(source, name, None, as_data)
     if isinstance(source, (bytes, bytearray, memoryview)):
         data = bytes(source)
-        return _from_stream(io.BytesIO(data), len(data), name or "bytes", as_data, with_depth)
+        return _from_stream(io.BytesIO(data), len(data), name or "bytes", as_data)
     if not isinstance(source, (str, os.PathLike)):
         raise InvalidPhoto(
             f"expected a path, bytes, a Pillow image or an array, got {type(source).__name__}; convert it",
@@ -122,7 +115,7 @@ def read_image(
     path = Path(source)
     with open_regular(path, InvalidPhoto, "an image file") as stream:
         size = os.fstat(stream.fileno()).st_size
-        return _from_stream(stream, size, name or path.name or str(path), as_data, with_depth, path.name)
+        return _from_stream(stream, size, name or path.name or str(path), as_data, path.name)
 
 
 USUAL_PNG, FAST_PNG, MANY_VALUES = 6, 1, 24_000_000
@@ -167,9 +160,7 @@ def picture_bytes(image: np.ndarray) -> np.ndarray:
     return result
 
 
-def _from_stream(
-    stream: BinaryIO, num_bytes: int, name: str, as_data: bool, with_depth: bool, file_name: str = ""
-) -> Pixels:
+def _from_stream(stream: BinaryIO, num_bytes: int, name: str, as_data: bool, file_name: str = "") -> Pixels:
     """Decode an open file or buffer, whose first bytes decide how."""
     head = stream.read(64)
     if not head:
@@ -203,10 +194,10 @@ def _from_stream(
             found = read_float_tiff(stream.read(num_bytes), name)
             if found is not None:
                 return _from_float_tiff(found, name, as_data)
-        return _from_pillow(image, name, stream, as_data, with_depth)
+        return _from_pillow(image, name, stream, as_data)
 
 
-def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data: bool, with_depth: bool) -> Pixels:
+def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data: bool) -> Pixels:
     """Turn upright, separate the transparency, convert the colour to sRGB.
 
     stream: the open file of the image, for what Pillow does not return; None where there is none.
@@ -247,7 +238,6 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
     if alpha is not None and (alpha < np.iinfo(alpha.dtype).max).any():
         pixels = replace(pixels, alpha=np.divide(alpha, np.float32(np.iinfo(alpha.dtype).max), dtype=np.float32))
     radiance = display.radiance
-    depth = photo_depth(image, stream, name) if with_depth else None
     missed = not as_data and radiance is None and gain_map is None and misses_gain_map(image, stream, pixels.rgb)
     del image
     if missed:
@@ -259,13 +249,7 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
         text = "expected one picture, got several frames or pages; the first is used"
         notes += (Notice(text, code="several-pictures", source=name),)
     return replace(
-        pixels,
-        long_fov_deg=long_fov_deg,
-        warnings=notes,
-        exposure=exposure,
-        posture_deg=posture_deg,
-        radiance=radiance,
-        depth=None if depth is None else turned_upright(depth, orientation),
+        pixels, long_fov_deg=long_fov_deg, warnings=notes, exposure=exposure, posture_deg=posture_deg, radiance=radiance
     )
 
 

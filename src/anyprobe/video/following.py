@@ -17,7 +17,6 @@ from anyprobe.estimate.surroundings import SurroundingsSource, read_surroundings
 from anyprobe.files.digests import digest_of
 from anyprobe.files.paths import visible_files
 from anyprobe.hints import AUTO, NONE, PHOTO
-from anyprobe.masks.depth import CARRIED, is_carried
 from anyprobe.masks.networks import U2NetP, shared_network
 from anyprobe.masks.search import MARGIN, Prompts, Window, choose, look
 from anyprobe.pictures.images import read_image
@@ -63,9 +62,6 @@ class MaskFollower:
         hints: of load_photo, for the first frame: clicks and a box. every_frame: of load_photo, for every frame.
         surroundings: of load_photo, for every frame; a panorama is read here, once.
         """
-        if is_carried(every_frame.get("depth")):
-            text = f"expected a folder with one file for each frame, got {CARRIED}, which clips lack"
-            raise InputError(text, subject="depth")
         given = {kind: folder for kind, folder in folders.items() if folder is not None}
         for kind, folder in given.items():
             if not folder.is_dir():
