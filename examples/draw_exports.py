@@ -99,7 +99,7 @@ DRAW = {
     "blender_beside": draw_beside,
     "usd": draw_usd,
     "gltf": draw_gltf,
-    **{target: draw_in_browser(target) for target in ("three", "probe", "cube", "ktx2", "dds")},
+    **{target: draw_in_browser(target) for target in ("three", "probe", "cube", "ktx2")},
 }
 
 

@@ -1,5 +1,5 @@
 // Three balls before the map, lit by an exported target: linear RGB, row by row from the top.
-// arguments: { target: "three" | "probe" | "cube" | "ktx2" | "dds", name, size: [width, height] }
+// arguments: { target: "three" | "probe" | "cube" | "ktx2", name, size: [width, height] }
 
 export default async ({ page, url, arguments: given }) => {
   await page.goto(`${url}three_scenes.html`);

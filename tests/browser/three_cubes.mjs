@@ -1,5 +1,5 @@
 // Loads an exported cube in three.js and reads the background along many directions.
-// arguments: { kind: "ktx2" | "dds" | "cube", name, directions }
+// arguments: { kind: "ktx2" | "cube", name, directions }
 
 export default async ({ page, url, arguments: given }) => {
   await page.goto(`${url}three_scenes.html`);
@@ -10,14 +10,12 @@ export default async ({ page, url, arguments: given }) => {
     const at = (file) => `/export/${encodeURIComponent(file)}`;
     const load = {
       ktx2: async () => (await import(at(`${name}.js`))).loadCube(renderer),
-      dds: async () => (await import(at(`${name}.js`))).loadCube(renderer),
       cube: async () => {
         const { HDRCubeTextureLoader } = await import("three/addons/loaders/HDRCubeTextureLoader.js");
         const files = ["px", "nx", "py", "ny", "pz", "nz"].map((face) => at(`${name}_${face}.hdr`));
         return new Promise((resolve, reject) => new HDRCubeTextureLoader().load(files, resolve, undefined, reject));
       },
     };
-    if (kind === "dds" && !renderer.extensions.has("EXT_texture_compression_bptc")) return { skip: "no BC6H in this browser" };
     const scene = new THREE.Scene();
     scene.background = await load[kind]();
     const seen = directions.map((d) => probe.look(scene, [0, 0, 0], d));

@@ -1,4 +1,4 @@
-"""Cubes: the faces' addressing, and KTX2, DDS, BC6H and glTF files read back by parsers of this test's own."""
+"""Cubes: the faces' addressing, and KTX2 and glTF files read back by parsers of this test's own."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from PIL import Image
 from support.two_phase import assert_same_way_round, probe_directions, two_phase
 
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
-from anyprobe.export.cube_textures import box_mips, cube_faces, encode_bc6h, face_directions, face_size
+from anyprobe.export.cube_textures import box_mips, cube_faces, face_directions, face_size
 from anyprobe.export.exported_light import prepare
 from anyprobe.export.scene_files import pack_rgbd, prefiltered
 from anyprobe.export.targets import export, write_export
@@ -130,44 +130,6 @@ def parse_ktx2(data: bytes) -> list[np.ndarray]:
     return levels
 
 
-def parse_dds(data: bytes) -> tuple[int, int, list[bytes]]:
-    """Format, side and the six faces' bytes of a .dds cube."""
-    assert data[:4] == b"DDS "
-    size, flags, height, width, pitch, depth, count = struct.unpack_from("<7I", data, 4)
-    assert (size, depth) == (124, 0)
-    assert flags & 0x21007 == 0x21007
-    assert width == height
-    assert struct.unpack_from("<2I4s", data, 76) == (32, 4, b"DX10")
-    caps, caps2 = struct.unpack_from("<2I", data, 108)
-    assert caps & 0x401008 == 0x401008
-    assert caps2 == 0xFE00
-    dxgi, dimension, misc, array, _ = struct.unpack_from("<5I", data, 128)
-    assert (dimension, misc, array) == (3, 4, 1)
-    assert count == width.bit_length()
-    assert pitch == {10: width * 8, 95: width * width}[dxgi]
-    per_face = (len(data) - 148) // 6
-    assert 148 + 6 * per_face == len(data)
-    return dxgi, width, [data[148 + i * per_face : 148 + (i + 1) * per_face] for i in range(6)]
-
-
-def decode_bc6h_line(block: bytes) -> np.ndarray:
-    """The 16 texels of a block of the mode 00011, from the format's definition, one bit after the other."""
-    bits = int.from_bytes(block, "little")
-    assert bits & 31 == 0b00011
-    codes = [bits >> (5 + 10 * i) & 1023 for i in range(6)]
-    ends = [0 if c == 0 else 65535 if c == 1023 else (c * 65536 + 32768) // 1024 for c in codes]
-    weights = (0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64)
-    texels, at = [], 65
-    for i in range(16):
-        width = 3 if i == 0 else 4
-        w = weights[bits >> at & (1 << width) - 1]
-        at += width
-        mixed = [(ends[k] * (64 - w) + ends[3 + k] * w + 32) // 64 * 31 // 64 for k in range(3)]
-        texels.append(np.array(mixed, np.uint16).view(np.float16).astype(float))
-    assert at == 128
-    return np.array(texels)
-
-
 def file_of(target: str, folder, radiance, suffix: str) -> bytes:
     return next(p for p in export(radiance, target, folder) if p.name.endswith(suffix)).read_bytes()
 
@@ -183,57 +145,13 @@ def test_ktx2_read_back(tmp_path):
     assert_same_way_round(look_up(levels[0][..., :3].astype(float), ASKED), D, degrees=4)
 
 
-def test_dds_read_back(tmp_path):
-    radiance = two_phase(32)
-    dxgi, side, faces = parse_dds(file_of("dds", tmp_path, radiance, "_dds.dds"))
-    assert (dxgi, side) == (10, 32)
-    first = [np.frombuffer(face, "<f2", 32 * 32 * 4).reshape(32, 32, 4) for face in faces]
-    np.testing.assert_allclose(np.array(first)[..., :3], cube_faces(radiance, 32), atol=1e-3)
-    last = [np.frombuffer(face, "<f2")[-4:] for face in faces]
-    np.testing.assert_allclose(np.array(last)[:, :3], box_mips(cube_faces(radiance, 32))[-1][:, 0, 0], atol=1e-3)
-
-
-def test_bc6h_read_back(tmp_path):
-    radiance = two_phase(32)
-    dxgi, side, faces = parse_dds(file_of("dds", tmp_path, radiance, "_bc6h.dds"))
-    assert (dxgi, side) == (95, 32)
-    assert len(faces[0]) == 16 * (64 + 16 + 4 + 1 + 1 + 1)
-    decoded = np.zeros((6, 32, 32, 3))
-    for i, face in enumerate(faces):
-        for b in range(64):
-            row, column = 4 * (b // 8), 4 * (b % 8)
-            block = decode_bc6h_line(face[16 * b : 16 * b + 16])
-            decoded[i, row : row + 4, column : column + 4] = block.reshape(4, 4, 3)
-    error = np.abs(decoded - cube_faces(radiance, 32))
-    assert error.mean() < 0.01
-    assert np.quantile(error, 0.98) < 0.05  # but at the poles, where all colours meet in a block
-
-
-@pytest.mark.parametrize("value", [0.0, 1e-4, 0.01, 0.5, 1.0, 7.3, 1000.0, 65504.0, 1e6])
-def test_bc6h_of_one_colour(value):
-    """Within half an endpoint's step, from black to the largest half."""
-    decoded = decode_bc6h_line(encode_bc6h(np.full((6, 4, 4, 3), value))[0, 0].tobytes())
-    np.testing.assert_allclose(decoded, min(value, 65504.0), rtol=0.03, atol=1e-6)
-
-
-def test_bc6h_by_pillow(tmp_path):
-    """Another decoder sees the same first face, in its eight bits."""
-    (tmp_path / "cube.dds").write_bytes(file_of("dds", tmp_path, two_phase(32), "_bc6h.dds"))
-    with Image.open(tmp_path / "cube.dds") as image:
-        seen = np.asarray(image.convert("RGB"), float) / 255
-    error = np.abs(seen - cube_faces(two_phase(32), 32)[0])
-    assert error.mean() < 0.02
-
-
-@pytest.mark.parametrize("target", ["ktx2", "dds"])
-def test_half_floats_clip_and_say_so(target, tmp_path):
+def test_half_floats_clip_and_say_so(tmp_path):
     radiance = np.full((16, 32, 3), 1.0, np.float32)
     radiance[4:6, 8:10] = 1e6
-    with pytest.warns(RuntimeWarning, match=f"^{target}: .*% of the light exceeds the range"):
-        data = file_of(target, tmp_path, radiance, f"_{target}.{target}")
-    levels = parse_ktx2(data) if target == "ktx2" else [np.frombuffer(b, "<f2") for b in parse_dds(data)[2]]
-    assert all(np.isfinite(level).all() for level in levels)
-    said = json.loads((tmp_path / f"light_{target}.json").read_text())
+    with pytest.warns(RuntimeWarning, match="^ktx2: .*% of the light exceeds the range"):
+        data = file_of("ktx2", tmp_path, radiance, ".ktx2")
+    assert all(np.isfinite(level).all() for level in parse_ktx2(data))
+    said = json.loads((tmp_path / "light_ktx2.json").read_text())
     assert 0.8 < said["clipped_energy"] < 0.95
     assert [one["code"] for one in said["warnings"]] == ["range-clipped"]
 

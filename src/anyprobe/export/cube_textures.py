@@ -1,6 +1,6 @@
-"""Cube maps as files: six .hdr faces, one .ktx2, or one .dds.
+"""Cube maps as files: six .hdr faces, or one .ktx2.
 
-Faces are +X, -X, +Y, -Y, +Z, -Z and addressed as OpenGL, Direct3D, KTX2 and DDS do: row 0 first in
+Faces are +X, -X, +Y, -Y, +Z, -Z and addressed as OpenGL, Direct3D and KTX2 do: row 0 first in
 file, t down, with c the direction of the lookup:
 
     face     +X   -X   +Y   -Y   +Z   -Z
@@ -26,7 +26,7 @@ from anyprobe.export.exported_light import ExportedLight, template
 from anyprobe.maps.radiance import HALF_MAX, write_hdr_picture
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Float16, UInt8
+    from jaxtyping import Float, Float16
 
 FACES = ("px", "nx", "py", "ny", "pz", "nz")
 
@@ -154,141 +154,8 @@ def _key_values(values: dict[str, bytes]) -> bytes:
     return bytes(out)
 
 
-DXGI_R16G16B16A16_FLOAT = 10
-DXGI_BC6H_UF16 = 95
-
-_FLAGS = 0x1 | 0x2 | 0x4 | 0x1000 | 0x20000  # caps, height, width, pixel format, mip count
-_PITCH, _LINEAR_SIZE = 0x8, 0x80000
-_FOURCC = 0x4
-_CAPS = 0x8 | 0x1000 | 0x400000  # complex, texture, mipmap
-_CUBE_ALL_FACES = 0xFE00
-_TEXTURE_2D, _MISC_CUBE, _OPAQUE = 3, 0x4, 3
-
-
-def write_dds_cube(path: Path, size: int, levels: list[np.ndarray], dxgi_format: int) -> None:
-    """Write mips, the largest first, as every face's whole chain in turn: +X -X +Y -Y +Z -Z.
-
-    Args:
-        size: side of the largest face.
-        levels: [6, ...] arrays of the format's own numbers: [6, S, S, 4] float16 for
-            DXGI_R16G16B16A16_FLOAT, [6, blocks, 16] uint8 for DXGI_BC6H_UF16.
-    """
-    packed = dxgi_format == DXGI_BC6H_UF16
-    pitch = levels[0][0].nbytes if packed else size * 8
-    header = struct.pack(
-        "<7I44x", 124, _FLAGS | (_LINEAR_SIZE if packed else _PITCH), size, size, pitch, 0, len(levels)
-    )
-    header += struct.pack("<2I4s20x", 32, _FOURCC, b"DX10")
-    header += struct.pack("<5I", _CAPS, _CUBE_ALL_FACES, 0, 0, 0)
-    header += struct.pack("<5I", dxgi_format, _TEXTURE_2D, _MISC_CUBE, 1, _OPAQUE)
-    faces = [level[face].tobytes() for face in range(6) for level in levels]
-    path.write_bytes(b"DDS " + header + b"".join(faces))
-
-
-BC6H_MAX = 65504.0
-BLOCKS = 1 << 12
-"""Blocks encoded at once, some 10 kB each."""
-
-_MODE = 0b00011
-WEIGHTS = np.array([0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64])
-"""Weights of the second endpoint in sixty-fourths, from the format's definition."""
-
-
-def encode_bc6h(faces: Float[np.ndarray, "6 S S 3"]) -> UInt8[np.ndarray, "6 blocks 16"]:
-    """Encode faces [6, S, S, 3] >= 0 as blocks [6, ceil(S/4)^2, 16] uint8, row by row.
-
-    A face smaller than a block is repeated to fill it.
-    """
-    size = faces.shape[1]
-    if size % 4:
-        repeats = -(-4 // size)
-        faces, size = np.tile(faces, (1, repeats, repeats, 1))[:, :4, :4], 4
-    side = size // 4
-    texels = faces.reshape(6, side, 4, side, 4, 3).transpose(0, 1, 3, 2, 4, 5).reshape(-1, 16, 3)
-    parts = [_encode(texels[at : at + BLOCKS]) for at in range(0, len(texels), BLOCKS)]
-    return np.concatenate(parts).reshape(6, side * side, 16)
-
-
-def _encode(texels: np.ndarray) -> np.ndarray:
-    """Encode texels [B, 16, 3] as blocks [B, 16] uint8."""
-    halves = np.clip(texels, 0.0, BC6H_MAX).astype(np.float16).view(np.uint16).astype(np.float64)
-    values = halves * 64.0 / 31.0  # the scale that endpoints are unpacked to
-    first, second = _endpoints(values)
-    index = _nearest(values, first, second)
-    first, second = _refined(values, index, first, second)
-    index = _nearest(values, first, second)
-    swap = index[:, 0] >= 8  # the first texel's index has three bits
-    first[swap], second[swap] = second[swap].copy(), first[swap].copy()
-    index[swap] = 15 - index[swap]
-    blocks = [_pack(*block) for block in zip(first.tolist(), second.tolist(), index.tolist(), strict=True)]
-    return np.frombuffer(b"".join(blocks), np.uint8).reshape(-1, 16)
-
-
-def unpack_endpoint(code: np.ndarray) -> np.ndarray:
-    """Unpack 10-bit codes to 16 bits as the format defines."""
-    code = np.asarray(code)
-    return np.where(code == 0, 0, np.where(code == 1023, 0xFFFF, ((code << 16) + 0x8000) >> 10))
-
-
-def _codes(values: np.ndarray) -> np.ndarray:
-    """Return the 10-bit codes whose unpacked values lie nearest."""
-    return np.clip(np.floor(values / 64.0), 0, 1023).astype(np.int64)
-
-
-def _endpoints(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the ends of the texels' spread along their main axis: [B, 16, 3] -> codes [B, 3], [B, 3]."""
-    mean = values.mean(axis=1, keepdims=True)
-    spread = values - mean
-    _, axes = np.linalg.eigh(np.einsum("bic,bid->bcd", spread, spread))
-    axis = axes[:, :, -1]
-    along = np.einsum("bic,bc->bi", spread, axis)
-    low, high = along.min(axis=1)[:, None], along.max(axis=1)[:, None]
-    return _codes(mean[:, 0] + low * axis), _codes(mean[:, 0] + high * axis)
-
-
-def _palette(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the 16 colours between two endpoints, [B, 16, 3], as the format mixes them."""
-    a, b = unpack_endpoint(first)[:, None], unpack_endpoint(second)[:, None]
-    weights = WEIGHTS[None, :, None]
-    return (a * (64 - weights) + b * weights + 32) >> 6
-
-
-def _nearest(values: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the palette index of every texel, [B, 16]."""
-    distance = values[:, :, None, :] - _palette(first, second)[:, None]
-    return np.argmin((distance**2).sum(axis=-1), axis=-1)
-
-
-def _refined(
-    values: np.ndarray, index: np.ndarray, first: np.ndarray, second: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Fit endpoints to the texels at their palette indices, by least squares."""
-    w = WEIGHTS[index] / 64.0
-    aa, ab, bb = ((1 - w) ** 2).sum(1), (w * (1 - w)).sum(1), (w**2).sum(1)
-    determinant = aa * bb - ab**2
-    is_solvable = determinant > 1e-6  # else all texels share an index
-    a = np.einsum("bi,bic->bc", 1 - w, values)
-    b = np.einsum("bi,bic->bc", w, values)
-    scale = np.where(is_solvable, determinant, 1.0)[:, None]
-    better_first = _codes((a * bb[:, None] - b * ab[:, None]) / scale)
-    better_second = _codes((b * aa[:, None] - a * ab[:, None]) / scale)
-    return np.where(is_solvable[:, None], better_first, first), np.where(is_solvable[:, None], better_second, second)
-
-
-def _pack(first: list[int], second: list[int], index: list[int]) -> bytes:
-    """Pack one block: mode, r g b of the first endpoint, of the second, then 3 + 15 x 4 bits of indices."""
-    bits, at = _MODE, 5
-    for code in (*first, *second):
-        bits |= code << at
-        at += 10
-    for place, width in zip(index, (3, *[4] * 15), strict=True):
-        bits |= place << at
-        at += width
-    return bits.to_bytes(16, "little")
-
-
 ADDRESSING = {
-    "order": "+X -X +Y -Y +Z -Z, row 0 first, as OpenGL, Direct3D, KTX2 and DDS address faces",
+    "order": "+X -X +Y -Y +Z -Z, row 0 first, as OpenGL, Direct3D and KTX2 address faces",
     "sample": "(-x, y, z): the direction to ask the cube for, from one in this export's frame; three.js does so",
 }
 
@@ -303,32 +170,10 @@ def write_faces(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
 
 def write_ktx2(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     """Write <name>.ktx2, half floats with all mips, and <name>.js, which loads it into three.js as a cube."""
-    levels = _levels(light)
+    levels = box_mips(cube_faces(light.radiance, face_size(light.radiance.shape[0])))
     write_ktx2_cube(folder / f"{light.name}.ktx2", [to_half_rgba(level, HALF_MAX) for level in levels])
     (folder / f"{light.name}.js").write_text(template("ktx2.js", light), encoding="utf-8")
-    return _cube(levels, clipped_share(levels[0], HALF_MAX))
-
-
-def write_dds(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """Write <name>.dds, half floats, <name>_bc6h.dds, an eighth of its size, and <name>.js for three.js.
-
-    Both have all mips. three.js r187's DDSLoader reads the compressed one only.
-    """
-    levels = _levels(light)
-    halves = [to_half_rgba(level, HALF_MAX) for level in levels]
-    write_dds_cube(folder / f"{light.name}.dds", halves[0].shape[1], halves, DXGI_R16G16B16A16_FLOAT)
-    blocks = [encode_bc6h(level) for level in levels]
-    write_dds_cube(folder / f"{light.name}_bc6h.dds", halves[0].shape[1], blocks, DXGI_BC6H_UF16)
-    (folder / f"{light.name}.js").write_text(template("dds.js", light), encoding="utf-8")
-    return _cube(levels, clipped_share(levels[0], min(HALF_MAX, BC6H_MAX)))
-
-
-def _levels(light: ExportedLight) -> list:
-    return box_mips(cube_faces(light.radiance, face_size(light.radiance.shape[0])))
-
-
-def _cube(levels: list, clipped: float) -> dict[str, Any]:
     return {
-        "clipped_energy": clipped,
+        "clipped_energy": clipped_share(levels[0], HALF_MAX),
         "cube": {**ADDRESSING, "size": levels[0].shape[1], "mips": len(levels), "filter": "box"},
     }

@@ -259,11 +259,6 @@ TARGETS = {
     ),
     "cube": Target(write=cube_textures.write_faces, frame=FRONT, checked=f"{_THREE} (HDRCubeTextureLoader)"),
     "ktx2": Target(write=cube_textures.write_ktx2, frame=FRONT, checked=f"{_THREE} (KTX2Loader)"),
-    "dds": Target(
-        write=cube_textures.write_dds,
-        frame=FRONT,
-        checked=f"{_THREE} (DDSLoader, the BC6H file); the half-float file by a parser of our own",
-    ),
     "webxr": Target(write=write_webxr, frame=FRONT, checked="by the specification only: not run in a WebXR session"),
     "arcore": Target(write=write_arcore, frame=FRONT, checked="by the documentation only: not run with ARCore"),
     "arkit": Target(write=write_arkit, frame=FRONT, checked="by the documentation only: not run with ARKit"),
