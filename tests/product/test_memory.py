@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from anyprobe.core.response import inverse_response, response
-from anyprobe.export.cube_textures import cube_faces, encode_bc6h
+from anyprobe.export.cube_textures import cube_faces
 from anyprobe.relight.appearance import _seen_of_object
 from anyprobe.relight.ground_map import GroundPicture
 from anyprobe.relight.ground_view import View
@@ -49,21 +49,6 @@ def test_faces_take_little_more_than_themselves(noise, monkeypatch):
     monkeypatch.setattr("anyprobe.export.cube_textures.SAMPLES_AT_ONCE", 1 << 14)
     radiance, size = noise(16, 32, 3), 64
     assert most_bytes(lambda: cube_faces(radiance, size)) < 6 * size**2 * 12 + 400 * (1 << 14)
-
-
-def test_blocks_by_parts_are_the_blocks(noise, monkeypatch):
-    faces, found = noise(6, 32, 32, 3), []
-    for blocks in (1, 100, 1 << 30):
-        monkeypatch.setattr("anyprobe.export.cube_textures.BLOCKS", blocks)
-        found.append(encode_bc6h(faces))
-    np.testing.assert_array_equal(found[0], found[2])
-    np.testing.assert_array_equal(found[1], found[2])
-
-
-def test_blocks_take_little_more_than_themselves(noise, monkeypatch):
-    monkeypatch.setattr("anyprobe.export.cube_textures.BLOCKS", 64)
-    faces = noise(6, 64, 64, 3)
-    assert most_bytes(lambda: encode_bc6h(faces)) < 3 * faces.nbytes + 64 * 16_000
 
 
 @pytest.fixture
