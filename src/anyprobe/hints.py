@@ -183,7 +183,7 @@ class Hints:
         in_web="box",
     )
     depth: DepthSource | None = _hint(
-        "place", "Depth image of the same view: gives normals; with near or far the mask too.", suffixes=ARRAYS
+        "place", "Depth image of the same view: gives normals, and with near or far the mask.", suffixes=ARRAYS
     )
     near: float | None = _hint("place", "Near clipping depth, in the depth image's own unit (often mm).", numbers=(1,))
     far: float | None = _hint("place", "Far clipping depth, in the same unit.", numbers=(1,))
@@ -234,9 +234,8 @@ class Hints:
     )
     surroundings: SurroundingsSource | None = _hint(
         "light",
-        "What is known of the surroundings: auto, the default, to use what the photo shows around the object, unless "
-        "that is cut out; photo, the same of any photo; none; or a panorama in the camera's frame, transparent where "
-        "unknown.",
+        "Surroundings: auto (default) uses the photo around the object, unless that is cut out; photo uses it in any "
+        "case; none; or a panorama in the camera's frame, transparent where unknown.",
         words=(AUTO, PHOTO, NONE),
         suffixes=(*PICTURES, ".hdr"),
         in_web="surroundings",

@@ -28,7 +28,7 @@ def export(
     to: Annotated[
         list[str], typer.Option(metavar="TARGET[,TARGET...]", help=f"Any of {', '.join(TARGETS)}; or all. Repeatable.")
     ],
-    out: Annotated[Path, folder_option("Folder for the files; of several lights a folder each in it.")] = Path(
+    out: Annotated[Path, folder_option("Folder for the files; several lights get one folder each in it.")] = Path(
         "export"
     ),
     world_from_camera: Annotated[

@@ -34,12 +34,13 @@ def mask(
     ] = None,
     out: Annotated[Path, folder_option("Folder for the results.")] = Path("masks"),
     fetch: Annotated[
-        bool, typer.Option("--fetch", help="First download U2-Net-p (4.6 MB), the better mask network, if need be.")
+        bool,
+        typer.Option("--fetch", help="First download U2-Net-p (4.6 MB), the better mask network, if it is missing."),
     ] = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Find the object. Writes <stem>_mask.png and, to look at, <stem>_overlay.png per photo."""
+    """Find the object. Writes <stem>_mask.png and, for inspection, <stem>_overlay.png per photo."""
     if fetch:
         from anyprobe.masks.weights import fetch_weights
 

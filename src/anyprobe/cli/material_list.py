@@ -14,7 +14,9 @@ from anyprobe.cli.tables import print_table
 
 
 def materials(
-    words: Annotated[list[str] | None, typer.Argument(metavar="[WORD...]", help="Only names that hold these.")] = None,
+    words: Annotated[
+        list[str] | None, typer.Argument(metavar="[WORD...]", help="Only names that contain these words.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
     """List the materials that --material takes.

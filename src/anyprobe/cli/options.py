@@ -100,7 +100,7 @@ class MaskOptions:
     given: Annotated[Hints, TO_FIND]
     finder: Annotated[Settings, ("segmenter",)]
     strict: Annotated[
-        bool, typer.Option("--strict", help="Exit with status 2 if a result has a warning; it is written all the same.")
+        bool, typer.Option("--strict", help="Exit with status 2 if a result has a warning; it is still written.")
     ] = False
 
     def hints(self) -> Hints:
@@ -134,7 +134,9 @@ class ObjectOptions(MaskOptions):
         Path | None,
         typer.Option(metavar="FILE", help="Lens, pitch and roll of a .fspy, or of the .json that fSpy exports."),
     ] = None
-    metal: Annotated[bool, typer.Option("--metal", help="The object is bare metal: chrome, if no --material.")] = False
+    metal: Annotated[
+        bool, typer.Option("--metal", help="The object is bare metal: chrome unless --material names another.")
+    ] = False
 
     def hints(self) -> Hints:
         """Return what the options give."""

@@ -37,7 +37,9 @@ def serve(
     static: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the page as static files into DIR and exit.")
     ] = None,
-    workers: Annotated[int | None, typer.Option(help="Photos at a time; default: one per core.", min=1)] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="Photos processed at a time; default: one per core.", min=1)
+    ] = None,
     max_mb: Annotated[int, typer.Option(help="Largest upload, MiB.", min=1, max=1024)] = 32,
     allow_origin: Annotated[
         list[str] | None,
@@ -55,11 +57,11 @@ def serve(
         ),
     ] = None,
     drain: Annotated[
-        float, typer.Option(help="Seconds for running work when the server is stopped (SIGTERM).", min=0, max=600)
+        float, typer.Option(help="Seconds that running work gets when the server is stopped (SIGTERM).", min=0, max=600)
     ] = DRAIN_S,
     model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL,
 ) -> None:
-    """Serve the web page and the HTTP API. All is computed here; nothing leaves this machine."""
+    """Serve the web page and the HTTP API. Everything is computed here; nothing leaves this machine."""
     _need_serve()
     import uvicorn
 

@@ -25,10 +25,11 @@ def train(
     dry_run: Annotated[int | None, typer.Option(min=1, metavar="N", help="N small steps, to test a machine.")] = None,
     init_weights: Annotated[
         Path | None,
-        typer.Option(help="Initial weights, kept by anyprobe weights --keep; give the same ones to resume."),
+        typer.Option(help="Initial weights, written by anyprobe weights --keep; give the same ones to resume."),
     ] = None,
     teacher: Annotated[
-        Path | None, typer.Option(help="Weights of lift, kept likewise, whose maps the paper's chain learns from too.")
+        Path | None,
+        typer.Option(help="Weights of lift, also written by --keep, whose maps the paper's chain learns from too."),
     ] = None,
     device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
     workers: Annotated[

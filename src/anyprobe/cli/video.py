@@ -58,7 +58,7 @@ def video(
     """Estimate the light in every frame of a clip.
 
     Writes track.json, light.mp4 (map and spheres of each frame), and relit.mp4 with --insert; an interrupted run
-    resumes. Clicks and box are of the first frame; --mask, --depth and --normals are folders of one file a frame,
+    resumes. Clicks and box refer to the first frame; --mask, --depth and --normals are folders with one file per frame,
     sorted by name (--normals may be sphere).
     """
     from anyprobe.estimate.poses import read_poses

@@ -2,9 +2,9 @@
 
 A mirror shows fine structure all over, so no smooth shading explains its ln radiance; and near its rim it shows the
 photo's own background. The first is always required, and either the second, or that the network considers it a metal,
-or that the ball is black but for bright spots: what shines so reflects, be it chrome or black glass.
-Plastic shows its surroundings near the rim too, but hardly elsewhere; paint shows structure, but another. Both are
-compared as the eye would, by colour and by place, in cells of some degrees, since one pixel of the rim mirrors many.
+or that the ball is black but for bright spots: such a ball reflects, be it chrome or black glass.
+Plastic also shows its surroundings near the rim, but hardly elsewhere; paint shows structure that differs from them.
+Rim and background are compared by colour and place, in cells of some degrees: one pixel of the rim mirrors many.
 """
 
 from __future__ import annotations

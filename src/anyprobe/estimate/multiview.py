@@ -152,15 +152,15 @@ def _merged(crops: list[Crop], to_first: list[np.ndarray], gains: list[float]) -
 def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray] | np.ndarray) -> Light:
     """Fuse lights into one, in the camera's frame and the exposure units of the first photo.
 
-    Directions that the object does not face in one photo it does in another; where all are guesses, their errors
-    average out. Each is weighted by its confidence in a direction. Photos of other exposures are brought to the first's
-    if all state theirs (EXIF); else they must have been taken with one, as with a locked camera.
+    In one photo the object faces directions that it does not face in another; where all lights are guesses, their
+    errors average out. Each light is weighted by its confidence in a direction. Exposures are brought to the first
+    photo's if all photos state theirs (EXIF); else the exposure must have been locked.
 
     Args:
-        lights: from an Estimator, one a photo; neither light nor object may have moved between them.
-        world_from_camera: [3, 3] each, of the same photos; any world whose axes do not move.
+        lights: from an Estimator, one per photo; neither light nor object may have moved between the photos.
+        world_from_camera: [3, 3] each, of the same photos; in any world with fixed axes.
     Raises:
-        InputError: no light, a number of poses other than of lights, or a pose that is no rotation.
+        InputError: no light, more or fewer poses than lights, or a pose that is no rotation.
     """
     turns, first = _turns(len(lights), world_from_camera), lights[0]
     gains, given = _gains([light.origin.exposure for light in lights])

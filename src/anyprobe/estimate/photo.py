@@ -60,15 +60,15 @@ class Photo:
         mask: [H, W] float32 in [0, 1], 1 on the object.
         long_fov_deg: field of view of the longer side.
         fov_source: "given", "exif" or "default".
-        name: what messages call it.
-        warnings: what is doubtful, for the user.
+        name: its name in messages.
+        warnings: doubts, for the user.
         mask_source: how the object was found, see masks.find.FoundMask.
-        mask_confidence: of the mask network, in [0, 1]; None where it was not asked.
+        mask_confidence: the mask network's, in [0, 1]; None where it was not used.
         normals: the object's; None where they are not known.
-        surroundings: what is known of the map besides: the photo's own background, a panorama, or None: nothing.
-        shows_place: whether a panorama can show the place beside the object; unlit surroundings are shown, though they
-            tell nothing of the light and are no `surroundings`.
-        ground: given or guessed; None where the object is cut out, or something else was asked.
+        surroundings: known part of the map: the photo's own background, a panorama, or None.
+        shows_place: whether a panorama can show the place beside the object; unlit surroundings are shown although they
+            say nothing about the light and are not `surroundings`.
+        ground: given or guessed; None where the object is cut out or the background is not used.
         exposure: how much light it took, see pictures.images.Pixels; None where nothing says so.
         radiance: [H, W, 3] linear, above white too, see pictures.images.Pixels; None where display values say all.
         pitch_deg: how far the camera looks down; None where it is not given.

@@ -144,11 +144,11 @@ class Outputs:
     """A model's answer for one crop, in the crop's frame.
 
     radiance [H, 2H, 3]: the map, in the photo's exposure units; irradiance [128, 128, 3] display;
-    ldr [H, 2H, 3] display and ln_radiance [H, 2H, 3]: what the map was made of.
+    ldr [H, 2H, 3] display and ln_radiance [H, 2H, 3]: the maps that it was made from.
     confidence [H, 2H]: probability that a pixel's display value is within 0.1; normals [64, 64, 3]: unit, the
     estimated ones or those that were given; posterior: by the names of POSTERIOR; posture [3]: of the camera, pitch
     downwards and its mean error, and roll, radians in the crop's frame; expected [H, 2H, 3]: the map with light sources
-    spread over all places where they may be, by likelihood. None from a model that does not say.
+    spread over all likely places by their probability. None from a model that does not give it.
     """
 
     radiance: np.ndarray
@@ -265,13 +265,13 @@ class Models:
 
         Args:
             image: [128, 128, 4], display RGB times mask, and mask.
-            tan_half: tangent of half the angle that the crop's side takes in.
+            tan_half: tangent of half the field of view of the crop's side.
             normals: [64, 64, 3] in the crop's frame, unit, zero where they are not known; None: nowhere.
-            surroundings: [64, 128, 4 or 5] what is known of the map, in the crop's frame, see estimate.surroundings;
-                None: nothing.
+            surroundings: [64, 128, 4 or 5] known part of the map in the crop's frame, see estimate.surroundings; None:
+                nothing.
             material: of the object; None: not known.
-            context: [96, 96, 5] what lies around the object, see estimate.photo.Crop; None: nothing.
-            up: [3] away from the ground, in the crop's frame; None: not known. The paper's chain has no use for these.
+            context: [96, 96, 5] the photo around the object, see estimate.photo.Crop; None: not given.
+            up: [3] away from the ground, in the crop's frame; None: not known. The paper's chain ignores all of these.
         """
         if self.lifts:
             given = lift_inputs(image, tan_half, normals, surroundings, material)

@@ -47,7 +47,7 @@ class Settings:
     """
 
     model: str = _setting(DEFAULT_MODEL, MODEL_HELP)
-    threads: int | None = _setting(None, "Threads of the engine; default: its choice.")
+    threads: int | None = _setting(None, "Number of engine threads; default: the engine's choice.")
     engine: str = _setting(DEFAULT_ENGINE, f"Engine: {', '.join(ENGINES)}.", "NAME")
     emitters: str = _setting(
         MODE,
@@ -58,8 +58,8 @@ class Settings:
     )
     looks: int = _setting(
         1,
-        "2: look at the photo in a mirror too, and take the likelier light. A mirrored photo then has the mirrored "
-        "light; takes twice the time.",
+        "2: also look at the mirrored photo and keep the likelier light, so that a mirrored photo gets the mirrored "
+        "light; takes twice as long.",
         choices=LOOKS,
     )
     segmenter: SegmenterSource | None = _setting(
@@ -75,7 +75,7 @@ class Settings:
     )
     size: int = _setting(ROWS, "Rows of a map with detail: 64, 128, 256 or 512.", choices=SIZES)
     detail_library: str | Path | None = _setting(
-        None, "Folder of .exr and .hdr maps to take it from; default: the built-in library."
+        None, "Folder of .exr and .hdr maps to take the detail from; default: the built-in library."
     )
 
     def __post_init__(self) -> None:

@@ -41,12 +41,12 @@ class Upload:
     Attributes:
         photo: the file's bytes, as sent.
         name: file name without folders, for messages; "photo" where none came.
-        hints: what is given of its object; files as their bytes.
-        settings: those of Settings that are asked for: emitters, looks, detail and size.
-        confidence: bytes of a map that says how much each direction of a map counts.
-        include: what the JSON answer shall carry besides: "radiance", "stages", "mask".
-        exposure: stops that an export is brightened by.
-        world_from_camera: what an export is turned by: 2 or 3 angles in degrees, or 9 numbers of a matrix.
+        hints: the hints given; files as their bytes.
+        settings: requested fields of Settings: emitters, looks, detail and size.
+        confidence: bytes of a map of the weight of each direction.
+        include: further contents of the JSON answer: "radiance", "stages", "mask".
+        exposure: exposure change of an export [stops].
+        world_from_camera: rotation of an export: 2 or 3 angles in degrees, or 9 numbers of a matrix.
     """
 
     photo: bytes

@@ -114,9 +114,9 @@ class ClipRun:
         library: Library | None = None,
     ) -> None:
         """Args:
-        settings: plain values that the result depends on; a folder goes on only with the same.
-        every: a light for every so many frames; those between keep the last.
-        exr: write lights/<index>.exr too, the steady map of every frame with a light of its own.
+        settings: plain values that the result depends on; a run resumes only with the same ones.
+        every: interval between estimated lights in frames; frames between keep the last light.
+        exr: also write lights/<index>.exr, the filtered map of every frame with an estimated light.
         poses: world_from_camera [N, 3, 3] of the frames. The filter then works in the world, where light stands still
             while the camera turns, and the surroundings that frames show are gathered; what is written is in each
             frame's camera all the same.

@@ -26,16 +26,16 @@ OBJECT_RANGE = (0.03, 0.9)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Shot:
-    """The draws of one photo.
+    """Random camera settings of one photo.
 
     metering: how far the exposure follows the object (1) or the whole scene (0).
-    object_key, scene_key: mean radiance that each of the two would be given.
-    white_balance [3]: gain a channel. noise: standard deviation of display values.
+    object_key, scene_key: mean radiance that each of the two is exposed to.
+    white_balance [3]: gain of each channel. noise: standard deviation of display values.
     blur_px: standard deviation of the lens blur in pixels of the crop, 0 for none.
-    jpeg_quality: as libjpeg counts, None for no JPEG; jpeg_subsampling: of SUBSAMPLINGS.
-    object_range: bounds of the object's mean radiance, whatever is metered.
-    meters_frame: whether the camera meters as phones do: the mean of the object, by weight metering, and of what its
-        frame shows around it, is brought to scene_key (dataset.distributions.metered_gain); object_key has no say.
+    jpeg_quality: on libjpeg's scale, None for no JPEG; jpeg_subsampling: one of SUBSAMPLINGS.
+    object_range: bounds of the object's mean radiance, whatever the camera meters.
+    meters_frame: whether the camera meters as phones do: it brings the mean of the object, weighted by metering, and of
+        the rest of the frame to scene_key (dataset.distributions.metered_gain) and ignores object_key.
     """
 
     metering: float

@@ -1,8 +1,8 @@
 """Priors of materials and cameras: the paper's, "metal and non-metal from diffuse to specular", and the real world's:
-what objects reflect, how phones expose them, what white they choose.
+reflectances of objects, and the exposure and white balance that phones choose.
 
 The latter are given by their quantiles at PROBABILITIES, between which the logarithm is linear, so that drawing from
-them and their density are both exact. They are ours; the measurements that they follow are
+them and their density are both exact. They are our own and follow these measurements:
 
 - the 100 measured materials of MERL (Matusik et al., A Data-Driven Reflectance Model, SIGGRAPH 2003), as fitted by
   Bagher, Soler and Holzschuch (Accurate fitting of measured reflectances using a Shifted Gamma micro-facet
@@ -13,7 +13,7 @@ them and their density are both exact. They are ours; the measurements that they
   paint, plaster and tiles .7-.8, light wood .3-.6, concrete .2-.3, brick .1-.2, dark wood .1-.2, black .04-.1.
 
 The two disagree on whites: MERL's white paint has .35 and its Teflon .27, where spectrophotometers have .8 and .95. So
-the middle of what is dull follows MERL together with its sheen, and the upper tenths follow the tables.
+the middle of the dull materials follows MERL, sheen included, and the upper tenths follow the tables.
 """
 
 from __future__ import annotations

@@ -48,10 +48,10 @@ class Pair:
     photo [S, S, 4] uint8: display RGB, zero outside the mask, and the mask as the user gives it.
     irradiance [S, S, 3] uint8: display values through the mean curve, zero off the object.
     radiance [64, 128, 3]: the map in the camera's frame and the photo's exposure units.
-    map_from_camera [3, 3]; gain [3]: from the stored map to radiance above.
+    map_from_camera [3, 3], gain [3]: rotation and factor from the stored map to radiance.
     tan_half: tangent of half the angle that the photo's side takes in.
     normals [S, S, 3]: in the camera's frame, zero off the object; only for methods that are given normals.
-    material: of the object, or of the larger part of one of two, under its texture if it has any.
+    material: the object's, without texture; of two materials, the one that covers more.
     """
 
     recipe: Recipe

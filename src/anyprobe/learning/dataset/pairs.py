@@ -38,24 +38,24 @@ from anyprobe.render.reflectance import lookup_coords
 class PairConfig:
     """Settings of pairs made on the fly.
 
-    batch: pairs a step; reuse: pairs a lit material serves; pool: groups of lit materials kept in a lane.
+    batch: pairs per step; reuse: pairs that each lit material serves; pool: groups of lit materials kept per lane.
 
     lanes: step k belongs to lane k modulo lanes, and each lane has lit materials of its own, so that as
     many processes can make batches without shading anything twice.
-    conditions: 1 for photos and masks as the world gives them, 0 for clean photos and exact masks.
-    world: share of lit materials, and so of photos, of dataset.distributions: what objects are made of, and how
-        phones expose and balance them.
-    cut_out: share of photos with black behind the object, as in a picture that was cut out before.
-    given_normals: share of photos that come with their normals, all turned by GIVEN_NORMALS_ERROR_DEG, as of a
-        tracked model.
-    surroundings: share of photos of which more is known than the object: the map, as far as the picture shows it
+    conditions: 1 for photos and masks with real-world flaws, 0 for clean photos and exact masks.
+    world: share of lit materials, and so of photos, drawn from dataset.distributions: real objects' materials, and
+        exposure and white balance as phones choose them.
+    cut_out: share of photos with black behind the object, as in a picture that was already cut out.
+    given_normals: share of photos that come with their normals, all turned by GIVEN_NORMALS_ERROR_DEG, as those of a
+        tracked model are.
+    surroundings: share of photos whose background is given too: the map as far as the picture shows it
         (dataset.seen_surroundings).
-    merged_surroundings: of these, the share of which also what other photos of the object show is known.
-    given_material: share of photos that come with their material, a little wrong (GIVEN_MATERIAL_ERROR).
-    joined, shape_augment: shares of surfaces before which another is put, and that are given another shape
+    merged_surroundings: share of those for which the backgrounds of other photos of the object are also given.
+    given_material: share of photos that come with their material, slightly wrong (GIVEN_MATERIAL_ERROR).
+    joined, shape_augment: shares of surfaces that get another surface in front, and that are deformed
         (dataset.shape_augment).
-    textured, two_materials: shares of photos of objects with a mild texture, and with a second material, of the same
-        alpha (dataset.textured); targets know of neither but by the photo's exposure.
+    textured, two_materials: shares of photos whose object has a mild texture, or a second material of the same alpha
+        (dataset.textured); both affect the targets only through the photo's exposure.
     """
 
     batch: int = 32
@@ -90,9 +90,9 @@ class Batch:
     photo [B, 4, S, S]: display RGB times mask, and mask; irradiance [B, 3, S, S] and ldr [B, 3, H, 2H] through the
     mean curve; ln_radiance [B, 3, H, 2H]; alpha [B]; normals [B, 3, S, S], zero outside the object, and tan_half [B] of
     half the field of view; given_normals_rotation [B, 3, 3]: from these normals to the given ones, a small turn, or
-    zero where none are given; surroundings [B, 4, H, 2H]: what else the photo shows, see dataset.seen_surroundings, or
-    zero; material [B, 8]: of the object (given_material.material_input; zero where a dataset does not say), and
-    given_material [B, 8]: as it is given, or zero.
+    zero where none are given; surroundings [B, 4, H, 2H]: the background that the photo shows, see
+    dataset.seen_surroundings, or zero; material [B, 8]: the object's (given_material.material_input);
+    given_material [B, 8]: the one that the network is given, or zero.
     """
 
     photo: torch.Tensor

@@ -33,13 +33,13 @@ ELEVATION_SINES = np.linspace(-0.1, 0.95, NUM_ELEVATIONS + 1)
 class SurfaceConfig:
     """Number and variation of rasterised shapes.
 
-    views: per shape and elevation class; procedural: how many shapes of our own are added, and figures: how many
-    made of several, each seen own_views times (None: views); parts: how many machined ones, each seen once, flat.
+    views: per shape and elevation class; procedural: number of procedural shapes added, figures: number of those made
+    of several pieces, each seen own_views times (None: views); parts: number of machined ones, each seen once, flat.
 
-    stretch: standard deviation of the logarithm by which each view's shape is drawn out along three
-    directions of its own; tilt_deg: of the angle by which it leans; bend, relief: by how much at most slow waves
-    bend it and fast ones press a relief into it, as slopes below one in all. New shapes from old: there are few.
-    shadows: whether it is kept which directions each shape hides from itself (dataset.occlusion).
+    New shapes are made from the few that there are. stretch: standard deviation of ln of the factors that stretch each
+    view's shape along three random directions; tilt_deg: standard deviation of its tilt; bend, relief: largest slopes
+    of the slow waves that bend it and of the fast ones that emboss it, below one in sum.
+    shadows: whether to store the directions that each shape hides from itself (dataset.occlusion).
     """
 
     views: int = 3

@@ -71,19 +71,19 @@ class Calibration:
 
 
 def figures(sums: np.ndarray, constant: float) -> dict:
-    """Compute how good claims are, and beside them the one constant claim.
+    """Score claims, and the best constant claim for comparison.
 
-    The constant is the share of all pixels that are right, over all pairs: an oracle, unknown beforehand.
-    It has no calibration error there, but in a group; it ranks nothing, so its AUC is 0.5.
+    The constant is the share of right pixels over all pairs: an oracle, unknown beforehand. Over all pairs it has no
+    calibration error, within a group it may; it ranks nothing, so its AUC is 0.5.
 
     Args:
         sums: [5, FINE] by bins of the claim: weight, and weight times claimed, right, squared error and surprise.
     Returns:
         claimed, right: means.
         error: mean of |claimed - right| over ten bins (ECE). brier: mean of (claimed - right)^2.
-        log_loss: mean of -ln of what was claimed for what came [nats], at most -ln NEAREST.
+        log_loss: mean of -ln of the probability claimed for the outcome [nats], at most -ln NEAREST.
         auc: chance that a right pixel has a larger claim than a wrong one; None where all are right, or none.
-        constant: the same of the constant.
+        constant: the same scores of the constant.
     """
     total = sums[0].sum()
     _, claimed, right, squares, surprise = sums.sum(axis=1) / total

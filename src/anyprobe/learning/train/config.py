@@ -28,15 +28,15 @@ class LightConfig:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RunConfig:
-    """The training of one model on pairs made as it goes.
+    """Configuration of a training run; its pairs are rendered as it goes.
 
-    name: of the run's folder.
+    name: the run's folder.
     model: "paper", the chain of three networks, "irradiance", the first of them alone, "lift", the one that lifts
         pixels to the environment map, or "normals", the part of it that estimates normals. taught, gradual and
-        hdr_share concern the first, lift the third.
-    taught: how much of the LDR targets is the teacher's map, where there is a teacher; the rest is the true one.
+        hdr_share apply to the first, lift to the third.
+    taught: weight of the teacher's map in the LDR targets, if there is a teacher; the rest is the true map.
     gradual: whether the LDR targets sharpen as in Eq. 6.
-    hdr_share: share of a batch of whose true LDR maps the HDR net learns too, beside all estimated ones.
+    hdr_share: share of a batch whose true LDR maps the HDR net also learns from, beside all estimated ones.
     cooldown: last share of the steps in which the learning rate falls to zero.
     """
 
