@@ -26,7 +26,7 @@ from anyprobe.estimate.refine import (
     usable,
     well_exposed_fraction,
     with_estimated_ground,
-    with_exposure,
+    with_exposure_doubt,
     with_material,
     with_surroundings,
 )
@@ -245,12 +245,12 @@ class Estimator:
         material = photo.material if material is None else as_material(material)
         crop, merged_surroundings = usable(self.models, photo, crop, merged_surroundings)
         check_use(self.models, crop, material, self.settings.looks)
-        exposed = well_exposed_fraction(crop.image)
+        well_exposed = well_exposed_fraction(crop.image)
         known = crop.surroundings_map if merged_surroundings is None else merged_surroundings
         found = predict(self.models, crop, photo.ground, material, self.settings.looks)
         found = with_estimated_ground(found, crop)
         found = with_material(found, crop, material)
-        found = with_exposure(found, exposed)
+        found = with_exposure_doubt(found, well_exposed)
         found = with_surroundings(found, known, tint=material is None)
         estimated = time.perf_counter()
         radiance, confidence = camera_map(found.outputs, crop)
@@ -263,8 +263,8 @@ class Estimator:
         return Light(
             radiance=radiance,
             confidence=confidence,
-            well_exposed_fraction=exposed,
-            warnings=photo.warnings + map_doubts(photo, radiance, found.ground, exposed),
+            well_exposed_fraction=well_exposed,
+            warnings=photo.warnings + map_doubts(photo, radiance, found.ground, well_exposed),
             stages={
                 "photo": crop.image,
                 "irradiance": outputs.irradiance,

@@ -102,12 +102,12 @@ def with_material(found: Prediction, crop: Crop, material: Material | None) -> P
     return replace(found, outputs=outputs, used={**found.used, **used})
 
 
-def with_exposure(found: Prediction, exposed: float) -> Prediction:
-    """Lower the confidence where little of the object is well exposed; exposed: share of its pixels."""
+def with_exposure_doubt(found: Prediction, well_exposed: float) -> Prediction:
+    """Lower the confidence where little of the object is well exposed; well_exposed: share of its pixels."""
     outputs = found.outputs
     if outputs.confidence is None:
         return found
-    confidence = outputs.confidence * min(1.0, exposed / ENOUGH_EXPOSED)
+    confidence = outputs.confidence * min(1.0, well_exposed / ENOUGH_EXPOSED)
     return replace(found, outputs=replace(outputs, confidence=confidence))
 
 
