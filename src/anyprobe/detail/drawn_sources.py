@@ -35,8 +35,8 @@ GLOW, GLOW_PEAK, GLOW_RADII, GLOW_DEG = 0.25, 1.2, 1.5, 6.0
 quarter: in radii of the body, and at least [degrees]."""
 WIDE_DEG = 16.0
 """Angle [degrees] at which the glow of a source without a body is down to a quarter."""
-FLATTENED, ON_GROUND = 2.0, 0.2
-"""Width of such a glow in the sky over its height, and its share below the horizon."""
+FLATTENED, ON_GROUND, HORIZON_DEG = 2.0, 0.2, 5.0
+"""Width of such a glow in the sky over its height, its share below the horizon, and that edge's width [degrees]."""
 LEAST_BODY, MOST_BODIES = 0.08, {INDOORS: 2, OPEN_AIR: 1}
 """Smallest share of the map's power of a source with a body in a place, and how many have one."""
 HAZY_DEG = 2.5
@@ -154,7 +154,8 @@ def draw_lights(
             far = np.sqrt(along + rise**2 * FLATTENED) / glow
         around = np.maximum((1 + far**2) ** -2.0 - (1 + REACH**2) ** -2.0, 0.0)
         if kind == OPEN_AIR:
-            around = around * np.where(d[..., 1] > 0, 1.0, ON_GROUND)
+            above = np.clip(d[..., 1] / np.radians(HORIZON_DEG) + 0.5, 0.0, 1.0)
+            around = around * (ON_GROUND + (1 - ON_GROUND) * above)
         around /= (around * facing).sum()
         shape = around
         if body_kind is not Body.none:

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image, ImageFilter
 
+from anyprobe.core.color import luminance
+from anyprobe.core.frames import orthonormal_basis
 from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
 from anyprobe.core.response import inverse_response
 from anyprobe.estimate.photo import Photo
@@ -30,6 +32,10 @@ EDGE = 0.08
 
 RIM = 0.004
 """Width of the rim around the real object that is not taken for ground, as a share of the photo's longer side."""
+DARK_GROUND = 0.25
+"""Median display luminance of a ground on which shadows hardly show: with half of its light it is .08 darker."""
+RING_RADII, RING_POINTS = (0.6, 0.8, 1.0, 1.2, 1.4), 64
+"""Where that is read around the foot, in radii of the object, and at how many points of each circle."""
 
 
 class GroundPicture:
@@ -55,6 +61,21 @@ class GroundPicture:
         toward = points / np.maximum(np.linalg.norm(points, axis=-1, keepdims=True), 1e-9)
         around = bilinear(self.radiance, direction_to_uv(toward.astype(np.float32)))
         return weight * shown + (1 - weight) * around
+
+
+def hides_shadows(photo: Photo, view: View, spot: Placement) -> bool:
+    """Return whether the ground that a photo shows around a foot is mostly too dark for shadows to be seen."""
+    if not photo.shows_place:
+        return False
+    side, across = orthonormal_basis(view.up)
+    angle = np.linspace(0, 2 * np.pi, RING_POINTS, endpoint=False)
+    around = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * across
+    points = spot.foot + spot.radius * np.concatenate([radius * around for radius in RING_RADII])
+    column, row = np.floor(view.pixels(points)).T
+    inside = (column >= 0) & (column < view.width) & (row >= 0) & (row < view.height)
+    column, row = column[inside].astype(int), row[inside].astype(int)
+    seen = luminance(photo.rgb[row, column][photo.mask[row, column] < 0.5])
+    return len(seen) > 0 and bool(np.median(seen) < DARK_GROUND)
 
 
 def radiance_at(photo: Photo, row: np.ndarray, column: np.ndarray) -> np.ndarray:

@@ -17,7 +17,8 @@ from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
 from anyprobe.masks.resize import resize
 from anyprobe.relight.appearance import material_from_photo
-from anyprobe.relight.ground_map import GroundPicture, with_ground
+from anyprobe.relight.camera_look import DRAWN_BLUR, CameraLook, blurred, grain_over, look_of
+from anyprobe.relight.ground_map import GroundPicture, hides_shadows, with_ground
 from anyprobe.relight.ground_view import VIEW_STRIP_PIXELS, View, view_of
 from anyprobe.relight.path_traced import NUM_PATHS, open_mitsuba, trace_mesh
 from anyprobe.relight.photographed import ShownSurface, shown_ground, shown_object
@@ -157,7 +158,13 @@ def within(part: Part, outer: Part) -> Part:
 
 
 def lay_object_over(
-    picture: np.ndarray, part: Part, drawn: np.ndarray, window: ObjectWindow, photo: Photo, behind: bool = False
+    picture: np.ndarray,
+    part: Part,
+    drawn: np.ndarray,
+    window: ObjectWindow,
+    photo: Photo,
+    behind: bool = False,
+    look: CameraLook | None = None,
 ) -> None:
     """Composite an object [S, S, 4] (linear radiance, coverage) over a part of a display picture, in place.
 
@@ -166,6 +173,7 @@ def lay_object_over(
     Args:
         picture: [R, C, 3], those rows and columns of the photo; contains the window's visible part.
         behind: whether the real object occludes it.
+        look: the photo's, whose grain it gets; None: no grain.
     """
     height, width = photo.mask.shape
     shown = window.part(height, width)
@@ -176,7 +184,10 @@ def lay_object_over(
     under = picture[within(shown, part)]
     on = (coverage > 0)[..., 0]
     covered, behind_it = coverage[on], inverse_response(under[on])
-    under[on] = response(behind_it + covered * (drawn[on][:, :3] - behind_it))
+    mixed = response(behind_it + covered * (drawn[on][:, :3] - behind_it))
+    if look is not None and look.grain > 0:
+        mixed = np.clip(mixed + covered * grain_over(on.shape, look, photo)[on], 0.0, 1.0)
+    under[on] = mixed
 
 
 def enlarged(drawn: np.ndarray, size: int) -> np.ndarray:
@@ -242,6 +253,7 @@ class Stage:
         if window is None:
             raise InputError("the photo shows nothing of the object there; choose another place", subject="at")
         self.window: ObjectWindow = window
+        self.look: CameraLook = look_of(photo)
         self._kept: tuple[Photo, np.ndarray, list[ShownSurface]] | None = None
 
     @property
@@ -256,6 +268,9 @@ class Stage:
         if not self.placement.stands:
             text = "the place beside the object may not be the surface that it stands on"
             lines.append(f"{text}: the inserted one may seem to float; choose its place")
+        if self.placement.stands and hides_shadows(self.photo, self.view, self.placement):
+            text = "the ground is so dark there that its shadow hardly shows"
+            lines.append(f"{text}: the inserted object may seem to float; choose its place")
         pixels = self.view.pixels(self.placement.mesh.positions)
         if (pixels < -0.5).any() or (pixels > np.array([self.view.width, self.view.height]) + 0.5).any():
             lines.append("part of the inserted object is outside the photo; choose another place or make it smaller")
@@ -318,7 +333,7 @@ class Stage:
             shading = pool.submit(shaded)
             drawn = self.draw(radiance, material, renderer, shadow) if drawn is None else drawn
         part, picture = shading.result()
-        lay_object_over(picture, part, drawn, self.window, self.photo, behind=self.is_behind())
+        lay_object_over(picture, part, drawn, self.window, self.photo, behind=self.is_behind(), look=self.look)
         return part, picture
 
     def draw(
@@ -340,7 +355,8 @@ class Stage:
             cast = self.shadow(radiance, MIRRORED_DIRECTIONS, MIRRORED_GRID) if shadow is None else shadow
             lit = with_ground(self.photo, self.view, self.placement, radiance, cast)
             drawn = draw_mesh(mesh, camera, lit, material, **finer)
-        return enlarged(drawn, self.window.size)
+        own = max(DRAWN_BLUR, 0.5 * self.window.size / camera.size)
+        return blurred(enlarged(drawn, self.window.size), self.look, own)
 
     def material(self, name: str, radiance: np.ndarray) -> Material:
         """Return a material of scatter.materials, or "photo": the real object's own under a map."""
