@@ -8,6 +8,7 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+from support.balls import FOV, ball_photo, lamp_map, rich_map
 
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.response import inverse_response, response
@@ -15,6 +16,7 @@ from anyprobe.estimate.doubts import ground_doubts
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import ESTIMATED, GIVEN, GUESSED, Ground, estimate_ground
 from anyprobe.estimate.known import KnownNormals, PhotoBackground
+from anyprobe.estimate.mirror_ball import find_ball, least_metal
 from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.estimate.runtime import EXPECTED, weights_folder
 from anyprobe.given_material import given_material, material_input
@@ -221,6 +223,33 @@ def _ground_doubts() -> list[dict]:
     return cases
 
 
+def _balls(folder: Path, estimator: Estimator) -> list[dict]:
+    """Pictures of balls in files, from which probability of a metal on each is a mirror ball (-1: never), and the light
+    of those that are unwrapped."""
+    cases = []
+    for kind, radiance, fov_deg in (
+        ("mirror", rich_map(), FOV),
+        ("mirror", rich_map(), None),
+        ("painted", rich_map(), FOV),
+        ("matte", rich_map(), FOV),
+        ("mirror", lamp_map(), FOV),
+    ):
+        name = f"ball_{len(cases)}"
+        rgb, mask = ball_photo(radiance, kind, FOV if fov_deg else 86.0)
+        rgba = np.concatenate([rgb, np.full((*mask.shape, 1), 255, np.uint8)], axis=-1)
+        (folder / f"{name}.rgba").write_bytes(rgba.tobytes())
+        loaded = load_photo(rgb, mask=mask, fov_deg=fov_deg)
+        least = least_metal(loaded)
+        light = estimator.unwrapped(estimator.from_photo(loaded), find_ball(loaded))
+        codes = [one.code for one in light.warnings]
+        for what, values in {"mask": mask, "radiance": light.radiance, "confidence": light.confidence}.items():
+            (folder / f"{name}_{what}.f32").write_bytes(values.astype("<f4").tobytes())
+        lens = {"long_fov_deg": loaded.long_fov_deg, "is_known": fov_deg is not None}
+        said = {"least_metal": float(least) if np.isfinite(least) else -1.0, "is_ball": "mirror-ball" in codes}
+        cases.append({"height": mask.shape[0], "width": mask.shape[1], **lens, **said})
+    return cases
+
+
 def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, long_fov_deg: float) -> None:
     """Write photo.rgba, mask.f32, case.json and one <name>.f32 an answer.
 
@@ -315,5 +344,6 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "ground_doubts": _ground_doubts(),
         "given_masks": _given_masks(folder),
         "found": found,
+        "balls": _balls(folder, estimator) if estimator.models.lifts else [],
     }
     (folder / "case.json").write_text(json.dumps(case))

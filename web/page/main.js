@@ -200,7 +200,7 @@ async function examine(maskOf, hints = NO_HINTS) {
 }
 
 async function estimate(found, hints, isLate) {
-  const { picture, longFovDeg } = state.opened;
+  const { picture, longFovDeg, lensDeg } = state.opened;
   const mask = found?.mask ?? null;
   const box = mask && objectBox(mask, picture.width);
   if (!box && state.opened.mask) return stay(found?.notices[0], isLate);
@@ -212,7 +212,7 @@ async function estimate(found, hints, isLate) {
   const probe = await networks.open();
   if (isLate()) return;
   tell("Estimating the lighting …");
-  const result = await probe.examine({ picture, mask, longFovDeg, options: options() });
+  const result = await probe.examine({ picture, mask, longFovDeg, isLensKnown: lensDeg !== null, options: options() });
   if (isLate()) return;
   state.opened.result = result;
   showLight();

@@ -10,6 +10,7 @@ const CONTROLS = {
   exclude: null, // a click with Shift, told of beside the picture
   box: "draw a box around it",
   mask: null,
+  material: null,
 };
 
 const LABELS = { pitchDeg: "“Camera pitch”", surroundings: "“Look at”", click: "the click", exclude: "the click with Shift", box: "the box", emitters: "“Soften light sources”" };

@@ -8,7 +8,7 @@ import { Tracker } from "./live/tracker.js";
 import { checkSetup, requireBrowser } from "./networks/setup.js";
 import { THREADS_FAILED } from "./networks/words.js";
 import { WorkerClient } from "./networks/workerClient.js";
-import { checkHints, checkLight, checkNames, longFovOf, wrong } from "./options.js";
+import { checkHints, checkLight, checkNames, isLensGiven, longFovOf, wrong } from "./options.js";
 import { hintsOf } from "./photo/hints.js";
 import { describe } from "./photo/material.js";
 import { alphaDoubts, checkObject, lookAtGiven } from "./photo/maskCheck.js";
@@ -87,7 +87,8 @@ export class AnyProbe {
     const normals = options.normals && readNormals(options.normals, picture);
     checkHints(options, picture.fullWidth, picture.fullHeight);
     const { mask, quality, warnings } = await this.#maskOf(picture, options);
-    const asked = { picture, mask, normals, longFovDeg, options: { surroundings, pitchDeg, emitters, looks, material } };
+    const lens = { longFovDeg, isLensKnown: isLensGiven(options) };
+    const asked = { picture, mask, normals, ...lens, options: { surroundings, pitchDeg, emitters, looks, material } };
     const { light } = await this.#client.ask("estimate", asked, signal);
     const own = { data: mask, width, height, quality, ...described(warnings) };
     return new Light({ ...light, warnings: [...warnings, ...light.warnings], mask: own });

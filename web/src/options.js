@@ -27,6 +27,9 @@ const { least_fov_deg: LEAST_FOV_DEG, most_fov_deg: MOST_FOV_DEG } = CONTRACT.le
 /** By how much the two focal lengths of a projection may differ, and its centre lie beside the picture's (of half its side). */
 const [MOST_UNEVEN, MOST_OFF_CENTRE] = [0.02, 0.05];
 
+/** Whether the options say the picture's field of view. */
+export const isLensGiven = (options) => LENS.some((name) => options[name] !== undefined);
+
 /** Refuse whatever there is not. @param {keyof OPTIONS} method */
 export function checkNames(method, given) {
   if (given === undefined) return;

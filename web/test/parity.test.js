@@ -28,7 +28,9 @@ import { findObject, maskOf } from "../src/photo/search.js";
 import { lightOfObject } from "../src/networks/lightOfObject.js";
 import { inverseResponse, response } from "../src/core/response.js";
 import { Silhouette, farthestRow, findSpot } from "../page/view/placement.js";
+import { lightOfStill } from "../src/networks/lightOfStill.js";
 import { Models } from "../src/networks/models.js";
+import { leastMetal } from "../src/photo/mirrorBall.js";
 
 const folder = process.env.PARITY;
 const skip = folder ? false : "PARITY names no folder with Python's answers";
@@ -71,7 +73,7 @@ before(async () => {
   const given = JSON.parse(readFileSync(join(folder, "case.json")));
   const { width, height, long_fov_deg, weights } = given;
   const rgba = new Uint8ClampedArray(readFileSync(join(folder, "photo.rgba")));
-  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, materials: given.materials, frameSeconds: given.frame_seconds, placements: given.placements, groundDoubts: given.ground_doubts, givenMasks: given.given_masks, found: given.found });
+  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, materials: given.materials, frameSeconds: given.frame_seconds, placements: given.placements, groundDoubts: given.ground_doubts, balls: given.balls, givenMasks: given.given_masks, found: given.found });
   found.crop = cropObject(found.picture, floats("mask"), long_fov_deg);
   ort.env.wasm.numThreads = 1;
   const bytes = Object.fromEntries(
@@ -370,4 +372,19 @@ test("where a virtual object stands", { skip }, () => {
   });
   assert.ok(atFarRow.length > 3);
   assert.ok(Math.min(...Object.values(sides)) > 3, JSON.stringify(sides));
+});
+
+test("which balls are mirrors, and the light that these show", { skip }, async () => {
+  for (const [at, { width, height, long_fov_deg: longFovDeg, is_known: isLensKnown, least_metal: least, is_ball: isBall }] of found.balls.entries()) {
+    const picture = { width, height, rgba: new Uint8ClampedArray(readFileSync(join(folder, `ball_${at}.rgba`))) };
+    const mask = floats(`ball_${at}_mask`);
+    const metal = leastMetal(picture, mask, longFovDeg, isLensKnown);
+    assert.equal(metal === Infinity ? -1 : metal, least, `${at}`);
+    const light = await lightOfStill(found.models, picture, { longFovDeg, isLensKnown }, cropObject(picture, mask, longFovDeg), {});
+    assert.equal(light.warnings.some(({ code }) => code === "mirror-ball"), isBall, `${at}`);
+    assertMostlyClose(light.radiance, floats(`ball_${at}_radiance`), 5e-3, `${at} radiance`);
+    assertMostlyClose(light.confidence, floats(`ball_${at}_confidence`), 2e-3, `${at} confidence`);
+    const given = await lightOfStill(found.models, picture, { longFovDeg, isLensKnown }, cropObject(picture, mask, longFovDeg), { material: materialInput(givenMaterial("matte")) });
+    assert.ok(!given.warnings.some(({ code }) => code === "mirror-ball"));
+  }
 });

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core.contract import contract
 from anyprobe.core.frames import dot, normalize, reflect
 from anyprobe.core.latlong import bilinear, corners, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import inverse_response, response
@@ -26,22 +27,24 @@ from anyprobe.scatter.microfacet import schlick_weight
 if TYPE_CHECKING:
     from jaxtyping import Float
 
+_MIRROR = contract("mirror")
+
 SMOOTH = 0.1
 """Largest alpha of a mirror: its lobe is one to three pixels of the map wide."""
-MIRROR_STEEP = 0.2
+MIRROR_STEEP: float = _MIRROR["steep"]
 """Smallest n.wo of a pixel that counts: at the rim one pixel mirrors a tenth of the sphere."""
-_CLIPPED = 0.97
+_CLIPPED: float = _MIRROR["clipped"]
 """Display value above which a pixel is only a lower bound of its light."""
-LEVELS = 3
+LEVELS: int = _MIRROR["levels"]
 """Number of maps, of 64, 32 and 16 rows, that pixels are collected in: a coarse one joins pixels that lie far apart."""
 MOST_STERADIANS = 0.1
 """Largest solid angle [sr] that a mirror's pixel may show: more is an error of its normals."""
-ENOUGH = 0.5
+ENOUGH: float = _MIRROR["enough"]
 """Number of pixels in a place of a map at which the measured light counts half."""
-MEASURED_CONFIDENCE = 0.65
+MEASURED_CONFIDENCE: float = _MIRROR["confidence"]
 """Probability that a measured display value is within 0.1 of the truth, on training maps and shapes: the camera's curve
 is unknown, and its normals are estimated at every second pixel."""
-ODDS = 10.0
+ODDS: float = _MIRROR["odds"]
 """Ratio by which light above white is likelier in a clipped place than in one that is not seen."""
 
 

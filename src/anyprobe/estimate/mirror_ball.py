@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from anyprobe.core.contract import contract
 from anyprobe.core.frames import reflect
 from anyprobe.core.latlong import direction_to_uv, pixel_directions
 from anyprobe.core.response import inverse_response
@@ -24,43 +25,45 @@ from anyprobe.masks.check import object_box
 from anyprobe.masks.parts import grow
 from anyprobe.notices import Notice, give
 
-ROUND = 0.95
+_NUMBERS = contract("mirror_ball")
+
+ROUND: float = _NUMBERS["round"]
 """Smallest overlap of a mask with a circle that may be a ball's outline."""
-FINE = 0.22
+FINE: float = _NUMBERS["fine"]
 """Smallest standard deviation of ln radiance around smooth shading of a mirror whose rim agrees."""
-METAL, FINE_METAL = 0.7, 0.28
+METAL, FINE_METAL = _NUMBERS["metal"], _NUMBERS["fine_metal"]
 """Smallest probability of a metal, and the same deviation, of a mirror whose rim need not agree."""
-AGREE, AGREE_FINELY = 0.82, 0.5
+AGREE, AGREE_FINELY = _NUMBERS["agree"], _NUMBERS["agree_finely"]
 """Smallest correlations of the rim with the expected reflection, directly and without smooth changes, of a mirror.
 
 All numbers but those of black balls were chosen on balls of mirrors, metals, plastics and paints, drawn under training
 maps through lenses of 42 to 72 degrees taken for 65, as JPEG with noise.
 """
-BLACK, BLACK_SHARE = 0.03, 0.75
-BRIGHT, BRIGHT_SHARE = 0.5, 0.001
+BLACK, BLACK_SHARE = _NUMBERS["black"], _NUMBERS["black_share"]
+BRIGHT, BRIGHT_SHARE = _NUMBERS["bright"], _NUMBERS["bright_share"]
 """Radiance that a share of the ball does not exceed, and that another share does, of a black ball with bright spots.
 
 Chosen on these balls, of which only mirrors have it, and on photos of chrome in a dark room.
 """
-LENSES = 0.85, 1.0, 1.15
+LENSES: list[float] = _NUMBERS["lenses"]
 """Factors of an assumed field of view at which the rim may agree; a known one is taken as it is."""
-CELL_ROWS, LEAST_CELLS = 60, 15
+CELL_ROWS, LEAST_CELLS = _NUMBERS["cell_rows"], _NUMBERS["least_cells"]
 """Rows of the map of cells, 3 degrees each, and smallest number of them for a correlation."""
-MARGIN_PX = 3
+MARGIN_PX: int = _NUMBERS["margin_px"]
 """Width [px] of the strip outside the outline that does not count as background."""
-MOST_SIDE = 192
+MOST_SIDE: int = _NUMBERS["most_side"]
 """Largest number of pixels sampled across the ball."""
-LEAST_SIDE_PX = 24
+LEAST_SIDE_PX: int = _NUMBERS["least_side_px"]
 """Smallest side [px] of a ball; a smaller one shows too little."""
-FACING, INNER = 0.15, 0.4
+FACING, INNER = _NUMBERS["facing"], _NUMBERS["inner"]
 """Smallest n.wo of pixels that count, and of those that smooth shading is fitted to."""
-FLOOR = 0.02
+FLOOR: float = _NUMBERS["floor"]
 """Radiance added before the logarithm, of a ball."""
-RIM_FLOOR, RIM_FLOOR_SHARE = 0.004, 0.1
+RIM_FLOOR, RIM_FLOOR_SHARE = _NUMBERS["rim_floor"], _NUMBERS["rim_floor_share"]
 """The same of its rim and the background: the larger of a constant, and of a share of the background's median."""
-LONG_PX, LEAST_SIDE = 1280, 96
+LONG_PX, LEAST_SIDE = _NUMBERS["long_px"], _NUMBERS["least_side"]
 """Size of a photo up to which all pixels count, and smallest number sampled across the ball of a larger one."""
-CHROME = "chrome"
+CHROME: str = _NUMBERS["material"]
 """Material assumed for a detected ball."""
 
 

@@ -8,6 +8,7 @@
  */
 
 import { CONTRACT } from "../core/contract.js";
+import { solved } from "../core/linear.js";
 
 const { fine_px: FINE_PX, coarse_px: COARSE_PX, points: POINTS, reach: REACH, pull: PULL, ...NUMBERS } = CONTRACT.registration;
 const { steps: STEPS, done_px: DONE_PX, spread: SPREAD, least: LEAST, least_gain: LEAST_GAIN } = NUMBERS;
@@ -222,23 +223,6 @@ function normalOf(rows, values, weights) {
   const trace = matrix.reduce((sum, line, a) => sum + line[a], 0);
   matrix.forEach((line, a) => (line[a] += 1e-9 * trace + 1e-12));
   return { matrix, right };
-}
-
-/** Solutions x of matrix x = right, for each right side, by Gauss with pivots. */
-function solved(matrix, rights) {
-  const size = matrix.length;
-  const lines = matrix.map((line, i) => [...line, ...rights.map((right) => right[i])]);
-  for (let a = 0; a < size; a++) {
-    let pivot = a;
-    for (let b = a + 1; b < size; b++) if (Math.abs(lines[b][a]) > Math.abs(lines[pivot][a])) pivot = b;
-    [lines[a], lines[pivot]] = [lines[pivot], lines[a]];
-    for (let b = 0; b < size; b++) {
-      if (b === a) continue;
-      const share = lines[b][a] / lines[a][a];
-      for (let c = a; c < lines[b].length; c++) lines[b][c] -= share * lines[a][c];
-    }
-  }
-  return rights.map((_, k) => lines.map((line, a) => line[size + k] / line[a]));
 }
 
 /** The middle of numbers, which are put in another order; of an even count the mean of both. */

@@ -11,6 +11,7 @@ import { CROP_SIZE, contextOf } from "../photo/crop.js";
 import { exposureDoubts } from "../photo/exposure.js";
 import { groundDoubts, groundOf, upOf } from "../photo/ground.js";
 import { backdropDoubts, coverageOf, isCutOut, isDarkBeside, seeSurroundings, useSurroundings, withoutTransparent } from "../photo/surroundings.js";
+import { measured } from "../light/mirror.js";
 import { likelierLook } from "./mirrorLook.js";
 
 /**
@@ -34,11 +35,12 @@ const { black: BLACK, white: WHITE, enough: ENOUGH } = CONTRACT.exposure;
  * @param {import("../photo/picture.js").Picture} picture
  * @param {number} longFovDeg
  * @param {ReturnType<typeof import("../photo/crop.js").cropObject>} crop
- * @param {LightOptions & {withStages?: boolean, normals?: Float32Array | null, isAlone?: boolean}} options isAlone: whether the
- *   object is cut out, where that is known already
+ * @param {LightOptions & {withStages?: boolean, normals?: Float32Array | null, isAlone?: boolean, mirror?: number[]}} options
+ *   isAlone: whether the object is cut out, where that is known already; mirror: the object is one of these normals, and of
+ *   this reflectance
  */
 export async function lightOfObject(models, picture, longFovDeg, crop, options) {
-  const { surroundings = "auto", pitchDeg, emitters = "mode", looks = 1, isAlone, ...given } = options;
+  const { surroundings = "auto", pitchDeg, emitters = "mode", looks = 1, isAlone, mirror, ...given } = options;
   const isAuto = surroundings === "auto" && !(isAlone ?? (isCutOut(picture, crop.mask) || isDarkBeside(picture, crop.mask)));
   const isUnasked = surroundings === "auto" && !isAuto && isAlone === undefined;
   const isShown = isAuto || surroundings === "photo" || surroundings === true;
@@ -57,7 +59,8 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
     throw new AnyProbeError("invalid-option", "expected a model that knows where light may come from, got the paper's chain", { subject: ["looks"], remedy: leaveOut("looks") });
   }
   const asked = { ...given, emitters, surroundings: seen, context, up };
-  const prediction = await (looks > 1 ? likelierLook(models, crop, asked) : models.light(crop.image, crop.tanHalf, asked));
+  const said = await (looks > 1 ? likelierLook(models, crop, asked) : models.light(crop.image, crop.tanHalf, asked));
+  const prediction = mirror ? measured(said, crop.image, given.normals, crop.tanHalf, mirror) : said;
   const ground = isShown ? groundOf(picture, longFovDeg, crop, pitchDeg, prediction.posture) : null;
   const wellExposed = wellExposedFraction(crop.image);
   const worth = Math.min(1, wellExposed / ENOUGH);

@@ -13,7 +13,7 @@ import { cropNormals, cropObject } from "../photo/crop.js";
 import { checkObject } from "../photo/maskCheck.js";
 import { FrameLight } from "../live/frameLight.js";
 import { Newest } from "../live/newest.js";
-import { lightOfObject } from "./lightOfObject.js";
+import { lightOfStill } from "./lightOfStill.js";
 import { findMask, videoMasks } from "./masks.js";
 import { Models } from "./models.js";
 import { openRuntime } from "./runtime.js";
@@ -48,12 +48,13 @@ const tasks = {
   },
 
   /** The light, and for a page that shows them its stages and three spheres. */
-  async estimate({ picture, mask, longFovDeg, normals, options, withViews }) {
+  async estimate({ picture, mask, longFovDeg, isLensKnown, normals, options, withViews }) {
     const start = performance.now();
     checkObject(mask, picture.width);
     const crop = cropObject(picture, mask, longFovDeg);
     const given = normals && cropNormals(normals, mask, picture.width, crop);
-    const { radiance, stages, ...rest } = await lightOfObject(models, picture, longFovDeg, crop, { ...options, normals: given });
+    const lens = { longFovDeg, isLensKnown };
+    const { radiance, stages, ...rest } = await lightOfStill(models, picture, lens, crop, { ...options, normals: given });
     const { expected } = stages;
     const light = { ...describe(radiance, expected ? { expected, cameraFromCrop: crop.cameraFromCrop } : null), ...rest };
     const seconds = (performance.now() - start) / 1000;
