@@ -1,4 +1,4 @@
-"""python -m research.scenes: commands pairs, sheet, score, goes-on, dark, shading, inserted.
+"""python -m research.scenes: commands pairs, sheet, score, goes-on, dark, kinds, shading, inserted.
 
 Rendering needs Mitsuba 3, mitsuba-oidn and an LLVM of 17 or newer.
 """
@@ -137,6 +137,21 @@ def dark(
     found = estimates_of(sorted(folder.glob("*.npz")), Models(model, threads=1))
     rows = np.array(list(dark_rows(found)))
     for line in dark_table(rows):
+        typer.echo(line)
+
+
+@app.command()
+def kinds(
+    folder: Annotated[Path, typer.Argument(help="Folder of pairs, in which research.scenes pairs wrote.")],
+    data: Data,
+    part: Annotated[str, typer.Option(help="The pairs' part.")] = "left-out",
+    model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
+) -> None:
+    """Print how many places outdoors are found, and how many rooms are taken for such, by photo and by estimate."""
+    from research.scenes.kinds import judged_kinds, kinds_table
+
+    judged = list(judged_kinds(data, part, sorted(folder.glob("*.npz")), Models(model, threads=1)))
+    for line in kinds_table(judged):
         typer.echo(line)
 
 

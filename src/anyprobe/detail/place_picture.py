@@ -144,8 +144,7 @@ def compose(
     seen = None if plate is None else seen_in(plate, frame_from_camera, rows)
     goal = project(estimate)
     for surfaces, glare in tries:
-        picture, cover, origin = _place(surfaces, seen, rows, kind, is_detailed)
-        angle = angles_from(cover[..., 0])[..., None]
+        picture, cover, origin, angle = _place(surfaces, seen, rows, kind, is_detailed)
         away, strength = (1.0 - np.exp(-((angle / near) ** 2)) for near in (NEAR_GLARE_DEG, NEAR_GAIN_DEG))
         fixed = picture * cover + draw_lights(sources, cover, picture, kind) + enlarged_map(glare, rows) * away
         radiance = with_moments(picture * (1 - cover), fixed, goal, strength)
@@ -156,9 +155,9 @@ def compose(
 
 def _place(
     rest: np.ndarray, seen: DrawnPlate | None, rows: int, kind: str | None, is_detailed: bool
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the picture without sources, the share of it that is the photo's [R, 2R, 1], and the origin of each
-    pixel."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the picture without sources, the share of it that is the photo's [R, 2R, 1], the origin of each pixel, and
+    its angle [degrees, R, 2R, 1] to the photo."""
     nothing = np.zeros((rows, 2 * rows, 1), np.float32)
     if seen is not None and not (seen.margin > 0).any():
         seen = None
@@ -172,15 +171,16 @@ def _place(
     if kind is None or is_detailed:
         drawn = enlarged_map(rest, rows)
     if seen is None:
-        return drawn, nothing, np.concatenate([nothing, nothing + 1 - is_detailed, nothing + is_detailed], axis=-1)
+        origin = np.concatenate([nothing, nothing + 1 - is_detailed, nothing + is_detailed], axis=-1)
+        return drawn, nothing, origin, nothing + 180
     within = np.clip(seen.margin / edge_deg, 0.0, 1.0)[..., None].astype(np.float32)
     within = within * within * (3 - 2 * within)
+    angle = angles_from(within[..., 0])
     if around is None:
         picture = drawn + within * (seen.radiance - drawn)
-        return picture, within, np.concatenate([within, 1 - within, nothing], axis=-1)
+        return picture, within, np.concatenate([within, 1 - within, nothing], axis=-1), angle[..., None]
     ln, ln_drawn = around.ln, np.log(drawn + CONTINUED_FLOOR)
     soft, goal = (enlarged_map(blur_cosine_power(reduced(one, MAP_HEIGHT), SOFT), rows) for one in (ln, ln_drawn))
-    angle = angles_from(within[..., 0])
     elevation = 90.0 - 180.0 * (np.arange(rows, dtype=np.float32)[:, None] + 0.5) / rows
     up = np.maximum(elevation - np.float32(around.top), 0.0)
     if around.top < 0:
@@ -200,7 +200,7 @@ def _place(
     picture = continued + within * (behind - continued)
     clear = within * (1 - np.clip(seen.filled[..., None], 0.0, 1.0))
     invented = (1 - clear) * np.maximum(share, within)
-    return picture, within, np.concatenate([clear, 1 - clear - invented, invented], axis=-1)
+    return picture, within, np.concatenate([clear, 1 - clear - invented, invented], axis=-1), angle[..., None]
 
 
 def _lifted(seen: DrawnPlate, estimate: np.ndarray) -> tuple[DrawnPlate, float]:
