@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.match.library import encode, write_library
+from anyprobe.match.library import OPEN_AIR_NAME, encode, write_library
 from research.detail_library.outdoors import detailed_outdoor
 from research.detail_library.rooms import detailed_room, detailed_studio
 
-KINDS = {"room": (detailed_room, 24), "outdoor": (detailed_outdoor, 14), "studio": (detailed_studio, 6)}
+KINDS = {"room": (detailed_room, 24), OPEN_AIR_NAME: (detailed_outdoor, 14), "studio": (detailed_studio, 6)}
 """What is drawn, and how many of each."""
 SEED = 28
 ROWS = 256

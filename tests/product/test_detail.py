@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support.places import place
 
-from anyprobe.core.frames import world_from_camera
+from anyprobe.core.frames import rotation_x, world_from_camera
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from anyprobe.detail.blend import enlarged_planes
@@ -56,13 +56,21 @@ def test_the_dominant_light_stays_where_the_estimate_has_it(library, estimate):
 
 def test_detail_is_the_candidates_and_not_a_blur(library, estimate):
     """Fine structure correlates with the candidate's, and has its strength."""
-    found = add_detail(estimate, None, library=library, rows=128)
+    found = add_detail(estimate, None, library=library, rows=128, level_from_map=rotation_x(-np.radians(20)))
     assert found.name == "place-3"
     truth = rotate(place(3), world_from_camera(1.0, np.radians(20)).T)
     fine = [response(x) - blur_cosine_power(response(x), 60.0) for x in (found.radiance, truth)]
     dim = [x[truth.max(axis=-1) < 1] for x in fine]
     assert np.corrcoef(dim[0].ravel(), dim[1].ravel())[0, 1] > 0.6
     assert 0.6 < dim[0].std() / dim[1].std() < 1.4
+
+
+@pytest.mark.parametrize(("kind", "names"), [("outdoors", {"outdoor"}), ("indoors", {"room", "studio"})])
+def test_a_place_is_of_the_photo_s_kind_whatever_its_light(kind, names):
+    sky = np.where(pixel_directions(64)[..., 1:2] > 0, (0.4, 0.6, 1.0), (0.1, 0.15, 0.05)).astype(np.float32)
+    lamp = np.where(pixel_directions(64)[..., 1:2] > 0.9, 3.0, (0.3, 0.25, 0.2)).astype(np.float32)
+    for light in (sky, lamp):
+        assert add_detail(light, rows=64, kind=kind).name.split("-")[0] in names
 
 
 @pytest.mark.parametrize(("yaw", "pitch"), [(0.3, 0), (2.0, 15), (4.4, 40), (5.9, 63)])

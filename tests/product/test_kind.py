@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.match.fit_warnings import kind_doubts
-from anyprobe.match.kind import is_outdoors, photo_outdoors, prices
+from anyprobe.match.kind import are_outdoors, is_outdoors, photo_outdoors, prices
+from anyprobe.match.library_folder import open_library
 from anyprobe.match.plate import keep_plate
 from anyprobe.notices import Notice
 
@@ -44,9 +48,16 @@ def test_a_photo_of_one_colour_behind_its_object_is_a_studios_and_a_cut_out_says
 
 def test_panoramas_of_the_other_kind_cost_more():
     maps = np.stack([GRASS[::2, ::2], ROOM[::2, ::2]])
-    assert prices(False, maps, 0.5).tolist() == [0.5, 0.0]
-    assert prices(True, maps, 0.5).tolist() == [0.0, 0.5]
-    assert prices(None, maps, 0.5).tolist() == [0.0, 0.0]
+    library = replace(open_library(), files=(Path("a"), Path("b")), names=("a", "b"), lights=maps)
+    assert prices(False, library, 0.5).tolist() == [0.5, 0.0]
+    assert prices(True, library, 0.5).tolist() == [0.0, 0.5]
+    assert prices(None, library, 0.5).tolist() == [0.0, 0.0]
+
+
+def test_bundled_rooms_and_studios_are_not_outdoors():
+    own = open_library()
+    assert are_outdoors(own).tolist() == [name.startswith("outdoor-") for name in own.names]
+    assert 0 < are_outdoors(own).sum() < len(own.names)
 
 
 def test_a_panorama_outdoors_is_doubted_unless_the_photo_is():

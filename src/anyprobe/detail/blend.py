@@ -1,12 +1,12 @@
 """Addition of a library map's detail to an estimate.
 
-    L = m (E' + e) exp(sum over bands of a_b h_b) - e + discs
+    L = m (E' + e) exp(sum over bands of a_b h_b) - e + sources
 
 E' is the estimate without its light sources, h the candidate's ln radiance at the estimate's exposure, cut off
 above white and without the orders that an estimate determines, split into bands; a_b^2 is the share of a band's power
 that the estimate lacks, so that reflections in a mirror are not drawn twice. m is smooth: it keeps blurred display
 values as near to the estimate's as possible while the nine spherical harmonics of radiance are exactly the estimate's.
-Surroundings visible in the photo replace all this; light sources are discs where the estimate has them.
+Surroundings visible in the photo replace all this; light sources are drawn where the estimate has them.
 
 Arrays here are planar, [3, H, 2H].
 """
@@ -17,11 +17,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import inverse_response, response
-from anyprobe.light.dominant_light import DominantLight, split_dominant_light
-from anyprobe.light.environment import MAP_HEIGHT, reduced
+from anyprobe.detail.drawn_sources import draw_lights, take_sources
+from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.harmonics import project, sh_basis
 from anyprobe.match.library import decode
@@ -46,14 +45,10 @@ STEP = 2.0
 """Largest factor, or its inverse, of one step towards the estimate's display values or harmonics."""
 STEPS = 5
 """Number of steps towards the estimate's harmonics."""
-MOST_LIGHTS = 3
-"""Largest number of light sources above white that become discs of their own; an estimate has two."""
 _CLIPPED = 0.97
 """Display value above which a seen pixel is a lower bound of its radiance."""
 _LEAST_COVER = 1e-3
 """Smallest cover that display values are divided by."""
-LEAST_RADIUS = np.radians(1.0)
-"""Smallest radius [radians] of a disc."""
 
 
 def blend(
@@ -73,28 +68,20 @@ def blend(
         seen: [rows, 2 rows, 4] known surroundings: display values times cover, and cover; with
             a fifth channel, the cover of values known above white too, where values over 1 are radiance.
     """
-    small = reduced(estimate, MAP_HEIGHT)
-    lights, rest = _split_lights(small)
+    sources, rest = take_sources(estimate)
     rest = _planar(rest)
     detailed = _detailed(rest, _candidate(codes, candidate_from_estimate, ln_gain, rows))
     goal = project(estimate)
     shown, cover = _shown(seen, rest, rows)
-    fixed = shown * cover + (1 - _measured(seen)) * sum(_disc(light, rows) for light in lights)
+    full = np.zeros((1, rows, 2 * rows), np.float32)
+    lights = draw_lights(sources, _interleaved(full + cover), _interleaved(full + shown * cover))
+    fixed = shown * cover + (1 - _measured(seen)) * _planar(lights)
     free = detailed * (1 - cover)
     free *= enlarged_planes(_towards(free, fixed, rest, goal), rows)
     # again, for the residual of reducing to 64 rows
     lack = goal - project(_interleaved(free + fixed))
     free *= enlarged_planes(_harmonics_step(_shrunk(free), lack), rows)
     return _interleaved(free + fixed)
-
-
-def _split_lights(radiance: np.ndarray) -> tuple[list[DominantLight], np.ndarray]:
-    """Split a map [H, 2H, 3] into at most MOST_LIGHTS light sources and the rest."""
-    lights: list[DominantLight] = []
-    while len(lights) < MOST_LIGHTS and luminance(radiance).max() > 1:
-        light, radiance = split_dominant_light(radiance)
-        lights.append(light)
-    return lights, radiance
 
 
 def _planar(radiance: np.ndarray) -> np.ndarray:
@@ -230,15 +217,6 @@ def _harmonics_step(free: np.ndarray, lack: np.ndarray) -> np.ndarray:
         ridge = 1e-6 * np.trace(gram) + 1e-9
         out[:] = 1.0 + (y @ np.linalg.solve(gram + ridge * np.eye(9), missing)).reshape(plane.shape)
     return np.clip(factor, 1 / STEP, STEP)
-
-
-def _disc(light: DominantLight, rows: int) -> np.ndarray:
-    """Draw the dominant light [3, rows, 2 rows] as a disc of the lobe's size, edges a pixel and a half wide."""
-    radius = max(float(np.arccos(np.clip(1.0 - light.solid_angle / (2 * np.pi), -1.0, 1.0))), LEAST_RADIUS)
-    angle = np.arccos(np.clip(light.direction @ _directions(rows), -1.0, 1.0)).reshape(rows, 2 * rows)
-    share = np.clip((radius - angle) / (1.5 * np.pi / rows) + 0.5, 0.0, 1.0)
-    facing = (share * np.cos(angle) * pixel_solid_angles(rows)).sum()
-    return share * (light.irradiance / facing)[:, None, None]
 
 
 def _shrunk(planes: np.ndarray) -> np.ndarray:

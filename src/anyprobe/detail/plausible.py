@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.detail.blend import blend
+from anyprobe.detail.kinds import OPEN_AIR
 from anyprobe.errors import InputError
 from anyprobe.light.environment import MAP_HEIGHT, check_radiance
-from anyprobe.match.alignment import find_matches
-from anyprobe.match.kind import MATCH_PRICE, prices
+from anyprobe.match.alignment import find_level_match
+from anyprobe.match.kind import prices
 from anyprobe.match.library import Library
 from anyprobe.match.library_folder import open_library
 
@@ -19,6 +20,8 @@ DETAILS = ("none", "plausible")
 SIZES = (64, 128, 256, 512)
 """Supported numbers of rows of a map with detail."""
 ROWS = SIZES[-1]
+OTHER_KIND = 10.0
+"""Penalty of a place of another kind, in units of match.alignment.Match.distance: there must be no other to take it."""
 
 
 def check_detail(detail: str) -> bool:
@@ -58,8 +61,8 @@ def add_detail(
     rows: int = ROWS,
     seed: int = 0,
     seen: np.ndarray | None = None,
-    outdoors: bool | None = None,
-    pitch_deg: float | None = None,
+    kind: str | None = None,
+    level_from_map: np.ndarray | None = None,
 ) -> Detailed:
     """Add the detail of a real place to an estimate's map; the same input gives the same bits.
 
@@ -70,8 +73,8 @@ def add_detail(
         rows: one of SIZES.
         seed: 0 picks the best candidate, 1 the next, and so on.
         seen: [rows, 2 rows, 4 or 5] known surroundings, see detail.blend.
-        outdoors: whether the photo is: a place of its kind is preferred; None: unknown.
-        pitch_deg: camera pitch downwards, which keeps the ground level; None: unknown.
+        kind: of the place, one of detail.kinds; None: unknown.
+        level_from_map: [3, 3] rotation to a frame whose +Y is up in the place; None: +Y is up in the map.
     Raises:
         InvalidEnvironment, InputError: bad arguments, in one line that says what to do.
     """
@@ -85,8 +88,8 @@ def add_detail(
             subject="estimate",
         )
     library = library if isinstance(library, Library) else open_library(library)
-    known = {} if pitch_deg is None else {"pitches_deg": (pitch_deg,)}
-    asked = prices(outdoors, library.lights, MATCH_PRICE)
-    match = find_matches(radiance, confidence, library, seed, prices=asked, **known)[0]
+    turn = np.eye(3) if level_from_map is None else level_from_map
+    asked = prices(None if kind is None else kind == OPEN_AIR, library, OTHER_KIND)
+    match = find_level_match(radiance, confidence, library, turn, seed, asked)
     detailed = blend(radiance, library.candidate(match.index), match.candidate_from_estimate, match.ln_gain, rows, seen)
     return Detailed(radiance=detailed, name=match.name, seed=seed, warnings=library.warnings)

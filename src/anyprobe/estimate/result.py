@@ -201,7 +201,8 @@ class Light:
             raise InputError(
                 "expected a light without it, got one that has it; begin with the estimate", subject="detail"
             )
-        is_camera = np.allclose(self.map_from_camera, np.eye(3))
+        _, turn = self._panorama_frame(LEVEL)
+        level = in_frame(self.radiance, turn)
         found = add_detail(
             self.radiance,
             self.confidence,
@@ -209,8 +210,8 @@ class Light:
             rows=size,
             seed=seed,
             seen=seen,
-            outdoors=photo_outdoors(self.plate, self.warnings),
-            pitch_deg=self.ground.pitch_deg if is_camera and self.ground is not None else None,
+            kind=kind_of_place(self.origin.hints, self.plate, self.warnings, level),
+            level_from_map=turn,
         )
         origin, added = replace(self.origin, detail=found.info()), tuple(map(as_notice, found.warnings))
         return replace(self, radiance=found.radiance, warnings=self.warnings + added, origin=origin)

@@ -60,6 +60,26 @@ def find_match(radiance: np.ndarray, confidence: np.ndarray | None, library: Lib
     return find_matches(radiance, confidence, library, rank=0)[0]
 
 
+def find_level_match(
+    radiance: np.ndarray,
+    confidence: np.ndarray | None,
+    library: Library,
+    level_from_map: np.ndarray,
+    rank: int = 0,
+    prices: np.ndarray | None = None,
+) -> Match:
+    """Find a candidate that stands upright in an estimate's place.
+
+    Args:
+        level_from_map: [3, 3] rotation to a frame whose +Y is up there.
+        rank, prices: see find_matches.
+    """
+    level = rotate(radiance, level_from_map)
+    sure = None if confidence is None else rotate(confidence[..., None], level_from_map)[..., 0]
+    match = find_matches(level, sure, library, rank, pitches_deg=(0.0,), prices=prices)[0]
+    return replace(match, candidate_from_estimate=match.candidate_from_estimate @ level_from_map)
+
+
 def find_matches(
     radiance: np.ndarray,
     confidence: np.ndarray | None,
@@ -186,7 +206,11 @@ class HeldMatch:
 
 
 def hold_match(
-    held: HeldMatch | None, radiance: np.ndarray, confidence: np.ndarray | None, library: Library
+    held: HeldMatch | None,
+    radiance: np.ndarray,
+    confidence: np.ndarray | None,
+    library: Library,
+    level_from_map: np.ndarray | None = None,
 ) -> HeldMatch:
     """Return the held match, or a new one if there is none or the estimate has moved away; pure.
 
@@ -194,11 +218,15 @@ def hold_match(
 
     Args:
         radiance: [H, 2H, 3] of this frame, all frames in one frame of reference; confidence: [H, 2H] or None.
+        level_from_map: see find_level_match; None: not known.
     """
     features = features_of(radiance)
     if held is not None and _apart(features, held.features) < MOVED:
         return held
-    match = find_match(radiance, confidence, library)
+    if level_from_map is None:
+        match = find_match(radiance, confidence, library)
+    else:
+        match = find_level_match(radiance, confidence, library, level_from_map)
     turn, gain = (np.ascontiguousarray(values) for values in (match.candidate_from_estimate, match.ln_gain))
     # in the memory order of an array read from a file, so that sums agree to the last bit
     match = replace(match, candidate_from_estimate=turn, ln_gain=gain)

@@ -13,6 +13,7 @@ import numpy as np
 
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.light.environment import reduced
+from anyprobe.match.library import OPEN_AIR_NAME, Library
 from anyprobe.match.plate import Plate
 from anyprobe.notices import Notice
 
@@ -42,8 +43,6 @@ PLAIN_BACKDROP = "plain-backdrop"
 """Code of the warning that a photo's object stands before a single colour."""
 PRICE = 0.5
 """Penalty of a panorama of the other kind, in units of likeness.Places.misfit."""
-MATCH_PRICE = 0.08
-"""The same penalty in units of match.Match.distance."""
 
 
 def shows_outdoors(plate: Plate) -> bool:
@@ -95,8 +94,15 @@ def photo_outdoors(plate: Plate | None, warnings: Iterable[Notice]) -> bool | No
     return False if any(one.code == PLAIN_BACKDROP for one in warnings) else None
 
 
-def prices(outdoors: bool | None, maps: np.ndarray, price: float) -> np.ndarray:
-    """Return each panorama's penalty [N] for a kind other than the photo's; zeros where that is None."""
+def are_outdoors(library: Library) -> np.ndarray:
+    """Return whether each map of a library is outdoors, [N]: the bundled ones say so by their names."""
+    if not library.files:
+        return np.array([name.startswith(OPEN_AIR_NAME) for name in library.names])
+    return outdoor_scores(library.lights) > OUTDOORS
+
+
+def prices(outdoors: bool | None, library: Library, price: float) -> np.ndarray:
+    """Return each map's penalty [N] for a kind other than the photo's; zeros where that is None."""
     if outdoors is None:
-        return np.zeros(len(maps), np.float32)
-    return np.where((outdoor_scores(maps) > OUTDOORS) != outdoors, price, 0.0).astype(np.float32)
+        return np.zeros(len(library.names), np.float32)
+    return np.where(are_outdoors(library) != outdoors, price, 0.0).astype(np.float32)

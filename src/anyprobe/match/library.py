@@ -41,6 +41,8 @@ PATTERN, SHADING = 12.0, 6.0
 6; and of radiance itself, roughly the detail that a dull object shows."""
 DETAIL = 48.0
 """Sharpness of the blur that separates an estimate from detail: exp(-l (l + 1) / 96) of order l, a half at order 8."""
+OPEN_AIR_NAME = "outdoor"
+"""Beginning of the names of bundled maps of places outdoors."""
 _VERSION, OWN_VERSION = 3, 1
 """Versions of a stored library and of the bundled one, which stores neither lights nor files; others are rebuilt."""
 

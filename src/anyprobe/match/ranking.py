@@ -172,7 +172,7 @@ def rank_maps(
     if shown is not None:
         camera = rotate(radiance, light_from_camera.T)
         places = best_places(shown, library.lights, pitch_deg, is_estimated=is_pitch_estimated)
-        found_turns, cost = places.map_from_camera, places.misfit + prices(outdoors, library.lights, PRICE)
+        found_turns, cost = places.map_from_camera, places.misfit + prices(outdoors, library, PRICE)
         misfits, order = cost, _fitting_first(np.argsort(cost, kind="stable").tolist(), library, found_turns, camera)
         gains = {i: gain_of(shown, camera, library.lights[i], found_turns[i]) / library.levels[i] for i in order}
         turns = found_turns @ light_from_camera.T

@@ -6,6 +6,7 @@ import logging
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from functools import partial
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
@@ -160,7 +161,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
                 if cut_photo.ball is not None:
                     light = model.unwrapped(light, cut_photo.ball, start)
                 cancellation.check()
-                light = _detailed(light, upload, cut_photo.seen)
+                light = _detailed(replace(light, plate=cut_photo.plate), upload, cut_photo.seen)
                 return answers.light_response(light, media, upload.include, cut_photo.mask)
 
             return await pool.run(work, _leaving(request))

@@ -21,6 +21,7 @@ from anyprobe.estimate.photo import Crop, Photo, load_photo
 from anyprobe.estimate.result import Light
 from anyprobe.hints import Hints
 from anyprobe.maps.radiance import map_attributes, read_radiance
+from anyprobe.match.plate import Plate
 from anyprobe.notices import give, leave_out
 from anyprobe.pictures.declared_size import declared_pixels
 from anyprobe.pictures.images import read_image
@@ -92,24 +93,28 @@ def ready() -> None:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Cut:
-    """A photo without its pixels, its object's crop, its mask as PNG and its map of seen directions; None if not asked
-    for. ball: the object without pixels too, where it is alone and looks like a mirror ball."""
+    """A photo without its pixels, its object's crop, its mask as PNG, its map of seen directions and what it shows
+    beside the object, small; None if not asked for. ball: the object without pixels too, where it is alone and looks
+    like a mirror ball."""
 
     photo: Photo
     crop: Crop
     ball: Ball | None
     mask: bytes | None
     seen: np.ndarray | None
+    plate: Plate | None
 
 
 def cut(upload: Upload, max_pixels: int, first: bool, with_mask: bool, is_alone: bool) -> Cut:
     """Return the object cut out of its photo, and what else of the photo the light or the answer needs."""
     photo = _open(upload, max_pixels)
     seen = None if upload.rows is None else photo.seen(upload.rows)
+    plate = None if upload.rows is None or not photo.shows_place else photo.plate()
     mask = mask_png(photo.mask) if with_mask else None
     ball = find_ball(photo) if is_alone else None
     ball = ball and replace(ball, photo=ball.photo.without_pixels())
-    return Cut(photo=photo.without_pixels(), crop=cut_out(photo, first=first), ball=ball, mask=mask, seen=seen)
+    crop = cut_out(photo, first=first)
+    return Cut(photo=photo.without_pixels(), crop=crop, ball=ball, mask=mask, seen=seen, plate=plate)
 
 
 def mask(upload: Upload, max_pixels: int, as_json: bool) -> dict[str, Any] | bytes:

@@ -245,7 +245,8 @@ class ClipRun:
         done.light_time_s, self._shown, self._preview = frame.time_s, None, None
         steady = self._seen(frame.index)
         if self.library is not None:
-            done.held = hold_match(done.held, done.light.radiance, light.confidence, self.library)
+            up = None if self.poses is not None or light.ground is None else light.ground.level_from_camera
+            done.held = hold_match(done.held, done.light.radiance, light.confidence, self.library, up)
             record["detail"] = done.held.match.name
         if self.exr:
             header = {"model": self.estimator.model_id, "frame": FRAME, "scale": SCALE}
