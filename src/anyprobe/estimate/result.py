@@ -198,11 +198,9 @@ class Light:
         from anyprobe.detail.plausible import add_detail
 
         if self.origin.detail is not None:
-            raise InputError(
-                "expected a light without it, got one that has it; begin with the estimate", subject="detail"
-            )
+            raise InputError("expected a light without it; begin with the estimate", subject="detail")
         _, turn = self._panorama_frame(LEVEL)
-        level = in_frame(self.radiance, turn)
+        kind = kind_of_place(self.origin.hints, self.plate, self.warnings, in_frame(self.radiance, turn))
         found = add_detail(
             self.radiance,
             self.confidence,
@@ -210,7 +208,7 @@ class Light:
             rows=size,
             seed=seed,
             seen=seen,
-            kind=kind_of_place(self.origin.hints, self.plate, self.warnings, level),
+            kind=kind,
             level_from_map=turn,
         )
         origin, added = replace(self.origin, detail=found.info()), tuple(map(as_notice, found.warnings))
