@@ -47,6 +47,12 @@ def test_grain_is_measured_where_nothing_else_is(grain):
     assert look_of(photo_of(0.6, 1.0, grain)).grain == pytest.approx(grain, rel=0.3)
 
 
+def test_a_texture_of_a_cut_out_is_no_grain():
+    photo = photo_of(0.6, 1.0, 0.02)
+    cut_out = load_photo(np.dstack([photo.rgb, photo.mask]))
+    assert look_of(cut_out).grain == 0.0
+
+
 def test_a_blurred_object_keeps_its_light_and_coverage():
     drawn = np.zeros((40, 40, 4), np.float32)
     drawn[10:30, 10:30] = [2.0, 1.0, 0.5, 1.0]

@@ -48,7 +48,9 @@ def look_of(photo: Photo) -> CameraLook:
     x, y = contact_of(photo.mask)
     rows, columns = (slice(max(0, int(c) - REACH_PX), max(0, int(c) + REACH_PX)) for c in (y, x))
     shown = luminance(photo.rgb[rows, columns]).astype(np.float32)
-    return CameraLook(blur=_blur_of(shown), grain=_grain_of(shown))
+    # of a cut-out only the object's own texture would be measured
+    grain = _grain_of(shown) if photo.shows_place else 0.0
+    return CameraLook(blur=_blur_of(shown), grain=grain)
 
 
 def _blur_of(shown: np.ndarray) -> float:
