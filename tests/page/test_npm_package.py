@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from support.balls import FOV, ball_photo, rich_map
 from support.browser import run_steps, serve
 from support.bundlers import build_example, pack
 from support.page_spheres import MOST_OFF, SPHERES, drawn_by_package, typical_difference
@@ -201,6 +202,19 @@ def test_every_kind_of_picture_gives_one_light_and_faults_are_named(plain_site, 
     assert seen["hasWebgpu"] or refused["webgpu"]["code"] == "unsupported"
     assert refused["aborted"]["name"] == "AbortError"
     assert refused["aborted early"]["name"] == "AbortError"
+
+
+def test_a_mirror_ball_is_unwrapped_as_python_does(plain_site, estimator):
+    picture, mask = ball_photo(rich_map(), "mirror")
+    Image.fromarray(picture).save(plain_site / "ball.png")
+    Image.fromarray(np.round(255 * mask).astype(np.uint8)).save(plain_site / "ball_mask.png")
+    fov_deg = np.degrees(2 * np.arctan(np.tan(np.radians(FOV) / 2) * 240 / 320))  # vertically
+    with serve({"/": plain_site}) as url:  # not isolated: one thread
+        found, given = run_steps("package_ball.mjs", url, {"page": "index.html", "fovDeg": fov_deg})
+    assert "mirror-ball" in found["codes"]
+    assert "mirror-ball" not in given["codes"]
+    expected = estimator(picture, mask=mask, fov_deg=FOV).sh9().ravel()
+    assert np.linalg.norm(np.subtract(found["sh9"], expected)) < 0.01 * np.linalg.norm(expected)
 
 
 def test_every_source_of_frames_is_followed_and_a_second_session_too(plain_site, estimator):
