@@ -145,6 +145,7 @@ def test_package_holds_what_its_readme_says_and_no_more(plain_site):
         "dist",
         "examples",
         "package.json",
+        "pictures",
         "src",
         "types",
         "weights",
