@@ -121,9 +121,9 @@ test("a download says how much has come, and when nothing comes", async () => {
   assert.deepEqual(said, [{ ...about, stalled: false }, { ...about, stalled: true }]);
 });
 
-test("a browser that lacks what is needed is told which it is", async () => {
+test("a browser that lacks what is needed is told which it is, and Node.js that it is none", async () => {
   const { AnyProbe } = await import("../src/plain.js");
-  const lacking = globalThis.createImageBitmap === undefined ? /no (OffscreenCanvas|Worker), which anyprobe needs/ : /no OffscreenCanvas/;
+  const lacking = globalThis.Worker === undefined ? /^expected a browser, got Node\.js; load it in the page/ : /no OffscreenCanvas, which anyprobe needs/;
   await assert.rejects(AnyProbe.load(), { code: "unsupported", message: lacking });
   globalThis.Worker = globalThis.OffscreenCanvas = class {};
   await assert.rejects(AnyProbe.load(), { code: "unsupported", message: /no createImageBitmap, which anyprobe needs; use a newer one \(Chrome 50/ });

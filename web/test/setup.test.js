@@ -29,10 +29,6 @@ test("what is no address is told of", () => {
   assert.throws(() => checkSetup({ ...others, runtime: "http://[", weights: OWN }, {}), refused('address: expected one of a file, got "http://["'));
 });
 
-test("Node.js is told that it is no browser", () => {
-  assert.throws(requireBrowser, { code: "unsupported", message: /^expected a browser, got Node\.js; load it in the page/ });
-});
-
 test("a light of one's own has no other's whole, and a whole no other's light", () => {
   assert.deepEqual(urlsOf({ light: "/l.onnx" }, OWN), { light: "/l.onnx", mask: OWN.mask });
   assert.deepEqual(urlsOf({ light: "/l.onnx", whole: "/w.onnx" }, OWN), { light: "/l.onnx", whole: "/w.onnx", mask: OWN.mask });

@@ -21,7 +21,7 @@ const LEAST_SAFARI = [16, 5];
 export function requireBrowser() {
   for (const [name, since] of Object.entries(NEEDED)) {
     if (typeof globalThis[name] !== "undefined") continue;
-    if (globalThis.process?.versions?.node) throw new AnyProbeError("unsupported", "expected a browser, got Node.js; load it in the page, or use the Python package there");
+    if (name === "Worker" && globalThis.process?.versions?.node) throw new AnyProbeError("unsupported", "expected a browser, got Node.js; load it in the page, or use the Python package there");
     throw new AnyProbeError("unsupported", `this browser has no ${name}, which anyprobe needs; use a newer one (${since})`);
   }
   const [major, minor] = safariOf(globalThis.navigator?.userAgent ?? "") ?? LEAST_SAFARI;
