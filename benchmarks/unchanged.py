@@ -69,7 +69,7 @@ from anyprobe.learning.dataset.recipe import balanced_recipes, world_recipes
 assets = load_asset_store(None, "train", procedural_maps=2, procedural_shapes=2)
 recipes = [*balanced_recipes(assets, 4), *balanced_recipes(assets, 4, conditions=1), *world_recipes(assets, 8, 1)]
 for number, recipe in enumerate(recipes):
-    pair = render_pair(recipe, assets, textured=number % 3 == 0)
+    pair = render_pair(recipe, assets)
     for part in ("photo", "irradiance", "radiance", "map_from_camera", "gain"):
         print("exact", number, part, hashlib.sha256(getattr(pair, part).tobytes()).hexdigest())
 from anyprobe.learning.train.config import RUNS, smoke

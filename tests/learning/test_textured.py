@@ -4,19 +4,14 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from support.refused import refused
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
-from anyprobe.core.sampling import hammersley  # noqa: E402
-from anyprobe.learning.dataset import pair as pair_module  # noqa: E402
 from anyprobe.learning.dataset import pairs, photograph  # noqa: E402
-from anyprobe.learning.dataset.asset_store import load_asset_store  # noqa: E402
+from anyprobe.learning.dataset.asset_store import own_map  # noqa: E402
 from anyprobe.learning.dataset.distributions import METALS, draw_material  # noqa: E402
 from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.learning.dataset.pair import render_pair  # noqa: E402
 from anyprobe.learning.dataset.pairs import PairConfig, PairSource  # noqa: E402
-from anyprobe.learning.dataset.recipe import balanced_recipes  # noqa: E402
 from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.learning.dataset.textured import (  # noqa: E402
     MAX_ALBEDO,
@@ -31,7 +26,6 @@ from anyprobe.learning.dataset.textured import (  # noqa: E402
     paint_some,
     smooth_noise,
 )
-from anyprobe.render.picture import draw_mesh  # noqa: E402
 from anyprobe.scatter.materials import Material  # noqa: E402
 
 SIZE, RADIUS = 128, 0.85
@@ -52,21 +46,9 @@ def disc() -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def store():
-    return load_asset_store(None, "test", procedural_maps=2, procedural_shapes=2)
-
-
-@pytest.fixture
-def few_samples(monkeypatch):
-    """Pairs shaded roughly, and exposed alike whatever they show."""
-    monkeypatch.setattr(pair_module, "hammersley", lambda count: hammersley(4))
-    monkeypatch.setattr(photograph, "exposure", lambda *_: 0.5)
-
-
-@pytest.fixture(scope="module")
-def source(store):
+def source():
     """A source of the same pairs by any further settings."""
-    illuminator = Illuminator([asset.radiance for asset in store.maps.values()], compiled=False)
+    illuminator = Illuminator([own_map(5, index).radiance for index in range(2)], compiled=False)
     surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=2))
 
     def make(**settings) -> PairSource:
@@ -235,64 +217,3 @@ def test_about_a_share_of_objects_is_painted_and_the_rest_left_as_it_is():
         assert 12 <= len(changed) <= 28
         assert all(one.albedo.shape == one.f0.shape == (SIZE, SIZE, 3) for one in changed)
         assert {bool(np.ptp(one.f0) == 0) for one in changed} == {shares[0] > 0}
-
-
-def test_a_textured_pair_is_the_same_every_time_and_asks_for_the_same_light(store, few_samples):
-    """At the same exposure: all but the photo, and in it the mask."""
-    for recipe in balanced_recipes(store, 2, conditions=1):
-        plain, first, second = (render_pair(recipe, store, textured=textured) for textured in (False, True, True))
-        np.testing.assert_array_equal(first.photo, second.photo)
-        assert not np.array_equal(first.photo, plain.photo)
-        np.testing.assert_array_equal(first.photo[..., 3], plain.photo[..., 3])
-        for name in ("irradiance", "radiance", "gain", "normals", "map_from_camera"):
-            np.testing.assert_array_equal(getattr(first, name), getattr(plain, name))
-        np.testing.assert_array_equal(first.material.albedo, plain.material.albedo)
-
-
-def test_pairs_show_textures_second_materials_and_both(store, few_samples, monkeypatch):
-    """A third each; the second material has an alpha of its own, and leaves the first where it is not."""
-    calls = []
-
-    def spy(name: str):
-        drawn = getattr(pair_module, name)
-
-        def call(*arguments):
-            calls.append((name, drawn(*arguments)))
-            return calls[-1][1]
-
-        monkeypatch.setattr(pair_module, name, call)
-
-    shaded, shade_surface = [], pair_module.shade_surface
-
-    def spy_on_alpha(*arguments):
-        shaded.append(arguments[-1])
-        return shade_surface(*arguments)
-
-    monkeypatch.setattr(pair_module, "shade_surface", spy_on_alpha)
-    for name in ("draw_factor", "draw_share", "draw_alpha"):
-        spy(name)
-    kinds = []
-    for recipe in balanced_recipes(store, 15):
-        calls.clear()
-        shaded.clear()
-        textured = render_pair(recipe, store, textured=True)
-        (_, alpha), *changes = calls
-        kinds.append(tuple(name for name, _ in changes if name != "draw_alpha"))
-        if kinds[-1] == ("draw_share",):
-            assert {name for name, _ in changes} == {"draw_share", "draw_alpha"}
-            other = next(value for name, value in changes if name == "draw_alpha")
-            assert other != alpha == textured.material.alpha
-            assert shaded == [alpha, other]
-            share = next(value for name, value in changes if name == "draw_share")
-            plain = render_pair(recipe, store)
-            first = (share == 0) & (plain.photo[..., 3] > 0)
-            assert first.mean() > 0.1
-            np.testing.assert_array_equal(textured.photo[first], plain.photo[first])
-            assert (textured.photo != plain.photo)[share == 1].mean() > 0.5
-    assert set(kinds) == {("draw_factor",), ("draw_share",), ("draw_factor", "draw_share")}
-    assert all(3 <= kinds.count(kind) <= 7 for kind in set(kinds))
-
-
-def test_another_renderer_is_not_asked_for_textures(store):
-    with refused("textured"):
-        render_pair(*balanced_recipes(store, 1), store, draw_mesh, textured=True)

@@ -13,6 +13,7 @@ from support.folders import snapshot
 from support.some_pair import sphere_pair
 
 from anyprobe.cli.evaluate import SEED
+from anyprobe.core.response import MEAN_CURVE
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models
 from anyprobe.learning.dataset import catalog
 from anyprobe.learning.dataset import pair as pair_module
@@ -36,11 +37,11 @@ def rendered(monkeypatch) -> list[dict]:
     """How each pair was asked for; spheres in turn indoors and out, shiny and dull."""
     calls = []
 
-    def render_pair(recipe, store, trace=None, laboratory=False, textured=False):
-        calls.append({"trace": trace, "textured": textured, "conditions": recipe.conditions})
+    def render_pair(recipe, store, trace=None):
+        calls.append({"trace": trace, "conditions": recipe.conditions})
         k = len(calls) - 1
         pair = sphere_pair(k, ALPHAS[k % 4], indoor=bool(k // 2 % 2), material=k % 2)
-        return pair if textured else replace(pair, recipe=recipe)  # whose key is asked for; it has another curve
+        return replace(pair, recipe=recipe)
 
     monkeypatch.setattr(pair_module, "render_pair", render_pair)
     monkeypatch.setattr(catalog, "load_maps", lambda folder, report: [own_map(1, 1)])
@@ -74,7 +75,7 @@ def written(folder) -> dict:
 @pytest.mark.ci
 def test_every_group_has_every_method_and_its_confidence(work, command, rendered, cheap_spheres):
     """In the file and in print: the baselines, all groups that occur, and a constant beside what is claimed."""
-    ended = command("evaluate", *ASSETS, "--conditions", "world", "--noisy-masks")
+    ended = command("evaluate", *ASSETS, "--conditions", "world")
     assert ended.status == 0, ended.err
     assert [call["conditions"] for call in rendered] == [1] * 4
     scores = written(work)["scores"]
@@ -104,8 +105,10 @@ def test_what_is_told_has_a_confidence_of_its_own(work, command, rendered, score
     monkeypatch.setattr(
         methods, "GIVEN_HINTS", {name: methods.GIVEN_HINTS[name] for name in ("normals", "surroundings")}
     )
-    ended = command("evaluate", *ASSETS, "--hints", "--textured")
-    assert [call["textured"] for call in rendered] == [True] * 4
+    monkeypatch.setattr(
+        methods, "shot_of", lambda recipe: SimpleNamespace(curve=MEAN_CURVE)
+    )  # as these spheres are shown
+    ended = command("evaluate", *ASSETS, "--hints")
     given, alone = written(work)["confidence_with_hints"], written(work)["confidence"]
     assert list(given) == ["lift, normals given", "lift, surroundings given"]
     assert given["lift, surroundings given"]["right"] > alone["right"] + 0.01
@@ -123,17 +126,6 @@ def test_a_model_that_claims_nothing_has_no_confidence(work, command, rendered, 
     ended = command("evaluate", *ASSETS, "--model", "paper")
     assert (written(work)["confidence"], written(work)["confidence_with_hints"]) == (None, {})
     assert "confidence" not in ended.out
-    assert [call["textured"] for call in rendered] == [False] * 4
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [((*ASSETS, "--textured", "--path-traced"), "--textured: expected photos shaded by anyprobe")],
-)
-def test_textured_objects_are_refused_where_they_cannot_be(work, command, arguments, words):
-    before = snapshot(work)
-    assert words in command("evaluate", *arguments).complaint
-    assert snapshot(work) == before
 
 
 def own_maps(photos, maps, gain: float = 1.0) -> None:

@@ -51,13 +51,9 @@ def evaluate(
     conditions: Annotated[
         Conditions, typer.Option(help="clean photos; world: as phones take them, with noise, JPEG, blur, rough masks.")
     ] = "clean",
-    noisy_masks: Annotated[
-        bool, typer.Option("--noisy-masks", help="Masks 3 pixels too wide or narrow, with 5 % holes.")
-    ] = False,
     path_traced: Annotated[
         bool, typer.Option("--path-traced", help="Photos by Mitsuba 3, with self-shadowing and interreflection.")
     ] = False,
-    textured: Annotated[bool, typer.Option("--textured", help="Objects with mild texture or two materials.")] = False,
     hints: Annotated[
         bool, typer.Option("--hints", help="Also score with true normals, material and surroundings given.")
     ] = False,
@@ -82,7 +78,6 @@ def evaluate(
             "recipes that state no conditions",
             "--recipes",
         ),
-        (textured and path_traced, "--textured", "photos shaded by anyprobe", "--path-traced"),
         (predictions and write_photos, "--predictions", "photos written earlier", "--write-photos"),
         (write_photos and hints, "--hints", "pairs to score", "--write-photos"),
         (write_photos and model != DEFAULT_MODEL, "--model", "pairs to score", "--write-photos"),
@@ -97,7 +92,7 @@ def evaluate(
     from anyprobe.files.atomic import atomic_path
     from anyprobe.learning.dataset.pair import render_pair
     from anyprobe.learning.dataset.recipe import digest
-    from anyprobe.learning.evaluate.methods import baselines, truth_methods, with_noisy_mask
+    from anyprobe.learning.evaluate.methods import baselines, truth_methods
     from anyprobe.learning.evaluate.scoring import METRICS, score_pairs
     from anyprobe.pictures.images import write_png
 
@@ -115,8 +110,7 @@ def evaluate(
     if write_photos is None:
         methods = _judged(predictions, [one.key for one in chosen], model, engine, title, hints) | baselines()
         methods |= truth_methods()
-    photos: Iterable[Pair] = (render_pair(recipe, store, trace, textured=textured) for recipe in chosen)
-    photos = map(with_noisy_mask, photos) if noisy_masks else photos
+    photos: Iterable[Pair] = (render_pair(recipe, store, trace) for recipe in chosen)
     columns = (TextColumn("evaluating"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console) as progress:
         task = progress.add_task("", total=len(chosen))
@@ -138,9 +132,7 @@ def evaluate(
             "pairs": len(chosen),
             **({"recipes": recipes.name} if recipes is not None else {"frozen": True} if frozen else {"seed": seed}),
             **({} if recipes is not None else {"conditions": conditions}),
-            "noisy_masks": noisy_masks,
             "path_traced": path_traced,
-            "textured": textured,
             "engine": engine,
         },
         "model": model_id(model) if predictions is None else title,

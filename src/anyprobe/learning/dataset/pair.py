@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -17,14 +16,14 @@ from anyprobe.core.frames import rotation_y, world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.core.sampling import hammersley
-from anyprobe.errors import InputError, InvalidMesh
+from anyprobe.errors import InvalidMesh
 from anyprobe.learning.dataset import distributions
 from anyprobe.learning.dataset.asset_store import AssetStore
 from anyprobe.learning.dataset.camera import Shot, as_planes, draw_shot
 from anyprobe.learning.dataset.distributions import SPECULAR_BELOW, draw_alpha, draw_material
 from anyprobe.learning.dataset.photograph import LitObjects, photograph
 from anyprobe.learning.dataset.recipe import VIEWPOINTS, WORLD, Recipe
-from anyprobe.learning.dataset.textured import draw_factor, draw_share, factor_at, paint
+from anyprobe.learning.dataset.textured import factor_at, paint
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.light.octahedral import Pyramid
 from anyprobe.render.integrate import Shading, shade
@@ -83,33 +82,22 @@ def fibonacci_viewpoint(index: int) -> tuple[float, float]:
     return float(index * np.pi * (3.0 - np.sqrt(5.0))), float(np.arcsin((index + 0.5) / VIEWPOINTS))
 
 
-def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, textured: bool = False) -> Pair:
+def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None) -> Pair:
     """Render the pair of a recipe; InputError if the store lacks its map or shape, or it is not visible.
 
     trace: makes the photo in the place of our shading; the irradiance stays what no shadow falls on. Under WORLD
         conditions, painted objects get a mild texture by it, which our shading leaves out.
-    textured: the same object not quite uniform: a third with a mild texture, a third of two materials, a third both
-        (dataset.textured). Irradiance and map know of it by the photo's exposure alone. Not with trace, which is
-        given one material.
     """
-    if textured and trace is not None:
-        raise InputError(
-            "expected objects shaded by anyprobe, got another renderer; leave one of them out", subject="textured"
-        )
     asset, shape, rng = store.map(recipe.map_id), store.shape(recipe.shape_id), recipe.rng()
     drawn = _draw(recipe, rng)
     material = drawn.material
     camera, surface = _look(shape.mesh, drawn, shape.name)
     # the map turns about the shape, so that shape and light are not tied together
     map_from_camera = rotation_y(drawn.map_yaw) @ camera.world_from_camera
-    pyramid = store.pyramid(recipe.map_id)
-    shading = shade_surface(pyramid, surface, map_from_camera, material.alpha)
+    shading = shade_surface(store.pyramid(recipe.map_id), surface, map_from_camera, material.alpha)
     normals = np.zeros((*surface.mask.shape, 3), np.float32)
     normals[surface.mask] = surface.normals
     reflected = shading.radiance(material)
-    if textured:
-        relit = partial(shade_surface, pyramid, surface, map_from_camera)
-        reflected = _textured_radiance(material, shading, relit, normals, rng.spawn(1)[0])
     if trace is not None:
         map_from_world = map_from_camera @ camera.world_from_camera.T
         surroundings = rotate(asset.radiance, map_from_world.T)
@@ -171,29 +159,6 @@ def _painted(material: Material, mesh: Mesh, rng: np.random.Generator) -> Materi
     corners = mesh.positions[mesh.faces].reshape(-1, 3).astype(np.float32)
     factor = factor_at(corners, mesh.normals.reshape(-1, 3).astype(np.float32), rng)
     return replace(paint(material, factor.reshape(-1, 3, 3)), f0=material.f0)
-
-
-def _textured_radiance(
-    material: Material,
-    shading: Shading,
-    shade_again: Callable[[float], Shading],
-    normals: np.ndarray,
-    rng: np.random.Generator,
-) -> np.ndarray:
-    """Return the radiance [P, 3] of an object that is not quite uniform.
-
-    Args:
-        shading: the P pixels of the object, with the first material's alpha; shade_again: with another.
-        normals: [S, S, 3], zero off the object.
-    """
-    mask, kind = normals.any(axis=-1), rng.integers(3)
-    if kind != 1:
-        material = paint(material, draw_factor(normals, rng)[mask])
-    radiance = shading.radiance(material)
-    if kind == 0:
-        return radiance
-    second, share = draw_material(rng, draw_alpha(rng)), draw_share(normals, rng)[mask][:, None]
-    return (1 - share) * radiance + share * shade_again(second.alpha).radiance(second)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from importlib import resources
 
@@ -16,7 +16,6 @@ from anyprobe.estimate.material_hint import use_material
 from anyprobe.estimate.normals_hint import SHORTEST
 from anyprobe.estimate.runtime import EXPECTED, NORMALS_SIZE, Models, Outputs
 from anyprobe.estimate.surroundings import use_surroundings, visible_surroundings
-from anyprobe.learning.dataset.mask_errors import narrow, pierce, widen
 from anyprobe.learning.dataset.pair import Pair, shot_of
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.filtering import blur_cap
@@ -169,29 +168,3 @@ def surroundings(pair: Pair) -> np.ndarray | None:
     radiance = bilinear(pair.radiance, direction_to_uv(normalize(rays)).astype(np.float32))
     display = np.round(response(radiance, shot_of(pair.recipe).curve).clip(0.0, 1.0) * 255) / 255
     return visible_surroundings(display.astype(np.float32), PHONE_FOV_DEG, np.eye(3), pair.crop, pair.tan_half)
-
-
-ERROR_PX = 3
-HOLES = 0.05
-"""Share of the object that holes remove."""
-
-
-def noisy_mask(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Make a mask [S, S] bool ERROR_PX too wide or too narrow, and pierce it until HOLES of it is gone."""
-    edge = widen(mask, ERROR_PX) if rng.random() < 0.5 else narrow(mask, ERROR_PX)
-    if not edge.any():
-        return mask
-    pierced = edge
-    while pierced.sum() > (1 - HOLES) * edge.sum():
-        pierced = pierce(pierced, 1, rng)
-    return pierced if pierced.any() else edge
-
-
-def with_noisy_mask(pair: Pair) -> Pair:
-    """Return the pair with a noisy mask; the photo is black where the mask is too wide, as behind every pair."""
-    rng = np.random.default_rng(pair.recipe.seed % 2**32)
-    mask = noisy_mask(pair.photo[..., 3] > 0, rng)
-    photo = pair.photo.copy()
-    photo[..., 3] = mask * np.uint8(255)
-    photo[..., :3] *= mask[..., None]
-    return replace(pair, photo=photo)
