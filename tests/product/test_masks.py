@@ -352,7 +352,7 @@ def test_overlay_dims_the_rest_and_draws_the_edge():
 
 
 @pytest.mark.ci
-def test_mask_command_writes_a_mask_that_estimate_takes(tmp_path, monkeypatch, command, project_root):
+def test_mask_command_writes_a_mask_that_estimate_takes(tmp_path, monkeypatch, command, project_root, small_masks):
     monkeypatch.chdir(tmp_path)
     rgb, true = vase(project_root)
     Image.fromarray((rgb * 255).round().astype(np.uint8)).save("vase.png")

@@ -20,6 +20,7 @@ from anyprobe.cli.app import app
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.errors import InputError, OutputError
+from anyprobe.estimate import outputs
 from anyprobe.estimate.ground import Ground, up_of
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import Origin
@@ -47,6 +48,12 @@ def folder(tmp_path, monkeypatch):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_exr(path, place(seed))
     return tmp_path / "maps"
+
+
+@pytest.fixture
+def no_sheet(monkeypatch):
+    """A plain picture in the place of the contact sheet, whose spheres take longer than the match."""
+    monkeypatch.setattr(outputs, "draw_matches", lambda photo, light, matches: np.zeros((8, 8, 3), np.float32))
 
 
 def shown_under(radiance: np.ndarray, map_from_camera: np.ndarray, albedo=(0.5, 0.2, 0.1)) -> Shown:
@@ -372,7 +379,7 @@ def test_maps_that_shade_unlike_the_estimate_come_after_those_that_do(folder, ca
 
 @pytest.mark.ci
 @pytest.mark.usefixtures("networks_opened_once")
-def test_strict_counts_the_warnings_of_a_match(folder, tmp_path, monkeypatch):
+def test_strict_counts_the_warnings_of_a_match(folder, tmp_path, monkeypatch, no_sheet):
     from PIL import Image
 
     monkeypatch.setattr(fit_warnings, "STOPS_APART", 99.0)
@@ -389,7 +396,7 @@ def test_strict_counts_the_warnings_of_a_match(folder, tmp_path, monkeypatch):
 
 @pytest.mark.ci
 @pytest.mark.usefixtures("networks_opened_once")
-def test_maps_of_earlier_matches_of_a_photo_are_said(folder, tmp_path):
+def test_maps_of_earlier_matches_of_a_photo_are_said(folder, tmp_path, no_sheet):
     from PIL import Image
 
     (folder / "place-0.exr").rename(folder / "pläce 0.exr")

@@ -243,7 +243,7 @@ def plug(monkeypatch, load) -> None:
     monkeypatch.setattr(segmenters, "entry_points", lambda group: [entry] if group == segmenters.GROUP else [])
 
 
-@pytest.mark.ci
+@pytest.mark.usefixtures("small_masks")
 def test_a_plug_in_is_found_by_name_and_gets_its_argument(monkeypatch, photo):
     plug(monkeypatch, lambda: Plugged)
     assert load_segmenter("mine:some:thing").argument == "some:thing"
@@ -254,7 +254,7 @@ def test_a_plug_in_is_found_by_name_and_gets_its_argument(monkeypatch, photo):
     assert find.find_mask(read_image(photo), segmenter="mine", click=(90, 45)).source == "click"
 
 
-@pytest.mark.ci
+@pytest.mark.usefixtures("small_masks")
 def test_clicks_choose_among_a_segmenters_parts(photo):
     little = (slice(30, 60), slice(5, 40))
     photo[little] = (220, 40, 30)

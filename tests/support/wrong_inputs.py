@@ -97,7 +97,9 @@ TABLE = {
         {"surroundings": b"sky"}, code="invalid-image", subject=("surroundings",), remedy=("choose-photo",)
     ),
     "no background": Wrong({"surroundings": "photo", "mask": DISC}, remedy=("surroundings",), photo=png(level="white")),
-    "normals of another size": Wrong({"normals": png(size=(80, 60), level=(128, 128, 255))}, subject=("normals",)),
+    "normals of another size": Wrong(
+        {"normals": png(size=(80, 60), level=(128, 128, 255)), "mask": DISC}, subject=("normals",)
+    ),
     "a photo as normals": Wrong({"normals": photo(), "mask": DISC}, subject=("normals",)),
     "a box as sphere": Wrong(
         {"normals": "sphere", "mask": mask(lambda x, y: (x > 20) & (x < 140) & (y > 50) & (y < 80))},
