@@ -9,6 +9,7 @@
 
 import { CONTRACT } from "../core/contract.js";
 import { solved } from "../core/linear.js";
+import { objectBox } from "../photo/picture.js";
 
 const { fine_px: FINE_PX, coarse_px: COARSE_PX, points: POINTS, reach: REACH, pull: PULL, ...NUMBERS } = CONTRACT.registration;
 const { steps: STEPS, done_px: DONE_PX, spread: SPREAD, least: LEAST, least_gain: LEAST_GAIN } = NUMBERS;
@@ -86,19 +87,20 @@ export function locateKey(key, picture, start, offset = [0, 0]) {
 
 /** Centre, radius and longer side of what a mask covers. */
 function placeOf(mask, width, [left, top]) {
-  let [count, sumX, sumY, squares, x0, y0, x1, y1] = [0, 0, 0, 0, Infinity, Infinity, -1, -1];
-  for (let i = 0; i < mask.length; i++) {
-    if (!(mask[i] > 0.5)) continue;
-    const [x, y] = [i % width, Math.floor(i / width)];
-    count++;
-    sumX += x;
-    sumY += y;
-    squares += x * x + y * y;
-    [x0, y0, x1, y1] = [Math.min(x0, x), Math.min(y0, y), Math.max(x1, x), Math.max(y1, y)];
+  let [count, sumX, sumY, squares] = [0, 0, 0, 0];
+  for (let y = 0, i = 0; i < mask.length; y++) {
+    for (let x = 0; x < width; x++, i++) {
+      if (!(mask[i] > 0.5)) continue;
+      count++;
+      sumX += x;
+      sumY += y;
+      squares += x * x + y * y;
+    }
   }
+  const [x0, y0, x1, y1] = objectBox(mask, width);
   const [meanX, meanY] = [sumX / count, sumY / count];
   const radius = Math.sqrt(Math.max(squares / count - meanX ** 2 - meanY ** 2, 0)) || 1;
-  return { center: [meanX + 0.5 + left, meanY + 0.5 + top], radius, longer: Math.max(x1 - x0, y1 - y0) + 1 };
+  return { center: [meanX + 0.5 + left, meanY + 0.5 + top], radius, longer: Math.max(x1 - x0, y1 - y0) };
 }
 
 /** Values and cover of the box that is searched by, and the place from the centre of its first cell. */
@@ -132,9 +134,11 @@ function levelOf({ width, height, values }, cover, level, [left, top], [cx, cy],
   }
   const slope = (at) => (values[at + 1] - values[at - 1]) ** 2 + (values[at + width] - values[at - width]) ** 2;
   if (points.length > POINTS) {
-    const slopes = Float64Array.from(points, slope);
-    const least = slopes.slice().sort()[points.length - POINTS];
-    let equals = POINTS - slopes.reduce((count, value) => count + (value > least), 0);
+    const slopes = new Float64Array(points.length);
+    for (let i = 0; i < slopes.length; i++) slopes[i] = slope(points[i]);
+    const least = smallest(slopes.slice(), points.length - POINTS);
+    let equals = POINTS;
+    for (let i = 0; i < slopes.length; i++) if (slopes[i] > least) equals--;
     points = points.filter((_, i) => slopes[i] > least || (slopes[i] === least && equals-- > 0));
   }
   const places = new Float64Array(2 * points.length);
