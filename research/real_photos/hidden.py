@@ -21,10 +21,11 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.outputs import draw_overlay
 from anyprobe.estimate.photo import load_photo
+from anyprobe.estimate.result import CAMERA
 from anyprobe.hints import NONE
 from anyprobe.learning.evaluate.metrics import rmse
 from anyprobe.learning.evaluate.standard_errors import rounded
-from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.light.environment import MAP_HEIGHT, reduced
 from anyprobe.pictures.images import read_image
 from research.clustered import with_error
 from research.real_photos.lamps import ALONE, DEFAULT
@@ -45,6 +46,10 @@ DARK = 1e-3
 MEAN, BORDER, OWN = "crop's mean colour", "nearest pixel of the crop's border", "ring's own mean colour"
 BESIDE = f"{BORDER} beside the object"
 """Three baselines, and what no flat colour is nearer than."""
+PANORAMA = "panorama of the default"
+"""The picture of the place that is drawn from the default estimate."""
+DRAWN = 256
+"""Its rows."""
 FRONT = slice(12, 52), slice(34, 94)
 """Rows and columns of the map around any ring, for pictures."""
 COLUMNS = {
@@ -139,14 +144,17 @@ def ring_of(rgb: np.ndarray, mask: np.ndarray) -> Ring | str:
 
 
 def maps_of(ring: Ring, estimator: Estimator) -> dict[str, np.ndarray]:
-    """Return display maps [64, 128, 3] by row: baselines, and the estimates from the crop with its mask given."""
+    """Return display maps [64, 128, 3] by row: baselines, the estimates from the crop with
+    its mask given, and the panorama of the second."""
     flat = np.ones((*ring.where.shape, 3))
     maps = {OWN: flat * ring.shown[ring.where].mean(axis=0), MEAN: flat * ring.mean}
     maps |= {BORDER: ring.border, BESIDE: ring.beside}
     for name, surroundings in ((ALONE, {"surroundings": NONE}), (DEFAULT, {})):
         photo = load_photo(ring.crop, mask=ring.mask, fov_deg=ring.fov_deg, **surroundings)
-        maps[name] = response(estimator.from_photo(photo).radiance)
-    return maps
+        light = estimator.from_photo(photo)
+        maps[name] = response(light.radiance)
+    picture = light.panorama(DRAWN, frame=CAMERA).radiance
+    return {**maps, PANORAMA: reduced(response(picture), MAP_HEIGHT)}
 
 
 def score_ring(ring: Ring, maps: Mapping[str, np.ndarray]) -> dict[str, dict[str, float]]:

@@ -1,5 +1,7 @@
 """The hidden ring: what is compared, with what, and what is left out."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -53,7 +55,7 @@ def test_the_baselines_are_the_crop_s(mask):
     picture = picture_of(slopes)
     ring = hidden.ring_of(picture, mask)
     maps = hidden.maps_of(ring, Constant(0.2))
-    assert list(maps) == [OWN, MEAN, BORDER, BESIDE, "object alone", "default"]
+    assert list(maps) == [OWN, MEAN, BORDER, BESIDE, "object alone", "default", hidden.PANORAMA]
     inside = mask[48:192, 64:256] == 0
     np.testing.assert_allclose(maps[MEAN][0, 0], picture[48:192, 64:256][inside].mean(axis=0), atol=1e-5)
     d = pixel_directions(64)
@@ -63,6 +65,7 @@ def test_the_baselines_are_the_crop_s(mask):
         np.testing.assert_allclose(maps[BORDER][row, column], picture[int(at[0]), int(at[1])], atol=0.02)
     np.testing.assert_array_equal(maps[BORDER], maps[BESIDE])
     assert maps["default"][0, 0, 0] == pytest.approx(response(np.float64([0.2]))[0])
+    assert maps[hidden.PANORAMA][0, 0, 0] == pytest.approx(response(np.float64([0.4]))[0])
     scores = hidden.score_ring(ring, maps)
     assert scores[OWN]["rmse"] <= min(scores[MEAN]["rmse"], scores["default"]["rmse"])
 
@@ -117,3 +120,7 @@ class Constant:
     def from_photo(self, photo):
         self.radiance = np.full((64, 128, 3), self.level, np.float32)
         return self
+
+    def panorama(self, rows, *, frame):
+        assert frame == "camera"
+        return SimpleNamespace(radiance=np.full((rows, 2 * rows, 3), 2 * self.level, np.float32))
