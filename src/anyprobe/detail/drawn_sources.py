@@ -133,7 +133,7 @@ def draw_lights(
 
     Args:
         cover: [R, 2R, 1] share of the picture [R, 2R, 3] that is seen, where only clipped pixels are sources.
-        kind: of place, see body_of.
+        kind: of place, see bodies_of.
     """
     rows = len(picture)
     drawn = np.zeros((rows, 2 * rows, 3), np.float32)
