@@ -162,6 +162,14 @@ def test_confidence_falls_in_proportion_where_less_than_half_of_the_object_is_we
     assert light.confidence.mean() == pytest.approx(own.mean() * 2 * exposed, rel=0.02)
 
 
+def test_nearly_black_object_is_not_trusted_although_a_dark_map_is_easily_near(photo_rgba, estimator):
+    photo_rgba[..., :3] = 10  # above black, below what is warned of
+    light = estimator(photo_rgba)
+    assert [one.code for one in light.warnings] == ["object-dark"]
+    assert light.well_exposed_fraction < 0.05
+    assert light.confidence.max() < 0.1
+
+
 def test_errors_are_the_callers_value_errors(estimator):
     with pytest.raises(ValueError, match="mask=") as caught:
         estimator(np.full((96, 128, 3), 128, np.uint8))

@@ -46,6 +46,13 @@ def test_target_writes_what_its_sidecar_lists(target, tmp_path):
             assert f'"my vase_{target}"' in path.read_text()
 
 
+def test_mitsuba_renders_beside_the_map_that_it_reads(tmp_path):
+    """Mitsuba writes its picture under the scene's own name."""
+    paths = {path.suffix: path for path in export(two_phase(32), "mitsuba", tmp_path, "my vase")}
+    assert paths[".exr"].name in paths[".xml"].read_text()
+    assert not paths[".xml"].with_suffix(".exr").exists()
+
+
 def test_command_writes_all_targets(command, light_path, work):
     done = command("export", light_path, "--to", "all", "-o", "out", "--json")
     assert done.status == 0

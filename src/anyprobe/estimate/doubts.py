@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _EXPOSURE: dict[str, float] = contract("exposure")["doubt"]
 _CLIPPED, _CLIPPED_SHARE = _EXPOSURE["clipped"], _EXPOSURE["clipped_share"]
-_DARK, DARK_SHARE = _EXPOSURE["dark"], _EXPOSURE["dark_share"]
+DARK, DARK_SHARE = _EXPOSURE["dark"], _EXPOSURE["dark_share"]
 """Display values of channels and of luminance, and shares of the object's pixels beyond them that cause a warning."""
 _MIDDLE = 0.4
 """Radiance that the median should have if it is too bright."""
@@ -52,7 +52,7 @@ def exposure_doubts(
     rgb: Float[np.ndarray, "N 3"], name: str, radiance: Float[np.ndarray, "N 3"] | None = None
 ) -> tuple[Notice, ...]:
     """Warn of an object's pixels [N, 3] that are mostly black or largely clipped; radiance: theirs, if known."""
-    dark = float((luminance(rgb) <= _DARK).mean())
+    dark = float((luminance(rgb) <= DARK).mean())
     if dark >= DARK_SHARE:
         advice = "expose longer, or multiply a file of radiance"
         text = f"{dark:.0%} of the object is nearly black; little can be estimated from it; {advice}"

@@ -12,7 +12,7 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
 from anyprobe.errors import InputError
-from anyprobe.estimate.doubts import ground_doubts, light_doubts
+from anyprobe.estimate.doubts import DARK, DARK_SHARE, ground_doubts, light_doubts
 from anyprobe.estimate.ground import Ground, ground_by_posture
 from anyprobe.estimate.known import FROM_DEPTH, PhotoBackground
 from anyprobe.estimate.material_hint import use_material
@@ -129,12 +129,17 @@ def camera_map(outputs: Outputs, crop: Crop) -> tuple[np.ndarray, np.ndarray | N
 
 
 def well_exposed_fraction(image: np.ndarray) -> float:
-    """Share of the object's pixels of a crop [S, S, 4] that are neither black nor clipped."""
+    """Share of the object's pixels of a crop [S, S, 4] that are neither black nor clipped.
+
+    In a nearly black object, which is warned of (doubts.exposure_doubts), all pixels up to DARK count as black: its map
+    is dark, and a dark map is near to the truth without saying anything about the light.
+    """
     object_pixels = image[image[..., 3] > 0.5]
     if not len(object_pixels):
         return 0.0
     display = luminance(object_pixels[:, :3] / object_pixels[:, 3:])
-    return float(((display > BLACK) & (display < WHITE)).mean())
+    black = DARK if (display <= DARK).mean() >= DARK_SHARE else BLACK
+    return float(((display > black) & (display < WHITE)).mean())
 
 
 def map_doubts(photo: Photo, radiance: np.ndarray, ground: Ground | None, exposed: float) -> tuple[Notice, ...]:

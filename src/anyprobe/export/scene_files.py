@@ -226,7 +226,10 @@ def pole_to_pole(radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "2
 
 
 def write_mitsuba(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """Write <name>.exr, 32-bit floats, and <name>.xml. A path tracer finds the dominant light in the map."""
+    """Write <name>.exr, 32-bit floats, and <name>_scene.xml. A path tracer finds the dominant light in the map.
+
+    Mitsuba writes its picture as .exr beside the scene, under the scene's name, which therefore is not the map's.
+    """
     pixels = pole_to_pole(OPENEXR.roll(light.radiance)).astype(np.float32)
     attributes = {
         "anyprobe:scale": EXPORT_SCALE,
@@ -240,5 +243,5 @@ def write_mitsuba(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
         .replace("{name}", light.name.replace("--", "__"))
         .replace("{map}", quoteattr(path.name))
     )
-    (folder / f"{light.name}.xml").write_text(scene, encoding="utf-8")
+    (folder / f"{light.name}_scene.xml").write_text(scene, encoding="utf-8")
     return {"rows": "pole to pole: v = row / (rows - 1)", "to_world": "none: the roll is in the file"}

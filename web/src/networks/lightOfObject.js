@@ -18,7 +18,7 @@ import { likelierLook } from "./mirrorLook.js";
  * Luminance of display values between which a pixel says something of the light, and the share of such pixels from which
  * on the object's picture is worth its full confidence.
  */
-const { black: BLACK, white: WHITE, enough: ENOUGH } = CONTRACT.exposure;
+const { black: BLACK, white: WHITE, enough: ENOUGH, doubt: DOUBT } = CONTRACT.exposure;
 
 /**
  * @typedef {object} LightOptions
@@ -89,17 +89,26 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
   };
 }
 
-/** Share of the object's pixels in a crop that are neither black nor clipped. */
+/**
+ * Share of the object's pixels in a crop that are neither black nor clipped. In a nearly black object, which is warned of,
+ * all pixels up to DOUBT.dark count as black: its map is dark, and a dark map is near to the truth without saying anything
+ * about the light.
+ */
 export function wellExposedFraction(image) {
   const plane = CROP_SIZE * CROP_SIZE;
-  let [inside, good] = [0, 0];
+  let [inside, good, dark, darkGood] = [0, 0, 0, 0];
   for (let i = 0; i < plane; i++) {
     const cover = image[3 * plane + i];
     if (cover <= 0.5) continue;
     inside++;
     const display = luminance(image[i], image[plane + i], image[2 * plane + i]) / cover;
-    if (display > BLACK && display < WHITE) good++;
+    const isGood = display > BLACK && display < WHITE;
+    if (isGood) good++;
+    if (display > DOUBT.dark) continue;
+    dark++;
+    if (isGood) darkGood++;
   }
+  if (dark >= DOUBT.dark_share * inside) good -= darkGood;
   return inside ? good / inside : 0;
 }
 
