@@ -26,6 +26,7 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_MODEL, LOOKS, Models, model_id
 from anyprobe.learning.evaluate.methods import baselines, model_methods
+from research.command_help import as_written
 from research.figure_tables import print_figures
 from research.model_names import titles_of
 from research.real_photos import hidden as hidden_ring
@@ -51,7 +52,7 @@ class ScoreByDefault(TyperGroup):
         return super().parse_args(ctx, args)
 
 
-app = typer.Typer(help=__doc__, cls=ScoreByDefault, no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(help=as_written(__doc__), cls=ScoreByDefault, no_args_is_help=True, rich_markup_mode=None)
 
 
 @app.command()

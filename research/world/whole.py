@@ -20,13 +20,14 @@ from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_MODEL, model_id
 from anyprobe.files.atomic import atomic_files
 from anyprobe.learning.evaluate.benchmark import read_predictions, write_photo
+from research.command_help import as_written
 from research.results import commit, write_result
 from research.world.judgement import ALL, CUT_OUTS, Judgement, print_groups
 from research.world.whole_photos import COUNT, PARTS, recipes_of, renders, store_of, whole_photos
 from research.world.whole_rows import SHIPPED, predicted_rows, rows_of
 from research.world.whole_scores import score as score_photo
 
-app = typer.Typer(help=__doc__, no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(help=as_written(__doc__), no_args_is_help=True, rich_markup_mode=None)
 Data = Annotated[Path, typer.Option(help="Folder with hdri and meshes.")]
 Kept = Annotated[Path, typer.Option(help="Folder for the renders.")]
 Part = Annotated[str, typer.Option(help=f"One of {', '.join(PARTS)}.")]

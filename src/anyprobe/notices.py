@@ -10,11 +10,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-FETCH_MASKS, CHOOSE_PHOTO, USE_VIDEO = "fetch-masks", "choose-photo", "use-video"
+FETCH_MASKS, CHOOSE_PHOTO, USE_VIDEO, RESTART = "fetch-masks", "choose-photo", "use-video", "restart"
 _ACTIONS = {
     FETCH_MASKS: "run anyprobe mask --fetch, once and online",
     CHOOSE_PHOTO: "check the path, or convert it: to OpenEXR if it holds radiance",
     USE_VIDEO: "anyprobe video takes it",
+    RESTART: "or start over with anyprobe video --restart",
 }
 """Remedies that are actions rather than arguments."""
 

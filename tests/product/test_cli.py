@@ -9,6 +9,7 @@ import os
 import signal
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -21,9 +22,12 @@ from support.scenes import sphere_photo
 
 import anyprobe
 from anyprobe.cli.estimate import Done, _report
+from anyprobe.cli.options import OPTIONS
+from anyprobe.cli.relight import PLACING
 from anyprobe.files import atomic
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.maps.radiance import read_radiance
+from anyprobe.notices import RESTART, Notice, Remedy, give
 
 SUFFIXES = {".exr", ".hdr", ".json", ".png", "_panorama.exr", "_origin.png"}
 pytestmark = pytest.mark.usefixtures("small_masks")
@@ -227,10 +231,8 @@ def test_two_photos_of_one_name(work, command):
     save_sphere("two/vase.png")
     outcome = command("estimate", "one/vase.png", "two/vase.png", "-o", "out", "--json")
     assert outcome.status == 2
-    first, second = map(json.loads, outcome.out.splitlines())
-    assert first["crop"]["center_px"] == pytest.approx([40, 48], abs=1)
-    assert "one/vase.png" in second["error"]
-    assert names("out") == results("vase")
+    assert "two/vase.png: expected distinct result names, got one/vase.png before it" in outcome.err
+    assert not (work / "out").exists()
 
 
 @pytest.mark.ci
@@ -269,7 +271,7 @@ def test_result_never_replaces_another_photo_or_a_mask(work, command):
     before = snapshot(work)
     outcome = command("estimate", "vase.jpg", "vase_jpg.png", "vase.webp", "-o", ".", "--mask", "vase_webp.png")
     assert outcome.status == 2
-    assert "would replace vase_jpg.png" in outcome.err
+    assert "expected distinct result names" in outcome.err
     assert "would replace pot.png" in command("estimate", "pot.jpg", "--mask", "pot.png", "-o", ".").complaint
     assert "would replace pot.png" in command("estimate", "pot.jpg", "--mask", ".", "-o", ".").complaint
     assert snapshot(work) == before
@@ -475,3 +477,30 @@ def test_help_and_version(command):
         assert word in shown.out
     assert command("estimate").status == 2
     assert command("estimate", "--nonsense").status == 2
+
+
+# What is refused before any network runs
+
+
+@pytest.mark.parametrize("name", ["estimate", "mask"])
+def test_names_and_folder_are_checked_before_the_work(work, command, name, monkeypatch):
+    for folder in ("a", "b"):
+        save_sphere(f"{folder}/vase.png")
+    (work / "file").write_text("a file")
+    for module in ("anyprobe.estimate.photo", "anyprobe.masks.find"):
+        monkeypatch.setattr(import_module(module), "find_mask", None)
+    assert "expected distinct result names" in command(name, "a/vase.png", "b/vase.png", "-o", "out").complaint
+    assert "file is a file, not a folder" in command(name, "a/vase.png", "-o", "file/deeper").complaint
+
+
+def test_place_outside_the_photo_is_refused_before_the_work(work, command, monkeypatch):
+    save_sphere("vase.png")
+    monkeypatch.setattr(import_module("anyprobe.estimate.photo"), "find_mask", None)
+    assert "--at: expected a pixel of" in command("relight", "vase.png", "--at", "9000,10").complaint
+
+
+def test_remedies_name_the_options_of_relight_and_video():
+    assert OPTIONS.line(Notice("floats", remedy=give("at", "size")).naming(PLACING)) == (
+        "floats; pass --at X,Y or --scale NUMBER"
+    )
+    assert OPTIONS.line(Notice("other", remedy=(Remedy("run", RESTART),))).endswith("anyprobe video --restart")

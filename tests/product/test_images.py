@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import io
+import os
 import struct
 import sys
 import zlib
@@ -14,7 +16,9 @@ from PIL import Image, ImageCms
 
 from anyprobe.core.response import response
 from anyprobe.errors import InvalidPhoto, MissingExtra, OutputError
-from anyprobe.files.atomic import atomic_path
+from anyprobe.estimate.result import Light
+from anyprobe.files.atomic import atomic_path, unwritable
+from anyprobe.maps.radiance import write_exr, write_hdr
 from anyprobe.pictures.declared_size import declared_pixels
 from anyprobe.pictures.headers import MAX_PIXELS
 from anyprobe.pictures.images import read_image, write_png
@@ -403,8 +407,8 @@ def test_array_shapes_and_types(shape, dtype):
     [
         (np.full((40, 40, 3), 255.0), "255"),
         (np.full((40, 40, 3), -0.5), "-0.5"),
-        (np.full((40, 40, 3), np.nan), "nan"),
-        (np.full((40, 40, 3), np.inf), "inf"),
+        (np.full((40, 40, 3), np.nan), "NaN"),
+        (np.full((40, 40, 3), np.inf), "infinity"),
         (np.zeros((40, 40, 3), dtype=np.int64), "int64"),
         (np.zeros((40, 40, 3), dtype=bool), "bool"),
         (np.zeros((40, 40, 2)), "(40, 40, 2)"),
@@ -592,3 +596,32 @@ def test_symbolic_link_is_written_through(tmp_path, rgb):
     write_png(tmp_path / "link.png", rgb)
     assert (tmp_path / "link.png").is_symlink()
     assert (tmp_path / "real.png").stat().st_size > 3
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_an_array_with_nan_is_said_to_hold_it(value):
+    values = np.full((40, 40, 3), 0.5, np.float32)
+    values[3, 4] = value
+    with pytest.raises(InvalidPhoto, match="got NaN or infinity in 3 of them"):
+        read_image(values)
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".hdr"])
+def test_own_map_is_no_photo(tmp_path, suffix):
+    path = Light(radiance=np.ones((32, 64, 3), np.float32)).save(tmp_path / f"light{suffix}")
+    with pytest.raises(InvalidPhoto, match="environment map that anyprobe wrote"):
+        read_image(path)
+    write = write_exr if suffix == ".exr" else write_hdr
+    write(tmp_path / f"other{suffix}", np.ones((32, 64, 3), np.float32))
+    assert read_image(tmp_path / f"other{suffix}").rgb.shape == (32, 64, 3)
+
+
+def test_address_is_not_taken_for_a_path():
+    with pytest.raises(InvalidPhoto, match="^https://example.com/a.jpg: expected a file, got an address"):
+        read_image("https://example.com/a.jpg")
+
+
+@pytest.mark.parametrize(("number", "is_full"), [(errno.EACCES, False), (errno.ENOENT, False), (errno.ENOSPC, True)])
+def test_space_is_asked_for_where_it_is_short(number, is_full, tmp_path):
+    said = str(unwritable(tmp_path / "a.png", tmp_path, OSError(number, os.strerror(number))))
+    assert said.endswith("free some space") == is_full

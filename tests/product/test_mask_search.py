@@ -146,7 +146,8 @@ def test_clicks_far_from_the_middle_and_boxes_far_from_the_object_make_a_mask_do
     prompts = Prompts(**given)
     evidence = examine(find_object(Redness(), photo(LARGE), prompts), WIDTH, HEIGHT, prompts)
     assert evidence.meant == pytest.approx(expected, abs=0.03)
-    assert any("click or the box" in line for line in evidence.doubts()) == (expected < 0.6)
+    asked = " or the ".join({"on": "click", "box": "box"}[name] for name in given)
+    assert (f"it does not fit the {asked}" in evidence.doubts(prompts)) == (expected < 0.6)
 
 
 def test_another_segmenters_mask_keeps_its_resolution():

@@ -13,7 +13,7 @@ from support.refused import refused
 from anyprobe.errors import InvalidMask, ModelError
 from anyprobe.estimate.outputs import EDGE, draw_overlay
 from anyprobe.estimate.photo import load_photo
-from anyprobe.masks.check import look_at_given
+from anyprobe.masks.check import check_mask, look_at_given
 from anyprobe.masks.depth import mask_from_depth, read_depth
 from anyprobe.masks.find import find_mask, require_plausible
 from anyprobe.masks.networks import SMALL_PX, SmallNetwork, default_graph
@@ -446,3 +446,12 @@ def test_numbers_that_are_no_mask_are_one_line(scale, kind):
     values[2:6, 2:6] = scale
     with refused("mask"):
         mask_from_file(values, (8, 8))
+
+
+def test_a_found_object_that_is_too_small_is_not_called_a_given_mask():
+    mask = np.zeros((40, 48), np.float32)
+    mask[10:16, 10:20] = 1
+    with refused(code="no-object", source="tiny.jpg", naming="found one of 10 x 6", kind=InvalidMask):
+        check_mask(mask, "tiny.jpg")
+    with refused("mask", code="no-object", naming="got 10 x 6", kind=InvalidMask):
+        check_mask(mask)

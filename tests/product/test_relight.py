@@ -22,6 +22,7 @@ from anyprobe.estimate.ground import USUAL_ERROR_DEG, contact_of, estimate_groun
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.objects import OBJECTS, open_object
 from anyprobe.light.filtering import irradiance_map
+from anyprobe.notices import give
 from anyprobe.pictures.images import read_image
 from anyprobe.relight.appearance import least_scale, material_from_photo
 from anyprobe.relight.ground_view import View
@@ -226,7 +227,7 @@ def test_without_room_it_stands_behind_and_says_so():
     stage = Stage(photo, sphere(24))
     assert stage.placement.side == "behind"
     assert "no room beside" in stage.warnings[0]
-    assert "try another place or size" in stage.warnings[0]
+    assert stage.warnings[0].remedy == give("at", "size")
     picture = stage.relit(made_map(), "gold", "own")
     np.testing.assert_array_equal(picture[mask == 1], photo.rgb[mask == 1])
 

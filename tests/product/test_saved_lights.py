@@ -236,3 +236,9 @@ def test_render_knows_the_objects_of_relight(name):
 def test_render_of_an_unknown_object_names_those_known():
     with refused("object"):
         anyprobe.Light(radiance=made_map()).render("bal")
+
+
+def test_a_lights_sidecar_is_no_map(tmp_path):
+    (tmp_path / "light.json").write_text("{}")
+    with refused(code="invalid-map", naming="got .json; name the .exr or .hdr beside it"):
+        anyprobe.Light.load(tmp_path / "light.json")

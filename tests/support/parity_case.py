@@ -324,7 +324,10 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         finding = find_object(small_network(), rgb, Prompts(**hints))
         answers[f"mask_{name}"] = finding.mask(*rgb.shape[1::-1])
         evidence = examine(finding, *rgb.shape[1::-1], Prompts(**hints))
-        found[name] = asdict(evidence) | {"iou": evidence.expected_iou("small"), "doubts": evidence.doubts()}
+        found[name] = asdict(evidence) | {
+            "iou": evidence.expected_iou("small"),
+            "doubts": evidence.doubts(Prompts(**hints)),
+        }
     answers |= _filtered(light.radiance)
     for name, values in answers.items():
         (folder / f"{name}.f32").write_bytes(np.ascontiguousarray(values, dtype="<f4").tobytes())

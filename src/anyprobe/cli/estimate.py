@@ -32,6 +32,7 @@ from anyprobe.cli.options import (
     with_bundles,
 )
 from anyprobe.cli.photo_files import (
+    check_distinct,
     check_names,
     hints_for,
     list_photos,
@@ -44,6 +45,7 @@ from anyprobe.cli.tables import print_table
 from anyprobe.detail.place_picture import check_panorama_rows
 from anyprobe.detail.plausible import DETAILS
 from anyprobe.errors import AnyprobeError, InputError
+from anyprobe.files.atomic import check_folder
 from anyprobe.hints import Hints
 
 if TYPE_CHECKING:
@@ -95,6 +97,9 @@ def estimate(
     check_panorama_rows(size)
     hints = object_options.hints()
     listed = list_photos(photos)
+    if poses is None:
+        check_distinct(listed, out)
+    check_folder(out)
     detail_size = {"size": min(max(size, 64), 512)} if detail_options.given.detail != DETAILS[0] else {}
     estimator = model_options.estimator(
         segmenter=object_options.finder.segmenter, **detail_options.settings(), **detail_size
@@ -186,7 +191,7 @@ class EstimateCall:
         return self._write(self.listed[0], first, light, time.perf_counter() - start)
 
     def _check(self, path: Path, hints: Hints, poses: Path | None = None) -> None:
-        """Refuse equal result names, and results that would replace an input."""
+        """Refuse results that would replace an input."""
         from anyprobe.estimate.outputs import OUTPUT_SUFFIXES
 
         inputs = (poses, *hints.files().values())

@@ -11,6 +11,7 @@ import typer
 
 from anyprobe.cli.options import OPTIONS, JsonOption, MaskOptions, QuietOption, folder_option, with_bundles
 from anyprobe.cli.photo_files import (
+    check_distinct,
     check_names,
     hints_for,
     list_photos,
@@ -20,6 +21,7 @@ from anyprobe.cli.photo_files import (
     result_stem,
 )
 from anyprobe.errors import AnyprobeError, InputError, InvalidMask
+from anyprobe.files.atomic import check_folder
 from anyprobe.hints import Hints
 from anyprobe.masks.segmenters import SegmenterSource
 from anyprobe.notices import give
@@ -51,6 +53,8 @@ def mask(
         raise InputError("expected photos or folders of photos, got none; give one, or --fetch", subject="photo")
     hints = mask_options.hints()
     paths = list_photos(photos)
+    check_distinct(paths, out)
+    check_folder(out)
     failed = False
     for path in paths:
         try:

@@ -70,6 +70,10 @@ def _hint_option(hint: Hint) -> Any:
     return Annotated[list[kind] | None if hint.repeated else kind | None, option]
 
 
+FORMS = {"at": "X,Y"}
+"""Forms of values, other than a number, of options that are no hints."""
+
+
 class OptionWords(Words):
     """Arguments as options of the command line."""
 
@@ -82,7 +86,9 @@ class OptionWords(Words):
     def giving(self, argument: str, value: str) -> str:
         """Return the option and what follows it."""
         hint = HINTS.get(argument)
-        form = "NUMBER" if hint is None else hint.metavar or ("FILE" if hint.suffixes else "NUMBER")
+        form = (
+            FORMS.get(argument, "NUMBER") if hint is None else hint.metavar or ("FILE" if hint.suffixes else "NUMBER")
+        )
         return f"{self.name(argument)} {value or form}"
 
 

@@ -96,18 +96,20 @@ def result_stem(photo: Path, listed: list[Path]) -> str:
     return f"{photo.stem}_{photo.suffix[1:]}" if alike and photo.suffix else photo.stem
 
 
+def check_distinct(listed: list[Path], folder: Path) -> None:
+    """Refuse photos whose results in a folder would have equal names."""
+    first: dict[str, Path] = {}
+    folds = folds_case(folder)
+    for photo in listed:
+        stem = result_stem(photo, listed)
+        other = first.setdefault(stem.casefold() if folds else stem, photo)
+        if other != photo:
+            text = f"expected distinct result names, got {other} before it; rename one of them"
+            raise OutputError(text, source=photo)
+
+
 def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given: Iterable[Any]) -> None:
-    """Refuse equal result names for two photos, and results that would replace a photo or another input."""
-    targets = list(targets)
-    folds = bool(targets) and folds_case(targets[0].parent)
-
-    def name_of(path: Path) -> str:
-        stem = result_stem(path, listed)
-        return stem.casefold() if folds else stem
-
-    twins = [other for other in listed if name_of(other) == name_of(photo)]
-    if twins and twins[0] != photo:
-        raise OutputError(f"expected distinct result names, got {twins[0]} before it; rename one of them", source=photo)
+    """Refuse results that would replace a photo or another input."""
     inputs = {same_file_key(path): path for path in (*listed, *given) if isinstance(path, Path)}
     for target in targets:
         if same_file_key(target) in inputs:

@@ -56,7 +56,9 @@ OF_ESTIMATES = [
 """Parameters that only affect an estimate."""
 PANORAMA_ROWS = 512
 """Rows of the panorama that an inserted object mirrors."""
-placing = arguments_named(size="scale", turn_deg="turn")
+PLACING = {"size": "scale", "turn_deg": "turn"}
+"""The options of an object's placement, by their names in Python."""
+placing = arguments_named(**PLACING)
 """Decorator that renames arguments in errors on an object's placement."""
 SHAPES = "sphere, vase, pebble, block, solid"
 
@@ -139,10 +141,11 @@ def relight(
     from anyprobe.files.atomic import check_writable
     from anyprobe.maps.radiance import opaque_linear
     from anyprobe.pictures.headers import MAX_PIXELS
-    from anyprobe.pictures.images import picture_bytes, write_png
+    from anyprobe.pictures.images import picture_bytes, read_image, write_png
     from anyprobe.pictures.kept_encoding import stored_as, write_as
     from anyprobe.relight.insert import Arrangement, Stage, uses_mitsuba
     from anyprobe.relight.passes import passes_of, write_passes
+    from anyprobe.relight.placement import check_foot
 
     if light is not None:
         refuse_unused(context, "with --light", *OF_ESTIMATES)
@@ -169,7 +172,9 @@ def relight(
     silent = quiet or as_json
     with progress(f"reading {photo}", silent):
         source = photo_source(photo)
-        loaded = load_photo(source, hints, name=photo_name(photo), segmenter=segmenter)
+        pixels = read_image(source, photo_name(photo))
+        check_foot(contact, *pixels.rgb.shape[:2])
+        loaded = load_photo(pixels, hints, segmenter=segmenter)
     with progress("estimating the light", silent):
         radiance, gain, ground, doubts = _radiance(loaded, light, model_options, detail_options)
     stage = placing(Stage)(loaded, mesh, Arrangement(size=size, at=contact, turn_deg=turn, ground=ground))
@@ -202,7 +207,9 @@ def relight(
         caveats.append(TRANSPARENT)
     library = detail_options.library()
     library_warnings = () if library is None else library.warnings
-    warnings = list(dict.fromkeys([*doubts, *library_warnings, *stage.warnings, *caveats]))
+    warnings = list(
+        dict.fromkeys([*doubts, *library_warnings, *(one.naming(PLACING) for one in stage.warnings), *caveats])
+    )
     summary = {
         "photo": str(photo),
         "picture": str(out),

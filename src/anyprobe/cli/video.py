@@ -24,7 +24,7 @@ from anyprobe.cli.options import (
     folder_option,
     with_bundles,
 )
-from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer, placing, progress
+from anyprobe.cli.relight import PLACING, SHAPES, InsertOptions, Renderer, placing, progress
 from anyprobe.errors import InputError, arguments_named
 
 named_as_options = arguments_named(clip_digest="clip", insert_digest="insert", object_material="material")
@@ -157,7 +157,12 @@ def video(
     if outcome.damaged:
         console.print(f"warning: {clip.name}: {outcome.damaged} damaged pieces skipped", soft_wrap=True)
     library_warnings = () if library is None else library.warnings
-    warnings = [*header.warnings, *library_warnings, *outcome.notes, *run.place_warnings]
+    warnings = [
+        *header.warnings,
+        *library_warnings,
+        *outcome.notes,
+        *(one.naming(PLACING) for one in run.place_warnings),
+    ]
     for line in warnings:
         console.print(f"warning: {OPTIONS.line(line)}", soft_wrap=True)
     summary = {
@@ -173,8 +178,9 @@ def video(
     if as_json:
         print(json.dumps(summary))
     rate = (outcome.frames - num_done) / max(seconds, 1e-9)
-    speed = f", {rate:.1f} a second" if outcome.frames > num_done else ""
-    console.print(f"{out}: {outcome.frames} frames, {len(outcome.bad)} bad{speed}", soft_wrap=True)
+    speed = f", {rate:.1f} frames per second" if outcome.frames > num_done else ""
+    failed = f", {len(outcome.bad)} of them without a light of their own" if outcome.bad else ""
+    console.print(f"{out}: {outcome.frames} frames{failed}{speed}", soft_wrap=True)
     if object_options.strict and (warnings or outcome.bad or outcome.damaged):
         raise typer.Exit(2)
 

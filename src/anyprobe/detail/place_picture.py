@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.detail.angles import angles_from
 from anyprobe.detail.continued import CONTINUED_FLOOR, continue_around
@@ -78,6 +79,18 @@ class Panorama:
     frame_from_camera: np.ndarray
     is_level: bool
     attributes: dict[str, str] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        frame = "level" if self.is_level else "in the light's frame"
+        seen, estimated, invented = (self.origin * pixel_solid_angles(len(self.origin))[..., None]).sum((0, 1)) / (
+            4 * np.pi
+        )
+        parts = [
+            "Panorama {} x {}".format(*self.radiance.shape),
+            frame,
+            f"{seen:.0%} seen, {estimated:.0%} estimated, {invented:.0%} invented",
+        ]
+        return f"<{', '.join(parts)}>"
 
     def display(self) -> np.ndarray:
         """Return display values [R, 2R, 3] in [0, 1]: as the photo's, highlights compressed instead of clipped."""

@@ -69,7 +69,7 @@ def exposure_doubts(
 
 def backdrop_doubts(name: str) -> tuple[Notice, ...]:
     """Warn of an object before a single colour: a cut-out or a studio."""
-    text = "what is behind the object is of one colour and taken for a cut-out's; a real backdrop must be asked for"
+    text = "the background is of one colour, as a cut-out's, and is not used; if it is real, ask for it"
     return (Notice(text, code=PLAIN_BACKDROP, source=name, remedy=give(surroundings="photo")),)
 
 

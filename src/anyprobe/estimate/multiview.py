@@ -84,7 +84,7 @@ SURE = 2.0
 _LEAST = 1e-4
 """Smallest weight of a pixel."""
 NOT_GIVEN = Notice(
-    "expected photos that all say theirs (EXIF), got some that do not; taken to be the same for all",
+    "expected it in the EXIF of every photo, found it in some or none; taken to be the same for all",
     code="exposure-unknown",
     subject="exposure",
 )

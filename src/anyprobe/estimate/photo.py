@@ -94,6 +94,17 @@ class Photo:
     material: Material | None = None
     hidden: np.ndarray | None = None
 
+    def __repr__(self) -> str:
+        count = len(self.warnings)
+        parts = [
+            "Photo {1} x {0}".format(*self.rgb.shape),
+            self.name,
+            f"object by {self.mask_source}",
+            f"field of view {self.long_fov_deg:.0f} degrees ({self.fov_source})",
+            *([f"{count} warning{'s' if count > 1 else ''}"] if count else []),
+        ]
+        return f"<{', '.join(parts)}>"
+
     def seen(self, rows: int) -> np.ndarray | None:
         """Return the known part of the map [rows, 2 rows, 4 or 5] for detail.blend; None: nothing."""
         if isinstance(self.surroundings, PhotoBackground):

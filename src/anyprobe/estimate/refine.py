@@ -68,7 +68,9 @@ def check_use(models: Models, crop: Crop, material: Material | None, looks: int)
     hints = (("normals", crop.normals), ("surroundings", crop.surroundings_map), ("material", material))
     given = [name for name, value in hints if value is not None]
     if given and not models.lifts:
-        text = f"expected a model that takes them, got {models.name}; use {DEFAULT_MODEL}"
+        text = (
+            f"expected a model that takes {'it' if len(given) == 1 else 'them'}, got {models.name}; use {DEFAULT_MODEL}"
+        )
         raise InputError(text, subject=given, remedy=leave_out(*given))
 
 

@@ -92,13 +92,13 @@ class Light:
 
     def __repr__(self) -> str:
         x, y, z = self.dominant_light().direction
-        confidence = self._mean_confidence()
+        confidence, count = self._mean_confidence(), len(self.warnings)
         parts = [
             "Light {} x {}".format(*self.radiance.shape),
             *([self.origin.photo] if self.origin.photo else []),
             f"dominant light towards ({x:.2f}, {y:.2f}, {z:.2f})",
             *([] if confidence is None else [f"confidence {confidence:.2f}"]),
-            *([f"{len(self.warnings)} warnings"] if self.warnings else []),
+            *([f"{count} warning{'s' if count > 1 else ''}"] if count else []),
         ]
         return f"<{', '.join(parts)}>"
 

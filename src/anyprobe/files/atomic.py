@@ -5,6 +5,7 @@ A reader never sees a half-written result, and a failed or interrupted run leave
 
 from __future__ import annotations
 
+import errno
 import os
 import platform
 import secrets
@@ -23,6 +24,9 @@ SCRATCH = ".anyprobe-"
 
 RETRIES_RENAME, RETRY_DELAYS_S = os.name == "nt", (0.02, 0.1, 0.5)
 """Whether a refused rename is tried again, and after which delays [s]."""
+
+FULL_DISK = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
+"""Errors of a disk, or of a user's share of it, that is full."""
 
 STALE_S = 86_400.0
 """Age [s] from which such a folder counts as abandoned, whichever machine's process made it."""
@@ -69,6 +73,20 @@ def check_writable(path: str | os.PathLike[str]) -> None:
         raise unwritable(path, Path(path).parent, error) from error
 
 
+def check_folder(folder: str | os.PathLike[str]) -> None:
+    """Check in advance that atomic_files can write there; nothing is left behind.
+
+    Raises:
+        OutputError: see atomic_files.
+    """
+    real = Path(os.path.realpath(folder))
+    try:
+        with tempfile.TemporaryFile(dir=next(one for one in (real, *real.parents) if one.exists())):
+            pass
+    except OSError as error:
+        raise unwritable(folder, Path(folder), error, "choose another with -o") from error
+
+
 @contextmanager
 def atomic_files(folder: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield an empty folder to write files to; when the block ends without an error they all move into `folder`.
@@ -111,7 +129,8 @@ def unwritable(
         subject = "" if path == file else f"{file} "
         return OutputError(f"{subject}is a file, not a folder; {advice}", source=path)
     reason = error.strerror or str(error) or type(error).__name__
-    return OutputError(f"cannot be written ({reason}); {advice} or free some space", source=path)
+    advice += " or free some space" if error.errno in FULL_DISK else ""
+    return OutputError(f"cannot be written ({reason}); {advice}", source=path)
 
 
 def _replace(source: Path, target: Path) -> None:

@@ -72,6 +72,12 @@ def visible_files(folder: Path, suffixes: Iterable[str]) -> list[Path]:
     return sorted(found, key=lambda path: natural_order(path.name))
 
 
+def absence_of(path: str | os.PathLike[str]) -> str:
+    """Say that a file is absent, or that its name is an address; Path makes one slash of two."""
+    is_address = re.match(r"[a-z][a-z0-9+]+:/", os.fspath(path), re.IGNORECASE)
+    return "expected a file, got an address; download it first" if is_address else "no such file; check the path"
+
+
 @contextmanager
 def open_regular(path: str | os.PathLike[str], fault: type[InputError], what: str = "a file") -> Iterator[BinaryIO]:
     """Open a regular file for reading: pipes may never end, devices do not.
@@ -84,7 +90,7 @@ def open_regular(path: str | os.PathLike[str], fault: type[InputError], what: st
     try:
         mode = os.stat(path).st_mode
     except (OSError, ValueError) as error:
-        raise fault("no such file; check the path", source=path) from error
+        raise fault(absence_of(path), source=path) from error
     if not stat.S_ISREG(mode):
         kind = "a folder" if stat.S_ISDIR(mode) else "a pipe or device"
         raise fault(f"is {kind}, not {what}; name a file", source=path)

@@ -44,6 +44,9 @@ HALF_MIN = 2.0**-14
 ATTRIBUTE = "anyprobe:"
 """Prefix of the names of our own strings in an .exr's header."""
 
+LDR = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".avif", ".jxl")
+"""Suffixes of pictures that are mistaken for maps."""
+
 KINDS = {HDR_MAGIC: ".hdr", EXR_MAGIC: ".exr", b"\x89PNG": "PNG", b"\xff\xd8\xff": "JPEG"}
 """Formats by the first bytes of files that are mistaken for one another."""
 
@@ -66,10 +69,11 @@ def read_radiance(path: str | os.PathLike[str], max_pixels: int = MAX_MAP_PIXELS
             raise InvalidEnvironment(
                 "expected a map in .hdr or .exr, got a folder; name the maps in it", source=path.name
             )
+        advice = "name the .exr or .hdr beside it"
+        if suffix != ".json":
+            advice = "a picture of 8 or 16 bits does not hold radiance" if suffix in LDR else "name such a file"
         raise InvalidEnvironment(
-            f"expected a map in .hdr or .exr, got {suffix or 'no suffix'}; "
-            "a picture of 8 or 16 bits does not hold radiance",
-            source=path.name,
+            f"expected a map in .hdr or .exr, got {suffix or 'no suffix'}; {advice}", source=path.name
         )
     with open_regular(path, InvalidEnvironment, "a radiance map") as stream:
         start = stream.read(HDR_HEADER_BYTES)

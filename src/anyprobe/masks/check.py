@@ -12,12 +12,17 @@ MIN_OBJECT_PX = contract("mask")["least_object_px"]
 """Smallest longer side of the object's bounding box [px]."""
 
 
-def check_mask(mask: np.ndarray) -> np.ndarray:
-    """Convert a mask [H, W] to float32 and check it; InvalidMask if it is empty, too small, or not in [0, 1]."""
+def check_mask(mask: np.ndarray, found_in: str = "") -> np.ndarray:
+    """Convert a mask [H, W] to float32 and check it; InvalidMask if it is empty, too small, or not in [0, 1].
+
+    found_in: name of the photo that it was found in; "": it was given.
+    """
     mask = np.asarray(mask, dtype=np.float32)
     if mask.ndim != 2 or not mask.size:
         raise InvalidMask(f"expected an array [height, width], got shape {mask.shape}; convert it", subject="mask")
-    if not (mask.min() >= 0.0 and mask.max() <= 1.0):  # NaN fails too
+    if np.isnan(mask).any():
+        raise InvalidMask("expected values from 0 to 1, got NaN; replace it by 0", subject="mask")
+    if not (mask.min() >= 0.0 and mask.max() <= 1.0):
         raise InvalidMask(
             f"expected values from 0 to 1, got {mask.min():g} to {mask.max():g}; scale them", subject="mask"
         )
@@ -30,12 +35,9 @@ def check_mask(mask: np.ndarray) -> np.ndarray:
         )
     x0, y0, x1, y1 = object_box(mask)
     if max(x1 - x0, y1 - y0) < MIN_OBJECT_PX:
-        raise InvalidMask(
-            f"expected an object at least {MIN_OBJECT_PX} pixels across, got {x1 - x0} x {y1 - y0}; "
-            "use a larger photo or go closer",
-            code="no-object",
-            subject="mask",
-        )
+        text = f"expected an object at least {MIN_OBJECT_PX} pixels across"
+        text += f", {'found one of' if found_in else 'got'} {x1 - x0} x {y1 - y0}; use a larger photo or go closer"
+        raise InvalidMask(text, code="no-object", subject="" if found_in else "mask", source=found_in)
     return mask
 
 

@@ -88,7 +88,7 @@ def _find(pixels: Pixels, prompts: Prompts, segmenter: SegmenterSource | None) -
     """Find the mask by prompts, alpha or a network."""
     source = source_of(prompts)
     if source == "network":
-        alpha = mask_from_alpha(pixels.alpha)
+        alpha = mask_from_alpha(pixels.alpha, pixels.name)
         if alpha is not None:
             cut_out, doubts = _given(alpha, "alpha", pixels.name), alpha_doubts(alpha)
             return replace(cut_out, warnings=(*cut_out.warnings, *(as_notice(doubt, pixels.name) for doubt in doubts)))
@@ -133,13 +133,13 @@ def _judged(
         raise _not_found(pixels, prompts)
     doubts = [*color_doubts(pixels.rgb, mask, tuple(prompts.on) if prompts.box is None else ())]
     is_doubtful = confidence < DOUBTFUL
-    doubts += evidence.doubts() if is_doubtful else []
+    doubts += evidence.doubts(prompts) if is_doubtful else []
     judgement = verdict(doubts, is_doubtful=is_doubtful)
     warnings = [] if judgement == RIGHT else [_doubt(pixels.name, judgement)]
     if network.warning and source != "segmenter":
         warnings.append(as_notice(network.warning, pixels.name))
     return FoundMask(
-        mask=check_mask(mask),
+        mask=check_mask(mask, pixels.name),
         source=source,
         confidence=confidence,
         verdict=judgement,

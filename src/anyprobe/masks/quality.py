@@ -55,14 +55,16 @@ class Evidence:
         odds += sum(weight * getattr(self, name) for name, weight in QUALITY[network]["weights"].items())
         return float(1.0 / (1.0 + np.exp(-odds)))
 
-    def doubts(self) -> list[str]:
+    def doubts(self, prompts: Prompts | None = None) -> list[str]:
         """Return what looks wrong, a few words each, the most serious first."""
+        prompts = Prompts() if prompts is None else prompts
+        asked = [name for name, given in (("click", prompts.on), ("box", prompts.box)) if given]
         found = [
             (self.agreed - 0.8, "a second look finds something else"),
             (self.expected - 0.85, "its outline is blurred"),
             (self.whole - 0.7, "other things stand out as well"),
             (self.single - 0.95, "it may contain two objects"),
-            (self.meant - 0.6, "it does not fit the click or the box"),
+            (self.meant - 0.6, f"it does not fit the {' or the '.join(asked)}"),
             (0.15 - self.border, "it is cut by the photo's border"),
             (0.9 - self.small, "it is very small"),
             (0.1 - self.large, "it covers nearly the whole photo"),

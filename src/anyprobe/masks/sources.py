@@ -33,15 +33,15 @@ STRIP_ROWS = 256
 """Number of rows of a large picture that are processed at once."""
 
 
-def mask_from_alpha(alpha: np.ndarray | None) -> np.ndarray | None:
+def mask_from_alpha(alpha: np.ndarray | None, found_in: str = "") -> np.ndarray | None:
     """Return a picture's alpha channel [H, W] as the mask; None where it is absent or marks no object.
 
     Alpha that is constant, or above CUT_AWAY everywhere, marks no object: renderers and editors write 0.9995, or 254 of
-    255, into opaque pictures.
+    255, into opaque pictures. found_in: see check_mask.
     """
     if alpha is None or not alpha.min() <= CUT_AWAY or alpha.min() == alpha.max():
         return None
-    return check_mask(alpha)
+    return check_mask(alpha, found_in)
 
 
 def mask_from_file(source: MaskPicture, shape: tuple[int, int]) -> np.ndarray:

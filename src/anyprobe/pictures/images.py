@@ -23,9 +23,9 @@ from anyprobe.core.response import response
 from anyprobe.errors import InvalidEnvironment, InvalidPhoto
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.paths import open_regular
-from anyprobe.maps.exr import EXR_MAGIC, read_exr
-from anyprobe.maps.radiance import decode_hdr
-from anyprobe.maps.rgbe import HDR_MAGIC
+from anyprobe.maps.exr import EXR_MAGIC, HEADER_BYTES, exr_attributes, read_exr
+from anyprobe.maps.radiance import ATTRIBUTE, decode_hdr
+from anyprobe.maps.rgbe import HDR_MAGIC, read_comments
 from anyprobe.notices import Notice
 from anyprobe.pictures.apple_note import apple_posture_deg
 from anyprobe.pictures.color_encoding import is_linear
@@ -113,7 +113,7 @@ def read_image(source: ImageSource, name: str | None = None, *, as_data: bool = 
             source=name or "photo",
         )
     path = Path(source)
-    with open_regular(path, InvalidPhoto, "an image file") as stream:
+    with open_regular(source, InvalidPhoto, "an image file") as stream:
         size = os.fstat(stream.fileno()).st_size
         return _from_stream(stream, size, name or path.name or str(path), as_data, path.name)
 
@@ -170,10 +170,13 @@ def _from_stream(stream: BinaryIO, num_bytes: int, name: str, as_data: bool, fil
     stream.seek(0)
     if head.startswith(EXR_MAGIC):
         data = stream.read(num_bytes)
+        _refuse_own_map(exr_attributes(data[:HEADER_BYTES], ATTRIBUTE), name, as_data)
         return _from_linear(read_exr(data, name, InvalidPhoto, MAX_PIXELS, rec709=True), name)
     if head.startswith(HDR_MAGIC):
+        data = stream.read(num_bytes)
+        _refuse_own_map(read_comments(data[:HEADER_BYTES], ATTRIBUTE), name, as_data)
         try:
-            return _from_linear(decode_hdr(stream.read(num_bytes), name, MAX_PIXELS), name)
+            return _from_linear(decode_hdr(data, name, MAX_PIXELS), name)
         except InvalidEnvironment as error:
             raise InvalidPhoto(error, code="invalid-image") from error
     if is_raw(head, file_name):
@@ -195,6 +198,13 @@ def _from_stream(stream: BinaryIO, num_bytes: int, name: str, as_data: bool, fil
             if found is not None:
                 return _from_float_tiff(found, name, as_data)
         return _from_pillow(image, name, stream, as_data)
+
+
+def _refuse_own_map(attributes: dict[str, str], name: str, as_data: bool) -> None:
+    """Raise InvalidPhoto for a map or panorama that anyprobe wrote, by the attributes of its header."""
+    if "frame" in attributes and not as_data:
+        text = "expected a photo, got an environment map that anyprobe wrote; give the photo that it was estimated from"
+        raise InvalidPhoto(text, source=name)
 
 
 def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data: bool) -> Pixels:
@@ -364,7 +374,11 @@ def _from_array(values: np.ndarray, name: str) -> Pixels:
         display = np.divide(values, np.float32(np.iinfo(values.dtype).max), dtype=np.float32)
     elif np.issubdtype(values.dtype, np.floating):
         low, high = float(values.min()), float(values.max())
-        if not (low >= -1e-4 and high <= 1.0 + 1e-4):  # 1e-4: rounding of a resize; NaN fails too
+        if not (np.isfinite(low) and np.isfinite(high)):
+            count = int(np.count_nonzero(~np.isfinite(values)))
+            text = f"expected float display values from 0 to 1, got NaN or infinity in {count} of them; replace them"
+            raise InvalidPhoto(text, source=name)
+        if not (low >= -1e-4 and high <= 1.0 + 1e-4):  # 1e-4: rounding of a resize
             raise InvalidPhoto(
                 f"expected float display values from 0 to 1, got {low:.3g} to {high:.3g}; "
                 "scale them, or save linear radiance as .exr",

@@ -16,13 +16,14 @@ from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
 from anyprobe.masks.resize import resize
+from anyprobe.notices import Notice, give
 from anyprobe.relight.appearance import material_from_photo
 from anyprobe.relight.camera_look import DRAWN_BLUR, CameraLook, blurred, grain_over, look_of
 from anyprobe.relight.ground_map import GroundPicture, hides_shadows, with_ground
 from anyprobe.relight.ground_view import VIEW_STRIP_PIXELS, View, view_of
 from anyprobe.relight.path_traced import NUM_PATHS, open_mitsuba, trace_mesh
 from anyprobe.relight.photographed import ShownSurface, shown_ground, shown_object
-from anyprobe.relight.placement import Placement, Side, place_beside
+from anyprobe.relight.placement import Placement, Side, check_foot, place_beside
 from anyprobe.relight.shadow import NUM_DIRECTIONS, SHADOW_CELLS, GroundShadow
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.picture import draw_mesh
@@ -232,11 +233,7 @@ class Stage:
         arrangement = arrangement or Arrangement()
         if not 0.02 <= arrangement.size <= 20:
             raise InputError(f"expected 0.02 to 20 times the real object, got {arrangement.size:g}", subject="size")
-        (height, width), at = photo.mask.shape, arrangement.at
-        if at is not None and not (0 <= at[0] <= width and 0 <= at[1] <= height):
-            raise InputError(
-                f"expected a pixel of {width} x {height}, got {at[0]:g},{at[1]:g}; choose another", subject="at"
-            )
+        check_foot(arrangement.at, *photo.mask.shape)
         self.photo = photo
         self.view: View
         self.view, pitch_deg = view_of(photo, arrangement.pitch_deg, arrangement.ground)
@@ -257,27 +254,27 @@ class Stage:
         self._kept: tuple[Photo, np.ndarray, list[ShownSurface]] | None = None
 
     @property
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[Notice, ...]:
         """One line for each surprise about the place: not beside the real object, cut off, or on a ground that the
         photo does not show."""
-        lines = []
+        lines: list[tuple[str, tuple[str, ...]]] = []
         side = self.placement.side
         if side in NOT_BESIDE:
             text = f"no room beside the object: the inserted one stands {NOT_BESIDE[side]}"
-            lines.append(f"{text}; try another place or size")
+            lines.append((text, ("at", "size")))
         if not self.placement.stands:
             text = "the place beside the object may not be the surface that it stands on"
-            lines.append(f"{text}: the inserted one may seem to float; choose its place")
+            lines.append((f"{text}: the inserted one may seem to float", ("at",)))
         if self.placement.stands and hides_shadows(self.photo, self.view, self.placement):
             text = "the ground is so dark there that its shadow hardly shows"
-            lines.append(f"{text}: the inserted object may seem to float; choose its place")
+            lines.append((f"{text}: the inserted object may seem to float", ("at",)))
         pixels = self.view.pixels(self.placement.mesh.positions)
         if (pixels < -0.5).any() or (pixels > np.array([self.view.width, self.view.height]) + 0.5).any():
-            lines.append("part of the inserted object is outside the photo; choose another place or make it smaller")
+            lines.append(("part of the inserted object is outside the photo", ("at", "size")))
         if (self.photo.mask[-1] > 0.5).any():
             text = "the photo's lower border cuts the real object, so where it touches the ground is not seen"
-            lines.append(f"{text}; choose the inserted object's place")
-        return tuple(lines)
+            lines.append((text, ("at",)))
+        return tuple(Notice(text, code="doubt", remedy=give(*names)) for text, names in lines)
 
     def on(self, photo: Photo) -> Stage:
         """Return the stage in another photo of the same camera, a frame of a video."""

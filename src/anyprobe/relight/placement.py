@@ -139,6 +139,13 @@ def place_beside(
     return replace(placed, share=spot.share, side=side, stands=stands)
 
 
+def check_foot(at: tuple[float, float] | None, height: int, width: int) -> None:
+    """Raise InputError if the pixel x, y is outside a photo of this size."""
+    if at is not None and not (0 <= at[0] <= width and 0 <= at[1] <= height):
+        text = f"expected a pixel of {width} x {height}, got {at[0]:g},{at[1]:g}; choose another"
+        raise InputError(text, subject="at")
+
+
 def check_height(mesh: Mesh) -> None:
     """Raise InvalidMesh if a mesh lies flat: sizes are relative to its height."""
     width, height, depth = np.ptp(mesh.positions, axis=0)

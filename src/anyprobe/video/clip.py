@@ -18,8 +18,9 @@ import numpy as np
 
 from anyprobe.errors import AnyprobeError, InputError, OutputError
 from anyprobe.files.atomic import atomic_path
+from anyprobe.files.paths import absence_of
 from anyprobe.video.frame_pixels import shown_pixels
-from anyprobe.video.pyav import known_interface, open_video, pyav
+from anyprobe.video.pyav import STILL, known_interface, open_video, pyav
 
 CODEC = "libx264"
 QUALITY = {"crf": "18", "preset": "veryfast", "bf": "0"}
@@ -75,13 +76,13 @@ def open_clip(path: Path) -> Clip:
     av = pyav()
     if not path.is_file():
         if path.is_dir() or not os.path.exists(path):
-            found = "is a folder, not a video" if path.is_dir() else "no such file"
-            raise InputError(f"{found}; check the path", source=path)
+            found = "is a folder, not a video; check the path" if path.is_dir() else absence_of(path)
+            raise InputError(found, source=path)
         raise InputError("is a pipe or device, not a video; write it into a file first", source=path)
     try:
         with open_video(path) as container:
             if container.format.name == "image2" or container.format.name.endswith("_pipe"):
-                raise InputError("is a still picture, not a video; anyprobe estimate and relight take it", source=path)
+                raise InputError(STILL, source=path)
             if not container.streams.video:
                 raise InputError("a file without pictures, not a video; check the path", source=path)
             moving = [one for one in container.streams.video if not one.disposition & _pictures()]

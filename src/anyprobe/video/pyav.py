@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from PIL import Image
+
 from anyprobe.errors import AnyprobeError, InputError, MissingExtra
 
 CONTAINERS = (
@@ -38,6 +40,9 @@ ONE_FILE = {
 
 PLAYLISTS = (b"#EXTM3U", b"ffconcat", b"<?xml", b"<MPD", b"v=0", b"[playlist]", b"<asx", b"<smil")
 """First bytes of files that name other files."""
+
+STILL = "is a still picture, not a video; anyprobe estimate and relight take it"
+"""Refusal of a photo that is given as a clip."""
 
 TESTED = "av>=17,<20"
 """Versions that the tests have passed with."""
@@ -80,11 +85,18 @@ def _not_opened(path: Path) -> InputError:
         return InputError(
             "expected a video, got a playlist, which names other files; name the video itself", source=path
         )
-    return InputError(
-        "expected a file that holds a video, got a kind that is not opened, as it may name other files or "
-        "none; convert it to mp4",
-        source=path,
-    )
+    if _is_picture(path):
+        return InputError(STILL, source=path)
+    return InputError("expected a video, got a file of another kind; convert it to mp4", source=path)
+
+
+def _is_picture(path: Path) -> bool:
+    """Return whether Pillow knows the file; FFmpeg may take a photo for one of many that its name counts."""
+    try:
+        with Image.open(path):
+            return True
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        return False
 
 
 @contextmanager

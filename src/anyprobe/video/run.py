@@ -27,6 +27,7 @@ from anyprobe.light.temporal import step
 from anyprobe.maps.radiance import write_exr
 from anyprobe.match.alignment import exposed_match, hold_match
 from anyprobe.match.library import Library
+from anyprobe.notices import Notice
 from anyprobe.relight.appearance import least_scale
 from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.relight.shadow import GroundShadow
@@ -311,7 +312,7 @@ class ClipRun:
         return {} if lit is None else {"same_as": lit}
 
     @property
-    def place_warnings(self) -> tuple[str, ...]:
+    def place_warnings(self) -> tuple[Notice, ...]:
         """Stage.warnings of the virtual object's place; none without one, or before it has one."""
         return () if self._stage is None else self._stage.warnings
 

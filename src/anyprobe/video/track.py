@@ -20,7 +20,7 @@ from anyprobe.light.harmonics import project
 from anyprobe.light.steady import Steady
 from anyprobe.light.temporal import FilterState, Track
 from anyprobe.match.alignment import HeldMatch, Match
-from anyprobe.notices import Notice
+from anyprobe.notices import RESTART, Notice, Remedy
 from anyprobe.video.held_mask import Held, held_in
 from anyprobe.video.registration import Motion
 
@@ -147,15 +147,13 @@ def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
                 held = HeldMatch(match=match, features=kept["held_features"])
         found = Progress(light=light, panorama=panorama, held=held, mask=mask, notes=notes, **words)
     except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
-        text = (
-            "expected what a run of this version left, got another or damaged file; restart, or choose another folder"
-        )
-        raise InputError(text, source=path) from error
+        text = "expected what a run of this version left, got another or damaged file; choose another folder with -o"
+        raise InputError(text, source=path, remedy=(Remedy("run", RESTART),)) from error
     now = json.loads(json.dumps(settings))
     then = found.settings
     if then != now:
-        text = f"expected what the run in {folder} was begun with, got another or none; give the same, or restart"
-        raise InputError(text, subject=_differing(then, now))
+        text = f"expected what the run in {folder} was begun with, got another or none; give the same"
+        raise InputError(text, subject=_differing(then, now), remedy=(Remedy("run", RESTART),))
     return found
 
 

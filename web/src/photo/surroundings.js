@@ -256,7 +256,7 @@ export function backdropDoubts({ width, height, rgba }, mask) {
     }
   }
   if (levels.length === 0 || median(levels) <= CONTRACT.ground.backdrop_level) return [];
-  const text = "what is behind the object is of one colour and taken for a cut-out's; a real backdrop must be asked for";
+  const text = "the background is of one colour, as a cut-out's, and is not used; if it is real, ask for it";
   return [notice("plain-backdrop", text, [{ do: "give", name: "surroundings", value: "photo" }])];
 }
 
