@@ -44,7 +44,8 @@ def cosine_hemisphere_xyz(u):
 
 
 def square_to_ggx_normal(u, alpha):
-    """Draw microfacet normals h with density D(h) (n.h), Karis 2013; alpha is the GGX width.
+    """Draw microfacet normals h with density D(h) (n.h), Karis 2013; alpha is the GGX width. Shading draws
+    ggx_visible_normal_xyz; tests compare both with their densities.
 
     cos^2 = (1 - u) / (1 + (alpha^2 - 1) u); (alpha - 1)(alpha + 1) keeps precision.
     """

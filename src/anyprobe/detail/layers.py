@@ -35,7 +35,8 @@ _MIDDLES = np.concatenate([np.eye(3), -np.eye(3)]).astype(np.float32)
 def kind_of_place(
     hints: Mapping[str, Any] | None, plate: Plate | None, warnings: Iterable[Notice], radiance: np.ndarray
 ) -> str | None:
-    """Return INDOORS or OPEN_AIR for a photo's light; None where it is known nearly all around, not guessed.
+    """Return INDOORS or OPEN_AIR for a photo's light; None where a mirror shows
+    the place, or more than KNOWN of it is known.
 
     Args:
         hints: estimate.sidecar.Origin.hints.

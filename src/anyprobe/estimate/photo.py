@@ -253,7 +253,7 @@ def _ground(photo: Photo, hints: Hints, posture_deg: tuple[float, float] | None)
 
 
 def _hidden(alpha: np.ndarray | None) -> np.ndarray | None:
-    """Photo.hidden of a picture's alpha; one that is transparent everywhere says nothing, as of its object."""
+    """Return which pixels are transparent; None if none are, or all, which says nothing."""
     hidden = None if alpha is None else alpha < 0.5
     return hidden if hidden is not None and hidden.any() and not hidden.all() else None
 

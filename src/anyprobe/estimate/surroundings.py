@@ -93,7 +93,7 @@ def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) 
 
 
 def read_panorama(source: SurroundingsSource) -> tuple[np.ndarray, np.ndarray]:
-    """Return the same twice, with what is above white: at 64 rows, and at as many as it has, PANORAMA_ROWS at most."""
+    """Return a panorama with its radiance above white, at 64 rows and at its own, PANORAMA_ROWS at most."""
     picture, linear = _read_panorama(source)
     rows = min(PANORAMA_ROWS, max(MAP_HEIGHT, len(picture)))
     return _at_rows(picture, linear, MAP_HEIGHT), _at_rows(picture, linear, rows)

@@ -117,7 +117,7 @@ def correlated_temperature(rgb: Float[np.ndarray, " 3"]) -> float:
 
 
 def sun_rotation(towards: Float[np.ndarray, " 3"]) -> tuple[float, float]:
-    """Return pitch and yaw [degrees] of a directional light whose +X points away from a light at [3]."""
+    """Return Unreal's pitch and yaw [degrees] of a lamp that shines along its +X, from a direction [3] towards it."""
     x, y, z = -np.asarray(towards, dtype=np.float64)
     return float(np.degrees(np.arcsin(np.clip(z, -1, 1)))), float(np.degrees(np.arctan2(y, x)))
 

@@ -30,8 +30,8 @@ LOBE_LEVEL: float = contract("dominant_light")["lobe_level"]
 RING_PX: int = contract("dominant_light")["ring_px"]
 ERROR: dict[str, float] = contract("dominant_light")["error"]
 ESTIMATED_ERROR: dict[str, float] = contract("dominant_light")["estimated_error"]
-"""Coefficients of direction_error, of a map alone, and where an estimate's expected map is at hand, which tells where
-light sources may be; fitted by research.direction_error."""
+"""Numbers of spread_about and direction_error: for a map alone, and for the networks' expected map, which tells where
+light sources may be. research.direction_error fits factor and exponent; the others are chosen."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -137,7 +137,7 @@ def direction_error(spread_deg: float, error: Mapping[str, float] = ERROR) -> fl
 
 
 def estimated_error(expected: Float[np.ndarray, "H 2*H 3"], direction: np.ndarray) -> float:
-    """Return such a bound [degrees] for a unit direction by a map that tells where light sources may be."""
+    """Return the bound [degrees] of direction_error for a unit direction, by a map of where light sources may be."""
     return direction_error(spread_about(expected, direction, ESTIMATED_ERROR), ESTIMATED_ERROR)
 
 

@@ -1,4 +1,4 @@
-"""All limits of requests; docs/reference/security.md lists them."""
+"""Limits of requests, listed in docs/reference/security.md; serve.processes has those of a process."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ class Limits:
         upload_s: seconds in which a body must have arrived; later it is 408.
         grace_s, least_rate: a body that is slower than least_rate [bytes / s] after grace_s is 408 as well.
         retry_after_s: what a 429 asks for.
-        quick_s: seconds of the processor for decoding a JPEG, PNG or WebP and finding its object, which takes 1 to 3,
-            before it waits with the slow formats.
+        quick_s: processor seconds, usually 1 to 3, for decoding a JPEG, PNG or WebP and finding its object; one that
+            takes longer waits with the slow formats.
         decode_s: seconds of the processor for decoding any file, and for an export; beyond them 422.
         decode_mb: memory for that, beyond the idle process's own; beyond it 422.
         drain_s: seconds for running work when the server is stopped; then 503. Containers are killed after 10.

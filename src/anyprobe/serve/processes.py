@@ -83,7 +83,7 @@ class Lane:
         A process that ends meanwhile may have been ended from outside: the work is then repeated once, in another
         process.
 
-            Raises:
+        Raises:
             AnyprobeError: as the function does. TooSlow, TooMuchMemory: it was ended. WorkerLost: the machine lacks
                 something, or somebody ends processes.
         """

@@ -102,7 +102,7 @@ class MaskFollower:
             self.held = replace(self.held, refused=0, other=None)
 
     def go_on(self, last: list[float] | None, held: Held | None, shows_more: bool | None) -> None:
-        """From what was kept; held None: the mask is found anew around the last one."""
+        """Set the state that a run kept; held None: the mask is looked for anew around the last box."""
         self.last, self.held, self.shows_more = last, held, shows_more
         self._before, self._otherwise = None, 0
 

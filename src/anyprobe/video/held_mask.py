@@ -81,7 +81,7 @@ def hold(rgb: np.ndarray, mask: np.ndarray, finds: int = 1) -> Held:
 
 
 def held_in(picture: np.ndarray, marked: np.ndarray, *, offset: tuple[int, int], **more) -> Held:
-    """Return the same of its parts; more: of Held."""
+    """Return a Held of a picture and its mask; more: other fields of Held."""
     key = begin_key(picture, marked, offset)
     return Held(**{"cover": marked, **more}, picture=picture, offset=offset, marked=marked, key=key)
 
@@ -223,7 +223,7 @@ def _carried(held: Held, cover: np.ndarray, to: Held) -> np.ndarray:
 
 
 def _box(held: Held) -> tuple[float, float, float, float]:
-    """Around the key's window's object in the last frame."""
+    """Return the box of the held object in the last frame: left, top, right, bottom [px]."""
     x0, y0, x1, y1 = object_box(held.cover)
     corners = np.array([[x0, y0], [x1, y0], [x0, y1], [x1, y1]]) + held.offset - held.key.center
     places = corners @ held.motion.matrix().T + held.key.center + (held.motion.x, held.motion.y)

@@ -170,7 +170,7 @@ def _differing(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
 
 
 def _filter_state(kept: dict[str, Any]) -> FilterState:
-    """Rebuild progress from the JSON of its asdict."""
+    """Rebuild a FilterState from what save_progress kept of it."""
 
     def steady(words: dict[str, Any]) -> Steady:
         return Steady(**{**words, **{name: np.asarray(words[name]) for name in MAPS}})
