@@ -169,7 +169,7 @@ class ClipRun:
                 continue
             if frame.index == done.next_index and done.next_index:
                 self._shown, self._preview = None, None
-                self.follower.go_on(done.last, done.mask, done.shows_more)
+                self.follower.go_on(done.last, done.held_mask, done.shows_more)
             done.frames.append(self._one(frame, look))
             if self.virtual is not None:
                 pictures.append((frame.time_s, self._picture(frame)))
@@ -247,12 +247,12 @@ class ClipRun:
         steady = self._seen(frame.index)
         if self.library is not None:
             up = None if self.poses is not None or light.ground is None else light.ground.level_from_camera
-            done.held = hold_match(done.held, done.light.radiance, light.confidence, self.library, up)
-            record["detail"] = done.held.match.name
+            done.held_match = hold_match(done.held_match, done.light.radiance, light.confidence, self.library, up)
+            record["detail"] = done.held_match.match.name
         if self.exr:
             header = {"model": self.estimator.model_id, "frame": FRAME, "scale": SCALE}
-            if done.held is not None:
-                header["detail"] = f"plausible, from {done.held.match.name}, seed 0"
+            if done.held_match is not None:
+                header["detail"] = f"plausible, from {done.held_match.match.name}, seed 0"
             path = self.folder / "lights" / f"{frame.index:06d}.exr"
             write_exr(path, self._detailed(frame.index), attributes=header)
         if self.virtual is not None:
@@ -293,7 +293,7 @@ class ClipRun:
     def _detailed(self, index: int) -> np.ndarray:
         """Return the same with the detail of the place that is held, [DETAIL_ROWS, 2 DETAIL_ROWS, 3]; without, as it
         is."""
-        held, seen = self.progress.held, self._seen(index)
+        held, seen = self.progress.held_match, self._seen(index)
         if self.library is None or held is None or self.progress.light is None:
             return seen
         match = exposed_match(held, self.progress.light.radiance)
@@ -355,7 +355,7 @@ class ClipRun:
             write_piece(self._piece(done.pieces, LIGHT), [(time_s, drawn.result()) for time_s, drawn in previews])
             done.pieces += 1
         done.next_index = next_index
-        done.last, done.mask, done.shows_more = self.follower.last, self.follower.held, self.follower.shows_more
+        done.last, done.held_mask, done.shows_more = self.follower.last, self.follower.held, self.follower.shows_more
         save_progress(self.folder, done)
 
     def _piece(self, number: int, kind: str = "") -> Path:

@@ -42,7 +42,7 @@ class Progress:
     settings: what the result depends on; another run may go on only with the same.
     next_index: the first frame that is not done. frames: records of those that are.
     light: the filter's state, and time_s of the light it last saw.
-    last, mask, shows_more: of the follower; mask: its `held`.
+    last, held_mask, shows_more: of the follower.
     pieces: of light.mp4, and of relit.mp4, that are written.
     stage_index: the frame that the virtual object was placed in. stage_last, stage_shows_more: as they were before that
     frame, by which its mask is found again. ground: of that frame's light, Ground.info. material: the object's, as
@@ -50,7 +50,7 @@ class Progress:
     gain: of the light that the relit clip shows, see relight.appearance.least_scale.
     panorama: [64, 128, 4 or 5] of the surroundings that frames have shown so far, in the world: linear radiance times
     cover, and cover; from an .exr or .hdr also how much of the cover is measured above white.
-    held: where the detail of maps is from. notes: warnings of the first frame.
+    held_match: where the detail of maps is from. notes: warnings of the first frame.
     """
 
     settings: dict[str, Any]
@@ -59,7 +59,7 @@ class Progress:
     light: FilterState | None = None
     light_time_s: float = 0.0
     last: list[float] | None = None
-    mask: Held | None = None
+    held_mask: Held | None = None
     shows_more: bool | None = None
     pieces: int = 0
     stage_index: int | None = None
@@ -69,25 +69,25 @@ class Progress:
     material: dict | None = None
     gain: float = 1.0
     panorama: np.ndarray | None = None
-    held: HeldMatch | None = None
+    held_match: HeldMatch | None = None
     notes: list[Notice] = field(default_factory=list)
 
 
 def save_progress(folder: Path, progress: Progress) -> None:
     """Write it whole or not at all."""
-    words = asdict(replace(progress, mask=None, notes=[]))
+    words = asdict(replace(progress, held_mask=None, notes=[]))
     words["notes"] = [note.as_json() for note in progress.notes]
-    light, panorama, held = words.pop("light"), words.pop("panorama"), words.pop("held")
+    light, panorama, held_match = words.pop("light"), words.pop("panorama"), words.pop("held_match")
     arrays = {} if panorama is None else {"panorama": panorama}
-    if progress.mask is not None:
-        arrays |= {f"mask_{name}": getattr(progress.mask, name) for name in MASK_ARRAYS}
-        words["mask"] = {
-            name: getattr(progress.mask, name) for name in ("offset", "finds", "error_px", "age", "unlike")
-        }
-        words["mask"]["motion"] = asdict(progress.mask.motion)
-    if held is not None:
-        match = held["match"]
-        arrays |= {"held_features": held["features"]} | {f"held_{name}": match.pop(name) for name in MATCH_ARRAYS}
+    if progress.held_mask is not None:
+        held = progress.held_mask
+        arrays |= {f"mask_{name}": getattr(held, name) for name in MASK_ARRAYS}
+        words["held_mask"] = {name: getattr(held, name) for name in ("offset", "finds", "error_px", "age", "unlike")}
+        words["held_mask"]["motion"] = asdict(held.motion)
+    if held_match is not None:
+        match = held_match["match"]
+        arrays |= {"match_features": held_match["features"]}
+        arrays |= {f"match_{name}": match.pop(name) for name in MATCH_ARRAYS}
         words["match"] = match
     if light is not None:
         arrays |= {name: light["soft"].pop(name) for name in MAPS}
@@ -130,7 +130,7 @@ def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
             if light is not None:
                 light = _filter_state({**light, "soft": {**light["soft"], **{name: kept[name] for name in MAPS}}})
             notes = [Notice.from_json(note) for note in words.pop("notes")]
-            mask, match, held = words.pop("mask", None), words.pop("match", None), None
+            mask, match, held = words.pop("held_mask", None), words.pop("match", None), None
             if mask is not None:
                 mask = held_in(
                     *(kept[f"mask_{name}"] for name in MASK_ARRAYS[:2]),
@@ -143,9 +143,9 @@ def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
                     },
                 )
             if match is not None:
-                match = Match(**match, **{name: kept[f"held_{name}"] for name in MATCH_ARRAYS})
-                held = HeldMatch(match=match, features=kept["held_features"])
-        found = Progress(light=light, panorama=panorama, held=held, mask=mask, notes=notes, **words)
+                match = Match(**match, **{name: kept[f"match_{name}"] for name in MATCH_ARRAYS})
+                held = HeldMatch(match=match, features=kept["match_features"])
+        found = Progress(light=light, panorama=panorama, held_match=held, held_mask=mask, notes=notes, **words)
     except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
         text = "expected what a run of this version left, got another or damaged file; choose another folder with -o"
         raise InputError(text, source=path, remedy=(Remedy("run", RESTART),)) from error
