@@ -9,7 +9,7 @@ import { PACKAGE, give, leaveOut, notice } from "../src/notices.js";
 import { warningsOf } from "../src/photo/quality.js";
 
 test("a doubtful mask is a sentence of its own", () => {
-  const good = { agreed: 1, expected: 1, whole: 1, single: 1, meant: 1, border: 0, small: 0, large: 0 };
+  const good = { agreed: 1, expected: 1, whole: 1, single: 1, meant: 1, border: 0, small: 0, large: 0, asked: ["click"] };
   const [found] = warningsOf({ ...good, expected: 0.6 }, 0.62, []);
   assert.equal(found.code, "mask-doubtful");
   assert.equal(sentence(found), "The mask may be wrong: its outline is blurred.");
