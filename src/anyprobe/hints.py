@@ -167,7 +167,7 @@ class Hints:
     )
     exclude: Clicks | None = _hint(
         "place",
-        "A point that is not on the object, in the same pixels as --click; repeatable.",
+        "A point that is not on the object, in pixels as the click; repeatable.",
         metavar="X,Y",
         numbers=(2,),
         repeated=True,
