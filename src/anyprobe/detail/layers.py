@@ -56,10 +56,21 @@ def as_place(
 
     floor_deg: elevation of the floor's edge, indoors.
     """
+    toward, ground = _faces(rows, outdoors, floor_deg)
+    drawn = bilinear(enlarged_map(radiance, 2 * MAP_HEIGHT), direction_to_uv(toward).astype(np.float32))
+    return drawn.astype(np.float32), ground
+
+
+def ground_share(rows: int, outdoors: bool, floor_deg: float = FLOOR_DEG) -> np.ndarray:
+    """Return the share of ground [rows, 2 rows] alone, as of as_place."""
+    return _faces(rows, outdoors, floor_deg)[1]
+
+
+def _faces(rows: int, outdoors: bool, floor_deg: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the direction whose colour each pixel takes [rows, 2 rows, 3], and the share of ground [rows, 2 rows]."""
     d = pixel_directions(rows)
     toward, ground = _beside_horizon(d) if outdoors else _in_room(d, floor_deg, np.pi / rows)
-    drawn = bilinear(enlarged_map(radiance, 2 * MAP_HEIGHT), direction_to_uv(toward).astype(np.float32))
-    return drawn.astype(np.float32), ground.astype(np.float32)
+    return toward, ground.astype(np.float32)
 
 
 def _beside_horizon(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

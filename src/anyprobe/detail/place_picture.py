@@ -21,7 +21,7 @@ from anyprobe.detail.angles import angles_from
 from anyprobe.detail.continued import CONTINUED_FLOOR, continue_around
 from anyprobe.detail.drawn_sources import SOFT, draw_lights, take_glare, take_sources
 from anyprobe.detail.kinds import OPEN_AIR
-from anyprobe.detail.layers import FLOOR_DEG, as_place
+from anyprobe.detail.layers import FLOOR_DEG, as_place, ground_share
 from anyprobe.detail.matched_light import enlarged_map, with_moments
 from anyprobe.errors import InputError, OutputError
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
@@ -180,9 +180,11 @@ def _place(
     around = None if seen is None else continue_around(seen)
     floor_deg = FLOOR_DEG if around is None else float(np.clip(around.top + OVER_DEG, FLOOR_DEG, -OVER_DEG))
     outdoors = kind == OPEN_AIR
-    drawn, ground = as_place(blur_cosine_power(reduced(rest, MAP_HEIGHT), WALLS), rows, outdoors, floor_deg)
+    ground = None
     if kind is None or is_detailed:
         drawn = enlarged_map(rest, rows)
+    else:
+        drawn, ground = as_place(blur_cosine_power(reduced(rest, MAP_HEIGHT), WALLS), rows, outdoors, floor_deg)
     if seen is None:
         origin = np.concatenate([nothing, nothing + 1 - is_detailed, nothing + is_detailed], axis=-1)
         return drawn, nothing, origin, nothing + 180
@@ -197,7 +199,7 @@ def _place(
     elevation = 90.0 - 180.0 * (np.arange(rows, dtype=np.float32)[:, None] + 0.5) / rows
     up = np.maximum(elevation - np.float32(around.top), 0.0)
     if around.top < 0:
-        up = up * (1 - ground)
+        up = up * (1 - (ground_share(rows, outdoors, floor_deg) if ground is None else ground))
     rise = RISE_DEG[int(outdoors)]
     share, hue = (np.exp(-((angle / far) ** 2) - up / rise)[..., None].astype(np.float32) for far in (FAR_DEG, HUE_DEG))
     lines = np.exp(-((up / LINES_DEG) ** 2))[..., None].astype(np.float32)
