@@ -17,7 +17,6 @@ from PIL import Image, ImageDraw
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.color import to_bytes
-from anyprobe.estimate.outputs import draw_overlay
 from anyprobe.learning.dataset.asset_store import draw_map
 from anyprobe.learning.dataset.lighting import Illuminator
 from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces
@@ -25,6 +24,7 @@ from anyprobe.learning.mask_network.composites import draw_scene
 from anyprobe.learning.mask_network.examples import cover_box, unasked_target
 from anyprobe.learning.mask_network.foregrounds import TexturePool, ViewSource
 from anyprobe.masks.find import find_mask
+from anyprobe.masks.overlay import draw_overlay
 from anyprobe.pictures.images import read_image
 
 SIZE = 480

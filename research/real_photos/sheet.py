@@ -21,12 +21,12 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.errors import AnyprobeError
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.outputs import draw_overlay
 from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import DEFAULT_MODEL
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.objects import open_object
+from anyprobe.masks.overlay import draw_overlay
 from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.render.spheres import sphere_images
 from research.model_names import titles_of

@@ -429,7 +429,7 @@ def test_interrupt_leaves_no_temporary_files(work, moment):
     code = f"""
 import os, signal
 from anyprobe.estimate import outputs
-outputs.draw_preview = lambda photo, light, panorama: light.radiance.clip(0, 1)
+outputs.draw_preview = lambda panorama, photo: panorama.radiance.clip(0, 1)
 whole = {moment}
 def interrupted(*args):
     if interrupted.count == 0:

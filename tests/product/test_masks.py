@@ -11,12 +11,12 @@ from PIL import Image
 from support.refused import refused
 
 from anyprobe.errors import InvalidMask, ModelError
-from anyprobe.estimate.outputs import EDGE, draw_overlay
 from anyprobe.estimate.photo import load_photo
 from anyprobe.masks.check import check_mask, look_at_given
 from anyprobe.masks.depth import mask_from_depth, read_depth
 from anyprobe.masks.find import find_mask, require_plausible
 from anyprobe.masks.networks import SMALL_PX, SmallNetwork, default_graph
+from anyprobe.masks.overlay import EDGE, draw_overlay
 from anyprobe.masks.parts import fill_holes, label_parts
 from anyprobe.masks.prompts import BOX_LEVEL, check_clicks, draw_prompts
 from anyprobe.masks.quality import DOUBTFUL, Evidence

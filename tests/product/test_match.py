@@ -20,7 +20,7 @@ from anyprobe.cli.app import app
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.errors import InputError, OutputError
-from anyprobe.estimate import outputs
+from anyprobe.estimate import sheet
 from anyprobe.estimate.ground import Ground, up_of
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import Origin
@@ -53,7 +53,7 @@ def folder(tmp_path, monkeypatch):
 @pytest.fixture
 def no_sheet(monkeypatch):
     """A plain picture in the place of the contact sheet, whose spheres take longer than the match."""
-    monkeypatch.setattr(outputs, "draw_matches", lambda photo, light, matches: np.zeros((8, 8, 3), np.float32))
+    monkeypatch.setattr(sheet, "draw_matches", lambda photo, rows: np.zeros((8, 8, 3), np.float32))
 
 
 def shown_under(radiance: np.ndarray, map_from_camera: np.ndarray, albedo=(0.5, 0.2, 0.1)) -> Shown:

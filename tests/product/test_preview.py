@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 import anyprobe
-from anyprobe.estimate import outputs
-from anyprobe.estimate.outputs import CAPTION, GAP, PANORAMA_ROW, ROW, draw_matches, draw_preview
+from anyprobe.estimate import sheet
+from anyprobe.estimate.sheet import CAPTION, GAP, PANORAMA_ROW, ROW, draw_matches, draw_preview
 from anyprobe.scatter.materials import MATERIALS
 
 
@@ -17,13 +15,13 @@ from anyprobe.scatter.materials import MATERIALS
 def captions(monkeypatch) -> list[str]:
     """Captions in the order drawn."""
     seen: list[str] = []
-    arrange = outputs._captioned
+    arrange = sheet._captioned
 
     def listed(rows):
         seen.extend(caption for row in rows for caption, _ in row)
         return arrange(rows)
 
-    monkeypatch.setattr(outputs, "_captioned", listed)
+    monkeypatch.setattr(sheet, "_captioned", listed)
     return seen
 
 
@@ -34,7 +32,7 @@ def captions(monkeypatch) -> list[str]:
 def test_a_bright_light_clips_no_white_sphere(photo_path, captions, radiance, exposure):
     photo = anyprobe.load_photo(photo_path)
     light = anyprobe.Light(radiance=np.full((64, 128, 3), radiance, np.float32))
-    picture = draw_preview(photo, light)
+    picture = draw_preview(light.panorama(), photo)
     assert captions[0].startswith("panorama, in the frame of the camera, ")
     assert captions[1:] == ["photo", "mask", *(f"{sphere}, {exposure}" for sphere in ("matte", "satin", "mirror"))]
     assert all(name in MATERIALS for name in ("matte", "satin", "mirror"))
@@ -49,17 +47,14 @@ def test_a_bright_light_clips_no_white_sphere(photo_path, captions, radiance, ex
 @pytest.mark.parametrize(("name", "drawn"), [("sünset", "sunset"), ("日\n1", "??1")])
 def test_names_of_maps_are_drawn_in_letters_that_the_font_has(photo_path, name, drawn):
     photo = anyprobe.load_photo(photo_path)
-    light = anyprobe.Light(radiance=np.ones((64, 128, 3), np.float32))
-    named, plain = (
-        draw_matches(photo, light, [(SimpleNamespace(rank=0, name=one), light.radiance)]) for one in (name, drawn)
-    )
+    named, plain = (draw_matches(photo, [(one, np.ones((64, 128, 3), np.float32))]) for one in (name, drawn))
     np.testing.assert_array_equal(named, plain)
 
 
 def test_a_narrow_photo_keeps_its_captions_apart(photo_rgba, captions):
     narrow = anyprobe.load_photo(np.tile(photo_rgba[:, 48:80], (4, 1, 1)))  # 21 pixels wide in the preview
     light = anyprobe.Light(radiance=np.ones((64, 128, 3), np.float32))
-    whole = draw_preview(narrow, light)
+    whole = draw_preview(light.panorama(), narrow)
     assert whole.shape == (PANORAMA_ROW + ROW + 2 * (CAPTION + GAP) + GAP, 2 * PANORAMA_ROW + 2 * GAP, 3)
     below = 2 * GAP + PANORAMA_ROW + CAPTION + ROW
     gap = whole[below + 1 : below + CAPTION]

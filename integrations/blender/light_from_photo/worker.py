@@ -75,10 +75,10 @@ def estimate(order: dict, folder: Path) -> dict:
 
     from anyprobe import Estimator, load_photo
     from anyprobe.estimate.ground import contact_of
-    from anyprobe.estimate.outputs import draw_overlay
     from anyprobe.export.target_frames import BLENDER
     from anyprobe.export.targets import export
     from anyprobe.masks.check import object_box
+    from anyprobe.masks.overlay import draw_overlay
     from anyprobe.pictures.images import write_png
     from anyprobe.relight.ground_view import view_of
 

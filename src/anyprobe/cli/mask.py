@@ -83,8 +83,8 @@ def _write(
 ) -> dict[str, Any]:
     """Write one photo's two files; return how the mask was found, for JSON."""
     from anyprobe.estimate.doubts import scale_doubts
-    from anyprobe.estimate.outputs import draw_overlay
     from anyprobe.masks.find import find_mask
+    from anyprobe.masks.overlay import draw_overlay
     from anyprobe.pictures.images import read_image, write_png
 
     targets = {kind: out / f"{result_stem(path, listed)}_{kind}.png" for kind in ("overlay", "mask")}

@@ -51,8 +51,8 @@ def match(
 
     Writes the best ones turned, exposed and tinted to fit the photo, a contact sheet with spheres and a list (.json).
     """
-    from anyprobe.estimate.outputs import draw_matches
     from anyprobe.estimate.photo import load_photo
+    from anyprobe.estimate.sheet import draw_matches
     from anyprobe.export.targets import write_export
     from anyprobe.files.atomic import atomic_files
     from anyprobe.match.fit_warnings import match_doubts
@@ -84,9 +84,10 @@ def match(
     with atomic_files(out) as scratch, console.status("writing"):
         for candidate in chosen:
             candidate.write(scratch / files[candidate.rank])
-        pictured = [(candidate, candidate.radiance(256)) for candidate in chosen]
+        pictured = [("estimate", light.panorama(256, frame="camera").radiance)]
+        pictured += [(f"{candidate.rank + 1}: {candidate.name}", candidate.radiance(256)) for candidate in chosen]
         warnings += match_doubts(light, chosen[0])
-        write_png(scratch / f"{stem}_match.png", draw_matches(loaded, light, pictured))
+        write_png(scratch / f"{stem}_match.png", draw_matches(loaded, pictured))
         report = {
             "photo": loaded.name,
             "folder": str(folder),

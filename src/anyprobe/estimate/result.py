@@ -20,6 +20,7 @@ from anyprobe.detail.place_picture import DRAWN_ROWS, Panorama, check_panorama_r
 from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
+from anyprobe.estimate.sheet import draw_preview
 from anyprobe.estimate.sidecar import FRAME, SCALE, SIDECAR_VERSION, TURNED, Origin, restored
 from anyprobe.files.atomic import atomic_path
 from anyprobe.light.dominant_light import DominantLight, estimated_error, find_dominant_light
@@ -104,9 +105,7 @@ class Light:
 
     def _repr_png_(self) -> bytes:
         """Return the sheet of panorama and spheres, for notebooks."""
-        from anyprobe.estimate.outputs import draw_light
-
-        return png_bytes(to_bytes(draw_light(self)))
+        return png_bytes(to_bytes(draw_preview(self.panorama())))
 
     @classmethod
     def load(cls, path: str | Path) -> Light:

@@ -1,0 +1,110 @@
+"""The sheets that show a result, with captions: of one estimate, and of the panoramas that match a photo."""
+
+from __future__ import annotations
+
+import math
+import unicodedata
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from anyprobe.core.color import to_bytes
+from anyprobe.core.response import response
+from anyprobe.detail.place_picture import Panorama
+from anyprobe.estimate.photo import Photo
+from anyprobe.light.environment import rotate
+from anyprobe.masks.overlay import draw_overlay
+from anyprobe.render.spheres import sphere_images
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+SPHERES = {"diffuse": "matte", "silver": "satin", "mirror": "mirror"}
+"""Names of materials by those of render.spheres."""
+ROW, PANORAMA_ROW = 256, 512
+_MATTE = 0.7
+"""Radiance of the bright side of a matte sphere in the median row of matches."""
+_SPHERE = 128
+GAP = 8
+CAPTION = 20
+BACKGROUND, CAPTION_COLOR = (20, 20, 20), (220, 220, 220)
+Captioned = tuple[str, np.ndarray]
+
+
+def draw_preview(panorama: Panorama, photo: Photo | None = None) -> Float[np.ndarray, "H W 3"]:
+    """Return a display picture [H, W, 3] in [0, 1]: the panorama over photo, mask and spheres, with captions.
+
+    The spheres share one exposure, a whole or half EV at which the matte one does not clip, 0 at most.
+    """
+    in_camera = panorama.radiance
+    if panorama.is_level:
+        in_camera = np.maximum(rotate(panorama.radiance, panorama.frame_from_camera.T), 0.0)
+    spheres = sphere_images(in_camera, _SPHERE)
+    ev = min(0.0, math.floor(-2 * math.log2(max(spheres["diffuse"].max(), 1e-6))) / 2)
+    row = [] if photo is None else _photo_and_mask(photo)
+    for name, sphere in spheres.items():
+        row.append((f"{SPHERES[name]}, {_stops(ev)}", _fit(response(sphere * 2.0**ev), ROW)))
+    caption = f"panorama, {'level' if panorama.is_level else 'in the frame of the camera'}, highlights compressed"
+    return _captioned([[(caption, _fit(panorama.display(), PANORAMA_ROW))], row])
+
+
+def draw_matches(photo: Photo, rows: Sequence[Captioned]) -> np.ndarray:
+    """Return a display picture [H, W, 3] in [0, 1]: photo and mask, then a row for each map, with its caption.
+
+    A row has the photo, spheres at one exposure for all, and the map. rows: maps [R, 2R, 3] in the camera's frame.
+    """
+    drawn = [(caption, sphere_images(radiance, _SPHERE), radiance) for caption, radiance in rows]
+    level = float(np.median([np.percentile(spheres["diffuse"].max(axis=-1), 90) for _, spheres, _ in drawn]))
+    gain = 2.0 ** (round(2 * math.log2(_MATTE / max(level, 1e-6))) / 2)
+    given = _photo_and_mask(photo)
+    sheet = [given]
+    for caption, spheres, radiance in drawn:
+        shown = given[:1]
+        shown += [(SPHERES[name], _fit(response(sphere * gain), ROW)) for name, sphere in spheres.items()]
+        sheet.append([*shown, (caption, _fit(response(radiance * gain), ROW))])
+    return _captioned(sheet)
+
+
+def _photo_and_mask(photo: Photo) -> list[Captioned]:
+    picture = _fit(photo.rgb, ROW)
+    return [("photo", picture), ("mask", draw_overlay(picture, _fit(photo.mask, ROW)))]
+
+
+def _stops(ev: float) -> str:
+    return f"{ev:+g} EV" if ev else "0 EV"
+
+
+def _captioned(rows: list[list[Captioned]]) -> np.ndarray:
+    """Return rows of pictures, each above its caption."""
+    font = ImageFont.load_default(14)
+    placed, widest, top = [], 0, GAP
+    for row in rows:
+        left = GAP
+        for text, picture in row:
+            caption = _drawable(text)
+            placed.append((left, top, caption, picture))
+            left += max(picture.shape[1], round(font.getlength(caption))) + GAP
+        widest = max(widest, left)
+        top += max((len(picture) for _, picture in row), default=0) + CAPTION + GAP
+    canvas = Image.new("RGB", (widest, top), BACKGROUND)
+    for left, top, caption, picture in placed:
+        canvas.paste(Image.fromarray(to_bytes(picture)), (left, top))
+        ImageDraw.Draw(canvas).text((left, top + len(picture) + 2), caption, CAPTION_COLOR, font)
+    return np.asarray(canvas, np.float32) / 255
+
+
+def _drawable(text: str) -> str:
+    """Return a text in ASCII, which is what Pillow's font has: letters lose their accents, others become question
+    marks."""
+    letters = (one for one in unicodedata.normalize("NFKD", text) if not unicodedata.combining(one))
+    return "".join(one if one.isascii() and one.isprintable() else "?" for one in letters)
+
+
+def _fit(picture: np.ndarray, height: int) -> np.ndarray:
+    """Scale a display picture to a height, its shape kept."""
+    width = max(1, round(picture.shape[1] * height / picture.shape[0]))
+    image = Image.fromarray(np.round(np.clip(picture, 0, 1) * 255).astype(np.uint8))
+    resized = image.resize((min(width, 4 * height), height), Image.Resampling.BICUBIC)
+    return np.asarray(resized, dtype=np.float32) / 255
