@@ -20,7 +20,7 @@ from anyprobe.files.cores import one_thread
 from anyprobe.learning.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe.learning.dataset.catalog import load_maps, load_shapes
 from anyprobe.learning.dataset.pair import render_pair
-from anyprobe.learning.dataset.pairs import LN_RANGE, Batch, PairConfig, PairSource
+from anyprobe.learning.dataset.pair_source import LN_RANGE, Batch, PairConfig, PairSource
 from anyprobe.learning.dataset.recipe import MATERIAL_CHOICES, VIEWPOINTS, Recipe
 from anyprobe.learning.train.config import RunConfig
 from anyprobe.learning.train.dataloader import make_pairs, stream

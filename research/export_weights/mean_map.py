@@ -11,7 +11,7 @@ import typer
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.errors import InputError
-from anyprobe.learning.dataset.pairs import PairSource
+from anyprobe.learning.dataset.pair_source import PairSource
 from anyprobe.learning.train.config import RUNS
 from anyprobe.learning.train.dataloader import make_pairs
 from anyprobe.maps.radiance import write_exr

@@ -12,7 +12,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
 from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.learning.dataset.pairs import Batch, PairConfig, PairSource  # noqa: E402
+from anyprobe.learning.dataset.pair_source import Batch, PairConfig, PairSource  # noqa: E402
 from anyprobe.learning.dataset.surfaces import SurfaceConfig, SurfaceSet, build_surfaces  # noqa: E402
 from anyprobe.learning.train.dataloader import stream  # noqa: E402
 

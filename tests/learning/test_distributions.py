@@ -12,7 +12,7 @@ from anyprobe.learning.dataset import distributions
 from anyprobe.learning.dataset.asset_store import draw_map
 from anyprobe.learning.dataset.camera import draw_shot, exposure, phone_shot
 from anyprobe.learning.dataset.lighting import Illuminator
-from anyprobe.learning.dataset.pairs import PairConfig, PairSource
+from anyprobe.learning.dataset.pair_source import PairConfig, PairSource
 from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces
 from anyprobe.scatter.materials import total_reflectance
 from research.world.materials import kind_given_alpha

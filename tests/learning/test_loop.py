@@ -24,7 +24,7 @@ from anyprobe.errors import ModelError  # noqa: E402
 from anyprobe.estimate.runtime import Models  # noqa: E402
 from anyprobe.learning.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.learning.dataset.pairs import PairSource  # noqa: E402
+from anyprobe.learning.dataset.pair_source import PairSource  # noqa: E402
 from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.learning.nets.paper import NETS  # noqa: E402
 from anyprobe.learning.train import export_onnx  # noqa: E402

@@ -9,8 +9,8 @@ from anyprobe.core.frames import world_from_camera  # noqa: E402
 from anyprobe.learning.dataset import surfaces as surfaces_module  # noqa: E402
 from anyprobe.learning.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.learning.dataset.occlusion import AZIMUTHS, RINGS, SIDE, cell_directions, hidden_cells, mirrored  # noqa: E402
-from anyprobe.learning.dataset.pairs import PairConfig, PairSource  # noqa: E402
+from anyprobe.learning.dataset.occlusion import AZIMUTHS, RINGS, SIDE, cell_directions, hidden_cells, mirrored_cells  # noqa: E402
+from anyprobe.learning.dataset.pair_source import PairConfig, PairSource  # noqa: E402
 from anyprobe.learning.dataset.shadows import moved, shade_hidden  # noqa: E402
 from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.render.mesh import make_mesh  # noqa: E402
@@ -60,7 +60,7 @@ def test_a_wall_hides_the_side_on_which_it_stands():
     up = (d[:, 2] > 0) & (d[:, 2] < 0.6)
     assert seen[right & up].mean() < 0.5
     assert seen[left & up].mean() > 0.95
-    in_mirror = shown(mirrored(hidden))[:, ::-1][near].mean(axis=0)
+    in_mirror = shown(mirrored_cells(hidden))[:, ::-1][near].mean(axis=0)
     assert in_mirror[left & up].mean() < 0.5
     assert in_mirror[right & up].mean() > 0.95
 

@@ -17,7 +17,7 @@ from support.some_batch import some_batch  # noqa: E402
 
 from anyprobe.learning.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.learning.dataset.pairs import PairSource  # noqa: E402
+from anyprobe.learning.dataset.pair_source import PairSource  # noqa: E402
 from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.learning.train import loop  # noqa: E402
 from anyprobe.learning.train.config import lift, normals, paper, smoke  # noqa: E402

@@ -9,7 +9,7 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 
 from anyprobe.learning.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.learning.dataset.pairs import PairConfig, PairSource  # noqa: E402
+from anyprobe.learning.dataset.pair_source import PairConfig, PairSource  # noqa: E402
 from anyprobe.learning.dataset.shape_augment import draw_reshaping, join_some, reshape, reshape_some  # noqa: E402
 from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.render.surface import pixel_rays  # noqa: E402

@@ -7,11 +7,11 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
-from anyprobe.learning.dataset import pairs, photograph  # noqa: E402
+from anyprobe.learning.dataset import pair_source, photograph  # noqa: E402
 from anyprobe.learning.dataset.asset_store import own_map  # noqa: E402
 from anyprobe.learning.dataset.distributions import METALS, draw_material  # noqa: E402
 from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.learning.dataset.pairs import PairConfig, PairSource  # noqa: E402
+from anyprobe.learning.dataset.pair_source import PairConfig, PairSource  # noqa: E402
 from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.learning.dataset.textured import (  # noqa: E402
     MAX_ALBEDO,
@@ -161,13 +161,13 @@ def test_a_pixel_shows_the_material_that_it_has(source):
     """Against the same surface of each material alone: upper left, upper right and below."""
     lit = source()._pool(0)[:2]
     normals = torch.from_numpy(sphere()).permute(2, 0, 1).expand(2, 3, SIZE, SIZE)
-    wo = pairs.pixel_wo(torch.full((2, 1, 1, 1), 0.2), SIZE)
+    wo = pair_source.pixel_wo(torch.full((2, 1, 1, 1), 0.2), SIZE)
     rng = np.random.default_rng(0)
     some = [draw_material(rng, lit[0].alpha, metal) for metal in (False, True, False)]
-    whole = [pairs.shade_batch(lit, [one, one], normals, wo)[0] for one in some]
+    whole = [pair_source.shade_batch(lit, [one, one], normals, wo)[0] for one in some]
     which = np.where(Y < 0, 2, np.where(X < 0, 0, 1))
     maps = {name: np.stack([getattr(one, name) for one in some])[which] for name in ("f0", "albedo")}
-    radiance, _ = pairs.shade_batch(lit, [replace(some[0], **maps), some[1]], normals, wo)
+    radiance, _ = pair_source.shade_batch(lit, [replace(some[0], **maps), some[1]], normals, wo)
     torch.testing.assert_close(radiance[1], whole[1][1])
     for k in range(3):
         part = torch.from_numpy((which == k) & (REACH < 1))
@@ -177,7 +177,7 @@ def test_a_pixel_shows_the_material_that_it_has(source):
 def test_no_share_draws_no_random_number_and_calls_nobody(source, monkeypatch):
     """And a share that is hit by no photo leaves every number what it was, bit for bit."""
     missed = source(textured=1e-12, two_materials=1e-12).batch(1)
-    monkeypatch.setattr(pairs, "paint_some", lambda *_: pytest.fail("nothing is to be painted"))
+    monkeypatch.setattr(pair_source, "paint_some", lambda *_: pytest.fail("nothing is to be painted"))
     plain = source().batch(1)
     for one in fields(plain):
         assert torch.equal(getattr(plain, one.name), getattr(missed, one.name)), one.name

@@ -11,8 +11,8 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles  # noqa: 
 from anyprobe.learning.nets.context_net import ContextNet  # noqa: E402
 from anyprobe.learning.nets.source_head import RADII_DEG, SOURCES, SourceHead, SourceMap  # noqa: E402
 from anyprobe.learning.nets.whole_net import SAID, WholeNet  # noqa: E402
-from anyprobe.learning.whole_network.losses import WEIGHTS, WholeLoss, posture_losses, profile_loss  # noqa: E402
 from anyprobe.learning.whole_network.source_profiles import source_profiles  # noqa: E402
+from anyprobe.learning.whole_network.whole_losses import WHOLE_WEIGHTS, WholeLoss, posture_losses, profile_loss  # noqa: E402
 
 
 def cap(direction, radius_deg: float) -> torch.Tensor:
@@ -65,7 +65,7 @@ def test_every_loss_reaches_the_weights():
         "up": up + torch.tensor([0.0, 0.8, 0.6]),
     }
     losses = WholeLoss()(net(context, tan_half, lift, said, surroundings, up), batch)
-    assert set(losses) == set(WEIGHTS)
+    assert set(losses) == set(WHOLE_WEIGHTS)
     for name, loss in losses.items():
         net.zero_grad()
         loss.backward(retain_graph=True)

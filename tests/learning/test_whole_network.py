@@ -20,12 +20,12 @@ from anyprobe.errors import InputError  # noqa: E402
 from anyprobe.estimate.estimator import Estimator  # noqa: E402
 from anyprobe.estimate.ground import up_of  # noqa: E402
 from anyprobe.learning.nets.light_net import display  # noqa: E402
-from anyprobe.learning.whole_network import train as training  # noqa: E402
-from anyprobe.learning.whole_network.batches import Pairs, brighter, mirrored  # noqa: E402
-from anyprobe.learning.whole_network.export import TOLERANCE, export_photo_net  # noqa: E402
+from anyprobe.learning.whole_network import whole_training as training  # noqa: E402
+from anyprobe.learning.whole_network.batches import Pairs, brighter, mirrored_pairs  # noqa: E402
+from anyprobe.learning.whole_network.left_out_scores import _figures, score_left_out  # noqa: E402
 from anyprobe.learning.whole_network.object_losses import OBJECT_WEIGHTS, ObjectLoss  # noqa: E402
-from anyprobe.learning.whole_network.score import _figures, score_pairs  # noqa: E402
-from anyprobe.learning.whole_network.train import WholeRunConfig, load_photo_net, train_whole  # noqa: E402
+from anyprobe.learning.whole_network.whole_export import TOLERANCE, export_photo_net  # noqa: E402
+from anyprobe.learning.whole_network.whole_training import WholeRunConfig, load_photo_net, train_whole  # noqa: E402
 from research.scenes import packed  # noqa: E402
 from research.scenes.camera import TakenPhoto  # noqa: E402
 from research.scenes.pairs import Known, known_of  # noqa: E402
@@ -136,7 +136,7 @@ def test_batches_are_of_all_files(folder, tmp_path):
 def test_left_and_right_change_places_together():
     batch = {name: torch.rand(2, 3, 4, 8) for name in ("context", "photo", "surroundings", "truth")}
     batch |= {"up": torch.tensor([[0.1, 0.9, 0.2]] * 2), "given_up": torch.zeros(2, 3), "colors": torch.rand(2, 7)}
-    found = mirrored(batch, torch.tensor([True, False]))
+    found = mirrored_pairs(batch, torch.tensor([True, False]))
     for name in ("context", "photo", "surroundings", "truth"):
         torch.testing.assert_close(found[name][0], batch[name][0].flip(2))
         torch.testing.assert_close(found[name][1], batch[name][1])
@@ -171,7 +171,7 @@ def test_added_files_are_learned_from_when_a_run_grows(folder, tmp_path):
 
 def test_scores_are_of_photos_and_of_cut_outs(folder, checkpoint):
     net, _ = load_photo_net(checkpoint)
-    scores = score_pairs(net, Pairs(folder))
+    scores = score_left_out(net, Pairs(folder))
     assert {
         "ldr_rmse",
         "dominant_deg",

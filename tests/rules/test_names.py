@@ -1,4 +1,4 @@
-"""A name of a module or a package is one layer's; a public name of a function or class is one module's."""
+"""A name of a module or package is one layer's (of `learning`, one room's), of a function or class one module's."""
 
 from __future__ import annotations
 
@@ -15,25 +15,16 @@ SOURCE = Path(anyprobe.__file__).parent
 
 def modules(root: Path) -> list[str]:
     """Dotted names below the package, of all but __init__."""
-    found = (
-        p.relative_to(root).with_suffix("").as_posix().replace("/", ".")
-        for p in root.rglob("*.py")
-        if not of_one_network(p)
-    )
+    found = (p.relative_to(root).with_suffix("").as_posix().replace("/", ".") for p in root.rglob("*.py"))
     return [name for name in found if not name.endswith("__init__")]
-
-
-def of_one_network(path: Path) -> bool:
-    """Whether a module belongs to the training of the network of whole photos, whose names are its own."""
-    return path.parent.name == "whole_network"
 
 
 def shared(root: Path) -> list[str]:
     """Names that modules or packages of two layers have, but for a layer and the command that is named as it."""
-    rooms = [(name.split(".")[0], name.split(".")[-1]) for name in modules(root) if "." in name]
     found = [path.parent.relative_to(root).parts for path in root.rglob("__init__.py") if path.parent != root]
     packages = {names[-1] for names in found}
-    rooms += [(names[0], names[-1]) for names in found]
+    found += [tuple(name.split(".")) for name in modules(root) if "." in name and not name.endswith("__main__")]
+    rooms = [(".".join(names[: 2 if names[0] == "learning" else 1]), names[-1]) for names in found]
     layers = Counter(name for layer, name in set(rooms) if not (layer == "cli" and name in packages))
     return sorted(name for name, count in layers.items() if count > 1)
 
@@ -45,8 +36,12 @@ def test_a_name_is_one_layers():
 @pytest.fixture
 def tree(tmp_path) -> Path:
     """A package of which nothing is wrong."""
-    for name in ("core/__init__.py", "core/one.py", "light/__init__.py", "light/two.py", "cli/light.py"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
+    for name in (
+        *("core/__init__.py", "core/one.py", "light/__init__.py", "light/two.py", "cli/light.py"),
+        *("learning/nets/three.py", "learning/nets/__main__.py", "learning/train/__main__.py", "cli/train.py"),
+        *("learning/train/__init__.py", "learning/nets/__init__.py", "learning/__init__.py"),
+    ):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
     return tmp_path
 
@@ -55,7 +50,9 @@ def test_a_tree_without_fault_has_none(tree):
     assert shared(tree) == []
 
 
-@pytest.mark.parametrize("file", ["light/one.py", "core/light.py", "cli/one.py"])
+@pytest.mark.parametrize(
+    "file", ["light/one.py", "core/light.py", "cli/one.py", "learning/train/three.py", "learning/nets/train.py"]
+)
 def test_rule_names_a_shared_name(tree, file):
     (tree / file).touch()
     assert shared(tree) == [Path(file).stem]
@@ -70,7 +67,6 @@ def twice(root: Path) -> set[str]:
     found = Counter(
         node.name
         for path in root.rglob("*.py")
-        if not of_one_network(path)
         for node in ast.parse(path.read_text(encoding="utf-8")).body
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef) and not node.name.startswith("_")
     )
@@ -86,7 +82,7 @@ def shared_constants(root: Path) -> set[str]:
     """Names of constants that a module imports from another, and that more than one module of a tree defines."""
     defined: Counter[str] = Counter()
     imported = set()
-    for path in (path for path in root.rglob("*.py") if not of_one_network(path)):
+    for path in root.rglob("*.py"):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         targets = [one for node in tree.body if isinstance(node, ast.Assign) for one in node.targets]
         targets += [node.target for node in tree.body if isinstance(node, ast.AnnAssign)]

@@ -73,7 +73,7 @@ def _sine(offset: np.ndarray) -> np.ndarray:
     return offset[..., 2] / np.maximum(np.sqrt((offset**2).sum(axis=-1)), 1e-9)
 
 
-def mirrored(hidden: np.ndarray) -> np.ndarray:
+def mirrored_cells(hidden: np.ndarray) -> np.ndarray:
     """Return the cells [AZIMUTHS, S, S] of the picture mirrored left to right."""
     return hidden[(AZIMUTHS // 2 - np.arange(AZIMUTHS)) % AZIMUTHS, :, ::-1]
 

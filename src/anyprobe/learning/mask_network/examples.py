@@ -16,7 +16,7 @@ import torch.nn.functional as F
 
 from anyprobe.core.color import to_bytes
 from anyprobe.learning.dataset.camera import SUBSAMPLINGS, blur, compress
-from anyprobe.learning.dataset.pairs import slide
+from anyprobe.learning.dataset.pair_source import slide
 from anyprobe.learning.mask_network.composites import PHOTO_ASPECTS, Scene, draw_scene
 from anyprobe.learning.mask_network.foregrounds import LitView, ViewSource
 from anyprobe.masks.networks import PADDING_GREY, SMALL_PX

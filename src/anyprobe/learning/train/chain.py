@@ -15,7 +15,7 @@ from torch.nn import functional as F
 
 from anyprobe.core.response import CameraCurve, response
 from anyprobe.learning.dataset.camera import draw_curve
-from anyprobe.learning.dataset.pairs import Batch
+from anyprobe.learning.dataset.pair_source import Batch
 from anyprobe.learning.nets.blocks import autocast
 from anyprobe.learning.nets.light_net import LightNet, display
 from anyprobe.learning.nets.paper import NETS, IlluminationNet

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from anyprobe.learning.dataset.pairs import PairConfig
+from anyprobe.learning.dataset.pair_source import PairConfig
 from anyprobe.learning.dataset.surfaces import SurfaceConfig
 from anyprobe.learning.train.lift import LiftConfig
 

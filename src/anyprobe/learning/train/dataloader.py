@@ -18,7 +18,7 @@ from torch.utils.data import DataLoader, Dataset
 from anyprobe.files.cores import one_thread
 from anyprobe.learning.dataset.asset_store import AssetStore, load_asset_store, own_map
 from anyprobe.learning.dataset.lighting import Illuminator, draw_variant
-from anyprobe.learning.dataset.pairs import Batch, PairSource
+from anyprobe.learning.dataset.pair_source import Batch, PairSource
 from anyprobe.learning.dataset.surfaces import SurfaceSet, build_surfaces
 from anyprobe.learning.train.config import LightConfig, RunConfig
 

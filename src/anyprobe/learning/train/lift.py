@@ -9,7 +9,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from anyprobe.learning.dataset.pairs import Batch
+from anyprobe.learning.dataset.pair_source import Batch
 from anyprobe.learning.evaluate.calibration import CLOSE
 from anyprobe.learning.nets.blocks import autocast
 from anyprobe.learning.nets.emitter_head import POWER_FLOOR

@@ -18,7 +18,7 @@ from torch.nn import functional as F
 
 from anyprobe.core.color import to_bytes
 from anyprobe.files.atomic import atomic_path, unwritable
-from anyprobe.learning.dataset.pairs import Batch
+from anyprobe.learning.dataset.pair_source import Batch
 from anyprobe.pictures.images import write_png
 
 LOG_STEPS = 25

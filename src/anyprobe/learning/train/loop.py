@@ -20,7 +20,7 @@ from torch import nn
 
 from anyprobe.errors import InputError, ModelError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.learning.dataset.pairs import Batch, PairSource
+from anyprobe.learning.dataset.pair_source import Batch, PairSource
 from anyprobe.learning.nets.light_net import LightNet
 from anyprobe.learning.train.chain import Chain, Irradiance
 from anyprobe.learning.train.checkpoint import (

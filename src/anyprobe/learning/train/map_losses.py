@@ -13,7 +13,7 @@ from anyprobe.light.environment import MAP_HEIGHT
 
 LOBES = (1.0, 16.0, 128.0)
 """Exponents of the cosine: lobes of a diffuse, a glossy and a nearly mirror-like sphere."""
-FAINT = 0.02
+FAINT_RADIANCE = 0.02
 """Radiance added before logarithms are compared: darker differences do not matter."""
 
 
@@ -79,7 +79,7 @@ class Sent:
             power = F.avg_pool2d(torch.exp(ln_map.clip(*LN_RANGE)) * self.angles, 2)
             radiance = power / F.avg_pool2d(self.angles, 2)
             means = torch.einsum("lop,ncp->nclo", self._lobes, radiance.flatten(2))
-            seen.append(torch.log(means + FAINT))
+            seen.append(torch.log(means + FAINT_RADIANCE))
         return (seen[0] - seen[1]).abs().mean()
 
     def power(self, ln: torch.Tensor) -> torch.Tensor:

@@ -13,10 +13,10 @@ import typer
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.learning.train.checkpoint import keep_apart, save_weights
-from anyprobe.learning.whole_network.export import export_photo_net
-from anyprobe.learning.whole_network.train import WholeRunConfig, load_photo_net, train_whole
+from anyprobe.learning.whole_network.whole_export import export_photo_net
+from anyprobe.learning.whole_network.whole_training import WholeRunConfig, load_photo_net, train_whole
 
-RUNS = Path("runs")
+ALL_RUNS = Path("runs")
 WEIGHTS = Path("src/anyprobe/weights/lift")
 
 app = typer.Typer(no_args_is_help=True)
@@ -28,11 +28,11 @@ def train(
     init_weights: Annotated[
         list[Path], typer.Option(help="Weights to begin from, repeat for those of each part; the same ones to resume.")
     ],
-    pairs: Pairs = RUNS / "scenes",
+    pairs: Pairs = ALL_RUNS / "scenes",
     left_out: Annotated[
         Path | None, typer.Option(help="Folder of pairs of the left-out part, scored while training.")
     ] = None,
-    runs: Annotated[Path, typer.Option(help="Folder for checkpoints and logs.")] = RUNS,
+    runs: Annotated[Path, typer.Option(help="Folder for checkpoints and logs.")] = ALL_RUNS,
     steps: Annotated[int | None, typer.Option(min=1, help="Steps in all; the run's own number otherwise.")] = None,
     growing: Annotated[bool, typer.Option(help="Also learn from pairs that are added meanwhile.")] = False,
     name: Annotated[str, typer.Option(help="Of the run's folder.")] = "whole",
@@ -56,7 +56,7 @@ def train(
 
 @app.command()
 def export(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run's folder, or its checkpoint.")] = RUNS / "whole",
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run's folder, or its checkpoint.")] = ALL_RUNS / "whole",
     to: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Folder for the two graphs.")] = WEIGHTS,
     start: Annotated[
         list[Path] | None, typer.Option(help="Weights the run began from, for a mean with them; repeat for more.")

@@ -15,7 +15,7 @@ from anyprobe.errors import InputError
 from anyprobe.learning.nets.light_net import display
 from anyprobe.learning.whole_network.source_profiles import source_colors, source_profiles
 
-LEVEL, TINT = 0.25, 0.12
+LEVEL_SPREAD, TINT_SPREAD = 0.25, 0.12
 """Standard deviations of ln of the light that a pair has more of, all of it and each channel, each time it is seen."""
 USED = ("image", "context", "tan_half", "surroundings", "truth", "up", "family")
 """Arrays of research.scenes.pairs.Known that are learned from."""
@@ -23,8 +23,8 @@ WHITE = 0.98
 """Display value from which on a pixel of a photo is clipped: less light does not make it less."""
 NOISE = 0.03
 """Largest standard deviation of display values that pairs are seen with."""
-PICTURES, DIRECTIONS = ("photo", "context", "surroundings", "truth"), ("up", "given_up")
-"""Arrays of a batch that change in a mirror."""
+FLIPPED, SIGNED = ("photo", "context", "surroundings", "truth"), ("up", "given_up")
+"""Arrays of a batch that change in a mirror: left and right, or the sign of x."""
 
 
 class Pairs:
@@ -74,7 +74,7 @@ class Pairs:
             of the photo around the object.
         """
         batch = self._batch(self._on(rng.integers(len(self), size=count)))
-        ln_gain = self._on(rng.normal(0.0, LEVEL, (count, 1)) + rng.normal(0.0, TINT, (count, 3))).float()
+        ln_gain = self._on(rng.normal(0.0, LEVEL_SPREAD, (count, 1)) + rng.normal(0.0, TINT_SPREAD, (count, 3))).float()
         gain = ln_gain[:, :, None, None]
         noise = self._on(rng.uniform(0.0, NOISE, (count, 1, 1, 1))).float()
         generator = torch.Generator(self.device).manual_seed(int(rng.integers(2**62)))
@@ -83,7 +83,7 @@ class Pairs:
         batch["truth"] = batch["truth"] + gain
         batch["given_up"] = batch["up"] * self._on(rng.random((count, 1)) < given_up).float()
         batch = with_panoramas(batch, rng, panoramas)
-        return mirrored(batch, self._on(rng.random(count) < 0.5))
+        return mirrored_pairs(batch, self._on(rng.random(count) < 0.5))
 
     def _batch(self, index: torch.Tensor) -> dict[str, torch.Tensor]:
         of = {name: values[index] for name, values in self._arrays.items()}
@@ -105,11 +105,11 @@ class Pairs:
         return torch.from_numpy(values).to(self.device)
 
 
-def mirrored(batch: dict[str, torch.Tensor], some: torch.Tensor) -> dict[str, torch.Tensor]:
+def mirrored_pairs(batch: dict[str, torch.Tensor], some: torch.Tensor) -> dict[str, torch.Tensor]:
     """Return a batch of which left and right are exchanged in some [N] pairs."""
-    flipped = {name: torch.where(some[:, None, None, None], batch[name].flip(3), batch[name]) for name in PICTURES}
+    flipped = {name: torch.where(some[:, None, None, None], batch[name].flip(3), batch[name]) for name in FLIPPED}
     signs = torch.where(some[:, None], batch["up"].new_tensor([-1.0, 1.0, 1.0]), batch["up"].new_ones(3))
-    return {**batch, **flipped, **{name: batch[name] * signs for name in DIRECTIONS}}
+    return {**batch, **flipped, **{name: batch[name] * signs for name in SIGNED}}
 
 
 def with_panoramas(batch: dict[str, torch.Tensor], rng: np.random.Generator, share: float) -> dict[str, torch.Tensor]:

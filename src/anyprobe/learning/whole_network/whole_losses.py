@@ -12,11 +12,11 @@ from anyprobe.learning.dataset.pair import LN_RANGE
 from anyprobe.learning.nets.emitter_head import POWER_FLOOR
 from anyprobe.learning.nets.whole_net import WholePrediction
 from anyprobe.learning.train.lift import CLOSE, display
-from anyprobe.learning.train.map_losses import FAINT, lobe_matrices, structure_loss
+from anyprobe.learning.train.map_losses import FAINT_RADIANCE, lobe_matrices, structure_loss
 from anyprobe.learning.whole_network.source_profiles import shares_around, source_colors
 from anyprobe.light.environment import MAP_HEIGHT
 
-WEIGHTS = {
+WHOLE_WEIGHTS = {
     "drawn": 0.8,
     "spread": 0.2,
     "shown": 0.4,
@@ -57,7 +57,7 @@ class WholeLoss:
         self._lobes = lobe_matrices(MAP_HEIGHT // 2, 8).to(device)
 
     def __call__(self, guess: WholePrediction, batch: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-        """Compute the losses by the names of WEIGHTS; batch: of batches.Pairs."""
+        """Compute the losses by the names of WHOLE_WEIGHTS; batch: of batches.Pairs."""
         true = batch["truth"]
         ldr = display(true).clip(max=1.0)
         shown = self._difference(guess.ln_shown, ldr)
@@ -121,7 +121,7 @@ class WholeLoss:
         seen = []
         for one in (ln, true_ln):
             radiance = F.avg_pool2d(torch.exp(one.clip(*LN_RANGE)) * self.angles, 2) / F.avg_pool2d(self.angles, 2)
-            seen.append(torch.log(torch.einsum("lop,ncp->nclo", self._lobes, radiance.flatten(2)) + FAINT))
+            seen.append(torch.log(torch.einsum("lop,ncp->nclo", self._lobes, radiance.flatten(2)) + FAINT_RADIANCE))
         return (seen[0] - seen[1]).abs().mean()
 
 

@@ -28,11 +28,11 @@ from anyprobe.learning.train.checkpoint import (
 )
 from anyprobe.learning.train.logger import RunLogger, run_folder
 from anyprobe.learning.train.loop import CHECKPOINT_SECONDS, learning_rate
-from anyprobe.learning.whole_network.batches import Pairs, mirrored
-from anyprobe.learning.whole_network.losses import WEIGHTS, WholeLoss
+from anyprobe.learning.whole_network.batches import Pairs, mirrored_pairs
+from anyprobe.learning.whole_network.left_out_scores import score_left_out
 from anyprobe.learning.whole_network.object_losses import OBJECT_WEIGHTS, ObjectLoss
 from anyprobe.learning.whole_network.photo_net import PhotoNet
-from anyprobe.learning.whole_network.score import score_pairs
+from anyprobe.learning.whole_network.whole_losses import WHOLE_WEIGHTS, WholeLoss
 
 MIRROR = "mirror"
 """Name of the loss of a mirrored photo's answer."""
@@ -90,7 +90,7 @@ class PhotoLosses:
 
     def __init__(self, net: PhotoNet, config: WholeRunConfig, device: str) -> None:
         self.object_learns = config.object_rate > 0
-        self.weights = {**WEIGHTS, MIRROR: MIRROR_WEIGHT, **(OBJECT_WEIGHTS if self.object_learns else {})}
+        self.weights = {**WHOLE_WEIGHTS, MIRROR: MIRROR_WEIGHT, **(OBJECT_WEIGHTS if self.object_learns else {})}
         self._whole = WholeLoss(device)
         self._object = ObjectLoss(net.light, device) if self.object_learns else None
 
@@ -125,7 +125,7 @@ def _picked(guess: WholePrediction, some: Any) -> WholePrediction:
 
 def _both_ways(batch: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
     """Return a batch and after it the same in a mirror."""
-    other = mirrored(batch, torch.ones(len(batch["up"]), dtype=torch.bool, device=batch["up"].device))
+    other = mirrored_pairs(batch, torch.ones(len(batch["up"]), dtype=torch.bool, device=batch["up"].device))
     return {name: torch.cat([batch[name], other[name]]) for name in batch}
 
 
@@ -190,14 +190,14 @@ def train_whole(
             loss.backward()
             torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
             optimizer.step()
-            follow(mean, net, min(config.averaged, (step + 1) / (step + 20)))
+            move_mean(mean, net, min(config.averaged, (step + 1) / (step + 20)))
             logger.note(step + 1, (step + 1) * config.batch, config.batch, {**terms, "loss": loss}, rate)
             if config.growing and (step + 1) % config.scored == 0:
                 data = data.grown()
                 origin["assets"] = data.identity
             if kept is not None and ((step + 1) % config.scored == 0 or step + 1 == config.steps):
                 with (folder / "left_out.jsonl").open("a", encoding="utf-8") as stream:
-                    stream.write(json.dumps({"step": step + 1, **score_pairs(mean, kept)}) + "\n")
+                    stream.write(json.dumps({"step": step + 1, **score_left_out(mean, kept)}) + "\n")
             if time.monotonic() - saved > CHECKPOINT_SECONDS or step + 1 == last:
                 words = {"step": step + 1, "config": json.dumps(dataclasses.asdict(config)), "origin": origin}
                 weights = {"net": mean.state_dict(), "moving": net.state_dict(), "optimizer": optimizer.state_dict()}
@@ -217,7 +217,7 @@ def _groups(net: PhotoNet, config: WholeRunConfig) -> list[dict[str, Any]]:
 
 
 @torch.no_grad()
-def follow(mean: torch.nn.Module, net: torch.nn.Module, decay: float) -> None:
+def move_mean(mean: torch.nn.Module, net: torch.nn.Module, decay: float) -> None:
     """Move the running mean of the weights, and of the statistics, towards those of now."""
     kept, new = list(mean.state_dict().values()), list(net.state_dict().values())
     floating = [k for k, one in enumerate(kept) if one.is_floating_point()]
@@ -240,6 +240,6 @@ def load_photo_net(checkpoint: Path, start: Sequence[Path] = (), share: float = 
         first = deepcopy(net)
         for one in start:
             begin_from(first, one)
-        follow(net, first, 1.0 - share)
+        move_mean(net, first, 1.0 - share)
         about["mean_with_start"] = share
     return net.eval().requires_grad_(False), about

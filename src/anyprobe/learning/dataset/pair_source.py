@@ -24,7 +24,7 @@ from anyprobe.learning.dataset.batch_shading import Behind, column_of, curves, p
 from anyprobe.learning.dataset.camera import draw_shot
 from anyprobe.learning.dataset.distributions import draw_material
 from anyprobe.learning.dataset.lighting import Illuminator, LitMaterial
-from anyprobe.learning.dataset.occlusion import mirrored
+from anyprobe.learning.dataset.occlusion import mirrored_cells
 from anyprobe.learning.dataset.pair import LN_RANGE
 from anyprobe.learning.dataset.photograph import LitObjects, photograph
 from anyprobe.learning.dataset.seen_surroundings import draw_frame, gather, perturb, photo_surroundings
@@ -155,7 +155,7 @@ class PairSource:
             drawn[k] = drawn[k, :, :, ::-1]
             drawn[k, 0] *= -1
             if shadows is not None:
-                shadows[k] = mirrored(shadows[k])
+                shadows[k] = mirrored_cells(shadows[k])
         hidden = None if shadows is None else torch.from_numpy(shadows).to(self.device)
         normals = torch.from_numpy(drawn).to(self.device).float()
         tan_half = self.surfaces.tan_half[index]

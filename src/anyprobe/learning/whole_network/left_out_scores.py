@@ -26,7 +26,7 @@ CUT_OUT, ALONE = "cut-out", "cut-out-alone"
 
 
 @torch.no_grad()
-def score_pairs(net: PhotoNet, pairs: Pairs) -> dict[str, float]:
+def score_left_out(net: PhotoNet, pairs: Pairs) -> dict[str, float]:
     """Return figures of left-out pairs: LDR RMSE, dominant light (median; hardest third), power [stops], pitch; LDR
     RMSE and dominant light of each family's photos and of the cut-outs; and the cast of photos and of cut-outs: median
     errors of ln red and ln blue over green in all light."""

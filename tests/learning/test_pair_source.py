@@ -12,13 +12,13 @@ from anyprobe.core.frames import world_from_camera  # noqa: E402
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions  # noqa: E402
 from anyprobe.core.response import MEAN_CURVE, inverse_response  # noqa: E402
 from anyprobe.core.sampling import hammersley  # noqa: E402
-from anyprobe.learning.dataset import batch_shading, lighting, pairs, photograph  # noqa: E402
+from anyprobe.learning.dataset import batch_shading, lighting, pair_source, photograph  # noqa: E402
 from anyprobe.learning.dataset.asset_store import draw_map, room, sky, studio  # noqa: E402
 from anyprobe.learning.dataset.camera import draw_shot, one_photo  # noqa: E402
 from anyprobe.learning.dataset.distributions import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
 from anyprobe.learning.dataset.lighting import Illuminator, LitMaterial  # noqa: E402
 from anyprobe.learning.dataset.mask_errors import widen  # noqa: E402
-from anyprobe.learning.dataset.pairs import GIVEN_NORMALS_ERROR_DEG, PairConfig, PairSource  # noqa: E402
+from anyprobe.learning.dataset.pair_source import GIVEN_NORMALS_ERROR_DEG, PairConfig, PairSource  # noqa: E402
 from anyprobe.learning.dataset.surfaces import (  # noqa: E402
     NUM_ELEVATIONS,
     SurfaceConfig,
@@ -132,7 +132,7 @@ def unit_sphere(size=128, radius=0.7):
 
 def test_a_emitter_behind_the_left_side_bleeds_red_on_the_left(illuminator, surfaces, monkeypatch):
     """The mask is three pixels too wide: there stands what is behind, through the same curve."""
-    monkeypatch.setattr(pairs, "draw_shot", lambda rng, conditions: clean(draw_shot(rng)))
+    monkeypatch.setattr(pair_source, "draw_shot", lambda rng, conditions: clean(draw_shot(rng)))
     monkeypatch.setattr(photograph, "disturb_mask", lambda mask, rng: widen(mask, 3))
     direction = pixel_directions(64)
     emitter = (direction[..., 0] < -0.1) & (direction[..., 2] < -0.5) & (np.abs(direction[..., 1]) < 0.15)

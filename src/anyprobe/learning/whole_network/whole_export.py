@@ -22,7 +22,7 @@ from anyprobe.learning.train.export_onnx import (
     graphs_of,
     write_graph,
 )
-from anyprobe.learning.whole_network.train import load_photo_net
+from anyprobe.learning.whole_network.whole_training import load_photo_net
 from anyprobe.light.environment import MAP_HEIGHT
 
 TOLERANCE = 0.03
