@@ -18,7 +18,7 @@ from measure import Converging
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import dot, normalize, world_from_local
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_solid_angles, uv_to_direction
-from anyprobe.core.sampling import hammersley, square_to_cosine_hemisphere, square_to_ggx_normal
+from anyprobe.core.sampling import hammersley, square_to_cosine_hemisphere
 from anyprobe.scatter.materials import Material, brdf
 from anyprobe.scatter.microfacet import ggx_distribution
 
@@ -117,7 +117,10 @@ def one_pass(table: LightTable, n, wo, emitter, u, material: Material, brdf: Cal
         material: of tensors.   brdf: f_r(material, wo, wi, n).
     """
     n, wo = n[:, None], wo[:, None]
-    h = world_from_local(square_to_ggx_normal(u[0][None], material.alpha), n)
+    phi, level = 2.0 * np.pi * u[0][None, :, 0], u[0][None, :, 1]
+    cosine = torch.sqrt((1.0 - level) / (1.0 + (material.alpha - 1.0) * (material.alpha + 1.0) * level))  # Karis 2013
+    sine = torch.sqrt((1.0 - cosine**2).clip(min=0.0))
+    h = world_from_local(torch.stack([sine * torch.cos(phi), sine * torch.sin(phi), cosine], dim=-1), n)
     total = 0.0
     for wi in (
         emitter[None].expand(n.shape[0], -1, -1),

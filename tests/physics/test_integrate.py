@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from support.warps import square_to_ggx_normal
 
 from anyprobe.core.frames import normalize, reflect, rotation_x, rotation_y, rotation_z, world_from_local
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
-from anyprobe.core.sampling import hammersley, square_to_ggx_normal
+from anyprobe.core.sampling import hammersley
 from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import _lod, shade, shade_diffuse, shade_specular
 from anyprobe.scatter.materials import Material, brdf

@@ -1,4 +1,7 @@
-"""The densities per steradian of core.sampling's samplers and their inverses; the local frame has n = +Z."""
+"""The densities per steradian of core.sampling's samplers and their inverses, and the paper's sampler of half vectors.
+
+The local frame has n = +Z.
+"""
 
 from __future__ import annotations
 
@@ -25,6 +28,16 @@ def uniform_hemisphere_pdf(d):
     """Density [1/sr] of square_to_uniform_hemisphere."""
     xp = array_namespace(d)
     return xp.where(d[..., 2] > 0, 0.5 / np.pi + 0.0 * d[..., 2], 0.0 * d[..., 2])
+
+
+def square_to_ggx_normal(u, alpha):
+    """Microfacet normals h with density D(h) (n.h), as of Eq. 5: [..., 2] -> [..., 3]. Karis 2013.
+
+    cos^2 = (1 - u) / (1 + (alpha^2 - 1) u); (alpha - 1)(alpha + 1) keeps precision.
+    """
+    cos2 = (1.0 - u[..., 1]) / (1.0 + (alpha - 1.0) * (alpha + 1.0) * u[..., 1])
+    sine, phi = np.sqrt(np.clip(1.0 - cos2, 0.0, None)), 2.0 * np.pi * u[..., 0]
+    return np.stack([sine * np.cos(phi), sine * np.sin(phi), np.sqrt(cos2)], axis=-1)
 
 
 def ggx_normal_to_square(h, alpha):

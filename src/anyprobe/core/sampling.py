@@ -43,18 +43,6 @@ def cosine_hemisphere_xyz(u):
     return _polar(xp.sqrt(1.0 - u[..., 1]), xp.sqrt(u[..., 1]), 2.0 * np.pi * u[..., 0])
 
 
-def square_to_ggx_normal(u, alpha):
-    """Draw microfacet normals h with density D(h) (n.h), Karis 2013; alpha is the GGX width. Shading draws
-    ggx_visible_normal_xyz; tests compare both with their densities.
-
-    cos^2 = (1 - u) / (1 + (alpha^2 - 1) u); (alpha - 1)(alpha + 1) keeps precision.
-    """
-    xp = array_namespace(u)
-    cos2 = (1.0 - u[..., 1]) / (1.0 + (alpha - 1.0) * (alpha + 1.0) * u[..., 1])
-    sin2 = xp.clip(1.0 - cos2, 0.0, None)
-    return xp.stack(_polar(xp.sqrt(cos2), xp.sqrt(sin2), 2.0 * np.pi * u[..., 0]), axis=-1)
-
-
 def _stretch(x, y, z, alpha):
     """Normalise (alpha x, alpha y, z)."""
     xp = array_namespace(z)
