@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.detail.blend import blend
+from anyprobe.detail.blend import Structure, blend
 from anyprobe.detail.kinds import OPEN_AIR
 from anyprobe.errors import InputError
 from anyprobe.light.environment import MAP_HEIGHT, check_radiance
-from anyprobe.match.alignment import find_level_match
-from anyprobe.match.kind import prices
+from anyprobe.match.alignment import Match, find_level_match
+from anyprobe.match.kind import own_prices, prices
 from anyprobe.match.library import Library
 from anyprobe.match.library_folder import open_library
 
-DETAILS = ("none", "plausible")
+NO_DETAIL, PLAUSIBLE = DETAILS = ("none", "plausible")
 SIZES = (64, 128, 256, 512)
 """Supported numbers of rows of a map with detail."""
 ROWS = SIZES[-1]
@@ -62,6 +62,7 @@ def add_detail(
     seed: int = 0,
     seen: np.ndarray | None = None,
     kind: str | None = None,
+    is_backdrop: bool = False,
     level_from_map: np.ndarray | None = None,
 ) -> Detailed:
     """Add the detail of a real place to an estimate's map; the same input gives the same bits.
@@ -74,6 +75,7 @@ def add_detail(
         seed: 0 picks the best candidate, 1 the next, and so on.
         seen: [rows, 2 rows, 4 or 5] known surroundings, see detail.blend.
         kind: of the place, one of detail.kinds; None: unknown.
+        is_backdrop: whether the photo shows one colour, or nothing, beside its object, as in a studio.
         level_from_map: [3, 3] rotation to a frame whose +Y is up in the place; None: +Y is up in the map.
     Raises:
         InvalidEnvironment, InputError: bad arguments, in one line that says what to do.
@@ -89,7 +91,38 @@ def add_detail(
         )
     library = library if isinstance(library, Library) else open_library(library)
     turn = np.eye(3) if level_from_map is None else level_from_map
-    asked = prices(None if kind is None else kind == OPEN_AIR, library, OTHER_KIND)
-    match = find_level_match(radiance, confidence, library, turn, seed, asked)
+    match = find_place(radiance, confidence, library, turn, kind=kind, is_backdrop=is_backdrop, seed=seed)
     detailed = blend(radiance, library.candidate(match.index), match.candidate_from_estimate, match.ln_gain, rows, seen)
     return Detailed(radiance=detailed, name=match.name, seed=seed, warnings=library.warnings)
+
+
+def find_structure(
+    radiance: np.ndarray,
+    confidence: np.ndarray | None,
+    level_from_map: np.ndarray,
+    *,
+    kind: str,
+    is_backdrop: bool,
+    library: Library | str | Path | None = None,
+) -> Structure:
+    """Find the structure of a place for an estimate [H, 2H, 3]; arguments as of add_detail."""
+    library = library if isinstance(library, Library) else open_library(library)
+    match = find_place(radiance, confidence, library, level_from_map, kind=kind, is_backdrop=is_backdrop)
+    codes = library.candidate(match.index)
+    return Structure(codes=codes, candidate_from_estimate=match.candidate_from_estimate, ln_gain=match.ln_gain)
+
+
+def find_place(
+    radiance: np.ndarray,
+    confidence: np.ndarray | None,
+    library: Library,
+    level_from_map: np.ndarray,
+    *,
+    kind: str | None,
+    is_backdrop: bool = False,
+    seed: int = 0,
+) -> Match:
+    """Find the place of a library that an estimate [H, 2H, 3] may be of; arguments as of add_detail."""
+    outdoors = None if kind is None else kind == OPEN_AIR
+    asked = prices(outdoors, library, OTHER_KIND) + own_prices(library, OTHER_KIND, is_backdrop)
+    return find_level_match(radiance, confidence, library, level_from_map, seed, asked)

@@ -17,6 +17,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.detail.layers import kind_of_place
 from anyprobe.detail.place_picture import DRAWN_ROWS, Panorama, check_panorama_rows, compose, in_frame
+from anyprobe.detail.plausible import PLAUSIBLE, add_detail, check_detail, find_structure
 from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
@@ -194,8 +195,6 @@ class Light:
         Raises:
             InputError: detailed already; or see detail.plausible.add_detail.
         """
-        from anyprobe.detail.plausible import add_detail
-
         if self.origin.detail is not None:
             raise InputError("expected a light without it; begin with the estimate", subject="detail")
         _, turn = self._panorama_frame(LEVEL)
@@ -208,12 +207,20 @@ class Light:
             seed=seed,
             seen=seen,
             kind=kind,
+            is_backdrop=self.plate is None,
             level_from_map=turn,
         )
         origin, added = replace(self.origin, detail=found.info()), tuple(map(as_notice, found.warnings))
         return replace(self, radiance=found.radiance, warnings=self.warnings + added, origin=origin)
 
-    def panorama(self, size: int = DRAWN_ROWS, *, frame: str = LEVEL) -> Panorama:
+    def panorama(
+        self,
+        size: int = DRAWN_ROWS,
+        *,
+        frame: str = LEVEL,
+        detail: str = PLAUSIBLE,
+        library: Library | str | Path | None = None,
+    ) -> Panorama:
         """Return one picture of the place, `size` x 2 `size`: the photo, continued all around under this light.
 
         It shows what the photo shows, without the object, and goes on from there; its harmonics are this light's.
@@ -222,15 +229,26 @@ class Light:
             size: rows, one of detail.place_picture.PANORAMA_SIZES.
             frame: "level", +Y is up as far as the camera's pitch and roll are known, or "camera", the frame of
                 radiance. A light that was rotated keeps its own frame.
+            detail: what is far from the photo: "plausible", the structure of a library's place, or "none", even walls
+                or a sky.
+            library: see with_detail.
         Raises:
-            InputError: another size or frame.
+            InputError: another size, frame or detail.
         """
         check_panorama_rows(size)
         is_level, turn = self._panorama_frame(frame)
         turned, from_camera = in_frame(self.radiance, turn), turn @ self.map_from_camera
         is_detailed, is_guess = self.origin.detail is not None, self.expected is not None
         kind = kind_of_place(self.origin.hints, self.plate, self.warnings, turned) if is_guess else None
-        radiance, origin = compose(turned, self.plate, from_camera, size, is_detailed=is_detailed, kind=kind)
+        place = None
+        if check_detail(detail) and kind is not None and not is_detailed:
+            sure = None if self.confidence is None else in_frame(self.confidence[..., None], turn)[..., 0]
+            level = self._panorama_frame(LEVEL)[1] @ turn.T
+            is_backdrop = self.plate is None
+            place = find_structure(turned, sure, level, kind=kind, is_backdrop=is_backdrop, library=library)
+        radiance, origin = compose(
+            turned, self.plate, from_camera, size, is_detailed=is_detailed, kind=kind, place=place
+        )
         said = {key: str(value) for key, value in frame_of(from_camera).items()} | {"scale": SCALE}
         said["model"] = self.origin.model or ""
         return Panorama(

@@ -13,7 +13,7 @@ import numpy as np
 
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.light.environment import reduced
-from anyprobe.match.library import OPEN_AIR_NAME, Library
+from anyprobe.match.library import OPEN_AIR_NAME, STREET_NAME, STUDIO_NAME, Library
 from anyprobe.match.plate import Plate
 from anyprobe.notices import Notice
 
@@ -106,3 +106,13 @@ def prices(outdoors: bool | None, library: Library, price: float) -> np.ndarray:
     if outdoors is None:
         return np.zeros(len(library.names), np.float32)
     return np.where(are_outdoors(library) != outdoors, price, 0.0).astype(np.float32)
+
+
+def own_prices(library: Library, price: float, is_backdrop: bool) -> np.ndarray:
+    """Return each bundled map's penalty [N]: for studios, unless the object stands before a backdrop, when all others
+    have it, and for streets, where few photos of objects are taken; zeros for other libraries."""
+    if library.files:
+        return np.zeros(len(library.names), np.float32)
+    is_studio = np.array([name.startswith(STUDIO_NAME) for name in library.names])
+    is_street = np.array([name.startswith(STREET_NAME) for name in library.names])
+    return np.where((is_studio != is_backdrop) | is_street, price, 0.0).astype(np.float32)

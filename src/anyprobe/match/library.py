@@ -41,8 +41,8 @@ PATTERN, SHADING = 12.0, 6.0
 6; and of radiance itself, roughly the detail that a dull object shows."""
 DETAIL = 48.0
 """Sharpness of the blur that separates an estimate from detail: exp(-l (l + 1) / 96) of order l, a half at order 8."""
-OPEN_AIR_NAME = "outdoor"
-"""Beginning of the names of bundled maps of places outdoors."""
+OPEN_AIR_NAME, STREET_NAME, STUDIO_NAME = "outdoor", "outdoor-street", "studio"
+"""Beginnings of the names of bundled maps: of places outdoors, of streets and squares among them, of studios."""
 _VERSION, OWN_VERSION = 3, 1
 """Versions of a stored library and of the bundled one, which stores neither lights nor files; others are rebuilt."""
 
