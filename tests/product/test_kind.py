@@ -9,7 +9,7 @@ import numpy as np
 
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.match.fit_warnings import kind_doubts
-from anyprobe.match.kind import are_outdoors, is_outdoors, photo_outdoors, prices
+from anyprobe.match.kind import are_outdoors, is_outdoors, own_prices, photo_outdoors, prices
 from anyprobe.match.library_folder import open_library
 from anyprobe.match.plate import keep_plate
 from anyprobe.notices import Notice
@@ -52,6 +52,16 @@ def test_panoramas_of_the_other_kind_cost_more():
     assert prices(False, library, 0.5).tolist() == [0.5, 0.0]
     assert prices(True, library, 0.5).tolist() == [0.0, 0.5]
     assert prices(None, library, 0.5).tolist() == [0.0, 0.0]
+
+
+def test_a_photo_with_a_place_is_in_no_studio_and_a_backdrop_in_nothing_else():
+    own = open_library()
+    kinds = np.array([name.split("-")[0] for name in own.names])
+    free = [set(kinds[own_prices(own, 1.0, backdrop) == 0]) for backdrop in (False, True)]
+    assert free == [{"room", "outdoor"}, {"studio"}]
+    costs = dict(zip(own.names, own_prices(own, 1.0, False), strict=True))
+    assert all(cost for name, cost in costs.items() if name.startswith("outdoor-street"))
+    assert not own_prices(replace(own, files=(Path("a"),) * len(own.names)), 1.0, True).any()
 
 
 def test_bundled_rooms_and_studios_are_not_outdoors():

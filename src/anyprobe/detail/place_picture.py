@@ -141,7 +141,6 @@ def compose(
     plate: Plate | None,
     frame_from_camera: np.ndarray,
     rows: int,
-    *,
     is_detailed: bool = False,
     kind: str | None = None,
     place: Structure | None = None,

@@ -22,13 +22,13 @@ from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
 from anyprobe.estimate.sheet import draw_preview
-from anyprobe.estimate.sidecar import FRAME, SCALE, SIDECAR_VERSION, TURNED, Origin, restored
+from anyprobe.estimate.sidecar import SCALE, SIDECAR_VERSION, Origin, frame_of, json_numbers, restored
 from anyprobe.files.atomic import atomic_path
 from anyprobe.light.dominant_light import DominantLight, estimated_error, find_dominant_light
 from anyprobe.light.environment import check_radiance, integral, rotate
 from anyprobe.light.harmonics import project
 from anyprobe.light.light_sources import LightSource, find_light_sources
-from anyprobe.maps.radiance import map_attributes, write_exr, write_hdr
+from anyprobe.maps.radiance import HALF_MAX, map_attributes, write_exr, write_hdr
 from anyprobe.match.kind import photo_outdoors
 from anyprobe.match.plate import Plate
 from anyprobe.notices import Notice, as_notice
@@ -246,9 +246,7 @@ class Light:
             level = self._panorama_frame(LEVEL)[1] @ turn.T
             is_backdrop = self.plate is None
             place = find_structure(turned, sure, level, kind=kind, is_backdrop=is_backdrop, library=library)
-        radiance, origin = compose(
-            turned, self.plate, from_camera, size, is_detailed=is_detailed, kind=kind, place=place
-        )
+        radiance, origin = compose(turned, self.plate, from_camera, size, is_detailed, kind, place)
         said = {key: str(value) for key, value in frame_of(from_camera).items()} | {"scale": SCALE}
         said["model"] = self.origin.model or ""
         return Panorama(
@@ -354,16 +352,16 @@ class Light:
             "size": [self.radiance.shape[1], self.radiance.shape[0]],
             "confidence": self._mean_confidence(),
             "well_exposed_fraction": round(float(self.well_exposed_fraction), 4),
-            "sh9": _numbers(self.sh9()),
+            "sh9": json_numbers(self.sh9()),
             "dominant_light": {
-                "direction": _numbers(main.direction),
-                "irradiance": _numbers(main.irradiance),
-                "color": _numbers(main.color),
+                "direction": json_numbers(main.direction),
+                "irradiance": json_numbers(main.irradiance),
+                "color": json_numbers(main.color),
                 "solid_angle_sr": round(main.solid_angle, 5),
                 "directionality": round(main.directionality, 4),
                 "error_deg": round(main.error_deg, 1),
             },
-            "camera_from_crop": _numbers(self.camera_from_crop),
+            "camera_from_crop": json_numbers(self.camera_from_crop),
             "warnings": list(self.warnings),
             "notices": [one.as_json() for one in self.warnings],
         }
@@ -386,13 +384,8 @@ class Light:
         if self.origin.detail is not None:
             attributes["detail"] = "{kind}, from {from}, seed {seed}".format(**self.origin.detail)
         if kind == ".exr":
-            write_exr(
-                path,
-                self.radiance,
-                half=bool(self.radiance.max() < 65504),
-                attributes=attributes,
-                colorspace=colorspace,
-            )
+            half = bool(self.radiance.max() < HALF_MAX)
+            write_exr(path, self.radiance, half=half, attributes=attributes, colorspace=colorspace)
         elif kind == ".hdr":
             write_hdr(path, self.radiance, attributes=attributes)
         elif kind == ".json":
@@ -403,14 +396,3 @@ class Light:
         else:
             raise OutputError(f"expected .exr, .hdr, .json or .png, got {kind or 'no suffix'}", source=path)
         return path
-
-
-def frame_of(map_from_camera: np.ndarray) -> dict[str, Any]:
-    """Return a map's axes in words, and the rotation to them if they are not the camera's."""
-    if np.allclose(map_from_camera, np.eye(3)):
-        return {"frame": FRAME}
-    return {"frame": TURNED, "map_from_camera": _numbers(map_from_camera)}
-
-
-def _numbers(array: np.ndarray) -> list:
-    return np.round(np.asarray(array, dtype=np.float64), 6).tolist()

@@ -69,7 +69,8 @@ class Settings:
     )
     detail: str = _setting(
         DETAILS[0],
-        "plausible: add invented high-frequency detail that fits the estimate, for sharp reflections.",
+        "plausible: add invented high-frequency detail that fits the estimate, for sharp reflections; panoramas have "
+        "it unless none is asked for.",
         "none|plausible",
         DETAILS,
     )

@@ -143,3 +143,15 @@ def restored(said: Mapping[str, Any], path: Path) -> dict[str, Any]:
         )
     attributes = {"well_exposed_fraction": exposed, "warnings": warnings, "camera_from_crop": camera_from_crop}
     return attributes | {"origin": origin}
+
+
+def frame_of(map_from_camera: np.ndarray) -> dict[str, Any]:
+    """Return a map's axes in words, and the rotation to them if they are not the camera's."""
+    if np.allclose(map_from_camera, np.eye(3)):
+        return {"frame": FRAME}
+    return {"frame": TURNED, "map_from_camera": json_numbers(map_from_camera)}
+
+
+def json_numbers(array: np.ndarray) -> list:
+    """Return an array's values for JSON, rounded to 6 digits."""
+    return np.round(np.asarray(array, dtype=np.float64), 6).tolist()
