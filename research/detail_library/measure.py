@@ -39,7 +39,7 @@ from anyprobe.learning.dataset.recipe import balanced_recipes
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.light.harmonics import project
-from anyprobe.match.alignment import find_match
+from anyprobe.match.alignment import find_matches
 from anyprobe.match.library import Library, encode, write_library
 from anyprobe.match.library_folder import open_library
 from research.detail_library.outdoors import detailed_outdoor
@@ -206,7 +206,7 @@ def placed_mirrors(maps: list, count: int = 20) -> dict[str, Any]:
             sphere = draw_under(radiance * np.float32(gain), "sphere", "chrome", size=256)
             photo = to_bytes(np.dstack([response(sphere[..., :3]), sphere[..., 3]]))
             light = estimator(photo, fov_deg=30.0, normals="sphere", material="chrome")
-            match = find_match(light.radiance, light.confidence, library)
+            match = find_matches(light.radiance, light.confidence, library, rank=0)[0]
             turn = match.candidate_from_estimate @ map_from_camera.T
             angle = np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1)))
             errors.append(float(angle) if match.name == asset.name else np.inf)

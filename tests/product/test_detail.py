@@ -20,7 +20,7 @@ from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.harmonics import project
 from anyprobe.maps.radiance import write_exr
-from anyprobe.match.alignment import find_match, seen_in_photo
+from anyprobe.match.alignment import find_matches, seen_in_photo
 from anyprobe.match.library import codes_of, decode, encode, richness_of, write_library
 from anyprobe.match.library_folder import open_library
 
@@ -77,7 +77,7 @@ def test_a_place_is_of_the_photo_s_kind_whatever_its_light(kind, names):
 def test_a_place_of_the_library_is_found_and_turned_as_the_camera_was(library, yaw, pitch):
     map_from_camera = world_from_camera(yaw, np.radians(pitch))
     seen = reduced(rotate(place(2), map_from_camera.T), 64)
-    match = find_match(np.maximum(seen, 0.0) * 0.2, None, library)
+    match = find_matches(np.maximum(seen, 0.0) * 0.2, None, library, rank=0)[0]
     assert match.name == "place-2"
     turn = match.candidate_from_estimate @ map_from_camera.T
     assert np.degrees(np.arccos((np.trace(turn) - 1) / 2)) < 8
@@ -90,8 +90,8 @@ def test_what_is_not_certain_does_not_choose(library):
     spoiled[:, :64] = reduced(place(2), 64)[:, 64:][::-1]
     confidence = np.ones((64, 128), np.float32)
     confidence[:, :64] = 0.0
-    assert find_match(spoiled, None, library).name != "place-1"
-    assert find_match(spoiled, confidence, library).name == "place-1"
+    assert find_matches(spoiled, None, library, rank=0)[0].name != "place-1"
+    assert find_matches(spoiled, confidence, library, rank=0)[0].name == "place-1"
 
 
 def test_no_seam_behind_the_camera_and_no_pinch_at_the_poles(library, estimate):

@@ -11,14 +11,18 @@ from support.scenes import made_map
 
 pytest.importorskip("av", reason="the extra `video` is not installed")
 
-from support.clips import sphere_frame, write_clip, write_masks
+from support.clips import sphere_frame, sphere_mask, write_clip, write_masks
 
-from anyprobe.core.frames import rotation_y
+from anyprobe.core.frames import rotation_x, rotation_y
+from anyprobe.detail.kinds import INDOORS, OPEN_AIR
+from anyprobe.detail.plausible import find_place
+from anyprobe.hints import PHOTO
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.harmonics import project
 from anyprobe.maps.radiance import map_attributes, read_radiance, write_exr
-from anyprobe.match.alignment import exposed_match, hold_match
+from anyprobe.match.alignment import exposed_match, find_matches, hold_match
+from anyprobe.match.kind import are_outdoors
 from anyprobe.match.library_folder import open_library
 from anyprobe.relight.insert import Arrangement
 from anyprobe.render.shapes import sphere
@@ -97,9 +101,15 @@ def estimate():
     return np.maximum(blur_cosine_power(reduced(place(2), 64), 30.0), 0.0)
 
 
-def test_a_place_is_held_until_the_estimate_moves_clearly_away(estimate, library):
+@pytest.fixture
+def hold(library):
+    """hold_match that looks in the library."""
+    return lambda held, radiance: hold_match(held, radiance, lambda: find_matches(radiance, None, library, 0)[0])
+
+
+def test_a_place_is_held_until_the_estimate_moves_clearly_away(estimate, hold):
     """Noise, a lamp that dims and a small turn keep it; a large turn takes the place with it."""
-    first = hold_match(None, estimate, None, library)
+    first = hold(None, estimate)
     assert first.match.name == "place-2"
     rng = np.random.default_rng(0)
     for near in (
@@ -107,16 +117,16 @@ def test_a_place_is_held_until_the_estimate_moves_clearly_away(estimate, library
         0.2 * estimate,
         rotate(estimate, rotation_y(0.03)),
     ):
-        assert hold_match(first, np.maximum(near, 0.0), None, library) is first
-    far = hold_match(first, np.maximum(rotate(estimate, rotation_y(1.2)), 0.0), None, library)
+        assert hold(first, np.maximum(near, 0.0)) is first
+    far = hold(first, np.maximum(rotate(estimate, rotation_y(1.2)), 0.0))
     assert far.match.name == "place-2"
     expected = first.match.candidate_from_estimate @ rotation_y(1.2).T
     cosine = (np.trace(expected.T @ far.match.candidate_from_estimate) - 1) / 2
     assert np.degrees(np.arccos(min(cosine, 1.0))) < 10
 
 
-def test_the_exposure_of_a_held_place_follows_the_light(estimate, library):
-    held = hold_match(None, estimate, None, library)
+def test_the_exposure_of_a_held_place_follows_the_light(estimate, hold):
+    held = hold(None, estimate)
     tinted = estimate * np.array([0.5, 0.25, 0.125], np.float32)
     change = exposed_match(held, tinted).ln_gain - held.match.ln_gain
     np.testing.assert_allclose(change, np.log([0.5, 0.25, 0.125]), atol=0.02)
@@ -161,7 +171,7 @@ def test_a_stopped_run_goes_on_with_the_place_that_it_held(begin, fine, tmp_path
     again = begin(tmp_path)
     assert again.progress.next_index == 3
     chosen = []
-    monkeypatch.setattr("anyprobe.match.alignment.find_match", lambda *given: chosen.append(given))
+    monkeypatch.setattr(run_module, "find_place", lambda *given, **said: chosen.append(given))
     again(lambda done: None)
     assert not chosen
     assert results(tmp_path) == results(fine.folder)
@@ -175,6 +185,36 @@ def test_the_place_stands_still_in_the_world(begin, tmp_path):
     seen = [np.maximum(rotate(run._detailed(i), run.poses[i]), 0.0) for i in (0, 1)]
     one, other = (np.log(radiance + 0.02) for radiance in seen)
     assert np.corrcoef(one.ravel(), other.ravel())[0, 1] > 0.97
+
+
+@pytest.mark.parametrize("pose", [None, rotation_y(0.7) @ rotation_x(0.3)])
+@pytest.mark.parametrize(("beside", "kind"), [((50, 120, 40), OPEN_AIR), ((150, 95, 60), INDOORS)])
+def test_a_place_is_of_the_clip_s_kind_and_stands_upright_as_for_a_photo(
+    tmp_path, monkeypatch, estimator, beside, kind, pose
+):
+    """Outdoors on a lawn, indoors before a wall, whatever the light, and wherever the camera looks in the world."""
+    texture = np.kron(np.random.default_rng(0).uniform(0.6, 1.4, (12, 16, 1)), np.ones((8, 8, 1)))
+    frame = np.where(sphere_mask()[..., None] > 0, sphere_frame(made_map()), texture * np.array(beside)).astype(
+        np.uint8
+    )
+    write_clip(tmp_path / "clip.mp4", [frame])
+    follower = MaskFollower({"mask": write_masks(tmp_path / "masks", 1)}, {}, {}, PHOTO)
+    asked = []
+    monkeypatch.setattr(
+        run_module, "find_place", lambda *given, **said: asked.append((*given, said)) or find_place(*given, **said)
+    )
+    poses = None if pose is None else pose[None]
+    clip, library = open_clip(tmp_path / "clip.mp4"), open_library()
+    run = ClipRun(clip, tmp_path / "out", estimator, follower, {}, library=library, poses=poses)
+    run(lambda done: None)
+    turn, of_photo = estimator(frame, mask=sphere_mask(), surroundings=PHOTO).level_and_kind()
+    (_, _, _, level_from_camera, said) = asked[0]
+    assert said["kind"] == of_photo == kind
+    np.testing.assert_allclose(level_from_camera, turn, atol=0.05)
+    match = run.progress.held_match.match
+    assert are_outdoors(library)[match.index] == (kind == OPEN_AIR)
+    candidate_from_camera = match.candidate_from_estimate @ (np.eye(3) if pose is None else pose)
+    np.testing.assert_allclose(candidate_from_camera @ turn.T @ [0, 1, 0], [0, 1, 0], atol=0.05)
 
 
 @pytest.mark.usefixtures("networks_opened_once")

@@ -164,11 +164,8 @@ class Light:
         """
         rotation = np.asarray(rotation, dtype=np.float64)
         if not is_rotation(rotation):
-            raise InputError(
-                f"expected a [3, 3] rotation matrix, got {' '.join(str(rotation).split())}; "
-                "build it with anyprobe.core.frames",
-                subject="rotation",
-            )
+            text = f"expected a [3, 3] rotation matrix, got {' '.join(str(rotation).split())}; "
+            raise InputError(text + "build it with anyprobe.core.frames", subject="rotation")
         turned = replace(
             self, radiance=rotate(self.radiance, rotation), map_from_camera=rotation @ self.map_from_camera
         )
@@ -197,8 +194,7 @@ class Light:
         """
         if self.origin.detail is not None:
             raise InputError("expected a light without it; begin with the estimate", subject="detail")
-        _, turn = self._panorama_frame(LEVEL)
-        kind = kind_of_place(self.origin.hints, self.plate, self.warnings, in_frame(self.radiance, turn))
+        turn, kind = self.level_and_kind()
         found = add_detail(
             self.radiance,
             self.confidence,
@@ -238,17 +234,15 @@ class Light:
         check_panorama_rows(size)
         is_level, turn = self._panorama_frame(frame)
         turned, from_camera = in_frame(self.radiance, turn), turn @ self.map_from_camera
-        is_detailed, is_guess = self.origin.detail is not None, self.expected is not None
-        kind = kind_of_place(self.origin.hints, self.plate, self.warnings, turned) if is_guess else None
-        place = None
+        is_detailed, (level, kind) = self.origin.detail is not None, self.level_and_kind()
+        kind, place = None if self.expected is None else kind, None
         if check_detail(detail) and kind is not None and not is_detailed:
             sure = None if self.confidence is None else in_frame(self.confidence[..., None], turn)[..., 0]
-            level = self._panorama_frame(LEVEL)[1] @ turn.T
-            is_backdrop = self.plate is None
-            place = find_structure(turned, sure, level, kind=kind, is_backdrop=is_backdrop, library=library)
+            level, bare = level @ turn.T, self.plate is None
+            place = find_structure(turned, sure, level, kind=kind, is_backdrop=bare, library=library)
         radiance, origin = compose(turned, self.plate, from_camera, size, is_detailed, kind, place)
-        said = {key: str(value) for key, value in frame_of(from_camera).items()} | {"scale": SCALE}
-        said["model"] = self.origin.model or ""
+        said = {key: str(value) for key, value in frame_of(from_camera).items()}
+        said |= {"scale": SCALE, "model": self.origin.model or ""}
         return Panorama(
             radiance=radiance, origin=origin, frame_from_camera=from_camera, is_level=is_level, attributes=said
         )
@@ -261,6 +255,12 @@ class Light:
         if frame != LEVEL or ground is None or not np.allclose(self.map_from_camera, np.eye(3)):
             return False, np.eye(3)
         return True, ground.level_from_camera
+
+    def level_and_kind(self) -> tuple[np.ndarray, str | None]:
+        """Return the rotation [3, 3] from this map's frame to a level one, the identity where none is known, and the
+        kind of place, see detail.layers.kind_of_place: what plausible detail is chosen by."""
+        _, turn = self._panorama_frame(LEVEL)
+        return turn, kind_of_place(self.origin.hints, self.plate, self.warnings, in_frame(self.radiance, turn))
 
     @property
     def ground(self) -> Ground | None:

@@ -8,7 +8,7 @@ the estimate's confidence there; exposure and white balance are free, the latter
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -49,15 +49,6 @@ class Match:
     candidate_from_estimate: np.ndarray
     ln_gain: np.ndarray
     distance: float
-
-
-def find_match(radiance: np.ndarray, confidence: np.ndarray | None, library: Library) -> Match:
-    """Find the best candidate of a library for an estimate.
-
-    Args:
-        radiance: [H, 2H, 3]; confidence: [H, 2H] in [0, 1] or None.
-    """
-    return find_matches(radiance, confidence, library, rank=0)[0]
 
 
 def find_level_match(
@@ -205,28 +196,19 @@ class HeldMatch:
     features: np.ndarray
 
 
-def hold_match(
-    held: HeldMatch | None,
-    radiance: np.ndarray,
-    confidence: np.ndarray | None,
-    library: Library,
-    level_from_map: np.ndarray | None = None,
-) -> HeldMatch:
+def hold_match(held: HeldMatch | None, radiance: np.ndarray, find: Callable[[], Match]) -> HeldMatch:
     """Return the held match, or a new one if there is none or the estimate has moved away; pure.
 
     A new choice for each frame of a clip would make reflections flicker between candidates that agree equally well.
 
     Args:
-        radiance: [H, 2H, 3] of this frame, all frames in one frame of reference; confidence: [H, 2H] or None.
-        level_from_map: see find_level_match; None: not known.
+        radiance: [H, 2H, 3] of this frame, all frames in one frame of reference.
+        find: gives the new one, in that frame of reference.
     """
     features = features_of(radiance)
     if held is not None and _apart(features, held.features) < MOVED:
         return held
-    if level_from_map is None:
-        match = find_match(radiance, confidence, library)
-    else:
-        match = find_level_match(radiance, confidence, library, level_from_map)
+    match = find()
     turn, gain = (np.ascontiguousarray(values) for values in (match.candidate_from_estimate, match.ln_gain))
     # in the memory order of an array read from a file, so that sums agree to the last bit
     match = replace(match, candidate_from_estimate=turn, ln_gain=gain)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from anyprobe.core.color import to_bytes
 from anyprobe.detail.blend import blend
+from anyprobe.detail.plausible import find_place
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import Ground
@@ -25,7 +27,7 @@ from anyprobe.estimate.sidecar import FRAME, SCALE
 from anyprobe.estimate.surroundings import turned
 from anyprobe.light.temporal import step
 from anyprobe.maps.radiance import write_exr
-from anyprobe.match.alignment import exposed_match, hold_match
+from anyprobe.match.alignment import Match, exposed_match, hold_match
 from anyprobe.match.library import Library
 from anyprobe.notices import Notice
 from anyprobe.relight.appearance import least_scale
@@ -246,8 +248,8 @@ class ClipRun:
         done.light_time_s, self._shown, self._preview = frame.time_s, None, None
         steady = self._seen(frame.index)
         if self.library is not None:
-            up = None if self.poses is not None or light.ground is None else light.ground.level_from_camera
-            done.held_match = hold_match(done.held_match, done.light.radiance, light.confidence, self.library, up)
+            find = partial(self._place, self.library, light, self._photo, frame.index)
+            done.held_match = hold_match(done.held_match, done.light.radiance, find)
             record["detail"] = done.held_match.match.name
         if self.exr:
             header = {"model": self.estimator.model_id, "frame": FRAME, "scale": SCALE}
@@ -284,6 +286,16 @@ class ClipRun:
         if done.panorama is not None:
             known = seen_from(done.panorama, world_from_crop, crop.surroundings_map)
         return self.estimator.from_crop(photo, crop, material=self.material, merged_surroundings=known)
+
+    def _place(self, library: Library, light: Light, photo: Photo, index: int) -> Match:
+        """Choose the place of the clip's detail by the steady light, as a photo's; light: of that frame alone."""
+        steady = replace(light, radiance=self._seen(index), plate=photo.plate() if photo.shows_place else None)
+        level_from_camera, kind = steady.level_and_kind()
+        bare = steady.plate is None
+        match = find_place(steady.radiance, light.confidence, library, level_from_camera, kind=kind, is_backdrop=bare)
+        if self.poses is None:
+            return match
+        return replace(match, candidate_from_estimate=match.candidate_from_estimate @ self.poses[index].T)
 
     def _seen(self, index: int) -> np.ndarray:
         """Return the steady light in a frame's camera, [H, 2H, 3]."""
