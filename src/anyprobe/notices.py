@@ -166,9 +166,10 @@ class Words:
     def _remedies(self, remedy: tuple[Remedy, ...]) -> list[str]:
         given = [self.giving(one.name, one.value) for one in remedy if one.do == "give"]
         dropped = [self.name(one.name) for one in remedy if one.do == "leave out"]
-        found = [f"{self.verb} {_either(given)}"] if given else []
-        found += [f"leave out {_either(dropped)}"] if dropped else []
-        return found + [done for one in remedy if one.do == "run" and (done := self.action(one.name))]
+        ways = [f"{how} {_either(names)}" for how, names in ((self.verb, given), ("leave out", dropped)) if names]
+        return [", or ".join(ways)] * bool(ways) + [
+            done for one in remedy if one.do == "run" and (done := self.action(one.name))
+        ]
 
 
 def _either(names: list[str]) -> str:

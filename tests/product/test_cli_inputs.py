@@ -180,6 +180,7 @@ def test_an_error_of_a_mask_names_the_photo_it_is_of(work, command, photo_rgba, 
         (("--emitters", "expected", "--model", "paper"), "got paper; pass --model lift"),
         (("--looks", "3"), "--looks: expected 1 or 2, got 3"),
         (("--looks", "2", "--model", "paper"), "got paper; pass --model lift"),
+        (("--material", "gold", "--model", "paper"), "got paper; pass --model lift, or leave out --material"),
     ],
 )
 def test_senseless_option(work, command, photo_path, arguments, word):

@@ -24,8 +24,8 @@ NOTICE = Notice(
 
 def test_a_notice_is_its_line_in_python():
     line = (
-        "mask and fov_deg box=.png: expected white on the object, got none; pass click=, box= or surroundings=photo; "
-        "leave out depth"
+        "mask and fov_deg box=.png: expected white on the object, got none; pass click=, box= or surroundings=photo, "
+        "or leave out depth"
     )
     assert str(NOTICE) == PYTHON.line(NOTICE) == line
     assert json.loads(json.dumps([NOTICE])) == [line]
@@ -34,7 +34,7 @@ def test_a_notice_is_its_line_in_python():
 def test_the_command_line_names_options_and_leaves_file_names_alone():
     assert OPTIONS.line(NOTICE) == (
         "--mask and --fov box=.png: expected white on the object, got none; "
-        "pass --click X,Y, --box X0,Y0,X1,Y1 or --surroundings photo; leave out --depth"
+        "pass --click X,Y, --box X0,Y0,X1,Y1 or --surroundings photo, or leave out --depth"
     )
 
 

@@ -135,5 +135,5 @@ def test_a_size_without_detail_is_refused(client, photo):
     answer = client.post("/v1/estimate?size=64", content=photo)
     assert (answer.status_code, answer.json()["detail"]) == (
         422,
-        "size: does nothing without detail; send detail plausible; leave out size",
+        "size: does nothing without detail; send detail plausible, or leave out size",
     )

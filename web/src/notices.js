@@ -46,7 +46,8 @@ export class Words {
     const names = subject.map((one) => this.name(one)).filter(Boolean);
     const which = (kind) => remedy.filter((one) => one.do === kind);
     const [given, left] = [which("give"), which("leave out")];
-    const advice = [given.length && this.giving(given), left.length && this.leavingOut(left), ...which("run").map(({ name }) => this.action(name))];
+    const ways = [given.length && this.giving(given), left.length && this.leavingOut(left)].filter(Boolean).join(", or ");
+    const advice = [ways, ...which("run").map(({ name }) => this.action(name))];
     return [names.length ? `${names.join(" and ")}: ${text}` : text, ...advice.filter(Boolean)].join("; ");
   }
 }

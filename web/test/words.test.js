@@ -26,6 +26,7 @@ test("a line in the package's words names its options", () => {
   assert.equal(PACKAGE.line(notice("a", "a guess", give("pitchDeg"))), "a guess; give pitchDeg");
   assert.equal(PACKAGE.line(notice("a", "a mask", give("box", "click", "mask"))), "a mask; give box, click or mask");
   assert.equal(PACKAGE.line(notice("a", "dark")), "dark");
+  assert.equal(PACKAGE.line(notice("a", "two ways", [...give("mask"), ...leaveOut("box")])), "two ways; give mask, or leave out box");
 });
 
 test("what is wrong names options for programs and controls for users, across threads too", () => {

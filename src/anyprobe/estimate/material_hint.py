@@ -18,6 +18,7 @@ from anyprobe.core.response import inverse_response, response
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Outputs
+from anyprobe.notices import give, leave_out
 from anyprobe.pictures.resampling import resample
 from anyprobe.render.integrate import PATCHES, shade, shading_pyramid
 from anyprobe.render.surface import pixel_rays
@@ -222,7 +223,8 @@ def use_material(
         how = {"material": done, "measured": True, "above_white": mirrored is not None}
         return outputs.with_map(radiance, confidence), how
     if outputs.normals is None:
-        raise InputError("expected a model that estimates normals, got one that does not; use lift", subject="material")
+        text = "expected a model that estimates normals, got one that does not"
+        raise InputError(text, subject="material", remedy=(*give(model="lift"), *leave_out("material")))
     gain = fit_gain(outputs.radiance, image, outputs.normals, tan_half, material) ** TRUST
     return outputs.with_map(outputs.radiance * gain, outputs.confidence), {"material": done, "gain": _list(gain)}
 

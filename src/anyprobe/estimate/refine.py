@@ -68,10 +68,8 @@ def check_use(models: Models, crop: Crop, material: Material | None, looks: int)
     hints = (("normals", crop.normals), ("surroundings", crop.surroundings_map), ("material", material))
     given = [name for name, value in hints if value is not None]
     if given and not models.lifts:
-        text = (
-            f"expected a model that takes {'it' if len(given) == 1 else 'them'}, got {models.name}; use {DEFAULT_MODEL}"
-        )
-        raise InputError(text, subject=given, remedy=leave_out(*given))
+        text = f"expected a model that takes {'it' if len(given) == 1 else 'them'}, got {models.name}"
+        raise InputError(text, subject=given, remedy=(*give(model=DEFAULT_MODEL), *leave_out(*given)))
 
 
 def predict(models: Models, crop: Crop, ground: Ground | None, material: Material | None, looks: int = 1) -> Prediction:
