@@ -16,6 +16,7 @@ import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.errors import InputError
+from anyprobe.estimate import photo as photo_module
 from anyprobe.estimate.multiview import NOT_GIVEN, OFFSET, fuse, fuse_lights
 from anyprobe.estimate.poses import read_poses
 from anyprobe.estimate.result import Light
@@ -301,6 +302,23 @@ def test_the_lens_of_the_poses_counts_unless_another_is_told(command, work, phot
     given = json.loads(command(*call).out)
     assert given["long_fov_deg"] == pytest.approx(2 * np.degrees(np.arctan(0.6)), abs=1e-3)
     assert json.loads(command(*call, "--fov", "40").out)["long_fov_deg"] == 40
+
+
+@pytest.mark.parametrize(
+    ("others", "options", "naming"),
+    [
+        (["gone.png"], (), "gone.png: no such file"),
+        (["b.png"], ("--mask", "masks"), "b.png"),
+        (["b.png"], ("--mask", "masks/a_panorama.exr", "-o", "masks"), "would replace masks/a_panorama.exr"),
+    ],
+)
+def test_all_names_are_checked_before_a_photo_is_read(command, work, photo_path, monkeypatch, others, options, naming):
+    for name in ("a.png", "b.png", "masks/a.png", "masks/a_panorama.exr"):
+        (work / name).parent.mkdir(exist_ok=True)
+        (work / name).write_bytes(photo_path.read_bytes())
+    (work / "poses.json").write_text(json.dumps([np.eye(3).tolist()] * 2))
+    monkeypatch.setattr(photo_module, "load_photo", lambda *_, **__: pytest.fail("read too early"))
+    assert naming in command("estimate", "a.png", *others, "--poses", "poses.json", *options).complaint
 
 
 @pytest.mark.parametrize("poses", ["[[[1,0,0],[0,1,0],[0,0,1]]]", "{}"])

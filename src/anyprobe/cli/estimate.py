@@ -45,8 +45,9 @@ from anyprobe.cli.photo_files import (
 from anyprobe.cli.tables import print_table
 from anyprobe.detail.place_picture import check_panorama_rows
 from anyprobe.detail.plausible import NO_DETAIL, PLAUSIBLE
-from anyprobe.errors import AnyprobeError, InputError
+from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto
 from anyprobe.files.atomic import check_folder
+from anyprobe.files.paths import open_regular
 from anyprobe.hints import Hints
 
 if TYPE_CHECKING:
@@ -178,14 +179,18 @@ class EstimateCall:
         camera_poses = read_poses(poses)
         rotations = camera_poses.of(self.listed)
         fovs = dict(zip(self.listed, camera_poses.fovs_deg(self.listed), strict=True))
+        hints = {path: hints_for(path, self.hints) for path in self.listed}
+        for path in self.listed:
+            self._check(self.listed[0], hints[path], poses)
+            with open_regular(path, InvalidPhoto):  # the last may be missing, and finding objects takes a while
+                pass
 
         def load(path: Path) -> Photo:
-            hints = hints_for(path, self.hints)
-            self._check(self.listed[0], hints, poses)
-            if hints.fov_deg is None:
-                hints = replace(hints, fov_deg=fovs[path])
+            own = hints[path]
+            if own.fov_deg is None:
+                own = replace(own, fov_deg=fovs[path])
             try:
-                return load_photo(path, hints, segmenter=self.estimator.segmenter)
+                return load_photo(path, own, segmenter=self.estimator.segmenter)
             except AnyprobeError as error:
                 raise InputError(photo_line(path, error), code=error.code) from error
 
