@@ -13,7 +13,9 @@ import numpy as np
 
 from anyprobe.core.latlong import pixel_directions
 
-SUPERSAMPLE = 2
+SUPERSAMPLE = 3
+TOE = 0.02
+"""Radiance added before the mean of ln."""
 NEAR = 1e-3
 """Metres by which a shadow ray starts off its surface."""
 
@@ -135,9 +137,16 @@ def lines(x: np.ndarray, spacing: float, width: float, footprint: np.ndarray | f
 
 
 def panorama(look: Callable[[np.ndarray], np.ndarray], height: int) -> np.ndarray:
-    """What look(d [N, 3]) -> [N, 3] gives, [height, 2 height, 3] float32, each pixel the mean of SUPERSAMPLE^2."""
+    """What look(d [N, 3]) -> [N, 3] gives, [height, 2 height, 3] float32: SUPERSAMPLE^2 rays a pixel under a tent two
+    pixels wide. The mean is that of ln, so that the edges of what shines are as smooth as others."""
     d = pixel_directions(height * SUPERSAMPLE).astype(np.float64)
     bands = [look(band.reshape(-1, 3)).reshape(band.shape) for band in np.array_split(d, 8)]
-    fine = np.minimum(np.concatenate(bands), 1e4)
-    shape = (height, SUPERSAMPLE, 2 * height, SUPERSAMPLE, 3)
-    return fine.reshape(shape).mean(axis=(1, 3)).astype(np.float32)
+    fine = np.log(np.clip(np.concatenate(bands), 0.0, 1e4) + TOE)
+    for axis, mode in ((0, "edge"), (1, "wrap")):
+        reach = [(SUPERSAMPLE - 1, SUPERSAMPLE - 1) if k == axis else (0, 0) for k in range(3)]
+        padded = np.pad(fine, reach, mode=mode)
+        tent = np.convolve(np.ones(SUPERSAMPLE), np.ones(SUPERSAMPLE)) / SUPERSAMPLE**2
+        length = fine.shape[axis]
+        fine = sum(w * padded.take(np.arange(k, k + length), axis) for k, w in enumerate(tent))
+        fine = fine.take(np.arange(SUPERSAMPLE // 2, length, SUPERSAMPLE), axis)
+    return np.maximum(np.exp(fine) - TOE, 0.0).astype(np.float32)

@@ -1,8 +1,8 @@
-"""Make the library that anyprobe.detail comes with, of rooms, streets and studios of our own:
+"""Make the library that anyprobe.detail comes with, of rooms, gardens, streets and studios of our own:
 
     python -m research.detail_library.draw src/anyprobe/match/own.zip
 
-The same seed gives the same maps on the same machine; a few minutes on two cores.
+The same seed gives the same maps on the same machine; about ten minutes of one core.
 """
 
 from __future__ import annotations
@@ -10,15 +10,22 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from anyprobe.match.library import OPEN_AIR_NAME, encode, write_library
+from anyprobe.match.library import OPEN_AIR_NAME, STREET_NAME, STUDIO_NAME, encode, write_library
 from research.detail_library.outdoors import detailed_outdoor
 from research.detail_library.rooms import detailed_room, detailed_studio
 
-KINDS = {"room": (detailed_room, 24), OPEN_AIR_NAME: (detailed_outdoor, 14), "studio": (detailed_studio, 6)}
+KINDS = {
+    "room": (detailed_room, 24),
+    f"{OPEN_AIR_NAME}-park": (partial(detailed_outdoor, kind="park"), 6),
+    f"{OPEN_AIR_NAME}-land": (partial(detailed_outdoor, kind="land"), 4),
+    STREET_NAME: (partial(detailed_outdoor, kind="street"), 4),
+    STUDIO_NAME: (detailed_studio, 6),
+}
 """What is drawn, and how many of each."""
 SEED = 28
 ROWS = 256

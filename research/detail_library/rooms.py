@@ -11,11 +11,13 @@ from anyprobe.core.frames import rotation_y
 from anyprobe.learning.dataset.sky import tint
 from research.detail_library.box_textures import (
     BOOKS,
+    CLOTHS,
+    COVERS,
     FABRIC,
     GRID,
     LEAVES,
+    PAINTS,
     PLAIN,
-    WALLS,
     WOOD,
     WOODS,
     floor,
@@ -24,20 +26,46 @@ from research.detail_library.box_textures import (
 )
 from research.detail_library.boxes import SUPERSAMPLE, Boxes, Builder, cast, lines, panorama, turbulence, visible
 
+USES = {
+    "living": ["sofa", "sofa", "low table", "shelf", "cabinet", "chair", "plant"],
+    "office": ["desk", "desk", "desk", "chair", "shelf", "cabinet", "plant"],
+    "kitchen": ["counter", "counter", "table", "cabinet", "chair", "chair", "plant"],
+    "bedroom": ["bed", "cabinet", "cabinet", "chair", "shelf", "plant"],
+}
+"""Furniture of rooms, as often as it is tried."""
+LIGHT_POINTS = 2 * np.modf(np.arange(1, 10)[:, None] * [0.8192, 0.6710, 0.5497])[0] - 1
+"""Points [9, 3] of a light of half size 1, spread evenly."""
+SIZES = {  # depth, width [m]
+    "table": (0.8, 1.5),
+    "low table": (0.6, 1.1),
+    "desk": (0.75, 1.5),
+    "counter": (0.6, 2.4),
+    "shelf": (0.35, 1.2),
+    "sofa": (0.9, 2.0),
+    "cabinet": (0.5, 1.3),
+    "chair": (0.5, 0.5),
+    "bed": (2.0, 1.5),
+    "plant": (0.4, 0.4),
+}
+
 
 def detailed_room(rng: np.random.Generator, height: int) -> np.ndarray:
     """A furnished room, lit by its windows and lamps."""
     half = np.array([rng.uniform(1.7, 3.4), rng.uniform(1.15, 1.5), rng.uniform(1.7, 3.4)])
     eye = np.array([rng.uniform(-0.45, 0.45) * half[0], rng.uniform(-0.25, 0.25), rng.uniform(-0.45, 0.45) * half[2]])
     scene = Builder()
-    wood = WOODS[rng.integers(5)] * rng.uniform(0.6, 1.3)
-    for _ in range(rng.integers(12, 22)):
-        _furnish(rng, scene, half, eye, wood)
+    wood = WOODS[rng.integers(5)] * rng.uniform(0.8, 1.2)
+    use = rng.choice(["living", *USES])
+    for _ in range(rng.integers(16, 26)):
+        _furnish(rng, scene, half, eye, wood, rng.choice(USES[use]))
+    if use != "kitchen":  # a rug
+        wide, _, deep = rng.uniform(0.7, 1.1, 3) * half
+        color = 1.1 * CLOTHS[rng.choice([0, 1, 3, 5])]
+        scene.add([0, 0.006 - half[1], 0], [wide, 0.012, deep], color, 0, PLAIN, False)
     lamps = _lamps(rng, scene, half)
     openings = _openings(rng, half)
-    return _interior(
-        rng, scene.boxes(), half, eye, lamps, openings, WALLS[rng.integers(5)] * tint(rng, 0.05), wood, height
-    )
+    paint = PAINTS[rng.integers(len(PAINTS))] * tint(rng, 0.015)
+    return _interior(rng, scene.boxes(), half, eye, lamps, openings, paint, wood, height)
 
 
 def detailed_studio(rng: np.random.Generator, height: int) -> np.ndarray:
@@ -52,7 +80,7 @@ def detailed_studio(rng: np.random.Generator, height: int) -> np.ndarray:
         lit = rng.random() < 0.6
         along = abs(np.sin(a)) > 0.7
         panel = [0.1, size[1], size[0]] if along else [size[0], size[1], 0.1]
-        scene.add(at, panel, 0.8 if rng.random() < 0.7 else 0.03, rng.uniform(6, 25) if lit else 0.0, GRID)
+        scene.add(at, panel, 0.8 if rng.random() < 0.7 else 0.12, rng.uniform(6, 25) if lit else 0.0, GRID)
         low, high = -half[1], at[1] - size[1] / 2
         scene.add([at[0], (low + high) / 2, at[2]], [0.04, high - low, 0.04], 0.03)
         for leg in (-0.3, 0.3):
@@ -65,7 +93,7 @@ def detailed_studio(rng: np.random.Generator, height: int) -> np.ndarray:
     scene.add(
         [0, -0.1, -half[2] + 0.15],
         [rng.uniform(1.5, 2.7), 2 * half[1] - 0.4, 0.05],
-        rng.uniform(0.1, 0.9) * tint(rng, 0.15),
+        rng.uniform(0.2, 0.85) * tint(rng, 0.06),
     )
     for _ in range(rng.integers(3, 8)):  # cases and apple boxes
         a, size = rng.uniform(0, 6.28), rng.uniform(0.2, 0.7, 3)
@@ -78,15 +106,15 @@ def detailed_studio(rng: np.random.Generator, height: int) -> np.ndarray:
     return _interior(rng, scene.boxes(), half, eye, lamps, [], dark, WOODS[rng.integers(5)], height)
 
 
-def _furnish(rng: np.random.Generator, scene: Builder, half: np.ndarray, eye: np.ndarray, wood: np.ndarray) -> None:
+def _furnish(
+    rng: np.random.Generator, scene: Builder, half: np.ndarray, eye: np.ndarray, wood: np.ndarray, kind: str
+) -> None:
     """One piece of furniture against a wall or in the room, out of the eye's way."""
-    base, kind = -half[1], rng.choice(["table", "shelf", "sofa", "cabinet", "chair", "bed", "plant"])
-    deep = {"table": 0.8, "shelf": 0.35, "sofa": 0.9, "cabinet": 0.5, "chair": 0.5, "bed": 2.0, "plant": 0.4}[kind]
-    wide = {"table": 1.5, "shelf": 1.2, "sofa": 2.0, "cabinet": 1.3, "chair": 0.5, "bed": 1.5, "plant": 0.4}[kind]
+    base, (deep, wide) = -half[1], SIZES[kind]
     wide, turned = wide * rng.uniform(0.7, 1.4), rng.random() < 0.5
     x, z = (deep, wide) if turned else (wide, deep)
     side = rng.choice([-1, 1])
-    gap = 0.06 if kind not in ("table", "chair") else rng.uniform(0.06, 0.8)
+    gap = 0.06 if kind not in ("table", "low table", "chair") else rng.uniform(0.06, 1.2)
     at = np.array([rng.uniform(-1, 1) * max(half[0] - x / 2, 0), 0, rng.uniform(-1, 1) * max(half[2] - z / 2, 0)])
     axis = 0 if turned else 2
     at[axis] = side * (half[axis] - deep / 2 - gap)
@@ -100,19 +128,33 @@ def _furnish(rng: np.random.Generator, scene: Builder, half: np.ndarray, eye: np
     def put(centre, size, albedo, texture=PLAIN, shadow=True):
         scene.add(at + np.array([centre[0], base + centre[1], centre[2]]), size, albedo, 0.0, texture, shadow)
 
-    color = rng.uniform(0.05, 0.7) * np.minimum(tint(rng, 0.3), 1.4)
-    if kind == "table":
-        put((0, 0.73, 0), (x, 0.04, z), wood, WOOD)
+    color = CLOTHS[rng.integers(len(CLOTHS))] * tint(rng, 0.04)
+    if rng.random() < 0.08:  # an accent
+        color = np.array([[0.35, 0.16, 0.1], [0.14, 0.24, 0.26], [0.45, 0.34, 0.14]])[rng.integers(3)]
+    if kind in ("table", "low table", "desk"):
+        tall = 0.42 if kind == "low table" else 0.74
+        put((0, tall - 0.02, 0), (x, 0.04, z), wood, WOOD)
         for i in (-1, 1):
             for j in (-1, 1):
-                put((i * (x / 2 - 0.05), 0.355, j * (z / 2 - 0.05)), (0.06, 0.71, 0.06), wood, WOOD)
-        for _ in range(rng.integers(1, 6)):
-            size = rng.uniform([0.06, 0.03, 0.06], [0.3, 0.3, 0.25])
-            put(
-                (rng.uniform(-0.4, 0.4) * x, 0.75 + size[1] / 2, rng.uniform(-0.4, 0.4) * z),
-                size,
-                rng.uniform(0.03, 0.8) * tint(rng, 0.3),
-            )
+                put((i * (x / 2 - 0.05), tall / 2 - 0.02, j * (z / 2 - 0.05)), (0.05, tall - 0.04, 0.05), wood)
+        for _ in range(rng.integers(1, 5)):
+            size = rng.uniform([0.06, 0.02, 0.06], [0.3, 0.2, 0.25])
+            spot = rng.uniform(-0.4, 0.4, 2) * [x, z]
+            put((spot[0], tall + size[1] / 2, spot[1]), size, COVERS[rng.integers(len(COVERS))])
+        if kind == "desk":  # with a screen
+            put((0, tall + 0.3, 0), (0.04, 0.34, 0.56) if turned else (0.56, 0.34, 0.04), 0.06)
+            put((0, tall + 0.07, 0), (0.06, 0.14, 0.06), 0.2)
+    elif kind == "counter":  # cupboards below a worktop and on the wall
+        front = np.where(rng.random() < 0.6, 0.72, wood)
+        put((0, 0.44, 0), (x, 0.88, z), front, GRID)
+        put((0, 0.9, 0), (x + 0.02, 0.04, z + 0.02), rng.choice([0.15, 0.3, 0.6]))
+        above = [0.0, 1.75, 0.0]
+        above[axis] = side * (deep / 2 - 0.17)
+        put(above, (0.34, 0.7, z) if turned else (x, 0.7, 0.34), front, GRID)
+        for _ in range(rng.integers(2, 5)):
+            size = rng.uniform([0.08, 0.1, 0.08], [0.25, 0.3, 0.25])
+            spot = rng.uniform(-0.4, 0.4, 2) * [x, z]
+            put((spot[0], 0.92 + size[1] / 2, spot[1]), size, COVERS[rng.integers(len(COVERS))])
     elif kind == "shelf":
         tall = rng.uniform(1.0, 2.0)
         put((0, tall / 2, 0), (x, tall, z), wood, BOOKS)
@@ -128,7 +170,7 @@ def _furnish(rng: np.random.Generator, scene: Builder, half: np.ndarray, eye: np
     elif kind == "cabinet":
         tall = rng.uniform(0.5, 1.9)
         put((0, tall / 2, 0), (x, tall, z), wood if rng.random() < 0.6 else color, GRID if rng.random() < 0.5 else WOOD)
-        put((0, tall + 0.15, 0), (0.18, 0.3, 0.18), rng.uniform(0.05, 0.8) * tint(rng, 0.3))
+        put((0, tall + 0.15, 0), (0.18, 0.3, 0.18), COVERS[rng.integers(len(COVERS))])
     elif kind == "chair":
         put((0, 0.45, 0), (0.45, 0.05, 0.45), color, FABRIC)
         put((0, 0.72, 0.2 * side), (0.42, 0.45, 0.04), wood, WOOD)
@@ -137,11 +179,11 @@ def _furnish(rng: np.random.Generator, scene: Builder, half: np.ndarray, eye: np
                 put((i, 0.22, j), (0.04, 0.44, 0.04), wood)
     elif kind == "bed":
         put((0, 0.25, 0), (x, 0.4, z), color, FABRIC)
-        put((0, 0.5, 0), (0.9 * x, 0.12, 0.9 * z), rng.uniform(0.4, 0.85) * tint(rng, 0.1), FABRIC)
+        put((0, 0.5, 0), (0.9 * x, 0.12, 0.9 * z), rng.uniform(0.55, 0.8) * tint(rng, 0.02), FABRIC)
     else:
-        put((0, 0.18, 0), (0.35, 0.36, 0.35), rng.uniform(0.1, 0.6) * tint(rng, 0.3))
+        put((0, 0.18, 0), (0.35, 0.36, 0.35), rng.uniform(0.2, 0.7) * tint(rng, 0.04))
         for _ in range(24):
-            size = rng.uniform(0.05, 0.2)
+            size = rng.uniform(0.05, 0.16)
             put(
                 rng.normal([0, 0.8, 0], [0.16, 0.22, 0.16]),
                 (size, size * 0.8, size),
@@ -202,16 +244,16 @@ def _openings(rng: np.random.Generator, half: np.ndarray) -> list[tuple]:
 def _interior(rng, boxes: Boxes, half, eye, lamps, openings, paint, wood, height: int) -> np.ndarray:
     """The inside of a room with all that is in it."""
     seed, turn = int(rng.integers(1 << 30)), rotation_y(rng.uniform(0, 2 * np.pi))
-    day = rng.random() < 0.75
-    outside = np.array([0.5, 0.62, 0.75]) * rng.uniform(3, 9) if day else np.array([0.01, 0.012, 0.02])
-    floor_kind, wall_kind = rng.integers(3), rng.integers(4)
-    ceiling = rng.uniform(0.7, 0.85) if paint.mean() > 0.15 else paint.mean()
-    lights = list(lamps) + [
-        (_on_wall(half, axis, side, centre, 0.1), 3.0 * size.prod() * (1.0 if day else 0.0))
-        for kind, axis, side, centre, size in openings
-        if kind == "window"
-    ]
-    lights = [light for light in lights if light[1] > 0] or [(np.array([0.0, half[1] - 0.1, 0.0]), 1.0)]
+    day = rng.random() < 0.95
+    outside = np.array([0.55, 0.62, 0.7]) * (rng.uniform(3, 7) if day else 0.8)
+    floor_kind, wall_kind = rng.choice([0, 0, 1, 2]), rng.choice([0, 0, 0, 0, 1, 2, 3])
+    ceiling = rng.uniform(0.75, 0.85) if paint.mean() > 0.15 else paint.mean()
+    lights = [(at, power, np.array([0.25, 0.05, 0.25])) for at, power in lamps]
+    for kind, axis, side, centre, size in openings:
+        if kind == "window":
+            wide = np.array([0.1, size[1], size[0]] if axis == 0 else [size[0], size[1], 0.1])
+            lights.append((_on_wall(half, axis, side, centre, 0.15), 4.5 * size.prod() * (1.0 if day else 0.1), wide))
+    lights = lights or [(np.array([0.0, half[1] - 0.1, 0.0]), 1.0, half * [0.5, 0.05, 0.5])]
 
     def look(d: np.ndarray) -> np.ndarray:
         d = d @ turn
@@ -259,7 +301,7 @@ def _interior(rng, boxes: Boxes, half, eye, lamps, openings, paint, wood, height
         corner = sum(
             np.exp(-(half[k] - np.abs(position[:, k])) / 0.18) * (np.abs(normal[:, k]) < 0.5) for k in range(3)
         )
-        ambient = 0.32 * (1.0 - 0.35 * np.minimum(corner, 1.5) / 1.5)
+        ambient = 0.3 * (1.0 - 0.45 * np.minimum(corner, 1.5) / 1.5)
         return glow + albedo * (light + ambient)[:, None]
 
     return panorama(look, height)
@@ -273,16 +315,21 @@ def _on_wall(half: np.ndarray, axis: int, side: int, centre: np.ndarray, inside:
 
 
 def _light(boxes: Boxes, position: np.ndarray, normal: np.ndarray, lights: list) -> np.ndarray:
-    """Direct light of a few lights, each of four points, [N]."""
+    """Direct light of lights, each spread over LIGHT_POINTS, [N]; a ceiling is lit softly and without shadows."""
     total = np.zeros(len(position))
     start = position + 2e-3 * normal
-    for at, power in lights:
-        for offset in ([0.2, 0.0, 0.2], [-0.2, 0.05, 0.1], [0.1, -0.05, -0.2], [-0.1, 0.0, -0.1]):
-            way = at + offset - position
-            distance = np.linalg.norm(way, axis=1) + 0.3
+    ceiling = normal[:, 1] < -0.5
+    for at, power, spread in lights:
+        for offset in LIGHT_POINTS:
+            target = at + offset * spread
+            way = target - position
+            distance = np.linalg.norm(way, axis=1) + 0.4
             cosine = np.maximum((way * normal).sum(axis=1) / distance, 0.0)
-            total += power / 4 * cosine / distance**2 * visible(boxes, start, at + offset)
-    return np.minimum(total, 3.0)
+            lit = np.zeros(len(position))
+            lit[~ceiling] = visible(boxes, start[~ceiling], target)
+            share = np.where(ceiling, 0.4 / (1.0 + distance**2), lit * cosine / distance**2)
+            total += power / len(LIGHT_POINTS) * share
+    return 2.0 * total / (2.0 + total)
 
 
 def _lay(rng, openings, position, foot, d, here, albedo, glow, outside) -> None:
@@ -302,16 +349,15 @@ def _lay(rng, openings, position, foot, d, here, albedo, glow, outside) -> None:
                 1.0,
             )
             bars = np.where(frame, 1.0, bars)[:, None]
-            far = d[inside] * [6, 6, 6]
-            green = np.array([0.2, 0.28, 0.12]) * (1 + 0.8 * turbulence(rng, far * [3, 3, 3], 5)[:, None]).clip(0.1)
-            tree = d[inside][:, 1] + 0.12 * turbulence(rng, far, 4) < rng.uniform(-0.1, 0.15)
-            view = np.where(
-                tree[:, None], outside * green, outside * (1 + 0.25 * turbulence(rng, far * 0.3, 4)[:, None])
-            )
+            far = d[inside] * 6
+            leaves = np.array([0.3, 0.36, 0.22]) * (1 + 0.25 * turbulence(rng, far * 3, 5)[:, None])
+            tree = d[inside][:, 1] - 0.1 * turbulence(rng, far, 4) - rng.uniform(-0.1, 0.15)
+            tree = np.clip(0.5 - tree / 0.04, 0, 1)[:, None]
+            view = outside * (1 + tree * (leaves - 1))
             albedo[at] = 0.6 * bars
             glow[at] = view * (1 - bars)
         elif kind == "door":
-            color = rng.uniform(0.15, 0.8) * tint(rng, 0.1)
+            color = rng.choice([0.35, 0.65, 0.75, 0.78]) * np.array([1.0, 0.97, 0.92])
             panel = (np.abs(np.abs(local[:, 1]) - 0.5) < 0.36) & (np.abs(local[:, 0]) < 0.7)
             rim = (np.abs(np.abs(local[:, 1]) - 0.5) < 0.38) & (np.abs(local[:, 0]) < 0.74) & ~panel
             shade = np.where(frame, 1.15, np.where(rim, 0.6, 1.0))
@@ -322,5 +368,5 @@ def _lay(rng, openings, position, foot, d, here, albedo, glow, outside) -> None:
             albedo[at] = np.where(
                 frame[:, None],
                 rng.choice([0.05, 0.3, 0.8]),
-                (0.4 + 0.3 * paint.mean(axis=1, keepdims=True) + 0.12 * paint).clip(0.02, 0.9),
+                (0.45 + 0.2 * paint.mean(axis=1, keepdims=True) + 0.06 * paint).clip(0.02, 0.9),
             )

@@ -220,7 +220,7 @@ def test_our_own_library_is_whole_small_and_free_of_dates(library):
         assert own.candidate(index).shape[2] == 3
     with zipfile.ZipFile(own.path) as file:
         assert {entry.date_time for entry in file.infolist()} == {(1980, 1, 1, 0, 0, 0)}
-        assert json.loads(file.read("index.json"))["signature"] == ""
+        assert json.loads(file.read("index.json"))["sources"] == []
 
 
 @pytest.mark.parametrize(

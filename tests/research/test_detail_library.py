@@ -1,6 +1,8 @@
-"""Rooms, streets and studios drawn for the library of detail."""
+"""Rooms, places outdoors and studios drawn for the library of detail."""
 
 from __future__ import annotations
+
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,12 +10,14 @@ import pytest
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.match.library import codes_of, encode, richness_of
 from research.detail_library.boxes import Builder, cast, lines, turbulence, visible
-from research.detail_library.outdoors import detailed_outdoor
+from research.detail_library.outdoors import KINDS, detailed_outdoor
 from research.detail_library.rooms import detailed_room, detailed_studio
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize("draw", [detailed_room, detailed_outdoor, detailed_studio])
+@pytest.mark.parametrize(
+    "draw", [detailed_room, *(partial(detailed_outdoor, kind=kind) for kind in KINDS), detailed_studio]
+)
 def test_a_scene_is_finite_detailed_and_the_same_again(draw):
     radiance = draw(np.random.default_rng((1, 2)), 64)
     assert radiance.shape == (64, 128, 3)

@@ -43,8 +43,8 @@ DETAIL = 48.0
 """Sharpness of the blur that separates an estimate from detail: exp(-l (l + 1) / 96) of order l, a half at order 8."""
 OPEN_AIR_NAME, STREET_NAME, STUDIO_NAME = "outdoor", "outdoor-street", "studio"
 """Beginnings of the names of bundled maps: of places outdoors, of streets and squares among them, of studios."""
-_VERSION, OWN_VERSION = 3, 1
-"""Versions of a stored library and of the bundled one, which stores neither lights nor files; others are rebuilt."""
+_VERSION = 3
+"""Version of a stored library; others are rebuilt. The bundled one stores neither lights nor files."""
 
 
 class Entry(NamedTuple):
@@ -265,7 +265,7 @@ def read_library(path: Path, stored: Path | io.BytesIO) -> Library:
     """Read a library; stored: its file, a path, or its bytes."""
     with zipfile.ZipFile(stored) as file:
         index = json.loads(file.read("index.json"))
-        if index["version"] not in (_VERSION, OWN_VERSION):
+        if index["version"] != _VERSION:
             raise InputError(
                 f"expected a library of version {_VERSION}, got {index['version']}; build it again", source=path
             )
