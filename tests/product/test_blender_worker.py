@@ -15,6 +15,7 @@ from PIL import Image
 
 import anyprobe
 from anyprobe.core.frames import is_rotation
+from anyprobe.light.harmonics import project
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.masks.networks import SmallNetwork
 
@@ -73,6 +74,19 @@ def test_estimate_is_another_than_pythons(tmp_path):
     main = light.dominant_light().direction
     assert np.dot(brighter, main[:2]) > 0.5 * np.linalg.norm(main[:2])  # bright where the light comes from
     assert chrome[ball].std() > matte[ball].std()
+
+
+@pytest.mark.ci
+def test_the_panorama_of_the_place_has_the_estimates_light(tmp_path):
+    (tmp_path / "smooth").mkdir()
+    (tmp_path / "place").mkdir()
+    smooth, place = (
+        read_radiance(tmp_path / name / answer(tmp_path / name, do="estimate", detail=name == "place")["full"])
+        for name in ("smooth", "place")
+    )
+    assert len(place) == 512 > len(smooth)
+    before, after = project(smooth), project(place)
+    assert np.linalg.norm(after - before) < 0.02 * np.linalg.norm(before)
 
 
 def test_refusals_are_lost(tmp_path):

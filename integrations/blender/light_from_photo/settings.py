@@ -107,7 +107,9 @@ class LightFromPhotoSettings(bpy.types.PropertyGroup):
         description="Also where it is one colour or the object is cut out; other photos' backgrounds are always used",
     )
     use_detail: BoolProperty(
-        name="Invent detail", description="Sharp structure for mirrors; plausible, not measured. Light stays the same"
+        name="Panorama of the place",
+        description="The photo without its object, and around it an invented place; the light is the estimate's. "
+        "Else the World is the smooth estimate",
     )
 
     library: StringProperty(
@@ -134,7 +136,6 @@ class LightFromPhotoSettings(bpy.types.PropertyGroup):
         name="Camera",
         description="A camera with the photo's field of view and pitch, and the photo as its background. Without it "
         "the light is turned with the scene's camera",
-        default=True,
     )
     size: FloatProperty(
         name="Object's size",

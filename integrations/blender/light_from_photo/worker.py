@@ -83,7 +83,7 @@ def estimate(order: dict, folder: Path) -> dict:
     from anyprobe.relight.ground_view import view_of
 
     say(folder, 0.2, "Opening the networks")
-    estimator = Estimator(detail="plausible" if order["detail"] and not order["library"] else "none", size=512)
+    estimator = Estimator()
     say(folder, 0.4, "Finding the object")
     photo = load_photo(
         picture(order["photo"]),
@@ -104,6 +104,8 @@ def estimate(order: dict, folder: Path) -> dict:
     light = estimator.from_photo(photo)
     view, pitch_deg = view_of(photo, found=light.ground)
     radiance, warnings = light.radiance, list(light.warnings)
+    if order["detail"]:
+        radiance = light.panorama(PLACE_ROWS, frame="camera").radiance
     if order["library"]:
         say(folder, 0.7, "Comparing your panoramas")
         radiance, lines = best_panorama(light, order["library"])
@@ -198,6 +200,8 @@ def write_balls(radiance, folder: Path) -> None:
         write_png(folder / f"{name}.png", np.dstack([response(ball * gain), coverage]))
 
 
+PLACE_ROWS = 512
+"""Of the panorama of the place in the World."""
 PANORAMA_ROWS = 1024
 """Of the user's panorama in the World."""
 
