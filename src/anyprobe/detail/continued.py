@@ -18,6 +18,7 @@ from anyprobe.detail.angles import angles_from
 from anyprobe.detail.noise import along_rows, of_patch
 from anyprobe.detail.spread import spread
 from anyprobe.match.plate import DrawnPlate
+from anyprobe.pictures.resampling import between
 
 CONTINUED_FLOOR = 0.02
 """Radiance added before its logarithm."""
@@ -170,7 +171,7 @@ def _lay_ground(grain: np.ndarray, texture: np.ndarray, clear: np.ndarray, last:
     x, z = np.meshgrid(across - across[-1] / 2, -near - along[::-1])
     row = (90.0 + np.degrees(np.arctan2(1.0, np.hypot(x, z)))) / 180.0 * rows - 0.5
     column = (texture.shape[1] - 1) / 2 + np.arctan2(x, -z) / (2 * np.pi) * width
-    patch = _between(np.dstack([texture, clear]), np.clip(column, 0, texture.shape[1] - 1), np.minimum(row, last))
+    patch = between(np.dstack([texture, clear]), column, np.minimum(row, last)).astype(np.float32)
     patch, weight = patch[..., :3], patch[..., 3]
     if weight.sum() < 32:
         return
@@ -180,18 +181,7 @@ def _lay_ground(grain: np.ndarray, texture: np.ndarray, clear: np.ndarray, last:
     start = int(np.searchsorted(-elevation, -PLANE[1] * elevation[last]))
     d = pixel_directions(rows)[start:]
     place = d[..., [0, 2]] / np.maximum(-d[..., 1:2], 1e-3) * scale
-    laid = _between(plane, place[..., 0] % GROUND_PX, place[..., 1] % GROUND_PX)
+    laid = between(plane, *np.moveaxis(place % GROUND_PX, -1, 0), wraps=True)
     share = (elevation[start:] / elevation[last] - PLANE[1]) / (PLANE[0] - PLANE[1])
     share = np.clip(share, 0.0, 1.0)[:, None, None].astype(np.float32)
     grain[start:] = np.sqrt(share) * laid + np.sqrt(1 - share) * grain[start:]
-
-
-def _between(picture: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
-    """Interpolate a picture [H, W, C] at fractional pixels, [..., C]; both wrap."""
-    height, width = picture.shape[:2]
-    left, top = np.floor(column), np.floor(row)
-    fx, fy = ((at - low)[..., None].astype(np.float32) for at, low in ((column, left), (row, top)))
-    left, top = left.astype(int) % width, top.astype(int) % height
-    right, below = (left + 1) % width, (top + 1) % height
-    upper = picture[top, left] * (1 - fx) + picture[top, right] * fx
-    return upper * (1 - fy) + (picture[below, left] * (1 - fx) + picture[below, right] * fx) * fy

@@ -25,7 +25,7 @@ from anyprobe.light.environment import MAP_HEIGHT, rotate
 from anyprobe.maps.radiance import read_linear
 from anyprobe.pictures.headers import MAX_PIXELS
 from anyprobe.pictures.images import read_image
-from anyprobe.pictures.resampling import resample
+from anyprobe.pictures.resampling import between, resample
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
@@ -205,7 +205,7 @@ def visible_surroundings(
     cover = inside * (1.0 - hidden(d, image, tan_half))
 
     def sampled(values: np.ndarray) -> np.ndarray:
-        return _sample(resample(values, size), column.clip(0, 1), row.clip(0, 1))
+        return between(resample(values, size), column * size[0] - 0.5, row * size[1] - 0.5)
 
     opaque = None if transparent is None else (~transparent)[..., None].astype(np.float32)
     share = None if opaque is None else sampled(opaque)
@@ -279,13 +279,13 @@ class GoesOn:
 
 
 def use_surroundings(
-    outputs: Outputs, surroundings: np.ndarray, *, tint: bool = True, sure: float = SEEN, goes_on: GoesOn = GoesOn()
+    outputs: Outputs, surroundings: np.ndarray, *, tint: bool = True, goes_on: GoesOn = GoesOn()
 ) -> Outputs:
     """Return a model's answer with what is known of the map [H, 2H, 4 or 5] in the place of its guess.
 
     Display values mean radiance by the mean camera curve; a clipped place may be brighter than it looks.
     tint: whether the guess takes on some of the colour that it misses there; not where the object's own is known.
-    sure: confidence of what is known. goes_on: how the guess follows it.
+    goes_on: how the guess follows what is known.
     """
     shown, clipped, cover = radiance_of(surroundings)
     tinted = outputs.radiance * _tint(outputs.radiance, shown, cover) if tint else outputs.radiance
@@ -293,7 +293,7 @@ def use_surroundings(
     seen = _brightened(shown, clipped, guessed)
     radiance = (guessed + cover * (seen - guessed)).astype(np.float32)
     if (confidence := outputs.confidence) is not None:
-        confidence = (confidence + cover[..., 0] * (sure - confidence)).astype(np.float32)
+        confidence = (confidence + cover[..., 0] * (SEEN - confidence)).astype(np.float32)
     return outputs.with_map(radiance, confidence)
 
 
@@ -368,7 +368,7 @@ def hidden(d: np.ndarray, image: np.ndarray, tan_half: float) -> np.ndarray:
     x, y, front = on_plane(d)
     column, row = 0.5 + 0.5 * x / tan_half, 0.5 - 0.5 * y / tan_half
     inside = front & (column > 0) & (column < 1) & (row > 0) & (row < 1)
-    return _sample(grown, column.clip(0, 1), row.clip(0, 1))[..., 0] * inside
+    return between(grown, column * grown.shape[1] - 0.5, row * len(grown) - 0.5)[..., 0] * inside
 
 
 def _widest(rows: np.ndarray, count: int) -> np.ndarray:
@@ -377,14 +377,3 @@ def _widest(rows: np.ndarray, count: int) -> np.ndarray:
     while 2 * reach <= count:
         rows, reach = np.maximum(rows[:-reach], rows[reach:]), 2 * reach
     return np.maximum(rows[:left], rows[count - reach : count - reach + left])
-
-
-def _sample(picture: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
-    """Interpolate a picture [H, W, C] at shares of its width and height."""
-    height, width = picture.shape[:2]
-    x, y = (column * width - 0.5).clip(0, width - 1), (row * height - 0.5).clip(0, height - 1)
-    x0, y0 = x.astype(int), y.astype(int)
-    x1, y1 = np.minimum(x0 + 1, width - 1), np.minimum(y0 + 1, height - 1)
-    fx, fy = (x - x0)[..., None], (y - y0)[..., None]
-    upper = picture[y0, x0] * (1 - fx) + picture[y0, x1] * fx
-    return upper * (1 - fy) + (picture[y1, x0] * (1 - fx) + picture[y1, x1] * fx) * fy

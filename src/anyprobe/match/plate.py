@@ -10,7 +10,7 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import inverse_response
 from anyprobe.match.fill import fill_hole
-from anyprobe.pictures.resampling import resample
+from anyprobe.pictures.resampling import between, resample
 
 MOST_ROWS = 1024
 """Largest number of panorama rows for which a plate keeps enough pixels."""
@@ -105,15 +105,9 @@ def seen_in(plate: Plate, frame_from_camera: np.ndarray, rows: int) -> DrawnPlat
     margin = np.minimum((1 - np.abs(x)) * plate.tan_half[0], (1 - np.abs(y)) * plate.tan_half[1]) / length
     margin = np.where(front, np.degrees(margin), -90.0).astype(np.float32)
     inside = margin > 0
-    column = np.clip((0.5 + 0.5 * x[inside]) * width - 0.5, 0, width - 1.001)
-    row = np.clip((0.5 - 0.5 * y[inside]) * height - 0.5, 0, height - 1.001)
-    picture = np.dstack([linear, filled]).astype(np.float32)
-    c0, r0 = column.astype(int), row.astype(int)
-    fx, fy = (column - c0)[:, None], (row - r0)[:, None]
-    upper = picture[r0, c0] * (1 - fx) + picture[r0, c0 + 1] * fx
-    lower = picture[r0 + 1, c0] * (1 - fx) + picture[r0 + 1, c0 + 1] * fx
+    column, row = (0.5 + 0.5 * x[inside]) * width - 0.5, (0.5 - 0.5 * y[inside]) * height - 0.5
     found = np.zeros((rows, 2 * rows, 4), np.float32)
-    found[inside] = upper * (1 - fy) + lower * fy
+    found[inside] = between(np.dstack([linear, filled]).astype(np.float32), column, row)
     return DrawnPlate(radiance=found[..., :3], margin=margin, filled=found[..., 3])
 
 

@@ -1,4 +1,4 @@
-"""Resizing of pictures of floats with any number of channels."""
+"""Resizing and reading between the pixels of pictures of floats with any number of channels."""
 
 from __future__ import annotations
 
@@ -14,3 +14,19 @@ def resample(picture: np.ndarray, size: tuple[int, int], *, smooth: bool = False
         for k in range(picture.shape[-1])
     ]
     return np.stack(planes, axis=-1)
+
+
+def between(picture: np.ndarray, column: np.ndarray, row: np.ndarray, *, wraps: bool = False) -> np.ndarray:
+    """Interpolate [H, W, C] linearly at columns and rows [...], 0 in the middle of the first: [..., C].
+
+    wraps: whether it goes on from its other side; else places outside count as its border.
+    """
+    height, width = picture.shape[:2]
+    if not wraps:
+        column, row = np.clip(column, 0, width - 1), np.clip(row, 0, height - 1)
+    left, top = np.floor(column).astype(int), np.floor(row).astype(int)
+    x, y = (column - left)[..., None], (row - top)[..., None]
+    right, below = (left + 1, top + 1) if wraps else (np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1))
+    left, right, top, below = left % width, right % width, top % height, below % height
+    upper = picture[top, left] * (1 - x) + picture[top, right] * x
+    return upper * (1 - y) + (picture[below, left] * (1 - x) + picture[below, right] * x) * y

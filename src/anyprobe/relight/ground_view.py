@@ -6,7 +6,6 @@ camera's height over the ground, which a photo does not determine and nothing he
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -88,16 +87,8 @@ class View:
         right, bottom = np.ceil(np.clip(pixels.max(axis=0), 0, sides)).astype(int)
         return slice(top, bottom), slice(left, right)
 
-    def ground_strips(self, part: Part | None = None) -> Iterator[tuple[Part, np.ndarray]]:
-        """Yield on_ground of all pixels' centres from the top down, a few rows at a time: the pixels, and [R, C, 3].
-
-        part: rows and columns; None for the whole photo.
-        """
-        for strip in self.strips(part):
-            yield strip, self.ground_of(strip)
-
     def strips(self, part: Part | None = None) -> list[Part]:
-        """Return only the pixels of ground_strips."""
+        """Return the pixels of a part, None for the whole photo, from the top down, a few rows at a time."""
         lines, columns = part or (slice(0, self.height), slice(0, self.width))
         step = max(1, VIEW_STRIP_PIXELS // max(columns.stop - columns.start, 1))
         tops = range(lines.start, lines.stop, step)

@@ -17,6 +17,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import irradiance_map
+from anyprobe.pictures.resampling import between
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import cover
 
@@ -113,13 +114,7 @@ class GroundShadow:
         cell = self._cells(points - self.foot) - 0.5
         inside = np.isfinite(cell).all(axis=-1) & ((cell >= 0) & (cell < self.grid - 1)).all(axis=-1)
         ratio = np.ones((len(points), 3))
-        cell = cell[inside]
-        low = np.floor(cell).astype(int)
-        x, y = (cell - low).T[..., None]
-        column, row = low.T
-        upper = self.ratio[row, column] * (1 - x) + self.ratio[row, column + 1] * x
-        lower = self.ratio[row + 1, column] * (1 - x) + self.ratio[row + 1, column + 1] * x
-        ratio[inside] = upper * (1 - y) + lower * y
+        ratio[inside] = between(self.ratio, *cell[inside].T)
         return ratio
 
 

@@ -25,7 +25,7 @@ from anyprobe.learning.train.checkpoint import agreed, load_init_weights, load_w
 from anyprobe.learning.train.config import LightConfig
 from anyprobe.learning.train.dataloader import load_assets, make_maps, name_assets
 from anyprobe.learning.train.logger import RunLogger, run_folder
-from anyprobe.learning.train.loop import CHECKPOINT_SECONDS, learning_rate
+from anyprobe.learning.train.loop import CHECKPOINT_SECONDS, learning_rate, move_mean
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -144,7 +144,7 @@ def train_mask(
             if step < config.small_steps:
                 batch = shrink_batch(batch, config.small)
             figures = _step(net, optimizer, batch)
-            _follow(mean, net, min(config.averaged, (step + 1) / (step + 20)))
+            move_mean(mean, net, min(config.averaged, (step + 1) / (step + 20)))
             logger.note(step + 1, (step + 1) * examples_per_step, examples_per_step, figures, rate)
             if time.monotonic() - saved > CHECKPOINT_SECONDS or step + 1 == last:
                 with atomic_path(path) as temporary:
@@ -189,13 +189,3 @@ def _step(net: MaskNet, optimizer: torch.optim.Optimizer, batch: MaskBatch) -> d
     full = truth.sum(dim=(1, 2, 3)) > 0
     iou = (estimate & truth).sum(dim=(1, 2, 3)) / (estimate | truth).sum(dim=(1, 2, 3)).clip(min=1)
     return {"loss": loss, "iou": iou[full].mean()}
-
-
-@torch.no_grad()
-def _follow(mean: MaskNet, net: MaskNet, decay: float) -> None:
-    """Move the running mean of the weights and of the statistics towards their current values."""
-    for mean_value, value in zip(mean.state_dict().values(), net.state_dict().values(), strict=True):
-        if mean_value.is_floating_point():
-            mean_value.lerp_(value, 1.0 - decay)
-        else:
-            mean_value.copy_(value)

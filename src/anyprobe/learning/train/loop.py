@@ -280,3 +280,13 @@ class ProcessGroup:
 
 
 SINGLE = {"RANK": "0", "WORLD_SIZE": "1"}
+
+
+@torch.no_grad()
+def move_mean(mean: torch.nn.Module, net: torch.nn.Module, decay: float) -> None:
+    """Move the running mean of the weights, and of the statistics, towards those of now."""
+    kept, new = list(mean.state_dict().values()), list(net.state_dict().values())
+    floating = [k for k, one in enumerate(kept) if one.is_floating_point()]
+    torch._foreach_lerp_([kept[k] for k in floating], [new[k] for k in floating], 1.0 - decay)
+    for k in set(range(len(kept))) - set(floating):
+        kept[k].copy_(new[k])

@@ -27,7 +27,7 @@ from anyprobe.learning.train.checkpoint import (
     resumed,
 )
 from anyprobe.learning.train.logger import RunLogger, run_folder
-from anyprobe.learning.train.loop import CHECKPOINT_SECONDS, learning_rate
+from anyprobe.learning.train.loop import CHECKPOINT_SECONDS, learning_rate, move_mean
 from anyprobe.learning.whole_network.batches import Pairs, mirrored_pairs
 from anyprobe.learning.whole_network.left_out_scores import score_left_out
 from anyprobe.learning.whole_network.object_losses import OBJECT_WEIGHTS, ObjectLoss
@@ -214,16 +214,6 @@ def _groups(net: PhotoNet, config: WholeRunConfig) -> list[dict[str, Any]]:
         return [*groups, {"params": list(net.light.parameters()), "share": config.object_rate}]
     net.light.requires_grad_(False)
     return groups
-
-
-@torch.no_grad()
-def move_mean(mean: torch.nn.Module, net: torch.nn.Module, decay: float) -> None:
-    """Move the running mean of the weights, and of the statistics, towards those of now."""
-    kept, new = list(mean.state_dict().values()), list(net.state_dict().values())
-    floating = [k for k, one in enumerate(kept) if one.is_floating_point()]
-    torch._foreach_lerp_([kept[k] for k in floating], [new[k] for k in floating], 1.0 - decay)
-    for k in set(range(len(kept))) - set(floating):
-        kept[k].copy_(new[k])
 
 
 def load_photo_net(checkpoint: Path, start: Sequence[Path] = (), share: float = 0.0) -> tuple[PhotoNet, dict]:
