@@ -48,8 +48,8 @@ FAR_DEG, HUE_DEG = 45.0, 60.0
 STRUCTURE_DEG = 28.0
 """Angle [degrees] from what is seen at which the lines of its continuation count 1 / e, and a place's structure the
 rest."""
-STRUCTURE_COLOR = 0.4
-"""Share of the hues of a place's structure that is kept: things of glaring colours would be believed."""
+STRUCTURE_COLOR = 0.6
+"""Share of the hues of a place's structure that is kept."""
 RISE_DEG = 12.0, 25.0
 """Elevations [degrees] above the photo at which its continuation counts 1 / e, indoors and outdoors."""
 LINES_DEG = 6.0
