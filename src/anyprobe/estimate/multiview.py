@@ -13,7 +13,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import is_rotation
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.errors import InputError
-from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
+from anyprobe.estimate.merged_surroundings import cut_out, lay_over, seen_from, window
 from anyprobe.estimate.photo import Crop, Photo
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import Origin

@@ -15,8 +15,8 @@ from PIL import Image
 from anyprobe.core.frames import rotation_of
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail
 from anyprobe.errors import InputError, InvalidEnvironment
+from anyprobe.estimate.merged_surroundings import cut_out
 from anyprobe.estimate.mirror_ball import Ball, find_ball
-from anyprobe.estimate.panorama import cut_out
 from anyprobe.estimate.photo import Crop, Photo, load_photo
 from anyprobe.estimate.result import Light
 from anyprobe.hints import Hints

@@ -20,7 +20,7 @@ from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.known import GivenPanorama
-from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
+from anyprobe.estimate.merged_surroundings import cut_out, lay_over, seen_from, window
 from anyprobe.estimate.photo import Crop, Photo, crop_object
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import FRAME, SCALE

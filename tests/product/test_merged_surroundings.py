@@ -15,8 +15,8 @@ from support.room_photos import FOV_DEG, room_photo, smooth_map
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.response import inverse_response, response
 from anyprobe.estimate.known import GivenPanorama
+from anyprobe.estimate.merged_surroundings import DIFFER, lay_over, seen_from, window
 from anyprobe.estimate.multiview import fuse_lights
-from anyprobe.estimate.panorama import DIFFER, lay_over, seen_from, window
 from anyprobe.estimate.photo import Photo, crop_object, load_photo
 from anyprobe.estimate.surroundings import radiance_of, surroundings_of
 from anyprobe.light.environment import rotate
