@@ -35,7 +35,6 @@ from anyprobe.files.objects import open_object
 from anyprobe.relight.ground_view import View
 from anyprobe.relight.insert import Arrangement, Stage, ratio_over, window_of
 from anyprobe.relight.placement import Placement, Side, place_beside
-from anyprobe.relight.shadow import GroundShadow
 from anyprobe.scatter.materials import material_named
 from research.scenes.camera import take
 from research.scenes.layouts import Layout, draw_layout
@@ -116,11 +115,13 @@ def _row(layout: Layout, path: Path, estimator: Estimator) -> dict[str, Any] | N
     true_ratio = luminance(after.picture) / np.maximum(luminance(before.picture), 1e-6)
     free = (before.mask < 0.01) & ~silhouette(view, truly)
     truth = shade_of(true_ratio, free, view, truly)
-    bare = GroundShadow(truly.mesh, truly.foot, truly.radius, view.up, before.truth)
-    ways = {ESTIMATED: (stage.view, stage.placement, stage.shadow(light.radiance)), TRUE: (view, truly, bare)}
     stages = {
         ESTIMATED: (stage, light.panorama(frame="camera").radiance),
         TRUE: (seen_by(stage, view, truly), taken.truth),
+    }
+    ways = {
+        ESTIMATED: (stage.view, stage.placement, stage.shadow(light.radiance)),
+        TRUE: (view, truly, stages[TRUE][0].shadow(before.truth)),
     }
     shown = {}
     if not layout.on_map:

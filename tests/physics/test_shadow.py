@@ -89,6 +89,22 @@ def test_shadow_has_the_other_lights_color():
     assert left[2] > 0.95
 
 
+def test_light_that_does_not_reach_the_ground_is_not_lost_again():
+    """Of two lamps a wall keeps one off: its shadow is gone, and the other's is all the light that there is."""
+    kept, other = np.array([1.0, 1, 0]), np.array([-1.0, 1, 0])
+    light = emitter_map(kept) + emitter_map(other)
+    x, z = 2 * RADIUS, np.array([-3.0, 3.0, 3.0, -3.0])
+    corners = FOOT + np.stack([np.full(4, x), np.array([0.0, 0.0, 3.0, 3.0]), z], axis=-1)
+    wall = Mesh(positions=corners, faces=np.array([[0, 1, 2], [0, 2, 3]]), normals=np.zeros((2, 3, 3)))
+    shadows = [GroundShadow(unit_sphere(), FOOT, RADIUS, UP, light, 2 * FEW, beside=one) for one in (None, wall)]
+    centres = FOOT + np.array([[-RADIUS, 0, 0], [RADIUS, 0, 0]])
+    free, beside_wall = (shadow.at(centres).mean(axis=-1) for shadow in shadows)
+    np.testing.assert_allclose(free, 0.5, atol=0.1)
+    np.testing.assert_allclose(beside_wall, [1.0, 0.0], atol=0.02)
+    behind_wall = shadows[1].at((FOOT + np.array([3 * RADIUS, 0, 0]))[None])
+    assert np.isfinite(behind_wall).all()
+
+
 def test_directions_share_the_irradiance(rng):
     """A sum over the sky's samples is the integral: of 1, and of the direction's x."""
     light = rng.gamma(0.5, 1.0, (32, 64, 3)).astype(np.float32)

@@ -9,11 +9,12 @@ import pytest
 from support.scenes import made_map, sphere_photo
 
 import anyprobe
+from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import inverse_response
 from anyprobe.estimate.photo import load_photo
 from anyprobe.relight.ground_map import GroundPicture
 from anyprobe.relight.insert import Arrangement, Stage
-from anyprobe.relight.photographed import ShownSurface, shown_ground, shown_object
+from anyprobe.relight.photographed import ShownSurface, shown_ground, shown_object, standing_object
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
 from anyprobe.render.surface import frame_object
@@ -101,6 +102,33 @@ def test_an_object_stands_beside_it_unless_it_is_in_its_way(stage, top, stands):
     mask = stage.photo.mask.copy()
     mask[top : top + 10, 60:200] = 1.0
     assert (shown_object(replace(stage.photo, mask=mask), stage.view, stage.placement) is not None) == stands
+
+
+def test_ground_in_the_real_objects_shade_gets_no_second_shadow(stage):
+    spot, standing = stage.placement, standing_object(stage.photo, stage.view, stage.placement)
+    assert standing is not None
+    away = standing.positions.mean(axis=0) - spot.foot
+    away -= (away @ stage.view.up) * stage.view.up
+    far = spot.foot - 1.6 * spot.radius * (away / np.linalg.norm(away))[None]
+    toward = standing.positions.mean(axis=0) - far[0]  # past both balls
+    light = (pixel_directions(128) @ (toward / np.linalg.norm(toward)) > 0.9995)[..., None] * np.ones(3, np.float32)
+    alone = stage.on(replace(stage.photo, mask=np.zeros_like(stage.photo.mask)))
+    assert alone.shadow(light).at(far).max() < 0.1
+    assert stage.shadow(light).at(far).min() > 0.9
+
+
+def test_the_standing_objects_form_is_the_shown_ones_above_the_ground(stage):
+    _, real = surfaces(stage)
+    standing = standing_object(stage.photo, stage.view, stage.placement)
+    assert standing is not None
+    assert ((standing.positions - stage.placement.foot) @ stage.view.up).min() > -1e-9
+    for edge in (np.min, np.max):
+        found, shown = (edge(points.reshape(-1, 3), axis=0) for points in (standing.positions, real.points))
+        np.testing.assert_allclose(found, shown, atol=0.03 * np.ptp(real.points.reshape(-1, 3), axis=0).max())
+    corners = standing.positions[standing.faces]
+    outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    middle = standing.positions.mean(axis=0)
+    assert (((corners.mean(axis=1) - middle) * outward).sum(axis=-1) > -1e-9).mean() > 0.8
 
 
 def test_nothing_stands_where_no_object_is_marked(stage):

@@ -22,7 +22,7 @@ from anyprobe.relight.camera_look import DRAWN_BLUR, CameraLook, blurred, grain_
 from anyprobe.relight.ground_map import GroundPicture, hides_shadows, with_ground
 from anyprobe.relight.ground_view import VIEW_STRIP_PIXELS, View, view_of
 from anyprobe.relight.path_traced import NUM_PATHS, open_mitsuba, trace_mesh
-from anyprobe.relight.photographed import ShownSurface, shown_ground, shown_object
+from anyprobe.relight.photographed import ShownSurface, shown_ground, shown_object, standing_object
 from anyprobe.relight.placement import Placement, Side, check_foot, place_beside
 from anyprobe.relight.shadow import NUM_DIRECTIONS, SHADOW_CELLS, GroundShadow
 from anyprobe.render.mesh import Mesh
@@ -283,9 +283,9 @@ class Stage:
         return other
 
     def shadow(self, radiance: np.ndarray, count: int = NUM_DIRECTIONS, grid: int = SHADOW_CELLS) -> GroundShadow:
-        """Return the object's shadow under a map [H, 2H, 3] of the camera's frame."""
-        spot = self.placement
-        return GroundShadow(spot.mesh, spot.foot, spot.radius, self.view.up, radiance, count, grid)
+        """Return the object's shadow under a map [H, 2H, 3] of the camera's frame, of light the real one lets pass."""
+        spot, beside = self.placement, standing_object(self.photo, self.view, self.placement)
+        return GroundShadow(spot.mesh, spot.foot, spot.radius, self.view.up, radiance, count, grid, beside=beside)
 
     def relit(
         self,

@@ -7,7 +7,7 @@ Of the real object only one side is seen: it counts as an upright body of ellipt
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from anyprobe.relight.ground_map import GroundPicture, radiance_at
 from anyprobe.relight.ground_view import View
 from anyprobe.relight.placement import Placement
 from anyprobe.relight.shadow import GroundShadow
+from anyprobe.render.mesh import Mesh
 
 GROUND_RADII = 0.01, 30.0
 """Radii of the ground's innermost and outermost ring, in those of the inserted object."""
@@ -34,6 +35,8 @@ BODY_TEXELS = 256
 """Texels around it."""
 INSET = 0.96
 """Share of a row's half width from which its colours are read: masks are a pixel too wide in places."""
+STANDING_ROWS, STANDING_SECTORS = 32, 32
+"""Largest number of rows, and number of cells around, of its mesh where only its shade counts."""
 LEAST_ROWS = 4
 """Smallest height [px] of a real object that is modelled."""
 LEAST_AWAY = 0.2
@@ -58,6 +61,18 @@ class ShownSurface:
 
     points: np.ndarray
     radiance: np.ndarray
+
+    def mesh(self, rows: int, columns: int) -> Mesh:
+        """Return its form, of at most so many rows and columns of cells, without normals."""
+        down, along = (
+            np.unique(np.linspace(0, count - 1, most + 1).round().astype(int))
+            for count, most in zip(self.points.shape[:2], (rows, columns), strict=True)
+        )
+        corner = np.arange(len(down) * len(along)).reshape(len(down), len(along))
+        a, b, c, d = corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]
+        faces = np.stack([np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)]).reshape(-1, 3)
+        positions = self.points[down][:, along].reshape(-1, 3)
+        return Mesh(positions=positions, faces=faces, normals=np.zeros((len(faces), 3, 3), np.float32))
 
 
 def shown_ground(picture: GroundPicture, view: View, spot: Placement, shadow: GroundShadow) -> ShownSurface:
@@ -115,6 +130,16 @@ def shown_object(photo: Photo, view: View, spot: Placement) -> ShownSurface | No
     lid = np.broadcast_to(middle[:1, None], points[:1].shape)
     colors = _colors(photo, rows, first, last)
     return ShownSurface(points=np.concatenate([lid, points]), radiance=np.concatenate([colors[:1], colors]))
+
+
+def standing_object(photo: Photo, view: View, spot: Placement) -> Mesh | None:
+    """Return the form of shown_object, coarse, on and above the ground."""
+    real = shown_object(photo, view, spot)
+    if real is None:
+        return None
+    mesh = real.mesh(STANDING_ROWS, STANDING_SECTORS)
+    below = np.minimum((mesh.positions - spot.foot) @ view.up, 0.0)
+    return replace(mesh, positions=mesh.positions - below[:, None] * view.up)
 
 
 def _flattened(

@@ -1,10 +1,12 @@
 """Shadow of a mesh on the ground under a whole map: contact shadow and the dominant light's at once.
 
-    ratio(p) = integral of L V(p, wi) cos dwi / integral of L cos dwi      (over the sky above the ground)
+    ratio(p) = integral of L V(p, wi) B(p, wi) cos dwi / integral of L B(p, wi) cos dwi
 
-is the remaining share of a Lambert ground's irradiance at p, for each channel. The integrals are sums over directions
-with density L cos (luminance). Light is distant: the points of the ground that the mesh occludes
-from wi are its projection along wi, rasterised, so one drawing per direction serves every p.
+over the sky above the ground, is the remaining share of a Lambert ground's irradiance at p, for each channel. V is the
+visibility past the mesh, B past what stands beside it: light that the photo's own object keeps from the ground cannot
+be lost once more. The integrals are sums over directions with density L cos (luminance). Light is distant: the points
+of the ground that a mesh occludes from wi are its projection along wi, rasterised, so one drawing per direction serves
+every p.
 """
 
 from __future__ import annotations
@@ -32,6 +34,9 @@ FADE = 0.75
 LEAST_COSINE = 0.05
 """Smallest cosine: lower light (under 3 degrees) throws its shadow past the reach, and carries hardly any
 irradiance."""
+
+LEAST_LIT = 0.02
+"""Smallest share of the light that must reach the ground past what stands beside the object: none of less is lost."""
 
 
 def sample_sky(radiance: np.ndarray, up: np.ndarray, count: int = NUM_DIRECTIONS) -> tuple[np.ndarray, np.ndarray]:
@@ -80,29 +85,43 @@ class GroundShadow:
         radiance: np.ndarray,
         count: int = NUM_DIRECTIONS,
         grid: int = SHADOW_CELLS,
+        *,
+        beside: Mesh | None = None,
     ) -> None:
-        """Draw the shadow. The mesh stands at foot [3] on the plane up . (x - foot) = 0, all in one frame."""
+        """Draw the shadow. The mesh stands at foot [3] on the plane up . (x - foot) = 0, all in one frame.
+
+        beside: what shades the ground without the mesh, too.
+        """
         self.foot, self.up = foot, up
         self.side, self.across = orthonormal_basis(up)
         self.reach = REACH * radius
         self.grid = grid
-        self.ratio = self._draw(mesh, radiance, count)  # [G, G, 3]
+        self.ratio = self._draw(mesh, beside, radiance, count)  # [G, G, 3]
 
-    def _draw(self, mesh: Mesh, radiance: np.ndarray, count: int) -> np.ndarray:
-        relative = mesh.positions - self.foot
-        height = relative @ self.up
-        remaining = np.ones((self.grid * self.grid, 3))
+    def _draw(self, mesh: Mesh, beside: Mesh | None, radiance: np.ndarray, count: int) -> np.ndarray:
+        bodies = [body for body in (mesh, beside) if body is not None]
+        relative = [body.positions - self.foot for body in bodies]
+        height = [points @ self.up for points in relative]
+        remaining, reached = np.ones((2, self.grid * self.grid, 3))
         for direction, weight in zip(*sample_sky(radiance, self.up, count), strict=True):
-            landed = relative - (height / (direction @ self.up))[:, None] * direction
-            corners = self._cells(landed)[mesh.faces]
-            hidden = cover(corners, self.grid)[2]
-            shadow = np.zeros(self.grid * self.grid, bool)
-            shadow[hidden] = True
-            remaining[shadow] -= weight
-        unshadowed = remaining.reshape(self.grid, self.grid, 3)
+            own, *others = (
+                self._covered(points - (high / (direction @ self.up))[:, None] * direction, body.faces)
+                for points, high, body in zip(relative, height, bodies, strict=True)
+            )
+            kept = others[0] if others else np.zeros_like(own)
+            reached[kept] -= weight
+            remaining[own | kept] -= weight
+        unshadowed = (remaining / np.maximum(reached, LEAST_LIT)).reshape(self.grid, self.grid, 3)
+        unshadowed[(reached < LEAST_LIT).reshape(unshadowed.shape)] = 1.0
         at = np.abs((np.arange(self.grid) + 0.5) / self.grid * 2 - 1)
         inward = np.clip((1 - np.maximum.outer(at, at)) / (1 - FADE), 0.0, 1.0)[..., None]
         return 1.0 - (1.0 - np.clip(unshadowed, 0.0, 1.0)) * inward
+
+    def _covered(self, relative: np.ndarray, faces: np.ndarray) -> np.ndarray:
+        """Return the cells [G * G] of the grid whose centres triangles cover, their corners relative to the foot."""
+        covered = np.zeros(self.grid * self.grid, bool)
+        covered[cover(self._cells(relative)[faces], self.grid)[2]] = True
+        return covered
 
     def _cells(self, relative: np.ndarray) -> np.ndarray:
         """Return column and row on the grid [..., 2] of points relative to the foot."""
