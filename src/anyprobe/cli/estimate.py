@@ -43,8 +43,8 @@ from anyprobe.cli.photo_files import (
     result_stem,
 )
 from anyprobe.cli.tables import print_table
-from anyprobe.detail.place_picture import check_panorama_rows
-from anyprobe.detail.plausible import NO_DETAIL, PLAUSIBLE
+from anyprobe.detail.place_picture import PANORAMA_SIZES
+from anyprobe.detail.plausible import NO_DETAIL, PLAUSIBLE, check_rows
 from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto
 from anyprobe.files.atomic import check_folder
 from anyprobe.files.paths import open_regular
@@ -96,7 +96,7 @@ def estimate(
     seen, estimated, invented), the estimate's own map <stem>.exr and .hdr, a .json, and a preview <stem>.png."""
     if poses is not None:
         refuse_unused(context, "with --poses", "detail", "detail_library")
-    check_panorama_rows(size)
+    check_rows(size, PANORAMA_SIZES)
     hints = object_options.hints()
     listed = list_photos(photos)
     if poses is None:

@@ -24,7 +24,7 @@ from anyprobe.detail.drawn_sources import SOFT, draw_lights, take_glare, take_so
 from anyprobe.detail.kinds import OPEN_AIR
 from anyprobe.detail.layers import FLOOR_DEG, as_place, ground_share
 from anyprobe.detail.matched_light import enlarged_map, with_moments
-from anyprobe.errors import InputError, OutputError
+from anyprobe.errors import OutputError
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.harmonics import project
@@ -126,14 +126,6 @@ class Panorama:
         """Write the origin of each pixel as a picture: red is seen, green estimated, blue invented."""
         write_png(Path(path), self.origin)
         return Path(path)
-
-
-def check_panorama_rows(size: int) -> None:
-    """Raise InputError if a panorama cannot have so many rows."""
-    if size not in PANORAMA_SIZES:
-        raise InputError(
-            f"expected one of {', '.join(map(str, PANORAMA_SIZES))} rows, got {size}; choose another", subject="size"
-        )
 
 
 def compose(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,11 +32,11 @@ def check_detail(detail: str) -> bool:
     return detail != DETAILS[0]
 
 
-def check_rows(rows: int) -> None:
-    """Raise InputError if a map with detail cannot have so many rows."""
-    if rows not in SIZES:
+def check_rows(rows: int, sizes: Sequence[int] = SIZES) -> None:
+    """Raise InputError if a map with detail, or another of these sizes, cannot have so many rows."""
+    if rows not in sizes:
         raise InputError(
-            f"expected one of {', '.join(map(str, SIZES))} rows, got {rows}; choose another", subject="size"
+            f"expected one of {', '.join(map(str, sizes))} rows, got {rows}; choose another", subject="size"
         )
 
 

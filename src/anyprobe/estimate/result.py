@@ -16,8 +16,8 @@ from anyprobe.core.frames import is_rotation
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.detail.layers import kind_of_place
-from anyprobe.detail.place_picture import DRAWN_ROWS, Panorama, check_panorama_rows, compose, in_frame
-from anyprobe.detail.plausible import PLAUSIBLE, add_detail, check_detail, find_structure
+from anyprobe.detail.place_picture import DRAWN_ROWS, PANORAMA_SIZES, Panorama, compose, in_frame
+from anyprobe.detail.plausible import PLAUSIBLE, add_detail, check_detail, check_rows, find_structure
 from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
@@ -231,7 +231,7 @@ class Light:
         Raises:
             InputError: another size, frame or detail.
         """
-        check_panorama_rows(size)
+        check_rows(size, PANORAMA_SIZES)
         is_level, turn = self._panorama_frame(frame)
         turned, from_camera = in_frame(self.radiance, turn), turn @ self.map_from_camera
         is_detailed, (level, kind) = self.origin.detail is not None, self.level_and_kind()

@@ -42,8 +42,8 @@ GOES_ON = -2.0
 @dataclass(frozen=True, kw_only=True, slots=True)
 class WholePrediction:
     """ln_shown [N, 3, 64, 128]: ln radiance up to white; ln_power [N, 3]: of ln(power above white + POWER_FLOOR);
-    logit [N, 1, 64, 128]: ln of that power's density; ln_expected, ln_soft, ln_radiance [N, 3, 64, 128]: all power
-    where it is likely, the same without what sources send, with them; places [N, S, 3], profiles [N, S, R], powers
+    logit [N, 1, 64, 128]: ln of that power's density; ln_expected, ln_radiance [N, 3, 64, 128]: all power
+    where it is likely, the same with that of sources in their places; places [N, S, 3], profiles [N, S, R], powers
     [N, S, R] and colors [N, S, 3] of the sources (nets.source_head); posture [N, 4] (nets.context_net);
     confidence_logit [N, 1, 64, 128]; ln_context [N, P]: what the context says alone of where light comes from."""
 
@@ -51,7 +51,6 @@ class WholePrediction:
     ln_power: torch.Tensor
     logit: torch.Tensor
     ln_expected: torch.Tensor
-    ln_soft: torch.Tensor
     ln_radiance: torch.Tensor
     places: torch.Tensor
     profiles: torch.Tensor
@@ -150,13 +149,12 @@ class WholeNet(nn.Module):
         spread = self.emitters.density(LIKELY * torch.log(likelihood(logit)))
         above = self.emitters.above(ln_power)
         tints = self.sources.tints(code)
-        soft, whole, powers = self.source_map(shown, above, spread, places, profiles, tints)
+        _, whole, powers = self.source_map(shown, above, spread, places, profiles, tints)
         return WholePrediction(
             ln_shown=ln_shown,
             ln_power=ln_power,
             logit=logit,
             ln_expected=torch.log(shown + above[:, :, None, None] * self.emitters.density(logit)),
-            ln_soft=torch.log(soft),
             ln_radiance=torch.log(whole),
             places=places,
             profiles=profiles,
