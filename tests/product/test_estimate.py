@@ -7,6 +7,7 @@ import io
 import json
 import pickle
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import OpenEXR
@@ -19,17 +20,19 @@ import anyprobe
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.core.response import response
+from anyprobe.core.response import inverse_response, response
 from anyprobe.estimate.photo import crop_object
 from anyprobe.estimate.runtime import DEFAULT_MODEL, PHOTO_SIZE, Outputs, bundled_models
 from anyprobe.light.dominant_light import find_dominant_light
-from anyprobe.light.environment import rotate
+from anyprobe.light.environment import integral, reduced, rotate
 from anyprobe.light.reconstruct import reconstruct
 from anyprobe.maps.radiance import map_attributes, read_radiance
 
 FOV_DEG = 70.0
 HEIGHT, WIDTH, DIAMETER = 192, 256, 80
 FOCAL_PX = WIDTH / 2 / np.tan(np.radians(FOV_DEG / 2))
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def photo_at(x: int, y: int) -> np.ndarray:
@@ -160,6 +163,19 @@ def test_confidence_falls_in_proportion_where_less_than_half_of_the_object_is_we
     exposed = light.well_exposed_fraction
     assert 0.15 < exposed < 0.35
     assert light.confidence.mean() == pytest.approx(own.mean() * 2 * exposed, rel=0.02)
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("ev", [0, 1, 2, 3])
+def test_confidence_claims_no_more_than_is_right_however_much_of_the_object_is_clipped(estimator, ev):
+    """At 2 EV more, two thirds of the example's pixels are clipped, at 3 EV all."""
+    picture = np.asarray(Image.open(EXAMPLES / "vase.png"), np.float32) / 255
+    exposed = response(inverse_response(picture[..., :3]) * 2.0**ev).clip(0, 1)
+    light = estimator(exposed.astype(np.float32), mask=picture[..., 3])
+    truth = reduced(read_radiance(EXAMPLES / "vase_truth.exr"), 64) * 2.0**ev
+    off = np.abs(response(light.radiance).clip(0, 1) - response(truth).clip(0, 1)).mean(axis=-1)
+    claimed, right = (integral(one[..., None])[0] / (4 * np.pi) for one in (light.confidence, np.float32(off < 0.1)))
+    assert claimed < right + 0.03
 
 
 def test_nearly_black_object_is_not_trusted_although_a_dark_map_is_easily_near(photo_rgba, estimator):
