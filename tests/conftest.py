@@ -126,8 +126,8 @@ def small_results(monkeypatch) -> None:
     monkeypatch.setattr(outputs, "draw_preview", lambda panorama, photo: np.clip(panorama.radiance, 0, 1))
     full = Light.panorama
 
-    def panorama(light: Light, size: int = 64, **settings: str) -> Panorama:
-        return full(light, 64 if size in PANORAMA_SIZES else size, **settings)
+    def panorama(light: Light, size: int = 64, *, frame: str = "level") -> Panorama:
+        return full(light, 64 if size in PANORAMA_SIZES else size, frame=frame)
 
     monkeypatch.setattr(Light, "panorama", panorama)
 

@@ -187,15 +187,3 @@ def test_a_panorama_lends_its_own_pixels_to_a_map_with_detail(folder):
     np.testing.assert_allclose(
         shown, np.where(checks, 200 / 255, 40 / 255)[65:195, 105:395, None].repeat(3, -1), atol=0.01
     )
-
-
-def test_the_panorama_has_detail_unless_the_command_says_none(tmp_path, command):
-    Image.fromarray(sphere_photo()).save(tmp_path / "sphere.png")
-    out, maps, fine = tmp_path / "out", [], []
-    for options in ((), ("--detail", "none")):
-        assert command("estimate", tmp_path / "sphere.png", "-o", out, "--size", "128", "-q", *options).status == 0
-        maps.append(read_radiance(out / "sphere.exr"))
-        place = np.log(read_radiance(out / "sphere_panorama.exr") + 0.02)
-        fine.append(np.abs(np.diff(place, axis=1)).mean())
-    np.testing.assert_array_equal(*maps)
-    assert fine[0] > 2 * fine[1]

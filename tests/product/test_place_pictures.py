@@ -341,21 +341,3 @@ def test_a_light_without_photo_has_a_panorama_of_its_own_map():
     assert made.origin[..., 1].min() == 1.0
     assert np.linalg.norm(project(made.radiance) - light.sh9()) < 0.01 * np.linalg.norm(light.sh9())
     assert replace(light, origin=Origin(photo="x")).panorama(64).radiance.shape == (64, 128, 3)
-
-
-def test_far_from_the_photo_a_place_lends_structure_unless_none_is_asked_for():
-    radiance, mask = place_map(), np.zeros((150, 200), np.float32)
-    mask[50:110, 80:120] = 1.0
-    plate = keep_plate(photo_of(radiance), mask, FOV)
-    light = anyprobe.Light(radiance=radiance, plate=plate, expected=radiance)
-    place, plain = (light.panorama(256, detail=detail) for detail in ("plausible", "none"))
-    sharp = [np.abs(np.diff(np.log(one.radiance[40:140] + 0.02), axis=1)).mean(axis=(0, 2)) for one in (place, plain)]
-    behind = np.r_[0:60, 451:511]  # of columns
-    assert sharp[0][behind].mean() > 3 * sharp[1][behind].mean()
-    seen = plain.origin[..., 0] > 0.99
-    np.testing.assert_allclose(place.radiance[seen], plain.radiance[seen], rtol=0.02, atol=1e-3)
-    for made in (place, plain):
-        assert np.linalg.norm(project(made.radiance) - light.sh9()) < 0.01 * np.linalg.norm(light.sh9())
-    assert place.origin[..., 1].max() < 0.01 < plain.origin[..., 1].max()
-    with refused("detail"):
-        light.panorama(64, detail="sharp")

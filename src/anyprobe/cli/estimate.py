@@ -28,7 +28,6 @@ from anyprobe.cli.options import (
     ObjectOptions,
     QuietOption,
     folder_option,
-    panorama_detail,
     refuse_unused,
     with_bundles,
 )
@@ -44,7 +43,7 @@ from anyprobe.cli.photo_files import (
 )
 from anyprobe.cli.tables import print_table
 from anyprobe.detail.place_picture import PANORAMA_SIZES
-from anyprobe.detail.plausible import NO_DETAIL, PLAUSIBLE, check_rows
+from anyprobe.detail.plausible import DETAILS, check_rows
 from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto
 from anyprobe.files.atomic import check_folder
 from anyprobe.files.paths import open_regular
@@ -102,8 +101,7 @@ def estimate(
     if poses is None:
         check_distinct(listed, out)
     check_folder(out)
-    detail = detail_options.given.detail
-    detail_size = {"size": min(max(size, 64), 512)} if detail != NO_DETAIL else {}
+    detail_size = {"size": min(max(size, 64), 512)} if detail_options.given.detail != DETAILS[0] else {}
     estimator = model_options.estimator(
         segmenter=object_options.finder.segmenter, **detail_options.settings(), **detail_size
     )
@@ -119,7 +117,6 @@ def estimate(
         colorspace=colorspace,
         size=size,
         frame=frame,
-        detail=panorama_detail(context, detail),
     )
     with contextlib.closing(progress) as steps:  # else its thread outlives an error, and the process never ends
         results = (
@@ -151,7 +148,6 @@ class EstimateCall:
     colorspace: str = "rec709"
     size: int = 512
     frame: str = "level"
-    detail: str = PLAUSIBLE
 
     def estimate_photo(self, path: Path) -> Done:
         """Estimate one photo and write its files; an AnyprobeError ends this photo alone."""
@@ -213,9 +209,7 @@ class EstimateCall:
 
         stem = result_stem(path, self.listed)
         write_start = time.perf_counter()
-        written = write_results(
-            photo, light, self.out, stem, self.colorspace, size=self.size, frame=self.frame, detail=self.detail
-        )
+        written = write_results(photo, light, self.out, stem, self.colorspace, size=self.size, frame=self.frame)
         seconds += time.perf_counter() - write_start
         if self.as_json:
             files = {kind: str(target) for kind, target in written.items()}

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin,
 
 import typer
 
-from anyprobe.detail.plausible import DETAILS, NO_DETAIL, PLAUSIBLE
+from anyprobe.detail.plausible import DETAILS
 from anyprobe.errors import InputError, InvalidMask, MissingExtra, OutputError
 from anyprobe.estimate.settings import Settings
 from anyprobe.hints import HINTS, PICTURES, Hint, Hints, numbers_in
@@ -286,20 +286,10 @@ def _option(name: str, annotation: Any, default: Any) -> inspect.Parameter:
 def refuse_unused(context: typer.Context, why: str, *names: str) -> None:
     """Raise InputError if the command line gives one of these parameters, which has no effect; why: "with --x"."""
     for name in names:
-        if is_given(context, name):
+        source = context.get_parameter_source(name)
+        assert source is not None, name
+        if source.name == "COMMANDLINE":
             raise InputError(f"does nothing {why}; leave it out", subject=name)
-
-
-def is_given(context: typer.Context, name: str) -> bool:
-    """Return whether the command line gives a parameter."""
-    source = context.get_parameter_source(name)
-    assert source is not None, name
-    return source.name == "COMMANDLINE"
-
-
-def panorama_detail(context: typer.Context, detail: str) -> str:
-    """Return the detail of panoramas: none only where the command line says so; detail: that of maps."""
-    return NO_DETAIL if detail == NO_DETAIL and is_given(context, "detail") else PLAUSIBLE
 
 
 def need_torch(what: str) -> None:

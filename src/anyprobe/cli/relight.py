@@ -22,7 +22,6 @@ from anyprobe.cli.options import (
     ModelOptions,
     ObjectOptions,
     QuietOption,
-    panorama_detail,
     pixels_of,
     refuse_unused,
     with_bundles,
@@ -177,9 +176,7 @@ def relight(
         check_foot(contact, *pixels.rgb.shape[:2])
         loaded = load_photo(pixels, hints, segmenter=segmenter)
     with progress("estimating the light", silent):
-        radiance, gain, ground, doubts = _radiance(
-            loaded, light, model_options, detail_options, panorama_detail(context, detail_options.given.detail)
-        )
+        radiance, gain, ground, doubts = _radiance(loaded, light, model_options, detail_options)
     stage = placing(Stage)(loaded, mesh, Arrangement(size=size, at=contact, turn_deg=turn, ground=ground))
     names = STRIP if strip else (material,)
     stored = stored_as(source)
@@ -264,7 +261,7 @@ def _pitch(stage: Stage, photo: Photo, ground: Ground | None) -> str:
 
 
 def _radiance(
-    photo: Photo, light: Path | None, model_options: ModelOptions, detail_options: DetailOptions, mirrored: str
+    photo: Photo, light: Path | None, model_options: ModelOptions, detail_options: DetailOptions
 ) -> tuple[np.ndarray, float, Ground | None, tuple[str, ...]]:
     """Return radiance, gain, ground and warnings of the given map, or of an estimate.
 
@@ -288,13 +285,11 @@ def _radiance(
 
     estimated = model_options.estimator(**detail_options.settings()).from_photo(photo)
     if photo.material is not None:  # which settles the level
-        return _mirrored_map(estimated, mirrored), 1.0, estimated.ground, estimated.warnings
+        return _mirrored_map(estimated), 1.0, estimated.ground, estimated.warnings
     gain = least_scale(photo, estimated.radiance)
-    return _mirrored_map(estimated, mirrored) * np.float32(gain), gain, estimated.ground, estimated.warnings
+    return _mirrored_map(estimated) * np.float32(gain), gain, estimated.ground, estimated.warnings
 
 
-def _mirrored_map(light: Light, detail: str) -> np.ndarray:
-    """Return the map that an inserted object mirrors, in the camera's frame; detail: see Light.panorama."""
-    if light.origin.detail is not None:
-        return light.radiance
-    return light.panorama(PANORAMA_ROWS, frame="camera", detail=detail).radiance
+def _mirrored_map(light: Light) -> np.ndarray:
+    """Return the map that an inserted object mirrors, in the camera's frame."""
+    return light.radiance if light.origin.detail is not None else light.panorama(PANORAMA_ROWS, frame="camera").radiance

@@ -13,7 +13,6 @@ Arrays here are planar, [3, H, 2H].
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -44,29 +43,12 @@ CODE_STEPS = 16
 """Number of steps between two codes of a picture."""
 STEP = 2.0
 """Largest factor, or its inverse, of one step towards the estimate's display values or harmonics."""
-MOST_ROWS = 512
-"""Largest number of rows at which a candidate is drawn."""
 STEPS = 5
 """Number of steps towards the estimate's harmonics."""
 _CLIPPED = 0.97
 """Display value above which a seen pixel is a lower bound of its radiance."""
 _LEAST_COVER = 1e-3
 """Smallest cover that display values are divided by."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Structure:
-    """A library's place, aligned to an estimate.
-
-    Attributes:
-        codes: [H, 2H, 3], see match.library.Library.candidate.
-        candidate_from_estimate: [3, 3] rotation.
-        ln_gain: [3], from the place's radiance to the estimate's.
-    """
-
-    codes: np.ndarray
-    candidate_from_estimate: np.ndarray
-    ln_gain: np.ndarray
 
 
 def blend(
@@ -100,18 +82,6 @@ def blend(
     lack = goal - project(_interleaved(free + fixed))
     free *= enlarged_planes(_harmonics_step(_shrunk(free), lack), rows)
     return _interleaved(free + fixed)
-
-
-def structured(rest: np.ndarray, place: Structure, rows: int, color: float) -> np.ndarray:
-    """Return an estimate without light sources [64, 128, 3] with a place's structure, [rows, 2 rows, 3].
-
-    Its light is the estimate's only when blurred; color: share of the place's differences of hue that is kept.
-    """
-    drawn = min(rows, MOST_ROWS)
-    phi = _candidate(place.codes, place.candidate_from_estimate, place.ln_gain, drawn)
-    grey = phi.mean(axis=0, keepdims=True)
-    detailed = _detailed(_planar(rest), grey + np.float32(color) * (phi - grey))
-    return _interleaved(enlarged_planes(detailed, rows) if drawn < rows else detailed)
 
 
 def _planar(radiance: np.ndarray) -> np.ndarray:

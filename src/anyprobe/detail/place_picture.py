@@ -18,7 +18,6 @@ import numpy as np
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.detail.angles import angles_from
-from anyprobe.detail.blend import Structure, structured
 from anyprobe.detail.continued import CONTINUED_FLOOR, continue_around
 from anyprobe.detail.drawn_sources import SOFT, draw_lights, take_glare, take_sources
 from anyprobe.detail.kinds import OPEN_AIR
@@ -45,11 +44,8 @@ DARKER, MOST_LIFT = 1.5, 8.0
 """Estimate over photo from which on the photo is shown brighter, and by how much at most."""
 FAR_DEG, HUE_DEG = 45.0, 60.0
 """Angles [degrees] from what is seen at which the continued brightness and hue count 1 / e."""
-STRUCTURE_DEG = 28.0
-"""Angle [degrees] from what is seen at which the lines of its continuation count 1 / e, and a place's structure the
-rest."""
-STRUCTURE_COLOR = 0.6
-"""Share of the hues of a place's structure that is kept."""
+BESIDE_DEG = 12.0
+"""Angle [degrees] from what is seen at which plausible detail replaces the continuation."""
 RISE_DEG = 12.0, 25.0
 """Elevations [degrees] above the photo at which its continuation counts 1 / e, indoors and outdoors."""
 LINES_DEG = 6.0
@@ -133,9 +129,9 @@ def compose(
     plate: Plate | None,
     frame_from_camera: np.ndarray,
     rows: int,
+    *,
     is_detailed: bool = False,
     kind: str | None = None,
-    place: Structure | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compose a panorama [rows, 2 rows, 3] and its origin [rows, 2 rows, 3], see Panorama.
 
@@ -145,7 +141,6 @@ def compose(
         frame_from_camera: [3, 3].
         is_detailed: whether the estimate has plausible detail, which then surrounds what is seen, sources included.
         kind: as which place a smooth estimate is drawn, kinds.INDOORS or OPEN_AIR; None: the map as it is.
-        place: what lends a smooth estimate its structure, far from what is seen; None: even walls, or a sky.
     """
     sources, rest = ((), estimate) if is_detailed else take_sources(estimate)
     tries = [(rest, np.zeros((MAP_HEIGHT, 2 * MAP_HEIGHT, 3), np.float32))]
@@ -154,7 +149,7 @@ def compose(
     seen = None if plate is None else seen_in(plate, frame_from_camera, rows)
     goal = project(estimate)
     for surfaces, glare in tries:
-        picture, cover, origin, angle = _place(surfaces, seen, rows, kind, is_detailed, place)
+        picture, cover, origin, angle = _place(surfaces, seen, rows, kind, is_detailed)
         away, strength = (1.0 - np.exp(-((angle / near) ** 2)) for near in (NEAR_GLARE_DEG, NEAR_GAIN_DEG))
         fixed = picture * cover + draw_lights(sources, cover, picture, kind) + enlarged_map(glare, rows) * away
         radiance = with_moments(picture * (1 - cover), fixed, goal, strength)
@@ -164,7 +159,7 @@ def compose(
 
 
 def _place(
-    rest: np.ndarray, seen: DrawnPlate | None, rows: int, kind: str | None, is_detailed: bool, place: Structure | None
+    rest: np.ndarray, seen: DrawnPlate | None, rows: int, kind: str | None, is_detailed: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return the picture without sources, the share of it that is the photo's [R, 2R, 1], the origin of each pixel, and
     its angle [degrees, R, 2R, 1] to the photo."""
@@ -181,14 +176,9 @@ def _place(
     if kind is None or is_detailed:
         drawn = enlarged_map(rest, rows)
     else:
-        even = blur_cosine_power(reduced(rest, MAP_HEIGHT), WALLS)
-        if place is not None:
-            drawn = structured(even, place, rows, STRUCTURE_COLOR)
-        else:
-            drawn, ground = as_place(even, rows, outdoors, floor_deg)
-    is_invented = is_detailed or place is not None
+        drawn, ground = as_place(blur_cosine_power(reduced(rest, MAP_HEIGHT), WALLS), rows, outdoors, floor_deg)
     if seen is None:
-        origin = np.concatenate([nothing, nothing + 1 - is_invented, nothing + is_invented], axis=-1)
+        origin = np.concatenate([nothing, nothing + 1 - is_detailed, nothing + is_detailed], axis=-1)
         return drawn, nothing, origin, nothing + 180
     within = np.clip(seen.margin / edge_deg, 0.0, 1.0)[..., None].astype(np.float32)
     within = within * within * (3 - 2 * within)
@@ -203,17 +193,15 @@ def _place(
     if around.top < 0:
         up = up * (1 - (ground_share(rows, outdoors, floor_deg) if ground is None else ground))
     rise = RISE_DEG[int(outdoors)]
-    share, hue = (np.exp(-((angle / deg) ** 2) - up / rise)[..., None].astype(np.float32) for deg in (FAR_DEG, HUE_DEG))
+    share, hue = (np.exp(-((angle / far) ** 2) - up / rise)[..., None].astype(np.float32) for far in (FAR_DEG, HUE_DEG))
     lines = np.exp(-((up / LINES_DEG) ** 2))[..., None].astype(np.float32)
-    lent = 1 - lines
-    if is_invented:
-        near = np.exp(-((angle / STRUCTURE_DEG) ** 2))[..., None].astype(np.float32)
-        lines, lent = lines * near, 1 - near
     lack = goal - soft
     level = lack.mean(axis=-1, keepdims=True)
-    ln = soft + (1 - share) * level + (1 - hue) * (lack - level) + lines * (ln - soft) + lent * (ln_drawn - goal)
+    ln = soft + (1 - share) * level + (1 - hue) * (lack - level) + lines * (ln - soft) + (1 - lines) * (ln_drawn - goal)
     continued = np.maximum(np.exp(ln) - CONTINUED_FLOOR, 0.0)
-    if is_invented:
+    if is_detailed:
+        beside = np.exp(-((angle / BESIDE_DEG) ** 2))[..., None].astype(np.float32)
+        continued = drawn + beside * (continued - drawn)
         share = np.ones_like(share)
     behind = np.maximum(np.exp(around.within) - CONTINUED_FLOOR, 0.0)
     picture = continued + within * (behind - continued)

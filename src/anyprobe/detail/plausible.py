@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.detail.blend import Structure, blend
+from anyprobe.detail.blend import blend
 from anyprobe.detail.kinds import OPEN_AIR
 from anyprobe.errors import InputError
 from anyprobe.light.environment import MAP_HEIGHT, check_radiance
@@ -17,7 +17,7 @@ from anyprobe.match.kind import own_prices, prices
 from anyprobe.match.library import Library
 from anyprobe.match.library_folder import open_library
 
-NO_DETAIL, PLAUSIBLE = DETAILS = ("none", "plausible")
+DETAILS = ("none", "plausible")
 SIZES = (64, 128, 256, 512)
 """Supported numbers of rows of a map with detail."""
 ROWS = SIZES[-1]
@@ -95,22 +95,6 @@ def add_detail(
     match = find_place(radiance, confidence, library, turn, kind=kind, is_backdrop=is_backdrop, seed=seed)
     detailed = blend(radiance, library.candidate(match.index), match.candidate_from_estimate, match.ln_gain, rows, seen)
     return Detailed(radiance=detailed, name=match.name, seed=seed, warnings=library.warnings)
-
-
-def find_structure(
-    radiance: np.ndarray,
-    confidence: np.ndarray | None,
-    level_from_map: np.ndarray,
-    *,
-    kind: str,
-    is_backdrop: bool,
-    library: Library | str | Path | None = None,
-) -> Structure:
-    """Find the structure of a place for an estimate [H, 2H, 3]; arguments as of add_detail."""
-    library = library if isinstance(library, Library) else open_library(library)
-    match = find_place(radiance, confidence, library, level_from_map, kind=kind, is_backdrop=is_backdrop)
-    codes = library.candidate(match.index)
-    return Structure(codes=codes, candidate_from_estimate=match.candidate_from_estimate, ln_gain=match.ln_gain)
 
 
 def find_place(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from anyprobe.detail.place_picture import DRAWN_ROWS
-from anyprobe.detail.plausible import PLAUSIBLE
 from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import LEVEL, Light
 from anyprobe.estimate.sheet import draw_preview
@@ -24,18 +23,17 @@ def write_results(
     *,
     size: int = DRAWN_ROWS,
     frame: str = LEVEL,
-    detail: str = PLAUSIBLE,
 ) -> dict[str, Path]:
     """Write OUTPUT_SUFFIXES of a photo into folder, replacing older ones; every .exr in a colorspace of Light.save.
 
     Args:
-        size, frame, detail: of the panorama, see Light.panorama.
+        size, frame: of the panorama, see Light.panorama.
     Returns:
         What a file is ("panorama", "origin", "exr", "hdr", "json", "png") -> path.
     Raises:
         OutputError: the folder cannot be made or written; what was there stays as it was.
     """
-    panorama = light.panorama(size, frame=frame, detail=detail)
+    panorama = light.panorama(size, frame=frame)
     with atomic_files(folder) as scratch:
         panorama.save(scratch / f"{stem}_panorama.exr", colorspace=colorspace)
         panorama.save_origin(scratch / f"{stem}_origin.png")

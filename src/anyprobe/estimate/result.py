@@ -17,7 +17,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.detail.layers import kind_of_place
 from anyprobe.detail.place_picture import DRAWN_ROWS, PANORAMA_SIZES, Panorama, compose, in_frame
-from anyprobe.detail.plausible import PLAUSIBLE, add_detail, check_detail, check_rows, find_structure
+from anyprobe.detail.plausible import add_detail, check_rows
 from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
@@ -209,14 +209,7 @@ class Light:
         origin, added = replace(self.origin, detail=found.info()), tuple(map(as_notice, found.warnings))
         return replace(self, radiance=found.radiance, warnings=self.warnings + added, origin=origin)
 
-    def panorama(
-        self,
-        size: int = DRAWN_ROWS,
-        *,
-        frame: str = LEVEL,
-        detail: str = PLAUSIBLE,
-        library: Library | str | Path | None = None,
-    ) -> Panorama:
+    def panorama(self, size: int = DRAWN_ROWS, *, frame: str = LEVEL) -> Panorama:
         """Return one picture of the place, `size` x 2 `size`: the photo, continued all around under this light.
 
         It shows what the photo shows, without the object, and goes on from there; its harmonics are this light's.
@@ -225,22 +218,15 @@ class Light:
             size: rows, one of detail.place_picture.PANORAMA_SIZES.
             frame: "level", +Y is up as far as the camera's pitch and roll are known, or "camera", the frame of
                 radiance. A light that was rotated keeps its own frame.
-            detail: what is far from the photo: "plausible", the structure of a library's place, or "none", even walls
-                or a sky.
-            library: see with_detail.
         Raises:
-            InputError: another size, frame or detail.
+            InputError: another size or frame.
         """
         check_rows(size, PANORAMA_SIZES)
         is_level, turn = self._panorama_frame(frame)
         turned, from_camera = in_frame(self.radiance, turn), turn @ self.map_from_camera
-        is_detailed, (level, kind) = self.origin.detail is not None, self.level_and_kind()
-        kind, place = None if self.expected is None else kind, None
-        if check_detail(detail) and kind is not None and not is_detailed:
-            sure = None if self.confidence is None else in_frame(self.confidence[..., None], turn)[..., 0]
-            level, bare = level @ turn.T, self.plate is None
-            place = find_structure(turned, sure, level, kind=kind, is_backdrop=bare, library=library)
-        radiance, origin = compose(turned, self.plate, from_camera, size, is_detailed, kind, place)
+        is_detailed = self.origin.detail is not None
+        kind = None if self.expected is None else self.level_and_kind()[1]
+        radiance, origin = compose(turned, self.plate, from_camera, size, is_detailed=is_detailed, kind=kind)
         said = {key: str(value) for key, value in frame_of(from_camera).items()}
         said |= {"scale": SCALE, "model": self.origin.model or ""}
         return Panorama(

@@ -69,8 +69,7 @@ class Settings:
     )
     detail: str = _setting(
         DETAILS[0],
-        "plausible: add invented high-frequency detail that fits the estimate, for sharp reflections; panoramas have "
-        "it unless none is asked for.",
+        "plausible: add invented high-frequency detail that fits the estimate, for sharp reflections.",
         "none|plausible",
         DETAILS,
     )
