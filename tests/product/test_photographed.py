@@ -14,7 +14,8 @@ from anyprobe.core.response import inverse_response
 from anyprobe.estimate.photo import load_photo
 from anyprobe.relight.ground_map import GroundPicture
 from anyprobe.relight.insert import Arrangement, Stage
-from anyprobe.relight.photographed import ShownSurface, shown_ground, shown_object, standing_object
+from anyprobe.relight.path_traced import trace_among
+from anyprobe.relight.photographed import ShownSurface, likely_places, shown_ground, shown_object, standing_object
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
 from anyprobe.render.surface import frame_object
@@ -129,6 +130,48 @@ def test_the_standing_objects_form_is_the_shown_ones_above_the_ground(stage):
     outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     middle = standing.positions.mean(axis=0)
     assert (((corners.mean(axis=1) - middle) * outward).sum(axis=-1) > -1e-9).mean() > 0.8
+
+
+def test_only_what_mirrors_it_sees_the_real_object_in_one_place(stage):
+    around = surfaces(stage)
+    spot, up = stage.placement, stage.view.up
+    for material in ("chrome", "gold", "plastic"):
+        ((ground, real),) = likely_places(around, spot, up, MATERIALS[material])
+        assert (ground, real) == around
+    places = likely_places(around, spot, up, MATERIALS["matte"])
+    assert len(places) > 4
+    axis = spot.foot + spot.radius * up
+    away = [np.linalg.norm(real.points - axis, axis=-1) for _, real in places]
+    for one in away:
+        np.testing.assert_allclose(one, away[0], rtol=1e-6)
+    heights = [(real.points - spot.foot) @ up for _, real in places]
+    np.testing.assert_allclose(heights[0], (around[1].points - spot.foot) @ up, atol=1e-9)
+    middle = np.mean([real.points.mean(axis=(0, 1)) for _, real in places], axis=0)
+    seen = around[1].points.mean(axis=(0, 1))
+    turn = np.arctan2(np.cross(middle - spot.foot, seen - spot.foot) @ up, (middle - spot.foot) @ (seen - spot.foot))
+    assert np.degrees(turn) == pytest.approx(0.0, abs=1.0)
+    assert likely_places(around[:1], spot, up, MATERIALS["matte"]) == [[around[0]]]
+
+
+@pytest.mark.slow
+def test_a_matte_ball_has_no_hard_shade_of_the_real_object(stage):
+    traced(None)
+    spot, real = stage.placement, surfaces(stage)[1]
+    toward = real.points.mean(axis=(0, 1)) - spot.foot - spot.radius * stage.view.up
+    toward += 0.5 * np.linalg.norm(toward) * np.array([0.0, 0.0, 1.0])
+    light = (pixel_directions(64) @ (toward / np.linalg.norm(toward)) > 0.995)[..., None] * np.ones(3, np.float32)
+    around = stage._around(light, None)
+
+    def red(arounds) -> np.ndarray:
+        return trace_among(spot.mesh, stage.window.camera, light, MATERIALS["matte"], arounds)[..., 0]
+
+    alone, one, likely = (
+        red(arounds)
+        for arounds in ([around[:1]], [around], likely_places(around, spot, stage.view.up, MATERIALS["matte"]))
+    )
+    lit = alone > 0.3 * alone.max()
+    partly = [((left[lit] > 0.2 * alone[lit]) & (left[lit] < 0.8 * alone[lit])).mean() for left in (one, likely)]
+    assert partly[0] < 0.5 * partly[1]
 
 
 def test_nothing_stands_where_no_object_is_marked(stage):

@@ -21,8 +21,8 @@ from anyprobe.relight.appearance import material_from_photo
 from anyprobe.relight.camera_look import DRAWN_BLUR, CameraLook, blurred, grain_over, look_of
 from anyprobe.relight.ground_map import GroundPicture, hides_shadows, with_ground
 from anyprobe.relight.ground_view import VIEW_STRIP_PIXELS, View, view_of
-from anyprobe.relight.path_traced import NUM_PATHS, open_mitsuba, trace_mesh
-from anyprobe.relight.photographed import ShownSurface, shown_ground, shown_object, standing_object
+from anyprobe.relight.path_traced import NUM_PATHS, open_mitsuba, trace_among
+from anyprobe.relight.photographed import ShownSurface, likely_places, shown_ground, shown_object, standing_object
 from anyprobe.relight.placement import Placement, Side, check_foot, place_beside
 from anyprobe.relight.shadow import NUM_DIRECTIONS, SHADOW_CELLS, GroundShadow
 from anyprobe.render.mesh import Mesh
@@ -346,7 +346,8 @@ class Stage:
         camera = replace(camera, size=min(camera.size, MOST_DRAWN))
         if uses_mitsuba(renderer):
             paths = min(NUM_PATHS, MOST_PATHS // camera.size**2)
-            drawn = trace_mesh(mesh, camera, radiance, material, self._around(radiance, shadow), paths)
+            arounds = likely_places(self._around(radiance, shadow), self.placement, self.view.up, material)
+            drawn = trace_among(mesh, camera, radiance, material, arounds, paths)
         else:
             finer = {} if camera.size == self.window.camera.size else {"supersample": ENLARGED_SUPERSAMPLE}
             cast = self.shadow(radiance, MIRRORED_DIRECTIONS, MIRRORED_GRID) if shadow is None else shadow

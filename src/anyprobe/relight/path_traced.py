@@ -150,6 +150,7 @@ def trace_mesh(
     material: Material,
     around: Sequence[ShownSurface] = (),
     num_paths: int = NUM_PATHS,
+    seed: int = 0,
 ) -> np.ndarray:
     """Draw a mesh as render.picture.draw_mesh does, by path tracing: same arguments and same [S, S, 4].
 
@@ -157,6 +158,7 @@ def trace_mesh(
         material: its albedo may also be [F, 3, 3], at the corners of the mesh's faces.
         around: surfaces that light the mesh, shade it and are mirrored in it, but are not in the picture.
         num_paths: per pixel, rounded up to a power of two.
+        seed: pictures of different ones have different grain.
     """
     mi = open_mitsuba()
     alone = {"type": "scene", "mesh": _shape(mi, mesh, material)}
@@ -179,7 +181,7 @@ def trace_mesh(
             continue
         sampler = mi.load_dict({"type": "multijitter", "sample_count": each})
         sampler.set_samples_per_wavefront(each)
-        sampler.seed(start, len(seen) * each)
+        sampler.seed(start + paths * seed, len(seen) * each)
         rays = direction.reshape(each, pixels, 3).transpose(1, 0, 2)[seen].reshape(-1, 3)
         near = np.where(hit, BEFORE * distance, 0.0)[seen].reshape(-1, 1)  # nothing around is in the picture
         color, _, _ = tracer.sample(scene, sampler, _mi_rays(mi, camera.position + near * rays, rays))
@@ -190,6 +192,22 @@ def trace_mesh(
     picture[:, :3] = total / np.maximum(count, 1)[:, None]
     picture[:, 3] = count / paths
     return picture.reshape(camera.size, camera.size, 4)
+
+
+def trace_among(
+    mesh: Mesh,
+    camera: Camera,
+    radiance: np.ndarray,
+    material: Material,
+    arounds: Sequence[Sequence[ShownSurface]],
+    num_paths: int = NUM_PATHS,
+) -> np.ndarray:
+    """Return the mean picture [S, S, 4] of trace_mesh over equally likely surroundings, which share the paths."""
+    each = max(1, num_paths // len(arounds))
+    total = np.zeros((camera.size, camera.size, 4), np.float32)
+    for seed, around in enumerate(arounds):
+        total += trace_mesh(mesh, camera, radiance, material, around, each, seed)
+    return total / len(arounds)
 
 
 def _square_count(most: int) -> int:

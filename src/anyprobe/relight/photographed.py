@@ -7,11 +7,12 @@ Of the real object only one side is seen: it counts as an upright body of ellipt
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anyprobe.core.frames import orthonormal_basis
+from anyprobe.core.frames import orthonormal_basis, rotation_z
 from anyprobe.estimate.ground import contact_of
 from anyprobe.estimate.photo import Photo
 from anyprobe.masks.check import object_box
@@ -20,6 +21,7 @@ from anyprobe.relight.ground_view import View
 from anyprobe.relight.placement import Placement
 from anyprobe.relight.shadow import GroundShadow
 from anyprobe.render.mesh import Mesh
+from anyprobe.scatter.materials import Material
 
 GROUND_RADII = 0.01, 30.0
 """Radii of the ground's innermost and outermost ring, in those of the inserted object."""
@@ -37,6 +39,10 @@ INSET = 0.96
 """Share of a row's half width from which its colours are read: masks are a pixel too wide in places."""
 STANDING_ROWS, STANDING_SECTORS = 32, 32
 """Largest number of rows, and number of cells around, of its mesh where only its shade counts."""
+TURNS_DEG = tuple(np.linspace(-30.0, 30.0, 8))
+"""Turns of the real object about the inserted one: evenly over the usual error of the light's direction."""
+BLURRING = 0.3
+"""Smallest alpha of a material that does not mirror the real object, so that only its shade and tint are seen."""
 LEAST_ROWS = 4
 """Smallest height [px] of a real object that is modelled."""
 LEAST_AWAY = 0.2
@@ -140,6 +146,29 @@ def standing_object(photo: Photo, view: View, spot: Placement) -> Mesh | None:
     mesh = real.mesh(STANDING_ROWS, STANDING_SECTORS)
     below = np.minimum((mesh.positions - spot.foot) @ view.up, 0.0)
     return replace(mesh, positions=mesh.positions - below[:, None] * view.up)
+
+
+def _turned_about(surface: ShownSurface, spot: Placement, up: np.ndarray, turn_deg: float) -> ShownSurface:
+    """Turn a surface about the upright axis through an inserted object, which it comes no nearer."""
+    side, across = orthonormal_basis(up)
+    frame = np.stack([side, across, up])
+    turn = frame.T @ rotation_z(np.radians(turn_deg)) @ frame
+    return replace(surface, points=(surface.points - spot.foot) @ turn.T + spot.foot)
+
+
+def likely_places(
+    around: Sequence[ShownSurface], spot: Placement, up: np.ndarray, material: Material
+) -> list[list[ShownSurface]]:
+    """Return surroundings, of a ground and perhaps a real object, that are equally likely from an inserted one.
+
+    The light's direction is known to within TURNS_DEG only, and so is which part lies in the real object's shade. On a
+    material that mirrors nothing the mean over them counts: a shade without the hard edges of one place that is seldom
+    right. Turning the object instead of the light leaves the light's own shading as it is.
+    """
+    if len(around) == 1 or material.alpha < BLURRING:
+        return [list(around)]
+    ground, real = around
+    return [[ground, _turned_about(real, spot, up, turn_deg)] for turn_deg in TURNS_DEG]
 
 
 def _flattened(
