@@ -57,8 +57,8 @@ def test_panoramas_of_the_other_kind_cost_more():
 def test_a_photo_with_a_place_is_in_no_studio_and_a_backdrop_in_nothing_else():
     own = open_library()
     kinds = np.array([name.split("-")[0] for name in own.names])
-    free = [set(kinds[own_prices(own, 1.0, backdrop) == 0]) for backdrop in (False, True)]
-    assert free == [{"room", "outdoor"}, {"studio"}]
+    free = [set(kinds[own_prices(own, 1.0, backdrop) == 0]) for backdrop in (False, True, None)]
+    assert free == [{"room", "outdoor"}, {"studio"}, {"room", "outdoor", "studio"}]
     costs = dict(zip(own.names, own_prices(own, 1.0, False), strict=True))
     assert all(cost for name, cost in costs.items() if name.startswith("outdoor-street"))
     assert not own_prices(replace(own, files=(Path("a"),) * len(own.names)), 1.0, True).any()

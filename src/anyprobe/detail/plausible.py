@@ -63,7 +63,7 @@ def add_detail(
     seed: int = 0,
     seen: np.ndarray | None = None,
     kind: str | None = None,
-    is_backdrop: bool = False,
+    is_backdrop: bool | None = None,
     level_from_map: np.ndarray | None = None,
 ) -> Detailed:
     """Add the detail of a real place to an estimate's map; the same input gives the same bits.
@@ -76,7 +76,7 @@ def add_detail(
         seed: 0 picks the best candidate, 1 the next, and so on.
         seen: [rows, 2 rows, 4 or 5] known surroundings, see detail.blend.
         kind: of the place, one of detail.kinds; None: unknown.
-        is_backdrop: whether the photo shows one colour, or nothing, beside its object, as in a studio.
+        is_backdrop: whether the photo shows one colour, or nothing, beside its object, as in a studio; None: unknown.
         level_from_map: [3, 3] rotation to a frame whose +Y is up in the place; None: +Y is up in the map.
     Raises:
         InvalidEnvironment, InputError: bad arguments, in one line that says what to do.
@@ -104,7 +104,7 @@ def find_place(
     level_from_map: np.ndarray,
     *,
     kind: str | None,
-    is_backdrop: bool = False,
+    is_backdrop: bool | None = None,
     seed: int = 0,
 ) -> Match:
     """Find the place of a library that an estimate [H, 2H, 3] may be of; arguments as of add_detail."""

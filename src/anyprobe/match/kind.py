@@ -108,11 +108,15 @@ def prices(outdoors: bool | None, library: Library, price: float) -> np.ndarray:
     return np.where(are_outdoors(library) != outdoors, price, 0.0).astype(np.float32)
 
 
-def own_prices(library: Library, price: float, is_backdrop: bool) -> np.ndarray:
-    """Return each bundled map's penalty [N]: for studios, unless the object stands before a backdrop, when all others
-    have it, and for streets, where few photos of objects are taken; zeros for other libraries."""
+def own_prices(library: Library, price: float, is_backdrop: bool | None) -> np.ndarray:
+    """Return each bundled map's penalty [N]; zeros for other libraries.
+
+    Streets have it, where few photos of objects are taken; so have studios, unless the object stands before a backdrop:
+    then all others have it. None: nothing is known of that.
+    """
     if library.files:
         return np.zeros(len(library.names), np.float32)
     is_studio = np.array([name.startswith(STUDIO_NAME) for name in library.names])
     is_street = np.array([name.startswith(STREET_NAME) for name in library.names])
-    return np.where((is_studio != is_backdrop) | is_street, price, 0.0).astype(np.float32)
+    is_other = np.zeros_like(is_studio) if is_backdrop is None else is_studio != is_backdrop
+    return np.where(is_other | is_street, price, 0.0).astype(np.float32)
