@@ -136,6 +136,7 @@ class LightFromPhotoSettings(bpy.types.PropertyGroup):
         name="Camera",
         description="A camera with the photo's field of view and pitch, and the photo as its background. Without it "
         "the light is turned with the scene's camera",
+        default=True,
     )
     size: FloatProperty(
         name="Object's size",

@@ -104,12 +104,12 @@ def estimate(order: dict, folder: Path) -> dict:
     light = estimator.from_photo(photo)
     view, pitch_deg = view_of(photo, found=light.ground)
     radiance, warnings = light.radiance, list(light.warnings)
-    if order["detail"]:
-        radiance = light.panorama(PLACE_ROWS, frame="camera").radiance
     if order["library"]:
         say(folder, 0.7, "Comparing your panoramas")
         radiance, lines = best_panorama(light, order["library"])
         warnings += lines
+    elif order["detail"]:
+        radiance = light.panorama(PLACE_ROWS, frame="camera").radiance
     say(folder, 0.9, "Writing the maps")
     turn = np.array(order["turn"]) if order["turn"] else turned(order["heading_deg"], pitch_deg)
     foot, (x0, y0, x1, y1) = view.on_ground(*contact_of(photo.mask)), object_box(photo.mask)

@@ -203,7 +203,7 @@ class Light:
             seed=seed,
             seen=seen,
             kind=kind,
-            is_backdrop=None if self.origin.photo is None else self.plate is None,
+            is_backdrop=None if self.plate is None and self.find_shown is None else self.plate is None,
             level_from_map=turn,
         )
         origin, added = replace(self.origin, detail=found.info()), tuple(map(as_notice, found.warnings))
