@@ -2,6 +2,7 @@
 """The operator that estimates while Blender goes on working, and the small ones around it."""
 
 import math
+import re
 from pathlib import Path
 
 import bpy
@@ -10,6 +11,11 @@ from . import photos, process, scene
 
 ESTIMATE = None
 """The process that runs, one at a time."""
+
+
+def stem_of(image_name: str) -> str:
+    """A photo's name without suffix, and without the number that Blender gives to one that is loaded again."""
+    return Path(re.sub(r"\.\d{3,}$", "", image_name)).stem
 
 
 def order_of(settings, camera, folder: Path) -> dict:
@@ -153,7 +159,7 @@ class LIGHT_FROM_PHOTO_OT_estimate(bpy.types.Operator):
             return self.fail("The scene or its photo is gone; nothing was changed")
         settings = target.light_from_photo
         try:
-            scene.build(target, settings, found, ESTIMATE.folder, Path(settings.image.name).stem)
+            scene.build(target, settings, found, ESTIMATE.folder, stem_of(settings.image.name))
         finally:
             stop()
         lines = said_of(found)
