@@ -158,8 +158,8 @@ def test_a_matte_ball_has_no_hard_shade_of_the_real_object(stage):
     traced(None)
     spot, real = stage.placement, surfaces(stage)[1]
     toward = real.points.mean(axis=(0, 1)) - spot.foot - spot.radius * stage.view.up
-    toward += 0.5 * np.linalg.norm(toward) * np.array([0.0, 0.0, 1.0])
-    light = (pixel_directions(64) @ (toward / np.linalg.norm(toward)) > 0.995)[..., None] * np.ones(3, np.float32)
+    toward += 0.25 * np.linalg.norm(toward) * np.array([0.0, 0.0, 1.0])
+    light = (pixel_directions(64) @ (toward / np.linalg.norm(toward)) > 0.995)[..., None] * np.full(3, 100, np.float32)
     around = stage._around(light, None)
 
     def red(arounds) -> np.ndarray:
