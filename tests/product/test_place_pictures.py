@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import replace
 
@@ -13,10 +14,11 @@ import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import inverse_response, response
+from anyprobe.detail.column_walk import walk_around
+from anyprobe.detail.continued import continue_around
 from anyprobe.detail.drawn_sources import Body, bodies_of, draw_lights
 from anyprobe.detail.kinds import INDOORS, OPEN_AIR
 from anyprobe.detail.layers import kind_of_place
-from anyprobe.detail.noise import along_rows, of_patch
 from anyprobe.detail.place_picture import KNEE, Panorama, compose
 from anyprobe.detail.spread import spread
 from anyprobe.estimate.ground import Ground, up_of
@@ -26,7 +28,7 @@ from anyprobe.light.harmonics import project
 from anyprobe.light.light_sources import LightSource
 from anyprobe.maps.radiance import HALF_MAX, read_radiance
 from anyprobe.match.fill import fill_hole
-from anyprobe.match.plate import keep_plate
+from anyprobe.match.plate import keep_plate, seen_in
 
 FOV = 60.0
 
@@ -181,36 +183,74 @@ def test_colours_are_spread_along_rows():
     assert np.abs(np.diff(found[22], axis=0)).max() < 0.05
 
 
-def test_noise_has_the_power_of_the_texture_and_none_of_its_pieces():
-    random = np.random.default_rng(0)
-    seen = np.zeros((40, 256), np.float32)
-    seen[:, 100:160] = 1.0
-    texture = (random.normal(0, 0.3, (40, 256, 3)) * seen[..., None]).astype(np.float32)
-    texture[:10] *= 0.2
-    found = along_rows(texture, seen, seed=1)
-    assert found[10:].std() == pytest.approx(0.3, rel=0.15)
-    assert found[:10].std() == pytest.approx(0.06, rel=0.2)
-    piece = texture[10:, 100:160, 0]
-    at = [
-        float(np.corrcoef(piece.ravel(), np.roll(found, -k, axis=1)[10:, 100:160, 0].ravel())[0, 1]) for k in range(256)
-    ]
-    assert max(at) < 0.5  # a copy has 1
-    plane = of_patch(texture[10:, 100:160], seen[10:, 100:160], 128, seed=3)
-    assert plane.shape == (128, 128, 3)
-    assert plane.std() == pytest.approx(0.3, rel=0.15)
+def columns_of(width, seed=0):
+    """A photo of smooth columns, ln [40, width, 3], with a bright post in the columns 28 to 31."""
+    random = np.random.default_rng(seed)
+    ln = np.cumsum(random.normal(0, 0.1, (1, width, 1)), axis=1) * np.ones((40, 1, 3))
+    ln[:, 28:32] += 3.0
+    return ln.astype(np.float32), np.ones((40, width), bool)
 
 
-def test_nothing_of_the_photo_is_repeated_around_the_horizon():
-    """A red post beside the object is seen once."""
+def test_a_way_leads_through_a_photos_columns_all_around():
+    ln, shown = columns_of(60)
+    runs = walk_around(ln, shown, 240, per_deg=1.4)
+    assert sum(run.count for run in runs) == 240
+    assert min(run.count for run in runs) >= 16  # 12 degrees
+    assert runs[0].step == -1
+    assert runs[0].first == 59  # turned at the photo's end
+    way = np.concatenate([run.first + run.step * np.arange(run.count) for run in runs])
+    assert way.min() >= 0
+    assert way.max() < 60
+    assert walk_around(ln[:, :8], shown[:, :8], 240, per_deg=1.4) is None
+
+
+def test_a_way_jumps_between_like_columns():
+    ln, shown = columns_of(60)
+    runs = walk_around(ln, shown, 240, per_deg=1.4)
+    grey = ln[0, :, 0]
+    jumps = [(a.last, b.first) for a, b in itertools.pairwise(runs) if a.last != b.first]
+    followed = [abs(grey[min(max(last + 1, 0), 59)] - grey[first]) for last, first in jumps]
+    assert len(jumps) > 2
+    assert all(step < np.median(np.abs(grey[:, None] - grey)) for step in followed)
+
+
+def test_a_way_seldom_passes_what_is_unlike_the_rest():
+    shares = []
+    for seed in range(6):
+        runs = walk_around(*columns_of(60, seed), 240, per_deg=1.4)
+        way = np.concatenate([run.first + run.step * np.arange(run.count) for run in runs])
+        shares.append(((way >= 28) & (way < 32)).mean())
+    assert np.mean(shares) < 0.05  # .067 of the photo
+
+
+def test_texture_goes_on_around_and_through_the_objects_place():
+    """Grain as fine as the pixels of a panorama is there, far from the photo too, with most of its contrast."""
     photo, mask = photo_of(place_map()), np.zeros((150, 200), np.float32)
     mask[50:110, 80:120] = 1.0
-    photo[30:120, 150:160] = [0.9, 0.1, 0.1]
-    picture, _ = compose(place_map(), keep_plate(photo, mask, FOV), np.eye(3), 256, kind=OPEN_AIR)
-    shown = response(picture)
-    red = (shown[..., 0] - shown[..., 1:].max(axis=-1))[115:140].max(axis=0) > 0.25
-    column = np.flatnonzero(red)
-    assert 3 <= len(column) < 20
-    assert np.ptp(column) < 20
+    grain = np.kron(np.random.default_rng(0).normal(0, 0.08, (75, 100)), np.ones((2, 2)))
+    photo = np.clip(photo + grain[..., None], 0.02, 0.98).astype(np.float32)
+    drawn = seen_in(keep_plate(photo, mask, FOV), np.eye(3), 256)
+    found = continue_around(drawn)
+    assert found is not None
+    fine = np.abs(np.diff(found.ln.mean(axis=-1), axis=1))[115:141]
+    inside = np.abs(np.diff(found.within.mean(axis=-1), axis=1))[115:141]
+    seen = inside[:, 225:235].mean()
+    assert inside[:, 246:266].mean() > 0.5 * seen  # the object's place
+    for column in (20, 150, 380, 490):
+        assert fine[:, column : column + 20].mean() > 0.4 * seen
+
+
+def test_what_the_object_stands_on_is_not_repeated():
+    """A red plate under the object is seen there alone."""
+    photo, mask = photo_of(place_map()), np.zeros((150, 200), np.float32)
+    mask[50:110, 40:160] = 1.0
+    photo[114:126, 45:155] = [0.9, 0.1, 0.1]
+    found = continue_around(seen_in(keep_plate(photo, mask, FOV), np.eye(3), 256))
+    assert found is not None
+    red = (found.ln[..., 0] - found.ln[..., 1:].max(axis=-1)).max(axis=0) > 1.0
+    assert red[235:277].all()
+    assert not red[:205].any()
+    assert not red[307:].any()
 
 
 def test_a_guess_is_drawn_as_a_place():

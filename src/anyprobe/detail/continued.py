@@ -1,10 +1,10 @@
 """Continuation of a photo all around, and through the place of its object.
 
 In a level panorama one row is one elevation: the same distance on the ground, or the same height on a wall or in the
-sky. So colours are spread along rows far more than across them (detail.spread): next to the photo they are its own,
-farther away ever wider means. What they lack in texture is noise with the power and the columns of what is seen
-(detail.noise), which has no piece that could be recognised. Below the photo the texture is that of the plane under
-the camera, seen from above.
+sky. So a photo's columns may stand at any azimuth: it goes on with its own columns all around (detail.column_walk).
+Its object's place has the smooth colours of what is around it (detail.spread) and the texture of the columns beside.
+Above and below, colours are spread along rows far more than across them, ever wider means. Below the photo the texture
+is that of the plane under the camera, mirrored again and again.
 """
 
 from __future__ import annotations
@@ -13,9 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anyprobe.core.latlong import pixel_directions
-from anyprobe.detail.angles import angles_from
-from anyprobe.detail.noise import along_rows, of_patch
+from anyprobe.detail.column_walk import Run, walk_around
 from anyprobe.detail.spread import spread
 from anyprobe.match.plate import DrawnPlate
 from anyprobe.pictures.resampling import between
@@ -23,35 +21,35 @@ from anyprobe.pictures.resampling import between
 CONTINUED_FLOOR = 0.02
 """Radiance added before its logarithm."""
 LEAST_WIDTH = 0.45
-"""Smallest width of a row in the photo, as a share of the widest, from which texture is taken."""
+"""Smallest width of a row in the photo, as a share of the widest, from which the photo goes on above and below."""
 LEAST_CLEAR = 0.02
-"""Smallest share of the panorama that must be seen."""
-FADE_DEG = 3.0
-"""Elevation [degrees] above the photo over which its rows' texture fades by a factor e."""
-PLANE = 0.8, 0.4
-"""Elevations, in that of the photo's lowest row, between which the ground's texture replaces that of rows."""
+"""Smallest share of the photo that must be seen."""
 HORIZON_DEG = -6.0
 """Elevation [degrees] below which rows are ground."""
 EDGE_DEG = 2.0
 """Height [degrees] of the band at the photo's border whose mean prolongs a column."""
-TALL = 0.85
-"""Smallest height of a column, in that of the tallest, that is prolonged."""
+TALL = 0.8
+"""Smallest height of a column, in that of the tallest, that is prolonged and goes on around."""
 PROLONGED = 0.4
 """Weight of what is prolonged."""
 MERGED_DEG = 25.0
 """Elevation [degrees] above or below the photo at which all azimuths have merged."""
 POLE_DEG = (50.0, 80.0)
 """Elevations [degrees] between which all azimuths merge into one, and the ground's texture fades."""
-GROUND_PX, GROUND_REACH = 512, 1.25
-"""Side of the ground's picture seen from above, and half of it in radii of the circle outside the photo."""
-GRAIN, HUELESS = 0.8, 0.5
-"""Contrast of textures relative to the seen one, and share of their colour that they lose."""
-MOST_GRAIN = 0.25
-"""Largest standard deviation of ln radiance of a texture; a stronger pattern is not noise."""
-EVEN, EVEN_GROUND = (0.6, 0.8), (0.4, 0.7)
-"""Median absolute fine detail over its deviation, 1 for Gaussian noise, between which rows and ground are textures."""
-DEPTH_DEG = 2.0
-"""Distance [degrees] into the object's place over which the texture of patches gives way to noise by a factor e."""
+WALK_ROWS = 256
+"""Rows of a panorama whose columns a way is found through."""
+BLEND_DEG = 3.0
+"""Width [degrees] over which columns give way to those after a jump, and to the rows above and below the photo."""
+CONTRAST, GROUND_CONTRAST = 0.8, 0.45
+"""Contrast of what goes on around, and of the ground's texture below it, relative to what is seen."""
+HIDDEN, LEAST_FREE = 0.08, 0.3
+"""Largest share of a free column that the object hides, and the smallest share of columns that count as free."""
+LEAST_LENDING_DEG = 6.0
+"""Smallest width [degrees] of free columns side by side that lend their texture."""
+GROUND_FROM = 0.8
+"""Elevation, in that of the photo's lowest row, from which on the ground's texture sets in."""
+GROUND_FAR = 0.5
+"""Elevation of the farthest ground whose texture is used, in the same."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -79,33 +77,140 @@ def continue_around(seen: DrawnPlate) -> Continued | None:
     first, last = int(used[0]), int(used[-1])
     elevation = 90.0 - (np.arange(rows) + 0.5) / per_deg
     ln = np.log(seen.radiance + CONTINUED_FLOOR)
-    column = np.flatnonzero(inside.any(axis=0))
-    photo = slice(int(column[0]), int(column[-1]) + 1)
-    values, weight = ln.copy(), clear.copy()
-    values[:, photo], weight[:, photo] = _prolonged(ln[:, photo], clear[:, photo], inside[:, photo], per_deg)
+    tall = inside.sum(axis=0)
+    whole = np.flatnonzero(tall > TALL * tall.max())
+    photo = slice(int(whole[0]), int(whole[-1]) + 1)
+    is_free = _free_columns(clear[:, photo], inside[:, photo])
+    within = _filled(ln, clear, inside, photo, is_free, per_deg)
+    # what the object stands on, its shadow and what the mask missed of it, all below its top, are not repeated
+    below = np.maximum.accumulate(inside - clear, axis=0)[:, photo]
+    calm = clear.copy()
+    calm[:, photo] *= 1 - below * ~is_free
+    repeated = _filled(ln, calm, inside, photo, is_free, per_deg)
+    ring, ring_shown = _around(within, repeated, inside, photo, per_deg)
+    values, weight = _prolonged(ring, ring_shown.astype(np.float32), ring_shown, per_deg)
     base = spread(values, weight)
-    part, known = ln[:, photo], clear[:, photo]
-    fine = (part - base[:, photo]) * known[..., None]
-    mean = (part * known[..., None]).sum(axis=1) / np.maximum(known.sum(axis=1), 1e-3)[:, None]
-    texture = np.zeros_like(ln)
-    texture[:, photo] = _calmer((part - mean[:, None]) * known[..., None], fine, known, EVEN)
-    grain = along_rows(texture, clear, seed=1)
-    row = np.arange(rows)
-    beyond = np.maximum(np.maximum(first - row, row - last), 0)
-    mirrored = np.clip(np.where(row < first, 2 * first - row, np.where(row > last, 2 * last - row, row)), first, last)
-    grain = grain[mirrored] * np.exp(-beyond / per_deg / FADE_DEG).astype(np.float32)[:, None, None]
-    if elevation[last] < HORIZON_DEG:
-        _lay_ground(grain, fine, known, last, elevation)
+    beyond = np.maximum(np.maximum(first - np.arange(rows), np.arange(rows) - last), 0)
     high = np.clip((np.abs(elevation) - POLE_DEG[0]) / (POLE_DEG[1] - POLE_DEG[0]), 0.0, 1.0)
     merged = np.maximum(high, np.clip(beyond / per_deg / MERGED_DEG, 0.0, 1.0))[:, None, None]
-    merged = (merged * merged * (3 - 2 * merged)).astype(np.float32)
-    high = high[:, None, None].astype(np.float32)
-    around = base + merged * (base.mean(axis=1, keepdims=True) - base) + (1 - high) * grain
-    near = np.exp(-angles_from(clear) / DEPTH_DEG)[..., None].astype(np.float32)
-    patches = ln - spread(ln, inside.astype(np.float32))
-    behind = around + near * (base + patches - around)
-    within = ln + (1 - clear[..., None]) * (behind - ln)
-    return Continued(ln=around, within=within, top=float(elevation[first]))
+    around = base + _smooth(merged) * (base.mean(axis=1, keepdims=True) - base)
+    if elevation[last] < HORIZON_DEG:
+        start, ground = _ground((ring - base) * ring_shown[..., None], ring_shown, photo, elevation, last)
+        around[start:] += (1 - high[start:, None, None]).astype(np.float32) * ground
+    inwards = np.minimum(np.cumsum(ring_shown, axis=0), np.cumsum(ring_shown[::-1], axis=0)[::-1])
+    share = CONTRAST * _smooth(np.clip(inwards / per_deg / BLEND_DEG, 0.0, 1.0) * ring_shown)[..., None]
+    return Continued(ln=around + share * (ring - around), within=within, top=float(elevation[first]))
+
+
+def _smooth(share: np.ndarray) -> np.ndarray:
+    """Ease a share in [0, 1] in and out."""
+    return (share * share * (3 - 2 * share)).astype(np.float32)
+
+
+def _free_columns(clear: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Return which columns [W] of the photo the object leaves free, or most of."""
+    hidden = ((1 - clear) * inside).sum(axis=0) / np.maximum(inside.sum(axis=0), 1)
+    return hidden <= max(HIDDEN, float(np.quantile(hidden, LEAST_FREE)))
+
+
+def _filled(
+    ln: np.ndarray, clear: np.ndarray, inside: np.ndarray, photo: slice, is_free: np.ndarray, per_deg: float
+) -> np.ndarray:
+    """Return ln with what is not clear filled: the colours around it, with the texture of free columns beside."""
+    base = spread(ln, clear)
+    texture, shown = ((ln - base) * clear[..., None])[:, photo], inside[:, photo]
+    lending = np.flatnonzero(is_free)
+    runs = np.split(lending, np.flatnonzero(np.diff(lending) > 1) + 1)
+    longest = max(map(len, runs))
+    column = np.arange(texture.shape[1])
+    lent = np.zeros_like(texture)
+    total = np.zeros(texture.shape[1], np.float32)
+    for run in runs:
+        if len(run) < min(LEAST_LENDING_DEG * per_deg, longest):
+            continue
+        away = np.maximum(np.maximum(run[0] - column, column - run[-1]), 0)
+        share = np.exp(-np.minimum(away / per_deg, 60.0)).astype(np.float32)
+        lent += share[:, None] * texture[:, _mirrored(column, int(run[0]), int(run[-1]))]
+        total += share
+    result = ln.copy()
+    fill = (1 - clear[:, photo]) * shown
+    result[:, photo] += fill[..., None] * (base[:, photo] + lent / total[:, None] - ln[:, photo])
+    return result
+
+
+def _mirrored(values: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Mirror values at both ends of a range until they are within."""
+    if high <= low:
+        return np.full_like(values, low)
+    over = (values - low) % (2 * (high - low))
+    return low + np.minimum(over, 2 * (high - low) - over)
+
+
+def _around(
+    ln: np.ndarray, repeated: np.ndarray, inside: np.ndarray, photo: slice, per_deg: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return ln [R, 2R, 3] with the photo's columns all around as in `repeated`, and [R, 2R] where they show it."""
+    rows, columns = inside.shape
+    unit = max(1, rows // WALK_ROWS)
+    width = (photo.stop - photo.start) // unit * unit
+    own = slice(photo.start, photo.start + width)
+    small = np.dstack([repeated[:, own], inside[:, own]]).astype(np.float32)
+    small = small.reshape(rows // unit, unit, width // unit, unit, 4).mean(axis=(1, 3))
+    runs = walk_around(small[..., :3], small[..., 3] > 0.5, (columns - width) // unit, per_deg / unit)
+    if runs is None:
+        return ln, inside
+    fade = max(1, round(BLEND_DEG * per_deg))
+    to = (own.stop + np.arange(columns - width + fade)) % columns
+    source, earlier, share = np.full(len(to), -1), np.zeros(len(to), int), np.zeros(len(to), np.float32)
+    at, past = 0, Run(0, 1, width)
+    for small_run in runs:
+        run = Run(small_run.first * unit + (unit - 1) * (small_run.step < 0), small_run.step, small_run.count * unit)
+        place, number = slice(at, at + run.count), np.arange(run.count)
+        source[place] = run.first + run.step * number
+        if run.first != past.last:  # a jump, no turn
+            gone_on = past.last + past.step * (number + 1)
+            on = (gone_on >= 0) & (gone_on < width)
+            earlier[place] = np.where(on, gone_on, 0)
+            share[place] = np.where(on, np.maximum(0.0, 1 - (number + 0.5) / fade), 0.0)
+        at, past = at + run.count, run
+    # behind the photo's own edge, which fades
+    source[at:] = past.last + past.step * (np.arange(fade) + 1)
+    kept = (source >= 0) & (source < width)
+    to, source, earlier, share = to[kept], source[kept], earlier[kept], share[kept]
+    ring, shown = ln.copy(), inside.copy()
+    own_ln, own_inside = repeated[:, own], inside[:, own]
+    share = share * (own_inside[:, source] & own_inside[:, earlier])
+    drawn = own_ln[:, source] + share[..., None] * (own_ln[:, earlier] - own_ln[:, source])
+    over = own_inside[:, source]
+    ring[:, to] = np.where(over[..., None], drawn, ln[:, to])
+    shown[:, to] |= over
+    return ring, shown
+
+
+def _ground(
+    texture: np.ndarray, shown: np.ndarray, photo: slice, elevation: np.ndarray, last: int
+) -> tuple[int, np.ndarray]:
+    """Return the first row, and the texture [rows from there on, 2R, 3] of the ground below the photo: what the photo
+    shows of it, seen from above and mirrored again and again.
+
+    texture: [R, 2R, 3] of what is shown.
+    """
+    rows, columns = shown.shape
+    lowest = -float(elevation[last]) - 1.0
+    near = 1 / np.tan(np.radians(lowest))  # in camera heights
+    far = max(1 / np.tan(np.radians(max(3.0, GROUND_FAR * lowest))), 1.3 * near)
+    middle = (photo.start + photo.stop) * np.pi / columns
+    half = near * np.tan(min(0.8 * (photo.stop - photo.start) * np.pi / columns, 1.0))
+    start = int(np.searchsorted(-elevation, GROUND_FROM * lowest))
+    azimuth = (np.arange(columns) + 0.5) * 2 * np.pi / columns - middle
+    away = 1 / np.tan(np.radians(np.maximum(-elevation[start:, None], 1.0)))
+    x = _mirrored(away * np.sin(azimuth), -half, half)
+    z = _mirrored(away * np.cos(azimuth), near, far)
+    row = (90.0 + np.degrees(np.arctan2(1.0, np.hypot(x, z)))) / 180.0 * rows - 0.5
+    column = (np.arctan2(x, z) + middle) / (2 * np.pi) * columns - 0.5
+    found = between(np.dstack([texture, shown]).astype(np.float32), column % columns, np.minimum(row, last))
+    share = np.clip((-elevation[start:] / lowest - GROUND_FROM) / (1 - GROUND_FROM), 0.0, 1.0)[:, None, None]
+    return start, (GROUND_CONTRAST * share * found[..., :3] * found[..., 3:]).astype(np.float32)
 
 
 def _prolonged(ln: np.ndarray, clear: np.ndarray, inside: np.ndarray, per_deg: float) -> tuple[np.ndarray, np.ndarray]:
@@ -130,58 +235,7 @@ def _prolonged(ln: np.ndarray, clear: np.ndarray, inside: np.ndarray, per_deg: f
     return values.astype(np.float32), weight.astype(np.float32)
 
 
-def _calmer(texture: np.ndarray, fine: np.ndarray, weight: np.ndarray, even: tuple[float, float]) -> np.ndarray:
-    """Return a texture [H, W, 3] of GRAIN of its contrast and of less colour.
-
-    Rows in whose fine part a few places differ much from a calm rest have edges of things, no texture: they fade.
-    even: median absolute fine detail over its deviation as of Gaussian noise, between which rows are texture.
-    """
-    grey = texture.mean(axis=-1, keepdims=True)
-    texture = texture + HUELESS * (grey - texture)
-    reach = max(1, len(texture) // 60)
-    known = weight > 0.5
-    count = np.maximum(known.sum(axis=1), 1)
-    fine = np.where(known, np.abs(fine.mean(axis=-1)), np.inf)
-    typical = np.sort(fine, axis=1)[np.arange(len(fine)), count // 2] / 0.6745
-    deviation = np.sqrt((np.where(known, fine, 0.0) ** 2).sum(axis=1) / count)
-    ratio = np.where(np.isfinite(typical), typical, 0.0) / np.maximum(deviation, 1e-6)
-    share = _along(np.clip((ratio - even[0]) / (even[1] - even[0]), 0.0, 1.0), reach)
-    whole = np.sqrt(_along((grey[..., 0] ** 2 * weight).sum(axis=1), reach) / _along(count, reach))
-    gain = GRAIN * share / np.sqrt(1 + (GRAIN * whole / MOST_GRAIN) ** 2)
-    return texture * gain[:, None, None].astype(np.float32)
-
-
 def _along(values: np.ndarray, reach: int) -> np.ndarray:
     """Average values [N] over 2 reach + 1 of them."""
     padded = np.pad(values, reach, mode="edge")
     return np.convolve(padded, np.ones(2 * reach + 1) / (2 * reach + 1), mode="valid")
-
-
-def _lay_ground(grain: np.ndarray, texture: np.ndarray, clear: np.ndarray, last: int, elevation: np.ndarray) -> None:
-    """Give rows below the last one the texture of the plane under the camera; modifies grain.
-
-    texture, clear: [R, P, 3] of what is seen, zero elsewhere, and [R, P], of the photo's columns.
-    """
-    rows, width = grain.shape[:2]
-    near = 1 / np.tan(np.radians(-elevation[last]))  # the circle's radius over the camera's height
-    scale = GROUND_PX / (2 * GROUND_REACH * near)  # pixels to the camera's height
-    wide = near * np.sin(min(texture.shape[1] * np.pi / width, 1.2))
-    across = np.arange(max(8, round(2 * wide * scale))) / scale
-    along = np.arange(GROUND_PX // 3) / scale
-    x, z = np.meshgrid(across - across[-1] / 2, -near - along[::-1])
-    row = (90.0 + np.degrees(np.arctan2(1.0, np.hypot(x, z)))) / 180.0 * rows - 0.5
-    column = (texture.shape[1] - 1) / 2 + np.arctan2(x, -z) / (2 * np.pi) * width
-    patch = between(np.dstack([texture, clear]), column, np.minimum(row, last)).astype(np.float32)
-    patch, weight = patch[..., :3], patch[..., 3]
-    if weight.sum() < 32:
-        return
-    patch = patch.reshape(1, -1, 3)
-    flat = _calmer(patch, patch, weight.reshape(1, -1), EVEN_GROUND).reshape(*weight.shape, 3)
-    plane = of_patch(flat, weight, GROUND_PX, seed=3)
-    start = int(np.searchsorted(-elevation, -PLANE[1] * elevation[last]))
-    d = pixel_directions(rows)[start:]
-    place = d[..., [0, 2]] / np.maximum(-d[..., 1:2], 1e-3) * scale
-    laid = between(plane, *np.moveaxis(place % GROUND_PX, -1, 0), wraps=True)
-    share = (elevation[start:] / elevation[last] - PLANE[1]) / (PLANE[0] - PLANE[1])
-    share = np.clip(share, 0.0, 1.0)[:, None, None].astype(np.float32)
-    grain[start:] = np.sqrt(share) * laid + np.sqrt(1 - share) * grain[start:]
