@@ -1,8 +1,8 @@
 """Placement of a virtual object: beside the real one on its ground, wholly in the photo, never over the real one.
 
 On the side with more room, also under overhangs; on the other if only that holds it; smaller if neither does.
-Where it would become too small, nearer to the camera if it covers nothing there; else behind the real one, which then
-occludes part of it. web/page/view/placement.js does the same.
+Where it would become too small, nearer to the camera if it covers nothing there; else beside and smaller still; else
+behind the real one, which then occludes part of it. web/page/view/placement.js does the same.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from anyprobe.relight.ground_view import View
 from anyprobe.relight.real_surface import STANDS, RealSurface
 from anyprobe.render.mesh import Mesh
 
-LEAST_SHARE = 0.35
-"""Smallest share of the requested size: beside the real object or in front of it, it is made no smaller."""
+LEAST_SHARE, LEAST_BESIDE = 0.35, 0.2
+"""Smallest share of the requested size beside the real object or in front of it, and beside it where both are too
+narrow: a small object that stands is better than one behind, which seldom seems to."""
 
 FRONT_ROWS = (0.25, 0.5, 0.75, 1.0)
 """Places in front that are tried, from the row that the real object stands on (0) to the lowest of the photo (1)."""
@@ -194,13 +195,15 @@ def find_spot(
         )
         return second if second.share > first.share + 0.01 else first
 
-    best = fitted(row)
-    if best.share >= LEAST_SHARE:
-        return best, Side.beside
+    beside = fitted(row)
+    if beside.share >= LEAST_SHARE:
+        return beside, Side.beside
     nearer = [fitted(row + share * (bounds[3] - row)) for share in FRONT_ROWS if row < bounds[3]]
-    best = max(nearer, key=lambda spot: spot.share, default=best)
-    if best.share >= LEAST_SHARE:
-        return best, Side.front
+    front = max(nearer, key=lambda spot: spot.share, default=beside)
+    if front.share >= LEAST_SHARE:
+        return front, Side.front
+    if beside.share >= LEAST_BESIDE:
+        return beside, Side.beside
     far = Spot(x=view.width if sides[0][1] > 0 else 0, y=behind, share=most_behind)
     return _fit(far, bounds, view.farthest_row, extent_at), Side.behind
 

@@ -3,12 +3,12 @@
  * in the photo and never over the real one.
  *
  * On the side with more room, under what overhangs too; on the other if only that holds it; smaller if neither does. Where
- * it would become too small, nearer to the camera if it covers nothing there; else behind the real one, which then hides
- * part of it.
+ * it would become too small, nearer to the camera if it covers nothing there; else beside and smaller still; else behind the
+ * real one, which then hides part of it.
  */
 
-/** Of what was asked: beside the real object or in front of it, it is made no smaller. */
-const LEAST_SHARE = 0.35;
+/** Smallest shares of the size asked for: beside the real object or in front of it, and beside it where both are too narrow. */
+const LEAST_SHARE = 0.35, LEAST_BESIDE = 0.2;
 
 /** Where places in front are tried, from the row that the real object stands on to the lowest of the photo. */
 const FRONT_ROWS = [0.25, 0.5, 0.75, 1];
@@ -99,6 +99,7 @@ export function findSpot({ silhouette, row, behind, farRow, mostBehind }, extent
   const rows = row < bounds[3] ? FRONT_ROWS.map((share) => row + share * (bounds[3] - row)) : [];
   const front = rows.map(fitted).reduce((best, spot) => (best.share >= spot.share ? best : spot), { share: 0 });
   if (front.share >= LEAST_SHARE) return { ...front, side: "front" };
+  if (beside.share >= LEAST_BESIDE) return { ...beside, side: "beside" };
   const far = { x: sides[0] > 0 ? width : 0, y: behind, share: mostBehind };
   return { ...fit(far, bounds, farRow, extentAt), side: "behind" };
 }
