@@ -43,7 +43,7 @@ export default async ({ page, url, arguments: given }) => {
     }
   }
   await page.focus("#overlay");
-  for (let i = 0; i < 20; i++) await page.keyboard.press("ArrowRight");
+  for (let i = 0; i < 10; i++) await page.keyboard.press("ArrowRight");
   seen.moved = [await covered(page, "own"), await covered(page, "sphere")];
   seen.note = await page.textContent("#place-note");
   return seen;
