@@ -9,6 +9,7 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -21,11 +22,12 @@ from support.folders import names, snapshot
 from support.scenes import sphere_photo
 
 import anyprobe
-from anyprobe.cli.estimate import Done, _report
+from anyprobe.cli.estimate import Done, _report, _said
 from anyprobe.cli.options import OPTIONS
 from anyprobe.cli.relight import PLACING
+from anyprobe.estimate.result import Light
+from anyprobe.estimate.sidecar import Origin
 from anyprobe.files import atomic
-from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.notices import RESTART, Notice, Remedy, give
 
@@ -149,14 +151,19 @@ def test_one_bad_photo_does_not_stop_the_others(work, command):
 def test_where_the_results_are_is_one_line_on_any_terminal(work):
     out = Path("a/rather/deep/folder/for the results of a photo")
     narrow = Console(file=io.StringIO(), width=60)
-    dominant = find_dominant_light(np.ones((64, 128, 3), np.float32))
-    _report([Done(photo=Path("vase.png"), stem="vase", dominant=dominant, level_stops=0.7)], narrow, out)
+    light = Light(
+        radiance=np.ones((64, 128, 3), np.float32),
+        stages={"photo": np.full((128, 128, 4), (0.5, 0.5, 0.5, 1.0))},
+        origin=Origin(uncertainty={"level_stops": 0.7, "color_deg": 2.0}),
+    )
+    _report([Done(photo=Path("vase.png"), stem="vase", cells=(*_said(light), "0.10"))], narrow, out)
     shown = narrow.file.getvalue()
     assert f"results: {out}/vase_panorama.exr, _origin.png, .exr, .hdr, .json, .png" in shown.splitlines()
     assert "uncertainty" in shown
     assert shown.count("±") == 2  # of the direction and of the brightness
     dark = Console(file=io.StringIO(), width=200)
-    _report([Done(photo=Path("vase.png"), dominant=dominant, level_stops=0.7, is_exposed=False)], dark, out)
+    black = replace(light, stages={"photo": np.full((128, 128, 4), (0.0, 0.0, 0.0, 1.0))})
+    _report([Done(photo=Path("vase.png"), cells=(*_said(black), "0.10"))], dark, out)
     assert "±" not in dark.file.getvalue()
     assert "a guess" in dark.file.getvalue()
 
@@ -164,14 +171,10 @@ def test_where_the_results_are_is_one_line_on_any_terminal(work):
 @pytest.mark.parametrize("width", [20, 60])
 def test_no_cell_of_the_table_is_broken_on_a_narrow_terminal(width):
     narrow = Console(file=io.StringIO(), width=width)
-    dominant = find_dominant_light(np.ones((64, 128, 3), np.float32))
+    cells = ("18° right, 15° up ± 20°", "± 0.7 stops", "0.10")
     names = ["a vase of a rather long name, seen from the left.png", "b.png"]
     photos = [Path("photos of a rather deep folder", name) for name in names]
-    _report(
-        [Done(photo=photo, stem=photo.stem, dominant=dominant, level_stops=0.7) for photo in photos],
-        narrow,
-        Path("light"),
-    )
+    _report([Done(photo=photo, stem=photo.stem, cells=cells) for photo in photos], narrow, Path("light"))
     head, *rows, _ = narrow.file.getvalue().splitlines()
     assert [row.partition("   ")[0].split("  ")[0] for row in rows] == names
     assert "brightness uncertainty" in head

@@ -12,7 +12,7 @@ import threading
 import traceback
 import warnings
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
@@ -100,18 +100,13 @@ def main(command: Callable[[], Any] = app) -> None:
         with quiet_libraries():
             command()
     except AnyprobeError as error:
-        print(f"anyprobe: {OPTIONS.line(error.notice)}", file=sys.stderr)
-        sys.exit(2)
+        _fail(OPTIONS.line(error.notice))
     except MemoryError:
-        print(f"anyprobe: {EXHAUSTED.format('memory')}", file=sys.stderr)
-        sys.exit(2)
+        _fail(EXHAUSTED.format("memory"))
     except OSError as error:  # a folder that may not be looked into, a disk that is full
         if error.errno in RESOURCES and not error.filename:
-            print(f"anyprobe: {EXHAUSTED.format(RESOURCES[error.errno])}", file=sys.stderr)
-            sys.exit(2)
-        path = error.filename or "a file"
-        print(f"anyprobe: {path}: cannot be used ({error.strerror or error}); check the path", file=sys.stderr)
-        sys.exit(2)
+            _fail(EXHAUSTED.format(RESOURCES[error.errno]))
+        _fail(f"{error.filename or 'a file'}: cannot be used ({error.strerror or error}); check the path")
     except SystemExit as end:  # what typer makes of Ctrl-C
         if end.code == 130:
             print("anyprobe: interrupted", file=sys.stderr)
@@ -120,10 +115,13 @@ def main(command: Callable[[], Any] = app) -> None:
         if os.environ.get(TRACEBACK):
             raise
         if lacks_memory(error):
-            print(f"anyprobe: {EXHAUSTED.format('memory')}", file=sys.stderr)
-            sys.exit(2)
-        print(f"anyprobe: {_fault(error)}", file=sys.stderr)
-        sys.exit(1)
+            _fail(EXHAUSTED.format("memory"))
+        _fail(_fault(error), status=1)
+
+
+def _fail(line: str, status: int = 2) -> NoReturn:
+    print(f"anyprobe: {line}", file=sys.stderr)
+    sys.exit(status)
 
 
 def _fault(error: Exception) -> str:

@@ -53,20 +53,15 @@ if TYPE_CHECKING:
     from anyprobe.estimate.estimator import Estimator
     from anyprobe.estimate.photo import Photo
     from anyprobe.estimate.result import Light
-    from anyprobe.light.dominant_light import DominantLight
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Done:
-    """Outcome of one photo: the stem of its files and the dominant light, or the error as a line."""
+    """Outcome of one photo: the stem of its files and its cells in the table, or the error as a line."""
 
     photo: Path
     stem: str = ""
-    dominant: DominantLight | None = None
-    direction: np.ndarray | None = None
-    level_stops: float | None = None
-    is_exposed: bool = True
-    seconds: float = 0.0
+    cells: tuple[str, ...] = ("failed",)
     warnings: tuple[str, ...] = ()
     error: str = ""
 
@@ -122,11 +117,6 @@ def estimate(
         results = (
             [call.estimate_views(steps, poses)] if poses is not None else [call.estimate_photo(path) for path in steps]
         )
-    if poses is not None:
-        _report(results, console, out)
-        if object_options.strict and results[0].warnings:
-            raise typer.Exit(2)
-        return
     failed = [result for result in results if result.error]
     if len(results) > 1 or not failed:
         _report(results, console, out)
@@ -145,9 +135,9 @@ class EstimateCall:
     hints: Hints
     as_json: bool
     listed: list[Path]
-    colorspace: str = "rec709"
-    size: int = 512
-    frame: str = "level"
+    colorspace: str
+    size: int
+    frame: str
 
     def estimate_photo(self, path: Path) -> Done:
         """Estimate one photo and write its files; an AnyprobeError ends this photo alone."""
@@ -204,7 +194,6 @@ class EstimateCall:
         check_names(path, self.listed, targets, inputs)
 
     def _write(self, path: Path, photo: Photo, light: Light, seconds: float) -> Done:
-        from anyprobe.estimate.doubts import exposure_doubts
         from anyprobe.estimate.outputs import write_results
 
         stem = result_stem(path, self.listed)
@@ -214,41 +203,31 @@ class EstimateCall:
         if self.as_json:
             files = {kind: str(target) for kind, target in written.items()}
             print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
-        dominant, ground = light.dominant_light(), light.ground
-        uncertainty = light.origin.uncertainty
-        level_stops = None if uncertainty is None else uncertainty.get("level_stops")
-        crop = light.stages["photo"]
-        pixels = crop[crop[..., 3] > 0.5]
-        return Done(
-            photo=path,
-            stem=stem,
-            dominant=dominant,
-            direction=dominant.direction if ground is None else ground.level_from_camera @ dominant.direction,
-            level_stops=level_stops,
-            is_exposed=not exposure_doubts(pixels[:, :3] / pixels[:, 3:], photo.name),
-            seconds=seconds,
-            warnings=light.warnings,
-        )
+        return Done(photo=path, stem=stem, cells=(*_said(light), f"{seconds:.2f}"), warnings=light.warnings)
+
+
+def _said(light: Light) -> tuple[str, str]:
+    """Return the direction of a light's dominant light and the uncertainty of its brightness, in words."""
+    from anyprobe.estimate.doubts import exposure_doubts
+
+    dominant, ground, uncertainty = light.dominant_light(), light.ground, light.origin.uncertainty
+    x, y, z = dominant.direction if ground is None else ground.level_from_camera @ dominant.direction
+    azimuth, elevation = np.degrees(np.arctan2(x, -z)), np.degrees(np.arcsin(np.clip(y, -1, 1)))
+    side = "right" if azimuth >= 0 else "left"
+    text = f"{abs(azimuth):.0f}° {side}, {abs(elevation):.0f}° {'up' if elevation >= 0 else 'down'}"
+    crop = light.stages["photo"]
+    pixels = crop[crop[..., 3] > 0.5]
+    if exposure_doubts(pixels[:, :3] / pixels[:, 3:], ""):
+        return f"{text}, a guess", ""
+    level = "" if uncertainty is None else f"± {uncertainty['level_stops']:.1f} stops"
+    return f"{text} ± {dominant.error_deg:.0f}°", level
 
 
 def _report(results: list[Done], console: Console, out: Path) -> None:
     """Print a table of all photos, where their results are, and the warnings."""
     table = Table("photo", "dominant light", "brightness uncertainty", "seconds", box=None, pad_edge=False)
     for result in results:
-        if result.dominant is None:
-            table.add_row(result.photo.name, "failed")
-            continue
-        x, y, z = result.dominant.direction if result.direction is None else result.direction
-        azimuth, elevation = np.degrees(np.arctan2(x, -z)), np.degrees(np.arcsin(np.clip(y, -1, 1)))
-        side = "right" if azimuth >= 0 else "left"
-        text = f"{abs(azimuth):.0f}° {side}, {abs(elevation):.0f}° {'up' if elevation >= 0 else 'down'}"
-        text += f" ± {result.dominant.error_deg:.0f}°" if result.is_exposed else ", a guess"
-        table.add_row(
-            result.photo.name,
-            text,
-            "" if result.level_stops is None or not result.is_exposed else f"± {result.level_stops:.1f} stops",
-            f"{result.seconds:.2f}",
-        )
+        table.add_row(result.photo.name, *result.cells)
     print_table(console, table)
     written = [result.stem for result in results if not result.error]
     if written:  # on a line of its own, which a narrow terminal does not cut into pieces

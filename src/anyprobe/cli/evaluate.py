@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -110,20 +110,20 @@ def evaluate(
     if write_photos is None:
         methods = _judged(predictions, [one.key for one in chosen], model, engine, title, hints) | baselines()
         methods |= truth_methods()
-    photos: Iterable[Pair] = (render_pair(recipe, store, trace) for recipe in chosen)
     columns = (TextColumn("evaluating"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console) as progress:
         task = progress.add_task("", total=len(chosen))
-        if write_photos is not None:
-            _write_photos(write_photos, photos, lambda: progress.advance(task))
-        else:
-            watch = Watch(methods, title, len(chosen))
 
-            def seen(index: int, pair: Pair, estimates: dict[str, Estimate]) -> None:
-                watch(index, pair, estimates)
+        def rendered() -> Iterator[Pair]:
+            for recipe in chosen:
+                yield render_pair(recipe, store, trace)
                 progress.advance(task)
 
-            scores = score_pairs(photos, methods, watch=seen)
+        if write_photos is not None:
+            _write_photos(write_photos, rendered())
+        else:
+            watch = Watch(methods, title, len(chosen))
+            scores = score_pairs(rendered(), methods, watch=watch)
     if write_photos is not None:
         console.print(f"{write_photos}: {len(chosen)} photos; write the maps into another folder, named by key")
         return
@@ -174,7 +174,7 @@ def _judged(
     return model_methods(runtime, title, hints)
 
 
-def _write_photos(folder: Path, pairs: Iterable[Pair], advance: Callable[[], None]) -> None:
+def _write_photos(folder: Path, pairs: Iterable[Pair]) -> None:
     """Write the photos and inputs of all pairs, or of none."""
     from anyprobe.files.atomic import atomic_files
     from anyprobe.learning.evaluate.benchmark import write_pair
@@ -182,7 +182,6 @@ def _write_photos(folder: Path, pairs: Iterable[Pair], advance: Callable[[], Non
     with atomic_files(folder) as scratch:
         for pair in pairs:
             write_pair(scratch, pair)
-            advance()
 
 
 def _test_set(

@@ -19,7 +19,7 @@ import typer
 from anyprobe.detail.plausible import DETAILS
 from anyprobe.errors import InputError, InvalidMask, MissingExtra, OutputError
 from anyprobe.estimate.settings import Settings
-from anyprobe.hints import HINTS, PICTURES, Hint, Hints, numbers_in
+from anyprobe.hints import HINTS, PICTURES, Hint, Hints
 from anyprobe.notices import Words, give
 
 if TYPE_CHECKING:
@@ -148,7 +148,7 @@ class ObjectOptions(MaskOptions):
         """Return what the options give."""
         hints = MaskOptions.hints(self)
         if self.camera is not None:
-            hints = replace(hints, **self._camera(hints))
+            hints = self._with_camera(hints, self.camera)
         if not self.metal:
             return hints
         hints = hints if hints.material is not None else replace(hints, material="chrome")
@@ -158,16 +158,15 @@ class ObjectOptions(MaskOptions):
             raise InputError(text, subject=("metal", "material"), source=hints.material)
         return hints
 
-    def _camera(self, hints: Hints) -> dict[str, Any]:
-        """Return what --camera gives, as hints; InputError where an option gives the same."""
+    def _with_camera(self, hints: Hints, camera: Path) -> Hints:
+        """Add what --camera gives; InputError where an option gives the same."""
         from anyprobe.files.fspy import read_fspy
 
-        camera = read_fspy(Path(str(self.camera)))
-        hints_given = {"fov_deg": camera.long_fov_deg, "pitch_deg": camera.pitch_deg, "roll_deg": camera.roll_deg}
-        for name in hints_given:
+        found: dict[str, Any] = {**read_fspy(camera)}
+        for name in found:
             if getattr(hints, name) is not None:
                 raise InputError("expected one of them, got both", subject=("camera", name))
-        return hints_given
+        return replace(hints, **found)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -298,11 +297,3 @@ def need_torch(what: str) -> None:
         import torch  # noqa: F401
     except ImportError as error:
         raise MissingExtra("torch", "train", what, error) from error
-
-
-def pixels_of(name: str, text: str, count: int, form: str, example: str) -> tuple[float, ...]:
-    """Parse `count` numbers from an option's text; otherwise raise InvalidMask with an example."""
-    numbers = numbers_in(text, count)
-    if not numbers:
-        raise InvalidMask(f"expected {form} in pixels, got {text!r}; for instance {example}", subject=name)
-    return numbers

@@ -22,14 +22,13 @@ from anyprobe.cli.options import (
     ModelOptions,
     ObjectOptions,
     QuietOption,
-    pixels_of,
     refuse_unused,
     with_bundles,
 )
 from anyprobe.cli.photo_files import hints_for, photo_name, photo_source, result_stem
-from anyprobe.errors import OutputError, arguments_named
+from anyprobe.errors import InvalidMask, OutputError, arguments_named
 from anyprobe.files.paths import same_file_key
-from anyprobe.hints import HINTS
+from anyprobe.hints import HINTS, numbers_in
 
 if TYPE_CHECKING:
     from anyprobe.estimate.ground import Ground
@@ -83,12 +82,10 @@ class InsertOptions:
         """Return the pixel of --at, or None."""
         if self.at is None:
             return None
-        x, y = pixels_of("at", self.at, 2, "X,Y", "400,380")
-        return x, y
-
-    def refuse(self, context: typer.Context) -> None:
-        """Raise InputError if any option is given without --insert."""
-        refuse_unused(context, "without --insert", "insert_material", "at", "scale", "renderer")
+        numbers = numbers_in(self.at, 2)
+        if not numbers:
+            raise InvalidMask(f"expected X,Y in pixels, got {self.at!r}; for instance 400,380", subject="at")
+        return numbers[0], numbers[1]
 
     def mesh(self, insert: str) -> Mesh:
         """Open the object that --insert names. InputError if it or its material is unknown."""

@@ -22,6 +22,7 @@ from anyprobe.cli.options import (
     ObjectOptions,
     QuietOption,
     folder_option,
+    refuse_unused,
     with_bundles,
 )
 from anyprobe.cli.relight import PLACING, SHAPES, InsertOptions, Renderer, placing, progress
@@ -71,7 +72,7 @@ def video(
     from anyprobe.video.track import forget_run
 
     if insert is None:
-        insert_options.refuse(context)
+        refuse_unused(context, "without --insert", "insert_material", "at", "scale", "renderer")
     out = out or Path(f"{clip.stem}_light")
     name, material, size = insert, insert_options.insert_material, insert_options.scale
     hints = object_options.hints()
