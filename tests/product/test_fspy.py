@@ -47,9 +47,7 @@ def test_lens_pitch_and_roll(tmp_path):
     (tmp_path / "a.json").write_text(json.dumps(project()["cameraParameters"]))
     for name in ("a.fspy", "a.json"):
         found = read_fspy(tmp_path / name)
-        assert found.long_fov_deg == pytest.approx(50.0)
-        assert found.pitch_deg == pytest.approx(PITCH)
-        assert found.roll_deg == pytest.approx(ROLL)
+        assert found == pytest.approx({"fov_deg": 50.0, "pitch_deg": PITCH, "roll_deg": ROLL})
     hints = options(camera=tmp_path / "a.fspy").hints()
     assert (hints.fov_deg, hints.roll_deg) == (pytest.approx(50.0), pytest.approx(ROLL))
 

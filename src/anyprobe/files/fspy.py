@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import struct
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -24,17 +23,8 @@ MOST_BYTES = 1 << 22
 """Largest JSON part [bytes]."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class FoundCamera:
-    """Field of view of the photo's longer side, and camera pitch and roll, see estimate.ground.Ground; degrees."""
-
-    long_fov_deg: float
-    pitch_deg: float
-    roll_deg: float
-
-
-def read_fspy(path: str | Path) -> FoundCamera:
-    """Read the camera of a .fspy or of fSpy's exported .json.
+def read_fspy(path: str | Path) -> dict[str, float]:
+    """Read the camera of a .fspy or of fSpy's exported .json, as the hints fov_deg, pitch_deg and roll_deg.
 
     Raises:
         InputError: the file is absent, of another kind, or without a solved camera.
@@ -64,8 +54,8 @@ def read_fspy(path: str | Path) -> FoundCamera:
     if not (is_rotation(rows) and 1 < fov < 170):
         raise InputError(f"{wanted}, got an impossible camera; solve it again in fSpy", source=name)
     up = rows.T @ (0.0, 0.0, 1.0)
-    return FoundCamera(
-        long_fov_deg=float(fov),
-        pitch_deg=float(np.degrees(np.arcsin(np.clip(up[2], -1.0, 1.0)))),
-        roll_deg=float(np.degrees(np.arctan2(up[0], up[1]))),
-    )
+    return {
+        "fov_deg": float(fov),
+        "pitch_deg": float(np.degrees(np.arcsin(np.clip(up[2], -1.0, 1.0)))),
+        "roll_deg": float(np.degrees(np.arctan2(up[0], up[1]))),
+    }

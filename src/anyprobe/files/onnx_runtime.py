@@ -7,25 +7,15 @@ variable, decides for itself.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 TELEMETRY_OFF = "ORT_DISABLE_TELEMETRY"
 
-
-@contextmanager
-def _without_telemetry() -> Iterator[None]:
-    if TELEMETRY_OFF in os.environ:
-        yield
-        return
-    os.environ[TELEMETRY_OFF] = "1"
-    try:
-        yield
-    finally:
-        del os.environ[TELEMETRY_OFF]
-
-
-with _without_telemetry():
+_is_set = TELEMETRY_OFF in os.environ
+os.environ.setdefault(TELEMETRY_OFF, "1")
+try:
     import onnxruntime
+finally:
+    if not _is_set:
+        del os.environ[TELEMETRY_OFF]
 
 __all__ = ["onnxruntime"]
