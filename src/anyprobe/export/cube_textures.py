@@ -117,7 +117,8 @@ def write_ktx2_cube(path: Path, levels: list[np.ndarray]) -> None:
     """Write mips [6, S, S, 4] float16, the largest first, faces +X -X +Y -Y +Z -Z, row 0 on top."""
     size = levels[0].shape[1]
     descriptor = _descriptor()
-    values = _key_values({"KTXorientation": b"rd\0", "KTXwriter": b"anyprobe\0"})
+    pairs = b"KTXorientation\0rd\0", b"KTXwriter\0anyprobe\0"  # in order of their keys
+    values = b"".join(struct.pack("<I", len(pair)) + pair + b"\0" * (-len(pair) % 4) for pair in pairs)
     descriptor_at = _HEADER_BYTES + 24 * len(levels)
     values_at = descriptor_at + len(descriptor)
     body = bytearray(descriptor + values)
@@ -142,16 +143,6 @@ def _descriptor() -> bytes:
     block = struct.pack("<4B4B8B", 1, 1, 1, 0, 0, 0, 0, 0, 8, 0, 0, 0, 0, 0, 0, 0) + samples
     block = struct.pack("<IHH", 0, 2, len(block) + 8) + block
     return struct.pack("<I", len(block) + 4) + block
-
-
-def _key_values(values: dict[str, bytes]) -> bytes:
-    """Encode key-value pairs in order of their keys, each padded to 4 bytes."""
-    out = bytearray()
-    for key in sorted(values):
-        pair = key.encode() + b"\0" + values[key]
-        out += struct.pack("<I", len(pair)) + pair
-        out += b"\0" * (-len(out) % 4)
-    return bytes(out)
 
 
 ADDRESSING = {

@@ -313,25 +313,11 @@ def export(
 
 
 def write_export(
-    radiance: np.ndarray,
-    target: str,
-    folder: str | Path,
-    stem: str = "light",
-    *,
-    world_from_camera: Float[np.ndarray, "3 3"] | None = None,
-    exposure_ev: float = 0.0,
-    origin: Mapping[str, Any] | None = None,
+    radiance: np.ndarray, target: str, folder: str | Path, stem: str = "light", **settings: Any
 ) -> tuple[list[Path], tuple[Notice, ...]]:
-    """Return export's paths, and its warnings, which the sidecar has too."""
+    """Return export's paths, and its warnings, which the sidecar has too; settings: see exported_light.prepare."""
     chosen = find_target(target)
-    light = prepare(
-        radiance,
-        f"{stem}_{target}",
-        world_from_camera=world_from_camera,
-        exposure_ev=exposure_ev,
-        origin=origin,
-        sources=chosen.sources,
-    )
+    light = prepare(radiance, f"{stem}_{target}", sources=chosen.sources, **settings)
     with atomic_files(folder) as scratch:
         more = chosen.write(light, scratch)
         names = sorted([*(path.name for path in scratch.iterdir()), f"{light.name}.json"])
