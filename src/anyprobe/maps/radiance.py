@@ -94,18 +94,11 @@ def read_linear(source: object, max_pixels: int) -> np.ndarray | None:
     Raises:
         InputError: damaged, too large, NaN.
     """
-    if isinstance(source, str | os.PathLike):
-        name = Path(source).name
-        try:
-            with open_regular(source, InputError) as stream:
-                data = stream.read(len(EXR_MAGIC))
-                if data == EXR_MAGIC or data.startswith(HDR_MAGIC):
-                    data += read_rest(stream)
-        except InputError:  # read_image reports it
-            return None
-    elif isinstance(source, bytes):
-        data, name = source, "bytes"
-    else:
+    if not isinstance(source, str | os.PathLike | bytes):
+        return None
+    try:
+        data, name = _bytes_of(source, (EXR_MAGIC, HDR_MAGIC))
+    except InputError:  # read_image reports it
         return None
     if data.startswith(EXR_MAGIC):
         pixels = read_exr(data, name, InputError, max_pixels, rec709=True)
@@ -119,6 +112,15 @@ def read_linear(source: object, max_pixels: int) -> np.ndarray | None:
     return np.concatenate([np.maximum(pixels[..., :3], 0.0) * (cover > 0), cover], axis=-1)
 
 
+def _bytes_of(source: str | os.PathLike[str] | bytes, starts: tuple[bytes, ...]) -> tuple[bytes, str]:
+    """Return a source's bytes, of a file that begins otherwise only the first few, and its name for messages."""
+    if isinstance(source, bytes):
+        return source, "bytes"
+    with open_regular(source, InputError) as stream:
+        data = stream.read(len(EXR_MAGIC))
+        return data + (read_rest(stream) if data.startswith(starts) else b""), Path(source).name
+
+
 def opaque_linear(source: Path | bytes, colorspace: str, max_pixels: int) -> np.ndarray | None:
     """Read the colours of an opaque .exr in one of COLORSPACES, negative ones kept; None for any other picture.
 
@@ -127,12 +129,7 @@ def opaque_linear(source: Path | bytes, colorspace: str, max_pixels: int) -> np.
     Raises:
         InputError: damaged, too large.
     """
-    data, name = source, "bytes"
-    if isinstance(data, Path):
-        name = data.name
-        with open_regular(data, InputError) as stream:
-            data = stream.read(len(EXR_MAGIC))
-            data += read_rest(stream) if data == EXR_MAGIC else b""
+    data, name = _bytes_of(source, (EXR_MAGIC,))
     if not data.startswith(EXR_MAGIC):
         return None
     pixels = read_exr(data, name, InputError, max_pixels)
