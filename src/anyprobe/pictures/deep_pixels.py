@@ -165,7 +165,8 @@ def read_float_tiff(data: bytes, name: str) -> FloatPicture | None:
             image.getexif().get_ifd(EXIF)
         raw = np.asarray(image).reshape(height * tiles_across, row_bytes)
     except Exception as error:  # decoders raise whatever the bad bytes lead them to
-        raise _damaged(name) from error
+        text = "expected a complete TIFF of floats, got a damaged or truncated one; copy it again"
+        raise InvalidPhoto(text, source=name) from error
     values = _unpredicted(raw, predictor, samples, size, order).reshape(height, -1, samples)[:, :width]
     alpha = len(extra) > 0 and extra[0] in (1, 2) and samples > colors
     return FloatPicture(
@@ -197,12 +198,6 @@ def turned_upright(values: np.ndarray, orientation: int) -> np.ndarray:
     if orientation in (3, 4, 7, 8):
         values = values[::-1]
     return values
-
-
-def _damaged(name: str) -> InvalidPhoto:
-    return InvalidPhoto(
-        "expected a complete TIFF of floats, got a damaged or truncated one; copy it again", source=name
-    )
 
 
 def _entries(data: bytes, order: str) -> dict[int, _Entry]:

@@ -2,28 +2,17 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+from itertools import islice
 from typing import Any, BinaryIO, cast
 
 import numpy as np
-from PIL import (
-    AvifImagePlugin,
-    BmpImagePlugin,
-    ExifTags,
-    GifImagePlugin,
-    Image,
-    ImageFile,
-    Jpeg2KImagePlugin,
-    JpegImagePlugin,
-    MpoImagePlugin,
-    PngImagePlugin,
-    PpmImagePlugin,
-    TiffImagePlugin,
-    WebPImagePlugin,
-)
+from PIL import ExifTags, Image, ImageFile
+from PIL.TiffImagePlugin import TiffImageFile
 
 from anyprobe.errors import InvalidPhoto, MissingExtra
 from anyprobe.notices import CHOOSE_PHOTO, USE_VIDEO, Remedy
-from anyprobe.pictures.jpeg_parts import MARKER
+from anyprobe.pictures.jpeg_parts import markers
 
 MAX_PIXELS = 100_000_000
 """Largest number of pixels of a photo that is decoded; checked in the header first."""
@@ -37,16 +26,13 @@ MAX_SCANS = 32
 PHOTO_FORMATS = ("JPEG", "MPO", "PNG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF", "HEIF", "JXL")
 """Formats that may be opened; others that Pillow knows start programs or are not pictures."""
 
-PLUGINS = (
-    *(AvifImagePlugin, BmpImagePlugin, GifImagePlugin, Jpeg2KImagePlugin, JpegImagePlugin, MpoImagePlugin),
-    *(PngImagePlugin, PpmImagePlugin, TiffImagePlugin, WebPImagePlugin),
-)
-"""Their readers, imported here and not at the first photo: a process forked while a thread imports hangs."""
+for _reader in ("Avif", "Bmp", "Gif", "Jpeg2K", "Jpeg", "Mpo", "Png", "Ppm", "WebP"):
+    import_module(f"PIL.{_reader}ImagePlugin")  # not at the first photo: a process forked while a thread imports hangs
 
 ON_ITS_SIDE = (5, 6, 7, 8)
 """EXIF orientations that are shown turned by a quarter."""
 
-_HEIC_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"}
+_HEIC_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1")
 _JPEG_START = b"\xff\xd8\xff"
 JXL_BOX = b"\0\0\0\x0cJXL \r\n\x87\n"
 JXL_STARTS = (b"\xff\x0a", JXL_BOX)
@@ -78,7 +64,7 @@ KINDS_BY_START = {
 """Descriptions of unreadable files, and what to do with them, by their first bytes."""
 BRANDS = {
     **dict.fromkeys((b"avif", b"avis"), TRUNCATED.format("AVIF")),
-    **dict.fromkeys((b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"), TRUNCATED.format("HEIC")),
+    **dict.fromkeys(_HEIC_BRANDS, TRUNCATED.format("HEIC")),
 }
 """The same by the brand of an ISO base media file; other brands are videos."""
 
@@ -143,7 +129,7 @@ def upright_size(image: Image.Image) -> tuple[int, int]:
     if _exif(image).get(ExifTags.Base.Orientation) not in ON_ITS_SIDE:
         return width, height
     if image.format == "TIFF":  # some versions of Pillow turn the size of TIFFs, and of no others
-        tags = cast(TiffImagePlugin.TiffImageFile, image).tag_v2
+        tags = cast(TiffImageFile, image).tag_v2
         width, height = tags[ExifTags.Base.ImageWidth], tags[ExifTags.Base.ImageLength]
     return height, width
 
@@ -184,11 +170,6 @@ def kind_of(head: bytes, num_bytes: int) -> tuple[str, tuple[Remedy, ...]]:
     return f"{num_bytes} bytes of something else", (Remedy("run", CHOOSE_PHOTO),)
 
 
-def is_turned(image: Image.Image) -> bool:
-    """Return whether its reader has turned it upright already: a JPEG XL that is not a recompressed JPEG."""
-    return image.format == "JXL" and not getattr(image, "jpeg", False)
-
-
 TURNS = {
     2: Image.Transpose.FLIP_LEFT_RIGHT,
     3: Image.Transpose.ROTATE_180,
@@ -203,9 +184,9 @@ TURNS = {
 
 def orientation_of(image: Image.Image) -> int:
     """Return the EXIF orientation; 1, upright, if that is damaged, or if the reader has turned the picture already."""
+    if image.format == "JXL" and not getattr(image, "jpeg", False):  # but for a recompressed JPEG
+        return 1
     try:
-        if is_turned(image):
-            return 1
         return int(image.getexif().get(ExifTags.Base.Orientation, 1))
     except Exception:  # its parser raises whatever the bad bytes lead it to
         return 1
@@ -266,15 +247,11 @@ def _check_scans(stream: BinaryIO, name: str) -> None:
     stream.seek(0)
     data = stream.read()
     stream.seek(place)
-    at, scans = 2, 0
-    while (marker := MARKER.search(data, at)) and marker[1] != b"\xd9":
-        at = marker.end()
-        scans += marker[1] == b"\xda"
-        if scans > MAX_SCANS:
-            raise InvalidPhoto(
-                f"expected a JPEG of at most {MAX_SCANS} scans, got more; save it again as PNG or JPEG", source=name
-            )
-        at += int.from_bytes(data[at : at + 2], "big") if marker[1] not in b"\x01\xd8" else 0
+    scans = (code for code, _ in markers(data, 2) if code == b"\xda")
+    if len(list(islice(scans, MAX_SCANS + 1))) > MAX_SCANS:
+        raise InvalidPhoto(
+            f"expected a JPEG of at most {MAX_SCANS} scans, got more; save it again as PNG or JPEG", source=name
+        )
 
 
 def _register_heic(name: str) -> None:

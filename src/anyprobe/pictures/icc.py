@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from PIL import Image, ImageCms
 
-from anyprobe.pictures.color_encoding import ColorEncoding, by_code_points
+from anyprobe.pictures.color_encoding import ColorEncoding, by_code_points, gamma
 
 _HEADER_BYTES = 128
 MAX_TAGS, MAX_POINTS = 200, 1 << 16
@@ -109,7 +109,7 @@ def _curve(tag: bytes) -> Curve:
         return lambda values: values
     if count == 1:
         (exponent,) = struct.unpack_from(">H", tag, 12)
-        return lambda values: np.clip(values, 0.0, None) ** (exponent / 256.0)
+        return gamma(exponent / 256.0)
     if count > MAX_POINTS:
         raise ValueError("a curve too long")
     points = np.frombuffer(tag, ">u2", count, 12).astype(np.float32) / 65535.0

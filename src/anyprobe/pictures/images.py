@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import io
 import os
-import struct
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from PIL import ExifTags, Image, ImageFile, ImageOps
+from PIL import Image, ImageFile
 
 from anyprobe.core.arrays import plain_array
 from anyprobe.core.color import to_bytes
@@ -48,7 +47,6 @@ from anyprobe.pictures.headers import (
     check_size,
     exif_exposure,
     exif_fov_deg,
-    is_turned,
     kind_of,
     open_picture,
     orientation_of,
@@ -231,7 +229,7 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
             alpha = deep[..., -1] if deep.shape[2] in (2, 4) else None
             picture = np.ascontiguousarray(deep[..., 0] if deep.shape[2] == 2 else deep[..., :3])
         else:
-            picture, alpha = _opaque(_upright(image))
+            picture, alpha = _opaque(image.transpose(TURNS[orientation]) if orientation in TURNS else image)
             if isinstance(picture, np.ndarray) and is_white_zero(image):
                 picture = np.iinfo(picture.dtype).max - picture
         display = DisplayPixels(values=_values(picture)) if as_data else to_srgb(picture, encoding, profile)
@@ -291,16 +289,6 @@ def _values(picture: Image.Image | np.ndarray) -> np.ndarray:
     if isinstance(picture, np.ndarray):
         return picture
     return np.asarray(picture.convert("RGB") if picture.mode == "CMYK" else picture)
-
-
-def _upright(image: Image.Image) -> Image.Image:
-    """Turn a picture upright by its EXIF; unchanged where that is absent or damaged."""
-    try:
-        if is_turned(image) or image.getexif().get(ExifTags.Base.Orientation, 1) == 1:
-            return image  # exif_transpose would copy it
-        return ImageOps.exif_transpose(image)
-    except (ValueError, KeyError, TypeError, SyntaxError, struct.error, OSError, Warning):
-        return image
 
 
 def _from_raw(stream: BinaryIO, num_bytes: int, name: str) -> Pixels:

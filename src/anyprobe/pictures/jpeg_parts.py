@@ -10,7 +10,7 @@ XMP = b"http://ns.adobe.com/xap/1.0/\0"
 MAX_PICTURES = 8
 
 _START = b"\xff\xd8\xff"
-MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])")
+_MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])")
 """A marker that is not a restart; its code is the group."""
 
 
@@ -21,18 +21,19 @@ def jpeg_pictures(data: bytes) -> Iterator[bytes]:
         at = data.find(_START, at)
         if at < 0:
             return
-        end = jpeg_end(data, at)
+        end = next((end for code, end in markers(data, at + 2) if code == b"\xd9"), len(data))
         yield data[at:end]
         at = end
 
 
-def jpeg_end(data: bytes, start: int = 0) -> int:
-    """Return where the JPEG that begins at a byte ends."""
-    at = start + 2
-    while (marker := MARKER.search(data, at)) and marker[1] != b"\xd9":
-        at = marker.end()
-        at += int.from_bytes(data[at : at + 2], "big") if marker[1] not in b"\x01\xd8" else 0
-    return len(data) if marker is None else marker.end()
+def markers(data: bytes, at: int) -> Iterator[tuple[bytes, int]]:
+    """Yield the markers of a JPEG from a byte on: the code, and where the marker ends; the last is that of its end."""
+    while marker := _MARKER.search(data, at):
+        code, at = marker[1], marker.end()
+        yield code, at
+        if code == b"\xd9":
+            return
+        at += int.from_bytes(data[at : at + 2], "big") if code not in b"\x01\xd8" else 0
 
 
 def app_segments(picture: bytes) -> Iterator[bytes]:
