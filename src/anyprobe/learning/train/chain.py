@@ -128,7 +128,6 @@ class Chain(_Stages):
     def __init__(self, config: RunConfig, device: str) -> None:
         super().__init__(config, device)
         self._sent = Sent(device)
-        self._weight = self._sent.angles / self._sent.angles.mean()
         self._teacher: LightNet | None = None
 
     def learn_from(self, teacher: LightNet, compiled: bool = False) -> None:
@@ -149,7 +148,7 @@ class Chain(_Stages):
         with torch.no_grad():
             wanted = self._taught(batch)
         ldr, normals = self._shown_and_normals(seen.detach(), batch)
-        losses = shown_losses(ldr, self._gradual(wanted, progress), 0.5 + 0.5 * self._weight)
+        losses = shown_losses(ldr, self._gradual(wanted, progress), self._sent.weight)
         losses["brightest"] = brightest_loss(ldr, self._gradual(batch.ldr, progress))
         losses["normals"] = normals_loss(normals, batch)
         return {
@@ -196,14 +195,14 @@ class Chain(_Stages):
         rng = np.random.default_rng(int(progress * 2**40))
         true, ln_true = self._shot_maps(batch.ln_radiance[:count], rng)
         ln = self._run("hdr", torch.cat([true, estimate.detach()]))
-        weight = self._weight * (0.1 + _last(blend_weight, true))
+        weight = self._sent.angles / self._sent.angles.mean() * (0.1 + _last(blend_weight, true))
         of_pixels = (weight * (ln[:count] - ln_true) ** 2).sum() / weight.sum() / 3
         radiance = _last(reconstruct, torch.lerp(estimate.detach(), estimate, REACH), ln[count:])
         ln_sent = torch.log(radiance.clip(min=1e-6))
         shown = clipped_where_white(display(ln_sent.clip(max=LN_SHOWN)), batch.ldr)
         terms = {
             "pixels": of_pixels,
-            "shown": shown_losses(shown, batch.ldr, 0.5 + 0.5 * self._weight)["ldr"],
+            "shown": shown_losses(shown, batch.ldr, self._sent.weight)["ldr"],
             "transport": self._sent.transport(ln_sent, batch.ln_radiance),
             "level": self._sent.level(ln_sent, batch.ln_radiance).mean(),
             "emitters": self._sent.emitters(self._sent.ln_share(ln_sent), batch.ln_radiance),

@@ -111,8 +111,6 @@ class Lift:
         self.nets = self.networks()
         self.nets.to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._sent = Sent(device)
-        # halfway between equal pixels and true solid angles
-        self._weight = 0.5 + 0.5 * self._sent.angles / self._sent.angles.mean()
 
     @staticmethod
     def networks() -> nn.ModuleDict:
@@ -160,8 +158,8 @@ class Lift:
         close = ((whole - batch.ldr).abs().mean(dim=1, keepdim=True) < CLOSE).float()
         confidence = F.binary_cross_entropy_with_logits(guess.confidence_logit, close)
         return {
-            **shown_losses(shown, batch.ldr, self._weight),
-            "ln": (self._weight * (ln - batch.ln_radiance.clip(max=0.0)).abs()).mean(),
+            **shown_losses(shown, batch.ldr, self._sent.weight),
+            "ln": (self._sent.weight * (ln - batch.ln_radiance.clip(max=0.0)).abs()).mean(),
             "transport": self._sent.transport(guess.ln_expected, batch.ln_radiance),
             "confidence": confidence,
         }
@@ -169,9 +167,8 @@ class Lift:
     def of_emitters(self, guess: Any, batch: Any) -> dict[str, torch.Tensor]:
         """Compute the losses of the total power above white, and of where it comes from by cross entropy."""
         power, _ = self._sent.above_white(batch.ln_radiance)
-        ln_share = torch.log_softmax((guess.emitter_logit + torch.log(self._sent.angles)).flatten(1), dim=1)
         return {
-            "emitters": self._sent.emitters(ln_share, batch.ln_radiance),
+            "emitters": self._sent.emitters(self._sent.ln_share_of(guess.emitter_logit), batch.ln_radiance),
             "power": (guess.ln_power - torch.log(power + POWER_FLOOR)).abs().mean(),
         }
 

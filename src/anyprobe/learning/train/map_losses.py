@@ -46,15 +46,26 @@ def shown_losses(shown: torch.Tensor, true: torch.Tensor, weight: torch.Tensor) 
     """Compare display values [N, 3, H, 2H] with the truth: by weighted pixels, by means over 2 to 16 pixels, and in
     structure."""
     difference = shown - true
-    scales, scaled = difference.new_zeros(()), difference
-    for _ in range(4):
-        scaled = F.avg_pool2d(scaled, 2)
-        scales = scales + scaled.square().mean() + 0.3 * scaled.abs().mean()
+    scales = scales_loss(difference)  # first: the order of losses is that in which gradients are summed
     return {
-        "ldr": (weight * (difference.abs() * 0.5 + difference.square() * 2)).mean(),
+        "ldr": pixel_loss(difference, weight),
         "scales": scales,
         "structure": structure_loss(shown.clip(max=1.0), true),
     }
+
+
+def pixel_loss(difference: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
+    """Compute the weighted mean loss of differences of display values."""
+    return (weight * (difference.abs() * 0.5 + difference.square() * 2)).mean()
+
+
+def scales_loss(difference: torch.Tensor) -> torch.Tensor:
+    """Compute the loss of differences of display values averaged over 2 to 16 pixels."""
+    loss = difference.new_zeros(())
+    for _ in range(4):
+        difference = F.avg_pool2d(difference, 2)
+        loss = loss + difference.square().mean() + 0.3 * difference.abs().mean()
+    return loss
 
 
 def clipped_where_white(shown: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
@@ -69,8 +80,10 @@ class Sent:
         angles = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).to(device)
         self.angles = angles.expand(-1, 2 * MAP_HEIGHT)[None, None]
         """Steradians [1, 1, 64, 128]."""
+        self.weight = 0.5 + 0.5 * self.angles / self.angles.mean()
+        """Weights of pixels [1, 1, 64, 128], halfway between equal ones and true solid angles."""
         self._lobes = lobe_matrices(MAP_HEIGHT // 2, 8).to(device)
-        self._luminance = torch.tensor(REC709, device=device)
+        self.luminance = torch.tensor(REC709, device=device)
 
     def transport(self, ln: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
         """Compute the mean difference of ln of what spheres of three kinds (LOBES) see: energy counts, not pixels."""
@@ -88,7 +101,7 @@ class Sent:
 
     def level(self, ln: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
         """Compute the difference of ln of the luminance of the power, [N]."""
-        level, true = (torch.log(self.power(ln_map) @ self._luminance) for ln_map in (ln, true_ln))
+        level, true = (torch.log(self.power(ln_map) @ self.luminance) for ln_map in (ln, true_ln))
         return (level - true).abs()
 
     def above_white(self, true_ln: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -97,17 +110,23 @@ class Sent:
         power = above.sum(dim=(2, 3))
         return power, above.sum(dim=1).flatten(1) / power.sum(dim=1, keepdim=True).clip(min=1e-6)
 
-    def emitters(self, ln_share: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
+    def emitters(
+        self, ln_share: torch.Tensor, true_ln: torch.Tensor, dim_power: float = 1.0, counts: torch.Tensor | float = 1.0
+    ) -> torch.Tensor:
         """Compute the cross entropy of estimated ln shares of light by direction [N, 64 * 128] with the true light
         above white.
 
-        Maps with little light above white count less.
+        dim_power: above white, in sr of white; maps with as much count half. counts: further weights [N].
         """
         power, share = self.above_white(true_ln)
         mean = power.mean(dim=1)
-        return -(mean / (mean + 1.0) * (share * ln_share).sum(dim=1)).mean()
+        return -(mean / (mean + dim_power) * counts * (share * ln_share).sum(dim=1)).mean()
+
+    def ln_share_of(self, logit: torch.Tensor) -> torch.Tensor:
+        """Return ln of every pixel's share, [N, 64 * 128], from ln of a density [N, 1, 64, 128] up to a constant."""
+        return torch.log_softmax((logit + torch.log(self.angles)).flatten(1), dim=1)
 
     def ln_share(self, ln: torch.Tensor) -> torch.Tensor:
         """Return ln of every pixel's share of the luminance of the power, [N, 64 * 128]."""
-        luminance = torch.einsum("nchw,c->nhw", torch.exp(ln.clip(*LN_RANGE)), self._luminance) * self.angles[0]
+        luminance = torch.einsum("nchw,c->nhw", torch.exp(ln.clip(*LN_RANGE)), self.luminance) * self.angles[0]
         return torch.log(luminance.flatten(1) / luminance.sum(dim=(1, 2))[:, None] + 1e-9)

@@ -6,13 +6,10 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
-from anyprobe.core.color import REC709
-from anyprobe.core.latlong import pixel_solid_angles
-from anyprobe.learning.dataset.pair import LN_RANGE
 from anyprobe.learning.nets.emitter_head import POWER_FLOOR
 from anyprobe.learning.nets.whole_net import WholePrediction
 from anyprobe.learning.train.lift import CLOSE, display
-from anyprobe.learning.train.map_losses import FAINT_RADIANCE, lobe_matrices, structure_loss
+from anyprobe.learning.train.map_losses import Sent, clipped_where_white, pixel_loss, scales_loss, structure_loss
 from anyprobe.learning.whole_network.source_profiles import shares_around, source_colors
 from anyprobe.light.environment import MAP_HEIGHT
 
@@ -50,52 +47,41 @@ class WholeLoss:
     """The losses of predictions, unweighted."""
 
     def __init__(self, device: str = "cpu") -> None:
-        self.angles = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).to(device).expand(-1, 2 * MAP_HEIGHT)[None, None]
-        """Steradians [1, 1, 64, 128]."""
-        self._weight = 0.5 + 0.5 * self.angles / self.angles.mean()  # as for lift
-        self._luminance = torch.tensor(REC709, device=device)
-        self._lobes = lobe_matrices(MAP_HEIGHT // 2, 8).to(device)
+        self._sent = Sent(device)
+        self.angles = self._sent.angles
 
     def __call__(self, guess: WholePrediction, batch: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
         """Compute the losses by the names of WHOLE_WEIGHTS; batch: of batches.Pairs."""
         true = batch["truth"]
         ldr = display(true).clip(max=1.0)
         shown = self._difference(guess.ln_shown, ldr)
-        scales, one = shown.new_zeros(()), shown
-        for _ in range(4):
-            one = F.avg_pool2d(one, 2)
-            scales = scales + one.square().mean() + 0.3 * one.abs().mean()
+        scales = scales_loss(shown)
         close = (display(guess.ln_radiance.detach()).clip(max=1.0) - ldr).abs().mean(dim=1, keepdim=True) < CLOSE
-        above = (torch.exp(true) - 1).clip(min=0.0) * self.angles
-        power = above.sum(dim=(2, 3))
-        share = above.sum(dim=1).flatten(1) / power.sum(dim=1, keepdim=True).clip(min=1e-6)
-        counts = power.mean(dim=1) / (power.mean(dim=1) + DIM_POWER)
+        power, _ = self._sent.above_white(true)
         profiles, colors = self._sources(guess.places.detach(), batch)
         present = (batch["context"][:, 4].amax(dim=(1, 2)) > 0).float()
         ln_context = guess.ln_context.unflatten(1, (MAP_HEIGHT, 2 * MAP_HEIGHT))[:, None]
         return {
-            "drawn": self._weighed(self._difference(guess.ln_radiance, ldr)),
-            "spread": self._weighed(self._difference(guess.ln_expected, ldr)),
-            "shown": self._weighed(shown),
+            "drawn": pixel_loss(self._difference(guess.ln_radiance, ldr), self._sent.weight),
+            "spread": pixel_loss(self._difference(guess.ln_expected, ldr), self._sent.weight),
+            "shown": pixel_loss(shown, self._sent.weight),
             "scales": scales,
             "structure": structure_loss((ldr + shown).clip(0.0, 1.0), ldr),
-            "ln": (self._weight * (guess.ln_shown - true.clip(max=0.0)).abs()).mean(),
-            "transport": sum(self._transport(ln, true) for ln in (guess.ln_expected, guess.ln_radiance)) / 2,
+            "ln": (self._sent.weight * (guess.ln_shown - true.clip(max=0.0)).abs()).mean(),
+            "transport": sum(self._sent.transport(ln, true) for ln in (guess.ln_expected, guess.ln_radiance)) / 2,
             "confidence": F.binary_cross_entropy_with_logits(guess.confidence_logit, close.float()),
-            "emitters": cross_entropy(guess.logit, share, self.angles, counts),
-            "context": cross_entropy(ln_context, share, self.angles, counts * present),
+            "emitters": self._sent.emitters(self._sent.ln_share_of(guess.logit), true, DIM_POWER),
+            "context": self._sent.emitters(self._sent.ln_share_of(ln_context), true, DIM_POWER, present),
             "power": (guess.ln_power - torch.log(power + POWER_FLOOR)).abs().mean(),
             "profile": profile_loss(guess.profiles, profiles),
             "color": color_loss(guess.colors, colors, profiles),
-            "level": (self._ln_level(guess.ln_radiance) - self._ln_level(true)).abs().mean(),
+            "level": self._sent.level(guess.ln_radiance, true).mean(),
             **posture_losses(guess.posture, batch["up"], present),
         }
 
     @staticmethod
     def _difference(ln: torch.Tensor, ldr: torch.Tensor) -> torch.Tensor:
-        """Return the difference of display values; where both clip, how far above white does not matter."""
-        shown = display(ln)
-        return torch.where((shown > 1) & (ldr >= 1), shown.clip(max=1.0), shown) - ldr
+        return clipped_where_white(display(ln), ldr) - ldr
 
     @torch.no_grad()
     def _sources(self, places: torch.Tensor, batch: dict[str, torch.Tensor]) -> tuple[torch.Tensor, torch.Tensor]:
@@ -105,24 +91,12 @@ class WholeLoss:
         hard. Each other source learns the profile of the truth around its own place: none where there is no source.
         """
         radiance = torch.exp(batch["truth"])
-        bright = torch.einsum("c,nchw->nhw", self._luminance, radiance)
+        bright = torch.einsum("c,nchw->nhw", self._sent.luminance, radiance)
         others = places[:, 1:]
         profiles = torch.cat([batch["profiles"][:, :1], shares_around(bright, others)], dim=1)
-        return profiles, torch.cat([batch["colors"][:, :1], source_colors(radiance, others, self._luminance)], dim=1)
-
-    def _weighed(self, difference: torch.Tensor) -> torch.Tensor:
-        return (self._weight * (difference.abs() * 0.5 + difference.square() * 2)).mean()
-
-    def _ln_level(self, ln: torch.Tensor) -> torch.Tensor:
-        return torch.log((torch.exp(ln.clip(*LN_RANGE)) * self.angles).sum(dim=(2, 3)) @ self._luminance)
-
-    def _transport(self, ln: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
-        """As of lift: means over three lobes as spheres of three kinds see them."""
-        seen = []
-        for one in (ln, true_ln):
-            radiance = F.avg_pool2d(torch.exp(one.clip(*LN_RANGE)) * self.angles, 2) / F.avg_pool2d(self.angles, 2)
-            seen.append(torch.log(torch.einsum("lop,ncp->nclo", self._lobes, radiance.flatten(2)) + FAINT_RADIANCE))
-        return (seen[0] - seen[1]).abs().mean()
+        return profiles, torch.cat(
+            [batch["colors"][:, :1], source_colors(radiance, others, self._sent.luminance)], dim=1
+        )
 
 
 def profile_loss(profiles: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
@@ -154,12 +128,3 @@ def posture_losses(posture: torch.Tensor, up: torch.Tensor, present: torch.Tenso
     rolled = (roll - torch.atan2(up[:, 0], up[:, 1])).abs() / unit
     of_error = off.detach() * torch.exp(-ln_error) * unit + ln_error
     return {"pitch": mean(off + 0.3 * of_error), "roll": mean(rolled), "stands": mean(F.softplus(-logit))}
-
-
-def cross_entropy(logit: torch.Tensor, share: torch.Tensor, angles: torch.Tensor, counts: torch.Tensor):
-    """Mean of -sum share ln p, p the distribution of logit [N, 1, H, W] per steradian, weighted by counts [N].
-
-    share: [N, H W] of the pixels; angles: [1, 1, H, W].
-    """
-    ln = torch.log_softmax((logit + torch.log(angles)).flatten(1), dim=1)
-    return -(counts * (share * ln).sum(dim=1)).mean()
