@@ -41,14 +41,14 @@ TIMES: dict[str, list[float]] = {"hidden cells, once a surface": [], "lookups": 
 def compare(recipe, store, illuminators) -> dict[str, np.ndarray]:
     """Display values on the object, [P, 3] each: by paths, by lookups, by lookups with hidden cells."""
     shape, rng = store.shape(recipe.shape_id), recipe.rng()
-    drawn = _draw(recipe, rng)
-    camera, surface = _look(shape.mesh, drawn, shape.name)
-    yaw = rotation_y(drawn.map_yaw)
+    world_from_camera, fov_deg, material, map_yaw, _ = _draw(recipe, rng)
+    camera, surface = _look(shape.mesh, world_from_camera, fov_deg, shape.name)
+    yaw = rotation_y(map_yaw)
     surroundings = rotate(store.map(recipe.map_id).radiance, yaw.T)
-    traced = trace_mesh(shape.mesh, camera, surroundings, drawn.material, num_paths=64)[surface.mask][:, :3]
+    traced = trace_mesh(shape.mesh, camera, surroundings, material, num_paths=64)[surface.mask][:, :3]
     if recipe.map_id not in illuminators:
         illuminators[recipe.map_id] = Illuminator([store.map(recipe.map_id).radiance], compiled=False)
-    lit = illuminators[recipe.map_id].light(0, yaw @ camera.world_from_camera, drawn.material.alpha, 0)
+    lit = illuminators[recipe.map_id].light(0, yaw @ camera.world_from_camera, material.alpha, 0)
     normals = np.zeros((*surface.mask.shape, 3), np.float32)
     normals[surface.mask] = surface.normals
     normals = torch.from_numpy(normals).permute(2, 0, 1)[None]
@@ -59,7 +59,7 @@ def compare(recipe, store, illuminators) -> dict[str, np.ndarray]:
     result = {"paths": traced}
     for name, cells in {"lookups": None, "with shadows": hidden}.items():
         started = time.process_time()
-        picture, _ = shade_batch([lit], [drawn.material], normals, wo, hidden=cells)
+        picture, _ = shade_batch([lit], [material], normals, wo, hidden=cells)
         TIMES[name].append(time.process_time() - started)
         result[name] = picture[0].permute(1, 2, 0).numpy()[surface.mask]
     gain = 0.2 / luminance(traced).mean()

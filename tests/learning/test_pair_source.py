@@ -12,7 +12,7 @@ from anyprobe.core.frames import world_from_camera  # noqa: E402
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions  # noqa: E402
 from anyprobe.core.response import MEAN_CURVE, inverse_response  # noqa: E402
 from anyprobe.core.sampling import hammersley  # noqa: E402
-from anyprobe.learning.dataset import batch_shading, lighting, pair_source, photograph  # noqa: E402
+from anyprobe.learning.dataset import batch_shading, lighting, pair_source  # noqa: E402
 from anyprobe.learning.dataset.asset_store import draw_map, room, sky, studio  # noqa: E402
 from anyprobe.learning.dataset.camera import draw_shot, one_photo  # noqa: E402
 from anyprobe.learning.dataset.distributions import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
@@ -133,7 +133,7 @@ def unit_sphere(size=128, radius=0.7):
 def test_a_emitter_behind_the_left_side_bleeds_red_on_the_left(illuminator, surfaces, monkeypatch):
     """The mask is three pixels too wide: there stands what is behind, through the same curve."""
     monkeypatch.setattr(pair_source, "draw_shot", lambda rng, conditions: clean(draw_shot(rng)))
-    monkeypatch.setattr(photograph, "disturb_mask", lambda mask, rng: widen(mask, 3))
+    monkeypatch.setattr(pair_source, "disturb_mask", lambda mask, rng: widen(mask, 3))
     direction = pixel_directions(64)
     emitter = (direction[..., 0] < -0.1) & (direction[..., 2] < -0.5) & (np.abs(direction[..., 1]) < 0.15)
     radiance = np.where(emitter[..., None], np.array([9.0, 0.0, 0.0]), 0.0).astype(np.float32)

@@ -200,10 +200,10 @@ def test_a_card_seen_edge_on_is_seen_from_aside(store, few_samples) -> None:
     own = AssetStore(store.maps.values(), [card])
 
     def is_empty(recipe: Recipe) -> bool:
-        drawn = _draw(recipe, recipe.rng())
-        if abs(drawn.world_from_camera[2, 2]) > 0.02:
+        world_from_camera, fov_deg, *_ = _draw(recipe, recipe.rng())
+        if abs(world_from_camera[2, 2]) > 0.02:
             return False  # the camera stands too far before the card's face, or behind it
-        camera = frame_object(card.mesh, drawn.world_from_camera, fov_deg=drawn.fov_deg)
+        camera = frame_object(card.mesh, world_from_camera, fov_deg=fov_deg)
         return not see(card.mesh, camera).mask.any()
 
     recipe = next(filter(is_empty, balanced_recipes(own, 2000)))

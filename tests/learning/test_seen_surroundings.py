@@ -9,14 +9,7 @@ from anyprobe.core.frames import rotation_y  # noqa: E402
 from anyprobe.core.latlong import pixel_directions  # noqa: E402
 from anyprobe.core.response import MEAN_CURVE, response  # noqa: E402
 from anyprobe.estimate.surroundings import visible_surroundings  # noqa: E402
-from anyprobe.learning.dataset.seen_surroundings import (  # noqa: E402
-    MAX_OTHERS,
-    _shown,
-    draw_frame,
-    gather,
-    perturb,
-    photo_surroundings,
-)
+from anyprobe.learning.dataset.seen_surroundings import MAX_OTHERS, draw_frame, gather, perturb, photo_surroundings  # noqa: E402
 
 
 def tone(light: torch.Tensor) -> torch.Tensor:
@@ -116,7 +109,7 @@ def test_another_cameras_window_lies_where_it_looks():
     frame = np.array([[-0.3, 0.3, -0.2, 0.2]])
     turn = rotation_y(np.pi / 2)[None]
     light, mask = torch.zeros(1, 3, 64, 128), torch.zeros(1, 1, 128, 128)
-    cover = _shown(light, mask, torch.tensor([0.1]), frame, turn, tone)[0, 3].numpy()
+    cover = photo_surroundings(light, mask, torch.tensor([0.1]), frame, tone, turn)[0, 3].numpy()
     d = pixel_directions(64)
     middle = (d * cover[..., None]).sum(axis=(0, 1))
     np.testing.assert_allclose(middle / np.linalg.norm(middle), [-1, 0, 0], atol=1e-3)

@@ -7,7 +7,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
-from anyprobe.learning.dataset import pair_source, photograph  # noqa: E402
+from anyprobe.learning.dataset import camera, pair_source  # noqa: E402
 from anyprobe.learning.dataset.asset_store import own_map  # noqa: E402
 from anyprobe.learning.dataset.distributions import METALS, draw_material  # noqa: E402
 from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
@@ -186,7 +186,7 @@ def test_no_share_draws_no_random_number_and_calls_nobody(source, monkeypatch):
 @pytest.mark.parametrize("name", ["textured", "two_materials"])
 def test_a_batch_shows_it_and_its_targets_do_not(source, monkeypatch, name):
     """At the same exposure. All else of the photos is the same too, and a texture makes them hardly brighter."""
-    monkeypatch.setattr(photograph, "exposure", lambda *_: 0.5)
+    monkeypatch.setattr(camera, "exposure", lambda *_: 0.5)
     plain = source(conditions=0).batch(1)
     changed = source(conditions=0, **{name: 1.0}).batch(1)
     again = source(conditions=0, **{name: 1.0}).batch(1)

@@ -11,7 +11,7 @@ import torch.nn.functional as F
 
 from anyprobe.core.latlong import direction_to_uv
 from anyprobe.core.response import CameraCurve, response
-from anyprobe.learning.dataset.camera import Shot, take_photo
+from anyprobe.learning.dataset.camera import Shot, column_of, take_photo
 from anyprobe.learning.dataset.lighting import LitMaterial
 from anyprobe.learning.dataset.shadows import shade_hidden
 from anyprobe.render.reflectance import lookup_coords
@@ -37,11 +37,10 @@ def shade_batch(
     Returns:
         radiance and Eq. 5's first factor, [B, 3, S, S] each; anything outside the objects.
     """
-    device = normals.device
-    alpha = column_of([lit.alpha for lit in chosen], device)
-    table = torch.from_numpy(albedo_table()).to(device)
+    alpha = column_of([lit.alpha for lit in chosen], normals)
+    table = torch.from_numpy(albedo_table()).to(normals.device)
     *xy, gain_one, gain_grazing = places(normals.permute(0, 2, 3, 1), wo, alpha, table)
-    f0, albedo = (_colors([getattr(m, name) for m in materials], device) for name in ("f0", "albedo"))
+    f0, albedo = (_colors([getattr(m, name) for m in materials], normals) for name in ("f0", "albedo"))
     terms = torch.stack([lit.terms for lit in chosen])
     parts = zip(terms.split([3, 6, 3], dim=1), xy, strict=True)
     first_factor, specular, diffuse = (F.grid_sample(*part, align_corners=False) for part in parts)
@@ -58,19 +57,13 @@ def shade_batch(
     return radiance, first_factor
 
 
-def column_of(values, device) -> torch.Tensor:
-    """Convert one number or three per pair to a tensor [B, C, 1, 1]."""
-    values = np.asarray(values, np.float32)
-    return torch.from_numpy(values.reshape(len(values), -1, 1, 1)).to(device)
-
-
-def _colors(values: list[np.ndarray], device) -> torch.Tensor:
-    """Stack colours [3] to [B, 3, 1, 1], or to [B, 3, S, S] if one of them is [S, S, 3]."""
+def _colors(values: list[np.ndarray], like: torch.Tensor) -> torch.Tensor:
+    """Stack colours [3] to [B, 3, 1, 1], or to [B, 3, S, S] if one of them is [S, S, 3]; on the device of `like`."""
     shape = np.broadcast_shapes(*(np.shape(value) for value in values))
     if len(shape) == 1:
-        return column_of(values, device)
+        return column_of(values, like)
     planes = np.stack([np.moveaxis(np.broadcast_to(value, shape), -1, 0) for value in values])
-    return torch.from_numpy(planes.astype(np.float32, copy=False)).to(device)
+    return torch.from_numpy(planes.astype(np.float32, copy=False)).to(like.device)
 
 
 def pixel_wo(tan_half: torch.Tensor, size: int) -> torch.Tensor:
@@ -81,11 +74,11 @@ def pixel_wo(tan_half: torch.Tensor, size: int) -> torch.Tensor:
     return torch.cat([slope * tan_half / length, 1.0 / length], dim=1).permute(0, 2, 3, 1)
 
 
-def curves(shots: list[Shot], device) -> CameraCurve:
-    """Return the camera curves of a batch, each number [B, 1, 1, 1]."""
+def curves(cameras: list[CameraCurve], like: torch.Tensor) -> CameraCurve:
+    """Return the camera curves of a batch as one, each number [B, 1, 1, 1] on the device of `like`."""
     return CameraCurve(
-        exponent=column_of([shot.curve.exponent for shot in shots], device),
-        sigma=column_of([shot.curve.sigma for shot in shots], device),
+        exponent=column_of([camera.exponent for camera in cameras], like),
+        sigma=column_of([camera.sigma for camera in cameras], like),
     )
 
 
@@ -97,28 +90,6 @@ def see_behind(light: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
     return F.grid_sample(
         light, direction_to_uv(-wo) * 2 - 1, mode="bilinear", padding_mode="border", align_corners=False
     )
-
-
-class Behind:
-    """Backgrounds of a batch of photos: the map, or black where they are cut out.
-
-    Once called with the photos' gains: framed [B], which are not cut out; grain [B, 3, S, S].
-    """
-
-    def __init__(self, light: torch.Tensor, wo: torch.Tensor, cut_out: float, rng: np.random.Generator) -> None:
-        """Take light [B, 3, H, 2H] before exposure, seen along wo [B, S, S, 3]; cut_out: share of black backgrounds."""
-        self.light, self.wo, self.cut_out, self.rng = light, wo, cut_out, rng
-        self.framed = np.ones(len(light), bool)
-        self.grain: torch.Tensor | None = None
-
-    def __call__(self, gains: list[float]) -> torch.Tensor:
-        light = self.light * self.light.new_tensor(gains).reshape(-1, 1, 1, 1)
-        seen = see_behind(light, self.wo)
-        if self.cut_out > 0:
-            self.framed = self.rng.random(len(light)) >= self.cut_out
-            seen = seen * column_of(self.framed, light.device)
-        self.grain = draw_grain(self.rng, seen.shape, light.device)
-        return seen
 
 
 def draw_grain(rng: np.random.Generator, shape: Sequence[int], device: torch.device | str) -> torch.Tensor:
@@ -134,6 +105,6 @@ def take_photos(
 
     radiance, background: [B, 3, S, S]; mask: [B, 1, S, S].
     """
-    tone = partial(response, curve=curves(shots, radiance.device))
+    tone = partial(response, curve=curves([shot.curve for shot in shots], radiance))
     grain = draw_grain(rng, radiance.shape, radiance.device)
     return take_photo(shots, radiance, mask > 0, background, grain, tone).div_(255)

@@ -12,6 +12,7 @@ import numpy as np
 from array_api_compat import array_namespace, device, to_device
 from PIL import Image
 
+from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import CameraCurve, response
 from anyprobe.errors import InputError
 from anyprobe.learning.dataset import distributions
@@ -120,6 +121,35 @@ def exposure(shot: Shot, object_mean: float, scene: float) -> float:
     return float(gain * np.clip(mean, *shot.object_range) / mean)
 
 
+def meter(
+    shots: Sequence[Shot],
+    rng: np.random.Generator,
+    *,
+    maps: Callable[[int], np.ndarray],
+    brightness: Any,
+    on_object: Sequence[float],
+    by_phone: Sequence[bool],
+) -> tuple[list[Shot], list[float]]:
+    """Return the shots of N objects as metered, and the gains from radiance to exposure units before white balance.
+
+    Args:
+        maps: from an object's number to its map [H, 2H, 3], before any exposure.
+        brightness: luminance of the maps [N, H, 2H], of NumPy or torch.
+        on_object: mean luminance of each object.
+        by_phone: which are metered and balanced as phones do it (phone_shot).
+    """
+    xp = array_namespace(brightness)
+    # a camera that meters the whole scene sees exp(mean ln luminance)
+    scene = xp.exp(xp.mean(xp.log(xp.clip(brightness, 1e-4, None)), axis=(1, 2))).tolist()
+    metered = list(shots)
+    for k in np.flatnonzero(by_phone).tolist():
+        radiance = maps(k)
+        ambient = (radiance * pixel_solid_angles(len(radiance))[..., None]).sum(axis=(0, 1))
+        metered[k] = phone_shot(shots[k], ambient, rng)
+        scene[k] = float(distributions.frame_level(np.asarray(to_device(brightness[k], "cpu"))))
+    return metered, [exposure(*seen) for seen in zip(metered, on_object, scene, strict=True)]
+
+
 def gaussian_rows(size: int, sigma: float) -> np.ndarray:
     """Return a matrix [size, size] whose row i weighs a line's pixels around pixel i; rows sum to 1 at borders too.
 
@@ -136,6 +166,12 @@ def blur(planes, sigma: float):
     xp = array_namespace(planes)
     rows = xp.asarray(gaussian_rows(planes.shape[-1], sigma), device=device(planes))
     return rows @ planes @ rows.T
+
+
+def column_of(values, like) -> Any:
+    """Convert one number or three per picture to [N, C, 1, 1] float32, an array of the kind and device of another."""
+    values = np.asarray(values, np.float32).reshape(len(values), -1, 1, 1)
+    return array_namespace(like).asarray(values, device=device(like))
 
 
 def compress(picture: np.ndarray, quality: int, subsampling: str) -> np.ndarray:
@@ -166,13 +202,8 @@ def take_photo(shots: Sequence[Shot], radiance, mask, background, grain, tone: C
     """
     xp = array_namespace(radiance)
     tone = tone or partial(response, curve=shots[0].curve)
-
-    def column(values):
-        values = np.asarray(values, np.float32).reshape(len(shots), -1, 1, 1)
-        return xp.asarray(values, device=device(radiance))
-
     behind = xp.zeros_like(radiance) if background is None else background
-    scene = xp.where(mask, radiance, behind) * column([shot.white_balance for shot in shots])
+    scene = xp.where(mask, radiance, behind) * column_of([shot.white_balance for shot in shots], radiance)
     cover = xp.astype(mask, scene.dtype)
     for k, shot in enumerate(shots):
         if shot.blur_px > 0.0:
@@ -180,7 +211,7 @@ def take_photo(shots: Sequence[Shot], radiance, mask, background, grain, tone: C
             if background is None:
                 scene[k] = scene[k] / xp.clip(blur(cover[k], shot.blur_px), 1e-6, None)
     display = tone(scene)
-    levels = xp.round(xp.clip(display + grain * column([shot.noise for shot in shots]), 0.0, 1.0) * 255.0)
+    levels = xp.round(xp.clip(display + grain * column_of([shot.noise for shot in shots], radiance), 0.0, 1.0) * 255.0)
     for k, shot in enumerate(shots):
         if shot.jpeg_quality is None:
             continue

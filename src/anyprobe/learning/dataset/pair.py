@@ -19,14 +19,13 @@ from anyprobe.core.sampling import hammersley
 from anyprobe.errors import InvalidMesh
 from anyprobe.learning.dataset import distributions
 from anyprobe.learning.dataset.asset_store import AssetStore
-from anyprobe.learning.dataset.camera import Shot, as_planes, draw_shot
+from anyprobe.learning.dataset.camera import Shot, draw_shot, meter, one_photo
 from anyprobe.learning.dataset.distributions import SPECULAR_BELOW, draw_alpha, draw_material
-from anyprobe.learning.dataset.photograph import LitObjects, photograph
+from anyprobe.learning.dataset.mask_errors import disturb_mask
 from anyprobe.learning.dataset.recipe import VIEWPOINTS, WORLD, Recipe
 from anyprobe.learning.dataset.textured import factor_at, paint
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
-from anyprobe.light.octahedral import Pyramid
-from anyprobe.render.integrate import Shading, shade
+from anyprobe.render.integrate import shade
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera, Surface, frame_object, pixel_rays, see
 from anyprobe.scatter.materials import Material
@@ -89,12 +88,13 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None) -
         conditions, painted objects get a mild texture by it, which our shading leaves out.
     """
     asset, shape, rng = store.map(recipe.map_id), store.shape(recipe.shape_id), recipe.rng()
-    drawn = _draw(recipe, rng)
-    material = drawn.material
-    camera, surface = _look(shape.mesh, drawn, shape.name)
+    world_from_camera, fov_deg, material, map_yaw, shot = _draw(recipe, rng)
+    camera, surface = _look(shape.mesh, world_from_camera, fov_deg, shape.name)
     # the map turns about the shape, so that shape and light are not tied together
-    map_from_camera = rotation_y(drawn.map_yaw) @ camera.world_from_camera
-    shading = shade_surface(store.pyramid(recipe.map_id), surface, map_from_camera, material.alpha)
+    map_from_camera = rotation_y(map_yaw) @ camera.world_from_camera
+    turn = map_from_camera.T.astype(np.float32)
+    pyramid, u = store.pyramid(recipe.map_id), hammersley(NUM_SAMPLES)
+    shading = shade(pyramid, surface.normals @ turn, surface.wo @ turn, float(material.alpha), u)
     normals = np.zeros((*surface.mask.shape, 3), np.float32)
     normals[surface.mask] = surface.normals
     reflected = shading.radiance(material)
@@ -106,36 +106,26 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None) -
     light = shrink(rotate(asset.radiance, map_from_camera.T), MAP_HEIGHT)
     picture = np.zeros((*surface.mask.shape, 3), reflected.dtype)
     picture[surface.mask] = reflected
-    lit = LitObjects(
-        radiance=np.ascontiguousarray(np.moveaxis(picture, -1, 0)[None]),
-        mask=surface.mask[None, None],
-        on_object=[float(luminance(reflected).mean())],
-        brightness=luminance(light)[None],
+    (shot,), (gain,) = meter(
+        [shot],
+        rng,
         maps=lambda _: light,
+        brightness=luminance(light)[None],
+        on_object=[float(luminance(reflected).mean())],
         by_phone=[recipe.conditions == WORLD],
     )
-
-    def behind(gain: list[float]) -> np.ndarray | None:
-        if not recipe.conditions:
-            return None
-        away = -pixel_rays(camera.tan_half, camera.size) @ map_from_camera.T.astype(np.float32)
-        return as_planes(np.asarray(bilinear(asset.radiance, direction_to_uv(away)) * gain[0]))
-
-    photos = photograph(
-        [drawn.shot],
-        lit,
-        rng,
-        behind=behind,
-        grain=lambda: as_planes(rng.standard_normal(tuple(normals.shape), np.float32)),
-        flawed=recipe.conditions > 0,
-    )
-    (shot,), (gain,), (mask,) = photos.shots, photos.gain, photos.mask
+    background, mask = None, surface.mask
+    if recipe.conditions:
+        away = -pixel_rays(camera.tan_half, camera.size) @ turn
+        background = np.asarray(bilinear(asset.radiance, direction_to_uv(away)) * gain)
+        mask = disturb_mask(mask, rng)
+    photo = one_photo(shot, picture * gain, surface.mask, background, rng) * mask[..., None]
     irradiance = np.zeros(normals.shape, np.uint8)
     gains = np.asarray(gain * shot.white_balance, np.float32)
     irradiance[surface.mask] = np.round(response(shading.irradiance * gains, MEAN_CURVE) * 255.0)
     return Pair(
         recipe=recipe,
-        photo=np.dstack([np.moveaxis(photos.photo[0], 0, -1), mask * 255]).astype(np.uint8, order="C"),
+        photo=np.dstack([photo, mask * np.uint8(255)]),
         irradiance=irradiance,
         radiance=np.asarray(light * gains, np.float32),
         map_from_camera=map_from_camera,
@@ -161,19 +151,9 @@ def _painted(material: Material, mesh: Mesh, rng: np.random.Generator) -> Materi
     return replace(paint(material, factor.reshape(-1, 3, 3)), f0=material.f0)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class _Drawn:
-    """Random parameters of a recipe, except for noise and mask errors."""
-
-    world_from_camera: np.ndarray
-    fov_deg: float
-    material: Material
-    map_yaw: float
-    shot: Shot
-
-
-def _draw(recipe: Recipe, rng: np.random.Generator) -> _Drawn:
-    """Draw a recipe's parameters; their order decides its bytes."""
+def _draw(recipe: Recipe, rng: np.random.Generator) -> tuple[np.ndarray, float, Material, float, Shot]:
+    """Draw all of a recipe but noise and mask errors: world_from_camera, field of view [degrees], material, yaw of the
+    map and camera settings; their order decides the recipe's bytes."""
     yaw, elevation = fibonacci_viewpoint(recipe.view)
     turned = world_from_camera(yaw + rng.uniform(0, 2 * np.pi), elevation)
     fov_deg = rng.uniform(10.0, 45.0)
@@ -186,35 +166,25 @@ def _draw(recipe: Recipe, rng: np.random.Generator) -> _Drawn:
         material = draw_material(rng, alpha, bool(recipe.material // 2 % 2))
     map_yaw = rng.uniform(0, 2 * np.pi)
     shot = draw_shot(rng, min(recipe.conditions, 1))
-    return _Drawn(world_from_camera=turned, fov_deg=fov_deg, material=material, map_yaw=map_yaw, shot=shot)
+    return turned, fov_deg, material, map_yaw, shot
 
 
 def shot_of(recipe: Recipe) -> Shot:
     """Return the camera settings of a recipe's photo; under WORLD without metering and white balance."""
-    return _draw(recipe, recipe.rng()).shot
+    return _draw(recipe, recipe.rng())[-1]
 
 
-def _look(mesh: Mesh, drawn: _Drawn, name: str) -> tuple[Camera, Surface]:
+def _look(mesh: Mesh, world_from_camera: np.ndarray, fov_deg: float, name: str) -> tuple[Camera, Surface]:
     """Return the camera of a pair and what it sees of the shape.
 
     Where that is nothing, as of cards seen edge on, the camera goes round by quarter turns.
     """
-    turned = drawn.world_from_camera
     for _ in range(4):
-        camera = frame_object(mesh, turned, fov_deg=drawn.fov_deg)
+        camera = frame_object(mesh, world_from_camera, fov_deg=fov_deg)
         surface = see(mesh, camera)
         if surface.mask.any():
             return camera, surface
-        turned = rotation_y(np.pi / 2) @ turned
+        world_from_camera = rotation_y(np.pi / 2) @ world_from_camera
     raise InvalidMesh(
         f"expected a shape visible in {camera.size} pixels, got one too thin from all sides; leave it out", source=name
     )
-
-
-def shade_surface(
-    pyramid: Pyramid, surface: Surface, map_from_camera: np.ndarray, alpha: float, num_samples: int = NUM_SAMPLES
-) -> Shading:
-    """Shade every visible point under a map whose frame differs from the camera's by map_from_camera."""
-    turn = map_from_camera.T.astype(np.float32)
-    u = hammersley(num_samples)
-    return shade(pyramid, surface.normals @ turn, surface.wo @ turn, float(alpha), u)

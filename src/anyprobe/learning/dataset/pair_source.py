@@ -20,13 +20,13 @@ from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.given_material import material_input
 from anyprobe.learning.dataset import distributions
-from anyprobe.learning.dataset.batch_shading import Behind, column_of, curves, pixel_wo, shade_batch
-from anyprobe.learning.dataset.camera import draw_shot
+from anyprobe.learning.dataset.batch_shading import curves, draw_grain, pixel_wo, see_behind, shade_batch
+from anyprobe.learning.dataset.camera import column_of, draw_shot, meter, take_photo
 from anyprobe.learning.dataset.distributions import draw_material
 from anyprobe.learning.dataset.lighting import Illuminator, LitMaterial
+from anyprobe.learning.dataset.mask_errors import disturb_mask
 from anyprobe.learning.dataset.occlusion import mirrored_cells
 from anyprobe.learning.dataset.pair import LN_RANGE
-from anyprobe.learning.dataset.photograph import LitObjects, photograph
 from anyprobe.learning.dataset.seen_surroundings import draw_frame, gather, perturb, photo_surroundings
 from anyprobe.learning.dataset.shape_augment import join_some, reshape_some
 from anyprobe.learning.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
@@ -195,30 +195,35 @@ class PairSource:
         if max(shares) > 0:  # by random numbers of its own: all else of a photo stays as it is
             materials = paint_some(materials, normals.cpu().numpy(), rng.spawn(1)[0], *shares)
 
-        def column(values) -> torch.Tensor:
-            return column_of(values, self.device)
-
         mask = (normals.abs().sum(dim=1, keepdim=True) > 0).float()
-        wo = pixel_wo(column(tan_half), size)
+        wo = pixel_wo(column_of(tan_half, normals), size)
         radiance, first_factor = shade_batch(chosen, materials, normals, wo, self._places, hidden)
 
-        shots = [draw_shot(rng, self.config.conditions) for _ in range(count)]
         light = torch.stack([lit.radiance for lit in chosen]).permute(0, 3, 1, 2)
-        behind = Behind(light, wo, self.config.cut_out, rng)
-        photos = photograph(
-            shots,
-            self._lit(chosen, radiance, mask, light),
+        weights = radiance.new_tensor(REC709).reshape(1, 3, 1, 1)
+        seen = (radiance * weights).sum(1, keepdim=True)
+        shots, gains = meter(
+            [draw_shot(rng, self.config.conditions) for _ in range(count)],
             rng,
-            behind=behind,
-            grain=lambda: behind.grain,
-            flawed=self.config.conditions > 0,
-            tone=partial(self._tone, curve=curves(shots, self.device)),
+            maps=lambda number: chosen[number].radiance.cpu().numpy(),
+            brightness=(light * weights).sum(1),
+            on_object=((seen * mask).sum((1, 2, 3)) / mask.sum((1, 2, 3)).clip(min=1.0)).tolist(),
+            by_phone=[lit.kind is not None for lit in chosen],
         )
-        shots, framed = photos.shots, behind.framed
-        gain = radiance.new_tensor(photos.gain).reshape(-1, 1, 1, 1)
-        light = light * gain
-        photo_mask = torch.from_numpy(photos.mask[:, None]).to(self.device).float()
-        white_balance = column([shot.white_balance for shot in shots])
+        gain = column_of(gains, radiance)
+        light, framed = light * gain, np.ones(count, bool)
+        background = see_behind(light, wo)
+        if self.config.cut_out > 0:
+            framed = rng.random(count) >= self.config.cut_out
+            background = background * column_of(framed, background)
+        grain = draw_grain(rng, background.shape, self.device)
+        masks = (mask[:, 0] > 0).cpu().numpy()
+        if self.config.conditions > 0:
+            masks = np.stack([disturb_mask(one, rng) for one in masks])
+        photo_mask = torch.from_numpy(masks[:, None]).to(self.device).float()
+        tone = partial(self._tone, curve=curves([shot.curve for shot in shots], radiance))
+        photo = take_photo(shots, radiance * gain, mask > 0, background, grain, tone) * photo_mask
+        white_balance = column_of([shot.white_balance for shot in shots], light)
         light, gain = light * white_balance, gain * white_balance
         rotations = np.zeros((count, 3, 3), np.float32)
         if self.config.given_normals > 0:
@@ -228,13 +233,12 @@ class PairSource:
         if self.config.surroundings > 0:
             framed &= rng.random(count) < self.config.surroundings
             frames = np.stack([draw_frame(rng, photo_tan_half) for photo_tan_half in tan_half]) * framed[:, None]
-            tone = partial(self._tone, curve=curves(shots, self.device))
             surroundings_map = photo_surroundings(perturb(light, rng), photo_mask, angles, frames, tone)
             if self.config.merged_surroundings > 0:
                 merged = framed & (rng.random(count) < self.config.merged_surroundings)
                 surroundings_map = gather(surroundings_map, light, photo_mask, angles, merged, rng, tone)
         return Batch(
-            photo=torch.cat([photos.photo / 255, photo_mask], dim=1),
+            photo=torch.cat([photo / 255, photo_mask], dim=1),
             irradiance=self._tone(first_factor * gain, MEAN_CURVE) * mask,
             ldr=self._tone(light, MEAN_CURVE),
             ln_radiance=torch.log(light.clip(min=1e-6)).clip(*LN_RANGE),
@@ -255,19 +259,6 @@ class PairSource:
         noisy = described + rng.standard_normal(described.shape, np.float32) * GIVEN_MATERIAL_ERROR
         noisy[:, 1] = noisy[:, 1].clip(0.1, 1.0)
         return noisy * (rng.random((len(noisy), 1)) < self.config.given_material)
-
-    def _lit(self, chosen: list[LitMaterial], radiance, mask, light) -> LitObjects:
-        """Describe objects of radiance [B, 3, S, S] and mask [B, 1, S, S] under light [B, 3, H, 2H] for the camera."""
-        weights = radiance.new_tensor(REC709).reshape(1, 3, 1, 1)
-        seen = (radiance * weights).sum(1, keepdim=True)
-        return LitObjects(
-            radiance=radiance,
-            mask=mask > 0,
-            on_object=((seen * mask).sum((1, 2, 3)) / mask.sum((1, 2, 3)).clip(min=1.0)).tolist(),
-            brightness=(light * weights).sum(1),
-            maps=lambda number: chosen[number].radiance.cpu().numpy(),
-            by_phone=[lit.kind is not None for lit in chosen],
-        )
 
 
 def _small_turns(count: int, rng: np.random.Generator) -> np.ndarray:

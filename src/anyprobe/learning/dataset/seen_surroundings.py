@@ -41,6 +41,7 @@ def photo_surroundings(
     tan_half: torch.Tensor,
     frames: np.ndarray,
     tone: Callable[[torch.Tensor], torch.Tensor],
+    map_from_photo: np.ndarray | None = None,
 ) -> torch.Tensor:
     """Render the part of the map that a photo shows, [B, 4, H, 2H]: display RGB times cover, and cover in [0, 1].
 
@@ -49,8 +50,23 @@ def photo_surroundings(
         mask: [B, 1, S, S] of the object in the crop, whose side takes in tan_half [B] to either side.
         frames: [B, 4] of draw_frame; an empty one shows nothing.
         tone: the cameras' response.
+        map_from_photo: [B, 3, 3], how the cameras are rotated; None: not at all.
     """
-    return _shown(light, mask, tan_half, frames, np.broadcast_to(np.eye(3), (len(light), 3, 3)), tone)
+    device = mask.device
+    turns = torch.eye(3)[None] if map_from_photo is None else torch.from_numpy(map_from_photo).float()
+    d = torch.from_numpy(pixel_directions(light.shape[2])).to(device)
+    d = d @ turns.to(device)[:, None]  # as rows: in the photos' frames
+    plane = d[..., :2] / -d[..., 2:].clip(max=-0.05)  # [B, H, 2H, 2]
+    x0, x1, y0, y1 = torch.from_numpy(np.asarray(frames, np.float32)).to(device).T[..., None, None]
+    x, y = plane.unbind(dim=-1)
+    inside = (d[..., 2] < -0.05) & (x > x0) & (x < x1) & (y > y0) & (y < y1)
+    on_crop = plane * d.new_tensor([1.0, -1.0]) / tan_half.reshape(-1, 1, 1, 1)
+    side = 2 * GROW + 1
+    grown = F.max_pool2d(F.max_pool2d(mask, (side, 1), 1, (GROW, 0)), (1, side), 1, (0, GROW))
+    hidden = F.grid_sample(grown, on_crop, mode="bilinear", align_corners=False)
+    cover = inside[:, None] * (1 - hidden)
+    display = (tone(light).clip(0.0, 1.0) * 255).round() / 255
+    return torch.cat([display * cover, cover], dim=1)
 
 
 def gather(
@@ -75,7 +91,7 @@ def gather(
         turns = np.stack([_turn_round(rng) for _ in chosen])
         frames = np.stack([draw_frame(rng, photo_tan_half) for photo_tan_half in tan_half.tolist()])
         frames *= (counts > number)[:, None]
-        others = _shown(perturb(light, rng), mask, tan_half, frames, turns, tone)
+        others = photo_surroundings(perturb(light, rng), mask, tan_half, frames, tone, turns)
         surroundings = surroundings + (1 - surroundings[:, 3:]) * others
     return surroundings
 
@@ -84,31 +100,6 @@ def _turn_round(rng: np.random.Generator) -> np.ndarray:
     """Draw map_from_other [3, 3] of a camera somewhere else round the object, about as high as the first."""
     turn = rotation_y(rng.uniform(-np.pi, np.pi)) @ rotation_x(np.radians(rng.normal(0.0, PITCH_DEG)))
     return turn.astype(np.float32)
-
-
-def _shown(
-    light: torch.Tensor,
-    mask: torch.Tensor,
-    tan_half: torch.Tensor,
-    frames: np.ndarray,
-    map_from_photo: np.ndarray,
-    tone: Callable[[torch.Tensor], torch.Tensor],
-) -> torch.Tensor:
-    """Render photo_surroundings of cameras rotated by map_from_photo [B, 3, 3]."""
-    device = mask.device
-    turns = torch.from_numpy(np.asarray(map_from_photo, np.float32)).to(device)
-    d = torch.from_numpy(pixel_directions(light.shape[2])).to(device) @ turns[:, None]  # as rows: in the photos' frames
-    plane = d[..., :2] / -d[..., 2:].clip(max=-0.05)  # [B, H, 2H, 2]
-    x0, x1, y0, y1 = torch.from_numpy(np.asarray(frames, np.float32)).to(device).T[..., None, None]
-    x, y = plane.unbind(dim=-1)
-    inside = (d[..., 2] < -0.05) & (x > x0) & (x < x1) & (y > y0) & (y < y1)
-    on_crop = plane * d.new_tensor([1.0, -1.0]) / tan_half.reshape(-1, 1, 1, 1)
-    side = 2 * GROW + 1
-    grown = F.max_pool2d(F.max_pool2d(mask, (side, 1), 1, (GROW, 0)), (1, side), 1, (0, GROW))
-    hidden = F.grid_sample(grown, on_crop, mode="bilinear", align_corners=False)
-    cover = inside[:, None] * (1 - hidden)
-    display = (tone(light).clip(0.0, 1.0) * 255).round() / 255
-    return torch.cat([display * cover, cover], dim=1)
 
 
 def perturb(light: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:

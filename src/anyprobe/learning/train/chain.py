@@ -13,8 +13,9 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from anyprobe.core.response import CameraCurve, response
-from anyprobe.learning.dataset.camera import draw_curve
+from anyprobe.core.response import response
+from anyprobe.learning.dataset.batch_shading import curves
+from anyprobe.learning.dataset.camera import column_of, draw_curve
 from anyprobe.learning.dataset.pair_source import Batch
 from anyprobe.learning.nets.blocks import autocast
 from anyprobe.learning.nets.light_net import LightNet, display
@@ -212,15 +213,9 @@ class Chain(_Stages):
     def _shot_maps(self, ln: torch.Tensor, rng: np.random.Generator) -> tuple[torch.Tensor, torch.Tensor]:
         """Return display values of maps [B, 3, H, 2H], each at its own exposure and camera curve, and their ln
         radiance."""
-
-        def column(values: list[float]) -> torch.Tensor:
-            return ln.new_tensor(values).reshape(-1, 1, 1, 1)
-
-        exposed = ln + column(
-            list(np.log(TIMES_EXPOSURE[0]) + rng.random(len(ln)) * np.log(TIMES_EXPOSURE[1] / TIMES_EXPOSURE[0]))
-        )
-        curves = [draw_curve(rng) for _ in ln]
-        curve = CameraCurve(exponent=column([c.exponent for c in curves]), sigma=column([c.sigma for c in curves]))
+        least, most = np.log(TIMES_EXPOSURE)
+        exposed = ln + column_of(least + rng.random(len(ln)) * (most - least), ln)
+        curve = curves([draw_curve(rng) for _ in ln], ln)
         return cast(torch.Tensor, response(torch.exp(exposed), curve)), exposed
 
 
