@@ -18,6 +18,7 @@ from anyprobe.core.response import inverse_response, response
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Outputs
+from anyprobe.estimate.sidecar import json_numbers
 from anyprobe.notices import give, leave_out
 from anyprobe.pictures.resampling import resample
 from anyprobe.render.integrate import PATCHES, shade, shading_pyramid
@@ -214,7 +215,9 @@ def use_material(
     Returns:
         the outputs, and a record for the sidecar.
     """
-    done = {name: _list(getattr(material, name)) for name in ("albedo", "f0")} | {"alpha": float(material.alpha)}
+    done = {name: json_numbers(getattr(material, name), 5) for name in ("albedo", "f0")} | {
+        "alpha": float(material.alpha)
+    }
     if given_normals is not None and is_mirror(material):
         radiance, seen = measure(outputs.radiance, image, given_normals, tan_half, material, mirrored)
         confidence = outputs.confidence
@@ -226,11 +229,10 @@ def use_material(
         text = "expected a model that estimates normals, got one that does not"
         raise InputError(text, subject="material", remedy=(*give(model="lift"), *leave_out("material")))
     gain = fit_gain(outputs.radiance, image, outputs.normals, tan_half, material) ** TRUST
-    return outputs.with_map(outputs.radiance * gain, outputs.confidence), {"material": done, "gain": _list(gain)}
-
-
-def _list(values: np.ndarray) -> list[float]:
-    return np.round(np.asarray(values, np.float64), 5).tolist()
+    return outputs.with_map(outputs.radiance * gain, outputs.confidence), {
+        "material": done,
+        "gain": json_numbers(gain, 5),
+    }
 
 
 def fit_gain(

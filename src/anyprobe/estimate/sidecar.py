@@ -152,6 +152,6 @@ def frame_of(map_from_camera: np.ndarray) -> dict[str, Any]:
     return {"frame": TURNED, "map_from_camera": json_numbers(map_from_camera)}
 
 
-def json_numbers(array: np.ndarray) -> list:
-    """Return an array's values for JSON, rounded to 6 digits."""
-    return np.round(np.asarray(array, dtype=np.float64), 6).tolist()
+def json_numbers(array: np.ndarray, digits: int = 6) -> list:
+    """Return an array's values for JSON, rounded."""
+    return np.round(np.asarray(array, dtype=np.float64), digits).tolist()

@@ -18,6 +18,7 @@ from anyprobe.files.digests import digest_of
 from anyprobe.files.paths import visible_files
 from anyprobe.hints import AUTO, NONE, PHOTO
 from anyprobe.masks.networks import U2NetP, shared_network
+from anyprobe.masks.parts import grow
 from anyprobe.masks.search import MARGIN, Prompts, Window, choose, look
 from anyprobe.pictures.images import read_image
 from anyprobe.video.clip import Frame
@@ -249,18 +250,10 @@ def inner_point(mask: np.ndarray) -> tuple[float, float]:
     if not inside.any():
         inside, step = mask > 0, 1
     x0, y0, x1, y1 = object_box(inside)
-    padded = np.pad(inside[y0:y1, x0:x1], 1)
-    while (left := _without_edge(padded)).any():
-        padded[1:-1, 1:-1] = left
-    rows, columns = np.nonzero(padded[1:-1, 1:-1])
-    rows, columns = rows + y0, columns + x0
+    core = np.pad(inside[y0:y1, x0:x1], 1)
+    while (inner := ~grow(~core)).any():
+        core = inner
+    rows, columns = np.nonzero(core)
+    rows, columns = rows + y0 - 1, columns + x0 - 1
     nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
     return float(columns[nearest] * step + step // 2), float(rows[nearest] * step + step // 2)
-
-
-def _without_edge(padded: np.ndarray) -> np.ndarray:
-    """Return which pixels [h, w] of a mask [h + 2, w + 2], False at its border, have all four neighbours."""
-    left = padded[1:-1, 1:-1].copy()
-    for side in (padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]):
-        left &= side
-    return left

@@ -30,10 +30,7 @@ LUMA = {
 """Kr and Kb of the matrices by H.273's code point."""
 
 ALIKE = {**{kind: kind for kind in LUMA}, 6: BT601, 10: BT2020}
-"""Code points that are read as one of them."""
-
-SCALERS = {BT709: 1, FCC: 4, BT601: 5, SMPTE240M: 7, BT2020: 9}
-"""FFmpeg's numbers of them."""
+"""Code points that are read as one of them; FFmpeg's scaler has the same numbers for these."""
 
 BY_PRIMARIES = {BT709: BT709, 5: BT601, 6: BT601, 7: SMPTE240M, BT2020: BT2020}
 """Where the matrix is not named, by the code point of the primaries."""
@@ -145,7 +142,7 @@ def _converted(picture, stored: tuple[int, int], path: Path) -> tuple[np.ndarray
     size = {"width": stored[0], "height": stored[1]}
     bits = max((part.bits for part in picture.format.components), default=BITS)
     if bits <= BITS:
-        said = {} if matrix is None else {"src_colorspace": SCALERS[matrix], "dst_colorspace": SCALERS[matrix]}
+        said = {} if matrix is None else {"src_colorspace": matrix, "dst_colorspace": matrix}
         values = picture.to_ndarray(format="rgb24", interpolation=EXACT, **said, **size)
         if encoding is None:
             return values, None

@@ -50,16 +50,13 @@ ROOM = NUMBERS["room"]
 class Held:
     """A mask and the picture that it is held in.
 
-    picture: luma [h, w] float32 of the key's window, whose first pixel is at `offset` (x, y). marked: cover [h, w] by
-    which the key was made; cover: what is held there now, the mean of `finds` masks.
+    offset: x, y of the first pixel of the key's window. cover: what is held there, [h, w], the mean of `finds` masks.
     motion: of the object from the key to the last frame, error_px: what is expected to be wrong of it.
     age: frames since a mask was looked for. refused: finds in a row that did not agree; other: the last of them.
     unlike: 1 - alike of the last frames. looks_same: whether the last frame's object looks as in those before.
     """
 
-    picture: np.ndarray
     offset: tuple[int, int]
-    marked: np.ndarray
     cover: np.ndarray
     key: Key
     finds: int = 1
@@ -77,13 +74,8 @@ def hold(rgb: np.ndarray, mask: np.ndarray, finds: int = 1) -> Held:
     height, width = mask.shape
     window = Window(x0=0, y0=0, x1=width, y1=height).around(object_box(mask), ROOM)
     inside = slice(window.y0, window.y1), slice(window.x0, window.x1)
-    return held_in(luma(rgb[inside]), mask[inside].astype(np.float32), offset=(window.x0, window.y0), finds=finds)
-
-
-def held_in(picture: np.ndarray, marked: np.ndarray, *, offset: tuple[int, int], **more) -> Held:
-    """Return a Held of a picture and its mask; more: other fields of Held."""
-    key = begin_key(picture, marked, offset)
-    return Held(**{"cover": marked, **more}, picture=picture, offset=offset, marked=marked, key=key)
+    cover, offset = mask[inside].astype(np.float32), (window.x0, window.y0)
+    return Held(offset=offset, cover=cover, key=begin_key(luma(rgb[inside]), cover, offset), finds=finds)
 
 
 def found_in(held: Held, rgb: np.ndarray) -> Registered:
@@ -197,14 +189,8 @@ def narrowed(cover: np.ndarray, pixels: float) -> np.ndarray:
 
 def _least(cover: np.ndarray) -> np.ndarray:
     """Return the least of each pixel and its four neighbours, zero beyond the border."""
-    least = cover.copy()
-    for here, there in ((least[1:], cover[:-1]), (least[:-1], cover[1:])):
-        np.minimum(here, there, out=here)
-    for here, there in ((least[:, 1:], cover[:, :-1]), (least[:, :-1], cover[:, 1:])):
-        np.minimum(here, there, out=here)
-    least[0] = least[-1] = 0.0
-    least[:, 0] = least[:, -1] = 0.0
-    return least
+    wide = np.pad(cover, 1)
+    return np.minimum.reduce([cover, wide[:-2, 1:-1], wide[2:, 1:-1], wide[1:-1, :-2], wide[1:-1, 2:]])
 
 
 def _in_key(held: Held, mask: np.ndarray) -> np.ndarray:

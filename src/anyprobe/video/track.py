@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -13,7 +14,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from anyprobe.errors import InputError
-from anyprobe.estimate.sidecar import FRAME, SCALE
+from anyprobe.estimate.sidecar import FRAME, SCALE, json_numbers
 from anyprobe.files.atomic import atomic_path
 from anyprobe.light.dominant_light import split_dominant_light
 from anyprobe.light.harmonics import project
@@ -21,18 +22,16 @@ from anyprobe.light.steady import Steady
 from anyprobe.light.temporal import FilterState, Track
 from anyprobe.match.alignment import HeldMatch, Match
 from anyprobe.notices import RESTART, Notice, Remedy
-from anyprobe.video.held_mask import Held, held_in
-from anyprobe.video.registration import Motion
+from anyprobe.video.held_mask import Held
+from anyprobe.video.registration import Key, Level, Motion
 
 STATE = ".state.npz"
 
 PIECES = ".pieces"
 """Folder in the result's of what light.mp4 and relit.mp4 are joined from."""
 
-MAPS = ("steady", "fast", "last")
-"""Arrays of light.steady.Steady; all else are numbers."""
-MASK_ARRAYS = ("picture", "marked", "cover")
-MATCH_ARRAYS = ("candidate_from_estimate", "ln_gain")
+KINDS = {kind.__name__: kind for kind in (FilterState, Track, Steady, HeldMatch, Match, Held, Key, Level, Motion)}
+"""Classes of what a run keeps."""
 
 
 @dataclass(kw_only=True)
@@ -75,25 +74,36 @@ class Progress:
 
 def save_progress(folder: Path, progress: Progress) -> None:
     """Write it whole or not at all."""
-    words = asdict(replace(progress, held_mask=None, notes=[]))
+    arrays: list[np.ndarray] = []
+    words = {one.name: _words_of(getattr(progress, one.name), arrays) for one in fields(progress)}
     words["notes"] = [note.as_json() for note in progress.notes]
-    light, panorama, held_match = words.pop("light"), words.pop("panorama"), words.pop("held_match")
-    arrays = {} if panorama is None else {"panorama": panorama}
-    if progress.held_mask is not None:
-        held = progress.held_mask
-        arrays |= {f"mask_{name}": getattr(held, name) for name in MASK_ARRAYS}
-        words["held_mask"] = {name: getattr(held, name) for name in ("offset", "finds", "error_px", "age", "unlike")}
-        words["held_mask"]["motion"] = asdict(held.motion)
-    if held_match is not None:
-        match = held_match["match"]
-        arrays |= {"match_features": held_match["features"]}
-        arrays |= {f"match_{name}": match.pop(name) for name in MATCH_ARRAYS}
-        words["match"] = match
-    if light is not None:
-        arrays |= {name: light["soft"].pop(name) for name in MAPS}
-        words["filter"] = light
     with atomic_path(folder / STATE) as temporary:
-        np.savez(temporary, words=np.array(json.dumps(words, default=np.ndarray.tolist)), **arrays)
+        np.savez(temporary, *arrays, words=np.array(json.dumps(words)))
+
+
+def _words_of(value: Any, arrays: list[np.ndarray]) -> Any:
+    """Return a value as data for JSON; arrays in it are appended to `arrays` and named as np.savez names them."""
+    if isinstance(value, np.ndarray):
+        arrays.append(value)
+        return {"is": "array", "of": f"arr_{len(arrays) - 1}"}
+    if isinstance(value, tuple):
+        return {"is": "tuple", "of": [_words_of(one, arrays) for one in value]}
+    if is_dataclass(value):
+        parts = {one.name: _words_of(getattr(value, one.name), arrays) for one in fields(value)}
+        return {"is": type(value).__name__, "of": parts}
+    return value
+
+
+def _value_of(words: Any, arrays: Mapping[str, np.ndarray]) -> Any:
+    """Return the value that _words_of described."""
+    if not isinstance(words, dict) or "is" not in words:
+        return words
+    kind, parts = words["is"], words["of"]
+    if kind == "array":
+        return arrays[parts]
+    if kind == "tuple":
+        return tuple(_value_of(one, arrays) for one in parts)
+    return KINDS[kind](**{name: _value_of(one, arrays) for name, one in parts.items()})
 
 
 def forget_run(folder: Path) -> None:
@@ -126,27 +136,9 @@ def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
     try:
         with path.open("rb") as stream, np.load(stream) as kept:
             words = json.loads(str(kept["words"]))
-            light, panorama = words.pop("filter", None), kept["panorama"] if "panorama" in kept else None
-            if light is not None:
-                light = _filter_state({**light, "soft": {**light["soft"], **{name: kept[name] for name in MAPS}}})
-            notes = [Notice.from_json(note) for note in words.pop("notes")]
-            mask, match, held = words.pop("held_mask", None), words.pop("match", None), None
-            if mask is not None:
-                mask = held_in(
-                    *(kept[f"mask_{name}"] for name in MASK_ARRAYS[:2]),
-                    cover=kept["mask_cover"],
-                    **{
-                        **mask,
-                        "offset": tuple(mask["offset"]),
-                        "unlike": tuple(mask["unlike"]),
-                        "motion": Motion(**mask["motion"]),
-                    },
-                )
-            if match is not None:
-                match = Match(**match, **{name: kept[f"match_{name}"] for name in MATCH_ARRAYS})
-                held = HeldMatch(match=match, features=kept["match_features"])
-        found = Progress(light=light, panorama=panorama, held_match=held, held_mask=mask, notes=notes, **words)
-    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
+            words["notes"] = [Notice.from_json(note) for note in words["notes"]]
+            found = Progress(**{name: _value_of(one, kept) for name, one in words.items()})
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, BadZipFile) as error:
         text = "expected what a run of this version left, got another or damaged file; choose another folder with -o"
         raise InputError(text, source=path, remedy=(Remedy("run", RESTART),)) from error
     now = json.loads(json.dumps(settings))
@@ -169,29 +161,15 @@ def _differing(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
     return names
 
 
-def _filter_state(kept: dict[str, Any]) -> FilterState:
-    """Rebuild a FilterState from what save_progress kept of it."""
-
-    def steady(words: dict[str, Any]) -> Steady:
-        return Steady(**{**words, **{name: np.asarray(words[name]) for name in MAPS}})
-
-    def track(words: dict[str, Any]) -> Track:
-        filtered = {name: steady(words[name]) for name in ("place", "size")}
-        return Track(**{**words, **filtered, **{name: np.array(words[name]) for name in ("recent", "shown", "pose")}})
-
-    parts = {"soft": steady(kept["soft"]), "power": steady(kept["power"]), "tracks": tuple(map(track, kept["tracks"]))}
-    return FilterState(**{**kept, **parts})
-
-
 def describe(radiance: np.ndarray) -> dict[str, Any]:
     """One light in a few numbers: SH of all of it, SH without the dominant light, and the dominant light."""
     main, ambient = split_dominant_light(radiance)
     return {
-        "sh9": _numbers(project(radiance)),
-        "sh9_ambient": _numbers(project(ambient)),
+        "sh9": json_numbers(project(radiance), 5),
+        "sh9_ambient": json_numbers(project(ambient), 5),
         "dominant_light": {
-            "direction": _numbers(main.direction),
-            "irradiance": _numbers(main.irradiance),
+            "direction": json_numbers(main.direction, 5),
+            "irradiance": json_numbers(main.irradiance, 5),
             "solid_angle_sr": round(float(main.solid_angle), 5),
         },
     }
@@ -210,7 +188,3 @@ def write_track(path: Path, progress: Progress, fps: float, size: tuple[int, int
     }
     with atomic_path(path) as temporary:
         temporary.write_text(json.dumps(track) + "\n", encoding="utf-8")
-
-
-def _numbers(array: np.ndarray) -> list:
-    return np.round(np.asarray(array, dtype=np.float64), 5).tolist()
