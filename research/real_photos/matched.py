@@ -21,12 +21,12 @@ from PIL import Image
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.response import response
 from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.fit_warnings import match_doubts
 from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.runtime import DEFAULT_MODEL
 from anyprobe.files.atomic import atomic_path
 from anyprobe.light.environment import reduced
 from anyprobe.maps.radiance import read_radiance
-from anyprobe.match.fit_warnings import match_doubts
 from anyprobe.match.kind import is_outdoors, photo_outdoors
 from anyprobe.match.library import Library
 from anyprobe.match.library_folder import open_library

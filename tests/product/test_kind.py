@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.match.fit_warnings import kind_doubts
+from anyprobe.estimate.fit_warnings import kind_doubts
 from anyprobe.match.kind import are_outdoors, is_outdoors, own_prices, photo_outdoors, prices
 from anyprobe.match.library_folder import open_library
 from anyprobe.match.plate import keep_plate

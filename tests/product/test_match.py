@@ -20,17 +20,17 @@ from anyprobe.cli.app import app
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.errors import InputError, OutputError
-from anyprobe.estimate import sheet
+from anyprobe.estimate import fit_warnings, sheet
+from anyprobe.estimate.fit_warnings import stops_apart
 from anyprobe.estimate.ground import Ground, up_of
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import Origin
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.maps.radiance import read_radiance, write_exr
-from anyprobe.match import fit_warnings, ranking
 from anyprobe.match import library_folder as libraries
+from anyprobe.match import ranking
 from anyprobe.match.background import background_of
-from anyprobe.match.fit_warnings import stops_apart
 from anyprobe.match.library_folder import open_library
 from anyprobe.match.likeness import MATCH_ROWS, Shown, best_places, gain_of, light_of, schlick_coat
 from anyprobe.match.shading import shading_apart

@@ -51,11 +51,11 @@ def match(
 
     Writes the best ones turned, exposed and tinted to fit the photo, a contact sheet with spheres and a list (.json).
     """
+    from anyprobe.estimate.fit_warnings import match_doubts
     from anyprobe.estimate.photo import load_photo
     from anyprobe.estimate.sheet import draw_matches
     from anyprobe.export.targets import write_export
     from anyprobe.files.atomic import atomic_files
-    from anyprobe.match.fit_warnings import match_doubts
     from anyprobe.match.library_folder import open_library
     from anyprobe.pictures.images import write_png
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.masks.check import object_box
 from anyprobe.masks.depth import DepthSource, depth_of_view
 
 if TYPE_CHECKING:
@@ -67,9 +68,9 @@ def normals_from_depth(source: DepthSource, mask: Float[np.ndarray, "H W"], long
     focal = max(mask.shape) / 2 / np.tan(np.radians(long_fov_deg) / 2) * scale
     y = (depth.shape[0] / 2 - np.arange(depth.shape[0]) - 0.5) / focal[0]
     x = (np.arange(depth.shape[1]) + 0.5 - depth.shape[1] / 2) / focal[1]
-    rows, columns = (np.flatnonzero(on.any(axis=axis))[[0, -1]] for axis in (1, 0))
-    box = slice(rows[0], rows[1] + 1), slice(columns[0], columns[1] + 1)
-    block = -(-max(rows[1] - rows[0] + 1, columns[1] - columns[0] + 1) // LARGEST)
+    x0, y0, x1, y1 = object_box(on)
+    box = slice(y0, y1), slice(x0, x1)
+    block = -(-max(y1 - y0, x1 - x0) // LARGEST)
     inside = measured[box]
     step = _step(depth[box][inside])
     inverse = np.where(inside, 1.0 / np.where(inside, depth[box], 1.0), 0.0)
@@ -191,8 +192,7 @@ def _blocks(values: np.ndarray, block: int) -> np.ndarray:
     if block == 1:
         return values
     height, width = (-(-size // block) for size in values.shape)
-    padded = np.zeros((height * block, width * block))
-    padded[: values.shape[0], : values.shape[1]] = values
+    padded = np.pad(values, ((0, height * block - values.shape[0]), (0, width * block - values.shape[1])))
     return padded.reshape(height, block, width, block).mean(axis=(1, 3))
 
 

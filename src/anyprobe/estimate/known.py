@@ -11,7 +11,6 @@ from anyprobe.estimate.depth_normals import normals_from_depth
 from anyprobe.estimate.normals_hint import normals_from_outline, read_normals
 from anyprobe.estimate.surroundings import read_panorama
 from anyprobe.hints import AUTO, NONE, PHOTO, SPHERE, Hints, NormalsSource, SurroundingsSource
-from anyprobe.masks.depth import DepthSource
 from anyprobe.notices import Notice, give
 from anyprobe.pictures.images import Pixels
 
@@ -63,35 +62,25 @@ def find_normals(
     hints: Hints, pixels: Pixels, mask: np.ndarray, long_fov_deg: float, fov_source: str
 ) -> tuple[KnownNormals | None, tuple[Notice, ...]]:
     """Return the given normals, else those of a depth image, and doubts about them."""
-    given = _known_normals(hints.normals, mask, long_fov_deg)
-    if given is not None:
-        return KnownNormals(values=given), ()
+    if hints.normals is not None:
+        return KnownNormals(values=_given_normals(hints.normals, mask, long_fov_deg)), ()
     if hints.depth is None:
         return None, ()
-    values, doubts = _normals_by_depth(hints.depth, mask, long_fov_deg, fov_source, pixels.name)
-    return None if values is None else KnownNormals(values=values, origin=FROM_DEPTH), doubts
+    found = normals_from_depth(hints.depth, mask, long_fov_deg)
+    if found.normals is None:
+        text = f"{found.doubt}; normals are estimated from the photo"
+        return None, (Notice(text, code="depth-unused", source=pixels.name, remedy=give("normals")),)
+    known = KnownNormals(values=found.normals, origin=FROM_DEPTH)
+    if fov_source != "default":
+        return known, ()
+    text = f"normals are from depth seen through an assumed lens of {long_fov_deg:g} degrees"
+    return known, (Notice(text, code="assumed-lens", source=pixels.name, remedy=give("fov_deg")),)
 
 
-def _known_normals(source: NormalsSource | None, mask: np.ndarray, long_fov_deg: float) -> np.ndarray | None:
-    if source is None:
-        return None
+def _given_normals(source: NormalsSource, mask: np.ndarray, long_fov_deg: float) -> np.ndarray:
     if isinstance(source, str) and source == SPHERE:
         return normals_from_outline(mask, long_fov_deg)
     try:
         return read_normals(source, mask.shape)
     except InputError as error:
         raise InputError(error, subject="normals") from error
-
-
-def _normals_by_depth(
-    source: DepthSource, mask: np.ndarray, long_fov_deg: float, fov_source: str, name: str
-) -> tuple[np.ndarray | None, tuple[Notice, ...]]:
-    """Return the normals of a depth image, None where the network's are better, and doubts about them."""
-    found = normals_from_depth(source, mask, long_fov_deg)
-    if found.normals is None:
-        text = f"{found.doubt}; normals are estimated from the photo"
-        return None, (Notice(text, code="depth-unused", source=name, remedy=give("normals")),)
-    if fov_source == "default":
-        text = f"normals are from depth seen through an assumed lens of {long_fov_deg:g} degrees"
-        return found.normals, (Notice(text, code="assumed-lens", source=name, remedy=give("fov_deg")),)
-    return found.normals, ()

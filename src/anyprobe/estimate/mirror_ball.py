@@ -18,7 +18,7 @@ from anyprobe.core.frames import reflect
 from anyprobe.core.latlong import direction_to_uv, pixel_directions
 from anyprobe.core.response import inverse_response
 from anyprobe.estimate.known import KnownNormals
-from anyprobe.estimate.normals_hint import normals_from_outline, sphere_of_outline
+from anyprobe.estimate.normals_hint import normals_from_outline, rays_through, sphere_of_outline
 from anyprobe.estimate.photo import Crop, Photo, crop_object
 from anyprobe.light.harmonics import sh_basis
 from anyprobe.masks.check import object_box
@@ -139,7 +139,9 @@ def _is_black_with_spots(brightest: np.ndarray) -> bool:
 
 def _seen(normals: np.ndarray, mask: np.ndarray, long_fov_deg: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return rays [H, W, 3], n.wo [H, W], and which pixels show the ball."""
-    d = _rays(mask.shape, long_fov_deg)
+    height, width = mask.shape
+    focal = max(mask.shape) / 2 / np.tan(np.radians(long_fov_deg) / 2)
+    d, _ = rays_through((slice(0, height), slice(0, width)), mask.shape, focal)
     facing = -(normals * d).sum(axis=-1)
     return d, facing, (mask > 0.99) & (facing > FACING)
 
@@ -150,15 +152,6 @@ def _beside(mask: np.ndarray) -> np.ndarray:
     for _ in range(MARGIN_PX):
         near = grow(near)
     return ~near
-
-
-def _rays(shape: tuple[int, int], long_fov_deg: float) -> np.ndarray:
-    """Return unit directions [H, W, 3] of a photo's pixels."""
-    height, width = shape
-    focal = max(shape) / 2 / np.tan(np.radians(long_fov_deg) / 2)
-    y, x = np.mgrid[:height, :width] + 0.5
-    d = np.stack([(x - width / 2) / focal, (height / 2 - y) / focal, -np.ones_like(x)], axis=-1)
-    return d / np.linalg.norm(d, axis=-1, keepdims=True)
 
 
 def _fineness(normals: np.ndarray, level: np.ndarray, on: np.ndarray) -> float:

@@ -13,6 +13,7 @@ from anyprobe.errors import InputError
 from anyprobe.files.paths import open_regular
 from anyprobe.hints import NormalsSource
 from anyprobe.maps.exr import EXR_MAGIC, read_exr
+from anyprobe.masks.check import object_box
 from anyprobe.pictures.headers import MAX_PIXELS
 from anyprobe.pictures.images import read_image
 
@@ -71,7 +72,7 @@ def sphere_of_outline(mask: Float[np.ndarray, "H W"], long_fov_deg: float) -> tu
     focal = max(mask.shape) / 2 / np.tan(np.radians(long_fov_deg) / 2)
     solid_angle, axis = 0.0, np.zeros(3)
     for part in _strips(_box(mask > 0.0)):
-        d, length = _rays(part, mask.shape, focal)
+        d, length = rays_through(part, mask.shape, focal)
         angles = mask[part] / (focal**2 * length**3)  # steradians of what the mask covers of each pixel
         solid_angle += angles.sum()
         axis += (angles[..., None] * d).sum(axis=(0, 1))
@@ -81,7 +82,7 @@ def sphere_of_outline(mask: Float[np.ndarray, "H W"], long_fov_deg: float) -> tu
     normals = np.zeros((*mask.shape, 3), np.float32)
     shared = covered = 0
     for part in _strips(_surroundings(_box(mask > 0.5), _box_of_cone(axis, radius, mask.shape, focal))):
-        d, _ = _rays(part, mask.shape, focal)
+        d, _ = rays_through(part, mask.shape, focal)
         along = d @ axis
         inside, on = along > cos_phi, mask[part] > 0.5
         shared += int((inside & on).sum())
@@ -92,7 +93,7 @@ def sphere_of_outline(mask: Float[np.ndarray, "H W"], long_fov_deg: float) -> tu
     return normals, shared / covered
 
 
-def _rays(part: Part, shape: tuple[int, int], focal: float) -> tuple[np.ndarray, np.ndarray]:
+def rays_through(part: Part, shape: tuple[int, int], focal: float) -> tuple[np.ndarray, np.ndarray]:
     """Return unit rays [h, w, 3] through a part of a photo of this shape, in the camera's frame, and the length [h, w]
     that each had where z was -1; focal in pixels."""
     rows, columns = (np.arange(span.start, span.stop) for span in part)
@@ -113,9 +114,8 @@ def _strips(part: Part) -> Iterator[Part]:
 
 def _box(inside: np.ndarray) -> Part:
     """Return the part that holds all of inside [H, W], which must not be empty."""
-    spans = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
-    rows, columns = (slice(int(span[0]), int(span[-1]) + 1) for span in spans)
-    return rows, columns
+    x0, y0, x1, y1 = object_box(inside)
+    return slice(y0, y1), slice(x0, x1)
 
 
 def _surroundings(one: Part, other: Part) -> Part:

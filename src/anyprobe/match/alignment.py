@@ -15,11 +15,11 @@ from functools import lru_cache
 import numpy as np
 from PIL import Image, ImageFilter
 
-from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.latlong import bilinear, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.match.library import FEATURE_ROWS, Library, features_of
+from anyprobe.match.places import map_from_camera_at
 from anyprobe.pictures.resampling import resample
 
 PITCHES_DEG = tuple(range(-15, 76, 10))
@@ -114,7 +114,7 @@ def _placed(
     return Match(
         index=index,
         name=library.names[index],
-        candidate_from_estimate=rotation_y(yaw) @ _level_from_camera(pitch_deg),
+        candidate_from_estimate=map_from_camera_at(yaw, pitch_deg),
         ln_gain=gains[pitch][index, column],
         distance=float(cost[index].min()),
     )
@@ -125,11 +125,6 @@ def _lowest(three: np.ndarray) -> float:
     before, least, after = three.astype(np.float64)
     bend = before - 2 * least + after
     return float(0.5 * (before - after) / bend) if bend > 1e-12 and min(before, after) > least else 0.0
-
-
-def _level_from_camera(pitch_deg: float) -> np.ndarray:
-    """Return the rotation [3, 3] of a camera that looks down by this pitch."""
-    return rotation_x(-np.radians(pitch_deg))
 
 
 @lru_cache(maxsize=2)
@@ -153,7 +148,7 @@ def _compare(
     w (e(x) - s c(x - k) - g)^2 over a gain g and a contrast s in [0, 1] of each feature, since an estimate is softer
     than its place. Computed by correlations along the columns.
     """
-    level = rotate(np.concatenate([features, weight], axis=-1), _level_from_camera(pitch_deg))
+    level = rotate(np.concatenate([features, weight], axis=-1), map_from_camera_at(0.0, pitch_deg))
     w = np.maximum(level[..., 4:], 0.0) * pixel_solid_angles(FEATURE_ROWS)[..., None]
     w = w / w.sum()
     e = level[..., :4]

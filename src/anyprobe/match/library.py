@@ -196,31 +196,29 @@ def pack_library(
     target: Path | io.BytesIO, entries: Iterable[Entry | tuple[str, bytes]], sources: list[MapSource] | None
 ) -> None:
     """Write the file of a library to a path or into memory, see write_library."""
-    names: list[str] = []
+    kept: list[Entry] = []  # without their pictures
     features: list[np.ndarray] = []
     richness: list[float] = []
-    lights: list[np.ndarray] = []
-    levels: list[float] = []
-    digests: list[str] = []
     with zipfile.ZipFile(target, "w") as file:
         for fields in entries:
             entry = Entry(*fields)
-            _put(file, f"{len(names)}.jpg", entry.picture)
+            _put(file, f"{len(kept)}.jpg", entry.picture)
             codes = codes_of(entry.picture)
-            names.append(entry.name)
             features.append(features_of(decode()[codes]).astype(np.float16))
             richness.append(round(richness_of(codes / np.float32(255)), 4))
-            if entry.light is not None:
-                lights.append(entry.light)
-            levels.append(entry.level)
-            digests.append(entry.digest)
-        if not names:
+            kept.append(entry._replace(picture=b""))
+        if not kept:
             raise InputError("expected at least one map, got none; check the folder", subject="library")
         _put_array(file, "features.npy", np.stack(features))
-        if len(lights) == len(names):
+        lights = [entry.light for entry in kept if entry.light is not None]
+        if len(lights) == len(kept):
             _put_array(file, "lights.npy", np.stack(lights))
         index = {
-            **{"version": _VERSION, "names": names, "richness": richness, "levels": levels, "digests": digests},
+            "version": _VERSION,
+            "names": [entry.name for entry in kept],
+            "richness": richness,
+            "levels": [entry.level for entry in kept],
+            "digests": [entry.digest for entry in kept],
             "sources": [[list(source.stamp), source.digest, source.fault] for source in sources or []],
         }
         _put(file, "index.json", json.dumps(index).encode())

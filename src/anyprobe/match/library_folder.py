@@ -123,38 +123,31 @@ def _entries(
         file = None
         with suppress(OSError, zipfile.BadZipFile):
             file = stack.enter_context(zipfile.ZipFile(path))
-        yield from _entries_beside(folder, stamps, file, sources)
-
-
-def _entries_beside(
-    folder: Path, stamps: Sequence[tuple[str, int, int]], file: zipfile.ZipFile | None, sources: list[MapSource]
-) -> Iterator[Entry]:
-    """Yield the entries with the previous library's file opened; see _entries."""
-    before = (None if file is None else index_in(file)) or {"sources": [], "digests": []}
-    known = {tuple(stamp): (digest, fault) for stamp, digest, fault in before["sources"] if digest}
-    kept = {digest: number for number, digest in enumerate(before["digests"])}
-    lights = lights_in(file) if file is not None and kept else None
-    stems = [stamp[0].rpartition(".")[0] for stamp in stamps]
-    for stamp, stem in zip(stamps, stems, strict=True):
-        name = stem if stems.count(stem) == 1 else stamp[0]
-        (digest, fault), entry = known.get(stamp, ("", "")), None
-        try:
-            digest = digest or _digest(folder / stamp[0])
-            if digest in kept and lights is not None and file is not None:
-                number = kept[digest]
-                entry = Entry(name, file.read(f"{number}.jpg"), lights[number], before["levels"][number], digest)
-            elif not fault:
-                entry = entry_of(stamp[0], read_radiance(folder / stamp[0]), digest)._replace(name=name)
-        except AnyprobeError as error:
-            fault = " ".join(str(error).splitlines())
-        sources.append(MapSource(stamp=stamp, digest=digest, fault=fault))
-        if entry is not None:
-            yield entry
-    faults = [source.fault for source in sources if source.fault]
-    if len(faults) == len(sources) > 0:
-        raise InputError(faults[0])
-    if not sources:
-        raise InputError("expected .exr or .hdr maps in the folder, got none; check the path", source=folder)
+        before = (None if file is None else index_in(file)) or {"sources": [], "digests": []}
+        known = {tuple(stamp): (digest, fault) for stamp, digest, fault in before["sources"] if digest}
+        kept = {digest: number for number, digest in enumerate(before["digests"])}
+        lights = lights_in(file) if file is not None and kept else None
+        stems = [stamp[0].rpartition(".")[0] for stamp in stamps]
+        for stamp, stem in zip(stamps, stems, strict=True):
+            name = stem if stems.count(stem) == 1 else stamp[0]
+            (digest, fault), entry = known.get(stamp, ("", "")), None
+            try:
+                digest = digest or _digest(folder / stamp[0])
+                if digest in kept and lights is not None and file is not None:
+                    number = kept[digest]
+                    entry = Entry(name, file.read(f"{number}.jpg"), lights[number], before["levels"][number], digest)
+                elif not fault:
+                    entry = entry_of(stamp[0], read_radiance(folder / stamp[0]), digest)._replace(name=name)
+            except AnyprobeError as error:
+                fault = " ".join(str(error).splitlines())
+            sources.append(MapSource(stamp=stamp, digest=digest, fault=fault))
+            if entry is not None:
+                yield entry
+        faults = [source.fault for source in sources if source.fault]
+        if len(faults) == len(sources) > 0:
+            raise InputError(faults[0])
+        if not sources:
+            raise InputError("expected .exr or .hdr maps in the folder, got none; check the path", source=folder)
 
 
 def _digest(path: Path) -> str:

@@ -2,44 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
-
 import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions
+from anyprobe.estimate.result import Light
 from anyprobe.light.environment import MAP_HEIGHT, integral, rotate
 from anyprobe.match.kind import is_outdoors, photo_outdoors
+from anyprobe.match.ranking import MatchedMap
 from anyprobe.match.shading import OWN_ERROR, shading_apart
 from anyprobe.notices import Notice, give
-
-if TYPE_CHECKING:
-    from anyprobe.match.likeness import Shown
-    from anyprobe.match.plate import Plate
-    from anyprobe.match.ranking import MatchedMap
 
 STOPS_APART = 1.0
 """Difference in brightness above which a map's level is doubtful [stops]."""
 
 
-class Estimated(Protocol):
-    """A light that maps are matched with, see estimate.result.Light."""
-
-    @property
-    def radiance(self) -> np.ndarray: ...
-    @property
-    def map_from_camera(self) -> np.ndarray: ...
-    @property
-    def warnings(self) -> tuple[Notice, ...]: ...
-    @property
-    def plate(self) -> Plate | None: ...
-    @property
-    def shown(self) -> Shown | None: ...
-    @property
-    def pitch_deg(self) -> float | None: ...
-
-
-def match_doubts(light: Estimated, first: MatchedMap) -> list[Notice]:
+def match_doubts(light: Light, first: MatchedMap) -> list[Notice]:
     """Return what is doubtful about a light's first map."""
     to_camera = light.map_from_camera.T
     radiance, estimate = rotate(first.radiance(MAP_HEIGHT), to_camera), rotate(light.radiance, to_camera)
