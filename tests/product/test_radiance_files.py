@@ -12,8 +12,9 @@ import pytest
 
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment, OutputError
+from anyprobe.export.targets import share_above
 from anyprobe.maps.exr import read_exr
-from anyprobe.maps.radiance import map_attributes, read_radiance, write_exr, write_hdr
+from anyprobe.maps.radiance import HALF_MAX, map_attributes, read_radiance, write_exr, write_hdr
 
 
 def draw_map(height: int, seed: int = 0) -> np.ndarray:
@@ -185,25 +186,31 @@ def test_exr_header(tmp_path):
 
 def test_exr_float_is_exact(tmp_path):
     radiance = draw_map(16) * 100.0
-    assert write_exr(tmp_path / "map.exr", radiance, half=False) == 0.0
+    write_exr(tmp_path / "map.exr", radiance, half=False)
     np.testing.assert_array_equal(read_radiance(tmp_path / "map.exr"), radiance)
 
 
 def test_exr_half_does_not_become_infinite(tmp_path):
     radiance = np.full((8, 16, 3), 1000.0, dtype=np.float32)
     radiance[0, 5] = 1e6  # near the pole, where a pixel is small
-    share = write_exr(tmp_path / "map.exr", radiance)
+    write_exr(tmp_path / "map.exr", radiance)
     read = read_radiance(tmp_path / "map.exr")
     assert read[0, 5].tolist() == [65504.0] * 3
     weights = pixel_solid_angles(8).astype(float)[:, :, None]
-    assert share == pytest.approx(weights[0, 0, 0] * 3 * (1e6 - 65504) / (radiance * weights).sum(), rel=1e-4)
+    assert share_above(radiance, HALF_MAX) == pytest.approx(
+        weights[0, 0, 0] * 3 * (1e6 - 65504) / (radiance * weights).sum(), rel=1e-4
+    )
 
 
 def test_exr_half_without_a_peak_clips_nothing(tmp_path):
     radiance = np.random.default_rng(0).random((16, 32, 3)).astype(np.float32)
-    assert write_exr(tmp_path / "map.exr", radiance) == 0.0
+    assert share_above(radiance, HALF_MAX) == 0.0
+    write_exr(tmp_path / "map.exr", radiance)
     np.testing.assert_allclose(read_radiance(tmp_path / "map.exr"), radiance, rtol=1e-3, atol=1e-6)
-    assert write_exr(tmp_path / "black.exr", np.zeros((8, 16, 3))) == 0.0
+    black = np.zeros((8, 16, 3))
+    assert share_above(black, HALF_MAX) == 0.0
+    write_exr(tmp_path / "black.exr", black)
+    assert not read_radiance(tmp_path / "black.exr").any()
 
 
 @pytest.mark.parametrize("names", ["RGB", "RGBA"])

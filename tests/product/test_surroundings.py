@@ -18,13 +18,13 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError
 from anyprobe.estimate.photo import crop_object, load_photo
-from anyprobe.estimate.runtime import Outputs
+from anyprobe.estimate.runtime import Outputs, lift_inputs
 from anyprobe.estimate.surroundings import (
     CLIPPED,
     SEEN,
     TINT_FLOOR,
     GoesOn,
-    read_surroundings,
+    read_panorama,
     turned,
     use_surroundings,
     visible_surroundings,
@@ -88,13 +88,13 @@ def test_a_panorama_is_read_as_far_as_it_is_known(tmp_path):
     picture[:64, :, 3] = 255
     Image.fromarray(picture).save(tmp_path / "p.png")
     for source in (picture, tmp_path / "p.png", (tmp_path / "p.png").read_bytes()):
-        surroundings_map = read_surroundings(source)
+        surroundings_map, _ = read_panorama(source)
         assert surroundings_map.shape == (64, 128, 4)
         np.testing.assert_allclose(
             surroundings_map[:32], [*np.array([200, 100, 50]) / 255, 1.0] * np.ones((32, 128, 1)), atol=1e-3
         )
         assert not surroundings_map[32:].any()
-    assert (read_surroundings(picture[..., :3])[..., 3] == 1).all()
+    assert (read_panorama(picture[..., :3])[0][..., 3] == 1).all()
 
 
 def lit_room() -> np.ndarray:
@@ -111,11 +111,11 @@ def test_a_panorama_of_radiance_keeps_its_emitters(tmp_path, kind):
     source = tmp_path / ("p.hdr" if kind == "hdr" else "p.exr")
     (write_hdr if kind == "hdr" else write_exr)(source, fine)
     source = source.read_bytes() if kind == "bytes" else source
-    shown = read_surroundings(source)
-    assert shown.shape == (64, 128, 4)
-    np.testing.assert_allclose(shown[..., :3], response(lit_room()), atol=5e-3)
-    surroundings_map = read_surroundings(source, above_white=True)
+    surroundings_map, _ = read_panorama(source)
     assert surroundings_map.shape == (64, 128, 5)
+    shown = lift_inputs(np.zeros((128, 128, 4)), 0.3, surroundings=surroundings_map)["surroundings"]
+    assert shown.shape == (1, 4, 64, 128)
+    np.testing.assert_allclose(shown[0, :3].transpose(1, 2, 0), response(lit_room()), atol=5e-3)
     guess = np.broadcast_to(np.float32([900, 50, 50]), (64, 128, 3))
     found = use_surroundings(answered(guess), surroundings_map)
     np.testing.assert_allclose(found.radiance, lit_room(), rtol=0.01, atol=0.01)
@@ -132,7 +132,7 @@ def test_a_panorama_of_radiance_may_be_unfinished(tmp_path):
     alpha[:32], alpha[32] = 1.0, 0.5
     layers = dict(zip("RGB", np.moveaxis(lit_room() * alpha[..., None], -1, 0), strict=True)) | {"A": alpha}
     OpenEXR.File({}, {k: np.ascontiguousarray(v) for k, v in layers.items()}).write(str(tmp_path / "p.exr"))
-    surroundings_map = read_surroundings(tmp_path / "p.exr", above_white=True)
+    surroundings_map, _ = read_panorama(tmp_path / "p.exr")
     np.testing.assert_allclose(surroundings_map[..., 3], alpha)
     guess = np.full((64, 128, 3), 3.0, np.float32)
     found = use_surroundings(answered(guess), surroundings_map, tint=False, goes_on=STAYS).radiance
@@ -153,7 +153,7 @@ def test_a_panorama_of_radiance_may_be_unfinished(tmp_path):
 )
 def test_what_is_no_panorama_is_refused_in_one_line(source, says):
     with pytest.raises(InputError, match=says) as error:
-        read_surroundings(source)
+        read_panorama(source)
     assert "\n" not in str(error.value)
 
 

@@ -45,7 +45,7 @@ def draw_preview(panorama: Panorama, photo: Photo | None = None) -> Float[np.nda
     ev = min(0.0, math.floor(-2 * math.log2(max(spheres["diffuse"].max(), 1e-6))) / 2)
     row = [] if photo is None else _photo_and_mask(photo)
     for name, sphere in spheres.items():
-        row.append((f"{SPHERES[name]}, {_stops(ev)}", _fit(response(sphere * 2.0**ev), ROW)))
+        row.append((f"{SPHERES[name]}, {f'{ev:+g}' if ev else 0} EV", _fit(response(sphere * 2.0**ev), ROW)))
     caption = f"panorama, {'level' if panorama.is_level else 'in the frame of the camera'}, highlights compressed"
     return _captioned([[(caption, _fit(panorama.display(), PANORAMA_ROW))], row])
 
@@ -70,10 +70,6 @@ def draw_matches(photo: Photo, rows: Sequence[Captioned]) -> np.ndarray:
 def _photo_and_mask(photo: Photo) -> list[Captioned]:
     picture = _fit(photo.rgb, ROW)
     return [("photo", picture), ("mask", draw_overlay(picture, _fit(photo.mask, ROW)))]
-
-
-def _stops(ev: float) -> str:
-    return f"{ev:+g} EV" if ev else "0 EV"
 
 
 def _captioned(rows: list[list[Captioned]]) -> np.ndarray:

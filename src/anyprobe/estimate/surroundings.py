@@ -77,23 +77,17 @@ PLAIN: float = _CONTRACT["plain"]
 """Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place."""
 
 
-def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) -> Float[np.ndarray, "64 128 C"]:
-    """Read a partial panorama in the camera's frame as [64, 128, 4]: display RGB times cover, and cover.
+def read_panorama(source: SurroundingsSource) -> tuple[np.ndarray, np.ndarray]:
+    """Read a partial panorama in the camera's frame, at 64 rows and at its own, PANORAMA_ROWS at most.
 
     Args:
         source: picture twice as wide as high, transparent where nothing is known; path, bytes, Pillow image or array.
             An .exr or .hdr holds linear radiance in the photo's exposure units.
-        above_white: of an .exr or .hdr what is above white too, [64, 128, 5]; else it is white.
+    Returns:
+        [64, 128, 4] and [H, 2H, 4], or of an .exr or .hdr [64, 128, 5] and [H, 2H, 5].
     Raises:
         InputError: not a panorama, or nothing known in it.
     """
-    picture, linear = _read_panorama(source)
-    known = _at_rows(picture, linear, MAP_HEIGHT)
-    return known if above_white else np.minimum(known[..., :4], known[..., 3:4])
-
-
-def read_panorama(source: SurroundingsSource) -> tuple[np.ndarray, np.ndarray]:
-    """Return a panorama with its radiance above white, at 64 rows and at its own, PANORAMA_ROWS at most."""
     picture, linear = _read_panorama(source)
     rows = min(PANORAMA_ROWS, max(MAP_HEIGHT, len(picture)))
     return _at_rows(picture, linear, MAP_HEIGHT), _at_rows(picture, linear, rows)

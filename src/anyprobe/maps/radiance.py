@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.core.color import COLORSPACES, REC709_CHROMATICITIES, SAME_CHROMATICITIES, from_rec709, rec709_from_rgb
-from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment, OutputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.paths import open_regular, read_rest
@@ -177,7 +176,7 @@ def write_exr(
     half: bool = True,
     attributes: Mapping[str, str] | None = None,
     colorspace: str = "rec709",
-) -> float:
+) -> None:
     """Write a map [H, 2H, 3] as OpenEXR with envmap and chromaticities, atomically.
 
     envmap only says latitude-longitude: OpenEXR has +Z in the centre column, while our maps have the frame in their
@@ -187,29 +186,18 @@ def write_exr(
         half: 16-bit floats, clamped at 65504; else 32-bit, exact.
         attributes: stored in the header as strings named "anyprobe:" + key.
         colorspace: of core.color.COLORSPACES, to which light is converted; the header has its chromaticities.
-    Returns:
-        Share of the energy, the sum of L dOmega over the channels, lost to the
-        clamp: 0 when nothing was clipped.
     """
-    radiance = from_rec709(check_radiance(radiance), colorspace)
-    clipped_share = 0.0
-    pixels = radiance
+    pixels = from_rec709(check_radiance(radiance), colorspace)
     if half:
-        clamped = np.minimum(radiance, np.float32(HALF_MAX))
-        weights = pixel_solid_angles(radiance.shape[0]).astype(np.float64)[:, :, None]
-        energy = float((radiance * weights).sum())
-        if energy > 0.0:
-            clipped_share = float(((radiance - clamped) * weights).sum()) / energy
-        pixels = clamped.astype(np.float16)
+        pixels = np.minimum(pixels, np.float32(HALF_MAX)).astype(np.float16)
     named = {f"{ATTRIBUTE}{key}": str(value) for key, value in (attributes or {}).items()}
     channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
     with atomic_path(path) as temporary:
         write_channels(temporary, channels, {"chromaticities": COLORSPACES[colorspace], **named}, target=path)
         try:  # OpenEXR does not report a disk that fills up with the last few kilobytes
-            read_exr(temporary, temporary.name, InvalidEnvironment, radiance.size)
+            read_exr(temporary, temporary.name, InvalidEnvironment, pixels.size)
         except InvalidEnvironment as error:
             raise OutputError("cannot be written (the file is truncated); free some space", source=path) from error
-    return clipped_share
 
 
 def write_exr_planes(path: str | os.PathLike[str], planes: np.ndarray, attributes: Mapping[str, str]) -> None:

@@ -135,7 +135,11 @@ def _judged(
     is_doubtful = confidence < DOUBTFUL
     doubts += evidence.doubts(prompts) if is_doubtful else []
     judgement = verdict(doubts, is_doubtful=is_doubtful)
-    warnings = [] if judgement == RIGHT else [_doubt(pixels.name, judgement)]
+    warnings = []
+    if judgement != RIGHT:
+        remedy = give("box", "click", "exclude", "mask")
+        text = f"the mask {judgement}; check it"
+        warnings.append(Notice(text, code="mask-doubtful", source=pixels.name, remedy=remedy))
     if network.warning and source != "segmenter":
         warnings.append(as_notice(network.warning, pixels.name))
     return FoundMask(
@@ -183,13 +187,4 @@ def _not_found(pixels: Pixels, prompts: Prompts) -> InvalidMask:
         code="no-object",
         source=name,
         remedy=give("box", "mask"),
-    )
-
-
-def _doubt(name: str, judgement: str) -> Notice:
-    return Notice(
-        f"the mask {judgement}; check it",
-        code="mask-doubtful",
-        source=name,
-        remedy=give("box", "click", "exclude", "mask"),
     )

@@ -24,12 +24,10 @@ PQ, HLG, UNSPECIFIED = 16, 18, 2
 D65, C = (0.3127, 0.3290), (0.310, 0.316)
 
 PRIMARIES = {
-    1: REC709_CHROMATICITIES,
-    2: REC709_CHROMATICITIES,
+    **dict.fromkeys((1, 2), REC709_CHROMATICITIES),
     4: (0.67, 0.33, 0.21, 0.71, 0.14, 0.08, *C),
     5: (0.64, 0.33, 0.29, 0.60, 0.15, 0.06, *D65),
-    6: (0.630, 0.340, 0.310, 0.595, 0.155, 0.070, *D65),
-    7: (0.630, 0.340, 0.310, 0.595, 0.155, 0.070, *D65),
+    **dict.fromkeys((6, 7), (0.630, 0.340, 0.310, 0.595, 0.155, 0.070, *D65)),
     8: (0.681, 0.319, 0.243, 0.692, 0.145, 0.049, *C),
     9: (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, *D65),
     10: (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1 / 3, 1 / 3),
@@ -93,20 +91,13 @@ def gamma(exponent: float) -> Callable[[np.ndarray], np.ndarray]:
 
 
 TRANSFERS: dict[int, Callable[[np.ndarray], np.ndarray]] = {
-    1: srgb_to_linear,
-    2: srgb_to_linear,
+    **dict.fromkeys((1, 2, 6, 11, 12, 13, 14, 15), srgb_to_linear),
     4: gamma(2.2),
     5: gamma(2.8),
-    6: srgb_to_linear,
     7: _smpte240,
     8: lambda values: values,
     9: lambda values: np.where(values > 0, 10.0 ** (2.0 * (values - 1.0)), 0.0),
     10: lambda values: np.where(values > 0, 10.0 ** (2.5 * (values - 1.0)), 0.0),
-    11: srgb_to_linear,
-    12: srgb_to_linear,
-    13: srgb_to_linear,
-    14: srgb_to_linear,
-    15: srgb_to_linear,
     16: _pq,
     17: lambda values: 52.37 / 48.0 * np.clip(values, 0.0, None) ** 2.6,
     18: _hlg,

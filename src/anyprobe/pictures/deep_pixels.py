@@ -53,7 +53,7 @@ def sixteen_bits(image: ImageFile.ImageFile, reopen: Callable[[], ImageFile.Imag
     Raises:
         ValueError: a TIFF of separate planes, which Pillow misreads as 8 bits.
     """
-    layout = _layout(image)
+    layout = stored_layout(image)
     if isinstance(image, TiffImageFile) and layout == "R" and max(image.tag_v2.get(BITS_PER_SAMPLE, (8,))) > 8:
         raise ValueError("more than 8 bits in separate planes; save it with interleaved channels")
     if image.format not in ("PNG", "TIFF") or layout[:-1] not in ("RGB;16", "RGBA;16", "RGBX;16", "LA;16"):
@@ -89,7 +89,7 @@ def heif_sixteen_bits(stream: BinaryIO) -> np.ndarray | None:
     return np.array(picture) if picture.mode in ("RGB;16", "RGBA;16") else None
 
 
-def _layout(image: ImageFile.ImageFile) -> str:
+def stored_layout(image: ImageFile.ImageFile) -> str:
     """Return Pillow's name for the layout of the file's values, "" where there is none."""
     arguments = image.tile[0].args if image.tile else ""
     first = arguments[0] if isinstance(arguments, tuple) and arguments else arguments

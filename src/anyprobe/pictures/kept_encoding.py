@@ -17,7 +17,7 @@ from PIL.TiffImagePlugin import TiffImageFile
 
 from anyprobe.files.atomic import atomic_path
 from anyprobe.pictures.color_encoding import ColorEncoding, is_srgb, srgb_to_linear
-from anyprobe.pictures.deep_pixels import BITS_PER_SAMPLE
+from anyprobe.pictures.deep_pixels import BITS_PER_SAMPLE, stored_layout
 from anyprobe.pictures.embedded_color import PNG_START
 from anyprobe.pictures.icc import encoding_of
 
@@ -55,24 +55,15 @@ def stored_as(source: Path | bytes) -> Stored:
         with Image.open(io.BytesIO(source) if isinstance(source, bytes) else source) as image:
             profile, kind = image.info.get("icc_profile") or b"", image.format
             bits = max(image.tag_v2.get(BITS_PER_SAMPLE, (8,))) if isinstance(image, TiffImageFile) else 8
-            mode = image.mode
-        if kind == "PNG":
-            head = source[:25] if isinstance(source, bytes) else _head(source)
-            bits = head[24]
+            mode, deep = image.mode, bits == 16 or (kind == "PNG" and ";16" in stored_layout(image))
     except (OSError, ValueError, SyntaxError, TypeError, IndexError, Image.DecompressionBombError):
         return Stored()
-    deep = bits == 16
     if not profile or mode == "CMYK":
         return Stored(deep=deep, lost=bool(profile))
     encoding = encoding_of(profile) if profile[16:20] == b"RGB " else None
     if encoding is None or encoding.is_hdr:
         return Stored(deep=deep, lost=True)
     return Stored(deep=deep, profile=profile, encoding=None if is_srgb(encoding) else encoding)
-
-
-def _head(path: Path) -> bytes:
-    with path.open("rb") as stream:
-        return stream.read(25)
 
 
 def write_as(path: Path, rgb: np.ndarray, stored: Stored) -> None:

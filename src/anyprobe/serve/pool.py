@@ -185,7 +185,8 @@ class WorkerPool:
             if not future.done():
                 cancellation.cancel()
         if self._ends.is_set() and not future.done():
-            future.add_done_callback(_forget)
+            # its error is read, so that asyncio does not log it as lost
+            future.add_done_callback(lambda late: late.cancelled() or late.exception())
             raise Ending
         return await asyncio.shield(future)
 
@@ -222,12 +223,6 @@ class WorkerPool:
             threads.shutdown(wait=not was_draining, cancel_futures=True)
         for lane in self._lanes.values():
             lane.close()
-
-
-def _forget(future: asyncio.Future) -> None:
-    """Retrieve the error of abandoned work, so that asyncio does not log it as lost."""
-    if not future.cancelled():
-        future.exception()
 
 
 def _log_fault(future: Future) -> None:

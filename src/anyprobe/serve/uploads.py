@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
@@ -69,8 +69,10 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
         settings=option.settings(),
         confidence=confidence or None,
         include=option.include(),
-        exposure=option.number("exposure"),
-        world_from_camera=option.turn("world_from_camera"),
+        exposure=(option.numbers("exposure", "a number", 1) or (None,))[0],
+        world_from_camera=option.numbers(
+            "world_from_camera", "YAW,ELEVATION[,ROLL] in degrees or nine numbers", 2, 3, 9
+        ),
     )
 
 
@@ -186,20 +188,21 @@ class Options:
         texts = [text for text in self._form.getlist(name) if isinstance(text, str)] or self._query.getlist(name)
         return [text.strip() for text in texts if text.strip()]
 
-    def number(self, name: str) -> float | None:
-        text = self.text(name)
-        return None if text is None else parse_numbers(name, text, 1)[0]
-
     def text(self, name: str) -> str | None:
         texts = self.texts(name)
         if len(texts) > 1:
             raise InputError(f"expected one value, got {len(texts)}; send one", subject=name)
         return texts[0] if texts else None
 
-    def turn(self, name: str) -> tuple[float, ...] | None:
+    def numbers(self, name: str, expected: str, *counts: int) -> tuple[float, ...] | None:
+        """Return the numbers between a field's commas, as many as one of `counts`; None where it is absent."""
         text = self.text(name)
-        shape = "YAW,ELEVATION[,ROLL] in degrees or nine numbers"
-        return None if text is None else parse_numbers(name, text, 2, 3, 9, shape=shape)
+        if text is None:
+            return None
+        numbers = numbers_in(text, *counts)
+        if not numbers:
+            raise InputError(f"expected {expected}, got {text[:60]!r}", subject=name)
+        return numbers
 
     def include(self) -> frozenset[str]:
         parts = {word.strip() for text in self.texts("include") for word in text.split(",")}
@@ -223,20 +226,11 @@ class Options:
 
     def settings(self) -> dict[str, Any]:
         """Return the requested settings of the estimate."""
-        found = {name: self.one_of(name, [str(one) for one in known]) for name, known in CHOICES.items()}
-        return {name: type(CHOICES[name][0])(text) for name, text in found.items() if text is not None}
-
-    def one_of(self, name: str, known: Sequence[str]) -> str | None:
-        """Return the option if it is one of the known words; None if it is absent."""
-        text = self.text(name)
-        if text not in (None, *known):
-            raise InputError(f"expected one of {', '.join(known)}, got {str(text)[:60]!r}", subject=name)
-        return text
-
-
-def parse_numbers(name: str, text: str, *counts: int, shape: str = "a number") -> tuple[float, ...]:
-    """Parse finite numbers separated by commas, as many as one of `counts`; InputError for other text."""
-    numbers = numbers_in(text, *counts)
-    if not numbers:
-        raise InputError(f"expected {shape}, got {text[:60]!r}", subject=name)
-    return numbers
+        asked = {}
+        for name, choices in CHOICES.items():
+            known, text = {str(one): one for one in choices}, self.text(name)
+            if text not in (None, *known):
+                raise InputError(f"expected one of {', '.join(known)}, got {str(text)[:60]!r}", subject=name)
+            if text is not None:
+                asked[name] = known[text]
+        return asked

@@ -13,7 +13,7 @@ from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.ground import estimate_ground
 from anyprobe.estimate.known import GivenPanorama, PhotoBackground
 from anyprobe.estimate.photo import Photo, load_photo, object_box
-from anyprobe.estimate.surroundings import SurroundingsSource, read_surroundings
+from anyprobe.estimate.surroundings import SurroundingsSource, read_panorama
 from anyprobe.files.digests import digest_of
 from anyprobe.files.paths import visible_files
 from anyprobe.hints import AUTO, NONE, PHOTO
@@ -82,7 +82,7 @@ class MaskFollower:
         if surroundings is None or (isinstance(surroundings, str) and surroundings in (AUTO, PHOTO, NONE)):
             word = surroundings or AUTO
         else:
-            self._panorama = read_surroundings(surroundings, above_white=True)
+            self._panorama, _ = read_panorama(surroundings)
         self._every = {**every_frame, "surroundings": word}
         self.last: list[float] | None = None
         self.held: Held | None = None

@@ -66,11 +66,6 @@ class VirtualObject:
     renderer: str = "own"
 
 
-def is_dull(material: Material) -> bool:
-    """Return whether a material shows no mirror image worth the name."""
-    return float(material.alpha) > DULL_ALPHA
-
-
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
     """frames: that were read. bad: (index, line) of those without a light of their own. damaged: packets.
@@ -341,7 +336,8 @@ class ClipRun:
             assert self.progress.material is not None  # as there is a stage
             numbers: dict[str, Any] = {key: np.array(value) for key, value in self.progress.material.items()}
             material = Material(**{**numbers, "alpha": float(numbers["alpha"])})
-            lit = radiance if is_dull(material) else self._detailed(frame.index) * np.float32(self.progress.gain)
+            is_dull = material.alpha > DULL_ALPHA
+            lit = radiance if is_dull else self._detailed(frame.index) * np.float32(self.progress.gain)
             shadow = stage.shadow(radiance, SHADOW_DIRECTIONS, SHADOW_GRID)
             self._shown = shadow, stage.draw(lit, material, virtual.renderer, shadow)
         shadow, drawn = self._shown
