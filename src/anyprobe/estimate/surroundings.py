@@ -25,7 +25,7 @@ from anyprobe.light.environment import MAP_HEIGHT, rotate
 from anyprobe.maps.radiance import read_linear
 from anyprobe.pictures.headers import MAX_PIXELS
 from anyprobe.pictures.images import read_image
-from anyprobe.pictures.resampling import between, resample
+from anyprobe.pictures.resampling import between, resample, widest
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
@@ -355,19 +355,8 @@ def on_plane(d: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def hidden(d: np.ndarray, image: np.ndarray, tan_half: float) -> np.ndarray:
     """Return how much of each direction the object hides, in [0, 1], its edge counted to it."""
-    grown = (image[..., 3] * 255).round() / np.float32(255.0)
-    for _ in range(2):  # rows, then columns; Pillow's MaxFilter takes ten times as long
-        grown = _widest(np.pad(grown, ((GROW_PX, GROW_PX), (0, 0))), 2 * GROW_PX + 1).T
-    grown = grown[..., None]
+    grown = widest((image[..., 3] * 255).round() / np.float32(255.0), GROW_PX)[..., None]
     x, y, front = on_plane(d)
     column, row = 0.5 + 0.5 * x / tan_half, 0.5 - 0.5 * y / tan_half
     inside = front & (column > 0) & (column < 1) & (row > 0) & (row < 1)
     return between(grown, column * grown.shape[1] - 0.5, row * len(grown) - 0.5)[..., 0] * inside
-
-
-def _widest(rows: np.ndarray, count: int) -> np.ndarray:
-    """Return the maximum over `count` successive rows of [N, W]: [N - count + 1, W]."""
-    reach, left = 1, len(rows) - count + 1
-    while 2 * reach <= count:
-        rows, reach = np.maximum(rows[:-reach], rows[reach:]), 2 * reach
-    return np.maximum(rows[:left], rows[count - reach : count - reach + left])

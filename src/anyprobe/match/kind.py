@@ -42,7 +42,7 @@ SKY_SHARE, PLANT_SHARE = 0.12, 0.15
 PLAIN_BACKDROP = "plain-backdrop"
 """Code of the warning that a photo's object stands before a single colour."""
 PRICE = 0.5
-"""Penalty of a panorama of the other kind, in units of likeness.Places.misfit."""
+"""Penalty of a panorama of the other kind, in units of the misfit of likeness."""
 
 
 def shows_outdoors(plate: Plate) -> bool:

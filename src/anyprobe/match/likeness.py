@@ -77,14 +77,6 @@ class Shown:
         return replace(self, n=self.n @ rotation.T, wo=self.wo @ rotation.T, behind=behind)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Places:
-    """The best place of each of N maps: map_from_camera [N, 3, 3] and misfit [N], lower is better."""
-
-    map_from_camera: np.ndarray
-    misfit: np.ndarray
-
-
 def shown_by(
     image: np.ndarray,
     normals: np.ndarray,
@@ -129,8 +121,8 @@ def light_of(radiance: np.ndarray) -> tuple[np.ndarray, float]:
 
 def best_places(
     shown: Shown, lights: np.ndarray, pitch_deg: float | None = None, *, is_estimated: bool = False
-) -> Places:
-    """Find the best place of each map of [N, 32, 64, 3], see light_of.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find the best place of each map of [N, 32, 64, 3], see light_of: map_from_camera [N, 3, 3] and misfit [N].
 
     Args:
         pitch_deg: camera pitch downwards, kept as given.
@@ -143,10 +135,8 @@ def best_places(
         _places(shown, lights[start : start + BATCH], np.asarray(pitches, np.float64))
         for start in range(0, len(lights), BATCH)
     ]
-    return Places(
-        map_from_camera=np.concatenate([places.map_from_camera for places in found]),
-        misfit=np.concatenate([places.misfit for places in found]),
-    )
+    turns, misfits = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return turns, misfits
 
 
 def gain_of(shown: Shown, estimate: np.ndarray, light: np.ndarray, map_from_camera: np.ndarray) -> np.ndarray:
@@ -166,7 +156,7 @@ def gain_of(shown: Shown, estimate: np.ndarray, light: np.ndarray, map_from_came
     return (level if behind is None else np.sqrt(level * behind)) * tint**TINT
 
 
-def _places(shown: Shown, lights: np.ndarray, pitches: np.ndarray) -> Places:
+def _places(shown: Shown, lights: np.ndarray, pitches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     def behind(index: np.ndarray, yaw: np.ndarray, pitch: np.ndarray) -> np.ndarray | float:
         return 0.0 if shown.behind is None else shown.behind.at_turns(lights, index, _turns(yaw, pitch))
 
@@ -196,7 +186,7 @@ def _places(shown: Shown, lights: np.ndarray, pitches: np.ndarray) -> Places:
         cost = cost + behind(index, yaw, pitch)
     table = cost.reshape(len(lights), -1)
     chosen = table.argmin(axis=1) + np.arange(len(lights)) * table.shape[1]
-    return Places(map_from_camera=_turns(yaw[chosen], pitch[chosen]), misfit=table.min(axis=1))
+    return _turns(yaw[chosen], pitch[chosen]), table.min(axis=1)
 
 
 def _turns(yaw: np.ndarray, pitch_deg: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import inverse_response
 from anyprobe.match.fill import fill_hole
-from anyprobe.pictures.resampling import between, resample
+from anyprobe.pictures.resampling import between, resample, widest
 
 MOST_ROWS = 1024
 """Largest number of panorama rows for which a plate keeps enough pixels."""
@@ -49,7 +49,8 @@ class Plate:
         if self.radiance is not None:
             above = resample(self.radiance.astype(np.float32), size)
             linear = np.where(above > 1, above, linear)
-        grown = _grown(resample(self.hidden.astype(np.float32)[..., None] / 255, size)[..., 0])
+        hidden = resample(self.hidden.astype(np.float32)[..., None] / 255, size)[..., 0]
+        grown = widest(hidden, max(2, round(GROW * max(size))))
         return fill_hole(linear, grown > 0.02), grown
 
 
@@ -116,14 +117,3 @@ def _size_at(tan_half: tuple[float, float], rows: int, shape: tuple[int, int]) -
     width, height = (2 * tan * rows / np.pi for tan in tan_half)
     scale = min(1.0, shape[1] / width)
     return max(4, round(width * scale)), max(4, round(height * scale))
-
-
-def _grown(hidden: np.ndarray) -> np.ndarray:
-    """Return a mask [H, W] with a rim around it."""
-    reach = max(2, round(GROW * max(hidden.shape)))
-    for axis in (0, 1):
-        steps = [
-            np.roll(np.pad(hidden, reach), k, axis=axis)[reach:-reach, reach:-reach] for k in range(-reach, reach + 1)
-        ]
-        hidden = np.max(steps, axis=0)
-    return hidden

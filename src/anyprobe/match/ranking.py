@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -166,37 +166,34 @@ def rank_maps(
     library = folder if isinstance(folder, Library) else open_library(folder)
     if not library.files:
         raise InputError("expected a folder of .exr and .hdr maps, got a library without files", source=library.path)
-    order: Sequence[int]
-    turns: np.ndarray | dict[int, np.ndarray]
-    misfits: np.ndarray | dict[int, float]
+    lights, levels = library.lights, library.levels
     if shown is not None:
         camera = rotate(radiance, light_from_camera.T)
-        places = best_places(shown, library.lights, pitch_deg, is_estimated=is_pitch_estimated)
-        found_turns, cost = places.map_from_camera, places.misfit + prices(outdoors, library, PRICE)
-        misfits, order = cost, _fitting_first(np.argsort(cost, kind="stable").tolist(), library, found_turns, camera)
-        gains = {i: gain_of(shown, camera, library.lights[i], found_turns[i]) / library.levels[i] for i in order}
-        turns = found_turns @ light_from_camera.T
+        places, misfits = best_places(shown, lights, pitch_deg, is_estimated=is_pitch_estimated)
+        misfits = misfits + prices(outdoors, library, PRICE)
+        order = _fitting_first(np.argsort(misfits, kind="stable").tolist(), library, places, camera)
+        turns = places @ light_from_camera.T
+        ranked = [(i, misfits[i], turns[i], gain_of(shown, camera, lights[i], places[i]) / levels[i]) for i in order]
     else:
-        found, to_camera = _by_map(
-            radiance, confidence, library, light_from_camera.T, None if is_pitch_estimated else pitch_deg
-        )
-        order = list(found)
-        turns = {i: match.candidate_from_estimate @ to_camera for i, match in found.items()}
-        misfits = {i: match.distance for i, match in found.items()}
+        known_pitch_deg = None if is_pitch_estimated else pitch_deg
+        found, to_camera = _by_map(radiance, confidence, library, light_from_camera.T, known_pitch_deg)
         mean = integral(reduced(radiance, FEATURE_ROWS)) / (4 * np.pi)
-        gains = {i: mean / (integral(library.lights[i]) / (4 * np.pi) * library.levels[i]) for i in order}
+        means = {one.index: integral(lights[one.index]) / (4 * np.pi) * levels[one.index] for one in found}
+        ranked = [
+            (one.index, one.distance, one.candidate_from_estimate @ to_camera, mean / means[one.index]) for one in found
+        ]
     return [
         MatchedMap(
             rank=rank,
             name=library.names[i],
-            misfit=float(misfits[i]),
+            misfit=float(misfit),
             by="map" if shown is None else "photo",
-            map_from_light=np.asarray(turns[i], np.float64),
-            gain=np.asarray(gains[i], np.float64),
+            map_from_light=np.asarray(turn, np.float64),
+            gain=np.asarray(gain, np.float64),
             library=library,
             index=int(i),
         )
-        for rank, i in enumerate(order)
+        for rank, (i, misfit, turn, gain) in enumerate(ranked)
     ]
 
 
@@ -214,14 +211,13 @@ def _by_map(
     library: Library,
     camera_from_light: np.ndarray,
     pitch_deg: float | None,
-) -> tuple[dict[int, Match], np.ndarray]:
-    """Return matches by index, the best first, and the rotation from the light's frame to theirs.
+) -> tuple[list[Match], np.ndarray]:
+    """Return matches, the best first, and the rotation from the light's frame to theirs.
 
     pitch_deg: camera pitch, in whose frame it is kept; None: unknown.
     """
     if pitch_deg is None:
-        return {match.index: match for match in find_matches(radiance, confidence, library)}, np.eye(3)
+        return find_matches(radiance, confidence, library), np.eye(3)
     camera = rotate(radiance, camera_from_light)
     turned = None if confidence is None else rotate(confidence[..., None], camera_from_light)[..., 0]
-    found = find_matches(camera, turned, library, pitches_deg=(pitch_deg,))
-    return {match.index: match for match in found}, camera_from_light
+    return find_matches(camera, turned, library, pitches_deg=(pitch_deg,)), camera_from_light

@@ -92,10 +92,10 @@ def _of_tone_map(image: Image.Image, stream: BinaryIO) -> GainMap | None:
         return None
     try:
         found = find_tone_map(data)
-        numbers = None if found is None else _of_iso(found.metadata)
+        numbers = None if found is None else _of_iso(found[0])
         if found is None or numbers is None:
             return None
-        with open_picture(io.BytesIO(found.file)) as picture:
+        with open_picture(io.BytesIO(found[1])) as picture:
             if picture.width * picture.height > MAX_MAP_PIXELS or _is_turned(picture.size, image.size):
                 return None
             return _checked(picture.convert("L" if picture.mode == "L" else "RGB"), *numbers)

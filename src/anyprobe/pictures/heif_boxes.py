@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 MOST_BOXES = 10_000
 
@@ -12,17 +11,11 @@ Span = tuple[int, int]
 """First byte in the file, and the one after the last."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ToneMap:
-    """A gain map of ISO 21496-1: its metadata without the version byte, and a file whose picture is the map."""
+def find_tone_map(data: bytes) -> tuple[bytes, bytes] | None:
+    """Return a whole file's gain map of ISO 21496-1; None where it has none, or one that cannot be read.
 
-    metadata: bytes
-    file: bytes
-
-
-def find_tone_map(data: bytes) -> ToneMap | None:
-    """Return the tone map of a whole file; None where it has none, or one that cannot be read.
-
+    Returns:
+        Its metadata without the version byte, and a file whose picture is the map.
     Raises:
         struct.error, ValueError, KeyError: damaged.
     """
@@ -42,7 +35,7 @@ def find_tone_map(data: bytes) -> ToneMap | None:
     else:
         struct.pack_into(">I", file, primary + 4, inputs[1])
     file[flags[inputs[1]]] &= 0xFE  # not hidden
-    return ToneMap(metadata=data[place[0] + 1 : place[1]], file=bytes(file))
+    return data[place[0] + 1 : place[1]], bytes(file)
 
 
 def iso_boxes(data: bytes, span: Span) -> Iterator[tuple[bytes, Span]]:

@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from functools import partial
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from fastapi import FastAPI, Request
@@ -35,7 +35,6 @@ from anyprobe.serve.uploads import read_upload, read_views, take_unread
 
 log = logging.getLogger("anyprobe.serve")
 
-Given = ParamSpec("Given")
 Answer = TypeVar("Answer")
 
 CLIENT_GONE = 499
@@ -129,18 +128,12 @@ def _add_state(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerP
 def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPool) -> None:
     """Add the addresses that other programs call."""
 
-    async def decode(
-        request: Request,
-        task: Callable[Concatenate[Upload, int, Given], Answer],
-        upload: Upload,
-        *args: Given.args,
-        **kwargs: Given.kwargs,
-    ) -> Answer:
-        work = partial(task, upload, limits.max_pixels, *args, **kwargs)
-        return await pool.decode(work, upload.is_quick, _leaving(request))
+    async def decode(request: Request, task: Callable[[Upload, int], Answer], upload: Upload) -> Answer:
+        return await pool.decode(partial(task, upload, limits.max_pixels), upload.is_quick, _leaving(request))
 
     async def cut(request: Request, upload: Upload, first: bool = True, is_alone: bool = False) -> tasks.Cut:
-        return await decode(request, tasks.cut, upload, first, first and "mask" in upload.include, is_alone)
+        with_mask = first and "mask" in upload.include
+        return await decode(request, partial(tasks.cut, first=first, with_mask=with_mask, is_alone=is_alone), upload)
 
     @app.post("/v1/estimate", openapi_extra=openapi.ESTIMATE_ROUTE, tags=["light"], response_class=Response)
     async def estimate(request: Request) -> Response:
@@ -209,7 +202,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         media = answers.choose_type(request, answers.MASK_TYPES)
         async with pool.place():
             upload = await read_upload(request, pool, openapi.MASK_ROUTE)
-            found = await decode(request, tasks.mask, upload, media == answers.JSON)
+            found = await decode(request, partial(tasks.mask, as_json=media == answers.JSON), upload)
         return JSONResponse(found) if media == answers.JSON else Response(found, media_type=media)
 
     @app.post("/v1/photo", openapi_extra=openapi.PHOTO_ROUTE, tags=["page"], response_class=Response)
@@ -227,7 +220,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         find_target(target)
         async with pool.place():
             upload = await read_upload(request, pool, openapi.EXPORT_ROUTE)
-            archive = await decode(request, tasks.export_zip, upload, target)
+            archive = await decode(request, partial(tasks.export_zip, target=target), upload)
         name = f'attachment; filename="light_{target}.zip"'
         return Response(archive, media_type="application/zip", headers={"Content-Disposition": name})
 

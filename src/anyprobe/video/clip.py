@@ -144,16 +144,11 @@ def read_frames(clip: Clip, damaged: list[int]) -> Generator[Frame, None, None]:
     Raises:
         InputError: not one picture can be decoded, because of its codec, say. AnyprobeError: PyAV is another version.
     """
-    with known_interface():
-        yield from _frames(clip, damaged)
-
-
-def _frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
     av = pyav()
     index, first_s, last_s = 0, None, -1.0
     size: tuple[int, int] | None = None
     sizes: set[tuple[int, int]] = set()
-    with open_video(clip.path) as container:  # open_clip has seen that it can be
+    with known_interface(), open_video(clip.path) as container:  # open_clip has seen that it can be
         stream = next(one for one in container.streams.video if one.index == clip.stream)
         stream.thread_type = "AUTO"
         packets = container.demux(stream)
@@ -164,7 +159,8 @@ def _frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
                     return
                 pictures = []
                 for picture in packet.decode():
-                    rgb, radiance, own = shown_pixels(picture, _pixel_aspect(stream), size, clip.path)
+                    aspect = stream.sample_aspect_ratio or stream.codec_context.sample_aspect_ratio
+                    rgb, radiance, own = shown_pixels(picture, aspect, size, clip.path)
                     size = size or own
                     pictures.append((picture.time, rgb, radiance, own))
             except InputError:
@@ -184,11 +180,6 @@ def _frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
                 sizes.add(own)
                 yield Frame(index=index, time_s=last_s, rgb=rgb, radiance=radiance, note=note)
                 index += 1
-
-
-def _pixel_aspect(stream) -> Fraction | None:
-    """Width over height of its pixels, by the container or else by the stream."""
-    return stream.sample_aspect_ratio or stream.codec_context.sample_aspect_ratio
 
 
 def _resized(path: Path, index: int, own: tuple[int, int], size: tuple[int, int]) -> str:
