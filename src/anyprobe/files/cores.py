@@ -11,7 +11,7 @@ from pathlib import Path
 QUOTA = Path("/sys/fs/cgroup/cpu.max")
 """File in which Linux states a container's limit: processor time per period, both in microseconds."""
 
-_CHILD_ENVIRONMENT = dict.fromkeys(
+CHILD_ENVIRONMENT = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "PYTHONSAFEPATH"), "1"
 )
 """Environment of worker processes: one thread, and no modules from the working folder, whose random.py is not
@@ -34,8 +34,8 @@ def one_thread() -> Iterator[None]:
 
     NumPy's second thread would spin between products of small matrices, on a core that another worker needs.
     """
-    old = {name: os.environ.get(name) for name in _CHILD_ENVIRONMENT}
-    os.environ.update(_CHILD_ENVIRONMENT)
+    old = {name: os.environ.get(name) for name in CHILD_ENVIRONMENT}
+    os.environ.update(CHILD_ENVIRONMENT)
     try:
         yield
     finally:

@@ -265,7 +265,7 @@ def look_closer(network: Network, rgb: np.ndarray, found: Finding, prompts: Prom
     before, kept = (resize(values.astype(np.float32), GRID, GRID, cells) for values in (found.cover, found.part))
     known = Finding(window=window, cover=before, part=kept > INSIDE)
     second = choose(window, again, prompts)
-    agreed = 0.0 if second is None else _iou(known.part, second.part)
+    agreed = 0.0 if second is None else iou(known.part, second.part)
     mean = choose(window, (before + again) / 2, prompts)
     return replace(known if mean is None else mean, agreed=agreed, whole=found.whole)
 
@@ -349,5 +349,6 @@ def _grown(part: np.ndarray, cells: int) -> np.ndarray:
     return part
 
 
-def _iou(a: np.ndarray, b: np.ndarray) -> float:
+def iou(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the intersection over the union of two masks of bool."""
     return float((a & b).sum() / max((a | b).sum(), 1))

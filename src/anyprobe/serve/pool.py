@@ -36,22 +36,12 @@ class Cancelled(Exception):
     """The client is gone; the work stops at its next step."""
 
 
-class Cancellation:
-    """Token, shared between threads, that tells running work whether its result is still wanted."""
-
-    def __init__(self) -> None:
-        self._gone = threading.Event()
-
-    def cancel(self) -> None:
-        self._gone.set()
+class Cancellation(threading.Event):
+    """Event, shared between threads, that is set once the result of running work is no longer wanted."""
 
     def check(self) -> None:
-        """Raise Cancelled if the client no longer waits; called between the steps of the work.
-
-        Raises:
-            Cancelled: the client no longer waits for the answer.
-        """
-        if self._gone.is_set():
+        """Raise Cancelled if the client no longer waits; called between the steps of the work."""
+        if self.is_set():
             raise Cancelled
 
 
@@ -183,7 +173,7 @@ class WorkerPool:
             leaving.cancel()
             ending.cancel()
             if not future.done():
-                cancellation.cancel()
+                cancellation.set()
         if self._ends.is_set() and not future.done():
             # its error is read, so that asyncio does not log it as lost
             future.add_done_callback(lambda late: late.cancelled() or late.exception())

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import IO, Any, ParamSpec, TypeVar
 
 from anyprobe.errors import AnyprobeError, InputError, lacks_memory
+from anyprobe.files.cores import CHILD_ENVIRONMENT
 
 Given = ParamSpec("Given")
 Answer = TypeVar("Answer")
@@ -167,14 +168,13 @@ class _Worker:
     """One process, and the pipes to it."""
 
     def __init__(self, memory_mb: int, niceness: int) -> None:
-        threads = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL")}
         try:
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-c", f"from {__name__} import work; work({memory_mb}, {niceness})"],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
-                env={**os.environ, **threads, "PYTHONPATH": os.pathsep.join(_import_path()), "PYTHONSAFEPATH": "1"},
+                env={**os.environ, **CHILD_ENVIRONMENT, "PYTHONPATH": os.pathsep.join(_import_path())},
             )
         except OSError as error:
             raise WorkerLost(f"no decoding process can be started ({error.strerror or error})") from error

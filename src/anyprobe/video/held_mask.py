@@ -32,7 +32,7 @@ from PIL import Image
 
 from anyprobe.core.contract import contract
 from anyprobe.masks.check import object_box
-from anyprobe.masks.search import Window
+from anyprobe.masks.search import Window, iou
 from anyprobe.video.registration import SEARCH_REACH, Key, Motion, Registered, begin_key, locate_key, luma
 
 NUMBERS = contract("held_mask")
@@ -69,13 +69,13 @@ class Held:
     looks_same: bool = False
 
 
-def hold(rgb: np.ndarray, mask: np.ndarray, finds: int = 1) -> Held:
+def hold(rgb: np.ndarray, mask: np.ndarray) -> Held:
     """Return a mask [H, W] that was found in a frame [H, W, 3] uint8."""
     height, width = mask.shape
     window = Window(x0=0, y0=0, x1=width, y1=height).around(object_box(mask), ROOM)
     inside = slice(window.y0, window.y1), slice(window.x0, window.x1)
     cover, offset = mask[inside].astype(np.float32), (window.x0, window.y0)
-    return Held(offset=offset, cover=cover, key=begin_key(luma(rgb[inside]), cover, offset), finds=finds)
+    return Held(offset=offset, cover=cover, key=begin_key(luma(rgb[inside]), cover, offset))
 
 
 def found_in(held: Held, rgb: np.ndarray) -> Registered:
@@ -110,17 +110,9 @@ def follow(
     if held.age >= (EVERY_REFUSED if held.refused else min(every * 2 ** (held.finds - 1), EVERY_SURE)):
         held = _looked(held, rgb, find(mask_in(held, rgb.shape)))
     if found.alike < FADED:
-        newer = hold(rgb, mask_in(held, rgb.shape), held.finds)
+        newer = hold(rgb, mask_in(held, rgb.shape))
         other = None if held.other is None else _carried(held, held.other, newer)
-        held = replace(
-            newer,
-            error_px=held.error_px,
-            age=held.age,
-            refused=held.refused,
-            other=other,
-            unlike=held.unlike,
-            looks_same=held.looks_same,
-        )
+        held = replace(held, offset=newer.offset, cover=newer.cover, key=newer.key, motion=newer.motion, other=other)
     return held
 
 
@@ -136,11 +128,11 @@ def _looked(held: Held, rgb: np.ndarray, mask: np.ndarray | None) -> Held:
     there = _in_key(held, mask)
     if not 1 / MOST_CHANGE < float(there.sum()) / float(held.cover.sum()) < MOST_CHANGE:
         return held
-    if _iou(held.cover, there) >= AGREES:
+    if iou(held.cover > 0.5, there > 0.5) >= AGREES:
         share = np.float32(1.0 / min(held.finds + 1, MOST))
         cover = held.cover + share * (there - held.cover)
         return replace(held, cover=cover, finds=held.finds + 1, refused=0, other=None)
-    stays = held.other is not None and _iou(held.other, there) >= AGREES
+    stays = held.other is not None and iou(held.other > 0.5, there > 0.5) >= AGREES
     refused = held.refused + 1 if stays else 1
     return hold(rgb, mask) if refused >= PATIENCE else replace(held, refused=refused, other=there)
 
@@ -216,8 +208,3 @@ def _box(held: Held) -> tuple[float, float, float, float]:
     left, top = places.min(axis=0)
     right, bottom = places.max(axis=0)
     return float(left), float(top), float(right), float(bottom)
-
-
-def _iou(one: np.ndarray, other: np.ndarray) -> float:
-    one, other = one > 0.5, other > 0.5
-    return float((one & other).sum() / max((one | other).sum(), 1))
