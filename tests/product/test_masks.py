@@ -20,6 +20,7 @@ from anyprobe.masks.overlay import EDGE, draw_overlay
 from anyprobe.masks.parts import fill_holes, label_parts
 from anyprobe.masks.prompts import BOX_LEVEL, check_clicks, draw_prompts
 from anyprobe.masks.quality import DOUBTFUL, Evidence
+from anyprobe.masks.search import Prompts
 from anyprobe.masks.sources import mask_from_file
 from anyprobe.notices import give
 from anyprobe.pictures.images import read_image
@@ -261,10 +262,10 @@ def test_what_speaks_against_a_mask_lowers_what_to_expect(network):
 
 
 def test_doubts_name_what_is_wrong_the_gravest_first():
-    assert good_evidence().doubts() == []
-    assert "something else" in good_evidence(agreed=0.1, expected=0.8).doubts()[0]
-    assert "other things" in good_evidence(whole=0.3).doubts()[0]
-    assert "border" in good_evidence(border=0.4).doubts()[0]
+    assert good_evidence().doubts(Prompts()) == []
+    assert "something else" in good_evidence(agreed=0.1, expected=0.8).doubts(Prompts())[0]
+    assert "other things" in good_evidence(whole=0.3).doubts(Prompts())[0]
+    assert "border" in good_evidence(border=0.4).doubts(Prompts())[0]
 
 
 def test_a_doubtful_mask_comes_with_a_warning_that_says_what_to_do(project_root, monkeypatch):

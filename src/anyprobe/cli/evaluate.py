@@ -149,7 +149,8 @@ def evaluate(
     write_png(out / "pictures.png", np.concatenate(watch.rows).astype(np.float32))
     _print(result["scores"], result["standard_errors"])
     if result["irradiance"] is not None:
-        _print_irradiance(result["irradiance"])
+        values = ", ".join(f"{name} {value:.4f}" for name, value in result["irradiance"].items())
+        Console(highlight=False).print(f"irradiance image: {values}", soft_wrap=True)
     if result["confidence"] is not None:
         _print_confidence(title, result["confidence"], result["confidence_with_hints"])
     console.print(f"{out / 'scores.json'}, {out / 'pictures.png'}")
@@ -281,11 +282,6 @@ def _sheet(title: str, table: dict, group: str, headings: Mapping[str, str]) -> 
         values = (groups[group][name] for name in headings)
         sheet.add_row(method, *("" if value is None else f"{value:.3f}" for value in values))
     return sheet
-
-
-def _print_irradiance(irradiance: dict[str, float]) -> None:
-    values = ", ".join(f"{name} {value:.4f}" for name, value in irradiance.items())
-    Console(highlight=False).print(f"irradiance image: {values}", soft_wrap=True)
 
 
 def _print_confidence(title: str, confidence: dict, hints: dict[str, dict]) -> None:

@@ -55,9 +55,8 @@ class Evidence:
         odds += sum(weight * getattr(self, name) for name, weight in QUALITY[network]["weights"].items())
         return float(1.0 / (1.0 + np.exp(-odds)))
 
-    def doubts(self, prompts: Prompts | None = None) -> list[str]:
+    def doubts(self, prompts: Prompts) -> list[str]:
         """Return what looks wrong, a few words each, the most serious first."""
-        prompts = Prompts() if prompts is None else prompts
         asked = [name for name, given in (("click", prompts.on), ("box", prompts.box)) if given]
         found = [
             (self.agreed - 0.8, "a second look finds something else"),

@@ -38,7 +38,7 @@ from anyprobe.pictures.deep_pixels import (
     sixteen_bits,
     turned_upright,
 )
-from anyprobe.pictures.embedded_color import DisplayPixels, declared_encoding, to_srgb
+from anyprobe.pictures.embedded_color import declared_encoding, to_srgb
 from anyprobe.pictures.gain_map import UNREAD, gain_map_of, misses_gain_map
 from anyprobe.pictures.headers import (
     MAX_PIXELS,
@@ -232,7 +232,7 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
             picture, alpha = _opaque(image.transpose(TURNS[orientation]) if orientation in TURNS else image)
             if isinstance(picture, np.ndarray) and is_white_zero(image):
                 picture = np.iinfo(picture.dtype).max - picture
-        display = DisplayPixels(values=_values(picture)) if as_data else to_srgb(picture, encoding, profile)
+        display = to_srgb(picture, encoding, profile)
         gain_map = None if as_data or display.radiance is not None else gain_map_of(image, stream)
     except Exception as error:  # decoders raise whatever the bad bytes lead them to
         reason = " ".join(str(error).split())[:120] or type(error).__name__
@@ -283,12 +283,6 @@ def _opaque(image: Image.Image) -> tuple[Image.Image | np.ndarray, np.ndarray | 
     if image.mode == "F":
         return np.asarray(image), alpha
     return image if image.mode in ("L", "RGB", "CMYK") else image.convert("RGB"), alpha
-
-
-def _values(picture: Image.Image | np.ndarray) -> np.ndarray:
-    if isinstance(picture, np.ndarray):
-        return picture
-    return np.asarray(picture.convert("RGB") if picture.mode == "CMYK" else picture)
 
 
 def _from_raw(stream: BinaryIO, num_bytes: int, name: str) -> Pixels:

@@ -53,7 +53,7 @@ class MaskFollower:
 
     def __init__(
         self,
-        folders: Mapping[str, Path | None],
+        folders: Mapping[str, Path],
         hints: dict,
         every_frame: Mapping[str, Any],
         surroundings: SurroundingsSource | None = None,
@@ -63,13 +63,12 @@ class MaskFollower:
         hints: of load_photo, for the first frame: clicks and a box. every_frame: of load_photo, for every frame.
         surroundings: of load_photo, for every frame; a panorama is read here, once.
         """
-        given = {kind: folder for kind, folder in folders.items() if folder is not None}
-        for kind, folder in given.items():
+        for kind, folder in folders.items():
             if not folder.is_dir():
                 raise InputError(f"expected a folder with one file for each frame, got {folder}", subject=kind)
-        self._files = {kind: visible_files(folder, HINT_SUFFIXES[kind]) for kind, folder in given.items()}
-        cut = {"near", "far"} & {name for name, value in every_frame.items() if value is not None}
-        self.finds = "mask" not in self._files and not ("depth" in self._files and cut)
+        self._files = {kind: visible_files(folder, HINT_SUFFIXES[kind]) for kind, folder in folders.items()}
+        is_cut = "depth" in self._files and ("near" in every_frame or "far" in every_frame)
+        self.finds = "mask" not in self._files and not is_cut
         if hints and not self.finds:
             ways = (
                 "mask" if "mask" in self._files else "depth",
