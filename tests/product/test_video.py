@@ -8,6 +8,7 @@ import struct
 import subprocess
 import sys
 import time
+from dataclasses import fields, is_dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -28,7 +29,9 @@ from anyprobe.core.response import response
 from anyprobe.errors import InvalidMask
 from anyprobe.estimate.sidecar import FRAME, SCALE
 from anyprobe.light.harmonics import project
+from anyprobe.light.temporal import step
 from anyprobe.maps.radiance import read_radiance
+from anyprobe.match.alignment import HeldMatch, Match
 from anyprobe.notices import Notice, give
 from anyprobe.relight.insert import Arrangement
 from anyprobe.render.shapes import sphere
@@ -36,6 +39,7 @@ from anyprobe.render.spheres import sphere_images
 from anyprobe.video import run as run_module
 from anyprobe.video.clip import clip_size, join_pieces, open_clip, read_frames, write_piece
 from anyprobe.video.following import MaskFollower, inner_point
+from anyprobe.video.held_mask import hold
 from anyprobe.video.run import ClipRun, VirtualObject
 from anyprobe.video.track import Progress, load_progress, save_progress
 
@@ -342,6 +346,39 @@ def test_kept_warnings_stay_notices(tmp_path):
     save_progress(tmp_path, Progress(settings={}, notes=[note]))
     (kept,) = load_progress(tmp_path, {}).notes
     assert kept.as_json() == note.as_json()
+
+
+def parts_of(value, at: str = "") -> dict:
+    """The arrays, as type and bytes, and the plain values of dataclasses in each other, by where they are."""
+    if isinstance(value, np.ndarray):
+        return {at: (value.dtype, value.shape, value.tobytes())}
+    if isinstance(value, tuple):
+        return {at: len(value), **{k: v for i, one in enumerate(value) for k, v in parts_of(one, f"{at}[{i}]").items()}}
+    if is_dataclass(value):
+        found = {at: type(value)}
+        for one in fields(value):
+            found |= parts_of(getattr(value, one.name), f"{at}.{one.name}")
+        return found
+    return {at: (type(value), value)}
+
+
+def test_what_a_run_keeps_is_read_to_the_last_bit(tmp_path):
+    light = None
+    for angle in (0.0, 0.3):
+        light = step(light, turned(made_map(), angle), 0.04)
+    match = Match(
+        index=2, name="room", candidate_from_estimate=rotation_y(0.3), ln_gain=np.float32([0.1, 0.2, 0.3]), distance=0.5
+    )
+    kept = Progress(
+        settings={"at": [3, 4], "scale": 0.5},
+        light=light,
+        last=[1.5, 2.5],
+        held_mask=replace(hold(sphere_frame(made_map()), sphere_mask() / 255), unlike=(0.1, 0.25)),
+        panorama=np.ones((64, 128, 4), np.float32) / 3,
+        held_match=HeldMatch(match=match, features=np.ones((16, 32, 4), np.float32) / 7),
+    )
+    save_progress(tmp_path, kept)
+    assert parts_of(load_progress(tmp_path, kept.settings)) == parts_of(kept)
 
 
 def test_other_settings_are_refused(begin, whole):
