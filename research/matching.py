@@ -33,7 +33,7 @@ from anyprobe.learning.dataset.recipe import balanced_recipes
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.masks.resize import resize
 from anyprobe.match.background import background_of
-from anyprobe.match.likeness import MATCH_ROWS, Places, Shown, best_places, gain_of, light_of, shown_by
+from anyprobe.match.likeness import MATCH_ROWS, Shown, best_places, gain_of, light_of, shown_by
 from anyprobe.render.surface import pixel_rays
 from research.compare.figures import relight_scores
 from research.left_out import load_left_out
@@ -76,17 +76,16 @@ def left_out(data: Path) -> tuple[AssetStore, Library]:
     return store, library_of([*store.maps.values(), *others])
 
 
-def turned_by(places: Places, index: int, pair: Pair) -> tuple[float, float]:
+def turned_by(turn: np.ndarray, pair: Pair) -> tuple[float, float]:
     """How far a map is from where it was, in degrees: all in all, and about the vertical alone."""
-    turn = places.map_from_camera[index]
     angle = np.degrees(np.arccos(np.clip((np.trace(turn @ pair.map_from_camera.T) - 1) / 2, -1, 1)))
     yaws = [np.arctan2(-one[2, 0], one[0, 0]) for one in (turn, pair.map_from_camera)]
     return float(angle), float(np.degrees(np.abs(np.angle(np.exp(1j * (yaws[0] - yaws[1]))))))
 
 
-def placed(shown: Shown, estimate: np.ndarray, library: Library, places: Places, index: int) -> np.ndarray:
+def placed(shown: Shown, estimate: np.ndarray, library: Library, turns: np.ndarray, index: int) -> np.ndarray:
     """A library's map [64, 128, 3] in the photo's frame and exposure."""
-    turn = places.map_from_camera[index]
+    turn = turns[index]
     mean = library.maps[index] / library.levels[index]
     turned = reduced(np.maximum(rotate(mean, turn.T), 0.0), MAP_HEIGHT)
     return (turned * gain_of(shown, estimate, library.lights[index], turn)).astype(np.float32)
@@ -114,14 +113,14 @@ def judged(store: AssetStore, library: Library, photos: int, conditions: int) ->
         pitch = float(np.degrees(np.arcsin(np.clip(pair.map_from_camera[1, 2], -1, 1))))
         cases = ((None, shown, found), (pitch, shown, found), (None, shown_whole, whole))
         for name, (given, seen, light) in zip(CASES, cases, strict=True):
-            places = best_places(seen, library.lights, given)
-            angle, yaw = turned_by(places, index, pair)
-            first = placed(seen, light.radiance, library, places, int(places.misfit.argmin()))
-            others = np.where(np.arange(len(library.maps)) == index, np.inf, places.misfit)
-            other, own = (placed(seen, light.radiance, library, places, i) for i in (int(others.argmin()), index))
+            turns, misfits = best_places(seen, library.lights, given)
+            angle, yaw = turned_by(turns[index], pair)
+            first = placed(seen, light.radiance, library, turns, int(misfits.argmin()))
+            others = np.where(np.arange(len(library.maps)) == index, np.inf, misfits)
+            other, own = (placed(seen, light.radiance, library, turns, i) for i in (int(others.argmin()), index))
             maps = [pair.radiance, light.radiance, first, own, other]
             scores = [one["relight_rmse"] for one in relight_scores(maps)]
-            rank = int((places.misfit < places.misfit[index]).sum())
+            rank = int((misfits < misfits[index]).sum())
             row[name] = {"rank": rank, "deg": angle, "yaw": yaw, "vase": dict(zip(VASES, scores, strict=True))}
         yield row
 
