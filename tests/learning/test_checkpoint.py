@@ -11,10 +11,10 @@ pytest.importorskip("onnx", reason="needs the train extra")
 pytest.importorskip("tensorboard", reason="needs the train extra")
 
 from anyprobe.errors import ModelError  # noqa: E402
-from anyprobe.learning.train.checkpoint import load_weights, save_init_weights  # noqa: E402
+from anyprobe.learning.train.checkpoint import load_weights, save_checkpoint, save_init_weights  # noqa: E402
 from anyprobe.learning.train.config import normals, smoke  # noqa: E402
 from anyprobe.learning.train.export_onnx import export_graphs  # noqa: E402
-from anyprobe.learning.train.loop import load_nets, make_learner, save_checkpoint, train  # noqa: E402
+from anyprobe.learning.train.loop import load_nets, make_learner, train  # noqa: E402
 
 CONFIG = smoke(normals())
 
@@ -23,7 +23,9 @@ def write_run(runs, config=CONFIG):
     """A run of five steps that has learned nothing."""
     nets = make_learner(config, "cpu").nets
     path = runs / config.name / "checkpoint.pt"
-    save_checkpoint(path, nets, config, torch.optim.AdamW(nets.parameters()), 5, 20)
+    optimizer = torch.optim.AdamW(nets.parameters())
+    state = {"nets": nets.state_dict(), "optimizer": optimizer.state_dict(), "pairs": 20}
+    save_checkpoint(path, config, 5, {}, state)
     return path
 
 

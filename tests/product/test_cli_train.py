@@ -10,8 +10,9 @@ pytest.importorskip("onnx", reason="needs the train extra")
 pytest.importorskip("tensorboard", reason="needs the train extra")
 
 from anyprobe.learning.train import loop  # noqa: E402
+from anyprobe.learning.train.checkpoint import save_checkpoint  # noqa: E402
 from anyprobe.learning.train.config import RUNS, smoke  # noqa: E402
-from anyprobe.learning.train.loop import make_learner, save_checkpoint  # noqa: E402
+from anyprobe.learning.train.loop import make_learner  # noqa: E402
 
 TEST_ASSETS = ("--hdri", "h", "--meshes", "m")
 
@@ -47,7 +48,9 @@ def write_run(work, name):
     config = smoke(RUNS[name](), 3)
     nets = make_learner(config, "cpu").nets
     path = work / "runs" / name / "checkpoint.pt"
-    save_checkpoint(path, nets, config, torch.optim.AdamW(nets.parameters()), 3, 12)
+    optimizer = torch.optim.AdamW(nets.parameters())
+    state = {"nets": nets.state_dict(), "optimizer": optimizer.state_dict(), "pairs": 12}
+    save_checkpoint(path, config, 3, {}, state)
     return path
 
 

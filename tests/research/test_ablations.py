@@ -12,8 +12,9 @@ pytest.importorskip("torch", reason="needs the train extra")
 import torch
 
 from anyprobe.errors import InputError
+from anyprobe.learning.train.checkpoint import save_checkpoint
 from anyprobe.learning.train.config import smoke
-from anyprobe.learning.train.loop import load_nets, make_learner, save_checkpoint
+from anyprobe.learning.train.loop import load_nets, make_learner
 from research import ablations
 from research.ablations import ABLATIONS, OTHER_MODEL, lift_trial, network_method, score
 
@@ -55,7 +56,9 @@ def runs(tmp_path):
         nets = make_learner(config, "cpu").nets
         folder = tmp_path / name
         folder.mkdir()
-        save_checkpoint(folder / "checkpoint.pt", nets, config, torch.optim.AdamW(nets.parameters()), 7, 28)
+        optimizer = torch.optim.AdamW(nets.parameters())
+        state = {"nets": nets.state_dict(), "optimizer": optimizer.state_dict(), "pairs": 28}
+        save_checkpoint(folder / "checkpoint.pt", config, 7, {}, state)
     return tmp_path
 
 

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import time
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import torch
 from torch.nn import functional as F
 
-from anyprobe.files.atomic import atomic_path
 from anyprobe.learning.dataset.asset_store import AssetStore
 from anyprobe.learning.dataset.lighting import Illuminator
 from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces
@@ -21,7 +18,14 @@ from anyprobe.learning.mask_network.examples import MaskBatch, SceneConfig, Scen
 from anyprobe.learning.mask_network.foregrounds import TexturePool, ViewSource
 from anyprobe.learning.mask_network.mask_net import MaskNet
 from anyprobe.learning.nets.blocks import autocast
-from anyprobe.learning.train.checkpoint import agreed, load_init_weights, load_weights, read_checkpoint, resumed
+from anyprobe.learning.train.checkpoint import (
+    agreed,
+    load_init_weights,
+    load_weights,
+    read_checkpoint,
+    resumed,
+    save_checkpoint,
+)
 from anyprobe.learning.train.config import LightConfig
 from anyprobe.learning.train.dataloader import load_assets, make_maps, name_assets
 from anyprobe.learning.train.logger import RunLogger, run_folder
@@ -132,8 +136,7 @@ def train_mask(
         origin = agreed(path, origin, {"assets": name_assets(store)})
         scenes = make_scenes(config, store, runs / "cache")
         del store  # hundreds of maps, of which the scenes keep what they need
-    learner = SimpleNamespace(columns=("loss", "iou"), nets=net)
-    logger = RunLogger(folder, config.name, learner, first, last, config.steps)
+    logger = RunLogger(folder, config.name, ("loss", "iou"), first, last, config.steps)
     saved, examples_per_step = time.monotonic(), config.scenes.batch * config.scenes.prompts
     with logger:
         for step in range(first, last):
@@ -147,18 +150,8 @@ def train_mask(
             move_mean(mean, net, min(config.averaged, (step + 1) / (step + 20)))
             logger.note(step + 1, (step + 1) * examples_per_step, examples_per_step, figures, rate)
             if time.monotonic() - saved > CHECKPOINT_SECONDS or step + 1 == last:
-                with atomic_path(path) as temporary:
-                    torch.save(
-                        {
-                            "net": mean.state_dict(),
-                            "moving": net.state_dict(),
-                            "optimizer": optimizer.state_dict(),
-                            "step": step + 1,
-                            "config": json.dumps(dataclasses.asdict(config)),
-                            "origin": origin,
-                        },
-                        temporary,
-                    )
+                state = {"net": mean.state_dict(), "moving": net.state_dict(), "optimizer": optimizer.state_dict()}
+                save_checkpoint(path, config, step + 1, origin, state)
                 saved = time.monotonic()
     return path
 

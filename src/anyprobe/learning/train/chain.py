@@ -21,7 +21,7 @@ from anyprobe.learning.nets.blocks import autocast
 from anyprobe.learning.nets.light_net import LightNet, display
 from anyprobe.learning.nets.paper import NETS, IlluminationNet
 from anyprobe.learning.train.config import RunConfig
-from anyprobe.learning.train.lift import irradiance_loss, normals_loss
+from anyprobe.learning.train.lift import Learner, irradiance_loss, normals_loss
 from anyprobe.learning.train.map_losses import Sent, clipped_where_white, shown_losses
 from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.reconstruct import blend_weight, reconstruct
@@ -81,15 +81,10 @@ def brightest_loss(shown: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
     return loss
 
 
-class _Stages:
-    """Networks of the chain; float32 weights, the arithmetic of nets.blocks.autocast."""
+class _Stages(Learner):
+    """Networks of the chain."""
 
     stages: tuple[str, ...]
-
-    def __init__(self, config: RunConfig, device: str) -> None:
-        self.config, self.device = config, device
-        self.nets = self.networks()
-        self.nets.to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     @classmethod
     def networks(cls) -> nn.ModuleDict:

@@ -112,6 +112,16 @@ def _another_run(path: Path, name: str, old: Any, current: Any) -> InputError:
     )
 
 
+def save_checkpoint(path: Path, config: Any, step: int, origin: Mapping[str, Any], state: Mapping[str, Any]) -> None:
+    """Save everything that the next step depends on; what is drawn depends on the step's number alone.
+
+    state: weights, of the networks and of the optimizer, and numbers, by name.
+    """
+    about = {"step": step, "config": json.dumps(asdict(config)), "origin": dict(origin)}
+    with atomic_path(path) as temporary:
+        torch.save({**state, **about}, temporary)
+
+
 def read_checkpoint(path: Path, device: str = "cpu", holds: str = "nets") -> dict[str, Any]:
     """Read what save_checkpoint wrote: weights, step, the configuration in JSON, and what else there is.
 

@@ -8,7 +8,6 @@ import sys
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -43,42 +42,38 @@ class _Steps(Dataset):
 
 
 def stream(open_source: Callable[[], PairSource], steps: range, workers: int) -> Iterator[Batch]:
-    """Return the batches of these steps, of pairs or of views of maps.
+    """Return the batches of these steps, made by worker processes.
 
     Workers share nothing but the step's number; up to PairConfig.lanes of them shade nothing twice.
 
     Args:
         open_source: picklable; gives the source, on the CPU.
-        workers: processes of one thread each; 0 makes the batches here, on this process's threads.
+        workers: processes of one thread each, one or more.
     """
-    source_batches = _Steps(open_source, steps)
-    if workers == 0:
-        return (source_batches[index] for index in range(len(source_batches)))
     batches = DataLoader(
-        source_batches,
+        _Steps(open_source, steps),
         batch_size=None,
         num_workers=workers,
         prefetch_factor=AHEAD,
         multiprocessing_context="spawn",
-        collate_fn=_as_it_is,
     )
     with one_thread():
         return iter(batches)
 
 
-def _as_it_is(batch: Any) -> Any:
-    return batch
-
-
-def make_pairs(config: RunConfig, data: Path | None, cache: Path, device: str, compiled: bool = True) -> PairSource:
+def make_pairs(
+    config: RunConfig,
+    data: Path | None,
+    cache: Path,
+    device: str,
+    compiled: bool = True,
+    store: AssetStore | None = None,
+) -> PairSource:
     """Open the endless pairs of a run, over real assets of data/{hdri,meshes} if given, and procedural ones.
 
-    Files that cannot be used are listed on stderr.
+    Files that cannot be used are listed on stderr. store: of load_assets, if it is at hand.
     """
-    return _pairs(config, load_assets(config.light, data), cache, device, compiled)
-
-
-def _pairs(config: RunConfig, store: AssetStore, cache: Path, device: str, compiled: bool) -> PairSource:
+    store = store or load_assets(config.light, data)
     maps = make_maps(config.light, store)
     return PairSource(Illuminator(maps, device, compiled), _surfaces(config, store, cache), config.pairs)
 
@@ -142,7 +137,7 @@ def open_batches(
     store: of load_assets; the others read their own from data.
     """
     if workers == 0:
-        return map(_pairs(config, store, cache, device, compiled).batch, steps)
+        return map(make_pairs(config, data, cache, device, compiled, store).batch, steps)
     _surfaces(config, store, cache, workers)  # once, before all of them ask for it
     batches = stream(partial(make_pairs, config, data, cache, "cpu", compiled), steps, workers)
     return (batch.to(device) for batch in batches)

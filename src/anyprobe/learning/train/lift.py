@@ -13,6 +13,7 @@ from anyprobe.learning.dataset.pair_source import Batch
 from anyprobe.learning.evaluate.calibration import CLOSE
 from anyprobe.learning.nets.blocks import autocast
 from anyprobe.learning.nets.emitter_head import POWER_FLOOR
+from anyprobe.learning.nets.lifting import given_or_estimated
 from anyprobe.learning.nets.light_net import LightNet, LightPrediction, display
 from anyprobe.learning.train.map_losses import Sent, clipped_where_white, shown_losses
 
@@ -38,20 +39,34 @@ def irradiance_loss(estimate: torch.Tensor, target: torch.Tensor, mask: torch.Te
     return (((estimate - target) ** 2).mean(dim=(1, 2, 3)) / share).mean()
 
 
-class Normals:
-    """Loss of NormalsNet, from the photo alone; float32 weights, the arithmetic of nets.blocks.autocast."""
+class Learner:
+    """Networks with float32 weights that learn with the arithmetic of nets.blocks.autocast.
 
-    columns = ("normals",)
+    A subclass has `columns`, the names of its losses, and `losses`; `pictures`, from a batch to display values
+    [N, 3, H, W] from left to right, if checkpoints are to show them.
+    """
 
-    def __init__(self, config: object, device: str) -> None:
-        self.device = device
+    columns: tuple[str, ...]
+
+    def __init__(self, config: Any, device: str) -> None:
+        self.config, self.device = config, device
         self.nets = self.networks()
         self.nets.to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
-    @staticmethod
-    def networks() -> nn.ModuleDict:
-        """Build the untrained network."""
+    @classmethod
+    def networks(cls) -> nn.ModuleDict:
+        """Build the untrained networks."""
         return nn.ModuleDict({"light": LightNet()})
+
+    def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
+        """Compute the losses by name; progress: the share of the run done, [0, 1)."""
+        raise NotImplementedError
+
+
+class Normals(Learner):
+    """Loss of NormalsNet, from the photo alone."""
+
+    columns = ("normals",)
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
         """Compute the loss; progress has no effect."""
@@ -97,25 +112,16 @@ class LiftConfig:
 def given_normals(batch: Batch) -> torch.Tensor:
     """Return the normals given with the photos [N, 3, 64, 64], with their errors; zero where none are."""
     turned = torch.einsum("nij,njhw->nihw", batch.given_normals_rotation, F.avg_pool2d(batch.normals, 2))
-    length = turned.square().sum(dim=1, keepdim=True).sqrt()
-    return torch.where(length > 0.5, turned / length.clamp(min=0.5), 0.0)
+    return given_or_estimated(turned, torch.zeros_like(turned))[0]
 
 
-class Lift:
-    """Losses of LightNet; float32 weights, the arithmetic of nets.blocks.autocast."""
+class Lift(Learner):
+    """Losses of LightNet."""
 
     def __init__(self, config: LiftConfig, device: str) -> None:
-        self.config, self.device = config, device
-        weighed = (field.name for field in fields(config) if field.type == "float")
-        self.columns = tuple(name for name in weighed if getattr(config, name) > 0)
-        self.nets = self.networks()
-        self.nets.to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        super().__init__(config, device)
+        self.columns = tuple(one.name for one in fields(config) if getattr(config, one.name) > 0)
         self._sent = Sent(device)
-
-    @staticmethod
-    def networks() -> nn.ModuleDict:
-        """Build the untrained network."""
-        return nn.ModuleDict({"light": LightNet()})
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
         """Compute every loss, weighted."""

@@ -7,13 +7,12 @@ import sys
 import time
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from torch import nn
 from torch.nn import functional as F
 
 from anyprobe.core.color import to_bytes
@@ -25,27 +24,6 @@ LOG_STEPS = 25
 """Number of steps that a row of log.csv averages."""
 PICTURED = 4
 """Number of pairs in pictures, the first of the run's first batch."""
-
-
-class Learner(Protocol):
-    """Networks and their losses by name, which columns lists."""
-
-    @property
-    def columns(self) -> tuple[str, ...]: ...
-
-    @property
-    def nets(self) -> nn.ModuleDict: ...
-
-    def losses(self, batch: Any, progress: float) -> dict[str, torch.Tensor]: ...
-
-
-@runtime_checkable
-class Pictured(Learner, Protocol):
-    """Learner that draws pictures at each checkpoint."""
-
-    def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
-        """Return display values [N, 3, H, W], from left to right."""
-        ...
 
 
 def run_folder(runs: Path, name: str) -> Path:
@@ -61,9 +39,15 @@ def run_folder(runs: Path, name: str) -> Path:
 class RunLogger:
     """Context that logs a run: call `see` and `note` every step, `draw` at every checkpoint."""
 
-    def __init__(self, folder: Path, name: str, learner: Learner, first: int, last: int, total: int) -> None:
-        """Continue at step `first` of a run of `total` steps, to stop at `last`."""
-        self.columns, self.last, self._learner = learner.columns, last, learner
+    def __init__(
+        self, folder: Path, name: str, columns: tuple[str, ...], first: int, last: int, total: int, learner: Any = None
+    ) -> None:
+        """Continue at step `first` of a run of `total` steps, to stop at `last`.
+
+        learner: if it has a method `pictures` (train.lift), checkpoints are drawn by it.
+        """
+        self.columns, self.last = columns, last
+        self._learner = learner if hasattr(learner, "pictures") else None
         self._folder, self._first, self._total = folder, first, total
         shown = (
             TextColumn(name),
@@ -119,7 +103,7 @@ class RunLogger:
 
         If the folder has none, the first batch at hand serves.
         """
-        if self._pairs is not None or not isinstance(self._learner, Pictured):
+        if self._pairs is not None or self._learner is None:
             return
         path = self._folder / "pictures.pt"
         self._pairs = _read_pairs(path, batch) if self._first > 0 else None
@@ -133,7 +117,7 @@ class RunLogger:
 
         Nothing that the next step depends on changes: no statistics, no random numbers.
         """
-        if self._pairs is None or not isinstance(self._learner, Pictured):
+        if self._pairs is None or self._learner is None:
             return
         self._learner.nets.eval()
         with torch.no_grad():
@@ -160,12 +144,10 @@ def _parts(batch: Batch) -> list[tuple[str, torch.Tensor]]:
 
 def _read_pairs(path: Path, like: Batch) -> Batch | None:
     """Read the pairs that `see` kept to the device of `like`; None if absent, damaged or of another release."""
-    if not path.is_file():
-        return None
     try:
         stored = torch.load(path, map_location=like.photo.device, weights_only=True)
         return Batch(**stored)
-    except Exception:  # torch raises many kinds for a damaged file
+    except Exception:  # torch raises many kinds for an absent or a damaged file
         return None
 
 

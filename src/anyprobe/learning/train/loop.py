@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import os
 import time
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import reduce
@@ -19,7 +18,6 @@ import torch.distributed as dist
 from torch import nn
 
 from anyprobe.errors import InputError, ModelError
-from anyprobe.files.atomic import atomic_path
 from anyprobe.learning.dataset.pair_source import Batch, PairSource
 from anyprobe.learning.nets.light_net import LightNet
 from anyprobe.learning.train.chain import Chain, Irradiance
@@ -30,11 +28,12 @@ from anyprobe.learning.train.checkpoint import (
     load_weights,
     read_checkpoint,
     resumed,
+    save_checkpoint,
 )
 from anyprobe.learning.train.config import RunConfig
 from anyprobe.learning.train.dataloader import load_assets, name_assets, open_batches
-from anyprobe.learning.train.lift import Lift, Normals
-from anyprobe.learning.train.logger import Learner, RunLogger, run_folder
+from anyprobe.learning.train.lift import Learner, Lift, Normals
+from anyprobe.learning.train.logger import RunLogger, run_folder
 
 CHECKPOINT_SECONDS = 120.0
 
@@ -45,25 +44,16 @@ def learning_rate(config: Any, step: int) -> float:
     return config.learning_rate * min(1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0))
 
 
-LEARNERS: dict[str, type[Irradiance | Chain | Lift | Normals]] = {
-    "irradiance": Irradiance,
-    "paper": Chain,
-    "lift": Lift,
-    "normals": Normals,
-}
+LEARNERS: dict[str, type[Learner]] = {"irradiance": Irradiance, "paper": Chain, "lift": Lift, "normals": Normals}
 
 
-def make_learner(
-    config: RunConfig, device: str, teacher: Path | None = None, compiled: bool = False
-) -> Irradiance | Chain | Lift | Normals:
+def make_learner(config: RunConfig, device: str, teacher: Path | None = None, compiled: bool = False) -> Learner:
     """Build a run's learner: its networks and their losses by name.
 
     teacher: weights of `lift`, of which the chain learns; compiled is of it alone.
     """
     kind = LEARNERS[config.model]
-    if issubclass(kind, Lift):
-        return kind(config.lift, device)
-    learner = kind(config, device)
+    learner = kind(config.lift if kind is Lift else config, device)
     if isinstance(learner, Chain) and teacher is not None:
         networks = Lift.networks()
         load_init_weights(networks, teacher)
@@ -87,33 +77,6 @@ def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
 def pairs_seen(stored: dict) -> int:
     """Return the number of pairs that a checkpoint has learned from."""
     return stored.get("pairs", stored["step"] * json.loads(stored["config"])["pairs"]["batch"])
-
-
-def save_checkpoint(
-    path: Path,
-    nets: torch.nn.ModuleDict,
-    config: RunConfig,
-    optimizer: torch.optim.Optimizer,
-    step: int,
-    pairs: int,
-    origin: Mapping[str, Any] | None = None,
-) -> None:
-    """Save everything that the next step depends on; pairs depend on the step's number alone.
-
-    origin: of train.checkpoint, as far as it is known.
-    """
-    with atomic_path(path) as temporary:
-        torch.save(
-            {
-                "nets": nets.state_dict(),
-                "optimizer": optimizer.state_dict(),
-                "step": step,
-                "pairs": pairs,
-                "config": json.dumps(dataclasses.asdict(config)),
-                "origin": dict(origin or {}),
-            },
-            temporary,
-        )
 
 
 def train(
@@ -156,7 +119,7 @@ def train(
     path = runs / config.name / "checkpoint.pt"
     if workers > 0:
         config = replace(config, pairs=replace(config.pairs, lanes=workers * processes.size))
-    learner: Learner = make_learner(config, device, teacher, compiled)
+    learner = make_learner(config, device, teacher, compiled)
     nets = learner.nets
     optimizer = torch.optim.AdamW(
         [p for p in nets.parameters() if p.requires_grad],
@@ -188,7 +151,7 @@ def train(
         origin = agreed(path, origin, {"assets": name_assets(store)})
         batches = open_batches(config, store, data, runs / "cache", device, compiled, steps, workers)
         del store  # hundreds of maps, of which the batches keep what they need
-    logger = RunLogger(folder, config.name, learner, first, last, config.steps)
+    logger = RunLogger(folder, config.name, learner.columns, first, last, config.steps, learner)
     saved, pairs_per_step = time.monotonic(), config.pairs.batch * processes.size
     with logger if processes.is_first else nullcontext():
         for step, batch in enumerate(batches, start=first):
@@ -209,7 +172,8 @@ def train(
             if due or step + 1 == last:
                 processes.average_statistics(nets)
                 if processes.is_first:
-                    save_checkpoint(path, nets, config, optimizer, step + 1, num_pairs, origin)
+                    state = {"nets": nets.state_dict(), "optimizer": optimizer.state_dict(), "pairs": num_pairs}
+                    save_checkpoint(path, config, step + 1, origin, state)
                     logger.draw(step + 1)
                 saved = time.monotonic()
     processes.leave()
@@ -240,7 +204,7 @@ class ProcessGroup:
             )
         if kind == "cuda" and not torch.cuda.is_available():
             raise InputError("no GPU that torch can use; use cpu", subject="device", source="cuda")
-        self.rank, self.size = (int(os.environ.get(name, default)) for name, default in SINGLE.items())
+        self.rank, self.size = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
         own = kind == "cuda" and self.size > 1
         self.device = f"cuda:{os.environ.get('LOCAL_RANK', '0')}" if own else kind
         if self.size > 1 and not dist.is_initialized():
@@ -277,9 +241,6 @@ class ProcessGroup:
         """Leave the group at the end."""
         if self.size > 1:
             dist.destroy_process_group()
-
-
-SINGLE = {"RANK": "0", "WORLD_SIZE": "1"}
 
 
 @torch.no_grad()

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import time
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass, fields
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import torch
 
-from anyprobe.files.atomic import atomic_path
 from anyprobe.learning.nets.light_net import display
 from anyprobe.learning.nets.whole_net import WholePrediction
 from anyprobe.learning.train.checkpoint import (
@@ -25,6 +22,7 @@ from anyprobe.learning.train.checkpoint import (
     read_checkpoint,
     read_init_weights,
     resumed,
+    save_checkpoint,
 )
 from anyprobe.learning.train.logger import RunLogger, run_folder
 from anyprobe.learning.train.loop import CHECKPOINT_SECONDS, learning_rate, move_mean
@@ -171,8 +169,7 @@ def train_whole(
     data = Pairs(pairs, config.pairs, device)
     kept = None if left_out is None else Pairs(left_out, device=device)
     origin = {**origin, "assets": data.identity} if config.growing else agreed(path, origin, {"assets": data.identity})
-    columns = SimpleNamespace(columns=(*losses.weights, "loss"), nets=net)
-    logger = RunLogger(folder, config.name, columns, first, last, config.steps)
+    logger = RunLogger(folder, config.name, (*losses.weights, "loss"), first, last, config.steps)
     saved = time.monotonic()
     with logger:
         for step in range(first, last):
@@ -199,10 +196,8 @@ def train_whole(
                 with (folder / "left_out.jsonl").open("a", encoding="utf-8") as stream:
                     stream.write(json.dumps({"step": step + 1, **score_left_out(mean, kept)}) + "\n")
             if time.monotonic() - saved > CHECKPOINT_SECONDS or step + 1 == last:
-                words = {"step": step + 1, "config": json.dumps(dataclasses.asdict(config)), "origin": origin}
-                weights = {"net": mean.state_dict(), "moving": net.state_dict(), "optimizer": optimizer.state_dict()}
-                with atomic_path(path) as temporary:
-                    torch.save({**weights, **words}, temporary)
+                state = {"net": mean.state_dict(), "moving": net.state_dict(), "optimizer": optimizer.state_dict()}
+                save_checkpoint(path, config, step + 1, origin, state)
                 saved = time.monotonic()
     return path
 
