@@ -17,7 +17,6 @@ from anyprobe.learning.dataset.lighting import (
     move_dominant_light,
     split_light_cap,
     turn,
-    white_balance,
 )
 from anyprobe.learning.dataset.sky import (
     REC709_FROM_XYZ,
@@ -413,12 +412,6 @@ def test_lamp_adds_its_power_where_it_is(radius_deg):
     centroid = np.einsum("hwc,h,hwd->d", added, pixel_solid_angles(64)[:, 0], pixel_directions(64))
     assert angle_deg(centroid / np.linalg.norm(centroid), direction) < 1.0
     assert added.min() >= 0
-
-
-def test_white_balance_scales_channels(maps):
-    np.testing.assert_allclose(
-        integral(white_balance(maps[0], [1.2, 1.0, 0.5])), integral(maps[0]) * [1.2, 1.0, 0.5], rtol=1e-4
-    )
 
 
 def test_dominant_light_comes_apart_from_its_room():

@@ -58,11 +58,6 @@ def add_lamp(
     return radiance + cap * (np.asarray(power) / total)
 
 
-def white_balance(radiance: np.ndarray, gains: np.ndarray) -> np.ndarray:
-    """Multiply each channel by its gain [3]."""
-    return radiance * np.asarray(gains)
-
-
 def split_light_cap(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Return the map without its dominant light, that light alone, and its direction [3]; their sum is the map.
 
@@ -138,7 +133,7 @@ def draw_variant(rng: np.random.Generator, maps: list[np.ndarray]) -> np.ndarray
             power = mean * np.exp(rng.uniform(np.log(0.05), np.log(1.0))) * tint(rng, 0.25)
             radiance = add_lamp(radiance, anywhere(), radius, power, rng.uniform(0.1, 1.5))
     if steps[3]:
-        radiance = white_balance(radiance, tint(rng, 0.15))
+        radiance = radiance * tint(rng, 0.15)
     return normalize_map(np.maximum(radiance, 0.0))
 
 

@@ -170,14 +170,10 @@ def _test_set(
                 material=material(k, rng),
                 view=int(rng.integers(VIEWPOINTS)),
                 conditions=conditions,
-                seed=_seed(seed, k),
+                seed=int.from_bytes(hashlib.sha256(f"{seed} {k}".encode()).digest()[:8], "big"),
             )
         )
     return recipes
-
-
-def _seed(seed: int, index: int) -> int:
-    return int.from_bytes(hashlib.sha256(f"{seed} {index}".encode()).digest()[:8], "big")
 
 
 def read_recipes(path: str | os.PathLike[str]) -> list[Recipe]:

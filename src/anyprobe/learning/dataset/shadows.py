@@ -11,19 +11,28 @@ CELL_SHARPNESS = 25.0
 """Sharpness of a spherical Gaussian as wide as a cell, the largest that a lobe is given."""
 
 
-def moved(hidden: torch.Tensor, old_from_new: torch.Tensor, offset: torch.Tensor) -> torch.Tensor:
-    """Move the cells [B, AZIMUTHS, S, S] of pictures along with their points, as in dataset.shape_augment.Reshaping.
-
-    Azimuths turn with the picture, to the nearest; that it is drawn out or gets deeper is left out.
+def places(
+    size: int, old_from_new: torch.Tensor, offset: torch.Tensor
+) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Return where pixels are, [S, S, 2], where each was, [B, S, S, 2], and that as grid_sample has it, y down.
 
     Args:
         old_from_new: [B, 2, 2], offset: [B, 2], in halves of the picture, x right, y up.
     """
-    size = hidden.shape[-1]
-    across = (torch.arange(size, dtype=torch.float32) + 0.5) / size * 2 - 1
+    across = (torch.arange(size, device=offset.device, dtype=torch.float32) + 0.5) / size * 2 - 1
     up, right = torch.meshgrid(-across, across, indexing="ij")
-    old = torch.einsum("bij,hwj->bhwi", old_from_new, torch.stack([right, up], dim=-1))
-    grid = (old + offset[:, None, None]) * old.new_tensor([1.0, -1.0])
+    new = torch.stack([right, up], dim=-1)
+    old = torch.einsum("bij,hwj->bhwi", old_from_new, new) + offset[:, None, None]
+    return new, old, old * old.new_tensor([1.0, -1.0])
+
+
+def moved(hidden: torch.Tensor, old_from_new: torch.Tensor, offset: torch.Tensor) -> torch.Tensor:
+    """Move the cells [B, AZIMUTHS, S, S] of pictures along with their points, as in dataset.shape_augment.Reshaping.
+
+    Azimuths turn with the picture, to the nearest; that it is drawn out or gets deeper is left out. old_from_new,
+    offset: of `places`.
+    """
+    grid = places(hidden.shape[-1], old_from_new, offset)[2]
     there = F.grid_sample(hidden.float(), grid.to(hidden.device), mode="nearest", align_corners=False)
     turn = torch.atan2(old_from_new[:, 0, 1] - old_from_new[:, 1, 0], old_from_new[:, 0, 0] + old_from_new[:, 1, 1])
     steps = torch.round(turn * AZIMUTHS / (2 * torch.pi)).long().tolist()

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 
-from anyprobe.learning.dataset.shadows import moved
+from anyprobe.learning.dataset.shadows import moved, places
 
 UPRIGHT_DEG = 15.0
 """Standard deviation of the roll of half of the pictures [degrees]; the others are rolled by any angle."""
@@ -156,13 +156,8 @@ def reshape(
 
     tan_half: [B] of half the field of view; new_tan_half: that of the result, by default the same.
     """
-    device, size = normals.device, normals.shape[-1]
-    across = (torch.arange(size, device=device, dtype=torch.float32) + 0.5) / size * 2 - 1
-    up, right = torch.meshgrid(-across, across, indexing="ij")
-    new = torch.stack([right, up], dim=-1)  # [S, S, 2]
-    old = torch.einsum("bij,hwj->bhwi", reshaping.old_from_new.to(device), new)
-    old = old + reshaping.offset.to(device)[:, None, None]
-    grid = old * old.new_tensor([1.0, -1.0])  # where grid_sample's y goes down
+    device = normals.device
+    new, old, grid = places(normals.shape[-1], reshaping.old_from_new.to(device), reshaping.offset.to(device))
     n = F.grid_sample(normals, grid, padding_mode="zeros", align_corners=False)
     inside = n.square().sum(dim=1, keepdim=True) > 0.25
     n = n.movedim(1, -1)

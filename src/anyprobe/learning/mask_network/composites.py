@@ -60,7 +60,7 @@ def draw_scene(rng: np.random.Generator, view: LitView, textures: TexturePool, s
 
     count = 0 if rng.random() < EMPTY_SHARE else int(rng.choice([1, 2, 3, 4], p=[0.5, 0.28, 0.15, 0.07]))
     places = [_place(rng, index, bounds, size) for index in range(count)]
-    places.sort(key=lambda place: place.base)  # nearer objects stand lower in the picture
+    places.sort(key=lambda place: place.y + place.half)  # nearer objects stand lower in the picture
     order = rng.permutation(len(view.foregrounds))[:count]
     covers: list[torch.Tensor] = []
     for place, number in zip(places, order, strict=True):
@@ -98,15 +98,13 @@ def draw_scene(rng: np.random.Generator, view: LitView, textures: TexturePool, s
 class _Place:
     """Placement of a foreground in the photo.
 
-    centre and half size of a foreground's window in the photo's (-1, 1); flipped left to right or not;
-    base: y of its lower edge.
+    centre and half size of a foreground's window in the photo's (-1, 1), y down; flipped left to right or not.
     """
 
     x: float
     y: float
     half: float
     flipped: bool
-    base: float
 
 
 def _draw_bounds(rng: np.random.Generator, size: int) -> tuple[int, int, int, int]:
@@ -129,7 +127,7 @@ def _place(rng: np.random.Generator, index: int, bounds: tuple[int, int, int, in
     room_x, room_y = max(wide - beyond * half, 0.05), max(tall - beyond * half, 0.05)
     x = float(np.clip(rng.normal(0, spread), -1, 1)) * room_x
     y = float(np.clip(rng.normal(0.1, spread), -1, 1)) * room_y
-    return _Place(x=x, y=y, half=half, flipped=rng.random() < 0.5, base=y + half)
+    return _Place(x=x, y=y, half=half, flipped=rng.random() < 0.5)
 
 
 def _warp(foreground: torch.Tensor, place: _Place, window: PhotoGrid) -> torch.Tensor:

@@ -39,6 +39,11 @@ def conv(inputs: int, outputs: int, *, stride: int = 1) -> nn.Sequential:
     )
 
 
+def two_layers(inputs: int, outputs: int, between: int = 64) -> nn.Sequential:
+    """Build two linear layers with leaky ReLU between them, [N, inputs] -> [N, outputs]."""
+    return nn.Sequential(nn.Linear(inputs, between), nn.LeakyReLU(0.1), nn.Linear(between, outputs))
+
+
 class FoldedConv(nn.Sequential):
     """`conv` of a picture [N, channels, 2H, 2W] whose pixels are folded into channels, 2 x 2 at a time, and of what is
     beside them, [N, beside, H, W] -> [N, outputs, H, W].

@@ -6,7 +6,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from anyprobe.learning.nets.blocks import conv
+from anyprobe.learning.nets.blocks import conv, two_layers
 
 SIZE = 96
 """Side of the context picture, twice as wide as the crop."""
@@ -33,7 +33,7 @@ class ContextNet(nn.Module):
         side = SIZE // 2 >> len(pairs)
         flat = widths[-1] * side * side
         self.code = nn.Sequential(nn.Flatten(), nn.Dropout(DROPPED), nn.Linear(flat, CODE), nn.LeakyReLU(0.1))
-        self.posture = nn.Sequential(nn.Linear(CODE, 64), nn.LeakyReLU(0.1), nn.Linear(64, len(POSTURE)))
+        self.posture = two_layers(CODE, len(POSTURE))
 
     def forward(self, context: torch.Tensor, tan_half: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         present = (context[:, 4:].amax(dim=(2, 3)) > 0).float()  # [N, 1]

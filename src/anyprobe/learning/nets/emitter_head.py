@@ -15,7 +15,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.learning.nets.blocks import wrap
+from anyprobe.learning.nets.blocks import two_layers, wrap
 from anyprobe.light.environment import MAP_HEIGHT
 
 POWER_FLOOR = 0.1
@@ -43,6 +43,15 @@ def worth_matrix() -> torch.Tensor:
     return torch.from_numpy(np.exp(-np.hypot(angles, ROUND_DEG) / REACH_DEG).astype(np.float32))
 
 
+def likelihood(logit: torch.Tensor) -> torch.Tensor:
+    """Return each direction's likelihood in shares of the highest, [N, 1, 64, 128], never zero.
+
+    Means over 3 x 3 pixels, across the seam: pixel shuffle leaves a grain of 2 x 2.
+    """
+    even = F.avg_pool2d(F.pad(wrap(logit, 1), (0, 0, 1, 1), mode="replicate"), 3, stride=1)
+    return torch.exp(even - logit.amax(dim=(2, 3), keepdim=True)) + LEAST
+
+
 class EmitterHead(nn.Module):
     """code [N, C] -> ln(power + POWER_FLOOR) [N, 3] in sr of white; then `expected` and `mode` place it."""
 
@@ -52,7 +61,7 @@ class EmitterHead(nn.Module):
 
     def __init__(self, code: int) -> None:
         super().__init__()
-        self.power = nn.Sequential(nn.Linear(code, 64), nn.LeakyReLU(0.1), nn.Linear(64, 3))
+        self.power = two_layers(code, 3)
         angles = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).expand(-1, 2 * MAP_HEIGHT)
         self.register_buffer("solid_angles", angles[None, None].contiguous(), persistent=False)
         directions = torch.from_numpy(pixel_directions(MAP_HEIGHT)).permute(2, 0, 1)[None]
@@ -76,10 +85,7 @@ class EmitterHead(nn.Module):
 
     def mode(self, ln_power: torch.Tensor, logit: torch.Tensor) -> torch.Tensor:
         """Return the same power in _DISCS discs at the most likely positions, each with the likelihood near it."""
-        # means over 3 x 3 pixels, across the seam: pixel shuffle leaves a grain of 2 x 2
-        even = F.avg_pool2d(F.pad(wrap(logit, 1), (0, 0, 1, 1), mode="replicate"), 3, stride=1)
-        left = torch.exp(even - logit.amax(dim=(2, 3), keepdim=True)) + LEAST
-        left = left * self.solid_angles
+        left = likelihood(logit) * self.solid_angles
         left = left / left.sum(dim=(2, 3), keepdim=True)
         discs = torch.zeros_like(left)  # power per steradian, of a total of 1 at the end
         for number in range(_DISCS):

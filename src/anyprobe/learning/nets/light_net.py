@@ -17,7 +17,7 @@ from torch.nn import functional as F
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import MEAN_CURVE
 from anyprobe.given_material import MATERIAL_INPUTS
-from anyprobe.learning.nets.blocks import FoldedConv, UpBlock, conv, fade_seam, wrap
+from anyprobe.learning.nets.blocks import FoldedConv, UpBlock, conv, fade_seam, two_layers, wrap
 from anyprobe.learning.nets.emitter_head import EmitterHead
 from anyprobe.learning.nets.lifting import (
     CameraRays,
@@ -118,10 +118,8 @@ class ObjectNet(nn.Module):
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
         self.first = nn.ModuleList([FoldedConv(4, 2 + 4, widths[0]), conv(widths[0], widths[0])])
         self.down = nn.ModuleList(nn.Sequential(conv(a, b, stride=2), conv(b, b)) for a, b in pairs)
-        self.surroundings = nn.Sequential(
-            nn.AvgPool2d(8), nn.Flatten(), nn.Linear(4 * 8 * 16, 64), nn.LeakyReLU(0.1), nn.Linear(64, widths[-1])
-        )
-        self.material = nn.Sequential(nn.Linear(MATERIAL_INPUTS, 64), nn.LeakyReLU(0.1), nn.Linear(64, widths[-1]))
+        self.surroundings = nn.Sequential(nn.AvgPool2d(8), nn.Flatten(), *two_layers(4 * 8 * 16, widths[-1]))
+        self.material = two_layers(MATERIAL_INPUTS, widths[-1])
         for parameter in self.material[-1].parameters():  # untrained, a given material changes nothing
             nn.init.zeros_(parameter)
         self.code = nn.Sequential(nn.Flatten(), nn.Linear(widths[-1] * 16, code), nn.LeakyReLU(0.1))
@@ -215,7 +213,7 @@ class LightNet(nn.Module):
         self.object = ObjectNet(features=features, code=code)
         self.sphere = SphereNet(COLORS + 1, COLORS + features + 1, code + 1, outputs=5)
         self.emitters = EmitterHead(code + 1)
-        self.posterior = nn.Sequential(nn.Linear(code + 1, 64), nn.LeakyReLU(0.1), nn.Linear(64, len(POSTERIOR)))
+        self.posterior = two_layers(code + 1, len(POSTERIOR))
 
     def forward(
         self,

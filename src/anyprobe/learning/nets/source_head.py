@@ -17,8 +17,8 @@ from torch.nn import functional as F
 
 from anyprobe.core.color import REC709
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.learning.nets.blocks import wrap
-from anyprobe.learning.nets.emitter_head import LEAST, EmitterHead
+from anyprobe.learning.nets.blocks import two_layers
+from anyprobe.learning.nets.emitter_head import LEAST, EmitterHead, likelihood
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.light_sources import MOST_SOURCES
 
@@ -50,18 +50,16 @@ class SourceHead(nn.Module):
 
     def __init__(self, code: int) -> None:
         super().__init__()
-        of_profile = nn.Linear(code, 128), nn.Linear(128, SOURCES * len(RADII_DEG))
-        of_direction = nn.Linear(code, 128), nn.Linear(128, 4 * COMPONENTS)
-        self.profile = nn.Sequential(of_profile[0], nn.LeakyReLU(0.1), of_profile[1])
-        self.direction = nn.Sequential(of_direction[0], nn.LeakyReLU(0.1), of_direction[1])
-        of_color = nn.Linear(code, 64), nn.Linear(64, SOURCES * 3)
-        self.color = nn.Sequential(of_color[0], nn.LeakyReLU(0.1), of_color[1])
+        self.profile = two_layers(code, SOURCES * len(RADII_DEG), 128)
+        self.direction = two_layers(code, 4 * COMPONENTS, 128)
+        self.color = two_layers(code, SOURCES * 3)
         with torch.no_grad():  # untrained, every direction is as likely as before, and every source as all light is
-            of_color[1].weight.mul_(0.1)
-            of_color[1].bias.zero_()
-            of_direction[1].weight.mul_(0.1)
-            of_direction[1].bias.zero_()
-            of_profile[1].bias.copy_(torch.tensor([1.5, 1.5, 1.0, -1.0]).flip(0).repeat(SOURCES) - 0.3)
+            for last in (self.color[2], self.direction[2]):
+                last.get_parameter("weight").mul_(0.1)
+                last.get_parameter("bias").zero_()
+            self.profile[2].get_parameter("bias").copy_(
+                torch.tensor([1.5, 1.5, 1.0, -1.0]).flip(0).repeat(SOURCES) - 0.3
+            )
 
     def profiles(self, code: torch.Tensor) -> torch.Tensor:
         """Shares of the map's total power, growing with the radius."""
@@ -100,15 +98,6 @@ class SourceHead(nn.Module):
             cosine = (emitters.directions * place).sum(dim=1, keepdim=True).clamp(-1.0, 1.0)
             left = left * (1.0 - cosine) / 2.0 + LEAST * left.amax(dim=(2, 3), keepdim=True)
         return torch.stack(places, dim=1)
-
-
-def likelihood(logit: torch.Tensor) -> torch.Tensor:
-    """Return each direction's likelihood in shares of the highest, [N, 1, 64, 128], never zero.
-
-    Means over 3 x 3 pixels, across the seam: pixel shuffle leaves a grain of 2 x 2.
-    """
-    even = F.avg_pool2d(F.pad(wrap(logit, 1), (0, 0, 1, 1), mode="replicate"), 3, stride=1)
-    return torch.exp(even - logit.amax(dim=(2, 3), keepdim=True)) + LEAST
 
 
 class SourceMap(nn.Module):

@@ -16,9 +16,9 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import MEAN_CURVE
 from anyprobe.learning.nets.blocks import UpBlock, conv, fade_seam, wrap
 from anyprobe.learning.nets.context_net import CODE, ContextNet
-from anyprobe.learning.nets.emitter_head import POWER_FLOOR, EmitterHead
+from anyprobe.learning.nets.emitter_head import POWER_FLOOR, EmitterHead, likelihood
 from anyprobe.learning.nets.light_net import SPHERE_ROWS
-from anyprobe.learning.nets.source_head import LIKELY, SourceHead, SourceMap, likelihood
+from anyprobe.learning.nets.source_head import LIKELY, SourceHead, SourceMap
 from anyprobe.light.environment import MAP_HEIGHT
 
 SEAM = 8
@@ -175,9 +175,8 @@ class WholeNet(nn.Module):
         weight = torch.log(cover.clamp(min=SEEN_COVER)) + hidden
         d = self.seen_directions.T.expand(len(cover), -1, -1)  # [N, 3, P]
         ones = torch.ones_like(self.seen_directions[:, :1])
-        asked = torch.cat(
-            [self.seen_directions, ones], dim=1
-        )  # a product with an input: exports fold it into no constant
+        # a product with an input: exports fold it into no constant
+        asked = torch.cat([self.seen_directions, ones], dim=1)
         share = torch.softmax(asked @ torch.cat([NEAREST * d, weight[:, None]], dim=1), dim=2)  # [N, P, P]
         seen, toward = torch.einsum("nqp,ncp->ncq", share, torch.cat([colors, d], dim=1)).split([3, 3], dim=1)
         nearest = (toward * d).sum(dim=1).clamp(-1 + 1e-6, 1 - 1e-6)

@@ -154,8 +154,7 @@ def brighter(picture: torch.Tensor, ln_gain: torch.Tensor) -> torch.Tensor:
     n, sigma = MEAN_CURVE.exponent, MEAN_CURVE.sigma
     ratio = (picture[:, :3] / (1 + sigma)).clip(max=0.999)
     ln = torch.log(ratio * sigma / (1 - ratio) + 1e-9) / n
-    shown = (1 + sigma) * torch.sigmoid(n * (ln + ln_gain) - float(np.log(sigma)))
-    shown = torch.where(picture[:, :3] >= WHITE, picture[:, :3], shown)
+    shown = torch.where(picture[:, :3] >= WHITE, picture[:, :3], display(ln + ln_gain))
     return torch.cat([shown.clip(max=1.0), picture[:, 3:]], dim=1)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import torch
 
@@ -11,14 +9,12 @@ from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.learning.evaluate.metrics import direction_error_deg, false_sources
+from anyprobe.learning.whole_network.batches import Pairs
 from anyprobe.learning.whole_network.families import FAMILIES
+from anyprobe.learning.whole_network.photo_net import PhotoNet
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.light_sources import find_light_sources
-
-if TYPE_CHECKING:
-    from anyprobe.learning.whole_network.batches import Pairs
-    from anyprobe.learning.whole_network.photo_net import PhotoNet
 
 AT_ONCE = 32
 CUT_OUT, ALONE = "cut-out", "cut-out-alone"
@@ -35,11 +31,11 @@ def score_left_out(net: PhotoNet, pairs: Pairs) -> dict[str, float]:
     net.eval()
     for start in range(0, len(pairs), AT_ONCE):
         batch = pairs.rows(start, start + AT_ONCE)
-        answer = net(batch)
-        drawn, alone, truth = (_maps(ln) for ln in (answer.whole.ln_radiance, answer.alone.ln_radiance, batch["truth"]))
+        of_object, of_photo = net(batch)
+        drawn, alone, truth = (_maps(ln) for ln in (of_photo.ln_radiance, of_object.ln_radiance, batch["truth"]))
         present = batch["context"][:, 4].amax(dim=(1, 2)).cpu().numpy() > 0
         true_pitch = np.arcsin(batch["up"][:, 2].cpu().numpy().clip(-1, 1))
-        pitch = np.degrees(np.abs(answer.whole.posture[:, 0].float().cpu().numpy() - true_pitch))
+        pitch = np.degrees(np.abs(of_photo.posture[:, 0].float().cpu().numpy() - true_pitch))
         for k in range(len(truth)):
             if present[k]:
                 rows.append((FAMILIES[int(batch["family"][k])], *_figures(drawn[k], truth[k]), pitch[k]))

@@ -14,7 +14,7 @@ from typing import Any
 import torch
 from torch.nn import functional as F
 
-from anyprobe.given_material import LEAST_REFLECTANCE, MATERIAL_INPUTS
+from anyprobe.given_material import LEAST_REFLECTANCE
 from anyprobe.learning.nets.blocks import autocast
 from anyprobe.learning.nets.light_net import LightNet, LightPrediction, display
 from anyprobe.learning.train.lift import Lift, LiftConfig, irradiance_loss
@@ -125,7 +125,7 @@ def _difference(guess: LightPrediction, told: SimpleNamespace, where: torch.Tens
 
 
 def _materials(count: int, generator: torch.Generator, device: torch.device) -> torch.Tensor:
-    """Draw materials as given_material.material_input encodes them, a third of them metals, [N, MATERIAL_INPUTS]."""
+    """Draw materials as given_material.material_input encodes them, a third of them metals, [N, 8]."""
 
     def even(channels: int) -> torch.Tensor:
         return torch.rand(count, channels, generator=generator, device=device)
@@ -134,6 +134,4 @@ def _materials(count: int, generator: torch.Generator, device: torch.device) -> 
     albedo, f0 = 0.05 + 0.85 * even(1) * (1 - 0.4 * even(3)), 0.5 + 0.45 * even(3)
     reflected = torch.log((metal * f0 + (1 - metal) * albedo).clip(min=LEAST_REFLECTANCE))
     values = [torch.ones_like(metal), 0.15 + 0.8 * even(1), reflected, metal * f0 + (1 - metal) * 0.04]
-    joined = torch.cat([one.expand(count, -1) for one in values], dim=1)
-    assert joined.shape[1] == MATERIAL_INPUTS
-    return joined
+    return torch.cat([one.expand(count, -1) for one in values], dim=1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import torch
 from torch import nn
@@ -13,17 +12,11 @@ from anyprobe.learning.nets.light_net import LightNet, LightPrediction
 from anyprobe.learning.nets.whole_net import WholeNet, WholePrediction
 from anyprobe.learning.train.export_onnx import AS_CALIBRATED, claims_of
 
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class PhotoPrediction:
-    """Answers for the object alone and for the whole photo."""
-
-    alone: LightPrediction
-    whole: WholePrediction
+Answers = tuple[LightPrediction, WholePrediction]
 
 
 class PhotoNet(nn.Module):
-    """A batch of photos by name -> PhotoPrediction.
+    """A batch of photos by name -> answers for the object alone and for the whole photo.
 
     photo [N, 4, 128, 128], display RGB times mask, and mask; tan_half [N, 1]; surroundings [N, 4, 64, 128]; context
     [N, 5, 96, 96]; given_up [N, 3]; optional given_normals [N, 3, 64, 64] and material [N, 8] of LightNet.
@@ -33,7 +26,7 @@ class PhotoNet(nn.Module):
         super().__init__()
         self.light, self.whole = LightNet(), WholeNet()
 
-    def forward(self, batch: Mapping[str, torch.Tensor], object_learns: bool = True) -> PhotoPrediction:
+    def forward(self, batch: Mapping[str, torch.Tensor], object_learns: bool = True) -> Answers:
         """Answer a batch; object_learns: whether gradients reach what sees the object."""
         known = tuple(batch.get(name) for name in ("photo", "tan_half", "given_normals", "surroundings", "material"))
         device = batch["photo"].device
@@ -50,4 +43,4 @@ class PhotoNet(nn.Module):
                 batch["surroundings"],
                 batch["given_up"],
             )
-        return PhotoPrediction(alone=alone, whole=whole)
+        return alone, whole

@@ -102,7 +102,7 @@ def _export_whole(net: WholeNet, recipe: dict[str, str], folder: Path) -> float:
         net=WholeGraph(net).eval(),
         inputs={name: tuple(value.shape) for name, value in inputs.items()},
         outputs=WHOLE_OUTPUTS,
-        typical=lambda difference: float(np.median(difference)),
+        typical=np.median,
         small=(LINEAR_LAYERS, CONVOLUTIONS),
     )
     about = {**CONTRACT, "stage": WHOLE, "computes": FLOATS, **recipe}

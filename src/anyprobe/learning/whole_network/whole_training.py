@@ -99,11 +99,11 @@ class PhotoLosses:
             generator = torch.Generator(batch["photo"].device).manual_seed(seed)
             batch = self._object.with_hints(batch, generator)
             free = ~batch["hinted"]  # hints are drawn and may be wrong
-        guess = net(batch, self.object_learns)
+        alone, whole = net(batch, self.object_learns)
         known = {name: batch[name][free] for name in ("truth", "context", "profiles", "colors", "up")}
-        terms = self._whole(_picked(guess.whole, free), known)
-        terms[MIRROR] = self._mirror(guess.whole)
-        return terms if self._object is None else {**terms, **self._object(guess.alone, batch)}
+        terms = self._whole(_picked(whole, free), known)
+        terms[MIRROR] = self._mirror(whole)
+        return terms if self._object is None else {**terms, **self._object(alone, batch)}
 
     def _mirror(self, whole: WholePrediction) -> torch.Tensor:
         """Compare the second half of a batch with the first, of which it is the mirror image."""
