@@ -45,9 +45,9 @@ def run(light_and_surfaces, monkeypatch):
         config = smoke(named(), steps)
         config = replace(config, pairs=replace(config.pairs, batch=6))
 
-        def save_last(path, nets, config, optimizer, step, *rest):
+        def save_last(path, config, step, *rest):
             if step in (steps, stop_after):
-                save(path, nets, config, optimizer, step, *rest)
+                save(path, config, step, *rest)
 
         monkeypatch.setattr(loop, "save_checkpoint", save_last)
         with warnings.catch_warnings():
