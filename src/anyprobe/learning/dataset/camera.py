@@ -185,8 +185,6 @@ def compress(picture: np.ndarray, quality: int, subsampling: str) -> np.ndarray:
 def take_photo(shots: Sequence[Shot], radiance, mask, background, grain, tone: Callable | None = None) -> Any:
     """Take photos as cameras do: white balance, lens, curve, noise, 8 bits, JPEG.
 
-    Pairs of recipes and pairs made on the fly both use it.
-
     The lens blurs light, before the curve clips it: a light source spreads as it does in a
     camera, brighter than white, and the object's rim takes from what is behind it.
 

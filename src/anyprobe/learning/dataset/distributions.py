@@ -141,11 +141,8 @@ def draw_alphas(rng: np.random.Generator, kind: np.ndarray) -> np.ndarray:
 def draw_colors(
     rng: np.random.Generator, kind: np.ndarray, rank: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Draw albedo and f0, [N, 3] each, of kinds [N].
-
-    Args:
-        rank: [N] in [0, 1), how bright each is among its kind; drawn if not given.
-    """
+    """Draw albedo and f0, [N, 3] each, of kinds [N]; rank [N] in [0, 1), how bright each is among its kind, is drawn
+    if not given."""
     count = len(kind)
     rank = rng.random(count) if rank is None else rank
     value = _quantile(ALBEDO, kind, rank)

@@ -123,11 +123,8 @@ CLEAR = 6.0
 def locate(normals: np.ndarray) -> np.ndarray:
     """Compute the positions of a picture's pixels in halves of the picture: x right, y up, z to the eye, [S, S, 3].
 
-    The depth whose slopes are nearest to those that normals have, by least squares (Frankot and Chellappa 1988), and
-    off the object nearest to the object's mean slope.
-
-    Args:
-        normals: [S, S, 3], camera frame, zero off the object.
+    The depth whose slopes are nearest to those that normals [S, S, 3] have, by least squares (Frankot and Chellappa
+    1988), and off the object, where these are zero, nearest to the object's mean slope.
     """
     size = normals.shape[0]
     mask = np.asarray(normals.any(axis=-1))
@@ -165,11 +162,8 @@ def lay(pattern: np.ndarray, points: np.ndarray, normals: np.ndarray, rng: np.ra
 
 
 def draw_factor(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Draw a mild texture: a factor on the object's reflectance, [S, S, 3], 1 in the mean and off the object.
-
-    Args:
-        normals: [S, S, 3], camera frame, zero off the object.
-    """
+    """Draw a mild texture: a factor on the object's reflectance, [S, S, 3], 1 in the mean and off the object; normals
+    as for `locate`."""
     mask, factor = normals.any(axis=-1), np.ones(normals.shape, np.float32)
     factor[mask] = factor_at(locate(normals)[mask], normals[mask], rng)
     return factor
@@ -194,10 +188,8 @@ def factor_at(points: np.ndarray, normals: np.ndarray, rng: np.random.Generator)
 def draw_share(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Draw the share of an object's second material in each pixel, [S, S] in [0, 1], zero off the object.
 
-    Patches, what lies beyond a plane, or a band; SECOND_SHARE of the object, its border one pixel wide.
-
-    Args:
-        normals: [S, S, 3], camera frame, zero off the object.
+    Patches, what lies beyond a plane, or a band; SECOND_SHARE of the object, its border one pixel wide. Normals as for
+    `locate`.
     """
     mask = normals.any(axis=-1)
     points, kind = locate(normals)[mask], rng.integers(3)
@@ -234,13 +226,8 @@ def mix(first: Material, second: Material, share: np.ndarray) -> Material:
 def paint_some(
     materials: Sequence[Material], normals: np.ndarray, rng: np.random.Generator, textured: float, two_materials: float
 ) -> list[Material]:
-    """Give a share of objects a texture, and a share a second material of the same alpha; some get both.
-
-    Args:
-        normals: [B, 3, S, S] of the objects.
-    Returns:
-        The materials; the f0 and albedo of those that are changed are [S, S, 3].
-    """
+    """Give a share of objects of normals [B, 3, S, S] a texture, and a share a second material of the same alpha; some
+    get both. The f0 and albedo of what is changed are [S, S, 3]."""
     chosen = rng.random((len(materials), 2)) < (textured, two_materials)
     chosen &= np.asarray(normals.any(axis=(1, 2, 3)))[:, None]  # a thin object, reshaped, may have left its picture
     result = list(materials)

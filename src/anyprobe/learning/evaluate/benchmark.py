@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
-from anyprobe.core.response import response
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.files.atomic import atomic_path
 from anyprobe.learning.dataset.pair import Pair
@@ -90,9 +89,4 @@ def _read(path: Path) -> np.ndarray:
 
 def predicted(maps: Mapping[str, np.ndarray]) -> Method:
     """Return the method that answers with a map [64, 128, 3] by the pair's key."""
-
-    def method(pair: Pair) -> Estimate:
-        radiance = maps[pair.recipe.key]
-        return Estimate(ldr=response(radiance), radiance=radiance)
-
-    return method
+    return lambda pair: Estimate.of_map(maps[pair.recipe.key])

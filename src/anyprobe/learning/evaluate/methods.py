@@ -47,6 +47,11 @@ class Estimate:
     irradiance: np.ndarray | None = None
     confidence: np.ndarray | None = None
 
+    @classmethod
+    def of_map(cls, radiance: np.ndarray) -> Estimate:
+        """Return the estimate that is a map [64, 128, 3] in exposure units."""
+        return cls(ldr=response(radiance), radiance=radiance)
+
     @property
     def lights(self) -> np.ndarray:
         """Map that lights virtual objects [64, 128, 3]: radiance, else the LDR map through the inverse curve."""
@@ -80,11 +85,10 @@ def model_methods(models: Models, name: str, hints: bool = False) -> dict[str, M
 
 def baselines() -> dict[str, Method]:
     """Return the mean training map, and the object taken for a chrome sphere."""
-
-    def of(radiance: np.ndarray) -> Estimate:
-        return Estimate(ldr=response(radiance), radiance=radiance)
-
-    return {"mean map": lambda pair: of(mean_map()), "chrome sphere": lambda pair: of(chrome_sphere(pair.crop))}
+    return {
+        "mean map": lambda pair: Estimate.of_map(mean_map()),
+        "chrome sphere": lambda pair: Estimate.of_map(chrome_sphere(pair.crop)),
+    }
 
 
 BLURS_DEG = (15, 30)

@@ -107,14 +107,12 @@ def unasked_target(scene: Scene) -> int | None:
 
     None where there is none, or where a second one weighs nearly as much.
     """
-    top, bottom, left, right = scene.bounds
-    size = scene.photo.shape[-1]
-    weight = torch.from_numpy(
-        np.outer(_centre_weight(size, (top + bottom) / 2), _centre_weight(size, (left + right) / 2)).astype(np.float32)
-    )
     if not len(scene.covers):
         return None
-    scores = (scene.covers * weight).sum(dim=(1, 2)).numpy()
+    top, bottom, left, right = scene.bounds
+    size = scene.photo.shape[-1]
+    weight = np.outer(_centre_weight(size, (top + bottom) / 2), _centre_weight(size, (left + right) / 2))
+    scores = (scene.covers * torch.from_numpy(weight.astype(np.float32))).sum(dim=(1, 2)).numpy()
     order = np.argsort(-scores)
     best = int(order[0])
     if scene.covers[best].sum() < MIN_TARGET_PX * (size / SMALL_PX) ** 2:
@@ -152,9 +150,7 @@ def ask(
 ) -> tuple[np.ndarray, torch.Tensor]:
     """Draw a prompt of a kind of PROMPTS and its answer: channel [S, S], target's cover [S, S].
 
-    A prompt "none" becomes a click where no object stands out.
-
-    which: the object meant; else a random one.
+    A prompt "none" becomes a click where no object stands out. target: the object meant; else a random one.
     """
     if target is None:
         target = _draw_target(rng, scene)
@@ -172,11 +168,10 @@ def ask(
         moved = np.array(box, np.float64) + rng.normal(0.0, reach, 4) + reach * np.array([-1, -1, 1, 1])
         return draw_prompts(SMALL_PX, box=np.clip(moved, 0, SMALL_PX).tolist()), cover
     on = [inside_click(rng, cover)]
-    off: list[tuple[float, float]] = []
+    off = []
     if kind == "clicks":
         on += [inside_click(rng, cover) for _ in range(int(rng.integers(0, 3)))]
-        for _ in range(int(rng.integers(0, 3))):
-            off.append(_click_beside(rng, scene, target))
+        off = [_click_beside(rng, scene, target) for _ in range(int(rng.integers(0, 3)))]
     return draw_prompts(SMALL_PX, on, off), cover
 
 

@@ -18,11 +18,7 @@ TOLERANCE = 0.01
 
 def export_mask(checkpoint: Path, folder: Path) -> float:
     """Write folder/mask.onnx: "input" [1, 4, 160, 160] to "output" [1, 1, 160, 160]; return its mean difference from
-    torch.
-
-    Raises:
-        ModelError: the graph disagrees with the network by more than TOLERANCE.
-    """
+    torch; ModelError if that is more than TOLERANCE."""
     net, run = load_mask_net(checkpoint)
     recipe = {
         "run": run["name"],

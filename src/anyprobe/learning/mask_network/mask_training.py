@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -29,7 +28,7 @@ from anyprobe.learning.train.checkpoint import (
 from anyprobe.learning.train.config import LightConfig
 from anyprobe.learning.train.dataloader import load_assets, make_maps, name_assets
 from anyprobe.learning.train.logger import RunLogger, run_folder
-from anyprobe.learning.train.loop import CHECKPOINT_SECONDS, learning_rate, move_mean
+from anyprobe.learning.train.loop import CHECKPOINT_SECONDS, learning_rate, mean_of, move_mean
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -116,17 +115,10 @@ def train_mask(
     path = runs / config.name / "checkpoint.pt"
     net = MaskNet().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
-    mean = deepcopy(net)
-    first = 0
     stored, origin = resumed(path, config, {}, start, holds="net")
-    if stored is not None:
-        load_weights(mean, stored["net"], path)
-        load_weights(net, stored["moving"], path)
-        optimizer.load_state_dict(stored["optimizer"])
-        first = stored["step"]
-    elif start is not None:
+    if stored is None and start is not None:
         load_init_weights(net, start)
-        mean.load_state_dict(net.state_dict())
+    mean, first = mean_of(net, optimizer, stored, path)
     folder = run_folder(runs, config.name)
     last = config.steps if stop_after is None else min(stop_after, config.steps)
     if first >= last:

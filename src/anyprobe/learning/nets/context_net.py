@@ -44,10 +44,8 @@ class ContextNet(nn.Module):
         some = present[:, 0] > 0  # statistics are those of photos that have a context
         if some.any():
             found = self._look(context[some], tan_half[some])
-            code, posture = (
-                code.masked_scatter(some[:, None], found[0]),
-                posture.masked_scatter(some[:, None], found[1]),
-            )
+            code = code.masked_scatter(some[:, None], found[0])
+            posture = posture.masked_scatter(some[:, None], found[1])
         return code, posture
 
     def _look(self, context: torch.Tensor, tan_half: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:

@@ -30,30 +30,6 @@ OPTIONS_OF = {
 }
 
 
-def check_goes_on(path: Path, stored: Mapping[str, Any], config: Any) -> None:
-    """Refuse to resume a checkpoint that has weights alone, other settings, or more steps than are asked for.
-
-    stored: of read_checkpoint. config: a run's configuration, a dataclass with `steps`.
-
-    Raises:
-        InputError: naming the first setting that differs.
-        ModelError: it was kept without what the next step needs.
-    """
-    if "optimizer" not in stored:
-        raise ModelError(
-            "expected a run's checkpoint, got weights alone; train in another folder with --init-weights", source=path
-        )
-    for name, old, current in differing(config, json.loads(stored["config"])):
-        if name not in CHANGEABLE:
-            raise _another_run(path, name, old, current)
-    if config.steps < stored["step"]:
-        raise InputError(
-            f"expected at least the {stored['step']} steps that are done, got {config.steps}; "
-            "give more --steps, or train in another --runs folder",
-            source=path,
-        )
-
-
 def agreed(path: Path, first: Mapping[str, Any], current: Mapping[str, Any]) -> dict[str, Any]:
     """Return the origin of the run at path, merged from its checkpoint's and the current one; InputError if they
     differ."""
@@ -68,15 +44,30 @@ def resumed(
 ) -> tuple[dict[str, Any] | None, dict[str, Any]]:
     """Return the run's checkpoint, None if there is none yet, and its origin with the weights it started from.
 
+    config: the run's, a dataclass with `steps`.
+
     Raises:
-        InputError, ModelError: of read_checkpoint and check_goes_on, or an origin that differs.
+        InputError: other settings, of which it names the first, another origin, or more steps done than asked for.
+        ModelError: of read_checkpoint, or a checkpoint that has weights alone.
     """
     if start is not None:
         origin["start"] = init_weights_id(start)
     if not path.is_file():
         return None, {"start": None, **origin}
     stored = read_checkpoint(path, device, holds)
-    check_goes_on(path, stored, config)
+    if "optimizer" not in stored:
+        raise ModelError(
+            "expected a run's checkpoint, got weights alone; train in another folder with --init-weights", source=path
+        )
+    for name, old, current in differing(config, json.loads(stored["config"])):
+        if name not in CHANGEABLE:
+            raise _another_run(path, name, old, current)
+    if config.steps < stored["step"]:
+        raise InputError(
+            f"expected at least the {stored['step']} steps that are done, got {config.steps}; "
+            "give more --steps, or train in another --runs folder",
+            source=path,
+        )
     return stored, agreed(path, stored.get("origin", {}), origin)
 
 
@@ -123,12 +114,9 @@ def save_checkpoint(path: Path, config: Any, step: int, origin: Mapping[str, Any
 
 
 def read_checkpoint(path: Path, device: str = "cpu", holds: str = "nets") -> dict[str, Any]:
-    """Read what save_checkpoint wrote: weights, step, the configuration in JSON, and what else there is.
+    """Read what save_checkpoint wrote; ModelError if there is no file, a damaged one, or none of a run.
 
     holds: the name that has the weights.
-
-    Raises:
-        ModelError: no file, a damaged one, or none of a run.
     """
     if not path.is_file():
         raise ModelError("no such checkpoint; train first", source=path)
@@ -176,12 +164,8 @@ SMALL = 1024
 
 
 def save_init_weights(checkpoint: Path, path: Path, holds: str = "nets") -> None:
-    """Save the weights of a checkpoint, those named `holds`, at path, compressed, large tensors as float16.
-
-    Raises:
-        InputError: path is the checkpoint.
-        ModelError: no checkpoint, or a damaged one.
-    """
+    """Save the weights of a checkpoint, those named `holds`, by save_weights; errors of read_checkpoint and
+    keep_apart."""
     stored = read_checkpoint(checkpoint, holds=holds)
     keep_apart(checkpoint, path)
     save_weights(stored[holds], path)
@@ -215,7 +199,7 @@ def keep_apart(checkpoint: Path, path: Path) -> None:
 
 
 def load_init_weights(nets: nn.Module, path: Path, lift: Path | None = None) -> None:
-    """Load the weights that save_init_weights or keep_run wrote; ModelError if they do not fit.
+    """Load the weights that save_init_weights wrote; ModelError if they do not fit.
 
     Networks of the file that are not among nets are left out.
     Whole networks that the file lacks begin as the same layers of `lift` where it has them, from its weights at lift or

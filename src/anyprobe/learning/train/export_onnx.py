@@ -84,9 +84,8 @@ def claims_of(guess: LightPrediction, sureness: Sureness) -> tuple[torch.Tensor,
 
 class LightGraph(nn.Module):
     """Outputs of LightNet in the order of LIFT_OUTPUTS: irradiance, ln radiance with emitters at their mode, confidence
-    [N, 1, 64, 128] in [0, 1], normals, expected ln radiance, posterior [N, 7] as estimate.runtime.POSTERIOR has it.
-
-    """
+    [N, 1, 64, 128] in [0, 1], normals, expected ln radiance, posterior [N, 7] as estimate.runtime.POSTERIOR has
+    it."""
 
     def __init__(self, net: LightNet, sureness: Sureness = AS_LEARNED) -> None:
         super().__init__()
@@ -114,22 +113,21 @@ def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str,
         shapes = dict(zip(LIFT_INPUTS, (_PHOTO, (1, 1), _NORMALS, SURROUNDINGS, (1, MATERIAL_INPUTS)), strict=True))
         return {"light": Graph(net=net, inputs=shapes, outputs=LIFT_OUTPUTS, typical=np.median, small=(CONVOLUTIONS,))}
     seen: dict[str, tuple[int, ...]] = {"input": _PHOTO, "tan_half": (1, 1)}
-    inputs: dict[str, dict[str, tuple[int, ...]]]
-    inputs = {"irradiance": seen, "illumination": seen, "hdr": {"input": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}}
-    typical: dict[str, Callable[[np.ndarray], float]] = {"illumination": np.median}
+    ldr: dict[str, tuple[int, ...]] = {"input": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
     return {
-        stage: Graph(net=net, inputs=inputs[stage], typical=typical.get(stage, np.max), small=(LINEAR_LAYERS,))
+        stage: Graph(
+            net=net,
+            inputs=ldr if stage == "hdr" else seen,
+            typical=np.median if stage == "illumination" else np.max,
+            small=(LINEAR_LAYERS,),
+        )
         for stage, net in nets.items()
-        if stage in inputs
     }
 
 
 def export_graphs(checkpoint: Path, folder: Path, sureness: Sureness = AS_LEARNED) -> dict[str, float]:
-    """Write the graphs of a run and return each one's largest difference from torch.
-
-    Raises:
-        ModelError: a graph disagrees with its network by more than TOLERANCE.
-    """
+    """Write the graphs of a run and return each one's largest difference from torch; ModelError where that is more than
+    TOLERANCE."""
     nets = load_nets(checkpoint)
     stored = read_checkpoint(checkpoint)
     config = json.loads(stored["config"])
@@ -169,12 +167,20 @@ def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
     return {name: str(value) for name, value in known.items() if value is not None}
 
 
-def export_stage(stage: str, graph: Graph, recipe: dict[str, str], path: Path) -> float:
-    """Export one network of a model, see write_graph."""
-    generator = torch.Generator().manual_seed(0)
-    examples = tuple(_smooth(shape, generator) for shape in graph.inputs.values())
+def export_stage(
+    stage: str,
+    graph: Graph,
+    recipe: dict[str, str],
+    path: Path,
+    examples: tuple[torch.Tensor, ...] | None = None,
+    tolerance: float = TOLERANCE,
+) -> float:
+    """Export one network of a model, see write_graph; examples: random ones if None."""
+    if examples is None:
+        generator = torch.Generator().manual_seed(0)
+        examples = tuple(_smooth(shape, generator) for shape in graph.inputs.values())
     about = {**CONTRACT, "stage": stage, "computes": FLOATS, **recipe}
-    return write_graph(stage, graph, examples, about, path, TOLERANCE)
+    return write_graph(stage, graph, examples, about, path, tolerance)
 
 
 def write_graph(
@@ -182,10 +188,7 @@ def write_graph(
 ) -> float:
     """Write a graph with its metadata: batch normalisation folded, weights stored small, computed as float32.
 
-    Returns:
-        The typical difference of its outputs for the examples from torch's.
-    Raises:
-        ModelError: that is more than tolerance.
+    Return the typical difference of its outputs for the examples from torch's; ModelError if it is more than tolerance.
     """
     import onnx
 

@@ -8,10 +8,11 @@ import time
 import warnings
 from collections.abc import Iterable
 from contextlib import nullcontext
+from copy import deepcopy
 from dataclasses import replace
 from functools import reduce
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import torch
 import torch.distributed as dist
@@ -36,6 +37,7 @@ from anyprobe.learning.train.lift import Learner, Lift, Normals
 from anyprobe.learning.train.logger import RunLogger, run_folder
 
 CHECKPOINT_SECONDS = 120.0
+Net = TypeVar("Net", bound=nn.Module)
 
 
 def learning_rate(config: Any, step: int) -> float:
@@ -241,6 +243,20 @@ class ProcessGroup:
         """Leave the group at the end."""
         if self.size > 1:
             dist.destroy_process_group()
+
+
+def mean_of(
+    net: Net, optimizer: torch.optim.Optimizer, stored: dict[str, Any] | None, path: Path
+) -> tuple[Net, int]:
+    """Return the running mean of a network's weights and the number of steps done; all as the checkpoint at path has
+    them, if it is not None."""
+    mean = deepcopy(net)
+    if stored is None:
+        return mean, 0
+    load_weights(mean, stored["net"], path)
+    load_weights(net, stored["moving"], path)
+    optimizer.load_state_dict(stored["optimizer"])
+    return mean, stored["step"]
 
 
 @torch.no_grad()

@@ -10,17 +10,15 @@ import numpy as np
 import torch
 from torch import nn
 
-from anyprobe.estimate.runtime import CONTEXT_SIZE, CONTRACT, WHOLE, WHOLE_INPUTS, WHOLE_OUTPUTS
+from anyprobe.estimate.runtime import CONTEXT_SIZE, WHOLE, WHOLE_INPUTS, WHOLE_OUTPUTS
 from anyprobe.learning.nets.whole_net import SAID, WholeNet
 from anyprobe.learning.train.export_onnx import (
     AS_CALIBRATED,
     CONVOLUTIONS,
-    FLOATS,
     LINEAR_LAYERS,
     Graph,
     export_stage,
     graphs_of,
-    write_graph,
 )
 from anyprobe.learning.whole_network.whole_training import load_photo_net
 from anyprobe.light.environment import MAP_HEIGHT
@@ -81,13 +79,8 @@ def example_inputs() -> dict[str, torch.Tensor]:
 def export_photo_net(
     checkpoint: Path, folder: Path, start: Sequence[Path] = (), share: float = 0.0
 ) -> dict[str, float]:
-    """Write folder/light.onnx and folder/whole.onnx and return each one's largest median difference from torch.
-
-    start, share: see load_photo_net.
-
-    Raises:
-        ModelError: a graph disagrees with its network by more than its tolerance.
-    """
+    """Write folder/light.onnx and folder/whole.onnx and return each one's largest median difference from torch;
+    ModelError where that is more than its tolerance. start, share: see load_photo_net."""
     net, run = load_photo_net(checkpoint, start, share)
     recipe = {"run": run["name"], "steps": str(run["step"]), "pairs": str(run["step"] * run["batch"])}
     about = {**recipe, "config": json.dumps(run), "sureness": " ".join(f"{v:g}" for v in AS_CALIBRATED.numbers)}
@@ -105,5 +98,4 @@ def _export_whole(net: WholeNet, recipe: dict[str, str], folder: Path) -> float:
         typical=np.median,
         small=(LINEAR_LAYERS, CONVOLUTIONS),
     )
-    about = {**CONTRACT, "stage": WHOLE, "computes": FLOATS, **recipe}
-    return write_graph(WHOLE, graph, tuple(inputs.values()), about, folder / f"{WHOLE}.onnx", TOLERANCE)
+    return export_stage(WHOLE, graph, recipe, folder / f"{WHOLE}.onnx", tuple(inputs.values()), TOLERANCE)

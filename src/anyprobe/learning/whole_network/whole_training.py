@@ -25,7 +25,7 @@ from anyprobe.learning.train.checkpoint import (
     save_checkpoint,
 )
 from anyprobe.learning.train.logger import RunLogger, run_folder
-from anyprobe.learning.train.loop import CHECKPOINT_SECONDS, learning_rate, move_mean
+from anyprobe.learning.train.loop import CHECKPOINT_SECONDS, learning_rate, mean_of, move_mean
 from anyprobe.learning.whole_network.batches import Pairs, mirrored_pairs
 from anyprobe.learning.whole_network.left_out_scores import score_left_out
 from anyprobe.learning.whole_network.object_losses import OBJECT_WEIGHTS, ObjectLoss
@@ -148,7 +148,6 @@ def train_whole(
     optimizer = torch.optim.AdamW(
         _groups(net, config), lr=config.learning_rate, weight_decay=config.weight_decay, fused=True
     )
-    mean, first = deepcopy(net), 0
     stored, origin = resumed(path, config, {}, None, device, holds="net")
     origin["start"] = " ".join(init_weights_id(one) for one in start) or None
     for one in start:
@@ -156,12 +155,7 @@ def train_whole(
     losses = PhotoLosses(net, config, device)
     if stored is not None:
         origin = agreed(path, stored.get("origin", {}), origin)
-        load_weights(mean, stored["net"], path)
-        load_weights(net, stored["moving"], path)
-        optimizer.load_state_dict(stored["optimizer"])
-        first = stored["step"]
-    else:
-        mean.load_state_dict(net.state_dict())
+    mean, first = mean_of(net, optimizer, stored, path)
     folder = run_folder(runs, config.name)
     last = config.steps if last is None else min(last, config.steps)
     if first >= last:
