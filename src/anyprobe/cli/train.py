@@ -12,17 +12,22 @@ from anyprobe.cli.options import need_torch
 from anyprobe.errors import InputError
 
 _RUNS = Path("runs")
+Data = Annotated[
+    Path | None, typer.Option(help="Folder with hdri/train and meshes/train; default: procedural maps and shapes.")
+]
+Runs = Annotated[Path, typer.Option(help="Folder for checkpoints, logs and caches.")]
+Steps = Annotated[int | None, typer.Option(min=1, help="Total number of steps; default: the run's.")]
+DryRun = Annotated[int | None, typer.Option(min=1, metavar="N", help="N small steps, to test a machine.")]
+Keep = Annotated[Path | None, typer.Option(help="Also save the weights to this .pt, for train --init-weights.")]
 RunName = Annotated[str, typer.Argument(metavar="RUN", help="Named run; see docs/how-to/training.md.")]
 
 
 def train(
     run: RunName = "lift",
-    data: Annotated[
-        Path | None, typer.Option(help="Folder with hdri/train and meshes/train; default: procedural maps and shapes.")
-    ] = None,
-    runs: Annotated[Path, typer.Option(help="Folder for checkpoints, logs and caches.")] = _RUNS,
-    steps: Annotated[int | None, typer.Option(min=1, help="Total number of steps; default: the run's.")] = None,
-    dry_run: Annotated[int | None, typer.Option(min=1, metavar="N", help="N small steps, to test a machine.")] = None,
+    data: Data = None,
+    runs: Runs = _RUNS,
+    steps: Steps = None,
+    dry_run: DryRun = None,
     init_weights: Annotated[
         Path | None,
         typer.Option(help="Initial weights, written by anyprobe weights --keep; give the same ones to resume."),
@@ -88,9 +93,7 @@ def weights(
     to: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for the .onnx graphs.")],
     run: RunName = "lift",
     runs: Annotated[Path, typer.Option(help="Folder of the trained runs.")] = _RUNS,
-    keep: Annotated[
-        Path | None, typer.Option(help="Also save the weights to this .pt, for train --init-weights.")
-    ] = None,
+    keep: Keep = None,
 ) -> None:
     """Export a trained run as ONNX. The graphs are checked against torch."""
     _refuse_mask(run)

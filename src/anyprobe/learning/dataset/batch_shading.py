@@ -28,14 +28,12 @@ def shade_batch(
     places: Callable = lookup_coords,
     hidden: torch.Tensor | None = None,
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """Look up lit materials by the normals [B, 3, S, S] of surfaces seen along wo [B, S, S, 3].
+    """Look up lit materials by the normals [B, 3, S, S] of surfaces seen along wo [B, S, S, 3]: radiance and Eq. 5's
+    first factor, [B, 3, S, S] each, anything outside the objects.
 
     materials: their f0 and albedo are [3], or [S, S, 3] where they differ from pixel to pixel.
     places: lookup_coords, or the same compiled.
     hidden: what the surfaces hide from themselves, see dataset.occlusion; the first factor has none of it.
-
-    Returns:
-        radiance and Eq. 5's first factor, [B, 3, S, S] each; anything outside the objects.
     """
     alpha = column_of([lit.alpha for lit in chosen], normals)
     table = torch.from_numpy(albedo_table()).to(normals.device)

@@ -62,10 +62,8 @@ def draw_curve(rng: np.random.Generator) -> CameraCurve:
 def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
     """Draw the settings of a photo; its exposure varies by about two stops each way.
 
-    Args:
-        conditions: 0 for the paper's clean shot, without noise, blur and JPEG; 1 as the
-            world gives them. Both take the same numbers from one rng and agree in all else (recipes
-            that differ in this alone have other rngs: they are other pairs).
+    conditions: 0 for the paper's clean shot, without noise, blur and JPEG; 1 as the world gives them. From one rng both
+        agree in all else.
     """
     if conditions not in (0, 1):
         raise InputError(f"expected 0 (clean) or 1 (as phones take them), got {conditions!r}", subject="conditions")
@@ -230,8 +228,7 @@ def as_planes(picture: np.ndarray) -> np.ndarray:
 def one_photo(
     shot: Shot, radiance: np.ndarray, mask: np.ndarray, background: np.ndarray | None, rng: np.random.Generator
 ) -> np.ndarray:
-    """Take one photo of [S, S, 3] with a mask [S, S] and a background [S, S, 3] or None, grain by rng: [S, S, 3]
-    uint8."""
+    """Take one photo of [S, S, 3], mask [S, S] and background [S, S, 3] or None, grain by rng: [S, S, 3] uint8."""
     behind = None if background is None else as_planes(background)
     grain = as_planes(rng.standard_normal(radiance.shape, np.float32))
     levels = take_photo([shot], as_planes(radiance), mask[None, None], behind, grain)[0]

@@ -227,8 +227,7 @@ Row = dict[str, str]
 def read_table(path: Path) -> tuple[list[str], list[Row]]:
     """Read the columns and rows of a manifest.csv; none if there is no file. Fields missing in short rows are empty.
 
-    Raises:
-        InputError: no table in UTF-8 with the column file.
+    InputError: no table in UTF-8 with the column file.
     """
     if not path.is_file():
         return [], []

@@ -180,8 +180,7 @@ def frame_level(seen: np.ndarray) -> np.ndarray:
 def metered_gain(object_mean, frame, weight, key):
     """Return the gain [...] from radiance to exposure units that brings the mean of object and frame to the key.
 
-    Args:
-        object_mean: mean luminance of the object. frame: frame_level. weight, key: draw_metering.
+    object_mean: mean luminance of the object. frame: frame_level. weight, key: draw_metering.
     """
     power = FRAME_POWER
     mean = weight * np.maximum(object_mean, 1e-6) ** power + (1.0 - weight) * np.maximum(frame, 1e-6) ** power

@@ -172,8 +172,7 @@ class Illuminator:
 
     def __init__(self, maps: list[np.ndarray], device: str = "cpu", compiled: bool = True) -> None:
         self.device = device
-        self.maps = [torch.from_numpy(np.ascontiguousarray(radiance)) for radiance in maps]
-        self.maps = [radiance.to(device) for radiance in self.maps]
+        self.maps = [torch.from_numpy(np.ascontiguousarray(radiance)).to(device) for radiance in maps]
         self._pyramids: dict[tuple[float, int], Pyramid] = {}
         self.wrap = compile_kernel if compiled else (lambda function: function)
         self._directions = self._tensor(pixel_directions(4 * MAP_HEIGHT).reshape(-1, 3))

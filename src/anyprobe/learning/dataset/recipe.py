@@ -39,9 +39,8 @@ class Recipe:
     """Recipe of one pair; the same recipe gives the same pair bit for bit on the CPU.
 
     map_id, shape_id: 8 hexadecimal digits, the assets' ids in an AssetStore.
-    material: 0 to 7: bit 0 diffuse rather than specular, bit 1 metal, bit 2 a
-        second draw of the two, or under WORLD bits 0 and 1 the kind of distributions.KINDS, bit 2 the
-        brighter half of that kind.
+    material: 0 to 7: bit 0 diffuse rather than specular, bit 1 metal, bit 2 a second draw of the two, or under WORLD
+        bits 0 and 1 the kind of distributions.KINDS, bit 2 the brighter half of that kind.
     view: Fibonacci viewpoint, 0 to 22.
     conditions: 0 for the paper's clean photos, 1 for photos as the world gives them, WORLD for
         these with the world's materials, metering and white balance.

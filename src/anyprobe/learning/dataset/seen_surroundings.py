@@ -106,9 +106,5 @@ def perturb(light: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
     """Rotate each map [B, 3, H, 2H] a little about the vertical and change its brightness a little."""
     turns = rng.integers(-TURN_COLUMNS, TURN_COLUMNS + 1, len(light))
     gains = np.exp2(rng.normal(0.0, GAIN_STOPS, len(light)))
-    return torch.stack(
-        [
-            torch.roll(radiance, int(turn), dims=2) * float(gain)
-            for radiance, turn, gain in zip(light, turns, gains, strict=True)
-        ]
-    )
+    changes = zip(light, turns.tolist(), gains.tolist(), strict=True)
+    return torch.stack([torch.roll(radiance, turn, dims=2) * gain for radiance, turn, gain in changes])

@@ -48,7 +48,7 @@ def shade_hidden(
     radiance: torch.Tensor,
     glow: torch.Tensor,
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """Attenuate diffuse and specular light where the object hides part of its surroundings.
+    """Compute factors [B, 3, S, S] of diffuse and of specular light where the object hides part of its surroundings.
 
     Hidden cells show the object itself, as bright as it is in the mean.
 
@@ -56,8 +56,6 @@ def shade_hidden(
         hidden: [B, AZIMUTHS, SIDE, SIDE] uint8.
         normals: [B, 3, S, S]; wo: [B, S, S, 3]; alpha: [B].
         radiance: [B, H, 2H, 3], the maps in the camera's frame; glow: [B, 3], the object's own mean radiance.
-    Returns:
-        Factors [B, 3, S, S] of the diffuse and of the specular radiance.
     """
     count, size = len(normals), normals.shape[-1]
     d = torch.from_numpy(cell_directions()).to(normals.device)

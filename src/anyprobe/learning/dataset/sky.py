@@ -265,9 +265,8 @@ def _ground(rng: np.random.Generator, d: np.ndarray, horizon: np.ndarray) -> tup
 def _skyline(rng: np.random.Generator, d: np.ndarray) -> np.ndarray:
     """Draw the sine of the elevation up to which the ground hides the sky, [..., 1]: flat, hills or houses."""
     azimuth = np.arctan2(d[..., :1], -d[..., 2:])
-    waves = sum(np.sin(k * azimuth + rng.uniform(0, 6.28)) / k**0.7 for k in rng.integers(1, 24, size=8)) * rng.uniform(
-        0.0, 0.08
-    )
+    waves = sum(np.sin(k * azimuth + rng.uniform(0, 6.28)) / k**0.7 for k in rng.integers(1, 24, size=8))
+    waves = waves * rng.uniform(0.0, 0.08)
     if rng.random() < 0.4:
         steps = np.round(azimuth * rng.uniform(3, 9)) * 12.9898 + rng.uniform(0, 99)
         waves = waves + rng.uniform(0.0, 0.35) * (np.sin(steps) * 43758.5453 % 1.0)

@@ -129,10 +129,9 @@ def _stretch_and_lean(config: SurfaceConfig, rng: np.random.Generator) -> np.nda
 def _waves(
     rng: np.random.Generator, count: int, frequency: tuple[float, float], max_slope: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Draw pushes, waves [count, 3] and phases [count] for `waved`, whose slopes sum to at most `most`."""
-    waves = normalize(rng.normal(size=(count, 3))) * np.exp(
-        rng.uniform(np.log(frequency[0]), np.log(frequency[1]), size=(count, 1))
-    )
+    """Draw pushes, waves [count, 3] and phases [count] for `waved`, whose slopes sum to at most max_slope."""
+    along = normalize(rng.normal(size=(count, 3)))
+    waves = along * np.exp(rng.uniform(np.log(frequency[0]), np.log(frequency[1]), size=(count, 1)))
     slopes = rng.dirichlet(np.ones(count)) * rng.uniform(0.0, max_slope)
     pushes = normalize(rng.normal(size=(count, 3))) * (slopes / np.linalg.norm(waves, axis=1))[:, None]
     return pushes, waves, rng.uniform(0, 2 * np.pi, count)
@@ -216,8 +215,7 @@ def build_surfaces(
         return _open_cached(folder, names)
     total = len(shapes) + config.procedural + config.figures + config.parts
     seen: list[_View] = []
-    jobs = _shapes_and_views(shapes, config)
-    for done, shape_views in enumerate(_see_all(jobs, config, workers), start=1):
+    for done, shape_views in enumerate(_see_all(_shapes_and_views(shapes, config), config, workers), start=1):
         seen += shape_views
         if watch is not None:
             watch(done, total)

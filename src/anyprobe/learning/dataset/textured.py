@@ -28,8 +28,7 @@ def smooth_noise(rng: np.random.Generator, size: int, cells: float) -> np.ndarra
 
 
 def rough_noise(rng: np.random.Generator, size: int, slope: float, aspect: float = 1.0) -> np.ndarray:
-    """Draw noise [size, size] whose amplitude falls with frequency to the power -slope; `aspect` stretches its grain
-    across."""
+    """Draw noise [size, size], its amplitude as frequency to the power -slope; `aspect` stretches its grain across."""
     spectrum, radius = _white_noise(rng, size, aspect)
     return _unit_deviation(spectrum / np.maximum(radius, 1.0) ** slope)
 
@@ -162,8 +161,7 @@ def lay(pattern: np.ndarray, points: np.ndarray, normals: np.ndarray, rng: np.ra
 
 
 def draw_factor(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Draw a mild texture: a factor on the object's reflectance, [S, S, 3], 1 in the mean and off the object; normals
-    as for `locate`."""
+    """Draw a texture's factor on reflectance, [S, S, 3], 1 in the mean and off the object; normals as for `locate`."""
     mask, factor = normals.any(axis=-1), np.ones(normals.shape, np.float32)
     factor[mask] = factor_at(locate(normals)[mask], normals[mask], rng)
     return factor

@@ -114,8 +114,7 @@ def truth_methods() -> dict[str, Method]:
 
 @lru_cache(maxsize=1)
 def mean_map() -> np.ndarray:
-    """Return the geometric mean of the training maps in the camera's frame and the photo's exposure units, [64, 128,
-    3].
+    """Return the geometric mean [64, 128, 3] of the maps of training pairs, camera's frame, photo's exposure units.
 
     Written with the weights, from the pairs they were trained on.
     """

@@ -100,8 +100,7 @@ def gain_rmse(p: np.ndarray, g: np.ndarray) -> float:
 
 
 def color_angle_deg(p: np.ndarray, g: np.ndarray, mask: np.ndarray) -> float:
-    """Compute the mean over pixels of the mask [...] of arccos( p.g / (|p| |g|) ) [degrees], of RGB vectors p, g [...,
-    3].
+    """Compute the mean over the mask [...] of arccos( p.g / (|p| |g|) ) [degrees] of RGB vectors p, g [..., 3].
 
     A pixel that is black in one picture alone counts 90, in both 0.
     """

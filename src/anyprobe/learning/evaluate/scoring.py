@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -43,8 +44,7 @@ Group = Callable[[Pair, bool], bool]
 
 
 def dominant_light_share(radiance: np.ndarray) -> float:
-    """Compute the share of a map's power that its dominant light has, by luminance: E on a plane facing it / all
-    light."""
+    """Compute the dominant light's share of a map's power, by luminance: E on a plane facing it / all light."""
     total = float(luminance(integral(radiance.astype(np.float64))))
     return float(luminance(find_dominant_light(radiance).irradiance)) / max(total, 1e-9)
 
@@ -158,8 +158,7 @@ def score_radiance(pair: Pair, estimates: Mapping[str, Estimate]) -> dict[str, d
 
 
 Scorer = Callable[[Pair, Mapping[str, Estimate]], dict[str, dict[str, float]]]
-"""Function from a pair and every method's estimate of it to figures by method, so that work on the truth is done
-once."""
+"""Function from a pair and every method's estimate to figures by method, so that work on the truth is done once."""
 
 
 @dataclass(kw_only=True)
@@ -185,35 +184,31 @@ class Scores:
 
     def table(self) -> dict[str, dict[str, dict[str, float]]]:
         """Return the means: method -> group -> metric; groups without a pair are left out."""
-        result: dict[str, dict[str, dict[str, float]]] = {}
-        for method in self.rows:
-            result[method] = {}
-            for group in GROUPS:
-                chosen = self.of_group(method, group)
-                if not chosen:
-                    continue
-                means = {name: float(np.mean([row[name] for row in chosen])) for name in chosen[0]}
-                for name, source in MEDIANS.items():
-                    means[name] = float(np.median([row[source] for row in chosen]))
-                result[method][group] = {name: round(means[name], 5) for name in METRICS}
-        return result
+
+        def means(method: str, chosen: list[int]) -> dict[str, float]:
+            rows = [self.rows[method][index] for index in chosen]
+            result = {name: float(np.mean([row[name] for row in rows])) for name in rows[0]}
+            for name, source in MEDIANS.items():
+                result[name] = float(np.median([row[source] for row in rows]))
+            return {name: round(result[name], 5) for name in METRICS}
+
+        return self._by_group(means)
 
     def standard_errors(self) -> dict[str, dict[str, dict[str, float | None]]]:
         """Return standard errors of the means of `table`, clustered by map and shape: method -> group -> metric;
         None for a single map and shape."""
-        errors: dict[str, dict[str, dict[str, float | None]]] = {}
-        for method, rows in self.rows.items():
-            errors[method] = {}
-            for group in GROUPS:
-                indices = [index for index, member in enumerate(self.groups) if group in member]
-                if indices:
-                    clusters = [self.maps[index] for index in indices], [self.shapes[index] for index in indices]
-                    errors[method][group] = {
-                        name: rounded(clustered_error([rows[index][name] for index in indices], *clusters), 5)
-                        for name in METRICS
-                        if name not in MEDIANS
-                    }
-        return errors
+
+        def errors(method: str, chosen: list[int]) -> dict[str, float | None]:
+            clusters = [self.maps[index] for index in chosen], [self.shapes[index] for index in chosen]
+            columns = {name: [self.rows[method][index][name] for index in chosen] for name in METRICS.keys() - MEDIANS}
+            return {name: rounded(clustered_error(columns[name], *clusters), 5) for name in METRICS if name in columns}
+
+        return self._by_group(errors)
+
+    def _by_group(self, of: Callable[[str, list[int]], dict[str, Any]]) -> dict[str, dict[str, dict[str, Any]]]:
+        """Return what `of` makes of each method and of the numbers of each group's pairs, if it has any."""
+        chosen = {group: [k for k, member in enumerate(self.groups) if group in member] for group in GROUPS}
+        return {name: {group: of(name, some) for group, some in chosen.items() if some} for name in self.rows}
 
 
 def score_pairs(

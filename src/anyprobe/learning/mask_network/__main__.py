@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.cli.train import Data, DryRun, Keep, Runs, Steps
 from anyprobe.errors import InputError
 from anyprobe.learning.mask_network.mask_export import export_mask
 from anyprobe.learning.mask_network.mask_training import MaskRunConfig, small_mask_run, train_mask
@@ -23,12 +24,10 @@ app = typer.Typer(no_args_is_help=True)
 
 @app.command()
 def train(
-    data: Annotated[
-        Path | None, typer.Option(help="Folder with hdri/train and meshes/train; else our own maps and shapes.")
-    ] = None,
-    runs: Annotated[Path, typer.Option(help="Folder for checkpoints, logs and caches.")] = RUNS_DIR,
-    steps: Annotated[int | None, typer.Option(min=1, help="Steps in all; the run's own number otherwise.")] = None,
-    dry_run: Annotated[int | None, typer.Option(min=1, metavar="N", help="N small steps, to try a machine.")] = None,
+    data: Data = None,
+    runs: Runs = RUNS_DIR,
+    steps: Steps = None,
+    dry_run: DryRun = None,
     init_weights: Annotated[
         Path | None, typer.Option(help="Weights to begin from, kept by export --keep; the same ones to resume.")
     ] = None,
@@ -55,9 +54,7 @@ def train(
 def export(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run's folder, or its checkpoint.")] = RUNS_DIR / "mask",
     to: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Folder for mask.onnx.")] = WEIGHTS,
-    keep: Annotated[
-        Path | None, typer.Option(help="Also keep the weights in this .pt, to begin another training from.")
-    ] = None,
+    keep: Keep = None,
 ) -> None:
     """Export a trained run as ONNX and check it against torch."""
     checkpoint = run / "checkpoint.pt" if run.is_dir() else run

@@ -146,8 +146,7 @@ def _ground(
 
 
 def _lit(rng: np.random.Generator, view: LitView, window: PhotoGrid) -> torch.Tensor:
-    """Draw the radiance of white paper [3, S, S]: the ground's, brighter towards one side, with or without a pool of
-    light."""
+    """Draw the radiance of white paper [3, S, S]: the ground's, brighter on one side, some with a pool of light."""
     gain = np.exp(rng.normal(0, 0.4))
     slope = rng.normal(0, 0.3, size=2)
     shading = torch.exp(float(slope[0]) * window.x + float(slope[1]) * window.y)

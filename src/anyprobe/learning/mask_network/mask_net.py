@@ -27,10 +27,9 @@ class Residual(nn.Module):
 class MaskNet(nn.Module):
     """image [N, 4, 160, 160] (display RGB, hint channel) -> cover [N, 1, 160, 160] in [0, 1].
 
-    The first convolution halves the size and each pixel of the last one gives four, so
-    that nothing is computed at full size; nearest repetition and pixel shuffling run
-    everywhere alike. Skips are added, not stacked: half the arithmetic, spent on depth
-    where pixels are few. While training, `logits` is what the loss sees.
+    The first convolution halves the size and each pixel of the last one gives four, so that nothing is computed at full
+    size; nearest repetition and pixel shuffling run everywhere alike. Skips are added, not stacked: half the
+    arithmetic, spent on depth where pixels are few. While training, `logits` is what the loss sees.
     """
 
     def __init__(self, widths: tuple[int, ...] = (16, 32, 64, 96, 128)) -> None:

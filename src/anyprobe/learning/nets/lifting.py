@@ -95,11 +95,8 @@ def map_pixel(direction: torch.Tensor, height: int) -> torch.Tensor:
 
 
 def lift_to_map(values: torch.Tensor, weight: torch.Tensor, pixel: torch.Tensor, height: int) -> torch.Tensor:
-    """Add values [N, C, S, S] of weight [N, 1, S, S] on the pixels of a map, pixel [N, S * S] of map_pixel.
-
-    Returns:
-        [N, C + 1, height, 2 height]: sums of weight x value, and of the weights.
-    """
+    """Add values [N, C, S, S] of weight [N, 1, S, S] on the pixels of a map, pixel [N, S * S] of map_pixel: sums
+    [N, C + 1, height, 2 height] of weight x value, and of the weights."""
     carried = torch.cat([values * weight, weight], dim=1).flatten(2)
     sums = torch.zeros(*carried.shape[:2], height * 2 * height, dtype=carried.dtype, device=carried.device)
     sums = sums.scatter_add(2, pixel[:, None].expand_as(carried), carried)
@@ -107,8 +104,7 @@ def lift_to_map(values: torch.Tensor, weight: torch.Tensor, pixel: torch.Tensor,
 
 
 def pyramid(sums: torch.Tensor, levels: int) -> list[torch.Tensor]:
-    """Return weighted means at each scale, [N, C + 1, H / 2^k, 2H / 2^k]; the last channel is the coverage in [0,
-    1)."""
+    """Return weighted means at each scale, [N, C + 1, H / 2^k, 2H / 2^k], the last channel the coverage in [0, 1)."""
     result = []
     for _ in range(levels):
         weight = sums[:, -1:]

@@ -138,8 +138,7 @@ class Chain(_Stages):
             self._teacher = cast(LightNet, torch.compile(self._teacher))
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
-        """Compute the losses; progress, the share of the run done in [0, 1), sharpens the illumination net's
-        targets."""
+        """Compute the losses; progress sharpens the illumination net's targets."""
         seen, mask = self._irradiance(batch), batch.photo[:, 3:]
         with torch.no_grad():
             wanted = self._taught(batch)

@@ -1,5 +1,4 @@
-"""Checkpoints: reading them, resuming their run and no other, and their weights alone, in half floats, to start another
-run from."""
+"""Checkpoints: resuming their run and no other, and their weights alone, in half floats, to start another run from."""
 
 from __future__ import annotations
 
@@ -31,8 +30,7 @@ OPTIONS_OF = {
 
 
 def agreed(path: Path, first: Mapping[str, Any], current: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the origin of the run at path, merged from its checkpoint's and the current one; InputError if they
-    differ."""
+    """Return the origin of the run at path, its checkpoint's and the current one; InputError if they differ."""
     for name, value in current.items():
         if first.get(name, value) != value:
             raise _another_run(path, name, first[name], value)
@@ -164,8 +162,7 @@ SMALL = 1024
 
 
 def save_init_weights(checkpoint: Path, path: Path, holds: str = "nets") -> None:
-    """Save the weights of a checkpoint, those named `holds`, by save_weights; errors of read_checkpoint and
-    keep_apart."""
+    """Save a checkpoint's weights, those named `holds`, by save_weights; errors of read_checkpoint, keep_apart."""
     stored = read_checkpoint(checkpoint, holds=holds)
     keep_apart(checkpoint, path)
     save_weights(stored[holds], path)

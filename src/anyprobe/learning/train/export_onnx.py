@@ -72,8 +72,7 @@ class Graph:
 
 
 def claims_of(guess: LightPrediction, sureness: Sureness) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return the confidence [N, 1, 64, 128] in [0, 1], and the posterior [N, 7] as estimate.runtime.POSTERIOR has
-    it."""
+    """Return the confidence [N, 1, 64, 128] in [0, 1], and the posterior [N, 7] of estimate.runtime.POSTERIOR."""
     slope, offset = sureness.logit
     of_reflectance, of_level, of_color = sureness.errors
     metal, others = guess.posterior.split([1, 6], dim=1)
@@ -126,8 +125,7 @@ def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str,
 
 
 def export_graphs(checkpoint: Path, folder: Path, sureness: Sureness = AS_LEARNED) -> dict[str, float]:
-    """Write the graphs of a run and return each one's largest difference from torch; ModelError where that is more than
-    TOLERANCE."""
+    """Write the graphs of a run; return each one's largest difference from torch, ModelError if beyond TOLERANCE."""
     nets = load_nets(checkpoint)
     stored = read_checkpoint(checkpoint)
     config = json.loads(stored["config"])

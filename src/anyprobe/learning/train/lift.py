@@ -19,11 +19,9 @@ from anyprobe.learning.train.map_losses import Sent, clipped_where_white, shown_
 
 
 def normals_loss(normals: torch.Tensor, batch: Batch, where: torch.Tensor | float = 1.0) -> torch.Tensor:
-    """Compute the mean of 1 - cos(error) over the object's inner pixels.
+    """Compute the mean of 1 - cos(error) of unit normals [N, 3, 64, 64] over the object's inner pixels.
 
-    Args:
-        normals: unit [N, 3, 64, 64].
-        where: [N, 1, 64, 64], 0 where pixels do not count.
+    where: [N, 1, 64, 64], 0 where pixels do not count.
     """
     true = F.avg_pool2d(batch.normals, 2)
     inside = (F.avg_pool2d(batch.photo[:, 3:], 2) > 0.99).float() * where
@@ -33,8 +31,7 @@ def normals_loss(normals: torch.Tensor, batch: Batch, where: torch.Tensor | floa
 
 
 def irradiance_loss(estimate: torch.Tensor, target: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-    """Compute the mean squared error of images [B, 3, S, S] per object pixel, so that objects of all sizes count
-    alike."""
+    """Compute the mean squared error of images [B, 3, S, S] per object pixel: objects of all sizes count alike."""
     share = mask.mean(dim=(1, 2, 3)).clip(min=0.02)
     return (((estimate - target) ** 2).mean(dim=(1, 2, 3)) / share).mean()
 

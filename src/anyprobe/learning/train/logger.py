@@ -81,8 +81,7 @@ class RunLogger:
         self._events.close()
 
     def note(self, step: int, pairs: int, pairs_each: int, losses: dict[str, torch.Tensor], rate: float) -> None:
-        """Log a step: `step` steps and `pairs` pairs are done, pairs_each of them in this step, at this learning
-        rate."""
+        """Log a step: `step` steps and `pairs` pairs are done, pairs_each of them in this step, at this rate."""
         self._history.append(torch.stack([losses[name].detach() for name in self.columns]))
         self._progress.advance(self._task)
         if step % LOG_STEPS and step != self.last:

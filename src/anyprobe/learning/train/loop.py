@@ -245,9 +245,7 @@ class ProcessGroup:
             dist.destroy_process_group()
 
 
-def mean_of(
-    net: Net, optimizer: torch.optim.Optimizer, stored: dict[str, Any] | None, path: Path
-) -> tuple[Net, int]:
+def mean_of(net: Net, optimizer: torch.optim.Optimizer, stored: dict[str, Any] | None, path: Path) -> tuple[Net, int]:
     """Return the running mean of a network's weights and the number of steps done; all as the checkpoint at path has
     them, if it is not None."""
     mean = deepcopy(net)

@@ -18,8 +18,7 @@ FAINT_RADIANCE = 0.02
 
 
 def lobe_matrices(height: int, rows: int) -> torch.Tensor:
-    """Compute the matrices [lobes, out, in] that average a map [height, 2 height] around the pixels of one of `rows`
-    rows."""
+    """Compute matrices [lobes, out, in] that average a map [height, 2 height] around the pixels of one of `rows`."""
     out, seen = (pixel_directions(h).reshape(-1, 3).astype(np.float64) for h in (rows, height))
     cosine = np.maximum(out @ seen.T, 0.0)
     angles = np.repeat(pixel_solid_angles(height)[:, 0], 2 * height)
@@ -28,8 +27,7 @@ def lobe_matrices(height: int, rows: int) -> torch.Tensor:
 
 
 def structure_loss(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
-    """Compute 1 - structural similarity over 7 x 7 boxes (Wang et al. 2004, Eq. 13), pictures [N, C, H, W] in [0,
-    1]."""
+    """Compute 1 - SSIM over 7 x 7 boxes (Wang et al. 2004, Eq. 13) of pictures [N, C, H, W] in [0, 1]."""
 
     def mean(x: torch.Tensor) -> torch.Tensor:
         return F.avg_pool2d(x, 7, stride=2)

@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.cli.train import Keep, Runs, Steps
 from anyprobe.learning.train.checkpoint import keep_apart, save_weights
 from anyprobe.learning.whole_network.whole_export import export_photo_net
 from anyprobe.learning.whole_network.whole_training import WholeRunConfig, load_photo_net, train_whole
@@ -32,8 +33,8 @@ def train(
     left_out: Annotated[
         Path | None, typer.Option(help="Folder of pairs of the left-out part, scored while training.")
     ] = None,
-    runs: Annotated[Path, typer.Option(help="Folder for checkpoints and logs.")] = ALL_RUNS,
-    steps: Annotated[int | None, typer.Option(min=1, help="Steps in all; the run's own number otherwise.")] = None,
+    runs: Runs = ALL_RUNS,
+    steps: Steps = None,
     growing: Annotated[bool, typer.Option(help="Also learn from pairs that are added meanwhile.")] = False,
     name: Annotated[str, typer.Option(help="Of the run's folder.")] = "whole",
     batch: Annotated[int | None, typer.Option(min=2, help="Photos a step; the run's own number otherwise.")] = None,
@@ -62,9 +63,7 @@ def export(
         list[Path] | None, typer.Option(help="Weights the run began from, for a mean with them; repeat for more.")
     ] = None,
     share: Annotated[float, typer.Option(min=0.0, max=1.0, help="How much of the mean those are.")] = 0.5,
-    keep: Annotated[
-        Path | None, typer.Option(help="Also keep the weights in this .pt, to begin another training from.")
-    ] = None,
+    keep: Keep = None,
 ) -> None:
     """Export a trained run as ONNX and check it against torch."""
     checkpoint = run / "checkpoint.pt" if run.is_dir() else run

@@ -1,5 +1,4 @@
-"""Targets of SourceHead: the brightest places of true maps, and how much of the power comes from within how many
-degrees of them."""
+"""Targets of SourceHead: the brightest places of true maps, and how much power comes from how close to them."""
 
 from __future__ import annotations
 
