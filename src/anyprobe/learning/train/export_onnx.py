@@ -171,14 +171,14 @@ def export_stage(
     recipe: dict[str, str],
     path: Path,
     examples: tuple[torch.Tensor, ...] | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float | None = None,
 ) -> float:
-    """Export one network of a model, see write_graph; examples: random ones if None."""
+    """Export one network of a model, see write_graph; examples: random ones if None, tolerance: TOLERANCE."""
     if examples is None:
         generator = torch.Generator().manual_seed(0)
         examples = tuple(_smooth(shape, generator) for shape in graph.inputs.values())
     about = {**CONTRACT, "stage": stage, "computes": FLOATS, **recipe}
-    return write_graph(stage, graph, examples, about, path, tolerance)
+    return write_graph(stage, graph, examples, about, path, TOLERANCE if tolerance is None else tolerance)
 
 
 def write_graph(
