@@ -200,8 +200,11 @@ class Scores:
 
         def errors(method: str, chosen: list[int]) -> dict[str, float | None]:
             clusters = [self.maps[index] for index in chosen], [self.shapes[index] for index in chosen]
-            columns = {name: [self.rows[method][index][name] for index in chosen] for name in METRICS.keys() - MEDIANS}
-            return {name: rounded(clustered_error(columns[name], *clusters), 5) for name in METRICS if name in columns}
+            return {
+                name: rounded(clustered_error([self.rows[method][index][name] for index in chosen], *clusters), 5)
+                for name in METRICS
+                if name not in MEDIANS
+            }
 
         return self._by_group(errors)
 

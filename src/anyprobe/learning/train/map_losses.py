@@ -18,7 +18,7 @@ FAINT_RADIANCE = 0.02
 
 
 def lobe_matrices(height: int, rows: int) -> torch.Tensor:
-    """Compute matrices [lobes, out, in] that average a map [height, 2 height] around the pixels of one of `rows`."""
+    """Compute matrices [lobes, out, in]: means of a map [height, 2 height] around the pixels of one of `rows` rows."""
     out, seen = (pixel_directions(h).reshape(-1, 3).astype(np.float64) for h in (rows, height))
     cosine = np.maximum(out @ seen.T, 0.0)
     angles = np.repeat(pixel_solid_angles(height)[:, 0], 2 * height)

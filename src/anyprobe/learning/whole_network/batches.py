@@ -47,9 +47,8 @@ class Pairs:
             seen.update(f"{path.name} {len(part['up'])} ".encode())
             if 0 < most <= count:
                 break
-        self._files, self._arrays = len(parts), {}
-        for name in tuple(parts[0]):
-            self._arrays[name] = torch.cat([part.pop(name) for part in parts])
+        self._files = len(parts)
+        self._arrays = {name: torch.cat([part.pop(name) for part in parts]) for name in tuple(parts[0])}
         self.identity = f"{count} pairs {seen.hexdigest()[:8]}"
         """Which pairs these are: how many, and a digest of their files' names and lengths."""
 
