@@ -144,8 +144,7 @@ def _parts(batch: Batch) -> list[tuple[str, torch.Tensor]]:
 def _read_pairs(path: Path, like: Batch) -> Batch | None:
     """Read the pairs that `see` kept to the device of `like`; None if absent, damaged or of another release."""
     try:
-        stored = torch.load(path, map_location=like.photo.device, weights_only=True)
-        return Batch(**stored)
+        return Batch(**torch.load(path, map_location=like.photo.device, weights_only=True))
     except Exception:  # torch raises many kinds for an absent or a damaged file
         return None
 

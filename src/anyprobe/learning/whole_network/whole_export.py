@@ -83,19 +83,17 @@ def export_photo_net(
     ModelError where that is more than its tolerance. start, share: see load_photo_net."""
     net, run = load_photo_net(checkpoint, start, share)
     recipe = {"run": run["name"], "steps": str(run["step"]), "pairs": str(run["step"] * run["batch"])}
-    about = {**recipe, "config": json.dumps(run), "sureness": " ".join(f"{v:g}" for v in AS_CALIBRATED.numbers)}
+    recipe["config"] = json.dumps(run)
+    about = {**recipe, "sureness": " ".join(f"{v:g}" for v in AS_CALIBRATED.numbers)}
     (graph,) = graphs_of(nn.ModuleDict({"light": net.light}), AS_CALIBRATED).values()
     light = export_stage("light", graph, about, folder / "light.onnx")
-    return {"light": light, WHOLE: _export_whole(net.whole, {**recipe, "config": json.dumps(run)}, folder)}
-
-
-def _export_whole(net: WholeNet, recipe: dict[str, str], folder: Path) -> float:
     inputs = example_inputs()
     graph = Graph(
-        net=WholeGraph(net).eval(),
+        net=WholeGraph(net.whole).eval(),
         inputs={name: tuple(value.shape) for name, value in inputs.items()},
         outputs=WHOLE_OUTPUTS,
         typical=np.median,
         small=(LINEAR_LAYERS, CONVOLUTIONS),
     )
-    return export_stage(WHOLE, graph, recipe, folder / f"{WHOLE}.onnx", tuple(inputs.values()), TOLERANCE)
+    path = folder / f"{WHOLE}.onnx"
+    return {"light": light, WHOLE: export_stage(WHOLE, graph, recipe, path, tuple(inputs.values()), TOLERANCE)}
