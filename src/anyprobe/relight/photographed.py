@@ -39,7 +39,7 @@ INSET = 0.96
 """Share of a row's half width from which its colours are read: masks are a pixel too wide in places."""
 STANDING_ROWS, STANDING_SECTORS = 32, 32
 """Largest number of rows, and number of cells around, of its mesh where only its shade counts."""
-TURNS_DEG = tuple(np.linspace(-30.0, 30.0, 8))
+TURNS_DEG = tuple(np.linspace(-30.0, 30.0, 6))
 """Turns of the real object about the inserted one: evenly over the usual error of the light's direction."""
 BLURRING = 0.3
 """Smallest alpha of a material that does not mirror the real object, so that only its shade and tint are seen."""
