@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -62,6 +63,14 @@ def test_a_saved_light_is_opened_again(light, tmp_path, kind, turn):
     alike = {"sh9", "dominant_light", "confidence", "map_from_camera"}
     given, before = again.sidecar(), light.sidecar()
     assert {key: given[key] for key in given.keys() - alike} == {key: before[key] for key in before.keys() - alike}
+
+
+def test_a_saved_light_states_the_error_of_its_estimate(light, tmp_path):
+    light = replace(light, expected=np.ones((64, 128, 3), np.float32))  # a source may be anywhere
+    light.save(tmp_path / "vase.json")
+    again = anyprobe.Light.load(light.save(tmp_path / "vase.exr"))
+    assert again.dominant_light().error_deg == pytest.approx(light.dominant_light().error_deg, abs=0.06)
+    assert light.dominant_light().error_deg > replace(light, expected=None).dominant_light().error_deg + 10
 
 
 def test_a_map_without_its_sidecar_is_a_light(light, tmp_path):

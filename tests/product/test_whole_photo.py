@@ -111,6 +111,18 @@ def test_a_backdrop_that_is_not_used_is_said(grey, opaque, said):
     assert loaded.ground is None
 
 
+def test_a_dark_background_that_is_not_used_is_said():
+    photo, mask = on_a_table()
+    photo[mask == 0] = np.random.default_rng(0).integers(0, 40, ((mask == 0).sum(), 3))
+    given = {"mask": mask, "fov_deg": FOV_DEG}
+    loaded = load_photo(photo, **given)
+    assert [one.code for one in loaded.warnings] == ["dark-backdrop"]
+    assert loaded.ground is None
+    asked = load_photo(photo, **given, surroundings="photo")
+    assert asked.ground is not None
+    assert "dark-backdrop" not in [one.code for one in asked.warnings]
+
+
 def test_alpha_that_is_zero_everywhere_cuts_nothing_out():
     photo, mask = on_a_table()
     empty = np.dstack([photo, np.zeros_like(mask)])

@@ -60,6 +60,25 @@ test("a backdrop that is not used is said; the black of a cut-out and transparen
   assert.deepEqual(backdropDoubts(picture(250, 255), mask.fill(1)), []);
 });
 
+test("a dark background that is not used is said", async () => {
+  const [width, height] = [160, 120];
+  const mask = new Float32Array(width * height);
+  const rgba = new Uint8ClampedArray(4 * width * height);
+  for (let i = 0; i < mask.length; i++) {
+    const [x, y] = [i % width, Math.floor(i / width)];
+    mask[i] = Number(Math.hypot(x - 80, y - 60) < 20);
+    rgba.set(mask[i] ? [200, 200, 200, 255] : [x % 40, 20, y % 40, 255], 4 * i);
+  }
+  const picture = { width, height, rgba };
+  const models = { lifts: true, light: async () => ({ radiance: new Float32Array(64 * 128 * 3).fill(0.4) }) };
+  const codes = async (surroundings) => {
+    const { warnings } = await lightOfObject(models, picture, 60, cropObject(picture, mask, 60), { surroundings });
+    return warnings.map(({ code }) => code);
+  };
+  assert.deepEqual(await codes("auto"), ["dark-backdrop"]);
+  assert.ok(!(await codes("photo")).includes("dark-backdrop"));
+});
+
 test("a background tints what it does not show, unless the object's material is known", async () => {
   const [width, height] = [160, 120];
   const rgba = new Uint8ClampedArray(4 * width * height);

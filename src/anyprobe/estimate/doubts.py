@@ -73,6 +73,12 @@ def backdrop_doubts(name: str) -> tuple[Notice, ...]:
     return (Notice(text, code=PLAIN_BACKDROP, source=name, remedy=give(surroundings="photo")),)
 
 
+def dark_beside_doubts(name: str) -> tuple[Notice, ...]:
+    """Warn of an object whose surroundings are much darker than it: a dark room, a flash, black cloth."""
+    text = "the background is much darker than the object and is not used; if it is lit as the object is, ask for it"
+    return (Notice(text, code="dark-backdrop", source=name, remedy=give(surroundings="photo")),)
+
+
 def ground_doubts(ground: Ground | None, name: str) -> tuple[Notice, ...]:
     """Warn of a guessed pitch that the object's place contradicts, and of a badly estimated one."""
     if ground is not None and ground.source == ESTIMATED and ground.pitch_error_deg > UNSURE_DEG:

@@ -11,7 +11,7 @@ import numpy as np
 from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
 from anyprobe.errors import InputError, InvalidMask
-from anyprobe.estimate.doubts import backdrop_doubts, exposure_doubts, scale_doubts
+from anyprobe.estimate.doubts import backdrop_doubts, dark_beside_doubts, exposure_doubts, scale_doubts
 from anyprobe.estimate.ground import NOTED, Ground, estimate_ground
 from anyprobe.estimate.known import GivenPanorama, KnownNormals, PhotoBackground, asked_surroundings, find_normals
 from anyprobe.estimate.normals_hint import SHORTEST
@@ -231,7 +231,8 @@ def load_photo(
         doubts = backdrop_doubts(pixels.name) if doubtful else ()
         return replace(photo, surroundings=None, warnings=photo.warnings + doubts)
     if not around.is_asked and is_dark_beside(pixels.rgb, found.mask):
-        return replace(photo, surroundings=None, shows_place=True)
+        doubts = dark_beside_doubts(pixels.name)
+        return replace(photo, surroundings=None, shows_place=True, warnings=photo.warnings + doubts)
     return replace(photo, shows_place=True, ground=_ground(photo, hints, pixels.posture_deg))
 
 

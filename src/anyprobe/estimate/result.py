@@ -70,6 +70,7 @@ class Light:
         find_shown: gives `shown`; None where nothing is known of it.
         plate: what the photo shows beside its object, for panorama; None where that is nothing, or not kept.
         expected: [64, 128, 3] in the crop's frame, with light sources spread over all places where they may be.
+        stated_error_deg: error of the dominant light's direction by the .json of a light that lacks `expected`.
     """
 
     radiance: np.ndarray
@@ -83,6 +84,7 @@ class Light:
     find_shown: Callable[[], Shown | None] | None = None
     plate: Plate | None = None
     expected: np.ndarray | None = None
+    stated_error_deg: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "warnings", tuple(map(as_notice, self.warnings)))
@@ -138,9 +140,11 @@ class Light:
         in_crop = (self.map_from_camera @ self.camera_from_crop).T @ main.direction
         if self._is_measured(main.direction, in_crop):
             return replace(main, error_deg=MIRROR_ERROR_DEG)
-        if self.expected is None or not main.irradiance.any():
+        if not main.irradiance.any():
             return main
-        return replace(main, error_deg=estimated_error(self.expected, in_crop))
+        if self.expected is not None:
+            return replace(main, error_deg=estimated_error(self.expected, in_crop))
+        return main if self.stated_error_deg is None else replace(main, error_deg=self.stated_error_deg)
 
     def _is_measured(self, direction: np.ndarray, in_crop: np.ndarray) -> bool:
         """Return whether a mirror shows what is there, unclipped; its rim shows too little of what is behind it."""

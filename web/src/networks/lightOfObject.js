@@ -10,7 +10,7 @@ import { turnedBack } from "../core/frames.js";
 import { CROP_SIZE, contextOf } from "../photo/crop.js";
 import { exposureDoubts } from "../photo/exposure.js";
 import { groundDoubts, groundOf, upOf } from "../photo/ground.js";
-import { backdropDoubts, coverageOf, isCutOut, isDarkBeside, seeSurroundings, useSurroundings, withoutTransparent } from "../photo/surroundings.js";
+import { backdropDoubts, coverageOf, darkBesideDoubts, isCutOut, isDarkBeside, seeSurroundings, useSurroundings, withoutTransparent } from "../photo/surroundings.js";
 import { measured } from "../light/mirror.js";
 import { likelierLook } from "./mirrorLook.js";
 
@@ -41,8 +41,10 @@ const { black: BLACK, white: WHITE, enough: ENOUGH, doubt: DOUBT } = CONTRACT.ex
  */
 export async function lightOfObject(models, picture, longFovDeg, crop, options) {
   const { surroundings = "auto", pitchDeg, emitters = "mode", looks = 1, isAlone, mirror, ...given } = options;
-  const isAuto = surroundings === "auto" && !(isAlone ?? (isCutOut(picture, crop.mask) || isDarkBeside(picture, crop.mask)));
-  const isUnasked = surroundings === "auto" && !isAuto && isAlone === undefined;
+  const isLooked = surroundings === "auto" && isAlone === undefined;
+  const isCut = isLooked && isCutOut(picture, crop.mask);
+  const isDark = isLooked && !isCut && isDarkBeside(picture, crop.mask);
+  const isAuto = surroundings === "auto" && !(isAlone ?? (isCut || isDark));
   const isShown = isAuto || surroundings === "photo" || surroundings === true;
   const isOpaque = !isAuto || isAlone !== undefined; // frames have no transparency, and "photo" takes pixels as they are
   const shown = isOpaque ? { picture, opaque: null } : withoutTransparent(picture);
@@ -78,7 +80,7 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
     ground: ground && { pitchDeg: ground.pitchDeg, pitchErrorDeg: ground.pitchErrorDeg, source: ground.source },
     warnings: [
       ...exposureDoubts(picture, crop.mask),
-      ...(isUnasked ? backdropDoubts(picture, crop.mask) : groundDoubts(ground)),
+      ...(isCut ? backdropDoubts(picture, crop.mask) : isDark ? darkBesideDoubts() : groundDoubts(ground)),
     ],
     emitters: models.lifts ? emitters : "mode",
     hints: {

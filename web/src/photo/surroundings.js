@@ -260,6 +260,16 @@ export function backdropDoubts({ width, height, rgba }, mask) {
   return [notice("plain-backdrop", text, [{ do: "give", name: "surroundings", value: "photo" }])];
 }
 
+/**
+ * A line where what is beside the object is much darker than it; anyprobe.estimate.doubts has the same.
+ *
+ * @returns {import("../notices.js").Notice[]}
+ */
+export function darkBesideDoubts() {
+  const text = "the background is much darker than the object and is not used; if it is lit as the object is, ask for it";
+  return [notice("dark-backdrop", text, [{ do: "give", name: "surroundings", value: "photo" }])];
+}
+
 /** Coefficients, per channel, of the terms [N][6] that are nearest to the values [3][N]: by elimination. */
 function backdropOf(terms, values) {
   const size = 6;
