@@ -11,7 +11,6 @@ import inspect
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from difflib import get_close_matches
 from numbers import Real
 from pathlib import Path
 from typing import Any, Literal
@@ -19,7 +18,7 @@ from typing import Any, Literal
 import numpy as np
 
 from anyprobe.core.arrays import plain_array
-from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
+from anyprobe.errors import InputError, InvalidMask, InvalidPhoto, did_you_mean
 from anyprobe.given_material import Albedo, as_material
 from anyprobe.masks.depth import DepthSource
 from anyprobe.masks.prompts import Clicks
@@ -104,7 +103,9 @@ class Hint:
         """Check for one of the words accepted in place of a file; InputError for another."""
         if text not in self.words:
             raise InputError(
-                f"expected {' or '.join(('a file part', *self.words))}, got {text[:60]!r}", subject=self.keyword
+                f"expected {' or '.join(('a file part', *self.words))}, got {text[:60]!r}"
+                f"{did_you_mean(text, self.words)}",
+                subject=self.keyword,
             )
         return text
 
@@ -317,9 +318,8 @@ def check_keywords(unknown: Mapping[str, Any], function: Callable[..., Any]) -> 
     for name in unknown:
         known = [one.name for one in inspect.signature(function).parameters.values() if one.kind != one.VAR_KEYWORD]
         alike = [own for own, hint in HINTS.items() if hint.name == name and own in known]
-        alike = alike or get_close_matches(name, known, n=1)
-        advice = f"did you mean {alike[0]}?" if alike else f"it has {', '.join(known)}"
-        raise TypeError(f"{function.__qualname__}() has no keyword {name}; {advice}")
+        advice = did_you_mean(alike[0] if alike else name, alike or known) or f"; it has {', '.join(known)}"
+        raise TypeError(f"{function.__qualname__}() has no keyword {name}{advice}")
 
 
 def check_together(given: Sequence[str]) -> None:

@@ -22,6 +22,7 @@ TEST_ASSETS = ("--hdri", "h", "--meshes", "m")
     [
         (("train", "lift", "--device", "gpu"), "--device gpu: expected one of cpu, cuda"),
         (("train", "lift", "--steps", "9", "--dry-run", "2"), "--steps and --dry-run: "),
+        (("train", "lft"), "did you mean lift?"),
         (("train", "mask"), "in a clone, with python -m anyprobe.learning.mask_network"),
         (("train", "lift", "--init-weights", "none.pt"), "none.pt: no such file"),
         (("train", "paper"), "expected --init-weights with a trained irradiance net, got none"),

@@ -180,6 +180,8 @@ def test_emitters_are_spread_where_that_is_asked(client, estimator, photo, photo
         ("?roughness=0", None, "roughness: expected a number from 0.1 to 1"),
         ("?roughness=0.3,0.4", None, "roughness: expected a number"),
         ("?emitters=bright", None, "expected one of mode, expected"),
+        ("?emitters=expcted", None, "did you mean expected?"),
+        ("?emiters=mode", None, "did you mean emitters?"),
         ("?fov=60&fov=70", None, "expected one value, got 2"),
     ],
 )

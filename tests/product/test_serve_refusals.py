@@ -85,17 +85,20 @@ def test_an_unknown_parameter_is_named_and_so_are_the_known_ones(client, photo, 
         sent = {"files": {"photo": ("p.png", photo)}, "data": {"poses": "[[[1,0,0],[0,1,0],[0,0,1]]]"}}
     line = refusal(client.post(f"/v1/{address}", params={name: "10,10"}, **sent))
     assert line.startswith("query parameter: expected ")
-    assert line.endswith(f"got {name!r}")
+    assert line.endswith(f"got {name!r}" + ("; did you mean click?" if (address, name) == ("estimate", "clik") else ""))
     assert known in line
 
 
-@pytest.mark.parametrize(("address", "name"), [("estimate", "not"), ("fuse", "poles"), ("mask", "include")])
+@pytest.mark.parametrize(
+    ("address", "name", "advice"),
+    [("estimate", "not", ""), ("fuse", "poles", "; did you mean poses?"), ("mask", "include", "")],
+)
 @pytest.mark.parametrize("as_file", [True, False])
-def test_an_unknown_field_of_a_form_is_named(client, photo, address, name, as_file):
+def test_an_unknown_field_of_a_form_is_named(client, photo, address, name, advice, as_file):
     files = {"photo": ("p.png", photo)} | ({name: ("x.png", photo)} if as_file else {})
     line = refusal(client.post(f"/v1/{address}", files=files, data={} if as_file else {name: "10,10"}))
     assert line.startswith("form field: expected one of photo, ")
-    assert line.endswith(f"got {name!r}")
+    assert line.endswith(f"got {name!r}{advice}")
 
 
 def test_a_mistyped_photo_is_not_called_absent(client, photo):

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from anyprobe.cli.options import FrameOption, folder_option
-from anyprobe.errors import InputError
+from anyprobe.errors import InputError, did_you_mean
 from anyprobe.estimate.ground import Ground
 from anyprobe.export.exported_light import MAP_FROM_CAMERA, check_front, origin_beside, sidecar_beside
 from anyprobe.export.targets import TARGETS
@@ -98,7 +98,8 @@ def target_names(text: str) -> list[str]:
     names = list(dict.fromkeys(target for name in parts for target in (TARGETS if name == "all" else (name,))))
     for name in names:
         if name not in TARGETS:
-            raise InputError(f"expected any of {', '.join(TARGETS)}, or all, got {name!r}", subject="to")
+            advice = did_you_mean(name, [*TARGETS, "all"])
+            raise InputError(f"expected any of {', '.join(TARGETS)}, or all, got {name!r}{advice}", subject="to")
     return names
 
 

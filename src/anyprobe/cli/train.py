@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from anyprobe.cli.options import need_torch
-from anyprobe.errors import InputError
+from anyprobe.errors import InputError, did_you_mean
 
 _RUNS = Path("runs")
 Data = Annotated[
@@ -52,7 +52,7 @@ def train(
     if steps is not None and dry_run is not None:
         raise InputError("expected one of them, got both", subject=("steps", "dry_run"))
     if run not in NAMED:
-        raise InputError(f"expected one of {', '.join(NAMED)}", source=f"run {run!r}")
+        raise InputError(f"expected one of {', '.join(NAMED)}{did_you_mean(run, NAMED)}", source=f"run {run!r}")
     chosen = NAMED[run]()
     if chosen.model != "paper" and teacher is not None:
         text = f"expected a run of the paper's chain, got {run}; leave it out"

@@ -10,7 +10,7 @@ import numpy as np
 
 from anyprobe.detail.blend import blend
 from anyprobe.detail.kinds import OPEN_AIR
-from anyprobe.errors import InputError
+from anyprobe.errors import InputError, did_you_mean
 from anyprobe.light.environment import MAP_HEIGHT, check_radiance
 from anyprobe.match.alignment import Match, find_level_match
 from anyprobe.match.kind import own_prices, prices
@@ -28,7 +28,9 @@ OTHER_KIND = 10.0
 def check_detail(detail: str) -> bool:
     """Return whether detail is requested; InputError where the word is none of DETAILS."""
     if detail not in DETAILS:
-        raise InputError(f"expected one of {', '.join(DETAILS)}, got {detail!r}", subject="detail")
+        raise InputError(
+            f"expected one of {', '.join(DETAILS)}, got {detail!r}{did_you_mean(detail, DETAILS)}", subject="detail"
+        )
     return detail != DETAILS[0]
 
 

@@ -18,7 +18,7 @@ from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.detail.layers import kind_of_place
 from anyprobe.detail.place_picture import DRAWN_ROWS, PANORAMA_SIZES, Panorama, compose, in_frame
 from anyprobe.detail.plausible import add_detail, check_rows
-from anyprobe.errors import InputError, OutputError
+from anyprobe.errors import InputError, OutputError, did_you_mean
 from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
 from anyprobe.estimate.sheet import draw_preview
@@ -240,7 +240,8 @@ class Light:
     def _panorama_frame(self, frame: str) -> tuple[bool, np.ndarray]:
         """Return whether a panorama is level, and the rotation [3, 3] from this map's frame to its own."""
         if frame not in FRAMES:
-            raise InputError(f"expected {' or '.join(FRAMES)}, got {frame!r}; choose one", subject="frame")
+            advice = did_you_mean(frame, FRAMES) or "; choose one"
+            raise InputError(f"expected {' or '.join(FRAMES)}, got {frame!r}{advice}", subject="frame")
         ground = self.ground
         if frame != LEVEL or ground is None or not np.allclose(self.map_from_camera, np.eye(3)):
             return False, np.eye(3)

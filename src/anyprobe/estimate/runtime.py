@@ -16,7 +16,7 @@ import numpy as np
 
 from anyprobe.core.contract import contract
 from anyprobe.core.response import MEAN_CURVE, response
-from anyprobe.errors import InputError, MissingExtra, ModelError
+from anyprobe.errors import InputError, MissingExtra, ModelError, did_you_mean
 from anyprobe.files.graphs import open_graph
 from anyprobe.files.onnx_runtime import onnxruntime
 from anyprobe.given_material import MATERIAL_INPUTS, material_input
@@ -50,7 +50,8 @@ def open_engine(session: onnxruntime.InferenceSession, path: Path, engine: str, 
     if engine == "cuda":
         session = _open_cuda(path)
     if engine not in ENGINES:
-        raise InputError(f"expected one of {', '.join(ENGINES)}, got {engine!r}", subject="engine")
+        advice = did_you_mean(engine, ENGINES)
+        raise InputError(f"expected one of {', '.join(ENGINES)}, got {engine!r}{advice}", subject="engine")
     if engine in PRECISION:
         shapes = {given.name: given.shape for given in session.get_inputs()}
         run = _openvino(path, shapes, threads, PRECISION[engine])
@@ -189,7 +190,7 @@ def weights_folder(model: str) -> Path:
     names = bundled_models()
     raise ModelError(
         f"expected one of {', '.join(names) or 'none installed'}, or a folder with light.onnx, or with "
-        f"irradiance.onnx, illumination.onnx and hdr.onnx, got {model!r}",
+        f"irradiance.onnx, illumination.onnx and hdr.onnx, got {model!r}{did_you_mean(model, names)}",
         subject="model",
     )
 
@@ -242,7 +243,8 @@ class Models:
 
     def _check_emitters(self, emitters: str) -> str:
         if emitters not in EMITTERS:
-            raise InputError(f"expected one of {', '.join(EMITTERS)}, got {emitters!r}", subject="emitters")
+            advice = did_you_mean(emitters, EMITTERS)
+            raise InputError(f"expected one of {', '.join(EMITTERS)}, got {emitters!r}{advice}", subject="emitters")
         if emitters != MODE and not self.lifts:
             raise InputError(
                 f"expected a model that estimates their distribution, got {self.name}",

@@ -14,7 +14,7 @@ import numpy as np
 
 from anyprobe.core.color import REC709_CHROMATICITIES, luminance, xyz_from_rgb
 from anyprobe.core.latlong import pixel_solid_angles
-from anyprobe.errors import InputError
+from anyprobe.errors import InputError, did_you_mean
 from anyprobe.export import cube_textures, scene_files
 from anyprobe.export.exported_light import (
     ExportedLight,
@@ -331,5 +331,6 @@ def write_export(
 def find_target(name: str) -> Target:
     """Return the target of a name; InputError lists all of them if there is none."""
     if not isinstance(name, str) or name not in TARGETS:
-        raise InputError(f"expected one of {', '.join(TARGETS)}, got {name!r}; choose one", subject="target")
+        advice = did_you_mean(name, TARGETS) or "; choose one"
+        raise InputError(f"expected one of {', '.join(TARGETS)}, got {name!r}{advice}", subject="target")
     return TARGETS[name]

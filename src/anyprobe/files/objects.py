@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.errors import InputError
+from anyprobe.errors import InputError, did_you_mean
 from anyprobe.files.meshes import read_mesh
 from anyprobe.render.mesh import Mesh, make_mesh
 from anyprobe.render.picture import draw_mesh
@@ -45,7 +45,9 @@ def open_object(name: str) -> Mesh:
         return OBJECTS[name]()
     if not Path(name).suffix:
         raise InputError(
-            f"expected one of {', '.join(OBJECTS)} or a mesh file (.glb, .obj, .ply), got {name!r}", subject="object"
+            f"expected one of {', '.join(OBJECTS)} or a mesh file (.glb, .obj, .ply), got {name!r}"
+            f"{did_you_mean(name, OBJECTS)}",
+            subject="object",
         )
     return read_mesh(name)
 

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from PIL import Image
 
-from anyprobe.errors import AnyprobeError, InputError, MissingExtra, ModelError
+from anyprobe.errors import AnyprobeError, InputError, MissingExtra, ModelError, did_you_mean
 from anyprobe.files.graphs import open_graph
 from anyprobe.masks.networks import Network, SmallNetwork, U2NetP
 from anyprobe.masks.prompts import Point
@@ -60,10 +60,9 @@ def load_segmenter(name: str) -> Network | Segmenter:
         return OWN[name](argument)
     found = {entry.name: entry for entry in entry_points(group=GROUP)}
     if name not in found:
-        known = ", ".join(sorted({*OWN, *found}))
-        raise InputError(
-            f"expected one of {known}, got {name!r}; install the package that provides it", subject="segmenter"
-        )
+        known = sorted({*OWN, *found})
+        advice = did_you_mean(name, known) or "; install the package that provides it"
+        raise InputError(f"expected one of {', '.join(known)}, got {name!r}{advice}", subject="segmenter")
     try:
         return found[name].load()(argument)
     except AnyprobeError:

@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 
 from anyprobe.core.response import inverse_response, response
-from anyprobe.errors import InputError, MissingExtra
+from anyprobe.errors import InputError, MissingExtra, did_you_mean
 from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
@@ -386,7 +386,8 @@ def uses_mitsuba(renderer: str) -> bool:
         InputError: no such renderer. MissingExtra: "mitsuba" where it cannot run.
     """
     if renderer not in RENDERERS:
-        raise InputError(f"expected one of {', '.join(RENDERERS)}, got {renderer!r}", subject="renderer")
+        advice = did_you_mean(renderer, RENDERERS)
+        raise InputError(f"expected one of {', '.join(RENDERERS)}, got {renderer!r}{advice}", subject="renderer")
     if renderer == "own":
         return False
     try:

@@ -7,7 +7,6 @@ Taking F at the half vector for both parts keeps f_r reciprocal.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from array_api_compat import array_namespace
 
 from anyprobe.core.contract import contract
 from anyprobe.core.frames import dot, normalize
-from anyprobe.errors import InputError
+from anyprobe.errors import InputError, did_you_mean
 from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
 
 
@@ -90,11 +89,10 @@ def material_named(name: str, *also: str) -> Material:
     key = str(name).strip().lower().replace(" ", "-").replace("_", "-")
     if key in MATERIALS:
         return MATERIALS[key]
-    alike = get_close_matches(key, [*MATERIALS, *also], n=3) or [one for one in MATERIALS if key and key in one][:3]
-    advice = f"did you mean {' or '.join(alike)}?" if alike else "`anyprobe materials` lists them"
+    advice = did_you_mean(key, [*MATERIALS, *also]) or "; `anyprobe materials` lists them"
     raise InputError(
         f"expected one of {', '.join([*PRESETS, *also])} or of {len(MEASURED)} measured ones, "
-        f"got {str(name)[:60]!r}; {advice}",
+        f"got {str(name)[:60]!r}{advice}",
         subject="material",
     )
 

@@ -15,7 +15,7 @@ from starlette.datastructures import FormData, QueryParams, UploadFile
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 
-from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
+from anyprobe.errors import InputError, InvalidMask, InvalidPhoto, did_you_mean
 from anyprobe.estimate.poses import parse_poses
 from anyprobe.estimate.settings import CHOICES
 from anyprobe.hints import HINTS, Hints, numbers_in
@@ -153,7 +153,8 @@ def refuse_unknown(form: FormData, query: QueryParams, address: dict[str, Any]) 
         for name in names:
             if name not in known_names:
                 expected = f"one of {', '.join(known_names)}" if known_names else "none here"
-                raise InputError(f"expected {expected}, got {name[:60]!r}", source=kind)
+                advice = did_you_mean(name, known_names)
+                raise InputError(f"expected {expected}, got {name[:60]!r}{advice}", source=kind)
 
 
 async def _file(form: FormData, field: str) -> tuple[bytes, str]:
@@ -230,7 +231,8 @@ class Options:
         for name, choices in CHOICES.items():
             known, text = {str(one): one for one in choices}, self.text(name)
             if text not in (None, *known):
-                raise InputError(f"expected one of {', '.join(known)}, got {str(text)[:60]!r}", subject=name)
+                advice = did_you_mean(text, known)
+                raise InputError(f"expected one of {', '.join(known)}, got {str(text)[:60]!r}{advice}", subject=name)
             if text is not None:
                 asked[name] = known[text]
         return asked
