@@ -46,6 +46,42 @@ def test_target_writes_what_its_sidecar_lists(target, tmp_path):
             assert f'"my vase_{target}"' in path.read_text()
 
 
+@pytest.mark.parametrize("target", TARGETS)
+def test_an_estimates_error_stands_beside_its_dominant_light(command, light_path, work, target):
+    """By the command from the .json beside the map, by Light.export from the light; nothing else changes."""
+    stated = json.loads(light_path.with_suffix(".json").read_text())["dominant_light"]["error_deg"]
+    assert command("export", light_path, "--to", target, "-o", "out", "-q").status == 0
+    Light(radiance=two_phase(32), origin=Origin(model="paper-0")).export(target, "own", "vase")
+    export(two_phase(32), target, "plain", "vase")  # of no estimate
+    for folder, error in (("out", stated), ("own", stated), ("plain", None)):
+        said = json.loads((work / folder / f"vase_{target}.json").read_text())
+        assert said["dominant_light"].get("error_deg") == error
+        assert ("error_deg" in said["dominant_light"]) == (error is not None)
+    line = f"     The direction is estimated: off by up to {stated} degrees in two of three cases\n"
+    for path in (work / "own").iterdir():
+        plain = (work / "plain" / path.name).read_bytes()
+        if path.name == "vase_unreal.txt":
+            assert path.read_text().replace(line, "").encode() == plain
+            assert line in path.read_text()
+        elif path.name != f"vase_{target}.json":
+            assert path.read_bytes() == plain
+
+
+@pytest.mark.parametrize("error", ["null", '"30"', "-1", "NaN", "1e999", "[30]", "9" * 400])
+def test_an_error_that_is_none_is_left_out(command, light_path, work, error):
+    light_path.with_suffix(".json").write_text(f'{{"model": "m", "dominant_light": {{"error_deg": {error}}}}}')
+    assert command("export", light_path, "--to", "unreal", "-q").status == 0
+    assert "error_deg" not in json.loads((work / "export" / "vase_unreal.json").read_text())["dominant_light"]
+    assert "estimated" not in (work / "export" / "vase_unreal.txt").read_text()
+
+
+def test_a_map_that_is_no_estimate_states_no_error(work):
+    paths = Light(radiance=two_phase(32)).export("unreal", "out")
+    said = json.loads(next(path for path in paths if path.suffix == ".json").read_text())
+    assert "error_deg" not in said["dominant_light"]
+    assert "level" not in said["origin"]
+
+
 def test_mitsuba_renders_beside_the_map_that_it_reads(tmp_path):
     """Mitsuba writes its picture under the scene's own name."""
     paths = {path.suffix: path for path in export(two_phase(32), "mitsuba", tmp_path, "my vase")}

@@ -150,12 +150,55 @@ def test_the_frame_of_a_panorama_and_of_exports(tmp_path, monkeypatch):
     exported = {f: light.export("blender", tmp_path / f, frame=f) for f in ("level", "camera")}
     said = [json.loads(next(p for p in paths if p.suffix == ".json").read_text()) for paths in exported.values()]
     assert said[0]["origin"]["level"].startswith("+Y is up: turned by the camera's pitch of 30.0")
-    assert "level" not in said[1]["origin"]
+    assert said[1]["origin"]["level"] == "in the camera's frame: +Y is up in the photo, not in the place"
     np.testing.assert_allclose(said[1]["world_from_camera"], np.eye(3))
     np.testing.assert_allclose(np.array(said[0]["world_from_camera"]) @ up_of(30.0), [0, 1, 0], atol=1e-5)
     level.save(tmp_path / "a_panorama.exr")
     again = anyprobe.Light.load(tmp_path / "a_panorama.exr")
     np.testing.assert_allclose(again.map_from_camera, level.frame_from_camera, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("pitch", "frame", "asked", "is_level"),
+    [
+        (30.0, "level", (), True),  # as it was written
+        (30.0, "camera", (), True),  # levelled by the export
+        (30.0, "level", ("--frame", "camera"), True),  # level it stays
+        (30.0, "camera", ("--frame", "camera"), False),
+        (None, "level", (), False),
+        (30.0, "level", ("--world-from-camera", "10,5"), None),
+    ],
+)
+def test_an_exported_panorama_says_how_it_lies(command, work, pitch, frame, asked, is_level):
+    ground = {"pitch_deg": pitch, "pitch_error_deg": 3.0, "roll_deg": 2.0, "contact": (1.0, 2.0), "source": "estimated"}
+    origin = Origin(model="lift-0", ground=None if pitch is None else Ground(**ground))
+    light = anyprobe.Light(radiance=place_map(), origin=origin)
+    light.save(work / "a.json")
+    light.panorama(64, frame=frame).save(work / "a_panorama.exr")
+    assert command("export", "a_panorama.exr", "--to", "webxr", *asked, "-q").status == 0
+    said = json.loads((work / "export" / "a_panorama_webxr.json").read_text())
+    if is_level is None:  # how a given rotation leaves it is the user's affair
+        assert "level" not in said["origin"]
+    elif is_level:
+        line = "+Y is up: turned by the camera's pitch of 30.0 and roll of 2.0 degrees, estimated, give or take 3"
+        assert said["origin"]["level"] == line
+        np.testing.assert_allclose(np.array(said["world_from_camera"]) @ up_of(30.0, 2.0), [0, 1, 0], atol=1e-4)
+    else:
+        assert said["origin"]["level"].startswith("in the camera's frame: ")
+        assert said["origin"]["level"].endswith("pitch is not known") == (pitch is None)
+        np.testing.assert_allclose(said["world_from_camera"], np.eye(3))
+
+
+def test_a_panorama_that_was_turned_otherwise_is_not_called_level(command, work):
+    ground = Ground(pitch_deg=30.0, pitch_error_deg=3.0, roll_deg=0.0, contact=(1.0, 2.0), source="estimated")
+    light = anyprobe.Light(radiance=place_map(), origin=Origin(model="lift-0", ground=ground))
+    light.save(work / "a.json")
+    turned = light.rotate(rotation_x(np.radians(-25.0)))
+    turned.panorama(64).save(work / "a_panorama.exr")
+    assert command("export", "a_panorama.exr", "--to", "webxr", "-q").status == 0
+    turned.export("webxr", "export", "own")
+    for name in ("a_panorama", "own"):
+        assert "level" not in json.loads((work / "export" / f"{name}_webxr.json").read_text())["origin"]
 
 
 def test_a_hole_is_filled_from_around_it():

@@ -12,8 +12,9 @@ import typer
 
 from anyprobe.cli.options import FrameOption, folder_option
 from anyprobe.errors import InputError, did_you_mean
-from anyprobe.estimate.ground import Ground
-from anyprobe.export.exported_light import MAP_FROM_CAMERA, check_front, origin_beside, sidecar_beside
+from anyprobe.estimate.ground import Ground, levelled
+from anyprobe.estimate.sidecar import FRAME
+from anyprobe.export.exported_light import check_front, error_stated, map_from_camera, origin_beside, sidecar_beside
 from anyprobe.export.targets import TARGETS
 from anyprobe.hints import numbers_in
 
@@ -53,19 +54,18 @@ def export(
     for light, folder in folders(lights, out):
         radiance = read_radiance(light, _MAX_PIXELS)
         check_front(light)
-        origin = origin_beside(light)
-        turn = rotation
-        ground = Ground.of(sidecar_beside(light).get("ground"))
-        if rotation is None and frame == "level" and ground is not None and MAP_FROM_CAMERA not in origin:
-            turn, origin = ground.level_from_camera, {**origin, "level": ground.said_level()}
+        origin, said = origin_beside(light), sidecar_beside(light)
+        turn, ground = rotation, Ground.of(said.get("ground"))
+        if rotation is None and (ground is not None or said.get("frame") == FRAME):
+            turn, level = levelled(ground, map_from_camera(light), is_wanted=frame == "level")
+            origin |= level
+        settings = {"world_from_camera": turn, "exposure_ev": exposure, "error_deg": error_stated(said)}
         for name in names:
-            written, doubts = targets.write_export(
-                radiance, name, folder, light.stem, world_from_camera=turn, exposure_ev=exposure, origin=origin
-            )
+            written, doubts = targets.write_export(radiance, name, folder, light.stem, origin=origin, **settings)
             if as_json:
                 summary = {"light": str(light), "target": name, "files": [str(path) for path in written]}
-                said = json.loads((folder / f"{light.stem}_{name}.json").read_text(encoding="utf-8"))
-                summary |= {key: said[key] for key in ("clipped_energy", "warnings")}
+                described = json.loads((folder / f"{light.stem}_{name}.json").read_text(encoding="utf-8"))
+                summary |= {key: described[key] for key in ("clipped_energy", "warnings")}
                 print(json.dumps(summary), flush=True)
             elif not quiet:
                 print(f"{name}: {', '.join(str(path) for path in written)}", file=sys.stderr)

@@ -122,6 +122,23 @@ def ground_by_posture(
     )
 
 
+def levelled(
+    ground: Ground | None, map_from_camera: Float[np.ndarray, "3 3"], *, is_wanted: bool
+) -> tuple[np.ndarray | None, dict[str, str]]:
+    """Return the rotation [3, 3] that levels an estimate's map, None for none, and the origin's entry for an export.
+
+    The entry says how the exported map lies; it is empty for a map that was turned otherwise. The ground may be a
+    sidecar's, with rounded angles.
+    """
+    if np.allclose(map_from_camera, np.eye(3)):
+        if is_wanted and ground is not None:
+            return ground.level_from_camera, {"level": ground.said_level()}
+        reason = "; the camera's pitch is not known" if ground is None else ""
+        return None, {"level": f"in the camera's frame: +Y is up in the photo, not in the place{reason}"}
+    is_level = ground is not None and np.allclose(map_from_camera, ground.level_from_camera, atol=1e-3)
+    return None, {"level": ground.said_level()} if ground is not None and is_level else {}
+
+
 class Framed(Protocol):
     """Evidence for the ground: mask [H, W], field of view of the longer side, pitch where given."""
 

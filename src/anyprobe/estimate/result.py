@@ -19,7 +19,7 @@ from anyprobe.detail.layers import kind_of_place
 from anyprobe.detail.place_picture import DRAWN_ROWS, PANORAMA_SIZES, Panorama, compose, in_frame
 from anyprobe.detail.plausible import add_detail, check_rows
 from anyprobe.errors import InputError, OutputError, did_you_mean
-from anyprobe.estimate.ground import Ground
+from anyprobe.estimate.ground import Ground, levelled
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
 from anyprobe.estimate.sheet import draw_preview
 from anyprobe.estimate.sidecar import SCALE, SIDECAR_VERSION, Origin, frame_of, json_numbers, restored
@@ -239,11 +239,8 @@ class Light:
 
     def _panorama_frame(self, frame: str) -> tuple[bool, np.ndarray]:
         """Return whether a panorama is level, and the rotation [3, 3] from this map's frame to its own."""
-        if frame not in FRAMES:
-            advice = did_you_mean(frame, FRAMES) or "; choose one"
-            raise InputError(f"expected {' or '.join(FRAMES)}, got {frame!r}{advice}", subject="frame")
         ground = self.ground
-        if frame != LEVEL or ground is None or not np.allclose(self.map_from_camera, np.eye(3)):
+        if check_frame(frame) != LEVEL or ground is None or not np.allclose(self.map_from_camera, np.eye(3)):
             return False, np.eye(3)
         return True, ground.level_from_camera
 
@@ -320,14 +317,18 @@ class Light:
         All files, named <stem>_<target>, or none. It is level as far as the camera's pitch and roll are known.
         settings: frame ("camera" leaves it in the camera's frame), world_from_camera, exposure_ev.
         """
-        from anyprobe.export.exported_light import origin_of, origin_turned
+        from anyprobe.export.exported_light import error_stated, origin_of, origin_turned
         from anyprobe.export.targets import export
 
-        origin = origin_of(self.sidecar()) | origin_turned(self.map_from_camera)
-        is_level, turn = self._panorama_frame(settings.pop("frame", LEVEL))
-        if is_level and settings.get("world_from_camera") is None and self.ground is not None:
+        said, is_estimate = self.sidecar(), self.origin.model is not None
+        origin = origin_of(said) | origin_turned(self.map_from_camera)
+        frame = check_frame(settings.pop("frame", LEVEL))
+        if settings.get("world_from_camera") is None and (is_estimate or self.ground is not None):
+            turn, level = levelled(self.ground, self.map_from_camera, is_wanted=frame == LEVEL)
             settings["world_from_camera"] = turn
-            origin["level"] = self.ground.said_level()
+            origin |= level
+        if is_estimate:
+            settings.setdefault("error_deg", error_stated(said))
         return export(self.radiance, target, folder, stem, origin=origin, **settings)
 
     def sidecar(self) -> dict[str, Any]:
@@ -387,3 +388,11 @@ class Light:
         else:
             raise OutputError(f"expected .exr, .hdr, .json or .png, got {kind or 'no suffix'}", source=path)
         return path
+
+
+def check_frame(frame: str) -> str:
+    """Return one of FRAMES; InputError for another."""
+    if frame not in FRAMES:
+        advice = did_you_mean(frame, FRAMES) or "; choose one"
+        raise InputError(f"expected {' or '.join(FRAMES)}, got {frame!r}{advice}", subject="frame")
+    return frame

@@ -74,6 +74,7 @@ class ExportedLight:
     sh_full, sh_ambient: [9, 3], of radiance.
     name: stem of all files' names.
     origin: entries of the estimate's own sidecar, carried along.
+    error_deg: the estimate's error of the direction of main; None where the light is none, or states none.
     """
 
     radiance: np.ndarray
@@ -86,6 +87,7 @@ class ExportedLight:
     world_from_camera: np.ndarray
     exposure_ev: float
     origin: Mapping[str, Any] = field(default_factory=dict)
+    error_deg: float | None = None
 
 
 def angle_of(main: DominantLight) -> float:
@@ -101,6 +103,7 @@ def prepare(
     world_from_camera: Float[np.ndarray, "3 3"] | None = None,
     exposure_ev: float = 0.0,
     origin: Mapping[str, Any] | None = None,
+    error_deg: float | None = None,
     sources: bool = False,
 ) -> ExportedLight:
     """Turn a map [H, 2H, 3] into the world's frame, expose it, and split off its sources, or its dominant light.
@@ -153,12 +156,20 @@ def prepare(
         world_from_camera=turn @ np.asarray((origin or {}).get("map_from_camera", np.eye(3))),
         exposure_ev=float(exposure_ev),
         origin=_known(dict(origin or {})),
+        error_deg=error_deg,
     )
 
 
 def origin_of(estimate: Mapping[str, Any]) -> dict[str, Any]:
     """Return the keys of an estimate's sidecar that describe where the light comes from."""
     return {key: estimate[key] for key in ORIGIN_KEYS if key in estimate}
+
+
+def error_stated(estimate: Mapping[str, Any]) -> float | None:
+    """Return the error [degrees] of the dominant light's direction by an estimate's sidecar; None without."""
+    main = estimate.get("dominant_light")
+    error = main.get("error_deg") if isinstance(main, Mapping) else None
+    return float(error) if isinstance(error, int | float) and 0 <= error <= 180 else None
 
 
 def _known(value: Any) -> Any:
@@ -204,6 +215,7 @@ def sidecar(light: ExportedLight, target: str, frame: TargetFrame, more: Mapping
             "direction_in_target": numbers(frame.from_ours(light.main.direction)),
             "angle_deg": round(angle_of(light.main), 3),
             "directionality": round(float(light.main.directionality), 4),
+            **({} if light.error_deg is None else {"error_deg": round(light.error_deg, 1)}),
         },
         "lights": [
             {

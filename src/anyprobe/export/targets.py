@@ -58,6 +58,8 @@ ARKIT_WHITE_K = 6500.0
 TEMPERATURES_K = np.arange(1000.0, 15001.0, 10.0)
 """Temperatures [K] in the range of Krystek's approximation of black bodies."""
 
+UNREAL_ERROR = "     The direction is estimated: off by up to {:.1f} degrees in two of three cases\n"
+
 
 def write_webxr(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     """Write <name>.estimate.json: the three attributes of an XRLightEstimate, in the probe's space."""
@@ -128,8 +130,17 @@ def write_unreal(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     pitch, yaw = sun_rotation(UNREAL.from_ours(light.main.direction))
     intensity = float(light.main.irradiance.max())
     r, g, b = (float(channel) for channel in light.main.color)
+    doubt = "" if light.error_deg is None else UNREAL_ERROR.format(light.error_deg)
     notes = read_template("unreal.txt").format(
-        name=light.name, pitch=pitch, yaw=yaw, intensity=intensity, r=r, g=g, b=b, angle=angle_of(light.main)
+        name=light.name,
+        pitch=pitch,
+        yaw=yaw,
+        intensity=intensity,
+        r=r,
+        g=g,
+        b=b,
+        angle=angle_of(light.main),
+        error=doubt,
     )
     (folder / f"{light.name}.txt").write_text(notes, encoding="utf-8")
     return {
@@ -286,6 +297,7 @@ def export(
     world_from_camera: Float[np.ndarray, "3 3"] | None = None,
     exposure_ev: float = 0.0,
     origin: Mapping[str, Any] | None = None,
+    error_deg: float | None = None,
 ) -> list[Path]:
     """Export a light for one target into folder: every name begins with <stem>_<target>.
 
@@ -298,6 +310,7 @@ def export(
         world_from_camera: [3, 3] rotation; the export is then in the world's frame, +Y up.
         exposure_ev: stops; 1 doubles the light. The sidecar records it.
         origin: entries of the estimate's own sidecar, carried along.
+        error_deg: the estimate's error of its dominant light's direction [degrees]; None if it is none, or not known.
     Returns:
         The paths, sorted.
     Raises:
@@ -305,7 +318,14 @@ def export(
         OutputError: the folder cannot be written; nothing new is left in it.
     """
     paths, doubts = write_export(
-        radiance, target, folder, stem, world_from_camera=world_from_camera, exposure_ev=exposure_ev, origin=origin
+        radiance,
+        target,
+        folder,
+        stem,
+        world_from_camera=world_from_camera,
+        exposure_ev=exposure_ev,
+        origin=origin,
+        error_deg=error_deg,
     )
     for doubt in doubts:
         warnings.warn(doubt, RuntimeWarning, stacklevel=2)

@@ -2,6 +2,7 @@
 //
 // 1. Put this file, NAME_unity.json and both .hdr files into Assets. For the .hdr files set
 //    Texture Shape = 2D, Wrap Mode = Repeat, Generate Mip Maps off.
+//    Copy this file once per project: it is the same for every light, and a second copy does not compile (CS0101).
 // 2. Add this component to any object, set Light File to the .json, Full Map to NAME_unity.hdr, Ambient
 //    Map to NAME_unity_ambient.hdr and Sun to a directional light, and choose Apply from its menu.
 // The camera's front is +Z, up is +Y. Use linear colour space (Project Settings > Player).
