@@ -396,6 +396,20 @@ def test_strict_counts_the_warnings_of_a_match(folder, tmp_path, monkeypatch, no
 
 @pytest.mark.ci
 @pytest.mark.usefixtures("networks_opened_once")
+def test_the_sheet_is_named_by_its_path_in_one_line_and_a_camera_may_look_up(folder, tmp_path, monkeypatch, no_sheet):
+    from PIL import Image
+
+    monkeypatch.setattr("anyprobe.cli.match.CLEAR_MARGIN", 99.0)
+    photo, out = tmp_path / "ball.png", tmp_path / ("o" * 60)
+    Image.fromarray(sphere_photo((64, 48))).save(photo)
+    said = CliRunner().invoke(app, ["match", str(photo), str(folder), "-o", str(out), "--pitch", "-5"]).stderr
+    assert f"equally well; see {out / 'ball_match.png'}\n" in said
+    assert (out / "ball_match.png").is_file()
+    assert "camera 5° up" in said
+
+
+@pytest.mark.ci
+@pytest.mark.usefixtures("networks_opened_once")
 def test_maps_of_earlier_matches_of_a_photo_are_said(folder, tmp_path, no_sheet):
     from PIL import Image
 

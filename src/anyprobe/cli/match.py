@@ -52,6 +52,7 @@ def match(
     Writes the best ones turned, exposed and tinted to fit the photo, a contact sheet with spheres and a list (.json).
     """
     from anyprobe.estimate.fit_warnings import match_doubts
+    from anyprobe.estimate.ground import pitch_words
     from anyprobe.estimate.photo import load_photo
     from anyprobe.estimate.sheet import draw_matches
     from anyprobe.export.targets import write_export
@@ -111,14 +112,15 @@ def match(
             str(candidate.rank + 1),
             candidate.name,
             f"{candidate.misfit - ranked[0].misfit:+.2f}" if candidate.rank else "best",
-            f"{candidate.yaw_deg:+.0f}°, camera {candidate.pitch_deg:+.0f}° down",
+            f"{candidate.yaw_deg:+.0f}°, camera {pitch_words(candidate.pitch_deg, '°')}",
             f"{candidate.exposure_ev:+.1f} EV",
         )
     print_table(console, table)
     num_close = sum(candidate.misfit < ranked[0].misfit + CLEAR_MARGIN for candidate in ranked)
     if num_close > 1:
         console.print(
-            f"{num_close} of {len(ranked)} panoramas explain the photo about equally well; see {stem}_match.png"
+            f"{num_close} of {len(ranked)} panoramas explain the photo about equally well; see {out / stem}_match.png",
+            soft_wrap=True,
         )
     for warning in warnings:
         console.print(f"warning: {OPTIONS.line(warning)}", soft_wrap=True)

@@ -228,7 +228,7 @@ def relight(
     elif not quiet:
         print(
             f"{out}: {insert} of {', '.join(names)} at {contact_px[0]:.0f},{contact_px[1]:.0f}, camera "
-            f"{_pitch(stage, loaded, ground)} degrees down, by {'Mitsuba' if traced else 'the built-in renderer'}",
+            f"{_pitch(stage, loaded, ground)}, by {'Mitsuba' if traced else 'the built-in renderer'}",
             file=sys.stderr,
         )
     if strict and summary["warnings"]:
@@ -248,13 +248,13 @@ def progress(text: str, silent: bool) -> Iterator[None]:
 
 
 def _pitch(stage: Stage, photo: Photo, ground: Ground | None) -> str:
-    """Format the camera's downward pitch in degrees, with its error unless it was given or noted."""
-    from anyprobe.estimate.ground import USUAL_ERROR_DEG
+    """Format the camera's pitch, with its error unless it was given or noted."""
+    from anyprobe.estimate.ground import USUAL_ERROR_DEG, pitch_words
 
-    pitch = f"{stage.placement.pitch_deg:.0f}"
     if photo.pitch_deg is not None or (ground is not None and ground.is_known):
-        return pitch
-    return f"{pitch} ± {USUAL_ERROR_DEG if ground is None else ground.pitch_error_deg:.0f}"
+        return pitch_words(stage.placement.pitch_deg)
+    error_deg = USUAL_ERROR_DEG if ground is None else ground.pitch_error_deg
+    return pitch_words(stage.placement.pitch_deg, error_deg=error_deg)
 
 
 def _radiance(

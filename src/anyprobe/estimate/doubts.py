@@ -8,7 +8,15 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
-from anyprobe.estimate.ground import ESTIMATED, GIVEN_ERROR_DEG, USUAL_ERROR_DEG, USUAL_PITCH_DEG, Ground, up_of
+from anyprobe.estimate.ground import (
+    ESTIMATED,
+    GIVEN_ERROR_DEG,
+    USUAL_ERROR_DEG,
+    USUAL_PITCH_DEG,
+    Ground,
+    pitch_words,
+    up_of,
+)
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.match.kind import PLAIN_BACKDROP
 from anyprobe.notices import Notice, give
@@ -82,15 +90,13 @@ def dark_beside_doubts(name: str) -> tuple[Notice, ...]:
 def ground_doubts(ground: Ground | None, name: str) -> tuple[Notice, ...]:
     """Warn of a guessed pitch that the object's place contradicts, and of a badly estimated one."""
     if ground is not None and ground.source == ESTIMATED and ground.pitch_error_deg > UNSURE_DEG:
-        text = (
-            f"the camera seems to look {ground.pitch_deg:.0f} degrees down, give or take {ground.pitch_error_deg:.0f}"
-        )
+        text = f"the camera seems to look {pitch_words(ground.pitch_deg)}, give or take {ground.pitch_error_deg:.0f}"
         return (Notice(text, code="pitch-unsure", source=name, remedy=give("pitch_deg")),)
     if ground is None or not ground.is_doubtful:
         return ()
     text = (
         "the ground was guessed from how high the object stands in the photo: a camera that looks "
-        f"{ground.pitch_deg:.0f} degrees down"
+        f"{pitch_words(ground.pitch_deg)}"
     )
     return (Notice(text, code="ground-guessed", source=name, remedy=give("pitch_deg")),)
 

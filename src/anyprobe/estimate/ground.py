@@ -41,6 +41,12 @@ CONTACT_BAND: float = _GROUND["contact_band"]
 border, in the object's heights."""
 
 
+def pitch_words(pitch_deg: float, unit: str = " degrees", error_deg: float | None = None) -> str:
+    """Return "20 degrees down" of a pitch downwards, "5 degrees up" of a negative one, "20 ± 8 degrees down"."""
+    error = "" if error_deg is None else f" ± {error_deg:.0f}"
+    return f"{abs(pitch_deg):.0f}{error}{unit} {'up' if round(pitch_deg) < 0 else 'down'}"
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Ground:
     """A horizontal plane under the object, in the camera's frame.

@@ -12,7 +12,7 @@ import numpy as np
 
 from anyprobe.core.frames import orthonormal_basis
 from anyprobe.errors import InputError
-from anyprobe.estimate.ground import GIVEN, LEAST_SLOPE_DEG, Ground, estimate_ground, up_of
+from anyprobe.estimate.ground import GIVEN, LEAST_SLOPE_DEG, Ground, estimate_ground, pitch_words, up_of
 from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
 
@@ -135,7 +135,7 @@ def view_of(photo: Photo, pitch_deg: float | None = None, found: Ground | None =
     if not (-60 <= pitch_deg <= 90 and below_axis + pitch_deg > 1.0):
         raise InputError(
             f"expected the object's base below the horizon, got a camera that looks "
-            f"{pitch_deg:g} degrees down and a base {below_axis:.0f} degrees below its axis; give another",
+            f"{pitch_words(pitch_deg)} and a base {below_axis:.0f} degrees below its axis; give another",
             subject="pitch_deg",
         )
     known = found if found is not None else ground

@@ -89,14 +89,14 @@ export function groundOf({ width, height }, longFovDeg, { cameraFromCrop, mask, 
 export function groundDoubts(ground) {
   if (ground === null) return [];
   const { pitchDeg, pitchErrorDeg, source } = ground;
-  const pitch = pitchDeg.toFixed(0);
+  const pitch = `${Math.abs(pitchDeg).toFixed(0)} degrees ${Math.round(pitchDeg) < 0 ? "up" : "down"}`;
   if (source === "estimated" && pitchErrorDeg > GROUND.unsure_deg) {
-    const text = `the camera seems to look ${pitch} degrees down, give or take ${pitchErrorDeg.toFixed(0)}`;
+    const text = `the camera seems to look ${pitch}, give or take ${pitchErrorDeg.toFixed(0)}`;
     return [notice("pitch-unsure", text, give("pitchDeg"))];
   }
   if (source !== "guessed" || pitchDeg <= GROUND.usual_pitch_deg) return [];
   const guess = "the ground was guessed from how high the object stands in the photo";
-  return [notice("ground-guessed", `${guess}: a camera that looks ${pitch} degrees down`, give("pitchDeg"))];
+  return [notice("ground-guessed", `${guess}: a camera that looks ${pitch}`, give("pitchDeg"))];
 }
 
 /** @param {number[]} values */
