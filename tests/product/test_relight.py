@@ -100,6 +100,18 @@ def test_object_stands_beside_on_the_same_row(center_x, side):
     assert (left > center_x + DIAMETER / 2) if side > 0 else (right < center_x - DIAMETER / 2)
 
 
+@pytest.mark.parametrize(("grey", "said"), [(0, True), (128, False)])
+def test_black_that_hides_shadows_is_said(grey, said):
+    """Of a cut-out too, unless it is black because it is transparent."""
+    picture = sphere_photo((60, 90), DIAMETER, HEIGHT, WIDTH)
+    rgb, alpha = picture[..., :3].copy(), picture[..., 3]
+    rgb[alpha == 0] = grey
+    stage = Stage(load_photo(rgb, mask=alpha), sphere(24), Arrangement(size=0.8))
+    assert any("so dark" in line for line in stage.warnings) == said
+    transparent = load_photo(np.dstack([rgb, alpha]))
+    assert not any("so dark" in line for line in Stage(transparent, sphere(24), Arrangement(size=0.8)).warnings)
+
+
 @pytest.mark.ci
 @pytest.mark.parametrize("diameter", [40, 150])
 @pytest.mark.parametrize("where", [(0, 0), (0.5, 0.5), (1, 1)])

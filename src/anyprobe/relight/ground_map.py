@@ -65,8 +65,6 @@ class GroundPicture:
 
 def hides_shadows(photo: Photo, view: View, spot: Placement) -> bool:
     """Return whether the ground that a photo shows around a foot is mostly too dark for shadows to be seen."""
-    if not photo.shows_place:
-        return False
     side, across = orthonormal_basis(view.up)
     angle = np.linspace(0, 2 * np.pi, RING_POINTS, endpoint=False)
     around = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * across
@@ -74,7 +72,10 @@ def hides_shadows(photo: Photo, view: View, spot: Placement) -> bool:
     column, row = np.floor(view.pixels(points)).T
     inside = (column >= 0) & (column < view.width) & (row >= 0) & (row < view.height)
     column, row = column[inside].astype(int), row[inside].astype(int)
-    seen = luminance(photo.rgb[row, column][photo.mask[row, column] < 0.5])
+    ground = photo.mask[row, column] < 0.5
+    if photo.hidden is not None:
+        ground &= ~photo.hidden[row, column]
+    seen = luminance(photo.rgb[row, column][ground])
     return len(seen) > 0 and bool(np.median(seen) < DARK_GROUND)
 
 
