@@ -414,6 +414,27 @@ def test_what_cannot_be_placed_is_said_of_the_python_argument(photo, given, said
 # The command
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (("--scale", 0), "--scale: expected 0.02 to 20 times the real object, got 0"),
+        (("--turn", "inf"), "--turn: expected degrees"),
+        (("--at", "nonsense"), "--at: expected X,Y in pixels, got 'nonsense'"),
+        (("--light", "nothere.exr"), "nothere.exr: no such file"),
+        (("--engine", "onnx"), "--engine: expected one of"),
+        (("--model", "lft"), "--model: expected one of"),
+        (("--detail", "plausible", "--detail-library", "nowhere"), "nowhere"),
+        (("--insert", "spere"), "did you mean sphere?"),
+    ],
+)
+def test_bad_options_are_refused_before_the_photo_is_read(command, work, photo_path, monkeypatch, given, said):
+    def unread(*_):
+        pytest.fail("the photo was read")
+
+    monkeypatch.setattr("anyprobe.pictures.images.read_image", unread)
+    assert said in command("relight", photo_path, *given).complaint
+
+
 @pytest.mark.ci
 def test_command_writes_the_picture_and_says_where(command, work, photo_path):
     done = command(

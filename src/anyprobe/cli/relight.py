@@ -6,10 +6,10 @@ import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Timer
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import typer
@@ -31,6 +31,7 @@ from anyprobe.files.paths import same_file_key
 from anyprobe.hints import HINTS, numbers_in
 
 if TYPE_CHECKING:
+    from anyprobe.estimate.estimator import Estimator
     from anyprobe.estimate.ground import Ground
     from anyprobe.estimate.photo import Photo
     from anyprobe.estimate.result import Light
@@ -135,6 +136,7 @@ def relight(
     """Insert a virtual object, lit by the estimated light. It stands beside the real one and casts a shadow."""
     from anyprobe.core.color import to_bytes
     from anyprobe.estimate.photo import load_photo
+    from anyprobe.export.exported_light import read_with_origin
     from anyprobe.files.atomic import check_writable
     from anyprobe.maps.radiance import opaque_linear
     from anyprobe.pictures.headers import MAX_PIXELS
@@ -151,6 +153,7 @@ def relight(
     material, size, strict = insert_options.insert_material, insert_options.scale, object_options.strict
     hints, segmenter = hints_for(photo, object_options.hints()), object_options.finder.segmenter
     contact, mesh = insert_options.foot(), insert_options.mesh(insert)
+    place = placing(Arrangement)(size=size, at=contact, turn_deg=turn)
     out = out or Path("relit") / f"{result_stem(photo, [photo])}_relit.png"
     kind = out.suffix.lower()
     if kind not in _SUFFIXES:
@@ -166,6 +169,8 @@ def relight(
         raise OutputError("the result would replace an input; choose another name with -o", source=out)
     check_writable(out)
     traced = uses_mitsuba(renderer)
+    library = detail_options.library()
+    source_of_light = read_with_origin(light) if light else model_options.estimator(**detail_options.settings())
     silent = quiet or as_json
     with progress(f"reading {photo}", silent):
         source = photo_source(photo)
@@ -173,8 +178,8 @@ def relight(
         check_foot(contact, *pixels.rgb.shape[:2])
         loaded = load_photo(pixels, hints, segmenter=segmenter)
     with progress("estimating the light", silent):
-        radiance, gain, ground, doubts = _radiance(loaded, light, model_options, detail_options)
-    stage = placing(Stage)(loaded, mesh, Arrangement(size=size, at=contact, turn_deg=turn, ground=ground))
+        radiance, gain, ground, doubts = _radiance(loaded, source_of_light, model_options)
+    stage = placing(Stage)(loaded, mesh, replace(place, ground=ground))
     names = STRIP if strip else (material,)
     stored = stored_as(source)
     is_plain_png = stored.plain and kind == ".png"
@@ -202,7 +207,6 @@ def relight(
     caveats = [PROFILE_LOST] if stored.lost and kind != ".exr" else []
     if loaded.hidden is not None:
         caveats.append(TRANSPARENT)
-    library = detail_options.library()
     library_warnings = () if library is None else library.warnings
     warnings = list(
         dict.fromkeys([*doubts, *library_warnings, *(one.naming(PLACING) for one in stage.warnings), *caveats])
@@ -258,19 +262,18 @@ def _pitch(stage: Stage, photo: Photo, ground: Ground | None) -> str:
 
 
 def _radiance(
-    photo: Photo, light: Path | None, model_options: ModelOptions, detail_options: DetailOptions
+    photo: Photo, source: Estimator | tuple[np.ndarray, dict[str, Any], np.ndarray], model_options: ModelOptions
 ) -> tuple[np.ndarray, float, Ground | None, tuple[str, ...]]:
-    """Return radiance, gain, ground and warnings of the given map, or of an estimate.
+    """Return radiance, gain, ground and warnings of the given map, as read_with_origin reads it, or of an estimate.
 
     A given map is turned back to the camera's frame; its ground is the one stored with it, or else estimated from the
     photo. An estimate is scaled to the brightness that the object needs.
     """
-    if light is not None:
+    if isinstance(source, tuple):
         from anyprobe.estimate.ground import Ground
-        from anyprobe.export.exported_light import read_with_origin
         from anyprobe.light.environment import rotate
 
-        radiance, origin, turn = read_with_origin(light)
+        radiance, origin, turn = source
         if not np.allclose(turn, np.eye(3)):
             radiance = np.maximum(rotate(radiance, turn.T), 0.0)
         is_same_photo = origin.get("photo") == photo.name and "ground" in origin and photo.pitch_deg is None
@@ -280,7 +283,7 @@ def _radiance(
         return radiance, 1.0, found_ground, photo.warnings
     from anyprobe.relight.appearance import least_scale
 
-    estimated = model_options.estimator(**detail_options.settings()).from_photo(photo)
+    estimated = source.from_photo(photo)
     if photo.material is not None:  # which settles the level
         return _mirrored_map(estimated), 1.0, estimated.ground, estimated.warnings
     gain = least_scale(photo, estimated.radiance)

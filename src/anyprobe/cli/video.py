@@ -97,7 +97,7 @@ def video(
     virtual = None
     if mesh is not None:
         kind = "mitsuba" if uses_mitsuba(renderer) else "own"
-        place = Arrangement(size=size, at=contact)
+        place = placing(Arrangement)(size=size, at=contact)
         virtual = VirtualObject(mesh=mesh, material=material, arrangement=place, renderer=kind)
     handled = {*first_frame, *folders, "surroundings", "material", "albedo", "roughness"}
     every_frame = {key: value for key, value in hints.given() if key not in handled}

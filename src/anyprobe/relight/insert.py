@@ -202,7 +202,6 @@ def enlarged(drawn: np.ndarray, size: int) -> np.ndarray:
 
 
 RENDERERS = ("auto", "own", "mitsuba")
-
 NOT_BESIDE = {Side.front: "in front of it", Side.behind: "behind it"}
 """Wording of warnings about a place other than beside the real object."""
 
@@ -225,20 +224,22 @@ class Arrangement:
     pitch_deg: float | None = None
     ground: Ground | None = None
 
+    def __post_init__(self) -> None:
+        if not 0.02 <= self.size <= 20:
+            raise InputError(f"expected 0.02 to 20 times the real object, got {self.size:g}", subject="size")
+        if not np.isfinite(self.turn_deg):
+            raise InputError(f"expected degrees, got {self.turn_deg}", subject="turn_deg")
+
 
 class Stage:
     """A photo with a place on its ground; renders many materials and lights of one object."""
 
     def __init__(self, photo: Photo, mesh: Mesh, arrangement: Arrangement | None = None) -> None:
         arrangement = arrangement or Arrangement()
-        if not 0.02 <= arrangement.size <= 20:
-            raise InputError(f"expected 0.02 to 20 times the real object, got {arrangement.size:g}", subject="size")
         check_foot(arrangement.at, *photo.mask.shape)
         self.photo = photo
         self.view: View
         self.view, pitch_deg = view_of(photo, arrangement.pitch_deg, arrangement.ground)
-        if not np.isfinite(arrangement.turn_deg):
-            raise InputError(f"expected degrees, got {arrangement.turn_deg}", subject="turn_deg")
         self.placement: Placement = place_beside(
             mesh, photo, self.view, pitch_deg, arrangement.size, arrangement.at, arrangement.turn_deg
         )
