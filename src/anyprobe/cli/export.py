@@ -13,8 +13,8 @@ import typer
 from anyprobe.cli.options import FrameOption, folder_option
 from anyprobe.errors import InputError, did_you_mean
 from anyprobe.estimate.ground import Ground, levelled
-from anyprobe.estimate.sidecar import FRAME
-from anyprobe.export.exported_light import check_front, error_stated, map_from_camera, origin_beside, sidecar_beside
+from anyprobe.estimate.sidecar import FRAME, error_stated
+from anyprobe.export.exported_light import check_front, map_from_camera, origin_beside, sidecar_beside
 from anyprobe.export.targets import TARGETS
 from anyprobe.hints import numbers_in
 

@@ -22,7 +22,7 @@ from anyprobe.errors import InputError, OutputError, did_you_mean
 from anyprobe.estimate.ground import Ground, levelled
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
 from anyprobe.estimate.sheet import draw_preview
-from anyprobe.estimate.sidecar import SCALE, SIDECAR_VERSION, Origin, frame_of, json_numbers, restored
+from anyprobe.estimate.sidecar import SCALE, SIDECAR_VERSION, Origin, error_stated, frame_of, json_numbers, restored
 from anyprobe.files.atomic import atomic_path
 from anyprobe.light.dominant_light import DominantLight, estimated_error, find_dominant_light
 from anyprobe.light.environment import check_radiance, integral, rotate
@@ -317,7 +317,7 @@ class Light:
         All files, named <stem>_<target>, or none. It is level as far as the camera's pitch and roll are known.
         settings: frame ("camera" leaves it in the camera's frame), world_from_camera, exposure_ev.
         """
-        from anyprobe.export.exported_light import error_stated, origin_of, origin_turned
+        from anyprobe.export.exported_light import origin_of, origin_turned
         from anyprobe.export.targets import export
 
         said, is_estimate = self.sidecar(), self.origin.model is not None

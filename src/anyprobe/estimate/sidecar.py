@@ -122,6 +122,13 @@ class Origin:
         return cls(**known | {"ground": Ground.of(data.get("ground"))}, more=more)
 
 
+def error_stated(estimate: Mapping[str, Any]) -> float | None:
+    """Return the error [degrees] of the dominant light's direction by an estimate's sidecar; None without."""
+    main = estimate.get("dominant_light")
+    error = main.get("error_deg") if isinstance(main, Mapping) else None
+    return float(error) if isinstance(error, int | float) and 0 <= error <= 180 else None
+
+
 def restored(said: Mapping[str, Any], path: Path) -> dict[str, Any]:
     """Return a sidecar as a Light's attributes (the page writes fewer); the rest is its origin."""
     if said.get("version") != SIDECAR_VERSION:
@@ -132,11 +139,9 @@ def restored(said: Mapping[str, Any], path: Path) -> dict[str, Any]:
         lines, notices = said.get("warnings", ()), said.get("notices", ())
         warnings = tuple(map(Notice.from_json, notices)) if notices else tuple(as_notice(str(line)) for line in lines)
         camera_from_crop = np.array(said.get("camera_from_crop", np.eye(3)), dtype=np.float64)
-        error_deg = said.get("dominant_light", {}).get("error_deg")
-        error_deg = None if error_deg is None else float(error_deg)
         origin = Origin.from_json({name: value for name, value in said.items() if name not in OF_THE_MAP})
-    except (AttributeError, KeyError, TypeError, ValueError, OverflowError):
-        exposed, warnings, camera_from_crop, error_deg, origin = np.nan, (), np.zeros(0), None, Origin()
+    except (KeyError, TypeError, ValueError, OverflowError):
+        exposed, warnings, camera_from_crop, origin = np.nan, (), np.zeros(0), Origin()
     if not (0 <= exposed <= 1 and is_rotation(camera_from_crop)):
         raise InputError(
             "expected the .json beside it as it was written, got another well_exposed_fraction or "
@@ -144,7 +149,7 @@ def restored(said: Mapping[str, Any], path: Path) -> dict[str, Any]:
             source=path,
         )
     attributes = {"well_exposed_fraction": exposed, "warnings": warnings, "camera_from_crop": camera_from_crop}
-    return attributes | {"stated_error_deg": error_deg, "origin": origin}
+    return attributes | {"stated_error_deg": error_stated(said), "origin": origin}
 
 
 def frame_of(map_from_camera: np.ndarray) -> dict[str, Any]:

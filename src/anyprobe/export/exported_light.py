@@ -165,13 +165,6 @@ def origin_of(estimate: Mapping[str, Any]) -> dict[str, Any]:
     return {key: estimate[key] for key in ORIGIN_KEYS if key in estimate}
 
 
-def error_stated(estimate: Mapping[str, Any]) -> float | None:
-    """Return the error [degrees] of the dominant light's direction by an estimate's sidecar; None without."""
-    main = estimate.get("dominant_light")
-    error = main.get("error_deg") if isinstance(main, Mapping) else None
-    return float(error) if isinstance(error, int | float) and 0 <= error <= 180 else None
-
-
 def _known(value: Any) -> Any:
     """Replace NaN and infinity in JSON values by None, since no JSON file can hold them."""
     if isinstance(value, Mapping):
