@@ -1,7 +1,7 @@
 // What the example's estimate is asked for: where to look, and how far the camera looks down; no arguments
 // → { none, photo, steep, again }: of each the light's coverage, its ground, its radiance, and the pitch that is shown
 
-import { estimated, openPage } from "./page_steps.mjs";
+import { estimated, openPage, waitForStatus } from "./page_steps.mjs";
 
 export default async ({ page, url }) => {
   await page.addInitScript(() => {
@@ -23,6 +23,7 @@ export default async ({ page, url }) => {
   seen.photo = await ask(() => page.selectOption("#surroundings", "photo"));
   seen.steep = await ask(() => page.locator("#pitch").fill("50"));
   await page.click("#example");
+  await waitForStatus(page, /^This is an example/);
   seen.again = await ask(() => page.selectOption("#surroundings", "auto"));
   return seen;
 };
