@@ -502,6 +502,21 @@ def test_place_outside_the_photo_is_refused_before_the_work(work, command, monke
     assert "--at: expected a pixel of" in command("relight", "vase.png", "--at", "9000,10").complaint
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("relight", "absent.png"),
+        ("relight", "absent.png", "--light", "absent.exr"),
+        ("mask", "absent.png"),
+        ("video", "absent.mp4"),
+    ],
+)
+def test_a_segmenter_that_is_none_is_refused_before_any_file_is_read(work, command, words):
+    complaint = command(*words, "--segmenter", "smal").complaint
+    assert complaint.startswith("anyprobe: --segmenter: expected one of ")
+    assert complaint.endswith("got 'smal'; did you mean small?")
+
+
 def test_remedies_name_the_options_of_relight_and_video():
     assert OPTIONS.line(Notice("floats", remedy=give("at", "size")).naming(PLACING)) == (
         "floats; pass --at X,Y or --scale NUMBER"

@@ -51,14 +51,14 @@ def mask(
         if fetch:
             return
         raise InputError("expected photos or folders of photos, got none; give one, or --fetch", subject="photo")
-    hints = mask_options.hints()
+    hints, segmenter = mask_options.hints(), mask_options.segmenter()
     paths = list_photos(photos)
     check_distinct(paths, out)
     check_folder(out)
     failed = False
     for path in paths:
         try:
-            summary = _write(path, out, hints_for(path, hints), paths, mask_options.finder.segmenter)
+            summary = _write(path, out, hints_for(path, hints), paths, segmenter)
             if as_json:
                 print(json.dumps(summary), flush=True)
             elif not quiet:

@@ -24,6 +24,8 @@ from anyprobe.notices import Words, give
 
 if TYPE_CHECKING:
     from anyprobe.estimate.estimator import Estimator
+    from anyprobe.masks.networks import Network
+    from anyprobe.masks.segmenters import Segmenter
     from anyprobe.match.library import Library
 
 
@@ -120,6 +122,12 @@ class MaskOptions:
             if path is not None and not path.exists():
                 raise InvalidMask("no such file or folder; check the path", subject=name, source=path)
         return self.given
+
+    def segmenter(self) -> Network | Segmenter | None:
+        """Load the segmenter that is asked for; None if none is. Errors: see load_segmenter."""
+        from anyprobe.masks.segmenters import load_segmenter
+
+        return None if self.finder.segmenter is None else load_segmenter(str(self.finder.segmenter))
 
 
 def _read(hint: Hint, given: Any) -> Any:

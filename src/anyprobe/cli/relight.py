@@ -151,7 +151,7 @@ def relight(
     if strip:
         refuse_unused(context, "with --strip, which shows all materials", "insert_material")
     material, size, strict = insert_options.insert_material, insert_options.scale, object_options.strict
-    hints, segmenter = hints_for(photo, object_options.hints()), object_options.finder.segmenter
+    hints, segmenter = hints_for(photo, object_options.hints()), object_options.segmenter()
     contact, mesh = insert_options.foot(), insert_options.mesh(insert)
     place = placing(Arrangement)(size=size, at=contact, turn_deg=turn)
     out = out or Path("relit") / f"{result_stem(photo, [photo])}_relit.png"

@@ -75,7 +75,7 @@ def video(
         refuse_unused(context, "without --insert", "insert_material", "at", "scale", "renderer")
     out = out or Path(f"{clip.stem}_light")
     name, material, size = insert, insert_options.insert_material, insert_options.scale
-    hints = object_options.hints()
+    hints, segmenter = object_options.hints(), object_options.segmenter()
     object_material = hints.surface()
     folders = {kind: path for kind, path in hints.files().items() if kind in HINT_SUFFIXES}
     first_frame: dict[str, Any] = {key: value for key, value in hints.given() if key in ("click", "exclude", "box")}
@@ -102,7 +102,8 @@ def video(
     handled = {*first_frame, *folders, "surroundings", "material", "albedo", "roughness"}
     every_frame = {key: value for key, value in hints.given() if key not in handled}
     check_writable(out / "track.json")
-    follower = MaskFollower(folders, first_frame, every_frame, hints.surroundings)
+    shown = first_frame if segmenter is None else {**first_frame, "segmenter": segmenter}
+    follower = MaskFollower(folders, shown, every_frame, hints.surroundings)
     with progress("opening the model", quiet):
         estimator, library = model_options.estimator(), detail_options.library()
     settings = {
