@@ -17,13 +17,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from difflib import get_close_matches
 from typing import Any, ClassVar
 
 from anyprobe.notices import Notice, Remedy
-
-LEAST_LIKENESS = 0.75
-"""Smallest difflib ratio of a name that may be meant: golden is like gold (0.80), not like molybdenum (0.63)."""
 
 
 class AnyprobeError(Exception):
@@ -79,15 +75,6 @@ def arguments_named(**names: str) -> Iterator[None]:
         yield
     except InputError as error:
         raise _restore(type(error), error.notice.naming(names)) from error
-
-
-def did_you_mean(name: object, known: Iterable[str]) -> str:
-    """Return "; did you mean gold?" with up to two known names, of lower case, that are like an unknown one or contain
-    it; "" without any."""
-    key, names = str(name).strip().lower(), list(known)
-    alike = get_close_matches(key, names, n=2, cutoff=LEAST_LIKENESS)
-    alike = alike or [one for one in names if key in one and len(key) > 2][:2]
-    return f"; did you mean {' or '.join(alike)}?" if alike else ""
 
 
 class InputError(AnyprobeError, ValueError):

@@ -18,7 +18,8 @@ from typing import Any, Literal
 import numpy as np
 
 from anyprobe.core.arrays import plain_array
-from anyprobe.errors import InputError, InvalidMask, InvalidPhoto, did_you_mean
+from anyprobe.core.spelling import did_you_mean
+from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
 from anyprobe.given_material import Albedo, as_material
 from anyprobe.masks.depth import DepthSource
 from anyprobe.masks.prompts import Clicks

@@ -3,6 +3,7 @@
 import { CONTRACT } from "./core/contract.js";
 import { AnyProbeError } from "./errors.js";
 import { DEFAULT_LONG_FOV_DEG } from "./photo/crop.js";
+import { didYouMean } from "./spelling.js";
 
 const HINTS = ["click", "exclude", "box"];
 const LENS = ["fovDeg", "longFovDeg", "projectionMatrix"];
@@ -36,7 +37,8 @@ export function checkNames(method, given) {
   if (given === null || typeof given !== "object") throw wrong(method, "an object of options", given);
   const unknown = Object.keys(given).filter((name) => !OPTIONS[method].includes(name));
   if (unknown.length === 0) return checkKinds(given);
-  throw new AnyProbeError("invalid-option", `${method}: unknown option ${unknown.join(", ")}; expected of ${OPTIONS[method].join(", ")}`);
+  const meant = didYouMean(unknown[0], OPTIONS[method]);
+  throw new AnyProbeError("invalid-option", `${method}: unknown option ${unknown.join(", ")}; expected of ${OPTIONS[method].join(", ")}${meant}`);
 }
 
 /** What is called, and what gives up. */
@@ -48,9 +50,9 @@ function checkKinds(given) {
   if (signal !== undefined && typeof signal?.throwIfAborted !== "function") throw wrong("signal", "an AbortSignal", signal);
 }
 
-/** @param {string} name @param {string} expected @param {unknown} got */
-export function wrong(name, expected, got) {
-  return new AnyProbeError("invalid-option", `expected ${expected}, got ${shown(got)}`, { subject: [name] });
+/** @param {string} name @param {string} expected @param {unknown} got @param {unknown[]} [known] all that it may be */
+export function wrong(name, expected, got, known = []) {
+  return new AnyProbeError("invalid-option", `expected ${expected}, got ${shown(got)}${didYouMean(got, known)}`, { subject: [name] });
 }
 
 /** Something in a line. */
@@ -69,10 +71,10 @@ export function shown(got) {
 
 /** The kind of light that is wanted. */
 export function checkLight({ surroundings, pitchDeg, emitters, looks }) {
-  if (surroundings !== undefined && !SURROUNDINGS.includes(surroundings)) throw wrong("surroundings", "auto, photo or none", surroundings);
+  if (surroundings !== undefined && !SURROUNDINGS.includes(surroundings)) throw wrong("surroundings", "auto, photo or none", surroundings, ["auto", "photo", "none"]);
   if (pitchDeg !== undefined && !(typeof pitchDeg === "number" && Math.abs(pitchDeg) <= 90)) throw wrong("pitchDeg", "-90 to 90 degrees that the camera looks down", pitchDeg);
-  if (emitters !== undefined && !EMITTERS.includes(emitters)) throw wrong("emitters", EMITTERS.join(" or "), emitters);
-  if (looks !== undefined && !LOOKS.includes(looks)) throw wrong("looks", LOOKS.join(" or "), looks);
+  if (emitters !== undefined && !EMITTERS.includes(emitters)) throw wrong("emitters", EMITTERS.join(" or "), emitters, EMITTERS);
+  if (looks !== undefined && !LOOKS.includes(looks)) throw wrong("looks", LOOKS.join(" or "), looks, LOOKS);
 }
 
 /** Clicks and boxes that lie in a picture of this size, which they are in pixels of. */

@@ -42,7 +42,7 @@ test("without an entry's own a light is needed, and names are those there are", 
   assert.throws(() => urlsOf({ u2netp: "/u.onnx" }), refused(`${line}u2netp`));
   assert.throws(() => urlsOf(undefined), refused(`${line}none`));
   assert.throws(() => urlsOf({ hdr: "/h.onnx" }, OWN), refused(`${line}hdr`));
-  assert.throws(() => urlsOf({ u2net: "/u.onnx" }, OWN), refused(/^weights: expected of light, .*, got u2net$/));
+  assert.throws(() => urlsOf({ u2net: "/u.onnx" }, OWN), refused(/^weights: expected of light, .*, got u2net; did you mean u2netp\?$/));
   for (const wrong of [null, 3]) assert.throws(() => urlsOf(wrong, OWN), refused(/^weights: expected an object/));
 });
 

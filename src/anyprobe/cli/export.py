@@ -11,7 +11,8 @@ import numpy as np
 import typer
 
 from anyprobe.cli.options import FrameOption, folder_option
-from anyprobe.errors import InputError, did_you_mean
+from anyprobe.core.spelling import did_you_mean
+from anyprobe.errors import InputError
 from anyprobe.estimate.ground import Ground, levelled
 from anyprobe.estimate.sidecar import FRAME, error_stated
 from anyprobe.export.exported_light import check_front, map_from_camera, origin_beside, sidecar_beside

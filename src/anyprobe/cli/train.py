@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from anyprobe.cli.options import need_torch
-from anyprobe.errors import InputError, did_you_mean
+from anyprobe.core.spelling import did_you_mean
+from anyprobe.errors import InputError
 
 _RUNS = Path("runs")
 Data = Annotated[

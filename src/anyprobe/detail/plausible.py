@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from anyprobe.core.spelling import did_you_mean
 from anyprobe.detail.blend import blend
 from anyprobe.detail.kinds import OPEN_AIR
-from anyprobe.errors import InputError, did_you_mean
+from anyprobe.errors import InputError
 from anyprobe.light.environment import MAP_HEIGHT, check_radiance
 from anyprobe.match.alignment import Match, find_level_match
 from anyprobe.match.kind import own_prices, prices

@@ -15,10 +15,11 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import is_rotation
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
+from anyprobe.core.spelling import did_you_mean
 from anyprobe.detail.layers import kind_of_place
 from anyprobe.detail.place_picture import DRAWN_ROWS, PANORAMA_SIZES, Panorama, compose, in_frame
 from anyprobe.detail.plausible import add_detail, check_rows
-from anyprobe.errors import InputError, OutputError, did_you_mean
+from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.ground import Ground, levelled
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
 from anyprobe.estimate.sheet import draw_preview

@@ -16,7 +16,8 @@ import numpy as np
 
 from anyprobe.core.contract import contract
 from anyprobe.core.response import MEAN_CURVE, response
-from anyprobe.errors import InputError, MissingExtra, ModelError, did_you_mean
+from anyprobe.core.spelling import did_you_mean
+from anyprobe.errors import InputError, MissingExtra, ModelError
 from anyprobe.files.graphs import open_graph
 from anyprobe.files.onnx_runtime import onnxruntime
 from anyprobe.given_material import MATERIAL_INPUTS, material_input

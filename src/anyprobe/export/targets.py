@@ -14,7 +14,8 @@ import numpy as np
 
 from anyprobe.core.color import REC709_CHROMATICITIES, luminance, xyz_from_rgb
 from anyprobe.core.latlong import pixel_solid_angles
-from anyprobe.errors import InputError, did_you_mean
+from anyprobe.core.spelling import did_you_mean
+from anyprobe.errors import InputError
 from anyprobe.export import cube_textures, scene_files
 from anyprobe.export.exported_light import (
     ExportedLight,

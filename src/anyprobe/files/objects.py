@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.errors import InputError, did_you_mean
+from anyprobe.core.spelling import did_you_mean
+from anyprobe.errors import InputError
 from anyprobe.files.meshes import read_mesh
 from anyprobe.render.mesh import Mesh, make_mesh
 from anyprobe.render.picture import draw_mesh

@@ -14,7 +14,8 @@ from typing import Protocol
 import numpy as np
 from PIL import Image
 
-from anyprobe.errors import AnyprobeError, InputError, MissingExtra, ModelError, did_you_mean
+from anyprobe.core.spelling import did_you_mean
+from anyprobe.errors import AnyprobeError, InputError, MissingExtra, ModelError
 from anyprobe.files.graphs import open_graph
 from anyprobe.masks.networks import Network, SmallNetwork, U2NetP
 from anyprobe.masks.prompts import Point

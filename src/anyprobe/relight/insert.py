@@ -11,7 +11,8 @@ import numpy as np
 from PIL import Image
 
 from anyprobe.core.response import inverse_response, response
-from anyprobe.errors import InputError, MissingExtra, did_you_mean
+from anyprobe.core.spelling import did_you_mean
+from anyprobe.errors import InputError, MissingExtra
 from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
@@ -33,8 +34,7 @@ from anyprobe.scatter.materials import Material, material_named
 BORDER_PX = 2
 """Border [px] around the object's window, for its soft edge."""
 MOST_DRAWN = 512
-"""Largest size [px] that an object is drawn at; in larger photos it is enlarged, as their own pixels are hardly
-sharper."""
+"""Largest size [px] that an object is drawn at; in larger photos, whose pixels are hardly sharper, it is enlarged."""
 ENLARGED_SUPERSAMPLE = 2
 """Samples of a pixel, along a side, of an object that is enlarged."""
 MOST_SHADED = 1024

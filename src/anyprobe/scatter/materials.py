@@ -14,7 +14,8 @@ from array_api_compat import array_namespace
 
 from anyprobe.core.contract import contract
 from anyprobe.core.frames import dot, normalize
-from anyprobe.errors import InputError, did_you_mean
+from anyprobe.core.spelling import did_you_mean
+from anyprobe.errors import InputError
 from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
 
 

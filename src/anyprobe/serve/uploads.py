@@ -15,7 +15,8 @@ from starlette.datastructures import FormData, QueryParams, UploadFile
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 
-from anyprobe.errors import InputError, InvalidMask, InvalidPhoto, did_you_mean
+from anyprobe.core.spelling import did_you_mean
+from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
 from anyprobe.estimate.poses import parse_poses
 from anyprobe.estimate.settings import CHOICES
 from anyprobe.hints import HINTS, Hints, numbers_in

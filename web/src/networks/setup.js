@@ -3,6 +3,7 @@
 import { CONTRACT } from "../core/contract.js";
 import { AnyProbeError } from "../errors.js";
 import { wrong } from "../options.js";
+import { didYouMean } from "../spelling.js";
 
 const ENGINES = ["wasm", "webgpu"];
 
@@ -42,7 +43,7 @@ export function safariOf(agent) {
  * @param {object} files an entry's own, where options say nothing
  */
 export function checkSetup({ engine = "wasm", threads, onProgress = () => {}, ...options }, files) {
-  if (!ENGINES.includes(engine)) throw wrong("engine", ENGINES.join(" or "), engine);
+  if (!ENGINES.includes(engine)) throw wrong("engine", ENGINES.join(" or "), engine, ENGINES);
   const least = threads ?? (globalThis.navigator?.hardwareConcurrency || 1);
   if (!(Number.isInteger(least) && least >= 1)) throw wrong("threads", "a whole number from 1 on", threads);
   const bundles = files.engines ?? ENGINES;
@@ -79,7 +80,10 @@ function weightsOf(given = {}, own = {}) {
   const names = Object.keys(given).filter((name) => given[name] !== undefined);
   const said = names.join(", ") || "none";
   const unknown = names.filter((name) => !GRAPHS.includes(name));
-  if (unknown.length) throw new AnyProbeError("invalid-option", `expected of ${GRAPHS.join(", ")}, got ${unknown.join(", ")}`, { subject: ["weights"] });
+  if (unknown.length) {
+    const meant = didYouMean(unknown[0], GRAPHS);
+    throw new AnyProbeError("invalid-option", `expected of ${GRAPHS.join(", ")}, got ${unknown.join(", ")}${meant}`, { subject: ["weights"] });
+  }
   const isOwnLight = !["light", ...CHAIN].some((name) => names.includes(name));
   if (isOwnLight && names.includes("whole")) {
     throw new AnyProbeError("invalid-option", "expected the light that whole was trained with, got whole alone; give both", { subject: ["weights"] });

@@ -2,7 +2,8 @@
 
 import { CONTRACT } from "../core/contract.js";
 import { AnyProbeError } from "../errors.js";
-import { shown } from "../options.js";
+import { shown, wrong } from "../options.js";
+import { didYouMean } from "../spelling.js";
 
 const MATTE = "matte";
 const { least_roughness: LEAST_ROUGHNESS, least_reflectance: LEAST_REFLECTANCE } = CONTRACT.materials;
@@ -16,9 +17,8 @@ export const MATERIALS = { ...CONTRACT.materials.named, ...CONTRACT.materials.me
  */
 export function givenMaterial(given) {
   const { name = MATTE, albedo, roughness } = typeof given === "string" ? { name: given } : checkParts(given);
-  if (!Object.hasOwn(MATERIALS, name)) {
-    throw refused("material", `expected one of ${Object.keys(MATERIALS).join(", ")}, got ${shown(name)}`);
-  }
+  const known = Object.keys(MATERIALS);
+  if (!known.includes(name)) throw wrong("material", `one of ${known.join(", ")}`, name, known);
   const material = { ...MATERIALS[name] };
   if (roughness !== undefined) {
     if (!(roughness >= LEAST_ROUGHNESS && roughness <= 1)) {
@@ -47,7 +47,8 @@ function checkParts(given) {
   const isObject = given !== null && typeof given === "object" && !Array.isArray(given);
   const names = isObject ? Object.keys(given).filter((name) => given[name] !== undefined) : [];
   if (names.length && names.every((name) => PARTS.includes(name))) return given;
-  throw refused("material", `expected a name, or an object of ${PARTS.join(", ")}, got ${shown(given)}`);
+  const meant = didYouMean(names.find((name) => !PARTS.includes(name)), PARTS);
+  throw refused("material", `expected a name, or an object of ${PARTS.join(", ")}, got ${shown(given)}${meant}`);
 }
 
 /** A given material as the network takes it; undefined where none is given. */

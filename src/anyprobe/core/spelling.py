@@ -1,0 +1,25 @@
+"""The known name that was meant by an unknown one; web/src/spelling.js says the same."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+from anyprobe.core.contract import contract
+
+_SPELLING = contract("spelling")
+LEAST_LIKENESS: float = _SPELLING["least_likeness"]
+"""Smallest difflib ratio of a name that may be meant: golden is like gold (0.80), not like molybdenum (0.63)."""
+MOST: int = _SPELLING["most"]
+"""Most names that are proposed."""
+LEAST_PART: int = _SPELLING["least_part"]
+"""Fewest letters that stand for a name that contains them."""
+
+
+def did_you_mean(name: object, known: Iterable[str]) -> str:
+    """Return "; did you mean gold?" with up to two known names, of lower case, that are like an unknown one or contain
+    it; "" without any."""
+    key, names = str(name).strip().lower(), list(known)
+    alike = get_close_matches(key, names, n=MOST, cutoff=LEAST_LIKENESS)
+    alike = alike or [one for one in names if key in one and len(key) >= LEAST_PART][:MOST]
+    return f"; did you mean {' or '.join(alike)}?" if alike else ""
