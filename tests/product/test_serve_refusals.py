@@ -76,7 +76,7 @@ def exported(target: str, folder, suffix: str, **options) -> bytes:
         ("mask", "material", "one of click, exclude, box, near, far, fov, pitch, roll, format, got"),
         ("photo", "fov", "expected none here"),
         ("fuse", "clik", "surroundings"),
-        ("export/three", "yaw", "one of exposure, world_from_camera, got"),
+        ("export/three", "yaw", "one of exposure, world_from_camera, frame, got"),
     ],
 )
 def test_an_unknown_parameter_is_named_and_so_are_the_known_ones(client, photo, address, name, known):

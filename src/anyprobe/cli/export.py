@@ -13,9 +13,8 @@ import typer
 from anyprobe.cli.options import FrameOption, folder_option
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError
-from anyprobe.estimate.ground import Ground, levelled
-from anyprobe.estimate.sidecar import FRAME, error_stated
-from anyprobe.export.exported_light import check_front, map_from_camera, origin_beside, sidecar_beside
+from anyprobe.estimate.saved_map import export_settings
+from anyprobe.export.exported_light import check_front
 from anyprobe.export.targets import TARGETS
 from anyprobe.hints import numbers_in
 
@@ -55,14 +54,9 @@ def export(
     for light, folder in folders(lights, out):
         radiance = read_radiance(light, _MAX_PIXELS)
         check_front(light)
-        origin, said = origin_beside(light), sidecar_beside(light)
-        turn, ground = rotation, Ground.of(said.get("ground"))
-        if rotation is None and (ground is not None or said.get("frame") == FRAME):
-            turn, level = levelled(ground, map_from_camera(light), is_wanted=frame == "level")
-            origin |= level
-        settings = {"world_from_camera": turn, "exposure_ev": exposure, "error_deg": error_stated(said)}
+        settings = export_settings(light, rotation, is_level=frame == "level") | {"exposure_ev": exposure}
         for name in names:
-            written, doubts = targets.write_export(radiance, name, folder, light.stem, origin=origin, **settings)
+            written, doubts = targets.write_export(radiance, name, folder, light.stem, **settings)
             if as_json:
                 summary = {"light": str(light), "target": name, "files": [str(path) for path in written]}
                 described = json.loads((folder / f"{light.stem}_{name}.json").read_text(encoding="utf-8"))

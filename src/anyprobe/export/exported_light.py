@@ -278,11 +278,6 @@ def read_with_origin(path: Path) -> tuple[np.ndarray, dict[str, Any], np.ndarray
     return radiance, sidecar_beside(path), map_from_camera(path)
 
 
-def origin_beside(path: Path) -> dict[str, Any]:
-    """Read photo, model and rotation of a map from the .json beside it; empty if there is none."""
-    return origin_of(sidecar_beside(path)) | origin_turned(map_from_camera(path))
-
-
 def origin_turned(turn: Float[np.ndarray, "3 3"]) -> dict[str, Any]:
     """Return the entry for a map turned by [3, 3] since the estimate; empty for the identity."""
     return {} if np.allclose(turn, np.eye(3)) else {MAP_FROM_CAMERA: numbers(turn)}

@@ -29,6 +29,9 @@ MAX_PHOTOS = 16
 MAX_MAP_ROWS = 512
 """Largest map that is exported [rows]: a cube of it takes 5 seconds; ours have 64 rows."""
 
+MAX_SENT_SIDECAR_BYTES = 16 * 2**20
+"""Largest .json of a map that is exported [bytes]; ours have one with radiance, stages and mask, ten with detail."""
+
 MAX_PANORAMA_PIXELS = 8_500_000
 """Largest panorama of surroundings [pixels]; it is reduced to 128 x 64."""
 

@@ -10,6 +10,7 @@ from dataclasses import fields
 from importlib import resources
 from typing import Any
 
+from anyprobe.estimate.result import FRAMES
 from anyprobe.estimate.settings import CHOICES, Settings
 from anyprobe.hints import HINTS, Hint
 from anyprobe.serve.limits import MAX_PHOTOS
@@ -71,7 +72,11 @@ _EXPORT = {
     "world_from_camera": _described(
         {"anyOf": [_numbers_schema(count) for count in (2, 3, 9)]},
         "how the camera stood: YAW,ELEVATION[,ROLL] in degrees, turned left, raised (looking down), "
-        "rolled; or a rotation, nine numbers row by row; else the export is in the camera's frame",
+        "rolled; or a rotation, nine numbers row by row; else see frame",
+    ),
+    "frame": _described(
+        {"type": "string", "enum": list(FRAMES)},
+        "level (default): +Y is up in the place, where the sidecar states the camera's pitch; camera: the map's own",
     ),
 }
 
@@ -202,7 +207,8 @@ DETAIL_ROUTE = _upload(
     ESTIMATE_ROUTE["responses"]["200"]["content"],
     files={"confidence": _described(_FILE, "map of the same size: how much each direction counts, 0 to 1")},
 )
-EXPORT_ROUTE = _upload(_EXPORT, [], {"application/zip": _BYTES}, files={})
+_SAID = "the JSON that the map's estimate was answered with: how the map lies, its error and origin"
+EXPORT_ROUTE = _upload(_EXPORT, [], {"application/zip": _BYTES}, files={"sidecar": _described(_FILE, _SAID)})
 
 
 def form_names(address: dict[str, Any]) -> list[str]:

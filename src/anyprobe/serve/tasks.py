@@ -18,7 +18,8 @@ from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.estimate.merged_surroundings import cut_out
 from anyprobe.estimate.mirror_ball import Ball, find_ball
 from anyprobe.estimate.photo import Crop, Photo, load_photo
-from anyprobe.estimate.result import Light
+from anyprobe.estimate.result import LEVEL, Light
+from anyprobe.estimate.saved_map import export_settings
 from anyprobe.hints import Hints
 from anyprobe.maps.radiance import map_attributes, read_radiance
 from anyprobe.match.plate import Plate
@@ -26,7 +27,7 @@ from anyprobe.notices import give, leave_out
 from anyprobe.pictures.declared_size import declared_pixels
 from anyprobe.pictures.images import read_image
 from anyprobe.serve.answers import mask_json, mask_png, png, zip_folder
-from anyprobe.serve.limits import MAX_MAP_ROWS, MAX_PANORAMA_PIXELS, QUICK_BYTES
+from anyprobe.serve.limits import MAX_MAP_ROWS, MAX_PANORAMA_PIXELS, MAX_SENT_SIDECAR_BYTES, QUICK_BYTES
 
 PAGE_LONG_PX = 2048
 """Longer side of the pictures that /v1/photo returns [pixels]: more than a page shows."""
@@ -48,6 +49,8 @@ class Upload:
         include: further contents of the JSON answer: "radiance", "stages", "mask".
         exposure: exposure change of an export [stops].
         world_from_camera: rotation of an export: 2 or 3 angles in degrees, or 9 numbers of a matrix.
+        sidecar: bytes of the .json of a map that is exported.
+        frame: how an export lies without world_from_camera: "level" or "camera".
     """
 
     photo: bytes
@@ -58,6 +61,8 @@ class Upload:
     include: frozenset[str] = frozenset()
     exposure: float | None = None
     world_from_camera: tuple[float, ...] | None = None
+    sidecar: bytes | None = None
+    frame: str = LEVEL
 
     @property
     def rows(self) -> int | None:
@@ -144,18 +149,16 @@ def upright(upload: Upload, max_pixels: int) -> tuple[bytes, float | None]:
 
 def export_zip(upload: Upload, max_pixels: int, target: str) -> bytes:
     """Export a map (.exr or .hdr bytes in the place of the photo) for one target, as a zip."""
-    from anyprobe.export.exported_light import map_from_camera, origin_turned
     from anyprobe.export.targets import write_export
 
     _check_pixels(upload, min(max_pixels, 2 * MAX_MAP_ROWS**2))
-    with _map_file(upload.photo) as path, tempfile.TemporaryDirectory() as folder:
+    if len(upload.sidecar or b"") > MAX_SENT_SIDECAR_BYTES:
+        raise InputError(f"expected at most {MAX_SENT_SIDECAR_BYTES / 2**20:g} MiB, got more", subject="sidecar")
+    with _map_file(upload.photo, sidecar=upload.sidecar) as path, tempfile.TemporaryDirectory() as folder:
         radiance = read_radiance(path)
-        origin = origin_turned(map_from_camera(path))
-        angles, exposure_ev = upload.world_from_camera, upload.exposure or 0.0
-        turn = None if angles is None else rotation_of(angles)
-        write_export(
-            radiance, target, Path(folder), "light", world_from_camera=turn, exposure_ev=exposure_ev, origin=origin
-        )
+        turn = None if upload.world_from_camera is None else rotation_of(upload.world_from_camera)
+        settings = export_settings(path, turn, is_level=upload.frame == LEVEL)
+        write_export(radiance, target, Path(folder), "light", exposure_ev=upload.exposure or 0.0, **settings)
         return zip_folder(Path(folder))
 
 
@@ -181,17 +184,24 @@ def sharpened(upload: Upload, max_pixels: int) -> Light:
 
 
 @contextmanager
-def _map_file(data: bytes, name: str = "map") -> Iterator[Path]:
-    """Write a map's bytes to a temporary file and check that its front is in the centre; errors call it by `name`."""
+def _map_file(data: bytes, name: str = "map", sidecar: bytes | None = None) -> Iterator[Path]:
+    """Write a map's bytes to a temporary file, its .json beside it, and check that its front is in the centre; errors
+    call it by `name`."""
     from anyprobe.export.exported_light import check_front
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}{'.hdr' if data.startswith(b'#?') else '.exr'}"
         path.write_bytes(data)
+        beside = path.with_suffix(".json")
+        if sidecar is not None:
+            beside.write_bytes(sidecar)
         try:
             check_front(path)
             yield path
-        except InputError as error:
+        except (InputError, RecursionError) as error:
+            if isinstance(error, RecursionError) or error.notice.source == str(beside):
+                text = "expected the .json of this map as it was written, got a damaged one"
+                raise InputError(text, subject="sidecar", remedy=leave_out("sidecar")) from error
             is_about_file = error.notice.source in (str(path), path.name)
             raise InvalidEnvironment(error.notice.of(name) if is_about_file else error) from error
 

@@ -18,6 +18,7 @@ from starlette.requests import ClientDisconnect, Request
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
 from anyprobe.estimate.poses import parse_poses
+from anyprobe.estimate.result import LEVEL, check_frame
 from anyprobe.estimate.settings import CHOICES
 from anyprobe.hints import HINTS, Hints, numbers_in
 from anyprobe.serve.guards import RECEIVED
@@ -50,11 +51,12 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
         HTTPException: 408 too slow.
         InputError: no photo came, or an option that is unknown, given twice or cannot be read.
     """
-    name, confidence, files = "photo", b"", {}
+    name, confidence, sidecar, files = "photo", b"", b"", {}
     async with _read_form(request, pool, max_files=1 + len(FILES)) as form:
         if request.headers.get("content-type", "").startswith(FORM):
             photo, name = await _file(form, "photo")
             confidence, _ = await _file(form, "confidence")
+            sidecar, _ = await _file(form, "sidecar")
             texts = [field for field, hint in FILES.items() if hint.words and isinstance(form.get(hint.name), str)]
             files = {field: (await _file(form, hint.name))[0] for field, hint in FILES.items() if field not in texts}
         else:
@@ -74,6 +76,8 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
         world_from_camera=option.numbers(
             "world_from_camera", "YAW,ELEVATION[,ROLL] in degrees or nine numbers", 2, 3, 9
         ),
+        sidecar=sidecar or None,
+        frame=check_frame((option.text("frame") or LEVEL)[:60]),
     )
 
 

@@ -1,0 +1,41 @@
+"""A saved map on its way to an export: what the .json beside it says of its light, and how the map lies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from anyprobe.core.frames import is_rotation
+from anyprobe.errors import InputError
+from anyprobe.estimate.ground import Ground, levelled
+from anyprobe.estimate.sidecar import FRAME, error_stated
+from anyprobe.export.exported_light import map_from_camera, origin_of, origin_turned, sidecar_beside
+
+
+def export_settings(path: Path, world_from_camera: np.ndarray | None, *, is_level: bool) -> dict[str, Any]:
+    """Return world_from_camera, origin and error_deg of a saved map's export, see export.targets.export.
+
+    Args:
+        world_from_camera: [3, 3] rotation that is asked for; None: see is_level.
+        is_level: whether the map is turned level, as far as the camera's pitch and roll are stated beside it.
+    Raises:
+        InputError: the .json beside it is damaged.
+    """
+    said, turned = sidecar_beside(path), map_from_camera(path)
+    origin = origin_of(said) | origin_turned(turned)
+    try:
+        ground = Ground.of(said.get("ground"))
+        if world_from_camera is None and (ground is not None or said.get("frame") == FRAME):
+            world_from_camera, level = levelled(ground, turned, is_wanted=is_level)
+            if world_from_camera is not None and not is_rotation(world_from_camera):
+                raise ValueError("an angle is not finite")
+            origin |= level
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"expected the ground in the .json beside {path.name} as it was written, got another; save the "
+            "light again, or move the .json away",
+            source=path.with_suffix(".json"),
+        ) from error
+    return {"world_from_camera": world_from_camera, "origin": origin, "error_deg": error_stated(said)}
