@@ -4,7 +4,7 @@ import { EXPONENT, SIGMA } from "../src/core/response.js";
 import { MAP_HEIGHT } from "../src/core/latlong.js";
 import { encodeExr } from "../src/files/exr.js";
 import { encodeHdr } from "../src/files/hdr.js";
-import { problemLine } from "./words.js";
+import { askServer } from "./server.js";
 
 const FRAME =
   "right-handed, +X right, +Y up, the camera looks along -Z; u = 0.5 + atan2(x, -z) / 2 pi, row 0 is +Y";
@@ -65,8 +65,8 @@ export const OWN_FILES = {
 /** An export of the server's: a zip of one target's files. */
 export async function exportTarget(result, target) {
   const body = await encodeExr(result.light.radiance, MAP_HEIGHT);
-  const answer = await fetch(new URL(`v1/export/${target}`, document.baseURI), { method: "POST", body });
-  if (!answer.ok) throw new Error(problemLine(await answer.json()));
+  const asked = { method: "POST", body, does: "writes these files", advice: "start anyprobe serve again, or take .exr or .hdr" };
+  const answer = await askServer(`v1/export/${target}`, asked);
   return answer.blob();
 }
 

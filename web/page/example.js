@@ -3,12 +3,16 @@
 import { Light, describe } from "../src/light/light.js";
 import { shadeSpheres } from "../src/light/spheres.js";
 import { readBitmap } from "./openPhoto.js";
+import { askServer } from "./server.js";
+
+/** What comes with the page. */
+export const fetchExample = (path) => askServer(path, { does: "has the examples", advice: "start it again, or choose a photo" });
 
 export async function readExample() {
   const [picture, maskPicture, answer] = await Promise.all([
     readPicture("example/photo.png"),
     readPicture("example/mask.png"),
-    fetch("example/light.json").then((response) => response.json()),
+    fetchExample("example/light.json").then((response) => response.json()),
   ]);
   const mask = Float32Array.from({ length: maskPicture.rgba.length / 4 }, (_, i) => maskPicture.rgba[4 * i] / 255);
   const light = new Light({
@@ -25,7 +29,7 @@ export async function readExample() {
 }
 
 async function readPicture(path) {
-  const blob = await (await fetch(path)).blob();
+  const blob = await (await fetchExample(path)).blob();
   return readBitmap(await createImageBitmap(blob), Infinity);
 }
 

@@ -11,7 +11,7 @@ import { LiveSession } from "./live/session.js";
 import { maskFromAlpha, objectBox } from "../src/photo/picture.js";
 import { openPhoto } from "./openPhoto.js";
 import { PAGE, errorLine, sentence } from "./words.js";
-import { readExample } from "./example.js";
+import { fetchExample, readExample } from "./example.js";
 import { showQuality } from "./view/maskQuality.js";
 import { askReflections } from "./reflections.js";
 
@@ -216,7 +216,7 @@ async function estimate(found, hints, isLate) {
   if (isLate()) return;
   state.opened.result = result;
   showLight();
-  const [doubt] = [...found.notices, ...result.light.notices];
+  const [doubt] = [...(found.quality === null ? found.notices : []), ...result.light.notices]; // else beside the photo
   if (doubt) return tell(`Estimated, but ${PAGE.line(doubt)}.`, "warning");
   const search = seconds === undefined ? "" : `object found in ${seconds.toFixed(1)} s, `;
   tell(`Estimated: ${search}light in ${result.seconds.toFixed(1)} s. If the outline is wrong, click on the object, or draw a box around it.`);
@@ -259,7 +259,12 @@ function showLight() {
 /** Sharp reflections for the light on show, or its own again. */
 async function reflect() {
   const { result } = state.opened;
-  if (reflections.checked) result.reflections ??= await askReflections(result.light);
+  try {
+    if (reflections.checked) result.reflections ??= await askReflections(result.light);
+  } catch (error) {
+    reflections.checked = false;
+    throw error;
+  }
   if (live.running || state.opened.result !== result) return;
   const shown = reflections.checked ? result.reflections : null;
   stage.setLight(result.light, shown);
@@ -270,7 +275,7 @@ async function reflect() {
 const EXAMPLES = { teapot: [152, 218, 322, 336], table: [130, 100, 325, 385] };
 
 async function fetchPhoto(name) {
-  return (await fetch(`photos/${name}.jpg`)).blob();
+  return (await fetchExample(`photos/${name}.jpg`)).blob();
 }
 
 /** The example comes with its answer, so that the page is finished before any network is opened. */

@@ -2,7 +2,7 @@
 
 import exifr from "exifr/dist/lite.esm.mjs";
 import { DEFAULT_LONG_FOV_DEG } from "../src/photo/crop.js";
-import { problemLine } from "./words.js";
+import { askServer } from "./server.js";
 
 /** Longer side at which a photo is kept: more than is shown, and plenty for a crop of 128. */
 const LONG_PX = 1600;
@@ -24,6 +24,7 @@ const LONG_PX = 1600;
  * @returns {Promise<Opened>}
  */
 export async function openPhoto(blob, name, hasServer) {
+  if (blob.size === 0) throw new Error(`${name} is empty; copy it again`);
   let longFovDeg = await exifFovDeg(blob);
   let bitmap;
   try {
@@ -65,8 +66,10 @@ async function throughServer(blob, name, hasServer) {
   if (!hasServer) throw new Error(`${name}: this browser cannot open it as a picture. Choose a photo, or save it as JPEG or PNG first.`);
   const body = new FormData();
   body.append("photo", blob, name);
-  const answer = await fetch(new URL("v1/photo", document.baseURI), { method: "POST", body });
-  if (!answer.ok) throw new Error(`${name}: ${problemLine(await answer.json())}`);
+  const asked = { method: "POST", body, does: "opens this kind of file", advice: "start anyprobe serve again, or choose a JPEG or PNG" };
+  const answer = await askServer("v1/photo", asked).catch((error) => {
+    throw new Error(`${name}: ${error.message}`);
+  });
   const given = answer.headers.get("X-Long-Fov-Deg");
   return { blob: await answer.blob(), longFovDeg: given === null ? null : Number(given) };
 }

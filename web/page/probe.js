@@ -17,9 +17,10 @@ export class ProbeOpener {
     const at = (path) => new URL(path, document.baseURI).href;
     const asked = new URLSearchParams(location.search);
     const spare = Math.max((navigator.hardwareConcurrency || 1) - this.sparedCores, 1);
+    const threads = asked.get("threads") ?? spare;
     this.opened ??= AnyProbe.load({
-      engine: asked.get("engine") === "webgpu" ? "webgpu" : "wasm", // the graph computes in int8, made for processors
-      threads: Number(asked.get("threads")) || spare,
+      engine: asked.get("engine") ?? "wasm", // the graph computes in int8, made for processors
+      threads: Number(threads) || threads,
       weights: Object.fromEntries(Object.entries(this.config.weights).map(([stage, path]) => [stage, at(path)])),
       runtime: at("ort/"),
       worker: () => new Worker(new URL("../src/networks/worker.js", import.meta.url), { type: "module" }),

@@ -4,7 +4,7 @@ import { MAP_HEIGHT } from "../src/core/latlong.js";
 import { encodeExr } from "../src/files/exr.js";
 import { decodeHdr } from "../src/files/hdr.js";
 import { prefilterSharp } from "../src/light/prefilter.js";
-import { problemLine } from "./words.js";
+import { askServer } from "./server.js";
 
 /** As fine as the faces of a cube that stands in for it. */
 const ROWS = 256;
@@ -27,9 +27,7 @@ export async function askReflections({ radiance, confidence, prefiltered }) {
     const grey = Float32Array.from({ length: radiance.length }, (_, i) => confidence[Math.floor(i / 3)]);
     body.append("confidence", new Blob([await encodeExr(grey, MAP_HEIGHT)]), "confidence.exr");
   }
-  const address = new URL(`v1/detail?format=hdr&size=${ROWS}`, document.baseURI);
-  const answer = await fetch(address, { method: "POST", body });
-  if (!answer.ok) throw new Error(problemLine(await answer.json()));
+  const answer = await askServer(`v1/detail?format=hdr&size=${ROWS}`, { method: "POST", body, does: "adds sharp reflections" });
   const found = decodeHdr(new Uint8Array(await answer.arrayBuffer()));
   return { ...found, levels: prefilterSharp(found.radiance, found.height, prefiltered) };
 }

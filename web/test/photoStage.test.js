@@ -3,6 +3,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
+import { upOf } from "../src/photo/ground.js";
 import { PhotoStage } from "../page/view/photoStage.js";
 import { describeDirection } from "../page/view/pictures.js";
 
@@ -58,4 +59,10 @@ test("the last photo's object is not seen over the next photo", async () => {
 test("a direction in words", () => {
   assert.equal(describeDirection([-0.6, 0, 0.8]), "143° left, 0° up");
   assert.equal(describeDirection([0, -1, 0]).split(", ")[1], "90° down");
+});
+
+test("a direction is told above the horizon where the ground is known, as in anyprobe.estimate.ground", () => {
+  const light = [0.5, 0.6, -Math.sqrt(1 - 0.61)];
+  assert.equal(describeDirection(light), "39° right, 37° up");
+  assert.equal(describeDirection(light, upOf(22, -8)), "37° right, 15° up");
 });

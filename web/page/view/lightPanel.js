@@ -45,12 +45,12 @@ export class LightPanel {
       this.shaded = { ...result.spheres };
       this.#drawSpheres();
     }
-    const { direction, irradiance, errorDeg } = result.light.dominant;
+    const { ground, dominant: { direction, irradiance, errorDeg } } = result.light;
     const marker = element("marker");
     marker.hidden = Math.max(...irradiance) === 0;
     Object.assign(marker.style, placeOnMap(direction));
     const error = `±\u00a0${Math.round(errorDeg)}°`;
-    element("direction").textContent = marker.hidden ? "none stands out" : `${describeDirection(direction)} ${error}`;
+    element("direction").textContent = marker.hidden ? "none stands out" : `${describeDirection(direction, ground?.up)} ${error}`;
     const { uncertainty } = result.light;
     element("brightness").textContent = uncertainty ? `, brightness ± ${uncertainty.levelStops.toFixed(1)} stops` : "";
     this.#setReady(true);

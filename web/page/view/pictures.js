@@ -66,10 +66,19 @@ export function placeOnMap(direction) {
   return { left: `${100 * u}%`, top: `${100 * v}%` };
 }
 
-/** A direction in words: how far to the right of the camera's view, beyond 90° behind it, and how high. */
-export function describeDirection([x, y, z]) {
+/**
+ * A direction in words, as the command line prints it: how far to the right of the camera's view, beyond 90° behind it, and how
+ * high above the horizon.
+ *
+ * @param {number[]} direction unit, in the camera's frame
+ * @param {number[]} [up] of the ground in that frame; default: the camera's own, for cut-outs
+ */
+export function describeDirection([right, above, z], up = [0, 1, 0]) {
+  const level = Math.hypot(up[0], up[1]); // cosine of the camera's pitch
+  const upright = (up[0] * right + up[1] * above) / level;
+  const [x, y, back] = [(up[1] * right - up[0] * above) / level, level * upright + up[2] * z, level * z - up[2] * upright];
   const degrees = (angle) => Math.round((angle * 180) / Math.PI);
-  const azimuth = degrees(Math.atan2(x, -z));
+  const azimuth = degrees(Math.atan2(x, -back));
   const elevation = degrees(Math.asin(Math.min(Math.max(y, -1), 1)));
   const side = azimuth < 0 ? "left" : "right";
   return `${Math.abs(azimuth)}° ${side}, ${Math.abs(elevation)}° ${elevation < 0 ? "down" : "up"}`;

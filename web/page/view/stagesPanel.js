@@ -8,7 +8,9 @@ export class StagesPanel {
     drawFalseColorScale(element("scale"));
   }
 
+  /** Empty pictures are not shown. */
   clear() {
+    element("steps").hidden = true;
     for (const id of ["irradiance", "ldr", "hdr"]) {
       const canvas = element(id);
       canvas.getContext("2d").clearRect(0, 0, canvas.width, canvas.height);
@@ -16,6 +18,7 @@ export class StagesPanel {
   }
 
   show({ irradiance, ldr }, radiance) {
+    element("steps").hidden = false;
     drawIrradiance(element("irradiance"), irradiance);
     drawLdr(element("ldr"), ldr);
     drawFalseColor(element("hdr"), radiance);

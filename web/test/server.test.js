@@ -1,0 +1,55 @@
+/** What the page says where its server does not answer, and of a file without a byte. */
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { exportTarget } from "../page/downloads.js";
+import { fetchExample } from "../page/example.js";
+import { openPhoto } from "../page/openPhoto.js";
+import { ProbeOpener } from "../page/probe.js";
+import { askReflections } from "../page/reflections.js";
+import { errorLine } from "../page/words.js";
+
+globalThis.document = { baseURI: "http://localhost/" };
+globalThis.createImageBitmap = async () => {
+  throw new Error("no picture");
+};
+const radiance = new Float32Array(3 * 64 * 128);
+
+test("a server that does not answer is told of, with what to do", async () => {
+  globalThis.fetch = async () => {
+    throw new TypeError("Failed to fetch");
+  };
+  const lost = /^(notes\.txt: )?the server that .+ does not answer; start (anyprobe serve|it) again/;
+  await assert.rejects(openPhoto(new Blob(["text"]), "notes.txt", true), {
+    message: "notes.txt: the server that opens this kind of file does not answer; start anyprobe serve again, or choose a JPEG or PNG",
+  });
+  await assert.rejects(exportTarget({ light: { radiance } }, "blender"), { message: lost });
+  await assert.rejects(askReflections({ radiance, confidence: null, prefiltered: [] }), { message: lost });
+  await assert.rejects(fetchExample("photos/table.jpg"), { message: lost });
+});
+
+test("what a server refuses is said in the page's words, and by its number where it says nothing", async () => {
+  const problem = { detail: "photo: no image", text: "expected an image", remedy: [{ do: "run", name: "choose-photo" }] };
+  globalThis.fetch = async () => new Response(JSON.stringify(problem), { status: 422 });
+  await assert.rejects(openPhoto(new Blob(["text"]), "notes.txt", true), { message: /^notes\.txt: expected an image; choose a photo/ });
+  globalThis.fetch = async () => new Response("<html>", { status: 502 });
+  await assert.rejects(fetchExample("photos/table.jpg"), { message: "the server answers 502" });
+});
+
+test("a file without a byte is told of", async () => {
+  await assert.rejects(openPhoto(new Blob([]), "empty.png", true), { message: "empty.png is empty; copy it again" });
+});
+
+test("an engine or a number of threads in the address that there is not is refused", async () => {
+  Object.assign(globalThis, { Worker: class {}, OffscreenCanvas: class {} });
+  Object.defineProperty(globalThis, "navigator", { value: {} });
+  const opener = new ProbeOpener({ weights: { light: "light.onnx" } }, () => {}, 0);
+  for (const [search, expected] of [
+    ["?threads=abc", '?threads: expected a whole number from 1 on, got "abc"'],
+    ["?engine=foo", '?engine: expected wasm or webgpu, got "foo"'],
+  ]) {
+    globalThis.location = { search };
+    await assert.rejects(opener.open(), (error) => errorLine(error).startsWith(expected));
+  }
+});
