@@ -58,6 +58,15 @@ def test_estimate_is_another_than_pythons(tmp_path):
         assert turn @ wanted.direction @ source["towards"] > 0.9999
         np.testing.assert_allclose(source["irradiance"], wanted.irradiance, rtol=0.05)
         assert abs(source["angle_deg"] - 2 * wanted.radius_deg) < 2.1  # of resampled pixels, 2.8 degrees wide
+    said = json.loads((tmp_path / "light_blender.json").read_text())
+    assert said["dominant_light"]["error_deg"] == round(found["error_deg"], 1)
+    assert found["error_deg"] == pytest.approx(light.dominant_light().error_deg, abs=0.1)
+    assert said["origin"]["photo"] == "table"
+    assert said["origin"]["level"] == found["level"]
+    assert (
+        found["level"]
+        == "+Y is up: turned by the camera's pitch of 15.0 and roll of 0.0 degrees, given, give or take 1"
+    )
     full, rest = (read_radiance(tmp_path / found[name]) for name in ("full", "rest"))
     assert full.max() > rest.max()
     assert found["foot"][2] == pytest.approx(-1)  # the camera's height over the ground is 1
@@ -147,6 +156,8 @@ def test_panoramas_that_cannot_be_read_are_left_out_in_silence(tmp_path):
     found = answer(tmp_path, do="estimate", photo={"file": str(ROOT / "examples" / "vase.png")}, library=str(folder))
     said = "\n".join(found["warnings"])
     assert "Panorama vase_truth" in said
+    assert found["error_deg"] is None  # it is no estimate's light
+    assert ", guessed, give or take " in found["level"]  # as of a cut-out
     assert "left out: " in said
     assert "damaged.hdr" in said
 

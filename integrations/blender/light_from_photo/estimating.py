@@ -60,6 +60,12 @@ def said_of(found: dict) -> list[str]:
     return lines
 
 
+def error_of(found: dict) -> str:
+    """How far off the strongest source is in two of three cases; nothing of a panorama of the user's."""
+    error_deg = found["error_deg"]
+    return "" if error_deg is None else f", the main light give or take {error_deg:.0f} degrees"
+
+
 def notes_on(target) -> list[str]:
     """What in a scene with an estimate keeps renders from matching the photo."""
     lines, others = [], scene.foreign_lights(target)
@@ -171,7 +177,7 @@ class LIGHT_FROM_PHOTO_OT_estimate(bpy.types.Operator):
         self.report(
             {"INFO"},
             f"Light of {self.image_name}: {where}; view {found['long_fov_deg']:.0f} degrees, "
-            f"{found['pitch_deg']:.0f} down; {len(found['sources'])} source(s)",
+            f"{found['pitch_deg']:.0f} down; {len(found['sources'])} source(s){error_of(found)}",
         )
         return {"FINISHED"}
 

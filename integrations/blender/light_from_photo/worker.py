@@ -75,6 +75,7 @@ def estimate(order: dict, folder: Path) -> dict:
 
     from anyprobe import Estimator, load_photo
     from anyprobe.estimate.ground import contact_of
+    from anyprobe.export.exported_light import origin_of
     from anyprobe.export.target_frames import BLENDER
     from anyprobe.export.targets import export
     from anyprobe.masks.check import object_box
@@ -113,7 +114,17 @@ def estimate(order: dict, folder: Path) -> dict:
     say(folder, 0.9, "Writing the maps")
     turn = np.array(order["turn"]) if order["turn"] else turned(order["heading_deg"], pitch_deg)
     foot, (x0, y0, x1, y1) = view.on_ground(*contact_of(photo.mask)), object_box(photo.mask)
-    paths = export(radiance, "blender", folder, "light", world_from_camera=np.array(BLENDER.axes).T @ turn)
+    error_deg = None if order["library"] else light.dominant_light().error_deg
+    level = None if order["turn"] else level_by(light.ground, photo, pitch_deg)
+    paths = export(
+        radiance,
+        "blender",
+        folder,
+        "light",
+        world_from_camera=np.array(BLENDER.axes).T @ turn,
+        origin=origin_of(light.sidecar()) | ({"level": level} if level else {}),
+        error_deg=error_deg,
+    )
     write_png(folder / "object.png", draw_overlay(photo.rgb, photo.mask))
     write_balls(radiance, folder)
     side = json.loads(next(path for path in paths if path.suffix == ".json").read_text(encoding="utf-8"))
@@ -122,6 +133,8 @@ def estimate(order: dict, folder: Path) -> dict:
         "rest": "light_blender_ambient.exr",
         "sources": sources_of(side),
         "turn": turn.tolist(),
+        "error_deg": error_deg,
+        "level": level,
         "long_fov_deg": view.long_fov_deg,
         "fov_source": photo.fov_source,
         "pitch_deg": pitch_deg,
@@ -212,6 +225,16 @@ def best_panorama(light, library: str):
     best = light.match(library, best=1)[0]
     line = f"Panorama {best.name}, {best.exposure_ev:+.1f} EV, stands for the estimate"
     return best.radiance(PANORAMA_ROWS), [line, *best.library.warnings]
+
+
+def level_by(ground, photo, pitch_deg: float) -> str:
+    """How the map was levelled, in a line: by the pitch alone, of a ground that is guessed where None is estimated."""
+    from dataclasses import replace
+
+    from anyprobe.estimate.ground import estimate_ground
+
+    ground = ground or estimate_ground(photo)
+    return replace(ground, pitch_deg=pitch_deg, roll_deg=0.0).said_level()
 
 
 def turned(heading_deg: float, pitch_deg: float):
