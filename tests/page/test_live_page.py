@@ -120,8 +120,11 @@ def test_own_photo_is_estimated_clicked_relit_and_downloaded(page_url, aside_pho
     with Image.open(files["png"]) as picture:
         assert picture.size == (128, 64)
     for target in TARGETS:
-        names = zipfile.ZipFile(io.BytesIO(files[target].read_bytes())).namelist()
-        assert f"light_{target}.json" in names
+        archive = zipfile.ZipFile(io.BytesIO(files[target].read_bytes()))
+        said = json.loads(archive.read(f"light_{target}.json"))
+        assert said["dominant_light"]["error_deg"] == sidecar["dominant_light"]["error_deg"]
+        assert said["origin"]["level"].endswith("the camera's pitch is not known")  # of a cut-out
+        assert said["origin"]["photo"] == "vase"
 
 
 def test_border_cuts_off_only_what_was_moved_there(page_url, aside_photo, tmp_path):

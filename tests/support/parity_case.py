@@ -295,7 +295,8 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
             with_ground = replace(loaded, surroundings=PhotoBackground(), hidden=None, ground=ground)
             answers["context"] = crop_object(with_ground).context.transpose(2, 0, 1)
             lit = estimator.from_photo(with_ground)
-            answers[f"ground_{name}"] = [lit.ground.pitch_deg, lit.ground.pitch_error_deg]
+            stands = lit.ground
+            answers[f"ground_{name}"] = [stands.pitch_deg, stands.pitch_error_deg, stands.roll_deg, *stands.contact]
             answers[f"radiance_{name}"], answers[f"confidence_{name}"] = lit.radiance, lit.confidence
         hidden = np.zeros(loaded.mask.shape, bool)  # its colours are not those of the surroundings
         hidden[:, : hidden.shape[1] // 5] = True

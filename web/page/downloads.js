@@ -18,7 +18,7 @@ const numbers = (values) => Array.from(values, (value) => Number(value.toFixed(6
 
 /** Everything but the pixels, in the keys of Light.sidecar. */
 export function sidecar(result, { photo, model, longFovDeg }) {
-  const { sh9, dominant, hints, wellExposedFraction, meanConfidence, object, uncertainty } = result.light;
+  const { sh9, dominant, hints, ground, wellExposedFraction, meanConfidence, object, uncertainty } = result.light;
   return {
     version: VERSION,
     photo,
@@ -26,6 +26,13 @@ export function sidecar(result, { photo, model, longFovDeg }) {
     emitters: result.light.emitters,
     long_fov_deg: longFovDeg,
     hints: { surroundings: Number(hints.surroundings.toFixed(4)) },
+    ground: ground && {
+      pitch_deg: Number(ground.pitchDeg.toFixed(2)),
+      pitch_error_deg: Number(ground.pitchErrorDeg.toFixed(2)),
+      roll_deg: Number(ground.rollDeg.toFixed(2)),
+      contact: ground.contact.map((value) => Number(value.toFixed(1))),
+      source: ground.source,
+    },
     object: object && {
       metal: Number(object.metal.toFixed(3)),
       reflectance: object.reflectance.map((value) => Number(value.toFixed(3))),
@@ -62,9 +69,11 @@ export const OWN_FILES = {
     new Blob([`${JSON.stringify(sidecar(result, about), null, 1)}\n`], { type: "application/json" }),
 };
 
-/** An export of the server's: a zip of one target's files. */
-export async function exportTarget(result, target) {
-  const body = await encodeExr(result.light.radiance, MAP_HEIGHT);
+/** An export of the server's, level where the camera's pitch is known: a zip of one target's files. */
+export async function exportTarget(result, target, about) {
+  const body = new FormData();
+  body.append("photo", await OWN_FILES.exr(result), "light.exr");
+  body.append("sidecar", OWN_FILES.json(result, about), "light.json");
   const asked = { method: "POST", body, does: "writes these files", advice: "start anyprobe serve again, or take .exr or .hdr" };
   const answer = await askServer(`v1/export/${target}`, asked);
   return answer.blob();

@@ -160,7 +160,7 @@ test("what stands around the object, the camera's pitch, and the map with them",
   assertClose(contextOf(picture, crop.mask, crop), floats("context"), 1e-5, "context");
   for (const [name, pitchDeg] of [["auto", undefined], ["auto_pitch", 35]]) {
     const { radiance, confidence, ground } = await lightOfObject(models, picture, longFovDeg, crop, { pitchDeg });
-    assertClose([ground.pitchDeg, ground.pitchErrorDeg], floats(`ground_${name}`), 0.05, `ground, ${name}`);
+    assertClose([ground.pitchDeg, ground.pitchErrorDeg, ground.rollDeg, ...ground.contact], floats(`ground_${name}`), 0.05, `ground, ${name}`);
     assertMostlyClose(radiance, floats(`radiance_${name}`), 5e-3, `radiance, ${name}`);
     assertMostlyClose(confidence, floats(`confidence_${name}`), 3e-3, `confidence, ${name}`);
   }

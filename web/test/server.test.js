@@ -15,6 +15,10 @@ globalThis.createImageBitmap = async () => {
   throw new Error("no picture");
 };
 const radiance = new Float32Array(3 * 64 * 128);
+const dominant = { direction: [0, 1, 0], irradiance: [1, 1, 1], color: [1, 1, 1], solidAngle: 0.1, directionality: 0.5, errorDeg: 21.04 };
+const ground = { pitchDeg: 20.004, pitchErrorDeg: 4, rollDeg: 3, contact: [200, 300], source: "estimated" };
+const light = { radiance, dominant, ground, sh9: new Float32Array(27), hints: { surroundings: 0.2 }, wellExposedFraction: 1, emitters: "mode" };
+const about = { photo: "vase", model: "lift", longFovDeg: 50 };
 
 test("a server that does not answer is told of, with what to do", async () => {
   globalThis.fetch = async () => {
@@ -24,7 +28,7 @@ test("a server that does not answer is told of, with what to do", async () => {
   await assert.rejects(openPhoto(new Blob(["text"]), "notes.txt", true), {
     message: "notes.txt: the server that opens this kind of file does not answer; start anyprobe serve again, or choose a JPEG or PNG",
   });
-  await assert.rejects(exportTarget({ light: { radiance } }, "blender"), { message: lost });
+  await assert.rejects(exportTarget({ light }, "blender", about), { message: lost });
   await assert.rejects(askReflections({ radiance, confidence: null, prefiltered: [] }), { message: lost });
   await assert.rejects(fetchExample("photos/table.jpg"), { message: lost });
 });
@@ -52,4 +56,16 @@ test("an engine or a number of threads in the address that there is not is refus
     globalThis.location = { search };
     await assert.rejects(opener.open(), (error) => errorLine(error).startsWith(expected));
   }
+});
+
+test("an export is sent with what is known of its light", async () => {
+  let body;
+  globalThis.fetch = async (_, asked) => ((body = asked.body), new Response(new Blob(["zip"])));
+  await exportTarget({ light }, "blender", about);
+  assert.deepEqual([...body.keys()], ["photo", "sidecar"]);
+  const said = JSON.parse(await body.get("sidecar").text());
+  assert.equal(said.dominant_light.error_deg, 21);
+  assert.deepEqual(said.ground, { pitch_deg: 20, pitch_error_deg: 4, roll_deg: 3, contact: [200, 300], source: "estimated" });
+  await exportTarget({ light: { ...light, ground: null } }, "blender", about);
+  assert.equal(JSON.parse(await body.get("sidecar").text()).ground, null);
 });

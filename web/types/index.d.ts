@@ -224,8 +224,17 @@ export declare class Light {
   readonly uncertainty: { levelStops: number; colorDeg: number } | null;
   /** The share of the map that the background shows; whether normals and material were given. */
   readonly hints: { surroundings: number; normals: boolean; material: boolean };
-  /** What the object stands on, as far as the camera looks down on it; null of a cut-out. */
-  readonly ground: { pitchDeg: number; pitchErrorDeg: number; source: "given" | "estimated" | "guessed" } | null;
+  /**
+   * What the object stands on, as far as the camera looks down on it, is turned to the left about its axis, and at the pixel where
+   * the object touches it; null of a cut-out.
+   */
+  readonly ground: {
+    pitchDeg: number;
+    pitchErrorDeg: number;
+    rollDeg: number;
+    contact: [number, number];
+    source: "given" | "estimated" | "guessed";
+  } | null;
   /** What makes it doubtful though nothing failed: of the mask where it was found, of a black or clipped object, of the camera's pitch. */
   readonly warnings: string[];
   /** The same as data, for pages that put them into their own words. */

@@ -111,7 +111,7 @@ export class LightPanel {
     element("export").disabled = true;
     element("export").addEventListener("click", () => {
       const target = element("targets").value;
-      this.#save(() => exportTarget(this.result, target), `${target}.zip`);
+      this.#save(() => exportTarget(this.result, target, this.about), `${target}.zip`);
     });
   }
 

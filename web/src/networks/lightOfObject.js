@@ -77,7 +77,7 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
     wellExposedFraction: wellExposed,
     object: prediction.object ?? null,
     uncertainty: prediction.uncertainty ?? null,
-    ground: ground && { pitchDeg: ground.pitchDeg, pitchErrorDeg: ground.pitchErrorDeg, source: ground.source },
+    ground: withoutUp(ground),
     warnings: [
       ...exposureDoubts(picture, crop.mask),
       ...(isCut ? backdropDoubts(picture, crop.mask) : isDark ? darkBesideDoubts() : groundDoubts(ground)),
@@ -89,6 +89,13 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
       material: Boolean(given.material),
     },
   };
+}
+
+/** The ground as a light has it. */
+function withoutUp(ground) {
+  if (ground === null) return null;
+  const { up: _, ...rest } = ground;
+  return rest;
 }
 
 /**

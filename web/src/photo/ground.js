@@ -67,17 +67,19 @@ export function upOf(pitchDeg, rollDeg = 0) {
  * @param {ReturnType<typeof import("./crop.js").cropObject>} crop
  * @param {number | undefined} pitchDeg how far the camera looks down, where it is known
  * @param {Float32Array | null} [posture] of Models.light: pitch, its mean error and roll in the crop's frame [radians]
- * @returns {{up: number[], pitchDeg: number, pitchErrorDeg: number, source: "given" | "estimated" | "guessed"}}
+ * @returns {{up: number[], pitchDeg: number, pitchErrorDeg: number, rollDeg: number, contact: number[], source: "given" | "estimated" | "guessed"}}
  */
 export function groundOf({ width, height }, longFovDeg, { cameraFromCrop, mask, box }, pitchDeg, posture) {
-  if (pitchDeg !== undefined) return { up: upOf(pitchDeg), pitchDeg, pitchErrorDeg: GROUND.given_error_deg, source: "given" };
+  const contact = contactOf(mask, width, box);
+  if (pitchDeg !== undefined) return { up: upOf(pitchDeg), pitchDeg, pitchErrorDeg: GROUND.given_error_deg, rollDeg: 0, contact, source: "given" };
   if (posture) {
     const up = turned(cameraFromCrop, upOf(posture[0] / RADIANS, posture[2] / RADIANS));
     const pitchErrorDeg = (Math.sqrt(Math.PI / 2) * posture[1]) / RADIANS;
-    return { up, pitchDeg: Math.asin(Math.min(Math.max(up[2], -1), 1)) / RADIANS, pitchErrorDeg, source: "estimated" };
+    const [foundDeg, rollDeg] = [Math.asin(Math.min(Math.max(up[2], -1), 1)) / RADIANS, Math.atan2(up[0], up[1]) / RADIANS];
+    return { up, pitchDeg: foundDeg, pitchErrorDeg, rollDeg, contact, source: "estimated" };
   }
-  const usual = likelyPitchDeg(contactOf(mask, width, box)[1], height, focalPx(width, height, longFovDeg));
-  return { up: upOf(usual), pitchDeg: usual, pitchErrorDeg: GROUND.usual_error_deg, source: "guessed" };
+  const usual = likelyPitchDeg(contact[1], height, focalPx(width, height, longFovDeg));
+  return { up: upOf(usual), pitchDeg: usual, pitchErrorDeg: GROUND.usual_error_deg, rollDeg: 0, contact, source: "guessed" };
 }
 
 /**
