@@ -88,8 +88,8 @@ def test_an_object_without_one_colour_is_compared_by_the_others():
     assert misfits.argmin() == 2
 
 
-def ground(source: str, pitch_deg: float) -> Ground:
-    return Ground(pitch_deg=pitch_deg, pitch_error_deg=5.0, roll_deg=0.0, contact=(32, 40), source=source)
+def ground(source: str, pitch_deg: float, error_deg: float = 5.0) -> Ground:
+    return Ground(pitch_deg=pitch_deg, pitch_error_deg=error_deg, roll_deg=0.0, contact=(32, 40), source=source)
 
 
 @pytest.mark.parametrize(("yaw", "pitch_deg"), [(0.3, 0), (2.0, 20), (4.4, 45)])
@@ -237,6 +237,44 @@ def test_a_pitch_that_is_estimated_moves_within_its_error(folder, camera_light):
     ranked = light.match(folder)
     assert 2 < ranked[0].pitch_deg - 12 < 9
     assert all(abs(one.pitch_deg - 12) < 9 for one in ranked)
+
+
+def test_the_further_from_the_estimated_pitch_the_higher_the_misfit(monkeypatch):
+    lights = np.stack([light_of(place(seed))[0] for seed in range(6)])
+    shown = shown_under(place(2), world_from_camera(YAW, PITCH))
+    far, off = best_places(shown, lights, 6.0, error_deg=10.0)
+    monkeypatch.setattr("anyprobe.match.likeness.PITCH_PRICE", 0.0)
+    free, least = best_places(shown, lights, 6.0, error_deg=10.0)
+    moved, freely = (np.degrees(np.arcsin(turns[:, 1, 2])) - 6 for turns in (far, free))
+    assert np.abs(moved).mean() < np.abs(freely).mean()
+    assert (off >= least - 1e-4).all()
+    _, exact = best_places(shown, lights, 6.0)
+    assert (off <= exact + 1e-4).all()
+
+
+@pytest.mark.parametrize(("by", "reach"), [("photo", 1.75), ("map", 1.0)])
+@pytest.mark.parametrize(("pitch_deg", "error_deg"), [(-20.0, 11.0), (20.0, 2.0)])
+def test_an_estimated_pitch_is_kept_to_its_error_however_doubtful(
+    folder, camera_light, by, reach, pitch_deg, error_deg
+):
+    doubtful = Origin(ground=ground("estimated", pitch_deg, error_deg))
+    light = replace(camera_light[0], origin=doubtful, **({"find_shown": None} if by == "map" else {}))
+    for turned in (light, light.rotate(world_from_camera(1.0, np.radians(-30)))):
+        found = np.array([(one.map_from_light @ turned.map_from_camera)[1, 2] for one in turned.match(folder)])
+        moved = np.degrees(np.arcsin(found)) - pitch_deg
+        assert 0 < np.abs(moved).max() <= reach * error_deg + 1e-6
+    assert not any(doubt.code == "pitch-unknown" for doubt in fit_warnings.match_doubts(light, light.match(folder)[0]))
+
+
+@pytest.mark.parametrize("known", [None, ground("guessed", 22.0)])
+def test_without_an_estimated_pitch_all_are_tried_and_the_match_says_so(folder, camera_light, known):
+    behind = background_of(place(2), np.zeros_like(place(2), bool), np.ones((*place(2).shape[:2], 1)), np.eye(3), 32)
+    light = replace(camera_light[0], origin=Origin(ground=known))
+    ranked = light.match(folder)
+    assert np.ptp([one.pitch_deg for one in ranked]) > 25
+    for shown in (light.shown, replace(light.shown, behind=behind)):
+        doubts = fit_warnings.match_doubts(replace(light, find_shown=lambda shown=shown: shown), ranked[0])
+        assert "pitch-unknown" in {doubt.code for doubt in doubts}
 
 
 def test_what_moved_is_not_read_again_and_what_changed_is(folder, monkeypatch):

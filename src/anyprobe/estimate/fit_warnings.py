@@ -22,7 +22,7 @@ def match_doubts(light: Light, first: MatchedMap) -> list[Notice]:
     to_camera = light.map_from_camera.T
     radiance, estimate = rotate(first.radiance(MAP_HEIGHT), to_camera), rotate(light.radiance, to_camera)
     doubts = fit_doubts(estimate, radiance)
-    if light.pitch_deg is None and (light.shown is None or light.shown.behind is None):
+    if light.pitch_deg is None:
         text = "the camera's pitch is unknown, so maps may be tilted"
         doubts.append(Notice(text, code="pitch-unknown", remedy=give("pitch_deg")))
     stops = stops_apart(radiance, estimate)

@@ -29,8 +29,6 @@ USUAL_ERROR_DEG: float = _GROUND["usual_error_deg"]
 USUAL_ROLL_DEG = 0.0
 GIVEN_ERROR_DEG: float = _GROUND["given_error_deg"]
 """Error [degrees] of a pitch that was measured or set by eye."""
-SURE_DEG = 8.0
-"""Largest error [degrees] of a pitch at which only rotations near it are searched."""
 SPREAD = float(np.sqrt(np.pi / 2))
 """Standard deviation of a normal distribution over its mean absolute error."""
 LEAST_SLOPE_DEG: float = _GROUND["least_slope_deg"]
@@ -93,11 +91,6 @@ class Ground:
     def is_known(self) -> bool:
         """Whether it was given or noted, not estimated from the photo's pixels."""
         return self.source in KNOWN
-
-    @property
-    def is_sure(self) -> bool:
-        """Whether a search for rotations can be limited to pitches near this one."""
-        return self.pitch_error_deg <= SURE_DEG
 
     def info(self) -> dict[str, Any]:
         """Return the fields of a sidecar, rounded."""

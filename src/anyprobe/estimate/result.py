@@ -20,7 +20,7 @@ from anyprobe.detail.layers import kind_of_place
 from anyprobe.detail.place_picture import DRAWN_ROWS, PANORAMA_SIZES, Panorama, compose, in_frame
 from anyprobe.detail.plausible import add_detail, check_rows
 from anyprobe.errors import InputError, OutputError
-from anyprobe.estimate.ground import Ground, levelled
+from anyprobe.estimate.ground import GUESSED, Ground, levelled
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
 from anyprobe.estimate.sheet import draw_preview
 from anyprobe.estimate.sidecar import SCALE, SIDECAR_VERSION, Origin, error_stated, frame_of, json_numbers, restored
@@ -263,9 +263,9 @@ class Light:
 
     @property
     def pitch_deg(self) -> float | None:
-        """How far the camera looks down, where that was given or is estimated well."""
+        """How far the camera looks down, where that was given, noted by the camera, or estimated from the photo."""
         given, ground = self.origin.pitch_deg, self.ground
-        return ground.pitch_deg if given is None and ground is not None and ground.is_sure else given
+        return ground.pitch_deg if given is None and ground is not None and ground.source != GUESSED else given
 
     @cached_property
     def shown(self) -> Shown | None:
@@ -277,7 +277,7 @@ class Light:
 
         Each with the rotation, exposure and tint that bring it into this light's frame; see match.ranking. A light
         that is not of one photo (of several, loaded from a file) is compared by its map, which is less certain. A
-        camera's pitch that was given, or that the photo notes, is kept, with the roll that it notes.
+        camera's pitch that was given or noted is kept, with the noted roll; an estimated one moves within its error.
 
         Args:
             best: how many are returned; None: all.
@@ -294,7 +294,7 @@ class Light:
             folder,
             self.map_from_camera,
             self.pitch_deg,
-            is_pitch_estimated=not is_known,
+            pitch_error_deg=0.0 if is_known or self.ground is None else self.ground.pitch_error_deg,
             roll_deg=self.ground.roll_deg if self.ground is not None and self.ground.is_known else 0.0,
             outdoors=photo_outdoors(self.plate, self.warnings),
         )

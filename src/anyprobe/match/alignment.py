@@ -110,7 +110,8 @@ def _placed(
     rows = cost[index].min(axis=1)[[max(pitch - 1, 0), pitch, min(pitch + 1, len(pitches_deg) - 1)]]
     # a shift by one column to the right rotates by -2 pi / columns about +Y, see core.latlong
     yaw = 2 * np.pi * (column + _lowest(columns)) / cost.shape[2]
-    pitch_deg = pitches_deg[int(pitch)] + _lowest(rows) * (PITCHES_DEG[1] - PITCHES_DEG[0])
+    step = pitches_deg[1] - pitches_deg[0] if len(pitches_deg) > 1 else 0.0
+    pitch_deg = pitches_deg[int(pitch)] + _lowest(rows) * step
     return Match(
         index=index,
         name=library.names[index],

@@ -7,11 +7,13 @@ free. Errors of the normals change brightness far more than hue, so that the two
 
     misfit = ln(mean square of brightness + FLOOR) + HUE_WEIGHT ln(mean square of hue + FLOOR / 10)
 
-Where the photo shows its background, the cost of match.background is added.
+Where the photo shows its background, the cost of match.background is added; and for a pitch off the estimated one,
+PITCH_PRICE.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +25,7 @@ from anyprobe.core.response import inverse_response
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.match.background import CLIPPED_WEIGHT, FAINT_SEEN, Background, mean_squares
-from anyprobe.match.places import YAWS, map_from_camera_at, nearest_pixels, seen_along, seen_at_yaws
+from anyprobe.match.places import YAWS, map_from_camera_at, nearest_pixels, pitches_near, seen_along, seen_at_yaws
 from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.microfacet import schlick_weight
 
@@ -35,6 +37,8 @@ SHARPNESS = (2.0, 6.0, 20.0, 70.0)
 """Exponents of the blurs (light.filtering) that stand for coats of GGX alpha 0.5, 0.3, 0.17 and 0.1 or less."""
 PITCHES_DEG = tuple(range(-5, 81, 12))
 """Camera pitches [degrees] that are tried, downwards."""
+PITCH_PRICE = 0.25
+"""Misfit that is added for a pitch one standard deviation off the estimated one; it grows with the square."""
 STEEPNESS = (0.8, 1.0, 1.25)
 """Factors of the slant of estimated normals, which tend to be too flat or too steep as a whole."""
 KEPT = 8
@@ -120,21 +124,20 @@ def light_of(radiance: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def best_places(
-    shown: Shown, lights: np.ndarray, pitch_deg: float | None = None, *, is_estimated: bool = False
+    shown: Shown, lights: np.ndarray, pitch_deg: float | None = None, *, error_deg: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find the best place of each map of [N, 32, 64, 3], see light_of: map_from_camera [N, 3, 3] and misfit [N].
 
     Args:
-        pitch_deg: camera pitch downwards, kept as given.
-        is_estimated: whether it is estimated, with an error of about 5 and at most 9 degrees.
+        pitch_deg, error_deg: camera pitch downwards and its standard deviation, see pitches_near; None: unknown.
     """
-    pitches: tuple[float, ...] = PITCHES_DEG
-    if pitch_deg is not None:
-        pitches = (pitch_deg - 5.0, pitch_deg, pitch_deg + 5.0) if is_estimated else (pitch_deg,)
-    found = [
-        _places(shown, lights[start : start + BATCH], np.asarray(pitches, np.float64))
-        for start in range(0, len(lights), BATCH)
-    ]
+    pitches = np.array(PITCHES_DEG if pitch_deg is None else pitches_near(pitch_deg, error_deg), np.float64)
+
+    def price(pitch: np.ndarray) -> np.ndarray:
+        off = (pitch - pitch_deg) / error_deg if pitch_deg is not None and error_deg else np.zeros(pitch.shape)
+        return PITCH_PRICE * off**2
+
+    found = [_places(shown, lights[start : start + BATCH], pitches, price) for start in range(0, len(lights), BATCH)]
     turns, misfits = (np.concatenate(parts) for parts in zip(*found, strict=True))
     return turns, misfits
 
@@ -156,22 +159,27 @@ def gain_of(shown: Shown, estimate: np.ndarray, light: np.ndarray, map_from_came
     return (level if behind is None else np.sqrt(level * behind)) * tint**TINT
 
 
-def _places(shown: Shown, lights: np.ndarray, pitches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    def behind(index: np.ndarray, yaw: np.ndarray, pitch: np.ndarray) -> np.ndarray | float:
-        return 0.0 if shown.behind is None else shown.behind.at_turns(lights, index, _turns(yaw, pitch))
+def _places(
+    shown: Shown, lights: np.ndarray, pitches: np.ndarray, price: Callable[[np.ndarray], np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    def more(index: np.ndarray, yaw: np.ndarray, pitch: np.ndarray) -> np.ndarray:
+        """Return what a place's pitch and background add to its misfit."""
+        behind = 0.0 if shown.behind is None else shown.behind.at_turns(lights, index, _turns(yaw, pitch))
+        return price(pitch) + behind
 
     matt = (irradiance_map(lights) / np.pi).astype(np.float32)
     coats = [blur_cosine_power(lights, sharpness).astype(np.float32) for sharpness in SHARPNESS]
     misfit = np.stack([_search(shown, matt, coats, pitch) for pitch in pitches])  # [pitches, coats, N, yaws]
     if shown.behind is not None:
         misfit += np.stack([shown.behind.at_yaws(lights, pitch) for pitch in pitches])[:, None]
+    misfit += price(pitches)[:, None, None, None]
     flat = misfit.transpose(2, 0, 3, 1).reshape(len(lights), -1)
     best = np.argpartition(flat, KEPT, axis=1)[:, :KEPT]
     at_pitch, at_yaw, coat = np.unravel_index(best.ravel(), (len(pitches), YAWS, 2 * len(SHARPNESS)))
     pitch, yaw = pitches[at_pitch], at_yaw * (2 * np.pi / YAWS)
     index = np.repeat(np.arange(len(lights)), KEPT)
     cost, steep = _compared(shown, matt, coats, index, pitch, yaw, coat)
-    cost = cost + behind(index, yaw, pitch)
+    cost = cost + more(index, yaw, pitch)
     reach = np.diff(pitches).min() / 2 if len(pitches) > 1 else 0.0
     around = np.array([(0, 0), (0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)])
     around = around if reach else around[:3]
@@ -183,7 +191,7 @@ def _places(shown: Shown, lights: np.ndarray, pitches: np.ndarray) -> tuple[np.n
         yaw = (yaw[:, None] + np.pi / YAWS * steps[:, 1]).ravel()
         index, coat, steep = (np.repeat(values, len(steps)) for values in (index, coat, steep))
         cost, steep = _compared(shown, matt, coats, index, pitch, yaw, coat, steep)
-        cost = cost + behind(index, yaw, pitch)
+        cost = cost + more(index, yaw, pitch)
     table = cost.reshape(len(lights), -1)
     chosen = table.argmin(axis=1) + np.arange(len(lights)) * table.shape[1]
     return _turns(yaw[chosen], pitch[chosen]), table.min(axis=1)

@@ -19,6 +19,7 @@ from anyprobe.match.kind import PRICE, prices
 from anyprobe.match.library import FEATURE_ROWS, Library
 from anyprobe.match.library_folder import check_unchanged, open_library
 from anyprobe.match.likeness import Shown, best_places, gain_of
+from anyprobe.match.places import pitches_near
 from anyprobe.match.shading import OWN_ERROR, shading_apart
 
 MOST_TRIED = 50
@@ -145,7 +146,7 @@ def rank_maps(
     light_from_camera: np.ndarray,
     pitch_deg: float | None = None,
     *,
-    is_pitch_estimated: bool = False,
+    pitch_error_deg: float = 0.0,
     roll_deg: float = 0.0,
     outdoors: bool | None = None,
 ) -> list[MatchedMap]:
@@ -155,7 +156,8 @@ def rank_maps(
         radiance, confidence: of the light, [H, 2H, 3] and [H, 2H], in its frame.
         shown: pixels of the photo's object, in the camera's frame; None: only maps are compared.
         light_from_camera: [3, 3].
-        pitch_deg: camera pitch downwards, where known; kept unless is_pitch_estimated.
+        pitch_deg: camera pitch downwards, where known; kept if it has no error.
+        pitch_error_deg: its standard deviation; it is moved by up to 1.75 times as much.
         roll_deg: camera roll, which is kept, see estimate.ground.Ground.
         outdoors: whether the photo is; panoramas of the other kind are penalised by match.kind.PRICE. None: unknown.
     """
@@ -169,14 +171,14 @@ def rank_maps(
     lights, levels = library.lights, library.levels
     if shown is not None:
         camera = rotate(radiance, light_from_camera.T)
-        places, misfits = best_places(shown, lights, pitch_deg, is_estimated=is_pitch_estimated)
+        places, misfits = best_places(shown, lights, pitch_deg, error_deg=pitch_error_deg)
         misfits = misfits + prices(outdoors, library, PRICE)
         order = _fitting_first(np.argsort(misfits, kind="stable").tolist(), library, places, camera)
         turns = places @ light_from_camera.T
         ranked = [(i, misfits[i], turns[i], gain_of(shown, camera, lights[i], places[i]) / levels[i]) for i in order]
     else:
-        known_pitch_deg = None if is_pitch_estimated else pitch_deg
-        found, to_camera = _by_map(radiance, confidence, library, light_from_camera.T, known_pitch_deg)
+        pitches_deg = None if pitch_deg is None else pitches_near(pitch_deg, pitch_error_deg)
+        found, to_camera = _by_map(radiance, confidence, library, light_from_camera.T, pitches_deg)
         mean = integral(reduced(radiance, FEATURE_ROWS)) / (4 * np.pi)
         means = {one.index: integral(lights[one.index]) / (4 * np.pi) * levels[one.index] for one in found}
         ranked = [
@@ -210,14 +212,14 @@ def _by_map(
     confidence: np.ndarray | None,
     library: Library,
     camera_from_light: np.ndarray,
-    pitch_deg: float | None,
+    pitches_deg: tuple[float, ...] | None,
 ) -> tuple[list[Match], np.ndarray]:
     """Return matches, the best first, and the rotation from the light's frame to theirs.
 
-    pitch_deg: camera pitch, in whose frame it is kept; None: unknown.
+    pitches_deg: possible pitches of the camera, in whose frame they are; None: unknown.
     """
-    if pitch_deg is None:
+    if pitches_deg is None:
         return find_matches(radiance, confidence, library), np.eye(3)
     camera = rotate(radiance, camera_from_light)
     turned = None if confidence is None else rotate(confidence[..., None], camera_from_light)[..., 0]
-    return find_matches(camera, turned, library, pitches_deg=(pitch_deg,)), camera_from_light
+    return find_matches(camera, turned, library, pitches_deg=pitches_deg), camera_from_light
