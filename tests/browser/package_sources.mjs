@@ -43,14 +43,14 @@ export default async ({ page, url, arguments: given }) => {
     const sh9 = {};
     for (const [name, source] of Object.entries(sources)) sh9[name] = [...(await probe.estimate(source, { fovDeg: 24 })).sh9];
     sh9.masked = [...(await probe.estimate(image, { mask, fovDeg: 24 })).sh9];
-    const { mask: found, quality } = await probe.mask(image, { box: [145, 95, 367, 417] });
+    const { data: found, quality } = await probe.mask(image, { box: [145, 95, 367, 417] });
     const { mask: kept } = await probe.estimate(image, { mask, longFovDeg: 24 });
     const refused = {};
     const tell = async (name, ask) => {
       const error = await (async () => ask())().then(() => ({}), (error) => error);
       refused[name] = { name: error.name, code: error.code, message: error.message };
     };
-    const asMask = (w, h, value = 0) => ({ mask: new Float32Array(w * h).fill(value) });
+    const asMask = (w, h, value = 0) => ({ mask: { data: new Float32Array(w * h).fill(value) } });
     await tell("nothing", () => probe.estimate(null));
     await tell("empty", () => probe.estimate(new Image()));
     await tell("absent", () => probe.estimate("./absent.png"));

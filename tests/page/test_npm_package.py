@@ -242,7 +242,7 @@ EXPECTED_FAULTS = {
     "mask": ("invalid-option", "^mask: expected 512 x 512 numbers, got 9"),
     "mask of bytes": ("invalid-option", "^mask: expected numbers from 0 to 1, got 255"),
     "mask of another aspect": ("invalid-option", "^mask: expected the picture's aspect, 512 x 512, got 10 x 20"),
-    "no object": ("no-object", "expected an object, got a mask that marks none"),
+    "no object": ("no-object", "expected an object, got no value above 0.5"),
     "normals": ("invalid-option", "^normals: expected 512 x 512 x 3 numbers, got 9"),
     "click": ("invalid-option", "^click: expected points in the picture, 512 x 512 pixels"),
     "point": ("invalid-option", r"^click: expected \[x, y\] in pixels"),

@@ -158,7 +158,7 @@ function showAgain() {
 /** The picture's own transparency or the mask network's proposal; null without both: then a click is needed. */
 async function ownMask(picture, isLate) {
   const mask = maskFromAlpha(picture);
-  if (mask) return { mask, quality: null, notices: [] };
+  if (mask) return { data: mask, quality: null, notices: [] };
   const probe = await networks.open();
   return probe.hasMask ? findMask(picture, marking.hints, isLate) : null;
 }
@@ -201,7 +201,7 @@ async function examine(maskOf, hints = NO_HINTS) {
 
 async function estimate(found, hints, isLate) {
   const { picture, longFovDeg, lensDeg } = state.opened;
-  const mask = found?.mask ?? null;
+  const mask = found?.data ?? null;
   const box = mask && objectBox(mask, picture.width);
   if (!box && state.opened.mask) return stay(found?.notices[0], isLate);
   marking.show(mask && { ...picture, data: mask }, box ? hints : NO_HINTS);
@@ -283,7 +283,7 @@ async function openExample() {
   const mine = ++state.choice;
   const { picture, mask, longFovDeg, result } = await readExample();
   if (mine !== state.choice) return;
-  const found = { mask, quality: null, notices: [] };
+  const found = { data: mask, quality: null, notices: [] };
   put({ picture, longFovDeg, lensDeg: longFovDeg, name: "example", isExample: true, mask, box: objectBox(mask, picture.width), found, result });
   if (soften.checked) return examine(async () => found);
   setStatus("This is an example. Choose a photo of an object of one material, or use the camera.");

@@ -57,15 +57,15 @@ export class AnyProbe {
   /**
    * Where the object is: numbers in [0, 1] of the picture's size, or of 1600 pixels along its longer side.
    *
-   * @returns {Promise<{mask: Float32Array, width: number, height: number, quality: number | null, warnings: string[], notices: import("./notices.js").Notice[],
-   *   seconds: number}>} quality: the IoU to expect, null without a mask network; warnings: a line where that is below 0.81
+   * @returns {Promise<import("../types/index.d.ts").FoundMask>} quality: the IoU to expect; warnings: a line where that is below 0.81
    */
   async mask(image, options = {}) {
     checkNames("mask", options);
     this.#client.check();
     const picture = await readSource(image, options.signal);
-    const found = await this.#findMask(picture, options);
-    return { ...found, ...described(found.warnings), width: picture.width, height: picture.height };
+    const { mask, warnings, ...found } = await this.#findMask(picture, options);
+    const told = warnings.map((one) => ({ ...one, remedy: one.remedy.filter(({ name }) => name !== "mask") })); // no option here
+    return { ...found, data: mask, ...described(told), width: picture.width, height: picture.height };
   }
 
   /**
@@ -86,9 +86,9 @@ export class AnyProbe {
     const longFovDeg = longFovOf(options, width, height);
     const normals = options.normals && readNormals(options.normals, picture);
     checkHints(options, picture.fullWidth, picture.fullHeight);
-    const { mask, quality, warnings } = await this.#maskOf(picture, options);
+    const { mask, quality, warnings, marks } = await this.#maskOf(picture, options);
     const lens = { longFovDeg, isLensKnown: isLensGiven(options) };
-    const asked = { picture, mask, normals, ...lens, options: { surroundings, pitchDeg, emitters, looks, material } };
+    const asked = { picture, mask, marks, normals, ...lens, options: { surroundings, pitchDeg, emitters, looks, material } };
     const { light } = await this.#client.ask("estimate", asked, signal);
     const own = { data: mask, width, height, quality, ...described(warnings) };
     return new Light({ ...light, warnings: [...warnings, ...light.warnings], mask: own });
@@ -114,11 +114,11 @@ export class AnyProbe {
     checkNames("track", options);
     checkLight(options);
     if (typeof onLight !== "function") throw wrong("onLight", "a function", onLight);
-    const followed = checkSource(source);
     const { surroundings, pitchDeg, emitters, looks, mask, onError, onLost, onMissed, pose, signal, withViews = false } = options;
     refuseBoth(options);
     const material = describe(options.material);
     this.#client.check();
+    const followed = checkSource(source);
     signal?.throwIfAborted();
     this.#tracker?.stop();
     const tracker = (this.#tracker = new Tracker(followed, this.#client, {
@@ -143,19 +143,20 @@ export class AnyProbe {
     this.#client.end();
   }
 
-  /** The mask that is given, the picture's own, or what is found. */
+  /** The mask that is given, the picture's own, or what is found by marks. */
   async #maskOf(picture, options) {
     const marks = refuseBoth(options);
     if (isGiven(options.mask)) {
       const mask = await readMask(options.mask, picture, options.signal);
       checkObject(mask, picture.width, ["mask"]);
-      return { quality: null, ...lookAtGiven(mask, picture.width) };
+      const { quality = null, notices } = options.mask; // of one that was found
+      return { quality, ...(Array.isArray(notices) ? { mask, warnings: notices } : lookAtGiven(mask, picture.width)) };
     }
     const own = marks.length ? null : maskFromAlpha(picture);
     if (own) return { mask: own, quality: null, warnings: alphaDoubts(own) };
     const found = await this.#findMask(picture, options);
-    if (found.quality === 0) throw nothingFound(picture, marks);
-    return found;
+    if (found.quality === 0) throw nothingFound(marks);
+    return { ...found, marks };
   }
 
   #findMask(picture, options) {
@@ -177,11 +178,12 @@ function refuseBoth(options) {
   throw new AnyProbeError("invalid-option", "expected one of them, got both; leave one out", { subject: ["mask", ...marks] });
 }
 
-function nothingFound({ fullWidth, fullHeight }, marks) {
+function nothingFound(marks) {
   if (marks.length === 0) {
     const text = "expected an object distinct from its surroundings, but nothing stands out";
     return new AnyProbeError("no-object", text, { remedy: give("click", "box", "mask") });
   }
-  const text = `expected an object at the ${marks.join(" and ")} in ${fullWidth} x ${fullHeight} pixels, found none that stands out`;
+  const on = marks.filter((name) => name !== "exclude");
+  const text = `expected an object ${on.length ? `at the ${on.join(" and ")}` : "away from exclude"}, found none`;
   return new AnyProbeError("no-object", text, { remedy: give("box", "mask") });
 }

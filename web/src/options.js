@@ -18,6 +18,8 @@ export const OPTIONS = {
   track: [...HINTS, ...LENS, ...LIGHT, "mask", "onError", "onLost", "onMissed", "withViews", "pose", "signal"],
   "tracker.mark": HINTS,
   "tracker.set": LIGHT,
+  "tracker.offer": ["pose", "mask", "time"],
+  PhotoGround: ["pitchDeg"],
 };
 
 const { emitters: EMITTERS, looks: LOOKS } = CONTRACT.graph;
@@ -36,7 +38,7 @@ export function checkNames(method, given) {
   if (given === undefined) return;
   if (given === null || typeof given !== "object") throw wrong(method, "an object of options", given);
   const unknown = Object.keys(given).filter((name) => !OPTIONS[method].includes(name));
-  if (unknown.length === 0) return checkKinds(given);
+  if (unknown.length === 0) return method === "tracker.offer" ? undefined : checkKinds(given); // whose pose is one
   const meant = didYouMean(unknown[0], OPTIONS[method]);
   throw new AnyProbeError("invalid-option", `${method}: unknown option ${unknown.join(", ")}; expected of ${OPTIONS[method].join(", ")}${meant}`);
 }

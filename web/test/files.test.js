@@ -14,8 +14,9 @@ test("a map of another size than is said is refused", async () => {
   for (const [radiance, height, message] of [
     [map, 64, "radiance: expected 64 x 128 x 3 numbers, got 96; pass light.radiance and 64"],
     [undefined, 4, /got none;/],
-    [map, undefined, /expected a map of a whole number of rows, got undefined rows/],
-    [new Float32Array(0), 0, /got 0 rows/],
+    [map, undefined, "height: it is missing; pass light.radiance and 64"],
+    [new Float32Array(0), 0, /^height: .* got 0/],
+    [map.with(7, NaN), 4, /^radiance: expected finite numbers, got NaN/],
   ]) {
     assert.throws(() => encodeHdr(radiance, height), { ...refused, message });
     await assert.rejects(encodeExr(radiance, height), { ...refused, message });

@@ -181,6 +181,7 @@ test("where a click finds nothing the object before it is followed on", async ()
     told.push(hints);
     const found = foundIn(rgba);
     const [[x] = [80]] = hints.on;
+    if (x > 145) return { mask: found.mask.map((_, i) => (i % WIDTH > 138 && i < 20 * WIDTH ? 1 : 0)), quality: 0.9 };
     if (x > 20 && x < 50) return { ...found, quality: 0.01 };
     return x < 50 ? { mask: new Float32Array(found.mask.length), quality: 0 } : found;
   };
@@ -194,6 +195,10 @@ test("where a click finds nothing the object before it is followed on", async ()
   assert.equal((await next(2)).missed, undefined);
   lights.mark({ on: [[0.2, 0.5]], off: [], box: null });
   assert.equal((await next(3)).missed, true, "a wall is no object, where one was followed");
+  lights.mark({ on: [[0.95, 0.1]], off: [], box: null });
+  const small = await next(4);
+  assert.deepEqual([small.missed, small.lost, small.mask?.length], [true, undefined, WIDTH * HEIGHT], "nor is what estimate refuses as too small");
+  assert.ok((await next(5)).mask);
   const alone = new FrameLight(models, masksBy(findMask), { on: [[0.1, 0.5]], off: [], box: null }, 65);
   assert.deepEqual(await alone.next(frameOf(50, 10, random), 0), { lost: true, width: WIDTH, height: HEIGHT });
 });

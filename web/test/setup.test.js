@@ -150,3 +150,26 @@ test("where threads cannot start, the networks are opened again on one", async (
     console.warn = warn;
   }
 });
+
+test("what is not there is named by its address where it was given, and Vite only where it may be it", async () => {
+  const restore = asBrowser("");
+  const { Worker } = globalThis;
+  const started = [];
+  globalThis.Worker = function (address) {
+    started.push([address, this]);
+    this.postMessage = this.terminate = () => {};
+  };
+  try {
+    globalThis.location = { href: "http://localhost/" };
+    const loading = AnyProbe.load({ weights: OWN, runtime: "/ort/", worker: "/no-worker.js" });
+    await Promise.resolve();
+    started[0][1].onerror({});
+    await assert.rejects(loading, { message: "The networks' thread could not be started: its script could not be fetched from http://localhost/no-worker.js." });
+  } finally {
+    globalThis.Worker = Worker;
+    restore();
+  }
+  const missing = new Error("Failed to fetch dynamically imported module: http://localhost/nort/ort.wasm.min.mjs");
+  assert.match(openingFault(missing, 1).message, /Vite/);
+  assert.doesNotMatch(openingFault(missing, 1, false).message, /Vite/);
+});

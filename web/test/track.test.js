@@ -38,9 +38,18 @@ test("what holds no frames is refused at once, by a probe and by its light", () 
 });
 
 test("a video, a canvas, a track, a stream's first track and offered frames are followed", () => {
-  const [video, canvas, track] = [{ videoWidth: 0 }, { getContext: () => {} }, new Track()];
+  const [video, canvas, track] = [{ videoWidth: 0 }, { getContext: () => {}, width: 2, height: 2 }, new Track()];
   for (const source of [video, canvas, track, null]) assert.equal(checkSource(source), source);
   assert.equal(checkSource(streamOf(track, new Track())), track);
+});
+
+test("a canvas without pixels and a video without a source are refused at once", () => {
+  for (const [source, got] of [
+    [{ getContext: () => {}, width: 0, height: 150 }, /^source: expected a canvas with pixels, got one of 0 x 150$/],
+    [{ videoWidth: 0, networkState: 0 }, /^source: expected a video with a source, got one without; set its src/],
+  ]) {
+    assert.throws(() => open().track(source, () => {}), refused(got));
+  }
 });
 
 test("a video that cannot be played is told of, and no longer followed", async () => {
@@ -102,15 +111,30 @@ test("what is to be called or to give up is refused where it cannot be", () => {
   assert.throws(() => open().track(null, () => {}, { signal: {} }), refused(/^signal: expected an AbortSignal/));
 });
 
-test("a pose that is none is told of", async () => {
-  for (const pose of [5, {}, { matrixWorld: {} }]) {
-    const faults = [];
-    const tracker = open().track(null, () => {}, { onError: (error) => faults.push(error) });
-    await settle();
-    await tracker.offer({ width: 4, height: 4 }, { pose });
-    assert.deepEqual(faults.map(({ code }) => code), ["invalid-option"]);
-    assert.match(faults[0].message, /^pose: expected 16 numbers/);
+test("an offer that is wrong rejects, and the next one is taken", async () => {
+  const [given, faults] = [[], []];
+  globalThis.createImageBitmap = async () => ({});
+  const client = { spares: [], check: () => {}, give: (...frame) => given.push(frame), ask: async () => {} };
+  const tracker = new AnyProbe(client, {}).track(null, () => {}, { onError: (error) => faults.push(error) });
+  const frame = { width: 4, height: 4 };
+  for (const pose of [5, {}, { matrixWorld: {} }]) await assert.rejects(tracker.offer(frame, { pose }), refused(/^pose: expected 16 numbers/));
+  for (const nothing of [undefined, null, "video", { width: 2, height: 2, rgba: new Uint8ClampedArray(16) }]) {
+    await assert.rejects(tracker.offer(nothing), { code: "invalid-image", message: /^frame: expected a video, .*, got / });
   }
+  for (const [about, message] of [
+    [{ poses: [] }, /^tracker\.offer: unknown option poses; expected of pose, mask, time; did you mean pose\?/],
+    [null, /^tracker\.offer: expected an object of options, got null/],
+    [{ time: "now" }, 'time: expected milliseconds of performance.now(), got "now"'],
+    [{ time: NaN }, /^time: .* got NaN/],
+    [{ mask: new Float32Array(5) }, /^mask: expected 4 x 4 numbers, got 5/],
+  ]) {
+    await assert.rejects(tracker.offer(frame, about), refused(message));
+  }
+  await tracker.offer(frame, { pose: [1, 0, 0, 0, 1, 0, 0, 0, 1], time: 2000 });
+  assert.deepEqual([given.length, given[0][1], faults, tracker.running], [1, 2, [], true]);
+  tracker.fail(new Error("the camera is gone"));
+  assert.deepEqual(faults.map(({ name, code }) => [name, code]), [["AnyProbeError", "failed"]]);
+  await assert.rejects(tracker.offer(frame), faults[0]);
 });
 
 test("what is doubtful about a mask that was found comes first among a light's warnings", async () => {
@@ -133,11 +157,11 @@ test("what ends the tracking is reported as the browser's errors are, where nobo
     assert.ok(this === undefined || this === globalThis, "no method of another object");
     reported.push(error.message);
   };
-  const tracker = open().track(null, () => {});
+  const tracker = open().track(null, () => {}, { fovDeg: 200 });
   await settle();
-  for (const nothing of [undefined, null, "video", { width: 2, height: 2, rgba: new Uint8ClampedArray(16) }]) await tracker.offer(nothing);
+  for (let i = 0; i < 2; i++) await assert.rejects(tracker.offer({ width: 4, height: 4 }), refused(/^fovDeg: /));
   assert.equal(reported.length, 1);
-  assert.match(reported[0], /^frame: expected a video, .*, got undefined$/);
+  assert.match(reported[0], /^fovDeg: expected degrees/);
   assert.ok(!tracker.running);
 });
 
@@ -184,7 +208,9 @@ test("a mask and marks exclude each other, and what finds nothing says where it 
   const fails = (options, expected) => assert.rejects(() => probe.estimate(picture, options), expected);
   await fails({ mask: new Float32Array(4), click: [1, 1], box: [0, 0, 2, 2] }, refused("mask and click and box: expected one of them, got both; leave one out"));
   await fails({ mask: 0 }, { code: "invalid-image", message: /^mask: expected a Float32Array .*, got number$/ });
-  await fails({ click: [1, 1] }, { code: "no-object", message: /^expected an object at the click in 2 x 2 pixels, found none/ });
+  await fails({ click: [1, 1] }, { code: "no-object", message: "expected an object at the click, found none; give box or mask" });
+  await fails({ click: [1, 1], exclude: [0, 0] }, { code: "no-object", message: /^expected an object at the click, found none/ });
+  await fails({ exclude: [0, 0] }, { code: "no-object", message: /^expected an object away from exclude, found none/ });
   await fails({ mask: null }, { code: "no-object", message: /but nothing stands out; give click, box or mask$/ });
 });
 
@@ -197,7 +223,7 @@ test("a picture's transparency is no answer to a click", async () => {
   assert.deepEqual([...(await probe.estimate(picture, { click: [1, 1] })).mask.data], [1, 1, 1, 1]);
   const [width, height, data] = [24, 24, new Float32Array(576).fill(1)];
   const larger = { width, height, rgba: new Uint8ClampedArray(4 * 576) };
-  for (const mask of [{ mask: data }, { data, width, height }]) assert.deepEqual((await probe.estimate(larger, { mask })).mask.data, data);
+  for (const mask of [data, { data, width, height }]) assert.deepEqual((await probe.estimate(larger, { mask })).mask.data, data);
 });
 
 test("normals that are none, a picture's or another frame's are refused", async () => {
@@ -265,11 +291,9 @@ test("a canvas with pixels of another origin is told of as a picture is", async 
     throw Object.assign(new Error("Non-origin-clean ImageBitmap"), { name: "DataCloneError", code: 25 });
   };
   const client = { spares: [], check: () => {}, give, ask: async () => {} };
-  const faults = [];
-  const tracker = new AnyProbe(client, { hasMask: true, engine: "wasm", threads: 1 }).track(null, () => {}, { onError: (error) => faults.push(error) });
-  await tracker.offer({ width: 64, height: 48 });
-  assert.deepEqual(faults.map(({ name, code }) => [name, code]), [["AnyProbeError", "invalid-image"]]);
-  assert.match(faults[0].message, /^frame: .* another origin; set crossOrigin$/);
+  const tracker = new AnyProbe(client, { hasMask: true, engine: "wasm", threads: 1 }).track(null, () => {});
+  const foreign = { name: "AnyProbeError", code: "invalid-image", message: /^frame: .* another origin; set crossOrigin$/ };
+  await assert.rejects(tracker.offer({ width: 64, height: 48 }), foreign);
 });
 
 test("a picture whose transparency leaves nearly all of it is doubted", async () => {
@@ -291,7 +315,7 @@ test("masks of the app's own go with the frames: one, one for each, and what Med
     const faults = [];
     const probe = new AnyProbe(client, { hasMask: false, engine: "wasm", threads: 1 });
     const tracker = probe.track(null, () => {}, { ...options, onError: ({ code, message }) => faults.push(`${code} ${message}`) });
-    for (let i = 0; i < 2; i++) await tracker.offer(frame, about);
+    for (let i = 0; i < 2; i++) await tracker.offer(frame, about).catch(() => {});
     return { masks, faults };
   };
   const share = (mask) => mask && [mask.width, mask.height, mask.data.reduce((sum, value) => sum + value, 0) / mask.data.length];
@@ -300,7 +324,44 @@ test("masks of the app's own go with the frames: one, one for each, and what Med
   assert.deepEqual((await given({ mask: () => null })).masks.map(share), [[64, 48, 0], [64, 48, 0]], "not in the frame");
   assert.deepEqual((await given({}, { mask: half })).masks.map(share), [[64, 48, 0.5], [64, 48, 0.5]]);
   assert.match((await given({ mask: new Float32Array(5) })).faults[0], /^invalid-option mask: expected 64 x 48 numbers, got 5/);
+  const undecided = await given({ mask: () => undefined });
+  assert.deepEqual([undecided.masks, undecided.faults.length], [[], 1], "not the network's choice");
+  assert.match(undecided.faults[0], /^invalid-option mask: expected a function that gives a mask, or null where the object is not seen, got undefined/);
   const square = { width: 24, height: 24, data: new Float32Array(24 * 24) };
   assert.match((await given({ mask: square })).faults[0], /^invalid-option mask: expected the picture's aspect/);
   assert.throws(() => open().track(null, () => {}, { mask: half, click: [1, 1] }), refused(/^mask and click: expected one of them/));
+});
+
+test("a mask that was found is a Mask, and keeps its quality and warnings in an estimate", async () => {
+  const side = 30;
+  const mask = Float32Array.from({ length: side * side }, (_, i) => (i % side > 1 && i % side < 28 ? 1 : 0));
+  const doubt = { code: "mask-doubtful", subject: [], text: "it may be wrong", remedy: ["box", "mask"].map((name) => ({ do: "give", name })) };
+  const asked = [];
+  const answers = { mask: { mask, quality: 0.7, warnings: [doubt], seconds: 1 }, estimate: { light: { warnings: [] } } };
+  const client = { check: () => {}, ask: async (task, given) => (asked.push(given), answers[task]) };
+  const probe = new AnyProbe(client, {});
+  const picture = { width: side, height: side, rgba: new Uint8ClampedArray(4 * side * side).fill(255) };
+  const found = await probe.mask(picture, { click: [9, 9] });
+  assert.deepEqual([found.data, found.width, found.height, found.quality, found.seconds], [mask, side, side, 0.7, 1]);
+  assert.deepEqual(found.warnings, ["it may be wrong; give box"], "probe.mask takes no mask");
+  const light = await probe.estimate(picture, { mask: found });
+  assert.deepEqual([light.mask.quality, light.mask.warnings, light.warnings], [0.7, found.warnings, found.warnings]);
+  assert.deepEqual((await probe.estimate(picture, { mask: light.mask })).warnings, found.warnings);
+  assert.equal((await probe.estimate(picture, { mask: { data: mask, width: side, height: side } })).mask.quality, null);
+  await probe.estimate(picture, { click: [9, 9] });
+  assert.deepEqual(asked.at(-1).marks, ["click"], "of which the networks' thread speaks where it is too small");
+});
+
+test("pixels that are no bytes, an empty address and a canvas without pixels are refused", async () => {
+  const fails = (source, message) => assert.rejects(open().estimate(source), { code: "invalid-image", message });
+  for (const rgba of [new Float32Array(16), new Uint16Array(16), new Array(16).fill(0)]) {
+    await fails({ width: 2, height: 2, rgba }, `image: expected Uint8ClampedArray (or Uint8Array), got ${rgba.constructor.name}`);
+  }
+  await fails("", /^image: expected an address, .*, got an empty address$/);
+  globalThis.OffscreenCanvas = class {};
+  await fails(Object.assign(new OffscreenCanvas(), { width: 0, height: 150 }), "image: expected a picture with pixels, got one that is 0 x 150 pixels");
+  globalThis.createImageBitmap = async () => Promise.reject(new Error("none"));
+  globalThis.fetch = async () => new Response(new Blob(["<html>"], { type: "text/html" }));
+  await fails("index.html", "image: expected a file that the browser can show, got text/html of 6 bytes from index.html");
+  globalThis.fetch = undefined;
 });

@@ -1,7 +1,7 @@
 /** The types as programs use them: npm run types. */
 
 import { Mesh, PerspectiveCamera, Scene, WebGLRenderer } from "three";
-import { AnyProbe, AnyProbeError, type Light, encodeHdr, irradiance } from "anyprobe";
+import { AnyProbe, AnyProbeError, Light, encodeHdr, irradiance } from "anyprobe";
 import { AnyProbe as Core } from "anyprobe/core";
 import { encodeExr } from "anyprobe/exr";
 import { AnyProbe as OnGpu } from "anyprobe/webgpu";
@@ -11,14 +11,16 @@ export async function use(image: HTMLImageElement, video: HTMLVideoElement, scen
   const probe = await AnyProbe.load({ engine: "wasm", threads: 2 });
   const light: Light = await probe.estimate(image, { click: [10, 20], exclude: [[1, 2], [3, 4]], emitters: "expected" });
   const [r]: [number, number, number] = irradiance(light.sh9, [0, 1, 0]);
-  const { width, data } = light.environment;
+  const { width, data } = new Light(structuredClone(light)).environment;
   new Blob([encodeHdr(light.radiance, 64), await encodeExr(light.radiance, 64)]);
-  const tracker = probe.track(video, ({ dominant }) => dominant.direction[0], { box: [0, 0, 9, 9], onLost: () => {} });
+  const tracker = probe.track(video, ({ dominant }) => dominant.direction[0], { box: [0, 0, 9, 9], onLost: () => {}, onError: ({ code }) => code === "failed" });
   await tracker.mark({ click: [1, 2] });
   await tracker.set({ material: "chrome" });
   const places = [[1, 2], [3, 4]] as const;
   await probe.estimate(image, { mask: await probe.mask(image, { click: places, box: null }) });
   await probe.estimate(image, { mask: light.mask ?? undefined });
+  new MaskOccluder().show(await probe.mask(image), 5, 500);
+  await tracker.offer(image, { time: performance.now() });
   tracker.stop();
 
   installCameraCurve(renderer);

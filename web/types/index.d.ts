@@ -17,7 +17,7 @@ export interface CameraTexture {
 export interface Picture {
   width: number;
   height: number;
-  rgba: Uint8ClampedArray;
+  rgba: Uint8ClampedArray | Uint8Array;
 }
 
 export type Drawable =
@@ -133,20 +133,19 @@ export type GivenMaterial =
   | MaterialName
   | { name?: MaterialName; albedo?: number | [number, number, number]; roughness?: number };
 
-/** A mask: numbers in [0, 1] of the picture's aspect (an MPMask of MediaPipe too), or a picture; null: none. */
+/**
+ * A mask, white on the object, or opaque there: numbers in [0, 1] of the picture's size, or with width and height of its aspect (what
+ * AnyProbe.mask gives, a light's, an MPMask of MediaPipe), or a picture of its aspect; null: none.
+ */
 export type GivenMask =
   | null
   | Float32Array
   | Mask
-  | { mask: Float32Array }
   | { width: number; height: number; getAsFloat32Array(): Float32Array }
   | Exclude<ImageSource, CameraTexture | Picture>;
 
 export interface EstimateOptions extends Hints, Lens, LightOptions, Cancellable {
-  /**
-   * White on the object, or opaque there: a picture of the same aspect, or numbers in [0, 1] of the picture's size; what `mask`
-   * gives, or the mask of a light. In the place of click, exclude and box.
-   */
+  /** In the place of click, exclude and box. One that was found keeps its quality and warnings. */
   mask?: GivenMask;
   /** Normals of the object in the camera's frame, three numbers a pixel of the picture, unit, zero where unknown. */
   normals?: Float32Array;
@@ -172,8 +171,8 @@ export interface TrackOptions extends Hints, Lens, LightOptions, Cancellable {
   /** The camera's pose, asked for whenever a frame is taken: the lights are then in the world, and still there while it turns. */
   pose?: () => Pose;
   /** What ends the tracking, once: a fault, or a camera's track that has ended. */
-  onError?: (error: Error) => void;
-  /** No object is seen in a frame. */
+  onError?: (error: AnyProbeError) => void;
+  /** No object is seen in a frame: it has left, or what was marked first has found none. */
   onLost?: () => void;
   /** What tracker.mark marked last found nothing: the object before it is followed on. */
   onMissed?: () => void;
@@ -201,7 +200,8 @@ export interface DominantLight {
  * the camera: +X right, +Y up, it looks along -Z.
  */
 export declare class Light {
-  private constructor();
+  /** Of what postMessage or structuredClone has made of one, which is without its environment. */
+  constructor(copy: Omit<Light, "environment">);
   /** 27 radiance coefficients of spherical harmonics, order and constants of WebXR and three.js. */
   readonly sh9: Float32Array;
   readonly dominant: DominantLight;
@@ -260,18 +260,28 @@ export interface Mask {
   data: Float32Array;
   width: number;
   height: number;
-  /** The IoU to expect of a mask that was found, see AnyProbe.mask; null where it was given. */
+  /** The expected IoU of a mask that was found, see AnyProbe.mask; null where it was given. */
   quality?: number | null;
   /** Of a still picture's. */
   warnings?: string[];
   notices?: Notice[];
 }
 
+/** What AnyProbe.mask found. */
+export interface FoundMask extends Mask {
+  quality: number;
+  warnings: string[];
+  notices: Notice[];
+  /** How long the search took, without the opening of a network. */
+  seconds: number;
+}
+
 export interface Tracker {
   readonly running: boolean;
   /**
    * A frame of one's own: in an XR session's callback, the camera's texture and the view's pose. mask: where the object is in
-   * it. time: of performance.now(), when it was taken. Settles when the frame may be changed or closed.
+   * it. time: of performance.now(), when it was taken. Settles when the frame may be changed or closed; rejects where one of them is
+   * wrong, and the tracking goes on; after onError with that error.
    */
   offer(frame: FrameSource, about?: { pose?: Pose; mask?: GivenMask; time?: number }): Promise<void>;
   /** The object is somewhere else, in the source's pixels. Where nothing is found there, the one before is followed on. */
@@ -291,11 +301,10 @@ export declare class AnyProbe {
   readonly threads: number;
   readonly hasMask: boolean;
   /**
-   * Numbers in [0, 1], of the picture's size or of 1600 pixels along its longer side; and its quality: the IoU to expect,
-   * with a line on what looks wrong where that is little, and one where weights.u2netp is missing. seconds: how long the search
-   * took, without the opening of a network.
+   * Numbers in [0, 1], of the picture's size or of 1600 pixels along its longer side; and its quality: the expected IoU,
+   * with a line on what looks wrong where that is little, and one where weights.u2netp is missing.
    */
-  mask(image: ImageSource, options?: Hints & Cancellable): Promise<{ mask: Float32Array; width: number; height: number; quality: number | null; warnings: string[]; notices: Notice[]; seconds: number }>;
+  mask(image: ImageSource, options?: Hints & Cancellable): Promise<FoundMask>;
   /** The light around the object of one picture, in the frame of its camera. */
   estimate(image: ImageSource, options?: EstimateOptions): Promise<Light>;
   /** The light of every frame of a playing video, a canvas or a camera's track, steady on a still scene. One source at a time. */
@@ -305,7 +314,7 @@ export declare class AnyProbe {
   [Symbol.dispose](): void;
 }
 
-/** Irradiance of a plane with a unit normal from radiance coefficients. */
+/** Irradiance of a plane with a unit normal, [x, y, z], from radiance coefficients. */
 export declare function irradiance(sh9: Float32Array, normal: Vector3): Vector3;
 /** Opacity of black on ground with this normal, in the light's frame, where the dominant light is hidden. */
 export declare function groundShadowOpacity(light: Pick<Light, "dominant" | "sh9">, up: Vector3): number;

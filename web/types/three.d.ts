@@ -47,7 +47,10 @@ export declare function installCameraCurve(renderer: WebGLRenderer): void;
  * its origin the foot of the real object, whose height is 1.
  */
 export declare class PhotoGround extends Group {
-  /** camera: of the photo's field of view. pitchDeg: how far it looks down, where it is known; default: as light.ground has it. */
+  /**
+   * camera: of the photo's field of view. pitchDeg: how far it looks down, where it is known; default: as light.ground has it, 22
+   * without one. Raised to where the object's foot is seen from above: ground that does not show can carry nothing.
+   */
   constructor(light: Light, camera: PerspectiveCamera, options?: { pitchDeg?: number });
   readonly pitchDeg: number;
   /** Of the real object's base, as MaskOccluder takes it. */

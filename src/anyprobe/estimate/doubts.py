@@ -83,7 +83,7 @@ def backdrop_doubts(name: str) -> tuple[Notice, ...]:
 
 def dark_beside_doubts(name: str) -> tuple[Notice, ...]:
     """Warn of an object whose surroundings are much darker than it: a dark room, a flash, black cloth."""
-    text = "the background is much darker than the object and is not used; if it is lit as the object is, ask for it"
+    text = "the background is much darker than the object, so it is ignored; if the same light falls on it, ask for it"
     return (Notice(text, code="dark-backdrop", source=name, remedy=give(surroundings="photo")),)
 
 

@@ -86,7 +86,7 @@ def check_box(box: Sequence[float], width: int, height: int) -> tuple[float, flo
     if max(x1 - x0, y1 - y0) < MIN_OBJECT_PX:
         raise InvalidMask(
             f"expected an object at least {MIN_OBJECT_PX} pixels across, got the box {shown}; "
-            "use a larger photo or go closer",
+            "draw it around the whole object, or use a larger photo",
             subject="box",
         )
     if (x1 - x0) * (y1 - y0) >= width * height:

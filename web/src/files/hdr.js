@@ -2,13 +2,13 @@
 
 import { AnyProbeError } from "../errors.js";
 
-/** Refuse what is no map [height, 2 height, 3]. */
+/** Refuse what is no map [height, 2 height, 3] of finite numbers. */
 export function checkMap(radiance, height) {
-  const isWhole = Number.isInteger(height) && height > 0;
-  if (isWhole && radiance?.length === 6 * height * height) return;
-  const expected = isWhole ? `${height} x ${2 * height} x 3 numbers` : "a map of a whole number of rows";
-  const got = isWhole ? `${radiance?.length ?? "none"}` : `${height} rows`;
-  throw new AnyProbeError("invalid-option", `expected ${expected}, got ${got}; pass light.radiance and 64`, { subject: ["radiance"] });
+  const refuse = (name, text) => new AnyProbeError("invalid-option", `${text}; pass light.radiance and 64`, { subject: [name] });
+  if (height === undefined) throw refuse("height", "it is missing");
+  if (!(Number.isInteger(height) && height > 0)) throw refuse("height", `expected a whole number of rows, got ${height}`);
+  if (radiance?.length !== 6 * height * height) throw refuse("radiance", `expected ${height} x ${2 * height} x 3 numbers, got ${radiance?.length ?? "none"}`);
+  for (const value of radiance) if (!Number.isFinite(value)) throw refuse("radiance", `expected finite numbers, got ${value}`);
 }
 
 /** @returns {Uint8Array<ArrayBuffer>} the file of a map [height, 2 height, 3], without runs */

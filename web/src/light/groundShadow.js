@@ -1,5 +1,6 @@
 /** How dark the shadow of the dominant light is on the ground, for planes that show shadows alone. */
 
+import { AnyProbeError } from "../errors.js";
 import { luminance } from "../core/color.js";
 import { inverseResponse, response } from "../core/response.js";
 import { irradiance } from "./harmonics.js";
@@ -17,13 +18,21 @@ export function shadowOpacity(share) {
   return 1 - response(inverseResponse(grey) * (1 - share)) / grey;
 }
 
+/** Refuse what is no light. */
+export function checkIsLight(light) {
+  if (light?.dominant && light.sh9) return;
+  throw new AnyProbeError("invalid-option", `expected one of probe.estimate, got ${light === null ? "null" : typeof light}`, { subject: ["light"] });
+}
+
 /**
  * Opacity of black where the dominant light is hidden: as dark as its share of the ground's light is.
  *
  * @param {import("./light.js").Light} light
  * @param {number[]} up the ground's normal, in the light's frame
  */
-export function groundShadowOpacity({ dominant, sh9 }, up) {
+export function groundShadowOpacity(light, up) {
+  checkIsLight(light);
+  const { dominant, sh9 } = light;
   const cosine = Math.max(dominant.direction.reduce((sum, value, i) => sum + value * up[i], 0), 0);
   const ofDominant = luminance(...dominant.irradiance) * cosine;
   const ofAll = Math.max(luminance(...irradiance(sh9, up)), ofDominant, 1e-6);

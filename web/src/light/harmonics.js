@@ -6,6 +6,8 @@
  * integral over the map.
  */
 
+import { AnyProbeError } from "../errors.js";
+
 const { PI, sqrt } = Math;
 
 const K = [
@@ -94,8 +96,16 @@ export function project(radiance, height) {
   return coefficients;
 }
 
+/** By how much a normal's length may be another than 1. */
+const MOST_OFF = 0.01;
+
+const wrong = (name, expected, got) => new AnyProbeError("invalid-option", `expected ${expected}, got ${got}`, { subject: [name] });
+
 /** E(n) = sum of A_l L_i Y_i(n), [r, g, b]. */
 export function irradiance(coefficients, normal) {
+  if (coefficients?.length !== 27) throw wrong("sh9", "27 numbers, such as light.sh9", coefficients?.length ?? typeof coefficients);
+  const isUnit = normal?.length === 3 && Math.abs(Math.hypot(...normal) - 1) <= MOST_OFF;
+  if (!isUnit) throw wrong("normal", "[x, y, z] of length 1", normal?.length ? `[${[...normal].join(", ")}]` : typeof normal);
   const sum = [0, 0, 0];
   shBasis(...normal).forEach((y, i) => {
     for (let channel = 0; channel < 3; channel++) {

@@ -15,12 +15,16 @@ export function checkSource(source) {
   const followed = typeof source?.getVideoTracks === "function" ? source.getVideoTracks()[0] : source;
   const isTrack = isOf(followed, "MediaStreamTrack");
   if (isTrack && followed.kind === "video" && followed.readyState !== "ended") return followed;
-  const isElement = followed?.videoWidth !== undefined || typeof followed?.getContext === "function";
-  if (isElement && !isTrack) return followed;
-  const got = isTrack ? `a track of ${followed.kind}, ${followed.readyState}` : kindOf(source);
+  const isVideo = followed?.videoWidth !== undefined;
+  const isCanvas = typeof followed?.getContext === "function";
+  if (isVideo && followed.networkState === 0) throw wrong("a video with a source", "one without; set its src or srcObject first");
+  if (isCanvas && !(followed.width > 0 && followed.height > 0)) throw wrong("a canvas with pixels", `one of ${followed.width} x ${followed.height}`);
+  if ((isVideo || isCanvas) && !isTrack) return followed;
   const expected = "a video element, a canvas, a camera's MediaStreamTrack or MediaStream, or null where frames are offered";
-  throw new AnyProbeError("invalid-option", `expected ${expected}, got ${got}`, { subject: ["source"] });
+  throw wrong(expected, isTrack ? `a track of ${followed.kind}, ${followed.readyState}` : kindOf(source));
 }
+
+const wrong = (expected, got) => new AnyProbeError("invalid-option", `expected ${expected}, got ${got}`, { subject: ["source"] });
 
 const FRAMES = "a video, a canvas, an image, an ImageBitmap, an ImageData, a VideoFrame or { gl, texture, width, height }";
 

@@ -9,7 +9,7 @@
  *   is quick enough to look now and then at an object that is followed well
  */
 
-import { objectBox } from "../photo/picture.js";
+import { isLarge, objectBox } from "../photo/picture.js";
 import { REFUSED } from "../photo/quality.js";
 import { resize } from "../photo/resize.js";
 import { shrink } from "../photo/parts.js";
@@ -86,7 +86,7 @@ export class ObjectFollower {
     if (this.hints !== hints) return null; // clicked meanwhile: found anew at the next frame
     const kept = this.#kept;
     this.#kept = null;
-    const isFound = isAny(mask);
+    const isFound = isLarge(objectBox(mask, picture.width));
     if (kept && !(isFound && quality >= REFUSED)) {
       Object.assign(this, { hints: kept.hints, last: kept.last, quality: kept.quality });
       this.#held = kept.held;

@@ -1,8 +1,8 @@
 /** Every frame of a source to the networks' thread, which takes the newest, and the lights that come back. */
 
-import { foreign, receivedError } from "../errors.js";
+import { AnyProbeError, foreign, receivedError } from "../errors.js";
 import { Light } from "../light/light.js";
-import { checkHints, checkLight, checkNames, longFovOf, rotationOfPose } from "../options.js";
+import { checkHints, checkLight, checkNames, longFovOf, rotationOfPose, wrong } from "../options.js";
 import { hintsOf } from "../photo/hints.js";
 import { readMask } from "../photo/source.js";
 import { describe } from "../photo/material.js";
@@ -31,11 +31,12 @@ export class Tracker {
   #unfollow = () => {};
   #isOpen = false; // before that, what comes is of the source before
   #isReading = false;
+  #fault = null; // what has ended it
 
   /**
    * @param {HTMLVideoElement | HTMLCanvasElement | OffscreenCanvas | MediaStreamTrack | null} source null: frames are offered
    * @param {import("../networks/workerClient.js").WorkerClient} client
-   * @param {{onLight: (answer: object) => void, onError: (error: Error) => void, onMissed?: () => void, pose?: () => object,
+   * @param {{onLight: (answer: object) => void, onError: (error: AnyProbeError) => void, onMissed?: () => void, pose?: () => object,
    *   mask?: object | ((frame: object) => object)}} events
    *   pose: of the camera in the world, asked for when a frame is taken; mask: where the object is in the first frame, or a
    *   function that says it of each one, null where it is not in it
@@ -74,12 +75,12 @@ export class Tracker {
 
   /** The networks' thread is told of the tracking once the size of the pictures is known. */
   #open(picture) {
-    const [width, height] = (this.#size = sizeOf(picture));
-    const { hints, lens, ...given } = this.#given;
-    const asked = { ...given, longFovDeg: longFovOf(lens, width, height), hints: this.#shares(hints) };
-    return (this.#opening = this.#client.ask("startLive", asked).then(() => {
+    return (this.#opening ??= (async () => {
+      const [width, height] = (this.#size = sizeOf(picture));
+      const { hints, lens, ...given } = this.#given;
+      await this.#client.ask("startLive", { ...given, longFovDeg: longFovOf(lens, width, height), hints: this.#shares(hints) });
       this.#isOpen = true;
-    }));
+    })());
   }
 
   /**
@@ -88,36 +89,45 @@ export class Tracker {
    * @param {import("../../types/index.d.ts").FrameSource} frame
    * @param {{pose?: object, mask?: object, time?: number}} [about] pose: 16 numbers column by column, something with `matrix` or
    *   `elements` of these, or nine row by row; mask: where the object is in it; time: of performance.now(), milliseconds
-   * @returns {Promise<void>} when the frame may be changed or closed
+   * @returns {Promise<void>} when the frame may be changed or closed; rejects where it, its pose or its mask is wrong, and after
+   *   a fault has ended the tracking, with that
    */
-  async offer(frame, { pose, mask, time = performance.now() } = {}) {
-    const isSlow = frame?.texture || mask || this.#mask;
-    if (!this.running || (isSlow && this.#isReading)) return;
+  async offer(frame, about = {}) {
+    if (this.#fault) throw this.#fault;
+    checkNames("tracker.offer", about);
+    const { pose, mask, time = performance.now() } = about;
+    if (!Number.isFinite(time)) throw wrong("time", "milliseconds of performance.now()", time);
+    checkFrame(frame);
+    const rotation = pose === undefined || pose === null ? null : rotationOfPose(pose);
+    const isSlow = frame.texture || mask || this.#mask;
+    if (!this.running || (isSlow && this.#isReading) || isEarly(frame) || !(sizeOf(frame)[0] > 0)) return;
     try {
-      checkFrame(frame);
-      const rotation = pose === undefined || pose === null ? null : rotationOfPose(pose);
-      if (!this.#opening) {
-        if (!(sizeOf(frame)[0] > 0) || isEarly(frame)) return;
-        this.#open(frame);
-      }
-      if (isEarly(frame)) return;
       this.#isReading = true;
-      const taking = Promise.all([takeFrame(frame, this.#client.spares), this.#maskOf(frame, mask)]);
+      const opening = this.#ending(() => this.#open(frame));
+      const taking = Promise.all([takeFrame(frame, this.#client.spares), this.#maskOf(frame, mask), opening]);
       const [taken, given] = await taking.finally(() => (this.#isReading = false));
-      await this.#opening;
       if (this.running) this.#client.give(taken, time / 1000, rotation, given);
       else taken.frame.close?.();
     } catch (error) {
-      this.fail(error?.name === "DataCloneError" ? foreign("frame") : error); // a bitmap of a tainted canvas
+      throw error?.name === "DataCloneError" ? foreign("frame") : ours(error); // a bitmap of a tainted canvas
     }
   }
 
   /** The caller's own mask of a frame, as small as the frame is looked at; null where there is none. */
-  async #maskOf(frame, offered) {
-    let mask = offered;
-    if (mask === undefined && typeof this.#mask === "function") mask = await this.#mask(frame);
-    else if (mask === undefined) [mask, this.#mask] = [this.#mask, undefined]; // of the first frame alone
-    if (mask === undefined) return null;
+  #maskOf(frame, offered) {
+    return offered === undefined ? this.#ending(() => this.#ownMask(frame)) : this.#readMask(offered, frame);
+  }
+
+  async #ownMask(frame) {
+    const own = this.#mask;
+    if (own === undefined) return null;
+    if (typeof own !== "function") this.#mask = undefined; // of the first frame alone
+    const mask = typeof own === "function" ? await own(frame) : own;
+    if (mask === undefined) throw wrong("mask", "a function that gives a mask, or null where the object is not seen", mask);
+    return this.#readMask(mask, frame);
+  }
+
+  async #readMask(mask, frame) {
     const [fullWidth, fullHeight] = sizeOf(frame);
     const [width, height] = readSize(fullWidth, fullHeight);
     if (mask === null) return { width, height, data: new Float32Array(width * height) };
@@ -170,9 +180,23 @@ export class Tracker {
     this.onLight({ ...answer, light: new Light({ ...answer.light, mask: this.mask }) });
   }
 
+  /** What fails of the options of the tracking ends it. */
+  async #ending(work) {
+    try {
+      return await work();
+    } catch (error) {
+      this.fail(error);
+      throw error;
+    }
+  }
+
   fail(error) {
     if (!this.running) return;
     this.stop();
-    this.onError(error);
+    this.#fault = ours(error);
+    this.onError(this.#fault);
   }
 }
+
+/** What the caller's functions or the browser throw, as an error of this package. */
+const ours = (error) => (error instanceof AnyProbeError ? error : new AnyProbeError("failed", String(error?.message ?? error), { cause: error }));

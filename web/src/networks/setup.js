@@ -63,7 +63,10 @@ export function checkSetup({ engine = "wasm", threads, onProgress = () => {}, ..
 
 function starterOf(worker) {
   if (typeof worker === "function") return worker;
-  if (typeof worker === "string" || worker instanceof URL) return () => new Worker(absolute(worker), { type: "module" });
+  if (typeof worker === "string" || worker instanceof URL) {
+    const address = absolute(worker);
+    return Object.assign(() => new Worker(address, { type: "module" }), { address });
+  }
   throw wrong("worker", "a function that starts it, or its address", worker);
 }
 

@@ -10,11 +10,15 @@ export const VITE_NEEDS = 'Vite\'s development server needs optimizeDeps: { excl
 /** Code, within this package, of networks that did not open on several threads: they are opened again on one. */
 export const THREADS_FAILED = "threads-failed";
 
-/** @param {Error & {code?: string}} error @param {number} [threads] that the runtime was to start */
-export function openingFault(error, threads = 1) {
+/**
+ * @param {Error & {code?: string}} error
+ * @param {number} [threads] that the runtime was to start
+ * @param {boolean} [isBundled] whether a bundler was to copy the runtime's files, which may be Vite
+ */
+export function openingFault(error, threads = 1, isBundled = true) {
   if (threads > 1 && error.code === undefined) return new AnyProbeError(THREADS_FAILED, String(error.message ?? error));
   const said = String(error.message ?? error).replace(/\.$/, "");
-  const advice = IMPORT_FAULT.test(said) ? `; ${VITE_NEEDS}` : "";
+  const advice = isBundled && IMPORT_FAULT.test(said) ? `; ${VITE_NEEDS}` : "";
   return new AnyProbeError(error.code ?? "failed", `The networks could not be opened: ${said}${advice}.`);
 }
 

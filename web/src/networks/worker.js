@@ -35,7 +35,7 @@ const tasks = {
       models = await Models.open(opened.ort, weights, { providers: [engine], onProgress });
       return { engine, threads, hasMask: models.hasMask || models.hasU2netp };
     } catch (error) {
-      throw openingFault(error, threads);
+      throw openingFault(error, threads, typeof runtime !== "string");
     }
   },
 
@@ -48,9 +48,9 @@ const tasks = {
   },
 
   /** The light, and for a page that shows them its stages and three spheres. */
-  async estimate({ picture, mask, longFovDeg, isLensKnown, normals, options, withViews }) {
+  async estimate({ picture, mask, marks, longFovDeg, isLensKnown, normals, options, withViews }) {
     const start = performance.now();
-    checkObject(mask, picture.width);
+    checkObject(mask, picture.width, marks);
     const crop = cropObject(picture, mask, longFovDeg);
     const given = normals && cropNormals(normals, mask, picture.width, crop);
     const lens = { longFovDeg, isLensKnown };

@@ -22,7 +22,7 @@ export class WorkerClient {
   spares = [];
 
   /**
-   * @param {() => Worker} start
+   * @param {(() => Worker) & {address?: string}} start address: of the caller's own script
    * @param {(progress: import("../files/download.js").Progress) => void} onProgress while files are fetched
    */
   constructor(start, onProgress) {
@@ -39,7 +39,8 @@ export class WorkerClient {
       else asked?.reject(receivedError(data.error));
     };
     this.#worker.onerror = (event) => {
-      const missing = `its script could not be fetched; esbuild and Rollup copy none: use anyprobe/core, for which a content security policy needs worker-src blob:; ${VITE_NEEDS}`;
+      const ofEntry = `; esbuild and Rollup copy none: use anyprobe/core, for which a content security policy needs worker-src blob:; ${VITE_NEEDS}`;
+      const missing = `its script could not be fetched${start.address ? ` from ${start.address}` : ofEntry}`;
       const why = event.message?.replace(/\.$/, "") || missing;
       this.#end(new AnyProbeError("worker-failed", `The networks' thread ${isStarted ? "ended" : "could not be started"}: ${why}.`));
       this.onLive({ error: sentError(this.#fault) });

@@ -3,21 +3,21 @@
 import { CONTRACT } from "../core/contract.js";
 import { AnyProbeError } from "../errors.js";
 import { give, notice } from "../notices.js";
-import { MIN_OBJECT_PX, objectBox } from "./picture.js";
+import { MIN_OBJECT_PX, isLarge, objectBox } from "./picture.js";
 
 const { full: FULL, mostly: MOSTLY, grey: GREY, grey_share: GREY_SHARE, few_px: FEW_PX, alpha_most: ALPHA_MOST } = CONTRACT.mask.given;
 
 const percent = (share) => `${(100 * share).toFixed(0)}%`;
 
-/** Refuse a mask without an object, or with one that is too small. @param {string[]} [subject] the option that gave it */
+/** Refuse a mask without an object, or with one that is too small. @param {string[]} [subject] the options that gave it */
 export function checkObject(mask, width, subject = []) {
   const box = objectBox(mask, width);
   const remedy = subject.length ? [] : give("click", "box");
-  if (box === null) throw new AnyProbeError("no-object", "expected an object, got a mask that marks none", { subject, remedy });
-  const across = Math.max(box[2] - box[0], box[3] - box[1]);
-  if (across < MIN_OBJECT_PX) {
-    throw new AnyProbeError("no-object", `expected an object of ${MIN_OBJECT_PX} pixels across or more, got ${across}; go closer`, { subject });
-  }
+  if (box === null) throw new AnyProbeError("no-object", "expected an object, got no value above 0.5", { subject, remedy });
+  if (isLarge(box)) return;
+  const [text, of] = [`expected an object of ${MIN_OBJECT_PX} pixels across or more, got ${Math.max(box[2] - box[0], box[3] - box[1])}`, (name) => subject.includes(name)];
+  if (of("box")) throw new AnyProbeError("no-object", `${text}; draw it around the whole object`, { subject: ["box"] });
+  throw new AnyProbeError("no-object", `${text}; go closer`, { subject, remedy: of("click") ? give("box", "mask") : [] });
 }
 
 /**

@@ -19,6 +19,9 @@ import { CONTRACT } from "../core/contract.js";
 /** Smallest longer side of an object's bounding box, in pixels of the picture. */
 export const MIN_OBJECT_PX = CONTRACT.mask.least_object_px;
 
+/** Whether a box of objectBox is that of an object, and large enough. */
+export const isLarge = (box) => box !== null && Math.max(box[2] - box[0], box[3] - box[1]) >= MIN_OBJECT_PX;
+
 /** Bounding box [x0, y0, x1, y1] (exclusive) of mask > 0.5, or null where nothing is. */
 export function objectBox(mask, width) {
   let [x0, y0, x1, y1] = [width, -1, -1, -1];

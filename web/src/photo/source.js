@@ -51,14 +51,16 @@ const isImageData = (source) => typeof ImageData === "function" && source instan
 const isOf = (source, name) => typeof globalThis[name] === "function" && source instanceof globalThis[name];
 
 const DRAWABLE = ["HTMLImageElement", "HTMLVideoElement", "HTMLCanvasElement", "OffscreenCanvas", "ImageBitmap", "VideoFrame", "ImageData"];
+const BYTES = ["Uint8ClampedArray", "Uint8Array"];
 const IMAGES = `an address, a Blob or File, ${DRAWABLE.join(", ")}, { gl, texture, width, height } or { width, height, rgba }`;
 const MASKS = `a Float32Array of the picture's pixels, { data, width, height } of one, what probe.mask() gives, a light's mask, a MediaPipe mask, an address, a Blob or File, ${DRAWABLE.join(", ")}`;
 
 /** What can be drawn: fetched and decoded where it is an address or a file, waited for where it is on its way. */
 async function open(source, name, expected, signal) {
   const invalid = (expected, why) => new AnyProbeError("invalid-image", `expected ${expected}, got ${why}`, { subject: [name] });
-  if (typeof source === "string" || isOf(source, "URL")) return decode(await fetchBlob(String(source), name, signal), name);
-  if (isOf(source, "Blob")) return decode(source, name);
+  if (source === "") throw invalid(expected, "an empty address");
+  if (typeof source === "string" || isOf(source, "URL")) return decode(await fetchBlob(String(source), name, signal), name, String(source));
+  if (isOf(source, "Blob")) return decode(source, name, source.name);
   if (isOf(source, "HTMLImageElement")) {
     if (!source.currentSrc && !source.src && !source.srcset) throw invalid("a picture with pixels", "an image without an address");
     await source.decode().catch(() => {
@@ -69,7 +71,7 @@ async function open(source, name, expected, signal) {
   const [width, height] = sizeOf(source);
   const isEarly = isOf(source, "HTMLVideoElement") && source.readyState < 2;
   if (isEarly || !(width > 0 && height > 0)) {
-    throw invalid("one with pixels", isOf(source, "HTMLVideoElement") ? "a video before its first frame; wait for loadeddata" : "none");
+    throw invalid("a picture with pixels", isOf(source, "HTMLVideoElement") ? "a video before its first frame; wait for loadeddata" : `one that is ${width} x ${height} pixels`);
   }
   return source;
 }
@@ -91,17 +93,20 @@ async function fetchBlob(url, name, signal) {
 /** Pictures that are decoded here, and closed once they are drawn: they are large, and not of the collector's memory. */
 const ours = new WeakSet();
 
-async function decode(blob, name) {
+async function decode(blob, name, from) {
   try {
     const bitmap = await createImageBitmap(blob);
     ours.add(bitmap);
     return bitmap;
   } catch {
-    throw new AnyProbeError("invalid-image", `expected a file that the browser can show, got ${blob.type || "an unknown type"} of ${blob.size} bytes`, { subject: [name] });
+    const got = `${blob.type || "an unknown type"} of ${blob.size} bytes${from ? ` from ${from}` : ""}`;
+    throw new AnyProbeError("invalid-image", `expected a file that the browser can show, got ${got}`, { subject: [name] });
   }
 }
 
 function checkPixels({ width, height, rgba }) {
+  const kind = rgba[Symbol.toStringTag] ?? kindOf(rgba);
+  if (!BYTES.includes(kind)) throw new AnyProbeError("invalid-image", `expected Uint8ClampedArray (or Uint8Array), got ${kind}`, { subject: ["image"] });
   if (Number.isInteger(width) && Number.isInteger(height) && rgba.length === 4 * width * height && width * height > 0) {
     return { width, height, rgba };
   }
@@ -190,7 +195,7 @@ const MOST_UNEVEN = 0.01;
 export async function readMask(mask, picture, signal) {
   const { width, height } = picture;
   const isOfMediaPipe = typeof mask?.getAsFloat32Array === "function";
-  const numbers = isOfMediaPipe ? mask.getAsFloat32Array() : [mask, mask?.data, mask?.mask].find((values) => values instanceof Float32Array);
+  const numbers = isOfMediaPipe ? mask.getAsFloat32Array() : [mask, mask?.data].find((values) => values instanceof Float32Array);
   if (numbers && numbers.length === mask.width * mask.height) {
     checkAspect(mask, picture);
     return resize(checkShares(numbers), 1, [mask.width, mask.height], [width, height]);

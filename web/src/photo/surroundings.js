@@ -266,7 +266,7 @@ export function backdropDoubts({ width, height, rgba }, mask) {
  * @returns {import("../notices.js").Notice[]}
  */
 export function darkBesideDoubts() {
-  const text = "the background is much darker than the object and is not used; if it is lit as the object is, ask for it";
+  const text = "the background is much darker than the object, so it is ignored; if the same light falls on it, ask for it";
   return [notice("dark-backdrop", text, [{ do: "give", name: "surroundings", value: "photo" }])];
 }
 

@@ -8,8 +8,11 @@ import { FACE_SIZES } from "../light/prefilter.js";
 const LEAST_REVISION = 187;
 
 export class EnvironmentTexture {
+  #sizes;
+
   /** @param {number[]} [sizes] of the faces, sharpest first */
   constructor(sizes = FACE_SIZES) {
+    this.#sizes = sizes;
     if (!(Number.parseInt(REVISION, 10) >= LEAST_REVISION)) {
       throw new AnyProbeError("unsupported", `three.js: expected revision ${LEAST_REVISION} or newer, got ${REVISION}; older ones shade diffuse surfaces wrongly under this texture`);
     }
@@ -32,6 +35,9 @@ export class EnvironmentTexture {
 
   /** @param {Float32Array[]} levels `prefiltered` of a light; the last ones are overwritten */
   update(levels) {
+    if (!this.#sizes.every((size, level) => levels?.[level]?.length === 24 * size * size)) {
+      throw new AnyProbeError("invalid-option", `expected light.prefiltered, ${this.#sizes.length} levels of six faces, got others`, { subject: ["levels"] });
+    }
     levels.forEach((values, level) => {
       const count = values.length / 6;
       this.texture.image.forEach(({ mipmaps }, face) => {

@@ -1,6 +1,7 @@
 /** The real object's depth in the scene: it hides what is behind it, and is not drawn itself. */
 
 import { DataTexture, Group, LinearFilter, Mesh, MeshBasicMaterial, PlaneGeometry } from "three";
+import { AnyProbeError } from "../errors.js";
 import { objectBox } from "../photo/picture.js";
 
 export class MaskOccluder {
@@ -22,7 +23,15 @@ export class MaskOccluder {
    * @param {number} distance of its base from the camera, which looks along -Z
    * @param {number} focalPx of the camera, in the mask's pixels
    */
-  show({ data: mask, width, height }, distance, focalPx) {
+  show(given, distance, focalPx) {
+    const { data: mask, width, height } = given ?? {};
+    if (!mask || mask.length !== width * height) {
+      const got = `${mask?.length ?? "none"} of ${width} x ${height}`;
+      throw new AnyProbeError("invalid-option", `expected one of a light or of probe.mask, width x height numbers, got ${got}`, { subject: ["mask"] });
+    }
+    if (!(distance > 0 && focalPx > 0)) {
+      throw new AnyProbeError("invalid-option", `expected numbers above 0, got ${distance} and ${focalPx}; pass those of PhotoGround`, { subject: ["distance", "focalPx"] });
+    }
     this.#setTexture(mask, width, height);
     const box = objectBox(mask, width);
     this.group.visible = box !== null;

@@ -2,6 +2,7 @@
 
 import { Box3, Group, Mesh, Plane, PlaneGeometry, Quaternion, Ray, ShadowMaterial, Sphere, Vector3 } from "three";
 import { AnyProbeError } from "../errors.js";
+import { checkLight, checkNames, wrong } from "../options.js";
 import { groundShadowOpacity } from "../light/groundShadow.js";
 import { contactOf, likelyPitchDeg, seenPitchDeg, upOf } from "../photo/ground.js";
 import { objectBox } from "../photo/picture.js";
@@ -32,18 +33,22 @@ export class PhotoGround extends Group {
   /**
    * @param {import("../light/light.js").Light} light of the photo, with its mask
    * @param {import("three").PerspectiveCamera} camera of the photo's field of view and aspect
-   * @param {{pitchDeg?: number}} [options] how far the camera looks down, where it is known; default: as `light.ground` has it
+   * @param {{pitchDeg?: number}} [options] how far the camera looks down, where it is known; default: as `light.ground` has it;
+   *   raised to where the object's foot is seen from above
    */
-  constructor(light, camera, { pitchDeg } = {}) {
+  constructor(light, camera, options = {}) {
     super();
-    const { data, width, height } = light.mask ?? {};
+    checkNames("PhotoGround", options);
+    checkLight(options);
+    if (!(camera?.fov > 0)) throw wrong("camera", "a PerspectiveCamera", camera);
+    const { data, width, height } = light?.mask ?? {};
     const box = data && objectBox(data, width);
     if (!box) throw new AnyProbeError("invalid-option", "expected one with the mask of its object, got none; take it from probe.estimate", { subject: ["light"] });
     const focal = height / 2 / Math.tan((camera.fov * Math.PI) / 360);
     const contact = contactOf(data, width, box);
     this.#view = { width, height, focal };
     this.#light = light;
-    const found = pitchDeg ?? light.ground?.pitchDeg;
+    const found = options.pitchDeg ?? light.ground?.pitchDeg;
     this.pitchDeg = found === undefined ? likelyPitchDeg(contact[1], height, focal) : seenPitchDeg(found, contact[1], height, focal);
     this.#up = new Vector3(...upOf(this.pitchDeg));
     /** Of the real object's base along -Z, as MaskOccluder takes it with `focalPx`. */

@@ -4,8 +4,10 @@ import { DirectionalLight, Group, LightProbe, Matrix4 } from "three";
 import { MAP_HEIGHT } from "../core/latlong.js";
 import { findDominantLight, withoutDominantLight } from "../light/dominantLight.js";
 import { rotate } from "../light/environment.js";
+import { checkIsLight } from "../light/groundShadow.js";
 import { project } from "../light/harmonics.js";
 import { prefilter } from "../light/prefilter.js";
+import { wrong } from "../options.js";
 import { EnvironmentTexture } from "./environmentTexture.js";
 
 /** Of the directional light from the group's place: its shadow camera reaches from 0.5 to 500, 5 to each side. */
@@ -49,6 +51,7 @@ export class ProbeLight extends Group {
    *   matrixWorld must be up to date
    */
   update(light, camera = null) {
+    checkIsLight(light);
     this.estimate = light;
     let { radiance, dominant } = light;
     if (camera && !light.isInWorld) {
@@ -89,6 +92,7 @@ export class ProbeLight extends Group {
    */
   track(source, { camera = null, ...options } = {}) {
     this.stop();
+    if (!this.probe?.track) throw wrong("probe", "what AnyProbe.load gives, as ProbeLight's first argument", this.probe);
     const pose = camera ? { pose: () => new Matrix4().extractRotation(camera.matrixWorld) } : {};
     this.#tracker = this.probe.track(source, (light) => this.update(light), { ...pose, ...options });
     return this.#tracker;
@@ -114,7 +118,8 @@ export class ProbeLight extends Group {
     const { width, height } = view.camera;
     if (!this.#tracker?.running) this.track(null, { projectionMatrix: view.projectionMatrix, ...options });
     const texture = renderer.xr.getBinding().getCameraImage(view.camera);
-    this.#tracker.offer({ gl: renderer.getContext(), texture, width, height }, { pose: view.transform });
+    const tracker = this.#tracker;
+    tracker.offer({ gl: renderer.getContext(), texture, width, height }, { pose: view.transform }).catch((error) => tracker.fail(error));
     return true;
   }
 
