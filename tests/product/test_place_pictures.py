@@ -296,6 +296,21 @@ def test_what_the_object_stands_on_is_not_repeated():
     assert not red[307:].any()
 
 
+def test_a_patchy_ground_is_no_pattern_behind_the_camera():
+    """A table's edge is seen in the photo alone; what is fine goes on."""
+    photo, mask = photo_of(place_map()), np.zeros((150, 200), np.float32)
+    mask[60:100, 90:110] = 1.0
+    photo[105:, :100] *= 2.0
+    photo[105:] += np.random.default_rng(0).normal(0, 0.04, (45, 200, 1)).astype(np.float32)
+    found = continue_around(seen_in(keep_plate(photo.clip(0.02, 0.98), mask, FOV), np.eye(3), 256))
+    assert found is not None
+    ground = found.ln[155:160].mean(axis=(0, 2))
+    wide = ground.reshape(64, 8).mean(axis=1)
+    assert np.ptp(wide[25:39]) > 0.9
+    assert np.ptp(np.r_[wide[:16], wide[48:]]) < 0.3
+    assert np.abs(np.diff(ground[:120])).mean() > 0.2 * np.abs(np.diff(ground[225:280])).mean()
+
+
 def test_a_guess_is_drawn_as_a_place():
     """Its smooth horizon becomes an edge outdoors; a room has edges, and both keep the light."""
     up = pixel_directions(64)[..., 1:2]

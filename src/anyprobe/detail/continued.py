@@ -26,6 +26,16 @@ LEAST_CLEAR = 0.02
 """Smallest share of the photo that must be seen."""
 HORIZON_DEG = -6.0
 """Elevation [degrees] below which rows are ground."""
+GROUND_DEG = (5.0, 10.0)
+"""Degrees below the horizon over which columns of the ground may be made alike."""
+GROUND_PARTS, UNLIKE_ROWS_DEG = 64, 2.0
+"""Number of parts of a row whose mean ln radiance is compared, and half the height [degrees] of the band averaged."""
+UNLIKE_PARTS = (0.12, 0.25)
+"""Standard deviations of these means between which a repeated ground would be a pattern."""
+FINE_ALIKE = 0.5
+"""Share of what is finer than such a part that goes, too."""
+ALIKE_DEG = 20.0
+"""Angle beside the photo over which the columns of such a ground become alike."""
 EDGE_DEG = 2.0
 """Height [degrees] of the band at the photo's border whose mean prolongs a column."""
 TALL = 0.8
@@ -40,7 +50,7 @@ WALK_ROWS = 256
 """Rows of a panorama whose columns a way is found through."""
 BLEND_DEG = 3.0
 """Width [degrees] over which columns give way to those after a jump, and to the rows above and below the photo."""
-CONTRAST, GROUND_CONTRAST = 0.8, 0.45
+CONTRAST, GROUND_CONTRAST = 0.8, 0.28
 """Contrast of what goes on around, and of the ground's texture below it, relative to what is seen."""
 HIDDEN, LEAST_FREE = 0.08, 0.3
 """Largest share of a free column that the object hides, and the smallest share of columns that count as free."""
@@ -88,6 +98,7 @@ def continue_around(seen: DrawnPlate) -> Continued | None:
     calm[:, photo] *= 1 - below * ~is_free
     repeated = _filled(ln, calm, inside, photo, is_free, per_deg)
     ring, ring_shown = _around(within, repeated, inside, photo, per_deg)
+    ring = _calmer_ground(ring, ring_shown, photo, elevation, per_deg)
     values, weight = _prolonged(ring, ring_shown.astype(np.float32), ring_shown, per_deg)
     base = spread(values, weight)
     beyond = np.maximum(np.maximum(first - np.arange(rows), np.arange(rows) - last), 0)
@@ -185,6 +196,37 @@ def _around(
     ring[:, to] = np.where(over[..., None], drawn, ln[:, to])
     shown[:, to] |= over
     return ring, shown
+
+
+def _calmer_ground(
+    ln: np.ndarray, shown: np.ndarray, photo: slice, elevation: np.ndarray, per_deg: float
+) -> np.ndarray:
+    """Return ln [R, 2R, 3] with the ground's columns made alike away from the photo, in rows where they differ widely.
+
+    Grass or a floor may be repeated; the edge of a table or a patch of light would make a pattern.
+    """
+    rows, columns = shown.shape
+    weight = shown[..., None].astype(np.float32)
+    mean = (ln * weight).sum(axis=1, keepdims=True) / np.maximum(weight.sum(axis=1, keepdims=True), 1.0)
+    off = (ln - mean) * weight
+    count = weight.reshape(rows, GROUND_PARTS, -1).sum(axis=2)
+    patch = off.reshape(rows, GROUND_PARTS, -1, 3).sum(axis=2) / np.maximum(count, 1.0)[..., None]
+    patchiness = np.sqrt((count * patch.mean(axis=-1) ** 2).sum(axis=1) / np.maximum(count.sum(axis=1), 1.0))
+    patchiness = _along(patchiness, max(1, round(UNLIKE_ROWS_DEG * per_deg)))
+    ahead = (np.arange(columns) - photo.stop) % columns  # columns after the photo
+    away = np.minimum(ahead, columns - (photo.stop - photo.start) - 1 - ahead).clip(min=0) / per_deg
+
+    def between(value: np.ndarray, low: float, high: float) -> np.ndarray:
+        return _smooth(np.clip((value - low) / (high - low), 0.0, 1.0))
+
+    share = (between(patchiness, *UNLIKE_PARTS) * between(-elevation, *GROUND_DEG))[:, None] * between(
+        away, 0.0, ALIKE_DEG
+    )
+    at = (np.arange(columns) + 0.5) * GROUND_PARTS / columns - 0.5
+    left = np.floor(at).astype(int)
+    right = (at - left)[:, None].astype(np.float32)
+    wide = (1 - right) * patch[:, left % GROUND_PARTS] + right * patch[:, (left + 1) % GROUND_PARTS]
+    return ln - share[..., None] * weight * (wide + FINE_ALIKE * (off - wide))
 
 
 def _ground(
