@@ -153,6 +153,16 @@ def test_what_one_photo_shows_all_know(estimator):
     assert wrong[~seen].mean() > 0.03  # nobody knows there
 
 
+@pytest.mark.parametrize("first", [0, 1])
+def test_the_panorama_of_several_photos_shows_the_first(estimator, first):
+    poses = [POSES[first], POSES[1 - first]]
+    picture = estimator.multiview([take(pose) for pose in poses], poses).panorama(64, frame="camera")
+    seen = picture.origin[..., 0] > 0.9
+    assert seen.mean() > 0.02
+    truth = rotate(smooth_map(), poses[0].T)
+    assert np.abs(response(picture.radiance) - response(truth))[seen].mean() < 0.02
+
+
 def test_photos_without_surroundings_are_fused_as_ever(estimator):
     photos = [take(pose, surroundings="none") for pose in POSES[:2]]
     together = estimator.multiview(photos, POSES[:2])

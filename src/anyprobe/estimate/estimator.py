@@ -183,8 +183,8 @@ class Estimator:
             start: time.perf_counter() when the first photo's loading began.
         """
         given = as_material(material, albedo, roughness)
-        taken, spent = cut_photos(photos, start)
-        return estimate_crops(self.from_crop, taken, world_from_camera, spent, given)
+        taken, spent, plate = cut_photos(photos, start)
+        return replace(estimate_crops(self.from_crop, taken, world_from_camera, spent, given), plate=plate)
 
     def from_photo(
         self,

@@ -25,6 +25,8 @@ from anyprobe.scatter.materials import Material
 if TYPE_CHECKING:
     from jaxtyping import Float
 
+    from anyprobe.match.plate import Plate
+
 _PLACES = 3
 """Largest number of places to which the light sources of several photos are gathered."""
 VOTE = 12.0
@@ -84,28 +86,31 @@ SURE = 2.0
 _LEAST = 1e-4
 """Smallest weight of a pixel."""
 NOT_GIVEN = Notice(
-    "expected it in the EXIF of every photo, found it in some or none; taken to be the same for all",
+    "the photos' EXIF does not state every exposure; all are taken as exposed alike: lock exposure",
     code="exposure-unknown",
-    subject="exposure",
 )
 
 
-def cut_photos(photos: Iterable[Photo], start: float | None = None) -> tuple[list[tuple[Photo, Crop]], list[float]]:
-    """Crop the object of each photo; return photos without pixels and crops, and the seconds each took.
+def cut_photos(
+    photos: Iterable[Photo], start: float | None = None
+) -> tuple[list[tuple[Photo, Crop]], list[float], Plate | None]:
+    """Crop the object of each photo; return photos without pixels and crops, the seconds each took, the first's plate.
 
     photos: from load_photo, read in turn. start: time.perf_counter() when the first one's loading began.
     """
     start = time.perf_counter() if start is None else start
-    taken, spent = [], []
+    taken, spent, plate = [], [], None
     for k, photo in enumerate(photos):  # photos may be loaded lazily, one after another
         if not isinstance(photo, Photo):
             raise InputError(
                 f"expected what load_photo returns, got {type(photo).__name__}; load each first", subject="photos"
             )
+        if k == 0 and photo.shows_place:
+            plate = photo.plate()
         taken.append((photo.without_pixels(), cut_out(photo, first=k == 0)))
         spent.append(time.perf_counter() - start)
         start += spent[-1]
-    return taken, spent
+    return taken, spent, plate
 
 
 def estimate_crops(
