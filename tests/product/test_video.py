@@ -191,7 +191,7 @@ def test_command_reads_poses_and_goes_on_with_the_same_alone(command, work, made
     assert command(*order).status == 0
     assert json.loads((work / "out" / "track.json").read_text())["settings"]["poses"]
     (work / "poses.json").write_text(json.dumps(matrices[::-1]))
-    assert "--poses: expected what the run in out was begun with" in command(*order).complaint
+    assert "--poses: out holds a run begun with another or none" in command(*order).complaint
     assert "expected one of them" in command(*order, "--insert", "sphere").complaint
 
 
@@ -393,7 +393,10 @@ def test_options_that_differ_are_named_as_on_the_command_line(command, work, bri
     assert command(*order, "--box", "30,10,100,90", "--fov", 50, "--insert", "sphere").status == 0
     said = command(*order, "--fov", 40, "--albedo", 0.5, "--every", 2).complaint
     expected = "--every and --box and --fov and --material and --insert"
-    assert f"{expected}: expected what the run in out was begun with, got another or none" in said
+    advice = "choose another -o; repeat those; or add --restart"
+    assert f"{expected}: out holds a run begun with others; {advice}" in said
+    said = command(*order, "--box", "31,10,100,90", "--fov", 50, "--insert", "sphere").complaint
+    assert "--box: out holds a run begun with another or none; choose another -o; repeat that; or add --restart" in said
 
 
 @pytest.mark.ci
@@ -498,11 +501,11 @@ def test_light_clip_shows_the_map_and_three_spheres_of_every_frame(whole):
     shown = [frame.rgb for frame in read_frames(open_clip(run.folder / "light.mp4"), [])]
     assert len(shown) == COUNT
     assert shown[0].shape == (128, 640, 3)
-    radiance = run.progress.light.radiance
+    radiance, ev = run.progress.light.radiance, run.progress.preview_ev
     seen = to_bytes(response(radiance)).astype(float).mean((0, 1))
     np.testing.assert_allclose(shown[-1][:, :256].mean((0, 1)), seen, atol=4)
     middles = [shown[-1][60:68, 256 + 128 * k + 60 : 256 + 128 * k + 68].mean() for k in range(3)]
-    wanted = [response(one[60:68, 60:68]).mean() * 255 for one in sphere_images(radiance, 128).values()]
+    wanted = [response(one[60:68, 60:68] * 2**ev).mean() * 255 for one in sphere_images(radiance, 128).values()]
     np.testing.assert_allclose(middles, wanted, atol=4)
 
 

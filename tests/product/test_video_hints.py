@@ -141,10 +141,10 @@ def test_other_masks_or_another_panorama_under_the_same_name_are_refused(command
     assert command(*order, *given).status == 0
     assert command(*order, *given).status == 0
     Image.fromarray(panorama + np.uint8(20)).save(work / "around.png")
-    assert "--surroundings: expected what the run in out was begun with" in command(*order, *given).complaint
+    assert "--surroundings: out holds a run begun with" in command(*order, *given).complaint
     Image.fromarray(panorama).save(work / "around.png")
     Image.fromarray(np.roll(sphere_mask(), 1, axis=0)).save(masks / "0001.png")
-    assert "--mask: expected what the run in out was begun with" in command(*order, *given).complaint
+    assert "--mask: out holds a run begun with" in command(*order, *given).complaint
     Image.fromarray(sphere_mask()).save(masks / "0001.png")
     masks.rename(work / "moved")
     assert command(*order, "--mask", "moved", *given[2:]).status == 0
@@ -160,13 +160,13 @@ def test_another_mesh_or_clip_under_the_same_name_is_refused(command, work):
     order = ("video", "clip.mp4", "-o", "out", "-q", "--mask", "masks", "--insert", "mesh.obj")
     assert command(*order).status == 0
     mesh[0].write_text(mesh[1].replace("v 0 1 0", "v 0 2 0"))
-    assert "--insert: expected what the run in out was begun with" in command(*order).complaint
+    assert "--insert: out holds a run begun with" in command(*order).complaint
     mesh[0].write_text(mesh[1])
     assert command(*order).status == 0
     data = bytearray(clip.read_bytes())
     data[-1] ^= 1  # in the last box, which says what wrote it
     clip.write_bytes(data)
-    assert ": expected what the run in out was begun with" in command(*order).complaint
+    assert ": out holds a run begun with" in command(*order).complaint
 
 
 @pytest.mark.ci

@@ -16,7 +16,7 @@ from anyprobe.detail.place_picture import Panorama
 from anyprobe.estimate.photo import Photo
 from anyprobe.light.environment import rotate
 from anyprobe.masks.overlay import draw_overlay
-from anyprobe.render.spheres import sphere_images
+from anyprobe.render.spheres import sphere_images, spheres_ev
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -36,13 +36,13 @@ Captioned = tuple[str, np.ndarray]
 def draw_preview(panorama: Panorama, photo: Photo | None = None) -> Float[np.ndarray, "H W 3"]:
     """Return a display picture [H, W, 3] in [0, 1]: the panorama over photo, mask and spheres, with captions.
 
-    The spheres share one exposure, a whole or half EV at which the matte one does not clip, 0 at most.
+    The spheres share one exposure, see spheres_ev.
     """
     in_camera = panorama.radiance
     if panorama.is_level:
         in_camera = np.maximum(rotate(panorama.radiance, panorama.frame_from_camera.T), 0.0)
     spheres = sphere_images(in_camera, _SPHERE)
-    ev = min(0.0, math.floor(-2 * math.log2(max(spheres["diffuse"].max(), 1e-6))) / 2)
+    ev = spheres_ev(spheres["diffuse"])
     row = [] if photo is None else _photo_and_mask(photo)
     for name, sphere in spheres.items():
         row.append((f"{SPHERES[name]}, {f'{ev:+g}' if ev else 0} EV", _fit(response(sphere * 2.0**ev), ROW)))

@@ -6,6 +6,7 @@ the mirror sphere shows the whole sphere of directions.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -72,6 +73,11 @@ def mirror(radiance: Float[np.ndarray, "H 2*H 3"], size: int = SPHERE_SIZE) -> F
     """Render a perfect mirror, f0 1: Lo = L(reflect(wo, n)), [H, 2H, 3] -> [S, S, 3]."""
     normals, _ = sphere_normals(size)
     return _picture(bilinear(radiance, direction_to_uv(reflect(np.broadcast_to(WO, normals.shape), normals))), size)
+
+
+def spheres_ev(matte: Float[np.ndarray, "S S 3"]) -> float:
+    """Return the exposure [EV], a whole or half one and 0 at most, at which a matte sphere's picture does not clip."""
+    return min(0.0, math.floor(-2 * math.log2(max(float(matte.max()), 1e-6))) / 2)
 
 
 def sphere_images(radiance: Float[np.ndarray, "H 2*H 3"], size: int = SPHERE_SIZE) -> dict[str, np.ndarray]:

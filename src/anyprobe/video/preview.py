@@ -12,7 +12,7 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.light.environment import reduced
 from anyprobe.masks.resize import resize
-from anyprobe.render.spheres import SILVER_ALPHA, SILVER_F0, WO, diffuse, mirror, sphere_normals
+from anyprobe.render.spheres import SILVER_ALPHA, SILVER_F0, WO, diffuse, mirror, sphere_normals, spheres_ev
 from anyprobe.scatter.materials import Material, brdf
 
 if TYPE_CHECKING:
@@ -25,14 +25,22 @@ _SILVER_SIDE, _ROWS = 32, 32
 """Rows of the silver sphere, and of the map that both spheres see: neither shows anything finer."""
 
 
-def light_picture(radiance: Float[np.ndarray, "H 2*H 3"] | None) -> UInt8[np.ndarray, "128 640 3"]:
-    """Return the map, then SPHERES, through the mean camera curve at the clip's exposure; black where there is no
-    light."""
+def preview_ev(radiance: Float[np.ndarray, "H 2*H 3"]) -> float:
+    """Return the exposure [EV] of light_picture's spheres at which the matte one under this light does not clip."""
+    return spheres_ev(diffuse(reduced(radiance, _ROWS), _SIDE))
+
+
+def light_picture(radiance: Float[np.ndarray, "H 2*H 3"] | None, ev: float = 0.0) -> UInt8[np.ndarray, "128 640 3"]:
+    """Return the map, then SPHERES, through the mean camera curve; black where there is no light.
+
+    The map is shown at the clip's exposure, the spheres at ev [EV] relative to it.
+    """
     if radiance is None:
         return np.zeros((_SIDE, (2 + len(SPHERES)) * _SIDE, 3), np.uint8)
     shown = resize(reduced(np.asarray(radiance, np.float32), _SIDE), 2 * _SIDE, _SIDE)
     spheres = diffuse(reduced(radiance, _ROWS), _SIDE), _silver(radiance), mirror(radiance, _SIDE)
-    return to_bytes(response(np.concatenate([shown, *spheres], axis=1)))
+    exposed = (sphere * np.float32(2.0**ev) for sphere in spheres)
+    return to_bytes(response(np.concatenate([shown, *exposed], axis=1)))
 
 
 def _silver(radiance: np.ndarray) -> np.ndarray:

@@ -37,7 +37,7 @@ from anyprobe.render.mesh import Mesh
 from anyprobe.scatter.materials import Material
 from anyprobe.video.clip import Clip, Frame, join_pieces, read_frames, write_piece
 from anyprobe.video.following import MaskFollower
-from anyprobe.video.preview import light_picture
+from anyprobe.video.preview import light_picture, preview_ev
 from anyprobe.video.track import PIECES, Progress, describe, forget_progress, load_progress, save_progress, write_track
 
 SAVE_EVERY = 24
@@ -346,8 +346,11 @@ class ClipRun:
     def _light_picture(self, index: int, beside: ThreadPoolExecutor) -> Future[np.ndarray]:
         """Return a frame's picture in light.mp4, drawn in that thread."""
         if self._preview is None or self.poses is not None:
-            shown = None if self.progress.light is None else self._detailed(index)
-            self._preview = beside.submit(light_picture, shown)
+            done = self.progress
+            shown = None if done.light is None else self._detailed(index)
+            if shown is not None and done.preview_ev is None:
+                done.preview_ev = preview_ev(shown)
+            self._preview = beside.submit(light_picture, shown, done.preview_ev or 0.0)
         return self._preview
 
     def _save(

@@ -47,6 +47,7 @@ class Progress:
     frame, by which its mask is found again. ground: of that frame's light, Ground.info. material: the object's, as
     plain numbers.
     gain: of the light that the relit clip shows, see relight.appearance.least_scale.
+    preview_ev: exposure of the spheres in light.mp4, by the first light; None before it.
     panorama: [64, 128, 4 or 5] of the surroundings that frames have shown so far, in the world: linear radiance times
     cover, and cover; from an .exr or .hdr also how much of the cover is measured above white.
     held_match: where the detail of maps is from. notes: warnings of the first frame.
@@ -67,6 +68,7 @@ class Progress:
     ground: dict | None = None
     material: dict | None = None
     gain: float = 1.0
+    preview_ev: float | None = None
     panorama: np.ndarray | None = None
     held_match: HeldMatch | None = None
     notes: list[Notice] = field(default_factory=list)
@@ -144,8 +146,10 @@ def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
     now = json.loads(json.dumps(settings))
     then = found.settings
     if then != now:
-        text = f"expected what the run in {folder} was begun with, got another or none; give the same"
-        raise InputError(text, subject=_differing(then, now), remedy=(Remedy("run", RESTART),))
+        differing = _differing(then, now)
+        other, one = ("another or none", "that") if len(differing) == 1 else ("others", "those")
+        text = f"{folder} holds a run begun with {other}; choose another -o; repeat {one}"
+        raise InputError(text, subject=differing, remedy=(Remedy("run", RESTART),))
     return found
 
 
