@@ -6,11 +6,18 @@ import inspect
 import io
 import pydoc
 import re
+from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
 import anyprobe
+from anyprobe.masks.find import find_mask
+from anyprobe.masks.segmenters import load_segmenter
+from anyprobe.pictures.images import read_image
+
+ROOT = Path(__file__).parents[2]
 
 
 def test_light_is_shown_as_its_sheet():
@@ -44,3 +51,17 @@ def test_help_documents_the_real_parameters():
 
 def test_estimator_says_how_it_is_set(estimator):
     assert repr(estimator) == "Estimator(model='lift', engine='onnxruntime', emitters='mode')"
+
+
+@pytest.mark.parametrize("segmenter", [None, "small"])
+def test_the_clicks_that_the_notebook_names_find_what_its_box_does(segmenter):
+    notebook = (ROOT / "docs" / "tutorials" / "first_light.ipynb").read_text(encoding="utf-8")
+    pairs = dict(re.findall(r"(click|exclude)=\((\d+, \d+)\)", notebook))
+    x0, y0, x1, y1 = map(int, re.search(r"box=\((\d+), (\d+), (\d+), (\d+)\)", notebook).groups())
+    pixels = read_image(ROOT / "examples" / "table.jpg")
+    network = None if segmenter is None else load_segmenter(segmenter)
+    boxed = find_mask(pixels, box=(x0, y0, x1, y1), segmenter=network).mask > 0.5
+    points = {name: [tuple(map(int, one.split(", ")))] for name, one in pairs.items()}
+    clicked = find_mask(pixels, **points, segmenter=network).mask > 0.5
+    assert set(pairs) == {"click", "exclude"}
+    assert (boxed & clicked).sum() > 0.9 * (boxed | clicked).sum()
