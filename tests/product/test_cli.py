@@ -142,10 +142,30 @@ def test_one_bad_photo_does_not_stop_the_others(work, command):
     assert "dominant light" in table[0]
     assert [row.split()[0] for row in table[1:4]] == ["first.png", "second.png", "third.png"]
     assert "failed" in table[2]
-    assert "results: out/<stem>_panorama.exr, _origin.png, .exr, .hdr, .json, .png" in table[4:]
+    assert any(
+        line.startswith("results: out/<stem>_panorama.exr, <stem>_origin.png, <stem>.exr,") for line in table[4:]
+    )
     assert [line for line in table if line.startswith("anyprobe: ")] == table[5:]
     assert len(table) == 6
     assert "second.png" in table[5]
+
+
+def test_results_of_a_folder_are_named_as_they_are_written(work, command):
+    save_sphere("a.png")
+    save_sphere("a.tif")
+    save_sphere("b.png")
+    outcome = command("estimate", ".", "-o", "out")
+    assert names("out") == results("a_png", "a_tif", "b")
+    assert outcome.err.rstrip().endswith("<stem>.json, <stem>.png; <stem> is a_png, a_tif, b")
+
+
+@pytest.mark.parametrize(("count", "said"), [(20, "p18, p19"), (23, "p18, p19 and 3 more")])
+def test_of_many_photos_some_names_are_said(count, said):
+    narrow = Console(file=io.StringIO(), width=60)
+    _report(
+        [Done(photo=Path(f"p{k}.png"), stem=f"p{k}", cells=("", "", "")) for k in range(count)], narrow, Path("out")
+    )
+    assert f"{said}\n" in narrow.file.getvalue()
 
 
 def test_where_the_results_are_is_one_line_on_any_terminal(work):
@@ -158,7 +178,10 @@ def test_where_the_results_are_is_one_line_on_any_terminal(work):
     )
     _report([Done(photo=Path("vase.png"), stem="vase", cells=(*_said(light), "0.10"))], narrow, out)
     shown = narrow.file.getvalue()
-    assert f"results: {out}/vase_panorama.exr, _origin.png, .exr, .hdr, .json, .png" in shown.splitlines()
+    assert (
+        f"results: {out}/vase_panorama.exr, vase_origin.png, vase.exr, vase.hdr, vase.json, vase.png"
+        in shown.splitlines()
+    )
     assert "uncertainty" in shown
     assert shown.count("±") == 2  # of the direction and of the brightness
     dark = Console(file=io.StringIO(), width=200)
@@ -424,6 +447,26 @@ for missing in (1, 300, 900):
 # Interrupted
 
 
+def test_an_interrupted_folder_says_how_many_are_done_and_that_it_starts_over(work, command, monkeypatch):
+    for name in ("a.png", "b.png", "c.png"):
+        save_sphere(name)
+
+    def stop(call, path):
+        if path.name == "c.png":
+            raise KeyboardInterrupt
+        return Done(photo=path, stem=path.stem)
+
+    monkeypatch.setattr("anyprobe.cli.estimate.EstimateCall.estimate_photo", stop)
+    ended = command("estimate", "a.png", "b.png", "c.png", "-o", "out")
+    assert ended.status == 130
+    stopped = "anyprobe: stopped with 2 of 3 photos done, which are in out; the same command starts over"
+    assert ended.err.split("\n") == [stopped, "anyprobe: interrupted", ""]
+    monkeypatch.setattr(
+        "anyprobe.cli.estimate.EstimateCall.estimate_photo", lambda call, path: stop(call, Path("c.png"))
+    )
+    assert command("estimate", "a.png", "-o", "out").err == "anyprobe: interrupted\n"
+
+
 @pytest.mark.ci
 @pytest.mark.parametrize("moment", ["outputs.draw_preview", "os.replace"])
 def test_interrupt_leaves_no_temporary_files(work, moment):
@@ -444,7 +487,8 @@ interrupted.count = {1 if moment == "outputs.draw_preview" else 13}
 """
     ended = shell("estimate", "a.png", "b.png", "-o", "out", "--size", 64, code=code)
     assert ended.returncode == 128 + signal.SIGINT
-    assert ended.stderr == "anyprobe: interrupted\n"
+    stopped = "anyprobe: stopped with 1 of 2 photos done, which are in out; the same command starts over"
+    assert ended.stderr.splitlines() == [stopped, "anyprobe: interrupted"]
     assert names("out") == results("a")
 
 
@@ -521,4 +565,30 @@ def test_remedies_name_the_options_of_relight_and_video():
     assert OPTIONS.line(Notice("floats", remedy=give("at", "size")).naming(PLACING)) == (
         "floats; pass --at X,Y or --scale NUMBER"
     )
-    assert OPTIONS.line(Notice("other", remedy=(Remedy("run", RESTART),))).endswith("anyprobe video --restart")
+    assert OPTIONS.line(Notice("other", remedy=(Remedy("run", RESTART),))).endswith("or add --restart")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("match", "a.png", "maps", "--best", "0"), "--best: expected 1 to 50, got 0"),
+        (("match", "a.png", "maps", "--best", "51"), "--best: expected 1 to 50, got 51"),
+        (("match", "a.png", "maps", "--apply", "maya"), "--apply: expected any of three, blender,"),
+        (("video", "a.mp4", "--every", "0"), "--every: expected 1 or more, got 0"),
+        (("export", "a.exr"), "--to: expected any of three, blender,"),
+        (("export", "a.exr", "--to", "maya"), "--to: expected any of three, blender,"),
+        (("relight", "folder", "-o", "x"), "PHOTO folder: is a folder; name one photo"),
+    ],
+)
+def test_what_is_refused_is_said_in_one_line_by_the_option(work, command, words, said):
+    (work / "folder").mkdir()
+    assert command(*words).complaint.startswith(f"anyprobe: {said}")
+
+
+def test_a_mask_s_warnings_speak_of_options(work, command, monkeypatch):
+    from anyprobe.masks import find
+
+    whole, doubt = find.find_mask, Notice("may be wrong", remedy=give("box"))
+    monkeypatch.setattr(find, "find_mask", lambda *args, **given: replace(whole(*args, **given), warnings=(doubt,)))
+    save_sphere("vase.png")
+    assert json.loads(command("mask", "vase.png", "--json").out)["warnings"] == ["may be wrong; pass --box X0,Y0,X1,Y1"]

@@ -12,7 +12,7 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import inverse_response
 from anyprobe.errors import InvalidMask
 from anyprobe.estimate import refine
-from anyprobe.estimate.doubts import ground_doubts, light_doubts
+from anyprobe.estimate.doubts import grey_doubts, ground_doubts, light_doubts
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import ground_by_posture, up_of
 from anyprobe.estimate.photo import load_photo
@@ -93,3 +93,19 @@ def test_an_object_above_any_usual_horizon_is_said(photo_rgba, photo_mask):
     assert not ground_doubts(found, "p")
     unsure = ground_by_posture(guessed, np.radians([20.0, 20.0, 0.0]), np.eye(3))
     assert [(one.code, one.remedy) for one in ground_doubts(unsure, "p")] == [("pitch-unsure", give("pitch_deg"))]
+
+
+def test_one_number_of_albedo_for_a_coloured_object_is_said(photo_rgba, photo_mask):
+    grey = np.repeat(photo_rgba[..., :3].mean(axis=-1, keepdims=True), 3, axis=-1)
+    red, warm = (np.clip(grey * tint, 0, 255).astype(np.uint8) for tint in ((1.2, 0.4, 0.4), (1.1, 1.0, 0.8)))
+
+    def codes(picture, **given) -> set[str]:
+        return {one.code for one in load_photo(picture, mask=photo_mask, fov_deg=60.0, **given).warnings}
+
+    assert "albedo-grey" in codes(red, albedo=0.3)
+    assert "albedo-grey" in codes(red, albedo=[0.3], material="plastic")
+    for picture, given in ((red, {}), (red, {"albedo": (0.5, 0.1, 0.1)}), (warm, {"albedo": 0.3})):
+        assert "albedo-grey" not in codes(picture, **given)
+    assert not grey_doubts(np.array([[0.02, 0.0, 0.0]]), "")
+    (said,) = grey_doubts(np.array([[0.8, 0.1, 0.1]]), "")
+    assert said.endswith("pass albedo=R,G,B")

@@ -46,7 +46,7 @@ def test_far_too_many_poses_are_not_read():
     bad = {"file_path": "a", "transform_matrix": "none"}
     for content, photos, words in (
         ({"frames": [bad] * (MOST_POSES + 1)}, 2, f"expected at most {MOST_POSES} poses for 2 photos"),
-        ([bad] * 3, 2, "expected 2 poses, one a photo in order, got 3"),
+        ([bad] * 3, 2, "expected one pose for each of the 2 photos, in their order; got 3"),
         ([bad] * 2, 2, "pose 1: expected 3 x 3"),
         ({"frames": [bad] * (MOST_POSES + 1)}, None, "pose 1: expected 3 x 3"),
     ):

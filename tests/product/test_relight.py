@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import time
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -425,6 +426,8 @@ def test_what_cannot_be_placed_is_said_of_the_python_argument(photo, given, said
         (("--model", "lft"), "--model: expected one of"),
         (("--detail", "plausible", "--detail-library", "nowhere"), "nowhere"),
         (("--insert", "spere"), "did you mean sphere?"),
+        (("--insert-material", "Glass"), "got 'Glass'; materials that light passes through are left out"),
+        (("--insert-material", "gras"), "got 'gras'; did you mean grass?"),
     ],
 )
 def test_bad_options_are_refused_before_the_photo_is_read(command, work, photo_path, monkeypatch, given, said):
@@ -460,9 +463,17 @@ def test_pitch_of_the_camera_is_said_in_whole_degrees_with_its_error(command, ph
 
 
 @pytest.mark.ci
-def test_strip_shows_the_photo_then_every_material(command, work, photo_path):
+def test_strip_shows_the_photo_then_every_material(command, work, photo_path, monkeypatch):
+    said = []
+
+    def noted(text, silent):
+        said.append(text)
+        return nullcontext()
+
+    monkeypatch.setattr("anyprobe.cli.relight.progress", noted)
     done = command("relight", photo_path, "--strip", "--renderer", "own", "-o", "strip.png")
     assert done.status == 0, done.err
+    assert said[2:4] == ["drawing the sphere of chrome, 1 of 5", "drawing the sphere of gold, 2 of 5"]
     picture = read_image(work / "strip.png").rgb
     assert picture.shape == (96, 6 * 128, 3)
     parts = np.split(picture, 6, axis=1)

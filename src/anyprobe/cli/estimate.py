@@ -55,6 +55,10 @@ if TYPE_CHECKING:
     from anyprobe.estimate.result import Light
 
 
+MOST_NAMED = 20
+"""Most photos whose results' names are printed."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Done:
     """Outcome of one photo: the stem of its files and its cells in the table, or the error as a line."""
@@ -114,9 +118,17 @@ def estimate(
         frame=frame,
     )
     with contextlib.closing(progress) as steps:  # else its thread outlives an error, and the process never ends
-        results = (
-            [call.estimate_views(steps, poses)] if poses is not None else [call.estimate_photo(path) for path in steps]
-        )
+        results: list[Done] = []
+        try:
+            if poses is not None:
+                results.append(call.estimate_views(steps, poses))
+            else:
+                results.extend(map(call.estimate_photo, steps))
+        except KeyboardInterrupt:
+            if poses is None and len(listed) > 1:
+                text = f"anyprobe: stopped with {len(results)} of {len(listed)} photos done, which are in {out}"
+                print(f"{text}; the same command starts over", file=sys.stderr)
+            raise
     failed = [result for result in results if result.error]
     if len(results) > 1 or not failed:
         _report(results, console, out)
@@ -225,13 +237,23 @@ def _said(light: Light) -> tuple[str, str]:
 
 def _report(results: list[Done], console: Console, out: Path) -> None:
     """Print a table of all photos, where their results are, and the warnings."""
+    from anyprobe.estimate.outputs import OUTPUT_SUFFIXES
+
     table = Table("photo", "dominant light", "brightness uncertainty", "seconds", box=None, pad_edge=False)
     for result in results:
         table.add_row(result.photo.name, *result.cells)
     print_table(console, table)
     written = [result.stem for result in results if not result.error]
     if written:  # on a line of its own, which a narrow terminal does not cut into pieces
-        name = written[0] if len(written) == 1 else "<stem>"
-        console.print(f"results: {out / name}_panorama.exr, _origin.png, .exr, .hdr, .json, .png", soft_wrap=True)
+        stems = "" if len(written) == 1 else f"; <stem> is {_some(written)}"
+        stem = "<stem>" if stems else written[0]
+        files = ", ".join(f"{stem}{suffix}" for suffix in OUTPUT_SUFFIXES)
+        console.print(f"results: {out / files}{stems}", soft_wrap=True)
     for warning in dict.fromkeys(line for result in results for line in result.warnings):
         console.print(f"warning: {OPTIONS.line(warning)}", soft_wrap=True)
+
+
+def _some(names: list[str]) -> str:
+    """Return up to MOST_NAMED names, and how many more there are."""
+    more = len(names) - MOST_NAMED
+    return ", ".join(names[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")

@@ -27,8 +27,9 @@ def export(
         list[Path], typer.Argument(metavar="LIGHT...", help="Maps that estimate wrote: .exr (full range) or .hdr.")
     ],
     to: Annotated[
-        list[str], typer.Option(metavar="TARGET[,TARGET...]", help=f"Any of {', '.join(TARGETS)}; or all. Repeatable.")
-    ],
+        list[str] | None,
+        typer.Option(metavar="TARGET[,TARGET...]", help=f"Required: any of {', '.join(TARGETS)}; or all. Repeatable."),
+    ] = None,
     out: Annotated[Path, folder_option("Folder for the files; several lights get one folder each in it.")] = Path(
         "export"
     ),
@@ -49,7 +50,7 @@ def export(
     from anyprobe.export import targets
     from anyprobe.maps.radiance import read_radiance
 
-    names = target_names(",".join(to))
+    names = target_names(",".join(to or []))
     rotation = None if world_from_camera is None else parse_rotation(world_from_camera)
     for light, folder in folders(lights, out):
         radiance = read_radiance(light, _MAX_PIXELS)
@@ -87,14 +88,14 @@ def folders(lights: list[Path], out: Path) -> list[tuple[Path, Path]]:
     return [(light, out if len(unique) == 1 else out / light.stem) for light in unique]
 
 
-def target_names(text: str) -> list[str]:
-    """Return the targets of --to, each once; "all" stands for every one. InputError for an unknown name."""
+def target_names(text: str, option: str = "to") -> list[str]:
+    """Return the targets of an option, each once; "all" stands for every one. InputError for none or an unknown one."""
     parts = [name.strip() for name in text.split(",")]
     names = list(dict.fromkeys(target for name in parts for target in (TARGETS if name == "all" else (name,))))
     for name in names:
         if name not in TARGETS:
-            advice = did_you_mean(name, [*TARGETS, "all"])
-            raise InputError(f"expected any of {', '.join(TARGETS)}, or all, got {name!r}{advice}", subject="to")
+            got = f"{name!r}{did_you_mean(name, [*TARGETS, 'all'])}" if text else "none"
+            raise InputError(f"expected any of {', '.join(TARGETS)}, or all, got {got}", subject=option)
     return names
 
 

@@ -64,7 +64,7 @@ def mask(
             elif not quiet:
                 typer.echo(_line(summary))
             for warning in [] if quiet else summary["warnings"]:
-                print(f"warning: {OPTIONS.line(warning)}", file=sys.stderr)
+                print(f"warning: {warning}", file=sys.stderr)
             failed |= mask_options.strict and bool(summary["warnings"])
         except AnyprobeError as error:
             print(f"anyprobe: {photo_line(path, error)}", file=sys.stderr)
@@ -103,5 +103,8 @@ def _write(
         "confidence": None if found.confidence is None else round(float(found.confidence), 4),
         "said": found.verdict,
         "share": round(float((found.mask > 0.5).mean()), 4),
-        "warnings": [*pixels.warnings, *scale_doubts(pixels.radiance, pixels.name), *found.warnings],
+        "warnings": [
+            OPTIONS.line(one)
+            for one in (*pixels.warnings, *scale_doubts(pixels.radiance, pixels.name), *found.warnings)
+        ],
     }

@@ -19,6 +19,7 @@ from anyprobe.cli.options import (
     ModelOptions,
     ObjectOptions,
     QuietOption,
+    count_option,
     folder_option,
     with_bundles,
 )
@@ -39,7 +40,7 @@ def match(
     object_options: ObjectOptions,
     model_options: ModelOptions,
     out: Annotated[Path, folder_option("Folder for the results.")] = Path("match"),
-    best: Annotated[int, typer.Option(min=1, max=50, help="Number of panoramas to write and show.")] = 3,
+    best: Annotated[int, count_option(least=1, most=50, help="Number of panoramas to write and show, up to 50.")] = 3,
     apply: Annotated[
         str | None,
         typer.Option(metavar="TARGET[,TARGET...]", help="Also export the best one, as anyprobe export does."),
@@ -60,7 +61,7 @@ def match(
     from anyprobe.match.library_folder import open_library
     from anyprobe.pictures.images import write_png
 
-    targets = [] if apply is None else target_names(apply)
+    targets = [] if apply is None else target_names(apply, "apply")
     console = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     with console.status("reading the panoramas"):
         library = open_library(folder)

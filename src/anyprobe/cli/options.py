@@ -20,7 +20,7 @@ from anyprobe.detail.plausible import DETAILS
 from anyprobe.errors import InputError, InvalidMask, MissingExtra, OutputError
 from anyprobe.estimate.settings import Settings
 from anyprobe.hints import HINTS, PICTURES, Hint, Hints
-from anyprobe.notices import Words, give
+from anyprobe.notices import RESTART, Words, give
 
 if TYPE_CHECKING:
     from anyprobe.estimate.estimator import Estimator
@@ -58,6 +58,18 @@ def _folder(out: Path | None) -> Path | None:
     return out
 
 
+def count_option(*names: str, least: int, most: int | None = None, **how: Any) -> Any:
+    """Return the option of a whole number; another than from `least` to `most` is an InputError."""
+    span = f"{least} or more" if most is None else f"{least} to {most}"
+
+    def check(param: typer.CallbackParam, value: int) -> int:
+        if value < least or (most is not None and value > most):
+            raise InputError(f"expected {span}, got {value}", subject=param.name or "")
+        return value
+
+    return typer.Option(*names, callback=check, **how)
+
+
 def _hint_option(hint: Hint) -> Any:
     kind: Any = str
     metavar, text = hint.metavar, hint.help
@@ -92,6 +104,10 @@ class OptionWords(Words):
             FORMS.get(argument, "NUMBER") if hint is None else hint.metavar or ("FILE" if hint.suffixes else "NUMBER")
         )
         return f"{self.name(argument)} {value or form}"
+
+    def action(self, name: str) -> str:
+        """Return what users of the command line do."""
+        return "or add --restart" if name == RESTART else super().action(name)
 
 
 OPTIONS = OptionWords()

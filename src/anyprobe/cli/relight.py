@@ -26,7 +26,7 @@ from anyprobe.cli.options import (
     with_bundles,
 )
 from anyprobe.cli.photo_files import hints_for, photo_name, photo_source, result_stem
-from anyprobe.errors import InvalidMask, OutputError, arguments_named
+from anyprobe.errors import InputError, InvalidMask, OutputError, arguments_named
 from anyprobe.files.paths import same_file_key
 from anyprobe.hints import HINTS, numbers_in
 
@@ -146,6 +146,8 @@ def relight(
     from anyprobe.relight.passes import passes_of, write_passes
     from anyprobe.relight.placement import check_foot
 
+    if photo.is_dir():
+        raise InputError("is a folder; name one photo", subject="photo", source=photo)
     if light is not None:
         refuse_unused(context, "with --light", *OF_ESTIMATES)
     if strip:
@@ -189,11 +191,12 @@ def relight(
         with progress(f"writing {out}", silent):
             write_passes(out, passes, colorspace, opaque_linear(source, colorspace, MAX_PIXELS))
     else:
-        with progress(f"drawing the {insert}", silent):
-            shown = picture_bytes(loaded.rgb) if is_plain_png else loaded.rgb.copy()
-            pictures = [shown] if strip or before else []
-            shadow = stage.shadow(radiance) if strip else None  # else while the object is drawn
-            for name in names:
+        shown = picture_bytes(loaded.rgb) if is_plain_png else loaded.rgb.copy()
+        pictures = [shown] if strip or before else []
+        shadow = stage.shadow(radiance) if strip else None  # else while the object is drawn
+        for number, name in enumerate(names, start=1):
+            count = f" of {name}, {number} of {len(names)}" if strip else ""
+            with progress(f"drawing the {insert}{count}", silent):
                 region, changed = stage.change(radiance, name, renderer, shadow)
                 pictures.append(shown.copy() if pictures else shown)
                 pictures[-1][region] = to_bytes(changed) if is_plain_png else changed
@@ -222,7 +225,7 @@ def relight(
         "long_fov_deg": round(stage.view.long_fov_deg, 2),
         "light_gain": round(gain, 3),
         "scale": round(size * stage.placement.share, 3),
-        "warnings": warnings,
+        "warnings": [OPTIONS.line(line) for line in warnings],
     }
     for line in warnings:
         if not silent:

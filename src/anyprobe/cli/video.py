@@ -21,6 +21,7 @@ from anyprobe.cli.options import (
     ModelOptions,
     ObjectOptions,
     QuietOption,
+    count_option,
     folder_option,
     refuse_unused,
     with_bundles,
@@ -47,7 +48,7 @@ def video(
         str | None, typer.Option(metavar="SHAPE|FILE", help=f"Also write relit.mp4 with {SHAPES}, or a mesh file.")
     ] = None,
     renderer: Annotated[Renderer, typer.Option(help="Renderer of the object, as in relight.")] = "own",
-    every: Annotated[int, typer.Option(min=1, metavar="N", help="Estimate a light for every Nth frame.")] = 1,
+    every: Annotated[int, count_option(least=1, metavar="N", help="Estimate a light for every Nth frame.")] = 1,
     exr: Annotated[bool, typer.Option("--exr", help="Also write the maps as lights/<frame>.exr.")] = False,
     poses: Annotated[
         Path | None, typer.Option(help="JSON with the camera's rotation in each frame; see docs/how-to/video.md.")
@@ -172,9 +173,9 @@ def video(
         "light": str(out / "light.mp4"),
         "relit": str(out / "relit.mp4") if virtual else None,
         "frames": outcome.frames,
-        "bad": [{"index": index, "error": line} for index, line in outcome.bad],
+        "bad": [{"index": index, "error": OPTIONS.line(line)} for index, line in outcome.bad],
         "damaged": outcome.damaged,
-        "warnings": warnings,
+        "warnings": [OPTIONS.line(line) for line in warnings],
         "seconds": round(seconds, 2),
     }
     if as_json:

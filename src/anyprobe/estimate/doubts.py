@@ -8,6 +8,7 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
+from anyprobe.core.response import inverse_response
 from anyprobe.estimate.ground import (
     ESTIMATED,
     GIVEN_ERROR_DEG,
@@ -42,6 +43,13 @@ DIRECTIONAL = 0.25
 """Smallest directionality at which the light's direction matters."""
 
 
+COLORED = 2.5
+"""Largest over smallest channel of an object's mean radiance above which it is coloured: tinted light gives grey ones
+less."""
+_FAINT = 0.005
+"""Radiance below which a channel is noise."""
+
+
 def scale_doubts(radiance: Float[np.ndarray, "H W 3"] | None, name: str) -> tuple[Notice, ...]:
     """Warn of a photo of linear radiance that is mostly above white: its unit may be another."""
     if radiance is None:
@@ -62,7 +70,7 @@ def exposure_doubts(
     """Warn of an object's pixels [N, 3] that are mostly black or largely clipped; radiance: theirs, if known."""
     dark = float((luminance(rgb) <= DARK).mean())
     if dark >= DARK_SHARE:
-        advice = "expose longer, or multiply a file of radiance"
+        advice = "expose longer; if it is an .exr, multiply its values"
         text = f"{dark:.0%} of the object is nearly black; little can be estimated from it; {advice}"
         return (Notice(text, code="object-dark", source=name),)
     clipped = float(np.logical_and.reduce((rgb >= _CLIPPED).T).mean())
@@ -73,6 +81,15 @@ def exposure_doubts(
         advice = f"multiply its radiance by {_MIDDLE / np.median(luminance(radiance)):.2g}, so that white is 1"
     text = f"{clipped:.0%} of the object is clipped; where its light comes from is uncertain; {advice}"
     return (Notice(text, code="object-clipped", source=name),)
+
+
+def grey_doubts(rgb: Float[np.ndarray, "N 3"], name: str) -> tuple[Notice, ...]:
+    """Warn of an object's display pixels [N, 3] that are clearly coloured, where its albedo was given as grey."""
+    mean = inverse_response(rgb).mean(axis=0)
+    if mean.max() < COLORED * max(float(mean.min()), _FAINT):
+        return ()
+    text = "the object is coloured, but one number of albedo means grey, so its colour is taken for the light's"
+    return (Notice(text, code="albedo-grey", source=name, remedy=give(albedo="R,G,B")),)
 
 
 def backdrop_doubts(name: str) -> tuple[Notice, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
 from anyprobe.errors import InputError, InvalidMask
-from anyprobe.estimate.doubts import backdrop_doubts, dark_beside_doubts, exposure_doubts, scale_doubts
+from anyprobe.estimate.doubts import backdrop_doubts, dark_beside_doubts, exposure_doubts, grey_doubts, scale_doubts
 from anyprobe.estimate.ground import NOTED, Ground, estimate_ground
 from anyprobe.estimate.known import GivenPanorama, KnownNormals, PhotoBackground, asked_surroundings, find_normals
 from anyprobe.estimate.normals_hint import SHORTEST
@@ -206,6 +206,8 @@ def load_photo(
     known, depth_doubts = find_normals(hints, pixels, found.mask, long_fov_deg, fov_source)
     is_whole = isinstance(around, PhotoBackground) and around.is_asked
     exposure = () if scale else _exposure_doubts(pixels, found.mask)
+    if hints.albedo is not None and np.size(hints.albedo) == 1:
+        exposure += grey_doubts(_of_object(found.mask, pixels.rgb), pixels.name)
     photo = Photo(
         rgb=pixels.rgb,
         mask=found.mask,

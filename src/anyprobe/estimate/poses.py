@@ -170,7 +170,10 @@ def parse_poses(data: bytes, file: str, photos: int | None = None) -> Poses:
 def _check_count(file: str, poses: int, photos: int) -> None:
     """Raise InputError unless there are as many unnamed poses as photos."""
     if poses != photos:
-        raise InputError(f"expected {photos} poses, one a photo in order, got {poses}", source=file)
+        wanted = (
+            "one pose for the photo" if photos == 1 else f"one pose for each of the {photos} photos, in their order"
+        )
+        raise InputError(f"expected {wanted}; got {poses}", source=file)
 
 
 def _lens_keys(entry: Any) -> dict[str, Any]:

@@ -84,6 +84,10 @@ MATERIALS: dict[str, Material] = (
 """Materials by name; chemical elements that few own are last."""
 
 
+SEE_THROUGH = frozenset("glass crystal diamond ice snow water milk oil honey acrylic skin wax".split())
+"""Words for materials that transmit light or scatter it below their surface, which Material cannot express."""
+
+
 def material_named(name: str, *also: str) -> Material:
     """Return one of MATERIALS, upper or lower case; InputError names similar spellings and `also`, the other accepted
     values."""
@@ -91,6 +95,8 @@ def material_named(name: str, *also: str) -> Material:
     if key in MATERIALS:
         return MATERIALS[key]
     advice = did_you_mean(key, [*MATERIALS, *also]) or "; `anyprobe materials` lists them"
+    if not SEE_THROUGH.isdisjoint(key.split("-")):
+        advice = "; materials that light passes through are left out"
     raise InputError(
         f"expected one of {', '.join([*PRESETS, *also])} or of {len(MEASURED)} measured ones, "
         f"got {str(name)[:60]!r}{advice}",
