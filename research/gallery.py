@@ -3,7 +3,8 @@
     python -m research.gallery       # Mitsuba 3 (pip install '.[relight]', libllvm19)
 
 Each photo is path traced: an object on a textured table under a map of 512 x 1024 pixels, both of anyprobe's own
-making, through a phone's lens and curve with its noise. The estimate gets the photo and the object's mask alone.
+making, through a phone's lens and curve with its noise. The estimate gets the photo, the object's mask and the lens's
+field of view.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from anyprobe.cli.app import main as run_command
 from anyprobe.core.color import luminance, to_bytes
 from anyprobe.core.response import response
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.photo import Photo
+from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.files.objects import open_object
 from anyprobe.learning.dataset.textured import draw_texture
 from anyprobe.learning.evaluate.metrics import color_angle_deg, direction_error_deg, power_ratio_stops
@@ -77,15 +78,15 @@ def main() -> None:
     estimator, lines = Estimator(), [HEAD]
     for scene in SCENES:
         photo, truth, _ = photograph(scene)
-        light = estimator.from_photo(photo).radiance
-        light = light * np.float32(least_scale(photo, light))
+        light = estimator.from_photo(photo)
+        gain = np.float32(least_scale(photo, light.radiance))
+        panorama = light.panorama(MAP_ROWS, frame="camera").radiance * gain
         stage = Stage(photo, open_object("sphere"))
-        relit = [stage.relit(one, scene.inserted, "own") for one in (light, truth)]
+        relit = [stage.relit(one, scene.inserted, "own") for one in (panorama, truth)]
         path = DOCS / "gallery" / f"{scene.name.replace(', ', '_').replace(' ', '_')}.jpg"
-        sheet(photo.rgb, light, truth, relit).save(path, quality=82, optimize=True)
-        lines.append(
-            SECTION.format(name=scene.name, inserted=scene.inserted, path=path.name, errors=errors(light, truth))
-        )
+        sheet(photo.rgb, panorama, truth, relit).save(path, quality=82, optimize=True)
+        said = errors(light.radiance * gain, shrink(truth, MAP_HEIGHT))
+        lines.append(SECTION.format(name=scene.name, inserted=scene.inserted, path=path.name, errors=said))
         print(path, flush=True)
     (DOCS / "explanation" / "gallery.md").write_text("\n".join([*lines, TAIL]), encoding="utf-8")
 
@@ -93,8 +94,9 @@ def main() -> None:
 HEAD = """# Gallery
 
 `python -m research.gallery` makes this page and its pictures: path-traced photos of scenes whose light is known,
-with our own textured tables and surroundings. In each row: the photo, the estimated environment map above the true one,
-a sphere inserted in the estimated light, the same in the true light. Scenes were not selected by their results.
+with our own textured tables and surroundings. In each row: the photo, the estimated [panorama](../how-to/panorama.md)
+above the true one, a sphere inserted in the estimated light, the same in the true light. Scenes were not selected by
+their results.
 """
 SECTION = """## {name}
 
@@ -114,7 +116,7 @@ docs/detail.jpg`). The light is the estimate's, the places are invented: [detail
 
 
 def photograph(scene: Scene) -> tuple[Photo, np.ndarray, np.ndarray]:
-    """The photo with its mask, the true map [64, 128, 3] in its camera's frame and exposure, and the depth [H, W]."""
+    """The photo with its mask, the true map [256, 512, 3] in its camera's frame and exposure, and the depth [H, W]."""
     mi = open_mitsuba()
     rng = np.random.default_rng(scene.seed)
     radiance = scene.light(rng, MAP_ROWS)
@@ -137,9 +139,8 @@ def photograph(scene: Scene) -> tuple[Photo, np.ndarray, np.ndarray]:
     display = response(picture[..., :3] * gain) + NOISE * rng.standard_normal((HEIGHT, WIDTH, 3))
     world_from_camera = np.array(look.matrix)[:3, :3] @ np.diag([-1.0, 1.0, -1.0])
     truth = np.maximum(rotate(shrink(radiance, 4 * MAP_HEIGHT), world_from_camera.T), 0.0)
-    photo = Photo(rgb=np.clip(display, 0, 1).astype(np.float32), mask=mask, long_fov_deg=FOV_DEG, fov_source="given",
-                  name=scene.name, warnings=())  # fmt: skip
-    return photo, shrink(truth, MAP_HEIGHT).astype(np.float32) * np.float32(gain), depth_of(mi, described, "table")
+    photo = load_photo(to_bytes(display), name=scene.name, mask=mask, fov_deg=FOV_DEG)
+    return photo, truth.astype(np.float32) * np.float32(gain), depth_of(mi, described, "table")
 
 
 def object_share(mi, described: dict) -> np.ndarray:
