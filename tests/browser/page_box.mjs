@@ -1,5 +1,6 @@
 // A box around part of the example: by mouse, by key, by finger. arguments: { box, screenshot? }
-// Boxes are shares of the picture; `outlines` are those of what was found, likewise.
+// Boxes are shares of the picture; `outlines` are those of what was found, likewise; `hints` tells whether dragging is advised
+// before and while a box is drawn, and keys on a touch screen.
 
 import { estimated, openPage, outlined, waitForStatus } from "./page_steps.mjs";
 
@@ -14,6 +15,7 @@ export default async ({ page, context, url, arguments: given }) => {
   const on = (x, y) => [place.x + x * place.width, place.y + y * place.height];
   const forget = () => page.evaluate(() => (document.getElementById("status").textContent = ""));
   const outlines = { before: await outlined(page) };
+  const hints = { before: await page.isVisible(".dragging") };
   let band;
   const drawn = async (name, draw) => {
     await page.click("#reset");
@@ -59,6 +61,8 @@ export default async ({ page, context, url, arguments: given }) => {
     await page.click("#draw-box");
     pressed.push(await page.getAttribute("#draw-box", "aria-pressed"));
     const client = await context.newCDPSession(page);
+    await client.send("Emulation.setTouchEmulationEnabled", { enabled: true });
+    [hints.dragging, hints.keys] = [await page.isVisible(".dragging"), await page.isVisible(".keys")];
     const touch = (type, ...points) =>
       client.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y]) => ({ x, y })) });
     await touch("touchStart", on(x0, y0));
@@ -67,7 +71,7 @@ export default async ({ page, context, url, arguments: given }) => {
     await touch("touchEnd");
   });
   pressed.push(await page.getAttribute("#draw-box", "aria-pressed"));
-  return { outlines, band, pressed };
+  return { outlines, band, pressed, hints };
 };
 
 async function press(page, key, times) {

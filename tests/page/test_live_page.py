@@ -166,6 +166,7 @@ def test_box_is_drawn_by_mouse_key_and_finger(page_url):
         np.testing.assert_allclose(outlines[way], [0.31, 0.45, 0.69, 0.79], atol=0.03, err_msg=way)
     assert seen["band"]
     assert seen["pressed"] == ["false", "true", "false"]
+    assert seen["hints"] == {"before": False, "dragging": True, "keys": False}
 
 
 def test_pictures_handle_divides_before_from_after(page_url):

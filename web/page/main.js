@@ -12,7 +12,7 @@ import { maskFromAlpha, objectBox } from "../src/photo/picture.js";
 import { openPhoto } from "./openPhoto.js";
 import { PAGE, errorLine, sentence } from "./words.js";
 import { fetchExample, readExample } from "./example.js";
-import { showQuality } from "./view/maskQuality.js";
+import { showQuality, untold } from "./view/maskQuality.js";
 import { askReflections } from "./reflections.js";
 
 const config = await (await fetch("config.json")).json();
@@ -216,7 +216,7 @@ async function estimate(found, hints, isLate) {
   if (isLate()) return;
   state.opened.result = result;
   showLight();
-  const [doubt] = [...(found.quality === null ? found.notices : []), ...result.light.notices]; // else beside the photo
+  const doubt = untold(found, result.light);
   if (doubt) return tell(`Estimated, but ${PAGE.line(doubt)}.`, "warning");
   const search = seconds === undefined ? "" : `object found in ${seconds.toFixed(1)} s, `;
   tell(`Estimated: ${search}light in ${result.seconds.toFixed(1)} s. If the outline is wrong, click on the object, or draw a box around it.`);

@@ -4,6 +4,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { AnyProbeError, receivedError, sentError } from "../src/errors.js";
+import { untold } from "../page/view/maskQuality.js";
 import { PAGE, errorLine, problemLine, sentence } from "../page/words.js";
 import { PACKAGE, give, leaveOut, notice } from "../src/notices.js";
 import { warningsOf } from "../src/photo/quality.js";
@@ -13,6 +14,13 @@ test("a doubtful mask is a sentence of its own", () => {
   const [found] = warningsOf({ ...good, expected: 0.6 }, 0.62, []);
   assert.equal(found.code, "mask-doubtful");
   assert.equal(sentence(found), "The mask may be wrong: its outline is blurred.");
+});
+
+test("a doubt about a mask that was found is told beside the photo alone", () => {
+  const [ofMask, ofLight] = [notice("mask-doubtful", "the mask may be wrong"), notice("pitch-unsure", "a guess")];
+  assert.equal(untold({ quality: 0.6, notices: [ofMask] }, { notices: [ofLight] }), ofLight);
+  assert.equal(untold({ quality: 0.6, notices: [ofMask] }, { notices: [] }), undefined);
+  assert.equal(untold({ quality: null, notices: [ofMask] }, { notices: [ofLight] }), ofMask);
 });
 
 test("controls are called by their labels", () => {

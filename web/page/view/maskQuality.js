@@ -18,3 +18,6 @@ export function showQuality(found) {
   line.textContent = doubt ? sentence(doubt) : `The mask ${isGood ? "looks right" : "may be wrong"}.`;
   line.className = isGood ? "good" : "warning";
 }
+
+/** The first doubt about a mask and its light that is not told by that line. */
+export const untold = (found, light) => [...(found.quality === null ? found.notices : []), ...light.notices][0];
