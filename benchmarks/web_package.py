@@ -44,8 +44,9 @@ def package_site(clone: Path, folder: Path) -> Path:
         (web / "node_modules").symlink_to(ROOT / "web" / "node_modules")
     command = ["npm", "pack", "--silent", "--pack-destination", folder]
     subprocess.run(command, cwd=web, check=True, capture_output=True)
+    safely = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}  # since 3.11.4
     with tarfile.open(next(folder.glob("*.tgz"))) as archive:
-        archive.extractall(folder, filter="data")
+        archive.extractall(folder, **safely)
     (folder / "node_modules").mkdir()
     shutil.move(folder / "package", folder / "node_modules" / "anyprobe")
     (folder / "node_modules" / "onnxruntime-web").symlink_to(web / "node_modules" / "onnxruntime-web")
