@@ -2,6 +2,7 @@
 
 In a level panorama one row is one elevation: the same distance on the ground, or the same height on a wall or in the
 sky. So a photo's columns may stand at any azimuth: it goes on with its own columns all around (detail.column_walk).
+Ground that is no even surface loses its patches on the way, which would be a pattern.
 Its object's place has the smooth colours of what is around it (detail.spread) and the texture of the columns beside.
 Above and below, colours are spread along rows far more than across them, ever wider means. Below the photo the texture
 is that of the plane under the camera, mirrored again and again.
@@ -216,12 +217,11 @@ def _calmer_ground(
     ahead = (np.arange(columns) - photo.stop) % columns  # columns after the photo
     away = np.minimum(ahead, columns - (photo.stop - photo.start) - 1 - ahead).clip(min=0) / per_deg
 
-    def between(value: np.ndarray, low: float, high: float) -> np.ndarray:
+    def eased(value: np.ndarray, low: float, high: float) -> np.ndarray:
         return _smooth(np.clip((value - low) / (high - low), 0.0, 1.0))
 
-    share = (between(patchiness, *UNLIKE_PARTS) * between(-elevation, *GROUND_DEG))[:, None] * between(
-        away, 0.0, ALIKE_DEG
-    )
+    of_row = eased(patchiness, *UNLIKE_PARTS) * eased(-elevation, *GROUND_DEG)
+    share = of_row[:, None] * eased(away, 0.0, ALIKE_DEG)
     at = (np.arange(columns) + 0.5) * GROUND_PARTS / columns - 0.5
     left = np.floor(at).astype(int)
     right = (at - left)[:, None].astype(np.float32)
