@@ -585,6 +585,10 @@ def test_what_is_refused_is_said_in_one_line_by_the_option(work, command, words,
     assert command(*words).complaint.startswith(f"anyprobe: {said}")
 
 
+def test_an_export_without_targets_got_none(work, command):
+    assert command("export", "a.exr").complaint.endswith("or all, got none")
+
+
 def test_a_mask_s_warnings_speak_of_options(work, command, monkeypatch):
     from anyprobe.masks import find
 
