@@ -165,14 +165,17 @@ def balls(
     found = {}
     for ball in balls_under(maps):
         known, degrees = ball_angle(ball, estimator)
-        found[ball.name] = {"recognised": known, "deg": round(degrees, 2)}
+        clipped = round(ball.clipped_deg, 2)
+        found[ball.name] = {"recognised": known, "deg": round(degrees, 2), "clipped_map_deg": clipped}
         typer.echo(f"{ball.name}: {degrees:.1f} degrees{'' if known else ', not recognised'}")
     angles = np.array([one["deg"] for one in found.values()])
     if not len(angles):
         raise InputError("expected maps with a dominant light, found none; choose another folder", subject=str(maps))
     known = sum(bool(one["recognised"]) for one in found.values())
+    limit = sum(one["clipped_map_deg"] <= 8 for one in found.values())
     typer.echo(
-        f"{known} of {len(found)} recognised; {(angles <= 8).sum()} within 8 degrees, median {np.median(angles):.1f}"
+        f"{known} of {len(found)} recognised; {(angles <= 8).sum()} within 8 degrees, median {np.median(angles):.1f}; "
+        f"the true maps, clipped as the photos: {limit}"
     )
     write_result(out, {"commit": commit(), "model": model_id(model), "balls": found})
     typer.echo(out)

@@ -14,6 +14,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import inverse_response, response
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import load_photo
+from anyprobe.learning.evaluate.metrics import direction_error_deg
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import integral, reduced
 from anyprobe.maps.radiance import read_radiance
@@ -31,12 +32,16 @@ LEAST_SHARE = 0.1
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Ball:
-    """A photo [H, W, 3] uint8 of a ball, its mask [H, W], and the direction [3] of the map's dominant light."""
+    """A photo [H, W, 3] uint8 of a ball, its mask [H, W], and the direction [3] of the map's dominant light.
+
+    clipped_deg: angle [degrees] from it to the dominant light of the whole map, clipped as the photo is.
+    """
 
     name: str
     photo: np.ndarray
     mask: np.ndarray
     towards: np.ndarray
+    clipped_deg: float
 
 
 def balls_under(folder: Path) -> Iterator[Ball]:
@@ -48,12 +53,24 @@ def balls_under(folder: Path) -> Iterator[Ball]:
         main = find_dominant_light(radiance)
         if luminance(main.irradiance) < LEAST_SHARE * luminance(integral(radiance)):
             continue
-        photo, mask = draw_ball(radiance, turn, random)
-        yield Ball(name=path.stem, photo=photo, mask=mask, towards=turn.T @ main.direction)
+        photo, mask, gain = draw_ball(radiance, turn, random)
+        clipped = find_dominant_light(np.minimum(gain * REFLECTS * radiance, 1.0))
+        yield Ball(
+            name=path.stem,
+            photo=photo,
+            mask=mask,
+            towards=turn.T @ main.direction,
+            clipped_deg=direction_error_deg(clipped.direction, main.direction),
+        )
 
 
-def draw_ball(radiance: np.ndarray, turn: np.ndarray, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Return photo and mask of a ball before a map [H, 2H, 3]; turn: [3, 3] from the camera's frame to the map's."""
+def draw_ball(
+    radiance: np.ndarray, turn: np.ndarray, random: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return photo and mask of a ball before a map [H, 2H, 3], and the photo's gain.
+
+    turn: [3, 3] from the camera's frame to the map's.
+    """
     height, width = SHAPE
     focal = width / 2 / np.tan(np.radians(FOV_DEG) / 2)
     y, x = np.mgrid[:height, :width] + 0.5
@@ -69,12 +86,11 @@ def draw_ball(radiance: np.ndarray, turn: np.ndarray, random: np.random.Generato
     picture[on] = REFLECTS * bilinear(radiance, direction_to_uv(reflect(-d[on], n) @ turn.T))
     brightest = float(np.quantile(picture[on].max(axis=-1), 1 - CLIPPED))
     gain = float(inverse_response(np.array([WHITE]))[0]) / max(brightest, 1e-9)
-    return to_bytes(response(gain * picture)), on.astype(np.float32)
+    return to_bytes(response(gain * picture)), on.astype(np.float32), gain
 
 
 def ball_angle(ball: Ball, estimator: Estimator) -> tuple[bool, float]:
     """Return whether a ball was recognised, and the angle [degrees] from its estimated dominant light to the true."""
     light = estimator.from_photo(load_photo(ball.photo, mask=ball.mask))
     known = bool(light.info.get("hints", {}).get("measured"))
-    cosine = float(light.dominant_light().direction @ ball.towards)
-    return known, float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    return known, direction_error_deg(light.dominant_light().direction, ball.towards)

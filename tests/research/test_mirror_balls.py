@@ -16,6 +16,17 @@ from research.real_photos.balls import CLIPPED, balls_under
 TOWARDS = np.array([0.36, 0.48, 0.8])
 
 
+def test_what_is_clipped_is_the_limit(tmp_path):
+    """A strong and small light beside a weak and wide one: once clipped, the wide one has more."""
+    d = pixel_directions(64)
+    weak = np.array([-0.6, 0.0, 0.8])
+    lights = 60.0 * (d @ TOWARDS > 0.998)[..., None] + 6.0 * (d @ weak > 0.96)[..., None]
+    write_exr(tmp_path / "two.exr", 0.1 + np.broadcast_to(lights, (64, 128, 3)))
+    (ball,) = balls_under(tmp_path)
+    between = np.degrees(np.arccos(TOWARDS @ weak))
+    assert ball.clipped_deg == pytest.approx(between, abs=3)
+
+
 @pytest.fixture
 def maps(tmp_path):
     """One map of soft structure with an emitter; and an even one, which has no dominant light."""
