@@ -32,6 +32,18 @@ def test_a_floor_goes_on_beside_the_object_and_under_its_shadow():
         assert surface.support(210, 133, 30) > STANDS
 
 
+def test_a_floor_ends_where_another_colour_begins_without_an_edge():
+    """A blurred background has no edge to end the floor."""
+    height, width = 192, 256
+    y, x = np.mgrid[:height, :width]
+    grass = 1 / (1 + np.exp(-(x - 190) / 6.0))[..., None]
+    picture = (1 - grass) * (0.6, 0.5, 0.35) + grass * (0.25, 0.45, 0.2)
+    mask = ((x - 128) ** 2 + (y - 95) ** 2 < 38**2).astype(np.float32)
+    photo = load_photo(np.round(255 * picture).astype(np.uint8), mask=mask)
+    surface = RealSurface(photo, contact_of(photo.mask))
+    assert surface.support(160, 133, 20) > STANDS > surface.support(230, 133, 20)
+
+
 def test_an_object_on_a_post_does_not_stand_on_the_floor_behind_it():
     assert surface_of((0.05, 0.05, 0.06)).narrow
     assert surface_of((0.2, 0.35, 0.6)).narrow

@@ -1,8 +1,7 @@
-"""The surface that the real object stands on, and whether a place in the photo is on it: by colour, brightness and
-edges.
+"""The surface that the real object stands on, and whether a place in the photo is on it: by colour and brightness.
 
-The surface is what is seen around the object's foot and everything connected to it without a strong edge. Where its own
-texture has such edges, colour and brightness decide alone.
+The surface is what has the colours and the brightness that are seen around the object's foot. What is connected to
+that without a strong edge is no evidence: a blurred background may be.
 """
 
 from __future__ import annotations
@@ -20,8 +19,6 @@ RIM = 0.12
 """Reach around the foot, in the object's widths, that certainly belongs to the surface."""
 HUE = 4.0
 """Weight of differences in colour shares over those of ln radiance: shadows differ in brightness."""
-EDGE = 0.22
-"""Difference of neighbouring cells that ends the surface; more where its own texture has more."""
 ALIKE = 2.5
 """Largest distance from the surface's colours, in their standard deviations, of a place on it."""
 LEAST_SPREAD = 0.12
@@ -62,7 +59,7 @@ class RealSurface:
         """Whether the object stands on something narrow, so that nothing beside it stands on the same."""
         self.on = np.zeros_like(hidden)
         if self.known:
-            self.on = self._grown(seeds, hidden)
+            self.on = self._alike(seeds, hidden)
 
     def _seeds(self, photo: Photo, contact: tuple[float, float], hidden: np.ndarray) -> np.ndarray:
         """Return the cells beside and before the foot."""
@@ -90,34 +87,11 @@ class RealSurface:
         hue = np.abs((colors[0] - colors[0].mean()) - (colors[1] - colors[1].mean())).max()
         return bool(hue >= NARROW_HUE and edge >= max(NARROW_EDGE, NARROW_TIMES * usual))
 
-    def _grown(self, seeds: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-        """Return the cells connected to the seeds, or with their colours."""
+    def _alike(self, seeds: np.ndarray, hidden: np.ndarray) -> np.ndarray:
+        """Return the cells beside the object that have the seeds' colours and brightness."""
         middle = np.median(self.features[seeds], axis=0)
         spread = np.maximum(1.5 * np.median(np.abs(self.features[seeds] - middle), axis=0), LEAST_SPREAD)
-        alike = (np.abs(self.features - middle) / spread).max(axis=-1) < ALIKE
-        steps = [np.linalg.norm(np.diff(self.features, axis=axis), axis=-1) for axis in (0, 1)]
-        inner = [
-            step[(seeds[1:] & seeds[:-1]) if axis == 0 else (seeds[:, 1:] & seeds[:, :-1])]
-            for axis, step in enumerate(steps)
-        ]
-        usual = float(np.median(np.concatenate(inner))) if sum(map(len, inner)) else 0.0
-        passable = [step < max(EDGE, 2.0 * usual) for step in steps]
-        joined = seeds.copy()
-        for _ in range(2 * CELLS):
-            grown = joined.copy()
-            grown[1:] |= joined[:-1] & passable[0]
-            grown[:-1] |= joined[1:] & passable[0]
-            grown[:, 1:] |= joined[:, :-1] & passable[1]
-            grown[:, :-1] |= joined[:, 1:] & passable[1]
-            grown &= ~hidden
-            if (grown == joined).all():
-                break
-            joined = grown
-        return (joined & self._near_enough(middle, spread)) | (alike & ~hidden)
-
-    def _near_enough(self, middle: np.ndarray, spread: np.ndarray) -> np.ndarray:
-        """Return the cells whose colours are near the surface's: edges may have gaps."""
-        return (np.abs(self.features - middle) / spread).max(axis=-1) < 2.5 * ALIKE
+        return ((np.abs(self.features - middle) / spread).max(axis=-1) < ALIKE) & ~hidden
 
     def support(self, x: float, y: float, wide: float) -> float:
         """Return the share of a foot around pixel x, y, this wide, that stands on it; 1 where it is unknown."""
