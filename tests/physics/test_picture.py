@@ -1,4 +1,4 @@
-"""Pictures under maps of very many rows: a small sun sends as much light wherever it stands."""
+"""Pictures of meshes: a small sun sends as much light wherever it stands, and none to a face that it does not meet."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from anyprobe.core.response import response
 from anyprobe.estimate.photo import Photo
 from anyprobe.light.environment import integral, shrink
 from anyprobe.relight.appearance import material_from_photo
+from anyprobe.render.mesh import make_mesh
 from anyprobe.render.picture import draw_mesh
 from anyprobe.render.shapes import sphere
 from anyprobe.render.spheres import silver, sphere_normals
@@ -71,3 +72,18 @@ def test_material_is_found_under_a_large_map(suns):
         )
         found = material_from_photo(photo, sun)
         np.testing.assert_allclose(found.albedo, paper.albedo, rtol=0.15)
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("alpha", [0.05, 0.5])
+def test_a_crease_mirrors_only_what_its_faces_do(alpha):
+    """Two faces at right angles, of which neither mirrors the light behind the camera; the mean of both would."""
+    corners = np.array([[-1, -1, 0], [0, -1, 1], [1, -1, 0], [-1, 1, 0], [0, 1, 1], [1, 1, 0]], np.float64)
+    ridge = make_mesh(corners, np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]]))
+    light = 0.1 + 50.0 * (pixel_directions(64)[..., 2:] > 0.98) * np.ones(3)
+    metal = Material(albedo=np.zeros(3), f0=np.full(3, 0.9), alpha=alpha)
+    camera = frame_object(ridge, np.eye(3), 20.0, size=65)
+    picture = draw_mesh(ridge, camera, light, metal)
+    inside = picture[picture[..., 3] > 0.5][:, 0]
+    faces = np.quantile(inside, 0.9)
+    assert inside.max() < 1.5 * faces
