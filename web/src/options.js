@@ -15,12 +15,15 @@ export const OPTIONS = {
   load: ["engine", "threads", "weights", "runtime", "worker", "onProgress", "signal"],
   mask: [...HINTS, "signal"],
   estimate: [...HINTS, ...LENS, ...LIGHT, "mask", "normals", "signal"],
-  track: [...HINTS, ...LENS, ...LIGHT, "mask", "onError", "onLost", "onMissed", "withViews", "pose", "signal"],
+  track: [...HINTS, ...LENS, ...LIGHT, "mask", "onError", "onLost", "onMissed", "pose", "signal"],
   "tracker.mark": HINTS,
   "tracker.set": LIGHT,
   "tracker.offer": ["pose", "mask", "time"],
   PhotoGround: ["pitchDeg"],
 };
+
+/** What this package's page alone gives, and nobody is told of. */
+const OWN = { track: ["withViews"] };
 
 const { emitters: EMITTERS, looks: LOOKS } = CONTRACT.graph;
 
@@ -37,7 +40,7 @@ export const isLensGiven = (options) => LENS.some((name) => options[name] !== un
 export function checkNames(method, given) {
   if (given === undefined) return;
   if (given === null || typeof given !== "object") throw wrong(method, "an object of options", given);
-  const unknown = Object.keys(given).filter((name) => !OPTIONS[method].includes(name));
+  const unknown = Object.keys(given).filter((name) => !OPTIONS[method].includes(name) && !OWN[method]?.includes(name));
   if (unknown.length === 0) return method === "tracker.offer" ? undefined : checkKinds(given); // whose pose is one
   const meant = didYouMean(unknown[0], OPTIONS[method]);
   throw new AnyProbeError("invalid-option", `${method}: unknown option ${unknown.join(", ")}; expected of ${OPTIONS[method].join(", ")}${meant}`);

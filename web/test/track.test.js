@@ -239,6 +239,15 @@ test("normals that are none, a picture's or another frame's are refused", async 
   await probe.estimate(picture, all(0, -0.6, 0.8));
 });
 
+test("frames that are offered count in the rates, those that come while one is read too", async () => {
+  globalThis.createImageBitmap = async () => ({});
+  const tracker = open().track(null, () => {}, { mask: () => null });
+  await Promise.all(Array.from({ length: 4 }, () => tracker.offer({ width: 64, height: 48 })));
+  await tracker.offer({ videoWidth: 64, videoHeight: 48, readyState: 1 });
+  assert.equal(tracker.rates().frames, 2, "4 in 2 seconds; a video without a picture yet has no frame");
+  tracker.stop();
+});
+
 test("a video that has told its size alone is waited for", async () => {
   const told = [];
   globalThis.createImageBitmap = async () => ({});

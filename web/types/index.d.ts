@@ -205,7 +205,10 @@ export declare class Light {
   /** 27 radiance coefficients of spherical harmonics, order and constants of WebXR and three.js. */
   readonly sh9: Float32Array;
   readonly dominant: DominantLight;
-  /** Equirectangular RGBA floats, 128 x 64: row 0 is +Y, the centre column -Z. */
+  /**
+   * Equirectangular RGBA floats, 128 x 64: row 0 is +Y, the centre column -Z. For three.js use EnvironmentTexture or ProbeLight of
+   * anyprobe/three, or a DataTexture with flipY = true and scene.environmentRotation.y = Math.PI / 2.
+   */
   readonly environment: { width: number; height: number; data: Float32Array };
   /** 64 x 128: how likely each pixel's display value is within 0.1 of the truth; null of the paper's chain. */
   readonly confidence: Float32Array | null;
@@ -288,7 +291,7 @@ export interface Tracker {
   mark(hints?: Hints): Promise<void>;
   /** Another kind of light; what is not named stays as it is. */
   set(options?: LightOptions): Promise<void>;
-  /** Lights and frames a second. */
+  /** Lights, and frames of the source or offered, a second. */
   rates(): { updates: number; frames: number };
   stop(): void;
 }
@@ -325,5 +328,8 @@ export declare const EXPONENT: number, SIGMA: number;
 /** The camera's curve: radiance to a display value in [0, 1]. */
 export declare function response(radiance: number): number;
 export declare function inverseResponse(display: number): number;
-/** A map of `height` rows, three numbers a pixel, as a Radiance file (.hdr). */
+/**
+ * A map of `height` rows, three numbers a pixel, as a Radiance file (.hdr), the centre column -Z: what HDRLoader of three.js reads
+ * needs scene.environmentRotation.y = Math.PI / 2.
+ */
 export declare function encodeHdr(radiance: Float32Array, height: number): Uint8Array<ArrayBuffer>;

@@ -61,7 +61,6 @@ export class Tracker {
     if (!this.running) return; // stopped meanwhile
     this.#client.onLive = (answer) => this.#hear(answer);
     const give = async (frame) => {
-      noteTime(this.frames);
       try {
         await this.offer(frame, { pose: this.#pose?.() });
       } catch (error) {
@@ -99,8 +98,10 @@ export class Tracker {
     if (!Number.isFinite(time)) throw wrong("time", "milliseconds of performance.now()", time);
     checkFrame(frame);
     const rotation = pose === undefined || pose === null ? null : rotationOfPose(pose);
+    if (!this.running || isEarly(frame) || !(sizeOf(frame)[0] > 0)) return;
+    noteTime(this.frames);
     const isSlow = frame.texture || mask || this.#mask;
-    if (!this.running || (isSlow && this.#isReading) || isEarly(frame) || !(sizeOf(frame)[0] > 0)) return;
+    if (isSlow && this.#isReading) return;
     try {
       this.#isReading = true;
       const opening = this.#ending(() => this.#open(frame));
