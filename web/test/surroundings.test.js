@@ -6,8 +6,9 @@ import { test } from "node:test";
 import { luminance } from "../src/core/color.js";
 import { inverseResponse, response } from "../src/core/response.js";
 import { lightOfObject } from "../src/networks/lightOfObject.js";
+import { backdropDoubts, isDarkBeside } from "../src/photo/backdrop.js";
 import { cropObject } from "../src/photo/crop.js";
-import { backdropDoubts, isDarkBeside, useSurroundings } from "../src/photo/surroundings.js";
+import { useSurroundings } from "../src/photo/surroundings.js";
 
 const PIXELS = 64 * 128;
 const WHITE = 0.97;

@@ -6,9 +6,9 @@ import { shadeSpheres } from "../light/spheres.js";
 import { describe } from "../light/light.js";
 import { lightOfObject } from "../networks/lightOfObject.js";
 import { SAME_AFTER_S, shown, step } from "../light/temporal.js";
+import { isCutOut, isDarkBeside } from "../photo/backdrop.js";
 import { cropObject } from "../photo/crop.js";
 import { isLarge } from "../photo/picture.js";
-import { isCutOut, isDarkBeside } from "../photo/surroundings.js";
 import { ObjectFollower } from "./objectFollower.js";
 import { readFrame } from "./videoFrames.js";
 

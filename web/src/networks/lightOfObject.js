@@ -7,10 +7,11 @@ import { AnyProbeError } from "../errors.js";
 import { leaveOut } from "../notices.js";
 import { cameraConfidence, cameraRadiance } from "../light/light.js";
 import { turnedBack } from "../core/frames.js";
+import { backdropDoubts, darkBesideDoubts, isCutOut, isDarkBeside } from "../photo/backdrop.js";
 import { CROP_SIZE, contextOf } from "../photo/crop.js";
 import { exposureDoubts } from "../photo/exposure.js";
 import { groundDoubts, groundOf, upOf } from "../photo/ground.js";
-import { backdropDoubts, coverageOf, darkBesideDoubts, isCutOut, isDarkBeside, seeSurroundings, useSurroundings, withoutTransparent } from "../photo/surroundings.js";
+import { coverageOf, seeSurroundings, useSurroundings, withoutTransparent } from "../photo/surroundings.js";
 import { measured } from "../light/mirror.js";
 import { likelierLook } from "./mirrorLook.js";
 
