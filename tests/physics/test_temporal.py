@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.refused import refused
 
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.learning.evaluate.metrics import color_angle_deg
 from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.light.environment import shrink
 from anyprobe.light.filtering import blur_cap
 from anyprobe.light.source_split import Source, draw_sources
 from anyprobe.light.steady import Smoothing
@@ -164,6 +166,51 @@ def test_time_must_go_on(dt):
     state = step(None, LEFT, 1 / 30)
     with pytest.raises(ValueError, match="dt_s > 0"):
         step(state, LEFT, dt)
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize(
+    "pose",
+    [
+        2 * np.eye(3),
+        np.zeros((3, 3)),
+        np.diag([1.0, 1.0, -1.0]),
+        np.full((3, 3), np.nan),
+        np.full((3, 3), np.inf),
+        np.eye(3)[:2],
+        np.vstack([np.eye(4)[:3], [0.0, 0.5, 0.0, 1.0]]),  # columns, as of three.js
+        "front",
+    ],
+)
+def test_a_pose_that_bends_the_light_is_refused(pose):
+    state = step(None, LEFT, 1 / 30)
+    for use in (lambda: step(None, LEFT, 1 / 30, world_from_camera=pose), lambda: state.seen_from(pose)):
+        with refused("world_from_camera"):
+            use()
+
+
+@pytest.mark.ci
+def test_a_pose_may_have_a_place():
+    turn, whole = rotation_y(0.7), np.eye(4)
+    whole[:3] = np.column_stack([turn, [1.0, 2.0, 3.0]])
+    state, same = (step(None, LEFT, 1 / 30, world_from_camera=pose) for pose in (turn, whole.tolist()))
+    np.testing.assert_array_equal(same.radiance, state.radiance)
+    np.testing.assert_array_equal(same.seen_from(whole), state.seen_from(turn))
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize(("before", "now"), [(None, np.eye(3)), (np.eye(3), None)])
+def test_the_filter_begins_anew_with_poses_and_without(before, now):
+    state = step(step(None, LEFT, 1 / 30, world_from_camera=before), LEFT, 1 / 30, world_from_camera=before)
+    begun = step(None, RIGHT, 1 / 30, world_from_camera=now)
+    np.testing.assert_array_equal(step(state, RIGHT, 1 / 30, world_from_camera=now).radiance, begun.radiance)
+
+
+@pytest.mark.ci
+def test_the_filter_begins_anew_with_maps_of_another_size():
+    small = shrink(RIGHT, HEIGHT // 2)
+    found = step(step(None, LEFT, 1 / 30), small, 1 / 30)
+    np.testing.assert_array_equal(found.radiance, step(None, small, 1 / 30).radiance)
 
 
 @pytest.mark.ci

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from array_api_compat import array_namespace
 
+from anyprobe.errors import InputError
+
 if TYPE_CHECKING:
     from jaxtyping import Float
 
@@ -110,3 +112,24 @@ def is_rotation(matrix: np.ndarray) -> bool:
         and np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-3)
         and bool(np.linalg.det(matrix) > 0)
     )
+
+
+def check_pose(pose: np.ndarray, subject: str) -> Float[np.ndarray, "3 3"]:
+    """Return the rotation [3, 3] float64 of a pose, [3, 3] or [4, 4] whose last row is 0 0 0 1.
+
+    Raises:
+        InputError: not a rotation; a mirrored or scaled matrix would bend the light. subject: the pose's keyword.
+    """
+    try:
+        matrix = np.asarray(pose, dtype=np.float64)
+    except (TypeError, ValueError):
+        matrix = np.zeros(0)
+    is_whole = matrix.shape == (4, 4) and np.allclose(matrix[3], (0, 0, 0, 1), atol=1e-3)
+    rotation = matrix[:3, :3] if is_whole else matrix
+    if not (np.isfinite(rotation).all() and is_rotation(rotation)):
+        raise InputError(
+            f"expected a rotation of unit scale, [3, 3] or [4, 4] with the last row 0 0 0 1, got "
+            f"{' '.join(str(pose).split())[:120]}; leave the scale out, or transpose columns",
+            subject=subject,
+        )
+    return rotation

@@ -42,6 +42,7 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
+from anyprobe.core.frames import check_pose
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.light.environment import check_radiance, rotate
 from anyprobe.light.source_split import Source, draw_sources, split_sources
@@ -114,7 +115,7 @@ class FilterState:
 
     soft: y of the soft part, [H, 2H, 3] float32. power: ln of the sources' total luminance, [1]. tracks: the sources.
     held: whether the last frame was held back. odd_s: how long frames have been odd. led_s: time since the leader
-        became one. same_s: time since the object last looked different.
+        became one. same_s: time since the object last looked different. in_world: whether frames had poses.
     """
 
     soft: Steady
@@ -124,6 +125,7 @@ class FilterState:
     odd_s: float = 0.0
     led_s: float = 0.0
     same_s: float = 0.0
+    in_world: bool = False
 
     @property
     def sources(self) -> tuple[Source, ...]:
@@ -144,11 +146,12 @@ class FilterState:
         return self.seen_from(None)
 
     def seen_from(self, world_from_camera: np.ndarray | None) -> Float[np.ndarray, "H 2*H 3"]:
-        """Return the light in a camera's frame; None: in the frame that the filter works in."""
+        """Return the light in a camera's frame, see step; None: in the frame that the filter works in."""
         soft, sources = _decode(self.soft.steady), self.sources
         if world_from_camera is not None:
-            soft = np.maximum(rotate(soft, np.transpose(world_from_camera)), 0.0)
-            sources = tuple(replace(one, direction=one.direction @ world_from_camera) for one in sources)
+            pose = check_pose(world_from_camera, "world_from_camera")
+            soft = np.maximum(rotate(soft, pose.T), 0.0)
+            sources = tuple(replace(one, direction=one.direction @ pose) for one in sources)
         return soft + draw_sources(len(soft), sources)
 
 
@@ -157,31 +160,34 @@ def step(
     radiance: Float[np.ndarray, "H 2*H 3"],
     dt_s: float,
     smoothing: Smoothing | None = None,
-    world_from_camera: Float[np.ndarray, "3 3"] | None = None,
+    world_from_camera: np.ndarray | None = None,
     looks_same: bool = False,
 ) -> FilterState:
     """Return the state after one more frame; pure.
 
     Args:
-        state: after the last frame; None for the first.
-        radiance: [H, 2H, 3] of this frame, all frames of one size.
+        state: after the last frame; None for the first. One of maps of another size, or with poses where this frame
+            has none or the other way round, counts as None: the filter begins anew.
+        radiance: [H, 2H, 3] of this frame.
         dt_s: seconds since the last frame, > 0; may differ from frame to frame.
-        world_from_camera: [3, 3] of this frame's camera when it took the picture, for all frames or none. The state is
-            filtered in the world then.
+        world_from_camera: this frame's camera's rotation, [3, 3] or [4, 4]; the state is filtered in the world then.
         looks_same: whether the object's shading equals that of the last frames; False if unknown.
+    Raises:
+        InputError: world_from_camera is no rotation. InvalidEnvironment: not a map.
     """
     c = smoothing or Smoothing()
     soft, sources = split_sources(check_radiance(radiance, "frame's light"))
-    pose = np.eye(3) if world_from_camera is None else np.asarray(world_from_camera, np.float64)
-    if world_from_camera is not None:
+    in_world = world_from_camera is not None
+    pose = np.eye(3) if world_from_camera is None else check_pose(world_from_camera, "world_from_camera")
+    if in_world:
         soft = np.maximum(rotate(soft, pose), 0.0)
         sources = tuple(replace(one, direction=pose @ one.direction) for one in sources)
     y = filtered_log(soft)
     power = np.log([OFFSET + sum(float(luminance(one.power)) for one in sources)])
     if state is not None and not (np.isfinite(dt_s) and dt_s > 0):
         raise ValueError(f"expected dt_s > 0, got {dt_s}")
-    if state is None:
-        return _begun(y, power, sources, pose, SAME_AFTER_S)
+    if state is None or state.in_world != in_world or state.soft.fast.shape != y.shape:
+        return replace(_begun(y, power, sources, pose, SAME_AFTER_S), in_world=in_world)
     same_s = state.same_s + dt_s if looks_same else 0.0
     is_same = same_s > SAME_AFTER_S
     pairs = _pairs(state.tracks, sources)
@@ -191,7 +197,7 @@ def step(
     if 0.0 < odd_s <= patience:
         return replace(state, held=True, odd_s=odd_s, same_s=same_s)
     if is_cut and not is_same:
-        return _begun(y, power, sources, pose, same_s)
+        return replace(_begun(y, power, sources, pose, same_s), in_world=in_world)
     known = state.tracks
     if is_same and odd_s > 0.0:
         known, pairs = _moved_leader(known, sources, pairs)
@@ -204,6 +210,7 @@ def step(
         odd_s=0.0 if is_same else odd_s,
         led_s=state.led_s + dt_s if odd_s == 0.0 and leader is not None and tracks[leader].leads else 0.0,
         same_s=same_s,
+        in_world=in_world,
     )
 
 
