@@ -262,5 +262,6 @@ def test_keywords_of_python_say_what_they_want():
     with refused("fov_deg", naming="str '50'") as error:
         Hints(fov_deg="50")
     assert error.value.subject == ("fov_deg",)
-    with refused("threads"):
-        anyprobe.Estimator(threads=-1)
+    for threads in (-1, "2", 1.5):
+        with refused("threads", naming=f"got {threads!r}"):
+            anyprobe.Estimator(threads=threads)

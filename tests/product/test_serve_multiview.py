@@ -117,7 +117,7 @@ def test_poses_are_read_beside_the_event_loop(client, pictures, monkeypatch):
     monkeypatch.setattr("anyprobe.serve.uploads.parse_poses", parse)
     answer = client.post("/v1/fuse", files=parts(pictures))
     assert not loops
-    assert (answer.status_code, answer.json()["detail"]) == (422, "seen in a thread")
+    assert (answer.status_code, answer.json()["detail"]) == (422, "poses: seen in a thread")
 
 
 @pytest.mark.parametrize(
@@ -125,7 +125,8 @@ def test_poses_are_read_beside_the_event_loop(client, pictures, monkeypatch):
     [
         (lambda files: [], {}, f"photo: expected 1 to {MAX_PHOTOS} file parts"),
         (lambda files: files[:1] * (MAX_PHOTOS + 1), {}, f"got {MAX_PHOTOS + 1}"),
-        (lambda files: files[:2], {}, "poses: expected a list of matrices"),
+        (lambda files: files[:2], {}, "poses: expected a JSON list of matrices, one a photo, got nothing"),
+        (lambda files: files[:2], {"poses": "{}"}, "poses: expected a list of matrices"),
         (lambda files: files[:1] + files[2:], {}, "poses: expected one pose for the photo; got 2"),
         (lambda files: files[:2], {"poses": "[[[1]]]"}, "poses: pose 1: expected 3 x 3"),
         (
@@ -147,6 +148,9 @@ def test_what_cannot_be_used_is_named_in_one_line(client, pictures, change, data
     line = answer.json()["detail"]
     assert word in line
     assert "\n" not in line
+    if word.startswith("poses: "):
+        assert answer.json()["subject"] == ["poses"]
+        assert line.count("poses: ") == 1
 
 
 def test_too_many_pixels_are_refused_in_every_photo(client, pictures):

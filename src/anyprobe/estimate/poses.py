@@ -150,8 +150,8 @@ def parse_poses(data: bytes, file: str, photos: int | None = None) -> Poses:
         matrices = content if isinstance(content, list) else []
     if not matrices:
         raise InputError(
-            f'{file}: expected a list of matrices, or "frames" with "transform_matrix", got neither; '
-            "write one matrix a photo"
+            'expected a list of matrices, or "frames" with "transform_matrix", got neither; write one matrix a photo',
+            source=file,
         )
     if photos is not None and names is None and len(matrices) > photos:
         _check_count(file, len(matrices), photos)

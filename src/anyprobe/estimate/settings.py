@@ -43,7 +43,7 @@ class Settings:
         size: rows of a map with detail: 64, 128, 256 or 512.
         detail_library: folder of maps that detail is from; None: our own.
     Raises:
-        InputError: another number of looks, detail or size.
+        InputError: another number of looks, detail or size, or threads that are no whole number of 1 or more.
     """
 
     model: str = _setting(DEFAULT_MODEL, MODEL_HELP)
@@ -83,9 +83,10 @@ class Settings:
             raise InputError(f"expected {' or '.join(map(str, LOOKS))}, got {self.looks}", subject="looks")
         check_detail(self.detail)
         check_rows(self.size)
-        if self.threads is not None and self.threads < 1:
+        if self.threads is not None and not (isinstance(self.threads, int) and self.threads >= 1):
             raise InputError(
-                f"expected 1 or more, got {self.threads}; leave it out to use all cores", subject="threads"
+                f"expected a whole number of 1 or more, got {self.threads!r}; leave it out to use all cores",
+                subject="threads",
             )
 
     @classmethod

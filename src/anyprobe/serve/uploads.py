@@ -94,7 +94,7 @@ async def read_views(request: Request, pool: WorkerPool) -> tuple[list[Upload], 
         photos = [await read_part(part, "photo") for part in form.getlist("photo")]
         masks = [(await read_part(part, "mask"))[0] for part in form.getlist("mask")]
         _refuse_repeated(form, "poses")
-        sent_poses = form.get("poses", "null")
+        sent_poses = form.get("poses", "")
         poses = sent_poses.encode() if isinstance(sent_poses, str) else await sent_poses.read()
         files = [name for name in form if not all(isinstance(part, str) for part in form.getlist(name))]
     option = Options(form, request.query_params)
@@ -130,8 +130,14 @@ async def read_views(request: Request, pool: WorkerPool) -> tuple[list[Upload], 
 
 def _poses_of(photos: list[tuple[bytes, str]], poses: bytes) -> tuple[np.ndarray, list[float | None]]:
     """Parse the poses of photos (their data and names): world_from_camera [N, 3, 3] and fields of view [degrees]."""
-    parsed, names = parse_poses(poses, "poses", len(photos)), [Path(name) for _, name in photos]
-    return parsed.of(names), parsed.fovs_deg(names, [data for data, _ in photos])
+    if not poses:
+        raise InputError("expected a JSON list of matrices, one a photo, got nothing", subject="poses")
+    try:
+        parsed, names = parse_poses(poses, "poses", len(photos)), [Path(name) for _, name in photos]
+        rotations = parsed.of(names)
+    except InputError as error:
+        raise InputError(error, subject="poses") from error
+    return rotations, parsed.fovs_deg(names, [data for data, _ in photos])
 
 
 @asynccontextmanager
