@@ -6,7 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.refused import refused
 
+from anyprobe.errors import InvalidMask
+from anyprobe.notices import give
 from anyprobe.video import following
 from anyprobe.video.clip import Frame
 from anyprobe.video.following import MaskFollower
@@ -158,3 +161,68 @@ def test_one_odd_frame_changes_nothing_after_it(rng, monkeypatch):
     assert iou(masks[1], masks[2]) < 0.8
     assert iou(masks[1], masks[3]) > 0.98
     assert iou(masks[1], masks[4]) > 0.98
+
+
+def shown(rgb: np.ndarray, index: int = 0) -> Frame:
+    return Frame(index=index, time_s=index / 15, rgb=rgb)
+
+
+@pytest.fixture
+def lost() -> MaskFollower:
+    """A follower of four frames that loses the object in the fifth, which is of one colour."""
+    follower = MaskFollower({}, {"box": (95, 75, 205, 165)}, {})
+    for index in range(4):
+        follower.photo(shown(frame(seed=index)[0], index))
+    assert follower.looks_same
+    with pytest.raises(InvalidMask) as error:
+        follower.photo(shown(np.full((*SHAPE, 3), 128, np.uint8), 4))
+    follower.error = error.value.notice
+    return follower
+
+
+@pytest.mark.ci
+def test_a_lost_object_does_not_look_the_same(lost):
+    assert not lost.looks_same
+    lost.photo(shown(frame(seed=5)[0], 5))
+    assert lost.looks_same
+
+
+@pytest.mark.ci
+def test_a_lost_object_is_not_called_a_wrong_click(lost):
+    """Nobody clicked: the follower looked where the last mask was."""
+    assert (lost.error.code, lost.error.source, lost.error.remedy) == ("no-object", "frame 4", give("mask"))
+    assert "lost in this frame" in lost.error
+    assert "click" not in lost.error
+
+
+@pytest.mark.ci
+def test_an_object_that_leaves_the_picture_is_lost(monkeypatch):
+    follower = MaskFollower({}, {"box": (95, 75, 205, 165)}, {})
+    follower.photo(shown(frame()[0]))
+    monkeypatch.setattr(following, "lit_mask", lambda held, shape: np.zeros(shape[:2], np.float32))
+    with refused(code="no-object", source="frame 1", naming="lost in this frame", kind=InvalidMask):
+        follower.photo(shown(frame(seed=2)[0], 1))
+
+
+@pytest.mark.ci
+def test_a_frame_of_another_size_is_named(lost):
+    with refused(
+        code="no-object", source="frame 5", naming="320 x 240 pixels as before, got 160 x 120", kind=InvalidMask
+    ):
+        lost.photo(shown(frame()[0][::2, ::2], 5))
+    assert lost.photo(shown(frame(seed=6)[0], 6)).mask.shape == SHAPE
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("rgb", [np.zeros(SHAPE, np.uint8), np.zeros((*SHAPE, 3), np.float32), [[0]]])
+def test_a_frame_of_other_pixels_is_refused(rgb):
+    with refused("rgb", code="invalid-image", source="frame 3"):
+        shown(rgb, 3)
+
+
+@pytest.mark.ci
+def test_a_folder_may_be_text(tmp_path):
+    MaskFollower({"mask": str(tmp_path)}, {}, {})
+    for folder in (str(tmp_path / "absent"), None):
+        with refused("mask", naming=f"got {folder}"):
+            MaskFollower({"mask": folder}, {}, {})

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from anyprobe.errors import AnyprobeError, InputError, OutputError
+from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto, OutputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.paths import absence_of
 from anyprobe.video.frame_pixels import shown_pixels
@@ -43,6 +43,9 @@ class Frame:
     index: as they are decoded, from 0. time_s: since the first. rgb: [H, W, 3] uint8, upright, square pixels, sRGB.
     radiance: [H, W, 3] float32 of PQ and HLG, see frame_pixels.shown_pixels. note: a line on its size, of the first
     one of another.
+
+    Raises:
+        InvalidPhoto: other pixels.
     """
 
     index: int
@@ -50,6 +53,14 @@ class Frame:
     rgb: np.ndarray
     radiance: np.ndarray | None = None
     note: str = ""
+
+    def __post_init__(self) -> None:
+        rgb = self.rgb
+        if not (isinstance(rgb, np.ndarray) and rgb.shape[2:] == (3,) and rgb.dtype == np.uint8):
+            found = f"{list(rgb.shape)} {rgb.dtype}" if isinstance(rgb, np.ndarray) else type(rgb).__name__
+            raise InvalidPhoto(
+                f"expected [H, W, 3] uint8, got {found}; convert it", source=f"frame {self.index}", subject="rgb"
+            )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

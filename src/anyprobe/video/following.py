@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from anyprobe.hints import AUTO, NONE, PHOTO
 from anyprobe.masks.networks import U2NetP, shared_network
 from anyprobe.masks.parts import grow
 from anyprobe.masks.search import MARGIN, Prompts, Window, choose, look
+from anyprobe.notices import give
 from anyprobe.pictures.images import read_image
 from anyprobe.video.clip import Frame
 from anyprobe.video.held_mask import EVERY, EVERY_SURE, MOST_CHANGE, Held, follow, found_in, hold, lit_mask, mask_in
@@ -53,7 +55,7 @@ class MaskFollower:
 
     def __init__(
         self,
-        folders: Mapping[str, Path],
+        folders: Mapping[str, str | Path],
         hints: dict,
         every_frame: Mapping[str, Any],
         surroundings: SurroundingsSource | None = None,
@@ -64,9 +66,9 @@ class MaskFollower:
         surroundings: of load_photo, for every frame; a panorama is read here, once.
         """
         for kind, folder in folders.items():
-            if not folder.is_dir():
+            if not (isinstance(folder, str | os.PathLike) and os.path.isdir(folder)):
                 raise InputError(f"expected a folder with one file for each frame, got {folder}", subject=kind)
-        self._files = {kind: visible_files(folder, HINT_SUFFIXES[kind]) for kind, folder in folders.items()}
+        self._files = {kind: visible_files(Path(folder), HINT_SUFFIXES[kind]) for kind, folder in folders.items()}
         is_cut = "depth" in self._files and ("near" in every_frame or "far" in every_frame)
         self.finds = "mask" not in self._files and not is_cut
         if hints and not self.finds:
@@ -89,11 +91,13 @@ class MaskFollower:
         self._lost_for = 0
         self.shows_more: bool | None = None
         self._otherwise = 0  # frames in a row
+        self._is_seen = False  # whether the last frame gave a photo
+        self._size: tuple[int, int] | None = None  # height and width of the last frame with an object
 
     @property
     def looks_same(self) -> bool:
         """Whether the last frame's object was found, and looked as in the frames before, which had its light."""
-        return self.held is not None and self.held.looks_same
+        return self._is_seen and self.held is not None and self.held.looks_same
 
     def settle(self) -> None:
         """Forget what is not kept on disk: a run that goes on must give what one that never ended does."""
@@ -115,8 +119,14 @@ class MaskFollower:
         return {"files": files, "surroundings": surroundings}
 
     def photo(self, frame: Frame) -> Photo:
-        """Return the frame as a photo with its mask and what is known around it; InvalidMask where there is no mask."""
+        """Return the frame as a photo with its mask and what is known around it.
+
+        Raises:
+            InvalidMask: there is no mask, or the object is lost in this frame: a later one may show it again.
+        """
+        self._is_seen = False
         photo = self._decided(self._marked(frame))
+        self._is_seen = True
         return photo if self._panorama is None else replace(photo, surroundings=GivenPanorama(small=self._panorama))
 
     def _decided(self, photo: Photo) -> Photo:
@@ -142,18 +152,28 @@ class MaskFollower:
             own[kind] = paths[frame.index]
         if not self.finds:
             return self._load(frame, name, own)
+        size = frame.rgb.shape[0], frame.rgb.shape[1]
+        if self._size is not None and self._size != size:
+            raise InvalidMask(
+                f"expected a frame of {self._size[1]} x {self._size[0]} pixels as before, got {size[1]} x {size[0]}, "
+                "in which the object is lost; resize it, or begin another MaskFollower",
+                code="no-object",
+                source=name,
+            )
         known = self.held, self._before, self._lost_for
-        held = None if "segmenter" in self.hints else self._followed(frame.rgb)
-        if held is not None:
-            photo = replace(self._load(frame, name, own, mask=lit_mask(held, frame.rgb.shape)), mask_source="network")
-            whole = mask_in(held, frame.rgb.shape)
-        else:
-            where = self.hints if self.last is None else _prompts_from(self.last, frame.rgb.shape)
-            photo = self._load(frame, name, own, **where)
-            whole = photo.mask
-            if "segmenter" not in self.hints:
-                self.held = hold(frame.rgb, whole)
-                photo = replace(photo, mask=lit_mask(self.held, whole.shape))
+        try:
+            photo, whole = self._found(frame, name, own)
+        except InvalidMask as error:
+            if self.last is None or error.code != "no-object":
+                raise
+            x, y, count = self.last[:3]
+            raise InvalidMask(
+                f"expected the object of about {count:.0f} pixels near {x:.0f},{y:.0f}, found none there: it is lost "
+                "in this frame, and looked for in the next",
+                code="no-object",
+                source=name,
+                remedy=give("mask"),
+            ) from error
         last = _last_of(whole)
         if self.last is not None and not 1 / MOST_CHANGE < last[2] / self.last[2] < MOST_CHANGE:
             self.held, self._before, self._lost_for = known
@@ -161,10 +181,25 @@ class MaskFollower:
             raise InvalidMask(
                 f"expected the object of about {self.last[2]:.0f} pixels at {self.last[0]:.0f},"
                 f"{self.last[1]:.0f}, got {last[2]:.0f} pixels; {first}pass mask=, one file a frame",
+                code="no-object",
                 source=name,
             )
-        self.last = last
+        self.last, self._size = last, size
         return photo
+
+    def _found(self, frame: Frame, name: str, own: Mapping[str, Any]) -> tuple[Photo, np.ndarray]:
+        """Return the photo and the whole mask [H, W], which the photo's lies in; InvalidMask where there is none."""
+        held = None if "segmenter" in self.hints else self._followed(frame.rgb)
+        if held is not None:
+            photo = replace(self._load(frame, name, own, mask=lit_mask(held, frame.rgb.shape)), mask_source="network")
+            return photo, mask_in(held, frame.rgb.shape)
+        where = self.hints if self.last is None else _prompts_from(self.last, frame.rgb.shape)
+        photo = self._load(frame, name, own, **where)
+        whole = photo.mask
+        if "segmenter" not in self.hints:
+            self.held = hold(frame.rgb, whole)
+            photo = replace(photo, mask=lit_mask(self.held, whole.shape))
+        return photo, whole
 
     def _followed(self, rgb: np.ndarray) -> Held | None:
         """Return the held mask as it was found again in a frame, or another one around it; None where it is lost."""
@@ -199,7 +234,7 @@ class MaskFollower:
             if not own or any(path.name in str(error) for path in own.values()):
                 raise
             files = ", ".join(path.name for path in own.values())
-            raise type(error)(f"{name} with {files}: {error}") from error
+            raise type(error)(f"{name} with {files}: {error}", code=error.code) from error
 
 
 def _last_of(mask: np.ndarray) -> list[float]:
