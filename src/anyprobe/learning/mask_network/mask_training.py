@@ -82,7 +82,7 @@ def make_scenes(config: MaskRunConfig, store: AssetStore, cache: Path) -> SceneS
 
 
 def mask_loss(logits: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
-    """Compute the cross entropy of every pixel plus 1 - soft IoU of every picture; an empty target has no IoU."""
+    """Compute twice the cross entropy of every pixel plus 1 - soft IoU of every picture; an empty target has no IoU."""
     entropy = F.binary_cross_entropy_with_logits(logits, target)
     cover = torch.sigmoid(logits)
     shared = (cover * target).sum(dim=(1, 2, 3))

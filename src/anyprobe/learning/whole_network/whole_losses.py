@@ -100,7 +100,10 @@ class WholeLoss:
 
 
 def profile_loss(profiles: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
-    """Differences of shares [N, S, R] and of their logarithms."""
+    """Compute the mean of |p - t| + .2 |ln(p + SHARE_FLOOR) - ln(t + SHARE_FLOOR)| over shares p and t [N, S, R].
+
+    Sources are weighted by SOURCE_WEIGHTS.
+    """
     ln = torch.log(profiles + SHARE_FLOOR) - torch.log(true + SHARE_FLOOR)
     each = ((profiles - true).abs() + 0.2 * ln.abs()).mean(dim=(0, 2))
     return each @ each.new_tensor(SOURCE_WEIGHTS) / sum(SOURCE_WEIGHTS)
