@@ -20,14 +20,14 @@ from anyprobe.masks.resize import resize
 from anyprobe.notices import Notice, give
 from anyprobe.relight.appearance import material_from_photo
 from anyprobe.relight.camera_look import DRAWN_BLUR, CameraLook, blurred, grain_over, look_of
-from anyprobe.relight.ground_map import GroundPicture, hides_shadows, with_ground
+from anyprobe.relight.ground_map import GroundPicture, hides_shadows
 from anyprobe.relight.ground_view import VIEW_STRIP_PIXELS, View, view_of
+from anyprobe.relight.near_ground import draw_on_ground
 from anyprobe.relight.path_traced import NUM_PATHS, open_mitsuba, trace_among
 from anyprobe.relight.photographed import ShownSurface, likely_places, shown_ground, shown_object, standing_object
 from anyprobe.relight.placement import Placement, Side, check_foot, place_beside
 from anyprobe.relight.shadow import NUM_DIRECTIONS, SHADOW_CELLS, GroundShadow
 from anyprobe.render.mesh import Mesh
-from anyprobe.render.picture import draw_mesh
 from anyprobe.render.surface import Camera
 from anyprobe.scatter.materials import Material, material_named
 
@@ -343,17 +343,15 @@ class Stage:
         """
         if isinstance(material, str):
             material = self.material(material, radiance)
-        mesh, camera = self.placement.mesh, self.window.camera
-        camera = replace(camera, size=min(camera.size, MOST_DRAWN))
+        camera = replace(self.window.camera, size=min(self.window.camera.size, MOST_DRAWN))
         if uses_mitsuba(renderer):
             paths = min(NUM_PATHS, MOST_PATHS // camera.size**2)
             arounds = likely_places(self._around(radiance, shadow), self.placement, self.view.up, material)
-            drawn = trace_among(mesh, camera, radiance, material, arounds, paths)
+            drawn = trace_among(self.placement.mesh, camera, radiance, material, arounds, paths)
         else:
             finer = {} if camera.size == self.window.camera.size else {"supersample": ENLARGED_SUPERSAMPLE}
             cast = self.shadow(radiance, MIRRORED_DIRECTIONS, MIRRORED_GRID) if shadow is None else shadow
-            lit = with_ground(self.photo, self.view, self.placement, radiance, cast)
-            drawn = draw_mesh(mesh, camera, lit, material, **finer)
+            drawn = draw_on_ground(self.photo, self.view, self.placement, radiance, cast, camera, material, **finer)
         own = max(DRAWN_BLUR, 0.5 * self.window.size / camera.size)
         return blurred(enlarged(drawn, self.window.size), self.look, own)
 
