@@ -6,17 +6,19 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
+from support.places import place
 from support.refused import refused
 
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import inverse_response
 from anyprobe.errors import InvalidMask
 from anyprobe.estimate import refine
-from anyprobe.estimate.doubts import grey_doubts, ground_doubts, light_doubts
+from anyprobe.estimate.doubts import all_around_doubts, grey_doubts, ground_doubts, light_doubts
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import ground_by_posture, up_of
 from anyprobe.estimate.photo import load_photo
 from anyprobe.notices import give
+from anyprobe.pictures.images import read_image
 
 
 def warned(picture, mask) -> str:
@@ -48,6 +50,44 @@ def test_a_photo_of_radiance_in_another_unit_is_said(photo_rgba, photo_mask, tmp
     assert "of the object is clipped" not in said, "once is enough"
     with refused(code="no-object", source="photo.exr", naming="100%", kind=InvalidMask):
         load_photo(written(np.full_like(lit, 300.0)))
+
+
+def written_place(path, radiance):
+    OpenEXR.File({}, {"RGB": np.ascontiguousarray(radiance, np.float32)}).write(str(path))
+    return str(path)
+
+
+class FindsNothing:
+    needs_prompt = False
+
+    def segment(self, rgb, on, off, box):
+        return np.zeros(rgb.shape[:2], np.float32)
+
+
+def test_an_environment_map_given_as_the_photo_is_said(tmp_path, command):
+    """By its shape, and only where nobody says what the object is: a photo may be an .exr twice as wide as high."""
+    around = place(2)
+    path = written_place(tmp_path / "field.exr", around)
+    done = command("estimate", path, "-o", tmp_path / "out")
+    said = done.err + done.out
+    assert "field.exr: " in said
+    assert "looks like an environment map" in said
+    assert all(way in said for way in ("anyprobe export", "--light", "anyprobe match", "--box", "--click", "--mask"))
+    with refused(code="no-object", source="far.exr", naming="environment map", kind=InvalidMask):
+        load_photo(written_place(tmp_path / "far.exr", around), segmenter=FindsNothing())
+    mask = np.zeros(around.shape[:2], np.uint8)
+    mask[40:90, 100:150] = 255
+    assert "environment-map" not in [one.code for one in load_photo(path, mask=mask).warnings]
+    part = np.repeat(np.repeat(around[40:88, 30:126], 2, axis=0), 2, axis=1)
+    turned = np.roll(around, 77, axis=1)
+    shapes = {"part": (part, False), "turned": (turned, True), "higher": (around[:, 1:], False)}
+    for name, (radiance, is_said) in shapes.items():
+        pixels = read_image(written_place(tmp_path / f"{name}.exr", radiance))
+        assert bool(all_around_doubts(pixels.rgb, pixels.radiance, name)) == is_said, name
+    plain = np.full((128, 256, 3), 0.5, np.float32)
+    plain[40:90, 100:150] = 2.0
+    pixels = read_image(written_place(tmp_path / "plain.exr", plain))
+    assert not all_around_doubts(pixels.rgb, pixels.radiance, "plain"), "a backdrop of one colour meets, too"
 
 
 def lamp_at(elevation_deg: float) -> np.ndarray:

@@ -57,7 +57,6 @@ def test_paths_agree(stage, from_the_middle):
     except anyprobe.MissingExtra as reason:
         pytest.skip(str(reason))
     near, far = (
-        float(np.abs(middle_column(one) - theirs).mean())
-        for one in (stage.draw(LIGHT, MATTE, "own"), from_the_middle)
+        float(np.abs(middle_column(one) - theirs).mean()) for one in (stage.draw(LIGHT, MATTE, "own"), from_the_middle)
     )
     assert near < 0.015 * theirs.max() < 0.5 * far

@@ -11,7 +11,14 @@ import numpy as np
 from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
 from anyprobe.errors import InputError, InvalidMask
-from anyprobe.estimate.doubts import backdrop_doubts, dark_beside_doubts, exposure_doubts, grey_doubts, scale_doubts
+from anyprobe.estimate.doubts import (
+    all_around_doubts,
+    backdrop_doubts,
+    dark_beside_doubts,
+    exposure_doubts,
+    grey_doubts,
+    scale_doubts,
+)
 from anyprobe.estimate.ground import NOTED, Ground, estimate_ground
 from anyprobe.estimate.known import GivenPanorama, KnownNormals, PhotoBackground, asked_surroundings, find_normals
 from anyprobe.estimate.normals_hint import SHORTEST
@@ -198,10 +205,14 @@ def load_photo(
         pixels = read_image(pixels, name)
     around = asked_surroundings(hints.surroundings)
     scale = scale_doubts(pixels.radiance, pixels.name)
+    place = hints.place()  # whoever marks an object knows what the picture is
+    is_marked = pixels.alpha is not None or any(given is not None for given in place.values())
+    all_around = () if is_marked else all_around_doubts(pixels.rgb, pixels.radiance, pixels.name)
     try:
-        found = find_mask(pixels, **hints.place(), segmenter=segmenter)
+        found = find_mask(pixels, **place, segmenter=segmenter)
     except InvalidMask as error:
-        raise InvalidMask(error.notice.adding(scale[0].text) if scale else error) from error
+        why = (*all_around, *scale)
+        raise InvalidMask(error.notice.adding(why[0].text) if why else error) from error
     long_fov_deg, fov_source = _field_of_view(hints.fov_deg, pixels)
     known, depth_doubts = find_normals(hints, pixels, found.mask, long_fov_deg, fov_source)
     is_whole = isinstance(around, PhotoBackground) and around.is_asked
@@ -214,7 +225,9 @@ def load_photo(
         long_fov_deg=long_fov_deg,
         fov_source=fov_source,
         name=pixels.name,
-        warnings=tuple(map(as_notice, (*pixels.warnings, *scale, *found.warnings, *depth_doubts, *exposure))),
+        warnings=tuple(
+            map(as_notice, (*pixels.warnings, *all_around, *scale, *found.warnings, *depth_doubts, *exposure))
+        ),
         mask_source=found.source,
         mask_confidence=found.confidence,
         normals=known,
