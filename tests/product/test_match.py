@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -430,6 +431,20 @@ def test_strict_counts_the_warnings_of_a_match(folder, tmp_path, monkeypatch, no
     assert result.exit_code == 0
     (folder / "broken.hdr").write_bytes(b"no picture")
     assert CliRunner().invoke(app, words).exit_code == 2
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_no_number_is_a_negative_zero(folder, tmp_path, monkeypatch, no_sheet):
+    from PIL import Image
+
+    monkeypatch.setattr(ranking.MatchedMap, "exposure_ev", -0.04)
+    monkeypatch.setattr(ranking.MatchedMap, "yaw_deg", -0.4)
+    Image.fromarray(sphere_photo((64, 48))).save(tmp_path / "ball.png")
+    words = ["match", str(tmp_path / "ball.png"), str(folder), "-o", str(tmp_path / "out"), "--pitch", "10"]
+    said = CliRunner().invoke(app, words, env={"COLUMNS": "200"}).stderr
+    assert "+0.0 EV" in said
+    assert "+0°" in said
+    assert not re.search(r" -0[.°]", said)
 
 
 @pytest.mark.ci

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 from support.refused import refused
 from support.scenes import made_map, sphere_photo
@@ -21,6 +22,7 @@ from anyprobe.core.response import response
 from anyprobe.errors import InputError
 from anyprobe.estimate.ground import USUAL_ERROR_DEG, contact_of, estimate_ground, up_of
 from anyprobe.estimate.photo import load_photo
+from anyprobe.files.meshes import MESH_SUFFIXES
 from anyprobe.files.objects import OBJECTS, open_object
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.notices import give
@@ -184,6 +186,23 @@ def test_further_is_smaller(photo):
         mesh = Stage(photo, sphere(24), Arrangement(at=(170, row), pitch_deg=15)).placement.mesh
         sizes.append(np.ptp(Stage(photo, sphere(24)).view.pixels(mesh.positions)[:, 0]))
     assert sizes[0] < 0.8 * sizes[1]
+
+
+def test_every_mesh_format_is_named_and_has_y_up(command, tmp_path):
+    """In the option's help, in the error and in the documents."""
+    with pytest.raises(InputError) as refusal:
+        open_object("bunny")
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "relight.md").read_text(encoding="utf-8")
+    said = command("relight", "--help").out
+    pillar = trimesh.creation.box((0.5, 2.0, 0.5))
+    for suffix in MESH_SUFFIXES:
+        assert suffix in said
+        assert suffix in str(refusal.value)
+        assert f"`{suffix}`" in page
+        pillar.export(tmp_path / f"pillar{suffix}")
+        wide, high, deep = np.ptp(open_object(str(tmp_path / f"pillar{suffix}")).positions, axis=0)
+        assert high == pytest.approx(4 * wide)
+        assert wide == pytest.approx(deep)
 
 
 @pytest.mark.parametrize("name", list(OBJECTS))

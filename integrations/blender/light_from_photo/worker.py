@@ -223,7 +223,7 @@ def best_panorama(light, library: str):
     """The panorama of a folder that lights most like the photo, [H, 2H, 3] in the camera's frame; and lines on it and
     on files that could not be read."""
     best = light.match(library, best=1)[0]
-    line = f"Panorama {best.name}, {best.exposure_ev:+.1f} EV, stands for the estimate"
+    line = f"Panorama {best.name}, {best.exposure_ev:+z.1f} EV, stands for the estimate"
     return best.radiance(PANORAMA_ROWS), [line, *best.library.warnings]
 
 

@@ -112,9 +112,9 @@ def match(
         table.add_row(
             str(candidate.rank + 1),
             candidate.name,
-            f"{candidate.misfit - ranked[0].misfit:+.2f}" if candidate.rank else "best",
-            f"{candidate.yaw_deg:+.0f}°, camera {pitch_words(candidate.pitch_deg, '°')}",
-            f"{candidate.exposure_ev:+.1f} EV",
+            f"{candidate.misfit - ranked[0].misfit:+z.2f}" if candidate.rank else "best",
+            f"{candidate.yaw_deg:+z.0f}°, camera {pitch_words(candidate.pitch_deg, '°')}",
+            f"{candidate.exposure_ev:+z.1f} EV",
         )
     print_table(console, table)
     num_close = sum(candidate.misfit < ranked[0].misfit + CLEAR_MARGIN for candidate in ranked)

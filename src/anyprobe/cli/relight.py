@@ -27,6 +27,7 @@ from anyprobe.cli.options import (
 )
 from anyprobe.cli.photo_files import hints_for, photo_name, photo_source, result_stem
 from anyprobe.errors import InputError, InvalidMask, OutputError, arguments_named
+from anyprobe.files.meshes import MESH_SUFFIXES
 from anyprobe.files.paths import same_file_key
 from anyprobe.hints import HINTS, numbers_in
 
@@ -61,6 +62,7 @@ PLACING = {"size": "scale", "turn_deg": "turn"}
 placing = arguments_named(**PLACING)
 """Decorator that renames arguments in errors on an object's placement."""
 SHAPES = "sphere, vase, pebble, block, solid"
+MESHES = ", ".join(MESH_SUFFIXES)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -112,7 +114,7 @@ def relight(
     detail_options: DetailOptions,
     insert_options: InsertOptions,
     insert: Annotated[
-        str, typer.Option(metavar="SHAPE|FILE", help=f"Object to insert: {SHAPES}, or a .glb, .obj or .ply file.")
+        str, typer.Option(metavar="SHAPE|FILE", help=f"Object to insert: {SHAPES}, or a mesh ({MESHES}), +Y up.")
     ] = "sphere",
     turn: Annotated[float, typer.Option(help="Its rotation about the vertical axis, degrees.")] = 0.0,
     out: Annotated[

@@ -78,8 +78,8 @@ class Ground:
     def said_level(self) -> str:
         """Describe how a map was levelled, as one line for a sidecar."""
         return (
-            f"+Y is up: turned by the camera's pitch of {self.pitch_deg:.1f} and roll of {self.roll_deg:.1f} degrees, "
-            f"{self.source}, give or take {self.pitch_error_deg:.0f}"
+            f"+Y is up: turned by the camera's pitch of {self.pitch_deg:z.1f} and roll of {self.roll_deg:z.1f} "
+            f"degrees, {self.source}, give or take {self.pitch_error_deg:.0f}"
         )
 
     @staticmethod

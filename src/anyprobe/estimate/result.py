@@ -101,7 +101,7 @@ class Light:
         parts = [
             "Light {} x {}".format(*self.radiance.shape),
             *([self.origin.photo] if self.origin.photo else []),
-            f"dominant light towards ({x:.2f}, {y:.2f}, {z:.2f})",
+            f"dominant light towards ({x:z.2f}, {y:z.2f}, {z:z.2f})",
             *([] if confidence is None else [f"confidence {confidence:.2f}"]),
             *([f"{count} warning{'s' if count > 1 else ''}"] if count else []),
         ]

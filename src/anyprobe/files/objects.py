@@ -10,7 +10,7 @@ import numpy as np
 
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError
-from anyprobe.files.meshes import read_mesh
+from anyprobe.files.meshes import MESH_SUFFIXES, read_mesh
 from anyprobe.render.mesh import Mesh, make_mesh
 from anyprobe.render.picture import draw_mesh
 from anyprobe.render.shapes import blob, lathe, rounded_polyhedron, sphere, superquadric
@@ -46,7 +46,7 @@ def open_object(name: str) -> Mesh:
         return OBJECTS[name]()
     if not Path(name).suffix:
         raise InputError(
-            f"expected one of {', '.join(OBJECTS)} or a mesh file (.glb, .obj, .ply), got {name!r}"
+            f"expected one of {', '.join(OBJECTS)} or a mesh file ({', '.join(MESH_SUFFIXES)}), got {name!r}"
             f"{did_you_mean(name, OBJECTS)}",
             subject="object",
         )
