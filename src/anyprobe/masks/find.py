@@ -160,19 +160,24 @@ def _segmented(pixels: Pixels, prompts: Prompts, segmenter: Segmenter, source: s
         if found is None:
             raise _not_found(pixels, prompts)
         box = found.window.box_of(found.part)
-    cover = np.asarray(segmenter.segment(to_bytes(rgb), prompts.on, prompts.off, box), np.float32)
+    cover = cover_by(segmenter, to_bytes(rgb), replace(prompts, box=box))
+    found = finding_of(cover, prompts)
+    if found is None:
+        raise _not_found(pixels, prompts)
+    agreed = look_closer(network, rgb, found, Prompts()).agreed
+    return _judged(pixels, prompts, replace(found, agreed=agreed), found.only(cover), network, source)
+
+
+def cover_by(segmenter: Segmenter, rgb: np.ndarray, prompts: Prompts) -> np.ndarray:
+    """Return another segmenter's cover [H, W] in [0, 1] of a photo [H, W, 3] uint8; InvalidMask where it gives none."""
+    cover = np.asarray(segmenter.segment(rgb, prompts.on, prompts.off, prompts.box), np.float32)
     if cover.shape != rgb.shape[:2] or not np.isfinite(cover).all():
         raise InvalidMask(
             f"expected a finite cover [{rgb.shape[0]}, {rgb.shape[1]}] in 0 to 1, got shape {cover.shape} "
             "or NaN; report it to the plug-in's author",
             subject="segmenter",
         )
-    cover = np.clip(cover, 0.0, 1.0)
-    found = finding_of(cover, prompts)
-    if found is None:
-        raise _not_found(pixels, prompts)
-    agreed = look_closer(network, rgb, found, Prompts()).agreed
-    return _judged(pixels, prompts, replace(found, agreed=agreed), found.only(cover), network, source)
+    return np.clip(cover, 0.0, 1.0)
 
 
 def _not_found(pixels: Pixels, prompts: Prompts) -> InvalidMask:

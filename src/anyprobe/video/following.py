@@ -18,9 +18,11 @@ from anyprobe.estimate.surroundings import SurroundingsSource, read_panorama
 from anyprobe.files.digests import digest_of
 from anyprobe.files.paths import visible_files
 from anyprobe.hints import AUTO, NONE, PHOTO
-from anyprobe.masks.networks import U2NetP, shared_network
+from anyprobe.masks.find import cover_by
+from anyprobe.masks.networks import Network, SmallNetwork, shared_network
 from anyprobe.masks.parts import grow
-from anyprobe.masks.search import MARGIN, Prompts, Window, choose, look
+from anyprobe.masks.search import MARGIN, Prompts, Window, choose, finding_of, look
+from anyprobe.masks.segmenters import Segmenter, load_segmenter
 from anyprobe.notices import give
 from anyprobe.pictures.images import read_image
 from anyprobe.video.clip import Frame
@@ -47,7 +49,8 @@ HINT_SUFFIXES = {"mask": MASK_SUFFIXES, "depth": DEPTH_SUFFIXES, "normals": DEPT
 class MaskFollower:
     """Frames in order become photos whose object is marked.
 
-    hints: what the caller said about the first frame; may be empty. last: x, y of a point well
+    hints: what the caller said about the first frame; may be empty. segmenter: what looks for the object in every frame
+    in which it is looked for; None: our network. last: x, y of a point well
     inside the last mask, that mask's pixels, and its box; None before the first. held: the mask that moves with the
     object, None where it is to be found. shows_more: whether frames show more than the object, see load_photo's AUTO:
     decided by the first and, as exposures come and go, again by DECIDED that differ; None where it is not asked.
@@ -62,7 +65,8 @@ class MaskFollower:
     ) -> None:
         """folders: of one file a frame, sorted by name, by the keyword of load_photo ("mask", "depth", "normals").
 
-        hints: of load_photo, for the first frame: clicks and a box. every_frame: of load_photo, for every frame.
+        hints: of load_photo, for the first frame: clicks and a box; and a segmenter, which finds the object there, and
+            wherever it is looked for later, by the last mask. every_frame: of load_photo, for every frame.
         surroundings: of load_photo, for every frame; a panorama is read here, once.
         """
         for kind, folder in folders.items():
@@ -77,6 +81,8 @@ class MaskFollower:
                 *(one for one in ("box", "click", "exclude") if one in hints),
             )
             raise InputError("expected one of them, got both", subject=ways)
+        named = hints.get("segmenter")
+        self.segmenter: Network | Segmenter | None = load_segmenter(named) if isinstance(named, str) else named
         self.hints = hints
         self._panorama: np.ndarray | None = None  # [64, 128, 4 or 5], see estimate.surroundings
         word = NONE
@@ -189,17 +195,16 @@ class MaskFollower:
 
     def _found(self, frame: Frame, name: str, own: Mapping[str, Any]) -> tuple[Photo, np.ndarray]:
         """Return the photo and the whole mask [H, W], which the photo's lies in; InvalidMask where there is none."""
-        held = None if "segmenter" in self.hints else self._followed(frame.rgb)
+        held = self._followed(frame.rgb)
         if held is not None:
-            photo = replace(self._load(frame, name, own, mask=lit_mask(held, frame.rgb.shape)), mask_source="network")
+            source = "network" if self.segmenter is None or isinstance(self.segmenter, Network) else "segmenter"
+            photo = replace(self._load(frame, name, own, mask=lit_mask(held, frame.rgb.shape)), mask_source=source)
             return photo, mask_in(held, frame.rgb.shape)
         where = self.hints if self.last is None else _prompts_from(self.last, frame.rgb.shape)
-        photo = self._load(frame, name, own, **where)
+        photo = self._load(frame, name, own, **{**where, "segmenter": self.segmenter})
         whole = photo.mask
-        if "segmenter" not in self.hints:
-            self.held = hold(frame.rgb, whole)
-            photo = replace(photo, mask=lit_mask(self.held, whole.shape))
-        return photo, whole
+        self.held = hold(frame.rgb, whole)
+        return replace(photo, mask=lit_mask(self.held, whole.shape)), whole
 
     def _followed(self, rgb: np.ndarray) -> Held | None:
         """Return the held mask as it was found again in a frame, or another one around it; None where it is lost."""
@@ -214,10 +219,12 @@ class MaskFollower:
             found = found_in(held, rgb)
             if found is not None and found.is_sure:
                 self._before = None if held is self._before else self._before
-                every = EVERY_SURE if isinstance(shared_network(), U2NetP) else EVERY
-                self.held = follow(held, rgb, found, lambda mask: _looked_for(rgb, _last_of(mask)), every)
+                every = EVERY if isinstance(self.segmenter or shared_network(), SmallNetwork) else EVERY_SURE
+                self.held = follow(
+                    held, rgb, found, lambda mask: _looked_for(rgb, _last_of(mask), self.segmenter), every
+                )
                 return self.held
-        mask = _looked_for(rgb, self.last)
+        mask = _looked_for(rgb, self.last, self.segmenter)
         if mask is None:
             return None
         if self._before is None:
@@ -242,16 +249,21 @@ def _last_of(mask: np.ndarray) -> list[float]:
     return [*inner_point(mask), float(mask.sum()), *_grown_box(mask)]
 
 
-def _looked_for(rgb: np.ndarray, last: list[float]) -> np.ndarray | None:
+def _looked_for(rgb: np.ndarray, last: list[float], segmenter: Network | Segmenter | None) -> np.ndarray | None:
     """Return the mask by one look at the last one's box and a margin, [H, W]; None where nothing is there.
 
-    last: of MaskFollower.
+    last, segmenter: of MaskFollower.
     """
     height, width = rgb.shape[:2]
     x, y, _, x0, y0, x1, y1 = last
     prompts = Prompts(on=[(x, y)], box=(x0, y0, x1, y1))
+    network = shared_network() if segmenter is None else segmenter
+    if not isinstance(network, Network):
+        cover = cover_by(network, rgb, prompts)
+        found = finding_of(cover, prompts)
+        return None if found is None else found.only(cover)
     window = Window(x0=0, y0=0, x1=width, y1=height).around((x0, y0, x1, y1), MARGIN)
-    cover = look(shared_network(), rgb.astype(np.float32) / 255.0, window, prompts)
+    cover = look(network, rgb.astype(np.float32) / 255.0, window, prompts)
     found = choose(window, cover, prompts)
     return None if found is None else found.mask(width, height)
 
