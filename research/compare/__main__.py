@@ -12,9 +12,9 @@ from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
 from anyprobe.learning.dataset.asset_store import AssetStore
 from anyprobe.learning.dataset.catalog import load_maps, load_shapes
-from anyprobe.learning.dataset.recipe import digest, read_recipes
+from anyprobe.learning.dataset.recipe import digest, read_recipes, require_assets
 from anyprobe.learning.evaluate.methods import baselines, model_methods
-from anyprobe.learning.evaluate.scoring import FROZEN, GROUPS, score_pairs
+from anyprobe.learning.evaluate.scoring import FROZEN, GROUPS, OF_FROZEN, score_pairs
 from research.compare.figures import score_pair
 from research.compare.study import difference, means
 from research.kept_pairs import kept_pairs
@@ -29,19 +29,24 @@ def compare(
     hdri: Annotated[Path, typer.Option(help="Folder of held-out maps, as for anyprobe evaluate.")],
     meshes: Annotated[Path, typer.Option(help="Folder of held-out shapes.")],
     model: Annotated[list[str] | None, typer.Option(help="Bundled model or folder of graphs; repeat for more.")] = None,
-    pairs: Annotated[int, typer.Option(min=2, max=1000, help="The first so many frozen pairs.")] = 1000,
+    pairs: Annotated[int, typer.Option(min=2, max=1000, help="The first so many pairs.")] = 1000,
+    recipes: Annotated[
+        Path | None, typer.Option(help="List of pairs in the place of the frozen ones, such as DIR/frozen_public.txt.")
+    ] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="File to write.")] = Path("runs/compare.json"),
     kept: Annotated[Path | None, typer.Option(help="Folder that keeps rendered pairs for the next time.")] = None,
 ) -> None:
-    """Score every method on the frozen test set, by every figure of docs/reference/evaluation.md."""
+    """Score every method on the frozen test set or a list of pairs, by every figure of docs/reference/evaluation.md."""
     names = model or [DEFAULT_MODEL]
     methods = baselines()
     titles = titles_of(names)
     for name, title in zip(names, titles, strict=True):
         methods |= model_methods(Models(name), title)
     store = AssetStore(load_maps(hdri), load_shapes(meshes))
-    recipes = read_recipes(FROZEN)[:pairs]
-    progress = track(kept_pairs(recipes, store, kept), "comparing", total=len(recipes))
+    chosen = read_recipes(recipes or FROZEN)[:pairs]
+    advice = OF_FROZEN if recipes is None else "give the folders that they are made from"
+    require_assets(chosen, store, recipes or FROZEN, advice)
+    progress = track(kept_pairs(chosen, store, kept), "comparing", total=len(chosen))
     scores = score_pairs(progress, methods, score_pair)
     first = titles[0]
     write_result(
@@ -49,7 +54,7 @@ def compare(
         {
             "commit": commit(),
             "models": {Path(name).name: model_id(name) for name in names},
-            "recipes": digest(recipes),
+            "recipes": digest(chosen),
             "groups": {
                 group: {method: means(scores, method, group) for method in methods}
                 for group in GROUPS

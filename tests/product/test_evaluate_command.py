@@ -226,6 +226,18 @@ def test_maps_of_any_size_are_read_with_their_power(tmp_path):
         assert abs(power_ratio_stops(found, truth)) < (0.02 if height < 64 else 2e-3)
 
 
+def test_what_a_list_lacks_is_said_before_anything_is_rendered(work, command, rendered):
+    """And of the frozen list, how to have what can be had."""
+    complaint = command("evaluate", *ASSETS, "--frozen").complaint
+    for words in ("--frozen: expected all maps and shapes", "got no map ", "--recipes DIR/frozen_public.txt"):
+        assert words in complaint
+    recipes = world_recipes(AssetStore([own_map(1, 1)], [own_shape(1, 2)]), 4, 3)
+    (work / "list.txt").write_text("\n".join([f"# {digest(recipes)}", *(one.to_hex() for one in recipes)]))
+    complaint = command("evaluate", *ASSETS, "--recipes", "list.txt").complaint
+    assert f"got no shape {own_shape(1, 2).id}; give the folders" in complaint
+    assert not rendered
+
+
 @pytest.mark.ci
 def test_a_list_of_recipes_keeps_its_conditions(work, command, rendered, scored_quickly):
     recipes = world_recipes(AssetStore([own_map(1, 1)], [own_shape(1, 1)]), 5, 3)

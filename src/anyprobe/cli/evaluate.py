@@ -191,8 +191,8 @@ def _test_set(
     """Return `pairs` recipes, drawn by seed, or from the list at path, or the frozen ones; and the assets they name."""
     from anyprobe.learning.dataset.asset_store import AssetStore
     from anyprobe.learning.dataset.catalog import load_maps, load_shapes
-    from anyprobe.learning.dataset.recipe import CONDITIONS, balanced_recipes, read_recipes
-    from anyprobe.learning.evaluate.scoring import FROZEN
+    from anyprobe.learning.dataset.recipe import CONDITIONS, balanced_recipes, read_recipes, require_assets
+    from anyprobe.learning.evaluate.scoring import FROZEN, OF_FROZEN
 
     def warn(line: str) -> None:
         console.print(f"warning: {line}", soft_wrap=True)
@@ -204,7 +204,9 @@ def _test_set(
         raise InputError(text, subject="pairs", source=pairs)
     store = AssetStore(load_maps(hdri, report=warn), load_shapes(meshes, report=warn))
     if path is not None:
+        require_assets(listed[:pairs], store, path, "give the folders that they are made from")
         return listed[:pairs], store  # a list says the conditions of its pairs
+    require_assets(listed[:pairs], store, "--frozen", f"{OF_FROZEN}, or leave out --frozen")
     recipes = listed[:pairs] if seed is None else balanced_recipes(store, pairs, seed)
     return [replace(recipe, conditions=CONDITIONS.index(conditions)) for recipe in recipes], store
 

@@ -103,10 +103,10 @@ def weights(
     from anyprobe.learning.train.export_onnx import export_graphs
 
     checkpoint = runs / run / "checkpoint.pt"
-    if keep is not None:
+    if keep is not None:  # first: what training made is not lost where the export is refused
         keep_apart(checkpoint, keep)
+        save_init_weights(checkpoint, keep)
     for stage, difference in export_graphs(checkpoint, to).items():
         typer.echo(f"{to / (stage + '.onnx')}: within {difference:.2g} of torch")
     if keep is not None:
-        save_init_weights(checkpoint, keep)
         typer.echo(keep)

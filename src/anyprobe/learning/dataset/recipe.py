@@ -175,6 +175,17 @@ def _test_set(
     return recipes
 
 
+def require_assets(recipes: list[Recipe], store: AssetStore, source: str | os.PathLike[str], advice: str) -> None:
+    """Raise InputError if maps or shapes of recipes are not in the store; source: the list; advice: what to do."""
+    missing = [f"map {key}" for key in dict.fromkeys(one.map_id for one in recipes) if key not in store.maps]
+    missing += [f"shape {key}" for key in dict.fromkeys(one.shape_id for one in recipes) if key not in store.shapes]
+    if missing:
+        others = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
+        raise InputError(
+            f"expected all maps and shapes that its recipes name, got no {missing[0]}{others}; {advice}", source=source
+        )
+
+
 def read_recipes(path: str | os.PathLike[str]) -> list[Recipe]:
     """Read recipes, one a line after a first line `# <digest>`; InputError if the digest differs."""
     try:

@@ -32,6 +32,11 @@ from anyprobe.render.spheres import sphere_images, sphere_normals
 
 FROZEN = Path(str(resources.files("anyprobe") / "learning" / "evaluate" / "frozen.txt"))
 """List of 1,000 recipes over held-out maps and shapes; they never change."""
+OF_FROZEN = (
+    "fetch what can be had in a clone with python -m research.fetch_assets test DIR, and give "
+    "--recipes DIR/frozen_public.txt instead"
+)
+"""Advice to those who lack the assets of the frozen set."""
 ALPHA_EDGES = (0.0, 0.1, 0.25, 0.5, 0.75, 1.01)
 """Borders of the roughness bins; 0.5 is the paper's border of specular and diffuse."""
 ONE_LIGHT = 0.3

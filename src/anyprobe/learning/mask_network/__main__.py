@@ -60,9 +60,9 @@ def export(
     checkpoint = run / "checkpoint.pt" if run.is_dir() else run
     if keep is not None:
         keep_apart(checkpoint, keep)
+        save_init_weights(checkpoint, keep, holds="net")
     typer.echo(f"{to / 'mask.onnx'}: within {export_mask(checkpoint, to):.2g} of torch")
     if keep is not None:
-        save_init_weights(checkpoint, keep, holds="net")
         typer.echo(keep)
 
 

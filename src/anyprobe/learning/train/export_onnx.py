@@ -217,7 +217,11 @@ def write_graph(
         outputs = session.run(None, dict(zip(graph.inputs, (example.numpy() for example in examples), strict=True)))
         difference = max(float(graph.typical(np.abs(a - b.numpy()))) for a, b in zip(outputs, expected, strict=True))
         if not difference <= tolerance:
-            raise ModelError(f"expected ONNX within {tolerance} of torch, got {difference:.3g}", source=name)
+            raise ModelError(
+                f"expected ONNX within {tolerance} of torch, got {difference:.3g}: the weights do not bear "
+                "compact storage; train further; --keep FILE saves them all the same",
+                source=name,
+            )
     return difference
 
 

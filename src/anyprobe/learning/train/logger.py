@@ -70,6 +70,7 @@ class RunLogger:
         self._rows = csv.writer(self._log)
         if self._first == 0:
             self._rows.writerow(["step", "pairs", *self.columns, "learning_rate", "pairs_per_second"])
+            self._log.flush()
         self._progress.start()
         self._task = self._progress.add_task("", total=self._total, completed=self._first)
         self._since = time.monotonic()

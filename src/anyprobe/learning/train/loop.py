@@ -78,7 +78,7 @@ def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
 
 def pairs_seen(stored: dict) -> int:
     """Return the number of pairs that a checkpoint has learned from."""
-    return stored.get("pairs", stored["step"] * json.loads(stored["config"])["pairs"]["batch"])
+    return stored["pairs"] if "pairs" in stored else stored["step"] * json.loads(stored["config"])["pairs"]["batch"]
 
 
 def train(

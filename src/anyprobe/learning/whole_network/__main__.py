@@ -69,10 +69,10 @@ def export(
     checkpoint = run / "checkpoint.pt" if run.is_dir() else run
     if keep is not None:
         keep_apart(checkpoint, keep)
+        save_weights(load_photo_net(checkpoint, start or (), share)[0].state_dict(), keep)
     for name, off in export_photo_net(checkpoint, to, start or (), share).items():
         typer.echo(f"{to / name}.onnx: within {off:.2g} of torch")
     if keep is not None:
-        save_weights(load_photo_net(checkpoint, start or (), share)[0].state_dict(), keep)
         typer.echo(keep)
 
 
