@@ -32,7 +32,7 @@ from anyprobe.scatter.materials import Material
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-COARSE, DIRECTIONS = 40, 48
+COARSE, DIRECTIONS = 32, 96
 """Side [px] of the picture that is corrected, and directions from each of its points."""
 LEAST_SINE = 1e-3
 """Smallest angle [rad] below the horizon of a direction that meets the ground."""
