@@ -112,10 +112,10 @@ def estimate(order: dict, folder: Path) -> dict:
     elif order["detail"]:
         radiance = light.panorama(PLACE_ROWS, frame="camera").radiance
     say(folder, 0.9, "Writing the maps")
-    turn = np.array(order["turn"]) if order["turn"] else turned(order["heading_deg"], pitch_deg)
+    turn = np.array(order["turn"]) if order["turn"] else turned(order["heading_deg"], view.up)
     foot, (x0, y0, x1, y1) = view.on_ground(*contact_of(photo.mask)), object_box(photo.mask)
     error_deg = None if order["library"] else light.dominant_light().error_deg
-    level = None if order["turn"] else level_by(light.ground, photo, pitch_deg)
+    level = None if order["turn"] else level_by(light.ground, photo, pitch_deg, view.up)
     paths = export(
         radiance,
         "blender",
@@ -227,23 +227,29 @@ def best_panorama(light, library: str):
     return best.radiance(PANORAMA_ROWS), [line, *best.library.warnings]
 
 
-def level_by(ground, photo, pitch_deg: float) -> str:
-    """How the map was levelled, in a line: by the pitch alone, of a ground that is guessed where None is estimated."""
+def level_by(ground, photo, pitch_deg: float, up) -> str:
+    """How the map was levelled, in a line: by the ground of a view that up [3] belongs to, guessed where None is
+    estimated."""
     from dataclasses import replace
 
     from anyprobe.estimate.ground import estimate_ground
 
-    ground = ground or estimate_ground(photo)
-    return replace(ground, pitch_deg=pitch_deg, roll_deg=0.0).said_level()
+    ground, roll_deg = ground or estimate_ground(photo), math.degrees(math.atan2(up[0], up[1]))
+    return replace(ground, pitch_deg=pitch_deg, roll_deg=roll_deg).said_level()
 
 
-def turned(heading_deg: float, pitch_deg: float):
-    """Blender's [3, 3] rotation of a level camera that is headed so, left of +Y, and looks down by the pitch."""
+def turned(heading_deg: float, up):
+    """Blender's [3, 3] rotation of a camera headed so, left of +Y, in whose frame up [3] is Blender's +Z."""
     import numpy as np
 
-    heading, tilt = math.radians(heading_deg), math.radians(90 - pitch_deg)
-    c, s, ct, st = math.cos(heading), math.sin(heading), math.cos(tilt), math.sin(tilt)
-    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ np.array([[1, 0, 0], [0, ct, -st], [0, st, ct]])
+    forward = np.array([0.0, 0.0, -1.0]) - up * -up[2]
+    if np.linalg.norm(forward) < 1e-6:  # it looks straight down or up: the picture's top is headed so
+        forward = np.array([0.0, 1.0, 0.0])
+    forward = forward / np.linalg.norm(forward)
+    heading = math.radians(heading_deg)
+    ahead, above = np.array([-math.sin(heading), math.cos(heading), 0.0]), np.array([0.0, 0.0, 1.0])
+    seen = np.stack([np.cross(forward, up), forward, up])
+    return np.stack([np.cross(ahead, above), ahead, above], axis=1) @ seen
 
 
 def sources_of(side: dict) -> list[dict]:
