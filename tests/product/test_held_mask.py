@@ -293,3 +293,10 @@ def test_a_folder_may_be_text(tmp_path):
     for folder in (str(tmp_path / "absent"), None):
         with refused("mask", naming=f"got {folder}"):
             MaskFollower({"mask": folder}, {}, {})
+
+
+@pytest.mark.parametrize("given", ["click", "segmenter"])
+def test_masks_and_what_would_find_them_are_both_named(tmp_path, given):
+    (tmp_path / "0.png").touch()
+    with refused("mask", given):
+        MaskFollower({"mask": tmp_path}, {given: None}, {})

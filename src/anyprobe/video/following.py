@@ -78,7 +78,7 @@ class MaskFollower:
         if hints and not self.finds:
             ways = (
                 "mask" if "mask" in self._files else "depth",
-                *(one for one in ("box", "click", "exclude") if one in hints),
+                *(one for one in ("box", "click", "exclude", "segmenter") if one in hints),
             )
             raise InputError("expected one of them, got both", subject=ways)
         named = hints.get("segmenter")
