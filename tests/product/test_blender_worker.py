@@ -15,6 +15,7 @@ from PIL import Image
 
 import anyprobe
 from anyprobe.core.frames import is_rotation
+from anyprobe.estimate.ground import up_of
 from anyprobe.light.harmonics import project
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.masks.networks import SmallNetwork
@@ -170,3 +171,20 @@ def test_the_zip_cannot_be_built():
 
 def test_materials_are_unknown(tmp_path):
     assert "gold" in answer(tmp_path, do="materials")["materials"]
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize(("pitch", "roll"), [(0, 0), (25, 0), (25, 12), (-10, -8), (90, 0)])
+def test_a_camera_is_headed_as_asked_and_level_in_spite_of_its_pitch_and_roll(pitch, roll):
+    turn = loaded(WORKER).turned(30.0, up_of(pitch, roll))
+    assert is_rotation(turn)
+    np.testing.assert_allclose(turn @ up_of(pitch, roll), (0, 0, 1), atol=1e-9)
+    ahead = turn @ (0, 0, -1)
+    np.testing.assert_allclose(ahead[2], -np.sin(np.radians(pitch)), atol=1e-9)
+    if pitch < 90:
+        assert np.degrees(np.arctan2(-ahead[0], ahead[1])) == pytest.approx(30)
+
+
+def test_a_pitch_alone_turns_about_the_picture_s_row():
+    """Looking down by 20 degrees towards +Y: the picture's right stays Blender's +X."""
+    np.testing.assert_allclose(loaded(WORKER).turned(0.0, up_of(20)) @ (1, 0, 0), (1, 0, 0), atol=1e-9)
