@@ -8,7 +8,7 @@ import pytest
 import anyprobe
 from anyprobe.core.color import luminance
 from anyprobe.estimate.photo import load_photo
-from anyprobe.relight.ground_map import with_ground
+from anyprobe.relight.ground_map import GroundPicture, with_ground
 from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.render.picture import draw_mesh
 from anyprobe.render.shapes import sphere
@@ -30,7 +30,7 @@ def stage() -> Stage:
 @pytest.fixture(scope="module")
 def from_the_middle(stage) -> np.ndarray:
     """The same sphere under one ground map."""
-    lit = with_ground(stage.photo, stage.view, stage.placement, LIGHT, stage.shadow(LIGHT))
+    lit = with_ground(GroundPicture(stage.photo, stage.view, LIGHT), stage.placement, stage.shadow(LIGHT))
     return draw_mesh(stage.placement.mesh, stage.window.camera, lit, MATTE)
 
 

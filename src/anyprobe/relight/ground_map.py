@@ -89,17 +89,14 @@ def radiance_at(photo: Photo, row: np.ndarray, column: np.ndarray) -> np.ndarray
 
 
 def with_ground(
-    photo: Photo,
-    view: View,
-    spot: Placement,
-    radiance: Float[np.ndarray, "H 2*H 3"],
-    shadow: GroundShadow | None = None,
+    ground: GroundPicture, spot: Placement, shadow: GroundShadow | None = None
 ) -> Float[np.ndarray, "K 2*K 3"]:
-    """Add the ground below the horizon to a map in the camera's frame, of at least _ROWS rows.
+    """Return a ground's map, in the camera's frame and of at least _ROWS rows, with the ground below the horizon.
 
     Args:
         shadow: on the ground; None: none.
     """
+    view, radiance = ground.view, ground.radiance
     times = max(1, _ROWS // radiance.shape[0])
     light = radiance.repeat(times, axis=0).repeat(times, axis=1)  # power is neither lost nor moved
     rows = light.shape[0]
@@ -111,7 +108,7 @@ def with_ground(
     height = float(((spot.mesh.positions - spot.foot) @ view.up).max()) / 2
     toward = directions[below]
     landed = spot.foot + height * view.up + toward * (height / np.maximum(-sine[below], 1e-3))[:, None]
-    seen = GroundPicture(photo, view, radiance).at(landed)
+    seen = ground.at(landed)
     if shadow is not None:
         seen = seen * shadow.at(landed)
     weight = share[below][:, None]

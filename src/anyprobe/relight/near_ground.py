@@ -52,25 +52,21 @@ def draw_on_ground(
 
     finer: arguments of draw_mesh.
     """
-    lit = with_ground(photo, view, spot, radiance, shadow)
+    ground = GroundPicture(photo, view, radiance)
+    lit = with_ground(ground, spot, shadow)
     drawn = draw_mesh(spot.mesh, camera, lit, material, **finer)
     if np.any(material.albedo):
-        missed = _missed(GroundPicture(photo, view, radiance), view.up, spot, lit, shadow, camera)
+        missed = _missed(ground, spot, lit, shadow, camera)
         drawn[..., :3] = np.maximum(drawn[..., :3] + material.albedo * (1.0 - material.f0) * missed, 0.0)
         drawn[..., :3] *= drawn[..., 3:] > 0
     return drawn
 
 
 def _missed(
-    ground: GroundPicture,
-    up: np.ndarray,
-    spot: Placement,
-    lit: Float[np.ndarray, "H 2*H 3"],
-    shadow: GroundShadow,
-    camera: Camera,
+    ground: GroundPicture, spot: Placement, lit: Float[np.ndarray, "H 2*H 3"], shadow: GroundShadow, camera: Camera
 ) -> Float[np.ndarray, "S S 3"]:
     """Return the diffuse light over pi that the map `lit` misses at each pixel, mostly less than nothing."""
-    coarse = replace(camera, size=min(camera.size, COARSE))
+    up, coarse = ground.view.up, replace(camera, size=min(camera.size, COARSE))
     surface = see(spot.mesh, coarse)
     turn = np.asarray(camera.world_from_camera).T
     rays = -surface.wo / surface.wo[:, 2:]
