@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from support.two_phase import probe_directions, two_phase
 
-from anyprobe.core.color import REC709_CHROMATICITIES, xyz_from_rgb
 from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.export.exported_light import prepare
-from anyprobe.export.target_frames import irradiance_sh, planar, polynomial, unity, webxr
-from anyprobe.export.targets import correlated_temperature, export
+from anyprobe.export.target_frames import irradiance_sh, polynomial, unity, webxr
+from anyprobe.export.targets import export
 from anyprobe.light.dominant_light import split_dominant_light
 from anyprobe.light.harmonics import irradiance as irradiance_at
 from anyprobe.light.harmonics import project, sh_basis
@@ -64,8 +63,6 @@ def test_unity_is_mirrored():
 def test_orders_of_27():
     sh = np.arange(27.0).reshape(9, 3)
     assert webxr(sh)[:6].tolist() == [0, 1, 2, 3, 4, 5]
-    assert planar(sh)[:4].tolist() == [0, 3, 6, 9]
-    assert planar(sh)[9] == 1
 
 
 def room_with_emitter(rng: np.random.Generator) -> np.ndarray:
@@ -111,74 +108,16 @@ def test_a_channel_without_dominant_light_is_left_whole():
     np.testing.assert_array_equal(ambient[..., 2], radiance[..., 2])
 
 
-@pytest.mark.parametrize(
-    ("target", "names"),
-    [
-        ("webxr", {"primaryLightDirection", "primaryLightIntensity", "sphericalHarmonicsCoefficients"}),
-        (
-            "arcore",
-            {
-                "environmentalHdrMainLightDirection",
-                "environmentalHdrMainLightIntensity",
-                "environmentalHdrAmbientSphericalHarmonics",
-            },
-        ),
-        (
-            "arkit",
-            {
-                "ambientIntensity",
-                "ambientColorTemperature",
-                "primaryLightDirection",
-                "primaryLightIntensity",
-                "sphericalHarmonicsCoefficients",
-            },
-        ),
-    ],
-)
-def test_estimate_names_and_numbers(target, names, tmp_path, rng):
+def test_webxr_holds_an_estimate_and_all_sources(tmp_path, rng):
     radiance = room_with_emitter(rng)
-    paths = export(radiance, target, tmp_path)
-    said = json.loads(paths[0].read_text())
-    assert set(said) == names
+    said = json.loads(export(radiance, "webxr", tmp_path)[0].read_text())
     main, ambient = split_dominant_light(radiance)
-    sh, full = project(ambient), project(radiance)
-    coefficients = next(value for key, value in said.items() if "armonics" in key)
-    wanted = {"webxr": sh.ravel(), "arcore": sh.ravel(), "arkit": 1000 * full.T.ravel()}[target]
-    assert np.abs(sh - full).max() > 0.1
-    np.testing.assert_allclose(coefficients, wanted, rtol=1e-5, atol=1e-5)
-    if target == "webxr":
-        assert said["primaryLightDirection"]["w"] == 0
-        assert said["primaryLightIntensity"]["w"] == 1
-        assert said["primaryLightIntensity"]["y"] == pytest.approx(main.irradiance[1], rel=1e-5)
-    if target == "arkit":
-        grey = json.loads(export(np.ones((16, 32, 3), np.float32), target, tmp_path, "grey")[0].read_text())
-        assert grey["ambientIntensity"] == pytest.approx(1000, rel=1e-5)
-        assert grey["ambientColorTemperature"] == pytest.approx(6504, abs=15)
-        assert said["ambientColorTemperature"] < 6300  # the emitter is warm
-
-
-@pytest.mark.parametrize(
-    ("x", "y", "kelvin"),
-    [
-        (0.44757, 0.40745, 2856),  # CIE A
-        (0.34567, 0.35850, 5003),  # D50
-        (0.31272, 0.32903, 6504),  # D65
-        (0.29902, 0.31485, 7504),  # D75
-        (0.52670, 0.41330, 2000),  # black body
-    ],
-)
-def test_temperature_of_standard_lights(x, y, kelvin):
-    to_xyz = xyz_from_rgb(REC709_CHROMATICITIES)
-    np.testing.assert_allclose(to_xyz[1], [0.2126, 0.7152, 0.0722], atol=5e-5)
-    rgb = np.linalg.solve(to_xyz, [x / y, 1, (1 - x - y) / y])
-    assert correlated_temperature(3 * rgb) == pytest.approx(kelvin, rel=0.003)
-
-
-@pytest.mark.parametrize(
-    ("rgb", "kelvin"), [((0, 0, 1), 15000), ((1, 0, 0), 1000), ((1, 0, 1), 15000), ((0, 0, 0), 6500)]
-)
-def test_temperature_keeps_to_its_range(rgb, kelvin):
-    assert correlated_temperature(np.array(rgb, np.float32)) == kelvin
+    coefficients = project(ambient).ravel()
+    np.testing.assert_allclose(said["sphericalHarmonicsCoefficients"], coefficients, rtol=1e-5, atol=1e-5)
+    assert said["primaryLightDirection"]["w"] == 0
+    assert said["primaryLightIntensity"]["w"] == 1
+    assert said["primaryLightIntensity"]["y"] == pytest.approx(main.irradiance[1], rel=1e-5)
+    assert set(said["sources"][0]) == {"direction", "irradiance", "angle_deg"}
 
 
 def test_sidecar_holds_both_sets(tmp_path, rng):

@@ -38,15 +38,9 @@ ODD_IN_Y = (1, 4, 5)
 def webxr(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, " 27"]:
     """Flatten radiance coefficients, coefficient after coefficient: [9, 3] -> [27] r0 g0 b0 r1 ...
 
-    XRLightEstimate.sphericalHarmonicsCoefficients, three.js LightProbe.sh.fromArray, and ARCore's
-    AmbientSphericalHarmonics as its Unity SDK reads them.
+    XRLightEstimate.sphericalHarmonicsCoefficients and three.js LightProbe.sh.fromArray.
     """
     return coefficients.reshape(27)
-
-
-def planar(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, " 27"]:
-    """Flatten radiance coefficients, channel after channel: [9, 3] -> [27] r0 r1 ... r8 g0 ... (ARKit)."""
-    return coefficients.T.reshape(27)
 
 
 def irradiance_sh(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "9 3"]:

@@ -1,5 +1,4 @@
-"""Export of one light to one target, all of its files or none; and the targets that are engines and AR interfaces:
-WebXR, ARCore, ARKit, Unreal, Unity, Blender, three.js."""
+"""Export of one light to one target, all of its files or none; and the targets that are engines and file formats."""
 
 from __future__ import annotations
 
@@ -12,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anyprobe.core.color import REC709_CHROMATICITIES, luminance, xyz_from_rgb
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError
@@ -29,18 +27,7 @@ from anyprobe.export.exported_light import (
     write_json,
     write_maps,
 )
-from anyprobe.export.target_frames import (
-    BLENDER,
-    FRONT,
-    OPENEXR,
-    THREE,
-    UNITY,
-    UNREAL,
-    TargetFrame,
-    planar,
-    unity,
-    webxr,
-)
+from anyprobe.export.target_frames import BLENDER, FRONT, OPENEXR, THREE, UNITY, UNREAL, TargetFrame, unity, webxr
 from anyprobe.files.atomic import atomic_files
 from anyprobe.maps.radiance import HALF_MAX
 from anyprobe.notices import Notice
@@ -50,73 +37,24 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 
-ARKIT_NEUTRAL = 1000.0
-"""ARKit's lumens of a neutrally lit scene; our radiance 1 corresponds to it."""
-
-ARKIT_WHITE_K = 6500.0
-"""ARKit's colour temperature of white light [K]."""
-
-TEMPERATURES_K = np.arange(1000.0, 15001.0, 10.0)
-"""Temperatures [K] in the range of Krystek's approximation of black bodies."""
-
 UNREAL_ERROR = "     The direction is estimated: off by up to {:.1f} degrees in two of three cases\n"
 
 
 def write_webxr(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """Write <name>.estimate.json: the three attributes of an XRLightEstimate, in the probe's space."""
-    estimate = {**primary_light(light), "sphericalHarmonicsCoefficients": numbers(webxr(light.sh_ambient))}
-    write_json(folder / f"{light.name}.estimate.json", estimate)
-    return {}
+    """Write <name>.estimate.json: the three attributes of an XRLightEstimate, in the probe's space.
 
-
-def write_arcore(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """Write <name>.estimate.json: the values of ARCore's LightEstimate in its Environmental HDR mode.
-
-    SH by WebXR's definition, as in ARCore's Unity SDK; ARCore's samples in C and Kotlin negate x and y on reading.
+    `sources` beside them are all lights of the sidecar, whose SH and dominant light these attributes are.
     """
     estimate = {
-        "environmentalHdrMainLightDirection": numbers(light.main.direction),
-        "environmentalHdrMainLightIntensity": numbers(light.main.irradiance),
-        "environmentalHdrAmbientSphericalHarmonics": numbers(webxr(light.sh_ambient)),
+        **primary_light(light),
+        "sphericalHarmonicsCoefficients": numbers(webxr(light.sh_ambient)),
+        "sources": [
+            {"direction": numbers(one.direction), "irradiance": numbers(one.irradiance), "angle_deg": one.angle_deg}
+            for one in light.lights
+        ],
     }
     write_json(folder / f"{light.name}.estimate.json", estimate)
     return {}
-
-
-def write_arkit(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """Write <name>.estimate.json: the values of ARKit's ARDirectionalLightEstimate, 27 SH planar, of all light.
-
-    ambientIntensity is that of a white surface averaged over all directions: mean radiance
-    times 1000. ambientColorTemperature is that of the same light [K].
-    """
-    mean = light.sh_full[0] * np.sqrt(1 / (4 * np.pi))
-    estimate = {
-        "ambientIntensity": numbers(ARKIT_NEUTRAL * luminance(mean)),
-        "ambientColorTemperature": correlated_temperature(mean),
-        "primaryLightDirection": numbers(light.main.direction),
-        "primaryLightIntensity": numbers(ARKIT_NEUTRAL * luminance(light.main.irradiance) / np.pi),
-        "sphericalHarmonicsCoefficients": numbers(ARKIT_NEUTRAL * planar(light.sh_full)),
-    }
-    write_json(folder / f"{light.name}.estimate.json", estimate)
-    return {"arkit": {"lumens_of_radiance_1": ARKIT_NEUTRAL}}
-
-
-def correlated_temperature(rgb: Float[np.ndarray, " 3"]) -> float:
-    """Return the temperature [K] of the black body nearest in CIE 1960 u, v, from 1000 to 15000.
-
-    Black bodies by Krystek 1985. Coloured light has a nearest one too, however far off: a green emitter some 6000 K.
-
-    Args:
-        rgb: [3] linear Rec. 709; black gives ARKit's white.
-    """
-    x, y, z = xyz_from_rgb(REC709_CHROMATICITIES) @ np.asarray(rgb, dtype=np.float64)
-    total = x + 15.0 * y + 3.0 * z
-    if total <= 0.0:
-        return ARKIT_WHITE_K
-    t = TEMPERATURES_K
-    u = (0.860117757 + 1.54118254e-4 * t + 1.28641212e-7 * t**2) / (1.0 + 8.42420235e-4 * t + 7.08145163e-7 * t**2)
-    v = (0.317398726 + 4.22806245e-5 * t + 4.20481691e-8 * t**2) / (1.0 - 2.89741816e-5 * t + 1.61456053e-7 * t**2)
-    return float(t[np.argmin((u - 4.0 * x / total) ** 2 + (v - 6.0 * y / total) ** 2)])
 
 
 def sun_rotation(towards: Float[np.ndarray, " 3"]) -> tuple[float, float]:
@@ -272,8 +210,6 @@ TARGETS = {
     "cube": Target(write=cube_textures.write_faces, frame=FRONT, checked=f"{_THREE} (HDRCubeTextureLoader)"),
     "ktx2": Target(write=cube_textures.write_ktx2, frame=FRONT, checked=f"{_THREE} (KTX2Loader)"),
     "webxr": Target(write=write_webxr, frame=FRONT, checked="by the specification only: not run in a WebXR session"),
-    "arcore": Target(write=write_arcore, frame=FRONT, checked="by the documentation only: not run with ARCore"),
-    "arkit": Target(write=write_arkit, frame=FRONT, checked="by the documentation only: not run with ARKit"),
 }
 
 
