@@ -249,15 +249,6 @@ def test_every_door_takes_the_pitch(work, command, estimator, photo_rgba):
     assert "pitch_deg" not in estimator("photo.png").sidecar()
 
 
-def test_metal_contradicts_a_material_that_is_none(work, command):
-    Image.new("L", (8, 8)).save("m.png")
-    complaint = command("estimate", "m.png", "--material", "matte", "--metal").complaint
-    assert (
-        complaint
-        == "anyprobe: --metal and --material matte: expected a metal, got another material; leave one of them out"
-    )
-
-
 def test_keywords_of_python_say_what_they_want():
     with refused("fov_deg", naming="str '50'") as error:
         Hints(fov_deg="50")

@@ -537,7 +537,6 @@ def test_slow_step_is_named_while_it_runs(monkeypatch, capsys, silent):
                 ("--model", "lift"),
                 ("--detail", "plausible"),
                 ("--normals", "sphere"),
-                ("--metal",),
             )
         ),
         (("-o", "out.jpg"), (".png", ".jpg")),

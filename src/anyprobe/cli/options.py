@@ -160,37 +160,6 @@ class ObjectOptions(MaskOptions):
     """Location of the object, and priors on it, its surroundings and the camera."""
 
     given: Annotated[Hints, tuple(HINTS)]
-    camera: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Lens, pitch and roll of a .fspy, or of the .json that fSpy exports."),
-    ] = None
-    metal: Annotated[
-        bool, typer.Option("--metal", help="The object is bare metal: chrome unless --material names another.")
-    ] = False
-
-    def hints(self) -> Hints:
-        """Return what the options give."""
-        hints = MaskOptions.hints(self)
-        if self.camera is not None:
-            hints = self._with_camera(hints, self.camera)
-        if not self.metal:
-            return hints
-        hints = hints if hints.material is not None else replace(hints, material="chrome")
-        surface = hints.surface()
-        if surface is not None and surface.albedo.any():
-            text = "expected a metal, got another material; leave one of them out"
-            raise InputError(text, subject=("metal", "material"), source=hints.material)
-        return hints
-
-    def _with_camera(self, hints: Hints, camera: Path) -> Hints:
-        """Add what --camera gives; InputError where an option gives the same."""
-        from anyprobe.files.fspy import read_fspy
-
-        found: dict[str, Any] = {**read_fspy(camera)}
-        for name in found:
-            if getattr(hints, name) is not None:
-                raise InputError("expected one of them, got both", subject=("camera", name))
-        return replace(hints, **found)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
