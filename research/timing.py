@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,14 +14,14 @@ import typer
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, open_engine, stages_of, weights_folder
-from anyprobe.files.graphs import open_graph
+from anyprobe.estimate.runtime import DEFAULT_MODEL, stages_of, weights_folder
+from anyprobe.files.graphs import CPU, open_graph
 
 WARM = 3
 """Calls that do not count."""
 
 
-def time_model(model: str, photo: Path, threads: int, repeats: int, engine: str = DEFAULT_ENGINE) -> dict[str, Any]:
+def time_model(model: str, photo: Path, threads: int, repeats: int, providers: Sequence[str] = CPU) -> dict[str, Any]:
     """Seconds of each network on one input, and of Estimator on a photo's path.
 
     Returns:
@@ -29,10 +29,10 @@ def time_model(model: str, photo: Path, threads: int, repeats: int, engine: str 
         wall, and "processor", the median of processor time: what counts with one thread on a machine
         that does other things too.
     """
-    estimator = Estimator(model, threads=threads, engine=engine)
+    estimator = Estimator(model, threads=threads, providers=providers)
     folder = weights_folder(model)
     networks = {
-        stage: _seconds(_network(folder / f"{stage}.onnx", threads, engine), repeats) for stage in stages_of(folder)
+        stage: _seconds(_network(folder / f"{stage}.onnx", threads, providers), repeats) for stage in stages_of(folder)
     }
     return {"networks": networks, "whole": _seconds(lambda: estimator(photo), repeats)}
 
@@ -45,15 +45,14 @@ def machine_name() -> str:
     return named[0] if named else platform.processor() or platform.machine()
 
 
-def _network(path: Path, threads: int, engine: str) -> Callable[[], Any]:
+def _network(path: Path, threads: int, providers: Sequence[str]) -> Callable[[], Any]:
     """One run of a graph on zeros of its inputs' shapes, batch of one."""
-    session = open_graph(path, threads)
-    run = open_engine(session, path, engine, threads)
-    values = [
-        np.zeros([side if isinstance(side, int) else 1 for side in given.shape], np.float32)
+    session = open_graph(path, threads, providers)
+    values = {
+        given.name: np.zeros([side if isinstance(side, int) else 1 for side in given.shape], np.float32)
         for given in session.get_inputs()
-    ]
-    return lambda: run(*values)
+    }
+    return lambda: session.run(None, values)
 
 
 def _seconds(call: Callable[[], Any], repeats: int) -> dict[str, float]:
@@ -74,7 +73,7 @@ def _seconds(call: Callable[[], Any], repeats: int) -> dict[str, float]:
 
 def timing(
     model: Annotated[list[str] | None, typer.Option(help="Bundled model or folder; repeat for more.")] = None,
-    engine: Annotated[list[str] | None, typer.Option(help=f"One of {', '.join(ENGINES)}; repeat for more.")] = None,
+    providers: Annotated[str, typer.Option(help="Execution providers of ONNX Runtime, between commas.")] = CPU[0],
     threads: Annotated[int, typer.Option(min=1, help="Threads of the runtime.")] = 1,
     repeats: Annotated[int, typer.Option(min=3, help="Calls, of which the median counts.")] = 50,
     photo: Annotated[Path, typer.Option(help="A photo with an alpha channel.")] = Path("examples/vase.png"),
@@ -82,11 +81,10 @@ def timing(
     """Print milliseconds of each network and of the whole call."""
     typer.echo(machine_name())
     for name in model or [DEFAULT_MODEL]:
-        for one in engine or [DEFAULT_ENGINE]:
-            made = time_model(name, photo, threads, repeats, one)
-            parts = {**made["networks"], "whole call": made["whole"]}
-            figures = ", ".join(f"{part} {1e3 * times['median']:.1f}" for part, times in parts.items())
-            typer.echo(f"{Path(name).name}, {one}: {figures} ms")
+        made = time_model(name, photo, threads, repeats, providers.split(","))
+        parts = {**made["networks"], "whole call": made["whole"]}
+        figures = ", ".join(f"{part} {1e3 * times['median']:.1f}" for part, times in parts.items())
+        typer.echo(f"{Path(name).name}: {figures} ms")
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from anyprobe.core.response import response
 from anyprobe.estimate import estimator
 from anyprobe.estimate.runtime import Models
 from anyprobe.estimate.sidecar import Origin
+from anyprobe.files.graphs import CPU
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.maps.radiance import map_attributes, read_radiance, write_exr
@@ -116,14 +117,10 @@ def test_networks_are_opened_anew_for_another_engine_or_other_threads(monkeypatc
     picture = sphere_photo()
     for settings in ({"threads": 1}, {"threads": 1, "emitters": "expected"}, {"threads": 2}, {"threads": 1}):
         anyprobe.estimate(picture, **settings)
-    with refused("engine"):
-        anyprobe.estimate(picture, threads=1, engine="onyx")
+    with refused("providers"):
+        anyprobe.estimate(picture, threads=1, providers="onyx")
     estimator._shared.cache_clear()
-    assert [given[:3] for given in opened] == [
-        ("lift", 1, "onnxruntime"),
-        ("lift", 2, "onnxruntime"),
-        ("lift", 1, "onyx"),
-    ]
+    assert [given[:3] for given in opened] == [("lift", 1, CPU), ("lift", 2, CPU), ("lift", 1, ("onyx",))]
 
 
 def test_a_size_that_no_map_has_is_refused_without_detail_too():

@@ -3,12 +3,15 @@
 import os
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 from support.refused import refused
 
+from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import weights_folder
-from anyprobe.files.graphs import even_threads, open_graph
+from anyprobe.files import graphs
+from anyprobe.files.graphs import CPU, even_threads, open_graph
 from anyprobe.masks.networks import default_graph
 
 
@@ -41,3 +44,16 @@ def test_the_runtime_tells_nobody(tmp_path):
     here = {name: value for name, value in os.environ.items() if name not in ("CI", "PYTEST_CURRENT_TEST")}
     subprocess.run([sys.executable, "-c", code], env={**here, "XDG_CACHE_HOME": str(tmp_path)}, check=True)
     assert not list(tmp_path.rglob("*onnxruntime*"))
+
+
+def test_provider_that_is_absent_is_refused(monkeypatch):
+    with refused("providers", naming="CPUExecutionProvider"):
+        open_graph(default_graph(), providers=["OnyxExecutionProvider"])
+
+
+def test_provider_that_cannot_work_is_never_replaced_in_silence(monkeypatch):
+    session = SimpleNamespace(get_providers=lambda: list(CPU))
+    monkeypatch.setattr(graphs.onnxruntime, "get_available_providers", lambda: ["CUDAExecutionProvider", *CPU])
+    monkeypatch.setattr(graphs.onnxruntime, "InferenceSession", lambda *_, **how: session)
+    with refused("providers", code="unsupported", kind=InputError):
+        open_graph(default_graph(), providers=["CUDAExecutionProvider", *CPU])

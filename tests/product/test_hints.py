@@ -206,7 +206,11 @@ def test_hints_may_come_as_one_and_keywords_count_before_them(estimator, photo_r
 
 @pytest.mark.parametrize("call", [load_photo, estimate, Estimator])
 def test_an_unknown_keyword_is_refused(call, photo_rgba):
-    near = {"masc": "mask", "fov": "fov_deg", "materials": "material"} if call is not Estimator else {"engin": "engine"}
+    near = (
+        {"masc": "mask", "fov": "fov_deg", "materials": "material"}
+        if call is not Estimator
+        else {"provider": "providers"}
+    )
     near |= {"detial": "detail"} if call is not load_photo else {}
     for unknown, meant in near.items():
         with pytest.raises(TypeError, match=rf"{unknown}; did you mean {meant}\?$"):

@@ -441,7 +441,6 @@ def test_what_cannot_be_placed_is_said_of_the_python_argument(photo, given, said
         (("--turn", "inf"), "--turn: expected degrees"),
         (("--at", "nonsense"), "--at: expected X,Y in pixels, got 'nonsense'"),
         (("--light", "nothere.exr"), "nothere.exr: no such file"),
-        (("--engine", "onnx"), "--engine: expected one of"),
         (("--model", "lft"), "--model: expected one of"),
         (("--detail", "plausible", "--detail-library", "nowhere"), "nowhere"),
         (("--insert", "spere"), "did you mean sphere?"),

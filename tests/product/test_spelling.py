@@ -35,7 +35,6 @@ def light():
         (target_names, "blendr", "blender"),
         (lambda name: light().render(name), "vaze", "vase"),
         (lambda name: light().panorama(64, frame=name), "levle", "level"),
-        (lambda name: Models(engine=name), "onnx", "onnxruntime"),
         (lambda name: Models(emitters=name), "expcted", "expected"),
         (weights_folder, "lft", "lift"),
         (load_segmenter, "u2net", "u2netp"),

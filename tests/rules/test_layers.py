@@ -27,7 +27,6 @@ ONLY = {
     },
     "onnxruntime": {"files"},
     "onnx": {"learning.train"},
-    "openvino": {"estimate"},
     "rembg": {"masks"},
     "trimesh": {"files"},
     "rawpy": {"pictures"},

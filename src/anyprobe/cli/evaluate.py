@@ -18,7 +18,7 @@ from rich.table import Table
 from anyprobe.cli.options import folder_option
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
-from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES
+from anyprobe.estimate.runtime import DEFAULT_MODEL
 from anyprobe.estimate.settings import MODEL_HELP
 from anyprobe.notices import give
 
@@ -65,7 +65,6 @@ def evaluate(
     ] = None,
     out: Annotated[Path, folder_option("Folder for scores.json and pictures.png.")] = Path("evaluation"),
     model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL,
-    engine: Annotated[str, typer.Option(help=f"Engine: {', '.join(ENGINES)}.")] = DEFAULT_ENGINE,
 ) -> None:
     """Score a model, or any program's maps, on a test set. Renders it, scores two baselines too, and prints tables."""
     conflicts = (
@@ -81,7 +80,6 @@ def evaluate(
         (predictions and write_photos, "--predictions", "photos written earlier", "--write-photos"),
         (write_photos and hints, "--hints", "pairs to score", "--write-photos"),
         (write_photos and model != DEFAULT_MODEL, "--model", "pairs to score", "--write-photos"),
-        (predictions and engine != DEFAULT_ENGINE, "--engine", "a model to run", "--predictions"),
         (predictions and hints, "--hints", "a model that takes hints", "--predictions"),
         (predictions and model != DEFAULT_MODEL, "--model", "a model's maps to score", "--predictions"),
     )
@@ -108,7 +106,7 @@ def evaluate(
     title = Path(model).name if predictions is None else predictions.resolve().name
     methods: dict[str, Method] = {}
     if write_photos is None:
-        methods = _judged(predictions, [one.key for one in chosen], model, engine, title, hints) | baselines()
+        methods = _judged(predictions, [one.key for one in chosen], model, title, hints) | baselines()
         methods |= truth_methods()
     columns = (TextColumn("evaluating"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console) as progress:
@@ -133,7 +131,6 @@ def evaluate(
             **({"recipes": recipes.name} if recipes is not None else {"frozen": True} if frozen else {"seed": seed}),
             **({} if recipes is not None else {"conditions": conditions}),
             "path_traced": path_traced,
-            "engine": engine,
         },
         "model": model_id(model) if predictions is None else title,
         "recipes": digest(chosen),
@@ -156,9 +153,7 @@ def evaluate(
     console.print(f"{out / 'scores.json'}, {out / 'pictures.png'}")
 
 
-def _judged(
-    predictions: Path | None, keys: list[str], model: str, engine: str, title: str, hints: bool
-) -> dict[str, Method]:
+def _judged(predictions: Path | None, keys: list[str], model: str, title: str, hints: bool) -> dict[str, Method]:
     """Return the method to judge beside the baselines: maps of a folder, or a model."""
     from anyprobe.estimate.runtime import Models
     from anyprobe.learning.evaluate.benchmark import predicted, read_predictions
@@ -168,7 +163,7 @@ def _judged(
         if title in baselines() | truth_methods():
             raise InputError(f"expected a folder named after its program, got {title!r}; rename it", source=predictions)
         return {title: predicted(read_predictions(predictions, keys))}
-    runtime = Models(model, engine=engine)
+    runtime = Models(model)
     if hints and not runtime.lifts:
         text = f"expected a model that takes normals, got {title}"
         raise InputError(text, subject="hints", remedy=give(model=DEFAULT_MODEL))

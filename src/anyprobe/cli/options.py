@@ -166,7 +166,7 @@ class ObjectOptions(MaskOptions):
 class ModelOptions:
     """Options of the estimator."""
 
-    settings: Annotated[Settings, ("emitters", "looks", "model", "engine", "threads")]
+    settings: Annotated[Settings, ("emitters", "looks", "model", "providers", "threads")]
 
     def estimator(self, **more: Any) -> Estimator:
         """Open the estimator with these options; `more` overrides settings."""
@@ -268,7 +268,8 @@ def _setting_option(setting: Field[Any]) -> inspect.Parameter:
     kinds: dict[str, Any] = {**whole, "detail_library": Path | None, "segmenter": str | None}
     name = f"--{setting.name.replace('_', '-')}"
     option = typer.Option(name, metavar=setting.metadata["metavar"], help=setting.metadata["help"])
-    return _option(setting.name, Annotated[kinds.get(setting.name, str), option], setting.default)
+    default = ",".join(setting.default) if isinstance(setting.default, tuple) else setting.default
+    return _option(setting.name, Annotated[kinds.get(setting.name, str), option], default)
 
 
 def _option(name: str, annotation: Any, default: Any) -> inspect.Parameter:

@@ -52,7 +52,7 @@ TRANSPARENT = (
 SHOWN_AFTER_S = 1.0
 OF_ESTIMATES = [
     *(name for name, hint in HINTS.items() if hint.about == "light"),
-    *("emitters", "looks", "model", "engine", "threads", "detail", "detail_library"),
+    *("emitters", "looks", "model", "providers", "threads", "detail", "detail_library"),
 ]
 """Parameters that only affect an estimate."""
 PANORAMA_ROWS = 512

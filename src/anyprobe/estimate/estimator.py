@@ -31,8 +31,9 @@ from anyprobe.estimate.refine import (
     with_surroundings,
 )
 from anyprobe.estimate.result import Light
-from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, LOOKS, MODE, Models, model_id
+from anyprobe.estimate.runtime import DEFAULT_MODEL, LOOKS, MODE, Models, model_id
 from anyprobe.estimate.settings import Settings
+from anyprobe.files.graphs import CPU
 from anyprobe.given_material import Albedo, as_material
 from anyprobe.hints import Hints, NormalsSource, SurroundingsSource, check_keywords, combine
 from anyprobe.masks.depth import DepthSource
@@ -56,7 +57,7 @@ class Estimator:
         *,
         model: str = DEFAULT_MODEL,
         threads: int | None = None,
-        engine: str = DEFAULT_ENGINE,
+        providers: str | Sequence[str] = CPU,
         emitters: str = MODE,
         looks: int = LOOKS[0],
         segmenter: SegmenterSource | None = None,
@@ -69,8 +70,8 @@ class Estimator:
 
         Args:
             settings: all settings, or the model's name instead of `model`.
-            model, threads, engine, emitters, looks, segmenter, detail, size, detail_library: see Settings; those that
-                are not defaults replace the ones in `settings`.
+            model, threads, providers, emitters, looks, segmenter, detail, size, detail_library: see Settings; those
+                that are not defaults replace the ones in `settings`.
         Raises:
             InputError, ModelError, MissingExtra: bad settings or models, in one line that says what to do.
             TypeError: an unknown keyword; the message names the most similar one.
@@ -90,7 +91,7 @@ class Estimator:
 
     def __repr__(self) -> str:
         settings = self.settings
-        parts = [f"model={settings.model!r}", f"engine={settings.engine!r}", f"emitters={settings.emitters!r}"]
+        parts = [f"model={settings.model!r}", f"emitters={settings.emitters!r}"]
         parts += [f"detail={settings.detail!r}"] if settings.detail != DETAILS[0] else []
         return f"Estimator({', '.join(parts)})"
 
@@ -100,7 +101,7 @@ class Estimator:
         self.settings = settings
 
     def with_settings(self, settings: Settings | None = None, **changes: Any) -> Estimator:
-        """Return an estimator with other settings; the open networks are shared if model, threads and engine stay.
+        """Return an estimator with other settings; the open networks are shared if model, threads and providers stay.
 
         Args:
             settings: all settings; None: the current ones.
@@ -279,8 +280,8 @@ class Estimator:
 
 
 @lru_cache(maxsize=2)
-def _shared(model: str, threads: int | None, engine: str) -> Estimator:
-    return Estimator(model, threads=threads, engine=engine)
+def _shared(model: str, threads: int | None, providers: tuple[str, ...]) -> Estimator:
+    return Estimator(model, threads=threads, providers=providers)
 
 
 def estimate(
@@ -304,7 +305,7 @@ def estimate(
     surroundings: SurroundingsSource | None = None,
     model: str = DEFAULT_MODEL,
     threads: int | None = None,
-    engine: str = DEFAULT_ENGINE,
+    providers: str | Sequence[str] = CPU,
     emitters: str = MODE,
     looks: int = LOOKS[0],
     segmenter: SegmenterSource | None = None,
@@ -321,7 +322,7 @@ def estimate(
         hints: optional inputs about the object, the camera and the light.
         mask, click, exclude, box, depth, near, far, fov_deg, pitch_deg, roll_deg, normals, material, albedo, roughness,
             surroundings: see Hints; these replace those in `hints`.
-        model, threads, engine, emitters, looks, segmenter, detail, size, detail_library: see Settings.
+        model, threads, providers, emitters, looks, segmenter, detail, size, detail_library: see Settings.
     Raises:
         AnyprobeError: bad input, in one line that says what to do.
         TypeError: an unknown keyword; the message names the most similar one.

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import threading
-import warnings
-from collections.abc import Callable
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from importlib import resources
@@ -17,8 +15,8 @@ import numpy as np
 from anyprobe.core.contract import contract
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.core.spelling import did_you_mean
-from anyprobe.errors import InputError, MissingExtra, ModelError
-from anyprobe.files.graphs import open_graph
+from anyprobe.errors import InputError, ModelError
+from anyprobe.files.graphs import CPU, open_graph
 from anyprobe.files.onnx_runtime import onnxruntime
 from anyprobe.given_material import MATERIAL_INPUTS, material_input
 from anyprobe.light.environment import MAP_HEIGHT
@@ -28,82 +26,6 @@ from anyprobe.scatter.materials import Material
 
 if TYPE_CHECKING:
     from jaxtyping import Float
-
-ENGINES = ("onnxruntime", "openvino", "openvino-bf16", "cuda")
-DEFAULT_ENGINE = "onnxruntime"
-CUDA = "CUDAExecutionProvider"
-PRECISION = {"openvino": "f32", "openvino-bf16": "bf16"}
-
-Run = Callable[..., list[np.ndarray]]
-"""A graph's inputs, one array each in its order, to its outputs; safe to share between threads."""
-
-
-def open_engine(session: onnxruntime.InferenceSession, path: Path, engine: str, threads: int | None) -> Run:
-    """Run the graph at path, which session has open and checked, by an engine.
-
-    openvino-bf16 computes in bfloat16 where the processor can: the fastest, and a little less exact
-    (docs/explanation/results.md); the others in float32. cuda is ONNX Runtime on an NVIDIA GPU. A graph that OpenVINO
-    cannot read (2026.4 reduces whole.onnx over the wrong axes) is left to ONNX Runtime, with a RuntimeWarning.
-
-    Raises:
-        InputError: no such engine, or cuda without a runtime or a GPU for it; MissingExtra: it is not installed.
-    """
-    if engine == "cuda":
-        session = _open_cuda(path)
-    if engine not in ENGINES:
-        advice = did_you_mean(engine, ENGINES)
-        raise InputError(f"expected one of {', '.join(ENGINES)}, got {engine!r}{advice}", subject="engine")
-    if engine in PRECISION:
-        shapes = {given.name: given.shape for given in session.get_inputs()}
-        run = _openvino(path, shapes, threads, PRECISION[engine])
-        if run is not None:
-            return run
-        warnings.warn(f"{path.name}: OpenVINO cannot read it; ONNX Runtime runs it", RuntimeWarning, stacklevel=2)
-    names = [given.name for given in session.get_inputs()]
-    return lambda *values: session.run(None, dict(zip(names, values, strict=True)))
-
-
-def _open_cuda(path: Path) -> onnxruntime.InferenceSession:
-    """Return a session of which the GPU computes what it can; ONNX Runtime by itself would go on without one,
-    silently."""
-    if CUDA in onnxruntime.get_available_providers():
-        session = onnxruntime.InferenceSession(str(path), providers=[CUDA, "CPUExecutionProvider"])
-        if CUDA in session.get_providers():
-            return session
-    raise InputError(
-        "expected an NVIDIA GPU and onnxruntime-gpu in the place of onnxruntime, found none",
-        code="unsupported",
-        subject="engine",
-        remedy=give(engine=DEFAULT_ENGINE),
-    )
-
-
-def _openvino(path: Path, shapes: dict[str, list], threads: int | None, precision: str) -> Run | None:
-    """Open the graph with OpenVINO; None where it cannot read it."""
-    try:
-        import openvino
-    except ImportError as error:
-        raise MissingExtra("openvino", "openvino", "the engine openvino", error) from error
-    try:
-        model = openvino.Core().read_model(str(path))
-    except RuntimeError:
-        return None
-    model.reshape({name: [1, *shape[1:]] for name, shape in shapes.items()})
-    hints = {
-        "PERFORMANCE_HINT": "LATENCY",
-        "INFERENCE_PRECISION_HINT": precision,
-        "INFERENCE_NUM_THREADS": threads or 0,
-    }
-    compiled = openvino.compile_model(model, "CPU", hints)
-    request, one_at_a_time = compiled.create_infer_request(), threading.Lock()
-
-    def run(*values: np.ndarray) -> list[np.ndarray]:
-        with one_at_a_time:  # requests of many threads at once were seen to wait for each other for ever
-            results = request.infer(list(values))
-            return [np.array(results[output]) for output in compiled.outputs]
-
-    return run
-
 
 CONTRACT = {
     "contract": "3",
@@ -216,20 +138,27 @@ class Models:
     """
 
     def __init__(
-        self, model: str = DEFAULT_MODEL, threads: int | None = None, engine: str = DEFAULT_ENGINE, emitters: str = MODE
+        self,
+        model: str = DEFAULT_MODEL,
+        threads: int | None = None,
+        providers: Sequence[str] = CPU,
+        emitters: str = MODE,
     ) -> None:
         """Open a bundled model by name, or a folder of graphs.
 
-        threads: cores for one network; None leaves it to the engine, one of estimate.runtime.ENGINES.
+        threads: cores for one network; None leaves it to ONNX Runtime.
+        providers: of ONNX Runtime, the preferred first; see files.graphs.open_graph.
         emitters: one of EMITTERS; the paper's chain knows only those that it draws.
         """
         folder = weights_folder(model)
         self.name, self.stages = model, stages_of(folder)
         self.emitters = self._check_emitters(emitters)
-        self._run = {}
-        for stage in self.stages:
-            path = folder / f"{stage}.onnx"
-            self._run[stage] = open_engine(_open(path, stage, threads), path, engine, threads)
+        self._sessions = {stage: _open(folder / f"{stage}.onnx", stage, threads, providers) for stage in self.stages}
+
+    def _run(self, stage: str, *values: np.ndarray) -> list[np.ndarray]:
+        """Run a graph on one array for each of its inputs, in its order; return its outputs."""
+        session = self._sessions[stage]
+        return session.run(None, dict(zip((one.name for one in session.get_inputs()), values, strict=True)))
 
     @property
     def lifts(self) -> bool:
@@ -282,9 +211,9 @@ class Models:
         return self._chain(_batch(image), np.array([[tan_half]], np.float32))
 
     def _chain(self, photo: np.ndarray, tan_half: np.ndarray) -> Outputs:
-        (irradiance,) = self._run["irradiance"](photo, tan_half)
-        (ldr,) = self._run["illumination"](np.concatenate([irradiance, photo[:, 3:]], axis=1), tan_half)
-        (ln_radiance,) = self._run["hdr"](ldr)
+        (irradiance,) = self._run("irradiance", photo, tan_half)
+        (ldr,) = self._run("illumination", np.concatenate([irradiance, photo[:, 3:]], axis=1), tan_half)
+        (ln_radiance,) = self._run("hdr", ldr)
         ldr, ln_radiance = _image(ldr), _image(ln_radiance)
         return Outputs(
             radiance=reconstruct(ldr, ln_radiance),  # Eq. 7-8
@@ -294,12 +223,12 @@ class Models:
         )
 
     def _lift(self, given: dict[str, np.ndarray], context: np.ndarray | None, up: np.ndarray | None) -> Outputs:
-        irradiance, drawn, confidence, normals, spread, posterior = self._run["light"](*given.values())
+        irradiance, drawn, confidence, normals, spread, posterior = self._run("light", *given.values())
         posture = None
-        if context is not None and WHOLE in self._run:
+        if context is not None and WHOLE in self.stages:
             alone = {"alone_expected": spread, "alone_radiance": drawn, "alone_confidence": confidence}
             known = {**given, **whole_inputs(context, up), **alone, "posterior": posterior}
-            drawn, spread, confidence, posture = self._run[WHOLE](*(known[name] for name in WHOLE_INPUTS))
+            drawn, spread, confidence, posture = self._run(WHOLE, *(known[name] for name in WHOLE_INPUTS))
         ln_radiance = _image(spread if self.emitters == EXPECTED else drawn)
         radiance = np.exp(np.minimum(ln_radiance, LN_MAX))
         return Outputs(
@@ -353,8 +282,8 @@ def _image(batch: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(batch[0].transpose(1, 2, 0))
 
 
-def _open(path: Path, stage: str, threads: int | None) -> onnxruntime.InferenceSession:
-    session = open_graph(path, threads)
+def _open(path: Path, stage: str, threads: int | None, providers: Sequence[str]) -> onnxruntime.InferenceSession:
+    session = open_graph(path, threads, providers)
     found = session.get_modelmeta().custom_metadata_map
     for key, value in {**CONTRACT, "stage": stage}.items():
         if found.get(key) != value:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from anyprobe.detail.plausible import DETAILS, ROWS, SIZES, check_detail, check_rows
 from anyprobe.errors import InputError
-from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, EMITTERS, ENGINES, LOOKS, MODE
+from anyprobe.estimate.runtime import DEFAULT_MODEL, EMITTERS, LOOKS, MODE
+from anyprobe.files.graphs import CPU
 from anyprobe.masks.segmenters import SegmenterSource
 
 MODEL_HELP = (
@@ -30,8 +31,9 @@ class Settings:
 
     Attributes:
         model: name of a bundled one, "lift" or "paper", or a folder of graphs.
-        threads: of the engine; None leaves the choice to it.
-        engine: what runs the graphs: "onnxruntime", "openvino", "openvino-bf16" or "cuda".
+        threads: of ONNX Runtime; None leaves the choice to it.
+        providers: of ONNX Runtime, the preferred first, such as ("CUDAExecutionProvider", "CPUExecutionProvider") with
+            onnxruntime-gpu in the place of onnxruntime; a list or names between commas.
         emitters: "mode", light sources at their most likely positions (sharp shadows and highlights), or "expected",
             the mean radiance over all positions (soft, and truer on matte objects).
         looks: 2, to look at the photo in a mirror too and take the likelier light, in twice the time: then a mirrored
@@ -47,8 +49,10 @@ class Settings:
     """
 
     model: str = _setting(DEFAULT_MODEL, MODEL_HELP)
-    threads: int | None = _setting(None, "Number of engine threads; default: the engine's choice.")
-    engine: str = _setting(DEFAULT_ENGINE, f"Engine: {', '.join(ENGINES)}.", "NAME")
+    threads: int | None = _setting(None, "Number of threads of ONNX Runtime; default: its choice.")
+    providers: str | Sequence[str] = _setting(
+        CPU, "Execution providers of ONNX Runtime, the preferred first.", "NAME[,NAME...]"
+    )
     emitters: str = _setting(
         MODE,
         "mode: light sources at their most likely positions, with sharp shadows and highlights; expected: "
@@ -79,6 +83,8 @@ class Settings:
     )
 
     def __post_init__(self) -> None:
+        named = self.providers.split(",") if isinstance(self.providers, str) else self.providers
+        object.__setattr__(self, "providers", tuple(named) or CPU)
         if self.looks not in LOOKS:
             raise InputError(f"expected {' or '.join(map(str, LOOKS))}, got {self.looks}", subject="looks")
         check_detail(self.detail)
@@ -100,9 +106,9 @@ class Settings:
         return {name: value for name, (value, default) in values.items() if value != default}
 
     @property
-    def networks(self) -> tuple[str, int | None, str]:
+    def networks(self) -> tuple[str, int | None, tuple[str, ...]]:
         """The settings that networks are opened with."""
-        return self.model, self.threads, self.engine
+        return self.model, self.threads, tuple(self.providers)
 
 
 CHOICES: dict[str, tuple[Any, ...]] = {

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
-from anyprobe.errors import ModelError
+from anyprobe.errors import InputError, ModelError
 from anyprobe.files.cores import usable_cores
 from anyprobe.files.onnx_runtime import onnxruntime
 
@@ -16,8 +17,12 @@ MOST_THREADS = 2
 are the graphs any faster."""
 
 
-def open_graph(path: Path, threads: int | None = None) -> onnxruntime.InferenceSession:
-    """Open a session on the CPU, safe to share between threads.
+CPU = ("CPUExecutionProvider",)
+"""Providers of ONNX Runtime that every machine has."""
+
+
+def open_graph(path: Path, threads: int | None = None, providers: Sequence[str] = CPU) -> onnxruntime.InferenceSession:
+    """Open a session, safe to share between threads.
 
     Its threads sleep as soon as they have nothing to do. Spinning, the default, would take cores from the work between
     two graphs: a whole call took up to 2.6 times as long.
@@ -27,9 +32,14 @@ def open_graph(path: Path, threads: int | None = None) -> onnxruntime.InferenceS
     Args:
         threads: cores for the graph; None: usable_cores. A power of two up to MOST_THREADS is used, so that the
             result is the same to the last bit for any number.
+        providers: names of ONNX Runtime's execution providers, the preferred first.
     Raises:
+        InputError: a provider that this installation lacks, or that cannot work on this machine.
         ModelError: it cannot be read.
     """
+    installed = onnxruntime.get_available_providers()
+    if absent := [one for one in providers if one not in installed]:
+        raise InputError(f"expected some of {', '.join(installed)}, got {absent[0]!r}", subject="providers")
     options = onnxruntime.SessionOptions()
     options.log_severity_level = 4  # errors are raised, so not logged too
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
@@ -39,19 +49,28 @@ def open_graph(path: Path, threads: int | None = None) -> onnxruntime.InferenceS
         options.intra_op_num_threads = count
         try:
             # a fallback would print on stdout
-            return onnxruntime.InferenceSession(
-                str(path), options, providers=["CPUExecutionProvider"], enable_fallback=0
-            )
+            session = onnxruntime.InferenceSession(str(path), options, providers=list(providers), enable_fallback=0)
+            break
         except Exception as error:  # the runtime has no common base class for its errors
             fault = error
+    else:
+        raise _unopened(path, fault) from fault
+    if missing := set(providers) - set(session.get_providers()):  # ONNX Runtime goes on without one, silently
+        text = f"expected a machine that has {sorted(missing)[0]}, got none; leave it out"
+        raise InputError(text, code="unsupported", subject="providers")
+    return session
+
+
+def _unopened(path: Path, fault: Exception) -> ModelError:
+    """Return the error for a graph that ONNX Runtime does not open."""
     if any(word in str(fault).lower() for word in SYSTEM_FAULTS) or isinstance(fault, MemoryError):
-        raise ModelError(
+        return ModelError(
             "cannot be opened: the system has no more memory or threads "
             f"({' '.join(str(fault).split())[:120]}); end other programs, or raise the limits",
             source=path.name,
-        ) from fault
+        )
     text = "expected a readable ONNX graph, got a damaged file; reinstall anyprobe"
-    raise ModelError(text, source=path.name) from fault
+    return ModelError(text, source=path.name)
 
 
 def even_threads(threads: int) -> int:
