@@ -144,7 +144,7 @@ def test_spread_emitters_are_the_same_light_less_sharp():
 def test_other_emitters_are_asked_of_the_same_sessions():
     drawn = Models(threads=1)
     spread, crop = drawn.with_emitters(EXPECTED), sphere_pair().crop
-    assert spread._run is drawn._run
+    assert spread._sessions is drawn._sessions
     assert (drawn.emitters, spread.emitters) == ("mode", "expected")
     assert spread(crop, 0.2).radiance.max() < 0.7 * drawn(crop, 0.2).radiance.max()
     with refused("emitters", naming="paper"):
