@@ -8,6 +8,7 @@ import { StagesPanel } from "./view/stagesPanel.js";
 import { element, listenForPhotos, setStatus, sendLight, showFetched } from "./view/elements.js";
 import { ProbeOpener } from "./probe.js";
 import { LiveSession } from "./live/session.js";
+import { lookAtGiven } from "../src/photo/maskCheck.js";
 import { maskFromAlpha, objectBox } from "../src/photo/picture.js";
 import { openPhoto } from "./openPhoto.js";
 import { PAGE, errorLine, sentence } from "./words.js";
@@ -157,8 +158,11 @@ function showAgain() {
 
 /** The picture's own transparency or the mask network's proposal; null without both: then a click is needed. */
 async function ownMask(picture, isLate) {
-  const mask = maskFromAlpha(picture);
-  if (mask) return { data: mask, quality: null, notices: [] };
+  const own = maskFromAlpha(picture);
+  if (own) {
+    const { mask, warnings } = lookAtGiven(own, picture.width);
+    return { data: mask, quality: null, notices: warnings };
+  }
   const probe = await networks.open();
   return probe.hasMask ? findMask(picture, marking.hints, isLate) : null;
 }

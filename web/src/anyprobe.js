@@ -148,12 +148,16 @@ export class AnyProbe {
     const marks = refuseBoth(options);
     if (isGiven(options.mask)) {
       const mask = await readMask(options.mask, picture, options.signal);
-      checkObject(mask, picture.width, ["mask"]);
       const { quality = null, notices } = options.mask; // of one that was found
-      return { quality, ...(Array.isArray(notices) ? { mask, warnings: notices } : lookAtGiven(mask, picture.width)) };
+      const looked = Array.isArray(notices) ? { mask, warnings: notices } : lookAtGiven(mask, picture.width);
+      checkObject(looked.mask, picture.width, ["mask"]);
+      return { quality, ...looked };
     }
     const own = marks.length ? null : maskFromAlpha(picture);
-    if (own) return { mask: own, quality: null, warnings: alphaDoubts(own) };
+    if (own) {
+      const { mask, warnings } = lookAtGiven(own, picture.width);
+      return { mask, quality: null, warnings: [...warnings, ...alphaDoubts(own)] };
+    }
     const found = await this.#findMask(picture, options);
     if (found.quality === 0) throw nothingFound(marks);
     return { ...found, marks };

@@ -6,6 +6,7 @@ import numpy as np
 
 from anyprobe.core.contract import contract
 from anyprobe.errors import InvalidMask
+from anyprobe.masks.specks import keep_object
 from anyprobe.notices import Notice, give
 
 MIN_OBJECT_PX = contract("mask")["least_object_px"]
@@ -64,9 +65,12 @@ FEW_PX: int = _GIVEN["few_px"]
 
 
 def look_at_given(mask: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """Return a given mask [H, W] and a warning for each oddity.
+    """Return the part of a given mask [H, W] that matters, see masks.specks, and a warning for each oddity.
 
     A segmenter's overlay, which is translucent on the object too, is scaled to 1 there.
+
+    Raises:
+        InvalidMask: the part is too small.
     """
     lines: list[str] = []
     brightest = float(mask.max())
@@ -89,6 +93,17 @@ def look_at_given(mask: np.ndarray) -> tuple[np.ndarray, list[str]]:
     if grey.sum() > GREY_SHARE * inside.sum():
         text = "the mask is grey over wide areas; give one that is white on the object and black elsewhere"
         lines.append(Notice(text, code="mask-grey"))
+    kept = keep_object(mask)
+    mask = check_mask(kept.mask)
+    if kept.large > 1:
+        text = (
+            f"the mask has {kept.large} large parts; the largest and those close to it are taken for one object: "
+            "leave one object white"
+        )
+        lines.append(Notice(text, code="mask-parts"))
+    if kept.is_outline:
+        text = "the mask is only an outline; fill it: the whole object is white"
+        lines.append(Notice(text, code="mask-outline"))
     x0, y0, x1, y1 = object_box(mask)
     if max(x1 - x0, y1 - y0) < FEW_PX:
         text = (
@@ -96,7 +111,7 @@ def look_at_given(mask: np.ndarray) -> tuple[np.ndarray, list[str]]:
             "photo or go closer"
         )
         lines.append(Notice(text, code="object-small"))
-    return mask.astype(np.float32), lines
+    return mask, lines
 
 
 ALPHA_MOST: float = _GIVEN["alpha_most"]

@@ -10,14 +10,16 @@ HOLE_SHARE = contract("mask")["hole_share"]
 """Largest hole that is filled, as a share of the object; larger ones are real, such as a handle's."""
 
 
-def grow(mask: np.ndarray) -> np.ndarray:
-    """Grow a mask [H, W] bool by the 4-connected neighbours of its pixels."""
-    grown = mask.copy()
-    grown[1:] |= mask[:-1]
-    grown[:-1] |= mask[1:]
-    grown[:, 1:] |= mask[:, :-1]
-    grown[:, :-1] |= mask[:, 1:]
-    return grown
+def grow(mask: np.ndarray, steps: int = 1) -> np.ndarray:
+    """Grow a mask [H, W] bool by the 4-connected neighbours of its pixels, so many times."""
+    for _ in range(steps):
+        grown = mask.copy()
+        grown[1:] |= mask[:-1]
+        grown[:-1] |= mask[1:]
+        grown[:, 1:] |= mask[:, :-1]
+        grown[:, :-1] |= mask[:, 1:]
+        mask = grown
+    return mask
 
 
 def label_parts(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -137,14 +137,14 @@ class Finding:
 
     def expected(self) -> float:
         """Return the expected IoU of the part if the cover of its cells and of those near it are probabilities."""
-        near = _grown(self.part, 2 * EDGE_CELLS)
+        near = grow(self.part, 2 * EDGE_CELLS)
         inside = float(self.cover[self.part].sum())
         return inside / max(float(self.part.sum()) + float(self.cover[near & ~self.part].sum()), 1e-6)
 
     def single(self) -> float:
         """Return 1 where the shrunk part stays in one piece, else 1 less the ratio of the second piece to the first."""
         cells = max(1, int(NECK * np.sqrt(self.part.sum())))
-        _, sizes = label_parts(~_grown(~np.pad(self.part, 1), cells))
+        _, sizes = label_parts(~grow(~np.pad(self.part, 1), cells))
         sizes = np.sort(sizes[1:])
         return 1.0 if len(sizes) < 2 else 1.0 - float(sizes[-2] / sizes[-1])
 
@@ -166,7 +166,7 @@ class Finding:
     def mask(self, width: int, height: int) -> np.ndarray:
         """Return the mask [height, width] float32 of the whole photo, with the cover's soft edge."""
         soft = np.where(self.part, np.maximum(self.cover, 0.51), np.minimum(self.cover, 0.49))
-        soft = np.where(_grown(self.part, EDGE_CELLS), soft, 0.0).astype(np.float32)
+        soft = np.where(grow(self.part, EDGE_CELLS), soft, 0.0).astype(np.float32)
         return self._placed(soft, width, height)
 
     def only(self, cover: np.ndarray) -> np.ndarray:
@@ -174,7 +174,7 @@ class Finding:
         height, width = cover.shape
         inner, near = (
             self._placed(cells.astype(np.float32), width, height) > INSIDE
-            for cells in (~_grown(~self.part, EDGE_CELLS), _grown(self.part, EDGE_CELLS))
+            for cells in (~grow(~self.part, EDGE_CELLS), grow(self.part, EDGE_CELLS))
         )
         return np.where(inner & (cover <= INSIDE), 0.51, cover * near).astype(np.float32)
 
@@ -341,12 +341,6 @@ def _cells_of(window: Window, outer: Window) -> Box:
         (window.x1 - outer.x0) * GRID / width,
         (window.y1 - outer.y0) * GRID / height,
     )
-
-
-def _grown(part: np.ndarray, cells: int) -> np.ndarray:
-    for _ in range(cells):
-        part = grow(part)
-    return part
 
 
 def iou(a: np.ndarray, b: np.ndarray) -> float:

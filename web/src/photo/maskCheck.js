@@ -4,6 +4,7 @@ import { CONTRACT } from "../core/contract.js";
 import { AnyProbeError } from "../errors.js";
 import { give, notice } from "../notices.js";
 import { MIN_OBJECT_PX, isLarge, objectBox } from "./picture.js";
+import { keepObject } from "./specks.js";
 
 const { full: FULL, mostly: MOSTLY, grey: GREY, grey_share: GREY_SHARE, few_px: FEW_PX, alpha_most: ALPHA_MOST } = CONTRACT.mask.given;
 
@@ -21,7 +22,7 @@ export function checkObject(mask, width, subject = []) {
 }
 
 /**
- * A given mask and a warning for each oddity. A segmenter's overlay, which is translucent on the object too, is scaled to 1
+ * The part of a given mask that matters and a warning for each oddity. A segmenter's overlay, which is translucent on the object too, is scaled to 1
  * there.
  *
  * @param {Float32Array} mask
@@ -52,6 +53,12 @@ export function lookAtGiven(mask, width) {
   if (grey > GREY_SHARE * inside) {
     warnings.push(notice("mask-grey", "the mask is grey over wide areas; give one that is white on the object and black elsewhere"));
   }
+  const kept = keepObject(mask, width);
+  mask = kept.mask;
+  if (kept.large > 1) {
+    warnings.push(notice("mask-parts", `the mask has ${kept.large} large parts; the largest and those close to it are taken for one object: leave one object white`));
+  }
+  if (kept.isOutline) warnings.push(notice("mask-outline", "the mask is only an outline; fill it: the whole object is white"));
   const [x0, y0, x1, y1] = objectBox(mask, width);
   if (Math.max(x1 - x0, y1 - y0) < FEW_PX) {
     warnings.push(notice("object-small", `the object is only ${x1 - x0} x ${y1 - y0} pixels in its mask, too few for a good estimate; use a larger photo or go closer`));

@@ -1,0 +1,112 @@
+"""The part of a given mask that matters: without specks, threads, and parts far from the largest.
+
+The same in web/src/photo/specks.js.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from anyprobe.core.contract import contract
+from anyprobe.masks.parts import grow, label_parts
+
+NUMBERS = contract("mask")["specks"]
+
+SHARE = NUMBERS["share"]
+"""Smallest area of a part over that of the largest; smaller ones are specks."""
+
+REACH = NUMBERS["reach"]
+"""Largest distance by which a part may stick out of the box of those that are kept, in square roots of its area."""
+
+THIN, THREAD_REACH = NUMBERS["thin"], NUMBERS["thread_reach"]
+"""Half the width of a thread, at least 1 pixel, and the distance by which one may stick out of the box, both in square
+roots of the mask's area."""
+
+SOFT_PX = NUMBERS["soft_px"]
+"""Width of the soft edge [px] that is removed with a part."""
+
+LARGE, OUTLINE = NUMBERS["large"], NUMBERS["outline"]
+"""Smallest area of a part over that of the largest at which it may be an object of its own, and smallest area of a mask
+over that with its largest hole filled; less is an outline."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """The part of a mask that matters.
+
+    Attributes:
+        mask: [H, W] float32; the given one itself where nothing is dropped.
+        large: number of large parts of the given mask.
+        is_outline: whether the mask is only the outline of something.
+    """
+
+    mask: np.ndarray
+    large: int
+    is_outline: bool
+
+
+def keep_object(mask: np.ndarray) -> Kept:
+    """Return the largest part of a mask [H, W] in [0, 1], not empty above one half, and the parts that belong to it."""
+    inside = mask > 0.5
+    radius = max(1, round(THIN * float(np.sqrt(inside.sum()))))
+    body = grow(~grow(~np.pad(inside, radius), radius)[radius:-radius, radius:-radius], 2 * radius) & inside
+    if 2 * body.sum() < inside.sum():
+        body = inside  # a drawing of lines
+    labels, sizes = label_parts(body)
+    sizes[0] = 0
+    boxes = _boxes(labels, len(sizes))
+    largest = int(sizes.argmax())
+    box, kept = boxes[largest], {largest}
+    waiting = [int(one) for one in np.argsort(-sizes, kind="stable") if sizes[one] >= SHARE * sizes[largest]][1:]
+    while near := [one for one in waiting if _overhang(boxes[one], box) <= REACH * np.sqrt(sizes[one])]:
+        kept.add(near[0])
+        waiting.remove(near[0])
+        box = _union(box, boxes[near[0]])
+    belongs = np.isin(labels, list(kept))
+    threads, lengths = label_parts(inside & ~body)
+    touching = set(np.unique(threads[grow(belongs)]).tolist()) - {0}
+    reach = THREAD_REACH * float(np.sqrt(sizes[largest]))
+    ends = _boxes(threads, len(lengths))
+    belongs |= np.isin(threads, [one for one in touching if _overhang(ends[one], box) <= reach])
+    large = int((sizes >= LARGE * sizes[largest]).sum())
+    return Kept(_without(mask, inside & ~belongs, belongs), large, _is_outline(belongs, radius))
+
+
+def _without(mask: np.ndarray, dropped: np.ndarray, belongs: np.ndarray) -> np.ndarray:
+    """Set the dropped pixels of a mask and their soft edge to zero."""
+    if not dropped.any():
+        return mask
+    edge = grow(dropped, SOFT_PX) & ~grow(belongs, SOFT_PX)
+    return np.where(dropped | edge, 0.0, mask).astype(np.float32)
+
+
+def _is_outline(belongs: np.ndarray, radius: int) -> bool:
+    """Return whether the largest hole of a mask, its gaps closed, is far larger than the mask."""
+    closed = np.pad(grow(np.pad(belongs, 2 * radius), 2 * radius), 1)
+    labels, sizes = label_parts(~closed)
+    sizes[[0, labels[0, 0]]] = 0
+    area = int(belongs.sum())
+    return area < OUTLINE * (area + int(sizes.max()))
+
+
+def _boxes(labels: np.ndarray, count: int) -> np.ndarray:
+    """Return the bounding box x0, y0, x1, y1 (exclusive) of each label, [count, 4]."""
+    rows, columns = np.nonzero(labels)
+    own = labels[rows, columns]
+    boxes = np.empty((count, 4), np.int64)
+    boxes[:, :2], boxes[:, 2:] = max(labels.shape), 0
+    for axis, places in enumerate((columns, rows)):
+        np.minimum.at(boxes[:, axis], own, places)
+        np.maximum.at(boxes[:, axis + 2], own, places + 1)
+    return boxes
+
+
+def _overhang(box: np.ndarray, of: np.ndarray) -> int:
+    """Return the largest distance by which a box sticks out of another [px]."""
+    return int(max(*(of[:2] - box[:2]), *(box[2:] - of[2:]), 0))
+
+
+def _union(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return np.concatenate([np.minimum(one[:2], other[:2]), np.maximum(one[2:], other[2:])])
