@@ -24,11 +24,11 @@ from sequences import FPS, Scene, Sequence, camera_pose, drawn_scene, film, scen
 
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.files.atomic import atomic_path
-from anyprobe.learning.evaluate.metrics import color_angle_deg
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.harmonics import project
 from anyprobe.light.temporal import step
 from anyprobe.render.spheres import silver, sphere_normals
+from anyprobe_train.evaluate.metrics import color_angle_deg
 
 SPHERE = 24
 SETTLED = 0.1

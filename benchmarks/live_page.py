@@ -47,10 +47,10 @@ from swaying import frames as clip_frames
 from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
-from anyprobe.learning.evaluate.metrics import color_angle_deg
 from anyprobe.light.environment import rotate
 from anyprobe.light.harmonics import irradiance
 from anyprobe.render.spheres import diffuse, sphere_normals
+from anyprobe_train.evaluate.metrics import color_angle_deg
 
 ROOT = Path(__file__).parents[1]
 FPS, WIDTH, HEIGHT, DIAMETER = 30, 640, 480, 220

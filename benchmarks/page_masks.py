@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.learning.dataset.asset_store import load_asset_store
+from anyprobe_train.dataset.asset_store import load_asset_store
 from research.masks.cases import Case, iou, photo_cases
 from research.masks.scenes import rendered_cases
 from research.masks.scoring import PROMPTS, score

@@ -17,13 +17,13 @@ from measure import held_mb
 
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.files.cores import one_thread
-from anyprobe.learning.dataset.asset_store import AssetStore, load_asset_store
-from anyprobe.learning.dataset.catalog import load_maps, load_shapes
-from anyprobe.learning.dataset.pair import render_pair
-from anyprobe.learning.dataset.pair_source import LN_RANGE, Batch, PairConfig, PairSource
-from anyprobe.learning.dataset.recipe import MATERIAL_CHOICES, VIEWPOINTS, Recipe
-from anyprobe.learning.train.config import RunConfig
-from anyprobe.learning.train.dataloader import make_pairs, stream
+from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store
+from anyprobe_train.dataset.catalog import load_maps, load_shapes
+from anyprobe_train.dataset.pair import render_pair
+from anyprobe_train.dataset.pair_source import LN_RANGE, Batch, PairConfig, PairSource
+from anyprobe_train.dataset.recipe import MATERIAL_CHOICES, VIEWPOINTS, Recipe
+from anyprobe_train.train.config import RunConfig
+from anyprobe_train.train.dataloader import make_pairs, stream
 
 MEMORY_POINTS = 50
 """Readings of the memory, spread evenly over the pairs."""

@@ -11,13 +11,13 @@ from anyprobe.core.frames import normalize, rotation_y, world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import response
 from anyprobe.estimate.photo import Photo
-from anyprobe.learning.dataset.asset_store import AssetStore
-from anyprobe.learning.dataset.camera import Shot, draw_shot, exposure, one_photo
-from anyprobe.learning.dataset.distributions import draw_alpha, draw_material
-from anyprobe.learning.dataset.mask_errors import disturb_mask
-from anyprobe.learning.dataset.pair import shade_surface
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.render.surface import frame_object, see
+from anyprobe_train.dataset.asset_store import AssetStore
+from anyprobe_train.dataset.camera import Shot, draw_shot, exposure, one_photo
+from anyprobe_train.dataset.distributions import draw_alpha, draw_material
+from anyprobe_train.dataset.mask_errors import disturb_mask
+from anyprobe_train.dataset.pair import shade_surface
 
 PHONE_FOV_DEG, PHONE_ASPECT = 65.0, 0.75
 """The photos that show more than the object: its middle is theirs."""

@@ -3,7 +3,7 @@
     python benchmarks/scaling_processes.py            # one JSON object a line, the ratio last
     python benchmarks/scaling_processes.py --quick    # a dry run; its figures are not for quoting
 
-Each is `anyprobe train` on maps and shapes of our own, every process with one thread, so that one process has one
+Each is `anyprobe-train run` on maps and shapes of our own, every process with one thread, so that one process has one
 core and two have two. The speed is that of log.csv without its first row, in which kernels are compiled and the
 first lit materials are made.
 """
@@ -21,10 +21,10 @@ from tempfile import TemporaryDirectory
 
 from measure import cpu_model
 
-from anyprobe.learning.train.config import RUNS
-from anyprobe.learning.train.logger import LOG_STEPS
+from anyprobe_train.train.config import RUNS
+from anyprobe_train.train.logger import LOG_STEPS
 
-ANYPROBE = Path(sys.executable).with_name("anyprobe")
+ANYPROBE = Path(sys.executable).with_name("anyprobe-train")
 TORCHRUN = (sys.executable, "-m", "torch.distributed.run", "--standalone")
 ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
 
@@ -61,7 +61,7 @@ def measure(asked: list[str], folder: Path, count: int) -> float:
     runs.mkdir()
     (folder / "cache").mkdir(exist_ok=True)
     (runs / "cache").symlink_to(folder / "cache")
-    command = [str(ANYPROBE), "train", *asked, "--runs", str(runs)]
+    command = [str(ANYPROBE), "run", *asked, "--runs", str(runs)]
     if count > 1:
         command = [*TORCHRUN, "--nproc-per-node", str(count), "--no-python", "--", *command]
     subprocess.run(command, env={**os.environ, **ONE_THREAD}, stdout=subprocess.DEVNULL, check=True)

@@ -16,16 +16,16 @@ from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import CameraCurve
 from anyprobe.estimate.photo import Photo
-from anyprobe.learning.dataset.camera import Shot, one_photo
-from anyprobe.learning.dataset.mask_errors import fray
-from anyprobe.learning.dataset.room import room
-from anyprobe.learning.dataset.sky import direction_at, sky, soft_cap, studio
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.picture import draw_mesh
 from anyprobe.render.shapes import blob, lathe, superquadric
 from anyprobe.render.surface import frame_object
 from anyprobe.scatter.materials import Material
+from anyprobe_train.dataset.camera import Shot, one_photo
+from anyprobe_train.dataset.mask_errors import fray
+from anyprobe_train.dataset.room import room
+from anyprobe_train.dataset.sky import direction_at, sky, soft_cap, studio
 
 FPS = 24
 SIZE = 160

@@ -26,8 +26,8 @@ from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.known import PhotoBackground
 from anyprobe.estimate.multiview import fuse_lights
 from anyprobe.estimate.photo import Photo, crop_object
-from anyprobe.learning.dataset.asset_store import AssetStore, load_asset_store
-from anyprobe.learning.evaluate.scoring import score
+from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store
+from anyprobe_train.evaluate.scoring import score
 from research.left_out import load_left_out
 
 MOST = 8

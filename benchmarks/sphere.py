@@ -12,11 +12,11 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.errors import InputError
-from anyprobe.learning.dataset.catalog import load_maps
-from anyprobe.learning.dataset.room import room
-from anyprobe.learning.dataset.sky import sky
 from anyprobe.scatter.materials import Material
 from anyprobe.scatter.microfacet import f0_from_ior
+from anyprobe_train.dataset.catalog import load_maps
+from anyprobe_train.dataset.room import room
+from anyprobe_train.dataset.sky import sky
 
 SIZE = 128
 """Of the picture, in pixels; --size changes it for a dry run."""

@@ -52,7 +52,7 @@ INPUTS = {
 """Options of `anyprobe estimate`, a photo each."""
 
 PAIR_KINDS = {"frozen": ["--frozen", "--hints"], "world": ["--conditions", "world"], "textured": ["--textured"]}
-"""Options of `anyprobe evaluate`."""
+"""Options of `anyprobe-train evaluate`."""
 
 REQUESTS = (
     *("GET /v1/targets", "GET /openapi.json", "POST /v1/photo", "POST /v1/mask", "POST /v1/fuse", "POST /v1/estimate"),
@@ -63,17 +63,17 @@ REQUESTS = (
 
 PAIRS = """
 import dataclasses, hashlib
-from anyprobe.learning.dataset.asset_store import load_asset_store
-from anyprobe.learning.dataset.pair import render_pair
-from anyprobe.learning.dataset.recipe import balanced_recipes, world_recipes
+from anyprobe_train.dataset.asset_store import load_asset_store
+from anyprobe_train.dataset.pair import render_pair
+from anyprobe_train.dataset.recipe import balanced_recipes, world_recipes
 assets = load_asset_store(None, "train", procedural_maps=2, procedural_shapes=2)
 recipes = [*balanced_recipes(assets, 4), *balanced_recipes(assets, 4, conditions=1), *world_recipes(assets, 8, 1)]
 for number, recipe in enumerate(recipes):
     pair = render_pair(recipe, assets)
     for part in ("photo", "irradiance", "radiance", "map_from_camera", "gain"):
         print("exact", number, part, hashlib.sha256(getattr(pair, part).tobytes()).hexdigest())
-from anyprobe.learning.train.config import RUNS, smoke
-from anyprobe.learning.train.dataloader import make_pairs
+from anyprobe_train.train.config import RUNS, smoke
+from anyprobe_train.train.dataloader import make_pairs
 from pathlib import Path
 for name in ("lift", "whole"):
     if name not in RUNS: continue
@@ -207,10 +207,10 @@ class Version:
 
     def training(self) -> dict[str, str]:
         pairs = PAIRS  # before the learning wing, its rooms stood in the package itself
-        if not (self.tree / "src/anyprobe/learning").is_dir():
-            pairs = pairs.replace("anyprobe.learning.", "anyprobe.")
+        if not (self.tree / "train/anyprobe_train").is_dir():
+            pairs = pairs.replace("anyprobe_train.", "anyprobe.")
         found = lines(self.run("-c", pairs))
-        self.run("-m", "anyprobe", "train", "lift", "--dry-run", "20", "--no-compile")
+        self.run("-m", "anyprobe_train", "run", "lift", "--dry-run", "20", "--no-compile")
         (checkpoint,) = (self.folder / "runs").rglob("checkpoint.pt")
         return found | lines(self.run("-c", WEIGHTS, str(checkpoint)))
 

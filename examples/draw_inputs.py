@@ -17,13 +17,13 @@ from PIL import Image, ImageDraw, ImageFont
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.estimate.runtime import Models
-from anyprobe.learning.dataset.asset_store import AssetStore, own_map
-from anyprobe.learning.dataset.catalog import ShapeAsset
-from anyprobe.learning.dataset.pair import render_pair
-from anyprobe.learning.dataset.recipe import balanced_recipes
-from anyprobe.learning.evaluate.methods import GIVEN_HINTS, run_with_hints
 from anyprobe.render.shapes import figure
 from anyprobe.render.spheres import diffuse, silver
+from anyprobe_train.dataset.asset_store import AssetStore, own_map
+from anyprobe_train.dataset.catalog import ShapeAsset
+from anyprobe_train.dataset.pair import render_pair
+from anyprobe_train.dataset.recipe import balanced_recipes
+from anyprobe_train.evaluate.methods import GIVEN_HINTS, run_with_hints
 
 TITLES = ("photo", "true light", "photo alone", *GIVEN_HINTS)
 ROWS, CELL, GAP, TOP = 5, 64, 10, 16

@@ -18,7 +18,6 @@ from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import response
 from anyprobe.core.sampling import hammersley
-from anyprobe.learning.dataset.asset_store import room
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.light.octahedral import build_pyramid
 from anyprobe.maps.radiance import write_exr
@@ -26,6 +25,7 @@ from anyprobe.render.integrate import NUM_EMITTERS, shade
 from anyprobe.render.shapes import lathe
 from anyprobe.render.surface import frame_object, pixel_rays, see
 from anyprobe.scatter.materials import Material
+from anyprobe_train.dataset.asset_store import room
 
 SIZE = 512
 SUPERSAMPLE = 2

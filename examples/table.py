@@ -26,13 +26,13 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import response
 from anyprobe.estimate.photo import Photo
 from anyprobe.files.objects import open_object
-from anyprobe.learning.dataset.room import room
-from anyprobe.learning.dataset.sky import direction_at, soft_cap
 from anyprobe.light.environment import shrink
 from anyprobe.relight.insert import Arrangement, Stage, lay_object_over, within
 from anyprobe.relight.shadow import sky_irradiance
 from anyprobe.render.picture import draw_mesh
 from anyprobe.scatter.materials import Material
+from anyprobe_train.dataset.room import room
+from anyprobe_train.dataset.sky import direction_at, soft_cap
 
 HERE = Path(__file__).parent
 DOCS = HERE.parent / "docs"

@@ -19,12 +19,12 @@ from rich.progress import track
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
-from anyprobe.learning.dataset.pair import Pair
-from anyprobe.learning.evaluate.methods import Estimate, Method
-from anyprobe.learning.evaluate.scoring import score_pairs
-from anyprobe.learning.nets.light_net import LightNet
-from anyprobe.learning.train.config import LightConfig, RunConfig, lift, normals
-from anyprobe.learning.train.loop import load_nets, train
+from anyprobe_train.dataset.pair import Pair
+from anyprobe_train.evaluate.methods import Estimate, Method
+from anyprobe_train.evaluate.scoring import score_pairs
+from anyprobe_train.nets.light_net import LightNet
+from anyprobe_train.train.config import LightConfig, RunConfig, lift, normals
+from anyprobe_train.train.loop import load_nets, train
 from research.compare.study import difference, means
 from research.left_out import PAIRS, left_out_pairs
 from research.results import commit, write_result

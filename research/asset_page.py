@@ -14,10 +14,10 @@ import typer
 from anyprobe.cli.app import main as run_command
 from anyprobe.errors import InputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.learning.dataset.asset_store import load_asset_store
-from anyprobe.learning.dataset.catalog import MAP_SUFFIXES, MESH_SUFFIXES, allows_commercial_use, file_id, listed_rows
-from anyprobe.learning.dataset.recipe import read_recipes
-from anyprobe.learning.evaluate.scoring import FROZEN
+from anyprobe_train.dataset.asset_store import load_asset_store
+from anyprobe_train.dataset.catalog import MAP_SUFFIXES, MESH_SUFFIXES, allows_commercial_use, file_id, listed_rows
+from anyprobe_train.dataset.recipe import read_recipes
+from anyprobe_train.evaluate.scoring import FROZEN
 
 FOLDERS = {
     "hdri/train": ("Maps", MAP_SUFFIXES),
@@ -35,26 +35,26 @@ PAGE = """\
 
 The {count} files of a data folder that training uses, as the folder's manifests state them; written by
 `python -m research.asset_page`. Files whose licence forbids commercial use, or is not clear, are excluded
-(`anyprobe.learning.dataset.catalog.allows_commercial_use`). None of these files is in the package: networks were
+(`anyprobe_train.dataset.catalog.allows_commercial_use`). None of these files is in the package: networks were
 trained on images rendered with them, with maps rotated, blended and relit, and shapes rotated, mirrored, stretched,
 bent and joined. [CC BY 3.0](https://creativecommons.org/licenses/by/3.0/) and
 [4.0](https://creativecommons.org/licenses/by/4.0/) require naming the author, as MIT, BSD and Apache licences do.
 
-Training also uses procedural maps and shapes of anyprobe's own (`anyprobe.learning.dataset.sky`,
-`anyprobe.learning.dataset.room`, `anyprobe.render.shapes`): they have no files, and are anyprobe's, Apache-2.0.
+Training also uses procedural maps and shapes of anyprobe's own (`anyprobe_train.dataset.sky`,
+`anyprobe_train.dataset.room`, `anyprobe.render.shapes`): they have no files, and are anyprobe's, Apache-2.0.
 """
 
 TEST_PAGE = """\
 # Test assets
 
 The {count} files that the frozen test set is rendered from, as the manifests of a data folder state them; written by
-`python -m research.asset_page DATA --test`. Recipes (`src/anyprobe/learning/evaluate/frozen.txt`,
+`python -m research.asset_page DATA --test`. Recipes (`train/anyprobe_train/evaluate/frozen.txt`,
 `research/world/test.txt`) name a file by the first eight digits of its SHA-256, so `--frozen` needs these very files.
 They are not in the repository, and no network is trained on them.
 
-`python -m research.fetch_assets test DIR` fetches the sources below at a fixed commit each, prepares them and checks
+`anyprobe-train data test DIR` fetches the sources below at a fixed commit each, prepares them and checks
 SHA-256: all 30 maps, and of the shapes drill and goathead. It writes `DIR/frozen_public.txt`, the 224 of the 1,000
-frozen recipes that these suffice for (`anyprobe evaluate --hdri DIR/hdri/test --meshes DIR/meshes/test --recipes
+frozen recipes that these suffice for (`anyprobe-train evaluate --hdri DIR/hdri/test --meshes DIR/meshes/test --recipes
 DIR/frozen_public.txt`). Duck, gargoyle, horse, kitten, lionstatue, penguin and teapot cannot be had: what decimated
 them to 16,000 triangles and closed their holes was not recorded, and other software makes another SHA-256. How files
 are prepared:
@@ -64,8 +64,8 @@ are prepared:
 - **Shapes**: vertices merged, small loose parts removed, holes closed, decimated to 16,000 triangles at most, +Y up,
   smallest enclosing sphere of radius 1 around the origin; binary PLY.
 
-Without these files, `anyprobe evaluate --hdri MAPS --meshes SHAPES` without `--frozen` renders a balanced test set from
-any others; its figures do not compare with those of the frozen set.
+Without these files, `anyprobe-train evaluate --hdri MAPS --meshes SHAPES` without `--frozen` renders a balanced test
+set from any others; its figures do not compare with those of the frozen set.
 
 "By name": the file has the name of an asset of Poly Haven, where all assets are CC0; this was not checked against the
 site. "Not stated": the source names no licence; use for research only.

@@ -20,9 +20,9 @@ import typer
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.contract import contract
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models
-from anyprobe.learning.evaluate.metrics import direction_error_deg
-from anyprobe.learning.whole_network.families import FAMILIES
 from anyprobe.light.dominant_light import ERROR, ESTIMATED_ERROR, direction_error, find_dominant_light, spread_about
+from anyprobe_train.evaluate.metrics import direction_error_deg
+from anyprobe_train.whole_network.families import FAMILIES
 from research.scenes.estimates import estimates_of
 
 SHARE = 2 / 3

@@ -22,8 +22,6 @@ from anyprobe.core.response import response
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.files.objects import open_object
-from anyprobe.learning.dataset.textured import draw_texture
-from anyprobe.learning.evaluate.metrics import color_angle_deg, direction_error_deg, power_ratio_stops
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.relight.appearance import least_scale
@@ -31,6 +29,8 @@ from anyprobe.relight.insert import Stage
 from anyprobe.relight.path_traced import _environment, _shape, open_mitsuba
 from anyprobe.render.spheres import diffuse
 from anyprobe.scatter.materials import Material
+from anyprobe_train.dataset.textured import draw_texture
+from anyprobe_train.evaluate.metrics import color_angle_deg, direction_error_deg, power_ratio_stops
 from research.detail_library.outdoors import detailed_outdoor
 from research.detail_library.rooms import detailed_room, detailed_studio
 

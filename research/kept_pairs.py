@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.files.atomic import atomic_path
-from anyprobe.learning.dataset.asset_store import AssetStore
-from anyprobe.learning.dataset.pair import Pair, Trace, render_pair
-from anyprobe.learning.dataset.recipe import Recipe
 from anyprobe.scatter.materials import Material
+from anyprobe_train.dataset.asset_store import AssetStore
+from anyprobe_train.dataset.pair import Pair, Trace, render_pair
+from anyprobe_train.dataset.recipe import Recipe
 
 ARRAYS = ("photo", "irradiance", "radiance", "map_from_camera", "gain", "normals")
 NAMES = ("tan_half", "map_name", "shape_name", "indoor")

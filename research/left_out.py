@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from anyprobe.errors import InputError
-from anyprobe.learning.dataset.asset_store import AssetStore, load_asset_store
-from anyprobe.learning.dataset.pair import Pair
-from anyprobe.learning.dataset.recipe import balanced_recipes, world_recipes
+from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store
+from anyprobe_train.dataset.pair import Pair
+from anyprobe_train.dataset.recipe import balanced_recipes, world_recipes
 from research.kept_pairs import kept_pairs
 
 PAIRS = 240

@@ -26,15 +26,15 @@ from anyprobe.core.response import response
 from anyprobe.estimate.photo import CONTEXT_SCALE
 from anyprobe.estimate.runtime import CONTEXT_SIZE, Models
 from anyprobe.estimate.surroundings import hidden, on_plane, radiance_of, surroundings_of, use_surroundings
-from anyprobe.learning.dataset.asset_store import AssetStore
-from anyprobe.learning.dataset.catalog import MapAsset, load_maps, load_shapes
-from anyprobe.learning.dataset.pair import Pair, render_pair
-from anyprobe.learning.dataset.recipe import balanced_recipes
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.masks.resize import resize
 from anyprobe.match.background import background_of
 from anyprobe.match.likeness import MATCH_ROWS, Shown, best_places, gain_of, light_of, shown_by
 from anyprobe.render.surface import pixel_rays
+from anyprobe_train.dataset.asset_store import AssetStore
+from anyprobe_train.dataset.catalog import MapAsset, load_maps, load_shapes
+from anyprobe_train.dataset.pair import Pair, render_pair
+from anyprobe_train.dataset.recipe import balanced_recipes
 from research.compare.figures import relight_scores
 from research.left_out import load_left_out
 

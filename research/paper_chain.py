@@ -3,7 +3,7 @@
     python -m research.paper_chain DATA                               # the frozen pairs
     python -m research.paper_chain DATA --part world --kept DIR       # path-traced, see research.world
     python -m research.paper_chain DATA --part left-out --kept DIR    # to choose by
-    python -m research.paper_chain DATA --part frozen_public.txt      # of research.fetch_assets test
+    python -m research.paper_chain DATA --part frozen_public.txt      # of anyprobe_train.assets test
 
 One flat colour and the blurred truths are made of the truth itself: they say what the figures' scale is. Spread is the
 standard deviation over the pairs of a pixel of the LDR map, mean over pixels; above .8 is the share of pixels that Eq.
@@ -24,14 +24,14 @@ from anyprobe.cli.app import main as run_command
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Models
-from anyprobe.learning.dataset.asset_store import AssetStore
-from anyprobe.learning.dataset.catalog import load_maps, load_shapes
-from anyprobe.learning.dataset.pair import Pair
-from anyprobe.learning.dataset.recipe import read_recipes
-from anyprobe.learning.evaluate.methods import Method, baselines, model_methods, truth_methods
-from anyprobe.learning.evaluate.scoring import FROZEN, score_pairs
-from anyprobe.learning.evaluate.standard_errors import clustered_error
 from anyprobe.light.reconstruct import THRESHOLD
+from anyprobe_train.dataset.asset_store import AssetStore
+from anyprobe_train.dataset.catalog import load_maps, load_shapes
+from anyprobe_train.dataset.pair import Pair
+from anyprobe_train.dataset.recipe import read_recipes
+from anyprobe_train.evaluate.methods import Method, baselines, model_methods, truth_methods
+from anyprobe_train.evaluate.scoring import FROZEN, score_pairs
+from anyprobe_train.evaluate.standard_errors import clustered_error
 from research.kept_pairs import kept_pairs
 from research.left_out import left_out_pairs
 from research.world.pairs import world_pairs

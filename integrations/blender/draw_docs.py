@@ -48,10 +48,10 @@ def main(archive: Path, python: str) -> None:
 
     from anyprobe.core.color import luminance
     from anyprobe.export.target_frames import BLENDER
-    from anyprobe.learning.dataset.asset_store import sky
     from anyprobe.light.dominant_light import find_dominant_light
     from anyprobe.maps.radiance import write_exr
     from anyprobe.render.shapes import lathe
+    from anyprobe_train.dataset.asset_store import sky
 
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)

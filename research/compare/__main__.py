@@ -10,11 +10,11 @@ from rich.progress import track
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
-from anyprobe.learning.dataset.asset_store import AssetStore
-from anyprobe.learning.dataset.catalog import load_maps, load_shapes
-from anyprobe.learning.dataset.recipe import digest, read_recipes, require_assets
-from anyprobe.learning.evaluate.methods import baselines, model_methods
-from anyprobe.learning.evaluate.scoring import FROZEN, GROUPS, OF_FROZEN, score_pairs
+from anyprobe_train.dataset.asset_store import AssetStore
+from anyprobe_train.dataset.catalog import load_maps, load_shapes
+from anyprobe_train.dataset.recipe import digest, read_recipes, require_assets
+from anyprobe_train.evaluate.methods import baselines, model_methods
+from anyprobe_train.evaluate.scoring import FROZEN, GROUPS, OF_FROZEN, score_pairs
 from research.compare.figures import score_pair
 from research.compare.study import difference, means
 from research.kept_pairs import kept_pairs
@@ -26,7 +26,7 @@ AHEAD = ("ldr_rmse", "sphere_rmse", "relight_rmse")
 
 
 def compare(
-    hdri: Annotated[Path, typer.Option(help="Folder of held-out maps, as for anyprobe evaluate.")],
+    hdri: Annotated[Path, typer.Option(help="Folder of held-out maps, as for anyprobe-train evaluate.")],
     meshes: Annotated[Path, typer.Option(help="Folder of held-out shapes.")],
     model: Annotated[list[str] | None, typer.Option(help="Bundled model or folder of graphs; repeat for more.")] = None,
     pairs: Annotated[int, typer.Option(min=2, max=1000, help="The first so many pairs.")] = 1000,

@@ -15,9 +15,15 @@ import numpy as np
 from anyprobe.core.frames import reflect, world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import response
-from anyprobe.learning.dataset.pair import LN_RANGE, Pair
-from anyprobe.learning.evaluate.methods import Estimate
-from anyprobe.learning.evaluate.metrics import (
+from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.light.environment import MAP_HEIGHT, integral
+from anyprobe.light.harmonics import COSINE_LOBE, project
+from anyprobe.render.shapes import lathe
+from anyprobe.render.spheres import sphere_normals
+from anyprobe.render.surface import Surface, frame_object, see
+from anyprobe_train.dataset.pair import LN_RANGE, Pair
+from anyprobe_train.evaluate.methods import Estimate
+from anyprobe_train.evaluate.metrics import (
     color_angle_deg,
     direction_error_deg,
     power_ratio_stops,
@@ -26,12 +32,6 @@ from anyprobe.learning.evaluate.metrics import (
     si_rmse,
     ssim,
 )
-from anyprobe.light.dominant_light import find_dominant_light
-from anyprobe.light.environment import MAP_HEIGHT, integral
-from anyprobe.light.harmonics import COSINE_LOBE, project
-from anyprobe.render.shapes import lathe
-from anyprobe.render.spheres import sphere_normals
-from anyprobe.render.surface import Surface, frame_object, see
 from research.compare.lights import find_lights, matched_lights_deg, peak_direction
 from research.compare.three_spheres import clean_scores, field_scores
 from research.compare.transport import array_of_spheres, light, reflectance_matrix

@@ -8,9 +8,9 @@ import numpy as np
 
 from anyprobe.core.color import REC709, luminance
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.learning.evaluate.metrics import direction_error_deg
 from anyprobe.light.dominant_light import connected, dilate
 from anyprobe.light.filtering import blur_cap
+from anyprobe_train.evaluate.metrics import direction_error_deg
 
 PEAK_RADIUS = np.radians(5.0)
 """Radius of the cap that luminance is averaged over before the peak is taken; the field leaves it open."""

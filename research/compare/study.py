@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from anyprobe.learning.evaluate.scoring import Scores
-from anyprobe.learning.evaluate.standard_errors import clustered_error, rounded
+from anyprobe_train.evaluate.scoring import Scores
+from anyprobe_train.evaluate.standard_errors import clustered_error, rounded
 
 MEDIANS = (
     "array_rmse",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from anyprobe.learning.dataset.sky import tint
+from anyprobe_train.dataset.sky import tint
 from research.detail_library.boxes import Boxes, lines, noise, turbulence
 
 PLAIN, WOOD, BOOKS, FABRIC, FACADE, LEAVES, GRID = range(7)

@@ -4,7 +4,7 @@
     python -m research.detail_library.measure DATA --library DATA/hdri/train --mirrors
     python -m research.detail_library.measure --pairs 10 --sheet docs/detail.jpg  # scenes no library has
 
-DATA holds hdri/test and meshes/test; the pairs are those of `anyprobe evaluate`. Times are of the processor,
+DATA holds hdri/test and meshes/test; the pairs are those of `anyprobe-train evaluate`. Times are of the processor,
 all threads together.
 """
 
@@ -32,16 +32,16 @@ from anyprobe.detail.plausible import add_detail
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import Models
 from anyprobe.files.objects import draw_under
-from anyprobe.learning.dataset.asset_store import AssetStore, own_shape
-from anyprobe.learning.dataset.catalog import MapAsset, load_maps, load_shapes, normalize_map
-from anyprobe.learning.dataset.pair import Pair, render_pair
-from anyprobe.learning.dataset.recipe import balanced_recipes
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.light.harmonics import project
 from anyprobe.match.alignment import find_matches
 from anyprobe.match.library import Library, encode, write_library
 from anyprobe.match.library_folder import open_library
+from anyprobe_train.dataset.asset_store import AssetStore, own_shape
+from anyprobe_train.dataset.catalog import MapAsset, load_maps, load_shapes, normalize_map
+from anyprobe_train.dataset.pair import Pair, render_pair
+from anyprobe_train.dataset.recipe import balanced_recipes
 from research.detail_library.outdoors import detailed_outdoor
 from research.detail_library.rooms import detailed_room
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from anyprobe.core.frames import rotation_y
-from anyprobe.learning.dataset.sky import GROUNDS, clear_sky, direction_at, tint
+from anyprobe_train.dataset.sky import GROUNDS, clear_sky, direction_at, tint
 from research.detail_library.box_textures import FACADE, FACADES, land, texture
 from research.detail_library.boxes import SUPERSAMPLE, Boxes, Builder, cast, panorama, turbulence, visible
 

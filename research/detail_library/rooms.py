@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from anyprobe.core.frames import rotation_y
-from anyprobe.learning.dataset.sky import tint
+from anyprobe_train.dataset.sky import tint
 from research.detail_library.box_textures import (
     BOOKS,
     CLOTHS,

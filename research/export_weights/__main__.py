@@ -11,7 +11,7 @@ import typer
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.runtime import Models, weights_folder
-from anyprobe.learning.train.export_onnx import Sureness, export_graphs
+from anyprobe_train.train.export_onnx import Sureness, export_graphs
 from research.export_weights.calibrate import calibrate, calibrate_errors
 from research.export_weights.checkpoints import kept_checkpoint, mean_checkpoint
 from research.left_out import left_out_pairs, left_out_world_pairs

@@ -11,11 +11,11 @@ from anyprobe.core.response import response
 from anyprobe.errors import ModelError
 from anyprobe.estimate.runtime import POSTERIOR, Models, Outputs
 from anyprobe.given_material import LEAST_REFLECTANCE
-from anyprobe.learning.dataset.pair import Pair
-from anyprobe.learning.evaluate.calibration import NEAREST, right_of
-from anyprobe.learning.evaluate.metrics import power_ratio_stops
 from anyprobe.light.environment import integral
 from anyprobe.scatter.materials import total_reflectance
+from anyprobe_train.dataset.pair import Pair
+from anyprobe_train.evaluate.calibration import NEAREST, right_of
+from anyprobe_train.evaluate.metrics import power_ratio_stops
 
 INTERVAL = 0.68
 """Share of cases in which an error is at most what is claimed."""

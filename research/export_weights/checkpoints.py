@@ -8,7 +8,7 @@ from pathlib import Path
 import torch
 
 from anyprobe.errors import ModelError
-from anyprobe.learning.train.checkpoint import init_weights_id, read_checkpoint, read_init_weights
+from anyprobe_train.train.checkpoint import init_weights_id, read_checkpoint, read_init_weights
 
 
 def mean_checkpoint(checkpoint: Path, other: Path, path: Path, share: float = 0.5) -> Path:
@@ -38,7 +38,7 @@ def mean_checkpoint(checkpoint: Path, other: Path, path: Path, share: float = 0.
 
 def kept_checkpoint(kept: Path, graph: Path, path: Path) -> Path:
     """A checkpoint at path, for export alone, of the kept weights of `lift`, with what a graph exported from them says
-    of their run. Weights of whole.onnx, which training/lift.pt has too, are left out.
+    of their run. Weights of whole.onnx, which train/checkpoints/lift.pt has too, are left out.
 
     Raises:
         ModelError: no weights, or no graph of an export.
@@ -47,7 +47,7 @@ def kept_checkpoint(kept: Path, graph: Path, path: Path) -> Path:
 
     said = {entry.key: entry.value for entry in load(str(graph), load_external_data=False).metadata_props}
     if not {"config", "steps", "pairs"} <= said.keys():
-        raise ModelError("expected a graph of `anyprobe weights`, got one that names no run", source=graph)
+        raise ModelError("expected a graph of `anyprobe-train export`, got one that names no run", source=graph)
     nets = {name: value for name, value in read_init_weights(kept)[0].items() if name.split(".")[0] == "light"}
     config = json.dumps({"model": "lift", **json.loads(said["config"])})  # both networks' run states no model
     origin = {name: said[name] for name in ("start", "assets") if name in said}

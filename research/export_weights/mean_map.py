@@ -1,4 +1,4 @@
-"""python -m research.export_weights.mean_map: the mean training map, the baseline of `anyprobe evaluate`."""
+"""python -m research.export_weights.mean_map: the mean training map, the baseline of `anyprobe-train evaluate`."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import typer
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.errors import InputError
-from anyprobe.learning.dataset.pair_source import PairSource
-from anyprobe.learning.train.config import RUNS
-from anyprobe.learning.train.dataloader import make_pairs
 from anyprobe.maps.radiance import write_exr
+from anyprobe_train.dataset.pair_source import PairSource
+from anyprobe_train.train.config import RUNS
+from anyprobe_train.train.dataloader import make_pairs
 
 STRIDE = 6
 """Steps between two batches that count: neighbouring ones share lights."""

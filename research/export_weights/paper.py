@@ -1,7 +1,7 @@
 """The weights of `paper` that ship: the mean of a run and what it began from, as bright as the left-out pairs are.
 
     python -m research.export_weights.paper FOLDER --data DATA --start START --share .2
-    anyprobe weights GRAPHS paper_on --runs FOLDER
+    anyprobe-train export GRAPHS paper_on --runs FOLDER
 
 The HDR net's answer for white is raised by the ln radiance with which the power of the maps of pairs that no weights
 learn from is nearest to the truth.
@@ -19,13 +19,13 @@ import typer
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.color import luminance
-from anyprobe.learning.dataset.pair import Pair
-from anyprobe.learning.train.checkpoint import read_checkpoint
-from anyprobe.learning.train.config import paper_on
-from anyprobe.learning.train.logger import run_folder
-from anyprobe.learning.train.loop import load_nets
 from anyprobe.light.environment import integral
 from anyprobe.light.reconstruct import blend_weight, reconstruct
+from anyprobe_train.dataset.pair import Pair
+from anyprobe_train.train.checkpoint import read_checkpoint
+from anyprobe_train.train.config import paper_on
+from anyprobe_train.train.logger import run_folder
+from anyprobe_train.train.loop import load_nets
 from research.export_weights.checkpoints import mean_checkpoint
 from research.left_out import left_out_pairs
 

@@ -18,10 +18,10 @@ from PIL import Image, ImageDraw
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.response import response
-from anyprobe.learning.dataset.asset_store import load_asset_store
-from anyprobe.learning.dataset.catalog import load_maps
-from anyprobe.learning.dataset.distributions import draw_material
 from anyprobe.scatter.materials import Material
+from anyprobe_train.dataset.asset_store import load_asset_store
+from anyprobe_train.dataset.catalog import load_maps
+from anyprobe_train.dataset.distributions import draw_material
 from research.irradiance_targets.targets import TARGETS, lit, metal_and_irradiance, seen
 from research.limits.sphere import Views, reflected, sphere_points
 

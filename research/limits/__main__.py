@@ -15,11 +15,11 @@ from rich.table import Table
 from anyprobe.cli.app import main as run_command
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import DEFAULT_MODEL, POSTERIOR, Models, model_id
-from anyprobe.learning.dataset.asset_store import load_asset_store
-from anyprobe.learning.dataset.recipe import read_recipes
-from anyprobe.learning.evaluate.methods import GIVEN_HINTS, mean_map, run_with_hints
-from anyprobe.learning.evaluate.scoring import ALPHA_EDGES
-from anyprobe.learning.evaluate.scoring import FROZEN as LIST
+from anyprobe_train.dataset.asset_store import load_asset_store
+from anyprobe_train.dataset.recipe import read_recipes
+from anyprobe_train.evaluate.methods import GIVEN_HINTS, mean_map, run_with_hints
+from anyprobe_train.evaluate.scoring import ALPHA_EDGES
+from anyprobe_train.evaluate.scoring import FROZEN as LIST
 from research.export_weights.calibrate import true_errors
 from research.kept_pairs import kept_pairs
 from research.limits.figures import MEAN_MAP, Limits, alpha_bin, kind_of

@@ -11,10 +11,10 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from anyprobe.core.response import response
-from anyprobe.learning.dataset import distributions
-from anyprobe.learning.dataset.pair import Pair, is_painted
-from anyprobe.learning.evaluate.metrics import gain_rmse, power_ratio_stops, rmse, ssim
-from anyprobe.learning.evaluate.scoring import ALPHA_EDGES
+from anyprobe_train.dataset import distributions
+from anyprobe_train.dataset.pair import Pair, is_painted
+from anyprobe_train.evaluate.metrics import gain_rmse, power_ratio_stops, rmse, ssim
+from anyprobe_train.evaluate.scoring import ALPHA_EDGES
 from research.limits.orders import ln_error, order_powers
 
 SMOOTH_BELOW = 0.25

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.learning.dataset.pair import LN_RANGE
+from anyprobe_train.dataset.pair import LN_RANGE
 from research.harmonics import real_basis
 
 ORDERS = 9

@@ -17,14 +17,14 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import dot, normalize, world_from_camera
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.learning.dataset import distributions
-from anyprobe.learning.dataset.camera import draw_shot, exposure, phone_shot
-from anyprobe.learning.dataset.distributions import draw_material
-from anyprobe.learning.dataset.pair import Pair
-from anyprobe.learning.dataset.recipe import WORLD
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.scatter.materials import Material, total_reflectance
 from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
+from anyprobe_train.dataset import distributions
+from anyprobe_train.dataset.camera import draw_shot, exposure, phone_shot
+from anyprobe_train.dataset.distributions import draw_material
+from anyprobe_train.dataset.pair import Pair
+from anyprobe_train.dataset.recipe import WORLD
 from research.world.materials import kind_given_alpha
 
 POINTS = 20

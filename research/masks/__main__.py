@@ -40,7 +40,7 @@ def masks(
     """Print IoU by object, its means and medians, and how many of the bad and good masks come with a warning."""
     sets: dict[str, list[Case]] = {folder.name: list(photo_cases(folder)) for folder in photos or []}
     if data is not None:
-        from anyprobe.learning.dataset.asset_store import load_asset_store
+        from anyprobe_train.dataset.asset_store import load_asset_store
         from research.masks.scenes import rendered_cases
 
         sets["scenes"] = list(rendered_cases(load_asset_store(data, "test", commercial_only=False), scenes, seed))

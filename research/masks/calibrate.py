@@ -83,7 +83,7 @@ def _cases(
     data: Path, scenes: int, photos: list[Path], clutter: int, seed: int
 ) -> Iterator[tuple[int, Case, Case | None]]:
     """Fold, case, and the other object beside it; clutter is made of what is in one fold."""
-    from anyprobe.learning.dataset.asset_store import load_asset_store
+    from anyprobe_train.dataset.asset_store import load_asset_store
     from research.masks.scenes import rendered_cases
 
     drawn = list(rendered_cases(load_asset_store(data, "train", commercial_only=True), scenes, seed))

@@ -17,15 +17,15 @@ from PIL import Image, ImageDraw
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.color import to_bytes
-from anyprobe.learning.dataset.asset_store import draw_map
-from anyprobe.learning.dataset.lighting import Illuminator
-from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces
-from anyprobe.learning.mask_network.composites import draw_scene
-from anyprobe.learning.mask_network.examples import cover_box, unasked_target
-from anyprobe.learning.mask_network.foregrounds import TexturePool, ViewSource
 from anyprobe.masks.find import find_mask
 from anyprobe.masks.overlay import draw_overlay
 from anyprobe.pictures.images import read_image
+from anyprobe_train.dataset.asset_store import draw_map
+from anyprobe_train.dataset.lighting import Illuminator
+from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces
+from anyprobe_train.mask_network.composites import draw_scene
+from anyprobe_train.mask_network.examples import cover_box, unasked_target
+from anyprobe_train.mask_network.foregrounds import TexturePool, ViewSource
 
 SIZE = 480
 TILE = 240

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from anyprobe.learning.dataset.asset_store import AssetStore
-from anyprobe.learning.dataset.lighting import Illuminator
-from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces
-from anyprobe.learning.mask_network.composites import draw_scene
-from anyprobe.learning.mask_network.examples import cover_box, inside_click, unasked_target
-from anyprobe.learning.mask_network.foregrounds import TexturePool, ViewSource
+from anyprobe_train.dataset.asset_store import AssetStore
+from anyprobe_train.dataset.lighting import Illuminator
+from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces
+from anyprobe_train.mask_network.composites import draw_scene
+from anyprobe_train.mask_network.examples import cover_box, inside_click, unasked_target
+from anyprobe_train.mask_network.foregrounds import TexturePool, ViewSource
 from research.masks.cases import Case, make_case
 
 SIZE = 480

@@ -18,11 +18,11 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.files.meshes import MESH_SUFFIXES, read_mesh
 from anyprobe.files.paths import visible_files
-from anyprobe.learning.dataset.catalog import MAP_SUFFIXES
 from anyprobe.light.environment import rotate, shrink
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import frame_object, see
+from anyprobe_train.dataset.catalog import MAP_SUFFIXES
 from research.paper_designs.scale import MATERIALS, VIEWS, Scale
 from research.paper_designs.transport import TO_EYE, hemisphere, transport, viewpoint
 

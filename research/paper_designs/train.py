@@ -9,7 +9,7 @@ from pathlib import Path
 
 import torch
 
-from anyprobe.learning.nets.blocks import has_bfloat16
+from anyprobe_train.nets.blocks import has_bfloat16
 from research.paper_designs.designs import Designs, Losses, SquaredError
 from research.paper_designs.judge import Judge
 from research.paper_designs.pairs import Order, PairMaker

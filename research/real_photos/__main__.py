@@ -25,7 +25,7 @@ from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_MODEL, LOOKS, Models, model_id
-from anyprobe.learning.evaluate.methods import baselines, model_methods
+from anyprobe_train.evaluate.methods import baselines, model_methods
 from research.command_help import as_written
 from research.figure_tables import print_figures
 from research.model_names import titles_of

@@ -22,11 +22,11 @@ from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.result import CAMERA
 from anyprobe.hints import NONE
-from anyprobe.learning.evaluate.metrics import rmse
-from anyprobe.learning.evaluate.standard_errors import rounded
 from anyprobe.light.environment import MAP_HEIGHT, reduced
 from anyprobe.masks.overlay import draw_overlay
 from anyprobe.pictures.images import read_image
+from anyprobe_train.evaluate.metrics import rmse
+from anyprobe_train.evaluate.standard_errors import rounded
 from research.clustered import with_error
 from research.real_photos.lamps import ALONE, DEFAULT
 from research.real_photos.sheet import strip

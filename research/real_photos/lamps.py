@@ -11,10 +11,10 @@ import numpy as np
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import Photo, crop_object, load_photo
 from anyprobe.hints import NONE
-from anyprobe.learning.evaluate.methods import Method
-from anyprobe.learning.evaluate.metrics import direction_error_deg
-from anyprobe.learning.evaluate.standard_errors import rounded
 from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe_train.evaluate.methods import Method
+from anyprobe_train.evaluate.metrics import direction_error_deg
+from anyprobe_train.evaluate.standard_errors import rounded
 from research.clustered import coverage, rank_correlation, upper_decile, with_error
 from research.real_photos.maps import read_direction
 

@@ -13,11 +13,11 @@ from anyprobe.core.latlong import bilinear
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
 from anyprobe.estimate.photo import crop_object, load_photo
-from anyprobe.learning.evaluate.methods import Method
-from anyprobe.learning.evaluate.metrics import direction_error_deg
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.maps.radiance import read_radiance
+from anyprobe_train.evaluate.methods import Method
+from anyprobe_train.evaluate.metrics import direction_error_deg
 from research.compare.figures import ldr_scores, sphere_scores
 from research.real_photos.folders import LIGHTS
 

@@ -13,8 +13,8 @@ from anyprobe.errors import AnyprobeError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import load_photo
 from anyprobe.hints import NONE
-from anyprobe.learning.evaluate.metrics import direction_error_deg
 from anyprobe.pictures.images import read_image
+from anyprobe_train.evaluate.metrics import direction_error_deg
 from research.clustered import upper_decile
 from research.real_photos.lamps import ALONE, DEFAULT
 

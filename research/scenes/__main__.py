@@ -16,7 +16,7 @@ import typer
 from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
-from anyprobe.learning.whole_network.families import FAMILIES
+from anyprobe_train.whole_network.families import FAMILIES
 from research.results import commit, write_result
 from research.scenes.dark import dark_rows, dark_table
 from research.scenes.estimates import estimates_of

@@ -10,10 +10,10 @@ from PIL import Image, ImageFilter
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.learning.dataset import distributions
-from anyprobe.learning.dataset.camera import SUBSAMPLINGS, compress, draw_curve
-from anyprobe.learning.dataset.mask_errors import disturb_mask
 from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe_train.dataset import distributions
+from anyprobe_train.dataset.camera import SUBSAMPLINGS, compress, draw_curve
+from anyprobe_train.dataset.mask_errors import disturb_mask
 from research.world.whole_render import Render
 
 KEY, KEY_SPREAD = 0.22, 0.4

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from anyprobe.learning.evaluate.metrics import direction_error_deg
-from anyprobe.learning.whole_network.families import FAMILIES
 from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe_train.evaluate.metrics import direction_error_deg
+from anyprobe_train.whole_network.families import FAMILIES
 from research.scenes.estimates import PairEstimate
 
 BOUNDS = (0.0, 0.2, 0.35, 0.5, 0.7, 1.0, 2.0, np.inf)

@@ -8,8 +8,8 @@ import numpy as np
 
 from anyprobe.core.response import response
 from anyprobe.estimate.surroundings import GoesOn
-from anyprobe.learning.evaluate.metrics import power_ratio_stops, rmse
-from anyprobe.learning.whole_network.families import FAMILIES
+from anyprobe_train.evaluate.metrics import power_ratio_stops, rmse
+from anyprobe_train.whole_network.families import FAMILIES
 from research.scenes.estimates import PairEstimate
 
 TRIED = (

@@ -11,10 +11,10 @@ import numpy as np
 
 from anyprobe.core.frames import orthonormal_basis
 from anyprobe.estimate.runtime import Models
-from anyprobe.learning.whole_network.families import FAMILIES
 from anyprobe.light.environment import rotate
 from anyprobe.match.kind import is_lit_outdoors, shows_outdoors
 from anyprobe.match.plate import Plate
+from anyprobe_train.whole_network.families import FAMILIES
 from research.scenes.estimates import estimates_of
 from research.scenes.layouts import draw_layout
 from research.scenes.pairs import store_of

@@ -13,18 +13,18 @@ import numpy as np
 
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv
-from anyprobe.learning.dataset import distributions
-from anyprobe.learning.dataset.asset_store import AssetStore
-from anyprobe.learning.dataset.catalog import normalize_map
-from anyprobe.learning.dataset.lighting import add_lamp
-from anyprobe.learning.dataset.pair import _painted
-from anyprobe.learning.dataset.sky import direction_at, tint
-from anyprobe.learning.whole_network.families import FAMILIES
 from anyprobe.light.environment import shrink
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
 from anyprobe.scatter.materials import Material
+from anyprobe_train.dataset import distributions
+from anyprobe_train.dataset.asset_store import AssetStore
+from anyprobe_train.dataset.catalog import normalize_map
+from anyprobe_train.dataset.lighting import add_lamp
+from anyprobe_train.dataset.pair import _painted
+from anyprobe_train.dataset.sky import direction_at, tint
+from anyprobe_train.whole_network.families import FAMILIES
 from research.scenes.lights import draw_place, draw_procedural_light, draw_real_light, with_lamps
 from research.world.tables import Cover, draw_cover
 from research.world.whole_scenes import Panel, Phone, Thing, _draw_second, _placed, _standing

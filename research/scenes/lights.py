@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from anyprobe.core.color import luminance
-from anyprobe.learning.dataset.catalog import normalize_map
-from anyprobe.learning.dataset.lighting import add_lamp, blend_maps, move_dominant_light, turn
-from anyprobe.learning.dataset.room import room
-from anyprobe.learning.dataset.sky import direction_at, sky, studio, tint
 from anyprobe.light.environment import integral, shrink
+from anyprobe_train.dataset.catalog import normalize_map
+from anyprobe_train.dataset.lighting import add_lamp, blend_maps, move_dominant_light, turn
+from anyprobe_train.dataset.room import room
+from anyprobe_train.dataset.sky import direction_at, sky, studio, tint
 
 CONTRAST = 0.12
 """Standard deviation of ln of the exponent that a map's radiance is raised to."""

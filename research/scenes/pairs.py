@@ -14,9 +14,9 @@ from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.estimate.runtime import CONTEXT_SIZE, PHOTO_SIZE
 from anyprobe.files.atomic import atomic_path
-from anyprobe.learning.dataset.asset_store import AssetStore, load_asset_store
-from anyprobe.learning.whole_network.families import FAMILIES
 from anyprobe.light.environment import MAP_HEIGHT, rotate
+from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store
+from anyprobe_train.whole_network.families import FAMILIES
 from research.left_out import load_left_out
 from research.scenes.camera import TakenPhoto, mirrored, take
 from research.scenes.layouts import draw_family, draw_layout

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.learning.dataset.asset_store import AssetStore
-from anyprobe.learning.whole_network.families import FAMILIES
+from anyprobe_train.dataset.asset_store import AssetStore
+from anyprobe_train.whole_network.families import FAMILIES
 from research.scenes.camera import take
 from research.scenes.layouts import draw_layout
 from research.scenes.pairs import store_of

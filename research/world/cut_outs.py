@@ -15,8 +15,8 @@ from rich.progress import track
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.runtime import DEFAULT_MODEL, EXPECTED, Models, model_id
-from anyprobe.learning.dataset.pair import Pair
-from anyprobe.learning.evaluate.methods import mean_map
+from anyprobe_train.dataset.pair import Pair
+from anyprobe_train.evaluate.methods import mean_map
 from research.results import commit, write_result
 from research.world.judgement import CUT_OUTS, Judgement, print_groups
 from research.world.pairs import COUNT, PARTS, world_pairs

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from anyprobe.learning.evaluate.standard_errors import rounded
+from anyprobe_train.evaluate.standard_errors import rounded
 from research.figure_tables import print_figures
 from research.world.whole_scores import summary
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from anyprobe.learning.dataset import distributions
+from anyprobe_train.dataset import distributions
 
 
 def kind_given_alpha(alpha: np.ndarray) -> np.ndarray:

@@ -22,16 +22,16 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models
-from anyprobe.learning.dataset.batch_shading import pixel_wo, shade_batch
-from anyprobe.learning.dataset.distributions import KINDS
-from anyprobe.learning.dataset.lighting import Illuminator
-from anyprobe.learning.dataset.occlusion import hidden_cells
-from anyprobe.learning.dataset.pair import _draw, _look, is_painted, render_pair
-from anyprobe.learning.evaluate.methods import run_with_hints
-from anyprobe.learning.evaluate.metrics import direction_error_deg
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
 from anyprobe.relight.path_traced import trace_mesh
+from anyprobe_train.dataset.batch_shading import pixel_wo, shade_batch
+from anyprobe_train.dataset.distributions import KINDS
+from anyprobe_train.dataset.lighting import Illuminator
+from anyprobe_train.dataset.occlusion import hidden_cells
+from anyprobe_train.dataset.pair import _draw, _look, is_painted, render_pair
+from anyprobe_train.evaluate.methods import run_with_hints
+from anyprobe_train.evaluate.metrics import direction_error_deg
 from research.limits.figures import figures
 from research.world.pairs import recipes_of, store_of, world_pairs
 

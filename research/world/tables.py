@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from anyprobe.core.color import luminance
-from anyprobe.learning.dataset.textured import rough_noise, smooth_noise
+from anyprobe_train.dataset.textured import rough_noise, smooth_noise
 
 PIXELS = 512
 """Side of a table's picture."""

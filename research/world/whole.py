@@ -19,7 +19,7 @@ from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_MODEL, model_id
 from anyprobe.files.atomic import atomic_files
-from anyprobe.learning.evaluate.benchmark import read_predictions, write_photo
+from anyprobe_train.evaluate.benchmark import read_predictions, write_photo
 from research.command_help import as_written
 from research.results import commit, write_result
 from research.world.judgement import ALL, CUT_OUTS, Judgement, print_groups

@@ -16,11 +16,11 @@ from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.learning.dataset import distributions
-from anyprobe.learning.dataset.asset_store import AssetStore, load_asset_store
-from anyprobe.learning.dataset.camera import Shot, draw_shot, one_photo
-from anyprobe.learning.dataset.recipe import Recipe, digest, read_recipes, world_recipes
 from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe_train.dataset import distributions
+from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store
+from anyprobe_train.dataset.camera import Shot, draw_shot, one_photo
+from anyprobe_train.dataset.recipe import Recipe, digest, read_recipes, world_recipes
 from research.left_out import load_left_out
 from research.world.whole_render import Render, render_scene
 from research.world.whole_scenes import Scene, draw_scene

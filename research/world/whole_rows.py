@@ -12,7 +12,7 @@ from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import EXPECTED
-from anyprobe.learning.evaluate.methods import mean_map
+from anyprobe_train.evaluate.methods import mean_map
 from research.world.whole_photos import WholePhoto
 
 SHIPPED = "as shipped"

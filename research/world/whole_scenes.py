@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
-from anyprobe.learning.dataset import distributions
-from anyprobe.learning.dataset.asset_store import AssetStore
-from anyprobe.learning.dataset.pair import _painted, is_painted
-from anyprobe.learning.dataset.recipe import Recipe
 from anyprobe.render.mesh import Mesh
 from anyprobe.scatter.materials import Material
+from anyprobe_train.dataset import distributions
+from anyprobe_train.dataset.asset_store import AssetStore
+from anyprobe_train.dataset.pair import _painted, is_painted
+from anyprobe_train.dataset.recipe import Recipe
 from research.world.tables import Cover, draw_cover
 
 LONG_PX, SHORT_PX = 480, 360

@@ -15,20 +15,13 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.result import Light
-from anyprobe.learning.evaluate.metrics import (
-    direction_error_deg,
-    false_sources,
-    gain_rmse,
-    power_ratio_stops,
-    rmse,
-    ssim,
-)
 from anyprobe.light.dominant_light import DominantLight, find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, rotate
 from anyprobe.light.filtering import blur_cap
 from anyprobe.light.light_sources import LightSource, find_light_sources
 from anyprobe.render.shapes import lathe
 from anyprobe.render.surface import cover, frame_object, pixel_rays, see
+from anyprobe_train.evaluate.metrics import direction_error_deg, false_sources, gain_rmse, power_ratio_stops, rmse, ssim
 from research.clustered import coverage, rank_correlation, with_error
 from research.compare.three_spheres import clean_scores
 from research.compare.transport import light, reflectance_matrix

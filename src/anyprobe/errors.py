@@ -122,9 +122,12 @@ class MissingExtra(AnyprobeError, ImportError):
 
     default_code = "unsupported"
 
-    def __init__(self, package: str, extra: str, purpose: str, error: ImportError | None = None) -> None:
-        """error: what its import raised; a package may be there and not load, for want of memory or of a library."""
-        text = f"{purpose} needs the package {package}; from a clone: pip install '.[{extra}]'"
+    def __init__(
+        self, package: str, extra: str, purpose: str, error: ImportError | None = None, folder: str = "."
+    ) -> None:
+        """error: what its import raised; a package may be there and not load, for want of memory or of a library;
+        folder: of the distribution that has the extra, in a clone."""
+        text = f"{purpose} needs the package {package}; from a clone: pip install '{folder}[{extra}]'"
         if error is not None and not isinstance(error, ModuleNotFoundError):
             text = (
                 f"{purpose} needs the package {package}, which cannot be loaded "

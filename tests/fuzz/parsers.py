@@ -25,8 +25,8 @@ from anyprobe.maps import radiance
 from anyprobe.masks.depth import read_depth
 from anyprobe.pictures import declared_size, images
 from anyprobe.video.clip import open_clip, read_frames
+from anyprobe_train.assets.gltf import buffer_paths, pack_glb, read_gltf
 from fuzz.seeds import instanced_glb, multipart_exr
-from research.fetch_assets.gltf import buffer_paths, pack_glb, read_gltf
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ from support.refused import refused
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import CameraCurve, inverse_response, response
-from anyprobe.learning.dataset.camera import (
+from anyprobe_train.dataset.camera import (
     OBJECT_RANGE,
     SUBSAMPLINGS,
     Shot,

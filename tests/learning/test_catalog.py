@@ -11,8 +11,8 @@ from support.refused import refused
 
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.errors import InputError
-from anyprobe.learning.dataset.catalog import allows_commercial_use, load_maps, load_shapes
 from anyprobe.maps.radiance import write_exr, write_hdr
+from anyprobe_train.dataset.catalog import allows_commercial_use, load_maps, load_shapes
 
 WHITE = np.ones((8, 16, 3), np.float32)
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])

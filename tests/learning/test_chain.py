@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import pytest
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
-pytest.importorskip("onnx", reason="needs the train extra")
-pytest.importorskip("tensorboard", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
+pytest.importorskip("onnx", reason="needs ./train[torch]")
+pytest.importorskip("tensorboard", reason="needs ./train[torch]")
 
 from support.some_batch import some_batch  # noqa: E402
 
-from anyprobe.learning.nets.light_net import LightNet  # noqa: E402
-from anyprobe.learning.train.chain import GRADUAL_SHARE, NUM_EPOCHS, Chain, brightest_loss, gradual_target, sharpness  # noqa: E402
-from anyprobe.learning.train.config import paper, smoke  # noqa: E402
 from anyprobe.light.filtering import blur_cosine_power  # noqa: E402
+from anyprobe_train.nets.light_net import LightNet  # noqa: E402
+from anyprobe_train.train.chain import GRADUAL_SHARE, NUM_EPOCHS, Chain, brightest_loss, gradual_target, sharpness  # noqa: E402
+from anyprobe_train.train.config import paper, smoke  # noqa: E402
 
 
 def test_exponent_is_the_cube_of_the_epoch():

@@ -6,15 +6,15 @@ from dataclasses import asdict
 import pytest
 from support.refused import refused
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
-pytest.importorskip("onnx", reason="needs the train extra")
-pytest.importorskip("tensorboard", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
+pytest.importorskip("onnx", reason="needs ./train[torch]")
+pytest.importorskip("tensorboard", reason="needs ./train[torch]")
 
 from anyprobe.errors import ModelError  # noqa: E402
-from anyprobe.learning.train.checkpoint import load_weights, save_checkpoint, save_init_weights  # noqa: E402
-from anyprobe.learning.train.config import normals, smoke  # noqa: E402
-from anyprobe.learning.train.export_onnx import export_graphs  # noqa: E402
-from anyprobe.learning.train.loop import load_nets, make_learner, train  # noqa: E402
+from anyprobe_train.train.checkpoint import load_weights, save_checkpoint, save_init_weights  # noqa: E402
+from anyprobe_train.train.config import normals, smoke  # noqa: E402
+from anyprobe_train.train.export_onnx import export_graphs  # noqa: E402
+from anyprobe_train.train.loop import load_nets, make_learner, train  # noqa: E402
 
 CONFIG = smoke(normals())
 

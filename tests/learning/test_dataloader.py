@@ -9,12 +9,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
-from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.learning.dataset.pair_source import Batch, PairConfig, PairSource  # noqa: E402
-from anyprobe.learning.dataset.surfaces import SurfaceConfig, SurfaceSet, build_surfaces  # noqa: E402
-from anyprobe.learning.train.dataloader import stream  # noqa: E402
+from anyprobe_train.dataset.lighting import Illuminator  # noqa: E402
+from anyprobe_train.dataset.pair_source import Batch, PairConfig, PairSource  # noqa: E402
+from anyprobe_train.dataset.surfaces import SurfaceConfig, SurfaceSet, build_surfaces  # noqa: E402
+from anyprobe_train.train.dataloader import stream  # noqa: E402
 
 
 @pytest.fixture(scope="module")

@@ -6,12 +6,12 @@ import socket
 import pytest
 from support.refused import refused
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from torch import nn  # noqa: E402
 from torch.multiprocessing import spawn  # noqa: E402
 
-from anyprobe.learning.train.loop import ProcessGroup  # noqa: E402
+from anyprobe_train.train.loop import ProcessGroup  # noqa: E402
 
 
 def work(rank: int, port: int, folder: str) -> None:

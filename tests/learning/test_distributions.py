@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("torch", reason="needs the train extra")
+pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.learning.dataset import distributions
-from anyprobe.learning.dataset.asset_store import draw_map
-from anyprobe.learning.dataset.camera import draw_shot, exposure, phone_shot
-from anyprobe.learning.dataset.lighting import Illuminator
-from anyprobe.learning.dataset.pair_source import PairConfig, PairSource
-from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces
 from anyprobe.scatter.materials import total_reflectance
+from anyprobe_train.dataset import distributions
+from anyprobe_train.dataset.asset_store import draw_map
+from anyprobe_train.dataset.camera import draw_shot, exposure, phone_shot
+from anyprobe_train.dataset.lighting import Illuminator
+from anyprobe_train.dataset.pair_source import PairConfig, PairSource
+from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces
 from research.world.materials import kind_given_alpha
 
 

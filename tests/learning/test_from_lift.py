@@ -2,13 +2,13 @@
 
 import pytest
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
-pytest.importorskip("onnx", reason="needs the train extra")
-pytest.importorskip("tensorboard", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
+pytest.importorskip("onnx", reason="needs ./train[torch]")
+pytest.importorskip("tensorboard", reason="needs ./train[torch]")
 
-from anyprobe.learning.nets.light_net import LightNet, display  # noqa: E402
-from anyprobe.learning.train.chain import Chain  # noqa: E402
-from anyprobe.learning.train.from_lift import chain_from_lift  # noqa: E402
+from anyprobe_train.nets.light_net import LightNet, display  # noqa: E402
+from anyprobe_train.train.chain import Chain  # noqa: E402
+from anyprobe_train.train.from_lift import chain_from_lift  # noqa: E402
 
 
 def test_the_chains_illumination_net_answers_as_lift_does_of_the_same_picture():

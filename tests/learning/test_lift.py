@@ -6,22 +6,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from support.some_batch import some_batch  # noqa: E402
 
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles  # noqa: E402
 from anyprobe.core.response import response  # noqa: E402
 from anyprobe.given_material import material_input  # noqa: E402
-from anyprobe.learning.dataset.asset_store import draw_map  # noqa: E402
-from anyprobe.learning.nets.blocks import fade_seam, wrap  # noqa: E402
-from anyprobe.learning.nets.emitter_head import POWER_FLOOR, EmitterHead  # noqa: E402
-from anyprobe.learning.nets.lifting import lift_to_map, map_pixel, mirror_direction, pyramid  # noqa: E402
-from anyprobe.learning.nets.light_net import LightNet  # noqa: E402
-from anyprobe.learning.train.lift import Lift, LiftConfig, display  # noqa: E402
 from anyprobe.light.dominant_light import find_dominant_light  # noqa: E402
 from anyprobe.render.spheres import sphere_normals  # noqa: E402
 from anyprobe.scatter.materials import MATERIALS  # noqa: E402
+from anyprobe_train.dataset.asset_store import draw_map  # noqa: E402
+from anyprobe_train.nets.blocks import fade_seam, wrap  # noqa: E402
+from anyprobe_train.nets.emitter_head import POWER_FLOOR, EmitterHead  # noqa: E402
+from anyprobe_train.nets.lifting import lift_to_map, map_pixel, mirror_direction, pyramid  # noqa: E402
+from anyprobe_train.nets.light_net import LightNet  # noqa: E402
+from anyprobe_train.train.lift import Lift, LiftConfig, display  # noqa: E402
 
 
 def planes(array) -> torch.Tensor:

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from support.refused import refused
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
-pytest.importorskip("onnx", reason="needs the train extra")
-pytest.importorskip("tensorboard", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
+pytest.importorskip("onnx", reason="needs ./train[torch]")
+pytest.importorskip("tensorboard", reason="needs ./train[torch]")
 
 from support.some_batch import some_batch  # noqa: E402
 from typer.testing import CliRunner  # noqa: E402
@@ -22,18 +22,18 @@ from anyprobe.cli.app import app  # noqa: E402
 from anyprobe.core.response import response  # noqa: E402
 from anyprobe.errors import ModelError  # noqa: E402
 from anyprobe.estimate.runtime import Models  # noqa: E402
-from anyprobe.learning.dataset.asset_store import draw_map  # noqa: E402
-from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.learning.dataset.pair_source import PairSource  # noqa: E402
-from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
-from anyprobe.learning.nets.paper import NETS  # noqa: E402
-from anyprobe.learning.train import export_onnx  # noqa: E402
-from anyprobe.learning.train.chain import Chain  # noqa: E402
-from anyprobe.learning.train.checkpoint import init_weights_id, load_init_weights, save_init_weights  # noqa: E402
-from anyprobe.learning.train.config import LightConfig, lift, normals, paper, paper_irradiance, smoke  # noqa: E402
-from anyprobe.learning.train.lift import Lift  # noqa: E402
-from anyprobe.learning.train.logger import run_folder  # noqa: E402
-from anyprobe.learning.train.loop import learning_rate, load_nets, train  # noqa: E402
+from anyprobe_train.dataset.asset_store import draw_map  # noqa: E402
+from anyprobe_train.dataset.lighting import Illuminator  # noqa: E402
+from anyprobe_train.dataset.pair_source import PairSource  # noqa: E402
+from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
+from anyprobe_train.nets.paper import NETS  # noqa: E402
+from anyprobe_train.train import export_onnx  # noqa: E402
+from anyprobe_train.train.chain import Chain  # noqa: E402
+from anyprobe_train.train.checkpoint import init_weights_id, load_init_weights, save_init_weights  # noqa: E402
+from anyprobe_train.train.config import LightConfig, lift, normals, paper, paper_irradiance, smoke  # noqa: E402
+from anyprobe_train.train.lift import Lift  # noqa: E402
+from anyprobe_train.train.logger import run_folder  # noqa: E402
+from anyprobe_train.train.loop import learning_rate, load_nets, train  # noqa: E402
 from research.export_weights.checkpoints import mean_checkpoint  # noqa: E402
 
 
@@ -221,7 +221,7 @@ def test_exported_lift_agrees_with_torch_and_runs_on_a_crop(two_steps, tmp_path)
 @pytest.mark.ci
 def test_a_graph_tells_what_its_weights_come_from(run, one_step, tmp_path, monkeypatch):
     """As far as the checkpoint knows it: older ones do not say what they began from, few are means."""
-    onnx = pytest.importorskip("onnx", reason="needs the train extra")
+    onnx = pytest.importorskip("onnx", reason="needs ./train[torch]")
     kept = tmp_path / "start.pt"
     save_init_weights(one_step, kept)
     begun = run(tmp_path / "b", steps=1, named=normals, start=kept)

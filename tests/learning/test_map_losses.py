@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
-from anyprobe.learning.dataset.asset_store import draw_map  # noqa: E402
-from anyprobe.learning.train.map_losses import LOBES, Sent, clipped_where_white, lobe_matrices, structure_loss  # noqa: E402
 from anyprobe.light.filtering import blur_cosine_power  # noqa: E402
+from anyprobe_train.dataset.asset_store import draw_map  # noqa: E402
+from anyprobe_train.train.map_losses import LOBES, Sent, clipped_where_white, lobe_matrices, structure_loss  # noqa: E402
 
 
 @pytest.fixture

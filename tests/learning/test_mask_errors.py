@@ -5,7 +5,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from anyprobe.learning.dataset.mask_errors import (
+from anyprobe.masks import check as masks_at_run_time
+from anyprobe_train.dataset.mask_errors import (
     KEPT_SHARE,
     MIN_CHANGED_PX,
     cut_off,
@@ -17,7 +18,6 @@ from anyprobe.learning.dataset.mask_errors import (
     shift,
     widen,
 )
-from anyprobe.masks import check as masks_at_run_time
 
 SIZE = 64
 

@@ -14,31 +14,31 @@ import pytest
 from support.refused import refused
 from typer.testing import CliRunner
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
-pytest.importorskip("onnx", reason="needs the train extra")
-pytest.importorskip("tensorboard", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
+pytest.importorskip("onnx", reason="needs ./train[torch]")
+pytest.importorskip("tensorboard", reason="needs ./train[torch]")
 
 from anyprobe.errors import InputError, ModelError  # noqa: E402
-from anyprobe.learning.dataset.asset_store import AssetStore, draw_map  # noqa: E402
-from anyprobe.learning.dataset.catalog import MapAsset  # noqa: E402
-from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
-from anyprobe.learning.mask_network import mask_training as training  # noqa: E402
-from anyprobe.learning.mask_network.__main__ import app as commands  # noqa: E402
-from anyprobe.learning.mask_network.composites import Scene, draw_scene  # noqa: E402
-from anyprobe.learning.mask_network.examples import PROMPTS, MaskBatch, SceneSource, ask, retake, unasked_target  # noqa: E402
-from anyprobe.learning.mask_network.foregrounds import TexturePool, ViewSource, draw_pattern  # noqa: E402
-from anyprobe.learning.mask_network.mask_export import TOLERANCE, export_mask  # noqa: E402
-from anyprobe.learning.mask_network.mask_net import MaskNet  # noqa: E402
-from anyprobe.learning.mask_network.mask_training import (  # noqa: E402
+from anyprobe.masks.networks import PADDING_GREY, SMALL_PX, SmallNetwork  # noqa: E402
+from anyprobe_train.dataset.asset_store import AssetStore, draw_map  # noqa: E402
+from anyprobe_train.dataset.catalog import MapAsset  # noqa: E402
+from anyprobe_train.dataset.lighting import Illuminator  # noqa: E402
+from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
+from anyprobe_train.mask_network import mask_training as training  # noqa: E402
+from anyprobe_train.mask_network.__main__ import app as commands  # noqa: E402
+from anyprobe_train.mask_network.composites import Scene, draw_scene  # noqa: E402
+from anyprobe_train.mask_network.examples import PROMPTS, MaskBatch, SceneSource, ask, retake, unasked_target  # noqa: E402
+from anyprobe_train.mask_network.foregrounds import TexturePool, ViewSource, draw_pattern  # noqa: E402
+from anyprobe_train.mask_network.mask_export import TOLERANCE, export_mask  # noqa: E402
+from anyprobe_train.mask_network.mask_net import MaskNet  # noqa: E402
+from anyprobe_train.mask_network.mask_training import (  # noqa: E402
     MaskRunConfig,
     load_mask_net,
     mask_loss,
     small_mask_run,
     train_mask,
 )
-from anyprobe.learning.train.checkpoint import load_init_weights, save_init_weights  # noqa: E402
-from anyprobe.masks.networks import PADDING_GREY, SMALL_PX, SmallNetwork  # noqa: E402
+from anyprobe_train.train.checkpoint import load_init_weights, save_init_weights  # noqa: E402
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.core.response import inverse_response  # noqa: E402
-from anyprobe.learning.nets.blocks import FoldedConv  # noqa: E402
-from anyprobe.learning.nets.paper import HdrNet, IlluminationNet, IrradianceNet  # noqa: E402
+from anyprobe_train.nets.blocks import FoldedConv  # noqa: E402
+from anyprobe_train.nets.paper import HdrNet, IlluminationNet, IrradianceNet  # noqa: E402
 
 
 def test_each_net_gives_the_size_the_next_one_takes():

@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import pytest
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from support.some_batch import some_batch  # noqa: E402
 from torch.nn import functional as F  # noqa: E402
 
 from anyprobe.core.frames import rotation_x  # noqa: E402
-from anyprobe.learning.nets.lifting import given_or_estimated  # noqa: E402
-from anyprobe.learning.nets.light_net import LightNet  # noqa: E402
-from anyprobe.learning.train.lift import Normals, normals_loss  # noqa: E402
+from anyprobe_train.nets.lifting import given_or_estimated  # noqa: E402
+from anyprobe_train.nets.light_net import LightNet  # noqa: E402
+from anyprobe_train.train.lift import Normals, normals_loss  # noqa: E402
 
 
 def facing(count: int = 2) -> torch.Tensor:

@@ -3,19 +3,19 @@
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.core.frames import world_from_camera  # noqa: E402
-from anyprobe.learning.dataset import surfaces as surfaces_module  # noqa: E402
-from anyprobe.learning.dataset.asset_store import draw_map  # noqa: E402
-from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.learning.dataset.occlusion import AZIMUTHS, RINGS, SIDE, cell_directions, hidden_cells, mirrored_cells  # noqa: E402
-from anyprobe.learning.dataset.pair_source import PairConfig, PairSource  # noqa: E402
-from anyprobe.learning.dataset.shadows import moved, shade_hidden  # noqa: E402
-from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.render.mesh import make_mesh  # noqa: E402
 from anyprobe.render.shapes import sphere  # noqa: E402
 from anyprobe.render.surface import frame_object, see  # noqa: E402
+from anyprobe_train.dataset import surfaces as surfaces_module  # noqa: E402
+from anyprobe_train.dataset.asset_store import draw_map  # noqa: E402
+from anyprobe_train.dataset.lighting import Illuminator  # noqa: E402
+from anyprobe_train.dataset.occlusion import AZIMUTHS, RINGS, SIDE, cell_directions, hidden_cells, mirrored_cells  # noqa: E402
+from anyprobe_train.dataset.pair_source import PairConfig, PairSource  # noqa: E402
+from anyprobe_train.dataset.shadows import moved, shade_hidden  # noqa: E402
+from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 
 
 def looked_at(mesh, yaw=0.0, elevation=0.0):

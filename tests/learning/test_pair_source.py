@@ -5,21 +5,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 
 from anyprobe.core.frames import world_from_camera  # noqa: E402
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions  # noqa: E402
 from anyprobe.core.response import MEAN_CURVE, inverse_response  # noqa: E402
 from anyprobe.core.sampling import hammersley  # noqa: E402
-from anyprobe.learning.dataset import batch_shading, lighting, pair_source  # noqa: E402
-from anyprobe.learning.dataset.asset_store import draw_map, room, sky, studio  # noqa: E402
-from anyprobe.learning.dataset.camera import draw_shot, one_photo  # noqa: E402
-from anyprobe.learning.dataset.distributions import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
-from anyprobe.learning.dataset.lighting import Illuminator, LitMaterial  # noqa: E402
-from anyprobe.learning.dataset.mask_errors import widen  # noqa: E402
-from anyprobe.learning.dataset.pair_source import GIVEN_NORMALS_ERROR_DEG, PairConfig, PairSource  # noqa: E402
-from anyprobe.learning.dataset.surfaces import (  # noqa: E402
+from anyprobe.light.octahedral import build_pyramid  # noqa: E402
+from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
+from anyprobe.render.reflectance import normal_to_reflectance_xy, reflectance_normals  # noqa: E402
+from anyprobe.render.shapes import sphere  # noqa: E402
+from anyprobe.render.surface import frame_object, pixel_rays, see  # noqa: E402
+from anyprobe.scatter.materials import Material  # noqa: E402
+from anyprobe_train.dataset import batch_shading, lighting, pair_source  # noqa: E402
+from anyprobe_train.dataset.asset_store import draw_map, room, sky, studio  # noqa: E402
+from anyprobe_train.dataset.camera import draw_shot, one_photo  # noqa: E402
+from anyprobe_train.dataset.distributions import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
+from anyprobe_train.dataset.lighting import Illuminator, LitMaterial  # noqa: E402
+from anyprobe_train.dataset.mask_errors import widen  # noqa: E402
+from anyprobe_train.dataset.pair_source import GIVEN_NORMALS_ERROR_DEG, PairConfig, PairSource  # noqa: E402
+from anyprobe_train.dataset.surfaces import (  # noqa: E402
     NUM_ELEVATIONS,
     SurfaceConfig,
     SurfaceSet,
@@ -27,12 +33,6 @@ from anyprobe.learning.dataset.surfaces import (  # noqa: E402
     drawn_part,
     see_views,
 )
-from anyprobe.light.octahedral import build_pyramid  # noqa: E402
-from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
-from anyprobe.render.reflectance import normal_to_reflectance_xy, reflectance_normals  # noqa: E402
-from anyprobe.render.shapes import sphere  # noqa: E402
-from anyprobe.render.surface import frame_object, pixel_rays, see  # noqa: E402
-from anyprobe.scatter.materials import Material  # noqa: E402
 
 
 @pytest.fixture(scope="module")

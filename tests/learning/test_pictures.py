@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 from PIL import Image
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
-pytest.importorskip("tensorboard", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
+pytest.importorskip("tensorboard", reason="needs ./train[torch]")
 
 from support.some_batch import some_batch  # noqa: E402
 
-from anyprobe.learning.dataset.asset_store import draw_map  # noqa: E402
-from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.learning.dataset.pair_source import PairSource  # noqa: E402
-from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
-from anyprobe.learning.train import loop  # noqa: E402
-from anyprobe.learning.train.config import lift, normals, paper, smoke  # noqa: E402
-from anyprobe.learning.train.logger import side_by_side  # noqa: E402
-from anyprobe.learning.train.loop import LEARNERS, make_learner, train  # noqa: E402
+from anyprobe_train.dataset.asset_store import draw_map  # noqa: E402
+from anyprobe_train.dataset.lighting import Illuminator  # noqa: E402
+from anyprobe_train.dataset.pair_source import PairSource  # noqa: E402
+from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
+from anyprobe_train.train import loop  # noqa: E402
+from anyprobe_train.train.config import lift, normals, paper, smoke  # noqa: E402
+from anyprobe_train.train.logger import side_by_side  # noqa: E402
+from anyprobe_train.train.loop import LEARNERS, make_learner, train  # noqa: E402
 
 SHOWN = (paper, lift, normals)
 

@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("torch", reason="needs the train extra")
+pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import direction_to_uv, pixel_directions, pixel_solid_angles
-from anyprobe.learning.dataset import room as rooms
-from anyprobe.learning.dataset.asset_store import draw_map, room, sky, studio
-from anyprobe.learning.dataset.catalog import normalize_map
-from anyprobe.learning.dataset.lighting import (
+from anyprobe.light.environment import integral, rotate
+from anyprobe_train.dataset import room as rooms
+from anyprobe_train.dataset.asset_store import draw_map, room, sky, studio
+from anyprobe_train.dataset.catalog import normalize_map
+from anyprobe_train.dataset.lighting import (
     add_lamp,
     blend_maps,
     draw_variant,
@@ -18,7 +19,7 @@ from anyprobe.learning.dataset.lighting import (
     split_light_cap,
     turn,
 )
-from anyprobe.learning.dataset.sky import (
+from anyprobe_train.dataset.sky import (
     REC709_FROM_XYZ,
     clear_sky,
     direction_at,
@@ -32,7 +33,6 @@ from anyprobe.learning.dataset.sky import (
     sun_irradiance,
     zenith_luminance,
 )
-from anyprobe.light.environment import integral, rotate
 
 UP = np.array([0.0, 1.0, 0.0])
 HALF = np.array([2.0, 1.2, 3.1])

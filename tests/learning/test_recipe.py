@@ -15,16 +15,16 @@ from support.refused import refused
 from anyprobe.core.response import inverse_response
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import InputError
-from anyprobe.learning.dataset import pair as pair_module
-from anyprobe.learning.dataset.asset_store import AssetStore, load_asset_store
-from anyprobe.learning.dataset.catalog import MapAsset, ShapeAsset
-from anyprobe.learning.dataset.pair import _draw, fibonacci_viewpoint, render_pair, shot_of
-from anyprobe.learning.dataset.recipe import VIEWPOINTS, Recipe, balanced_recipes, digest
 from anyprobe.light.environment import rotate
 from anyprobe.render.mesh import make_mesh
 from anyprobe.render.picture import draw_mesh
 from anyprobe.render.shapes import sphere
 from anyprobe.render.surface import frame_object, see
+from anyprobe_train.dataset import pair as pair_module
+from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store
+from anyprobe_train.dataset.catalog import MapAsset, ShapeAsset
+from anyprobe_train.dataset.pair import _draw, fibonacci_viewpoint, render_pair, shot_of
+from anyprobe_train.dataset.recipe import VIEWPOINTS, Recipe, balanced_recipes, digest
 
 RECIPE = Recipe(map_id="00c0ffee", shape_id="deadbeef", material=5, view=22, conditions=1, seed=2**63 + 7)
 
@@ -99,9 +99,9 @@ def test_the_test_set_is_balanced(store) -> None:
 def test_a_pair_is_the_same_whatever_the_threads() -> None:
     """Clean and worldly, rendered anew in two processes with another number of threads: bit for bit."""
     script = (
-        "import hashlib; from anyprobe.learning.dataset.asset_store import load_asset_store;"
-        "from anyprobe.learning.dataset.recipe import balanced_recipes;"
-        "from anyprobe.learning.dataset.pair import render_pair;"
+        "import hashlib; from anyprobe_train.dataset.asset_store import load_asset_store;"
+        "from anyprobe_train.dataset.recipe import balanced_recipes;"
+        "from anyprobe_train.dataset.pair import render_pair;"
         "stock = load_asset_store(None, 'train', procedural_maps=1, procedural_shapes=1);"
         "pairs = [render_pair(*balanced_recipes(stock, 1, conditions=c), stock) for c in (0, 1)];"
         "parts = [(p.photo, p.irradiance, p.radiance, p.map_from_camera, p.gain) for p in pairs];"

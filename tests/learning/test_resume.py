@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from support.refused import refused
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
-pytest.importorskip("onnx", reason="needs the train extra")
-pytest.importorskip("tensorboard", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
+pytest.importorskip("onnx", reason="needs ./train[torch]")
+pytest.importorskip("tensorboard", reason="needs ./train[torch]")
 
 from support.some_batch import some_batch  # noqa: E402
 
 from anyprobe.errors import InputError, ModelError  # noqa: E402
-from anyprobe.learning.dataset.asset_store import AssetStore  # noqa: E402
-from anyprobe.learning.dataset.catalog import MapAsset  # noqa: E402
-from anyprobe.learning.train import loop  # noqa: E402
-from anyprobe.learning.train.checkpoint import agreed, differing, save_init_weights  # noqa: E402
-from anyprobe.learning.train.config import normals, smoke  # noqa: E402
-from anyprobe.learning.train.dataloader import name_assets  # noqa: E402
+from anyprobe_train.dataset.asset_store import AssetStore  # noqa: E402
+from anyprobe_train.dataset.catalog import MapAsset  # noqa: E402
+from anyprobe_train.train import loop  # noqa: E402
+from anyprobe_train.train.checkpoint import agreed, differing, save_init_weights  # noqa: E402
+from anyprobe_train.train.config import normals, smoke  # noqa: E402
+from anyprobe_train.train.dataloader import name_assets  # noqa: E402
 
 CONFIG = smoke(normals(), 4)
 PAIRS = SimpleNamespace(batch=lambda step: some_batch())

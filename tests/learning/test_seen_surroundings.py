@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.core.frames import rotation_y  # noqa: E402
 from anyprobe.core.latlong import pixel_directions  # noqa: E402
 from anyprobe.core.response import MEAN_CURVE, response  # noqa: E402
 from anyprobe.estimate.surroundings import visible_surroundings  # noqa: E402
-from anyprobe.learning.dataset.seen_surroundings import MAX_OTHERS, draw_frame, gather, perturb, photo_surroundings  # noqa: E402
+from anyprobe_train.dataset.seen_surroundings import MAX_OTHERS, draw_frame, gather, perturb, photo_surroundings  # noqa: E402
 
 
 def tone(light: torch.Tensor) -> torch.Tensor:

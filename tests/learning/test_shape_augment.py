@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
-from anyprobe.learning.dataset.asset_store import draw_map  # noqa: E402
-from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.learning.dataset.pair_source import PairConfig, PairSource  # noqa: E402
-from anyprobe.learning.dataset.shape_augment import draw_reshaping, join_some, reshape, reshape_some  # noqa: E402
-from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.render.surface import pixel_rays  # noqa: E402
+from anyprobe_train.dataset.asset_store import draw_map  # noqa: E402
+from anyprobe_train.dataset.lighting import Illuminator  # noqa: E402
+from anyprobe_train.dataset.pair_source import PairConfig, PairSource  # noqa: E402
+from anyprobe_train.dataset.shape_augment import draw_reshaping, join_some, reshape, reshape_some  # noqa: E402
+from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 
 SIZE, TAN_HALF = 64, 0.4
 

@@ -7,8 +7,8 @@ from collections import Counter
 import pytest
 from support.refused import refused
 
-from anyprobe.learning.dataset.recipe import Recipe, digest, read_recipes
-from anyprobe.learning.evaluate.scoring import FROZEN
+from anyprobe_train.dataset.recipe import Recipe, digest, read_recipes
+from anyprobe_train.evaluate.scoring import FROZEN
 
 RECIPES = [Recipe(map_id="00000001", shape_id="00000002", material=3, view=k, seed=k) for k in range(5)]
 

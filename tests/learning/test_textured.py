@@ -5,15 +5,16 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
-from anyprobe.learning.dataset import camera, pair_source  # noqa: E402
-from anyprobe.learning.dataset.asset_store import own_map  # noqa: E402
-from anyprobe.learning.dataset.distributions import METALS, draw_material  # noqa: E402
-from anyprobe.learning.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.learning.dataset.pair_source import PairConfig, PairSource  # noqa: E402
-from anyprobe.learning.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
-from anyprobe.learning.dataset.textured import (  # noqa: E402
+from anyprobe.scatter.materials import Material  # noqa: E402
+from anyprobe_train.dataset import camera, pair_source  # noqa: E402
+from anyprobe_train.dataset.asset_store import own_map  # noqa: E402
+from anyprobe_train.dataset.distributions import METALS, draw_material  # noqa: E402
+from anyprobe_train.dataset.lighting import Illuminator  # noqa: E402
+from anyprobe_train.dataset.pair_source import PairConfig, PairSource  # noqa: E402
+from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
+from anyprobe_train.dataset.textured import (  # noqa: E402
     MAX_ALBEDO,
     ON_METAL,
     SECOND_SHARE,
@@ -26,7 +27,6 @@ from anyprobe.learning.dataset.textured import (  # noqa: E402
     paint_some,
     smooth_noise,
 )
-from anyprobe.scatter.materials import Material  # noqa: E402
 
 SIZE, RADIUS = 128, 0.85
 X, Y = np.meshgrid((np.arange(SIZE) + 0.5) / SIZE * 2 - 1, 1 - (np.arange(SIZE) + 0.5) / SIZE * 2)

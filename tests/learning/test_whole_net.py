@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles  # noqa: E402
-from anyprobe.learning.nets.context_net import ContextNet  # noqa: E402
-from anyprobe.learning.nets.source_head import RADII_DEG, SOURCES, SourceHead, SourceMap  # noqa: E402
-from anyprobe.learning.nets.whole_net import SAID, WholeNet  # noqa: E402
-from anyprobe.learning.whole_network.source_profiles import source_profiles  # noqa: E402
-from anyprobe.learning.whole_network.whole_losses import WHOLE_WEIGHTS, WholeLoss, posture_losses, profile_loss  # noqa: E402
+from anyprobe_train.nets.context_net import ContextNet  # noqa: E402
+from anyprobe_train.nets.source_head import RADII_DEG, SOURCES, SourceHead, SourceMap  # noqa: E402
+from anyprobe_train.nets.whole_net import SAID, WholeNet  # noqa: E402
+from anyprobe_train.whole_network.source_profiles import source_profiles  # noqa: E402
+from anyprobe_train.whole_network.whole_losses import WHOLE_WEIGHTS, WholeLoss, posture_losses, profile_loss  # noqa: E402
 
 
 def cap(direction, radius_deg: float) -> torch.Tensor:

@@ -9,9 +9,9 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
-pytest.importorskip("onnx", reason="needs the train extra")
-pytest.importorskip("tensorboard", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
+pytest.importorskip("onnx", reason="needs ./train[torch]")
+pytest.importorskip("tensorboard", reason="needs ./train[torch]")
 
 from support.scenes import sphere_photo  # noqa: E402
 
@@ -19,13 +19,13 @@ from anyprobe.core.latlong import pixel_directions  # noqa: E402
 from anyprobe.errors import InputError  # noqa: E402
 from anyprobe.estimate.estimator import Estimator  # noqa: E402
 from anyprobe.estimate.ground import up_of  # noqa: E402
-from anyprobe.learning.nets.light_net import display  # noqa: E402
-from anyprobe.learning.whole_network import whole_training as training  # noqa: E402
-from anyprobe.learning.whole_network.batches import Pairs, brighter, mirrored_pairs  # noqa: E402
-from anyprobe.learning.whole_network.left_out_scores import _figures, score_left_out  # noqa: E402
-from anyprobe.learning.whole_network.object_losses import OBJECT_WEIGHTS, ObjectLoss  # noqa: E402
-from anyprobe.learning.whole_network.whole_export import TOLERANCE, export_photo_net  # noqa: E402
-from anyprobe.learning.whole_network.whole_training import WholeRunConfig, load_photo_net, train_whole  # noqa: E402
+from anyprobe_train.nets.light_net import display  # noqa: E402
+from anyprobe_train.whole_network import whole_training as training  # noqa: E402
+from anyprobe_train.whole_network.batches import Pairs, brighter, mirrored_pairs  # noqa: E402
+from anyprobe_train.whole_network.left_out_scores import _figures, score_left_out  # noqa: E402
+from anyprobe_train.whole_network.object_losses import OBJECT_WEIGHTS, ObjectLoss  # noqa: E402
+from anyprobe_train.whole_network.whole_export import TOLERANCE, export_photo_net  # noqa: E402
+from anyprobe_train.whole_network.whole_training import WholeRunConfig, load_photo_net, train_whole  # noqa: E402
 from research.scenes import packed  # noqa: E402
 from research.scenes.camera import TakenPhoto  # noqa: E402
 from research.scenes.pairs import Known, known_of  # noqa: E402

@@ -9,7 +9,6 @@ from support.refused import refused
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.learning.evaluate.metrics import color_angle_deg
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import shrink
 from anyprobe.light.filtering import blur_cap
@@ -17,6 +16,7 @@ from anyprobe.light.source_split import Source, draw_sources
 from anyprobe.light.steady import Smoothing
 from anyprobe.light.temporal import MOST_TURN, OFFSET, FilterState, filtered_log, step
 from anyprobe.render.spheres import silver, sphere_normals
+from anyprobe_train.evaluate.metrics import color_angle_deg
 
 HEIGHT, SPHERE = 32, 12
 FRAME_NOISE = 0.05

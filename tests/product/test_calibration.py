@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.learning.evaluate.calibration import CLOSE, Calibration
+from anyprobe_train.evaluate.calibration import CLOSE, Calibration
 
 
 def maps(rng, confidence, chance):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 import typer
-from support.command_faults import fault_of
+from support.command_faults import PROGRAMS, fault_of
 
 from anyprobe.cli.app import app
 
@@ -27,11 +27,11 @@ def commands_in(page: str) -> list[list[str]]:
             if not re.search(r"\banyprobe\b", line):
                 continue
             lexer = shlex.shlex(line.removeprefix("$ "), posix=True, punctuation_chars=True)
-            lexer.wordchars += ",:%+@^"
+            lexer.wordchars += ",:%+@^-"
             command: list[str] = []
             for word in [*lexer, ";"]:
                 if set(word) <= set("();<>|&"):
-                    found += [command] if command[:1] == ["anyprobe"] else []
+                    found += [command] if command and command[0] in PROGRAMS else []
                     command = []
                 else:
                     command.append(word)
@@ -56,6 +56,8 @@ def test_what_pages_show_is_a_command():
         ("anyprobe relight a.jpg --renderer cycles", "cycles"),
         ("pip install '.[video]' && anyprobe video a.mp4 --nothing | less", "--nothing"),
         ("anyprobe --version", ""),
+        ("anyprobe-train run lift --dry-run 20", ""),
+        ("anyprobe-train run lift --fry-run 20", "--fry-run"),
     ],
 )
 def test_a_planted_fault_is_found(line, fault):

@@ -9,8 +9,8 @@ from support.some_pair import sphere_pair
 from anyprobe.core.response import response
 from anyprobe.estimate.material_hint import TRUST, fit_gain
 from anyprobe.estimate.runtime import Models
-from anyprobe.learning.evaluate.methods import GIVEN_HINTS, model_methods, run_with_hints, true_normals, truth_methods
-from anyprobe.learning.evaluate.metrics import rmse
+from anyprobe_train.evaluate.methods import GIVEN_HINTS, model_methods, run_with_hints, true_normals, truth_methods
+from anyprobe_train.evaluate.metrics import rmse
 
 
 @pytest.fixture(scope="module")

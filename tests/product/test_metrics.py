@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.learning.evaluate.metrics import (
+from anyprobe.render.spheres import sphere_images, sphere_normals
+from anyprobe_train.evaluate.metrics import (
     color_angle_deg,
     direction_error_deg,
     power_ratio_stops,
@@ -15,7 +16,6 @@ from anyprobe.learning.evaluate.metrics import (
     si_rmse,
     ssim,
 )
-from anyprobe.render.spheres import sphere_images, sphere_normals
 
 
 @pytest.fixture

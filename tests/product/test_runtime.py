@@ -39,7 +39,7 @@ def assert_refused(*words: str) -> None:
 
 
 def spoil_metadata(path: Path, key: str, value: str | None) -> None:
-    onnx = pytest.importorskip("onnx", reason="needs onnx, of the extra 'train'")
+    onnx = pytest.importorskip("onnx", reason="needs onnx, of './train[torch]'")
     graph = onnx.load(path)
     found = {entry.key: entry.value for entry in graph.metadata_props}
     assert key in found
@@ -159,7 +159,7 @@ def test_emitters_that_are_not_known_are_refused():
 
 
 def test_a_graph_that_tells_less_is_refused(tmp_path):
-    onnx = pytest.importorskip("onnx", reason="needs onnx, of the extra 'train'")
+    onnx = pytest.importorskip("onnx", reason="needs onnx, of './train[torch]'")
     graph = onnx.load(weights_folder("lift") / "light.onnx")
     del graph.graph.output[-1]
     onnx.save(graph, tmp_path / "light.onnx")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.learning.evaluate.scoring import GROUPS, dominant_light_share, groups_of
+from anyprobe_train.evaluate.scoring import GROUPS, dominant_light_share, groups_of
 
 
 def room(emitter_share: float, direction=(0.3, 0.8, 0.5)) -> np.ndarray:

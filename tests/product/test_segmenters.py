@@ -33,7 +33,7 @@ def overlap(mask: np.ndarray, area: tuple[slice, slice] = OBJECT) -> float:
 
 
 def write_graph(path, nodes, inputs, outputs, constants) -> None:
-    onnx = pytest.importorskip("onnx", reason="needs the train extra")
+    onnx = pytest.importorskip("onnx", reason="needs ./train[torch]")
     helper, numpy_helper = onnx.helper, onnx.numpy_helper
     graph = helper.make_graph(
         [helper.make_node(kind, ins, outs, **more) for kind, ins, outs, more in nodes],

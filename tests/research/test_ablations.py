@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from support.some_pair import sphere_pair
 
-pytest.importorskip("torch", reason="needs the train extra")
+pytest.importorskip("torch", reason="needs ./train[torch]")
 
 import torch
 
 from anyprobe.errors import InputError
-from anyprobe.learning.train.checkpoint import save_checkpoint
-from anyprobe.learning.train.config import smoke
-from anyprobe.learning.train.loop import load_nets, make_learner
+from anyprobe_train.train.checkpoint import save_checkpoint
+from anyprobe_train.train.config import smoke
+from anyprobe_train.train.loop import load_nets, make_learner
 from research import ablations
 from research.ablations import ABLATIONS, OTHER_MODEL, lift_trial, network_method, score
 

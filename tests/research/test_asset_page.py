@@ -12,10 +12,10 @@ from support.mesh_files import ply
 from support.refused import refused
 
 import anyprobe
-from anyprobe.learning.dataset.catalog import file_id
-from anyprobe.learning.dataset.recipe import Recipe, read_recipes
-from anyprobe.learning.evaluate.scoring import FROZEN
 from anyprobe.maps.radiance import write_hdr
+from anyprobe_train.dataset.catalog import file_id
+from anyprobe_train.dataset.recipe import Recipe, read_recipes
+from anyprobe_train.evaluate.scoring import FROZEN
 from research import asset_page as module
 from research.asset_page import asset_page, frozen_page, main
 

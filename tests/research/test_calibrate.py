@@ -9,8 +9,8 @@ from support.some_pair import sphere_pair
 
 from anyprobe.core.response import response
 from anyprobe.errors import InputError, ModelError
-from anyprobe.learning.dataset.asset_store import AssetStore
 from anyprobe.scatter.materials import total_reflectance
+from anyprobe_train.dataset.asset_store import AssetStore
 from research import left_out
 from research.export_weights.calibrate import calibrate, calibrate_errors, fit_logit, to_logit
 

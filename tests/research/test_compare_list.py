@@ -8,8 +8,8 @@ import pytest
 from support.refused import refused
 from support.some_pair import sphere_pair
 
-from anyprobe.learning.dataset.asset_store import AssetStore, own_map, own_shape
-from anyprobe.learning.dataset.recipe import balanced_recipes, digest
+from anyprobe_train.dataset.asset_store import AssetStore, own_map, own_shape
+from anyprobe_train.dataset.recipe import balanced_recipes, digest
 from research.compare import __main__ as compare
 
 FIGURES = dict.fromkeys(compare.AHEAD, 1.0)

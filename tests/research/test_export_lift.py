@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
-pytest.importorskip("onnx", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
+pytest.importorskip("onnx", reason="needs ./train[torch]")
 
 from anyprobe.estimate.runtime import weights_folder  # noqa: E402
-from anyprobe.learning.train.loop import load_nets, pairs_seen  # noqa: E402
+from anyprobe_train.train.loop import load_nets, pairs_seen  # noqa: E402
 from research.export_weights.checkpoints import kept_checkpoint, mean_checkpoint  # noqa: E402
 
 KEPT = Path(__file__).parents[2] / "training" / "lift.pt"

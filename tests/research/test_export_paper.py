@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.some_pair import sphere_pair
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.core.color import luminance  # noqa: E402
 from anyprobe.light.environment import integral  # noqa: E402

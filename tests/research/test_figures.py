@@ -7,11 +7,11 @@ from support.some_pair import sphere_pair
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import inverse_response, response
 from anyprobe.core.sampling import hammersley
-from anyprobe.learning.dataset.asset_store import draw_map
 from anyprobe.light.environment import shrink
 from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import NUM_EMITTERS, shade_specular
 from anyprobe.render.spheres import sphere_normals
+from anyprobe_train.dataset.asset_store import draw_map
 from research.compare.figures import (
     Estimate,
     hdr_scores,

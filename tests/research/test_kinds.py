@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("torch", reason="needs the train extra")
+pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from research.scenes.kinds import Judged, kinds_table, plate_of
 

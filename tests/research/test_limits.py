@@ -10,10 +10,10 @@ from support.some_pair import sphere_pair
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.learning.dataset.asset_store import draw_map
-from anyprobe.learning.dataset.recipe import WORLD
-from anyprobe.learning.evaluate.metrics import gain_rmse, rmse
 from anyprobe.scatter.materials import Material
+from anyprobe_train.dataset.asset_store import draw_map
+from anyprobe_train.dataset.recipe import WORLD
+from anyprobe_train.evaluate.metrics import gain_rmse, rmse
 from research.limits import sphere as sphere_limit
 from research.limits.figures import MEAN_MAP, Limits, alpha_bin, groups, kind_of
 from research.limits.orders import basis, ln_error, order_powers

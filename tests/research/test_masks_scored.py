@@ -93,7 +93,7 @@ def test_several_folders_are_summed_up_too(folder, red_is_found, tmp_path, capsy
 
 
 def test_calibration_asks_for_either_of_two_objects_where_none_is_marked(monkeypatch, capsys):
-    pytest.importorskip("torch", reason="needs the train extra")
+    pytest.importorskip("torch", reason="needs ./train[torch]")
     from research.masks import calibrate
 
     rows, columns = np.mgrid[0:240, 0:320]
@@ -108,7 +108,7 @@ def test_calibration_asks_for_either_of_two_objects_where_none_is_marked(monkeyp
         )
         for k, disc in enumerate(discs)
     ]
-    monkeypatch.setattr("anyprobe.learning.dataset.asset_store.load_asset_store", lambda *_, **__: None)
+    monkeypatch.setattr("anyprobe_train.dataset.asset_store.load_asset_store", lambda *_, **__: None)
     monkeypatch.setattr("research.masks.scenes.rendered_cases", lambda *_: scenes)
     both = list(calibrate._cases("", 12, [], 6, 1))
     assert [other is None for _, _, other in both].count(False) == 12

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="training needs the train extra")
+torch = pytest.importorskip("torch", reason="training needs ./train[torch]")
 
 from anyprobe.maps.radiance import read_radiance  # noqa: E402
 from research.export_weights.mean_map import STRIDE, write_mean_map  # noqa: E402

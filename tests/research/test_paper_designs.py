@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from skimage.metrics import structural_similarity
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles  # noqa: E402
 from anyprobe.core.response import inverse_response  # noqa: E402

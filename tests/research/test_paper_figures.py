@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 from support.some_pair import sphere_pair
 
-torch = pytest.importorskip("torch", reason="needs the train extra")
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.core.frames import reflect  # noqa: E402
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions  # noqa: E402

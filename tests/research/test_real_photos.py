@@ -13,9 +13,9 @@ from typer.testing import CliRunner
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
 from anyprobe.estimate.known import PhotoBackground
-from anyprobe.learning.evaluate.methods import Estimate
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.maps.radiance import write_hdr
+from anyprobe_train.evaluate.methods import Estimate
 from research.real_photos.__main__ import app
 from research.real_photos.lamps import ALL, ALONE, CONSTANT, DEFAULT, Angle, lamp_angles, lamp_groups, load_lamps
 from research.real_photos.maps import COLUMNS, load_real, read_real, score_real

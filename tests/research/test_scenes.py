@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("torch", reason="needs the train extra")
+pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import inverse_response
-from anyprobe.learning.dataset.asset_store import load_asset_store
-from anyprobe.learning.whole_network.families import FAMILIES
 from anyprobe.light.environment import rotate
 from anyprobe.relight.path_traced import mitsuba_runs
+from anyprobe_train.dataset.asset_store import load_asset_store
+from anyprobe_train.whole_network.families import FAMILIES
 from research.scenes.camera import mirrored, take
 from research.scenes.layouts import SHARES, draw_family, draw_layout
 from research.world.whole_render import Render

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from support.some_pair import sphere_pair
 
-from anyprobe.learning.evaluate.scoring import Scores
-from anyprobe.learning.evaluate.standard_errors import clustered_error, one_way_variance
+from anyprobe_train.evaluate.scoring import Scores
+from anyprobe_train.evaluate.standard_errors import clustered_error, one_way_variance
 from research.compare.study import difference, means
 
 

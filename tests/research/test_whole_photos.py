@@ -15,12 +15,12 @@ from anyprobe.core.color import luminance
 from anyprobe.core.response import inverse_response
 from anyprobe.errors import InputError
 from anyprobe.estimate.ground import up_of
-from anyprobe.learning.dataset.asset_store import AssetStore
-from anyprobe.learning.dataset.catalog import MapAsset, ShapeAsset
-from anyprobe.learning.dataset.recipe import WORLD, world_recipes
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.maps.radiance import write_exr
 from anyprobe.render.shapes import lathe
+from anyprobe_train.dataset.asset_store import AssetStore
+from anyprobe_train.dataset.catalog import MapAsset, ShapeAsset
+from anyprobe_train.dataset.recipe import WORLD, world_recipes
 from research.world import whole as whole_command
 from research.world import whole_photos as whole
 from research.world.tables import ALBEDO, KINDS, draw_cover

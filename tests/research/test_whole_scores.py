@@ -11,7 +11,7 @@ from anyprobe.core.frames import rotation_y, world_from_camera
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.result import Light
-from anyprobe.learning.evaluate.metrics import false_sources
+from anyprobe_train.evaluate.metrics import false_sources
 from research.world.cut_outs import CutOut
 from research.world.judgement import ALL, CUT_OUTS, Judgement
 from research.world.whole_scores import Answer, score, sky_over_ground, summary, world_from_photo

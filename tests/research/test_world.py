@@ -11,14 +11,14 @@ from support.refused import refused
 
 from anyprobe.core.color import luminance
 from anyprobe.errors import InputError
-from anyprobe.learning.dataset import distributions
-from anyprobe.learning.dataset.asset_store import AssetStore
-from anyprobe.learning.dataset.catalog import MapAsset, ShapeAsset
-from anyprobe.learning.dataset.pair import render_pair
-from anyprobe.learning.dataset.recipe import WORLD, Recipe, read_recipes, world_recipes
-from anyprobe.learning.evaluate.scoring import FROZEN
 from anyprobe.render.shapes import sphere
 from anyprobe.scatter.materials import total_reflectance
+from anyprobe_train.dataset import distributions
+from anyprobe_train.dataset.asset_store import AssetStore
+from anyprobe_train.dataset.catalog import MapAsset, ShapeAsset
+from anyprobe_train.dataset.pair import render_pair
+from anyprobe_train.dataset.recipe import WORLD, Recipe, read_recipes, world_recipes
+from anyprobe_train.evaluate.scoring import FROZEN
 from research.limits.__main__ import limits
 from research.world import pairs as world
 

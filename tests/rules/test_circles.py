@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import anyprobe
+import anyprobe_train
 
 SOURCE = Path(anyprobe.__file__).parent
 
@@ -41,6 +42,7 @@ def circle(root: Path) -> list[str]:
 
 def test_no_modules_import_in_a_circle():
     assert circle(SOURCE) == []
+    assert circle(Path(anyprobe_train.__file__).parent) == []
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parents[2] / "src" / "anyprobe"
+ROOT = Path(__file__).parents[2]
+PACKAGES = (ROOT / "src" / "anyprobe", ROOT / "train" / "anyprobe_train")
 RIDDLE = re.compile(r"(Of|What|None|So|From which)\b")
 
 
@@ -23,7 +24,7 @@ def riddles(source: str) -> Iterator[str]:
 
 
 def test_no_docstring_begins_with_a_riddle():
-    found = {path: list(riddles(path.read_text(encoding="utf-8"))) for path in PACKAGE.rglob("*.py")}
+    found = {path: list(riddles(path.read_text(encoding="utf-8"))) for root in PACKAGES for path in root.rglob("*.py")}
     assert {str(path): lines for path, lines in found.items() if lines} == {}
 
 

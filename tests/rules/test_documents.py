@@ -71,8 +71,8 @@ def named_places(text: str) -> list[tuple[Path, str]]:
     for row in re.findall(r"^\|.*\|$", text, re.MULTILINE):
         folder = ROOT / "src" / "anyprobe" / (re.findall(r"`(\w+)`", row) or ["none"])[0]
         for name, symbol in re.findall(r"`([\w/.-]+\.(?:py|js|json|txt))`(?:: `([\w.]+)`)?", row):
-            places = [ROOT / "src" / "anyprobe" / name, ROOT / name, folder / name]
-            path = next((place for place in places if place.is_file()), places[1])
+            places = [ROOT / "src" / "anyprobe" / name, ROOT / "train" / name, ROOT / name, folder / name]
+            path = next((place for place in places if place.is_file()), places[2])
             folder = path.parent
             found.append((path, symbol.rpartition(".")[2]))
     return found

@@ -3,36 +3,40 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 import anyprobe
+import anyprobe_train
 
 SOURCE = Path(anyprobe.__file__).parent
+TRAIN = Path(anyprobe_train.__file__).parent
 
 ORDER = (
     "notices errors core light scatter given_material render files maps pictures export match detail masks hints "
-    "estimate relight video serve learning.nets learning.dataset learning.evaluate learning.train "
-    "learning.mask_network learning.whole_network cli __init__ __main__"
+    "estimate relight video serve cli __init__ __main__ "
+    "anyprobe_train.__init__ anyprobe_train.nets anyprobe_train.dataset anyprobe_train.evaluate anyprobe_train.assets "
+    "anyprobe_train.train anyprobe_train.mask_network anyprobe_train.whole_network anyprobe_train.cli "
+    "anyprobe_train.__main__"
 ).split()
-"""A part may import itself and the parts before it. What users run imports nothing of `learning`: it stands above."""
+"""A part may import itself and the parts before it: what users run imports nothing of `anyprobe_train`."""
 
 ONLY = {
     "torch": {
-        *("render", "learning.nets", "learning.dataset", "learning.train", "cli"),
-        *("learning.mask_network", "learning.whole_network"),
+        *("render", "anyprobe_train.nets", "anyprobe_train.dataset", "anyprobe_train.train", "anyprobe_train.cli"),
+        *("anyprobe_train.mask_network", "anyprobe_train.whole_network"),
     },
     "onnxruntime": {"files"},
-    "onnx": {"learning.train"},
+    "onnx": {"anyprobe_train.train"},
     "rembg": {"masks"},
     "trimesh": {"files"},
     "rawpy": {"pictures"},
     "pillow_jxl": {"pictures"},
-    "typer": {"cli"},
-    "rich": {"cli", "learning.train"},
+    "typer": {"cli", "anyprobe_train.cli"},
+    "rich": {"cli", "anyprobe_train.train", "anyprobe_train.cli"},
     "av": {"video"},
     "mitsuba": {"relight"},
     "drjit": {"relight"},
@@ -44,8 +48,10 @@ ONLY = {
 }
 """Packages that not every part may import."""
 
-TORCH_INSIDE = {"cli": "need_torch", "render": "compile_kernel"}
+TORCH_INSIDE = {"anyprobe_train.cli": "need_torch", "render": "compile_kernel"}
 """Parts without torch but for one function: to see whether it is there, and to compile with it."""
+
+PACKAGES = ("anyprobe", "anyprobe_train")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,9 +67,9 @@ class Import:
 
 def imports_in(path: Path, root: Path) -> Iterator[Import]:
     relative = path.relative_to(root)
-    part = part_of(relative.with_suffix("").parts)
+    part = part_of([root.name, *relative.with_suffix("").parts])
     if relative.name == "__main__.py" and len(relative.parts) > 1:
-        part = "cli"  # a command of its own
+        part = "anyprobe_train.cli"  # a command of its own
 
     def visit(node: ast.AST, function: str) -> Iterator[Import]:
         for child in ast.iter_child_nodes(node):
@@ -75,7 +81,7 @@ def imports_in(path: Path, root: Path) -> Iterator[Import]:
                 module = child.module or ""
                 # `from anyprobe import files` asks for a part, `from anyprobe import __version__` does not
                 found = [(module, child.level)]
-                if module in ("anyprobe", "anyprobe.learning"):
+                if module in ("anyprobe", "anyprobe_train"):
                     found = [(f"{module}.{alias.name}", child.level) for alias in child.names]
             for module, level in found:
                 place = f"{relative}:{child.lineno}"
@@ -85,9 +91,13 @@ def imports_in(path: Path, root: Path) -> Iterator[Import]:
     yield from visit(ast.parse(path.read_text(encoding="utf-8")), "")
 
 
-def part_of(names: tuple[str, ...] | list[str]) -> str:
-    """Return the part that a module within the package belongs to: a room, or a room of the learning wing."""
-    return ".".join(names[:2]) if names[0] == "learning" else names[0]
+def part_of(names: Sequence[str]) -> str:
+    """Return the part that a dotted name belongs to: a room of `anyprobe`, or one of `anyprobe_train` with its name."""
+    package, *rest = names
+    if package not in PACKAGES:
+        return ""
+    room = rest[0] if rest else "__init__"
+    return room if package == "anyprobe" else f"{package}.{room}"
 
 
 def all_imports(root: Path) -> list[Import]:
@@ -98,14 +108,13 @@ def faults(root: Path) -> list[str]:
     """What is wrong, one line each."""
     wrong = []
     for one in all_imports(root):
-        package, *rest = one.module.split(".")
-        asked = part_of(rest or ["__init__"]) if package == "anyprobe" else ""
+        package, asked = one.module.split(".")[0], part_of(one.module.split("."))
         if one.level:
             wrong.append(f"{one.place}: relative import of {one.module or '.'}")
         elif one.part not in ORDER:
             wrong.append(f"{one.place}: {one.part} has no place in the order")
         elif asked and asked not in ORDER:
-            if asked != "__version__":
+            if not asked.endswith("__version__"):
                 wrong.append(f"{one.place}: {one.part} imports {one.module}, which has no place in the order")
         elif asked and ORDER.index(asked) > ORDER.index(one.part):
             wrong.append(f"{one.place}: {one.part} imports {asked}, which stands above it")
@@ -117,19 +126,21 @@ def faults(root: Path) -> list[str]:
 
 
 def test_imports_point_downwards():
-    assert faults(SOURCE) == []
+    assert faults(SOURCE) + faults(TRAIN) == []
 
 
 def test_every_part_of_the_order_exists_and_no_other():
-    found = {path.stem for path in SOURCE.glob("*.py")}
-    found |= {path.parent.name for path in SOURCE.glob("*/__init__.py")} - {"learning"}
-    found |= {f"learning.{path.parent.name}" for path in SOURCE.glob("learning/*/__init__.py")}
+    found = {
+        part_of([root.name, *path.relative_to(root).parts[:1]]).removesuffix(".py")
+        for root in (SOURCE, TRAIN)
+        for path in root.rglob("*.py")
+    }
     assert found == set(ORDER)
 
 
 def test_every_permission_is_used():
     """A package that a part no longer imports loses its permission."""
-    used = {(one.module.split(".")[0], one.part) for one in all_imports(SOURCE)}
+    used = {(one.module.split(".")[0], one.part) for one in all_imports(SOURCE) + all_imports(TRAIN)}
     granted = {(package, part) for package, parts in ONLY.items() for part in parts}
     assert granted - used == set()
 
@@ -142,32 +153,45 @@ def test_every_permission_is_used():
         ("core/a.py", "from anyprobe import files", "core imports files"),
         ("core/a.py", "import anyprobe", "core imports __init__"),
         ("estimate/a.py", "def f():\n    if True:\n        import torch.nn", "estimate imports torch"),
-        (
-            "estimate/a.py",
-            "class A:\n    def f(self):\n        from anyprobe.learning.train import b",
-            "imports learning.train",
-        ),
-        ("serve/a.py", "def f():\n    from anyprobe.learning import nets", "serve imports learning.nets"),
-        ("cli/a.py", "from anyprobe.learning.train import b", None),
-        ("learning/nets/a.py", "import anyprobe.learning.train.b", "learning.nets imports learning.train"),
-        ("learning/nets/a.py", "import torch", None),
-        ("learning/train/__main__.py", "import typer\nfrom anyprobe.cli import b", None),
-        ("learning/train/a.py", "from . import b", "relative import"),
-        ("learning/train/a.py", "from ..core import b", "relative import"),
+        ("estimate/a.py", "def f():\n    from anyprobe_train.train import b", "estimate imports anyprobe_train.train"),
+        ("cli/a.py", "from anyprobe_train import nets", "cli imports anyprobe_train.nets"),
+        ("core/a.py", "from . import b", "relative import"),
+        ("core/a.py", "from ..core import b", "relative import"),
         ("web/a.py", "import json", "web has no place"),
-        ("cli/a.py", "import torch", "torch outside need_torch"),
+        ("cli/a.py", "import torch", "cli imports torch"),
         ("render/a.py", "def f():\n    import torch.nn", "torch outside compile_kernel"),
         ("cli/a.py", "from anyprobe.web import b", "no place in the order"),
         ("errors.py", "from anyprobe.core import b", "errors imports core"),
         ("files/a.py", "import json\nfrom anyprobe.errors import b\nfrom onnxruntime import c", None),
         ("estimate/a.py", "import onnxruntime", "estimate imports onnxruntime"),
-        ("cli/a.py", "from anyprobe import __version__\ndef need_torch():\n    import torch", None),
+        ("cli/a.py", "from anyprobe import __version__", None),
     ],
 )
 def test_rule_names_a_planted_fault(tmp_path, file, code, fault):
-    path = tmp_path / file
+    assert_one(tmp_path / "anyprobe", file, code, fault)
+
+
+@pytest.mark.parametrize(
+    ("file", "code", "fault"),
+    [
+        ("nets/a.py", "import anyprobe_train.train.b", "anyprobe_train.nets imports anyprobe_train.train"),
+        ("nets/a.py", "import torch", None),
+        ("nets/a.py", "from anyprobe.core import b", None),
+        ("train/__main__.py", "import typer\nfrom anyprobe.cli import b", None),
+        ("evaluate/a.py", "import torch", "anyprobe_train.evaluate imports torch"),
+        ("cli/a.py", "import torch", "torch outside need_torch"),
+        ("cli/a.py", "def need_torch():\n    import torch", None),
+    ],
+)
+def test_rule_names_a_planted_fault_of_training(tmp_path, file, code, fault):
+    assert_one(tmp_path / "anyprobe_train", file, code, fault)
+
+
+def assert_one(root: Path, file: str, code: str, fault: str | None) -> None:
+    """Plant code in a file; fault: part of the one complaint, or None for none."""
+    path = root / file
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(code)
-    found = faults(tmp_path)
-    assert len(found) == (0 if fault is None else 1)
+    found = faults(root)
+    assert len(found) == (0 if fault is None else 1), found
     assert fault is None or fault in found[0]

@@ -1,4 +1,4 @@
-"""A name of a module or package is one layer's (of `learning`, one room's), of a function or class one module's."""
+"""A name of a module or package is one layer's, of a function or class one module's, in each distribution."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 
 import anyprobe
+import anyprobe_train
 
 SOURCE = Path(anyprobe.__file__).parent
+TRAIN = Path(anyprobe_train.__file__).parent
 
 
 def modules(root: Path) -> list[str]:
@@ -24,13 +26,14 @@ def shared(root: Path) -> list[str]:
     found = [path.parent.relative_to(root).parts for path in root.rglob("__init__.py") if path.parent != root]
     packages = {names[-1] for names in found}
     found += [tuple(name.split(".")) for name in modules(root) if "." in name and not name.endswith("__main__")]
-    rooms = [(".".join(names[: 2 if names[0] == "learning" else 1]), names[-1]) for names in found]
+    rooms = [(names[0], names[-1]) for names in found]
     layers = Counter(name for layer, name in set(rooms) if not (layer == "cli" and name in packages))
     return sorted(name for name, count in layers.items() if count > 1)
 
 
 def test_a_name_is_one_layers():
     assert shared(SOURCE) == []
+    assert shared(TRAIN) == []
 
 
 @pytest.fixture
@@ -38,8 +41,7 @@ def tree(tmp_path) -> Path:
     """A package of which nothing is wrong."""
     for name in (
         *("core/__init__.py", "core/one.py", "light/__init__.py", "light/two.py", "cli/light.py"),
-        *("learning/nets/three.py", "learning/nets/__main__.py", "learning/train/__main__.py", "cli/train.py"),
-        *("learning/train/__init__.py", "learning/nets/__init__.py", "learning/__init__.py"),
+        *("serve/three.py", "serve/__main__.py", "light/__main__.py", "serve/__init__.py"),
     ):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
@@ -50,15 +52,13 @@ def test_a_tree_without_fault_has_none(tree):
     assert shared(tree) == []
 
 
-@pytest.mark.parametrize(
-    "file", ["light/one.py", "core/light.py", "cli/one.py", "learning/train/three.py", "learning/nets/train.py"]
-)
+@pytest.mark.parametrize("file", ["light/one.py", "core/light.py", "cli/one.py"])
 def test_rule_names_a_shared_name(tree, file):
     (tree / file).touch()
     assert shared(tree) == [Path(file).stem]
 
 
-COMMANDS = {"estimate", "evaluate", "export", "mask", "status", "train"}
+COMMANDS = {"estimate", "export", "mask", "status"}
 """Of a command, or a request to the server, and of what it calls."""
 
 
@@ -76,6 +76,7 @@ def twice(root: Path) -> set[str]:
 def test_a_public_name_is_one_modules():
     """But for commands, which are named as what they call."""
     assert twice(SOURCE) <= COMMANDS
+    assert twice(TRAIN) <= {"evaluate", "export", "main", "run", "train"}
 
 
 def shared_constants(root: Path) -> set[str]:
@@ -88,12 +89,13 @@ def shared_constants(root: Path) -> set[str]:
         targets += [node.target for node in tree.body if isinstance(node, ast.AnnAssign)]
         defined.update({one.id for target in targets for one in ast.walk(target) if isinstance(one, ast.Name)})
         nodes = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
-        imported |= {one.name for node in nodes if (node.module or "").startswith("anyprobe.") for one in node.names}
+        imported |= {one.name for node in nodes if (node.module or "").startswith("anyprobe") for one in node.names}
     return {name for name in imported if defined[name] > 1}
 
 
 def test_a_constant_that_is_imported_is_one_modules():
     assert not shared_constants(SOURCE)
+    assert not shared_constants(TRAIN)
 
 
 def test_rule_names_a_shared_constant(tmp_path):

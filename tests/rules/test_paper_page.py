@@ -8,13 +8,15 @@ import shlex
 from pathlib import Path
 
 import pytest
-from support.command_faults import fault_of, fault_of_module
+from support.command_faults import PROGRAMS, fault_of, fault_of_module
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "explanation" / "paper.md"
-NAMED = re.compile(r"`((?:src|research|tests|docs|examples|benchmarks)/[\w./-]+)`(?:: (`[\w.]+`(?:, `[\w.]+`)*))?")
+NAMED = re.compile(
+    r"`((?:src|train|research|tests|docs|examples|benchmarks)/[\w./-]+)`(?:: (`[\w.]+`(?:, `[\w.]+`)*))?"
+)
 SHORT = re.compile(r"^([A-Z]+) is `([^`]+)`", re.MULTILINE)
-COMMAND = re.compile(r"`((?:python -m|anyprobe|pytest|FIGURE|EVALUATE|COMPARE) [^`]+)`")
+COMMAND = re.compile(r"`((?:python -m|anyprobe-train|anyprobe|pytest|FIGURE|EVALUATE|COMPARE) [^`]+)`")
 FIGURES = range(1, 17)
 
 
@@ -54,7 +56,7 @@ def refused(page: str) -> list[str]:
         if words[0] == "pytest":
             fault = " ".join(word for word in words[1:] if not (ROOT / word).is_file())
         else:
-            fault = fault_of(words) if words[0] == "anyprobe" else fault_of_module(words)
+            fault = fault_of(words) if words[0] in PROGRAMS else fault_of_module(words)
         found += [f"{command}: {fault}"] if fault else []
     return found
 
@@ -87,13 +89,13 @@ def test_what_the_page_shows_can_be_run():
     [
         ("python -m research.compare_all", "no module"),
         ("python -m research.timing --models paper", "--models"),
-        ("python -m research.fetch_assets test DIR", ""),
-        ("python -m research.fetch_assets tests DIR", "tests"),
+        ("anyprobe-train data test DIR", ""),
+        ("anyprobe-train data tests DIR", "tests"),
         ("FIGURE 13 --real DIR", ""),
         ("FIGURE 11", "11"),
         ("pytest tests/judge/test_no.py tests/rules/test_paper_page.py", "tests/judge/test_no.py"),
-        ("anyprobe train paper --dry-run 3", ""),
-        ("anyprobe train paper --dry", "--dry"),
+        ("anyprobe-train run paper --dry-run 3", ""),
+        ("anyprobe-train run paper --dry", "--dry"),
     ],
 )
 def test_a_command_that_cannot_run_is_found(command, fault):

@@ -9,14 +9,15 @@ from pathlib import Path
 import typer
 
 from anyprobe.cli.app import app
+from anyprobe_train.cli import app as train
 
-COMMANDS = typer.main.get_command(app)
+PROGRAMS = {"anyprobe": typer.main.get_command(app), "anyprobe-train": typer.main.get_command(train.app)}
 
 
 def fault_of(words: list[str]) -> str:
     """What click says of a command that it would refuse; empty where it takes it. Nothing runs."""
-    command, rest = COMMANDS, words[1:]
-    context = command.context_class(command, info_name="anyprobe")
+    command, rest = PROGRAMS[words[0]], words[1:]
+    context = command.context_class(command, info_name=words[0])
     try:
         while hasattr(command, "commands") and rest and not rest[0].startswith("-"):
             name, command, rest = command.resolve_command(context, rest)

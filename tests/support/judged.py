@@ -20,8 +20,6 @@ from support.zscore import Measured, measured
 
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.sampling import hammersley
-from anyprobe.learning.dataset.asset_store import room, sky, studio
-from anyprobe.learning.dataset.catalog import normalize_map
 from anyprobe.light.environment import shrink
 from anyprobe.light.octahedral import Pyramid, build_pyramid
 from anyprobe.maps.radiance import read_radiance
@@ -30,6 +28,8 @@ from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import lathe, sphere, superquadric
 from anyprobe.render.surface import Camera, frame_object, see
 from anyprobe.scatter.materials import Material
+from anyprobe_train.dataset.asset_store import room, sky, studio
+from anyprobe_train.dataset.catalog import normalize_map
 
 SIZE = 32
 ROWS = 32

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from anyprobe.learning.dataset.pair_source import Batch
+from anyprobe_train.dataset.pair_source import Batch
 
 
 def some_batch(count: int = 4) -> Batch:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from anyprobe.core.response import response
-from anyprobe.learning.dataset.asset_store import draw_map
-from anyprobe.learning.dataset.pair import Pair
-from anyprobe.learning.dataset.recipe import Recipe
 from anyprobe.light.environment import shrink
 from anyprobe.render.spheres import diffuse, sphere_normals
 from anyprobe.scatter.materials import Material
+from anyprobe_train.dataset.asset_store import draw_map
+from anyprobe_train.dataset.pair import Pair
+from anyprobe_train.dataset.recipe import Recipe
 
 
 def sphere_pair(seed: int = 0, alpha: float = 0.3, indoor: bool = True, material: int = 0) -> Pair:

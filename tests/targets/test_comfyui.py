@@ -18,7 +18,7 @@ import anyprobe
 from anyprobe.files.objects import OBJECTS
 from anyprobe.relight.insert import Arrangement, Stage
 
-torch = pytest.importorskip("torch", reason="the nodes' boundary is torch: pip install '.[train]'")
+torch = pytest.importorskip("torch", reason="the nodes' boundary is torch: pip install './train[torch]'")
 
 pytestmark = pytest.mark.usefixtures("rough_shadows")
 

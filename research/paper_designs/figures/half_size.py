@@ -1,6 +1,6 @@
 """The half-size designs as the repository's history keeps them, what they make of photos, and the frozen pairs.
 
-Commit e8f1e10 trained them side by side on 160,000 pairs: photos of 64 x 64, maps of 32 x 64 (`anyprobe train
+Commit e8f1e10 trained them side by side on 160,000 pairs: photos of 64 x 64, maps of 32 x 64 (`anyprobe-train run
 designs` there, 100 minutes of two cores). All see the irradiance image of the network that shipped then.
 """
 
@@ -23,15 +23,15 @@ from anyprobe.core.frames import reflect
 from anyprobe.core.latlong import direction_to_uv
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Models
-from anyprobe.learning.dataset.asset_store import AssetStore
-from anyprobe.learning.dataset.catalog import allows_commercial_use, load_maps, load_shapes
-from anyprobe.learning.dataset.pair import Pair
-from anyprobe.learning.dataset.recipe import read_recipes
-from anyprobe.learning.evaluate.methods import Estimate
-from anyprobe.learning.evaluate.scoring import FROZEN
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.reconstruct import reconstruct
 from anyprobe.render.surface import pixel_rays
+from anyprobe_train.dataset.asset_store import AssetStore
+from anyprobe_train.dataset.catalog import allows_commercial_use, load_maps, load_shapes
+from anyprobe_train.dataset.pair import Pair
+from anyprobe_train.dataset.recipe import read_recipes
+from anyprobe_train.evaluate.methods import Estimate
+from anyprobe_train.evaluate.scoring import FROZEN
 from research.kept_pairs import kept_pairs
 from research.paper_designs.figures.half_nets import SIZE, half_size_nets
 from research.paper_designs.judge import spread_mirror, unwrap_sphere

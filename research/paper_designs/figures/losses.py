@@ -8,9 +8,9 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from anyprobe.core.response import response
-from anyprobe.learning.dataset.catalog import load_maps
 from anyprobe.light.environment import shrink
 from anyprobe.light.filtering import blur_cosine_power
+from anyprobe_train.dataset.catalog import load_maps
 from research.paper_designs.figures.half_size import NOTE
 from research.paper_designs.figures.sheet import FONT, LINE, Tile, save, sheet, wrapped, write_lines
 from research.paper_designs.gradual import sharpness

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.learning.dataset.pair import Pair
+from anyprobe_train.dataset.pair import Pair
 from research.compare.figures import relight_scores, relit
 from research.paper_designs.figures.half_size import DESIGNS, METHODS, NOTE, RELIT, HalfSize, kept_scores
 from research.paper_designs.figures.rivals import estimates, on_white

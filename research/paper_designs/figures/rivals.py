@@ -10,10 +10,10 @@ import numpy as np
 from anyprobe.core.frames import normalize
 from anyprobe.core.response import response
 from anyprobe.estimate.runtime import Models
-from anyprobe.learning.dataset.pair import Pair
-from anyprobe.learning.evaluate.methods import Estimate, true_normals
-from anyprobe.learning.evaluate.metrics import direction_error_deg
 from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe_train.dataset.pair import Pair
+from anyprobe_train.evaluate.methods import Estimate, true_normals
+from anyprobe_train.evaluate.metrics import direction_error_deg
 from research.compare.figures import mirror_sphere, sphere_scores
 from research.paper_designs.figures.half_size import DESIGNS, METHODS, NOTE, SHIPPED, SPHERES, HalfSize, kept_scores
 from research.paper_designs.figures.real import RealPhoto, real_normals, real_photos

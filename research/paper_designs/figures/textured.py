@@ -9,13 +9,13 @@ import numpy as np
 
 from anyprobe.core.response import inverse_response, response
 from anyprobe.estimate.runtime import Models
-from anyprobe.learning.dataset.asset_store import AssetStore
-from anyprobe.learning.dataset.catalog import allows_commercial_use, load_maps, load_shapes
-from anyprobe.learning.dataset.pair import Pair, render_pair
-from anyprobe.learning.dataset.recipe import read_recipes
-from anyprobe.learning.dataset.textured import draw_texture, lay, locate
-from anyprobe.learning.evaluate.metrics import rmse, ssim
-from anyprobe.learning.evaluate.scoring import FROZEN
+from anyprobe_train.dataset.asset_store import AssetStore
+from anyprobe_train.dataset.catalog import allows_commercial_use, load_maps, load_shapes
+from anyprobe_train.dataset.pair import Pair, render_pair
+from anyprobe_train.dataset.recipe import read_recipes
+from anyprobe_train.dataset.textured import draw_texture, lay, locate
+from anyprobe_train.evaluate.metrics import rmse, ssim
+from anyprobe_train.evaluate.scoring import FROZEN
 from research.paper_designs.figures.sheet import Tile, save, sheet
 
 ROWS, MEASURED = 4, 40

@@ -15,12 +15,10 @@ from collections.abc import Callable, Iterator
 from typing import Any, NoReturn
 
 import typer
-from typer.core import TyperGroup
 
 from anyprobe import __version__
 from anyprobe.cli.doctor import doctor
 from anyprobe.cli.estimate import estimate
-from anyprobe.cli.evaluate import evaluate
 from anyprobe.cli.export import export
 from anyprobe.cli.mask import mask
 from anyprobe.cli.match import match
@@ -28,7 +26,6 @@ from anyprobe.cli.material_list import materials
 from anyprobe.cli.options import OPTIONS
 from anyprobe.cli.relight import relight
 from anyprobe.cli.serve import serve
-from anyprobe.cli.train import train, weights
 from anyprobe.cli.video import video
 from anyprobe.errors import AnyprobeError, lacks_memory
 from anyprobe.maps import exr
@@ -50,34 +47,15 @@ RESOURCES = {
 MIN_COLUMNS = 20
 """Smallest COLUMNS that is honoured [characters]; tables would be cut to nothing below it."""
 
-USERS = (estimate, mask, relight, video, match, export, materials, serve, doctor)
-MAKERS = (evaluate, train, weights)
-"""Commands for training and evaluation."""
-
-
-class Sections(TyperGroup):
-    """Help that lists users' commands first, then those for training and evaluation."""
-
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
-        names = {command.__name__ for command in USERS}
-        sections: dict[str, list[tuple[str, str]]] = {"Commands": [], "Training and evaluation": []}
-        for name in self.list_commands(ctx):
-            title = "Commands" if name in names else "Training and evaluation"
-            if (command := self.get_command(ctx, name)) is not None:
-                sections[title].append((name, command.get_short_help_str(formatter.width - 20)))
-        for title, rows in sections.items():
-            with formatter.section(title):
-                formatter.write_dl(rows)
-
+COMMANDS = (estimate, mask, relight, video, match, export, materials, serve, doctor)
 
 app = typer.Typer(
     help="HDR environment maps from one photo: any object is a light probe.",
-    cls=Sections,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (*USERS, *MAKERS):
+for command in COMMANDS:
     app.command()(command)
 
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin,
 import typer
 
 from anyprobe.detail.plausible import DETAILS
-from anyprobe.errors import InputError, InvalidMask, MissingExtra, OutputError
+from anyprobe.errors import InputError, InvalidMask, OutputError
 from anyprobe.estimate.settings import Settings
 from anyprobe.hints import HINTS, PICTURES, Hint, Hints
 from anyprobe.notices import RESTART, Words, give
@@ -283,11 +283,3 @@ def refuse_unused(context: typer.Context, why: str, *names: str) -> None:
         assert source is not None, name
         if source.name == "COMMANDLINE":
             raise InputError(f"does nothing {why}; leave it out", subject=name)
-
-
-def need_torch(what: str) -> None:
-    """Raise MissingExtra if PyTorch is not installed; what: the purpose it is needed for."""
-    try:
-        import torch  # noqa: F401
-    except ImportError as error:
-        raise MissingExtra("torch", "train", what, error) from error

@@ -1,0 +1,267 @@
+"""anyprobe-train evaluate: what it writes and prints, on pairs that a stub renders."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from support.folders import snapshot
+from support.some_pair import sphere_pair
+
+from anyprobe.core.response import MEAN_CURVE
+from anyprobe.estimate.runtime import DEFAULT_MODEL, Models
+from anyprobe.light.environment import reduced
+from anyprobe.maps.radiance import write_exr, write_hdr
+from anyprobe.pictures.images import read_image
+from anyprobe_train.cli.evaluate import SEED
+from anyprobe_train.dataset import catalog
+from anyprobe_train.dataset import pair as pair_module
+from anyprobe_train.dataset.asset_store import AssetStore, own_map, own_shape
+from anyprobe_train.dataset.recipe import WORLD, balanced_recipes, digest, world_recipes
+from anyprobe_train.evaluate import methods, scoring
+from anyprobe_train.evaluate.benchmark import read_predictions
+from anyprobe_train.evaluate.metrics import power_ratio_stops
+from anyprobe_train.evaluate.standard_errors import clustered_error
+
+TRUTH = ["one flat colour", "truth blurred by 15 degrees", "truth blurred by 30 degrees"]
+ASSETS = ("--hdri", "h", "--meshes", "m", "--pairs", "4")
+ALPHAS = (0.05, 0.6, 0.2, 0.9)
+
+
+@pytest.fixture
+def rendered(monkeypatch) -> list[dict]:
+    """How each pair was asked for; spheres in turn indoors and out, shiny and dull."""
+    calls = []
+
+    def render_pair(recipe, store, trace=None):
+        calls.append({"trace": trace, "conditions": recipe.conditions})
+        k = len(calls) - 1
+        pair = sphere_pair(k, ALPHAS[k % 4], indoor=bool(k // 2 % 2), material=k % 2)
+        return replace(pair, recipe=recipe)
+
+    monkeypatch.setattr(pair_module, "render_pair", render_pair)
+    monkeypatch.setattr(catalog, "load_maps", lambda folder, report: [own_map(1, 1)])
+    monkeypatch.setattr(catalog, "load_shapes", lambda folder, report: [own_shape(1, 1)])
+    return calls
+
+
+@pytest.fixture
+def scored_quickly(monkeypatch) -> None:
+    """Every figure 1: the spheres that most are of take a second a pair, as do those of the pictures."""
+    without_pictures(monkeypatch)
+    monkeypatch.setattr(scoring, "score", lambda estimate, truth: dict.fromkeys(scoring.METRICS, 1.0))
+
+
+def without_pictures(monkeypatch) -> None:
+    monkeypatch.setattr("anyprobe_train.cli.evaluate._cells", lambda pair, estimates: np.zeros((8, 8, 3)))
+
+
+@pytest.fixture
+def cheap_spheres(monkeypatch) -> None:
+    """Pieces of the map in the place of rendered spheres, which take a second a pair."""
+    monkeypatch.setattr(
+        scoring, "sphere_images", lambda radiance: dict.fromkeys(("diffuse", "silver", "mirror"), radiance[:, :64])
+    )
+
+
+def written(folder) -> dict:
+    return json.loads((folder / "evaluation" / "scores.json").read_text())
+
+
+@pytest.mark.ci
+def test_every_group_has_every_method_and_its_confidence(work, command, rendered, cheap_spheres):
+    """In the file and in print: the baselines, all groups that occur, and a constant beside what is claimed."""
+    ended = command("evaluate", *ASSETS, "--conditions", "world")
+    assert ended.status == 0, ended.err
+    assert [call["conditions"] for call in rendered] == [1] * 4
+    scores = written(work)["scores"]
+    assert list(scores) == ["lift", "lift, emitters expected", "mean map", "chrome sphere", *TRUTH]
+    groups = list(scores["lift"])
+    assert {"all", "specular", "diffuse", "indoor", "outdoor", "alpha 0-0.1", "alpha 0.75-1"} <= set(groups)
+    tables, printed = ended.out.split("confidence, in brackets")
+    titles = [line.strip() for line in tables.splitlines()]
+    for name in scores:
+        assert list(scores[name]) == groups
+        assert sum(line.startswith(f"│ {name} ") for line in titles) == len(groups) + 1, "and its errors"
+    assert all(titles.count(group) == 1 for group in groups)
+    assert "…" not in ended.out
+    confidence = written(work)["confidence"]
+    assert {"error", "claimed", "right", "bins"} <= set(confidence), "what readers had before"
+    assert confidence["constant"]["claimed"] == confidence["right"]
+    assert set(confidence["groups"]) == {*groups, "seen half", "unseen half"} - {"all"}
+    (row,) = [line for line in printed.splitlines() if line.startswith("│ indoor ")]
+    indoor = confidence["groups"]["indoor"]
+    for name in ("error", "brier", "log_loss"):
+        assert f"{indoor[name]:.3f} ({indoor['constant'][name]:.3f})" in row
+
+
+@pytest.mark.ci
+def test_what_is_told_has_a_confidence_of_its_own(work, command, rendered, scored_quickly, monkeypatch):
+    """Two of the five things that are: the others take as long again."""
+    monkeypatch.setattr(
+        methods, "GIVEN_HINTS", {name: methods.GIVEN_HINTS[name] for name in ("normals", "surroundings")}
+    )
+    monkeypatch.setattr(
+        methods, "shot_of", lambda recipe: SimpleNamespace(curve=MEAN_CURVE)
+    )  # as these spheres are shown
+    ended = command("evaluate", *ASSETS, "--hints")
+    given, alone = written(work)["confidence_with_hints"], written(work)["confidence"]
+    assert list(given) == ["lift, normals given", "lift, surroundings given"]
+    assert given["lift, surroundings given"]["right"] > alone["right"] + 0.01
+    assert given["lift, normals given"] != alone
+    (row,) = [
+        line
+        for line in ended.out.split("confidence, in brackets")[1].splitlines()
+        if line.startswith("│ lift, surroundings given ")
+    ]
+    assert f"{given['lift, surroundings given']['auc']:.3f} (0.500)" in row
+
+
+@pytest.mark.ci
+def test_a_model_that_claims_nothing_has_no_confidence(work, command, rendered, scored_quickly):
+    ended = command("evaluate", *ASSETS, "--model", "paper")
+    assert (written(work)["confidence"], written(work)["confidence_with_hints"]) == (None, {})
+    assert "confidence" not in ended.out
+
+
+def own_maps(photos, maps, gain: float = 1.0) -> None:
+    """A stranger's program: reads the photos that were written, writes a map for each."""
+    models = Models(DEFAULT_MODEL)
+    for path in photos.glob("*.json"):
+        given = json.loads(path.read_text())
+        layers = np.dstack([read_image(photos / given[name], as_data=name == "mask").rgb for name in ("photo", "mask")])
+        pair = SimpleNamespace(crop=layers[..., :4], tan_half=np.tan(np.radians(given["fov_deg"] / 2)))
+        outputs = methods.run_with_hints(models, pair, ())
+        write_exr(maps / given["prediction"], outputs.radiance * gain, half=False)
+
+
+@pytest.mark.ci
+def test_own_maps_score_as_the_model_itself(work, command, rendered, cheap_spheres, monkeypatch):
+    without_pictures(monkeypatch)
+    assert command("evaluate", *ASSETS).status == 0
+    itself = written(work)
+    rendered.clear()
+    assert command("evaluate", *ASSETS, "--write-photos", "photos").status == 0
+    (work / "maps").mkdir()
+    own_maps(work / "photos", work / "maps")
+    rendered.clear()
+    ended = command("evaluate", *ASSETS, "--predictions", "maps")
+    assert ended.status == 0, ended.err
+    theirs = written(work)
+    assert theirs["scores"]["maps"] == itself["scores"]["lift"]
+    assert theirs["standard_errors"]["maps"] == itself["standard_errors"]["lift"]
+    assert theirs["scores"]["mean map"] == itself["scores"]["mean map"]
+    assert list(theirs["scores"]) == ["maps", "mean map", "chrome sphere", *TRUTH]
+    assert (theirs["irradiance"], theirs["confidence"], theirs["model"]) == (None, None, "maps")
+    own_maps(work / "photos", work / "maps", gain=2.0)
+    rendered.clear()
+    assert command("evaluate", *ASSETS, "--predictions", "maps").status == 0
+    brighter = written(work)["scores"]["maps"]["all"]
+    assert brighter["ldr_rmse"] != itself["scores"]["lift"]["all"]["ldr_rmse"]
+    assert brighter["ldr_gain_rmse"] == pytest.approx(itself["scores"]["lift"]["all"]["ldr_gain_rmse"], abs=1e-4)
+
+
+def test_written_photos_are_all_that_a_method_is_given(work, command, rendered):
+    """Photo, mask and camera; no truth, and no name of map or shape."""
+    ended = command("evaluate", *ASSETS, "--write-photos", "photos")
+    assert ended.status == 0, ended.err
+    assert not (work / "evaluation").exists()
+    said = [json.loads(path.read_text()) for path in (work / "photos").glob("*.json")]
+    assert len(said) == 4
+    assert {path.name for path in (work / "photos").iterdir()} == {
+        name for one in said for name in (one["photo"], one["mask"], one["photo"].replace(".png", ".json"))
+    }
+    for one in said:
+        assert one["fov_deg"] == pytest.approx(2 * np.degrees(np.arctan(0.1)))
+        assert not {"map", "shape", "radiance"} & set(one)
+        assert read_image(work / "photos" / one["photo"]).rgb.shape[:2] == (one["height"], one["width"])
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize(
+    ("prepare", "words"),
+    [
+        (lambda folder: folder.rmdir(), "expected a folder of maps named by key"),
+        (lambda folder: None, "expected 4 maps named by key, got none for 4 of them"),
+        (lambda folder: write_everywhere(folder, np.zeros((64, 128, 3))), "expected light, got a black map"),
+    ],
+)
+def test_predictions_that_cannot_be_scored_are_refused(work, command, rendered, prepare, words):
+    (work / "maps").mkdir()
+    prepare(work / "maps")
+    before = snapshot(work)
+    assert words in command("evaluate", *ASSETS, "--predictions", "maps").complaint
+    assert snapshot(work) == before
+    assert not rendered, "refused before anything is rendered"
+
+
+def write_everywhere(folder, radiance, suffixes=(".exr",)) -> None:
+    store = AssetStore([own_map(1, 1)], [own_shape(1, 1)])
+    for recipe in balanced_recipes(store, 4, SEED):
+        for suffix in suffixes:
+            {".exr": write_exr, ".hdr": write_hdr}[suffix](folder / f"{recipe.key}{suffix}", radiance)
+
+
+def test_of_two_files_of_a_map_the_exact_one_is_read(tmp_path):
+    write_exr(tmp_path / "key.exr", np.full((64, 128, 3), 0.3, np.float32), half=False)
+    write_hdr(tmp_path / "key.hdr", np.ones((64, 128, 3), np.float32))
+    np.testing.assert_allclose(read_predictions(tmp_path, ["key"])["key"], 0.3, rtol=1e-6)
+
+
+def test_maps_of_any_size_are_read_with_their_power(tmp_path):
+    truth = sphere_pair().radiance
+    for height in (32, 64, 100, 256):
+        large = (
+            truth.repeat(4, axis=0).repeat(4, axis=1)
+            if height == 256
+            else reduced(truth.repeat(4, axis=0).repeat(4, axis=1), height)
+        )
+        write_exr(tmp_path / "key.exr", large, half=False)
+        found = read_predictions(tmp_path, ["key"])["key"]
+        assert found.shape == (64, 128, 3)
+        assert abs(power_ratio_stops(found, truth)) < (0.02 if height < 64 else 2e-3)
+
+
+def test_what_a_list_lacks_is_said_before_anything_is_rendered(work, command, rendered):
+    """And of the frozen list, how to have what can be had."""
+    complaint = command("evaluate", *ASSETS, "--frozen").complaint
+    for words in ("--frozen: expected all maps and shapes", "got no map ", "--recipes DIR/frozen_public.txt"):
+        assert words in complaint
+    recipes = world_recipes(AssetStore([own_map(1, 1)], [own_shape(1, 2)]), 4, 3)
+    (work / "list.txt").write_text("\n".join([f"# {digest(recipes)}", *(one.to_hex() for one in recipes)]))
+    complaint = command("evaluate", *ASSETS, "--recipes", "list.txt").complaint
+    assert f"got no shape {own_shape(1, 2).id}; give the folders" in complaint
+    assert not rendered
+
+
+@pytest.mark.ci
+def test_a_list_of_recipes_keeps_its_conditions(work, command, rendered, scored_quickly):
+    recipes = world_recipes(AssetStore([own_map(1, 1)], [own_shape(1, 1)]), 5, 3)
+    (work / "list.txt").write_text("\n".join([f"# {digest(recipes)}", *(one.to_hex() for one in recipes)]))
+    assert command("evaluate", *ASSETS, "--recipes", "list.txt").status == 0
+    assert [call["conditions"] for call in rendered] == [WORLD] * 4
+    assert written(work)["recipes"] == digest(recipes[:4])
+
+
+def test_printed_headings_are_those_of_the_documents():
+    """Whose table lacks the gain's column until a run of the whole set fills it."""
+    lines = (Path(__file__).parents[2] / "docs" / "explanation" / "results.md").read_text(encoding="utf-8").splitlines()
+    first = next(line for line in lines if line.startswith("| |"))
+    documented = [heading.strip() for heading in first.strip("| ").split("|")]
+    assert documented == [one for one in scoring.HEADINGS.values() if one in documented]
+    assert set(scoring.HEADINGS.values()) - set(documented) <= {"after best gain"}
+
+
+def test_standard_errors_are_by_map_and_shape():
+    scores, values = scoring.Scores(), (0.1, 0.2, 0.4, 0.8)
+    for k, value in enumerate(values):
+        scores.add(sphere_pair(k // 2), {"one": dict.fromkeys(scoring.METRICS, value)})
+    maps = [f"drawn {k // 2}" for k in range(4)]
+    found = scores.standard_errors()["one"]["all"]
+    assert found["ldr_rmse"] == pytest.approx(clustered_error(values, maps, ["sphere"] * 4), abs=1e-5)
+    assert found["ldr_rmse"] > np.std(values, ddof=1) / 2
+    assert "dominant_light_median_deg" not in found

@@ -1,0 +1,592 @@
+"""anyprobe_train.assets polyhaven, against a local imitation of the site: what lies in the folder, and manners."""
+
+from __future__ import annotations
+
+import csv
+import email.utils
+import hashlib
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.folders import names, snapshot
+from support.polyhaven_server import Fault, PolyHaven, tetrahedron
+
+from anyprobe import __version__
+from anyprobe.cli.app import main
+from anyprobe.errors import OutputError
+from anyprobe.files.meshes import read_mesh
+from anyprobe.maps.radiance import read_radiance, write_exr, write_hdr
+from anyprobe_train.assets import download
+from anyprobe_train.assets.download import Client, DownloadError, RemoteFile
+from anyprobe_train.assets.manifest import Manifest
+from anyprobe_train.assets.polyhaven import COLUMNS, LICENCE, Asset, choose, family, split_of
+from anyprobe_train.cli.data import app
+from anyprobe_train.dataset.catalog import allows_commercial_use, load_maps, load_shapes
+
+ROOT = Path(__file__).parents[2]
+
+SMALL = {"hdr": "/file/HDRIs/hdr/1k/{}_1k.hdr", "exr": "/file/HDRIs/exr/1k/{}_1k.exr"}
+ROOF = SMALL["hdr"].format("roof")
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    monkeypatch.setattr(download, "BACKOFF_S", 0.01)
+    monkeypatch.setenv("no_proxy", "127.0.0.1")
+
+
+@pytest.fixture(scope="module")
+def bodies(tmp_path_factory):
+    """Files of six maps, no two alike: each map's by resolution and format."""
+    folder, noise = tmp_path_factory.mktemp("bodies"), np.random.default_rng(7)
+
+    def made() -> dict[str, bytes]:
+        found = {}
+        radiance = noise.gamma(1.0, 2.0, (64, 128, 3)).astype(np.float32)
+        for resolution, rows in (("1k", 32), ("2k", 64)):
+            for suffix, write in (("hdr", write_hdr), ("exr", write_exr)):
+                write(folder / f"source.{suffix}", radiance[:rows, : 2 * rows])
+                found[f"{resolution}/{suffix}"] = (folder / f"source.{suffix}").read_bytes()
+        return found
+
+    return [made() for _ in range(6)]
+
+
+@pytest.fixture
+def site(bodies):
+    """Six maps and one model."""
+    site = PolyHaven()
+    maps = {
+        "old_hall": {"categories": ["indoor", "urban"], "tags": ["hall"]},
+        "new_room": {"attributes": {"environment": "indoor"}, "category": "Interiors/Rooms"},
+        "white_studio_01": {"categories": ["indoor", "studio"], "attributes": {"environment": "indoor"}},
+        "beach": {"categories": ["outdoor", "night"], "category": "Coast & Water/Beaches"},
+        "roof": {"categories": ["outdoor", "skies"]},
+        "meadow": {"categories": ["outdoor"], "authors": {"Ada Light": "Photo", "Bo Dark": "Sky"}},
+    }
+    for (slug, entry), files in zip(maps.items(), bodies, strict=True):
+        site.add_map(slug, files, **entry)
+    document, buffers = tetrahedron()
+    site.add_model("ArmChair_01", document, buffers, category="Seating/Chairs", categories=["props"])
+    yield site
+    site.close()
+
+
+@dataclass
+class Fetcher:
+    """The command with the site's address and without pauses."""
+
+    command: object
+    site: PolyHaven
+    to: Path
+
+    def __call__(self, *arguments, pause=0):
+        self.site.requests.clear()
+        given = ("polyhaven", "--api", self.site.url, "--pause", pause, "--to", self.to)
+        return self.command(*given, *arguments, main=partial(main, app))
+
+    def rows(self, folder="hdri") -> dict[str, dict[str, str]]:
+        with (self.to / folder / "manifest.csv").open(newline="", encoding="utf-8") as stream:
+            return {row["slug"]: row for row in csv.DictReader(stream)}
+
+
+@pytest.fixture
+def fetch(command, site, tmp_path):
+    return Fetcher(command, site, tmp_path / "data")
+
+
+def files(fetch) -> set[str]:
+    return {name for name in names(fetch.to) if Path(name).suffix}
+
+
+# What lies in the folder
+
+
+def test_fills_the_folder_that_training_reads(fetch, site):
+    outcome = fetch("--split", 0)
+    assert outcome.status == 0, outcome.err
+    slugs = {"old_hall", "new_room", "white_studio_01", "beach", "roof", "meadow"}
+    maps = load_maps(fetch.to / "hdri" / "train", commercial_only=True)
+    assert {one.name for one in maps} == slugs
+    assert {one.name for one in maps if one.indoor} == {"old_hall", "new_room", "white_studio_01"}
+    shapes = load_shapes(fetch.to / "meshes" / "train", commercial_only=True)
+    assert [one.name for one in shapes] == ["ArmChair_01"]
+    expected = {f"hdri/train/{slug}.hdr" for slug in slugs} | {"meshes/train/ArmChair_01.glb"}
+    assert files(fetch) == expected | {"hdri/manifest.csv", "meshes/manifest.csv"}
+    body = site.bodies[SMALL["hdr"].format("beach")]
+    assert (fetch.to / "hdri/train/beach.hdr").read_bytes() == body
+    assert "Powered by Poly Haven" in outcome.err
+
+
+def test_manifest_says_whose_each_file_is(fetch, site):
+    fetch("--split", 0)
+    rows = fetch.rows() | fetch.rows("meshes")
+    assert {row["licence"] for row in rows.values()} == {"CC0-1.0 (Poly Haven)"}
+    for slug, row in rows.items():
+        folder = fetch.to / ("meshes" if slug == "ArmChair_01" else "hdri")
+        assert hashlib.md5((folder / row["file"]).read_bytes()).hexdigest() == row["md5"]
+        assert row["source"] == f"https://polyhaven.com/a/{slug}"
+        assert row["split"] == "train"
+    assert rows["meadow"]["authors"] == "Ada Light, Bo Dark"
+    assert rows["meadow"]["url"] == site.url + SMALL["hdr"].format("meadow")
+    categories = {slug: rows[slug]["category"] for slug in ("old_hall", "new_room", "white_studio_01", "roof")}
+    assert list(categories.values()) == ["indoor", "indoor", "studio", "outdoor"]
+    assert rows["ArmChair_01"]["category"] == "Seating/Chairs"
+    assert allows_commercial_use(LICENCE)
+
+
+def test_model_keeps_its_triangles_and_needs_no_other_file(fetch, site):
+    assert fetch("--type", "models", "--split", 0).status == 0
+    mesh = read_mesh(fetch.to / "meshes/train/ArmChair_01.glb")
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 1]])  # the node is twice as high
+    middle = np.array([0.5, 1, 0.5])
+    expected = (corners - middle) / np.linalg.norm(corners - middle, axis=1).max()
+    np.testing.assert_allclose(mesh.positions[np.lexsort(mesh.positions.T)], expected[np.lexsort(expected.T)])
+    volume = np.linalg.det(mesh.positions[mesh.faces].astype(float)).sum()
+    assert volume > 0  # still counter-clockwise from outside
+    assert site.paths("/file/") == ["/file/gltf/1k/ArmChair_01_1k.gltf", "/file/gltf/8k/ArmChair_01/my shape.bin"]
+    packed = (fetch.to / "meshes/train/ArmChair_01.glb").read_bytes()
+    assert b"NORMAL" not in packed
+    assert b"textures" not in packed
+
+
+def test_resolution_and_format_replace_what_was_there(fetch, site):
+    fetch("--type", "hdris", "--split", 0)
+    assert fetch("--type", "hdris", "--split", 0, "--resolution", "2k", "--format", "exr").status == 0
+    assert {Path(name).suffix for name in files(fetch)} == {".exr", ".csv"}
+    assert read_radiance(fetch.to / "hdri/train/roof.exr").shape == (64, 128, 3)
+    assert fetch.rows()["roof"]["file"] == "train/roof.exr"
+    outcome = fetch("--type", "hdris", "--split", 0, "--resolution", "16k")
+    assert outcome.status == 2
+    assert "expected 16k in hdr, the asset has 1k, 2k" in outcome.err
+    assert len(fetch.rows()) == 6
+
+
+def test_rows_and_files_of_others_stay(fetch, site):
+    own = fetch.to / "hdri" / "train"
+    own.mkdir(parents=True)
+    (own / "beach.hdr").write_bytes(b"mine")
+    (fetch.to / "hdri" / "manifest.csv").write_text("file,licence,lens\ntrain/roof.exr,own,8mm\n")
+    outcome = fetch("--type", "hdris", "--split", 0)
+    assert outcome.status == 0
+    assert (own / "beach.hdr").read_bytes() == b"mine"
+    assert not (own / "roof.hdr").exists()  # it is there, in another format
+    text = (fetch.to / "hdri" / "manifest.csv").read_text().splitlines()
+    assert text[0].startswith("file,licence,lens,slug")
+    assert text[1].startswith("train/roof.exr,own,8mm")
+    assert len(text) == 2 + 4
+
+
+def test_manifest_of_a_spreadsheet_is_gone_on_with(fetch, site):
+    """A byte-order mark before the first column's name, and rows cut short."""
+    (fetch.to / "hdri").mkdir(parents=True)
+    (fetch.to / "hdri" / "manifest.csv").write_bytes(b"\xef\xbb\xbffile,licence,source\r\ntrain/mine.exr\r\n")
+    assert fetch("--type", "hdris", "--split", 0).status == 0
+    text = (fetch.to / "hdri" / "manifest.csv").read_text(encoding="utf-8").splitlines()
+    assert text[0].startswith("file,licence,source,slug")
+    assert text[1].startswith("train/mine.exr,,")
+    assert len(text) == 2 + 6
+
+
+def test_manifest_in_another_encoding_is_one_line(fetch, site):
+    (fetch.to / "hdri").mkdir(parents=True)
+    (fetch.to / "hdri" / "manifest.csv").write_bytes("file,authors\na.hdr,Jörg\n".encode("cp1252"))
+    before = snapshot(fetch.to)
+    outcome = fetch("--type", "hdris", "--split", 0)
+    assert outcome.status == 2
+    assert "manifest.csv: expected a table in UTF-8" in outcome.err.splitlines()[-1]
+    assert "Traceback" not in outcome.err
+    assert snapshot(fetch.to) == before
+
+
+def test_row_without_a_sum_is_fetched_again(fetch, site):
+    """Made by hand after the file was; the file under that name is the published one afterwards."""
+    (fetch.to / "hdri" / "train").mkdir(parents=True)
+    (fetch.to / "hdri" / "train" / "roof.hdr").write_bytes(b"cut")
+    (fetch.to / "hdri" / "manifest.csv").write_text(
+        "file,licence,source\ntrain/roof.hdr,CC0,https://polyhaven.com/a/roof\n"
+    )
+    assert fetch("--type", "hdris", "--split", 0).status == 0
+    assert (fetch.to / "hdri/train/roof.hdr").read_bytes() == site.bodies[ROOF]
+    assert hashlib.md5(site.bodies[ROOF]).hexdigest() == fetch.rows()["roof"]["md5"]
+    assert len(fetch.rows()) == 6
+
+
+PUT_SOME = """
+import sys
+from pathlib import Path
+from anyprobe_train.assets.manifest import Manifest
+_, path, who = sys.argv
+manifest = Manifest(Path(path), ["file", "source"])
+for number in range(20):
+    manifest.put({"file": f"{who}{number}.hdr", "source": f"{who}{number}"})
+"""
+
+
+@pytest.mark.ci
+def test_rows_of_processes_that_fetch_at_once_all_stay(tmp_path):
+    """Of each that was opened before the others wrote, and of four that write as fast as they can."""
+    first, second = (Manifest(tmp_path / "manifest.csv", COLUMNS) for _ in range(2))
+    first.put({"file": "a.hdr", "source": "a"})
+    second.put({"file": "b.hdr", "source": "b"})
+    first.put({"file": "a2.hdr", "source": "a"})
+    assert [row["file"] for row in Manifest(tmp_path / "manifest.csv", COLUMNS).rows] == ["a2.hdr", "b.hdr"]
+    many = tmp_path / "many.csv"
+    writers = [subprocess.Popen([sys.executable, "-c", PUT_SOME, str(many), who], cwd=ROOT) for who in "wxyz"]
+    assert [one.wait(timeout=120) for one in writers] == [0] * 4
+    found = {row["source"] for row in Manifest(many, COLUMNS).rows}
+    assert found == {f"{who}{number}" for who in "wxyz" for number in range(20)}
+
+
+# What is chosen
+
+
+def test_dry_run_lists_and_fetches_nothing(fetch, site):
+    outcome = fetch("--dry-run", "--category", "outdoor", "--category", "Night")
+    assert outcome.status == 0
+    assert "beach" in outcome.out
+    assert "meadow" not in outcome.out
+    assert "ArmChair_01" not in outcome.out
+    assert site.paths() == ["/assets?type=hdris", "/assets?type=models"]
+    assert not fetch.to.exists()
+
+
+@pytest.mark.parametrize("category", ["Coast & Water", "beaches", "coast & water/beaches", "NIGHT"])
+def test_old_and_new_categories_both_filter(fetch, category):
+    assert fetch("--split", 0, "--category", category).status == 0
+    assert set(fetch.rows()) == {"beach"}
+
+
+def test_unknown_category_names_the_known(fetch):
+    complaint = fetch("--category", "moon")
+    assert complaint.status == 2
+    assert "no models are in all of: moon; the largest are" in complaint.err
+
+
+def asset(slug: str) -> Asset:
+    words = frozenset({"indoor"})
+    return Asset(kind="hdris", slug=slug, category="", words=words, authors="", files_hash="")
+
+
+def test_limit_adds_and_does_not_follow_the_alphabet():
+    assets = [asset(f"map_{index:03d}") for index in range(200)]
+    few, more = choose(assets, limit=20), choose(reversed(assets), limit=50)
+    assert more[:20] == few
+    assert len(more) == 50
+    assert 60 < np.mean([int(one.slug[4:]) for one in more]) < 140
+    assert choose(assets) == choose(assets, limit=0)
+    assert len(choose(assets)) == 200
+
+
+def test_split_is_a_function_of_the_slug_that_only_grows():
+    slugs = [f"place{index}x" for index in range(2000)]
+    held = {share: {slug for slug in slugs if split_of(slug, share) == "test"} for share in (0, 0.1, 0.3, 1)}
+    assert held[0] == set()
+    assert held[1] == set(slugs)
+    assert held[0.1] < held[0.3]
+    assert 0.08 < len(held[0.1]) / len(slugs) < 0.12
+    # for ever: another hash would put what old runs held out into training
+    slugs = ["beach", "cave_wall", "meadow", "old_hall", "roof", "rural_road", "studio_small_01", "venice_sunset"]
+    assert [slug for slug in slugs if split_of(slug, 0.1) == "test"] == ["beach", "meadow", "rural_road"]
+
+
+def test_near_twins_fall_on_the_same_side():
+    assert family("venice_sunset_puresky") == family("venice_sunset") == "venice_sunset"
+    assert family("studio_small_01") == family("studio_small_09") == "studio_small"
+    assert family("kloofendal_48d_partly_cloudy") == "kloofendal_48d_partly_cloudy"
+    assert family("_01") == "_01"
+    for name in map("place{}x".format, range(50)):
+        assert split_of(f"{name}_puresky", 0.5) == split_of(f"{name}_02", 0.5) == split_of(name, 0.5)
+
+
+def test_asset_moves_when_the_share_changes(fetch, site):
+    fetch("--split", 0)
+    site.faults.clear()
+    assert fetch("--split", 1).status == 0
+    assert site.paths() == ["/assets?type=hdris", "/assets?type=models"]
+    assert {str(Path(name).parent) for name in files(fetch)} == {"hdri", "hdri/test", "meshes", "meshes/test"}
+    assert {row["split"] for row in fetch.rows().values()} == {"test"}
+    assert len(load_maps(fetch.to / "hdri" / "test", commercial_only=True)) == 6
+
+
+# What is not asked for twice
+
+
+def test_second_run_asks_for_the_list_only(fetch, site):
+    fetch("--split", 0)
+    before = snapshot(fetch.to)
+    outcome = fetch("--split", 0)
+    assert outcome.status == 0
+    assert site.paths() == ["/assets?type=hdris", "/assets?type=models"]
+    assert snapshot(fetch.to) == before
+
+
+def test_damaged_file_comes_again(fetch, site):
+    fetch("--split", 0)
+    path = fetch.to / "hdri" / "train" / "roof.hdr"
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-9])
+    assert fetch("--split", 0).status == 0
+    assert site.paths("/file") == ["/files/roof", SMALL["hdr"].format("roof")]
+    assert path.read_bytes() == whole
+
+
+def test_other_changes_of_an_asset_do_not_fetch_it_again(fetch, site):
+    """files_hash covers all of an asset's files, ours is one of them."""
+    fetch("--split", 0)
+    for slug in ("roof", "meadow"):
+        site.assets["hdris"][slug]["files_hash"] = "changed"
+    site.assets["models"]["ArmChair_01"]["files_hash"] = "changed"
+    site.add_map("meadow", {"1k/hdr": site.bodies[SMALL["hdr"].format("beach")]}, categories=["outdoor"])
+    assert fetch("--split", 0).status == 0
+    assert site.paths("/file/") == [SMALL["hdr"].format("meadow")]
+    assert (fetch.to / "hdri/train/meadow.hdr").read_bytes() == (fetch.to / "hdri/train/beach.hdr").read_bytes()
+    fetch("--split", 0)
+    assert len(site.paths()) == 2
+
+
+def test_lost_manifest_is_written_again(fetch, site):
+    fetch("--type", "hdris", "--split", 0)
+    before = fetch.rows()
+    (fetch.to / "hdri" / "manifest.csv").unlink()
+    assert fetch("--type", "hdris", "--split", 0).status == 0
+    assert site.paths("/file/") == []
+    assert fetch.rows() == before
+
+
+# Trouble on the way
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        Fault(status=500),
+        Fault(status=503, headers={"Retry-After": "0"}),
+        Fault(end_after=1000),
+        Fault(end_after=0),
+        Fault(body=b"x" * 7000),
+    ],
+    ids=["500", "503", "truncated", "nothing", "garbage of another length"],
+)
+def test_one_fault_is_survived(fetch, site, fault):
+    site.faults[ROOF] = [fault]
+    outcome = fetch("--split", 0, "--category", "skies")
+    if fault.body:  # shorter than promised: its rest is asked for, the MD5 is wrong, it starts anew
+        assert len(site.paths("/file/")) == 3
+    assert outcome.status == 0, outcome.err
+    assert (fetch.to / "hdri/train/roof.hdr").read_bytes() == site.bodies[ROOF]
+    assert not list(fetch.to.rglob("*.part"))
+
+
+def test_truncated_body_goes_on_where_it_ended(fetch, site):
+    site.faults[ROOF] = [Fault(end_after=5000), Fault(end_after=1000)]
+    assert fetch("--split", 0, "--category", "skies").status == 0
+    asked = [one.headers.get("Range") for one in site.requests if one.path == ROOF]
+    assert asked == [None, "bytes=5000-", "bytes=6000-"]
+
+
+def test_connection_that_always_breaks_still_gets_there(fetch, site):
+    """Only attempts that bring nothing count."""
+    site.faults[ROOF] = [Fault(end_after=500)] * (2 * download.ATTEMPTS)
+    assert fetch("--split", 0, "--category", "skies").status == 0
+    assert len(site.paths(ROOF)) == 2 * download.ATTEMPTS + 1
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("size", [100, 100_000])
+def test_full_disk_is_no_reason_to_ask_again(site, tmp_path, size):
+    site.bodies["/file/one"] = b"x" * size
+    part = tmp_path / "one.part"
+    part.symlink_to("/dev/full")
+    with pytest.raises(OutputError, match="No space left"):
+        Client(pause_s=0).download(RemoteFile(url=f"{site.url}/file/one", md5="0" * 32), part)
+    assert site.paths() == ["/file/one"]
+
+
+def test_server_without_ranges_sends_all_again(fetch, site):
+    site.ranges = False
+    site.faults[ROOF] = [Fault(end_after=5000)]
+    assert fetch("--split", 0, "--category", "skies").status == 0
+    assert (fetch.to / "hdri/train/roof.hdr").read_bytes() == site.bodies[ROOF]
+
+
+@pytest.mark.parametrize("size", [3000, 10**6, None], ids=["older bytes", "too long", "whole but wrong"])
+def test_part_that_does_not_fit_is_started_anew(site, tmp_path, size):
+    body = site.bodies[ROOF]
+    remote = RemoteFile(url=site.url + ROOF, md5=hashlib.md5(body).hexdigest(), size=len(body))
+    part = tmp_path / "roof.part"
+    part.write_bytes(b"?" * (len(body) if size is None else size))
+    assert Client(pause_s=0).download(remote, part).read_bytes() == body
+
+
+def test_size_need_not_be_told(site, tmp_path):
+    body = site.bodies[ROOF]
+    site.faults[ROOF] = [Fault(end_after=5000)]
+    remote = RemoteFile(url=site.url + ROOF, md5=hashlib.md5(body).hexdigest())
+    part = tmp_path / "roof.part"
+    said = []
+    client = Client(pause_s=0, say=said.append)
+    assert client.download(remote, part).read_bytes() == body
+    assert "the connection ended after 5000 of" in said.pop()
+    assert client.download(remote, part).read_bytes() == body  # 416: nothing is left to ask for
+    assert "the server will not go on from there" in said.pop()
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("as_date", [False, True])
+def test_retry_after_is_honoured(fetch, site, as_date):
+    # a date has whole seconds, and some time goes by before it is read
+    text = email.utils.formatdate(time.time() + 3, usegmt=True) if as_date else "1"
+    site.faults["/files/roof"] = [Fault(status=429, headers={"Retry-After": text})]
+    assert fetch("--split", 0, "--category", "skies").status == 0
+    first, second = (one.began for one in site.requests if one.path == "/files/roof")
+    assert 0.95 < second - first < 4
+
+
+def test_server_that_wants_an_hour_is_left_alone(fetch, site):
+    site.faults["/files/beach"] = [Fault(status=429, headers={"Retry-After": "3600"})] * 9
+    outcome = fetch("--type", "hdris", "--split", 0)
+    assert outcome.status == 2
+    assert site.paths()[-1] == "/files/beach"
+    assert "asks to wait 3600 s" in outcome.err
+    assert "not tried" in outcome.err
+    site.faults.clear()
+    assert fetch("--type", "hdris", "--split", 0).status == 0
+    assert len(fetch.rows()) == 6
+
+
+def test_others_go_on_when_some_fail(fetch, site):
+    site.faults["/files/beach"] = [Fault(status=404)]  # no second try
+    site.faults["/files/meadow"] = [Fault(body=b"<html>log in</html>")]
+    site.faults["/files/old_hall"] = [Fault(status=502)] * download.ATTEMPTS
+    site.files["roof"]["hdri"]["1k"]["hdr"]["md5"] = "0" * 32
+    site.files["new_room"] = {"hdri": {"1k": {"hdr": {"url": "file:///etc/hosts", "md5": "0" * 32, "size": 9}}}}
+    outcome = fetch("--type", "hdris", "--split", 0)
+    assert outcome.status == 2
+    complaints = [line for line in outcome.err.splitlines() if line.startswith("anyprobe: ")]
+    assert len(complaints) == 5
+    for slug, text in {
+        "beach": "HTTP 404",
+        "meadow": "expected a JSON object, got '<html>log in</html>'",
+        "old_hall": "HTTP 502 Bad Gateway, 5 times in a row",
+        "roof": f"expected MD5 {'0' * 32}, got ",
+        "new_room": "expected a http or https address",
+    }.items():
+        assert any(line.startswith(f"anyprobe: {slug}: ") and text in line for line in complaints), slug
+    assert site.paths("/files/old_hall") == ["/files/old_hall"] * download.ATTEMPTS
+    assert site.paths(ROOF) == [ROOF] * 2  # a wrong MD5 is not asked for for ever
+    assert files(fetch) == {"hdri/manifest.csv", "hdri/train/white_studio_01.hdr"}
+
+
+def test_map_that_training_would_refuse_is_not_kept(fetch, site):
+    site.add_map("roof", {"1k/hdr": b"#?RADIANCE\nbroken"}, categories=["skies"])
+    outcome = fetch("--category", "skies", "--split", 0)
+    assert outcome.status == 2
+    assert "roof: as published, but roof.hdr: " in outcome.err
+    assert files(fetch) == set()
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (lambda d: d.update(extensionsRequired=["KHR_draco_mesh_compression"]), "needs KHR_draco_mesh_compression"),
+        (lambda d: d["accessors"][2].update(count=10**8), "expected at most 5,000,000 faces"),
+        (lambda d: d["bufferViews"][1].update(byteLength=10**6), "do not fit together"),
+        (lambda d: d["buffers"][0].update(uri="other.bin"), "needs other.bin, which the API does not list"),
+        (lambda d: d["asset"].update(version="1.0"), "expected glTF 2"),
+        (lambda d: d.pop("meshes"), "not readable as glTF"),
+    ],
+)
+def test_model_that_cannot_be_read_is_not_kept(fetch, site, change, text):
+    document, buffers = tetrahedron()
+    change(document)
+    site.add_model("ArmChair_01", document, buffers)
+    outcome = fetch("--type", "models")
+    assert outcome.status == 2
+    assert text in outcome.err
+    assert not list(fetch.to.rglob("*.glb"))
+    if "faces" in text:
+        assert site.paths("my shape.bin") == []  # seen before the large file was asked for
+
+
+@pytest.mark.parametrize("slug", ["../../evil", "a/b", "x.hdr", ""])
+def test_slug_that_is_no_name_is_refused(fetch, site, slug):
+    site.assets["hdris"][slug] = {}
+    assert fetch("--type", "hdris").status == 2
+    assert not fetch.to.exists()
+
+
+def test_list_that_does_not_come_is_one_line(fetch, site):
+    site.faults["/assets?type=hdris"] = [Fault(status=403)]
+    complaint = fetch("--type", "hdris").complaint
+    assert "HTTP 403" in complaint
+    site.assets["hdris"].clear()
+    assert "got an empty one" in fetch("--type", "hdris").complaint
+
+
+def test_no_server_at_all(tmp_path, monkeypatch):
+    monkeypatch.setenv("no_proxy", "127.0.0.1")
+    with pytest.raises(DownloadError, match="5 times in a row"):
+        Client(pause_s=0).get_json("http://127.0.0.1:9/assets")
+
+
+# Manners
+
+
+def test_one_request_at_a_time_with_a_pause_and_a_name(fetch, site):
+    fetch("--type", "hdris", "--limit", 2, "--split", 0, pause=0.15)
+    began = [one.began for one in site.requests]
+    assert len(began) == 5  # the list, then for each map its files and one file
+    assert np.diff(began).min() > 0.14
+    assert site.most_at_once == 1
+    assert all(one.headers["User-Agent"].startswith(f"anyprobe/{__version__} ") for one in site.requests)
+
+
+def process(site, to) -> subprocess.Popen:
+    """The command in a process of its own, on one map only."""
+    given = ["polyhaven", "--api", site.url, "--pause", "0", "--to", str(to), "--split", "0"]
+    given += ["--type", "hdris", "--category", "skies"]
+    program = [sys.executable, "-m", "anyprobe_train.assets"]
+    return subprocess.Popen([*program, *given], cwd=ROOT, stderr=subprocess.PIPE, text=True)
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("blow", [signal.SIGINT, signal.SIGKILL])
+def test_stopped_download_goes_on_where_it_was(fetch, site, blow):
+    slow = Fault(pause_s=0.1, end_after=None)
+    body = site.bodies[ROOF] * 20
+    site.bodies[ROOF] = body
+    entry = site.files["roof"]["hdri"]["1k"]["hdr"]
+    entry.update(size=len(body), md5=hashlib.md5(body).hexdigest())
+    site.faults[ROOF] = [slow]
+    running = process(site, fetch.to)
+    folder = fetch.to / "hdri" / "train"
+    deadline = time.monotonic() + 60
+    while not any(path.stat().st_size > 10_000 for path in folder.glob("roof.*.part")):
+        assert time.monotonic() < deadline
+        assert running.poll() is None, running.stderr.read()
+        time.sleep(0.02)
+    running.send_signal(blow)
+    _, said = running.communicate(timeout=30)
+    assert running.returncode == (130 if blow == signal.SIGINT else -signal.SIGKILL)
+    if blow == signal.SIGINT:
+        assert said.splitlines()[-1] == "anyprobe: interrupted"
+        assert "Traceback" not in said
+    (part,) = folder.iterdir()
+    assert part.suffix == ".part"
+    size = part.stat().st_size
+    assert 10_000 < size < len(body)
+
+    outcome = fetch("--type", "hdris", "--category", "skies", "--split", 0)
+    asked = [one.headers.get("Range") for one in site.requests if one.path == ROOF]
+    assert asked == [f"bytes={size}-"]
+    assert outcome.status == 0, outcome.err
+    assert (folder / "roof.hdr").read_bytes() == body
+    assert not list(folder.glob("*.part"))

@@ -1,0 +1,274 @@
+"""A polite HTTP client: one request at a time, a pause between two, patience with a busy server.
+
+Files come in pieces: what has arrived lies in a part file, the next attempt asks for the rest only
+(Range), and nothing counts as there before its MD5 agrees. Standard library only.
+"""
+
+from __future__ import annotations
+
+import email.utils
+import hashlib
+import http.client
+import json
+import re
+import ssl
+import time
+import urllib.error
+import urllib.parse
+import urllib.request
+from collections.abc import Callable
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from anyprobe import __version__
+from anyprobe.errors import AnyprobeError, OutputError
+
+USER_AGENT = f"anyprobe/{__version__} (anyprobe_train.assets)"
+"""Poly Haven's terms ask for one that names the software."""
+
+PAUSE_S = 0.5
+"""Between the end of one request and the start of the next."""
+
+TIMEOUT_S = 30.0
+"""Without a byte from the server."""
+
+ATTEMPTS = 5
+"""In a row without a new byte; then the file fails."""
+
+BACKOFF_S = 1.0
+"""Wait before the second attempt; it doubles, up to MAX_BACKOFF_S, unless the server says how long."""
+
+MAX_BACKOFF_S = 60.0
+
+MAX_WAIT_S = 300.0
+"""A server that asks for more patience than this is left alone: ServerBusy."""
+
+MAX_JSON_BYTES = 64 * 2**20
+CHUNK_BYTES = 2**16
+
+Watch = Callable[[int, int | None], None]
+Result = TypeVar("Result")
+
+
+class DownloadError(AnyprobeError):
+    """A page or file that could not be had; others may."""
+
+
+class ServerBusy(DownloadError):
+    """The server asks for a long pause: no further requests are made."""
+
+
+class _Transient(Exception):
+    """Worth another attempt, after `wait_s` seconds if the server named a time."""
+
+    def __init__(self, reason: str, wait_s: float | None = None) -> None:
+        super().__init__(reason)
+        self.wait_s = wait_s
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RemoteFile:
+    """A file as its publisher describes it; size in bytes, if given."""
+
+    url: str
+    md5: str
+    size: int | None = None
+
+
+class Client:
+    """Fetches JSON and files, never two at once; `say` hears why it waits."""
+
+    def __init__(self, *, pause_s: float = PAUSE_S, say: Callable[[str], None] = lambda text: None) -> None:
+        self._pause_s = pause_s
+        self._say = say
+        self._free_at = 0.0
+        self._opener = urllib.request.OpenerDirector()
+        for handler in (  # as build_opener, without file:, data: and ftp:
+            urllib.request.ProxyHandler,
+            urllib.request.UnknownHandler,
+            urllib.request.HTTPHandler,
+            urllib.request.HTTPSHandler,
+            urllib.request.HTTPDefaultErrorHandler,
+            urllib.request.HTTPRedirectHandler,
+            urllib.request.HTTPErrorProcessor,
+        ):
+            self._opener.add_handler(handler())
+
+    def get_json(self, url: str) -> dict:
+        """Return the JSON object at a URL.
+
+        Raises:
+            DownloadError: there is none, or the server does not answer.
+        """
+
+        def attempt() -> bytes:
+            with self._open(url) as response:
+                return response.read(MAX_JSON_BYTES + 1)
+
+        body = self._patiently(url, attempt)
+        try:
+            if len(body) > MAX_JSON_BYTES:
+                raise ValueError
+            answer = json.loads(body)
+        except (ValueError, RecursionError):
+            answer = None
+        if not isinstance(answer, dict):
+            start = body[:40].decode("utf-8", "replace")
+            raise DownloadError(
+                f"{url}: expected a JSON object, got {start!r}...; is something between you and the server?"
+            )
+        return answer
+
+    def download(self, remote: RemoteFile, part: Path, watch: Watch = lambda done, total: None) -> Path:
+        """Bring a file to `part`, going on where an earlier attempt or run stopped; return `part`.
+
+        Name the part after the MD5: then a file that changed is not mixed with its older self.
+
+        Raises:
+            DownloadError: it cannot be had, or has the wrong MD5 twice; the part is then gone.
+            OutputError: the disk refuses.
+        """
+        mismatches = 0
+
+        def attempt() -> Path:
+            nonlocal mismatches
+            if not part.is_file() or _size(part) != remote.size:
+                self._transfer(remote, part, watch)
+            found = md5_of(part)
+            if found != remote.md5:
+                part.unlink()
+                mismatches += 1
+                trouble = f"expected MD5 {remote.md5}, got {found}"
+                if mismatches == 2:
+                    raise DownloadError(f"{remote.url}: {trouble}, twice; tell the publisher")
+                raise _Transient(trouble)
+            return part
+
+        return self._patiently(remote.url, attempt, lambda: _size(part))
+
+    def _transfer(self, remote: RemoteFile, part: Path, watch: Watch) -> None:
+        start = _size(part)
+        if remote.size is not None and start > remote.size:
+            start = 0
+        with self._open(remote.url, {"Range": f"bytes={start}-"} if start else {}) as response:
+            if response.status == 416:
+                part.unlink()
+                raise _Transient("the server will not go on from there")
+            said = re.match(r"bytes (\d+)-", response.headers.get("Content-Range", ""))
+            if response.status != 206 or said is None:
+                start = 0  # the whole file comes, whatever was asked for
+            elif int(said[1]) != start:
+                part.unlink()
+                raise _Transient(f"asked for byte {start}, got byte {said[1]}")
+            length = response.headers.get("Content-Length", "")
+            total = remote.size
+            if total is None and length.isdecimal():
+                total = start + int(length)
+            done = start
+            with _writing(part):
+                # unbuffered: otherwise a full disk is found when closing and taken for a bad connection
+                stream = part.open("ab" if start else "wb", buffering=0)
+            with stream:
+                while chunk := response.read1(CHUNK_BYTES):
+                    done += len(chunk)
+                    if total is not None and done > total:
+                        break
+                    with _writing(part):
+                        while chunk:
+                            chunk = chunk[stream.write(chunk) :]
+                    watch(done, total)
+        if total is not None and done > total:
+            part.unlink()
+            raise DownloadError(f"{remote.url}: expected {total} bytes, got more; tell the publisher")
+        if total is not None and done < total:
+            raise _Transient(f"the connection ended after {done} of {total} bytes")
+
+    @contextmanager
+    def _open(self, url: str, headers: dict[str, str] | None = None):
+        """Yield a response of status 200, 206 or 416; network trouble inside the block becomes _Transient."""
+        headers = {"User-Agent": USER_AGENT, "Accept-Encoding": "identity", **(headers or {})}
+        if not url.startswith(("http://", "https://")):
+            raise DownloadError(f"{url}: expected a http or https address")
+        time.sleep(max(0.0, self._free_at - time.monotonic()))
+        try:
+            quoted = urllib.parse.quote(url, safe="%/:?#[]@!$&'()*+,;=~")
+            response = self._opener.open(urllib.request.Request(quoted, headers=headers), timeout=TIMEOUT_S)
+            with response:
+                yield response
+        except urllib.error.HTTPError as error:
+            with error:
+                if error.code == 416:
+                    yield error
+                elif error.code in (408, 425, 429) or error.code >= 500:
+                    wait_s = _retry_after_s(error.headers.get("Retry-After"))
+                    raise _Transient(f"HTTP {error.code} {error.reason}", wait_s) from error
+                else:
+                    raise DownloadError(f"{url}: HTTP {error.code} {error.reason}") from error
+        except OutputError:  # an OSError too, but the disk's
+            raise
+        except (http.client.InvalidURL, ValueError) as error:  # not an address; no second try
+            raise DownloadError(f"{url}: expected an address ({error})") from error
+        except (OSError, http.client.HTTPException) as error:
+            reason = getattr(error, "reason", error)
+            if isinstance(reason, ssl.SSLCertVerificationError):
+                raise DownloadError(f"{url}: the certificate is not trusted ({reason})") from error
+            raise _Transient(str(reason) or type(reason).__name__) from error
+        finally:
+            self._free_at = time.monotonic() + self._pause_s
+
+    def _patiently(self, url: str, attempt: Callable[[], Result], progress: Callable[[], int] = lambda: 0) -> Result:
+        """Try until it works or ATTEMPTS in a row bring nothing new."""
+        failures, most = 0, progress()
+        while True:
+            try:
+                return attempt()
+            except _Transient as trouble:
+                failures += 1
+                if progress() > most:
+                    failures, most = 1, progress()
+                if failures == ATTEMPTS:
+                    raise DownloadError(f"{url}: {trouble}, {ATTEMPTS} times in a row; try later") from trouble
+                wait_s = trouble.wait_s
+                if wait_s is None:
+                    wait_s = min(BACKOFF_S * 2 ** (failures - 1), MAX_BACKOFF_S)
+                if wait_s > MAX_WAIT_S:
+                    raise ServerBusy(
+                        f"{url}: {trouble}, and the server asks to wait {wait_s:.0f} s; "
+                        "run the same command then, it goes on where it stopped"
+                    ) from trouble
+                self._say(f"{url}: {trouble}; again in {wait_s:.0f} s")
+                time.sleep(wait_s)
+
+
+def md5_of(path: Path) -> str:
+    """MD5 of a file, in hexadecimal."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, lambda: hashlib.md5(usedforsecurity=False)).hexdigest()
+
+
+def _size(path: Path) -> int:
+    return path.stat().st_size if path.is_file() else 0
+
+
+@contextmanager
+def _writing(path: Path):
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(
+            f"cannot be written ({error.strerror}); choose another folder or free some space", source=path
+        ) from error
+
+
+def _retry_after_s(text: str | None) -> float | None:
+    """Seconds from a Retry-After header, which holds seconds or a date."""
+    if not text:
+        return None
+    if text.strip().isdecimal():
+        return float(text)
+    try:
+        return max(0.0, email.utils.parsedate_to_datetime(text).timestamp() - time.time())
+    except ValueError:
+        return None

@@ -1,0 +1,224 @@
+"""The files that the frozen test set is rendered from, each made anew of its own source.
+
+    DIR/hdri/test/*.exr      DIR/meshes/test/*.ply      with a manifest.csv in hdri/ and in meshes/
+    DIR/frozen_public.txt    the frozen recipes whose map and shape are there
+
+frozen_set.csv has a row a file: the repository, commit and path of its source, the source's MD5, and the SHA-256 of
+what is made of it, by whose first eight digits recipes name it. Rows without an MD5 are shapes that cannot be made
+anew: what decimated them, or closed their holes, was not recorded.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+
+from anyprobe.errors import AnyprobeError, InvalidEnvironment, InvalidMesh
+from anyprobe.files.atomic import atomic_path
+from anyprobe.files.paths import utf8_path
+from anyprobe.maps.exr import read_channels
+from anyprobe.maps.radiance import decode_hdr
+from anyprobe_train.assets.download import Client, DownloadError, RemoteFile, ServerBusy
+from anyprobe_train.assets.manifest import Manifest
+from anyprobe_train.dataset.recipe import digest, read_recipes
+from anyprobe_train.evaluate.scoring import FROZEN
+
+TABLE = Path(__file__).with_name("frozen_set.csv")
+HOST = "https://raw.githubusercontent.com"
+RECIPES = "frozen_public.txt"
+COLUMNS = "file category licence source url md5 split".split()
+ROWS = 256
+"""Rows of the maps that are made."""
+MAX_PIXELS = 2**23
+HALF_MAX = 65504.0
+GRID = 1e-5
+"""Vertices of a source that fall into one cell are one, in lengths of the longest side."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FrozenFile:
+    """A row of the table.
+
+    file: in DIR. md5: of the source, empty where the file cannot be made anew; sha256: of the file.
+    axes: of a shape, which of the source's axes are x, y and z, as "x z -y". centre, radius: of the sphere, in the
+    turned source, that becomes the unit sphere.
+    """
+
+    file: str
+    category: str
+    licence: str
+    repository: str
+    commit: str
+    path: str
+    md5: str
+    sha256: str
+    axes: str
+    centre: str
+    radius: str
+
+    @property
+    def url_path(self) -> str:
+        return f"/{self.repository}/{self.commit}/{self.path}"
+
+    @property
+    def source(self) -> str:
+        return f"{self.repository}: {self.path}"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FileOutcome:
+    """Status of a file: fetched, complete (it was there), cannot be had, or failed."""
+
+    file_row: FrozenFile
+    status: str
+    error: str = ""
+
+
+def frozen_files(table: Path = TABLE) -> list[FrozenFile]:
+    """Every row of the table."""
+    with table.open(newline="", encoding="utf-8") as stream:
+        return [FrozenFile(**row) for row in csv.DictReader(stream)]
+
+
+def fetch_all(files: list[FrozenFile], to: Path, client: Client, host: str = HOST) -> Iterator[FileOutcome]:
+    """Make each file in turn, and say what became of it; then write the recipes that the files suffice for.
+
+    Raises:
+        ServerBusy: ask for no other file either.
+    """
+    there: set[str] = set()
+    for one in files:
+        outcome = _fetch(one, to, client, host)
+        if outcome.status in ("fetched", "complete"):
+            there.add(one.sha256[:8])
+        yield outcome
+    recipes = [one for one in read_recipes(FROZEN) if {one.map_id, one.shape_id} <= there]
+    lines = [f"# {digest(recipes)}", *(one.to_hex() for one in recipes)]
+    with atomic_path(to / RECIPES) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="ascii")
+
+
+def _fetch(one: FrozenFile, to: Path, client: Client, host: str) -> FileOutcome:
+    target = to / one.file
+    if target.is_file() and hashlib.sha256(target.read_bytes()).hexdigest() == one.sha256:
+        return FileOutcome(file_row=one, status="complete")
+    if not one.md5:
+        return FileOutcome(file_row=one, status="cannot be had")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    url = host.rstrip("/") + one.url_path
+    try:
+        part = client.download(RemoteFile(url=url, md5=one.md5), target.with_name(f"{target.stem}.{one.md5}.part"))
+        with atomic_path(target) as temporary:
+            make = _make_map if target.suffix == ".exr" else _make_shape
+            make(one, part.read_bytes(), temporary)
+            found = hashlib.sha256(temporary.read_bytes()).hexdigest()
+            if found != one.sha256:
+                raise DownloadError(
+                    f"expected SHA-256 {one.sha256} after conversion, got {found}; OpenEXR or NumPy of this machine "
+                    "write other bytes"
+                )
+            manifest = Manifest(to / Path(one.file).parts[0] / "manifest.csv", COLUMNS)
+            name = "/".join(Path(one.file).parts[1:])
+            row = {"file": name, "category": one.category, "licence": one.licence, "source": one.source}
+            manifest.put(row | {"url": url, "md5": one.md5, "split": "test"})
+        part.unlink()
+    except ServerBusy:
+        raise
+    except AnyprobeError as error:
+        return FileOutcome(file_row=one, status="failed", error=str(error))
+    return FileOutcome(file_row=one, status="fetched")
+
+
+def _make_map(one: FrozenFile, data: bytes, target: Path) -> None:
+    pixels = small_map(data, Path(one.path).name)
+    header = {"compression": OpenEXR.PIZ_COMPRESSION, "type": OpenEXR.scanlineimage}
+    channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
+    with utf8_path(target) as plain:
+        OpenEXR.File(header, channels).write(plain)
+
+
+def _make_shape(one: FrozenFile, data: bytes, target: Path) -> None:
+    vertices, faces = merged(*read_obj(data, Path(one.path).name))
+    centre = np.array([float(x) for x in one.centre.split()])
+    target.write_bytes(ply((turned(vertices, one.axes) - centre) / float(one.radius), faces))
+
+
+def small_map(data: bytes, name: str) -> np.ndarray:
+    """Return a published map as the test set has it: [ROWS, 2 ROWS, 3] half floats, means of squares of its pixels.
+
+    Primaries stay as they are; what is no light is 0; a map with pixels above the largest half is halved until none is.
+
+    Raises:
+        InvalidEnvironment: not readable, or its rows are no multiple of ROWS.
+    """
+    if name.endswith(".hdr"):
+        radiance = decode_hdr(data, name, MAX_PIXELS)
+    else:
+        _, found = read_channels(data, name, InvalidEnvironment, MAX_PIXELS)
+        if not all(channel in found for channel in "RGB"):
+            raise InvalidEnvironment(f"expected channels R, G, B, got {', '.join(sorted(found))}", source=name)
+        radiance = np.stack([found[channel] for channel in "RGB"], axis=-1).astype(np.float32)
+    step, rest = divmod(len(radiance), ROWS)
+    if rest or radiance.shape[1] != 2 * len(radiance):
+        raise InvalidEnvironment(f"expected a map of {ROWS} rows or a multiple, got {radiance.shape[:2]}", source=name)
+    light = np.where(np.isfinite(radiance) & (radiance > 0), radiance, np.float32(0))
+    small = light.reshape(ROWS, step, 2 * ROWS, step, 3).mean(axis=(1, 3))
+    while small.max() > HALF_MAX:
+        small = small / 2
+    return small.astype(np.float16)
+
+
+def read_obj(data: bytes, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices [V, 3] float64 and triangles [F, 3] of an .obj, in its order.
+
+    Raises:
+        InvalidMesh: anything else.
+    """
+    vertices, faces = [], []
+    try:
+        for line in data.decode("utf-8", "replace").splitlines():
+            kind, *rest = line.split() or [""]
+            if kind == "v":
+                vertices.append([float(x) for x in rest[:3]])
+            elif kind == "f":
+                corners = [int(corner.split("/")[0]) - 1 for corner in rest]
+                faces += [[corners[0], b, c] for b, c in zip(corners[1:], corners[2:], strict=False)]
+        points, triangles = np.array(vertices, np.float64).reshape(-1, 3), np.array(faces, np.int64).reshape(-1, 3)
+    except ValueError as error:
+        raise InvalidMesh(f"not readable as .obj ({error})", source=name) from error
+    if not len(triangles) or triangles.min() < 0 or triangles.max() >= len(points):
+        raise InvalidMesh("expected triangles of its vertices, got none or others", source=name)
+    return points, triangles
+
+
+def merged(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices one a cell of GRID, in the order of cells, and the triangles that still have three of them."""
+    cells = np.round(vertices / (np.ptp(vertices, axis=0).max() * GRID)).astype(np.int64)
+    _, first, number = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+    faces = number.reshape(-1)[faces]
+    a, b, c = faces.T
+    return vertices[first], faces[(a != b) & (b != c) & (c != a)]
+
+
+def turned(vertices: np.ndarray, axes: str) -> np.ndarray:
+    """Vertices [V, 3] in a frame whose axes are those named, as "x z -y"."""
+    columns = [(-1.0 if name[0] == "-" else 1.0) * vertices[:, "xyz".index(name[-1])] for name in axes.split()]
+    return np.stack(columns, axis=1)
+
+
+def ply(vertices: np.ndarray, faces: np.ndarray) -> bytes:
+    """Return a binary PLY file, float32."""
+    head = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n"
+        "property float x\nproperty float y\nproperty float z\n"
+        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    listed = np.zeros(len(faces), np.dtype([("count", "u1"), ("corners", "<i4", 3)]))
+    listed["count"], listed["corners"] = 3, faces
+    return head.encode("ascii") + vertices.astype("<f4").tobytes() + listed.tobytes()

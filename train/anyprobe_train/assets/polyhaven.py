@@ -1,0 +1,296 @@
+"""Maps and models from Poly Haven (CC0) in the layout that training reads.
+
+    hdri/manifest.csv    hdri/{train,test}/<slug>.hdr | .exr      as published
+    meshes/manifest.csv  meshes/{train,test}/<slug>.glb           the triangles of its glTF
+
+The API (https://api.polyhaven.com): /assets?type=T lists assets by slug, /files/<slug> names an
+asset's files by resolution and format, each with address, size and MD5.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from anyprobe.errors import AnyprobeError, InputError
+from anyprobe.files.atomic import atomic_path
+from anyprobe.maps.radiance import read_radiance
+from anyprobe_train.assets.download import Client, DownloadError, RemoteFile, ServerBusy, Watch, md5_of
+from anyprobe_train.assets.gltf import buffer_paths, pack_glb, read_gltf
+from anyprobe_train.assets.manifest import Manifest
+
+API = "https://api.polyhaven.com"
+PAGE = "https://polyhaven.com/a/"
+LICENCE = "CC0-1.0 (Poly Haven)"
+FOLDERS = {"hdris": "hdri", "models": "meshes"}
+COLUMNS = "file slug category licence source url authors md5 split resolution files_hash upstream_md5".split()
+
+_SLUG = re.compile(r"[A-Za-z0-9_-]+")
+_MD5 = re.compile(r"[0-9a-f]{32}")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Asset:
+    """One entry of the list: `words` are all its categories, `files_hash` changes with its files."""
+
+    kind: str
+    slug: str
+    category: str
+    words: frozenset[str]
+    authors: str
+    files_hash: str
+
+    @property
+    def source(self) -> str:
+        return PAGE + self.slug
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Outcome:
+    """Status of an asset: fetched, complete (it was there), kept (a file of the user's) or failed."""
+
+    asset: Asset
+    split: str
+    status: str
+    num_bytes: int = 0
+    error: str = ""
+
+
+def list_assets(client: Client, kind: str, api: str = API) -> list[Asset]:
+    """Everything the API has of a kind, hdris or models."""
+    listed = client.get_json(f"{api.rstrip('/')}/assets?type={kind}")
+    if not listed:
+        raise DownloadError(f"{api}: expected a list of {kind}, got an empty one")
+    assets = []
+    for slug, entry in listed.items():
+        if not _SLUG.fullmatch(slug) or not isinstance(entry, dict):  # a slug becomes a file name
+            raise DownloadError(f"{api}: expected a list of assets, got the entry {slug[:40]!r}")
+        words = _words(entry)
+        authors = entry.get("authors")
+        assets.append(
+            Asset(
+                kind=kind,
+                slug=slug,
+                category=_place(words, entry) if kind == "hdris" else _path(entry),
+                words=frozenset(words),
+                authors=", ".join(authors) if isinstance(authors, dict) else "",
+                files_hash=str(entry.get("files_hash") or ""),
+            )
+        )
+    return assets
+
+
+def choose(assets: Iterable[Asset], categories: Iterable[str] = (), limit: int = 0) -> list[Asset]:
+    """Return the assets in all of the categories, at most `limit` (0: all), in an order of no meaning.
+
+    The order is that of a hash of the slug, so that a few are a fair sample, and a larger limit adds to a smaller one.
+
+    Raises:
+        InputError: none is left; the message names the categories there are.
+    """
+    assets = list(assets)
+    wanted = {category.strip().casefold() for category in categories}
+    left = sorted((one for one in assets if wanted <= one.words), key=lambda one: _hash("order", one.slug))
+    if assets and not left:
+        counts = Counter(word for one in assets for word in one.words)
+        known = ", ".join(word for word, _ in counts.most_common(20))
+        raise InputError(
+            f"no {assets[0].kind} are in all of: {', '.join(sorted(wanted))}; the largest are {known}",
+            subject="category",
+        )
+    return left[:limit] if limit else left
+
+
+def family(slug: str) -> str:
+    """Return what near twins share: `venice_sunset_puresky` has the sky of `venice_sunset`, numbers count views."""
+    return re.sub(r"(_puresky)?(_\d+[a-z]?)?(_puresky)?$", "", slug) or slug
+
+
+def split_of(slug: str, share: float) -> str:
+    """train or test: a function of the slug alone, alike for near twins; a larger share only adds to test."""
+    return "test" if _hash("split", family(slug)) < share else "train"
+
+
+@dataclass
+class Library:
+    """A folder that fills with assets; asks the server only for what is not complete."""
+
+    root: Path
+    client: Client
+    api: str = API
+    resolution: str = "1k"
+    map_format: str = "hdr"
+    test_share: float = 0.1
+
+    def __post_init__(self) -> None:
+        self.manifests = {
+            kind: Manifest(Path(self.root) / name / "manifest.csv", COLUMNS) for kind, name in FOLDERS.items()
+        }
+
+    def fetch(self, asset: Asset, watch: Watch = lambda done, total: None) -> Outcome:
+        """Bring one asset into the folder.
+
+        Raises:
+            ServerBusy: ask for no other asset either.
+        """
+        split = split_of(asset.slug, self.test_share)
+        try:
+            status, num_bytes = self._fetch(asset, split, watch)
+        except ServerBusy:
+            raise
+        except AnyprobeError as error:
+            return Outcome(asset=asset, split=split, status="failed", error=str(error))
+        return Outcome(asset=asset, split=split, status=status, num_bytes=num_bytes)
+
+    def _fetch(self, asset: Asset, split: str, watch: Watch) -> tuple[str, int]:
+        manifest = self.manifests[asset.kind]
+        folder = manifest.path.parent
+        is_map = asset.kind == "hdris"
+        resolution = self.resolution if is_map else ""  # a model's triangles do not depend on it
+        target = folder / split / f"{asset.slug}.{self.map_format if is_map else 'glb'}"
+        row = manifest.row(asset.source)
+        old = folder / row["file"] if row else target
+        if manifest.has_other(asset.source, asset.slug):
+            return "kept", 0
+        whole = row is not None and old.is_file() and md5_of(old) == row.get("md5")
+        same = whole and old.suffix == target.suffix and row.get("resolution", "") == resolution
+        if same and asset.files_hash and row.get("files_hash") == asset.files_hash:
+            return self._complete(manifest, row, old, target, split)
+
+        sources = _sources(self.client.get_json(f"{self.api.rstrip('/')}/files/{asset.slug}"), asset.kind, self)
+        upstream = "+".join(one.md5 for one in sources.values())
+        new = {
+            "file": f"{split}/{target.name}",
+            "slug": asset.slug,
+            "category": asset.category,
+            "licence": LICENCE,
+            "source": asset.source,
+            "url": sources[""].url,
+            "authors": asset.authors,
+            "md5": upstream,
+            "split": split,
+            "resolution": resolution,
+            "files_hash": asset.files_hash,
+            "upstream_md5": upstream,
+        }
+        if same and row.get("upstream_md5") == upstream:
+            return self._complete(manifest, {**row, "files_hash": asset.files_hash}, old, target, split)
+        if row is None and target.is_file():
+            if not is_map or md5_of(target) != upstream:
+                return "kept", 0
+            manifest.put(new)
+            return "complete", 0
+
+        parts = self._download(sources, target, watch)
+        num_bytes = sum(path.stat().st_size for path in parts.values())
+        with atomic_path(target) as temporary:
+            if is_map:
+                os.replace(parts[""], temporary)
+                _check_map(temporary, target.name)
+            else:
+                temporary.write_bytes(_pack(parts, asset.slug))
+            manifest.put(new | {"md5": md5_of(temporary)})  # before the rename: no file without its licence
+        if whole and old != target:
+            old.unlink()
+        for part in target.parent.glob(f"{asset.slug}.*.part"):
+            part.unlink()
+        return "fetched", num_bytes
+
+    def _complete(self, manifest: Manifest, row: dict, old: Path, target: Path, split: str) -> tuple[str, int]:
+        """Leave the file as it is, or move it to the split it now belongs to."""
+        if old != target:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            os.replace(old, target)
+        manifest.put({**row, "file": f"{split}/{target.name}", "split": split})
+        return "complete", 0
+
+    def _download(self, sources: dict[str, RemoteFile], target: Path, watch: Watch) -> dict[str, Path]:
+        """Fetch the files of an asset as whole parts beside the target; of a glTF, only those with triangles."""
+        target.parent.mkdir(parents=True, exist_ok=True)
+        parts = {}
+        for path, remote in sources.items():
+            if path and path not in buffer_paths(read_gltf(parts[""], target.stem)):
+                continue
+            part = target.with_name(f"{target.stem}.{remote.md5}.part")
+            parts[path] = self.client.download(remote, part, watch)
+        return parts
+
+
+def _sources(files: dict, kind: str, library: Library) -> dict[str, RemoteFile]:
+    """Return what to download of an asset: "" is the map or the .gltf, other keys are paths beside the .gltf."""
+    try:
+        if kind == "hdris":
+            tree = files["hdri"]
+            if library.map_format not in tree.get(library.resolution, {}):
+                there = ", ".join(sorted(tree, key=_pixels))
+                raise DownloadError(f"expected {library.resolution} in {library.map_format}, the asset has {there}")
+            return {"": _remote(tree[library.resolution][library.map_format])}
+        entry = files["gltf"][min(files["gltf"], key=_pixels)]["gltf"]
+        include = entry.get("include", {})
+        beside = {path: _remote(include[path]) for path in sorted(include) if path.endswith(".bin")}
+        return {"": _remote(entry), **beside}
+    except (LookupError, TypeError, AttributeError, ValueError) as error:
+        raise DownloadError(f"the API's list of files is not understood ({error!r})") from error
+
+
+def _remote(entry: dict) -> RemoteFile:
+    if not _MD5.fullmatch(entry["md5"]):  # it becomes part of a file name
+        raise ValueError(f"md5 {entry['md5']!r}")
+    size = entry.get("size")
+    return RemoteFile(url=str(entry["url"]), md5=entry["md5"], size=size if isinstance(size, int) else None)
+
+
+def _pixels(resolution: str) -> int:
+    return int(resolution.removesuffix("k"))
+
+
+def _pack(parts: dict[str, Path], name: str) -> bytes:
+    document = read_gltf(parts[""], name)
+    missing = [path for path in buffer_paths(document) if path not in parts]
+    if missing:
+        raise DownloadError(f"its glTF needs {', '.join(missing)}, which the API does not list")
+    return pack_glb(document, {path: part.read_bytes() for path, part in parts.items() if path}, name)
+
+
+def _check_map(path: Path, name: str) -> None:
+    """Refuse a map that training would refuse."""
+    try:
+        read_radiance(path)
+    except InputError as error:
+        raise DownloadError(f"as published, but {str(error).replace(path.name, name)}") from error
+
+
+def _words(entry: dict) -> set[str]:
+    """Its categories in lower case: the old list, the new path with all its parts, the attributes."""
+    words = set(map(str, entry.get("categories") or ()))
+    steps = _path(entry).split("/") if entry.get("category") else []
+    words |= {"/".join(steps[:end]) for end in range(1, len(steps) + 1)} | set(steps)
+    attributes = entry.get("attributes")
+    for value in attributes.values() if isinstance(attributes, dict) else ():
+        words |= {str(one) for one in (value if isinstance(value, list) else [value]) if isinstance(one, str)}
+    return {word.casefold() for word in words}
+
+
+def _path(entry: dict) -> str:
+    return str(entry.get("category") or ", ".join(map(str, entry.get("categories") or ())))
+
+
+def _place(words: set[str], entry: dict) -> str:
+    """indoor, outdoor or studio, as the catalog knows them."""
+    if any(word.startswith("studio") for word in words):
+        return "studio"
+    for known in ("outdoor", "indoor"):
+        if known in words:
+            return known
+    return "indoor" if "indoor" in (entry.get("tags") or ()) else "outdoor"
+
+
+def _hash(purpose: str, text: str) -> float:
+    """Return a number in [0, 1) that looks random and never changes."""
+    digest = hashlib.sha256(f"{purpose} {text}".encode()).digest()
+    return int.from_bytes(digest[:6], "big") / 2**48

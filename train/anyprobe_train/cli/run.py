@@ -1,0 +1,119 @@
+"""anyprobe-train run and export: from assets to networks, from networks to the package."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from anyprobe.core.spelling import did_you_mean
+from anyprobe.errors import InputError, MissingExtra
+
+_RUNS = Path("runs")
+Data = Annotated[
+    Path | None, typer.Option(help="Folder with hdri/train and meshes/train; default: procedural maps and shapes.")
+]
+Runs = Annotated[Path, typer.Option(help="Folder for checkpoints, logs and caches.")]
+Steps = Annotated[int | None, typer.Option(min=1, help="Total number of steps; default: the run's.")]
+DryRun = Annotated[int | None, typer.Option(min=1, metavar="N", help="N small steps, to test a machine.")]
+Keep = Annotated[Path | None, typer.Option(help="Also save the weights to this .pt, for run --init-weights.")]
+RunName = Annotated[str, typer.Argument(metavar="RUN", help="Named run; see docs/how-to/training.md.")]
+
+
+def run(
+    name: RunName = "lift",
+    data: Data = None,
+    runs: Runs = _RUNS,
+    steps: Steps = None,
+    dry_run: DryRun = None,
+    init_weights: Annotated[
+        Path | None,
+        typer.Option(help="Initial weights, written by anyprobe-train export --keep; give the same ones to resume."),
+    ] = None,
+    teacher: Annotated[
+        Path | None,
+        typer.Option(help="Weights of lift, also written by --keep, whose maps the paper's chain learns from too."),
+    ] = None,
+    device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
+    workers: Annotated[
+        int, typer.Option(min=0, help="Processes that make pairs ahead, so that a GPU need not wait.")
+    ] = 0,
+    compiled: Annotated[bool, typer.Option("--compile/--no-compile", help="Compile the renderer.")] = True,
+) -> None:
+    """Train a model on rendered pairs. An interrupted run resumes exactly."""
+    _refuse_mask(name)
+    need_torch("training")
+    from anyprobe_train.train import loop
+    from anyprobe_train.train.config import RUNS as NAMED
+    from anyprobe_train.train.config import smoke
+
+    if steps is not None and dry_run is not None:
+        raise InputError("expected one of them, got both", subject=("steps", "dry_run"))
+    if name not in NAMED:
+        raise InputError(f"expected one of {', '.join(NAMED)}{did_you_mean(name, NAMED)}", source=f"run {name!r}")
+    chosen = NAMED[name]()
+    if chosen.model != "paper" and teacher is not None:
+        text = f"expected a run of the paper's chain, got {name}; leave it out"
+        raise InputError(text, subject="teacher", source=teacher)
+    if chosen.model == "paper" and init_weights is None and dry_run is None:
+        raise InputError(
+            "expected --init-weights with a trained irradiance net, got none; train it with anyprobe-train "
+            "run paper_irradiance, keep it with anyprobe-train export FOLDER paper_irradiance --keep irradiance.pt",
+            source=f"run {name!r}",
+        )
+    if steps is not None:
+        chosen = replace(chosen, steps=steps)
+    if dry_run is not None:
+        chosen = smoke(chosen, dry_run)
+        (runs / chosen.name / "checkpoint.pt").unlink(missing_ok=True)  # each one begins anew
+    path = loop.train(
+        chosen,
+        data=data,
+        runs=runs,
+        device=device,
+        compiled=compiled,
+        workers=workers,
+        start=init_weights,
+        teacher=teacher,
+    )
+    typer.echo(path)
+
+
+def _refuse_mask(name: str) -> None:
+    if name == "mask":
+        raise InputError(
+            "run 'mask': expected a run that estimates light, got the network that proposes the object; "
+            "train and export it in a clone, with python -m anyprobe_train.mask_network"
+        )
+
+
+def export(
+    to: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for the .onnx graphs.")],
+    name: RunName = "lift",
+    runs: Annotated[Path, typer.Option(help="Folder of the trained runs.")] = _RUNS,
+    keep: Keep = None,
+) -> None:
+    """Export a trained run as ONNX. The graphs are checked against torch."""
+    _refuse_mask(name)
+    need_torch("training")
+    from anyprobe_train.train.checkpoint import keep_apart, save_init_weights
+    from anyprobe_train.train.export_onnx import export_graphs
+
+    checkpoint = runs / name / "checkpoint.pt"
+    if keep is not None:  # first: what training made is not lost where the export is refused
+        keep_apart(checkpoint, keep)
+        save_init_weights(checkpoint, keep)
+    for stage, difference in export_graphs(checkpoint, to).items():
+        typer.echo(f"{to / (stage + '.onnx')}: within {difference:.2g} of torch")
+    if keep is not None:
+        typer.echo(keep)
+
+
+def need_torch(what: str) -> None:
+    """Raise MissingExtra if PyTorch is not installed; what: the purpose it is needed for."""
+    try:
+        import torch  # noqa: F401
+    except ImportError as error:
+        raise MissingExtra("torch", "torch", what, error, folder="./train") from error

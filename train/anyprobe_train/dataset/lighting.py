@@ -1,0 +1,232 @@
+"""The light of training pairs: variants of maps, and materials lit by maps.
+
+A variant is a blend of maps, with added light sources, the dominant light moved, or another white: light is additive,
+so the sum of two rooms is a possible light. A lit material holds the reflectance maps of one light, one view of it and
+one alpha: the expensive part of a training pair, which serves many pairs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from anyprobe.core.color import luminance
+from anyprobe.core.frames import rotation_x, rotation_y, world_from_camera
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
+from anyprobe.core.sampling import hammersley
+from anyprobe.light.dominant_light import dilate, find_dominant_light
+from anyprobe.light.environment import MAP_HEIGHT, integral, rotate, shrink
+from anyprobe.light.octahedral import Pyramid
+from anyprobe.render.integrate import compile_kernel, shade_diffuse, shade_specular, shading_pyramid
+from anyprobe.render.reflectance import reflectance_normals
+from anyprobe_train.dataset import distributions
+from anyprobe_train.dataset.catalog import normalize_map
+from anyprobe_train.dataset.distributions import draw_alpha
+from anyprobe_train.dataset.sky import direction_at, soft_cap, tint
+from anyprobe_train.dataset.surfaces import NUM_ELEVATIONS, draw_elevation
+
+SEARCH_HEIGHT = 64
+"""Rows of the map in which the dominant light is found."""
+
+MAX_RADIUS = np.radians(35.0)
+"""Largest radius of a light that is moved [radians]; a wider one is the surround itself."""
+
+
+def turn(radiance: np.ndarray, columns: int, mirrored: bool = False) -> np.ndarray:
+    """Return the map turned about +Y by whole columns, to the right; first mirrored left to right if asked."""
+    return np.roll(radiance[:, ::-1] if mirrored else radiance, columns, axis=1)
+
+
+def blend_maps(one: np.ndarray, other: np.ndarray, share: float) -> np.ndarray:
+    """Return (1 - share) one + share other."""
+    return (1 - share) * one + share * other
+
+
+def add_lamp(
+    radiance: np.ndarray, direction: np.ndarray, radius: float, power: np.ndarray, softness: float = 0.3
+) -> np.ndarray:
+    """Add a soft round light source whose integral over the sphere is power [3]."""
+    height = radiance.shape[0]
+    cap = soft_cap(pixel_directions(height).astype(np.float64), direction, radius, softness)
+    total = (cap[..., 0] * pixel_solid_angles(height)).sum()
+    if total <= 0:
+        raise ValueError(
+            f"expected a light source wider than a pixel, got a radius of {np.degrees(radius):.2g} degrees"
+        )
+    return radiance + cap * (np.asarray(power) / total)
+
+
+def split_light_cap(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return the map without its dominant light, that light alone, and its direction [3]; their sum is the map.
+
+    The light is what a cap around the lobe of find_dominant_light has more than the mean of a ring around
+    the cap. None where no light stands out, or one wider than MAX_RADIUS does.
+    """
+    height = radiance.shape[0]
+    found = find_dominant_light(shrink(radiance, SEARCH_HEIGHT) if height > SEARCH_HEIGHT else radiance)
+    if not found.irradiance.any():
+        return None
+    radius = 1.3 * np.arccos(max(1 - found.solid_angle / (2 * np.pi), -1.0)) + np.radians(3.0)
+    if radius > MAX_RADIUS:
+        return None
+    angle = np.arccos(np.clip(pixel_directions(height) @ found.direction, -1.0, 1.0))
+    cap = angle < radius
+    ring = (angle >= radius) & (angle < radius + np.radians(6.0)) | dilate(cap) & ~cap
+    weights = np.broadcast_to(pixel_solid_angles(height), angle.shape)
+    surround = np.average(radiance[ring], axis=0, weights=weights[ring])
+    brighter = luminance(radiance) > luminance(surround)
+    light = np.where((cap & brighter)[..., None], np.maximum(radiance - surround, 0.0), 0.0)
+    return radiance - light, light, found.direction.astype(np.float64)
+
+
+def move_dominant_light(radiance: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Move the dominant light of a map to direction [3]; its power stays, and it stays upright."""
+    split = split_light_cap(radiance)
+    if split is None:
+        return radiance
+    rest, light, old = split
+    moved = rotate(light, _upright_turn(old, direction)).astype(np.float64)
+    before, after = integral(light.astype(np.float64)), integral(moved)
+    if (after <= 0.1 * before).any():  # fell between the pixels
+        return radiance
+    return rest + moved * (before / np.where(after > 0, after, 1.0))
+
+
+def _upright_turn(old: np.ndarray, new: np.ndarray) -> np.ndarray:
+    """Return a rotation [3, 3] that carries old to new and tilts about a level axis between two turns about +Y."""
+
+    def angles(d):
+        return np.arctan2(d[0], -d[2]), np.arcsin(np.clip(d[1], -1.0, 1.0))
+
+    (a, e), (b, f) = angles(old), angles(new)
+    return rotation_y(-b) @ rotation_x(f - e) @ rotation_y(a)
+
+
+def draw_variant(rng: np.random.Generator, maps: list[np.ndarray]) -> np.ndarray:
+    """Draw a new light made of one or two of the maps, which are of the same size; mean luminance 1."""
+
+    first, second = rng.choice(len(maps), 2, replace=len(maps) < 2)
+
+    def turned(radiance):
+        return turn(radiance, int(rng.integers(radiance.shape[1])), bool(rng.random() < 0.5))
+
+    def anywhere():
+        return direction_at(rng.uniform(0, 2 * np.pi), np.arcsin(rng.uniform(-0.2, 0.98)))
+
+    radiance = turned(maps[first])
+    steps = rng.random(4) < [0.5, 0.4, 0.4, 0.5]
+    if not steps[:3].any():  # white alone is the same light
+        steps[rng.integers(3)] = True
+    if steps[0]:
+        moved = move_dominant_light(radiance, anywhere())
+        steps[2] |= moved is radiance and not steps[1]  # no light to move: an added one makes it new
+        radiance = moved
+    if steps[1]:
+        radiance = blend_maps(radiance, turned(maps[second]), rng.uniform(0.15, 0.85))
+    if steps[2]:
+        mean = luminance(integral(radiance))
+        for _ in range(rng.integers(1, 4)):
+            radius = np.radians(np.exp(rng.uniform(np.log(1.5), np.log(30.0))))
+            radius = max(radius, 1.5 * np.pi / radiance.shape[0])
+            power = mean * np.exp(rng.uniform(np.log(0.05), np.log(1.0))) * tint(rng, 0.25)
+            radiance = add_lamp(radiance, anywhere(), radius, power, rng.uniform(0.1, 1.5))
+    if steps[3]:
+        radiance = radiance * tint(rng, 0.15)
+    return normalize_map(np.maximum(radiance, 0.0))
+
+
+SIZE = 128
+"""Side of the stored reflectance maps."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LitMaterial:
+    """Reflectance maps of a material under one light.
+
+    terms [12, SIZE, SIZE]: Eq. 5's irradiance, S1, Ss, Dd, three channels each;
+    radiance [64, 128, 3]: the map in the camera's frame; alpha; elevation class; kind: of distributions.KINDS, None for
+    the materials and cameras of the paper.
+    """
+
+    terms: torch.Tensor
+    radiance: torch.Tensor
+    alpha: float
+    elevation: int
+    kind: int | None = None
+
+
+BUDGETS = ((0.12, 0.0, 128, 16), (0.3, 0.2, 64, 32), (np.inf, 1.0, 40, 48))
+"""Budgets by alpha: its upper bound; the alpha of the pyramid; side of the computed reflectance map, and samples per
+pixel. Narrow lobes need pixels, wide ones samples."""
+
+
+def _look(radiance: torch.Tensor, d: torch.Tensor) -> torch.Tensor:
+    """Sample a map [H, 2H, 3] along unit directions [N, 3]."""
+    return bilinear(radiance, direction_to_uv(d))
+
+
+class Illuminator:
+    """Shader of reflectance maps from a list of maps; compiled if a compiler is available."""
+
+    def __init__(self, maps: list[np.ndarray], device: str = "cpu", compiled: bool = True) -> None:
+        self.device = device
+        self.maps = [torch.from_numpy(np.ascontiguousarray(radiance)).to(device) for radiance in maps]
+        self._pyramids: dict[tuple[float, int], Pyramid] = {}
+        self.wrap = compile_kernel if compiled else (lambda function: function)
+        self._directions = self._tensor(pixel_directions(4 * MAP_HEIGHT).reshape(-1, 3))
+        kernels = (shade_specular, shade_diffuse, _look)
+        self._specular, self._diffuse, self._look = (self.wrap(kernel) for kernel in kernels)
+
+    def _tensor(self, array: np.ndarray) -> torch.Tensor:
+        return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32)).to(self.device)
+
+    def _pyramid(self, width: float, number: int) -> Pyramid:
+        """Return the pyramid of a map by its number, built at its first use."""
+        key = width, number
+        if key not in self._pyramids:
+            self._pyramids[key] = shading_pyramid(self.maps[number], width).to(self.device)
+        return self._pyramids[key]
+
+    @torch.no_grad()
+    def light(self, number: int, rotation: np.ndarray, alpha: float, elevation: int) -> LitMaterial:
+        """Light one material by a map, seen through rotation [3, 3] = world from camera (mirrored or not)."""
+        _, width, size, samples = next(budget for budget in BUDGETS if alpha < budget[0])
+        world = self._tensor(rotation.T)
+        n = self._tensor(reflectance_normals(size).reshape(-1, 3)) @ world
+        wo = self._tensor(np.tile([0.0, 0.0, 1.0], (len(n), 1))) @ world
+        u = self._tensor(hammersley(samples))
+        alphas = torch.full((len(n), 1), alpha, device=self.device)
+        specular = torch.cat(self._specular(self._pyramid(width, number), n, wo, alphas, u), dim=1)
+        coarse = self._tensor(reflectance_normals(32).reshape(-1, 3)) @ world
+        diffuse_pyramid = self._pyramid(1.0, number)
+        diffuse = self._diffuse(diffuse_pyramid, coarse, wo[: len(coarse)].contiguous(), self._tensor(hammersley(64)))
+        terms = [_picture(specular, size), _picture(diffuse, 32)]
+        sampled = self._look(self.maps[number], self._directions @ world)
+        radiance = sampled.reshape(MAP_HEIGHT, 4, 2 * MAP_HEIGHT, 4, 3).mean(dim=(1, 3))
+        return LitMaterial(terms=torch.cat(terms), radiance=radiance, alpha=alpha, elevation=elevation)
+
+    def draw(self, rng: np.random.Generator, world: float = 0.0) -> LitMaterial:
+        """Light a material of random alpha by a random map and view; half of the maps are mirrored.
+
+        world: share of those of a kind and an alpha of dataset.distributions.
+        """
+        number = int(rng.integers(len(self.maps)))
+        elevation = int(rng.integers(NUM_ELEVATIONS))
+        rotation = world_from_camera(rng.uniform(0, 2 * np.pi), draw_elevation(rng, elevation), rng.normal(0, 0.05))
+        if rng.random() < 0.5:
+            rotation = np.diag([-1.0, 1.0, 1.0]) @ rotation
+        alpha, kind = draw_alpha(rng), None
+        if world > 0 and rng.random() < world:
+            (kind,) = distributions.draw_kinds(rng, 1).tolist()
+            alpha = float(distributions.draw_alphas(rng, np.array([kind]))[0])
+        return replace(self.light(number, rotation, alpha, elevation), kind=kind)
+
+
+def _picture(values: torch.Tensor, size: int) -> torch.Tensor:
+    """Convert [size * size, C] to [C, SIZE, SIZE]."""
+    picture = values.reshape(1, size, size, -1).permute(0, 3, 1, 2)
+    if size != SIZE:
+        picture = torch.nn.functional.interpolate(picture, size=(SIZE, SIZE), mode="bilinear", align_corners=False)
+    return picture[0].contiguous()

@@ -1,0 +1,173 @@
+"""Scored methods: a model, the same with hints, two baselines without a network, and parts of the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from importlib import resources
+
+import numpy as np
+
+from anyprobe.core.frames import normalize
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
+from anyprobe.core.response import inverse_response, response
+from anyprobe.estimate.material_hint import use_material
+from anyprobe.estimate.normals_hint import SHORTEST
+from anyprobe.estimate.runtime import EXPECTED, NORMALS_SIZE, Models, Outputs
+from anyprobe.estimate.surroundings import use_surroundings, visible_surroundings
+from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.light.filtering import blur_cap
+from anyprobe.maps.radiance import read_radiance
+from anyprobe_train.dataset.pair import Pair, shot_of
+
+GIVEN_HINTS = {
+    "normals": {"normals"},
+    "material": {"material"},
+    "normals and material": {"normals", "material"},
+    "surroundings": {"surroundings"},
+    "all three": {"normals", "material", "surroundings"},
+}
+"""Hints given to a model beside the object's crop, by row name."""
+PHONE_FOV_DEG = 65.0
+PHONE_PX = (256, 192)
+"""Width and height of the photo that shows a pair's surroundings [pixels]: a phone's, with the object in its middle."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Estimate:
+    """A method's estimate of a pair, in the crop's frame; None where it has none.
+
+    ldr [64, 128, 3] display; radiance [64, 128, 3] exposure units; irradiance [128, 128, 3] display;
+    confidence [64, 128] in [0, 1].
+    """
+
+    ldr: np.ndarray
+    radiance: np.ndarray | None = None
+    irradiance: np.ndarray | None = None
+    confidence: np.ndarray | None = None
+
+    @classmethod
+    def of_map(cls, radiance: np.ndarray) -> Estimate:
+        """Return the estimate that is a map [64, 128, 3] in exposure units."""
+        return cls(ldr=response(radiance), radiance=radiance)
+
+    @property
+    def lights(self) -> np.ndarray:
+        """Map that lights virtual objects [64, 128, 3]: radiance, else the LDR map through the inverse curve."""
+        return inverse_response(self.ldr) if self.radiance is None else self.radiance
+
+
+Method = Callable[[Pair], Estimate]
+
+
+def model_methods(models: Models, name: str, hints: bool = False) -> dict[str, Method]:
+    """Return the methods of a model by row: from the photo alone, with expected emitters, and, if asked, with hints.
+
+    hints: also a row for each of GIVEN_HINTS.
+    """
+
+    def method(pair: Pair, models: Models = models, hints: Collection[str] = frozenset()) -> Estimate:
+        outputs = run_with_hints(models, pair, hints)
+        return Estimate(
+            ldr=outputs.ldr.clip(0.0, 1.0),
+            radiance=outputs.radiance,
+            irradiance=outputs.irradiance,
+            confidence=outputs.confidence,
+        )
+
+    methods: dict[str, Method] = {name: method}
+    if models.lifts:
+        methods[f"{name}, emitters {EXPECTED}"] = partial(method, models=models.with_emitters(EXPECTED))
+    rows = GIVEN_HINTS if hints else {}
+    return methods | {f"{name}, {what} given": partial(method, hints=hints) for what, hints in rows.items()}
+
+
+def baselines() -> dict[str, Method]:
+    """Return the mean training map, and the object taken for a chrome sphere."""
+    return {
+        "mean map": lambda pair: Estimate.of_map(mean_map()),
+        "chrome sphere": lambda pair: Estimate.of_map(chrome_sphere(pair.crop)),
+    }
+
+
+BLURS_DEG = (15, 30)
+"""Radii of the caps that the truth is averaged over, in rows that give figures a scale [degrees]."""
+
+
+def truth_methods() -> dict[str, Method]:
+    """Return references made of the truth: its mean colour everywhere, and the truth blurred.
+
+    All are of display values, of which no flat colour has a lower RMSE than their mean.
+    """
+
+    def flat(pair: Pair) -> Estimate:
+        ldr = response(pair.radiance)
+        return Estimate(ldr=np.broadcast_to(ldr.mean(axis=(0, 1)), ldr.shape))
+
+    def blurred(pair: Pair, radius_deg: float) -> Estimate:
+        return Estimate(ldr=blur_cap(response(pair.radiance), np.radians(radius_deg)).clip(0.0, 1.0))
+
+    rows: dict[str, Method] = {f"truth blurred by {deg} degrees": partial(blurred, radius_deg=deg) for deg in BLURS_DEG}
+    return {"one flat colour": flat, **rows}
+
+
+@lru_cache(maxsize=1)
+def mean_map() -> np.ndarray:
+    """Return the geometric mean [64, 128, 3] of the maps of training pairs, camera's frame, photo's exposure units.
+
+    Written with the weights, from the pairs they were trained on.
+    """
+    return read_radiance(str(resources.files("anyprobe") / "weights" / "mean_map.exr"))
+
+
+def chrome_sphere(photo: np.ndarray) -> np.ndarray:
+    """Take the object for a chrome sphere and unwrap it: photo [S, S, 4] -> radiance [64, 128, 3].
+
+    The sphere is as large as the longer side of the mask's bounding box. Where it has
+    no pixel of the object the object's mean stands in.
+    """
+    mask = photo[..., 3] > 0.5
+    rows, columns = np.nonzero(mask)
+    centre = np.array([columns.min() + columns.max() + 1, rows.min() + rows.max() + 1]) / 2
+    radius = max(np.ptp(columns), np.ptp(rows)) / 2 + 0.5
+    radiance = inverse_response(photo[..., :3])
+    d = pixel_directions(MAP_HEIGHT)
+    n = normalize(d + np.array([0.0, 0.0, 1.0], np.float32))  # reflect(+Z, n) = d
+    x = np.clip((centre[0] + n[..., 0] * radius).astype(int), 0, mask.shape[1] - 1)
+    y = np.clip((centre[1] - n[..., 1] * radius).astype(int), 0, mask.shape[0] - 1)
+    mean = radiance[mask].mean(axis=0)
+    return np.where(mask[y, x][..., None], radiance[y, x], mean).astype(np.float32)
+
+
+def run_with_hints(models: Models, pair: Pair, hints: Collection[str]) -> Outputs:
+    """Run a model with the pair's true normals, true material or surroundings."""
+    normals = true_normals(pair) if "normals" in hints else None
+    surroundings_map = surroundings(pair) if "surroundings" in hints else None
+    material = pair.material if "material" in hints else None
+    outputs = models(pair.crop, pair.tan_half, normals, surroundings_map, material)
+    if "material" in hints:
+        outputs, _ = use_material(outputs, pair.crop, pair.tan_half, pair.material, normals)
+    if surroundings_map is not None:
+        outputs = use_surroundings(outputs, surroundings_map, tint="material" not in hints)
+    return outputs
+
+
+def true_normals(pair: Pair) -> np.ndarray:
+    """Return a pair's normals in a model's input format: [64, 64, 3] unit, zero outside the object."""
+    step = len(pair.normals) // NORMALS_SIZE
+    mean = np.asarray(pair.normals, np.float32).reshape(NORMALS_SIZE, step, NORMALS_SIZE, step, 3).mean(axis=(1, 3))
+    length = np.linalg.norm(mean, axis=-1, keepdims=True)
+    return np.where(length > SHORTEST, mean / np.maximum(length, SHORTEST), 0.0)
+
+
+def surroundings(pair: Pair) -> np.ndarray | None:
+    """Return the part of a pair's map that a phone's photo shows, see estimate.surroundings.visible_surroundings."""
+    width, height = PHONE_PX
+    slope = np.tan(np.radians(PHONE_FOV_DEG) / 2)
+    x = (np.arange(width) + 0.5) / width * 2 - 1
+    y = (1 - (np.arange(height) + 0.5) / height * 2) * height / width
+    rays = np.stack([*np.meshgrid(slope * x, slope * y), np.full((height, width), -1.0)], axis=-1)
+    radiance = bilinear(pair.radiance, direction_to_uv(normalize(rays)).astype(np.float32))
+    display = np.round(response(radiance, shot_of(pair.recipe).curve).clip(0.0, 1.0) * 255) / 255
+    return visible_surroundings(display.astype(np.float32), PHONE_FOV_DEG, np.eye(3), pair.crop, pair.tan_half)

@@ -1,0 +1,70 @@
+"""python -m anyprobe_train.mask_network: commands train, export."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from anyprobe.cli.app import main as run_command
+from anyprobe.errors import InputError
+from anyprobe_train.cli.run import Data, DryRun, Keep, Runs, Steps
+from anyprobe_train.mask_network.mask_export import export_mask
+from anyprobe_train.mask_network.mask_training import MaskRunConfig, small_mask_run, train_mask
+from anyprobe_train.train.checkpoint import keep_apart, save_init_weights
+
+RUNS_DIR = Path("runs")
+WEIGHTS = Path("src/anyprobe/weights/mask")
+
+app = typer.Typer(no_args_is_help=True)
+
+
+@app.command()
+def train(
+    data: Data = None,
+    runs: Runs = RUNS_DIR,
+    steps: Steps = None,
+    dry_run: DryRun = None,
+    init_weights: Annotated[
+        Path | None, typer.Option(help="Weights to begin from, kept by export --keep; the same ones to resume.")
+    ] = None,
+    keep_every: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Keep the checkpoint after every N steps.")
+    ] = None,
+) -> None:
+    """Train the network that proposes the object; resumes exactly."""
+    if dry_run is not None and steps is not None:
+        raise InputError("expected one of them, got both", subject=("steps", "dry_run"))
+    config = MaskRunConfig() if steps is None else replace(MaskRunConfig(), steps=steps)
+    if dry_run is not None:
+        config = small_mask_run(config, dry_run)
+        (runs / config.name / "checkpoint.pt").unlink(missing_ok=True)
+    every = keep_every or config.steps
+    for stop in range(every, config.steps + every, every):
+        checkpoint = train_mask(config, data=data, runs=runs, stop_after=stop, start=init_weights)
+        if keep_every is not None:
+            shutil.copy(checkpoint, checkpoint.with_name(f"after_{min(stop, config.steps):06d}.pt"))
+    typer.echo(checkpoint)
+
+
+@app.command()
+def export(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run's folder, or its checkpoint.")] = RUNS_DIR / "mask",
+    to: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Folder for mask.onnx.")] = WEIGHTS,
+    keep: Keep = None,
+) -> None:
+    """Export a trained run as ONNX and check it against torch."""
+    checkpoint = run / "checkpoint.pt" if run.is_dir() else run
+    if keep is not None:
+        keep_apart(checkpoint, keep)
+        save_init_weights(checkpoint, keep, holds="net")
+    typer.echo(f"{to / 'mask.onnx'}: within {export_mask(checkpoint, to):.2g} of torch")
+    if keep is not None:
+        typer.echo(keep)
+
+
+if __name__ == "__main__":
+    run_command(app)

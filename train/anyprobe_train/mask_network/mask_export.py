@@ -1,0 +1,32 @@
+"""The mask network's export: one ONNX graph with its contract, its weights stored small, checked against torch."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from anyprobe.masks.networks import MASK_CONTRACT, SMALL_PX
+from anyprobe_train.mask_network.mask_training import load_mask_net
+from anyprobe_train.train.export_onnx import CONVOLUTIONS, LINEAR_LAYERS, Graph, write_graph
+
+TOLERANCE = 0.01
+"""Largest mean difference of the cover between graph and network."""
+
+
+def export_mask(checkpoint: Path, folder: Path) -> float:
+    """Write folder/mask.onnx: "input" [1, 4, 160, 160] to "output" [1, 1, 160, 160]; return its mean difference from
+    torch; ModelError if that is more than TOLERANCE."""
+    net, run = load_mask_net(checkpoint)
+    recipe = {
+        "run": run["name"],
+        "steps": str(run["step"]),
+        "scenes": str(run["scenes"]["scenes"] + run["step"] * run["scenes"]["fresh"]),
+        "config": json.dumps(run),
+    }
+    example = torch.rand((1, 4, SMALL_PX, SMALL_PX), generator=torch.Generator().manual_seed(0))
+    shapes = {"input": tuple(example.shape)}
+    graph = Graph(net=net, inputs=shapes, typical=np.mean, small=(LINEAR_LAYERS, CONVOLUTIONS), batched=False)
+    return write_graph("mask", graph, (example,), {**MASK_CONTRACT, **recipe}, folder / "mask.onnx", TOLERANCE)

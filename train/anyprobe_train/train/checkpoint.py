@@ -1,0 +1,243 @@
+"""Checkpoints: resuming their run and no other, and their weights alone, in half floats, to start another run from."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import zipfile
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, Field, asdict, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import nn
+
+from anyprobe.errors import InputError, ModelError
+from anyprobe.files.atomic import atomic_path
+from anyprobe_train.train.from_lift import chain_from_lift
+
+CHANGEABLE = ("name", "steps")
+"""Settings that may change when a run is resumed."""
+OPTIONS_OF = {
+    "pairs.lanes": "pairs.lanes (processes times --workers, 2 without workers) of",
+    "processes": "a number of processes of",
+    "assets": "--data with",
+    "start": "--init-weights with",
+    "teacher": "--teacher with",
+}
+
+
+def agreed(path: Path, first: Mapping[str, Any], current: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the origin of the run at path, its checkpoint's and the current one; InputError if they differ."""
+    for name, value in current.items():
+        if first.get(name, value) != value:
+            raise _another_run(path, name, first[name], value)
+    return {**current, **first}
+
+
+def resumed(
+    path: Path, config: Any, origin: dict[str, Any], start: Path | None, device: str = "cpu", holds: str = "nets"
+) -> tuple[dict[str, Any] | None, dict[str, Any]]:
+    """Return the run's checkpoint, None if there is none yet, and its origin with the weights it started from.
+
+    config: the run's, a dataclass with `steps`.
+
+    Raises:
+        InputError: other settings, of which it names the first, another origin, or more steps done than asked for.
+        ModelError: of read_checkpoint, or a checkpoint that has weights alone.
+    """
+    if start is not None:
+        origin["start"] = init_weights_id(start)
+    if not path.is_file():
+        return None, {"start": None, **origin}
+    stored = read_checkpoint(path, device, holds)
+    if "optimizer" not in stored:
+        raise ModelError(
+            "expected a run's checkpoint, got weights alone; train in another folder with --init-weights", source=path
+        )
+    for name, old, current in differing(config, json.loads(stored["config"])):
+        if name not in CHANGEABLE:
+            raise _another_run(path, name, old, current)
+    if config.steps < stored["step"]:
+        raise InputError(
+            f"expected at least the {stored['step']} steps that are done, got {config.steps}; "
+            "give more --steps, or train in another --runs folder",
+            source=path,
+        )
+    return stored, agreed(path, stored.get("origin", {}), origin)
+
+
+def differing(config: Any, stored: Mapping[str, Any], part: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Yield name (as part.name), stored value and current value of each setting that differs from its stored form.
+
+    A setting that is not stored had its default.
+    """
+    for setting in fields(config):
+        current = getattr(config, setting.name)
+        old = stored[setting.name] if setting.name in stored else _default(setting, current)
+        if is_dataclass(current):
+            yield from differing(current, old, f"{part}{setting.name}.")
+        elif old != current:
+            yield part + setting.name, old, current
+
+
+def _default(setting: Field, current: Any) -> Any:
+    """Return a setting's default in its stored form; the value now where it has none."""
+    value = current
+    if setting.default is not MISSING:
+        value = setting.default
+    elif setting.default_factory is not MISSING:
+        value = setting.default_factory()
+    return asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
+
+
+def _another_run(path: Path, name: str, old: Any, current: Any) -> InputError:
+    return InputError(
+        f"expected {OPTIONS_OF.get(name, name)} {'nothing' if old is None else old}, as the run started, "
+        f"got {current}; resume with the same, or train in another --runs folder",
+        source=path,
+    )
+
+
+def save_checkpoint(path: Path, config: Any, step: int, origin: Mapping[str, Any], state: Mapping[str, Any]) -> None:
+    """Save everything that the next step depends on; what is drawn depends on the step's number alone.
+
+    state: weights, of the networks and of the optimizer, and numbers, by name.
+    """
+    about = {"step": step, "config": json.dumps(asdict(config)), "origin": dict(origin)}
+    with atomic_path(path) as temporary:
+        torch.save({**state, **about}, temporary)
+
+
+def read_checkpoint(path: Path, device: str = "cpu", holds: str = "nets") -> dict[str, Any]:
+    """Read what save_checkpoint wrote; ModelError if there is no file, a damaged one, or none of a run.
+
+    holds: the name that has the weights.
+    """
+    if not path.is_file():
+        raise ModelError("no such checkpoint; train first", source=path)
+    with path.open("rb") as stream:
+        try:
+            stored = torch.load(stream, map_location=device, weights_only=True)
+        except Exception as error:  # torch raises many kinds for a damaged file
+            raise _no_checkpoint(path, "a damaged file") from error
+    if not isinstance(stored, Mapping):
+        raise _no_checkpoint(path, f"a {type(stored).__name__}")
+    if not isinstance(stored.get(holds), Mapping):
+        raise _no_checkpoint(path, f"a file without {holds}")
+    try:
+        config = json.loads(stored["config"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise _no_checkpoint(path, "a file without its configuration") from error
+    if not isinstance(config, dict) or not isinstance(stored.get("step"), int):
+        raise _no_checkpoint(path, "a file without its configuration or step")
+    return dict(stored)
+
+
+def load_weights(nets: nn.Module, weights: Mapping[str, torch.Tensor], path: Path) -> None:
+    """Load a checkpoint's weights into networks; ModelError names the first that does not fit."""
+    wanted = nets.state_dict()
+    for name in {**wanted, **weights}:
+        expected, shape = (
+            list(state[name].shape) if isinstance(state.get(name), torch.Tensor) else "none"
+            for state in (wanted, weights)
+        )
+        if expected != shape:
+            raise ModelError(
+                f"expected this run's weights, with {name} {expected}, got {shape}; "
+                "use the release that trained it, or train again in another folder",
+                source=path,
+            )
+    nets.load_state_dict(weights)
+
+
+def _no_checkpoint(path: Path, found: str) -> ModelError:
+    return ModelError(f"expected a run's checkpoint, got {found}; train again, or restore a copy", source=path)
+
+
+SMALL = 1024
+"""Size below which tensors stay float32 [numbers]: statistics and biases, which take little space."""
+
+
+def save_init_weights(checkpoint: Path, path: Path, holds: str = "nets") -> None:
+    """Save a checkpoint's weights, those named `holds`, by save_weights; errors of read_checkpoint, keep_apart."""
+    stored = read_checkpoint(checkpoint, holds=holds)
+    keep_apart(checkpoint, path)
+    save_weights(stored[holds], path)
+
+
+def save_weights(weights: Mapping[str, torch.Tensor], path: Path) -> None:
+    """Save weights at path, compressed, large tensors as float16; read_init_weights reads them."""
+    halved = {
+        name: value.half() if value.is_floating_point() and value.numel() >= SMALL else value
+        for name, value in weights.items()
+    }
+    with atomic_path(path) as temporary:
+        _save_deflated(halved, temporary)
+
+
+def _save_deflated(weights: dict[str, torch.Tensor], path: Path) -> None:
+    """Save weights as torch.save does, but compressed; torch.load reads it. Half floats shrink by a twelfth."""
+    plain = io.BytesIO()
+    torch.save(weights, plain)
+    with zipfile.ZipFile(plain) as source, zipfile.ZipFile(path, "w") as target:
+        for name in source.namelist():
+            target.writestr(zipfile.ZipInfo(name), source.read(name), zipfile.ZIP_DEFLATED, compresslevel=9)
+
+
+def keep_apart(checkpoint: Path, path: Path) -> None:
+    """Raise InputError if path is the run's checkpoint, which bare weights must not replace."""
+    if checkpoint.exists() and path.exists() and path.samefile(checkpoint):
+        raise InputError(
+            "expected another file for the weights, got the run's own checkpoint; choose another", source=path
+        )
+
+
+def load_init_weights(nets: nn.Module, path: Path, lift: Path | None = None) -> None:
+    """Load the weights that save_init_weights wrote; ModelError if they do not fit.
+
+    Networks of the file that are not among nets are left out.
+    Whole networks that the file lacks begin as the same layers of `lift` where it has them, from its weights at lift or
+    from path, see train.from_lift; else untrained.
+    """
+    fresh = nets.state_dict()
+    weights = read_init_weights(path)[0]
+    layers = chain_from_lift(weights if lift is None else read_init_weights(lift)[0], fresh)
+    if layers and lift is None:
+        weights = layers
+    own = {name for name, _ in nets.named_children()}
+    weights = {name: x for name, x in weights.items() if name.split(".")[0] in own}
+    present = {name.split(".")[0] for name in weights}
+    untrained = {name: x for name, x in fresh.items() if name.split(".")[0] not in present}
+    if present:
+        weights = untrained | {name: x for name, x in layers.items() if name in untrained} | weights
+    try:
+        nets.load_state_dict(weights)
+    except Exception as error:  # other names, other shapes, no weights at all
+        raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
+
+
+def init_weights_id(path: Path) -> str:
+    """Return the identity of initial weights: the first 16 hex digits of the file's SHA-256; ModelError if absent."""
+    if not path.is_file():
+        raise ModelError("no such file; save weights with `anyprobe-train export --keep`", source=path)
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()[:16]
+
+
+def read_init_weights(path: Path) -> tuple[dict[str, torch.Tensor], int | None]:
+    """Read a file of weights as float32, and the number of pairs they have seen, None if it is not stored."""
+    try:
+        stored = torch.load(path, map_location="cpu", weights_only=True)
+        weights, pairs = (stored["nets"], stored.get("pairs")) if stored.get("nets") else (stored, None)
+        return {name: value.float() if value.is_floating_point() else value for name, value in weights.items()}, pairs
+    except Exception as error:  # torch raises many kinds for a damaged file
+        raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
+
+
+def _not_of_this_run(path: Path, found: str) -> ModelError:
+    return ModelError(
+        f"expected weights of this run, saved by `anyprobe-train export --keep`, got {found}", source=path
+    )

@@ -1,0 +1,293 @@
+"""Export of checkpoints to ONNX graphs with their contract, in compact storage, checked against torch."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from anyprobe.errors import ModelError
+from anyprobe.estimate.runtime import CONTRACT, LIFT_INPUTS, LIFT_OUTPUTS, NORMALS_SIZE, PHOTO_SIZE
+from anyprobe.files.atomic import atomic_path
+from anyprobe.given_material import MATERIAL_INPUTS
+from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe_train.nets.light_net import LightNet, LightPrediction
+from anyprobe_train.train.checkpoint import read_checkpoint
+from anyprobe_train.train.loop import load_nets, pairs_seen
+
+_PHOTO = (1, 4, PHOTO_SIZE, PHOTO_SIZE)
+_NORMALS = (1, 3, NORMALS_SIZE, NORMALS_SIZE)
+SURROUNDINGS = (1, 4, MAP_HEIGHT, 2 * MAP_HEIGHT)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Sureness:
+    """How a graph corrects its claims: slope and offset of the confidence logit, and factors
+    of the errors of reflectance, level and colour."""
+
+    logit: tuple[float, float] = (1.0, 0.0)
+    errors: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """All of them, as graphs' metadata have them."""
+        return *self.logit, *self.errors
+
+
+AS_LEARNED = Sureness()
+AS_CALIBRATED = Sureness(logit=(1.08061, -0.598498), errors=(0.996776, 1.15832, 1.1506))
+"""Corrections of the weights that ship, by research/export_weights/calibrate.py; WholeNet learned from these."""
+FLOATS = "float32"
+"""Precision that a graph computes in, as its metadata states it."""
+LARGE = 8192
+"""Smallest number of weights of a layer that is stored as int8, with a scale per output channel."""
+LINEAR_LAYERS, CONVOLUTIONS = 2, 4
+"""Kinds of layers, by the number of dimensions of their weights."""
+TOLERANCE = 0.02
+"""Largest difference of display values or ln radiance that compact storage may cause."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Graph:
+    """One graph: its network, and the shapes of its inputs and names of its outputs in order.
+
+    typical: of the differences from torch; their median, where a last bit may move a pixel to its neighbour.
+    small: which layers keep their weights as int8, see store_int8.
+    batched: whether it takes several examples at a time.
+    """
+
+    net: nn.Module
+    inputs: dict[str, tuple[int, ...]]
+    outputs: tuple[str, ...] = ("output",)
+    typical: Callable[[np.ndarray], float] = np.max
+    small: tuple[int, ...] = ()
+    batched: bool = True
+
+
+def claims_of(guess: LightPrediction, sureness: Sureness) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return the confidence [N, 1, 64, 128] in [0, 1], and the posterior [N, 7] of estimate.runtime.POSTERIOR."""
+    slope, offset = sureness.logit
+    of_reflectance, of_level, of_color = sureness.errors
+    metal, others = guess.posterior.split([1, 6], dim=1)
+    factors = others.new_tensor([1.0, 1.0, 1.0, of_reflectance, of_level, 10 * of_color])
+    posterior = torch.cat([torch.sigmoid(metal), torch.exp(others) * factors], dim=1)
+    return torch.sigmoid(slope * guess.confidence_logit + offset), posterior
+
+
+class LightGraph(nn.Module):
+    """Outputs of LightNet in the order of LIFT_OUTPUTS: irradiance, ln radiance with emitters at their mode, confidence
+    [N, 1, 64, 128] in [0, 1], normals, expected ln radiance, posterior [N, 7] as estimate.runtime.POSTERIOR has
+    it."""
+
+    def __init__(self, net: LightNet, sureness: Sureness = AS_LEARNED) -> None:
+        super().__init__()
+        self.net = net
+        self.sureness = sureness
+
+    def forward(
+        self,
+        photo: torch.Tensor,
+        tan_half: torch.Tensor,
+        given_normals: torch.Tensor,
+        surroundings: torch.Tensor,
+        material: torch.Tensor,
+    ) -> tuple[torch.Tensor, ...]:
+        guess = self.net(photo, tan_half, given_normals, surroundings, material)
+        confidence, posterior = claims_of(guess, self.sureness)
+        shown = guess.features.irradiance, guess.ln_radiance, confidence, guess.normals, guess.ln_expected
+        return *shown, posterior
+
+
+def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str, Graph]:
+    """Return the graphs that a run's networks become, by stage."""
+    if "light" in nets:
+        net = LightGraph(cast(LightNet, nets["light"]), sureness).eval()
+        shapes = dict(zip(LIFT_INPUTS, (_PHOTO, (1, 1), _NORMALS, SURROUNDINGS, (1, MATERIAL_INPUTS)), strict=True))
+        return {"light": Graph(net=net, inputs=shapes, outputs=LIFT_OUTPUTS, typical=np.median, small=(CONVOLUTIONS,))}
+    seen: dict[str, tuple[int, ...]] = {"input": _PHOTO, "tan_half": (1, 1)}
+    ldr: dict[str, tuple[int, ...]] = {"input": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
+    return {
+        stage: Graph(
+            net=net,
+            inputs=ldr if stage == "hdr" else seen,
+            typical=np.median if stage == "illumination" else np.max,
+            small=(LINEAR_LAYERS,),
+        )
+        for stage, net in nets.items()
+    }
+
+
+def export_graphs(checkpoint: Path, folder: Path, sureness: Sureness = AS_LEARNED) -> dict[str, float]:
+    """Write the graphs of a run; return each one's largest difference from torch, ModelError if beyond TOLERANCE."""
+    nets = load_nets(checkpoint)
+    stored = read_checkpoint(checkpoint)
+    config = json.loads(stored["config"])
+    recipe = {
+        "run": config["name"],
+        "steps": str(stored["step"]),
+        "pairs": str(pairs_seen(stored)),
+        "config": stored["config"],
+        "sureness": " ".join(f"{value:g}" for value in sureness.numbers),
+        **provenance(stored),
+    }
+    return {
+        stage: export_stage(stage, graph, recipe, folder / f"{stage}.onnx")
+        for stage, graph in graphs_of(nets, sureness).items()
+    }
+
+
+def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
+    """Return the provenance of a checkpoint's weights besides its own steps, as far as known:
+
+    start           identity of the file of weights that the run started from, or "nothing"
+    teacher         identity of the file of weights whose maps were learned from, beside the truth
+    assets          the maps and shapes of its data, as dataloader.name_assets has them
+    mean_with       identity of the file of weights that they are the mean with
+    mean_with_pairs the pairs that those have seen
+    mean_with_share how much of the mean those are
+    """
+    origin, other = stored.get("origin", {}), stored.get("mean_with", {})
+    known = {
+        "start": (origin["start"] or "nothing") if "start" in origin else None,
+        "teacher": origin.get("teacher"),
+        "assets": origin.get("assets"),
+        "mean_with": other.get("start"),
+        "mean_with_pairs": other.get("pairs"),
+        "mean_with_share": other.get("share"),
+    }
+    return {name: str(value) for name, value in known.items() if value is not None}
+
+
+def export_stage(
+    stage: str,
+    graph: Graph,
+    recipe: dict[str, str],
+    path: Path,
+    examples: tuple[torch.Tensor, ...] | None = None,
+    tolerance: float | None = None,
+) -> float:
+    """Export one network of a model, see write_graph; examples: random ones if None, tolerance: TOLERANCE."""
+    if examples is None:
+        generator = torch.Generator().manual_seed(0)
+        examples = tuple(_smooth(shape, generator) for shape in graph.inputs.values())
+    about = {**CONTRACT, "stage": stage, "computes": FLOATS, **recipe}
+    return write_graph(stage, graph, examples, about, path, TOLERANCE if tolerance is None else tolerance)
+
+
+def write_graph(
+    name: str, graph: Graph, examples: tuple[torch.Tensor, ...], about: dict[str, str], path: Path, tolerance: float
+) -> float:
+    """Write a graph with its metadata: batch normalisation folded, weights stored small, computed as float32.
+
+    Return the typical difference of its outputs for the examples from torch's; ModelError if it is more than tolerance.
+    """
+    import onnx
+
+    from anyprobe.files.onnx_runtime import onnxruntime
+
+    with atomic_path(path) as temporary:
+        torch.onnx.export(
+            graph.net,
+            examples,
+            str(temporary),
+            input_names=list(graph.inputs),
+            output_names=list(graph.outputs),
+            dynamic_axes={name: {0: "n"} for name in (*graph.inputs, *graph.outputs)} if graph.batched else None,
+            opset_version=17,
+            dynamo=False,
+        )
+        model = onnx.load(str(temporary))
+        store_half(model)
+        if graph.small:
+            store_int8(model, graph.small)
+        onnx.helper.set_model_props(model, about)
+        onnx.checker.check_model(model)
+        onnx.save(model, str(temporary))
+        session = onnxruntime.InferenceSession(str(temporary), providers=["CPUExecutionProvider"])
+        with torch.no_grad():
+            expected = graph.net(*examples)
+        expected = (expected,) if isinstance(expected, torch.Tensor) else expected
+        outputs = session.run(None, dict(zip(graph.inputs, (example.numpy() for example in examples), strict=True)))
+        difference = max(float(graph.typical(np.abs(a - b.numpy()))) for a, b in zip(outputs, expected, strict=True))
+        if not difference <= tolerance:
+            raise ModelError(
+                f"expected ONNX within {tolerance} of torch, got {difference:.3g}: the weights do not bear "
+                "compact storage; train further; --keep FILE saves them all the same",
+                source=name,
+            )
+    return difference
+
+
+def _smooth(shape: tuple[int, ...], generator: torch.Generator) -> torch.Tensor:
+    """Draw numbers in [0, 1]; pictures as smooth as photos, since in noise a last bit may flip a normal."""
+    if len(shape) < 4:
+        return torch.rand(shape, generator=generator)
+    coarse = torch.rand((*shape[:2], 8, 8), generator=generator)
+    return F.interpolate(coarse, size=shape[2:], mode="bilinear", align_corners=False)
+
+
+def store_half(model) -> None:
+    """Store large float32 weights as float16 behind a Cast, equal ones once; the runtime widens them when it opens."""
+    import onnx
+    from onnx import numpy_helper
+
+    exact: set[str] = set()
+    for node in [node for node in model.graph.node if node.op_type == "Constant"]:  # the tracer writes each use anew
+        tensor = next((a.t for a in node.attribute if a.HasField("t")), None)
+        if tensor is not None and numpy_helper.to_array(tensor).size >= 1024:
+            tensor.name = node.output[0]
+            model.graph.initializer.append(tensor)
+            model.graph.node.remove(node)
+            exact.add(tensor.name)  # directions and the like, whose angles half floats would blur
+    casts: list[Any] = []
+    first_of: dict[Any, str] = {}
+    renamed: dict[str, str] = {}
+    for tensor in list(model.graph.initializer):
+        values = numpy_helper.to_array(tensor)
+        if values.dtype != np.float32 or values.size < 1024:
+            continue
+        name = tensor.name
+        first = first_of.setdefault((values.shape, values.tobytes()), name)
+        if first == name and name in exact:
+            continue
+        model.graph.initializer.remove(tensor)
+        if first != name:
+            renamed[name] = first
+            continue
+        model.graph.initializer.append(numpy_helper.from_array(values.astype(np.float16), name + "_half"))
+        casts.append(onnx.helper.make_node("Cast", [name + "_half"], [name], to=onnx.TensorProto.FLOAT))
+    for node in model.graph.node:
+        node.input[:] = [renamed.get(name, name) for name in node.input]
+    for node in reversed(casts):
+        model.graph.node.insert(0, node)
+
+
+def store_int8(model, kinds: tuple[int, ...] = (LINEAR_LAYERS, CONVOLUTIONS)) -> None:
+    """Store the halved weights of large layers of some kinds as int8 behind a DequantizeLinear.
+
+    store_half must come before; the runtime widens the weights once, when it opens.
+    """
+    import onnx
+    from onnx import numpy_helper
+
+    for node in [one for one in model.graph.node if one.op_type == "Cast"]:
+        tensor = next((one for one in model.graph.initializer if one.name == node.input[0]), None)
+        if tensor is None or len(tensor.dims) not in kinds or np.prod(tensor.dims) < LARGE:
+            continue
+        name, values = node.output[0], numpy_helper.to_array(tensor).astype(np.float32)
+        scale = np.maximum(np.abs(values).reshape(len(values), -1).max(axis=1), 1e-8) / 127
+        steps = np.round(values / scale.reshape(-1, *[1] * (values.ndim - 1))).astype(np.int8)
+        model.graph.initializer.remove(tensor)
+        parts = {"int8": steps, "scale": scale, "zero": np.zeros(len(values), np.int8)}
+        model.graph.initializer.extend(numpy_helper.from_array(part, f"{name}_{kind}") for kind, part in parts.items())
+        widened = onnx.helper.make_node("DequantizeLinear", [f"{name}_{kind}" for kind in parts], [name], axis=0)
+        place = list(model.graph.node).index(node)
+        model.graph.node.remove(node)
+        model.graph.node.insert(place, widened)

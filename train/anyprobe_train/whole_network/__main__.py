@@ -1,0 +1,80 @@
+"""python -m anyprobe_train.whole_network: commands train, export; pairs come from research.scenes.
+
+Scores of an export: python -m research.world.whole score --model FOLDER, with light.onnx beside whole.onnx.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from anyprobe.cli.app import main as run_command
+from anyprobe_train.cli.run import Keep, Runs, Steps
+from anyprobe_train.train.checkpoint import keep_apart, save_weights
+from anyprobe_train.whole_network.whole_export import export_photo_net
+from anyprobe_train.whole_network.whole_training import WholeRunConfig, load_photo_net, train_whole
+
+ALL_RUNS = Path("runs")
+WEIGHTS = Path("src/anyprobe/weights/lift")
+
+app = typer.Typer(no_args_is_help=True)
+Pairs = Annotated[Path, typer.Option(help="Folder of the pairs, see research.scenes.")]
+
+
+@app.command()
+def train(
+    init_weights: Annotated[
+        list[Path], typer.Option(help="Weights to begin from, repeat for those of each part; the same ones to resume.")
+    ],
+    pairs: Pairs = ALL_RUNS / "scenes",
+    left_out: Annotated[
+        Path | None, typer.Option(help="Folder of pairs of the left-out part, scored while training.")
+    ] = None,
+    runs: Runs = ALL_RUNS,
+    steps: Steps = None,
+    growing: Annotated[bool, typer.Option(help="Also learn from pairs that are added meanwhile.")] = False,
+    name: Annotated[str, typer.Option(help="Of the run's folder.")] = "whole",
+    batch: Annotated[int | None, typer.Option(min=2, help="Photos a step; the run's own number otherwise.")] = None,
+    object_rate: Annotated[
+        float | None, typer.Option(min=0.0, help="Learning rate of what sees the object, in shares; 0: it stays.")
+    ] = None,
+    device: Annotated[str, typer.Option(help="Of torch.")] = "cpu",
+) -> None:
+    """Train the networks that see the object and the whole photo; resumes exactly."""
+    config = WholeRunConfig(name=name, growing=growing)
+    config = replace(
+        config,
+        steps=steps or config.steps,
+        batch=batch or config.batch,
+        object_rate=config.object_rate if object_rate is None else object_rate,
+    )
+    path = train_whole(config, pairs=pairs, runs=runs, start=init_weights, left_out=left_out, device=device)
+    typer.echo(path)
+
+
+@app.command()
+def export(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run's folder, or its checkpoint.")] = ALL_RUNS / "whole",
+    to: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Folder for the two graphs.")] = WEIGHTS,
+    start: Annotated[
+        list[Path] | None, typer.Option(help="Weights the run began from, for a mean with them; repeat for more.")
+    ] = None,
+    share: Annotated[float, typer.Option(min=0.0, max=1.0, help="How much of the mean those are.")] = 0.5,
+    keep: Keep = None,
+) -> None:
+    """Export a trained run as ONNX and check it against torch."""
+    checkpoint = run / "checkpoint.pt" if run.is_dir() else run
+    if keep is not None:
+        keep_apart(checkpoint, keep)
+        save_weights(load_photo_net(checkpoint, start or (), share)[0].state_dict(), keep)
+    for name, off in export_photo_net(checkpoint, to, start or (), share).items():
+        typer.echo(f"{to / name}.onnx: within {off:.2g} of torch")
+    if keep is not None:
+        typer.echo(keep)
+
+
+if __name__ == "__main__":
+    run_command(app)
