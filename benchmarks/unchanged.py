@@ -46,7 +46,6 @@ INPUTS = {
     "photo": ["--surroundings", "photo"],
     "none": ["--surroundings", "none"],
     "expected": ["--emitters", "expected"],
-    "detail": ["--detail", "plausible", "--size", "64"],
     "paper": ["--model", "paper"],
 }
 """Options of `anyprobe estimate`, a photo each."""

@@ -29,10 +29,10 @@ from anyprobe.relight.insert import Stage
 from anyprobe.relight.path_traced import _environment, _shape, open_mitsuba
 from anyprobe.render.spheres import diffuse
 from anyprobe.scatter.materials import Material
+from anyprobe_train.dataset.room import room
+from anyprobe_train.dataset.sky import sky, studio
 from anyprobe_train.dataset.textured import draw_texture
 from anyprobe_train.evaluate.metrics import color_angle_deg, direction_error_deg, power_ratio_stops
-from research.detail_library.outdoors import detailed_outdoor
-from research.detail_library.rooms import detailed_room, detailed_studio
 
 DOCS = Path(__file__).parent.parent / "docs"
 WIDTH, HEIGHT, FOV_DEG = 480, 360, 30.0
@@ -61,13 +61,13 @@ def surface(albedo: tuple[float, float, float], f0: float | tuple = 0.045, alpha
 
 
 SCENES = (
-    Scene(name="glazed vase, room", shape="vase", material=surface((0.62, 0.60, 0.55), alpha=0.15), light=detailed_room,
+    Scene(name="glazed vase, room", shape="vase", material=surface((0.62, 0.60, 0.55), alpha=0.15), light=room,
           seed=3, inserted="chrome"),
     Scene(name="brass solid, room", shape="solid", material=surface((0, 0, 0), (0.89, 0.79, 0.43), 0.25),
-          light=detailed_room, seed=8, inserted="matte"),
+          light=room, seed=8, inserted="matte"),
     Scene(name="yellow plastic, outdoors", shape="pebble", material=surface((0.75, 0.48, 0.05), alpha=0.3),
-          light=detailed_outdoor, seed=5, inserted="matte"),
-    Scene(name="grey stone, studio", shape="block", material=surface((0.4, 0.4, 0.4), alpha=0.7), light=detailed_studio,
+          light=sky, seed=5, inserted="matte"),
+    Scene(name="grey stone, studio", shape="block", material=surface((0.4, 0.4, 0.4), alpha=0.7), light=studio,
           seed=2, inserted="chrome"),
 )  # fmt: skip
 
@@ -88,7 +88,7 @@ def main() -> None:
         said = errors(light.radiance * gain, shrink(truth, MAP_HEIGHT))
         lines.append(SECTION.format(name=scene.name, inserted=scene.inserted, path=path.name, errors=said))
         print(path, flush=True)
-    (DOCS / "explanation" / "gallery.md").write_text("\n".join([*lines, TAIL]), encoding="utf-8")
+    (DOCS / "explanation" / "gallery.md").write_text("\n".join(lines), encoding="utf-8")
 
 
 HEAD = """# Gallery
@@ -103,15 +103,6 @@ SECTION = """## {name}
 ![Photo, light, {inserted} sphere relit by the estimate and by the truth](../gallery/{path})
 
 {errors}
-"""
-
-
-TAIL = """## Chrome with plausible detail
-
-![Photos; chrome spheres of the plain estimate, with detail, and of the truth; the maps of the three](../detail.jpg)
-
-Ten scenes, not selected, that are in no library (`python -m research.detail_library.measure --pairs 10 --sheet
-docs/detail.jpg`). The light is the estimate's, the places are invented: [detail](../how-to/detail.md).
 """
 
 

@@ -1,5 +1,5 @@
 // The exposure of the light's previews, for the example; no arguments
-// → { plain, darker, sharp, sharpDarker, again }: of each the mean display value of map and spheres, and the photo as text
+// → { plain, darker, again }: of each the mean display value of map and spheres, and the photo as text
 
 import { openPage } from "./page_steps.mjs";
 
@@ -39,11 +39,7 @@ export default async ({ page, url }) => {
   const seen = { plain: await look(page) };
   await expose(-3);
   seen.darker = await look(page);
-  await andDrawn(page, () => page.check("#reflections"));
-  seen.sharpDarker = await look(page);
   await expose(0);
-  seen.sharp = await look(page);
-  await andDrawn(page, () => page.uncheck("#reflections"));
   seen.again = await look(page);
   return seen;
 };

@@ -15,6 +15,5 @@ export default async ({ page, url, arguments: given }) => {
     file,
     isolated: await page.evaluate(() => crossOriginIsolated),
     targets_hidden: await page.isHidden("#targets"),
-    reflections_hidden: await page.isHidden("#reflections"),
   };
 }

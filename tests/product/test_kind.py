@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.estimate.fit_warnings import kind_doubts
-from anyprobe.match.kind import are_outdoors, is_outdoors, own_prices, photo_outdoors, prices
-from anyprobe.match.library_folder import open_library
+from anyprobe.match.kind import is_outdoors, photo_outdoors, prices
+from anyprobe.match.library import Library
 from anyprobe.match.plate import keep_plate
 from anyprobe.notices import Notice
 
@@ -48,26 +47,19 @@ def test_a_photo_of_one_colour_behind_its_object_is_a_studios_and_a_cut_out_says
 
 def test_panoramas_of_the_other_kind_cost_more():
     maps = np.stack([GRASS[::2, ::2], ROOM[::2, ::2]])
-    library = replace(open_library(), files=(Path("a"), Path("b")), names=("a", "b"), lights=maps)
+    none = np.zeros(2)
+    library = Library(
+        path=Path("maps.zip"),
+        names=("a", "b"),
+        features=none,
+        richness=none,
+        lights=maps,
+        levels=none,
+        files=(Path("a"), Path("b")),
+    )
     assert prices(False, library, 0.5).tolist() == [0.5, 0.0]
     assert prices(True, library, 0.5).tolist() == [0.0, 0.5]
     assert prices(None, library, 0.5).tolist() == [0.0, 0.0]
-
-
-def test_a_photo_with_a_place_is_in_no_studio_and_a_backdrop_in_nothing_else():
-    own = open_library()
-    kinds = np.array([name.split("-")[0] for name in own.names])
-    free = [set(kinds[own_prices(own, 1.0, backdrop) == 0]) for backdrop in (False, True, None)]
-    assert free == [{"room", "outdoor"}, {"studio"}, {"room", "outdoor", "studio"}]
-    costs = dict(zip(own.names, own_prices(own, 1.0, False), strict=True))
-    assert all(cost for name, cost in costs.items() if name.startswith("outdoor-street"))
-    assert not own_prices(replace(own, files=(Path("a"),) * len(own.names)), 1.0, True).any()
-
-
-def test_bundled_rooms_and_studios_are_not_outdoors():
-    own = open_library()
-    assert are_outdoors(own).tolist() == [name.startswith("outdoor-") for name in own.names]
-    assert 0 < are_outdoors(own).sum() < len(own.names)
 
 
 def test_a_panorama_outdoors_is_doubted_unless_the_photo_is():

@@ -336,8 +336,3 @@ def test_poses_that_do_not_fit_write_nothing(command, work, photo_path, poses):
 def test_paths_are_to_be_loaded_first(photo_path, estimator):
     with refused("photos"):
         estimator.multiview([str(photo_path)], [np.eye(3)])
-
-
-def test_detail_of_several_photos_is_refused_by_the_command(command, work, photo_path):
-    complaint = command("estimate", photo_path, "--poses", "poses.json", "--detail", "plausible").complaint
-    assert complaint == "anyprobe: --detail: does nothing with --poses; leave it out"

@@ -442,7 +442,6 @@ def test_what_cannot_be_placed_is_said_of_the_python_argument(photo, given, said
         (("--at", "nonsense"), "--at: expected X,Y in pixels, got 'nonsense'"),
         (("--light", "nothere.exr"), "nothere.exr: no such file"),
         (("--model", "lft"), "--model: expected one of"),
-        (("--detail", "plausible", "--detail-library", "nowhere"), "nowhere"),
         (("--insert", "spere"), "did you mean sphere?"),
         (("--insert-material", "Glass"), "got 'Glass'; materials that light passes through are left out"),
         (("--insert-material", "gras"), "got 'gras'; did you mean grass?"),
@@ -534,7 +533,6 @@ def test_slow_step_is_named_while_it_runs(monkeypatch, capsys, silent):
                 ("--material", "gold"),
                 ("--emitters", "mode"),  # the default, but said
                 ("--model", "lift"),
-                ("--detail", "plausible"),
                 ("--normals", "sphere"),
             )
         ),

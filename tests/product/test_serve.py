@@ -451,7 +451,6 @@ def test_openapi_describes_every_address(client):
         "/metrics",
         "/v1/estimate",
         "/v1/fuse",
-        "/v1/detail",
         "/v1/mask",
         "/v1/photo",
         "/v1/export/{target}",

@@ -71,7 +71,7 @@ def exported(target: str, folder, suffix: str, **options) -> bytes:
     ("address", "name", "known"),
     [
         ("estimate", "not", "click, exclude, box, near, far, fov,"),
-        ("estimate", "clik", "detail, size, format"),
+        ("estimate", "clik", "include, format"),
         ("estimate", "world_from_camera", "material"),
         ("mask", "material", "one of click, exclude, box, near, far, fov, pitch, roll, format, got"),
         ("photo", "fov", "expected none here"),
@@ -118,8 +118,6 @@ def test_all_that_is_described_is_taken(client, photo):
         "roughness": "0.4",
         "emitters": "expected",
         "looks": "2",
-        "detail": "plausible",
-        "size": "64",
         "include": "mask",
         "format": "json",
     }

@@ -10,7 +10,6 @@ import pytest
 
 from anyprobe.cli.export import target_names
 from anyprobe.core.spelling import did_you_mean
-from anyprobe.detail.plausible import check_detail
 from anyprobe.errors import AnyprobeError
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import Models, weights_folder
@@ -30,7 +29,6 @@ def light():
     [
         (material_named, "golden", "gold"),
         (material_named, "Stainless", "stainless-steel"),
-        (check_detail, "plausble", "plausible"),
         (find_target, "blendr", "blender"),
         (target_names, "blendr", "blender"),
         (lambda name: light().render(name), "vaze", "vase"),

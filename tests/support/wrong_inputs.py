@@ -110,8 +110,6 @@ TABLE = {
     "empty file as photo": Wrong({}, code="invalid-image", photo=b"", doors=("command line",)),
     "photo of a few pixels": Wrong({}, code="invalid-image", photo=png(size=(8, 8))),
     "unknown emitters": Wrong({"emitters": "soft"}, subject=("emitters",)),
-    "unknown detail": Wrong({"detail": "fine"}, subject=("detail",)),
-    "size of 100": Wrong({"detail": "plausible", "size": 100}, subject=("size",)),
 }
 
 

@@ -14,7 +14,6 @@ import { openPhoto } from "./openPhoto.js";
 import { PAGE, errorLine, sentence } from "./words.js";
 import { fetchExample, readExample } from "./example.js";
 import { showQuality, untold } from "./view/maskQuality.js";
-import { askReflections } from "./reflections.js";
 
 const config = await (await fetch("config.json")).json();
 if (config.server && !["localhost", "127.0.0.1", "[::1]"].includes(location.hostname)) {
@@ -38,8 +37,6 @@ const marking = new Marking(
 );
 const surroundings = element("surroundings");
 const soften = element("soften");
-const reflections = element("reflections");
-element("reflections-row").hidden = !config.server; // the library of places is the server's
 for (const row of ["surroundings-row", "soften-row"]) element(row).hidden = !config.weights.light; // not for the paper's chain
 const options = () => ({
   surroundings: surroundings.value,
@@ -94,7 +91,6 @@ const live = new LiveSession({
     showQuality(null);
     light.clear();
     stages.clear();
-    reflections.disabled = true; // for photos
   },
   onMask: showQuality,
   onFault: (error) => {
@@ -135,7 +131,6 @@ function put(found) {
 
 function showOpened() {
   const { picture, mask, found, result } = state.opened;
-  reflections.disabled = false;
   stage.showPicture(picture);
   marking.open(picture);
   if (mask) showOutline();
@@ -257,22 +252,6 @@ function showLight() {
   stages.show(result.stages, result.light.radiance);
   light.show(result, { photo: name, model: config.model, longFovDeg });
   sendLight(result);
-  if (reflections.checked) attempt(reflect);
-}
-
-/** Sharp reflections for the light on show, or its own again. */
-async function reflect() {
-  const { result } = state.opened;
-  try {
-    if (reflections.checked) result.reflections ??= await askReflections(result.light);
-  } catch (error) {
-    reflections.checked = false;
-    throw error;
-  }
-  if (live.running || state.opened.result !== result) return;
-  const shown = reflections.checked ? result.reflections : null;
-  stage.setLight(result.light, shown);
-  light.showReflections(shown);
 }
 
 /** Photos that come with the page, and the box around the object of each. */
@@ -342,9 +321,6 @@ element("pitch").addEventListener("change", ({ target }) => {
   view.pitchDeg = Number(target.value);
   clearTimeout(state.pitchTimer);
   state.pitchTimer = setTimeout(askAgain, PITCH_MS); // a key that is held changes it again and again
-});
-reflections.addEventListener("change", () => {
-  if (state.opened?.result && !live.running) attempt(reflect);
 });
 element("camera").addEventListener("click", () => {
   if (live.running) return attempt(closeCamera);

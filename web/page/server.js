@@ -1,4 +1,4 @@
-/** The server of this page, which opens what browsers cannot, writes exports and adds detail. */
+/** The server of this page, which opens what browsers cannot and writes exports. */
 
 import { problemLine } from "./words.js";
 

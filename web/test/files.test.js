@@ -4,12 +4,12 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { encodeExr } from "../src/files/exr.js";
-import { decodeHdr, encodeHdr } from "../src/files/hdr.js";
+import { encodeHdr } from "../src/files/hdr.js";
 
 test("a map of another size than is said is refused", async () => {
   const refused = { name: "AnyProbeError", code: "invalid-option" };
   const map = new Float32Array(6 * 16).fill(0.5);
-  assert.equal(decodeHdr(encodeHdr(map, 4)).height, 4);
+  assert.equal(String.fromCharCode(...encodeHdr(map, 4).subarray(0, 10)), "#?RADIANCE");
   assert.ok((await encodeExr(map, 4)).length > 0);
   for (const [radiance, height, message] of [
     [map, 64, "radiance: expected 64 x 128 x 3 numbers, got 96; pass light.radiance and 64"],

@@ -7,7 +7,6 @@ import { exportTarget } from "../page/downloads.js";
 import { fetchExample } from "../page/example.js";
 import { openPhoto } from "../page/openPhoto.js";
 import { ProbeOpener } from "../page/probe.js";
-import { askReflections } from "../page/reflections.js";
 import { errorLine } from "../page/words.js";
 
 globalThis.document = { baseURI: "http://localhost/" };
@@ -29,7 +28,6 @@ test("a server that does not answer is told of, with what to do", async () => {
     message: "notes.txt: the server that opens this kind of file does not answer; start anyprobe serve again, or choose a JPEG or PNG",
   });
   await assert.rejects(exportTarget({ light }, "blender", about), { message: lost });
-  await assert.rejects(askReflections({ radiance, confidence: null, prefiltered: [] }), { message: lost });
   await assert.rejects(fetchExample("photos/table.jpg"), { message: lost });
 });
 

@@ -5,7 +5,7 @@ import { test } from "node:test";
 
 import { MAP_HEIGHT } from "../src/core/latlong.js";
 import { displayByte } from "../src/core/response.js";
-import { SPHERE_NAMES, SPHERE_SIZE, displaySphere, shadeMirror, shadeSpheres } from "../src/light/spheres.js";
+import { SPHERE_NAMES, SPHERE_SIZE, displaySphere, shadeSpheres } from "../src/light/spheres.js";
 
 const PIXELS = 2 * MAP_HEIGHT * MAP_HEIGHT;
 const MIDDLE = (SPHERE_SIZE / 2) * SPHERE_SIZE + SPHERE_SIZE / 2;
@@ -31,7 +31,6 @@ test("a light above is seen above, and doubling the light doubles every sphere",
     assert.ok(once[name][top] > 2 * once[name][bottom], name);
     assert.ok(once[name].every((value, i) => Math.abs(twice[name][i] - 2 * value) < 1e-5), name);
   }
-  assert.deepEqual(shadeMirror(mapOf(1, 0), MAP_HEIGHT), once.mirror);
 });
 
 test("a stop of exposure shows twice the radiance, clear around the sphere as before", () => {

@@ -11,7 +11,7 @@ from pathlib import Path
 
 WORKER = Path(__file__).with_name("worker.py")
 ANSWER = "answer.json"
-CAN_MATCH = any((Path(path) / "anyprobe" / "detail" / "matching.py").is_file() for path in sys.path if path)
+CAN_MATCH = any((Path(path) / "anyprobe" / "match" / "ranking.py").is_file() for path in sys.path if path)
 """Whether the library compares a user's panoramas with a photo; looked up without importing it."""
 
 

@@ -108,8 +108,7 @@ class LightFromPhotoSettings(bpy.types.PropertyGroup):
     )
     use_detail: BoolProperty(
         name="Panorama of the place",
-        description="The photo without its object, and around it an invented place; the light is the estimate's. "
-        "Else the World is the smooth estimate",
+        description="The photo without its object, and the estimate around it. Else the World is the smooth estimate",
     )
 
     library: StringProperty(

@@ -84,7 +84,7 @@ def estimate(order: dict, folder: Path) -> dict:
     from anyprobe.relight.ground_view import view_of
 
     say(folder, 0.2, "Opening the networks")
-    estimator = Estimator(detail="plausible" if order["detail"] and not order["library"] else "none", size=512)
+    estimator = Estimator()
     say(folder, 0.4, "Finding the object")
     photo = load_photo(
         picture(order["photo"]),

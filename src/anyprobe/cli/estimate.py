@@ -21,14 +21,12 @@ from rich.table import Table
 from anyprobe.cli.options import (
     OPTIONS,
     ColorspaceOption,
-    DetailOptions,
     FrameOption,
     JsonOption,
     ModelOptions,
     ObjectOptions,
     QuietOption,
     folder_option,
-    refuse_unused,
     with_bundles,
 )
 from anyprobe.cli.photo_files import (
@@ -42,8 +40,7 @@ from anyprobe.cli.photo_files import (
     result_stem,
 )
 from anyprobe.cli.tables import print_table
-from anyprobe.detail.place_picture import PANORAMA_SIZES
-from anyprobe.detail.plausible import DETAILS, check_rows
+from anyprobe.detail.place_picture import check_rows
 from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto
 from anyprobe.files.atomic import check_folder
 from anyprobe.files.paths import open_regular
@@ -78,7 +75,6 @@ def estimate(
     ],
     object_options: ObjectOptions,
     model_options: ModelOptions,
-    detail_options: DetailOptions,
     out: Annotated[Path, folder_option("Folder for the results.")] = Path("light"),
     poses: Annotated[
         Path | None,
@@ -92,18 +88,13 @@ def estimate(
 ) -> None:
     """Estimate the light around an object. Writes a panorama, <stem>_panorama.exr, with <stem>_origin.png (where it is
     seen, estimated, invented), the estimate's own map <stem>.exr and .hdr, a .json, and a preview <stem>.png."""
-    if poses is not None:
-        refuse_unused(context, "with --poses", "detail", "detail_library")
-    check_rows(size, PANORAMA_SIZES)
+    check_rows(size)
     hints = object_options.hints()
     listed = list_photos(photos)
     if poses is None:
         check_distinct(listed, out)
     check_folder(out)
-    detail_size = {"size": min(max(size, 64), 512)} if detail_options.given.detail != DETAILS[0] else {}
-    estimator = model_options.estimator(
-        segmenter=object_options.finder.segmenter, **detail_options.settings(), **detail_size
-    )
+    estimator = model_options.estimator(segmenter=object_options.finder.segmenter)
     console = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     has_bar = len(listed) > 1 and console.is_terminal
     progress: Any = track(listed, "estimating", console=console, transient=True, disable=not has_bar)

@@ -16,17 +16,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin,
 
 import typer
 
-from anyprobe.detail.plausible import DETAILS
 from anyprobe.errors import InputError, InvalidMask, OutputError
 from anyprobe.estimate.settings import Settings
 from anyprobe.hints import HINTS, PICTURES, Hint, Hints
-from anyprobe.notices import RESTART, Words, give
+from anyprobe.notices import RESTART, Words
 
 if TYPE_CHECKING:
     from anyprobe.estimate.estimator import Estimator
     from anyprobe.masks.networks import Network
     from anyprobe.masks.segmenters import Segmenter
-    from anyprobe.match.library import Library
 
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON on stdout.")]
@@ -175,28 +173,6 @@ class ModelOptions:
         return Estimator(replace(self.settings, **more))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class DetailOptions:
-    """Source of a map's detail."""
-
-    given: Annotated[Settings, ("detail", "detail_library")]
-
-    def settings(self) -> dict[str, Any]:
-        """Return the options as settings of Estimator. InputError for a library without detail."""
-        library = self.given.detail_library
-        extra = {} if library is None else {"detail_library": library}
-        if self.given.detail == DETAILS[0] and extra:
-            raise InputError("does nothing without detail", subject="detail_library", remedy=give(detail=DETAILS[1]))
-        return {"detail": self.given.detail, **extra}
-
-    def library(self) -> Library | None:
-        """Open the library that detail comes from; None without detail."""
-        from anyprobe.match.library_folder import open_library
-
-        is_asked = self.settings()["detail"] != DETAILS[0]
-        return open_library(self.given.detail_library) if is_asked else None
-
-
 def with_bundles(command: Callable[..., None]) -> Callable[..., None]:
     """Return the command with each parameter that is a dataclass of options replaced by these options.
 
@@ -264,8 +240,7 @@ def _group(annotation: Any) -> tuple[Any, tuple[str, ...]]:
 
 
 def _setting_option(setting: Field[Any]) -> inspect.Parameter:
-    whole = {"threads": int | None, "looks": int, "size": int}
-    kinds: dict[str, Any] = {**whole, "detail_library": Path | None, "segmenter": str | None}
+    kinds: dict[str, Any] = {"threads": int | None, "looks": int, "segmenter": str | None}
     name = f"--{setting.name.replace('_', '-')}"
     option = typer.Option(name, metavar=setting.metadata["metavar"], help=setting.metadata["help"])
     default = ",".join(setting.default) if isinstance(setting.default, tuple) else setting.default

@@ -17,7 +17,6 @@ import typer
 from anyprobe.cli.options import (
     OPTIONS,
     ColorspaceOption,
-    DetailOptions,
     JsonOption,
     ModelOptions,
     ObjectOptions,
@@ -52,7 +51,7 @@ TRANSPARENT = (
 SHOWN_AFTER_S = 1.0
 OF_ESTIMATES = [
     *(name for name, hint in HINTS.items() if hint.about == "light"),
-    *("emitters", "looks", "model", "providers", "threads", "detail", "detail_library"),
+    *("emitters", "looks", "model", "providers", "threads"),
 ]
 """Parameters that only affect an estimate."""
 PANORAMA_ROWS = 512
@@ -111,7 +110,6 @@ def relight(
     photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="The photo with the object; - for stdin.")],
     object_options: ObjectOptions,
     model_options: ModelOptions,
-    detail_options: DetailOptions,
     insert_options: InsertOptions,
     insert: Annotated[
         str, typer.Option(metavar="SHAPE|FILE", help=f"Object to insert: {SHAPES}, or a mesh ({MESHES}), +Y up.")
@@ -173,8 +171,7 @@ def relight(
         raise OutputError("the result would replace an input; choose another name with -o", source=out)
     check_writable(out)
     traced = uses_mitsuba(renderer)
-    library = detail_options.library()
-    source_of_light = read_with_origin(light) if light else model_options.estimator(**detail_options.settings())
+    source_of_light = read_with_origin(light) if light else model_options.estimator()
     silent = quiet or as_json
     with progress(f"reading {photo}", silent):
         source = photo_source(photo)
@@ -212,10 +209,7 @@ def relight(
     caveats = [PROFILE_LOST] if stored.lost and kind != ".exr" else []
     if loaded.hidden is not None:
         caveats.append(TRANSPARENT)
-    library_warnings = () if library is None else library.warnings
-    warnings = list(
-        dict.fromkeys([*doubts, *library_warnings, *(one.naming(PLACING) for one in stage.warnings), *caveats])
-    )
+    warnings = list(dict.fromkeys([*doubts, *(one.naming(PLACING) for one in stage.warnings), *caveats]))
     summary = {
         "photo": str(photo),
         "picture": str(out),
@@ -297,4 +291,4 @@ def _radiance(
 
 def _mirrored_map(light: Light) -> np.ndarray:
     """Return the map that an inserted object mirrors, in the camera's frame."""
-    return light.radiance if light.origin.detail is not None else light.panorama(PANORAMA_ROWS, frame="camera").radiance
+    return light.panorama(PANORAMA_ROWS, frame="camera").radiance

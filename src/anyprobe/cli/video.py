@@ -16,7 +16,6 @@ from rich.progress import Progress
 
 from anyprobe.cli.options import (
     OPTIONS,
-    DetailOptions,
     JsonOption,
     ModelOptions,
     ObjectOptions,
@@ -41,7 +40,6 @@ def video(
     clip: Annotated[Path, typer.Argument(metavar="CLIP", help="A video file.")],
     object_options: ObjectOptions,
     model_options: ModelOptions,
-    detail_options: DetailOptions,
     insert_options: InsertOptions,
     out: Annotated[Path | None, folder_option("Folder for the results; default: <stem>_light.")] = None,
     insert: Annotated[
@@ -106,7 +104,7 @@ def video(
     shown = first_frame if segmenter is None else {**first_frame, "segmenter": segmenter}
     follower = MaskFollower(folders, shown, every_frame, hints.surroundings)
     with progress("opening the model", quiet):
-        estimator, library = model_options.estimator(), detail_options.library()
+        estimator = model_options.estimator()
     settings = {
         "clip": clip.name,
         "clip_digest": sampled_digest(clip),
@@ -126,7 +124,6 @@ def video(
         "at": contact,
         "scale": size,
         "renderer": virtual.renderer if virtual else "own",
-        "detail": None if library is None else library.digest(),
     }
     if restart:
         forget_run(out)
@@ -141,7 +138,6 @@ def video(
         virtual=virtual,
         poses=rotations,
         material=object_material,
-        library=library,
     )
     console = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     num_done, start = run.progress.next_index, time.monotonic()
@@ -159,13 +155,7 @@ def video(
         console.print(f"warning: {_named(index, OPTIONS.line(line))} (the previous light is kept)", soft_wrap=True)
     if outcome.damaged:
         console.print(f"warning: {clip.name}: {outcome.damaged} damaged pieces skipped", soft_wrap=True)
-    library_warnings = () if library is None else library.warnings
-    warnings = [
-        *header.warnings,
-        *library_warnings,
-        *outcome.notes,
-        *(one.naming(PLACING) for one in run.place_warnings),
-    ]
+    warnings = [*header.warnings, *outcome.notes, *(one.naming(PLACING) for one in run.place_warnings)]
     for line in warnings:
         console.print(f"warning: {OPTIONS.line(line)}", soft_wrap=True)
     summary = {

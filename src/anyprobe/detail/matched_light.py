@@ -7,7 +7,6 @@ from functools import lru_cache
 import numpy as np
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.detail.blend import enlarged_planes
 from anyprobe.light.environment import MAP_HEIGHT, reduced
 from anyprobe.light.harmonics import project, sh_basis
 
@@ -81,3 +80,27 @@ def _newton(light: np.ndarray, y: np.ndarray, force: np.ndarray, lack: np.ndarra
         if np.abs(rest).max() < 1e-4 * max(np.abs(lack).max(), 1e-6):
             break
     return c
+
+
+@lru_cache(maxsize=8)
+def _spline(old: int, new: int) -> np.ndarray:
+    """Return the weights [new, old + 4] of the cubic B-spline on values padded by two at both ends."""
+    at = (np.arange(new) + 0.5) * old / new - 0.5
+    first = np.floor(at).astype(int)
+    t = at - first
+    parts = ((1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3)
+    weights = np.zeros((new, old + 4), np.float32)
+    for k, part in enumerate(parts):
+        weights[np.arange(new), first + 1 + k] = part / 6
+    return weights
+
+
+def enlarged_planes(planes: np.ndarray, rows: int) -> np.ndarray:
+    """Enlarge smooth values [3, h, 2h] to [3, rows, 2 rows]; beyond a pole lies the opposite side."""
+    height, width = planes.shape[1:]
+    if rows == height:
+        return planes
+    beyond = np.roll(planes, width // 2, axis=2)
+    tall = np.concatenate([beyond[:, 1::-1], planes, beyond[:, :-3:-1]], axis=1)
+    padded = np.concatenate([tall[:, :, -2:], tall, tall[:, :, :2]], axis=2)
+    return _spline(height, rows) @ padded @ _spline(width, 2 * rows).T

@@ -23,7 +23,7 @@ from anyprobe.detail.drawn_sources import SOFT, draw_lights, take_glare, take_so
 from anyprobe.detail.kinds import OPEN_AIR
 from anyprobe.detail.layers import FLOOR_DEG, as_place, ground_share
 from anyprobe.detail.matched_light import enlarged_map, with_moments
-from anyprobe.errors import OutputError
+from anyprobe.errors import InputError, OutputError
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.harmonics import project
@@ -44,8 +44,6 @@ DARKER, MOST_LIFT = 1.5, 8.0
 """Estimate over photo from which on the photo is shown brighter, and by how much at most."""
 FAR_DEG, HUE_DEG = 45.0, 60.0
 """Angles [degrees] from what is seen at which the continued brightness and hue count 1 / e."""
-BESIDE_DEG = 12.0
-"""Angle [degrees] from what is seen at which plausible detail replaces the continuation."""
 RISE_DEG = 12.0, 25.0
 """Elevations [degrees] above the photo at which its continuation counts 1 / e, indoors and outdoors."""
 LINES_DEG = 6.0
@@ -124,14 +122,15 @@ class Panorama:
         return Path(path)
 
 
+def check_rows(rows: int) -> None:
+    """Raise InputError if a panorama cannot have so many rows."""
+    if rows not in PANORAMA_SIZES:
+        text = f"expected one of {', '.join(map(str, PANORAMA_SIZES))} rows, got {rows}; choose another"
+        raise InputError(text, subject="size")
+
+
 def compose(
-    estimate: np.ndarray,
-    plate: Plate | None,
-    frame_from_camera: np.ndarray,
-    rows: int,
-    *,
-    is_detailed: bool = False,
-    kind: str | None = None,
+    estimate: np.ndarray, plate: Plate | None, frame_from_camera: np.ndarray, rows: int, *, kind: str | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compose a panorama [rows, 2 rows, 3] and its origin [rows, 2 rows, 3], see Panorama.
 
@@ -139,17 +138,16 @@ def compose(
         estimate: [H, 2H, 3] in the panorama's frame.
         plate: the photo without its object; None where it shows nothing but the object.
         frame_from_camera: [3, 3].
-        is_detailed: whether the estimate has plausible detail, which then surrounds what is seen, sources included.
         kind: as which place a smooth estimate is drawn, kinds.INDOORS or OPEN_AIR; None: the map as it is.
     """
-    sources, rest = ((), estimate) if is_detailed else take_sources(estimate)
+    sources, rest = take_sources(estimate)
     tries = [(rest, np.zeros((MAP_HEIGHT, 2 * MAP_HEIGHT, 3), np.float32))]
-    if kind is not None and not is_detailed:  # with less glare the harmonics may be out of reach
+    if kind is not None:  # with less glare the harmonics may be out of reach
         tries.insert(0, take_glare(reduced(rest, MAP_HEIGHT)))
     seen = None if plate is None else seen_in(plate, frame_from_camera, rows)
     goal = project(estimate)
     for surfaces, glare in tries:
-        picture, cover, origin, angle = _place(surfaces, seen, rows, kind, is_detailed)
+        picture, cover, origin, angle = _place(surfaces, seen, rows, kind)
         away, strength = (1.0 - np.exp(-((angle / near) ** 2)) for near in (NEAR_GLARE_DEG, NEAR_GAIN_DEG))
         fixed = picture * cover + draw_lights(sources, cover, picture, kind) + enlarged_map(glare, rows) * away
         radiance = with_moments(picture * (1 - cover), fixed, goal, strength)
@@ -159,7 +157,7 @@ def compose(
 
 
 def _place(
-    rest: np.ndarray, seen: DrawnPlate | None, rows: int, kind: str | None, is_detailed: bool
+    rest: np.ndarray, seen: DrawnPlate | None, rows: int, kind: str | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return the picture without sources, the share of it that is the photo's [R, 2R, 1], the origin of each pixel, and
     its angle [degrees, R, 2R, 1] to the photo."""
@@ -167,18 +165,18 @@ def _place(
     if seen is not None and not (seen.margin > 0).any():
         seen = None
     edge_deg = EDGE_DEG
-    if seen is not None and not is_detailed:
+    if seen is not None:
         seen, edge_deg = _lifted(seen, rest)
     around = None if seen is None else continue_around(seen)
     floor_deg = FLOOR_DEG if around is None else float(np.clip(around.top + OVER_DEG, FLOOR_DEG, -OVER_DEG))
     outdoors = kind == OPEN_AIR
     ground = None
-    if kind is None or is_detailed:
+    if kind is None:
         drawn = enlarged_map(rest, rows)
     else:
         drawn, ground = as_place(blur_cosine_power(reduced(rest, MAP_HEIGHT), WALLS), rows, outdoors, floor_deg)
     if seen is None:
-        origin = np.concatenate([nothing, nothing + 1 - is_detailed, nothing + is_detailed], axis=-1)
+        origin = np.concatenate([nothing, nothing + 1, nothing], axis=-1)
         return drawn, nothing, origin, nothing + 180
     within = np.clip(seen.margin / edge_deg, 0.0, 1.0)[..., None].astype(np.float32)
     within = within * within * (3 - 2 * within)
@@ -199,10 +197,6 @@ def _place(
     level = lack.mean(axis=-1, keepdims=True)
     ln = soft + (1 - share) * level + (1 - hue) * (lack - level) + lines * (ln - soft) + (1 - lines) * (ln_drawn - goal)
     continued = np.maximum(np.exp(ln) - CONTINUED_FLOOR, 0.0)
-    if is_detailed:
-        beside = np.exp(-((angle / BESIDE_DEG) ** 2))[..., None].astype(np.float32)
-        continued = drawn + beside * (continued - drawn)
-        share = np.ones_like(share)
     behind = np.maximum(np.exp(around.within) - CONTINUED_FLOOR, 0.0)
     picture = continued + within * (behind - continued)
     clear = within * (1 - np.clip(seen.filled[..., None], 0.0, 1.0))

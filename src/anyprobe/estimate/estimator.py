@@ -6,12 +6,10 @@ import time
 from collections.abc import Iterable, Sequence
 from dataclasses import fields, replace
 from functools import lru_cache, partial
-from pathlib import Path
 from typing import Any, Never
 
 import numpy as np
 
-from anyprobe.detail.plausible import DETAILS, ROWS
 from anyprobe.errors import InputError
 from anyprobe.estimate.mirror_ball import CHROME, Ball, find_ball, said_of_ball
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
@@ -61,17 +59,14 @@ class Estimator:
         emitters: str = MODE,
         looks: int = LOOKS[0],
         segmenter: SegmenterSource | None = None,
-        detail: str = DETAILS[0],
-        size: int = ROWS,
-        detail_library: str | Path | None = None,
         **unknown: Never,
     ) -> None:
         """Open the networks.
 
         Args:
             settings: all settings, or the model's name instead of `model`.
-            model, threads, providers, emitters, looks, segmenter, detail, size, detail_library: see Settings; those
-                that are not defaults replace the ones in `settings`.
+            model, threads, providers, emitters, looks, segmenter: see Settings; those that are not defaults replace the
+                ones in `settings`.
         Raises:
             InputError, ModelError, MissingExtra: bad settings or models, in one line that says what to do.
             TypeError: an unknown keyword; the message names the most similar one.
@@ -92,7 +87,6 @@ class Estimator:
     def __repr__(self) -> str:
         settings = self.settings
         parts = [f"model={settings.model!r}", f"emitters={settings.emitters!r}"]
-        parts += [f"detail={settings.detail!r}"] if settings.detail != DETAILS[0] else []
         return f"Estimator({', '.join(parts)})"
 
     def _set(self, settings: Settings) -> None:
@@ -201,7 +195,7 @@ class Estimator:
         Args:
             start: time.perf_counter() when its loading began; the sidecar's seconds count from it.
             material: the object's, instead of the Photo's own.
-            plate: whether the light keeps the photo beside its object, so that detail can be added later.
+            plate: whether the light keeps the photo beside its object, for its panorama.
             crop: of crop_object(photo), if it was cut out already.
         """
         start = time.perf_counter() if start is None else start
@@ -210,7 +204,7 @@ class Estimator:
             light = self.unwrapped(light, find_ball(photo), start)
         if plate and photo.shows_place:
             light = replace(light, plate=photo.plate())
-        return light if self.settings.detail == DETAILS[0] else self._with_detail(light, photo)
+        return light
 
     def unwrapped(self, light: Light, ball: Ball | None, start: float | None = None) -> Light:
         """Replace the light of a mirror ball by the one unwrapped from its photo; else return it unchanged."""
@@ -219,14 +213,6 @@ class Estimator:
             return light
         found = self.from_crop(ball.photo, ball.crop, start, material=material_named(CHROME))
         return replace(found, warnings=(*found.warnings, said_of_ball(ball.photo.name)))
-
-    def _with_detail(self, light: Light, photo: Photo) -> Light:
-        """Add plausible detail that continues the known surroundings."""
-        start = time.perf_counter()
-        size = self.settings.size
-        light = light.with_detail(library=self.settings.detail_library, size=size, seen=photo.seen(size))
-        seconds = {**(light.origin.seconds or {}), "detail": round(time.perf_counter() - start, 4)}
-        return replace(light, origin=replace(light.origin, seconds=seconds))
 
     def from_crop(
         self,
@@ -309,9 +295,6 @@ def estimate(
     emitters: str = MODE,
     looks: int = LOOKS[0],
     segmenter: SegmenterSource | None = None,
-    detail: str = DETAILS[0],
-    size: int = ROWS,
-    detail_library: str | Path | None = None,
     **unknown: Never,
 ) -> Light:
     """Estimate the light around the object of one photo; the networks stay open for the next call.
@@ -322,7 +305,7 @@ def estimate(
         hints: optional inputs about the object, the camera and the light.
         mask, click, exclude, box, depth, near, far, fov_deg, pitch_deg, roll_deg, normals, material, albedo, roughness,
             surroundings: see Hints; these replace those in `hints`.
-        model, threads, providers, emitters, looks, segmenter, detail, size, detail_library: see Settings.
+        model, threads, providers, emitters, looks, segmenter: see Settings.
     Raises:
         AnyprobeError: bad input, in one line that says what to do.
         TypeError: an unknown keyword; the message names the most similar one.

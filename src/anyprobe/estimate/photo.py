@@ -23,14 +23,7 @@ from anyprobe.estimate.ground import NOTED, Ground, estimate_ground
 from anyprobe.estimate.known import GivenPanorama, KnownNormals, PhotoBackground, asked_surroundings, find_normals
 from anyprobe.estimate.normals_hint import SHORTEST
 from anyprobe.estimate.runtime import CONTEXT_SIZE, NORMALS_SIZE
-from anyprobe.estimate.surroundings import (
-    at_rows,
-    hides_backdrop,
-    is_cut_out,
-    is_dark_beside,
-    turned,
-    visible_surroundings,
-)
+from anyprobe.estimate.surroundings import hides_backdrop, is_cut_out, is_dark_beside, turned, visible_surroundings
 from anyprobe.estimate.window import sample_window
 from anyprobe.given_material import Albedo
 from anyprobe.hints import Hints, NormalsSource, SurroundingsSource, check_keywords, combine
@@ -40,7 +33,6 @@ from anyprobe.masks.find import find_mask
 from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.segmenters import SegmenterSource
 from anyprobe.masks.sources import MaskSource, mask_from_alpha
-from anyprobe.match.alignment import seen_in_photo
 from anyprobe.match.plate import Plate, keep_plate
 from anyprobe.notices import Notice, as_notice, leave_out
 from anyprobe.pictures.images import ImageSource, Pixels, read_image
@@ -111,14 +103,6 @@ class Photo:
             *([f"{count} warning{'s' if count > 1 else ''}"] if count else []),
         ]
         return f"<{', '.join(parts)}>"
-
-    def seen(self, rows: int) -> np.ndarray | None:
-        """Return the known part of the map [rows, 2 rows, 4 or 5] for detail.blend; None: nothing."""
-        if isinstance(self.surroundings, PhotoBackground):
-            beside = self.mask if self.hidden is None else np.maximum(self.mask, self.hidden)
-            return seen_in_photo(self.rgb, beside, self.long_fov_deg, rows, self.radiance)
-        panorama = self.surroundings.full if isinstance(self.surroundings, GivenPanorama) else None
-        return None if panorama is None else at_rows(panorama, rows)
 
     def plate(self) -> Plate | None:
         """Return what it shows beside its object, small enough to keep; None: nothing."""

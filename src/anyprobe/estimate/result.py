@@ -17,8 +17,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.detail.layers import kind_of_place
-from anyprobe.detail.place_picture import DRAWN_ROWS, PANORAMA_SIZES, Panorama, compose, in_frame
-from anyprobe.detail.plausible import add_detail, check_rows
+from anyprobe.detail.place_picture import DRAWN_ROWS, Panorama, check_rows, compose, in_frame
 from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.ground import GUESSED, Ground, levelled
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
@@ -178,42 +177,6 @@ class Light:
             return turned
         return replace(turned, confidence=rotate(self.confidence[..., None], rotation)[..., 0].clip(0.0, 1.0))
 
-    def with_detail(
-        self,
-        *,
-        library: Library | str | Path | None = None,
-        size: int = 512,
-        seed: int = 0,
-        seen: np.ndarray | None = None,
-    ) -> Light:
-        """Return the light with plausible detail, `size` rows high: sharp mirror images, the same spherical harmonics.
-
-        The structure is of the best match in a library, a folder of .exr and .hdr maps (None: our own rooms, streets
-        and studios), not measured: `origin.detail` says so, and the confidence stays the estimate's.
-
-        Args:
-            seed: 0 takes the best match, 1 the next, and so on.
-            seen: what is known of the surroundings, see detail.blend.
-        Raises:
-            InputError: detailed already; or see detail.plausible.add_detail.
-        """
-        if self.origin.detail is not None:
-            raise InputError("expected a light without it; begin with the estimate", subject="detail")
-        turn, kind = self.level_and_kind()
-        found = add_detail(
-            self.radiance,
-            self.confidence,
-            library=library,
-            rows=size,
-            seed=seed,
-            seen=seen,
-            kind=kind,
-            is_backdrop=None if self.plate is None and self.find_shown is None else self.plate is None,
-            level_from_map=turn,
-        )
-        origin, added = replace(self.origin, detail=found.info()), tuple(map(as_notice, found.warnings))
-        return replace(self, radiance=found.radiance, warnings=self.warnings + added, origin=origin)
-
     def panorama(self, size: int = DRAWN_ROWS, *, frame: str = LEVEL) -> Panorama:
         """Return one picture of the place, `size` x 2 `size`: the photo, continued all around under this light.
 
@@ -226,12 +189,11 @@ class Light:
         Raises:
             InputError: another size or frame.
         """
-        check_rows(size, PANORAMA_SIZES)
+        check_rows(size)
         is_level, turn = self._panorama_frame(frame)
         turned, from_camera = in_frame(self.radiance, turn), turn @ self.map_from_camera
-        is_detailed = self.origin.detail is not None
         kind = None if self.expected is None else self.level_and_kind()[1]
-        radiance, origin = compose(turned, self.plate, from_camera, size, is_detailed=is_detailed, kind=kind)
+        radiance, origin = compose(turned, self.plate, from_camera, size, kind=kind)
         said = {key: str(value) for key, value in frame_of(from_camera).items()}
         said |= {"scale": SCALE, "model": self.origin.model or ""}
         return Panorama(
@@ -247,7 +209,7 @@ class Light:
 
     def level_and_kind(self) -> tuple[np.ndarray, str | None]:
         """Return the rotation [3, 3] from this map's frame to a level one, the identity where none is known, and the
-        kind of place, see detail.layers.kind_of_place: what plausible detail is chosen by."""
+        kind of place, see detail.layers.kind_of_place."""
         _, turn = self._panorama_frame(LEVEL)
         return turn, kind_of_place(self.origin.hints, self.plate, self.warnings, in_frame(self.radiance, turn))
 
@@ -374,8 +336,6 @@ class Light:
         kind = path.suffix.lower()
         own_frame = {name: str(value) for name, value in frame_of(self.map_from_camera).items()}
         attributes = {"model": self.origin.model or "", **own_frame, "scale": SCALE}
-        if self.origin.detail is not None:
-            attributes["detail"] = "{kind}, from {from}, seed {seed}".format(**self.origin.detail)
         if kind == ".exr":
             half = bool(self.radiance.max() < HALF_MAX)
             write_exr(path, self.radiance, half=half, attributes=attributes, colorspace=colorspace)

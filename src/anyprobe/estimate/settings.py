@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from pathlib import Path
 from typing import Any
 
-from anyprobe.detail.plausible import DETAILS, ROWS, SIZES, check_detail, check_rows
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import DEFAULT_MODEL, EMITTERS, LOOKS, MODE
 from anyprobe.files.graphs import CPU
@@ -40,12 +38,8 @@ class Settings:
             photo has the mirrored light.
         segmenter: what finds the object in photos without a mask, instead of the built-in network: a name of
             masks.segmenters ("rembg", "sam:FOLDER", a plug-in), or a Segmenter.
-        detail: "none", or "plausible": the structure of a real-looking place, see Light.with_detail; of single photos,
-            not of several together.
-        size: rows of a map with detail: 64, 128, 256 or 512.
-        detail_library: folder of maps that detail is from; None: our own.
     Raises:
-        InputError: another number of looks, detail or size, or threads that are no whole number of 1 or more.
+        InputError: another number of looks, or threads that are no whole number of 1 or more.
     """
 
     model: str = _setting(DEFAULT_MODEL, MODEL_HELP)
@@ -71,24 +65,12 @@ class Settings:
         "Segmenter to use instead of the built-in network: rembg[:MODEL], sam:FOLDER or a plug-in.",
         "NAME[:ARGUMENT]",
     )
-    detail: str = _setting(
-        DETAILS[0],
-        "plausible: add invented high-frequency detail that fits the estimate, for sharp reflections.",
-        "none|plausible",
-        DETAILS,
-    )
-    size: int = _setting(ROWS, "Rows of a map with detail: 64, 128, 256 or 512.", choices=SIZES)
-    detail_library: str | Path | None = _setting(
-        None, "Folder of .exr and .hdr maps to take the detail from; default: the built-in library."
-    )
 
     def __post_init__(self) -> None:
         named = self.providers.split(",") if isinstance(self.providers, str) else self.providers
         object.__setattr__(self, "providers", tuple(named) or CPU)
         if self.looks not in LOOKS:
             raise InputError(f"expected {' or '.join(map(str, LOOKS))}, got {self.looks}", subject="looks")
-        check_detail(self.detail)
-        check_rows(self.size)
         if self.threads is not None and not (isinstance(self.threads, int) and self.threads >= 1):
             raise InputError(
                 f"expected a whole number of 1 or more, got {self.threads!r}; leave it out to use all cores",

@@ -77,7 +77,6 @@ class Origin:
         crop: what the network saw.
         fused: names of the photos of a multiview light.
         seconds: time by step.
-        detail: where invented detail is from, see Light.with_detail.
         more: keys of a sidecar that this version does not know.
     """
 
@@ -97,7 +96,6 @@ class Origin:
     crop: CropInfo | None = None
     fused: list[str | None] | None = None
     seconds: dict[str, float] | None = None
-    detail: dict[str, Any] | None = None
     more: Mapping[str, Any] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:

@@ -41,7 +41,7 @@ BRIGHTEST_RADIANCE = 1e12
 """Largest radiance: above it squares and sums leave float32's range; the sun in candela per square metre is 1.6e9."""
 MAX_SIDECAR_BYTES = 2**26
 """Largest .json [bytes] that is read beside a map; ours have a few kilobytes."""
-ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "response", "warnings", "detail", "level")
+ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "response", "warnings", "level")
 """Keys that an export keeps of the estimate's sidecar: not its SH and dominant light, which turn with the map."""
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.light.environment import reduced
-from anyprobe.match.library import OPEN_AIR_NAME, STREET_NAME, STUDIO_NAME, Library
+from anyprobe.match.library import Library
 from anyprobe.match.plate import Plate
 from anyprobe.notices import Notice
 
@@ -95,9 +95,7 @@ def photo_outdoors(plate: Plate | None, warnings: Iterable[Notice]) -> bool | No
 
 
 def are_outdoors(library: Library) -> np.ndarray:
-    """Return whether each map of a library is outdoors, [N]: the bundled ones say so by their names."""
-    if not library.files:
-        return np.array([name.startswith(OPEN_AIR_NAME) for name in library.names])
+    """Return whether each map of a library is outdoors, [N]."""
     return outdoor_scores(library.lights) > OUTDOORS
 
 
@@ -106,17 +104,3 @@ def prices(outdoors: bool | None, library: Library, price: float) -> np.ndarray:
     if outdoors is None:
         return np.zeros(len(library.names), np.float32)
     return np.where(are_outdoors(library) != outdoors, price, 0.0).astype(np.float32)
-
-
-def own_prices(library: Library, price: float, is_backdrop: bool | None) -> np.ndarray:
-    """Return each bundled map's penalty [N]; zeros for other libraries.
-
-    Streets have it, where few photos of objects are taken; so have studios, unless the object stands before a backdrop:
-    then all others have it. None: nothing is known of that.
-    """
-    if library.files:
-        return np.zeros(len(library.names), np.float32)
-    is_studio = np.array([name.startswith(STUDIO_NAME) for name in library.names])
-    is_street = np.array([name.startswith(STREET_NAME) for name in library.names])
-    is_other = np.zeros_like(is_studio) if is_backdrop is None else is_studio != is_backdrop
-    return np.where(is_other | is_street, price, 0.0).astype(np.float32)

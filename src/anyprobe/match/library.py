@@ -1,4 +1,4 @@
-"""The detail library: 8-bit environment maps and a few smooth features of each, in one file; also used by `match`.
+"""The library of `match`: 8-bit environment maps and a few smooth features of each, in one file.
 
 A map is stored without its scale: divided by its geometric mean, and coded by a curve that has steps of a few
 percent from a thousandth to a thousand times that mean. Its light sources need no more: their power is the estimate's.
@@ -41,10 +41,8 @@ PATTERN, SHADING = 12.0, 6.0
 6; and of radiance itself, roughly the detail that a dull object shows."""
 DETAIL = 48.0
 """Sharpness of the blur that separates an estimate from detail: exp(-l (l + 1) / 96) of order l, a half at order 8."""
-OPEN_AIR_NAME, STREET_NAME, STUDIO_NAME = "outdoor", "outdoor-street", "studio"
-"""Beginnings of the names of bundled maps: of places outdoors, of streets and squares among them, of studios."""
 _VERSION = 3
-"""Version of a stored library; others are rebuilt. The bundled one stores neither lights nor files."""
+"""Version of a stored library; others are rebuilt."""
 
 
 class Entry(NamedTuple):
@@ -74,7 +72,7 @@ class MapSource:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Library:
-    """Candidates for the detail of a map.
+    """Maps that a light is compared with.
 
     Attributes:
         path: the library's own file.
@@ -82,7 +80,7 @@ class Library:
         features: [N, 16, 32, 4] float32, see features_of.
         richness: [N], see richness_of.
         lights, levels: [N, 32, 64, 3] float32 and [N], see likeness.light_of.
-        files: paths of the N maps; none for the bundled library.
+        files: paths of the N maps.
         relative: the same within the folder.
         digests: SHA-256 of their bytes.
         faults: a line for each file that could not be read.

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import lru_cache
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -38,9 +37,8 @@ MOST_LIBRARIES = 32
 """Largest number of libraries in the cache; the least recently used is deleted."""
 
 
-def open_library(folder: str | Path | None = None) -> Library:
-    """Open the library of a folder of .exr and .hdr maps, subfolders included, or for None our own rooms, skies and
-    studios.
+def open_library(folder: str | Path) -> Library:
+    """Open the library of a folder of .exr and .hdr maps, subfolders included.
 
     Each file is read once (about a second for ten maps of 1,024 x 512) into a file of the user's cache. A file that
     changed, by its size and time or by its name, is read again, unless one with the same bytes is already there.
@@ -49,8 +47,6 @@ def open_library(folder: str | Path | None = None) -> Library:
     Raises:
         InputError: no folder, no map in it, or too many.
     """
-    if folder is None:
-        return _opened(Path(str(resources.files("anyprobe.match") / "own.zip")), 0)
     folder = Path(folder)
     if folder.suffix == ".zip" and folder.is_file():
         try:
@@ -174,7 +170,7 @@ def _cache_folder() -> Path:
     home = home_folder()
     nowhere = Path(os.devnull)  # where nothing can be kept
     base = os.environ.get("XDG_CACHE_HOME") or (nowhere if home is None else home / ".cache")
-    return Path(base) / "anyprobe" / "detail"
+    return Path(base) / "anyprobe" / "maps"
 
 
 @lru_cache(maxsize=4)

@@ -6,11 +6,9 @@ import logging
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
-from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
-import numpy as np
 from fastapi import FastAPI, Request
 from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
@@ -21,7 +19,6 @@ from anyprobe import __version__
 from anyprobe.errors import AnyprobeError, InputError, MissingExtra
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.multiview import estimate_crops
-from anyprobe.estimate.result import Light
 from anyprobe.export.targets import TARGETS, find_target
 from anyprobe.serve import answers, openapi, tasks
 from anyprobe.serve.counters import Counted, Metrics
@@ -154,7 +151,6 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
                 if cut_photo.ball is not None:
                     light = model.unwrapped(light, cut_photo.ball, start)
                 cancellation.check()
-                light = _detailed(replace(light, plate=cut_photo.plate), upload, cut_photo.seen)
                 return answers.light_response(light, media, upload.include, cut_photo.mask)
 
             return await pool.run(work, _leaving(request))
@@ -181,20 +177,9 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
                 from_crop = estimator.with_settings(**common.settings).from_crop
                 light = estimate_crops(from_crop, views, turns, seconds)
                 cancellation.check()
-                light = _detailed(light, common)
                 return answers.light_response(light, media, common.include, cuts[0].mask)
 
             return await pool.run(work, _leaving(request))
-
-    @app.post("/v1/detail", openapi_extra=openapi.DETAIL_ROUTE, tags=["light"], response_class=Response)
-    async def detail(request: Request) -> Response:
-        """Add the structure of a real-looking place to a map (.exr or .hdr as the body), for mirrors; SH9 stays."""
-        media = answers.choose_type(request, answers.LIGHT_TYPES)
-        async with pool.place():
-            upload = await read_upload(request, pool, openapi.DETAIL_ROUTE)
-            light = await decode(request, tasks.sharpened, upload)
-            work = answers.light_response
-            return await pool.run(lambda _: work(light, media, upload.include, None), _leaving(request))
 
     @app.post("/v1/mask", openapi_extra=openapi.MASK_ROUTE, tags=["light"], response_class=Response)
     async def mask(request: Request) -> Response:
@@ -227,11 +212,6 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
     @app.get("/v1/targets", summary="What /v1/export can write.", tags=["light"], openapi_extra=openapi.TARGETS_ROUTE)
     async def targets() -> list[str]:
         return list(TARGETS)
-
-
-def _detailed(light: Light, upload: Upload, seen: np.ndarray | None = None) -> Light:
-    """Add detail to a light if the request asks for it."""
-    return light if upload.rows is None else light.with_detail(size=upload.rows, seen=seen)
 
 
 def _leaving(request: Request) -> Callable[[], Any]:

@@ -88,9 +88,6 @@ _ANSWER = {
 }
 
 
-_DETAIL = {name: _choice(name) for name in ("detail", "size")}
-
-
 _NAMES = {"type": "array", "items": {"type": "string"}}
 _REMEDY = {"do": {"enum": ["give", "leave out", "run"]}, "name": {"type": "string"}, "value": {"type": "string"}}
 _PROBLEM = {
@@ -159,7 +156,7 @@ _FOUND_MASK: dict[str, Any] = {
 _BYTES = {"schema": _FILE}
 
 ESTIMATE_ROUTE = _upload(
-    _texts("place", "camera", "light") | _ANSWER | _DETAIL,
+    _texts("place", "camera", "light") | _ANSWER,
     ["json", "exr", "hdr", "png"],
     {"application/json": _LIGHT, "image/x-exr": _BYTES, "image/vnd.radiance": _BYTES, "image/png": _BYTES},
     files=_files("place", "light"),
@@ -168,7 +165,7 @@ ESTIMATE_ROUTE = _upload(
 
 def _multiview() -> dict[str, Any]:
     """Return the route of several photos in a form, with the answers of ESTIMATE_ROUTE."""
-    texts = {**_texts("camera", "light"), **_ANSWER, **_DETAIL}
+    texts = {**_texts("camera", "light"), **_ANSWER}
     poses = "JSON: camera to world, a list of matrices, or transforms.json"
     parts: Schemas = {
         "photo": {"type": "array", "items": _FILE, "description": f"1 to {MAX_PHOTOS} photos of one object"},
@@ -201,12 +198,6 @@ MASK_ROUTE = _upload(
     files=_files("place"),
 )
 PHOTO_ROUTE = _upload({}, [], {"image/png": _BYTES}, files={})
-DETAIL_ROUTE = _upload(
-    {"size": _DETAIL["size"]},
-    ["json", "exr", "hdr", "png"],
-    ESTIMATE_ROUTE["responses"]["200"]["content"],
-    files={"confidence": _described(_FILE, "map of the same size: how much each direction counts, 0 to 1")},
-)
 _SAID = "the JSON that the map's estimate was answered with: how the map lies, its error and origin"
 EXPORT_ROUTE = _upload(_EXPORT, [], {"application/zip": _BYTES}, files={"sidecar": _described(_FILE, _SAID)})
 

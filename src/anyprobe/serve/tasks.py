@@ -13,17 +13,15 @@ import numpy as np
 from PIL import Image
 
 from anyprobe.core.frames import rotation_of
-from anyprobe.detail.plausible import DETAILS, ROWS, check_detail
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.estimate.merged_surroundings import cut_out
 from anyprobe.estimate.mirror_ball import Ball, find_ball
 from anyprobe.estimate.photo import Crop, Photo, load_photo
-from anyprobe.estimate.result import LEVEL, Light
+from anyprobe.estimate.result import LEVEL
 from anyprobe.estimate.saved_map import export_settings
 from anyprobe.hints import Hints
-from anyprobe.maps.radiance import map_attributes, read_radiance
-from anyprobe.match.plate import Plate
-from anyprobe.notices import give, leave_out
+from anyprobe.maps.radiance import read_radiance
+from anyprobe.notices import leave_out
 from anyprobe.pictures.declared_size import declared_pixels
 from anyprobe.pictures.images import read_image
 from anyprobe.serve.answers import mask_json, mask_png, png, zip_folder
@@ -44,8 +42,7 @@ class Upload:
         photo: the file's bytes, as sent.
         name: file name without folders, for messages; "photo" where none came.
         hints: the hints given; files as their bytes.
-        settings: requested fields of Settings: emitters, looks, detail and size.
-        confidence: bytes of a map of the weight of each direction.
+        settings: requested fields of Settings: emitters and looks.
         include: further contents of the JSON answer: "radiance", "stages", "mask".
         exposure: exposure change of an export [stops].
         world_from_camera: rotation of an export: 2 or 3 angles in degrees, or 9 numbers of a matrix.
@@ -57,26 +54,15 @@ class Upload:
     name: str = "photo"
     hints: Hints = Hints()
     settings: dict[str, Any] = field(default_factory=dict)
-    confidence: bytes | None = None
     include: frozenset[str] = frozenset()
     exposure: float | None = None
     world_from_camera: tuple[float, ...] | None = None
     sidecar: bytes | None = None
     frame: str = LEVEL
 
-    @property
-    def rows(self) -> int | None:
-        """Rows of the map with detail; None without detail. InputError for a size without effect."""
-        if check_detail(self.settings.get("detail", DETAILS[0])):
-            return self.settings.get("size", ROWS)
-        if "size" in self.settings:
-            remedy = (*give(detail="plausible"), *leave_out("size"))
-            raise InputError("does nothing without detail", subject="size", remedy=remedy)
-        return None
-
     def pictures(self) -> list[tuple[str, bytes]]:
         """Return the request's files with their names in messages."""
-        files = [(self.name, self.photo), ("confidence", self.confidence), *self.hints.given()]
+        files = [(self.name, self.photo), *self.hints.given()]
         return [(name, data) for name, data in files if isinstance(data, bytes)]
 
     @property
@@ -98,28 +84,25 @@ def ready() -> None:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Cut:
-    """A photo without its pixels, its object's crop, its mask as PNG, its map of seen directions and what it shows
-    beside the object, small; None if not asked for. ball: the object without pixels too, where it is alone and looks
-    like a mirror ball."""
+    """A photo without its pixels, its object's crop, and its mask as PNG where it was asked for.
+
+    ball: the object without pixels too, where it is alone and looks like a mirror ball.
+    """
 
     photo: Photo
     crop: Crop
     ball: Ball | None
     mask: bytes | None
-    seen: np.ndarray | None
-    plate: Plate | None
 
 
 def cut(upload: Upload, max_pixels: int, first: bool, with_mask: bool, is_alone: bool) -> Cut:
     """Return the object cut out of its photo, and what else of the photo the light or the answer needs."""
     photo = _open(upload, max_pixels)
-    seen = None if upload.rows is None else photo.seen(upload.rows)
-    plate = None if upload.rows is None or not photo.shows_place else photo.plate()
     mask = mask_png(photo.mask) if with_mask else None
     ball = find_ball(photo) if is_alone else None
     ball = ball and replace(ball, photo=ball.photo.without_pixels())
     crop = cut_out(photo, first=first)
-    return Cut(photo=photo.without_pixels(), crop=crop, ball=ball, mask=mask, seen=seen, plate=plate)
+    return Cut(photo=photo.without_pixels(), crop=crop, ball=ball, mask=mask)
 
 
 def mask(upload: Upload, max_pixels: int, as_json: bool) -> dict[str, Any] | bytes:
@@ -160,27 +143,6 @@ def export_zip(upload: Upload, max_pixels: int, target: str) -> bytes:
         settings = export_settings(path, turn, is_level=upload.frame == LEVEL)
         write_export(radiance, target, Path(folder), "light", exposure_ev=upload.exposure or 0.0, **settings)
         return zip_folder(Path(folder))
-
-
-def sharpened(upload: Upload, max_pixels: int) -> Light:
-    """Add plausible detail to a map (.exr or .hdr bytes in the place of the photo)."""
-    _check_pixels(upload, min(max_pixels, 2 * MAX_MAP_ROWS**2))
-    confidence = None
-    if upload.confidence is not None:
-        with _map_file(upload.confidence, "confidence") as path:
-            confidence = read_radiance(path)[..., 0].clip(0.0, 1.0)
-    with _map_file(upload.photo) as path:
-        if "detail" in map_attributes(path):
-            raise InvalidEnvironment(
-                "expected a map without detail, got one with detail; send the original estimate", source="map"
-            )
-        radiance = read_radiance(path)
-    if confidence is not None and confidence.shape != radiance.shape[:2]:
-        raise InvalidEnvironment(
-            f"expected the map's size {radiance.shape[:2]}, got {confidence.shape}; send both in the same size",
-            subject="confidence",
-        )
-    return Light(radiance=radiance, confidence=confidence).with_detail(size=upload.settings.get("size", ROWS))
 
 
 @contextmanager

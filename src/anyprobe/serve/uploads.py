@@ -51,11 +51,10 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
         HTTPException: 408 too slow.
         InputError: no photo came, or an option that is unknown, given twice or cannot be read.
     """
-    name, confidence, sidecar, files = "photo", b"", b"", {}
+    name, sidecar, files = "photo", b"", {}
     async with _read_form(request, pool, max_files=1 + len(FILES)) as form:
         if request.headers.get("content-type", "").startswith(FORM):
             photo, name = await _file(form, "photo")
-            confidence, _ = await _file(form, "confidence")
             sidecar, _ = await _file(form, "sidecar")
             texts = [field for field, hint in FILES.items() if hint.words and isinstance(form.get(hint.name), str)]
             files = {field: (await _file(form, hint.name))[0] for field, hint in FILES.items() if field not in texts}
@@ -70,7 +69,6 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
         name=name,
         hints=option.hints({field: data for field, data in files.items() if data}),
         settings=option.settings(),
-        confidence=confidence or None,
         include=option.include(),
         exposure=(option.numbers("exposure", "a number", 1) or (None,))[0],
         world_from_camera=option.numbers(

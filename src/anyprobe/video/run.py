@@ -7,15 +7,12 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from anyprobe.core.color import to_bytes
-from anyprobe.detail.blend import blend
-from anyprobe.detail.plausible import find_place
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import Ground
@@ -27,8 +24,6 @@ from anyprobe.estimate.sidecar import FRAME, SCALE
 from anyprobe.estimate.surroundings import turned
 from anyprobe.light.temporal import step
 from anyprobe.maps.radiance import write_exr
-from anyprobe.match.alignment import Match, exposed_match, hold_match
-from anyprobe.match.library import Library
 from anyprobe.notices import Notice
 from anyprobe.relight.appearance import least_scale
 from anyprobe.relight.insert import Arrangement, Stage
@@ -46,14 +41,8 @@ SAVE_EVERY = 24
 SHADOW_DIRECTIONS, SHADOW_GRID = 64, 128
 """For a picture of which there are many; a photo's has 192 and 256."""
 
-DETAIL_ROWS = 256
-"""Rows of a frame's map with detail."""
-
 LIGHT = "_light"
 """In the names of pieces of light.mp4."""
-
-DULL_ALPHA = 0.5
-"""GGX width of a material above which detail is not drawn in it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +98,6 @@ class ClipRun:
         virtual: VirtualObject | None = None,
         poses: np.ndarray | None = None,
         material: Material | None = None,
-        library: Library | None = None,
     ) -> None:
         """Args:
         settings: plain values that the result depends on; a run resumes only with the same ones.
@@ -119,11 +107,9 @@ class ClipRun:
             while the camera turns, and the surroundings that frames show are gathered; what is written is in each
             frame's camera all the same.
         material: the real object's, if given.
-        library: of the detail that maps and mirror images get; the light itself, its harmonics and the shadow stay
-            without.
         """
         self.clip, self.folder, self.estimator, self.follower = clip, folder, estimator, follower
-        self.material, self.library = material, library
+        self.material = material
         self.every, self.exr, self.virtual, self.poses = every, exr, virtual, poses
         self.progress = load_progress(folder, settings) or Progress(settings=settings)
         self._stage: Stage | None = None
@@ -242,16 +228,10 @@ class ClipRun:
         done.light = step(done.light, light.radiance, dt_s, world_from_camera=pose, looks_same=look.looks_same)
         done.light_time_s, self._shown, self._preview = frame.time_s, None, None
         steady = self._seen(frame.index)
-        if self.library is not None:
-            find = partial(self._place, self.library, light, self._photo, frame.index)
-            done.held_match = hold_match(done.held_match, done.light.radiance, find)
-            record["detail"] = done.held_match.match.name
         if self.exr:
             header = {"model": self.estimator.model_id, "frame": FRAME, "scale": SCALE}
-            if done.held_match is not None:
-                header["detail"] = f"plausible, from {done.held_match.match.name}, seed 0"
             path = self.folder / "lights" / f"{frame.index:06d}.exr"
-            write_exr(path, self._detailed(frame.index), attributes=header)
+            write_exr(path, steady, attributes=header)
         if self.virtual is not None:
             done.gain = 1.0 if self.material is not None else least_scale(self._photo, steady)
         if self.virtual is not None and self._stage is None:
@@ -282,32 +262,10 @@ class ClipRun:
             known = seen_from(done.panorama, world_from_crop, crop.surroundings_map)
         return self.estimator.from_crop(photo, crop, material=self.material, merged_surroundings=known)
 
-    def _place(self, library: Library, light: Light, photo: Photo, index: int) -> Match:
-        """Choose the place of the clip's detail by the steady light, as a photo's; light: of that frame alone."""
-        steady = replace(light, radiance=self._seen(index), plate=photo.plate() if photo.shows_place else None)
-        level_from_camera, kind = steady.level_and_kind()
-        bare = steady.plate is None
-        match = find_place(steady.radiance, light.confidence, library, level_from_camera, kind=kind, is_backdrop=bare)
-        if self.poses is None:
-            return match
-        return replace(match, candidate_from_estimate=match.candidate_from_estimate @ self.poses[index].T)
-
     def _seen(self, index: int) -> np.ndarray:
         """Return the steady light in a frame's camera, [H, 2H, 3]."""
         assert self.progress.light is not None  # asked for where there is one
         return self.progress.light.seen_from(None if self.poses is None else self.poses[index])
-
-    def _detailed(self, index: int) -> np.ndarray:
-        """Return the same with the detail of the place that is held, [DETAIL_ROWS, 2 DETAIL_ROWS, 3]; without, as it
-        is."""
-        held, seen = self.progress.held_match, self._seen(index)
-        if self.library is None or held is None or self.progress.light is None:
-            return seen
-        match = exposed_match(held, self.progress.light.radiance)
-        turn = match.candidate_from_estimate
-        if self.poses is not None:
-            turn = turn @ self.poses[index]
-        return blend(seen, self.library.candidate(match.index), turn, match.ln_gain, DETAIL_ROWS)
 
     def _turned(self, index: int) -> dict:
         """Describe the last light as a frame without one of its own sees it, where its pose is known."""
@@ -336,10 +294,8 @@ class ClipRun:
             assert self.progress.material is not None  # as there is a stage
             numbers: dict[str, Any] = {key: np.array(value) for key, value in self.progress.material.items()}
             material = Material(**{**numbers, "alpha": float(numbers["alpha"])})
-            is_dull = material.alpha > DULL_ALPHA
-            lit = radiance if is_dull else self._detailed(frame.index) * np.float32(self.progress.gain)
             shadow = stage.shadow(radiance, SHADOW_DIRECTIONS, SHADOW_GRID)
-            self._shown = shadow, stage.draw(lit, material, virtual.renderer, shadow)
+            self._shown = shadow, stage.draw(radiance, material, virtual.renderer, shadow)
         shadow, drawn = self._shown
         return to_bytes(stage.relit(radiance, virtual.material, shadow=shadow, drawn=drawn))
 
@@ -347,7 +303,7 @@ class ClipRun:
         """Return a frame's picture in light.mp4, drawn in that thread."""
         if self._preview is None or self.poses is not None:
             done = self.progress
-            shown = None if done.light is None else self._detailed(index)
+            shown = None if done.light is None else self._seen(index)
             if shown is not None and done.preview_ev is None:
                 done.preview_ev = preview_ev(shown)
             self._preview = beside.submit(light_picture, shown, done.preview_ev or 0.0)

@@ -20,7 +20,6 @@ from anyprobe.light.dominant_light import split_dominant_light
 from anyprobe.light.harmonics import project
 from anyprobe.light.steady import Steady
 from anyprobe.light.temporal import FilterState, Track
-from anyprobe.match.alignment import HeldMatch, Match
 from anyprobe.notices import RESTART, Notice, Remedy
 from anyprobe.video.held_mask import Held
 from anyprobe.video.registration import Key, Level, Motion
@@ -30,7 +29,7 @@ STATE = ".state.npz"
 PIECES = ".pieces"
 """Folder in the result's of what light.mp4 and relit.mp4 are joined from."""
 
-KINDS = {kind.__name__: kind for kind in (FilterState, Track, Steady, HeldMatch, Match, Held, Key, Level, Motion)}
+KINDS = {kind.__name__: kind for kind in (FilterState, Track, Steady, Held, Key, Level, Motion)}
 """Classes of what a run keeps."""
 
 
@@ -50,7 +49,7 @@ class Progress:
     preview_ev: exposure of the spheres in light.mp4, by the first light; None before it.
     panorama: [64, 128, 4 or 5] of the surroundings that frames have shown so far, in the world: linear radiance times
     cover, and cover; from an .exr or .hdr also how much of the cover is measured above white.
-    held_match: where the detail of maps is from. notes: warnings of the first frame.
+    notes: warnings of the first frame.
     """
 
     settings: dict[str, Any]
@@ -70,7 +69,6 @@ class Progress:
     gain: float = 1.0
     preview_ev: float | None = None
     panorama: np.ndarray | None = None
-    held_match: HeldMatch | None = None
     notes: list[Notice] = field(default_factory=list)
 
 

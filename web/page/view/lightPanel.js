@@ -3,7 +3,7 @@
 import { OWN_FILES, exportTarget, save } from "../downloads.js";
 import { element, setStatus } from "./elements.js";
 import { errorLine } from "../words.js";
-import { SPHERE_NAMES, shadeMirror } from "../../src/light/spheres.js";
+import { SPHERE_NAMES } from "../../src/light/spheres.js";
 import { describeDirection, drawFalseColor, drawMap, drawSphere, placeOnMap } from "./pictures.js";
 
 const TITLES = {
@@ -54,13 +54,6 @@ export class LightPanel {
     const { uncertainty } = result.light;
     element("brightness").textContent = uncertainty ? `, brightness ± ${uncertainty.levelStops.toFixed(1)} stops` : "";
     this.#setReady(true);
-  }
-
-  /** The mirror sphere by a map with detail, or by the light again. */
-  showReflections(reflections) {
-    if (!this.result) return;
-    this.shaded.mirror = reflections ? shadeMirror(reflections.radiance, reflections.height) : this.result.spheres.mirror;
-    this.#drawSpheres();
   }
 
   /** Nothing is known of the light any more. */

@@ -74,8 +74,8 @@ export class PhotoStage {
     element("pitch-value").textContent = `${Math.round(this.stage.pitchDeg)}°`;
   }
 
-  setLight(light, reflections = null) {
-    this.stage.setLight(light, reflections);
+  setLight(light) {
+    this.stage.setLight(light);
     this.lit ??= {}; // one for each picture
     this.render();
   }

@@ -26,7 +26,6 @@ import { pixelDirection } from "../../src/photo/crop.js";
 import { contactOf, likelyPitchDeg, seenPitchDeg } from "../../src/photo/ground.js";
 import { DrawnAside } from "./drawnAside.js";
 import { ContactShadow, EnvironmentTexture, MaskOccluder, groundShadowOpacity, installCameraCurve } from "../../src/three/index.js";
-import { SHARP_FACE_SIZES } from "../../src/light/prefilter.js";
 import { extentOf, outlineOf } from "./outline.js";
 import { Silhouette, farthestRow, findSpot } from "./placement.js";
 import { dispose } from "./virtualObjects.js";
@@ -272,18 +271,10 @@ export class Stage {
     return caster.intersectObject(this.object, true).length > 0 || Math.hypot(x - fx, y - fy) < reach;
   }
 
-  /**
-   * @param {import("../../src/light/light.js").Light} light
-   * @param {import("../reflections.js").Reflections | null} [reflections] for what mirrors; shadows are the light's
-   */
-  setLight(light, reflections = null) {
+  /** @param {import("../../src/light/light.js").Light} light */
+  setLight(light) {
     this.light = light;
-    if (reflections) {
-      this.sharpEnvironment ??= new EnvironmentTexture(SHARP_FACE_SIZES);
-      this.scene.environment = this.sharpEnvironment.update(reflections.levels);
-    } else {
-      this.scene.environment = this.environment.update(light.prefiltered);
-    }
+    this.scene.environment = this.environment.update(light.prefiltered);
     this.#aimShadow();
   }
 

@@ -30,41 +30,6 @@ export function encodeHdr(radiance, height) {
   return Uint8Array.from(bytes);
 }
 
-/**
- * A file in the same coding, runs and all, as radiance.
- *
- * @param {Uint8Array} bytes
- * @returns {{radiance: Float32Array, height: number}}
- */
-export function decodeHdr(bytes) {
-  let at = 0;
-  const nextLine = () => {
-    const end = bytes.indexOf(10, at);
-    const line = new TextDecoder().decode(bytes.subarray(at, end));
-    at = end + 1;
-    return line;
-  };
-  while (nextLine() !== "");
-  const [, rows, columns] = nextLine().match(/^-Y (\d+) \+X (\d+)$/) ?? [];
-  const [height, width] = [Number(rows), Number(columns)];
-  if (width !== 2 * height) throw new Error("The server's map is not one of latitude and longitude.");
-  const radiance = new Float32Array(3 * width * height);
-  const line = new Uint8Array(4 * width);
-  for (let row = 0; row < height; row++) {
-    at += 4; // 2, 2 and the width again
-    for (let to = 0; to < line.length; ) {
-      const count = bytes[at++];
-      if (count > 128) line.fill(bytes[at++], to, (to += count - 128));
-      else line.set(bytes.subarray(at, (at += count)), (to += count) - count);
-    }
-    for (let x = 0, to = 3 * row * width; x < width; x++) {
-      const scale = 2 ** (line[3 * width + x] - 136);
-      for (let c = 0; c < 3; c++) radiance[to++] = line[c * width + x] * scale;
-    }
-  }
-  return { radiance, height };
-}
-
 /** Three mantissas under the exponent of the largest; rounded. */
 function rgbe(radiance, at) {
   const rgb = [radiance[at], radiance[at + 1], radiance[at + 2]];

@@ -16,9 +16,6 @@ export const FACE_SIZES = [64, 32, 16, 8];
 /** Half floats end here. */
 const HALF_MAX = 65504;
 
-/** The same of a map of more rows; a face's pixel is about one of 256 rows. */
-export const SHARP_FACE_SIZES = [128, 64, 32, 16, 8];
-
 const roughnessOf = (level, sizes) => 1 - Math.sqrt(1 - level / (sizes.length - 1));
 
 /** Direction through s, t in [-1, 1] of OpenGL's faces +X, -X, +Y, -Y, +Z, -Z; not of unit length. */
@@ -47,25 +44,6 @@ export function prefilter(radiance) {
     sample(blurGgx(small, MAP_HEIGHT / 2, 3, roughnessOf(level, FACE_SIZES) ** 2), MAP_HEIGHT / 2, FACE_SIZES[level]),
   );
   return [mirror, meanOfFours(mirror, FACE_SIZES[0]), ...rough];
-}
-
-/**
- * The levels of SHARP_FACE_SIZES: a detailed map's where surfaces mirror, and for diffuse light the level of the plain one.
- *
- * @param {Float32Array} radiance [height, 2 height, 3] with detail
- * @param {number} height a power of two above 64
- * @param {Float32Array[]} plain of prefilter, for the map without detail
- * @returns {Float32Array[]}
- */
-export function prefilterSharp(radiance, height, plain) {
-  const sizes = SHARP_FACE_SIZES;
-  const mirror = sample(radiance, height, sizes[0]);
-  let [small, rows] = [radiance, height];
-  for (; rows > MAP_HEIGHT; rows /= 2) small = halve(small, rows);
-  const glossy = sample(blurGgx(small, MAP_HEIGHT, 3, roughnessOf(2, sizes) ** 2), MAP_HEIGHT, sizes[2]);
-  const least = halve(small, MAP_HEIGHT);
-  const rough = sample(blurGgx(least, MAP_HEIGHT / 2, 3, roughnessOf(3, sizes) ** 2), MAP_HEIGHT / 2, sizes[3]);
-  return [mirror, meanOfFours(mirror, sizes[0]), glossy, rough, plain.at(-1)];
 }
 
 const lookups = new Map();

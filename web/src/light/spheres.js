@@ -25,13 +25,8 @@ export function shadeSpheres(radiance) {
   return {
     matte: readMap(blurCosinePower(small, SMALL, 3, 1), lookup(SMALL, false), newSphere()),
     silver: readMap(blurCosinePower(small, SMALL, 3, SILVER_SHARPNESS), lookup(SMALL, true), newSphere()).map((value) => SILVER_F0 * value),
-    mirror: shadeMirror(radiance, MAP_HEIGHT),
+    mirror: readMap(radiance, lookup(MAP_HEIGHT, true), newSphere()),
   };
-}
-
-/** The mirror sphere alone, under a map [height, 2 height, 3]. */
-export function shadeMirror(radiance, height) {
-  return readMap(radiance, lookup(height, true), newSphere());
 }
 
 /** A sphere as the camera would show it at an exposure [EV]: RGBA, clear around the sphere. */
