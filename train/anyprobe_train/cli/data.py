@@ -42,13 +42,13 @@ def fetch(
 ) -> None:
     """Fetch CC0 maps and models of polyhaven.com; run again to go on, what is complete is not asked for twice."""
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
-    columns = (TextColumn("{task.description}", markup=False), BarColumn())
-    columns += (DownloadColumn(), TransferSpeedColumn())
+    description = TextColumn("{task.description}", markup=False)
+    columns = (description, BarColumn(), DownloadColumn(), TransferSpeedColumn())
     with Progress(*columns, console=talk, transient=True, disable=not talk.is_terminal) as progress:
         client = Client(pause_s=pause, say=lambda text: progress.console.print(text, soft_wrap=True))
         api = api or polyhaven.API
         kinds = [one for one in polyhaven.FOLDERS if kind in (one, "all")]
-        chosen = []
+        chosen: list[polyhaven.Asset] = []
         for one in kinds:
             listed = polyhaven.list_assets(client, one, api)
             try:
@@ -103,7 +103,7 @@ def fetch_test(
 
 def _fetch_all(library: polyhaven.Library, chosen: list, progress: Progress) -> tuple[list, str]:
     """Every asset in turn; what happened to each, and why it stopped before the end, if it did."""
-    outcomes = []
+    outcomes: list[polyhaven.Outcome] = []
     for index, asset in enumerate(chosen, 1):
         place = f"{index}/{len(chosen)} {asset.slug}"
         task = progress.add_task(place, total=None)
