@@ -19,15 +19,15 @@ ORDER = (
     "notices errors core light scatter given_material render files maps pictures export match detail masks hints "
     "estimate relight video serve cli __init__ __main__ "
     "anyprobe_train.__init__ anyprobe_train.nets anyprobe_train.dataset anyprobe_train.evaluate anyprobe_train.assets "
-    "anyprobe_train.train anyprobe_train.mask_network anyprobe_train.whole_network anyprobe_train.cli "
-    "anyprobe_train.__main__"
+    "anyprobe_train.train anyprobe_train.mask_network anyprobe_train.whole_network "
+    "anyprobe_train.light_graph anyprobe_train.cli anyprobe_train.__main__"
 ).split()
 """A part may import itself and the parts before it: what users run imports nothing of `anyprobe_train`."""
 
 ONLY = {
     "torch": {
         *("render", "anyprobe_train.nets", "anyprobe_train.dataset", "anyprobe_train.train", "anyprobe_train.cli"),
-        *("anyprobe_train.mask_network", "anyprobe_train.whole_network"),
+        *("anyprobe_train.mask_network", "anyprobe_train.whole_network", "anyprobe_train.light_graph"),
     },
     "onnxruntime": {"files"},
     "onnx": {"anyprobe_train.train"},

@@ -44,7 +44,7 @@ def sh_basis(d: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "... 9"]:
 
 
 @lru_cache(maxsize=4)
-def _pixel_integrals(height: int) -> tuple[np.ndarray, np.ndarray]:
+def pixel_integrals(height: int) -> tuple[np.ndarray, np.ndarray]:
     """Return integrals over every row [6, H] and every column [6, 2H]; their products are those of Y_i / K over pixels.
 
     With d = (sin t sin p, cos t, -sin t cos p) and dw = sin t dt dp each Y_i is a sum of products of a
@@ -66,7 +66,7 @@ def project(radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "9 3"]:
 
     Exact for a map that is constant over each pixel: uniform radiance 1 gives L_0 = 2 sqrt(pi) = 3.5449077 alone.
     """
-    rows, columns = _pixel_integrals(radiance.shape[0])
+    rows, columns = pixel_integrals(radiance.shape[0])
     # columns first, row by row: a map of thousands of rows is never copied in float64
     seen = np.stack([columns @ row for row in radiance], axis=1)  # [6, H, 3], by functions of p
     one, sine, cosine, sine2, cosine2, mixed = rows @ seen  # [6, 3] each, by functions of t

@@ -28,5 +28,5 @@ def export_mask(checkpoint: Path, folder: Path) -> float:
     }
     example = torch.rand((1, 4, SMALL_PX, SMALL_PX), generator=torch.Generator().manual_seed(0))
     shapes = {"input": tuple(example.shape)}
-    graph = Graph(net=net, inputs=shapes, typical=np.mean, small=(LINEAR_LAYERS, CONVOLUTIONS), batched=False)
+    graph = Graph(net=net, inputs=shapes, typical=np.mean, small=(LINEAR_LAYERS, CONVOLUTIONS), dynamic={})
     return write_graph("mask", graph, (example,), {**MASK_CONTRACT, **recipe}, folder / "mask.onnx", TOLERANCE)

@@ -60,7 +60,9 @@ class Graph:
 
     typical: of the differences from torch; their median, where a last bit may move a pixel to its neighbour.
     small: which layers keep their weights as int8, see store_int8.
-    batched: whether it takes several examples at a time.
+    exact: beginning of the names of linear layers that keep theirs as float16.
+    dynamic: names of the axes of inputs that may have other lengths; None: the first of each, so that it takes several
+        examples at a time.
     """
 
     net: nn.Module
@@ -68,7 +70,8 @@ class Graph:
     outputs: tuple[str, ...] = ("output",)
     typical: Callable[[np.ndarray], float] = np.max
     small: tuple[int, ...] = ()
-    batched: bool = True
+    exact: str | None = None
+    dynamic: dict[str, dict[int, str]] | None = None
 
 
 def claims_of(guess: LightPrediction, sureness: Sureness) -> tuple[torch.Tensor, torch.Tensor]:
@@ -192,6 +195,7 @@ def write_graph(
 
     from anyprobe.files.onnx_runtime import onnxruntime
 
+    every_first = {name: {0: "n"} for name in (*graph.inputs, *graph.outputs)}
     with atomic_path(path) as temporary:
         torch.onnx.export(
             graph.net,
@@ -199,14 +203,14 @@ def write_graph(
             str(temporary),
             input_names=list(graph.inputs),
             output_names=list(graph.outputs),
-            dynamic_axes={name: {0: "n"} for name in (*graph.inputs, *graph.outputs)} if graph.batched else None,
+            dynamic_axes=every_first if graph.dynamic is None else graph.dynamic,
             opset_version=17,
             dynamo=False,
         )
         model = onnx.load(str(temporary))
         store_half(model)
         if graph.small:
-            store_int8(model, graph.small)
+            store_int8(model, graph.small, graph.exact)
         onnx.helper.set_model_props(model, about)
         onnx.checker.check_model(model)
         onnx.save(model, str(temporary))
@@ -269,10 +273,11 @@ def store_half(model) -> None:
         model.graph.node.insert(0, node)
 
 
-def store_int8(model, kinds: tuple[int, ...] = (LINEAR_LAYERS, CONVOLUTIONS)) -> None:
+def store_int8(model, kinds: tuple[int, ...] = (LINEAR_LAYERS, CONVOLUTIONS), exact: str | None = None) -> None:
     """Store the halved weights of large layers of some kinds as int8 behind a DequantizeLinear.
 
     store_half must come before; the runtime widens the weights once, when it opens.
+    exact: beginning of the names of layers that stay as they are.
     """
     import onnx
     from onnx import numpy_helper
@@ -280,6 +285,8 @@ def store_int8(model, kinds: tuple[int, ...] = (LINEAR_LAYERS, CONVOLUTIONS)) ->
     for node in [one for one in model.graph.node if one.op_type == "Cast"]:
         tensor = next((one for one in model.graph.initializer if one.name == node.input[0]), None)
         if tensor is None or len(tensor.dims) not in kinds or np.prod(tensor.dims) < LARGE:
+            continue
+        if exact is not None and tensor.name.startswith(exact):
             continue
         name, values = node.output[0], numpy_helper.to_array(tensor).astype(np.float32)
         scale = np.maximum(np.abs(values).reshape(len(values), -1).max(axis=1), 1e-8) / 127
