@@ -212,7 +212,7 @@ def pack(data: bytes) -> None:
 def pose_files() -> list[bytes]:
     turn = np.eye(4).tolist()
     frames = [{"file_path": f"{k}.png", "transform_matrix": turn, "fl_x": 900} for k in range(2)]
-    return [json.dumps([turn, turn]).encode(), json.dumps({"frames": frames, "w": 90, "camera_angle_x": 1.2}).encode()]
+    return [json.dumps({"frames": frames, "w": 90, "camera_angle_x": 1.2}).encode()]
 
 
 def read_all_poses(data: bytes) -> None:

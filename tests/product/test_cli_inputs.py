@@ -13,6 +13,7 @@ import OpenEXR
 import pytest
 from PIL import Image
 from support.folders import snapshot
+from support.transforms import transforms
 
 from anyprobe.cli.photo_files import hints_for
 from anyprobe.core.response import response
@@ -140,7 +141,7 @@ def test_an_error_of_a_mask_names_the_photo_it_is_of(work, command, photo_rgba, 
     for stem in "abc":
         Image.fromarray(photo_rgba).save(f"photos/{stem}.png")
         Image.fromarray(photo_mask * (stem != "b")).save(f"masks/{stem}.png")
-    (work / "poses.json").write_text(json.dumps([np.eye(3).tolist()] * 3))
+    (work / "poses.json").write_text(transforms([np.eye(3)] * 3, ("a.png", "b.png", "c.png")))
     poses = ("--poses", "poses.json") if together else ()
     outcome = command("estimate", "photos", "--mask", "masks", "-o", "out", "--json", "-q", *poses)
     assert outcome.status == 2

@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from support.transforms import transforms
 
 from anyprobe.estimate import photo as photo_module
 
@@ -32,7 +33,7 @@ def test_the_command_counts_from_the_photo_s_opening(work, command, photo_path, 
     files[-1].write_bytes(photo_path.read_bytes())
     poses = []
     if count > 1:
-        (work / "poses.json").write_text(json.dumps([np.eye(3).tolist()] * count))
+        (work / "poses.json").write_text(transforms([np.eye(3)] * count, (file.name for file in files)))
         poses = ["--poses", "poses.json"]
     done = command("estimate", *files, *poses, "--json", "-q")
     assert done.status == 0, done.err
@@ -71,7 +72,7 @@ def test_the_server_counts_from_the_photo_s_opening(estimator, photo_path, slow_
     from anyprobe.serve.api import create_app
 
     files = [("photo", (f"{k}.png", photo_path.read_bytes())) for k in range(count)]
-    given = {"poses": json.dumps([np.eye(3).tolist()] * count)} if count > 1 else {}
+    given = {"poses": transforms([np.eye(3)] * count)} if count > 1 else {}
     with TestClient(create_app(estimator)) as client:
         answer = client.post("/v1/fuse" if count > 1 else "/v1/estimate", files=files, data=given)
     assert answer.status_code == 200, answer.text

@@ -15,6 +15,7 @@ import OpenEXR
 import pytest
 from fuzz.seeds import endless_gif, endless_jpeg, endless_tiff, hidden_hdr, instanced_glb, multipart_exr
 from PIL import Image
+from support.transforms import transforms
 
 from anyprobe.errors import InputError, InvalidEnvironment, InvalidMesh, InvalidPhoto
 from anyprobe.estimate.poses import read_poses
@@ -167,8 +168,7 @@ def test_a_long_number_in_a_name_of_the_poses_is_a_name():
     from anyprobe.estimate.poses import parse_poses
 
     names = ["9" * 5000 + ".png", "8.png"]
-    frames = [{"file_path": name, "transform_matrix": np.eye(3).tolist()} for name in names]
-    assert parse_poses(json.dumps({"frames": frames}).encode(), "p").in_order().shape == (2, 3, 3)
+    assert parse_poses(transforms([np.eye(3)] * 2, names).encode(), "p").in_order().shape == (2, 3, 3)
 
 
 # A guest in someone's program

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from support.room_photos import FOV_DEG, room_photo, smooth_map
+from support.transforms import transforms
 
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.response import inverse_response, response
@@ -210,7 +211,7 @@ def test_the_command_gathers_what_photos_show(command, tmp_path):
         photo, mask = room_photo(smooth_map(), world_from_camera=pose)
         Image.fromarray(np.dstack([photo, mask])).save(tmp_path / f"{k}.png")
         names.append(tmp_path / f"{k}.png")
-    (tmp_path / "poses.json").write_text(json.dumps([pose.tolist() for pose in POSES]))
+    (tmp_path / "poses.json").write_text(transforms(POSES))
     order = ("estimate", *names, "--poses", tmp_path / "poses.json", "--surroundings", "photo", "--fov", FOV_DEG)
     done = command(*order, "-o", tmp_path / "light", "--json", "-q")
     assert done.status == 0, done.err

@@ -11,11 +11,11 @@ import pytest
 from PIL import Image
 from support.refused import refused
 from support.scenes import made_map
+from support.transforms import transforms
 
 import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.errors import InputError
 from anyprobe.estimate import photo as photo_module
 from anyprobe.estimate.multiview import NOT_GIVEN, OFFSET, fuse, fuse_lights
 from anyprobe.estimate.poses import read_poses
@@ -153,14 +153,10 @@ def test_exif_tells_the_exposure(tmp_path):
 # Poses
 
 
-def test_poses_come_as_a_list_or_by_name(tmp_path):
+def test_poses_are_found_by_name(tmp_path):
     turn = rotation_y(0.5)
     four = np.eye(4)
     four[:3, :3], four[:3, 3] = turn, (1, 2, 3)
-    (tmp_path / "list.json").write_text(json.dumps([np.eye(3).tolist(), four.round(4).tolist()]))
-    listed = read_poses(tmp_path / "list.json").of([tmp_path / "x.png", tmp_path / "y.png"])
-    np.testing.assert_allclose(listed, [np.eye(3), turn], atol=1e-4)
-    assert np.linalg.det(listed[1]) == pytest.approx(1.0, abs=1e-12)
     frames = [
         {"file_path": "./images/v_10.png", "transform_matrix": four.tolist()},
         {"file_path": "./images/v_2", "transform_matrix": np.eye(4).tolist()},
@@ -182,26 +178,26 @@ def test_poses_come_as_a_list_or_by_name(tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("not json", "JSON file of camera poses"),
-        ("{}", "a list of matrices"),
-        ("[]", "a list of matrices"),
-        ("[1, 2]", "pose 1: expected 3 x 3"),
-        ('[[["a"]]]', "pose 1: expected 3 x 3"),
-        ('{"frames": [{"file_path": "a"}]}', "pose 1: expected 3 x 3"),
-        ("[[[1,0,0],[0,1,0],[0,0,1]], [[2,0,0],[0,2,0],[0,0,2]]]", "pose 2: expected a rotation"),
-        ("[[[1,0,0],[0,1,0],[0,0,-1]]]", "mirrored"),
-        (f"[[[1,0,0],[0,1,0],[0,0,{10**400}]]]", "pose 1: expected 3 x 3"),
-        ("[[[NaN,0,0],[0,1,0],[0,0,1]]]", "expected a rotation"),
+        ("not json", "transforms.json of camera poses"),
+        ("{}", '"frames"'),
+        ("[]", '"frames"'),
+        ('{"frames": [1]}', '"frames"'),
+        ('{"frames": [{"transform_matrix": []}]}', '"file_path"'),
+        ('{"frames": [{"file_path": "a"}]}', "a: expected"),
+        (transforms([2 * np.eye(3)]), "0.png: expected a rotation"),
+        (transforms([np.diag([1, 1, -1])]), "mirrored"),
+        (transforms([np.eye(3)]).replace("1.0", str(10**400)), "0.png: expected"),
+        (transforms([np.diag([np.nan, 1, 1])]), "expected a rotation"),
     ],
 )
 def test_file_that_holds_no_poses_is_one_line(tmp_path, content, words):
     (tmp_path / "poses.json").write_text(content)
-    with pytest.raises(InputError, match=words):
+    with refused(source="poses.json", naming=words):
         read_poses(tmp_path / "poses.json")
 
 
 def poses_file(path, frames, **common):
-    listed = [{"transform_matrix": np.eye(4).tolist(), **one} for one in frames]
+    listed = [{"file_path": f"{k}.png", "transform_matrix": np.eye(4).tolist(), **one} for k, one in enumerate(frames)]
     path.write_text(json.dumps({"frames": listed, **common}))
     return read_poses(path)
 
@@ -231,17 +227,15 @@ def test_poses_tell_the_lens_where_the_photo_does_not(tmp_path):
     assert high.clip_fov_deg(60, 100) == pytest.approx(90.0)
     assert poses_file(tmp_path / "e.json", [{}]).clip_fov_deg(60, 40) is None
     own = poses_file(
-        tmp_path / "b.json", [{}, {"fl_x": 100.0, "fl_y": 110.0}], fl_x=50.0, w=100, h=150, camera_angle_x=1.0
+        tmp_path / "b.json",
+        [{"file_path": "wide"}, {"file_path": "high", "fl_x": 100.0, "fl_y": 110.0}],
+        fl_x=50.0,
+        w=100,
+        h=150,
+        camera_angle_x=1.0,
     )
-    assert own.fovs_deg(photos[:1] * 2) == pytest.approx([90.0, 2 * np.degrees(np.arctan(0.5))])
-    assert own.fovs_deg([photos[1]] * 2)[1] == pytest.approx(2 * np.degrees(np.arctan(75 / 110)))
-    assert poses_file(tmp_path / "c.json", [{}]).fovs_deg(photos[:1]) == [None]
-    assert read_poses_of([np.eye(3)], tmp_path).fovs_deg(photos[:1]) == [None]
-
-
-def read_poses_of(matrices, folder):
-    (folder / "list.json").write_text(json.dumps([one.tolist() for one in matrices]))
-    return read_poses(folder / "list.json")
+    assert own.fovs_deg(photos[:2]) == pytest.approx([90.0, 2 * np.degrees(np.arctan(75 / 110))])
+    assert poses_file(tmp_path / "c.json", [{"file_path": "wide"}]).fovs_deg(photos[:1]) == [None]
 
 
 def test_photo_on_its_side_is_measured_as_it_is_shown(tmp_path):
@@ -279,8 +273,8 @@ def test_lens_that_is_none_is_one_line(tmp_path, lens):
 def test_photos_with_poses_give_one_light(command, work, photo_path):
     other = work / "other.png"
     other.write_bytes(photo_path.read_bytes())
-    poses = [np.eye(3).tolist(), rotation_y(2.0).tolist()]
-    (work / "poses.json").write_text(json.dumps(poses))
+    poses = [np.eye(3), rotation_y(2.0)]
+    (work / "poses.json").write_text(transforms(poses, (photo_path.name, "other.png")))
     done = command("estimate", photo_path, other, "--poses", work / "poses.json", "-o", "one", "--json", "-q")
     assert done.status == 0, done.err
     given = json.loads(done.out)
@@ -296,8 +290,8 @@ def test_photos_with_poses_give_one_light(command, work, photo_path):
 
 
 def test_the_lens_of_the_poses_counts_unless_another_is_told(command, work, photo_path):
-    frames = [{"file_path": photo_path.name, "transform_matrix": np.eye(4).tolist()}]
-    (work / "poses.json").write_text(json.dumps({"frames": frames, "fl_x": 100, "w": 120, "camera_angle_x": 9e-1}))
+    said = transforms([np.eye(3)], [photo_path.name], fl_x=100, w=120, camera_angle_x=9e-1)
+    (work / "poses.json").write_text(said)
     call = ("estimate", photo_path, "--poses", work / "poses.json", "-o", "one", "--json", "-q")
     given = json.loads(command(*call).out)
     assert given["long_fov_deg"] == pytest.approx(2 * np.degrees(np.arctan(0.6)), abs=1e-3)
@@ -307,7 +301,7 @@ def test_the_lens_of_the_poses_counts_unless_another_is_told(command, work, phot
 @pytest.mark.parametrize(
     ("others", "options", "naming"),
     [
-        (["gone.png"], (), "gone.png: no such file"),
+        (["gone.png"], (), "gone.png"),
         (["b.png"], ("--mask", "masks"), "b.png"),
         (["b.png"], ("--mask", "masks/a_panorama.exr", "-o", "masks"), "would replace masks/a_panorama.exr"),
     ],
@@ -316,12 +310,12 @@ def test_all_names_are_checked_before_a_photo_is_read(command, work, photo_path,
     for name in ("a.png", "b.png", "masks/a.png", "masks/a_panorama.exr"):
         (work / name).parent.mkdir(exist_ok=True)
         (work / name).write_bytes(photo_path.read_bytes())
-    (work / "poses.json").write_text(json.dumps([np.eye(3).tolist()] * 2))
+    (work / "poses.json").write_text(transforms([np.eye(3)] * 2, ("a.png", "b.png")))
     monkeypatch.setattr(photo_module, "load_photo", lambda *_, **__: pytest.fail("read too early"))
     assert naming in command("estimate", "a.png", *others, "--poses", "poses.json", *options).complaint
 
 
-@pytest.mark.parametrize("poses", ["[[[1,0,0],[0,1,0],[0,0,1]]]", "{}"])
+@pytest.mark.parametrize("poses", [transforms([np.eye(3)]), "{}"])
 def test_poses_that_do_not_fit_write_nothing(command, work, photo_path, poses):
     other = work / "other.png"
     other.write_bytes(photo_path.read_bytes())

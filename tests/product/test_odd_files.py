@@ -12,8 +12,9 @@ import OpenEXR
 import pytest
 from PIL import Image, TiffImagePlugin
 from support.refused import refused
+from support.transforms import transforms
 
-from anyprobe.errors import InputError, InvalidMask
+from anyprobe.errors import InvalidMask
 from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.poses import read_poses
 from anyprobe.files.meshes import read_mesh
@@ -94,10 +95,10 @@ def test_poses_by_columns_and_of_windows(tmp_path):
     pose = np.eye(4)
     pose[:3, 3] = 1, 2, 3
     path = tmp_path / "poses.json"
-    path.write_bytes(b"\xef\xbb\xbf" + json.dumps([pose.tolist()]).encode())
+    path.write_bytes(b"\xef\xbb\xbf" + transforms([pose]).encode())
     assert len(read_poses(path).world_from_camera) == 1
-    path.write_text(json.dumps([pose.T.tolist()]))
-    with pytest.raises(InputError, match=r"pose 1: expected rows.*got columns \(as of ARKit or three"):
+    path.write_text(transforms([pose.T]))
+    with refused(source="poses.json", naming="0.png: expected rows"):
         read_poses(path)
 
 

@@ -10,9 +10,11 @@ import socket
 import threading
 import time
 
+import numpy as np
 import pytest
 from fuzz.seeds import hidden_hdr, multipart_exr
 from PIL import Image
+from support.transforms import transforms
 
 pytest.importorskip("fastapi", reason="needs the serve extra")
 pytest.importorskip("uvicorn", reason="needs the serve extra")
@@ -331,7 +333,7 @@ def test_head_is_answered_without_a_body(estimator):
 @pytest.mark.parametrize(("address", "twice"), [("estimate", "photo"), ("estimate", "mask"), ("fuse", "poses")])
 def test_a_part_that_counts_once_is_not_taken_twice(estimator, photo, address, twice):
     parts = [("photo", ("a.png", photo)), ("mask", ("m.png", photo))]
-    parts += [("poses", ("p.json", b"[[[1,0,0],[0,1,0],[0,0,1]]]"))] if address == "fuse" else []
+    parts += [("poses", ("p.json", transforms([np.eye(3)], ["p.png"]).encode()))] if address == "fuse" else []
     parts += [one for one in parts if one[0] == twice]
     with TestClient(create_app(estimator)) as client:
         answer = client.post(f"/v1/{address}", files=parts)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import base64
-import json
 
 import numpy as np
 import pytest
+from support.transforms import transforms
 
 pytest.importorskip("fastapi", reason="needs the serve extra")
 pytest.importorskip("python_multipart", reason="needs the serve extra")
@@ -41,7 +41,7 @@ def pictures(photo_rgba) -> list[np.ndarray]:
 
 def parts(pictures, poses=TURNS, **others) -> list:
     files = [("photo", (f"{k}.png", as_png(one))) for k, one in enumerate(pictures)]
-    files += [("poses", ("poses.json", json.dumps(np.array(poses).tolist()).encode()))]
+    files += [("poses", ("poses.json", transforms(poses).encode()))]
     return files + [(name, data) for name, many in others.items() for data in many]
 
 
@@ -60,19 +60,9 @@ def test_the_light_is_the_package_s_own(client, estimator, pictures):
     assert exr.headers["content-type"] == "image/x-exr"
 
 
-def test_poses_are_found_by_the_photos_names(client, pictures):
-    named = {"frames": [{"file_path": f"images/{k}.png", "transform_matrix": TURNS[k].tolist()} for k in (1, 0)]}
-    files = [part for part in parts(pictures) if part[0] != "poses"]
-    asked = {"poses": json.dumps(named), "include": "radiance"}
-    by_name = client.post("/v1/fuse", files=files, data=asked)
-    in_order = client.post("/v1/fuse?include=radiance", files=parts(pictures))
-    np.testing.assert_array_equal(radiance(by_name), radiance(in_order))
-
-
 def test_the_lens_of_the_poses_counts_unless_another_is_told(client, pictures):
-    frames = [{"file_path": f"{k}.png", "transform_matrix": TURNS[k].tolist()} for k in range(2)]
     files = [part for part in parts(pictures) if part[0] != "poses"]
-    data = {"poses": json.dumps({"frames": frames, "camera_angle_x": np.radians(50)})}
+    data = {"poses": transforms(TURNS, camera_angle_x=np.radians(50))}
     height, width = pictures[0].shape[:2]
     long = 2 * np.degrees(np.arctan(np.tan(np.radians(25)) * max(1.0, height / width)))
     assert client.post("/v1/fuse", files=files, data=data).json()["long_fov_deg"] == pytest.approx(long, abs=1e-3)
@@ -125,15 +115,9 @@ def test_poses_are_read_beside_the_event_loop(client, pictures, monkeypatch):
     [
         (lambda files: [], {}, f"photo: expected 1 to {MAX_PHOTOS} file parts"),
         (lambda files: files[:1] * (MAX_PHOTOS + 1), {}, f"got {MAX_PHOTOS + 1}"),
-        (lambda files: files[:2], {}, "poses: expected a JSON list of matrices, one a photo, got nothing"),
-        (lambda files: files[:2], {"poses": "{}"}, "poses: expected a list of matrices"),
-        (lambda files: files[:1] + files[2:], {}, "poses: expected one pose for the photo; got 2"),
-        (lambda files: files[:2], {"poses": "[[[1]]]"}, "poses: pose 1: expected 3 x 3"),
-        (
-            lambda files: files[:2],
-            {"poses": "[1, 1, 1]"},
-            "poses: expected one pose for each of the 2 photos, in their order; got 3",
-        ),
+        (lambda files: files[:2], {}, "poses: expected"),
+        (lambda files: files[:2], {"poses": "{}"}, "poses: expected"),
+        (lambda files: files[:2], {"poses": transforms([np.eye(3)])}, "poses: expected a pose of 1.png"),
         (lambda files: [*files, ("mask", files[0][1])], {}, "mask: expected none or one per photo, got 1 for 2"),
         (lambda files: files, {"box": "1,2,3,4"}, "box: expected none or one per photo, got 1 for 2"),
         (lambda files: files, {"click": "1,2"}, "click: expected a mask or a box per photo"),

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.transforms import transforms
 
 from anyprobe.core.frames import rotation_y, world_from_camera
 from anyprobe.estimate.runtime import DEFAULT_MODEL
@@ -82,7 +83,7 @@ def exported(target: str, folder, suffix: str, **options) -> bytes:
 def test_an_unknown_parameter_is_named_and_so_are_the_known_ones(client, photo, address, name, known):
     sent = {"content": photo}
     if address == "fuse":
-        sent = {"files": {"photo": ("p.png", photo)}, "data": {"poses": "[[[1,0,0],[0,1,0],[0,0,1]]]"}}
+        sent = {"files": {"photo": ("p.png", photo)}, "data": {"poses": transforms([np.eye(3)], ["p.png"])}}
     line = refusal(client.post(f"/v1/{address}", params={name: "10,10"}, **sent))
     assert line.startswith("query parameter: expected ")
     assert line.endswith(f"got {name!r}" + ("; did you mean click?" if (address, name) == ("estimate", "clik") else ""))
@@ -123,7 +124,7 @@ def test_all_that_is_described_is_taken(client, photo):
     }
     pointed = {"box": "24,8,104,88", "click": "64,48", "exclude": "2,2"}
     cut = {"near": "1", "far": "2"}
-    poses = {"poses": "[[[1,0,0],[0,1,0],[0,0,1]]]"}
+    poses = {"poses": transforms([np.eye(3)], ["p.png"])}
     assert set(openapi.query_names(openapi.ESTIMATE_ROUTE)) == {*given, *pointed, *cut}
     assert set(openapi.query_names(openapi.FUSE_ROUTE)) == set(given) | {"box"}
     files = {"photo": ("p.png", photo)}

@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 from support.refused import refused
 from support.room_photos import FOV_DEG, room_photo, smooth_map
+from support.transforms import transforms
 
 import anyprobe
 from anyprobe.core.color import luminance, to_bytes
@@ -291,7 +292,7 @@ def test_the_emitters_of_a_panorama_come_through_the_command(tmp_path, command, 
     for name in ("disc", "other"):
         Image.fromarray(np.dstack([photo, mask])).save(tmp_path / f"{name}.png")
     (write_hdr if kind == "hdr" else write_exr)(tmp_path / f"pano.{kind}", lit_room())
-    (tmp_path / "poses.json").write_text(json.dumps([np.eye(3).tolist()] * 2))
+    (tmp_path / "poses.json").write_text(transforms([np.eye(3)] * 2, ("disc.png", "other.png")))
     call = ("--fov", FOV_DEG, "--surroundings", tmp_path / f"pano.{kind}", "-o", tmp_path / "out", "-q")
     for several in ((), (tmp_path / "other.png", "--poses", tmp_path / "poses.json")):
         done = command("estimate", tmp_path / "disc.png", *several, *call)

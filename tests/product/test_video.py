@@ -21,6 +21,7 @@ from support.scenes import made_map
 pytest.importorskip("av", reason="the extra `video` is not installed")
 
 from support.clips import SIZE, sphere_frame, sphere_mask, turned, write_clip, write_masks
+from support.transforms import transforms
 
 from anyprobe.cli import video as video_command
 from anyprobe.core.color import to_bytes
@@ -184,13 +185,13 @@ def test_poses_keep_the_light_still_in_the_world(begin, whole, tmp_path):
 @pytest.mark.ci
 def test_command_reads_poses_and_goes_on_with_the_same_alone(command, work, made):
     order = ("video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "-q", "--poses", "poses.json")
-    matrices = [rotation_y(-0.05 * i).tolist() for i in range(COUNT)]
-    (work / "poses.json").write_text(json.dumps(matrices[:-1]))
+    matrices = [rotation_y(-0.05 * i) for i in range(COUNT)]
+    (work / "poses.json").write_text(transforms(matrices[:-1]))
     assert f"expected {COUNT} poses, one per frame, got {COUNT - 1}" in command(*order).complaint
-    (work / "poses.json").write_text(json.dumps(matrices))
+    (work / "poses.json").write_text(transforms(matrices))
     assert command(*order).status == 0
     assert json.loads((work / "out" / "track.json").read_text())["settings"]["poses"]
-    (work / "poses.json").write_text(json.dumps(matrices[::-1]))
+    (work / "poses.json").write_text(transforms(matrices[::-1]))
     assert "--poses: out holds a run begun with another or none" in command(*order).complaint
     assert "expected one of them" in command(*order, "--insert", "sphere").complaint
 

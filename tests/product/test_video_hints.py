@@ -12,6 +12,7 @@ from support.scenes import made_map
 pytest.importorskip("av", reason="the extra `video` is not installed")
 
 from support.clips import sphere_frame, sphere_mask, write_clip, write_masks
+from support.transforms import transforms
 
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
@@ -80,8 +81,7 @@ def test_the_lens_of_the_poses_is_told_across_and_a_portrait_clip_is_higher(comm
     (work / "masks").mkdir()
     for name in ("0.png", "1.png"):
         Image.fromarray(np.ascontiguousarray(mask)).save(work / "masks" / name)
-    frames = [{"transform_matrix": np.eye(4).tolist()}] * 2
-    (work / "poses.json").write_text(json.dumps({"frames": frames, "camera_angle_x": 2 * np.arctan(0.3)}))
+    (work / "poses.json").write_text(transforms([np.eye(3)] * 2, camera_angle_x=2 * np.arctan(0.3)))
     order = ("video", "clip.mp4", "--mask", "masks", "--poses", "poses.json", "-q")
     for folder, given, tangent in (("a", (), 0.4), ("b", ("--fov", 40, "--pitch", 25), np.tan(np.radians(20)))):
         done = command(*order, "-o", folder, *given)

@@ -78,7 +78,7 @@ def estimate(
     out: Annotated[Path, folder_option("Folder for the results.")] = Path("light"),
     poses: Annotated[
         Path | None,
-        typer.Option(help="JSON with each photo's camera rotation: all photos, views of one object, give one light."),
+        typer.Option(help="transforms.json of the photos' cameras: all photos, views of one object, give one light."),
     ] = None,
     size: Annotated[int, typer.Option(help="Rows of the panorama: 64, 128, 256, 512, 1024 or 2048.")] = 512,
     frame: FrameOption = "level",

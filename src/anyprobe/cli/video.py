@@ -49,7 +49,7 @@ def video(
     every: Annotated[int, count_option(least=1, metavar="N", help="Estimate a light for every Nth frame.")] = 1,
     exr: Annotated[bool, typer.Option("--exr", help="Also write the maps as lights/<frame>.exr.")] = False,
     poses: Annotated[
-        Path | None, typer.Option(help="JSON with the camera's rotation in each frame; see docs/how-to/video.md.")
+        Path | None, typer.Option(help="transforms.json with the camera of each frame; see docs/how-to/video.md.")
     ] = None,
     restart: Annotated[bool, typer.Option("--restart", help="Restart, discarding earlier progress.")] = False,
     as_json: JsonOption = False,

@@ -1,4 +1,4 @@
-"""How cameras are turned, and how much their lenses take in, from the files that trackers write."""
+"""How cameras are turned, and how much their lenses take in, from the transforms.json that trackers write."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from anyprobe.pictures.declared_size import photo_header
 TOLERANCE = 0.01
 """By how much R R^T may differ from 1: files carry a few digits."""
 
-MOST_POSES = 10_000
-"""Named poses in a file of which a few photos are wanted: a clip of five minutes has as many frames."""
+MOST_POSES = 50_000
+"""Most poses in a file: a clip of half an hour has as many frames."""
 
 MAX_BYTES = 64 * 2**20
 """Longest file of poses."""
@@ -48,23 +48,20 @@ class Lens:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Poses:
-    """world_from_camera [N, 3, 3]; names of the photos without folders (see bare_name), or None where the file has
-    none; its own name, for messages; the cameras' lenses."""
+    """world_from_camera [N, 3, 3]; names of the photos without folders (see bare_name); the file's own name, for
+    messages; the cameras' lenses."""
 
     file: str
     world_from_camera: np.ndarray
-    names: tuple[str, ...] | None
+    names: tuple[str, ...]
     lenses: tuple[Lens, ...]
 
     def in_order(self) -> np.ndarray:
-        """[N, 3, 3] of a clip's frames: as they are listed, by name where there are names (frame_2 before frame_10)."""
-        names = self.names
-        if names is None:
-            return self.world_from_camera
-        return self.world_from_camera[sorted(range(len(names)), key=lambda k: natural_order(names[k]))]
+        """[N, 3, 3] of a clip's frames, by name: frame_2 before frame_10."""
+        return self.world_from_camera[sorted(range(len(self.names)), key=lambda k: natural_order(self.names[k]))]
 
     def of(self, photos: list[Path]) -> np.ndarray:
-        """[len(photos), 3, 3], by name where there are names, else in order; InputError where one is missing."""
+        """[len(photos), 3, 3], by name; InputError where one is missing."""
         return self.world_from_camera[self._places(photos)]
 
     def fovs_deg(self, photos: list[Path], data: list[bytes] | None = None) -> list[float | None]:
@@ -91,9 +88,6 @@ class Poses:
 
     def _places(self, photos: list[Path]) -> list[int]:
         """Return which pose is whose."""
-        if self.names is None:
-            _check_count(self.file, len(self.world_from_camera), len(photos))
-            return list(range(len(photos)))
         bare = [PurePosixPath(bare_name(photo.name)) for photo in photos]
         for what, names in (("poses of", self.names), ("photos", [photo.name for photo in bare])):
             name, count = Counter(names).most_common(1)[0] if names else ("", 0)
@@ -119,16 +113,14 @@ def bare_name(path: str) -> str:
     return PurePosixPath(path.replace("\\", "/")).name
 
 
-def parse_poses(data: bytes, file: str, photos: int | None = None) -> Poses:
+def parse_poses(data: bytes, file: str) -> Poses:
     """Parse camera poses: the camera looks along its -Z and +Y is up in its picture; the world's axes may be any.
 
-    The data are JSON: a list of matrices, or an object with "frames" whose entries have "transform_matrix", as in the
-    transforms.json of instant-ngp and nerfstudio, and perhaps "file_path". A matrix takes a point of the camera to the
-    world: 3 x 3, 3 x 4 or 4 x 4 numbers, row by row; only its rotation counts. The lens is that of "fl_x" and "w" (and
-    "h"; pixels), or of "camera_angle_x" (radians), an entry's own or the whole file's.
+    The data are the transforms.json of instant-ngp and nerfstudio: an object with "frames", whose entries have a
+    "file_path" and a "transform_matrix", 4 x 4 numbers, row by row, that take a point of the camera to the world; only
+    its rotation counts. The lens is that of "fl_x" and "w" (and "h"; pixels), or of "camera_angle_x" (radians), an
+    entry's own or the whole file's.
 
-    Args:
-        photos: how many photos the poses are for, where that is known: far too many poses are then refused unread.
     Raises:
         InputError: another content, a matrix that is no rotation, a lens that is none, or too many of them; names
             which, and the file.
@@ -137,48 +129,26 @@ def parse_poses(data: bytes, file: str, photos: int | None = None) -> Poses:
         content = json.loads(data)  # UTF-8, with a byte order mark or without, or another Unicode
     except (ValueError, RecursionError) as error:
         raise InputError(
-            "cannot be read as a JSON file of camera poses; see docs/how-to/inputs.md", source=file
+            "cannot be read as a transforms.json of camera poses; see docs/how-to/inputs.md", source=file
         ) from error
     frames = content.get("frames") if isinstance(content, dict) else None
-    names = None
-    if isinstance(frames, list) and all(isinstance(one, dict) for one in frames):
-        matrices = [one.get("transform_matrix") for one in frames]
-        paths = [one.get("file_path") for one in frames]
-        if all(isinstance(path, str) for path in paths):
-            names = tuple(bare_name(path) for path in paths)
-    else:
-        matrices = content if isinstance(content, list) else []
-    if not matrices:
-        raise InputError(
-            'expected a list of matrices, or "frames" with "transform_matrix", got neither; write one matrix a photo',
-            source=file,
-        )
-    if photos is not None and names is None and len(matrices) > photos:
-        _check_count(file, len(matrices), photos)
-    if photos is not None and len(matrices) > max(photos, MOST_POSES):
-        raise InputError(
-            f"expected at most {MOST_POSES} poses for {photos} photos, got {len(matrices)}; "
-            "leave out those of other photos",
-            source=file,
-        )
-    rotations = np.array([_rotation(file, number, matrix) for number, matrix in enumerate(matrices, start=1)])
+    if not isinstance(frames, list) or not frames or not all(isinstance(one, dict) for one in frames):
+        raise InputError('expected "frames", one a photo, got none; see docs/how-to/inputs.md', source=file)
+    if len(frames) > MOST_POSES:
+        raise InputError(f"expected at most {MOST_POSES} poses, got {len(frames)}; leave some out", source=file)
+    paths = [one.get("file_path") for one in frames]
+    if not all(isinstance(path, str) for path in paths):
+        raise InputError('expected a "file_path" in each of the "frames", got one without; name its photo', source=file)
+    names = tuple(bare_name(path) for path in paths)
+    rotations = np.array([_rotation(file, name, one) for name, one in zip(names, frames, strict=True)])
     common = _lens_keys(content)
-    lenses = tuple(_lens(file, common | _lens_keys(one)) for one in frames or matrices)
+    lenses = tuple(_lens(file, common | _lens_keys(one)) for one in frames)
     return Poses(file=file, world_from_camera=rotations, names=names, lenses=lenses)
 
 
-def _check_count(file: str, poses: int, photos: int) -> None:
-    """Raise InputError unless there are as many unnamed poses as photos."""
-    if poses != photos:
-        wanted = (
-            "one pose for the photo" if photos == 1 else f"one pose for each of the {photos} photos, in their order"
-        )
-        raise InputError(f"expected {wanted}; got {poses}", source=file)
-
-
-def _lens_keys(entry: Any) -> dict[str, Any]:
-    """Return the keys of a lens in an entry of the file; {} for anything but an object."""
-    return {key: entry[key] for key in LENS_KEYS if key in entry} if isinstance(entry, dict) else {}
+def _lens_keys(entry: dict[str, Any]) -> dict[str, Any]:
+    """Return the keys of a lens in an entry of the file."""
+    return {key: entry[key] for key in LENS_KEYS if key in entry}
 
 
 def _lens(file: str, given: dict[str, Any]) -> Lens:
@@ -203,25 +173,24 @@ def _lens(file: str, given: dict[str, Any]) -> Lens:
     return Lens(tan_x=tangent("fl_x", "w", "camera_angle_x"), tan_y=tangent("fl_y", "h", "camera_angle_y"))
 
 
-def _rotation(file: str, number: int, matrix: Any) -> np.ndarray:
-    """Return the nearest rotation to the matrix's."""
+def _rotation(file: str, name: str, frame: dict[str, Any]) -> np.ndarray:
+    """Return the rotation nearest to that of a frame's matrix."""
     try:
-        values = np.array(matrix, dtype=np.float64)
+        values = np.array(frame.get("transform_matrix"), dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         values = np.zeros(0)
-    if values.shape not in ((3, 3), (3, 4), (4, 4)):
-        raise InputError(f"pose {number}: expected 3 x 3, 3 x 4 or 4 x 4 numbers, got something else", source=file)
-    if values.shape == (4, 4) and np.abs(values[3, :3]).max() > TOLERANCE:
+    if values.shape != (4, 4):
+        raise InputError(f'{name}: expected a "transform_matrix" of 4 x 4 numbers, got something else', source=file)
+    if np.abs(values[3, :3]).max() > TOLERANCE:
         raise InputError(
-            f"pose {number}: expected rows, the last one 0 0 0 1, got columns (as of ARKit or three.js); transpose it",
+            f"{name}: expected rows, the last one 0 0 0 1, got columns (as of ARKit or three.js); transpose it",
             source=file,
         )
     rotation = values[:3, :3]
     off = np.abs(rotation @ rotation.T - np.eye(3)).max()
     if not (off <= TOLERANCE and np.linalg.det(rotation) > 0):  # NaN fails too
         raise InputError(
-            f"pose {number}: expected a rotation, got a matrix that is scaled, sheared or mirrored; "
-            "leave the scale out",
+            f"{name}: expected a rotation, got a matrix that is scaled, sheared or mirrored; leave the scale out",
             source=file,
         )
     u, _, vh = np.linalg.svd(rotation)

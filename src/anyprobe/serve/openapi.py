@@ -166,7 +166,7 @@ ESTIMATE_ROUTE = _upload(
 def _multiview() -> dict[str, Any]:
     """Return the route of several photos in a form, with the answers of ESTIMATE_ROUTE."""
     texts = {**_texts("camera", "light"), **_ANSWER}
-    poses = "JSON: camera to world, a list of matrices, or transforms.json"
+    poses = "transforms.json of nerfstudio: camera to world, found by the photos' names"
     parts: Schemas = {
         "photo": {"type": "array", "items": _FILE, "description": f"1 to {MAX_PHOTOS} photos of one object"},
         "poses": {**_FILE, "description": poses},

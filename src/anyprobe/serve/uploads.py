@@ -129,9 +129,9 @@ async def read_views(request: Request, pool: WorkerPool) -> tuple[list[Upload], 
 def _poses_of(photos: list[tuple[bytes, str]], poses: bytes) -> tuple[np.ndarray, list[float | None]]:
     """Parse the poses of photos (their data and names): world_from_camera [N, 3, 3] and fields of view [degrees]."""
     if not poses:
-        raise InputError("expected a JSON list of matrices, one a photo, got nothing", subject="poses")
+        raise InputError("expected a transforms.json, got nothing", subject="poses")
     try:
-        parsed, names = parse_poses(poses, "poses", len(photos)), [Path(name) for _, name in photos]
+        parsed, names = parse_poses(poses, "poses"), [Path(name) for _, name in photos]
         rotations = parsed.of(names)
     except InputError as error:
         raise InputError(error, subject="poses") from error
