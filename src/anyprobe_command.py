@@ -16,7 +16,7 @@ def main() -> None:
         run()
     except (ImportError, MemoryError) as error:  # of what it imports; a command's own are said there
         said = " ".join(str(error).split())[:200] or "memory is short"
-        print(f"anyprobe: cannot be loaded ({said}); reinstall it, or give it more memory", file=sys.stderr)
+        print(f"anyprobe: cannot be loaded ({said}); reinstall it", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
         print("anyprobe: interrupted", file=sys.stderr)

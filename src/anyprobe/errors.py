@@ -131,12 +131,6 @@ class MissingExtra(AnyprobeError, ImportError):
         if error is not None and not isinstance(error, ModuleNotFoundError):
             text = (
                 f"{purpose} needs the package {package}, which cannot be loaded "
-                f"({' '.join(str(error).split())[:120]}); reinstall it, or give it more memory"
+                f"({' '.join(str(error).split())[:120]}); reinstall it"
             )
         super().__init__(text)
-
-
-def lacks_memory(error: BaseException) -> bool:
-    """Return whether an error says that memory was refused: Python's own, or one of a library, as ONNX Runtime's."""
-    said = str(error).lower()
-    return isinstance(error, MemoryError) or "bad_alloc" in said or "failed to allocate" in said

@@ -30,7 +30,7 @@ def test_threads_are_a_power_of_two():
 def test_a_damaged_graph_is_one_clear_line(tmp_path):
     path = tmp_path / "light.onnx"
     path.write_bytes(b"no graph")
-    with refused(code="invalid-model", source="light.onnx", naming="damaged"):
+    with refused(code="invalid-model", source="light.onnx", naming="cannot be opened"):
         open_graph(path)
 
 

@@ -12,10 +12,9 @@ import pytest
 from PIL import Image
 from support.refused import refused
 
-from anyprobe.cli import photo_files
-from anyprobe.files import atomic, paths
+from anyprobe.files import atomic
 from anyprobe.files.atomic import atomic_files, atomic_path
-from anyprobe.files.paths import folds_case, same_file_key
+from anyprobe.files.paths import is_same_file
 
 
 @pytest.mark.ci
@@ -40,33 +39,12 @@ def test_a_name_that_the_terminal_cannot_show_ends_nothing(work, photo_rgba, ord
         assert json.loads(done.stdout)["photo"] == name
 
 
-def test_results_that_differ_by_case_alone_are_refused_where_that_is_one_file(command, work, photo_rgba, monkeypatch):
-    for name in ("Vase.png", "vase.webp"):
-        Image.fromarray(photo_rgba).save(name, lossless=True)
-    arguments = ("mask", "Vase.png", "vase.webp", "-q")
-    assert command(*arguments).status == (2 if folds_case(work) else 0)
-    monkeypatch.setattr(photo_files, "folds_case", lambda folder: True)
-    outcome = command(*arguments)
-    assert outcome.status == 2
-    assert "expected distinct result names" in outcome.err
-
-
-def test_one_file_has_one_key_whatever_its_case_where_that_does_not_count(tmp_path, monkeypatch):
-    (tmp_path / "Photo.png").touch()
-    assert same_file_key(tmp_path / "Photo.png") != same_file_key(tmp_path / "photo.PNG") or folds_case(tmp_path)
-    monkeypatch.setattr(paths, "folds_case", lambda folder: True)
-    assert same_file_key(tmp_path / "Photo.png") == same_file_key(tmp_path / "photo.PNG")
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="of a system whose names have cases")
-def test_whether_case_counts_is_seen_of_the_nearest_folder_that_is_there(tmp_path, monkeypatch):
-    (tmp_path / "Folder").mkdir()
-    if (tmp_path / "fOLDER").exists():
-        assert folds_case(tmp_path / "Folder" / "not" / "yet")
-        return
-    assert not folds_case(tmp_path / "Folder" / "not" / "yet")
-    (tmp_path / "fOLDER").symlink_to(tmp_path / "Folder")  # as such a system answers
-    assert folds_case(tmp_path / "Folder" / "not" / "yet")
+def test_names_of_one_file_are_known_by_links(tmp_path):
+    (tmp_path / "photo.png").touch()
+    (tmp_path / "link.png").symlink_to(tmp_path / "photo.png")
+    assert is_same_file(tmp_path / "link.png", tmp_path / "photo.png")
+    assert not is_same_file(tmp_path / "photo.png", tmp_path / "other.png")
+    assert is_same_file(tmp_path / "not" / ".." / "yet.png", tmp_path / "yet.png")
 
 
 @pytest.mark.parametrize("times", [1, 3])
@@ -107,7 +85,7 @@ def test_a_rename_that_is_refused_for_good_is_one_line(tmp_path, monkeypatch):
 
 def test_no_text_is_opened_in_the_encoding_of_the_system():
     """Which is cp1252 on Windows; ruff's PLW1514 finds them."""
-    source = Path(photo_files.__file__).parents[1]
+    source = Path(atomic.__file__).parents[1]
     order = [sys.executable, "-m", "ruff", "check", "--preview", "--isolated", "--select", "PLW1514", str(source)]
     done = subprocess.run(order, capture_output=True, text=True, check=False)
     if "No module named" in done.stderr:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import io
 import os
 import signal
@@ -27,22 +26,11 @@ from anyprobe.cli.options import OPTIONS
 from anyprobe.cli.relight import relight
 from anyprobe.cli.serve import serve
 from anyprobe.cli.video import video
-from anyprobe.errors import AnyprobeError, lacks_memory
+from anyprobe.errors import AnyprobeError
 from anyprobe.maps import exr
 
 TRACEBACK = "ANYPROBE_TRACEBACK"
 """Environment variable that lets unexpected errors through with their traceback."""
-
-EXHAUSTED = (
-    "the system refuses this process more {}; close other programs, raise the limit, or process fewer files at once"
-)
-RESOURCES = {
-    errno.ENOMEM: "memory",
-    errno.EAGAIN: "processes or threads",
-    errno.EMFILE: "open files",
-    errno.ENFILE: "open files",
-}
-"""Exhausted resource by error number of the system."""
 
 MIN_COLUMNS = 20
 """Smallest COLUMNS that is honoured [characters]; tables would be cut to nothing below it."""
@@ -80,11 +68,14 @@ def main(command: Callable[[], Any] = app) -> None:
     except AnyprobeError as error:
         _fail(OPTIONS.line(error.notice))
     except MemoryError:
-        _fail(EXHAUSTED.format("memory"))
+        _fail("expected a machine with more memory free, got none; process fewer or smaller files at once")
     except OSError as error:  # a folder that may not be looked into, a disk that is full
-        if error.errno in RESOURCES and not error.filename:
-            _fail(EXHAUSTED.format(RESOURCES[error.errno]))
-        _fail(f"{error.filename or 'a file'}: cannot be used ({error.strerror or error}); check the path")
+        _fail(
+            f"{error.filename or 'the system'}: refused ({error.strerror or error}); "
+            "check the path, or end other programs"
+        )
+    except UnicodeEncodeError as error:  # bytes that Python keeps as surrogates
+        _fail(f"{ascii(error.object)[:120]}: expected a file name in UTF-8, got other bytes; rename it")
     except SystemExit as end:  # what typer makes of Ctrl-C
         if end.code == 130:
             print("anyprobe: interrupted", file=sys.stderr)
@@ -92,8 +83,6 @@ def main(command: Callable[[], Any] = app) -> None:
     except Exception as error:
         if os.environ.get(TRACEBACK):
             raise
-        if lacks_memory(error):
-            _fail(EXHAUSTED.format("memory"))
         _fail(_fault(error), status=1)
 
 
@@ -105,8 +94,6 @@ def _fail(line: str, status: int = 2) -> NoReturn:
 def _fault(error: Exception) -> str:
     """Return one line about an unexpected error and where it came from."""
     message = " ".join(str(error).split())[:160]
-    if "start new thread" in message:
-        return EXHAUSTED.format("threads")
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if os.sep + "anyprobe" + os.sep in frame.filename] or frames
     place = f" at {os.path.basename(own[-1].filename)}:{own[-1].lineno}" if own else ""

@@ -92,7 +92,7 @@ def estimate(
     hints = object_options.hints()
     listed = list_photos(photos)
     if poses is None:
-        check_distinct(listed, out)
+        check_distinct(listed)
     check_folder(out)
     estimator = model_options.estimator(segmenter=object_options.finder.segmenter)
     console = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)

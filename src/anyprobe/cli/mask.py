@@ -53,7 +53,7 @@ def mask(
         raise InputError("expected photos or folders of photos, got none; give one, or --fetch", subject="photo")
     hints, segmenter = mask_options.hints(), mask_options.segmenter()
     paths = list_photos(photos)
-    check_distinct(paths, out)
+    check_distinct(paths)
     check_folder(out)
     failed = False
     for path in paths:

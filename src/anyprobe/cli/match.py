@@ -26,7 +26,6 @@ from anyprobe.cli.options import (
 from anyprobe.cli.photo_files import hints_for, photo_name, photo_source, result_stem
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
-from anyprobe.files.paths import same_file_key
 from anyprobe.notices import Notice
 
 CLEAR_MARGIN = 0.5
@@ -65,7 +64,7 @@ def match(
     console = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     with console.status("reading the panoramas"):
         library = open_library(folder)
-    if Path(same_file_key(out)).is_relative_to(same_file_key(folder)):
+    if out.resolve().is_relative_to(folder.resolve()):
         raise InputError(f"-o {out}: expected a folder outside the panoramas, got one among them; choose another")
     hints = hints_for(photo, object_options.hints())
     estimator = model_options.estimator(segmenter=object_options.finder.segmenter)

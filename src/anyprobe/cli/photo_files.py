@@ -11,7 +11,7 @@ from typing import Any
 
 from anyprobe.cli.options import OPTIONS
 from anyprobe.errors import AnyprobeError, InputError, InvalidMask, InvalidPhoto, OutputError
-from anyprobe.files.paths import folds_case, open_regular, read_stream, same_file_key, visible_files
+from anyprobe.files.paths import is_same_file, open_regular, read_stream, visible_files
 from anyprobe.hints import HINTS, PICTURES, Hints
 from anyprobe.maps.exr import HEADER_BYTES, parse_header
 
@@ -96,13 +96,12 @@ def result_stem(photo: Path, listed: list[Path]) -> str:
     return f"{photo.stem}_{photo.suffix[1:]}" if alike and photo.suffix else photo.stem
 
 
-def check_distinct(listed: list[Path], folder: Path) -> None:
-    """Refuse photos whose results in a folder would have equal names."""
+def check_distinct(listed: list[Path]) -> None:
+    """Refuse photos whose results would have equal names."""
     first: dict[str, Path] = {}
-    folds = folds_case(folder)
     for photo in listed:
         stem = result_stem(photo, listed)
-        other = first.setdefault(stem.casefold() if folds else stem, photo)
+        other = first.setdefault(stem, photo)
         if other != photo:
             text = f"expected distinct result names, got {other} before it; rename one of them"
             raise OutputError(text, source=photo)
@@ -110,10 +109,9 @@ def check_distinct(listed: list[Path], folder: Path) -> None:
 
 def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given: Iterable[Any]) -> None:
     """Refuse results that would replace a photo or another input."""
-    inputs = {same_file_key(path): path for path in (*listed, *given) if isinstance(path, Path)}
+    inputs = [path for path in (*listed, *given) if isinstance(path, Path)]
     for target in targets:
-        if same_file_key(target) in inputs:
-            replaced = inputs[same_file_key(target)]
+        if replaced := next((path for path in inputs if is_same_file(path, target)), None):
             raise OutputError(f"the result would replace {replaced}; choose another folder with -o", source=photo)
 
 
@@ -127,7 +125,7 @@ def _file_for(photo: Path, source: Path, kind: str, suffixes: tuple[str, ...]) -
             # the glob finds stem.0002.png too, which is another photo's
             if candidate.stem != stem or candidate.suffix.lower() not in suffixes:
                 continue
-            if same_file_key(candidate) != same_file_key(photo):
+            if not is_same_file(candidate, photo):
                 return candidate
     text = f"expected {photo.stem}.png or {photo.stem}_{kind}.png in {source}, got neither"
     raise InvalidMask(text, subject=kind, source=photo)

@@ -27,7 +27,7 @@ from anyprobe.cli.options import (
 from anyprobe.cli.photo_files import hints_for, photo_name, photo_source, result_stem
 from anyprobe.errors import InputError, InvalidMask, OutputError, arguments_named
 from anyprobe.files.meshes import MESH_SUFFIXES
-from anyprobe.files.paths import same_file_key
+from anyprobe.files.paths import is_same_file
 from anyprobe.hints import HINTS, numbers_in
 
 if TYPE_CHECKING:
@@ -167,7 +167,7 @@ def relight(
     else:
         refuse_unused(context, "without an .exr", "colorspace")
     inputs = (photo, light, *hints.files().values())
-    if same_file_key(out) in {same_file_key(path) for path in inputs if isinstance(path, Path)}:
+    if any(is_same_file(out, path) for path in inputs if isinstance(path, Path)):
         raise OutputError("the result would replace an input; choose another name with -o", source=out)
     check_writable(out)
     traced = uses_mitsuba(renderer)

@@ -9,9 +9,6 @@ from anyprobe.errors import InputError, ModelError
 from anyprobe.files.cores import usable_cores
 from anyprobe.files.onnx_runtime import onnxruntime
 
-SYSTEM_FAULTS = ("bad_alloc", "memory", "alloc", "thread", "resource", "too many open files")
-"""Words of errors that the system raises, not a damaged graph."""
-
 MOST_THREADS = 2
 """Largest number of threads: with more, sums of convolutions are split differently, which changes their last bits; nor
 are the graphs any faster."""
@@ -62,15 +59,9 @@ def open_graph(path: Path, threads: int | None = None, providers: Sequence[str] 
 
 
 def _unopened(path: Path, fault: Exception) -> ModelError:
-    """Return the error for a graph that ONNX Runtime does not open."""
-    if any(word in str(fault).lower() for word in SYSTEM_FAULTS) or isinstance(fault, MemoryError):
-        return ModelError(
-            "cannot be opened: the system has no more memory or threads "
-            f"({' '.join(str(fault).split())[:120]}); end other programs, or raise the limits",
-            source=path.name,
-        )
-    text = "expected a readable ONNX graph, got a damaged file; reinstall anyprobe"
-    return ModelError(text, source=path.name)
+    """Return the error for a graph that ONNX Runtime does not open, damaged or for want of memory."""
+    reason = " ".join(str(fault).split())[:120]
+    return ModelError(f"cannot be opened ({reason}); reinstall anyprobe, or end other programs", source=path.name)
 
 
 def even_threads(threads: int) -> int:

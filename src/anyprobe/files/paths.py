@@ -1,17 +1,16 @@
-"""Paths: the home folder, natural order, names that are not UTF-8, and files that have an end."""
+"""Paths: the home folder, natural order, names of one file, and files that have an end."""
 
 from __future__ import annotations
 
 import os
 import re
 import stat
-import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from anyprobe.errors import InputError, OutputError
+from anyprobe.errors import InputError
 
 MAX_BYTES = 2**31
 """Largest file [bytes] that is read whole."""
@@ -36,23 +35,12 @@ def is_there(path: Path) -> bool:
         return False
 
 
-def same_file_key(path: Path) -> str:
-    """Return a key that all names of one file share: links resolved, and case ignored where the file system does."""
-    real = os.path.normcase(os.path.realpath(path))
-    return real.casefold() if folds_case(Path(real).parent) else real
-
-
-def folds_case(folder: Path) -> bool:
-    """Return whether names in a folder ignore case, as on Windows and macOS; the folder need not exist yet."""
-    real = Path(os.path.realpath(folder))
-    for path in (real, *real.parents):
-        other = path.with_name(path.name.swapcase()) if path.name else path
-        if other != path and os.path.exists(path):
-            try:
-                return os.path.samefile(path, other)
-            except OSError:  # the other does not exist
-                return False
-    return os.name == "nt"
+def is_same_file(one: Path, other: Path) -> bool:
+    """Return whether two names are of one file, on any disk: by links, or by a case that does not count there."""
+    try:
+        return os.path.samefile(one, other)
+    except OSError:  # one of them does not exist
+        return os.path.realpath(one) == os.path.realpath(other)
 
 
 def natural_order(name: str) -> list[tuple[bool, int, str]]:
@@ -127,32 +115,3 @@ def read_stream(stream: BinaryIO, name: str, fault: type[InputError], max_bytes:
 def read_rest(stream: BinaryIO) -> bytes:
     """Read the rest of an open file, at most MAX_BYTES; read(n) would allocate n bytes at once."""
     return stream.read(min(os.fstat(stream.fileno()).st_size, MAX_BYTES))
-
-
-@contextmanager
-def utf8_path(path: str | os.PathLike[str]) -> Iterator[str]:
-    """Yield the path itself, or a link to it where its bytes are not UTF-8; for reading and writing.
-
-    The symbolic link has the same suffix, in a temporary folder that lasts as long as the block.
-
-    Raises:
-        OutputError: no link can be made.
-    """
-    name = os.fspath(path)
-    try:
-        name.encode("utf-8")
-    except UnicodeEncodeError:  # bytes that Python keeps as surrogates
-        with ExitStack() as stack:
-            try:
-                folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="anyprobe-"))
-                link = Path(folder) / f"file{Path(name).suffix.encode('ascii', 'ignore').decode()}"
-                link.symlink_to(os.path.abspath(name))
-            except OSError as error:
-                raise OutputError(
-                    f"expected a file name in UTF-8, got other bytes, and no link to it can be made "
-                    f"({error.strerror or error}); rename it",
-                    source=name,
-                ) from error
-            yield str(link)
-    else:
-        yield name

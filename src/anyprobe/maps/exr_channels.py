@@ -12,7 +12,6 @@ import OpenEXR
 
 from anyprobe.core.color import REC709_CHROMATICITIES
 from anyprobe.errors import OutputError
-from anyprobe.files.paths import utf8_path
 
 
 def write_channels(
@@ -40,10 +39,9 @@ def write_channels(
         **({"envmap": OpenEXR.ENVMAP_LATLONG} if latlong else {}),
         **attributes,
     }
-    with utf8_path(path) as plain:
-        try:
-            OpenEXR.File(header, dict(channels)).write(plain)
-        except RuntimeError as error:  # its only report of a full disk or a closed folder
-            reason = " ".join(str(error).replace(plain, str(target)).replace(str(path), str(target)).split())
-            advice = "choose another folder or free some space"
-            raise OutputError(f"cannot be written ({reason}); {advice}", source=target) from error
+    try:
+        OpenEXR.File(header, dict(channels)).write(os.fspath(path))
+    except RuntimeError as error:  # its only report of a full disk or a closed folder
+        reason = " ".join(str(error).replace(str(path), str(target)).split())
+        advice = "choose another folder or free some space"
+        raise OutputError(f"cannot be written ({reason}); {advice}", source=target) from error

@@ -22,7 +22,7 @@ from functools import partial
 from pathlib import Path
 from typing import IO, Any, ParamSpec, TypeVar
 
-from anyprobe.errors import AnyprobeError, InputError, lacks_memory
+from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.files.cores import CHILD_ENVIRONMENT
 
 Given = ParamSpec("Given")
@@ -341,7 +341,7 @@ def _answer(task: Callable[[], Any]) -> dict[str, Any]:
     except AnyprobeError as error:
         return {"error": TooMuchMemory(error) if isinstance(error.__cause__, MemoryError) else error}
     except Exception as error:
-        if lacks_memory(error):
+        if isinstance(error, MemoryError) or "bad_alloc" in str(error):
             text = "expected a file that fits in memory when decoded, got a larger one; send it smaller"
             return {"error": TooMuchMemory(text)}
         return {"fault": traceback.format_exc(limit=8)}

@@ -21,7 +21,6 @@ import OpenEXR
 
 from anyprobe.errors import AnyprobeError, InvalidEnvironment, InvalidMesh
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.paths import utf8_path
 from anyprobe.maps.exr import read_channels
 from anyprobe.maps.radiance import decode_hdr
 from anyprobe_train.assets.download import Client, DownloadError, RemoteFile, ServerBusy
@@ -139,8 +138,7 @@ def _make_map(one: FrozenFile, data: bytes, target: Path) -> None:
     pixels = small_map(data, Path(one.path).name)
     header = {"compression": OpenEXR.PIZ_COMPRESSION, "type": OpenEXR.scanlineimage}
     channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
-    with utf8_path(target) as plain:
-        OpenEXR.File(header, channels).write(plain)
+    OpenEXR.File(header, channels).write(str(target))
 
 
 def _make_shape(one: FrozenFile, data: bytes, target: Path) -> None:
