@@ -21,13 +21,14 @@ import numpy as np
 import typer
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.core.camera import PinholeCamera
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
+from anyprobe.core.resample import resample
 from anyprobe.core.response import response
 from anyprobe.estimate.photo import CONTEXT_SCALE
 from anyprobe.estimate.runtime import CONTEXT_SIZE, Models
-from anyprobe.estimate.surroundings import hidden, on_plane, radiance_of, surroundings_of, use_surroundings
+from anyprobe.estimate.surroundings import hidden, radiance_of, surroundings_of, use_surroundings
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
-from anyprobe.masks.resize import resize
 from anyprobe.match.background import background_of
 from anyprobe.match.likeness import MATCH_ROWS, Shown, best_places, gain_of, light_of, shown_by
 from anyprobe.render.surface import pixel_rays
@@ -127,9 +128,11 @@ def judged(store: AssetStore, library: Library, photos: int, conditions: int) ->
 
 def background(pair: Pair) -> np.ndarray:
     """Surroundings [64, 128, 4]: the map around the object, as the curve displays it."""
-    x, y, front = on_plane(pixel_directions(MAP_HEIGHT))
-    inside = front & (np.abs(x) < CONTEXT_SCALE * pair.tan_half) & (np.abs(y) < CONTEXT_SCALE * pair.tan_half)
-    cover = inside * (1.0 - hidden(pixel_directions(MAP_HEIGHT), pair.crop, pair.tan_half))
+    around = PinholeCamera(
+        width=CONTEXT_SIZE, height=CONTEXT_SIZE, focal=CONTEXT_SIZE / 2 / CONTEXT_SCALE / pair.tan_half
+    )
+    inside = around.shows(pixel_directions(MAP_HEIGHT))
+    cover = inside * (1.0 - hidden(pair.crop, pair.tan_half))
     return surroundings_of(np.minimum(pair.radiance, 1.0), cover[..., None])
 
 
@@ -137,7 +140,7 @@ def context(pair: Pair) -> np.ndarray:
     """The same as a picture with the object, [96, 96, 5], see estimate.photo.Crop."""
     behind = bilinear(pair.radiance, direction_to_uv(-pixel_rays(CONTEXT_SCALE * pair.tan_half, CONTEXT_SIZE)))
     side = CONTEXT_SIZE // CONTEXT_SCALE
-    small = resize(pair.crop, side, side)
+    small = resample(pair.crop, (side, side), smooth=True)
     before = np.pad(small, [[(CONTEXT_SIZE - side) // 2] * 2] * 2 + [[0, 0]])
     on = before[..., 3:]
     picture = before[..., :3] + (1 - on) * response(behind.clip(0.0, 1.0))

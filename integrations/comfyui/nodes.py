@@ -46,7 +46,7 @@ def place_inputs() -> list[Any]:
         io.Mask.Input("mask", optional=True, tooltip="White on the object, of the photo's size."),
         text_input("click", "x,y in pixels on the object; several with ; between. Blank: the mask network finds it."),
         text_input("box", "x0,y0,x1,y1 in pixels around the object."),
-        text_input("fov", "Field of view of the photo's longer side in degrees. Blank: 65."),
+        text_input("fov", "Field of view of the photo's longer side in degrees. Blank: 60."),
         text_input("pitch", "How far the camera looks down in degrees: 0 level, 90 straight down. Blank: unknown."),
         choice("material", [UNKNOWN, *MATERIALS], "The real object's."),
         choice(

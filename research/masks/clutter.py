@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from anyprobe.core.resample import resample
 from anyprobe.masks.check import object_box
-from anyprobe.masks.resize import resize
 from research.masks.cases import Case, deepest_point, make_case
 
 LONG_PX, LEAST_PX = 640, 230
@@ -70,12 +70,12 @@ def _pasted(rng: np.random.Generator, one: Case, other: Case):
     x = int(np.clip(x, 0, rgb.shape[1] - wide))
     y = int(np.clip(y1 - high + rng.uniform(-0.1, 0.1) * height, 0, rgb.shape[0] - high))
     cover, colors = np.zeros_like(mask), np.zeros_like(rgb)
-    cover[y : y + high, x : x + wide] = resize(other.mask[top:bottom, left:right], wide, high)
-    colors[y : y + high, x : x + wide] = resize(other.rgb[top:bottom, left:right], wide, high)
+    cover[y : y + high, x : x + wide] = resample(other.mask[top:bottom, left:right], (wide, high), smooth=True)
+    colors[y : y + high, x : x + wide] = resample(other.rgb[top:bottom, left:right], (wide, high), smooth=True)
     rgb = rgb * (1 - cover[..., None]) + colors * cover[..., None]
     start = max(0, min(x0 + room, x) - width // 2)
     stop = min(rgb.shape[1], max(x1 + room, x + wide) + width // 2)
     rgb, masks = rgb[:, start:stop], [(mask * (1 - cover))[:, start:stop], cover[:, start:stop]]
     shrink = min(1.0, LONG_PX / max(rgb.shape[:2]))
     size = [round(length * shrink) for length in rgb.shape[1::-1]]
-    return np.clip(resize(rgb, *size), 0, 1), [resize(one, *size) for one in masks]
+    return np.clip(resample(rgb, size, smooth=True), 0, 1), [resample(one, size, smooth=True) for one in masks]

@@ -141,7 +141,7 @@ class Hints:
         box: x0, y0, x1, y1 around the object, likewise.
         depth: depth image of the same view, along the camera's axis, which gives normals; near, far: cut-off distances
             in its unit, which give the mask too.
-        fov_deg: field of view of the photo's longer side, in degrees; else from EXIF, else 65.
+        fov_deg: field of view of the photo's longer side, in degrees; else from EXIF, else 60.
         pitch_deg: camera pitch downwards, in degrees: 0 level, 90 straight down.
         roll_deg: camera roll to the left about its axis, in degrees; needs pitch_deg.
         normals: the object's normal map of the photo's size in the camera's frame, see normals_hint.read_normals;
@@ -191,7 +191,7 @@ class Hints:
     far: float | None = _hint("place", "Far clipping depth, in the same unit.", numbers=(1,))
     fov_deg: float | None = _hint(
         "camera",
-        "Field of view of the photo's longer side, degrees; default: EXIF, else 65.",
+        "Field of view of the photo's longer side, degrees; default: EXIF, else 60.",
         name="fov",
         numbers=(1,),
         in_web="longFovDeg",

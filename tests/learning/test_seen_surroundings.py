@@ -5,6 +5,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
+from anyprobe.core.camera import PinholeCamera  # noqa: E402
 from anyprobe.core.frames import rotation_y  # noqa: E402
 from anyprobe.core.latlong import pixel_directions  # noqa: E402
 from anyprobe.core.response import MEAN_CURVE, response  # noqa: E402
@@ -55,7 +56,9 @@ def test_training_sees_what_the_estimator_sees():
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     photo = response(0.4 + 0.3 * np.sin(2 * rays + 1)).astype(np.float32)
     image = np.concatenate([np.zeros((128, 128, 3)), mask[0].permute(1, 2, 0).numpy()], axis=-1)
-    expected = visible_surroundings(photo, 60.0, np.eye(3), image.astype(np.float32), tan_half)
+    expected = visible_surroundings(
+        photo, PinholeCamera.of_fov(photo.shape[1], photo.shape[0], 60.0), np.eye(3), image.astype(np.float32), tan_half
+    )
     assert np.abs(shown[..., 3] - expected[..., 3]).mean() < 0.001
     both = np.minimum(shown[..., 3], expected[..., 3]) > 0.99
     assert both.sum() > 100

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from support.refused import refused
 
+from anyprobe.core.resample import resample
 from anyprobe.errors import InvalidMask
 from anyprobe.masks.find import find_mask
 from anyprobe.masks.quality import examine
-from anyprobe.masks.resize import resize
 from anyprobe.masks.search import GRID, Prompts, Window, find_object, finding_of
 from anyprobe.pictures.images import read_image
 
@@ -26,7 +26,7 @@ class Redness:
 
     def cover(self, rgb, on=(), off=(), box=None):
         self.looks.append((rgb.shape[:2], tuple(on), tuple(off), box))
-        small = resize(rgb, 320, 320)
+        small = resample(rgb, (320, 320), smooth=True)
         red = np.clip(2 * (small[..., 0] - small[..., 2]), 0, 1)
         return red if (red > 0.5).mean() > self.least else np.zeros_like(red)
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from anyprobe.core.camera import ASSUMED_LONG_FOV_DEG
 from anyprobe.core.color import to_bytes
 from anyprobe.errors import InvalidMask, InvalidPhoto
-from anyprobe.estimate.photo import DEFAULT_LONG_FOV_DEG, Photo, crop_object, load_photo
+from anyprobe.estimate.photo import Photo, crop_object, load_photo
 from anyprobe.masks.check import check_mask
 from anyprobe.masks.find import find_mask
 from anyprobe.masks.prompts import check_box
@@ -238,7 +239,7 @@ def test_field_of_view_given_then_exif_then_default(tmp_path):
     assert read.fov_source == "exif"
     assert read.long_fov_deg == pytest.approx(90.0)
     default = load_photo(rgba_photo())
-    assert (default.long_fov_deg, default.fov_source) == (DEFAULT_LONG_FOV_DEG, "default")
+    assert (default.long_fov_deg, default.fov_source) == (ASSUMED_LONG_FOV_DEG, "default")
     assert default.warnings == ()
 
 

@@ -18,6 +18,7 @@ from support.scenes import made_map, sphere_photo
 
 import anyprobe
 from anyprobe.cli.relight import progress
+from anyprobe.core.camera import ASSUMED_LONG_FOV_DEG, ROUND
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
 from anyprobe.estimate.ground import USUAL_ERROR_DEG, contact_of, estimate_ground, up_of
@@ -149,15 +150,19 @@ def test_border_cuts_off_only_what_was_put_there(diameter, where, stretch, size)
     assert drawn.size <= max(WIDTH, HEIGHT) + 4
 
 
-@pytest.mark.parametrize(("fov_deg", "stretch"), [(None, 1.044), (65.0, 1.145)])
-def test_sphere_near_the_border_is_round_unless_the_lens_is_known_to_be_wide(fov_deg, stretch):
+@pytest.mark.parametrize(("fov_deg", "stretch"), [(38.0, 1.044), (None, 1.117), (65.0, 1.145)])
+def test_sphere_near_the_border_is_long_by_the_lens_and_a_warning_says_so(fov_deg, stretch):
     """Seen at an angle t from the axis a distant sphere is 1 / cos t longer than wide."""
     photo = load_photo(sphere_photo((60, 90), DIAMETER, HEIGHT, WIDTH), fov_deg=fov_deg)
     stage = Stage(photo, sphere(48), Arrangement(at=(225, 90), size=0.3, pitch_deg=10))
     pixels = stage.view.pixels(stage.placement.mesh.positions)
     wide, high = np.ptp(pixels, axis=0)
     assert wide / high == pytest.approx(stretch, abs=0.02)
-    assert stage.view.long_fov_deg == pytest.approx(fov_deg or 38.0)
+    assert stage.view.long_fov_deg == pytest.approx(fov_deg or ASSUMED_LONG_FOV_DEG)
+    said = [one for one in stage.warnings if "longer than wide" in one]
+    assert [[give.name for give in one.remedy] for one in said] == (
+        [] if stretch < ROUND else [["at", "fov_deg"] if fov_deg is None else ["at"]]
+    )
 
 
 def test_foot_is_where_it_was_asked(photo):

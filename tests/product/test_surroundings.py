@@ -13,6 +13,7 @@ from support.room_photos import FOV_DEG, room_photo, smooth_map
 from support.transforms import transforms
 
 import anyprobe
+from anyprobe.core.camera import PinholeCamera
 from anyprobe.core.color import luminance, to_bytes
 from anyprobe.core.frames import normalize, turn_towards
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
@@ -77,7 +78,9 @@ def test_a_wide_photo_is_averaged_not_skipped_through():
     photo[::2, ::2] = photo[1::2, 1::2] = 0.8
     photo[:, 600:] *= 0.5
     image = np.zeros((128, 128, 4), np.float32)
-    surroundings_map = visible_surroundings(photo, 70.0, np.eye(3), image, 0.1)
+    surroundings_map = visible_surroundings(
+        photo, PinholeCamera.of_fov(photo.shape[1], photo.shape[0], 70.0), np.eye(3), image, 0.1
+    )
     sure = surroundings_map[..., 3] > 0.99
     left = pixel_directions(64)[..., 0] < -0.1
     np.testing.assert_allclose(surroundings_map[sure & left][:, :3], 0.4, atol=0.02)

@@ -32,7 +32,7 @@ test("the vertical angle is three.js's, whichever side is the longer", () => {
   const wide = degrees(2 * Math.atan(2 * Math.tan((20 * Math.PI) / 180)));
   assert.ok(Math.abs(longFovOf({ fovDeg: 40 }, 800, 400) - wide) < 1e-9);
   assert.equal(longFovOf({ longFovDeg: 40 }, 800, 400), 40);
-  assert.equal(longFovOf({}, 800, 400), 65);
+  assert.equal(longFovOf({}, 800, 400), 60);
   for (const [width, height] of [[800, 400], [300, 400]]) {
     const elements = projection(40, width / height);
     const expected = longFovOf({ fovDeg: 40 }, width, height);

@@ -100,7 +100,7 @@ export interface Hints {
   box?: readonly [x0: number, y0: number, x1: number, y1: number] | null;
 }
 
-/** The angle that the picture takes in; at most one of them. Default: 65 degrees along the longer side, a phone's main camera. */
+/** The angle that the picture takes in; at most one of them. Default: 60 degrees along the longer side. */
 export interface Lens {
   /** Vertical field of view, degrees, as three.js's cameras have it. */
   fovDeg?: number;

@@ -97,7 +97,7 @@ class LightFromPhotoSettings(bpy.types.PropertyGroup):
         poll=only_pictures,
     )
     use_fov: BoolProperty(name="Field of view", description="Known, along the longer side; else from the file")
-    fov: FloatProperty(name="Field of view", subtype="ANGLE", min=radians(2), max=radians(169), default=radians(65))
+    fov: FloatProperty(name="Field of view", subtype="ANGLE", min=radians(2), max=radians(169), default=radians(60))
     use_pitch: BoolProperty(name="Pitch", description="How far the camera looked down is known; else it is estimated")
     pitch: FloatProperty(
         name="Pitch", description="Below the horizon", subtype="ANGLE", min=radians(-60), max=radians(90), default=0

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from anyprobe.core.resample import between
 from anyprobe.detail.column_walk import Run, walk_around
 from anyprobe.detail.spread import spread
 from anyprobe.match.plate import DrawnPlate
-from anyprobe.pictures.resampling import between
 
 CONTINUED_FLOOR = 0.02
 """Radiance added before its logarithm."""

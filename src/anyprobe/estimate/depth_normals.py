@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core.camera import PinholeCamera
 from anyprobe.masks.check import object_box
 from anyprobe.masks.depth import DepthSource, depth_of_view
 
@@ -65,7 +66,8 @@ def normals_from_depth(source: DepthSource, mask: Float[np.ndarray, "H W"], long
     measured = on & np.isfinite(depth) & (depth > 0)
     if not measured.any():
         return DepthNormals(normals=None, doubt="depth was measured nowhere on the object")
-    focal = max(mask.shape) / 2 / np.tan(np.radians(long_fov_deg) / 2) * scale
+    height, width = mask.shape
+    focal = PinholeCamera.of_fov(width, height, long_fov_deg).focal * scale
     y = (depth.shape[0] / 2 - np.arange(depth.shape[0]) - 0.5) / focal[0]
     x = (np.arange(depth.shape[1]) + 0.5 - depth.shape[1] / 2) / focal[1]
     x0, y0, x1, y1 = object_box(on)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from anyprobe.core.camera import PinholeCamera
 from anyprobe.core.contract import contract
 from anyprobe.core.frames import rotation_x, rotation_z
 from anyprobe.errors import InputError
@@ -173,7 +174,7 @@ def estimate_ground(photo: Framed, *, pitch_deg: float | None = None, roll_deg: 
             pitch_deg=float(pitch_deg), pitch_error_deg=GIVEN_ERROR_DEG, roll_deg=roll, contact=(x, row), source=GIVEN
         )
     height, width = photo.mask.shape
-    focal = max(width, height) / 2 / np.tan(np.radians(photo.long_fov_deg) / 2)
+    focal = PinholeCamera.of_fov(width, height, photo.long_fov_deg).focal
     below_axis = float(np.degrees(np.arctan2(row - height / 2, focal)))
     least_deg = LEAST_SLOPE_DEG - below_axis
     return Ground(

@@ -14,13 +14,13 @@ import numpy as np
 from anyprobe.core.contract import contract
 from anyprobe.core.frames import dot, normalize, reflect
 from anyprobe.core.latlong import bilinear, corners, direction_to_uv, pixel_directions, pixel_solid_angles
+from anyprobe.core.resample import resample
 from anyprobe.core.response import inverse_response, response
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Outputs
 from anyprobe.estimate.sidecar import json_numbers
 from anyprobe.notices import give, leave_out
-from anyprobe.pictures.resampling import resample
 from anyprobe.render.integrate import PATCHES, shade, shading_pyramid
 from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.materials import Material

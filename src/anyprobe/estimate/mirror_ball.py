@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from anyprobe.core.camera import PinholeCamera
 from anyprobe.core.contract import contract
 from anyprobe.core.frames import reflect
 from anyprobe.core.latlong import direction_to_uv, pixel_directions
@@ -140,8 +141,8 @@ def _is_black_with_spots(brightest: np.ndarray) -> bool:
 def _seen(normals: np.ndarray, mask: np.ndarray, long_fov_deg: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return rays [H, W, 3], n.wo [H, W], and which pixels show the ball."""
     height, width = mask.shape
-    focal = max(mask.shape) / 2 / np.tan(np.radians(long_fov_deg) / 2)
-    d, _ = rays_through((slice(0, height), slice(0, width)), mask.shape, focal)
+    camera = PinholeCamera.of_fov(width, height, long_fov_deg)
+    d, _ = rays_through((slice(0, height), slice(0, width)), camera)
     facing = -(normals * d).sum(axis=-1)
     return d, facing, (mask > 0.99) & (facing > FACING)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core.camera import PinholeCamera
 from anyprobe.core.contract import contract
 from anyprobe.errors import InputError
 from anyprobe.files.paths import open_regular
@@ -69,10 +70,12 @@ def normals_from_outline(mask: Float[np.ndarray, "H W"], long_fov_deg: float) ->
 
 def sphere_of_outline(mask: Float[np.ndarray, "H W"], long_fov_deg: float) -> tuple[np.ndarray, float]:
     """Return the normals [H, W, 3] of the sphere nearest to an outline, and their overlap: intersection over union."""
-    focal = max(mask.shape) / 2 / np.tan(np.radians(long_fov_deg) / 2)
+    height, width = mask.shape
+    camera = PinholeCamera.of_fov(width, height, long_fov_deg)
+    focal = camera.focal
     solid_angle, axis = 0.0, np.zeros(3)
     for part in _strips(_box(mask > 0.0)):
-        d, length = rays_through(part, mask.shape, focal)
+        d, length = rays_through(part, camera)
         angles = mask[part] / (focal**2 * length**3)  # steradians of what the mask covers of each pixel
         solid_angle += angles.sum()
         axis += (angles[..., None] * d).sum(axis=(0, 1))
@@ -82,7 +85,7 @@ def sphere_of_outline(mask: Float[np.ndarray, "H W"], long_fov_deg: float) -> tu
     normals = np.zeros((*mask.shape, 3), np.float32)
     shared = covered = 0
     for part in _strips(_surroundings(_box(mask > 0.5), _box_of_cone(axis, radius, mask.shape, focal))):
-        d, _ = rays_through(part, mask.shape, focal)
+        d, _ = rays_through(part, camera)
         along = d @ axis
         inside, on = along > cos_phi, mask[part] > 0.5
         shared += int((inside & on).sum())
@@ -93,13 +96,11 @@ def sphere_of_outline(mask: Float[np.ndarray, "H W"], long_fov_deg: float) -> tu
     return normals, shared / covered
 
 
-def rays_through(part: Part, shape: tuple[int, int], focal: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return unit rays [h, w, 3] through a part of a photo of this shape, in the camera's frame, and the length [h, w]
-    that each had where z was -1; focal in pixels."""
-    rows, columns = (np.arange(span.start, span.stop) for span in part)
-    x = (columns + 0.5 - shape[1] / 2) / focal
-    y = (shape[0] / 2 - rows - 0.5) / focal
-    d = np.stack(np.broadcast_arrays(x[None, :], y[:, None], -1.0), axis=-1)
+def rays_through(part: Part, camera: PinholeCamera) -> tuple[np.ndarray, np.ndarray]:
+    """Return unit rays [h, w, 3] through a part of a photo, in the camera's frame, and the length [h, w] that each had
+    where z was -1."""
+    y, x = np.mgrid[part] + 0.5
+    d = camera.rays(x, y)
     length = np.linalg.norm(d, axis=-1)
     return d / length[..., None], length
 

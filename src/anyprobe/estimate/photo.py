@@ -8,6 +8,7 @@ from typing import Never
 
 import numpy as np
 
+from anyprobe.core.camera import ASSUMED_LONG_FOV_DEG, PinholeCamera
 from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
 from anyprobe.errors import InputError, InvalidMask
@@ -38,7 +39,6 @@ from anyprobe.notices import Notice, as_notice, leave_out
 from anyprobe.pictures.images import ImageSource, Pixels, read_image
 from anyprobe.scatter.materials import Material
 
-DEFAULT_LONG_FOV_DEG: float = contract("lens")["default_long_fov_deg"]
 """Field of view of the longer side of a phone's main camera."""
 
 CROP_MARGIN: float = contract("sizes")["crop_margin"]
@@ -103,6 +103,12 @@ class Photo:
             *([f"{count} warning{'s' if count > 1 else ''}"] if count else []),
         ]
         return f"<{', '.join(parts)}>"
+
+    @property
+    def camera(self) -> PinholeCamera:
+        """Its lens."""
+        height, width = self.mask.shape
+        return PinholeCamera.of_fov(width, height, self.long_fov_deg)
 
     def plate(self) -> Plate | None:
         """Return what it shows beside its object, small enough to keep; None: nothing."""
@@ -241,7 +247,7 @@ def _field_of_view(given: float | None, pixels: Pixels) -> tuple[float, str]:
         return float(given), "given"
     if pixels.long_fov_deg is not None:
         return pixels.long_fov_deg, "exif"
-    return DEFAULT_LONG_FOV_DEG, "default"
+    return ASSUMED_LONG_FOV_DEG, "default"
 
 
 def _ground(photo: Photo, hints: Hints, posture_deg: tuple[float, float] | None) -> Ground:
@@ -279,10 +285,9 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
     x0, y0, x1, y1 = object_box(photo.mask)
     center = ((x0 + x1) / 2.0, (y0 + y1) / 2.0)
     side = CROP_MARGIN * max(x1 - x0, y1 - y0)
-    height, width = photo.mask.shape
-    ray = _pixel_direction(center, width, height, photo.long_fov_deg)
+    ray = photo.camera.ray(center)
     # away from the photo's centre a pixel takes in less: by cos^2 along the radius, by cos across it
-    tan_half = side / max(width, height) * np.tan(np.radians(photo.long_fov_deg) / 2.0) * (-ray[2]) ** 1.5
+    tan_half = side / 2 / photo.camera.focal * (-ray[2]) ** 1.5
 
     camera_from_crop = turn_towards(ray)
     normals = None
@@ -298,7 +303,7 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
     surroundings_map, background = None, photo.surroundings if isinstance(photo.surroundings, PhotoBackground) else None
     if background is not None:
         surroundings_map = visible_surroundings(
-            photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half), photo.radiance, photo.hidden
+            photo.rgb, photo.camera, camera_from_crop, image, float(tan_half), photo.radiance, photo.hidden
         )
         if surroundings_map is None and background.is_asked:
             text = "expected a photo that shows more than its object, found one colour behind it"
@@ -328,10 +333,3 @@ def _context(photo: Photo, center: tuple[float, float], side: float) -> np.ndarr
     seen = sample_window(rgb, opaque, middle, side, CONTEXT_SIZE)
     cover = sample_window(mask[..., None], None, middle, side, CONTEXT_SIZE)[..., :1]
     return np.concatenate([seen[..., :3], cover, seen[..., 3:]], axis=-1).clip(0.0, 1.0)
-
-
-def _pixel_direction(point: tuple[float, float], width: int, height: int, long_fov_deg: float) -> np.ndarray:
-    """Return the unit direction, camera frame, through the point x, y of a pinhole photo."""
-    focal_px = max(width, height) / 2.0 / np.tan(np.radians(long_fov_deg) / 2.0)
-    direction = np.array([(point[0] - width / 2.0) / focal_px, -(point[1] - height / 2.0) / focal_px, -1.0])
-    return direction / np.linalg.norm(direction)

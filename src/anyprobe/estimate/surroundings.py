@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core.camera import PinholeCamera, draw_on_sphere
 from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
 from anyprobe.core.latlong import bilinear, pixel_directions
+from anyprobe.core.resample import resample, widest
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Outputs
@@ -25,7 +27,6 @@ from anyprobe.light.environment import MAP_HEIGHT, rotate
 from anyprobe.maps.radiance import read_linear
 from anyprobe.pictures.headers import MAX_PIXELS
 from anyprobe.pictures.images import read_image
-from anyprobe.pictures.resampling import between, resample, widest
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
@@ -169,7 +170,7 @@ def turned(surroundings: np.ndarray, camera_from_crop: Float[np.ndarray, "3 3"])
 
 def visible_surroundings(
     rgb: Float[np.ndarray, "H W 3"],
-    long_fov_deg: float,
+    camera: PinholeCamera,
     camera_from_crop: Float[np.ndarray, "3 3"],
     image: np.ndarray,
     tan_half: float,
@@ -180,7 +181,7 @@ def visible_surroundings(
 
     Args:
         rgb: [H, W, 3], the photo's display values.
-        long_fov_deg: of its longer side.
+        camera: the photo's.
         image, tan_half: of the crop, see estimate.photo.Crop.
         radiance: [H, W, 3], the photo's, where it holds it above white.
         transparent: [H, W], pixels whose colours mean nothing.
@@ -188,19 +189,12 @@ def visible_surroundings(
         [64, 128, 4] float32, display RGB times cover, and cover in [0, 1], or with radiance [64, 128, 5] with values
         above white; None where the photo shows one colour.
     """
-    height, width = rgb.shape[:2]
-    focal = max(width, height) / 2 / np.tan(np.radians(long_fov_deg) / 2)
-    scale = min(1.0, FINE * MAP_HEIGHT / np.pi / focal)
-    size = max(1, round(width * scale)), max(1, round(height * scale))
-    d = pixel_directions(MAP_HEIGHT)
-    x, y, front = on_plane(d @ camera_from_crop.T.astype(np.float32))
-    column, row = (0.5 * width + focal * x) / width, (0.5 * height - focal * y) / height
-    inside = front & (column > 0) & (column < 1) & (row > 0) & (row < 1)
-    cover = inside * (1.0 - hidden(d, image, tan_half))
 
     def sampled(values: np.ndarray) -> np.ndarray:
-        return between(resample(values, size), column * size[0] - 0.5, row * size[1] - 0.5)
+        return draw_on_sphere(values, camera, camera_from_crop.T, MAP_HEIGHT, FINE)[0]
 
+    d = pixel_directions(MAP_HEIGHT)
+    cover = camera.shows(d @ camera_from_crop.T.astype(np.float32)) * (1.0 - hidden(image, tan_half))
     opaque = None if transparent is None else (~transparent)[..., None].astype(np.float32)
     share = None if opaque is None else sampled(opaque)
     if share is not None:
@@ -347,16 +341,9 @@ def _tint(guessed: np.ndarray, seen: np.ndarray, cover: np.ndarray) -> np.ndarra
     return np.exp(TINT * (mean - mean.mean())).astype(np.float32)
 
 
-def on_plane(d: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Project directions [..., 3] to x and y on the plane z = -1 before the eye, and return which meet it."""
-    depth = np.maximum(-d[..., 2], 0.05)
-    return d[..., 0] / depth, d[..., 1] / depth, d[..., 2] < -0.05
-
-
-def hidden(d: np.ndarray, image: np.ndarray, tan_half: float) -> np.ndarray:
-    """Return how much of each direction the object hides, in [0, 1], its edge counted to it."""
+def hidden(image: np.ndarray, tan_half: float) -> np.ndarray:
+    """Return how much of each direction of the crop's map the object hides [64, 128], its edge counted to it."""
     grown = widest((image[..., 3] * 255).round() / np.float32(255.0), GROW_PX)[..., None]
-    x, y, front = on_plane(d)
-    column, row = 0.5 + 0.5 * x / tan_half, 0.5 - 0.5 * y / tan_half
-    inside = front & (column > 0) & (column < 1) & (row > 0) & (row < 1)
-    return between(grown, column * grown.shape[1] - 0.5, row * len(grown) - 0.5)[..., 0] * inside
+    size = len(grown)
+    crop = PinholeCamera(width=size, height=size, focal=size / 2 / tan_half)
+    return draw_on_sphere(grown, crop, np.eye(3), MAP_HEIGHT, np.inf)[0][..., 0]

@@ -11,10 +11,10 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from anyprobe.core.contract import contract
+from anyprobe.core.resample import resample
 from anyprobe.errors import ModelError
 from anyprobe.files.graphs import open_graph, run_options
 from anyprobe.masks.prompts import BOX_LEVEL, CLICK_SIGMA_PX, Point, draw_prompts
-from anyprobe.masks.resize import resize
 from anyprobe.masks.weights import GET_WEIGHTS, find_weights
 from anyprobe.notices import Notice
 
@@ -79,7 +79,7 @@ class U2NetP:
 
     def cover(self, rgb, on=(), off=(), box=None) -> np.ndarray:
         """Return the cover [320, 320]; prompts are ignored."""
-        small = resize(rgb, U2NETP["size"], U2NETP["size"])
+        small = resample(rgb, (U2NETP["size"], U2NETP["size"]), smooth=True)
         image = (small / max(float(small.max()), 1e-6) - MEAN) / SPREAD
         batch = np.ascontiguousarray(image.transpose(2, 0, 1)[None], np.float32)
         return self._session.run([self._output], {self._input: batch}, run_options())[0][0, 0]
@@ -118,7 +118,7 @@ class SmallNetwork:
             return left + x * w / width, top + y * h / height
 
         square = np.full((SMALL_PX, SMALL_PX, 4), PADDING_GREY, np.float32)
-        square[top : top + h, left : left + w, :3] = resize(rgb, w, h)
+        square[top : top + h, left : left + w, :3] = resample(rgb, (w, h), smooth=True)
         corners = None if box is None else (*place(*box[:2]), *place(*box[2:]))
         square[..., 3] = draw_prompts(SMALL_PX, [place(*p) for p in on], [place(*p) for p in off], corners)
         return self.run(square)[top : top + h, left : left + w]

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anyprobe.core.contract import contract
+from anyprobe.core.resample import resample
 from anyprobe.masks.check import object_box
 from anyprobe.masks.networks import Network
 from anyprobe.masks.parts import fill_holes, grow, label_parts
 from anyprobe.masks.prompts import Point
-from anyprobe.masks.resize import resize
 
 INSIDE = contract("mask")["inside"]
 NUMBERS = contract("mask")["search"]
@@ -182,7 +182,7 @@ class Finding:
         """Place values [GRID, GRID] of the window into a photo [height, width] that is zero elsewhere."""
         canvas = np.zeros((height, width), np.float32)
         window = self.window
-        canvas[window.y0 : window.y1, window.x0 : window.x1] = resize(cells, *window.size)
+        canvas[window.y0 : window.y1, window.x0 : window.x1] = resample(cells, window.size, smooth=True)
         return canvas
 
 
@@ -192,7 +192,9 @@ def finding_of(cover: np.ndarray, prompts: Prompts) -> Finding | None:
         return None
     photo = Window(x0=0, y0=0, x1=cover.shape[1], y1=cover.shape[0])
     window = photo.around(object_box(cover), MARGIN)
-    return choose(window, resize(cover[window.y0 : window.y1, window.x0 : window.x1], GRID, GRID), prompts)
+    return choose(
+        window, resample(cover[window.y0 : window.y1, window.x0 : window.x1], (GRID, GRID), smooth=True), prompts
+    )
 
 
 def find_object(network: Network, rgb: np.ndarray, prompts: Prompts) -> Finding | None:
@@ -226,7 +228,7 @@ def look(network: Network, rgb: np.ndarray, window: Window, prompts: Prompts, mi
         return np.zeros((GRID, GRID), np.float32)
     shown = np.ascontiguousarray(crop[:, ::-1]) if mirrored else crop
     cover = network.cover(shown, in_window(prompts.on), in_window(prompts.off), corners)
-    cover = resize(cover[:, ::-1] if mirrored else cover, GRID, GRID)
+    cover = resample(cover[:, ::-1] if mirrored else cover, (GRID, GRID), smooth=True)
     return cover if prompts.box is None else cover * window.inside(prompts.box)
 
 
@@ -262,7 +264,10 @@ def look_closer(network: Network, rgb: np.ndarray, found: Finding, prompts: Prom
     closer = prompts if prompts.box or prompts.on else replace(prompts, box=box)
     again = look(network, rgb, window, closer, mirrored=True)
     cells = _cells_of(window, found.window)
-    before, kept = (resize(values.astype(np.float32), GRID, GRID, cells) for values in (found.cover, found.part))
+    before, kept = (
+        resample(values.astype(np.float32), (GRID, GRID), smooth=True, box=cells)
+        for values in (found.cover, found.part)
+    )
     known = Finding(window=window, cover=before, part=kept > INSIDE)
     second = choose(window, again, prompts)
     agreed = 0.0 if second is None else iou(known.part, second.part)
@@ -296,8 +301,8 @@ def _cut(rgb: np.ndarray, window: Window, cover: np.ndarray, prompts: Prompts) -
     if uncut is None:
         return None
     grid = SPLIT["grid"]
-    colors = resize(rgb[window.y0 : window.y1, window.x0 : window.x1], grid, grid)
-    part = resize(uncut.part.astype(np.float32), grid, grid) > INSIDE
+    colors = resample(rgb[window.y0 : window.y1, window.x0 : window.x1], (grid, grid), smooth=True)
+    part = resample(uncut.part.astype(np.float32), (grid, grid), smooth=True) > INSIDE
     shrink = grid / GRID
     on, off = (
         [(int(column * shrink), int(row * shrink)) for column, row in window.cells(points)]
@@ -308,7 +313,7 @@ def _cut(rgb: np.ndarray, window: Window, cover: np.ndarray, prompts: Prompts) -
         away = np.min([np.hypot(columns - column, rows - row) for column, row in off], axis=0)
         on = [(int(columns[away.argmax()]), int(rows[away.argmax()]))]
     nearer = _distance(colors, part, on) < _distance(colors, part, off)
-    kept = (resize(nearer.astype(np.float32), GRID, GRID) > INSIDE) & uncut.part
+    kept = (resample(nearer.astype(np.float32), (GRID, GRID), smooth=True) > INSIDE) & uncut.part
     if not kept.any():
         return None
     return replace(uncut, part=kept, cover=np.where(uncut.part & ~kept, 0.0, uncut.cover))

@@ -14,12 +14,12 @@ from typing import Protocol
 import numpy as np
 from PIL import Image
 
+from anyprobe.core.resample import resample
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import AnyprobeError, InputError, MissingExtra, ModelError
 from anyprobe.files.graphs import open_graph
 from anyprobe.masks.networks import Network, SmallNetwork, U2NetP
 from anyprobe.masks.prompts import Point
-from anyprobe.masks.resize import resize
 from anyprobe.masks.search import MARGIN, Window
 
 GROUP = "anyprobe.segmenters"
@@ -198,7 +198,7 @@ class Sam:
         if odds.shape != (height, width):
             scale = odds.shape[0] / self.SIDE
             shown = odds[: max(1, round(size[1] * scale)), : max(1, round(size[0] * scale))]
-            odds = resize(shown, width, height)
+            odds = resample(shown, (width, height), smooth=True)
         return (1.0 / (1.0 + np.exp(-np.clip(odds, -30, 30)))).astype(np.float32)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from anyprobe.pictures.resampling import resample
+from anyprobe.core.resample import resample
 
 PATCH = 3
 """Pixels from a patch's centre to its sides."""

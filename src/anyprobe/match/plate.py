@@ -8,9 +8,9 @@ import numpy as np
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.latlong import pixel_directions
+from anyprobe.core.resample import between, resample, widest
 from anyprobe.core.response import inverse_response
 from anyprobe.match.fill import fill_hole
-from anyprobe.pictures.resampling import between, resample, widest
 
 MOST_ROWS = 1024
 """Largest number of panorama rows for which a plate keeps enough pixels."""

@@ -10,18 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from anyprobe.core.camera import PinholeCamera
 from anyprobe.core.frames import orthonormal_basis
 from anyprobe.errors import InputError
 from anyprobe.estimate.ground import GIVEN, LEAST_SLOPE_DEG, Ground, estimate_ground, pitch_words, up_of
 from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
-
-UNKNOWN_LENS_DEG = 38.0
-"""Field of view [degrees] of the longer side, where neither EXIF nor the caller gives it.
-
-In a cropped or zoomed photo the 65 degrees that estimates assume would stretch a sphere near its border; too narrow a
-guess is far less visible.
-"""
 
 VIEW_STRIP_PIXELS = 1 << 18
 """Pixels whose places on the ground are computed at once, some 200 bytes each."""
@@ -34,21 +28,10 @@ LEAST_ABOVE = 0.02
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class View:
-    """Pinhole photo over the plane up . x = -1.
+class View(PinholeCamera):
+    """The photo's camera over the plane up . x = -1; up: [3] unit vector away from the ground."""
 
-    width, height: of the photo [px]. focal: [px]. up: [3] unit vector away from the ground.
-    """
-
-    width: int
-    height: int
-    focal: float
     up: np.ndarray
-
-    @property
-    def long_fov_deg(self) -> float:
-        """Field of view of the longer side."""
-        return float(np.degrees(2 * np.arctan(max(self.width, self.height) / 2 / self.focal)))
 
     @property
     def farthest_row(self) -> float:
@@ -58,13 +41,6 @@ class View:
     def row_at_depth(self, depth: float) -> float:
         """Return the row of the ground at this depth along the camera's axis, in the photo's middle column."""
         return self.height / 2 + self.focal * (1 / depth - float(self.up[2])) / float(self.up[1])
-
-    def rays(self, x, y) -> np.ndarray:
-        """Return directions [..., 3] with z = -1 through points of the photo; pixel i covers [i, i + 1)."""
-        x, y = np.asarray(x, float), np.asarray(y, float)
-        return np.stack(
-            [(x - self.width / 2) / self.focal, (self.height / 2 - y) / self.focal, -np.ones_like(x)], axis=-1
-        )
 
     def on_ground(self, x, y) -> np.ndarray:
         """Return the points [..., 3] of the ground seen at x, y; NaN from the horizon upwards."""
@@ -99,17 +75,6 @@ class View:
         y, x = np.mgrid[strip] + 0.5
         return self.on_ground(x.ravel(), y.ravel()).reshape(*x.shape, 3)
 
-    def pixels(self, points: np.ndarray) -> np.ndarray:
-        """Return where points [..., 3] in front of the camera appear, [..., 2] px."""
-        depth = np.maximum(-points[..., 2], 1e-6)
-        return np.stack(
-            [
-                self.width / 2 + self.focal * points[..., 0] / depth,
-                self.height / 2 - self.focal * points[..., 1] / depth,
-            ],
-            axis=-1,
-        )
-
 
 def view_of(photo: Photo, pitch_deg: float | None = None, found: Ground | None = None) -> tuple[View, float]:
     """Return the photo's camera over its ground, and the pitch used.
@@ -122,8 +87,7 @@ def view_of(photo: Photo, pitch_deg: float | None = None, found: Ground | None =
         InputError: the base would lie at or above the horizon.
     """
     height, width = photo.mask.shape
-    long_fov_deg = UNKNOWN_LENS_DEG if photo.fov_source == "default" else photo.long_fov_deg
-    focal = max(width, height) / 2 / np.tan(np.radians(long_fov_deg) / 2)
+    focal = photo.camera.focal
     ground = estimate_ground(photo, pitch_deg=pitch_deg)
     if found is not None and ground.source != GIVEN:
         ground = replace(ground, pitch_deg=found.pitch_deg, source=found.source)
@@ -141,4 +105,4 @@ def view_of(photo: Photo, pitch_deg: float | None = None, found: Ground | None =
     known = found if found is not None else ground
     roll_deg = known.roll_deg if known.is_known or abs(known.roll_deg) >= LEAST_ROLL_DEG else 0.0
     up = up_of(pitch_deg, roll_deg)
-    return View(width=width, height=height, focal=float(focal), up=up), pitch_deg
+    return View(width=width, height=height, focal=focal, up=up), pitch_deg

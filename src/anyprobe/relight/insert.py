@@ -10,13 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from PIL import Image
 
+from anyprobe.core.camera import ROUND
+from anyprobe.core.resample import resample
 from anyprobe.core.response import inverse_response, response
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError, MissingExtra
 from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
-from anyprobe.masks.resize import resize
 from anyprobe.notices import Notice, give
 from anyprobe.relight.appearance import material_from_photo
 from anyprobe.relight.camera_look import DRAWN_BLUR, CameraLook, blurred, grain_over, look_of
@@ -196,7 +197,7 @@ def enlarged(drawn: np.ndarray, size: int) -> np.ndarray:
     if drawn.shape[0] == size:
         return drawn
     parts = np.concatenate([drawn[..., :3] * drawn[..., 3:], drawn[..., 3:]], axis=-1).astype(np.float32)
-    larger = resize(parts, size, size)
+    larger = resample(parts, (size, size), smooth=True)
     larger[..., :3] /= np.maximum(larger[..., 3:], 1e-6)
     return larger
 
@@ -272,6 +273,12 @@ class Stage:
         pixels = self.view.pixels(self.placement.mesh.positions)
         if (pixels < -0.5).any() or (pixels > np.array([self.view.width, self.view.height]) + 0.5).any():
             lines.append(("part of the inserted object is outside the photo", ("at", "size")))
+        x, y = pixels.mean(axis=0)
+        if (stretch := self.view.stretch(x, y)) > ROUND:
+            is_assumed = self.photo.fov_source == "default"
+            lens = f"{'the assumed' if is_assumed else 'this'} lens of {self.view.long_fov_deg:.0f} degrees"
+            text = f"{lens} draws a sphere there {stretch - 1:.0%} longer than wide"
+            lines.append((text, ("at", "fov_deg") if is_assumed else ("at",)))
         if (self.photo.mask[-1] > 0.5).any():
             text = "the photo's lower border cuts the real object, so where it touches the ground is not seen"
             lines.append((text, ("at",)))

@@ -18,9 +18,9 @@ import numpy as np
 
 from anyprobe.core.frames import world_from_local
 from anyprobe.core.latlong import bilinear, direction_to_uv
+from anyprobe.core.resample import resample
 from anyprobe.core.sampling import hammersley, square_to_cosine_hemisphere
 from anyprobe.estimate.photo import Photo
-from anyprobe.masks.resize import resize
 from anyprobe.relight.ground_map import GroundPicture, with_ground
 from anyprobe.relight.ground_view import View
 from anyprobe.relight.placement import Placement
@@ -83,5 +83,5 @@ def _missed(
     picture = np.zeros((coarse.size, coarse.size, 4), np.float32)
     picture[surface.mask, :3] = difference.mean(axis=1)
     picture[surface.mask, 3] = 1.0
-    larger = resize(picture, camera.size, camera.size)
+    larger = resample(picture, (camera.size, camera.size), smooth=True)
     return larger[..., :3] / np.maximum(larger[..., 3:], 1e-6)

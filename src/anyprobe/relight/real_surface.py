@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from anyprobe.core.resample import resample
 from anyprobe.core.response import inverse_response
 from anyprobe.estimate.photo import Photo
 from anyprobe.masks.check import object_box
-from anyprobe.pictures.resampling import resample
 
 CELLS = 128
 """Number of cells along the photo's longer side."""

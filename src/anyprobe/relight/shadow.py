@@ -16,10 +16,10 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import orthonormal_basis
 from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
+from anyprobe.core.resample import between
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import irradiance_map
-from anyprobe.pictures.resampling import between
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import cover
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.core.resample import resample
 from anyprobe.core.response import response
 from anyprobe.light.environment import reduced
-from anyprobe.masks.resize import resize
 from anyprobe.render.spheres import SILVER_ALPHA, SILVER_F0, WO, diffuse, mirror, sphere_normals, spheres_ev
 from anyprobe.scatter.materials import Material, brdf
 
@@ -37,7 +37,7 @@ def light_picture(radiance: Float[np.ndarray, "H 2*H 3"] | None, ev: float = 0.0
     """
     if radiance is None:
         return np.zeros((_SIDE, (2 + len(SPHERES)) * _SIDE, 3), np.uint8)
-    shown = resize(reduced(np.asarray(radiance, np.float32), _SIDE), 2 * _SIDE, _SIDE)
+    shown = resample(reduced(np.asarray(radiance, np.float32), _SIDE), (2 * _SIDE, _SIDE), smooth=True)
     spheres = diffuse(reduced(radiance, _ROWS), _SIDE), _silver(radiance), mirror(radiance, _SIDE)
     exposed = (sphere * np.float32(2.0**ev) for sphere in spheres)
     return to_bytes(response(np.concatenate([shown, *exposed], axis=1)))
@@ -49,7 +49,7 @@ def _silver(radiance: np.ndarray) -> np.ndarray:
     picture = np.zeros((_SILVER_SIDE, _SILVER_SIDE, 4), np.float32)
     picture[inside, :3] = _silver_weights() @ reduced(radiance, _ROWS).reshape(-1, 3)
     picture[inside, 3] = 1.0
-    larger = resize(picture, _SIDE, _SIDE)
+    larger = resample(picture, (_SIDE, _SIDE), smooth=True)
     return np.where(sphere_normals(_SIDE)[1][..., None], larger[..., :3] / np.maximum(larger[..., 3:], 1e-3), 0.0)
 
 

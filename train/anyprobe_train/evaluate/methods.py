@@ -9,6 +9,7 @@ from importlib import resources
 
 import numpy as np
 
+from anyprobe.core.camera import PinholeCamera
 from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import inverse_response, response
@@ -164,10 +165,8 @@ def true_normals(pair: Pair) -> np.ndarray:
 def surroundings(pair: Pair) -> np.ndarray | None:
     """Return the part of a pair's map that a phone's photo shows, see estimate.surroundings.visible_surroundings."""
     width, height = PHONE_PX
-    slope = np.tan(np.radians(PHONE_FOV_DEG) / 2)
-    x = (np.arange(width) + 0.5) / width * 2 - 1
-    y = (1 - (np.arange(height) + 0.5) / height * 2) * height / width
-    rays = np.stack([*np.meshgrid(slope * x, slope * y), np.full((height, width), -1.0)], axis=-1)
-    radiance = bilinear(pair.radiance, direction_to_uv(normalize(rays)).astype(np.float32))
+    camera = PinholeCamera.of_fov(width, height, PHONE_FOV_DEG)
+    y, x = np.mgrid[:height, :width] + 0.5
+    radiance = bilinear(pair.radiance, direction_to_uv(normalize(camera.rays(x, y))).astype(np.float32))
     display = np.round(response(radiance, shot_of(pair.recipe).curve).clip(0.0, 1.0) * 255) / 255
-    return visible_surroundings(display.astype(np.float32), PHONE_FOV_DEG, np.eye(3), pair.crop, pair.tan_half)
+    return visible_surroundings(display.astype(np.float32), camera, np.eye(3), pair.crop, pair.tan_half)

@@ -22,7 +22,7 @@ import {
   Vector3,
   WebGLRenderer,
 } from "three";
-import { pixelDirection } from "../../src/photo/crop.js";
+import { DEFAULT_LONG_FOV_DEG, pixelDirection } from "../../src/photo/crop.js";
 import { contactOf, likelyPitchDeg, seenPitchDeg } from "../../src/photo/ground.js";
 import { DrawnAside } from "./drawnAside.js";
 import { ContactShadow, EnvironmentTexture, MaskOccluder, groundShadowOpacity, installCameraCurve } from "../../src/three/index.js";
@@ -36,11 +36,6 @@ const DISTANCE = 5;
 const UP = new Vector3(0, 1, 0);
 /** Height of the object over the real one's, at size 1 and where there is room. */
 const OF_REAL = 0.5;
-/**
- * Field of view of the longer side [degrees] to draw with where the photo's is unknown, as anyprobe.relight.ground_view: the one
- * that estimates take would draw spheres near the border of a cropped photo as eggs; too narrow a guess shows far less.
- */
-const UNKNOWN_LENS_DEG = 38;
 const SHADOW_PX = 256;
 /** Pixels drawn for a pixel shown, along each side, over the camera's picture where WebGL is software. */
 const COARSE = 0.7;
@@ -115,7 +110,7 @@ export class Stage {
    * @param {{pitchDeg: number} | null} [ground] that came with the light; null: guessed
    */
   setPhoto(width, height, lensDeg, mask, box, ground = null) {
-    const longFovDeg = lensDeg ?? UNKNOWN_LENS_DEG;
+    const longFovDeg = lensDeg ?? DEFAULT_LONG_FOV_DEG;
     const isSame = [width, height, ...box].join() === [this.width, this.height, ...(this.box ?? [])].join();
     Object.assign(this, { width, height, longFovDeg, box, contact: contactOf(mask, width, box) });
     this.silhouette = new Silhouette(mask, width, box);

@@ -1,4 +1,4 @@
-/** Pictures of any channels to another size, as anyprobe.masks.resize: triangles as wide as a pixel of the coarser. */
+/** Pictures of any channels to another size, as anyprobe.core.resample: triangles as wide as a pixel of the coarser. */
 
 /**
  * @param {Float32Array | Uint8ClampedArray} values height * width * channels, channel last

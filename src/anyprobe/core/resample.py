@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from PIL import Image
 
 
-def resample(picture: np.ndarray, size: tuple[int, int], *, smooth: bool = False) -> np.ndarray:
-    """Resize [H, W, C] to (width, height), float32: means over areas, or with smooth linear interpolation."""
+def resample(
+    picture: np.ndarray, size: tuple[int, int], *, smooth: bool = False, box: Sequence[float] | None = None
+) -> np.ndarray:
+    """Resize [H, W] or [H, W, C] to (width, height), float32: means over areas.
+
+    Args:
+        smooth: linear instead, between the pixels where it is enlarged, over twice the areas where it shrinks.
+        box: x0, y0, x1, y1 of the part to resize [px], not necessarily integers; None: the whole picture.
+    """
+    if picture.ndim == 3:
+        return np.stack([resample(picture[..., k], size, smooth=smooth, box=box) for k in range(picture.shape[2])], -1)
     way = Image.Resampling.BILINEAR if smooth else Image.Resampling.BOX
-    planes = [
-        np.asarray(Image.fromarray(np.ascontiguousarray(picture[..., k], np.float32)).resize(size, way))
-        for k in range(picture.shape[-1])
-    ]
-    return np.stack(planes, axis=-1)
+    part = None if box is None else (box[0], box[1], box[2], box[3])
+    return np.asarray(Image.fromarray(np.ascontiguousarray(picture, np.float32)).resize(size, way, box=part))
 
 
 def widest(picture: np.ndarray, reach: int) -> np.ndarray:
