@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anyprobe.core.camera import ASSUMED_LONG_FOV_DEG, ROUND, PinholeCamera, draw_on_sphere
+from anyprobe.core.camera import ASSUMED_LONG_FOV_DEG, MOST_STRETCH, PinholeCamera, draw_on_sphere
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.latlong import pixel_directions
 
@@ -42,7 +42,7 @@ def test_the_assumed_lens_is_off_by_as_little_as_any_for_training_cameras():
     worst, least = max(half[1] / half[0], half[2] / half[1]), np.sqrt(half[2] / half[0])
     assert worst < 1.46
     assert worst < 1.03 * least
-    assert ROUND > 1
+    assert MOST_STRETCH > 1
 
 
 def test_a_photo_fills_the_map_where_its_camera_looked():

@@ -18,7 +18,7 @@ from support.scenes import made_map, sphere_photo
 
 import anyprobe
 from anyprobe.cli.relight import progress
-from anyprobe.core.camera import ASSUMED_LONG_FOV_DEG, ROUND
+from anyprobe.core.camera import ASSUMED_LONG_FOV_DEG, MOST_STRETCH
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
 from anyprobe.estimate.ground import USUAL_ERROR_DEG, contact_of, estimate_ground, up_of
@@ -161,7 +161,7 @@ def test_sphere_near_the_border_is_long_by_the_lens_and_a_warning_says_so(fov_de
     assert stage.view.long_fov_deg == pytest.approx(fov_deg or ASSUMED_LONG_FOV_DEG)
     said = [one for one in stage.warnings if "longer than wide" in one]
     assert [[give.name for give in one.remedy] for one in said] == (
-        [] if stretch < ROUND else [["at", "fov_deg"] if fov_deg is None else ["at"]]
+        [] if stretch < MOST_STRETCH else [["at", "fov_deg"] if fov_deg is None else ["at"]]
     )
 
 

@@ -16,7 +16,7 @@ ASSUMED_LONG_FOV_DEG: float = contract("lens")["default_long_fov_deg"]
 Cameras of the training photos take in 45 to 80 degrees: with 60 the focal length is at most a factor 1.44 off, and no
 other lens does better by more than 3 %. A phone's main camera takes in 65 to 69, a cropped or zoomed photo less.
 """
-ROUND = 1.06
+MOST_STRETCH = 1.06
 """Length over width up to which a drawn sphere passes for round."""
 NEAREST = 0.05
 """Smallest -z of a unit direction that a photo may show: 87 degrees from the axis."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from PIL import Image
 
-from anyprobe.core.camera import ROUND
+from anyprobe.core.camera import MOST_STRETCH
 from anyprobe.core.resample import resample
 from anyprobe.core.response import inverse_response, response
 from anyprobe.core.spelling import did_you_mean
@@ -260,10 +260,8 @@ class Stage:
         """One line for each surprise about the place: not beside the real object, cut off, or on a ground that the
         photo does not show."""
         lines: list[tuple[str, tuple[str, ...]]] = []
-        side = self.placement.side
-        if side in NOT_BESIDE:
-            text = f"no room beside the object: the inserted one stands {NOT_BESIDE[side]}"
-            lines.append((text, ("at", "size")))
+        if (side := self.placement.side) in NOT_BESIDE:
+            lines.append((f"no room beside the object: the inserted one stands {NOT_BESIDE[side]}", ("at", "size")))
         if not self.placement.stands:
             text = "the place beside the object may not be the surface that it stands on"
             lines.append((f"{text}: the inserted one may seem to float", ("at",)))
@@ -273,12 +271,11 @@ class Stage:
         pixels = self.view.pixels(self.placement.mesh.positions)
         if (pixels < -0.5).any() or (pixels > np.array([self.view.width, self.view.height]) + 0.5).any():
             lines.append(("part of the inserted object is outside the photo", ("at", "size")))
-        x, y = pixels.mean(axis=0)
-        if (stretch := self.view.stretch(x, y)) > ROUND:
-            is_assumed = self.photo.fov_source == "default"
-            lens = f"{'the assumed' if is_assumed else 'this'} lens of {self.view.long_fov_deg:.0f} degrees"
-            text = f"{lens} draws a sphere there {stretch - 1:.0%} longer than wide"
-            lines.append((text, ("at", "fov_deg") if is_assumed else ("at",)))
+        if (stretch := self.view.stretch(*pixels.mean(axis=0))) > MOST_STRETCH:
+            text = (
+                f"a lens of {self.view.long_fov_deg:.0f} degrees draws spheres {stretch - 1:.0%} longer than wide there"
+            )
+            lines.append((text, ("at", "fov_deg") if self.photo.fov_source == "default" else ("at",)))
         if (self.photo.mask[-1] > 0.5).any():
             text = "the photo's lower border cuts the real object, so where it touches the ground is not seen"
             lines.append((text, ("at",)))
