@@ -19,7 +19,7 @@ import typer
 from anyprobe.cli.app import main as run_command
 from anyprobe.masks.networks import Network, SmallNetwork, U2NetP
 from anyprobe.masks.quality import QUALITY, Evidence, examine
-from anyprobe.masks.search import Prompts, find_object
+from anyprobe.masks.search import Looks, Prompts, find_object
 from research.masks.cases import Case, iou, photo_cases
 from research.masks.clutter import cluttered
 from research.masks.scoring import BAD, GOOD
@@ -101,7 +101,7 @@ def ask(network: Network, case: Case, other: Case | None = None) -> Iterator[tup
     """Evidence and IoU of the masks found without a prompt, of the nearer of two objects, by a click and by a box."""
     height, width = case.mask.shape
     for prompts in (Prompts(), Prompts(on=[case.click]), Prompts(box=case.box)):
-        found = find_object(network, case.rgb, prompts)
+        found = find_object(Looks(network, case.rgb), prompts)
         if found is not None:
             mask = found.mask(width, height)
             meant = [case] if other is None or prompts != Prompts() else [case, other]

@@ -37,7 +37,7 @@ def network(monkeypatch, square):
     """A network that finds the square in every photo."""
 
     class Drawn:
-        name, warning = "u2netp", ""
+        name, warning, takes_prompts = "u2netp", "", False
 
         def cover(self, rgb, on=(), off=(), box=None):
             return square if rgb.shape[:2] == square.shape else np.ones_like(square)

@@ -10,7 +10,7 @@ from anyprobe.core.resample import resample
 from anyprobe.errors import InvalidMask
 from anyprobe.masks.find import find_mask
 from anyprobe.masks.quality import examine
-from anyprobe.masks.search import GRID, Prompts, Window, find_object, finding_of
+from anyprobe.masks.search import GRID, Looks, Prompts, Window, find_object, finding_of
 from anyprobe.pictures.images import read_image
 
 HEIGHT, WIDTH = 240, 320
@@ -19,7 +19,7 @@ HEIGHT, WIDTH = 240, 320
 class Redness:
     """What is red stands out, at 320 x 320; least: share of the picture that it must cover to be seen."""
 
-    name, warning = "u2netp", ""
+    name, warning, takes_prompts = "u2netp", "", False
 
     def __init__(self, least: float = 0.0) -> None:
         self.least, self.looks = least, []
@@ -77,12 +77,41 @@ def test_a_box_is_looked_at_with_a_margin_and_clips_the_answer():
 
 def test_the_second_look_is_mirrored_and_gets_the_prompts_there():
     network = Redness()
-    find_object(network, photo(LARGE), Prompts(on=[(70, 110)]))
+    find_object(Looks(network, photo(LARGE)), Prompts(on=[(70, 110)]))
     (whole, on, *_), (window, mirrored, *_) = network.looks
     assert (whole, on) == ((HEIGHT, WIDTH), ((70, 110),))
     left, right = 40 - 0.12 * 120, 160 + 0.12 * 120
     assert window[1] == pytest.approx(right - left, abs=3)
     assert mirrored[0][0] == pytest.approx(right - 70, abs=2)
+
+
+def test_a_further_click_looks_only_nearer():
+    """The whole photo is looked at once; another photo, or another network, anew."""
+    network, pixels = Redness(), read_image(photo(LARGE, LITTLE))
+    counts = []
+    for given, by in (({}, network), ({"click": (100, 110)}, network), ({"click": (250, 150)}, network)):
+        find_mask(pixels, segmenter=by, **given)
+        counts.append(len(network.looks))
+    assert counts == [2, 2, 3]
+    find_mask(read_image(photo(LITTLE)), segmenter=network)
+    find_mask(pixels, segmenter=network)
+    assert len(network.looks) == 7
+
+
+def test_looks_of_a_network_that_takes_prompts_are_not_mixed_up():
+    network = Redness()
+    network.takes_prompts = True
+    pixels = read_image(photo(LARGE, LITTLE))
+    for click in ((100, 110), (250, 150)):
+        find_mask(pixels, segmenter=network, click=click)
+    assert len(network.looks) == 4
+
+
+def test_what_a_box_cuts_off_is_known():
+    looks = Looks(Redness(), photo(LARGE))
+    whole, half = (find_object(looks, Prompts(box=box)).cut for box in ((30, 40, 170, 180), (30, 40, 100, 180)))
+    assert whole == 0
+    assert half == pytest.approx(0.27, abs=0.02)  # its straight side over the perimeter, in cells
 
 
 def test_a_click_finds_what_only_stands_out_in_a_window_around_it():
@@ -144,7 +173,7 @@ FITTING = [
 @pytest.mark.parametrize(("given", "expected"), FITTING)
 def test_clicks_far_from_the_middle_and_boxes_far_from_the_object_make_a_mask_doubtful(given, expected):
     prompts = Prompts(**given)
-    evidence = examine(find_object(Redness(), photo(LARGE), prompts), WIDTH, HEIGHT, prompts)
+    evidence = examine(find_object(Looks(Redness(), photo(LARGE)), prompts), WIDTH, HEIGHT, prompts)
     assert evidence.meant == pytest.approx(expected, abs=0.03)
     asked = " or the ".join({"on": "click", "box": "box"}[name] for name in given)
     assert (f"it does not fit the {asked}" in evidence.doubts(prompts)) == (expected < 0.6)

@@ -61,7 +61,7 @@ def test_box_goes_before_alpha():
     asked = []
 
     class Drawn:
-        name, warning = "u2netp", ""
+        name, warning, takes_prompts = "u2netp", "", False
 
         def cover(self, rgb, on=(), off=(), box=None):
             asked.append(rgb.shape)

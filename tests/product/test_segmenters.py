@@ -162,7 +162,7 @@ def test_sam_without_a_prompt_is_asked_with_our_networks_box(tmp_path, photo, mo
     cover[OBJECT] = 1.0
 
     class Network:
-        name, warning = "u2netp", ""
+        name, warning, takes_prompts = "u2netp", "", False
 
         def cover(self, rgb, on=(), off=(), box=None):
             return cover if rgb.shape[:2] == cover.shape else np.pad(np.ones((50, 60), np.float32), 9)

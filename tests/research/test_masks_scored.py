@@ -115,7 +115,7 @@ def test_calibration_asks_for_either_of_two_objects_where_none_is_marked(monkeyp
     first, second = next((case, other) for _, case, other in both if other is not None)
 
     class Right:
-        name = "small"
+        name, takes_prompts = "small", True
 
         def cover(self, rgb, *_):
             return second.mask

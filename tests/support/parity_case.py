@@ -27,7 +27,7 @@ from anyprobe.light.temporal import step
 from anyprobe.masks.check import look_at_given
 from anyprobe.masks.networks import default_graph, small_network
 from anyprobe.masks.quality import examine
-from anyprobe.masks.search import Prompts, find_object
+from anyprobe.masks.search import Looks, Prompts, find_object
 from anyprobe.masks.sources import mask_from_file
 from anyprobe.relight.ground_view import View
 from anyprobe.relight.placement import Outline, Spot, find_spot
@@ -322,7 +322,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         answers["uncertainty"] = list(light.origin.uncertainty.values())
     rgb, found = photo[..., :3].astype(np.float32) / 255, {}
     for name, hints in HINTS.items():
-        finding = find_object(small_network(), rgb, Prompts(**hints))
+        finding = find_object(Looks(small_network(), rgb), Prompts(**hints))
         answers[f"mask_{name}"] = finding.mask(*rgb.shape[1::-1])
         evidence = examine(finding, *rgb.shape[1::-1], Prompts(**hints))
         found[name] = asdict(evidence) | {

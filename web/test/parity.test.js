@@ -25,7 +25,7 @@ import { readMask } from "../src/photo/source.js";
 import { seeSurroundings, withoutTransparent } from "../src/photo/surroundings.js";
 import { SmallNetwork } from "../src/photo/maskNetworks.js";
 import { doubts, examine, expectedIou } from "../src/photo/quality.js";
-import { findObject, maskOf } from "../src/photo/search.js";
+import { Looks, findObject, maskOf } from "../src/photo/search.js";
 import { lightOfObject } from "../src/networks/lightOfObject.js";
 import { inverseResponse, response } from "../src/core/response.js";
 import { Silhouette, farthestRow, findSpot } from "../page/view/placement.js";
@@ -283,7 +283,7 @@ test("the object that is found from nothing, by clicks, cut along colours, and b
   assert.deepEqual(Object.keys(found.found), Object.keys(found.hints));
   for (const [name, { iou, doubts: lines, ...evidence }] of Object.entries(found.found)) {
     const { on, off, box = null } = found.hints[name];
-    const finding = await findObject(new SmallNetwork(found.models), picture, { on, off, box });
+    const finding = await findObject(new Looks(new SmallNetwork(found.models), picture), { on, off, box });
     const [mask, expected] = [maskOf(finding, width, height), floats(`mask_${name}`)];
     let [both, either] = [0, 0];
     expected.forEach((value, i) => {

@@ -6,7 +6,7 @@ import { test } from "node:test";
 import { untilGivenUp } from "../src/photo/maskNetworks.js";
 import { doubts, examine, expectedIou } from "../src/photo/quality.js";
 import { resize } from "../src/photo/resize.js";
-import { findObject, maskOf } from "../src/photo/search.js";
+import { Looks, findObject, maskOf } from "../src/photo/search.js";
 
 const [WIDTH, HEIGHT] = [320, 240];
 const NOTHING = { on: [], off: [], box: null };
@@ -14,6 +14,7 @@ const NOTHING = { on: [], off: [], box: null };
 /** @param {number} [least] share of the picture that must be red */
 const redness = (least = 0) => ({
   name: "u2netp",
+  takesPrompts: false,
   async cover({ width, height, rgba }) {
     const small = resize(rgba, 4, [width, height], [320, 320]);
     const values = Float32Array.from({ length: 320 * 320 }, (_, i) => Math.min(Math.max((small[4 * i] - small[4 * i + 2]) / 127, 0), 1));
@@ -44,7 +45,7 @@ function iou(mask, object) {
 }
 
 async function found(picture, hints, network = redness()) {
-  const finding = await findObject(network, picture, { ...NOTHING, ...hints });
+  const finding = await findObject(new Looks(network, picture), { ...NOTHING, ...hints });
   return finding && maskOf(finding, WIDTH, HEIGHT);
 }
 
@@ -81,13 +82,13 @@ test("clicks far from the middle and boxes far from the object make a mask doubt
   ];
   for (const [given, expected] of cases) {
     const hints = { ...NOTHING, ...given };
-    const { meant } = examine(await findObject(redness(), photo(LARGE), hints), WIDTH, HEIGHT, hints);
+    const { meant } = examine(await findObject(new Looks(redness(), photo(LARGE)), hints), WIDTH, HEIGHT, hints);
     assert.ok(Math.abs(meant - expected) < 0.03, `${JSON.stringify(given)}: ${meant}, not ${expected}`);
   }
 });
 
 test("what speaks against a mask lowers what to expect, and is named", async () => {
-  const finding = await findObject(redness(), photo(LARGE), NOTHING);
+  const finding = await findObject(new Looks(redness(), photo(LARGE)), NOTHING);
   const good = examine(finding, WIDTH, HEIGHT, NOTHING);
   const bad = { ...good, agreed: 0.1, expected: 0.5 };
   assert.ok(expectedIou(good, "u2netp") > expectedIou(bad, "u2netp") + 0.2);
@@ -95,15 +96,34 @@ test("what speaks against a mask lowers what to expect, and is named", async () 
   assert.match(doubts(bad)[0], /second look/);
 });
 
+test("a further click looks only nearer", async () => {
+  const network = redness();
+  let count = 0;
+  const looks = new Looks({ ...network, cover: (...given) => (count++, network.cover(...given)) }, photo(LARGE, LITTLE));
+  const counts = [];
+  for (const hints of [{}, { on: [[100, 110]] }, { on: [[250, 150]] }]) {
+    await findObject(looks, { ...NOTHING, ...hints });
+    counts.push(count);
+  }
+  assert.deepEqual(counts, [2, 2, 3]);
+});
+
+test("what a box cuts off is known", async () => {
+  const looks = new Looks(redness(), photo(LARGE));
+  const cut = async (box) => (await findObject(looks, { ...NOTHING, box })).cut;
+  assert.equal(await cut([30, 40, 170, 180]), 0);
+  assert.ok(Math.abs((await cut([30, 40, 100, 180])) - 0.27) < 0.02); // its straight side over the perimeter, in cells
+});
+
 test("a search that is given up looks no more", async () => {
   let [looks, isGivenUp] = [0, false];
   const network = redness();
   const counted = { ...network, cover: (...given) => (looks++, network.cover(...given)) };
   const picture = photo(disc(90, 120, 25));
-  await findObject(untilGivenUp(counted, () => isGivenUp), picture, NOTHING);
+  await findObject(new Looks(untilGivenUp(counted, () => isGivenUp), picture), NOTHING);
   assert.ok(looks > 1, `${looks}`);
   looks = 0;
   setTimeout(() => (isGivenUp = true)); // as a message that comes while the first look is under way
-  await assert.rejects(findObject(untilGivenUp(counted, () => isGivenUp), picture, NOTHING), /given up/);
+  await assert.rejects(findObject(new Looks(untilGivenUp(counted, () => isGivenUp), picture), NOTHING), /given up/);
   assert.ok(looks <= 1, `${looks}`);
 });

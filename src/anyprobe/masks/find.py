@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -14,7 +16,7 @@ from anyprobe.masks.depth import DepthSource, mask_from_depth
 from anyprobe.masks.networks import Network, shared_network
 from anyprobe.masks.prompts import Clicks, check_box, check_clicks
 from anyprobe.masks.quality import DOUBTFUL, REFUSED, examine
-from anyprobe.masks.search import Finding, Prompts, find_object, finding_of, look_closer
+from anyprobe.masks.search import Finding, Looks, Prompts, find_object, finding_of, look_closer
 from anyprobe.masks.segmenters import Segmenter, SegmenterSource, load_segmenter
 from anyprobe.masks.sources import MaskSource, mask_from_alpha, mask_from_file, mask_from_function
 from anyprobe.masks.words import RIGHT, color_doubts, verdict
@@ -96,10 +98,28 @@ def _find(pixels: Pixels, prompts: Prompts, segmenter: SegmenterSource | None) -
     if loaded is not None and not isinstance(loaded, Network):
         return _segmented(pixels, prompts, loaded, "segmenter" if source == "network" else source)
     network = shared_network() if loaded is None else loaded
-    found = find_object(network, pixels.rgb, prompts)
+    found = find_object(_looks(network, pixels.rgb), prompts)
     if found is None:
         raise _not_found(pixels, prompts)
     return _judged(pixels, prompts, found, found.mask(*pixels.rgb.shape[1::-1]), network, source)
+
+
+class _Last(threading.local):
+    """The photo that was looked at last in a thread, and the looks at it."""
+
+    photo: weakref.ref[np.ndarray] | None = None
+    network: Network | None = None
+    looks: dict[object, np.ndarray]
+
+
+_LAST = _Last()
+
+
+def _looks(network: Network, rgb: np.ndarray) -> Looks:
+    """Return the looks at a photo; those of the last one are kept, so that another click looks only nearer."""
+    if _LAST.photo is None or _LAST.photo() is not rgb or _LAST.network is not network:
+        _LAST.photo, _LAST.network, _LAST.looks = weakref.ref(rgb), network, {}
+    return Looks(network, rgb, _LAST.looks)
 
 
 def check_prompts(click: Clicks | None, exclude: Clicks | None, box, width: int, height: int) -> Prompts:
@@ -156,7 +176,7 @@ def _segmented(pixels: Pixels, prompts: Prompts, segmenter: Segmenter, source: s
     """Return the part of another segmenter's mask that is meant; one that needs a prompt gets our network's box."""
     rgb, network, box = pixels.rgb, shared_network(), prompts.box
     if segmenter.needs_prompt and not prompts.on and box is None:
-        found = find_object(network, rgb, prompts)
+        found = find_object(Looks(network, rgb), prompts)
         if found is None:
             raise _not_found(pixels, prompts)
         box = found.window.box_of(found.part)
@@ -164,7 +184,7 @@ def _segmented(pixels: Pixels, prompts: Prompts, segmenter: Segmenter, source: s
     found = finding_of(cover, prompts)
     if found is None:
         raise _not_found(pixels, prompts)
-    agreed = look_closer(network, rgb, found, Prompts()).agreed
+    agreed = look_closer(Looks(network, rgb), found, Prompts()).agreed
     return _judged(pixels, prompts, replace(found, agreed=agreed), found.only(cover), network, source)
 
 

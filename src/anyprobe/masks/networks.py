@@ -43,10 +43,12 @@ class Network(Protocol):
     Attributes:
         name: its key in the contract's quality.
         warning: attached to every mask that it finds; or "".
+        takes_prompts: whether its cover depends on clicks and box.
     """
 
     name: str
     warning: str
+    takes_prompts: bool
 
     def cover(
         self, rgb: np.ndarray, on: Sequence[Point] = (), off: Sequence[Point] = (), box: Sequence[float] | None = None
@@ -55,7 +57,7 @@ class Network(Protocol):
 
         Args:
             rgb: [H, W, 3] display values in [0, 1].
-            on, off: clicks x, y on the object and beside it, in pixels of rgb. A network may ignore them, as the box.
+            on, off: clicks x, y on the object and beside it, in pixels of rgb.
             box: x0, y0, x1, y1 around the object.
         """
         ...
@@ -69,6 +71,7 @@ class U2NetP:
 
     name = "u2netp"
     warning = ""
+    takes_prompts = False
 
     def __init__(self, path: str = "") -> None:
         found = find_weights(path or None)
@@ -89,6 +92,7 @@ class SmallNetwork:
     """Our own network, 160 x 160, trained on renders only; its fourth input channel holds the prompts."""
 
     name = "small"
+    takes_prompts = True
     warning: str = Notice(
         "found by the small mask network, which is wrong on one photo in three",
         code="small-network",

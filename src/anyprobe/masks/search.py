@@ -127,6 +127,7 @@ class Finding:
         part: [GRID, GRID] bool, the object's cells.
         agreed: IoU of two looks' parts, 1 after a single look.
         whole: its share of all that the first look found; 1 with clicks.
+        cut: length of its outline that a given box cuts off from more of it, over the perimeter of its box.
     """
 
     window: Window
@@ -134,6 +135,7 @@ class Finding:
     part: np.ndarray
     agreed: float = 1.0
     whole: float = 1.0
+    cut: float = 0.0
 
     def expected(self) -> float:
         """Return the expected IoU of the part if the cover of its cells and of those near it are probabilities."""
@@ -197,22 +199,55 @@ def finding_of(cover: np.ndarray, prompts: Prompts) -> Finding | None:
     )
 
 
-def find_object(network: Network, rgb: np.ndarray, prompts: Prompts) -> Finding | None:
-    """Find the object of a photo [H, W, 3] of display values in [0, 1]; None where nothing is found."""
-    height, width = rgb.shape[:2]
-    photo = Window(x0=0, y0=0, x1=width, y1=height)
-    start = photo if prompts.box is None else photo.around(prompts.box, MARGIN)
-    cover = look(network, rgb, start, prompts)
+class Looks:
+    """Looks of a network at windows of one photo [H, W, 3] of display values, each taken once.
+
+    Args:
+        kept: looks that were taken at the same photo before.
+    """
+
+    def __init__(self, network: Network, rgb: np.ndarray, kept: dict[object, np.ndarray] | None = None) -> None:
+        self.network, self.rgb = network, rgb
+        self.photo = Window(x0=0, y0=0, x1=rgb.shape[1], y1=rgb.shape[0])
+        self._kept = {} if kept is None else kept
+
+    def at(self, window: Window, prompts: Prompts, mirrored: bool = False) -> np.ndarray:
+        """Return the cover [GRID, GRID] of a window, zero outside the box."""
+        cover = self.uncut(window, prompts, mirrored)
+        return cover if prompts.box is None else cover * window.inside(prompts.box)
+
+    def uncut(self, window: Window, prompts: Prompts, mirrored: bool = False) -> np.ndarray:
+        """Return the cover [GRID, GRID] of a window, outside the box too."""
+        asked = (tuple(prompts.on), tuple(prompts.off), prompts.box) if self.network.takes_prompts else ()
+        key = (window, mirrored, asked)
+        if key not in self._kept:
+            self._kept[key] = _run(self.network, self.rgb, window, prompts, mirrored)
+        return self._kept[key]
+
+
+def find_object(looks: Looks, prompts: Prompts) -> Finding | None:
+    """Find the object of a photo; None where nothing is found."""
+    start = looks.photo if prompts.box is None else looks.photo.around(prompts.box, MARGIN)
+    cover = looks.at(start, prompts)
     found = choose(start, cover, prompts)
+    if found is not None and prompts.box is not None:
+        found = replace(found, cut=_cut_off(found, looks.uncut(start, prompts), prompts.box))
     if found is None and prompts.on:
-        found = _around_clicks(network, rgb, photo, prompts)
+        found = _around_clicks(looks, prompts)
     if found is None and prompts.off:
-        found = _cut(rgb, start, cover, prompts)
-    return None if found is None else look_closer(network, rgb, found, prompts)
+        found = _cut(looks.rgb, start, cover, prompts)
+    return None if found is None else look_closer(looks, found, prompts)
 
 
-def look(network: Network, rgb: np.ndarray, window: Window, prompts: Prompts, mirrored: bool = False) -> np.ndarray:
-    """Run the network on a window: cover [GRID, GRID], zero outside the box."""
+def _cut_off(found: Finding, cover: np.ndarray, box: Box) -> float:
+    """Return Finding.cut of a finding by its window's cover beyond the box too."""
+    beyond = (cover > INSIDE) & ~found.window.inside(box)
+    x0, y0, x1, y1 = object_box(found.part)
+    return float((grow(found.part) & beyond).sum()) / (2 * (x1 - x0 + y1 - y0))
+
+
+def _run(network: Network, rgb: np.ndarray, window: Window, prompts: Prompts, mirrored: bool) -> np.ndarray:
+    """Run the network on a window of a photo: cover [GRID, GRID]."""
     crop = rgb[window.y0 : window.y1, window.x0 : window.x1]
     width, _ = window.size
     mirror = (lambda x: width - x) if mirrored else (lambda x: x)
@@ -228,8 +263,7 @@ def look(network: Network, rgb: np.ndarray, window: Window, prompts: Prompts, mi
         return np.zeros((GRID, GRID), np.float32)
     shown = np.ascontiguousarray(crop[:, ::-1]) if mirrored else crop
     cover = network.cover(shown, in_window(prompts.on), in_window(prompts.off), corners)
-    cover = resample(cover[:, ::-1] if mirrored else cover, (GRID, GRID), smooth=True)
-    return cover if prompts.box is None else cover * window.inside(prompts.box)
+    return resample(cover[:, ::-1] if mirrored else cover, (GRID, GRID), smooth=True)
 
 
 def choose(window: Window, cover: np.ndarray, prompts: Prompts) -> Finding | None:
@@ -257,12 +291,12 @@ def choose(window: Window, cover: np.ndarray, prompts: Prompts) -> Finding | Non
     return Finding(window=window, cover=np.where((labels > 0) & ~part, 0.0, cover), part=part, whole=whole)
 
 
-def look_closer(network: Network, rgb: np.ndarray, found: Finding, prompts: Prompts) -> Finding:
+def look_closer(looks: Looks, found: Finding, prompts: Prompts) -> Finding:
     """Average a finding with a mirrored look at its window alone."""
     box = found.window.box_of(found.part)
     window = found.window.around(box, MARGIN)
     closer = prompts if prompts.box or prompts.on else replace(prompts, box=box)
-    again = look(network, rgb, window, closer, mirrored=True)
+    again = looks.at(window, closer, mirrored=True)
     cells = _cells_of(window, found.window)
     before, kept = (
         resample(values.astype(np.float32), (GRID, GRID), smooth=True, box=cells)
@@ -272,18 +306,18 @@ def look_closer(network: Network, rgb: np.ndarray, found: Finding, prompts: Prom
     second = choose(window, again, prompts)
     agreed = 0.0 if second is None else iou(known.part, second.part)
     mean = choose(window, (before + again) / 2, prompts)
-    return replace(known if mean is None else mean, agreed=agreed, whole=found.whole)
+    return replace(known if mean is None else mean, agreed=agreed, whole=found.whole, cut=found.cut)
 
 
-def _around_clicks(network: Network, rgb: np.ndarray, photo: Window, prompts: Prompts) -> Finding | None:
+def _around_clicks(looks: Looks, prompts: Prompts) -> Finding | None:
     """Return the most likely object in windows around the clicks, less likely the more a window's border cuts it."""
     best, best_score = None, 0.0
     for share in WINDOWS:
-        window = photo.square(prompts.on, share * max(photo.size))
-        found = choose(window, look(network, rgb, window, prompts), prompts)
+        window = looks.photo.square(prompts.on, share * max(looks.photo.size))
+        found = choose(window, looks.at(window, prompts), prompts)
         if found is None:
             continue
-        score = found.expected() * (1.0 - min(1.0, found.border_share(photo, False) / BORDER_TOUCH))
+        score = found.expected() * (1.0 - min(1.0, found.border_share(looks.photo, False) / BORDER_TOUCH))
         if score > best_score:
             best, best_score = found, score
         if best_score > SURE_ENOUGH:

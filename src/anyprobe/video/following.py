@@ -21,7 +21,7 @@ from anyprobe.hints import AUTO, NONE, PHOTO
 from anyprobe.masks.find import cover_by
 from anyprobe.masks.networks import Network, SmallNetwork, shared_network
 from anyprobe.masks.parts import grow
-from anyprobe.masks.search import MARGIN, Prompts, Window, choose, finding_of, look
+from anyprobe.masks.search import MARGIN, Looks, Prompts, choose, finding_of
 from anyprobe.masks.segmenters import Segmenter, load_segmenter
 from anyprobe.notices import give
 from anyprobe.pictures.images import read_image
@@ -262,9 +262,9 @@ def _looked_for(rgb: np.ndarray, last: list[float], segmenter: Network | Segment
         cover = cover_by(network, rgb, prompts)
         found = finding_of(cover, prompts)
         return None if found is None else found.only(cover)
-    window = Window(x0=0, y0=0, x1=width, y1=height).around((x0, y0, x1, y1), MARGIN)
-    cover = look(network, rgb.astype(np.float32) / 255.0, window, prompts)
-    found = choose(window, cover, prompts)
+    looks = Looks(network, rgb.astype(np.float32) / 255.0)
+    window = looks.photo.around((x0, y0, x1, y1), MARGIN)
+    found = choose(window, looks.at(window, prompts), prompts)
     return None if found is None else found.mask(width, height)
 
 

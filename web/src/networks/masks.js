@@ -5,7 +5,7 @@ import { notice } from "../notices.js";
 import { SmallNetwork, U2NetP, untilGivenUp } from "../photo/maskNetworks.js";
 import { colorDoubts } from "../photo/colorDoubts.js";
 import { REFUSED, examine, expectedIou, warningsOf } from "../photo/quality.js";
-import { findObject, lookAgain, maskOf } from "../photo/search.js";
+import { Looks, findObject, lookAgain, maskOf } from "../photo/search.js";
 import { smallNetworkWarning } from "./words.js";
 
 /**
@@ -21,7 +21,8 @@ export async function findMask(models, picture, hints, isGivenUp) {
   const network = networkOf(models);
   await network.open();
   const start = performance.now();
-  const { evidence, ...found } = await searchBy(untilGivenUp(network, isGivenUp), picture, hints, findObject);
+  const looks = new Looks(untilGivenUp(network, isGivenUp), picture, looksKept(network.name, picture));
+  const { evidence, ...found } = await searchBy(looks, hints, findObject);
   const said = () => warningsOf(evidence, found.quality, colorDoubts(picture, found.mask, hints.box ? [] : hints.on));
   const warnings = evidence ? said() : [notice("no-object", "nothing stands out there")];
   if (evidence && network.name === "small") warnings.push(smallNetworkWarning(hints));
@@ -36,13 +37,30 @@ export async function findMask(models, picture, hints, isGivenUp) {
  * @returns {import("../live/objectFollower.js").Masks}
  */
 export function videoMasks(models) {
-  const by = (search) => (picture, hints) => searchBy(networkOf(models), picture, hints, search);
+  const by = (search) => (picture, hints) => searchBy(new Looks(networkOf(models), picture), hints, search);
   return { find: by(findObject), again: by(lookAgain), has: models.hasMask || models.hasU2netp, checks: !models.hasU2netp };
 }
 
-async function searchBy(network, picture, hints, search) {
+/** The last still picture's looks: another mark on it asks for what is near it alone. */
+let last = { name: "", picture: null, looks: new Map() };
+
+function looksKept(name, picture) {
+  if (last.name !== name || !isSame(last.picture, picture)) last = { name, picture, looks: new Map() };
+  return last.looks;
+}
+
+const wordsOf = ({ rgba }) => (rgba.byteOffset % 4 ? new Uint32Array(rgba.slice().buffer) : new Uint32Array(rgba.buffer, rgba.byteOffset, rgba.length / 4));
+
+function isSame(one, other) {
+  if (one?.width !== other.width || one.height !== other.height) return false;
+  const words = wordsOf(other);
+  return wordsOf(one).every((word, i) => word === words[i]);
+}
+
+async function searchBy(looks, hints, search) {
+  const { network, picture } = looks;
   const { width, height } = picture;
-  const found = await search(network, picture, hints);
+  const found = await search(looks, hints);
   const evidence = found && examine(found, width, height, hints);
   const quality = found ? expectedIou(evidence, network.name) : 0;
   if (quality < REFUSED) return { mask: new Float32Array(width * height), quality: 0, evidence: null };

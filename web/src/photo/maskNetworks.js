@@ -17,6 +17,7 @@ const { u2netp: U2NETP, small: SMALL } = CONTRACT.mask;
 /** What stands out in a picture, whatever the prompts. */
 export class U2NetP {
   name = "u2netp";
+  takesPrompts = false;
 
   /** @param {import("../networks/models.js").Models} models */
   constructor(models) {
@@ -45,6 +46,7 @@ export class U2NetP {
 /** Our own of 160 x 160, trained on renders alone; its fourth channel is the prompts. */
 export class SmallNetwork {
   name = "small";
+  takesPrompts = true;
 
   /** @param {import("../networks/models.js").Models} models */
   constructor(models) {
@@ -94,7 +96,7 @@ export function untilGivenUp(network, isGivenUp) {
     if (isGivenUp()) throw new AnyProbeError("failed", "The search has been given up.");
     return network.cover(picture, hints);
   };
-  return { name: network.name, cover };
+  return { name: network.name, takesPrompts: network.takesPrompts, cover };
 }
 
 /** As Python rounds: halves to the even number. */

@@ -10,6 +10,7 @@
  * @property {Uint8Array} part of it that it is, 1 inside
  * @property {number} agreed IoU of what two looks found, 1 after one
  * @property {number} whole its share of all that the first found, 1 by clicks
+ * @property {number} cut length of its outline that a box cuts off from more of it, over the perimeter of its box
  */
 
 import { CONTRACT } from "../core/contract.js";
@@ -21,26 +22,63 @@ const { inside: INSIDE, search: NUMBERS } = CONTRACT.mask;
 const { grid: GRID, margin: MARGIN, edge_cells: EDGE_CELLS, split: SPLIT } = NUMBERS;
 const CELLS = GRID * GRID;
 
+/** Looks of a network at windows of one picture, each taken once. */
+export class Looks {
+  #kept;
+
+  /**
+   * @param {import("./maskNetworks.js").U2NetP | import("./maskNetworks.js").SmallNetwork} network
+   * @param {import("./picture.js").Picture} picture
+   * @param {Map<string, Float32Array>} [kept] looks that were taken at it before
+   */
+  constructor(network, picture, kept = new Map()) {
+    Object.assign(this, { network, picture, photo: [0, 0, picture.width, picture.height] });
+    this.#kept = kept;
+  }
+
+  /** Cover of a window, zero outside the box. */
+  async at(window, hints, isMirrored = false) {
+    const cover = await this.uncut(window, hints, isMirrored);
+    if (!hints.box) return cover;
+    const isIn = insideOf(window, hints.box);
+    return cover.map((value, i) => value * isIn[i]);
+  }
+
+  /** Cover of a window, outside the box too. */
+  async uncut(window, hints, isMirrored = false) {
+    const key = JSON.stringify([window, isMirrored, this.network.takesPrompts ? [hints.on, hints.off, hints.box] : null]);
+    if (!this.#kept.has(key)) this.#kept.set(key, await look(this.network, this.picture, window, hints, isMirrored));
+    return this.#kept.get(key);
+  }
+}
+
 /**
- * @param {import("./maskNetworks.js").U2NetP | import("./maskNetworks.js").SmallNetwork} network
- * @param {import("./picture.js").Picture} picture
+ * @param {Looks} looks
  * @param {import("./picture.js").Hints} hints
  * @returns {Promise<Finding | null>} null where nothing is there
  */
-export async function findObject(network, picture, hints) {
-  const photo = [0, 0, picture.width, picture.height];
-  const start = hints.box ? around(photo, hints.box, MARGIN) : photo;
-  const cover = await look(network, picture, start, hints);
+export async function findObject(looks, hints) {
+  const start = hints.box ? around(looks.photo, hints.box, MARGIN) : looks.photo;
+  const cover = await looks.at(start, hints);
   let found = choose(start, cover, hints);
-  if (!found && hints.on.length) found = await aroundClicks(network, picture, photo, hints);
-  if (!found && hints.off.length) found = cut(picture, start, cover, hints);
-  return found && lookCloser(network, picture, found, hints);
+  if (found && hints.box) found.cut = cutOff(found, await looks.uncut(start, hints), hints.box);
+  if (!found && hints.on.length) found = await aroundClicks(looks, hints);
+  if (!found && hints.off.length) found = cut(looks.picture, start, cover, hints);
+  return found && lookCloser(looks, found, hints);
 }
 
 /** One look at the box of the object that a video's last frame had there, and a margin. */
-export async function lookAgain(network, picture, hints) {
-  const window = around([0, 0, picture.width, picture.height], hints.box, MARGIN);
-  return choose(window, await look(network, picture, window, hints), hints);
+export async function lookAgain(looks, hints) {
+  const window = around(looks.photo, hints.box, MARGIN);
+  return choose(window, await looks.at(window, hints), hints);
+}
+
+/** Length of a part's outline at which its window's cover goes on beyond the box, over the perimeter of its own. */
+function cutOff({ window, part }, cover, box) {
+  const isIn = insideOf(window, box);
+  const [x0, y0, x1, y1] = objectBox(part, GRID);
+  const count = grow(part, GRID).reduce((sum, value, i) => sum + (value && !isIn[i] && cover[i] > INSIDE ? 1 : 0), 0);
+  return count / (2 * (x1 - x0 + y1 - y0));
 }
 
 /** A finding as a mask of the whole picture, with the soft edge that the network gives. */
@@ -88,8 +126,8 @@ export function borderShare({ window, part }, photo, isPhotos) {
   return total / (2 * (right - left + bottom - top));
 }
 
-/** Cover of a window, zero outside the box. */
-async function look(network, picture, window, hints, isMirrored = false) {
+/** One look of a network at a window. */
+async function look(network, picture, window, hints, isMirrored) {
   const [x0, y0, x1] = window;
   const seen = cropOf(picture, window, isMirrored);
   if (rangeOf(seen.rgba) < 255 * NUMBERS.blank) return new Float32Array(CELLS);
@@ -98,10 +136,7 @@ async function look(network, picture, window, hints, isMirrored = false) {
   const box = corners && [Math.min(corners[0], corners[2]), corners[1], Math.max(corners[0], corners[2]), corners[3]];
   const answer = await network.cover(seen, { on: hints.on.map(place), off: hints.off.map(place), box });
   const values = isMirrored ? mirrored(answer.values, answer.width) : answer.values;
-  const cover = resize(values, 1, [answer.width, answer.height], [GRID, GRID]);
-  if (!hints.box) return cover;
-  const isIn = insideOf(window, hints.box);
-  return cover.map((value, i) => value * isIn[i]);
+  return resize(values, 1, [answer.width, answer.height], [GRID, GRID]);
 }
 
 /**
@@ -129,14 +164,14 @@ export function choose(window, cover, { on, off }) {
   const part = fillHoles(new Uint8Array(CELLS).map((_, i) => isChosen[labels[i]]), GRID);
   const total = weights.reduce((sum, weight) => sum + weight, 0);
   const whole = on.length ? 1 : [...chosen].reduce((sum, label) => sum + weights[label], 0) / total;
-  return { window, cover: cover.map((value, i) => (labels[i] && !part[i] ? 0 : value)), part, agreed: 1, whole };
+  return { window, cover: cover.map((value, i) => (labels[i] && !part[i] ? 0 : value)), part, agreed: 1, whole, cut: 0 };
 }
 
 /** The mean of a finding and a mirrored look at its window alone. */
-async function lookCloser(network, picture, found, hints) {
+async function lookCloser(looks, found, hints) {
   const box = boxOf(found.window, found.part);
   const window = around(found.window, box, MARGIN);
-  const again = await look(network, picture, window, hints.box || hints.on.length ? hints : { ...hints, box }, true);
+  const again = await looks.at(window, hints.box || hints.on.length ? hints : { ...hints, box }, true);
   const cells = cellBox(window, found.window);
   const before = resize(found.cover, 1, [GRID, GRID], [GRID, GRID], cells);
   const kept = resize(Float32Array.from(found.part), 1, [GRID, GRID], [GRID, GRID], cells);
@@ -144,15 +179,16 @@ async function lookCloser(network, picture, found, hints) {
   const second = choose(window, again, hints);
   const agreed = second ? iou(known.part, second.part) : 0;
   const mean = choose(window, before.map((value, i) => (value + again[i]) / 2), hints);
-  return { ...(mean ?? known), agreed, whole: found.whole };
+  return { ...(mean ?? known), agreed, whole: found.whole, cut: found.cut };
 }
 
 /** What stands out in windows around the clicks: the likeliest that a window's border does not cut. */
-async function aroundClicks(network, picture, photo, hints) {
+async function aroundClicks(looks, hints) {
+  const { photo } = looks;
   let [best, most] = [null, 0];
   for (const share of NUMBERS.windows) {
     const window = squareAround(photo, hints.on, share * Math.max(photo[2], photo[3]));
-    const found = choose(window, await look(network, picture, window, hints), hints);
+    const found = choose(window, await looks.at(window, hints), hints);
     if (!found) continue;
     const touch = borderShare(found, photo, false);
     const likely = expectedOf(found) * (1 - Math.min(1, touch / NUMBERS.border_touch));
