@@ -257,8 +257,7 @@ class Stage:
 
     @property
     def warnings(self) -> tuple[Notice, ...]:
-        """One line for each surprise about the place: not beside the real object, cut off, or on a ground that the
-        photo does not show."""
+        """One line for each surprise about the place."""
         lines: list[tuple[str, tuple[str, ...]]] = []
         if (side := self.placement.side) in NOT_BESIDE:
             lines.append((f"no room beside the object: the inserted one stands {NOT_BESIDE[side]}", ("at", "size")))
@@ -272,9 +271,7 @@ class Stage:
         if (pixels < -0.5).any() or (pixels > np.array([self.view.width, self.view.height]) + 0.5).any():
             lines.append(("part of the inserted object is outside the photo", ("at", "size")))
         if (stretch := self.view.stretch(*pixels.mean(axis=0))) > MOST_STRETCH:
-            text = (
-                f"a lens of {self.view.long_fov_deg:.0f} degrees draws spheres {stretch - 1:.0%} longer than wide there"
-            )
+            text = f"spheres are {stretch - 1:.0%} longer than wide there, at {self.view.long_fov_deg:.0f} degrees"
             lines.append((text, ("at", "fov_deg") if self.photo.fov_source == "default" else ("at",)))
         if (self.photo.mask[-1] > 0.5).any():
             text = "the photo's lower border cuts the real object, so where it touches the ground is not seen"
