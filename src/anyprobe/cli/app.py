@@ -27,7 +27,7 @@ from anyprobe.cli.relight import relight
 from anyprobe.cli.serve import serve
 from anyprobe.cli.video import video
 from anyprobe.errors import AnyprobeError
-from anyprobe.maps import exr
+from anyprobe.maps import image_io
 
 TRACEBACK = "ANYPROBE_TRACEBACK"
 """Environment variable that lets unexpected errors through with their traceback."""
@@ -115,7 +115,7 @@ def quiet_libraries() -> Iterator[None]:
         with contextlib.suppress(AttributeError, OSError, ValueError):  # none, or a caller's own
             getattr(stream, "reconfigure")(errors="backslashreplace")  # noqa: B009  # of files alone
     os.environ.setdefault("PYTHONSAFEPATH", "1")  # a random.py in the working folder is not Python's in children either
-    saved_quiet, exr.quiet = exr.quiet, silenced
+    saved_quiet, image_io.quiet = image_io.quiet, silenced
     is_main_thread = threading.current_thread() is threading.main_thread()
     handler = signal.signal(signal.SIGTERM, _end) if is_main_thread else None
     try:
@@ -123,7 +123,7 @@ def quiet_libraries() -> Iterator[None]:
             warnings.simplefilter("ignore")
             yield
     finally:
-        exr.quiet = saved_quiet
+        image_io.quiet = saved_quiet
         if is_main_thread:
             signal.signal(signal.SIGTERM, handler)
 

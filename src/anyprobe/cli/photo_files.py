@@ -13,7 +13,7 @@ from anyprobe.cli.options import OPTIONS
 from anyprobe.errors import AnyprobeError, InputError, InvalidMask, InvalidPhoto, OutputError
 from anyprobe.files.paths import is_same_file, open_regular, read_stream, visible_files
 from anyprobe.hints import HINTS, PICTURES, Hints
-from anyprobe.maps.exr import HEADER_BYTES, parse_header
+from anyprobe.maps.image_io import open_image
 
 STDIN = Path("-")
 """Path that stands for standard input."""
@@ -81,11 +81,10 @@ def list_photos(photos: list[Path]) -> list[Path]:
 def _is_map(path: Path) -> bool:
     """Return whether an .exr is twice as wide as high, as environment maps are, without decoding it."""
     try:
-        with open_regular(path, InputError) as stream:
-            low, high = parse_header(stream.read(HEADER_BYTES)).display
+        with open_regular(path, InputError) as stream, open_image(stream, "openexr") as image:
+            return image.spec().full_width == 2 * image.spec().full_height
     except ValueError:  # what reads it says why
         return False
-    return bool(high[0] - low[0] == 2 * (high[1] - low[1]))
 
 
 def result_stem(photo: Path, listed: list[Path]) -> str:

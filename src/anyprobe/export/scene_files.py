@@ -33,7 +33,7 @@ from anyprobe.export.target_frames import OPENEXR, gltf
 from anyprobe.files.meshes import glb_file
 from anyprobe.light.environment import reduced
 from anyprobe.light.octahedral import build_pyramid
-from anyprobe.maps.exr_channels import write_channels
+from anyprobe.maps.exr import write_channels
 from anyprobe.pictures.images import png_bytes
 from anyprobe.render.integrate import NUM_EMITTERS, shade_specular
 from anyprobe.render.picture import LIGHT_ROWS
@@ -235,7 +235,7 @@ def write_mitsuba(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
         "anyprobe:scale": EXPORT_SCALE,
         "anyprobe:rows": "pole to pole, as Mitsuba 3 reads them: v = row / (rows - 1)",
     }
-    channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
+    channels = {name: pixels[..., i] for i, name in enumerate("RGB")}
     path = folder / f"{light.name}.exr"
     write_channels(path, channels, attributes, latlong=False)  # its rows lie elsewhere
     scene = (

@@ -12,23 +12,21 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.core.color import COLORSPACES, REC709_CHROMATICITIES, SAME_CHROMATICITIES, from_rec709, rec709_from_rgb
-from anyprobe.errors import InputError, InvalidEnvironment, OutputError
+from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.paths import open_regular, read_rest
 from anyprobe.light.environment import check_radiance
-from anyprobe.maps.exr import EXR_MAGIC, HEADER_BYTES, exr_attributes, parse_header, read_exr, to_rec709
-from anyprobe.maps.exr_channels import write_channels
+from anyprobe.maps.exr import EXR_MAGIC, exr_attributes, open_exr, read_exr, to_rec709, write_channels
+from anyprobe.maps.image_io import open_image, read_pixels
 from anyprobe.maps.rgbe import (
     HDR_HEADER_BYTES,
     HDR_MAGIC,
     comments,
-    decode_row,
     encode_rows,
     float_to_rgbe,
     least_bytes,
     read_comments,
     read_header,
-    rgbe_to_float,
 )
 
 MAX_MAP_PIXELS = 16384 * 8192
@@ -134,8 +132,8 @@ def opaque_linear(source: Path | bytes, colorspace: str, max_pixels: int) -> np.
     pixels = read_exr(data, name, InputError, max_pixels)
     if (pixels[..., 3:] < 1.0).any():
         return None
-    attribute = parse_header(data).attributes.get("chromaticities")
-    stored = REC709_CHROMATICITIES if attribute is None else np.frombuffer(attribute[1], "<f4").astype(np.float64)
+    with open_exr(data, name, InputError, max_pixels) as image:
+        stored = image.spec().getattribute("chromaticities") or REC709_CHROMATICITIES
     if np.allclose(stored, COLORSPACES[colorspace], rtol=0.0, atol=SAME_CHROMATICITIES):
         return pixels[..., :3]
     matrix = np.linalg.solve(rec709_from_rgb(COLORSPACES[colorspace]), rec709_from_rgb(stored))
@@ -191,13 +189,9 @@ def write_exr(
     if half:
         pixels = np.minimum(pixels, np.float32(HALF_MAX)).astype(np.float16)
     named = {f"{ATTRIBUTE}{key}": str(value) for key, value in (attributes or {}).items()}
-    channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
+    channels = {name: pixels[..., i] for i, name in enumerate("RGB")}
     with atomic_path(path) as temporary:
-        write_channels(temporary, channels, {"chromaticities": COLORSPACES[colorspace], **named}, target=path)
-        try:  # OpenEXR does not report a disk that fills up with the last few kilobytes
-            read_exr(temporary, temporary.name, InvalidEnvironment, pixels.size)
-        except InvalidEnvironment as error:
-            raise OutputError("cannot be written (the file is truncated); free some space", source=path) from error
+        write_channels(temporary, channels, {"chromaticities": COLORSPACES[colorspace], **named})
 
 
 def write_exr_planes(path: str | os.PathLike[str], planes: np.ndarray, attributes: Mapping[str, str]) -> None:
@@ -208,17 +202,17 @@ def write_exr_planes(path: str | os.PathLike[str], planes: np.ndarray, attribute
     """
     named = {f"{ATTRIBUTE}{key}": value for key, value in attributes.items()}
     with atomic_path(path) as temporary:
-        write_channels(temporary, dict(zip("RGB", planes, strict=True)), named, target=path)
+        write_channels(temporary, dict(zip("RGB", planes, strict=True)), named)
 
 
 def map_attributes(path: str | os.PathLike[str]) -> dict[str, str]:
     """Return the attributes that were given to write_exr or write_hdr; empty without a valid header."""
     try:
         with open_regular(path, InputError) as stream:
-            start = stream.read(HEADER_BYTES)
+            start = stream.read(HDR_HEADER_BYTES)
+            return read_comments(start, ATTRIBUTE) if start.startswith(HDR_MAGIC) else exr_attributes(stream, ATTRIBUTE)
     except InputError:
         return {}
-    return (read_comments if start.startswith(HDR_MAGIC) else exr_attributes)(start, ATTRIBUTE)
 
 
 def _check_kind(start: bytes, suffix: str, name: str) -> None:
@@ -236,23 +230,17 @@ def decode_hdr(data: bytes, name: str, max_pixels: int) -> np.ndarray:
     """Decode a whole .hdr file to radiance [H, W, 3] float32, upright, in Rec. 709, divided by EXPOSURE and COLORCORR.
 
     Raises:
-        InvalidEnvironment: damaged, too large, or of the old run-length encoding.
+        InvalidEnvironment: damaged, too large, or of the run-length encoding of the 1980s.
     """
     header = read_header(data, name, max_pixels)
     if len(data) - header.at < header.height * least_bytes(header.width):
         raise _truncated(name, header.height)
-    radiance = np.empty((header.height, header.width, 3), dtype=np.float32)
-    at, exposure = header.at, np.array(header.exposure, np.float32)
+    plain = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {header.height} +X {header.width}\n".encode()
     try:
-        for y in range(header.height):
-            row, at = decode_row(data, at, header.width)
-            radiance[y] = rgbe_to_float(row) / exposure
-    except EOFError as error:
-        raise _truncated(name, header.height) from error
+        with open_image(plain + data[header.at :], "hdr") as image:
+            radiance = read_pixels(image, range(3)) / np.array(header.exposure, np.float32)
     except ValueError as error:
-        raise InvalidEnvironment(
-            "expected the new run-length encoding or none, got the old one; save it again", source=name
-        ) from error
+        raise _truncated(name, header.height) from error
     return to_rec709(np.ascontiguousarray(header.upright(radiance)), header.primaries, name, InvalidEnvironment)
 
 

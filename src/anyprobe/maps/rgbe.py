@@ -181,12 +181,6 @@ def float_to_rgbe(radiance: np.ndarray) -> np.ndarray:
     return rgbe
 
 
-def rgbe_to_float(rgbe: np.ndarray) -> np.ndarray:
-    """Decode shared-exponent pixels [H, W, 4] uint8 to [H, W, 3] float32; exponent byte 0 is black."""
-    scale = np.ldexp(np.float32(1.0), rgbe[..., 3].astype(np.int32) - 136)
-    return rgbe[..., :3] * np.where(rgbe[..., 3] == 0, np.float32(0.0), scale)[..., None]
-
-
 def encode_rows(rgbe: np.ndarray) -> list[bytes]:
     """Encode rows [H, W, 4] uint8 as pieces of a file: run-length encoded where the width allows it, else flat."""
     width = rgbe.shape[1]
@@ -202,43 +196,6 @@ def encode_rows(rgbe: np.ndarray) -> list[bytes]:
 def least_bytes(width: int) -> int:
     """Return the smallest size [bytes] of a row: its start and runs of 127 pixels in each channel, or flat pixels."""
     return min(4 * width, 4 + 8 * -(-width // 127)) if width in RLE_WIDTHS else 4 * width
-
-
-def decode_row(data: bytes, at: int, width: int) -> tuple[np.ndarray, int]:
-    """Decode the row [W, 4] uint8 that begins at byte `at`, run-length encoded or flat, and find the next row's start.
-
-    Raises:
-        EOFError: truncated, or runs that do not end with the row.
-        ValueError: the run-length encoding of the 1980s.
-    """
-    if width not in RLE_WIDTHS or data[at : at + 4] != _start(width):
-        flat = np.frombuffer(data[at : at + 4 * width], dtype=np.uint8)
-        if flat.size < 4 * width:
-            raise EOFError
-        row = flat.reshape(width, 4)
-        if (row[:, :3] == 1).all(axis=1).any():  # mantissas of 1 mark a repetition
-            raise ValueError
-        return row, at + 4 * width
-    at += 4
-    row = np.empty((width, 4), dtype=np.uint8)
-    for i in range(4):
-        channel = bytearray()
-        while len(channel) < width:
-            if at + 1 >= len(data):
-                raise EOFError
-            count = data[at]
-            if count > 128:
-                channel += data[at + 1 : at + 2] * (count - 128)
-                at += 2
-            else:
-                channel += data[at + 1 : at + 1 + count]
-                at += 1 + count
-                if count == 0 or at > len(data):
-                    raise EOFError
-        if len(channel) != width:
-            raise EOFError
-        row[:, i] = np.frombuffer(channel, dtype=np.uint8)
-    return row, at
 
 
 def _shown(value: bytes) -> str:

@@ -5,18 +5,22 @@ from __future__ import annotations
 import io
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image
 
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.files.paths import open_regular
-from anyprobe.maps.exr import EXR_MAGIC, in_display, read_channels, square_pixels
+from anyprobe.maps.exr import EXR_MAGIC, in_display, open_exr, read_channel, square_pixels
 from anyprobe.masks.check import check_mask
 from anyprobe.notices import give
 from anyprobe.pictures.headers import MAX_PIXELS
+
+if TYPE_CHECKING:
+    from anyprobe.maps.image_io import ImageInput
 
 DepthSource = str | os.PathLike[str] | bytes | np.ndarray
 
@@ -168,23 +172,27 @@ def _read_npy(source: _File, name: str) -> np.ndarray:
 
 
 def _read_exr(source: _File, name: str) -> np.ndarray:
-    header, found = read_channels(source, name, InvalidMask, MAX_PIXELS)
-    names = sorted((key for key in found if not _is_of_color(key, found)), key=lambda key: "depth" in key.lower())
-    channels = {key.split(".")[-1]: found[key] for key in names}  # the layer whose name has depth in it wins
-    for channel in EXR_CHANNELS:
-        if channel in channels:
-            if channels[channel].shape != tuple((header.data[1] - header.data[0]).tolist()[::-1]):
-                raise ValueError("a channel of fewer pixels than its window")
-            return square_pixels(in_display(channels[channel], header), header, MAX_PIXELS, nearest=True)
+    with open_regular(source, InvalidMask) if not isinstance(source, bytes) else io.BytesIO(source) as stream:
+        with open_exr(stream, name, InvalidMask, MAX_PIXELS) as image:
+            found = image.spec().channelnames
+            names = sorted(
+                (key for key in found if not _is_of_color(key, image)), key=lambda key: "depth" in key.lower()
+            )
+            channels = {key.split(".")[-1]: key for key in names}  # the layer whose name has depth in it wins
+            chosen = next((channels[one] for one in EXR_CHANNELS if one in channels), None)
+            if chosen is not None:
+                depth = in_display(read_channel(image, chosen), image.spec())
+                return square_pixels(depth, image.spec(), MAX_PIXELS, nearest=True)
     raise InvalidMask(
         f"expected a channel Z, V, Y or R, got {', '.join(sorted(found)) or 'none'}", subject="depth", source=name
     )
 
 
-def _is_of_color(key: str, found: Mapping[str, np.ndarray]) -> bool:
+def _is_of_color(key: str, image: ImageInput) -> bool:
     """Return whether a channel belongs to a vector X, Y, Z, or to a colour with differing R, G and B."""
     layer, _, channel = key.rpartition(".")
     group = [f"{layer}.{part}" if layer else part for part in ("XYZ" if channel in "XYZ" else "RGB")]
-    if channel not in "XYZRGB" or not all(name in found for name in group):
+    if channel not in "XYZRGB" or not all(name in image.spec().channelnames for name in group):
         return False
-    return channel in "XYZ" or not all(np.array_equal(found[key], found[name], equal_nan=True) for name in group)
+    first, *others = (read_channel(image, name) for name in group)
+    return channel in "XYZ" or not all(np.array_equal(first, other, equal_nan=True) for other in others)

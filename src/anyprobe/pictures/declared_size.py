@@ -10,6 +10,7 @@ from typing import BinaryIO
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.files.paths import open_regular
 from anyprobe.maps.exr import EXR_MAGIC, exr_pixels
+from anyprobe.maps.image_io import open_image
 from anyprobe.maps.rgbe import HDR_MAGIC, hdr_pixels
 from anyprobe.pictures.deep_pixels import TIFF_STARTS, float_tiff_size
 from anyprobe.pictures.headers import JXL_STARTS, UnknownPicture, exif_fov_deg, jxl_size, open_picture, upright_size
@@ -19,7 +20,11 @@ from anyprobe.pictures.raw import HEAD_BYTES, is_raw, raw_size
 def declared_pixels(data: bytes) -> int:
     """Return the number of pixels that a file's bytes would be decoded to; 0 if they are no picture or map."""
     if data.startswith(EXR_MAGIC):
-        return exr_pixels(data)
+        try:
+            with open_image(data, "openexr") as image:
+                return exr_pixels(image.spec())
+        except ValueError:
+            return 0
     if data.startswith(HDR_MAGIC):
         return hdr_pixels(data)
     (width, height), _ = photo_header(data)

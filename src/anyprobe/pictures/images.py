@@ -22,9 +22,9 @@ from anyprobe.core.response import response
 from anyprobe.errors import InvalidEnvironment, InvalidPhoto
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.paths import open_regular
-from anyprobe.maps.exr import EXR_MAGIC, HEADER_BYTES, exr_attributes, read_exr
+from anyprobe.maps.exr import EXR_MAGIC, exr_attributes, read_exr
 from anyprobe.maps.radiance import ATTRIBUTE, decode_hdr
-from anyprobe.maps.rgbe import HDR_MAGIC, read_comments
+from anyprobe.maps.rgbe import HDR_HEADER_BYTES, HDR_MAGIC, read_comments
 from anyprobe.notices import Notice
 from anyprobe.pictures.apple_note import apple_posture_deg
 from anyprobe.pictures.color_encoding import is_linear
@@ -168,11 +168,11 @@ def _from_stream(stream: BinaryIO, num_bytes: int, name: str, as_data: bool, fil
     stream.seek(0)
     if head.startswith(EXR_MAGIC):
         data = stream.read(num_bytes)
-        _refuse_own_map(exr_attributes(data[:HEADER_BYTES], ATTRIBUTE), name, as_data)
+        _refuse_own_map(exr_attributes(data, ATTRIBUTE), name, as_data)
         return _from_linear(read_exr(data, name, InvalidPhoto, MAX_PIXELS, rec709=True), name)
     if head.startswith(HDR_MAGIC):
         data = stream.read(num_bytes)
-        _refuse_own_map(read_comments(data[:HEADER_BYTES], ATTRIBUTE), name, as_data)
+        _refuse_own_map(read_comments(data[:HDR_HEADER_BYTES], ATTRIBUTE), name, as_data)
         try:
             return _from_linear(decode_hdr(data, name, MAX_PIXELS), name)
         except InvalidEnvironment as error:

@@ -103,13 +103,11 @@ def write_passes(path: Path, passes: Passes, colorspace: str, own: np.ndarray | 
     own: see Passes.layers.
     """
     from anyprobe.files.atomic import atomic_path
-    from anyprobe.maps.exr_channels import write_channels
+    from anyprobe.maps.exr import write_channels
 
     layers = passes.layers(lambda rgb: from_rec709(rgb, colorspace), own)
     half = all(np.abs(values).max() <= HALF_MAX for values in layers.values())
     half = half and (own is None or np.array_equal(own, own.astype(np.float16)))
-    channels = {
-        name: np.ascontiguousarray(values, np.float16 if half else np.float32) for name, values in layers.items()
-    }
+    channels = {name: values.astype(np.float16 if half else np.float32) for name, values in layers.items()}
     with atomic_path(path) as temporary:
-        write_channels(temporary, channels, {"chromaticities": COLORSPACES[colorspace]}, latlong=False, target=path)
+        write_channels(temporary, channels, {"chromaticities": COLORSPACES[colorspace]}, latlong=False)

@@ -21,7 +21,7 @@ import OpenEXR
 
 from anyprobe.errors import AnyprobeError, InvalidEnvironment, InvalidMesh
 from anyprobe.files.atomic import atomic_path
-from anyprobe.maps.exr import read_channels
+from anyprobe.maps.exr import read_exr
 from anyprobe.maps.radiance import decode_hdr
 from anyprobe_train.assets.download import Client, DownloadError, RemoteFile, ServerBusy
 from anyprobe_train.assets.manifest import Manifest
@@ -158,10 +158,7 @@ def small_map(data: bytes, name: str) -> np.ndarray:
     if name.endswith(".hdr"):
         radiance = decode_hdr(data, name, MAX_PIXELS)
     else:
-        _, found = read_channels(data, name, InvalidEnvironment, MAX_PIXELS)
-        if not all(channel in found for channel in "RGB"):
-            raise InvalidEnvironment(f"expected channels R, G, B, got {', '.join(sorted(found))}", source=name)
-        radiance = np.stack([found[channel] for channel in "RGB"], axis=-1).astype(np.float32)
+        radiance = read_exr(data, name, InvalidEnvironment, MAX_PIXELS)[..., :3]
     step, rest = divmod(len(radiance), ROWS)
     if rest or radiance.shape[1] != 2 * len(radiance):
         raise InvalidEnvironment(f"expected a map of {ROWS} rows or a multiple, got {radiance.shape[:2]}", source=name)
