@@ -17,6 +17,7 @@ const LABELS = { pitchDeg: "“Camera pitch”", surroundings: "“Look at”", 
 
 /** What can be done about a file that cannot be opened. */
 const ACTIONS = {
+  "fetch-masks": "for the better one run anyprobe mask --fetch where this page is served",
   "choose-photo": "choose a photo: JPEG, PNG, HEIC, TIFF, EXR or another common format",
   "use-video": "choose a photo, or use the camera",
 };

@@ -1,10 +1,11 @@
 /** The light around an object of one material: pictures and videos in, lights out. */
 
-import { AnyProbeError } from "./errors.js";
+import { AnyProbeError, sentError } from "./errors.js";
 import { described, give } from "./notices.js";
 import { Light } from "./light/light.js";
 import { checkSource } from "./live/frameSource.js";
 import { Tracker } from "./live/tracker.js";
+import { fetchMaskNetwork } from "./networks/maskFile.js";
 import { checkSetup, requireBrowser } from "./networks/setup.js";
 import { THREADS_FAILED } from "./networks/words.js";
 import { WorkerClient } from "./networks/workerClient.js";
@@ -17,11 +18,14 @@ import { readMask, readNormals, readSource } from "./photo/source.js";
 
 export class AnyProbe {
   #client;
+  #openMasks;
+  #masks = null; // promise of the client of a thread that finds masks, since a video was first followed
   #tracker = null;
 
   /** Use load. */
-  constructor(client, opened) {
+  constructor(client, opened, openMasks = null) {
     this.#client = client;
+    this.#openMasks = openMasks;
     Object.assign(this, opened);
   }
 
@@ -36,15 +40,18 @@ export class AnyProbe {
     checkNames("load", options);
     requireBrowser();
     const { worker, onProgress, ...given } = checkSetup(options, files);
-    const opened = async (asked) => {
+    const start = async (asked, signal) => {
       const client = new WorkerClient(worker, onProgress);
       try {
-        return new this(client, await client.ask("open", asked, options.signal));
+        return [client, await client.ask("open", asked, signal)];
       } catch (error) {
         client.end(); // an engine that did not open once never does
         throw error;
       }
     };
+    const { mask, u2netp } = given.weights;
+    const openMasks = async () => (await start({ ...given, threads: 1, weights: { mask, u2netp } }))[0];
+    const opened = async (asked) => new this(...(await start(asked, options.signal)), openMasks);
     try {
       return await opened(given);
     } catch (error) {
@@ -52,6 +59,18 @@ export class AnyProbe {
       console.warn(`anyprobe: ${given.threads} threads could not start (${error.message}); one is used.`);
       return opened({ ...given, threads: 1 });
     }
+  }
+
+  /**
+   * The better mask network, U2-Net-p: for load({ weights: { u2netp: await AnyProbe.fetchMaskNetwork(address) } }).
+   *
+   * @param {string | URL} address of u2netp.onnx; it is fetched once, and kept in the browser's cache
+   * @param {{onProgress?: (progress: object) => void}} [options]
+   * @returns {Promise<Uint8Array>}
+   */
+  static async fetchMaskNetwork(address, options = {}) {
+    checkNames("fetchMaskNetwork", options);
+    return fetchMaskNetwork(address, options);
   }
 
   /**
@@ -121,13 +140,14 @@ export class AnyProbe {
     const followed = checkSource(source);
     signal?.throwIfAborted();
     this.#tracker?.stop();
-    const tracker = (this.#tracker = new Tracker(followed, this.#client, {
+    const events = {
       pose,
       mask,
       onMissed,
       onLight: (answer) => (answer.lost ? onLost?.(answer) : onLight(answer.light, answer)),
       onError: onError ?? ((error) => reportError(error)),
-    }));
+    };
+    const tracker = (this.#tracker = new Tracker(followed, this.#client, events, () => (typeof mask === "function" ? null : this.#masksPort())));
     const { click, exclude, box, fovDeg, longFovDeg, projectionMatrix } = options;
     const given = { hints: { click, exclude, box }, lens: { fovDeg, longFovDeg, projectionMatrix } };
     tracker
@@ -137,10 +157,25 @@ export class AnyProbe {
     return tracker;
   }
 
-  /** End the thread; what was asked of it, and is from here on, rejects. */
+  /** End the threads; what was asked of them, and is from here on, rejects. */
   dispose() {
     this.#tracker?.stop();
     this.#client.end();
+    this.#masks?.then((client) => client.end()).catch(() => {});
+  }
+
+  /** A line to a thread that finds masks, so that lights go on meanwhile; null without a network of them. */
+  #masksPort() {
+    if (!this.hasMask || !this.#openMasks) return null;
+    const { port1, port2 } = new MessageChannel();
+    this.#masks ??= this.#openMasks();
+    this.#masks
+      .then((client) => client.ask("serveMasks", { port: port1 }, undefined, [port1]))
+      .catch((error) => {
+        this.#masks = null;
+        port1.postMessage({ error: sentError(error) });
+      });
+    return port2;
   }
 
   /** The mask that is given, the picture's own, or what is found by marks. */
@@ -163,9 +198,10 @@ export class AnyProbe {
     return { ...found, marks };
   }
 
-  #findMask(picture, options) {
+  async #findMask(picture, options) {
     checkHints(options, picture.fullWidth, picture.fullHeight);
-    return this.#client.ask("mask", { picture, hints: hintsOf(options, picture.scale) }, options.signal);
+    const client = (await this.#masks?.catch(() => null)) ?? this.#client;
+    return client.ask("mask", { picture, hints: hintsOf(options, picture.scale) }, options.signal);
   }
 }
 

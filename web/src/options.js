@@ -13,6 +13,7 @@ const SURROUNDINGS = ["auto", "photo", "none", true, false];
 /** Names of the options of each method. */
 export const OPTIONS = {
   load: ["engine", "threads", "weights", "runtime", "worker", "onProgress", "signal"],
+  fetchMaskNetwork: ["onProgress"],
   mask: [...HINTS, "signal"],
   estimate: [...HINTS, ...LENS, ...LIGHT, "mask", "normals", "signal"],
   track: [...HINTS, ...LENS, ...LIGHT, "mask", "onError", "onLost", "onMissed", "pose", "signal"],

@@ -48,9 +48,9 @@ test("without an entry's own a light is needed, and names are those there are", 
 
 test("an object that was marked is not to be marked", () => {
   const names = (hints) => smallNetworkWarning(hints).remedy.map(({ name }) => name);
-  assert.deepEqual(names({ on: [], off: [], box: null }), ["weights.u2netp", "click", "box", "mask"]);
+  assert.deepEqual(names({ on: [], off: [], box: null }), ["weights.u2netp", "fetch-masks", "click", "box", "mask"]);
   for (const hints of [{ on: [[1, 2]], off: [] }, { on: [], off: [], box: [0, 0, 9, 9] }]) {
-    assert.deepEqual(names(hints), ["weights.u2netp", "mask"]);
+    assert.deepEqual(names(hints), ["weights.u2netp", "fetch-masks", "mask"]);
   }
 });
 

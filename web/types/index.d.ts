@@ -81,7 +81,7 @@ export interface LoadOptions extends Cancellable {
 
 /** The network of the light, and the whole that was trained with it (a light of one's own has no other); or the paper's chain. */
 export type LightGraphs = { light: Graph; whole?: Graph } | Record<"irradiance" | "illumination" | "hdr", Graph>;
-/** Fetched when they are first wanted: mask is small and in this package, u2netp far better (the file u2netp.onnx of rembg). */
+/** mask is small and in this package; u2netp is far better: await AnyProbe.fetchMaskNetwork(address). */
 export interface MaskGraphs {
   mask?: Graph;
   u2netp?: Graph;
@@ -300,9 +300,13 @@ export declare class AnyProbe {
   private constructor();
   /** Open the networks in a thread of their own. Rejects with one line that says what is missing. */
   static load(options?: LoadOptions): Promise<AnyProbe>;
+  /** The better mask network, for weights.u2netp, from the address of u2netp.onnx; fetched once, and kept in the browser's cache. */
+  static fetchMaskNetwork(address: string | URL, options?: { onProgress?: (progress: Progress) => void }): Promise<Uint8Array>;
   readonly engine: "wasm" | "webgpu";
   readonly threads: number;
   readonly hasMask: boolean;
+  /** What finds objects. */
+  readonly maskNetwork: "u2netp" | "small" | null;
   /**
    * Numbers in [0, 1], of the picture's size or of 1600 pixels along its longer side; and its quality: the expected IoU,
    * with a line on what looks wrong where that is little, and one where weights.u2netp is missing.

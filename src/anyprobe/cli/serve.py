@@ -13,10 +13,12 @@ from typing import Annotated, Any
 
 import typer
 
+from anyprobe.cli.doctor import mask_network
 from anyprobe.errors import InputError, MissingExtra, OutputError
 from anyprobe.estimate.runtime import DEFAULT_MODEL
 from anyprobe.estimate.settings import MODEL_HELP
 from anyprobe.files.cores import usable_cores
+from anyprobe.masks.weights import find_weights
 from anyprobe.serve.limits import DRAIN_S, Limits
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
@@ -103,6 +105,8 @@ def serve(
         address = f"{'https' if https else 'http'}://{place}:{listening.getsockname()[1]}/"
         entry = address if token is None else f"{address}?token={token}"
         _say(f"{entry} (API: {address}api/), Ctrl-C stops it")
+        if find_weights() is None:
+            _say(mask_network())
         if not is_local:
             whom = "with that token" if token else "without a token"
             _say(f"warning: any machine that can reach this one can use the server {whom}")

@@ -10,6 +10,7 @@ import { readSize } from "../../src/live/videoFrames.js";
 
 const RATES_EVERY_MS = 500;
 const LIVE = "Live, in this browser. If the outline is wrong, click on the object, or draw a box around it.";
+const FINDING = "Finding the object …";
 const MISSED = "Nothing is found there. The last object is followed on: click on another, or draw a box around it.";
 
 export class LiveSession {
@@ -68,7 +69,7 @@ export class LiveSession {
       onLost: (answer) => this.#show(answer),
       onError: (error) => this.#fail(live, error),
     });
-    setStatus(hasMask ? "Finding the object …" : "Click on the object.");
+    setStatus(hasMask ? FINDING : "Click on the object.");
     this.timer = setInterval(() => this.#showRates(), RATES_EVERY_MS);
   }
 
@@ -76,7 +77,7 @@ export class LiveSession {
   #begin() {
     this.running = true;
     this.#nameButton();
-    this.said = this.quality = null;
+    this.said = this.quality = this.asking = null;
     this.pitchDeg = undefined; // until it is given
     this.#fit();
     this.onShown();
@@ -108,13 +109,13 @@ export class LiveSession {
 
   /** @param {import("../../types/index.d.ts").Hints} hints in pixels of the video */
   async mark(hints) {
-    const { live, found } = this;
-    this.placed = false;
+    const { live } = this;
     this.said = null;
     this.#mark(hints);
     live.hints = hints;
-    await live.tracker?.mark(hints);
-    if (this.live === live) Object.assign(this, { found, placed: false }); // an answer that was under way told the old mask
+    const asking = (this.asking = live.tracker?.mark(hints)); // until it is heard, answers tell of what was marked before
+    await asking;
+    if (this.asking === asking) this.asking = null;
   }
 
   #mark(hints) {
@@ -138,9 +139,10 @@ export class LiveSession {
       this.marking.show(null, this.marked);
       return this.#say("No object is seen. Click on it, or draw a box around it.");
     }
-    if (answer.mask) this.#setMask(answer);
+    const isSearching = answer.searching || this.asking;
+    if (answer.mask && !isSearching) this.#setMask(answer);
     if (!this.placed) return;
-    this.#say(this.missed ? MISSED : LIVE);
+    this.#say(isSearching ? FINDING : this.missed ? MISSED : LIVE);
     this.stage.setLight(answer.light);
     sendLight(answer);
     // one part of the rest at a time: pictures of the camera wait for what is drawn here
@@ -175,11 +177,12 @@ export class LiveSession {
   }
 
   #setMask({ width, height, mask, quality, box }) {
+    const isPlaced = this.placed && this.found === this.marked;
     this.found = this.marked;
     this.marking.follow({ data: mask, width, height }, this.marked);
     if (quality !== this.quality) this.onMask({ quality, notices: [] });
     this.quality = quality;
-    if (this.placed) return this.stage.stage.setMask(mask);
+    if (isPlaced) return this.stage.stage.setMask(mask);
     this.stage.place(width, height, null, mask, box, this.pitchDeg === undefined ? null : { pitchDeg: this.pitchDeg });
     this.placed = true;
   }

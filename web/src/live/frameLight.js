@@ -44,7 +44,7 @@ export class FrameLight {
     this.found = null; // the networks' last answer
   }
 
-  /** New clicks or a new box: the mask is found anew at the next frame. Where they find nothing, the last object stays. */
+  /** New clicks or a new box: their mask is looked for while the last object's light goes on. */
   mark(hints) {
     this.object.mark(hints);
   }
@@ -57,7 +57,8 @@ export class FrameLight {
    * @param {{data: Float32Array, width: number, height: number} | null} [given] where the object is, of whatever size
    * @returns {Promise<object>} light, mask and box of the object, milliseconds of each part; now and then spheres and stages;
    *   {lost: true} while no object is marked or seen, {held: true} where it is not seen for a moment; `missed` where what was
-   *   marked last found nothing and the object before it is followed on
+   *   marked last found nothing and the object before it is followed on,
+   *   `searching` while it is looked for
    */
   async next(frame, time, worldFromCamera = null, given = null) {
     const ms = {};
@@ -111,9 +112,8 @@ export class FrameLight {
     const spheres = phase === 0 ? shadeSpheres(isInWorld ? shown(this.state, worldFromCamera) : light.radiance) : null;
     lap("spheres");
     ms.all = performance.now() - start;
-    const isOfThese = this.object.last !== null; // else clicked meanwhile: it may be another object's
-    const { quality } = this.object;
-    const about = { mask: isOfThese ? mask : null, quality, box, ...this.size, ...(missed && { missed }) };
+    const { quality, isSearching } = this.object;
+    const about = { mask, quality, box, ...this.size, ...(missed && { missed }), ...(isSearching && { searching: true }) };
     return { light, stages: withStages ? stages : null, spheres, ...about, ms };
   }
 

@@ -30,7 +30,7 @@ export class ObjectFollower {
   #before = null; // what was held until it was lost, so many frames ago
   #lostFor = 0;
   #given = null; // picture and mask of the caller's, of which a held mask is made when a frame comes without
-  #kept = null; // what was followed before the last mark
+  #search = null; // for what was marked: its hints, and the answer once it has come
 
   /** @param {Masks} masks @param {import("../photo/picture.js").Hints} hints as shares of width and height */
   constructor(masks, hints) {
@@ -42,18 +42,23 @@ export class ObjectFollower {
     return this.#held?.looksSame ?? false;
   }
 
-  /** New clicks or a new box: the mask is found anew at the next frame. Where they find nothing, the last object stays. */
+  /** Whether what was marked last is still looked for. */
+  get isSearching() {
+    return this.#search !== null;
+  }
+
+  /**
+   * New clicks or a new box: the mask is looked for in the next frame, while the last object is followed on. It stays where they
+   * find nothing.
+   */
   mark(hints) {
-    const { last, quality } = this;
-    if (last) this.#kept = { hints: this.hints, last, quality, held: this.#held, given: this.#given };
-    Object.assign(this, { hints, last: null });
-    this.#held = this.#given = this.#before = null;
+    this.#search = { hints };
   }
 
   /** Nothing that was marked or found is where it was. */
   forget() {
+    this.last = this.#held = this.#given = this.#before = null;
     this.mark({ on: [], off: [], box: null });
-    this.#kept = null;
   }
 
   /**
@@ -65,38 +70,49 @@ export class ObjectFollower {
    *   the mask; lit: as the light is to be estimated by; null: it is not seen, or something was marked meanwhile
    */
   async next(picture, given = null) {
-    const found = given ? this.#take(picture, given) : this.last ? await this.#move(picture) : await this.#findMarked(picture);
+    if (given) this.#search = null;
+    else if (!this.last) this.#search ??= { hints: this.hints };
+    const search = this.#search;
+    if (search) search.asked ??= this.#ask(search, picture);
+    if (!this.last) await search?.asked;
+    let found = given ? this.#take(picture, given) : this.last ? await this.#move(picture) : null;
+    if (search?.answer && search === this.#search) found = await this.#settle(search, picture, found);
     return found && isAny(found.lit) ? found : null;
+  }
+
+  async #ask(search, picture) {
+    try {
+      search.answer = { picture, ...(await this.masks.find(picture, hintsIn(search.hints, picture))) };
+    } catch (error) {
+      search.answer = { error };
+    }
+  }
+
+  /** What was looked for is here: it is followed from now on, unless it is nothing and another object is followed. */
+  async #settle({ hints, answer }, picture, followed) {
+    this.#search = null;
+    if (answer.error) throw answer.error;
+    const isFound = isLarge(objectBox(answer.mask, answer.picture.width));
+    if (this.last && !(isFound && answer.quality >= REFUSED)) return followed && { ...followed, missed: true };
+    this.hints = hints;
+    if (!isFound) return null;
+    this.quality = answer.quality;
+    this.#given = this.#before = null;
+    const begun = this.#begin(answer.picture, answer.mask);
+    if (answer.picture === picture) return begun;
+    const moved = await this.#move(picture);
+    return moved && { ...moved, isNew: true };
   }
 
   /** A mask of the caller's own, which is not doubted; frames without one move it. */
   #take(picture, { data, width, height }) {
     const isFit = width === picture.width && height === picture.height;
     const mask = isFit ? data : resize(data, 1, [width, height], [picture.width, picture.height]);
-    this.quality = this.#held = this.#before = this.#kept = null;
+    this.quality = this.#held = this.#before = null;
     if (!isAny(mask)) return null;
     this.#given = { picture, mask };
     this.last = lastOf(mask, picture.width);
     return { mask, box: this.last.extent, lit: mask, isNew: true };
-  }
-
-  async #findMarked(picture) {
-    const { hints } = this;
-    const { mask, quality } = await this.masks.find(picture, hintsIn(hints, picture));
-    if (this.hints !== hints) return null; // clicked meanwhile: found anew at the next frame
-    const kept = this.#kept;
-    this.#kept = null;
-    const isFound = isLarge(objectBox(mask, picture.width));
-    if (kept && !(isFound && quality >= REFUSED)) {
-      Object.assign(this, { hints: kept.hints, last: kept.last, quality: kept.quality });
-      this.#held = kept.held;
-      this.#given = kept.given;
-      const found = await this.#move(picture);
-      return found && { ...found, missed: true };
-    }
-    if (!isFound) return null;
-    this.quality = quality;
-    return this.#begin(picture, mask);
   }
 
   #begin(picture, mask) {

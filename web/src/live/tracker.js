@@ -25,6 +25,7 @@ export class Tracker {
   #client;
   #pose;
   #mask;
+  #masksPort;
   #size = null; // of the pictures that hints are in pixels of
   #given;
   #opening = null;
@@ -40,8 +41,10 @@ export class Tracker {
    *   mask?: object | ((frame: object) => object)}} events
    *   pose: of the camera in the world, asked for when a frame is taken; mask: where the object is in the first frame, or a
    *   function that says it of each one, null where it is not in it
+   * @param {() => MessagePort | null} [masksPort] of a thread that finds masks
    */
-  constructor(source, client, { onLight, onError, onMissed, pose, mask }) {
+  constructor(source, client, { onLight, onError, onMissed, pose, mask }, masksPort) {
+    this.#masksPort = masksPort;
     this.#source = source;
     this.#client = client;
     this.#pose = pose;
@@ -77,7 +80,9 @@ export class Tracker {
     return (this.#opening ??= (async () => {
       const [width, height] = (this.#size = sizeOf(picture));
       const { hints, lens, ...given } = this.#given;
-      await this.#client.ask("startLive", { ...given, longFovDeg: longFovOf(lens, width, height), hints: this.#shares(hints) });
+      const asked = { ...given, longFovDeg: longFovOf(lens, width, height), hints: this.#shares(hints) };
+      const port = this.#masksPort?.();
+      await this.#client.ask("startLive", { ...asked, port }, undefined, port ? [port] : []);
       this.#isOpen = true;
     })());
   }

@@ -1,6 +1,6 @@
 /** Where the object is, by the mask network that is loaded: U2-Net-p, else the small one. */
 
-import { AnyProbeError } from "../errors.js";
+import { AnyProbeError, receivedError, sentError } from "../errors.js";
 import { notice } from "../notices.js";
 import { SmallNetwork, U2NetP, untilGivenUp } from "../photo/maskNetworks.js";
 import { colorDoubts } from "../photo/colorDoubts.js";
@@ -39,6 +39,37 @@ export async function findMask(models, picture, hints, isGivenUp) {
 export function videoMasks(models) {
   const by = (search) => (picture, hints) => searchBy(new Looks(networkOf(models), picture), hints, search);
   return { find: by(findObject), again: by(lookAgain), has: models.hasMask || models.hasU2netp, checks: !models.hasU2netp };
+}
+
+/** videoMasks of another thread, at the other end of a port: lights go on while it looks. @param {MessagePort} port */
+export function masksAt(port, models) {
+  const waiting = [];
+  port.onmessage = ({ data: { found, error } }) => {
+    const { resolve, reject } = waiting.shift();
+    if (error) reject(receivedError(error));
+    else resolve(found);
+  };
+  const by = (search) => ({ width, height, rgba }, hints) =>
+    new Promise((resolve, reject) => {
+      waiting.push({ resolve, reject });
+      port.postMessage({ search, picture: { width, height, rgba }, hints });
+    });
+  return { ...videoMasks(models), find: by("find"), again: by("again") };
+}
+
+/** Answer what masksAt asks, in its order. */
+export function answerAt(port, models) {
+  const masks = videoMasks(models);
+  let last = Promise.resolve();
+  port.onmessage = ({ data: { search, picture, hints } }) => {
+    last = last.then(async () => {
+      try {
+        port.postMessage({ found: await masks[search](picture, hints) });
+      } catch (error) {
+        port.postMessage({ error: sentError(error) });
+      }
+    });
+  };
 }
 
 /** The last still picture's looks: another mark on it asks for what is near it alone. */

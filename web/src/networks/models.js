@@ -67,7 +67,8 @@ export class Models {
         logSeverityLevel: 3, // errors: it warns that shapes are computed on the processor, as they should be
       });
     const sessions = {};
-    const stages = weights.light ? [...LIFT, ...(weights[WHOLE] ? [WHOLE] : [])] : CHAIN;
+    const isChain = CHAIN.some((stage) => weights[stage]); // none: masks alone
+    const stages = weights.light ? [...LIFT, ...(weights[WHOLE] ? [WHOLE] : [])] : isChain ? CHAIN : [];
     for (const stage of stages) {
       if (!weights[stage]) throw new AnyProbeError("invalid-option", `expected its address, got none`, { subject: [`weights.${stage}`] });
       sessions[stage] = await openStage(stage);

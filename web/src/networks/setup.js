@@ -119,7 +119,8 @@ function runtimeOf(runtime) {
   return Object.fromEntries(keys.map((key) => [key, absolute(runtime[key])]));
 }
 
-function absolute(address) {
+/** An address in full. @param {string | URL} address */
+export function absolute(address) {
   try {
     return new URL(address, globalThis.document?.baseURI ?? globalThis.location?.href).href;
   } catch {

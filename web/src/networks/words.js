@@ -22,9 +22,15 @@ export function openingFault(error, threads = 1, isBundled = true) {
   return new AnyProbeError(error.code ?? "failed", `The networks could not be opened: ${said}${advice}.`);
 }
 
+/** In the package, and on a page that a server gives. */
+const GET_MASKS = [
+  { do: "give", name: "weights.u2netp", value: "await AnyProbe.fetchMaskNetwork(address)" },
+  { do: "run", name: "fetch-masks" },
+];
+
 /** Of masks of the network that learned from renders alone. @param {import("../photo/picture.js").Hints} hints */
 export function smallNetworkWarning({ on, box }) {
   const isMarked = on.length > 0 || Boolean(box);
   const text = "the mask was found by the small network, which is wrong on one photo in three";
-  return notice("small-network", text, give("weights.u2netp", ...(isMarked ? ["mask"] : ["click", "box", "mask"])));
+  return notice("small-network", text, GET_MASKS.concat(give(...(isMarked ? ["mask"] : ["click", "box", "mask"]))));
 }

@@ -14,7 +14,7 @@ import { checkObject } from "../photo/maskCheck.js";
 import { FrameLight } from "../live/frameLight.js";
 import { Newest } from "../live/newest.js";
 import { lightOfStill } from "./lightOfStill.js";
-import { findMask, videoMasks } from "./masks.js";
+import { answerAt, findMask, masksAt, videoMasks } from "./masks.js";
 import { Models } from "./models.js";
 import { openRuntime } from "./runtime.js";
 import { openingFault } from "./words.js";
@@ -33,7 +33,8 @@ const tasks = {
       const opened = await openRuntime(runtime, engine, most, onProgress);
       threads = opened.threads;
       models = await Models.open(opened.ort, weights, { providers: [engine], onProgress });
-      return { engine, threads, hasMask: models.hasMask || models.hasU2netp };
+      const maskNetwork = models.hasU2netp ? "u2netp" : models.hasMask ? "small" : null;
+      return { engine, threads, hasMask: maskNetwork !== null, maskNetwork };
     } catch (error) {
       throw openingFault(error, threads, typeof runtime !== "string");
     }
@@ -61,8 +62,14 @@ const tasks = {
     return withViews ? { light, stages, spheres: shadeSpheres(radiance), seconds } : { light, seconds };
   },
 
-  startLive({ hints, longFovDeg, options, withViews }) {
-    const lights = new FrameLight(models, videoMasks(models), hints, longFovDeg, options, withViews);
+  /** Find a video's masks for the lights' thread. */
+  serveMasks({ port }) {
+    answerAt(port, models);
+  },
+
+  startLive({ hints, longFovDeg, options, withViews, port }) {
+    const masks = port ? masksAt(port, models) : videoMasks(models);
+    const lights = new FrameLight(models, masks, hints, longFovDeg, options, withViews);
     const frames = new Newest(
       (given) => sendLight(lights, given),
       ({ frame }) => letGo(frame),

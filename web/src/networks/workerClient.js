@@ -53,8 +53,9 @@ export class WorkerClient {
    * @param {string} task
    * @param {object} [given]
    * @param {AbortSignal} [signal]
+   * @param {Transferable[]} [transfer]
    */
-  async ask(task, given = {}, signal = undefined) {
+  async ask(task, given = {}, signal = undefined, transfer = []) {
     if (this.#fault) throw this.#fault;
     signal?.throwIfAborted();
     const id = this.#count++;
@@ -67,7 +68,7 @@ export class WorkerClient {
     try {
       return await new Promise((resolve, reject) => {
         this.#waiting.set(id, { resolve, reject });
-        this.#worker.postMessage({ id, task, ...given });
+        this.#worker.postMessage({ id, task, ...given }, transfer);
       });
     } finally {
       signal?.removeEventListener("abort", giveUp);
