@@ -60,7 +60,9 @@ class Question:
 
 
 def own_question(photo: Path) -> Question:
-    return Question(path="/v1/estimate", kind="application/octet-stream", body=photo.read_bytes())
+    edge, head = "one-part-after-another", 'Content-Disposition: form-data; name="photo"; filename="photo"'
+    body = f"--{edge}\r\n{head}\r\n\r\n".encode() + photo.read_bytes() + f"\r\n--{edge}--\r\n".encode()
+    return Question(path="/v1/estimate", kind=f"multipart/form-data; boundary={edge}", body=body)
 
 
 def rembgs_question(photo: Path) -> Question:

@@ -54,9 +54,9 @@ PAIR_KINDS = {"frozen": ["--frozen", "--hints"], "world": ["--conditions", "worl
 """Options of `anyprobe-train evaluate`."""
 
 REQUESTS = (
-    *("GET /v1/targets", "GET /openapi.json", "POST /v1/photo", "POST /v1/mask", "POST /v1/fuse", "POST /v1/estimate"),
-    *("POST /v1/estimate?surroundings=none&emitters=expected", "POST /v1/estimate?material=gold"),
-    "POST /v1/estimate?box=1",
+    *("GET /v1/targets", "GET /openapi.json", "POST /v1/photo", "POST /v1/mask", "POST /v1/estimate"),
+    *("POST /v1/estimate surroundings=none&emitters=expected", "POST /v1/estimate material=gold"),
+    "POST /v1/estimate box=1",
 )
 """Each sends the example; of one that is refused the status counts."""
 
@@ -92,6 +92,17 @@ def leaves(value, name):
 for key, value in torch.load(sys.argv[1], map_location="cpu", weights_only=False).items():
     leaves(value, key)
 """
+
+
+EDGE = "one-part-after-another"
+
+
+def form(photo: bytes, texts: dict[str, str]) -> bytes:
+    """Return a form of a photo and texts."""
+    head = f"--{EDGE}\r\nContent-Disposition: form-data; name="
+    parts = [f'{head}"{name}"\r\n\r\n{text}\r\n'.encode() for name, text in texts.items()]
+    last = f'{head}"photo"; filename="photo"\r\n\r\n'.encode() + photo + f"\r\n--{EDGE}--\r\n".encode()
+    return b"".join([*parts, last])
 
 
 def digest(data: bytes) -> str:
@@ -172,11 +183,12 @@ class Version:
             self._wait()
             found = {}
             for request in REQUESTS:
-                method, path = request.split(" ")
+                method, path, *fields = request.split(" ")
                 asked = urllib.request.Request(f"http://127.0.0.1:{PORT}{path}", method=method)
                 if method == "POST":
-                    asked.data = PHOTO.read_bytes()
-                    asked.add_header("Content-Type", "application/octet-stream")
+                    texts = [text.split("=") for one in fields for text in one.split("&")]
+                    asked.data = form(PHOTO.read_bytes(), dict(texts))
+                    asked.add_header("Content-Type", f"multipart/form-data; boundary={EDGE}")
                 try:
                     with urllib.request.urlopen(asked) as reply:
                         found[request] = f"{reply.status} {answer_digest(reply.read())}"

@@ -118,12 +118,9 @@ def test_a_damaged_sidecar_is_one_line(work, command, client, wrong):
 
 def test_sidecars_and_frames_that_are_none_are_refused(work, client):
     light = made_light().save("light.exr").read_bytes()
-    for fields, line in (
-        ({"frame": "levle"}, "frame: expected level or camera, got 'levle'; did you mean level?"),
-        ({"sidecar": "{}"}, "sidecar: expected a file, got text; send it as a file part (curl -F sidecar=@FILE)"),
-    ):
+    for fields, subject in (({"frame": "levle"}, "frame"), ({"sidecar": "{}"}, "sidecar")):
         answer = client.post("/v1/export/webxr", files={"photo": ("light.exr", light)}, data=fields)
-        assert (answer.status_code, answer.json()["detail"]) == (422, line)
+        assert (answer.status_code, answer.json()["subject"]) == (422, [subject])
     for depth in (100, 600, 2000, 20_000):  # from which on one is refused depends on Python's version
         deep = b'{"photo": ' + b"[" * depth + b"]" * depth + b"}"
         assert sent(client, light, deep).status_code in (200, 422), depth

@@ -29,7 +29,7 @@ photo, mask = (Path(name).read_bytes() if name else None for name in sys.argv[1:
 shared_network()
 held = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
 before = held()
-tasks.cut(tasks.Upload(photo=photo, hints=Hints(mask=mask)), 25_000_000, True, True, True)
+tasks.cut(tasks.Sent(photo=photo, hints=Hints(mask=mask)), 25_000_000, True, True, True)
 print(held() - before)
 """
 

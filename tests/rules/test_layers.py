@@ -42,8 +42,10 @@ ONLY = {
     "mitsuba": {"relight"},
     "drjit": {"relight"},
     "fastapi": {"serve"},
+    "pebble": {"serve"},
+    "pydantic": {"serve"},
     "starlette": {"serve"},
-    "uvicorn": {"cli", "serve"},
+    "uvicorn": {"cli"},
     "cryptography": {"serve"},
     "prometheus_client": {"serve"},
 }

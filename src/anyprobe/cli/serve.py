@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import math
 import os
 import secrets
 import socket
@@ -17,11 +18,11 @@ from anyprobe.cli.doctor import mask_network
 from anyprobe.errors import InputError, MissingExtra, OutputError
 from anyprobe.estimate.runtime import DEFAULT_MODEL
 from anyprobe.estimate.settings import MODEL_HELP
-from anyprobe.files.cores import usable_cores
+from anyprobe.files.cores import CHILD_ENVIRONMENT, usable_cores
 from anyprobe.masks.weights import find_weights
-from anyprobe.serve.limits import DRAIN_S, Limits
+from anyprobe.serve.limits import DRAIN_S, IDLE_S, MAX_CONNECTIONS, Limits
 
-LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
+LOOPBACK = ("127.0.0.1", "localhost", "[::1]", "::1")
 """Host names of a server on the same machine."""
 MIN_TOKEN = 8
 SHARED_MEMORY = "/dev/shm"
@@ -69,7 +70,7 @@ def serve(
 
     from anyprobe.estimate.estimator import Estimator
     from anyprobe.serve.api import create_app
-    from anyprobe.serve.door import DrainingServer, settings, write_certificate
+    from anyprobe.serve.certificate import write_certificate
     from anyprobe.serve.page import Page, write_static
 
     _find_temporary_folder()
@@ -80,22 +81,16 @@ def serve(
         size = sum(path.stat().st_size for path in written)
         print(f"{static}: {len(written)} files, {size / 2**20:.0f} MiB; see docs/how-to/serve.md", file=sys.stderr)
         return
-    limits = Limits(max_bytes=max_mb * 2**20, workers=workers or usable_cores(), drain_s=drain)
+    os.environ.update(CHILD_ENVIRONMENT)  # decoding processes use one thread each
+    limits = Limits(max_bytes=max_mb * 2**20, workers=workers or usable_cores())
     extra_names = [name.lower() for name in allow_host or []]
     with _open_port(host, port) as listening, tempfile.TemporaryDirectory() as folder:
         shown_host = own_address() if host in EVERYWHERE else host
         is_local = is_loopback(host)
         token = _token(token, is_local)
-        hosts = [
-            host.lower(),
-            *LOOPBACK,
-            *extra_names,
-            *([] if is_local else [shown_host, socket.gethostname().lower()]),
-        ]
-        origins = allow_origin or []
-        app = create_app(
-            estimator, limits, page=page, hosts=hosts, addresses=not is_local, origins=origins, token=token
-        )
+        # a token is no use to a page of a foreign name that was pointed at this machine
+        hosts = ["*"] if token else [host.lower(), shown_host, *LOOPBACK, *extra_names]
+        app = create_app(estimator, limits, page=page, hosts=hosts, origins=allow_origin or [], token=token)
         encrypted: dict[str, Any] = {}
         if https:
             certified = ["localhost", "127.0.0.1", shown_host, *extra_names]
@@ -113,7 +108,17 @@ def serve(
             if not https:
                 _say("over http, other machines get no camera and traffic is not encrypted; add --https")
         app.state.pool.warm()
-        DrainingServer(uvicorn.Config(app, **settings(drain), **encrypted), app.state.pool).run(sockets=[listening])
+        config = uvicorn.Config(
+            app,
+            timeout_keep_alive=IDLE_S,
+            timeout_graceful_shutdown=math.ceil(drain),
+            limit_concurrency=MAX_CONNECTIONS,
+            ws="none",
+            server_header=False,
+            log_level="warning",
+            **encrypted,
+        )
+        uvicorn.Server(config).run(sockets=[listening])
 
 
 def _find_temporary_folder() -> None:
@@ -183,8 +188,8 @@ def own_address() -> str:
 
 def _need_serve() -> None:
     """Raise MissingExtra if a package of the extra serve is absent."""
-    for package, module in (("fastapi", "fastapi"), ("uvicorn", "uvicorn"), ("python-multipart", "python_multipart")):
+    for package in ("fastapi", "uvicorn", "pebble", "prometheus-client", "python-multipart"):
         try:
-            __import__(module)
+            __import__(package.replace("-", "_"))
         except ImportError as error:
             raise MissingExtra(package, "serve", "anyprobe serve", error) from error

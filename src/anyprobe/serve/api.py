@@ -2,40 +2,59 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from functools import partial
-from typing import Any, TypeVar
+from importlib import resources
+from typing import Annotated, Any, Literal
 
-from fastapi import FastAPI, Request
+from fastapi import Depends, FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.params import Form as FormBody
 from fastapi.responses import JSONResponse, Response
+from fastapi.security import HTTPBearer
 from starlette.exceptions import HTTPException
 from starlette.middleware.cors import CORSMiddleware
+from starlette.middleware.gzip import GZipMiddleware
+from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import ClientDisconnect
 
 from anyprobe import __version__
 from anyprobe.errors import AnyprobeError, InputError, MissingExtra
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.multiview import estimate_crops
-from anyprobe.export.targets import TARGETS, find_target
-from anyprobe.serve import answers, openapi, tasks
+from anyprobe.export.targets import TARGETS
+from anyprobe.serve import answers, forms, tasks
 from anyprobe.serve.counters import Counted, Metrics
-from anyprobe.serve.guards import BodyLimit, HeadAsGet, OwnNamesOnly, OwnPagesOnly, SecureHeaders, TokenOnly
+from anyprobe.serve.forms import EstimateForm, ExportForm, MaskForm, PhotoForm, TargetName
+from anyprobe.serve.guards import Admission, OwnPagesOnly, SecureHeaders, TokenOnly
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.page import Page, add_page
-from anyprobe.serve.pool import Busy, Cancellation, Cancelled, Ending, WorkerPool
-from anyprobe.serve.problems import problem
-from anyprobe.serve.tasks import TooManyPixels, Upload
-from anyprobe.serve.uploads import read_upload, read_views, take_unread
+from anyprobe.serve.pool import Cancelled, WorkerPool
+from anyprobe.serve.problems import MEDIA_TYPE, SCHEMA, problem
+from anyprobe.serve.tasks import TooManyPixels
 
 log = logging.getLogger("anyprobe.serve")
 
-Answer = TypeVar("Answer")
-
 CLIENT_GONE = 499
 """Status that logs show for a client that has left, as other servers do; nobody reads the answer."""
+
+REFUSALS = {
+    400: "the server does not go by this host name, or the form is malformed",
+    401: "the server asks for its token: Authorization: Bearer TOKEN",
+    403: "sent by a page of another origin; start the server with --allow-origin ORIGIN",
+    406: "Accept names no media type of this answer",
+    408: "the body took too long",
+    413: "too many bytes or pixels",
+    422: "the photo, the mask or an option cannot be used; see detail",
+    429: "all places are taken; retry after the seconds of Retry-After",
+    500: "the server failed; see its log",
+    501: "the server lacks an optional package for this",
+}
+"""Meaning of each status that refuses a request."""
 
 
 def create_app(
@@ -44,7 +63,6 @@ def create_app(
     *,
     page: Page | None = None,
     hosts: Sequence[str] = ("*",),
-    addresses: bool = False,
     origins: Sequence[str] = (),
     token: str | None = None,
 ) -> FastAPI:
@@ -55,9 +73,8 @@ def create_app(
         page: the built page; None leaves the API alone.
         hosts: names a browser may call this server by; others get 400, so that a foreign name
             pointed at this machine opens nothing.
-        addresses: whether it may be called by any IP address besides.
-        token: asked for by all addresses but /healthz and /readyz; None: nothing is asked for.
         origins: pages of other origins that may use the API; none by default.
+        token: asked for by all addresses but /healthz and /readyz; None: nothing is asked for.
     """
     limits = limits or Limits()
     pool = WorkerPool(limits)
@@ -74,9 +91,11 @@ def create_app(
         docs_url=None,
         redoc_url=None,
         lifespan=lifespan,
+        dependencies=[Depends(HTTPBearer(auto_error=False))] if token else [],
     )
     app.state.pool = pool
-    app.add_middleware(BodyLimit, max_bytes=limits.max_bytes, grace_s=limits.grace_s, least_rate=limits.least_rate)
+    metrics = Metrics(pool, limits.places)
+    app.add_middleware(Admission, limits=limits, pool=pool)
     app.add_middleware(OwnPagesOnly, origins=origins)
     if token:
         app.add_middleware(TokenOnly, token=token)
@@ -85,12 +104,11 @@ def create_app(
         app.add_middleware(
             CORSMiddleware, allow_origins=list(origins), allow_methods=["GET", "POST"], allow_headers=headers
         )
-    app.add_middleware(OwnNamesOnly, names=hosts, addresses=addresses)
-    app.add_middleware(HeadAsGet)
+    app.add_middleware(TrustedHostMiddleware, allowed_hosts=list(hosts), www_redirect=False)
+    app.add_middleware(GZipMiddleware, minimum_size=1024, compresslevel=5)
     app.add_middleware(SecureHeaders)
-    metrics = Metrics(pool, limits.workers + limits.waiting)
     app.add_middleware(Counted, metrics=metrics)  # the last added stands first
-    _add_error_lines(app, limits)
+    _add_error_lines(app)
     _add_state(app, estimator, limits, pool, metrics)
     _add_api(app, estimator, limits, pool)
     if page is not None:
@@ -98,26 +116,53 @@ def create_app(
     return app
 
 
+def _answers(*statuses: int, content: dict[str, Any] | None = None) -> dict[int | str, dict[str, Any]]:
+    """Return the description of a route's answers: 200 with this content, and refusals."""
+    refused = {MEDIA_TYPE: {"schema": SCHEMA}}
+    described: dict[int | str, dict[str, Any]] = {
+        status: {"description": REFUSALS[status], "content": refused} for status in (400, *statuses, 500)
+    }
+    return described | ({} if content is None else {200: {"description": "done", "content": content}})
+
+
+_SENT = (401, 403, 408, 413, 422, 429, 501)
+"""Refusals of addresses that take files."""
+_FILE = {"schema": {"type": "string", "format": "binary"}}
+_SIDECAR = json.loads((resources.files("anyprobe") / "estimate" / "sidecar.schema.json").read_text(encoding="utf-8"))
+_LIGHT: dict[str, Any] = {"schema": {key: part for key, part in _SIDECAR.items() if key != "$schema"}}
+_FOUND: dict[str, Any] = {"schema": {"type": "object", "required": ["size", "box", "share", "source"]}}
+
+
 def _add_state(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPool, metrics: Metrics) -> None:
     """Add the addresses that report the server's state to its operator."""
 
-    @app.get("/healthz", summary="Is the server up, and how busy is it?", tags=["server"], openapi_extra=openapi.HEALTH)
+    @app.get("/healthz", summary="Is the server up, and how busy is it?", tags=["server"], responses=_answers())
     async def healthz() -> dict[str, Any]:
         return {
             "status": "ok",
             "version": __version__,
             "model": estimator.model_id,
             "taken": pool.taken,
-            "places": limits.workers + limits.waiting,
+            "places": limits.places,
         }
 
-    @app.get("/readyz", summary="Would a photo be taken now?", tags=["server"], openapi_extra=openapi.READY)
+    starting: dict[int | str, dict[str, Any]] = {503: {"description": "starting, or all places are taken"}}
+
+    @app.get("/readyz", summary="Would a photo be taken now?", tags=["server"], responses=_answers() | starting)
     async def readyz() -> dict[str, str]:
         if why := pool.unready():
             raise HTTPException(503, f"not ready: {why}", {"Retry-After": str(limits.retry_after_s)})
         return {"status": "ready"}
 
-    @app.get("/metrics", summary="Counts for Prometheus.", tags=["server"], openapi_extra=openapi.METRICS_ROUTE)
+    text = {"text/plain": {"schema": {"type": "string"}}}
+
+    @app.get(
+        "/metrics",
+        summary="Counts for Prometheus.",
+        tags=["server"],
+        response_class=Response,
+        responses=_answers(401, 501, content=text),
+    )
     async def prometheus() -> Response:
         return metrics.answer()
 
@@ -125,91 +170,96 @@ def _add_state(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerP
 def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPool) -> None:
     """Add the addresses that other programs call."""
 
-    async def decode(request: Request, task: Callable[[Upload, int], Answer], upload: Upload) -> Answer:
-        return await pool.decode(partial(task, upload, limits.max_pixels), upload.is_quick, _leaving(request))
+    async def decode(request: Request, task: Callable[[Any, int], Any], sent: Any, quick: bool) -> Any:
+        return await pool.decode(partial(task, sent, limits.max_pixels), quick, _leaving(request))
 
-    async def cut(request: Request, upload: Upload, first: bool = True, is_alone: bool = False) -> tasks.Cut:
-        with_mask = first and "mask" in upload.include
-        return await decode(request, partial(tasks.cut, first=first, with_mask=with_mask, is_alone=is_alone), upload)
+    @app.post(
+        "/v1/estimate",
+        tags=["light"],
+        response_class=Response,
+        responses=_answers(*_SENT, 406, content={**dict.fromkeys(answers.LIGHT_TYPES, _FILE), answers.JSON: _LIGHT}),
+    )
+    async def estimate(
+        request: Request,
+        form: Annotated[EstimateForm, FormBody(media_type="multipart/form-data")],  # type: ignore[valid-type]
+        format: Literal["json", "exr", "hdr", "png"] | None = None,
+    ) -> Response:
+        """Estimate the light around the object of a photo, or of several photos whose cameras' poses are known.
 
-    @app.post("/v1/estimate", openapi_extra=openapi.ESTIMATE_ROUTE, tags=["light"], response_class=Response)
-    async def estimate(request: Request) -> Response:
-        """Estimate the light around the object of a photo.
-
-        The object is given by a mask, a box, clicks, the photo's alpha channel, or found. JSON by
-        default; the map itself as OpenEXR, Radiance .hdr or tone-mapped PNG by Accept or `format`.
+        The object is given by a mask, a box, clicks, the photo's alpha channel, or found. The light is in the first
+        photo's camera frame; object and light must not have moved between the photos. JSON by default; the map itself
+        as OpenEXR, Radiance .hdr or tone-mapped PNG by Accept or `format`.
         """
         media = answers.choose_type(request, answers.LIGHT_TYPES)
-        async with pool.place():
-            upload = await read_upload(request, pool, openapi.ESTIMATE_ROUTE)
-            start = time.perf_counter()
-            cut_photo = await cut(request, upload, is_alone=True)
+        include, settings = forms.included(form), forms.settings_of(form)
+        sent, turns = await forms.photos_sent(form)
+        cuts: list[tasks.Cut] = []
+        seconds: list[float] = []
+        began = time.perf_counter()
+        for one in sent:
+            start, first = time.perf_counter(), not cuts
+            task = partial(tasks.cut, first=first, with_mask=first and "mask" in include, is_alone=turns is None)
+            cuts.append(await decode(request, task, one, one.is_quick))
+            seconds.append(time.perf_counter() - start)
 
-            def work(cancellation: Cancellation) -> Response:
-                model = estimator.with_settings(**upload.settings)
-                light = model.from_crop(cut_photo.photo, cut_photo.crop, start)
-                if cut_photo.ball is not None:
-                    light = model.unwrapped(light, cut_photo.ball, start)
-                cancellation.check()
-                return answers.light_response(light, media, upload.include, cut_photo.mask)
+        def work() -> Response:
+            model = estimator.with_settings(**settings)
+            if turns is None:
+                light = model.from_crop(cuts[0].photo, cuts[0].crop, began)
+                light = model.unwrapped(light, cuts[0].ball, began)
+            else:
+                views = [(cut.photo, cut.crop) for cut in cuts]
+                light = estimate_crops(model.from_crop, views, turns, seconds)
+            return answers.light_response(light, media, include, cuts[0].mask)
 
-            return await pool.run(work, _leaving(request))
+        return await pool.run(work, _leaving(request))
 
-    @app.post("/v1/fuse", openapi_extra=openapi.FUSE_ROUTE, tags=["light"], response_class=Response)
-    async def fuse(request: Request) -> Response:
-        """Estimate one light from several photos of an object whose cameras' poses are known.
-
-        The light is in the first photo's camera frame; object and light must not have moved between the photos.
-        """
-        media = answers.choose_type(request, answers.LIGHT_TYPES)
-        async with pool.place():
-            uploads, turns = await read_views(request, pool)
-            common = uploads[0]
-            cuts: list[tasks.Cut] = []
-            seconds: list[float] = []
-            for upload in uploads:
-                start = time.perf_counter()
-                cuts.append(await cut(request, upload, first=not cuts))
-                seconds.append(time.perf_counter() - start)
-
-            def work(cancellation: Cancellation) -> Response:
-                views = [(cut_view.photo, cut_view.crop) for cut_view in cuts]
-                from_crop = estimator.with_settings(**common.settings).from_crop
-                light = estimate_crops(from_crop, views, turns, seconds)
-                cancellation.check()
-                return answers.light_response(light, media, common.include, cuts[0].mask)
-
-            return await pool.run(work, _leaving(request))
-
-    @app.post("/v1/mask", openapi_extra=openapi.MASK_ROUTE, tags=["light"], response_class=Response)
-    async def mask(request: Request) -> Response:
+    @app.post(
+        "/v1/mask",
+        tags=["light"],
+        response_class=Response,
+        responses=_answers(*_SENT, 406, content={"image/png": _FILE, answers.JSON: _FOUND}),
+    )
+    async def mask(
+        request: Request,
+        form: Annotated[MaskForm, FormBody(media_type="multipart/form-data")],  # type: ignore[valid-type]
+        format: Literal["json", "png"] | None = None,
+    ) -> Response:
         """Return the mask that an estimate would use: a grey PNG of the upright photo's size."""
         media = answers.choose_type(request, answers.MASK_TYPES)
-        async with pool.place():
-            upload = await read_upload(request, pool, openapi.MASK_ROUTE)
-            found = await decode(request, partial(tasks.mask, as_json=media == answers.JSON), upload)
+        sent = await forms.photo_sent(form)
+        found = await decode(request, partial(tasks.mask, as_json=media == answers.JSON), sent, sent.is_quick)
         return JSONResponse(found) if media == answers.JSON else Response(found, media_type=media)
 
-    @app.post("/v1/photo", openapi_extra=openapi.PHOTO_ROUTE, tags=["page"], response_class=Response)
-    async def photo(request: Request) -> Response:
-        """Convert a photo that browsers cannot open (HEIC, TIFF, EXR) to an upright sRGB PNG of at most 2048 pixels."""
-        async with pool.place():
-            upload = await read_upload(request, pool, openapi.PHOTO_ROUTE)
-            picture, fov_deg = await decode(request, tasks.upright, upload)
+    @app.post(
+        "/v1/photo", tags=["page"], response_class=Response, responses=_answers(*_SENT, content={"image/png": _FILE})
+    )
+    async def photo(
+        request: Request, form: Annotated[PhotoForm, FormBody(media_type="multipart/form-data")]
+    ) -> Response:
+        """Convert a photo that browsers cannot open (HEIC, RAW, TIFF) to an upright sRGB PNG of at most 2048 pixels."""
+        sent = await forms.photo_sent(form)
+        picture, fov_deg = await decode(request, tasks.upright, sent, sent.is_quick)
         headers = {} if fov_deg is None else {"X-Long-Fov-Deg": f"{fov_deg:.3f}"}
         return Response(picture, media_type="image/png", headers=headers)
 
-    @app.post("/v1/export/{target}", openapi_extra=openapi.EXPORT_ROUTE, tags=["light"], response_class=Response)
-    async def export(request: Request, target: str) -> Response:
-        """Export a map (.exr or .hdr as the body) as the files of one target, in a zip."""
-        find_target(target)
-        async with pool.place():
-            upload = await read_upload(request, pool, openapi.EXPORT_ROUTE)
-            archive = await decode(request, partial(tasks.export_zip, target=target), upload)
+    @app.post(
+        "/v1/export/{target}",
+        tags=["light"],
+        response_class=Response,
+        responses=_answers(*_SENT, content={"application/zip": _FILE}),
+    )
+    async def export(
+        request: Request,
+        target: TargetName,  # type: ignore[valid-type]
+        form: Annotated[ExportForm, FormBody(media_type="multipart/form-data")],
+    ) -> Response:
+        """Export a map as the files of one target, in a zip."""
+        archive = await decode(request, partial(tasks.export_zip, target=target), await form.sent(), False)
         name = f'attachment; filename="light_{target}.zip"'
         return Response(archive, media_type="application/zip", headers={"Content-Disposition": name})
 
-    @app.get("/v1/targets", summary="What /v1/export can write.", tags=["light"], openapi_extra=openapi.TARGETS_ROUTE)
+    @app.get("/v1/targets", summary="What /v1/export can write.", tags=["light"], responses=_answers(401))
     async def targets() -> list[str]:
         return list(TARGETS)
 
@@ -224,22 +274,11 @@ def _leaving(request: Request) -> Callable[[], Any]:
     return gone
 
 
-def _add_error_lines(app: FastAPI, limits: Limits) -> None:
+def _add_error_lines(app: FastAPI) -> None:
     """Answer every error as problem details; log unexpected errors instead of sending them."""
 
     def line(error: object, status: int, headers: dict[str, str] | None = None) -> Response:
         return problem(status, error.notice if isinstance(error, AnyprobeError) else str(error), headers)
-
-    @app.exception_handler(Busy)
-    async def busy(request: Request, error: Busy) -> Response:
-        await take_unread(request)
-        text = f"all {limits.workers + limits.waiting} places are taken; try again in a moment"
-        return line(text, 429, {"Retry-After": str(limits.retry_after_s)})
-
-    @app.exception_handler(Ending)
-    async def ending(request: Request, error: Ending) -> Response:
-        headers = {"Retry-After": str(limits.retry_after_s), "Connection": "close"}
-        return line("the server is shutting down; send the request to another, or again in a moment", 503, headers)
 
     @app.exception_handler(Cancelled)
     @app.exception_handler(ClientDisconnect)
@@ -251,6 +290,10 @@ def _add_error_lines(app: FastAPI, limits: Limits) -> None:
         headers = dict(error.headers or {})
         text = f"expected {headers['Allow']}, got {request.method}" if "Allow" in headers else error.detail
         return line(text, error.status_code, headers)
+
+    @app.exception_handler(RequestValidationError)
+    async def invalid(request: Request, error: RequestValidationError) -> Response:
+        return line(forms.refusal(error, request.url.path), 422)
 
     @app.exception_handler(AnyprobeError)
     async def ours(request: Request, error: AnyprobeError) -> Response:

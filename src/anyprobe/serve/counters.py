@@ -8,7 +8,6 @@ from typing import Any
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from anyprobe.errors import MissingExtra
 from anyprobe.serve.pool import WorkerPool
 
 SECONDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0)
@@ -22,11 +21,8 @@ class Metrics:
     """Metrics of one application, in its own registry, so that one process can run several."""
 
     def __init__(self, pool: WorkerPool, places: int) -> None:
-        try:
-            import prometheus_client as prometheus
-        except ImportError:  # the server works without; /metrics says what is missing
-            self._prometheus: Any = None
-            return
+        import prometheus_client as prometheus
+
         self._prometheus = prometheus
         self._registry = prometheus.CollectorRegistry()
         in_registry: dict[str, Any] = {"registry": self._registry}
@@ -47,20 +43,12 @@ class Metrics:
 
     def count(self, scope: Scope, status: int, seconds: float) -> None:
         """Count an answered request."""
-        if self._prometheus is None:
-            return
         route = getattr(scope.get("route"), "path", ELSEWHERE)
         self._requests.labels(route, str(status)).inc()
         self._seconds.labels(route).observe(seconds)
 
     def answer(self) -> Response:
-        """Return the metrics in Prometheus's text format.
-
-        Raises:
-            MissingExtra: prometheus-client is not installed.
-        """
-        if self._prometheus is None:
-            raise MissingExtra("prometheus-client", "serve", "/metrics")
+        """Return the metrics in Prometheus's text format."""
         text = self._prometheus.generate_latest(self._registry)
         return Response(text, media_type=self._prometheus.CONTENT_TYPE_LATEST)
 

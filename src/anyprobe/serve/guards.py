@@ -1,12 +1,10 @@
-"""Checks before every request, of its size and its origin, and the security headers of every answer."""
+"""Checks before every request, of its size, its sender and its page, and the security headers of every answer."""
 
 from __future__ import annotations
 
 import asyncio
-import ipaddress
-import re
+import contextlib
 import secrets
-import time
 from collections.abc import Collection
 from urllib.parse import urlsplit
 
@@ -16,6 +14,8 @@ from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from anyprobe.serve.limits import UNREAD_S, Limits
+from anyprobe.serve.pool import WorkerPool
 from anyprobe.serve.problems import problem
 
 SECURITY_HEADERS = {
@@ -32,89 +32,64 @@ SECURITY_HEADERS = {
 
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 
-RECEIVED = "anyprobe.received"
-"""Key of a request's scope that counts the bytes of its body."""
-
 COOKIE = "anyprobe_token"
-
-HOST = re.compile(r"(\[[0-9a-fA-F:.%]+\]|[^\s:@/\\?#\[\],]+)(?::[0-9]{0,5})?")
-"""Pattern of a Host header: a name or an address, and a port; nothing before an @, where parsers disagree."""
 
 OPEN_PATHS = ("/healthz", "/readyz")
 """Paths that need no token."""
 
 
-def too_large(max_bytes: int) -> str:
-    return f"expected a body of at most {max_bytes / 2**20:g} MiB; shrink the photo first"
+class Admission:
+    """Middleware that gives each POST a place in the queue, before its body is read, and bounds that body.
 
-
-class BodyLimit:
-    """Middleware that refuses a body that is too large, by Content-Length or as it comes, or too slow."""
-
-    def __init__(self, app: ASGIApp, max_bytes: int, grace_s: float, least_rate: float) -> None:
-        self._app, self._max_bytes, self._grace_s, self._least_rate = app, max_bytes, grace_s, least_rate
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
-            return await self._app(scope, receive, send)
-        length = Headers(scope=scope).get("content-length", "0")
-        if length.isdigit() and int(length[:20]) > self._max_bytes:
-            answer = problem(413, too_large(self._max_bytes), {"Connection": "close"})
-            return await answer(scope, receive, send)
-        scope[RECEIVED], start, is_coming = 0, time.monotonic(), True
-
-        async def counted_receive() -> Message:
-            nonlocal is_coming
-            if not is_coming:  # the body is there; what follows is that the client leaves
-                return await receive()
-            allowed = self._grace_s + scope[RECEIVED] / self._least_rate
-            try:
-                async with asyncio.timeout(max(0.0, start + allowed - time.monotonic())):
-                    message = await receive()
-            except TimeoutError as error:
-                text = (
-                    f"expected {self._least_rate / 1024:g} KiB of the body per second, got less; shrink the photo first"
-                )
-                raise HTTPException(408, text, {"Connection": "close"}) from error
-            is_coming = message.get("more_body", False)
-            scope[RECEIVED] += len(message.get("body", b""))
-            if scope[RECEIVED] > self._max_bytes:
-                raise HTTPException(413, too_large(self._max_bytes), {"Connection": "close"})
-            return message
-
-        return await self._app(scope, counted_receive, send)
-
-
-class OwnNamesOnly:
-    """Middleware that refuses foreign host names, so that one pointed at this machine opens nothing.
-
-    With `addresses`, any IP address is accepted: no DNS name can redirect one.
+    A full queue is answered 429, a body that is too large 413, by Content-Length or as it comes, one too slow 408.
     """
 
-    def __init__(self, app: ASGIApp, names: Collection[str], addresses: bool = False) -> None:
-        self._app, self._names, self._addresses = app, list(dict.fromkeys(names)), addresses
+    def __init__(self, app: ASGIApp, limits: Limits, pool: WorkerPool) -> None:
+        self._app, self._limits, self._pool = app, limits, pool
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] == "lifespan":
+        if scope["type"] != "http" or scope["method"] != "POST":
             return await self._app(scope, receive, send)
-        host = Headers(scope=scope).get("host", "")
-        match = HOST.fullmatch(host)
-        name = match[1].lower() if match else ""
-        if "*" in self._names or name in self._names or (self._addresses and _is_address(name)):
-            return await self._app(scope, receive, send)
-        text = (
-            f"host: expected {' or '.join(self._names)}, got {host[:60]!r}; "
-            "to serve under another name, start with --allow-host NAME"
-        )
-        return await problem(400, text)(scope, receive, send)
+        limits, received = self._limits, 0
+        large = f"expected a body of at most {limits.max_bytes / 2**20:g} MiB; shrink the photo first"
+        length = Headers(scope=scope).get("content-length", "0")
+        if length.isdigit() and int(length[:20]) > limits.max_bytes:
+            return await problem(413, large, {"Connection": "close"})(scope, receive, send)
+        if self._pool.is_full:
+            await _discard(receive)
+            text = f"all {limits.places} places are taken; try again in a moment"
+            return await problem(429, text, {"Retry-After": str(limits.retry_after_s)})(scope, receive, send)
+        deadline: float | None = asyncio.get_running_loop().time() + limits.upload_s
+
+        async def bounded() -> Message:
+            nonlocal received, deadline
+            try:
+                async with asyncio.timeout_at(deadline):
+                    message = await receive()
+            except TimeoutError as error:
+                text = f"expected the whole body within {limits.upload_s:g} seconds; send a smaller photo"
+                raise HTTPException(408, text, {"Connection": "close"}) from error
+            received += len(message.get("body", b""))
+            if received > limits.max_bytes:
+                raise HTTPException(413, large, {"Connection": "close"})
+            if not message.get("more_body", False):  # what follows is that the client leaves
+                deadline = None
+            return message
+
+        self._pool.taken += 1
+        try:
+            await self._app(scope, bounded, send)
+        finally:
+            self._pool.taken -= 1
 
 
-def _is_address(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name.strip("[]"))
-    except ValueError:
-        return False
-    return True
+async def _discard(receive: Receive) -> None:
+    """Receive a refused body for a while: an answer while it still comes closes the connection, which some clients
+    take for a fault."""
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(UNREAD_S):
+            while (await receive()).get("more_body", False):
+                pass
 
 
 class TokenOnly:
@@ -144,22 +119,6 @@ class TokenOnly:
 
     def _fits(self, token: str) -> bool:
         return secrets.compare_digest(token.strip().encode(), self._token)
-
-
-class HeadAsGet:
-    """Middleware that answers HEAD as GET, without the body."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http" or scope["method"] != "HEAD":
-            return await self._app(scope, receive, send)
-
-        async def headers_only(message: Message) -> None:
-            await send({**message, "body": b""} if message["type"] == "http.response.body" else message)
-
-        return await self._app({**scope, "method": "GET"}, receive, headers_only)
 
 
 class OwnPagesOnly:

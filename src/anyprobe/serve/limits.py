@@ -1,24 +1,14 @@
-"""Limits of requests, listed in docs/reference/security.md; serve.processes has those of a process."""
+"""Limits of requests, listed in docs/reference/security.md."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 MAX_CONNECTIONS = 512
-"""Largest number of connections; beyond it the one that has been waited for longest is closed."""
-
-SPARE_DESCRIPTORS = 96
-"""Files and pipes that the server needs besides its connections."""
-
-MAX_HEAD_BYTES = 32 * 2**10
-HEAD_S = 10.0
-"""Time for a request's head to arrive [s]."""
+"""Largest number of connections; beyond it 503."""
 
 IDLE_S = 5
 """Time that a connection without a request is kept open [s]."""
-
-READ_S = 30.0
-"""Time that a client may leave an answer unread [s]."""
 
 UNREAD_S = 5.0
 """Time for which the body of a refused request is still received [s]."""
@@ -30,7 +20,7 @@ MAX_MAP_ROWS = 512
 """Largest map that is exported [rows]: a cube of it takes 5 seconds; ours have 64 rows."""
 
 MAX_SENT_SIDECAR_BYTES = 16 * 2**20
-"""Largest .json of a map that is exported [bytes]; ours have one with radiance, stages and mask, ten with detail."""
+"""Largest .json of a map that is exported [bytes]; ours have one with radiance, stages and mask."""
 
 MAX_PANORAMA_PIXELS = 8_500_000
 """Largest panorama of surroundings [pixels]; it is reduced to 128 x 64."""
@@ -38,9 +28,8 @@ MAX_PANORAMA_PIXELS = 8_500_000
 QUICK_BYTES = 16 * 2**20
 """Largest total size of JPEG, PNG and WebP files that decode quickly [bytes]."""
 
-LINES_PER_MINUTE = 60
-"""Largest number of log lines a minute; lines beyond it are counted."""
-
+MAX_CALLS = 500
+"""Pieces of work after which a decoding process is replaced: libraries leak."""
 
 DRAIN_S = 8.0
 """Time for running work when the server is stopped [s]."""
@@ -54,15 +43,13 @@ class Limits:
         max_bytes: largest body of a request; beyond it 413.
         max_pixels: largest photo or mask, judged by its header before it is decoded; beyond it 413.
         workers: photos computed at the same time.
-        waiting: requests that may wait for a worker, read bodies included; beyond them 429.
+        waiting: requests that may wait for a worker, those whose body is arriving included; beyond them 429.
         upload_s: seconds in which a body must have arrived; later it is 408.
-        grace_s, least_rate: a body that is slower than least_rate [bytes / s] after grace_s is 408 as well.
         retry_after_s: what a 429 asks for.
-        quick_s: processor seconds, usually 1 to 3, for decoding a JPEG, PNG or WebP and finding its object; one that
-            takes longer waits with the slow formats.
-        decode_s: seconds of the processor for decoding any file, and for an export; beyond them 422.
+        quick_s: seconds, usually 1 to 3, for decoding a JPEG, PNG or WebP and finding its object; one that takes
+            longer is tried again with the slow formats.
+        decode_s: seconds for decoding any file, and for an export; beyond them 422.
         decode_mb: memory for that, beyond the idle process's own; beyond it 422.
-        drain_s: seconds for running work when the server is stopped; then 503. Containers are killed after 10.
     """
 
     max_bytes: int = 32 * 2**20
@@ -70,10 +57,12 @@ class Limits:
     workers: int = 2
     waiting: int = 30
     upload_s: float = 60.0
-    grace_s: float = 5.0
-    least_rate: float = 16_384.0
     retry_after_s: int = 1
-    quick_s: float = 6.0
-    decode_s: float = 12.0
+    quick_s: float = 20.0
+    decode_s: float = 40.0
     decode_mb: int = 900
-    drain_s: float = DRAIN_S
+
+    @property
+    def places(self) -> int:
+        """Requests that are taken at the same time."""
+        return self.workers + self.waiting

@@ -33,7 +33,7 @@ from anyprobe.masks.weights import find_weights
 from anyprobe.pictures.images import read_image
 from anyprobe.serve.answers import light_json, mask_png, png
 from anyprobe.serve.guards import SECURITY_HEADERS
-from anyprobe.serve.pool import Cancellation, WorkerPool
+from anyprobe.serve.pool import WorkerPool
 
 MEDIA_TYPES = {
     ".html": "text/html; charset=utf-8",
@@ -89,15 +89,13 @@ class Page:
             },
         }
 
-    def example(self, cancellation: Cancellation | None = None) -> dict[str, bytes]:
+    def example(self) -> dict[str, bytes]:
         """Return the finished example by address: photo, mask, and the light as /v1/estimate answers it.
 
         Made at the first call, from a picture whose alpha channel is the mask.
         """
         with self._lock:
             if not self._example:
-                if cancellation is not None:
-                    cancellation.check()
                 pixels = read_image(self.files[EXAMPLE])
                 photo = load_photo(pixels.rgb, mask=pixels.alpha, fov_deg=EXAMPLE_FOV_DEG)
                 light = self._estimator.from_photo(photo)

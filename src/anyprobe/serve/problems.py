@@ -13,6 +13,20 @@ from anyprobe.notices import Notice, Words
 
 MEDIA_TYPE = "application/problem+json"
 
+_NAMES = {"type": "array", "items": {"type": "string"}}
+_REMEDY = {"do": {"enum": ["give", "leave out", "run"]}, "name": {"type": "string"}, "value": {"type": "string"}}
+SCHEMA = {
+    "type": "object",
+    "properties": {
+        **{name: {"type": "string"} for name in ("type", "title", "detail", "code", "text")},
+        "status": {"type": "integer"},
+        "subject": {**_NAMES, "description": "fields that the error is about"},
+        "remedy": {"type": "array", "items": {"type": "object", "properties": _REMEDY}},
+    },
+    "required": ["type", "title", "status", "detail", "code"],
+}
+"""JSON schema of an error's answer."""
+
 
 class FormWords(Words):
     """Arguments as form fields and query parameters."""

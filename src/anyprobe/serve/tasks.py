@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,6 @@ from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.estimate.merged_surroundings import cut_out
 from anyprobe.estimate.mirror_ball import Ball, find_ball
 from anyprobe.estimate.photo import Crop, Photo, load_photo
-from anyprobe.estimate.result import LEVEL
 from anyprobe.estimate.saved_map import export_settings
 from anyprobe.hints import Hints
 from anyprobe.maps.radiance import read_radiance
@@ -35,30 +34,18 @@ QUICK_STARTS = (b"\xff\xd8\xff", b"\x89PNG", b"RIFF")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Upload:
+class Sent:
     """A photo and what was given with it.
 
     Attributes:
         photo: the file's bytes, as sent.
-        name: file name without folders, for messages; "photo" where none came.
+        name: file name without folders, for messages.
         hints: the hints given; files as their bytes.
-        settings: requested fields of Settings: emitters and looks.
-        include: further contents of the JSON answer: "radiance", "stages", "mask".
-        exposure: exposure change of an export [stops].
-        world_from_camera: rotation of an export: 2 or 3 angles in degrees, or 9 numbers of a matrix.
-        sidecar: bytes of the .json of a map that is exported.
-        frame: how an export lies without world_from_camera: "level" or "camera".
     """
 
     photo: bytes
     name: str = "photo"
     hints: Hints = Hints()
-    settings: dict[str, Any] = field(default_factory=dict)
-    include: frozenset[str] = frozenset()
-    exposure: float | None = None
-    world_from_camera: tuple[float, ...] | None = None
-    sidecar: bytes | None = None
-    frame: str = LEVEL
 
     def pictures(self) -> list[tuple[str, bytes]]:
         """Return the request's files with their names in messages."""
@@ -70,6 +57,25 @@ class Upload:
         """Whether all pictures are small and of formats that decode quickly."""
         pictures = [data for _, data in self.pictures()]
         return all(picture.startswith(QUICK_STARTS) for picture in pictures) and sum(map(len, pictures)) <= QUICK_BYTES
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SentMap:
+    """A map that is exported.
+
+    Attributes:
+        data: the bytes of an .exr or .hdr.
+        sidecar: those of its .json.
+        exposure_ev: exposure change [stops].
+        world_from_camera: rotation: 2 or 3 angles in degrees, or 9 numbers of a matrix; None: see is_level.
+        is_level: whether +Y is up in the place, where the sidecar states the camera's pitch.
+    """
+
+    data: bytes
+    sidecar: bytes | None = None
+    exposure_ev: float = 0.0
+    world_from_camera: tuple[float, ...] | None = None
+    is_level: bool = True
 
 
 class TooManyPixels(InputError):
@@ -95,9 +101,9 @@ class Cut:
     mask: bytes | None
 
 
-def cut(upload: Upload, max_pixels: int, first: bool, with_mask: bool, is_alone: bool) -> Cut:
+def cut(sent: Sent, max_pixels: int, first: bool, with_mask: bool, is_alone: bool) -> Cut:
     """Return the object cut out of its photo, and what else of the photo the light or the answer needs."""
-    photo = _open(upload, max_pixels)
+    photo = _open(sent, max_pixels)
     mask = mask_png(photo.mask) if with_mask else None
     ball = find_ball(photo) if is_alone else None
     ball = ball and replace(ball, photo=ball.photo.without_pixels())
@@ -105,20 +111,20 @@ def cut(upload: Upload, max_pixels: int, first: bool, with_mask: bool, is_alone:
     return Cut(photo=photo.without_pixels(), crop=crop, ball=ball, mask=mask)
 
 
-def mask(upload: Upload, max_pixels: int, as_json: bool) -> dict[str, Any] | bytes:
+def mask(sent: Sent, max_pixels: int, as_json: bool) -> dict[str, Any] | bytes:
     """Return the mask that an estimate would use as PNG, or its description as JSON data."""
-    photo = _open(upload, max_pixels)
+    photo = _open(sent, max_pixels)
     return mask_json(photo) if as_json else mask_png(photo.mask)
 
 
-def upright(upload: Upload, max_pixels: int) -> tuple[bytes, float | None]:
+def upright(sent: Sent, max_pixels: int) -> tuple[bytes, float | None]:
     """Convert a photo of any known format to PNG: upright, sRGB, at most PAGE_LONG_PX long.
 
     Returns:
         The picture, and the field of view of its longer side [degrees] where its EXIF has it.
     """
-    _check_pixels(upload, max_pixels)
-    pixels = read_image(upload.photo, "photo")
+    _check_pixels(sent.pictures(), max_pixels, sent.hints.surroundings)
+    pixels = read_image(sent.photo, "photo")
     layers = [pixels.rgb] if pixels.alpha is None else [pixels.rgb, pixels.alpha[..., None]]
     picture = np.empty((*pixels.rgb.shape[:2], 2 + len(layers)), np.uint8)
     for rows in np.array_split(np.arange(len(picture)), max(1, picture.size // 2**22)):
@@ -130,18 +136,18 @@ def upright(upload: Upload, max_pixels: int) -> tuple[bytes, float | None]:
     return png(np.asarray(image)), fov_deg
 
 
-def export_zip(upload: Upload, max_pixels: int, target: str) -> bytes:
-    """Export a map (.exr or .hdr bytes in the place of the photo) for one target, as a zip."""
+def export_zip(sent: SentMap, max_pixels: int, target: str) -> bytes:
+    """Export a map for one target, as a zip."""
     from anyprobe.export.targets import write_export
 
-    _check_pixels(upload, min(max_pixels, 2 * MAX_MAP_ROWS**2))
-    if len(upload.sidecar or b"") > MAX_SENT_SIDECAR_BYTES:
+    _check_pixels([("map", sent.data)], min(max_pixels, 2 * MAX_MAP_ROWS**2))
+    if len(sent.sidecar or b"") > MAX_SENT_SIDECAR_BYTES:
         raise InputError(f"expected at most {MAX_SENT_SIDECAR_BYTES / 2**20:g} MiB, got more", subject="sidecar")
-    with _map_file(upload.photo, sidecar=upload.sidecar) as path, tempfile.TemporaryDirectory() as folder:
+    with _map_file(sent.data, sidecar=sent.sidecar) as path, tempfile.TemporaryDirectory() as folder:
         radiance = read_radiance(path)
-        turn = None if upload.world_from_camera is None else rotation_of(upload.world_from_camera)
-        settings = export_settings(path, turn, is_level=upload.frame == LEVEL)
-        write_export(radiance, target, Path(folder), "light", exposure_ev=upload.exposure or 0.0, **settings)
+        turn = None if sent.world_from_camera is None else rotation_of(sent.world_from_camera)
+        settings = export_settings(path, turn, is_level=sent.is_level)
+        write_export(radiance, target, Path(folder), "light", exposure_ev=sent.exposure_ev, **settings)
         return zip_folder(Path(folder))
 
 
@@ -168,16 +174,16 @@ def _map_file(data: bytes, name: str = "map", sidecar: bytes | None = None) -> I
             raise InvalidEnvironment(error.notice.of(name) if is_about_file else error) from error
 
 
-def _open(upload: Upload, max_pixels: int) -> Photo:
+def _open(sent: Sent, max_pixels: int) -> Photo:
     """Load the photo, with its object marked, under the name it was sent with."""
-    _check_pixels(upload, max_pixels)
-    return load_photo(upload.photo, upload.hints, name=upload.name)
+    _check_pixels(sent.pictures(), max_pixels, sent.hints.surroundings)
+    return load_photo(sent.photo, sent.hints, name=sent.name)
 
 
-def _check_pixels(upload: Upload, max_pixels: int) -> None:
+def _check_pixels(pictures: list[tuple[str, bytes]], max_pixels: int, panorama: object = None) -> None:
     """Raise TooManyPixels if a picture's header declares more pixels than allowed."""
-    for name, picture in upload.pictures():
-        limit = min(max_pixels, MAX_PANORAMA_PIXELS) if picture is upload.hints.surroundings else max_pixels
+    for name, picture in pictures:
+        limit = min(max_pixels, MAX_PANORAMA_PIXELS) if picture is panorama else max_pixels
         if declared_pixels(picture) > limit:
             raise TooManyPixels(
                 f"expected at most {limit / 1e6:g} million pixels, got more; shrink it first", source=name
