@@ -1,0 +1,207 @@
+"""The light network, its losses and its run: laws that hold for any weights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
+
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles  # noqa: E402
+from anyprobe_train.light.drawing import MapDrawing  # noqa: E402
+from anyprobe_train.light.light_losses import LIGHT_WEIGHTS, LightLoss, total_of  # noqa: E402
+from anyprobe_train.light.light_run import LightRunConfig, run_light  # noqa: E402
+from anyprobe_train.light.network import LeanNet  # noqa: E402
+from anyprobe_train.light.pictured import learned, mirrored_inputs, mirrored_truth, tensors_of  # noqa: E402
+from anyprobe_train.nets.emitter_head import POWER_FLOOR  # noqa: E402
+
+pytestmark = pytest.mark.ci
+
+
+@dataclass(frozen=True)
+class Stub:
+    """A batch as the world makes it."""
+
+    context: np.ndarray
+    crop: np.ndarray
+    seen: np.ndarray
+    lens: np.ndarray
+    fov: np.ndarray
+    up: np.ndarray
+    normals: np.ndarray
+    material: np.ndarray
+    truth: np.ndarray
+    sources: np.ndarray
+    soft: np.ndarray
+    outdoors: np.ndarray
+    family: np.ndarray
+
+
+def batch_of(seed: int, n: int = 4) -> Stub:
+    """Draw a batch under one disc of light each."""
+    rng = np.random.default_rng(seed)
+
+    def unit(*shape: int) -> np.ndarray:
+        values = rng.normal(size=(n, *shape, 3))
+        return values / np.linalg.norm(values, axis=-1, keepdims=True)
+
+    sources = np.zeros((n, 3, 8), np.float32)
+    sources[:, 0, 0], sources[:, 0, 1:4], sources[:, 0, 4] = 1, unit(), 12
+    cosine = np.einsum("nc,hwc->nhw", sources[:, 0, 1:4], pixel_directions(64))
+    disc = cosine > np.cos(np.radians(12))
+    truth = np.where(disc[..., None], 30.0, rng.uniform(0.1, 0.6, (n, 1, 1, 3)))
+    above = np.maximum(truth - 1, 0) * pixel_solid_angles(64)[..., None]
+    sources[:, 0, 5:] = above.sum(axis=(1, 2))
+    cover = rng.random((n, 64, 128, 1)) < 0.3
+    return Stub(
+        context=rng.integers(0, 256, (n, 96, 96, 5)).astype(np.uint8),
+        crop=rng.integers(0, 256, (n, 96, 96, 4)).astype(np.uint8),
+        seen=(255 * np.concatenate([cover * rng.random((n, 64, 128, 3)), cover], axis=3)).astype(np.uint8),
+        lens=np.tile([0.6, 0.1, -0.2, 0.2, 1.0], (n, 1)).astype(np.float32),
+        fov=rng.uniform(30, 80, n).astype(np.float32),
+        up=np.tile([0.1, 0.9, 0.42], (n, 1)).astype(np.float32),
+        normals=np.round(127 * unit(48, 48)).astype(np.int8),
+        material=np.tile([0, 0.5, 0.4, 0.3], (n, 1)).astype(np.float32),
+        truth=truth.astype(np.float16),
+        sources=sources,
+        soft=np.zeros(n, np.float32),
+        outdoors=np.array([1, 0, np.nan, 1][:n], np.float32),
+        family=np.zeros(n, np.uint8),
+    )
+
+
+@pytest.fixture(scope="module")
+def net() -> LeanNet:
+    torch.manual_seed(0)
+    return LeanNet().eval()
+
+
+def test_every_answer_is_finite_whatever_is_missing(net: LeanNet) -> None:
+    inputs, truth = tensors_of(batch_of(1, 2))
+    nothing = type(inputs)(**{one.name: torch.zeros_like(getattr(inputs, one.name)) for one in fields(inputs)})
+    nothing = replace(nothing, lens=inputs.lens)
+    for given in (inputs, nothing):
+        with torch.no_grad():
+            answer = net(given)
+        for one in fields(answer):
+            assert torch.isfinite(getattr(answer, one.name)).all(), one.name
+    assert answer.ln_radiance.shape == truth.radiance.shape
+    assert answer.normals.shape == truth.normals.shape
+
+
+def test_columns_of_the_sphere_go_on_beyond_the_seam(net: LeanNet) -> None:
+    values = torch.rand(1, net.lifted[0].in_channels, 16, 32)
+    with torch.no_grad():
+        there, here = net.lifted(values.roll(5, dims=3)), net.lifted(values).roll(5, dims=3)
+    assert torch.allclose(there, here, atol=1e-6)
+
+
+def test_a_mirror_twice_changes_nothing_and_agrees_with_directions() -> None:
+    inputs, truth = tensors_of(batch_of(2))
+    twice = mirrored_inputs(mirrored_inputs(inputs)), mirrored_truth(mirrored_truth(truth))
+    for once, again in zip((inputs, truth), twice, strict=True):
+        for one in fields(once):
+            a, b = getattr(once, one.name), getattr(again, one.name)
+            assert torch.equal(torch.nan_to_num(a), torch.nan_to_num(b)), one.name
+    other = mirrored_truth(truth)
+    brightest = other.radiance.sum(dim=1).flatten(1).argmax(dim=1)
+    d = torch.from_numpy(pixel_directions(64)).flatten(0, 1)[brightest].float()
+    assert ((d * other.sources[:, 0, 1:4]).sum(dim=1) > np.cos(np.radians(14))).all()
+
+
+def test_a_drawn_source_has_its_power_and_stands_in_its_place() -> None:
+    drawing = MapDrawing()
+    direction = torch.nn.functional.normalize(torch.tensor([[[0.4, 0.7, -0.5]]]), dim=2).expand(1, 3, 3)
+    power = torch.tensor([[2.0, 1.0, 0.5]])
+    exists = torch.tensor([[30.0, -30.0, -30.0]])
+    powers = torch.log(power[:, None].expand(1, 3, 3) + POWER_FLOOR)
+    shown, density = torch.full((1, 3, 64, 128), -40.0), torch.zeros(1, 1, 64, 128)
+    radius = torch.full((1, 3), float(np.log(10.0)))
+    radiance, expected = drawing(shown, torch.log(power + POWER_FLOOR), density, direction, exists, radius, powers)
+    total = (radiance * drawing.solid_angles).sum(dim=(2, 3))
+    assert torch.allclose(total, power, rtol=1e-3)
+    assert torch.allclose((expected * drawing.solid_angles).sum(dim=(2, 3)), power, rtol=1e-3)
+    half = radiance[0, 0] > radiance[0, 0].max() / 2
+    area = float((drawing.solid_angles[0, 0] * half).sum())
+    assert area == pytest.approx(2 * np.pi * (1 - np.cos(np.radians(10))), rel=0.12)
+    logit = 60 * (drawing.place_directions @ direction[0, 0]) + drawing.ln_place_angles
+    places = torch.log_softmax(logit, dim=0).expand(1, 3, -1)
+    assert (drawing.directions(places)[0, 0] @ direction[0, 0]) > np.cos(np.radians(1.0))
+
+
+def test_losses_of_the_truth_are_nothing(net: LeanNet) -> None:
+    inputs, truth = tensors_of(batch_of(3))
+    loss = LightLoss()
+    with torch.no_grad():
+        answer = net(inputs)
+    ln = torch.log(truth.radiance.clamp(min=1e-4))
+    above = ((truth.radiance - 1).clamp(min=0) * loss.angles).sum(dim=(2, 3))
+    sources = truth.sources[:, [1, 0, 2]]  # in another order
+    true = replace(
+        answer,
+        ln_radiance=ln,
+        ln_expected=ln,
+        ln_shown=ln.clamp(max=0.0),
+        ln_power=torch.log(above + POWER_FLOOR),
+        places=torch.log_softmax(
+            (sources[:, :, 1:4] @ loss._places.T - 1.0) / (1 - np.cos(np.radians(5.0))) + loss._ln_angles, dim=2
+        ),
+        exists=40.0 * sources[:, :, 0] - 20.0,
+        directions=sources[:, :, 1:4],
+        ln_radius=torch.log(sources[:, :, 4].clamp(min=2.0)),
+        ln_powers=torch.log(sources[:, :, 5:] + POWER_FLOOR),
+        normals=torch.nn.functional.normalize(truth.normals, dim=1),
+        soft=torch.full_like(answer.soft, -20.0),
+    )
+    terms = loss(true, truth)
+    assert set(terms) == set(LIGHT_WEIGHTS)
+    for name in ("display", "scales", "ln", "power", "spheres", "places", "exists", "radius", "source_power", "soft"):
+        assert float(terms[name]) == pytest.approx(0.0, abs=2e-3), name
+    assert float(terms["normals"]) == pytest.approx(0.0, abs=1e-5)
+
+
+def test_a_mirrored_photo_costs_what_the_photo_costs_at_a_mirrored_answer(net: LeanNet) -> None:
+    inputs, truth = tensors_of(batch_of(4))
+    loss = LightLoss()
+    with torch.no_grad():
+        answer = net(inputs)
+        other = replace(answer, ln_radiance=answer.ln_radiance.flip(3), ln_expected=answer.ln_expected.flip(3))
+        ours, theirs = loss.of_map(answer, truth.radiance), loss.of_map(other, truth.radiance.flip(3))
+    for name in ("display", "spheres", "level", "color"):
+        assert float(ours[name]) == pytest.approx(float(theirs[name]), rel=1e-3), name
+
+
+def test_one_step_down_the_gradient_lowers_the_loss() -> None:
+    torch.manual_seed(1)
+    net, loss = LeanNet(), LightLoss()
+    inputs, truth = learned(*tensors_of(batch_of(5)), (1, 1))
+    optimizer = torch.optim.AdamW(net.parameters(), lr=2e-3)
+    seen = []
+    for _ in range(4):
+        total = total_of(loss(net(inputs), truth))
+        optimizer.zero_grad()
+        total.backward()
+        assert all(p.grad is not None and torch.isfinite(p.grad).all() for p in net.parameters())
+        optimizer.step()
+        seen.append(float(total.detach()))
+    assert seen[-1] < seen[0]
+
+
+def test_a_run_that_was_stopped_goes_on_to_the_same_bits(tmp_path) -> None:
+    def batches(first: int):
+        step = first
+        while True:
+            yield batch_of(step, 2)
+            step += 1
+
+    config = LightRunConfig(name="light", steps=3, batch=2, warmup=2)
+    whole = run_light(config, batches=batches, runs=tmp_path / "a", assets="stub")
+    run_light(config, batches=batches, runs=tmp_path / "b", assets="stub", last=1)
+    halves = run_light(config, batches=batches, runs=tmp_path / "b", assets="stub")
+    one, other = (torch.load(path, weights_only=True) for path in (whole, halves))
+    assert one["step"] == other["step"] == 3
+    for name, value in one["moving"].items():
+        assert torch.equal(value, other["moving"][name]), name
+    assert all(torch.equal(one["net"][name], other["net"][name]) for name in one["net"])

@@ -1,0 +1,59 @@
+"""The answer to a photo and to its mirror image, as one: mirrored photos give mirrored answers."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from itertools import permutations
+
+import torch
+from torch.nn import functional as F
+
+from anyprobe_train.light.drawing import PLACE_ROWS, SLOTS
+from anyprobe_train.light.network import LeanNet, LightAnswer, LightInputs
+from anyprobe_train.light.pictured import mirrored_inputs
+
+ORDERS = tuple(permutations(range(SLOTS)))
+
+
+def both_ways(net: LeanNet, inputs: LightInputs) -> LightAnswer:
+    """Return the mean of the answers to photos and to their mirror images, drawn anew; one batch of twice the size.
+
+    Sources of the mirror image are those whose places are most alike.
+    """
+    other = mirrored_inputs(inputs)
+    both = LightInputs(
+        **{one.name: torch.cat([getattr(inputs, one.name), getattr(other, one.name)]) for one in fields(LightInputs)}
+    )
+    answer, count = net(both), len(inputs.lens)
+
+    def half(rows: slice) -> dict[str, torch.Tensor]:
+        return {one.name: getattr(answer, one.name)[rows] for one in fields(LightAnswer)}
+
+    ours, theirs = half(slice(0, count)), half(slice(count, None))
+    for name in ("ln_shown", "density", "confidence", "normals"):
+        theirs[name] = theirs[name].flip(3)
+    side = theirs["normals"].new_tensor([-1.0, 1.0, 1.0])
+    theirs["normals"] = theirs["normals"] * side[:, None, None]
+    theirs["posture"] = theirs["posture"] * side.flip(0)
+    theirs["places"] = theirs["places"].unflatten(2, (PLACE_ROWS, 2 * PLACE_ROWS)).flip(3).flatten(2)
+    order = _alike(ours["places"], theirs["places"])
+    for name in ("places", "exists", "ln_radius", "ln_powers"):
+        theirs[name] = (
+            order @ theirs[name].flatten(2 if theirs[name].dim() > 2 else 1).view(count, SLOTS, -1)
+        ).view_as(theirs[name])
+    mean = {name: (ours[name] + theirs[name]) / 2.0 for name in ours}
+    mean["places"] = torch.log((torch.exp(ours["places"]) + torch.exp(theirs["places"])) / 2.0 + 1e-12)
+    mean["normals"] = F.normalize(mean["normals"], dim=1)
+    drawing = net.drawing
+    mean["directions"] = drawing.directions(mean["places"])
+    drawn = ("ln_shown", "ln_power", "density", "directions", "exists", "ln_radius", "ln_powers")
+    radiance, expected = drawing(*(mean[name] for name in drawn))
+    return replace(LightAnswer(**mean), ln_radiance=torch.log(radiance), ln_expected=torch.log(expected))
+
+
+def _alike(ours: torch.Tensor, theirs: torch.Tensor) -> torch.Tensor:
+    """Return the permutation matrices [N, S, S] that bring their sources' places [N, S, P] to ours."""
+    likeness = torch.exp(ours / 2) @ torch.exp(theirs / 2).transpose(1, 2)
+    choices = torch.eye(SLOTS, device=ours.device)[torch.tensor(ORDERS, device=ours.device)]  # [6, S, S]
+    total = torch.einsum("nst,kst->nk", likeness, choices)
+    return choices[total.argmax(dim=1)]

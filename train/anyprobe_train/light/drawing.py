@@ -1,0 +1,119 @@
+"""Light drawn into a map: what is up to white, sources in their size, and what power is left where it is likely."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe_train.nets.emitter_head import POWER_FLOOR
+
+SLOTS = 3
+"""Number of sources that are looked for."""
+PLACE_ROWS, PEAK_ROWS = MAP_HEIGHT // 2, MAP_HEIGHT // 4
+"""Rows at which a source's place is weighed, and at which its peak is looked for first."""
+PEAK, AROUND = 50.0, 60.0
+"""Sharpness [1/(1 - cos)] of the blur in which the peak is the most, and of what counts around it."""
+SHARP, ROUNDS = 200.0, 3
+"""Sharpness of the choice of the peak, and rounds in which it moves to the mean of what counts around it."""
+EDGE_DEG = 1.5
+"""Half width of a drawn source's soft edge [degrees]: half a pixel."""
+LEAST_DEG, MOST_DEG = 2.0, 60.0
+"""Radii that sources are drawn with."""
+LN_MOST = 9.0
+"""Largest logarithm of a power or a radiance."""
+
+
+class MapDrawing(nn.Module):
+    """Place, size and power of sources and all other power -> radiance."""
+
+    solid_angles: torch.Tensor
+    directions_of_map: torch.Tensor
+    place_directions: torch.Tensor
+    ln_place_angles: torch.Tensor
+    peak_directions: torch.Tensor
+    ln_peak_angles: torch.Tensor
+
+    def __init__(self) -> None:
+        super().__init__()
+        at = {rows: torch.from_numpy(pixel_directions(rows)).float() for rows in (MAP_HEIGHT, PLACE_ROWS, PEAK_ROWS)}
+        for name, value in {
+            "solid_angles": _solid_angles(MAP_HEIGHT)[None, None],
+            "directions_of_map": at[MAP_HEIGHT].flatten(0, 1).T,
+            "place_directions": at[PLACE_ROWS].flatten(0, 1),
+            "ln_place_angles": _solid_angles(PLACE_ROWS).flatten().log(),
+            "peak_directions": at[PEAK_ROWS].flatten(0, 1),
+            "ln_peak_angles": _solid_angles(PEAK_ROWS).flatten().log(),
+        }.items():
+            self.register_buffer(name, value.contiguous(), persistent=False)
+
+    def places(self, density: torch.Tensor, slots: torch.Tensor) -> torch.Tensor:
+        """Return ln of the probability [N, S, 2048] that each source is in a pixel of 32 rows: its own logit
+        [N, S, 32, 64] on top of the ln density [N, 1, 64, 128] of all power."""
+        logit = F.avg_pool2d(density, 2) + slots
+        return torch.log_softmax(logit.flatten(2) + self.ln_place_angles, dim=2)
+
+    def directions(self, places: torch.Tensor) -> torch.Tensor:
+        """Return the unit direction [N, S, 3] around the peak of each source's places."""
+        share = torch.exp(places)
+        coarse = 4.0 * F.avg_pool2d(share.unflatten(2, (PLACE_ROWS, 2 * PLACE_ROWS)), 2).flatten(2)
+        blur = torch.exp(PEAK * (self.peak_directions @ self.peak_directions.T - 1.0))
+        blurred = coarse @ blur
+        height = SHARP * blurred / blurred.amax(dim=2, keepdim=True) + self.ln_peak_angles
+        peak = F.normalize(torch.softmax(height, dim=2) @ self.peak_directions, dim=2)
+        for _ in range(ROUNDS):
+            near = share * torch.exp(AROUND * (peak @ self.place_directions.T - 1.0).clamp(min=-0.3))
+            peak = F.normalize(near @ self.place_directions, dim=2)
+        return peak
+
+    def forward(
+        self,
+        ln_shown: torch.Tensor,
+        ln_power: torch.Tensor,
+        density: torch.Tensor,
+        directions: torch.Tensor,
+        exists: torch.Tensor,
+        ln_radius: torch.Tensor,
+        ln_powers: torch.Tensor,
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return radiance [N, 3, 64, 128] with sources in their size, and with all power by its density."""
+        shown, above = torch.exp(ln_shown.clamp(max=0.0)), power_of(ln_power)
+        spread = torch.exp(density - density.amax(dim=(2, 3), keepdim=True))
+        disc = self.discs(directions, ln_radius)  # [N, S, 8192]
+        powers = torch.sigmoid(exists)[..., None] * power_of(ln_powers)
+        scale = (above / powers.sum(dim=1).clamp(min=1e-6)).clamp(max=1.0)
+        powers = powers * scale[:, None]
+        sources = (powers.transpose(1, 2) @ self._even(disc)).unflatten(2, (MAP_HEIGHT, 2 * MAP_HEIGHT))
+        covered = (torch.sigmoid(exists)[..., None] * disc).amax(dim=1, keepdim=True)
+        rest = spread * (1.0 - covered).unflatten(2, (MAP_HEIGHT, 2 * MAP_HEIGHT))
+        left = (above - powers.sum(dim=1)).clamp(min=0.0)[:, :, None, None]
+        expected = shown + above[:, :, None, None] * self._shares(spread)
+        return shown + sources + left * self._shares(rest), expected
+
+    def discs(self, directions: torch.Tensor, ln_radius: torch.Tensor) -> torch.Tensor:
+        """Return how much of each map pixel each source covers [N, S, 8192], with a soft edge."""
+        radius = torch.exp(ln_radius).clamp(LEAST_DEG, MOST_DEG)[..., None]
+        cosine = (directions @ self.directions_of_map).clamp(-1 + 1e-6, 1 - 1e-6)
+        degrees = torch.acos(cosine) * (180.0 / np.pi)
+        return ((radius + EDGE_DEG - degrees) / (2 * EDGE_DEG)).clamp(0.0, 1.0)
+
+    def _even(self, disc: torch.Tensor) -> torch.Tensor:
+        """Scale pictures [N, S, 8192] so that their integral is 1."""
+        total = (disc * self.solid_angles.flatten()).sum(dim=2, keepdim=True)
+        return disc / total.clamp(min=1e-6)
+
+    def _shares(self, spread: torch.Tensor) -> torch.Tensor:
+        return spread / (spread * self.solid_angles).sum(dim=(2, 3), keepdim=True).clamp(min=1e-9)
+
+
+def _solid_angles(rows: int) -> torch.Tensor:
+    """Return the solid angles [rows, 2 rows] of a map's pixels."""
+    return torch.from_numpy(pixel_solid_angles(rows)).float().expand(-1, 2 * rows)
+
+
+def power_of(ln_power: torch.Tensor) -> torch.Tensor:
+    """Return power from its logarithm with POWER_FLOOR."""
+    return (torch.exp(ln_power.clamp(max=LN_MOST)) - POWER_FLOOR).clamp(min=0.0)

@@ -1,0 +1,177 @@
+"""Export of the light network as light.onnx: from a photo's pixels to its light, one graph, checked against torch."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from anyprobe.core.color import REC709
+from anyprobe.core.contract import contract
+from anyprobe.estimate.light_graph import INPUTS, OUTPUTS, graph_inputs
+from anyprobe.estimate.runtime import CONTRACT
+from anyprobe_train.light.both_ways import both_ways
+from anyprobe_train.light.drawing import power_of
+from anyprobe_train.light.light_run import load_lean_net
+from anyprobe_train.light.light_views import LightViews
+from anyprobe_train.light.network import LeanNet, LightAnswer
+from anyprobe_train.light_graph.back import Back
+from anyprobe_train.light_graph.front import Framed, Front, Given
+from anyprobe_train.light_graph.known_parts import radiance_of
+from anyprobe_train.train.export_onnx import CONVOLUTIONS, FLOATS, LINEAR_LAYERS, Graph, write_graph
+
+TOLERANCE = 0.03
+"""Largest median difference of any output from torch that weights of eight bits may cause."""
+TWO_OF_THREE = float(np.log(3.0))
+"""Bound that two of three errors keep, in mean errors of a Laplace distribution."""
+KNOWN_LENS_DEG = 0.5
+"""Error of a field of view that is given."""
+ENOUGH: float = contract("exposure")["enough"]
+DYNAMIC = {
+    "photo": {1: "height", 2: "width"},
+    "window": {1: "window_height", 2: "window_width"},
+    "normals": {1: "normals_height", 2: "normals_width"},
+}
+"""Inputs of any size."""
+
+
+def example_photo() -> tuple[torch.Tensor, ...]:
+    """Return those of a smooth photo of a ball, in the order of INPUTS."""
+    rows, columns = np.mgrid[:240, :320]
+    mask = ((rows - 130) ** 2 + (columns - 150) ** 2 < 60**2).astype(np.float32)
+    waves = np.array([[0.02, 0.05], [0.04, 0.01], [0.03, 0.03]])
+    rgb = np.stack([0.5 + 0.4 * np.sin(a * rows + b * columns) for a, b in waves], axis=-1).astype(np.float32)
+    given = graph_inputs(rgb, mask, 60.0)
+    return tuple(torch.from_numpy(given[name]) for name in INPUTS)
+
+
+class LeanGraph(nn.Module):
+    """Inputs of estimate.light_graph.INPUTS -> its OUTPUTS, by LeanNet."""
+
+    def __init__(self, net: LeanNet) -> None:
+        super().__init__()
+        self.net, self.views = net, LightViews()
+        self.front, self.back = Front(), Back()
+
+    def forward(
+        self,
+        photo: torch.Tensor,
+        window: torch.Tensor,
+        geometry: torch.Tensor,
+        lens: torch.Tensor,
+        up: torch.Tensor,
+        normals: torch.Tensor,
+        material: torch.Tensor,
+        panorama: torch.Tensor,
+        sun: torch.Tensor,
+        believe: torch.Tensor,
+    ) -> tuple[torch.Tensor, ...]:
+        given = Given(
+            photo=photo[0].permute(2, 0, 1),
+            window=window[0].permute(2, 0, 1),
+            geometry=geometry[0],
+            lens=lens[0],
+            up=up[0],
+            normals=normals[0].permute(2, 0, 1),
+            material=material[0],
+            panorama=panorama[0].permute(2, 0, 1),
+            sun=sun[0],
+            believe=believe[0, 0],
+        )
+        framed, inputs = self.front.framed(given), self.views(given)
+        answer = both_ways(self.net, inputs)
+        exposed = torch.where(inputs.crop[:, 3].amax() > 0.5, framed.well_exposed, torch.ones_like(framed.well_exposed))
+        confidence = torch.sigmoid(answer.confidence[0, 0]) * (exposed / ENOUGH).clamp(max=1.0)
+        panorama = torch.cat([given.panorama, (given.panorama[:3].amax() > 1.0) * given.panorama[3:]])
+        beside = self.front.seen(given, framed, torch.eye(3))
+        light, _, cover = radiance_of(panorama + (1.0 - panorama[3:4]) * beside)
+        known = torch.maximum(panorama[3:4], given.believe * cover)  # else the network says what it believes
+        guess = torch.exp(answer.ln_radiance[0])
+        radiance = guess + known * (torch.maximum(light, guess * (light >= 1.0)) - guess)
+        outputs = (
+            radiance.permute(1, 2, 0),
+            confidence,
+            self.back.harmonics(radiance),
+            self._sources(answer),
+            torch.sigmoid(answer.soft),
+            self._errors(answer),
+            self._posture(answer),
+            self._field_of_view(answer, given),
+            torch.sigmoid(answer.outdoors),
+            torch.zeros(2) + 0.0 * given.believe,
+            torch.cat([light * cover, cover]).permute(1, 2, 0),
+            self._normals(answer, framed),
+            self._material(answer),
+            framed.crop.permute(1, 2, 0),
+            torch.cat([framed.camera_from_crop.flatten(), framed.tan_half[None], framed.center]).reshape(4, 3),
+            framed.well_exposed[None],
+            torch.zeros_like(framed.crop[:3]).permute(1, 2, 0),
+        )
+        return tuple(one[None] for one in outputs)
+
+    def _sources(self, answer: LightAnswer) -> torch.Tensor:
+        """Return sources [S, 8], the strongest first."""
+        exists, powers = torch.sigmoid(answer.exists[0])[:, None], power_of(answer.ln_powers[0])
+        radius = torch.exp(answer.ln_radius[0])[:, None]
+        rows = torch.cat([exists, answer.directions[0], radius, powers], dim=1)
+        strength = exists[:, 0] * (powers @ torch.tensor(REC709))
+        _, order = torch.topk(strength, len(rows))
+        return rows[order]
+
+    def _errors(self, answer: LightAnswer) -> torch.Tensor:
+        direction, level, color = torch.exp(answer.errors[0]).unbind()
+        return torch.stack([(10.0 * TWO_OF_THREE * direction).clamp(max=120.0), level, 10.0 * color])
+
+    def _posture(self, answer: LightAnswer) -> torch.Tensor:
+        pitch, ln_error, roll = answer.posture[0].unbind()
+        return torch.stack([pitch * (180.0 / math.pi), roll * (180.0 / math.pi), 10.0 * torch.exp(ln_error)])
+
+    def _field_of_view(self, answer: LightAnswer, given: Given) -> torch.Tensor:
+        """Return the longer side's field of view and its error [degrees]: the given one where it is known."""
+        known = (given.lens[1] > 0.5).float()
+        tangent, error = torch.exp(answer.lens[0]).unbind()
+        tangent = known * given.lens[0] + (1.0 - known) * tangent
+        degrees = torch.atan(tangent) * (360.0 / math.pi)
+        steep = 2.0 * tangent / (1.0 + tangent**2) * (180.0 / math.pi)  # d degrees / d ln tangent
+        return torch.stack([degrees, known * KNOWN_LENS_DEG + (1.0 - known) * steep * error])
+
+    def _normals(self, answer: LightAnswer, framed: Framed) -> torch.Tensor:
+        """Return normals over the crop in its frame, [64, 64, 3]."""
+        n = F.interpolate(answer.normals, size=(64, 64), mode="bilinear", align_corners=False)
+        turned = torch.einsum("ck,chw->hwk", framed.camera_from_crop, n[0])
+        return turned / turned.square().sum(dim=2, keepdim=True).sqrt().clamp(min=1e-6)
+
+    def _material(self, answer: LightAnswer) -> torch.Tensor:
+        metal, others = answer.material[0].split([1, 4])
+        return torch.cat([torch.sigmoid(metal), torch.exp(others)])
+
+
+def export_lean(checkpoint: Path, path: Path) -> float:
+    """Write light.onnx of a trained run; return its largest median difference from torch.
+
+    Raises:
+        ModelError: no checkpoint, or a difference of more than TOLERANCE.
+    """
+    net, run = load_lean_net(checkpoint)
+    return write_light(net, path, run)
+
+
+def write_light(net: LeanNet, path: Path, run: dict) -> float:
+    """Write light.onnx of a network; run: what its metadata say of where the weights are from."""
+    examples = example_photo()
+    graph = Graph(
+        net=LeanGraph(net).eval(),
+        inputs={name: tuple(value.shape) for name, value in zip(INPUTS, examples, strict=True)},
+        outputs=OUTPUTS,
+        typical=np.median,
+        small=(LINEAR_LAYERS, CONVOLUTIONS),
+        dynamic=DYNAMIC,
+    )
+    about = {**CONTRACT, "stage": "light", "computes": FLOATS, "signature": "1"}
+    about |= {"run": str(run.get("name")), "steps": str(run.get("step")), "config": json.dumps(run)}
+    return write_graph("light", graph, examples, about, path, TOLERANCE)

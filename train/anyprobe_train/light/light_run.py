@@ -1,0 +1,142 @@
+"""The run of the light network: one small loop over the world's batches, one checkpoint that resumes to the bit."""
+
+from __future__ import annotations
+
+import json
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from anyprobe_train.light.light_losses import LIGHT_WEIGHTS, LightLoss, total_of
+from anyprobe_train.light.network import LeanNet
+from anyprobe_train.light.pictured import learned, tensors_of
+from anyprobe_train.nets.blocks import autocast
+from anyprobe_train.train.checkpoint import agreed, load_weights, read_checkpoint, resumed, save_checkpoint
+from anyprobe_train.train.logger import RunLogger, run_folder
+from anyprobe_train.train.loop import learning_rate, mean_of, move_mean
+
+SAVE_SECONDS, SCORE_SECONDS = 300.0, 1800.0
+"""Seconds between two checkpoints, and between two scores of photos that are left out."""
+
+Batches = Callable[[int], Iterator[Any]]
+"""From the first step on: the batches of its and of the following steps, as the world makes them."""
+Scored = Callable[[LeanNet], dict[str, float]]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LightRunConfig:
+    """A run's settings.
+
+    name: of the run's folder. The learning rate rises over warmup steps and falls over the last cooldown share.
+    averaged: decay of the running mean of the weights, which is what is scored and exported. seed, with the step's
+    number, decides everything that is drawn.
+    """
+
+    name: str = "light"
+    steps: int = 60_000
+    batch: int = 64
+    learning_rate: float = 1.5e-3
+    weight_decay: float = 1e-2
+    warmup: int = 200
+    cooldown: float = 0.6
+    averaged: float = 0.999
+    most_gradient: float = 1.0
+    seed: int = 7
+
+
+@contextmanager
+def asked_to_stop() -> Iterator[Callable[[], bool]]:
+    """Say whether the process was asked to end (SIGTERM, SIGINT), which then waits for a checkpoint."""
+    asked = []
+    old = {
+        kind: signal.signal(kind, lambda number, _: asked.append(number)) for kind in (signal.SIGTERM, signal.SIGINT)
+    }
+    try:
+        yield lambda: bool(asked)
+    finally:
+        for kind, handler in old.items():
+            signal.signal(kind, handler)
+
+
+def run_light(
+    config: LightRunConfig,
+    *,
+    batches: Batches,
+    runs: Path,
+    assets: str,
+    device: str = "cpu",
+    last: int | None = None,
+    scored: Scored | None = None,
+) -> Path:
+    """Train to config.steps, going on from the checkpoint of runs/<config.name> when there is one; its path.
+
+    assets: identity of what batches are drawn from. last: stop at this step, to go on later. scored: figures of photos
+    that are left out, written to left_out.jsonl beside the checkpoint.
+
+    Raises:
+        InputError, ModelError: of train.checkpoint.resumed.
+    """
+    torch.manual_seed(config.seed)
+    torch.set_flush_denormal(True)
+    path = runs / config.name / "checkpoint.pt"
+    net = LeanNet().to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    optimizer = torch.optim.AdamW(
+        net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay, fused=True
+    )
+    stored, origin = resumed(path, config, {"assets": assets}, None, device, holds="net")
+    if stored is not None:
+        origin = agreed(path, stored.get("origin", {}), origin)
+    mean, first = mean_of(net, optimizer, stored, path)
+    last = config.steps if last is None else min(last, config.steps)
+    if first >= last:
+        return path
+    losses, folder = LightLoss(device), run_folder(runs, config.name)
+    logger = RunLogger(folder, config.name, (*LIGHT_WEIGHTS, "loss"), first, last, config.steps)
+    saved = judged = time.monotonic()
+    with logger, asked_to_stop() as asked:
+        for step, batch in zip(range(first, last), batches(first), strict=False):
+            rate = learning_rate(config, step)
+            for group in optimizer.param_groups:
+                group["lr"] = rate
+            inputs, truth = learned(*tensors_of(batch, device), (config.seed, step))
+            net.train()
+            torch.manual_seed(config.seed + step)  # what is dropped is the step's own
+            with autocast(device):
+                guess = net(inputs)
+            terms = losses(guess, truth)
+            loss = total_of(terms)
+            optimizer.zero_grad(set_to_none=True)
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(net.parameters(), config.most_gradient)
+            optimizer.step()
+            move_mean(mean, net, min(config.averaged, (step + 1) / (step + 20)))
+            count = len(truth.fov)
+            logger.note(step + 1, (step + 1) * count, count, {**terms, "loss": loss}, rate)
+            now, ends = time.monotonic(), step + 1 == last or asked()
+            if now - saved > SAVE_SECONDS or ends:
+                state = {"net": mean.state_dict(), "moving": net.state_dict(), "optimizer": optimizer.state_dict()}
+                save_checkpoint(path, config, step + 1, origin, state)
+                saved = now
+            if scored is not None and (now - judged > SCORE_SECONDS or step + 1 == config.steps):
+                with (folder / "left_out.jsonl").open("a", encoding="utf-8") as stream:
+                    stream.write(json.dumps({"step": step + 1, **scored(mean)}) + "\n")
+                judged = time.monotonic()
+            if ends:
+                break
+    return path
+
+
+def load_lean_net(checkpoint: Path) -> tuple[LeanNet, dict[str, Any]]:
+    """Return the trained network of a checkpoint (the mean of its weights), ready to run, and its step, configuration
+    and origin; ModelError if there is none, or of another release."""
+    stored = read_checkpoint(checkpoint, holds="net")
+    net = LeanNet()
+    load_weights(net, stored["net"], checkpoint)
+    about = {"step": stored["step"], "origin": stored.get("origin", {}), **json.loads(stored["config"])}
+    return net.eval().requires_grad_(False), about

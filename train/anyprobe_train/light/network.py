@@ -1,0 +1,330 @@
+"""The light network: what a photo shows, of the object and beside it -> the light, in the photo's camera frame.
+
+Two towers of plain convolutions see the object's crop and the whole photo; what the object reflects is lifted to the
+directions that it comes from, what the photo shows lies on the sphere, and a small decoder on the sphere, whose last
+step sees every seen pixel, says the map. Frame: +X right, +Y up, the camera looks along -Z.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from anyprobe.core.latlong import pixel_directions
+from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe_train.light.drawing import LN_MOST, SLOTS, MapDrawing
+from anyprobe_train.nets.blocks import conv, two_layers, wrap
+from anyprobe_train.nets.whole_net import inverse_display
+
+PICTURE_SIDE = 96
+"""Side of the crop's and of the context's picture [pixels]."""
+NORMALS_SIDE = 48
+"""Side of the picture of the normals."""
+ROWS, COARSE_ROWS = MAP_HEIGHT // 4, MAP_HEIGHT // 8
+"""Rows of the two grids on the sphere that reflections are lifted to."""
+LIFTED = 19
+"""Channels that are lifted: display RGB and features."""
+GLOSSY, MATTE = 60.0, 12.0
+"""Sharpness of the lifting [1/(1 - cos)] along mirror directions, and along normals."""
+LN_NOTHING = -20.0
+"""Logarithm of a weight that is as good as none."""
+NEAREST = 300.0
+"""Sharpness of the nearest seen place: places a few degrees further count less than half."""
+SEEN_COVER, UNSEEN = 0.05, 1e4
+"""Cover from which on a place counts as seen, and what others lose of the logarithm of their weight."""
+FIRST_LN = -1.2
+"""ln radiance before training: about the mean over photos."""
+LN_FLOOR = 0.01
+"""Added to radiance before its logarithm."""
+CODE_LENGTH, GRID = 256, 24
+"""Numbers that the towers say of the whole photo, and channels of the sphere that they are laid on."""
+DROPPED = 0.1
+"""Share of those numbers that a step of training goes without."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LightInputs:
+    """Inputs of LeanNet, float32; display values in [0, 1].
+
+    context [N, 5, 96, 96]: RGB, mask, cover; crop [N, 4, 96, 96]: RGB x mask, mask; seen [N, 4, 64, 128]: RGB x cover,
+    cover; lens [N, 5]: tangent of half the context's field, the crop's centre (right, up) and half its side on the
+    image plane, 1 where the lens is known. Zero where not given: up [N, 3], normals [N, 3, 48, 48] over the crop,
+    material [N, 8] of given_material.material_input, sun [N, 3].
+    """
+
+    context: torch.Tensor
+    crop: torch.Tensor
+    seen: torch.Tensor
+    lens: torch.Tensor
+    up: torch.Tensor
+    normals: torch.Tensor
+    material: torch.Tensor
+    sun: torch.Tensor
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LightAnswer:
+    """Outputs of LeanNet; angles in radians but for those named in degrees.
+
+    ln_shown [N, 3, 64, 128]: ln radiance, which counts up to white. ln_power [N, 3]: ln(all power above white +
+    POWER_FLOOR) [sr].
+    density [N, 1, 64, 128]: ln of that power's density up to a constant. places [N, S, 2048]: ln of the probability
+    that source S is in a pixel of 32 rows. Of the sources: exists [N, S] logit, directions [N, S, 3], ln_radius [N, S]
+    [degrees], ln_powers [N, S, 3] with POWER_FLOOR. ln_radiance: the map drawn, ln_expected: all power by its density.
+    confidence [N, 1, 64, 128] logit. soft [N] logit of no source dominating. errors [N, 3]: ln of the mean errors of
+    the dominant direction [tens of degrees], of ln level, of the mean colour [tens of degrees]. posture [N, 3]: pitch,
+    ln of its error, roll. lens [N, 2]: ln tangent of half the longer side's field, ln of its error. outdoors [N] logit.
+    normals [N, 3, 48, 48]: unit, camera frame. material [N, 5]: logit of a metal, ln reflectance RGB, ln of its error.
+    """
+
+    ln_shown: torch.Tensor
+    ln_power: torch.Tensor
+    density: torch.Tensor
+    places: torch.Tensor
+    exists: torch.Tensor
+    directions: torch.Tensor
+    ln_radius: torch.Tensor
+    ln_powers: torch.Tensor
+    ln_radiance: torch.Tensor
+    ln_expected: torch.Tensor
+    confidence: torch.Tensor
+    soft: torch.Tensor
+    errors: torch.Tensor
+    posture: torch.Tensor
+    lens: torch.Tensor
+    outdoors: torch.Tensor
+    normals: torch.Tensor
+    material: torch.Tensor
+
+
+class SphereConv(nn.Sequential):
+    """`conv` on the sphere: columns go on beyond the seam."""
+
+    def __init__(self, inputs: int, outputs: int, stride: int = 1) -> None:
+        convolution = nn.Conv2d(inputs, outputs, 3, stride, (1, 0), bias=False)
+        super().__init__(convolution, nn.BatchNorm2d(outputs), nn.LeakyReLU(0.1, inplace=True))
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:  # type: ignore[override]
+        return super().forward(wrap(x, 1))
+
+
+class Tower(nn.Module):
+    """Picture [N, C, 96, 96] -> features [N, widths[1], 24, 24] and [N, widths[2], 12, 12], and a code [N, code]."""
+
+    def __init__(self, channels: int, widths: tuple[int, int, int, int], code: int) -> None:
+        super().__init__()
+        first, fine, middle, deep = widths
+        self.first = nn.Sequential(conv(channels, first, stride=2), conv(first, fine, stride=2))
+        self.fine = conv(fine, fine)
+        self.middle = nn.Sequential(conv(fine, middle, stride=2), conv(middle, middle))
+        self.deep = nn.Sequential(conv(middle, deep, stride=2), conv(deep, deep))
+        self.code = nn.Sequential(nn.Flatten(), nn.Linear(deep * (PICTURE_SIDE // 16) ** 2, code), nn.LeakyReLU(0.1))
+
+    def forward(self, picture: torch.Tensor, beside: torch.Tensor | None = None) -> tuple[torch.Tensor, ...]:
+        fine = self.first(picture)
+        fine = self.fine(fine if beside is None else fine + beside)
+        middle = self.middle(fine)
+        return fine, middle, self.code(self.deep(middle).contiguous())
+
+
+def _directions(rows: int) -> torch.Tensor:
+    """Return unit directions [1, 3, rows, 2 rows] of a map's pixels."""
+    return torch.from_numpy(pixel_directions(rows)).permute(2, 0, 1)[None].float().contiguous()
+
+
+class LeanNet(nn.Module):
+    """LightInputs -> LightAnswer."""
+
+    fine_directions: torch.Tensor
+    lift_directions: torch.Tensor
+    coarse_directions: torch.Tensor
+    grid: torch.Tensor
+
+    def __init__(
+        self,
+        context: tuple[int, int, int, int] = (12, 24, 56, 112),
+        crop: tuple[int, int, int, int] = (16, 32, 72, 112),
+        sphere: tuple[int, int, int, int, int] = (16, 40, 32, 64, 80),
+    ) -> None:
+        super().__init__()
+        self.context = Tower(5 + 3, context, 192)
+        self.crop = Tower(4 + 2, crop, CODE_LENGTH)
+        self.given_normals = nn.Conv2d(4, crop[1], 1)
+        self.up_crop = nn.Conv2d(crop[2], crop[1], 1)
+        self.surface = conv(crop[1], crop[1])
+        self.normals = nn.Conv2d(crop[1], 3 * 4 + LIFTED - 3, 3, padding=1)
+        self.together = nn.Sequential(nn.Linear(192 + CODE_LENGTH + 5 + 3 + 8 + 3 + 1, CODE_LENGTH), nn.LeakyReLU(0.1))
+        self.posture = nn.Linear(CODE_LENGTH, 3)
+        last, decoded, fine, coarse, middle = sphere
+        near = 5 + 3 + 2
+        self.start = nn.Sequential(nn.Linear(CODE_LENGTH, GRID * 2 * COARSE_ROWS**2), nn.LeakyReLU(0.1))
+        self.enter = SphereConv(16 + near, fine, stride=2)
+        self.lifted = SphereConv(fine + LIFTED + 1, fine)
+        self.down = SphereConv(fine, coarse, stride=2)
+        self.middle = nn.Sequential(SphereConv(coarse + LIFTED + 1 + GRID, middle), SphereConv(middle, middle))
+        self.summary = nn.Sequential(nn.Conv2d(middle, 8, 1), nn.LeakyReLU(0.1), nn.Flatten())
+        self.up1 = nn.Conv2d(middle, decoded, 1)
+        self.skip = nn.Conv2d(fine, decoded, 1)
+        self.decode = SphereConv(decoded, decoded)
+        self.up2 = nn.Conv2d(decoded, last, 1)
+        self.last = SphereConv(last + 16 + near, last)
+        self.head = nn.Conv2d(last, 4 * 6 + SLOTS, 1)
+        said = CODE_LENGTH + 8 * 2 * COARSE_ROWS**2
+        self.of_light = two_layers(said, 3 + 5 * SLOTS + 1 + 3, 128)
+        self.of_photo = two_layers(said, 2 + 1 + 5, 64)
+        self.drawing = MapDrawing()
+        self.register_buffer("fine_directions", _directions(MAP_HEIGHT // 2), persistent=False)
+        self.register_buffer("lift_directions", _directions(ROWS).flatten(2)[0].T.contiguous(), persistent=False)
+        self.register_buffer(
+            "coarse_directions", _directions(COARSE_ROWS).flatten(2)[0].T.contiguous(), persistent=False
+        )
+        middle_of = (torch.arange(PICTURE_SIDE) + 0.5) * (2.0 / PICTURE_SIDE) - 1.0
+        grid = torch.stack(
+            [middle_of.expand(PICTURE_SIDE, PICTURE_SIDE), -middle_of[:, None].expand(PICTURE_SIDE, PICTURE_SIDE)]
+        )
+        self.register_buffer("grid", grid[None].contiguous(), persistent=False)
+        with torch.no_grad():
+            for layer in (self.head, self.posture, self.of_light[2], self.of_photo[2]):
+                layer.weight.mul_(0.3)
+                nn.init.zeros_(layer.bias)
+
+    def forward(self, inputs: LightInputs) -> LightAnswer:
+        half, center, side, known = inputs.lens.split([1, 2, 1, 1], dim=1)
+        rays = self.grid * half[:, :, None, None]
+        is_known = known[:, :, None, None].expand(-1, 1, PICTURE_SIDE, PICTURE_SIDE)
+        crop_rays = self.grid * side[:, :, None, None] + center[:, :, None, None]
+        _, _, seen_code = self.context(_last(torch.cat([inputs.context, rays, is_known], dim=1)))
+        fine, middle, code = self.crop(_last(torch.cat([inputs.crop, crop_rays], dim=1)), self._given(inputs.normals))
+        surface = self.surface(fine + F.interpolate(self.up_crop(middle), scale_factor=2.0, mode="nearest"))
+        normals, features = self.normals(surface).split([12, LIFTED - 3], dim=1)
+        toward = F.normalize(F.pixel_shuffle(normals, 2).float() + _facing(F.avg_pool2d(crop_rays, 2)), dim=1)
+        present = inputs.crop[:, 3:].amax(dim=(2, 3))
+        sun_given = inputs.sun.square().sum(dim=1, keepdim=True)
+        hints = torch.cat([inputs.lens, inputs.up, inputs.material, inputs.sun, present], dim=1)
+        code = self.together(F.dropout(torch.cat([seen_code, code, hints], dim=1), DROPPED, self.training))
+        posture = self.posture(code)
+        glossy, matte = self._lift(inputs, toward, features, crop_rays)
+        near = self._near(inputs, posture, sun_given)
+        beside = torch.cat([F.pixel_unshuffle(inputs.seen, 2), near], dim=1)
+        grid = self.start(code).unflatten(1, (GRID, COARSE_ROWS, 2 * COARSE_ROWS))
+        x = self.lifted(_last(torch.cat([self.enter(_last(beside)), glossy], dim=1)))
+        skip = self.skip(x)
+        x = self.middle(_last(torch.cat([self.down(x), matte, grid], dim=1)))
+        said = torch.cat([code, self.summary(x)], dim=1)
+        x = self.decode(F.interpolate(self.up1(x), scale_factor=2.0, mode="nearest") + skip)
+        x = F.interpolate(self.up2(x), scale_factor=2.0, mode="nearest")
+        out = self.head(self.last(_last(torch.cat([x, beside], dim=1))))
+        light, photo = self.of_light(said).float(), self.of_photo(said).float()
+        return self._answer(inputs, out.float(), near, light, photo, posture.float(), toward)
+
+    def _given(self, normals: torch.Tensor) -> torch.Tensor:
+        """Return what given normals add to the crop's features, [N, C, 24, 24]."""
+        known = (normals.square().sum(dim=1, keepdim=True) > 0.25).to(normals.dtype)
+        return self.given_normals(F.avg_pool2d(torch.cat([normals, known], dim=1), 2))
+
+    def _lift(
+        self, inputs: LightInputs, normals: torch.Tensor, features: torch.Tensor, crop_rays: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return means over the object's pixels by the direction that they mirror [N, C, 16, 32] and by their normals
+        [N, C, 8, 16]; the last channel says how much of the object there is."""
+        given = inputs.normals
+        known = (given.square().sum(dim=1, keepdim=True) > 0.25).to(given.dtype)
+        n = F.avg_pool2d((known * given + (1 - known) * normals).detach(), 2)
+        n = F.normalize(n, dim=1).flatten(2)  # [N, 3, P]
+        wo = _facing(F.avg_pool2d(crop_rays, 4)).flatten(2)
+        wi = 2.0 * (n * wo).sum(dim=1, keepdim=True) * n - wo
+        ones = torch.ones_like(wi[:, :1])
+        small = F.avg_pool2d(inputs.crop, 4).flatten(2)
+        mask = small[:, 3:]
+        values = torch.cat([small[:, :3], features.flatten(2) * mask, mask], dim=1).transpose(1, 2)  # [N, P, C]
+        grids = []
+        for about, to, sharpness, rows in (
+            (wi, self.lift_directions, GLOSSY, ROWS),
+            (n, self.coarse_directions, MATTE, COARSE_ROWS),
+        ):
+            to = torch.cat([to, -torch.ones_like(to[:, :1])], dim=1)
+            closeness = sharpness * to @ torch.cat([about, ones], dim=1)
+            weight = torch.exp(closeness.clamp(min=LN_NOTHING))  # [N, D, P]; without bounds four times as slow
+            sums = weight @ values
+            inside = sums[..., -1:]
+            means = torch.cat([sums[..., :-1] / (inside + 0.1), torch.log1p(inside) / 4.0], dim=2)
+            grids.append(means.transpose(1, 2).unflatten(2, (rows, 2 * rows)))
+        return grids[0], grids[1]
+
+    def _near(self, inputs: LightInputs, posture: torch.Tensor, sun_given: torch.Tensor) -> torch.Tensor:
+        """Return [N, 10, 32, 64]: the nearest seen place's display RGB, its angle over pi, whether anything is seen at
+        all; each pixel's direction; how far it is up; how near it is to a given sun."""
+        coarse = F.avg_pool2d(inputs.seen, MAP_HEIGHT // ROWS).flatten(2)  # [N, 4, P]
+        cover = coarse[:, 3]
+        colors = coarse[:, :3] / cover[:, None].clamp(min=SEEN_COVER)
+        hidden = -UNSEEN * (cover < SEEN_COVER).float()
+        weight = torch.log(cover.clamp(min=SEEN_COVER)) + hidden
+        d = self.lift_directions
+        asked = torch.cat([NEAREST * d, torch.ones_like(d[:, :1])], dim=1)
+        share = torch.softmax(asked @ torch.cat([d.T.expand(len(cover), -1, -1), weight[:, None]], dim=1), dim=2)
+        found = share @ torch.cat([colors.transpose(1, 2), d.expand(len(cover), -1, -1)], dim=2)
+        angle = torch.acos((found[..., 3:] * d).sum(dim=2).clamp(-1 + 1e-6, 1 - 1e-6)) / torch.pi
+        near = torch.cat([found[..., :3], angle[..., None]], dim=2).transpose(1, 2).unflatten(2, (ROWS, 2 * ROWS))
+        near = F.interpolate(wrap(near, 1), scale_factor=2.0, mode="bilinear", align_corners=False)[..., 2:-2]
+        some = (cover.amax(dim=1) >= SEEN_COVER).float()[:, None, None, None].expand_as(near[:, :1])
+        pitch, _, roll = posture.detach().float().split(1, dim=1)
+        guess = torch.cat([pitch.cos() * roll.sin(), pitch.cos() * roll.cos(), pitch.sin()], dim=1)
+        given = (inputs.up.square().sum(dim=1, keepdim=True) > 0.5).float()
+        up = given * inputs.up + (1 - given) * guess
+        directions = self.fine_directions.expand(len(up), -1, -1, -1)
+        rise = (up[:, :, None, None] * directions).sum(dim=1, keepdim=True)
+        sun = torch.exp(20.0 * ((inputs.sun[:, :, None, None] * directions).sum(dim=1, keepdim=True) - 1.0))
+        return torch.cat([near * some, some, directions, rise, sun * sun_given[:, :, None, None]], dim=1)
+
+    def _answer(self, inputs, out, near, light, photo, posture, normals) -> LightAnswer:
+        """Make the answer of the head's channels [N, 6 * 4 + S, 32, 64] and of what the two small heads say."""
+        of_map, slots = out.split([24, SLOTS], dim=1)
+        of_map = F.pixel_shuffle(of_map, 2)
+        cover = inputs.seen[:, 3:]
+        beside = F.interpolate(near[:, :3], scale_factor=2.0, mode="nearest")
+        shown_there = inverse_display(inputs.seen[:, :3] + (1 - cover) * beside)
+        some = F.interpolate(near[:, 4:5], scale_factor=2.0, mode="nearest")
+        goes_on = torch.sigmoid(of_map[:, 5:6] + 4.0 * cover - 2.0) * some
+        own = torch.exp((of_map[:, :3] + FIRST_LN).clamp(max=LN_MOST))
+        ln_shown = torch.log((1 - goes_on) * own + goes_on * shown_there + LN_FLOOR)
+        ln_power, exists, ln_radius, ln_powers, soft, errors = light.split([3, SLOTS, SLOTS, 3 * SLOTS, 1, 3], dim=1)
+        lens, outdoors, material = photo.split([2, 1, 5], dim=1)
+        density = of_map[:, 3:4]
+        places = self.drawing.places(density, slots)
+        ln_power, ln_powers = ln_power - 0.5, ln_powers.unflatten(1, (SLOTS, 3)) - 1.0
+        ln_radius = ln_radius + float(np.log(8.0))
+        directions = self.drawing.directions(places.detach())
+        radiance, expected = self.drawing(ln_shown, ln_power, density, directions, exists, ln_radius, ln_powers)
+        return LightAnswer(
+            ln_shown=ln_shown,
+            ln_power=ln_power,
+            density=density,
+            places=places,
+            exists=exists,
+            directions=directions,
+            ln_radius=ln_radius,
+            ln_powers=ln_powers,
+            ln_radiance=torch.log(radiance),
+            ln_expected=torch.log(expected),
+            confidence=of_map[:, 4:5],
+            soft=soft[:, 0],
+            errors=errors,
+            posture=posture,
+            lens=torch.cat([lens[:, :1] + float(np.log(np.tan(np.radians(30.0)))), lens[:, 1:] - 2.0], dim=1),
+            outdoors=outdoors[:, 0],
+            normals=normals,
+            material=material,
+        )
+
+
+def _last(x: torch.Tensor) -> torch.Tensor:
+    return x.contiguous(memory_format=torch.channels_last)
+
+
+def _facing(rays: torch.Tensor) -> torch.Tensor:
+    """Return unit directions to the camera [N, 3, H, W] of points on the image plane [N, 2, H, W] (right, up)."""
+    return F.normalize(torch.cat([-rays, torch.ones_like(rays[:, :1])], dim=1), dim=1)
