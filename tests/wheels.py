@@ -14,7 +14,7 @@ import urllib.request
 from pathlib import Path
 
 INDEX = os.environ.get("PIP_INDEX_URL", "https://pypi.org/simple").rstrip("/")
-EXTRAS = ("", "video", "serve", "heic", "raw", "jxl")
+EXTRAS = ("", "video", "serve", "heic", "raw")
 SYSTEMS = {
     "Linux x64": r"manylinux.*x86_64",
     "Linux arm64": r"manylinux.*aarch64",

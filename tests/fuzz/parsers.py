@@ -21,12 +21,14 @@ from anyprobe.estimate.normals_hint import read_normals
 from anyprobe.estimate.result import Light
 from anyprobe.export.exported_light import check_front, sidecar_beside
 from anyprobe.files import meshes
-from anyprobe.maps import radiance
+from anyprobe.maps import image_io, radiance
 from anyprobe.masks.depth import read_depth
 from anyprobe.pictures import declared_size, images
 from anyprobe.video.clip import open_clip, read_frames
 from anyprobe_train.assets.gltf import buffer_paths, pack_glb, read_gltf
 from fuzz.seeds import instanced_glb, multipart_exr
+
+CASES = Path(__file__).parents[1] / "product/cases"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,10 +135,6 @@ def with_readers() -> list[bytes]:
 
         found += [picture_files.dng(picture_files.scene(40, 48))]
     with suppress(ImportError):
-        import pillow_jxl  # noqa: F401
-
-        found += [saved(Image.fromarray(picture_files.eight(picture_files.scene(40, 48))), "JXL")]
-    with suppress(ImportError):
         import pillow_heif
 
         pillow_heif.register_heif_opener()
@@ -144,7 +142,10 @@ def with_readers() -> list[bytes]:
         found += [saved(Image.fromarray(picture_files.eight(rgb)), "HEIF")]
         found += [picture_files.apple_heic(rgb, rgb[..., 1], picture_files.maker_note(0.8, 0.005))]
         found += [picture_files.iso_heif("HEIC", rgb, rgb[..., 1], 3.0)]
-    return found or [b"II*\0\x08\0\0\0"]
+    small = picture_files.scene(40, 48)
+    found += [image_io.encode_image(picture_files.eight(small), "jpegxl", {})]
+    found += [(CASES / name).read_bytes() for name in ("exif.jxl", "grey_alpha.jxl", "rgb16_ramp.jp2")]
+    return found
 
 
 def exrs() -> list[bytes]:

@@ -42,6 +42,7 @@ from anyprobe.core.response import response
 from anyprobe.errors import InvalidPhoto, MissingExtra
 from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.maps.exr import read_exr
+from anyprobe.maps.image_io import encode_image, library
 from anyprobe.maps.radiance import read_linear, read_radiance, write_hdr_picture
 from anyprobe.pictures.apple_gain import apple_headroom
 from anyprobe.pictures.color_encoding import ADOBE_RGB, PRIMARIES, by_code_points, by_numbers
@@ -422,34 +423,52 @@ def test_a_raw_photo_has_its_camera_s_white_balance():
     close(found[4:-4, 4:-4], response(linear)[4:-4, 4:-4], 0.02)
 
 
-@pytest.mark.parametrize(
-    ("data", "package", "extra"), [(dng(scene(64, 64)), "rawpy", "raw"), (b"\xff\x0a" + bytes(60), "pillow_jxl", "jxl")]
-)
-def test_without_its_reader_one_line_names_it(monkeypatch, data, package, extra):
+def test_without_its_reader_one_line_names_it(monkeypatch):
     real = builtins.__import__
 
     def without(name, *rest):
-        if name == package:
+        if name == "rawpy":
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
         return real(name, *rest)
 
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(MissingExtra) as caught:
-        read_image(data)
-    assert f"[{extra}]" in str(caught.value)
+        read_image(dng(scene(64, 64)))
+    assert "[raw]" in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-def test_jpeg_xl_is_read_and_bounded_by_its_header(monkeypatch):
-    pytest.importorskip("pillow_jxl")
-    stream = io.BytesIO()
-    Image.fromarray(eight(DISPLAY)).save(stream, "JXL", lossless=True)
-    close(read_image(stream.getvalue()).rgb, DISPLAY, 0.004)
+@pytest.mark.parametrize("kind", ["8 bits", "16 bits", "alpha", "floats"])
+def test_a_jpeg_xl_is_the_picture(kind):
+    alpha = np.linspace(0, 1, DISPLAY[..., 0].size).reshape(DISPLAY.shape[:2])
+    pixels = {
+        "8 bits": eight(DISPLAY),
+        "16 bits": sixteen(DISPLAY),
+        "alpha": sixteen(np.dstack([DISPLAY, alpha])),
+        "floats": (2 * LINEAR).astype(np.float32),
+    }[kind]
+    found = read_image(encode_image(pixels, "jpegxl", {"oiio:UnassociatedAlpha": 1, "jpegxl:distance": 0.0}))
+    if kind == "floats":
+        np.testing.assert_allclose(found.radiance, pixels, rtol=0.02, atol=0.01)
+    else:
+        close(found.rgb, DISPLAY, 0.004 if kind == "8 bits" else 0.002)
+    assert (found.alpha is not None) == (kind == "alpha")
+
+
+def test_a_jpeg_xl_has_its_exif_and_is_upright():
+    found = case("exif.jxl")
+    assert found.rgb.shape == (64, 96, 3)
+    np.testing.assert_allclose(found.rgb[[0, -1], [0, -1]], [(0, 0, 1), (1, 0, 0)], atol=0.01)
+    assert found.long_fov_deg == pytest.approx(65.47, abs=0.01)
+    assert found.exposure == pytest.approx(0.01 * 100 / 2.8**2)
+    grey = case("grey_alpha.jxl")
+    np.testing.assert_allclose(grey.rgb[[0, -1], [0, -1], 1], [29 / 255, 76 / 255], atol=0.01)
+    assert declared_pixels((CASES / "exif.jxl").read_bytes()) == 64 * 96
+
+
+def test_a_jpeg_xl_is_bounded_by_its_header():
     for size in ((96, 64), (65, 300), (1000, 33), (256, 256)):
-        for container in (False, True):
-            stream = io.BytesIO()
-            Image.new("RGB", size).save(stream, "JXL", lossless=True, use_container=container)
-            assert jxl_size(stream.getvalue()) == size
+        assert jxl_size(encode_image(np.zeros((*size[::-1], 3), np.uint8), "jpegxl", {})) == size
     huge = b"\xff\x0a" + (0 | 3 << 1 | 39_999 << 3 | 1 << 33).to_bytes(8, "little") + bytes(40)
     assert jxl_size(huge) == (40_000, 40_000)
     with refused(code="invalid-image", source="bytes", naming="40000 x 40000"):
@@ -608,6 +627,48 @@ def test_compressed_tiffs_of_floats(compression, predictor):
     flags = [cv2.IMWRITE_TIFF_COMPRESSION, compression, cv2.IMWRITE_TIFF_PREDICTOR, predictor]
     data = cv2.imencode(".tiff", radiance[..., ::-1], flags)[1].tobytes()
     np.testing.assert_array_equal(read_image(data).radiance, radiance)
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_a_jpeg_2000_of_any_depth_keeps_its_white(bits, channels, tmp_path):
+    oiio = library()
+    ramp = np.round(np.linspace(0, 65535, 64)).astype(np.uint16)[None, :, None].repeat(40, 0).repeat(channels, 2)
+    if channels == 4:
+        ramp[..., 3] = np.linspace(65535, 20000, 40)[:, None]
+    pixels = ramp if bits > 8 else (ramp >> 8).astype(np.uint8)
+    spec = oiio.ImageSpec(64, 40, channels, str(pixels.dtype))
+    spec.attribute("oiio:BitsPerSample", bits)
+    spec.attribute("oiio:UnassociatedAlpha", 1)
+    file = oiio.ImageOutput.create("jpeg2000")
+    assert file.open(str(tmp_path / "a.jp2"), spec)
+    assert file.write_image(pixels)
+    file.close()
+    del file
+    found = read_image(tmp_path / "a.jp2")
+    np.testing.assert_allclose(found.rgb[0, :, 0], ramp[0, :, 0] / 65535, atol=2.0**-bits)
+    if channels == 4:
+        np.testing.assert_allclose(found.alpha[:, 0], ramp[:, 0, 3] / 65535, atol=2.0**-bits)
+
+
+def test_white_of_a_jpeg_2000_of_16_bits_is_white():
+    np.testing.assert_allclose(case("rgb16_ramp.jp2").rgb[0, :, 1], np.linspace(0, 1, 64), atol=2e-3)
+
+
+@pytest.mark.parametrize("kind", ["float32", "float16"])
+@pytest.mark.parametrize("planes", [False, True])
+@pytest.mark.parametrize("tiles", [False, True])
+def test_a_tiff_of_floats_in_planes_and_tiles(kind, planes, tiles, tmp_path):
+    """With alpha beside colour, big too."""
+    oiio = library()
+    radiance = np.dstack([scene(top=3.0), np.ones((64, 96))]).astype(kind)
+    buffer = oiio.ImageBuf(radiance)
+    buffer.set_write_tiles(*(32, 32) if tiles else (0, 0))
+    buffer.specmod().attribute("planarconfig", "separate" if planes else "contig")
+    buffer.specmod().attribute("tiff:bigtiff", int(planes and tiles))
+    assert buffer.write(str(tmp_path / "a.tif"))
+    found = read_image(tmp_path / "a.tif")
+    np.testing.assert_allclose(found.radiance, radiance[..., :3].astype(np.float32), rtol=1e-3)
 
 
 # Messages

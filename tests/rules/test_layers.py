@@ -36,7 +36,6 @@ ONLY = {
     "trimesh": {"files"},
     "rawpy": {"pictures"},
     "OpenImageIO": {"maps"},
-    "pillow_jxl": {"pictures"},
     "typer": {"cli", "anyprobe_train.cli"},
     "rich": {"cli", "anyprobe_train.train", "anyprobe_train.cli"},
     "av": {"video"},

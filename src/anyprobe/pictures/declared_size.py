@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -12,7 +13,7 @@ from anyprobe.files.paths import open_regular
 from anyprobe.maps.exr import EXR_MAGIC, exr_pixels
 from anyprobe.maps.image_io import open_image
 from anyprobe.maps.rgbe import HDR_MAGIC, hdr_pixels
-from anyprobe.pictures.deep_pixels import TIFF_STARTS, float_tiff_size
+from anyprobe.pictures.deep_pixels import TIFF_STARTS
 from anyprobe.pictures.headers import JXL_STARTS, UnknownPicture, exif_fov_deg, jxl_size, open_picture, upright_size
 from anyprobe.pictures.raw import HEAD_BYTES, is_raw, raw_size
 
@@ -60,8 +61,8 @@ def _header(stream: BinaryIO, name: str) -> tuple[tuple[int, int], float | None]
             return size or upright_size(image), exif_fov_deg(image)
     except UnknownPicture:
         if size is None and head.startswith(TIFF_STARTS):
-            stream.seek(0)
-            size = float_tiff_size(stream.read())
+            with suppress(ValueError), open_image(stream, "tiff") as tiff:
+                size = tiff.spec().width, tiff.spec().height
         if size is None:
             raise
         return size, None

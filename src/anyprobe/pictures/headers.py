@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from importlib import import_module
 from itertools import islice
 from typing import Any, BinaryIO, cast
@@ -12,6 +13,7 @@ from PIL.TiffImagePlugin import TiffImageFile
 
 from anyprobe.errors import InvalidPhoto, MissingExtra
 from anyprobe.notices import CHOOSE_PHOTO, USE_VIDEO, Remedy
+from anyprobe.pictures.heif_boxes import iso_boxes
 from anyprobe.pictures.jpeg_parts import markers
 
 MAX_PIXELS = 100_000_000
@@ -23,7 +25,7 @@ MIN_SIDE_PX, MAX_SIDE_PX = 32, 65_535
 MAX_SCANS = 32
 """Largest number of scans of a progressive JPEG, each of which covers the whole picture; encoders write about ten."""
 
-PHOTO_FORMATS = ("JPEG", "MPO", "PNG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF", "HEIF", "JXL")
+PHOTO_FORMATS = ("JPEG", "MPO", "PNG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF", "HEIF")
 """Formats that may be opened; others that Pillow knows start programs or are not pictures."""
 
 for _reader in ("Avif", "Bmp", "Gif", "Jpeg2K", "Jpeg", "Mpo", "Png", "Ppm", "WebP"):
@@ -78,15 +80,12 @@ def open_picture(stream: BinaryIO, name: str = "photo") -> ImageFile.ImageFile:
     Raises:
         UnknownPicture: it cannot be read.
         InvalidPhoto: decoding it would take too long.
-        MissingExtra: a HEIC or JPEG XL photo without its reader installed.
+        MissingExtra: a HEIC photo without its reader installed.
     """
     head = stream.read(64)
     brands = head[16 : int.from_bytes(head[:4], "big")]  # besides the main one
     if head[4:8] == b"ftyp" and head[8:12] in _HEIC_BRANDS and b"avif" not in brands:
         _register_heic(name)
-    if head.startswith(JXL_STARTS):
-        stream.seek(0)
-        _register_jxl(stream, name)
     for kind in PHOTO_FORMATS:
         factory, accepts = Image.OPEN.get(kind, (None, None))
         if factory is None or (accepts is not None and accepts(head) is not True):
@@ -181,7 +180,7 @@ TURNS = {
 
 def orientation_of(image: Image.Image) -> int:
     """Return the EXIF orientation; 1, upright, if that is damaged, or if the reader has turned the picture already."""
-    if image.format == "JXL" and not getattr(image, "jpeg", False):  # but for a recompressed JPEG
+    if image.format == "JXL":
         return 1
     try:
         return int(image.getexif().get(ExifTags.Base.Orientation, 1))
@@ -192,7 +191,7 @@ def orientation_of(image: Image.Image) -> int:
 def jxl_size(data: bytes) -> tuple[int, int]:
     """Return width and height from the first bytes of a JPEG XL file (ISO/IEC 18181-1, SizeHeader); else 0, 0."""
     if data.startswith(JXL_BOX):
-        data = _jxl_codestream(data)
+        data = b"".join(jxl_boxes(data, b"jxlc") or [part[4:] for part in jxl_boxes(data, b"jxlp")])
     bits, place = int.from_bytes(data[2:18].ljust(16, b"\0"), "little"), 0
 
     def read(count: int) -> int:
@@ -211,22 +210,14 @@ def jxl_size(data: bytes) -> tuple[int, int]:
     return (side(small) if ratio[0] == 0 else height * ratio[0] // ratio[1]), height
 
 
-def _jxl_codestream(data: bytes) -> bytes:
-    """Return the start of the codestream in a file of boxes (ISO/IEC 18181-2); empty where `data` ends before it."""
-    at, code = 0, b""
-    while at + 8 <= len(data) and len(code) < 32:
-        size, kind, head = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8], 8
-        if size == 1:
-            size, head = int.from_bytes(data[at + 8 : at + 16], "big"), 16
-        end = at + size if size else len(data)
-        if size and size < head:
-            break
-        if kind == b"jxlc":
-            return data[at + head : end]
-        if kind == b"jxlp":
-            code += data[at + head + 4 : end]
-        at = end
-    return code
+def jxl_boxes(data: bytes, wanted: bytes) -> list[bytes]:
+    """Return the contents of a JPEG XL file's boxes of a kind (ISO/IEC 18181-2)."""
+    found = []
+    with suppress(ValueError):  # cut, or a bare codestream
+        for kind, (at, end) in iso_boxes(data, (0, len(data))):
+            if kind == wanted:
+                found.append(data[at:end])
+    return found
 
 
 def _exif(image: Image.Image, directory: int | None = None) -> Any:
@@ -257,16 +248,3 @@ def _register_heic(name: str) -> None:
     except ImportError as error:
         raise MissingExtra("pillow-heif", "heic", f"{name}: a HEIC photo", error) from error
     pillow_heif.register_heif_opener()
-
-
-def _register_jxl(stream: BinaryIO, name: str) -> None:
-    """Register the reader, which decodes a whole file when it opens it; therefore check the size first."""
-    try:
-        import pillow_jxl  # noqa: F401
-    except ImportError as error:
-        raise MissingExtra("pillow-jxl-plugin", "jxl", f"{name}: a JPEG XL photo", error) from error
-    width, height = jxl_size(stream.read())
-    if not width * height:
-        raise UnknownPicture
-    check_size(width, height, name)
-    stream.seek(0)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from PIL import Image, ImageFile
+from PIL import Image
 
 from anyprobe.core.arrays import plain_array
 from anyprobe.core.color import to_bytes
@@ -30,12 +30,11 @@ from anyprobe.pictures.apple_note import apple_posture_deg
 from anyprobe.pictures.color_encoding import is_linear
 from anyprobe.pictures.deep_pixels import (
     TIFF_STARTS,
-    FloatPicture,
-    full_range,
+    DeepPicture,
     heif_sixteen_bits,
-    is_white_zero,
-    read_float_tiff,
-    sixteen_bits,
+    read_deep,
+    read_sixteen_bits,
+    straight,
     turned_upright,
 )
 from anyprobe.pictures.embedded_color import declared_encoding, to_srgb
@@ -95,7 +94,7 @@ def read_image(source: ImageSource, name: str | None = None, *, as_data: bool = 
         as_data: keep the stored values and ignore the file's colour encoding, for normals and masks.
     Raises:
         InvalidPhoto: not an image, damaged, too small, too large, NaN.
-        MissingExtra: a HEIC, RAW or JPEG XL photo without its reader installed.
+        MissingExtra: a HEIC or RAW photo without its reader installed.
     """
     if isinstance(source, np.ndarray):
         return _from_array(source, name or "array")
@@ -122,8 +121,8 @@ STRIP_ROWS = 64
 """Number of rows of a large picture that are converted at a time."""
 
 TAKEN_FOR_LINEAR = (
-    "a TIFF of floats without a colour profile is taken for linear radiance; if it holds display values, embed an sRGB "
-    "profile"
+    "a picture of floats without a colour profile is taken for linear radiance; if it holds display values, embed an "
+    "sRGB profile"
 )
 
 
@@ -179,23 +178,19 @@ def _from_stream(stream: BinaryIO, num_bytes: int, name: str, as_data: bool, fil
             raise InvalidPhoto(error, code="invalid-image") from error
     if is_raw(head, file_name):
         return _from_raw(stream, num_bytes, name)
+    deep = read_deep(stream, head, name)
+    if deep is not None and deep.floats:
+        return _from_floats(deep, name, as_data)
     try:
         image = open_picture(stream, name)
     except UnknownPicture as error:
-        stream.seek(0)
-        found = read_float_tiff(stream.read(num_bytes), name) if head.startswith(TIFF_STARTS) else None
-        if found is not None:
-            return _from_float_tiff(found, name, as_data)
+        if deep is not None:
+            return _from_pillow(deep.header(), name, stream, as_data, deep)
         expected = "expected an image (JPEG, PNG, WebP, TIFF, HEIC, AVIF, EXR, RAW, ...), got"
         kind, remedy = kind_of(head, num_bytes)
         raise InvalidPhoto(f"{expected} {kind}", source=name, remedy=remedy) from error
     with image:
-        if image.format == "TIFF" and image.mode == "F":
-            stream.seek(0)
-            found = read_float_tiff(stream.read(num_bytes), name)
-            if found is not None:
-                return _from_float_tiff(found, name, as_data)
-        return _from_pillow(image, name, stream, as_data)
+        return _from_pillow(image, name, stream, as_data, deep)
 
 
 def _refuse_own_map(attributes: dict[str, str], name: str, as_data: bool) -> None:
@@ -205,35 +200,43 @@ def _refuse_own_map(attributes: dict[str, str], name: str, as_data: bool) -> Non
         raise InvalidPhoto(text, source=name)
 
 
-def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data: bool) -> Pixels:
+def _from_pillow(
+    image: Image.Image, name: str, stream: BinaryIO | None, as_data: bool, found: DeepPicture | None = None
+) -> Pixels:
     """Turn upright, separate the transparency, convert the colour to sRGB.
 
-    stream: the open file of the image, for what Pillow does not return; None where there is none.
+    Args:
+        stream: the open file of the image, for what Pillow does not return; None where there is none.
+        found: its pixels, where another reader has them; of the image then only the header counts.
     """
-    check_size(*image.size, name)
+    if found is None:
+        check_size(*image.size, name)
     try:
         # not n_frames, which reads all of them; a phone's MPO holds a photo and its thumbnail or depth
         animated = image.format != "MPO" and getattr(image, "is_animated", False)
         encoding, profile, notes = (None, b"", ()) if as_data else declared_encoding(image, stream)
         deep: np.ndarray | None = None
         picture: Image.Image | np.ndarray
-        if stream is not None and isinstance(image, ImageFile.ImageFile):
-            deep = sixteen_bits(image, lambda: _reopened(stream, name))
+        if found is not None:
+            deep = straight(found.values) if found.premultiplied and found.values.shape[2] in (2, 4) else found.values
+        elif stream is not None:
+            deep = read_sixteen_bits(image, stream, name)
             if encoding is not None and encoding.is_hdr and image.format == "HEIF":
                 deep = heif_sixteen_bits(stream)
-        image.load()
+        if deep is None:
+            image.load()
         long_fov_deg, exposure, posture_deg = exif_fov_deg(image), exif_exposure(image), apple_posture_deg(image)
         orientation = orientation_of(image)
         if deep is not None:
             deep = turned_upright(deep, orientation)
             alpha = deep[..., -1] if deep.shape[2] in (2, 4) else None
-            picture = np.ascontiguousarray(deep[..., 0] if deep.shape[2] == 2 else deep[..., :3])
+            picture = np.ascontiguousarray(deep[..., 0] if deep.shape[2] < 3 else deep[..., :3])
         else:
             picture, alpha = _opaque(image.transpose(TURNS[orientation]) if orientation in TURNS else image)
-            if isinstance(picture, np.ndarray) and is_white_zero(image):
-                picture = np.iinfo(picture.dtype).max - picture
         display = to_srgb(picture, encoding, profile)
         gain_map = None if as_data or display.radiance is not None else gain_map_of(image, stream)
+    except InvalidPhoto:
+        raise
     except Exception as error:  # decoders raise whatever the bad bytes lead them to
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InvalidPhoto(
@@ -261,11 +264,6 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
     )
 
 
-def _reopened(stream: BinaryIO, name: str) -> ImageFile.ImageFile:
-    stream.seek(0)
-    return open_picture(stream, name)
-
-
 def _opaque(image: Image.Image) -> tuple[Image.Image | np.ndarray, np.ndarray | None]:
     """Return a picture without its transparency (L, RGB or CMYK; or values of 16 bits or floats), and alpha or None."""
     alpha = None
@@ -279,7 +277,7 @@ def _opaque(image: Image.Image) -> tuple[Image.Image | np.ndarray, np.ndarray | 
         values = np.asarray(image)
         if values.min() < 0 or values.max() > 65535:
             raise ValueError("integers outside 0 to 65535")
-        return full_range(values, image), alpha
+        return values.astype(np.uint16), alpha
     if image.mode == "F":
         return np.asarray(image), alpha
     return image if image.mode in ("L", "RGB", "CMYK") else image.convert("RGB"), alpha
@@ -301,25 +299,26 @@ def _with_exif(pixels: Pixels, image: Image.Image) -> Pixels:
     return replace(pixels, long_fov_deg=exif_fov_deg(image), exposure=exif_exposure(image))
 
 
-def _from_float_tiff(found: FloatPicture, name: str, as_data: bool) -> Pixels:
-    """Convert a TIFF of floats: linear radiance unless its profile has a curve; values above 1 are above white."""
-    values, channels = found.values, found.values.shape[2]
+def _from_floats(found: DeepPicture, name: str, as_data: bool) -> Pixels:
+    """Convert floats: linear radiance unless their profile has a curve; values above 1 are above white."""
+    header = found.header()
+    values, channels = turned_upright(found.values, orientation_of(header)), found.values.shape[2]
     alpha = values[..., -1:] if channels in (2, 4) else values[..., :0]
     color = np.repeat(values[..., :1], 3, axis=-1) if channels < 3 else values[..., :3]
     encoding = encoding_of(found.profile) if found.profile else None
     if as_data:
-        return _with_exif(_from_array(np.concatenate([color, alpha], axis=-1), name), found.image)
+        return _with_exif(_from_array(np.concatenate([color, alpha], axis=-1), name), header)
     if encoding is None or is_linear(encoding):
         linear = color if encoding is None else encoding.linear(color)
         weight = 1.0 if found.premultiplied or not alpha.size else alpha
         pixels = _from_linear(np.concatenate([linear * weight, alpha], axis=-1), name)
         doubt = found.profile == b"" and pixels.radiance is None
         notes = (Notice(TAKEN_FOR_LINEAR, code="colors", source=name),) if doubt else ()
-        return _with_exif(replace(pixels, warnings=notes), found.image)
+        return _with_exif(replace(pixels, warnings=notes), header)
     _check_finite(values, name)
     display = to_srgb(color, replace(encoding, is_hdr=bool(color.max() > 1.0)))
     pixels = _from_array(np.concatenate([np.clip(display.values, 0.0, 1.0), alpha.clip(0.0, 1.0)], axis=-1), name)
-    return _with_exif(replace(pixels, radiance=display.radiance), found.image)
+    return _with_exif(replace(pixels, radiance=display.radiance), header)
 
 
 def _check_finite(pixels: np.ndarray, name: str) -> None:

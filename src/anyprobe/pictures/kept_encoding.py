@@ -1,13 +1,8 @@
-"""Pictures written in a photo's own encoding: its 16 bits and its ICC profile, in PNG and TIFF.
-
-Pillow cannot write colour of 16 bits; both formats are simple enough to write here.
-"""
+"""Pictures written in a photo's own encoding: its 16 bits and its ICC profile, in PNG and TIFF."""
 
 from __future__ import annotations
 
 import io
-import struct
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,12 +11,15 @@ from PIL import Image
 from PIL.TiffImagePlugin import TiffImageFile
 
 from anyprobe.files.atomic import atomic_path
+from anyprobe.maps.image_io import encode_image
 from anyprobe.pictures.color_encoding import ColorEncoding, is_srgb, srgb_to_linear
-from anyprobe.pictures.deep_pixels import BITS_PER_SAMPLE, stored_layout
-from anyprobe.pictures.embedded_color import PNG_START
+from anyprobe.pictures.deep_pixels import stored_layout
 from anyprobe.pictures.icc import encoding_of
 
 TIFF_SUFFIXES = (".tif", ".tiff")
+
+BITS_PER_SAMPLE = 258
+"""Tag of TIFF 6.0."""
 
 CURVE = 4096
 """Number of steps of the table that inverts a profile's curve."""
@@ -72,7 +70,8 @@ def write_as(path: Path, rgb: np.ndarray, stored: Stored) -> None:
     tiff = path.suffix.lower() in TIFF_SUFFIXES
     if stored.deep:
         pixels = np.round(values * 0xFFFF).astype(np.uint16)
-        data = _deep_tiff(pixels, stored.profile) if tiff else _deep_png(pixels, stored.profile)
+        header = {"compression": "zip", "DateTime": "", **({"ICCProfile": stored.profile} if stored.profile else {})}
+        data = encode_image(pixels, "tiff" if tiff else "png", header)
     else:
         stream = io.BytesIO()
         settings = {"icc_profile": stored.profile} if stored.profile else {}
@@ -89,41 +88,3 @@ def _coded(rgb: np.ndarray, encoding: ColorEncoding) -> np.ndarray:
     ramp = np.linspace(0.0, 1.0, CURVE + 1) ** 2  # finer where it is dark
     curves = encoding.decode(ramp[:, None].repeat(3, axis=1).astype(np.float32))
     return np.stack([np.interp(linear[..., k], curves[:, k], ramp) for k in range(3)], axis=-1)
-
-
-def _deep_png(pixels: np.ndarray, profile: bytes) -> bytes:
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    height, width = pixels.shape[:2]
-    rows = pixels.astype(">u2").reshape(height, -1).view(np.uint8)
-    filtered = np.concatenate([np.zeros((height, 1), np.uint8), rows], axis=1)
-    named = chunk(b"iCCP", b"photo\0\0" + zlib.compress(profile)) if profile else b""
-    header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, 2, 0, 0, 0))
-    return PNG_START + header + named + chunk(b"IDAT", zlib.compress(filtered.data, 3)) + chunk(b"IEND", b"")
-
-
-def _deep_tiff(pixels: np.ndarray, profile: bytes) -> bytes:
-    """Return a TIFF 6.0 of one strip, Deflate, of pixels [H, W, 3] uint16."""
-    height, width = pixels.shape[:2]
-    strip = zlib.compress(np.ascontiguousarray(pixels, "<u2").data, 3)
-    strip += b"\0" * (len(strip) % 2)
-    short, long, undefined = 3, 4, 7
-    bits_at = 8 + len(strip)
-    profile_at = bits_at + 6
-    end = profile_at + len(profile) + len(profile) % 2
-    entries = [
-        (256, long, 1, width),
-        (257, long, 1, height),
-        (258, short, 3, bits_at),
-        (259, short, 1, 8),
-        (262, short, 1, 2),
-        (273, long, 1, 8),
-        (277, short, 1, 3),
-        (278, long, 1, height),
-        (279, long, 1, len(strip)),
-        *([(34675, undefined, len(profile), profile_at)] if profile else []),
-    ]
-    directory = struct.pack("<H", len(entries)) + b"".join(struct.pack("<HHII", *entry) for entry in entries) + bytes(4)
-    body = strip + struct.pack("<HHH", 16, 16, 16) + profile + b"\0" * (len(profile) % 2)
-    return b"II*\0" + struct.pack("<I", end) + body + directory
