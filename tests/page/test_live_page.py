@@ -255,7 +255,7 @@ def test_camera_is_followed_and_closed(page_url, vase_frame, estimator, tmp_path
         viewport=(1280, 900),
         timeout_s=600,
     )
-    assert "lights/s" in seen["rates"][-1]["text"]
+    assert "lights a second" in seen["rates"][-1]["text"]
     assert seen["quality"] == "The mask looks right."
     directions = np.array([light["direction"] for light in seen["lights"][4:]])  # the click has been heard
     assert (directions @ directions[-1] > np.cos(np.radians(10))).all()  # a still scene

@@ -19,7 +19,7 @@ const RUNTIME = [
   "ort-wasm-simd-threaded.jspi.mjs",
   "ort-wasm-simd-threaded.jspi.wasm",
 ];
-const BUNDLED = ["three", "onnxruntime-web", "exifr", "swagger-ui-dist"];
+const BUNDLED = ["three", "onnxruntime-web", "swagger-ui-dist"];
 const PACK_FROM_BYTES = 100_000;
 const PACKED_KINDS = /\.(js|mjs|css|wasm)$/;
 

@@ -2,6 +2,7 @@
 
 import { Light, describe } from "../src/light/light.js";
 import { shadeSpheres } from "../src/light/spheres.js";
+import { upOf } from "../src/photo/ground.js";
 import { readBitmap } from "./openPhoto.js";
 import { askServer } from "./server.js";
 
@@ -21,6 +22,7 @@ export async function readExample() {
     hints: { surroundings: 0 },
     meanConfidence: answer.confidence,
     wellExposedFraction: answer.well_exposed_fraction,
+    ground: answer.ground && { pitchDeg: answer.ground.pitch_deg, up: upOf(answer.ground.pitch_deg, answer.ground.roll_deg) },
   });
   const { irradiance, ldr, ln_radiance: lnRadiance } = answer.stages;
   const stages = { irradiance: unpack(irradiance), ldr: unpack(ldr), lnRadiance: unpack(lnRadiance) };

@@ -1,6 +1,6 @@
 /** Files, pasted pictures and addresses to pictures in memory. */
 
-import exifr from "exifr/dist/lite.esm.mjs";
+import { exifFovDeg } from "../src/files/exif.js";
 import { DEFAULT_LONG_FOV_DEG } from "../src/photo/crop.js";
 import { askServer } from "./server.js";
 
@@ -49,17 +49,6 @@ export function readBitmap(bitmap, longPx) {
   context.drawImage(bitmap, 0, 0, width, height);
   bitmap.close();
   return { width, height, rgba: context.getImageData(0, 0, width, height).data };
-}
-
-/** Field of view of the longer side [degrees], 2 atan(18 / f), from the 35 mm equivalent; null if not given. */
-async function exifFovDeg(blob) {
-  try {
-    const tags = await exifr.parse(blob, ["FocalLengthIn35mmFormat"]);
-    const focal = Number(tags?.FocalLengthIn35mmFormat);
-    return focal >= 2 && focal <= 2000 ? (Math.atan(18 / focal) * 360) / Math.PI : null;
-  } catch {
-    return null; // a format that holds no EXIF, or a damaged one
-  }
 }
 
 async function throughServer(blob, name, hasServer) {

@@ -9,7 +9,7 @@ import { fetchMaskNetwork } from "./networks/maskFile.js";
 import { checkSetup, requireBrowser } from "./networks/setup.js";
 import { THREADS_FAILED } from "./networks/words.js";
 import { WorkerClient } from "./networks/workerClient.js";
-import { checkHints, checkLight, checkNames, isLensGiven, longFovOf, wrong } from "./options.js";
+import { checkHints, checkLight, checkNames, lensOf, wrong } from "./options.js";
 import { hintsOf } from "./photo/hints.js";
 import { describe } from "./photo/material.js";
 import { alphaDoubts, checkObject, lookAtGiven } from "./photo/maskCheck.js";
@@ -102,15 +102,15 @@ export class AnyProbe {
     this.#client.check();
     const picture = await readSource(image, signal);
     const { width, height } = picture;
-    const longFovDeg = longFovOf(options, width, height);
+    const lens = lensOf(options, picture);
     const normals = options.normals && readNormals(options.normals, picture);
     checkHints(options, picture.fullWidth, picture.fullHeight);
     const { mask, quality, warnings, marks } = await this.#maskOf(picture, options);
-    const lens = { longFovDeg, isLensKnown: isLensGiven(options) };
-    const asked = { picture, mask, marks, normals, ...lens, options: { surroundings, pitchDeg, emitters, looks, material } };
+    const known = { longFovDeg: lens.longFovDeg, isLensKnown: lens.source !== "default" };
+    const asked = { picture, mask, marks, normals, ...known, options: { surroundings, pitchDeg, emitters, looks, material } };
     const { light } = await this.#client.ask("estimate", asked, signal);
     const own = { data: mask, width, height, quality, ...described(warnings) };
-    return new Light({ ...light, warnings: [...warnings, ...light.warnings], mask: own });
+    return new Light({ ...light, warnings: [...warnings, ...light.warnings], mask: own, lens });
   }
 
   /** estimate for a page that shows the networks' stages and three spheres too; a picture in memory and its mask. */

@@ -34,8 +34,18 @@ const { least_fov_deg: LEAST_FOV_DEG, most_fov_deg: MOST_FOV_DEG } = CONTRACT.le
 /** By how much the two focal lengths of a projection may differ, and its centre lie beside the picture's (of half its side). */
 const [MOST_UNEVEN, MOST_OFF_CENTRE] = [0.02, 0.05];
 
-/** Whether the options say the picture's field of view. */
-export const isLensGiven = (options) => LENS.some((name) => options[name] !== undefined);
+/**
+ * The lens of a picture: as the options say, as its file notes it, else a phone's.
+ *
+ * @param {object} options
+ * @param {{width: number, height: number, exifFovDeg?: number | null}} picture
+ * @returns {{longFovDeg: number, source: "given" | "exif" | "default"}}
+ */
+export function lensOf(options, { width, height, exifFovDeg }) {
+  const given = longFovOf(options, width, height); // checked in any case
+  if (LENS.some((name) => options[name] !== undefined)) return { longFovDeg: given, source: "given" };
+  return exifFovDeg ? { longFovDeg: exifFovDeg, source: "exif" } : { longFovDeg: given, source: "default" };
+}
 
 /** Refuse whatever there is not. @param {keyof OPTIONS} method */
 export function checkNames(method, given) {

@@ -58,6 +58,7 @@ test("the last photo's object is not seen over the next photo", async () => {
 
 test("a direction in words", () => {
   assert.equal(describeDirection([-0.6, 0, 0.8]), "143° left, 0° up");
+  for (const x of [0.01, -0.01, 0.25]) assert.match(describeDirection([x, 0, 0.968]), /^behind, /);
   assert.equal(describeDirection([0, -1, 0]).split(", ")[1], "90° down");
 });
 

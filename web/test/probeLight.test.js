@@ -2,13 +2,13 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Group, PerspectiveCamera, Scene } from "three";
+import { Group, Object3D, PerspectiveCamera, Scene } from "three";
 
 import { irradiance } from "../src/light/harmonics.js";
-import { describe } from "../src/light/light.js";
+import { Light, describe } from "../src/light/light.js";
 import { pixelDirections, pixelSolidAngles } from "../src/core/latlong.js";
 import { rotationOfPose } from "../src/options.js";
-import { EnvironmentTexture, ProbeLight } from "../src/three/index.js";
+import { EnvironmentTexture, PhotoGround, ProbeLight } from "../src/three/index.js";
 
 const TO_LIGHT = [0.6, 0.8, 0];
 
@@ -95,4 +95,97 @@ test("a scene that holds the whole light too is warned of, once", () => {
   }
   assert.equal(said.length, 1);
   assert.match(said[0], /count twice; set scene\.environment = probeLight\.environment/);
+});
+
+/** A session whose camera looks along -X from 1 above the floor, with pictures of 640 x 480. */
+function session() {
+  const camera = new PerspectiveCamera(45, 4 / 3);
+  camera.position.set(0, 1, 0);
+  camera.rotation.y = Math.PI / 2;
+  camera.updateMatrixWorld(true);
+  const [matrix, inverse] = [camera.matrixWorld.elements, camera.matrixWorldInverse.elements];
+  const view = { camera: { width: 640, height: 480 }, projectionMatrix: camera.projectionMatrix.elements, transform: { matrix, inverse: { matrix: inverse } } };
+  const xr = { getReferenceSpace: () => null, getBinding: () => ({ getCameraImage: () => ({}) }) };
+  return { renderer: { xr, getContext: () => ({}) }, frame: { getViewerPose: () => ({ views: [view] }) }, camera };
+}
+
+/** A probe whose trackers fail at their first frame, or never. */
+function probeOf(fails) {
+  const asked = { tracked: 0, offered: 0, marks: [], errors: [] };
+  const track = (source, onLight, { onLost }) => {
+    asked.tracked++;
+    const tracker = {
+      running: true,
+      stop: () => (tracker.running = false),
+      offer: async () => {
+        asked.offered++;
+        if (fails) throw new Error("wrong");
+      },
+      fail: (error) => {
+        if (tracker.running) asked.errors.push(error.message);
+        tracker.running = false;
+      },
+      mark: async (hints) => void asked.marks.push(hints),
+    };
+    return Object.assign(asked, { onLight, onLost }) && tracker;
+  };
+  return { asked, track };
+}
+
+test("what fails in a session is said once, until it is begun anew", async () => {
+  const [{ renderer, frame }, probe] = [session(), probeOf(true)];
+  const lights = new ProbeLight(probe);
+  for (let at = 0; at < 5; at++) {
+    assert.equal(lights.offerCamera(renderer, frame), true);
+    await new Promise((resolve) => setTimeout(resolve));
+  }
+  assert.deepEqual([probe.asked.tracked, probe.asked.errors], [1, ["wrong"]]);
+  lights.stop();
+  lights.offerCamera(renderer, frame);
+  assert.equal(probe.asked.tracked, 2);
+  probe.track = () => {
+    throw new Error("unknown option");
+  };
+  lights.stop();
+  assert.throws(() => lights.offerCamera(renderer, frame), /unknown option/);
+  assert.equal(lights.offerCamera(renderer, frame), true);
+});
+
+test("a tap in a session marks what its ray points at", async () => {
+  const [{ renderer, frame, camera }, probe] = [session(), probeOf(false)];
+  const lights = new ProbeLight(probe);
+  const controller = new Object3D();
+  await assert.rejects(lights.mark(controller), { code: "invalid-option" });
+  lights.offerCamera(renderer, frame);
+  controller.position.copy(camera.position);
+  controller.rotation.copy(camera.rotation);
+  controller.rotateY(-0.1); // to the right
+  controller.updateMatrixWorld(true);
+  await lights.mark(controller);
+  const [[x, y]] = probe.asked.marks.map(({ click }) => click);
+  const focal = 240 / Math.tan((22.5 * Math.PI) / 180);
+  assert.ok(Math.abs(x - 320 - focal * Math.tan(0.1)) < 1e-3 && Math.abs(y - 240) < 1e-3, `${x}, ${y}`);
+});
+
+test("until an object is seen the light is even, of the picture's mean colour", () => {
+  const [{ renderer, frame }, probe] = [session(), probeOf(false)];
+  const lights = new ProbeLight(probe);
+  const started = [];
+  lights.addEventListener("estimationstart", () => started.push(lights.estimate.radiance[0]));
+  lights.offerCamera(renderer, frame);
+  probe.asked.onLost({ lost: true, mean: [0.25, 0.5, 0.75] });
+  assert.deepEqual([...lights.estimate.radiance.subarray(0, 3)], [0.25, 0.5, 0.75]);
+  assert.ok(lights.directionalLight.intensity < 1e-3);
+  const light = new Light(mapOf());
+  probe.asked.onLight(light);
+  probe.asked.onLost({ lost: true, mean: [1, 1, 1] });
+  assert.equal(lights.estimate, light, "an object that is lost keeps its light");
+  assert.deepEqual(started, [0.25]);
+});
+
+test("the camera of a light has its lens", () => {
+  const mask = { width: 640, height: 480 };
+  const { fov, aspect } = PhotoGround.camera({ mask, lens: { longFovDeg: 60 } });
+  assert.ok(Math.abs(fov - 46.83) < 0.01 && Math.abs(aspect - 4 / 3) < 1e-9);
+  assert.throws(() => PhotoGround.camera({ mask }), { code: "invalid-option" });
 });

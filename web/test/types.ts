@@ -5,6 +5,7 @@ import { AnyProbe, AnyProbeError, Light, encodeHdr, irradiance } from "anyprobe"
 import { AnyProbe as Core } from "anyprobe/core";
 import { encodeExr } from "anyprobe/exr";
 import { AnyProbe as OnGpu } from "anyprobe/webgpu";
+import type { XREstimatedLight } from "three/addons/webxr/XREstimatedLight.js";
 import { ContactShadow, EnvironmentTexture, MaskOccluder, ProbeLight, groundShadowOpacity, installCameraCurve } from "anyprobe/three";
 
 export async function use(image: HTMLImageElement, video: HTMLVideoElement, scene: Scene, renderer: WebGLRenderer) {
@@ -25,6 +26,8 @@ export async function use(image: HTMLImageElement, video: HTMLVideoElement, scen
 
   installCameraCurve(renderer);
   const lights = new ProbeLight(probe);
+  const estimated: XREstimatedLight | ProbeLight = lights;
+  const inItsPlace: XREstimatedLight = estimated;
   lights.addEventListener("estimationstart", () => (scene.environment = lights.environment));
   lights.directionalLight.castShadow = true;
   lights.update(light, new PerspectiveCamera());

@@ -212,6 +212,8 @@ export declare class Light {
   readonly environment: { width: number; height: number; data: Float32Array };
   /** 64 x 128: how likely each pixel's display value is within 0.1 of the truth; null of the paper's chain. */
   readonly confidence: Float32Array | null;
+  /** Of the photo's camera, and who says so: an option, the file, or nobody. */
+  readonly lens: { longFovDeg: number; source: "given" | "exif" | "default" };
   /** Its mean over the sphere. */
   readonly meanConfidence: number | null;
   /** 64 x 128 x 3. */

@@ -15,8 +15,8 @@ export declare class ProbeLight extends Group<ProbeLightEventMap> {
   lightProbe: LightProbe;
   /** The dominant light, 5 units from the origin; set castShadow. */
   directionalLight: DirectionalLight;
-  /** The light but the dominant one, for scene.environment; null unless it was asked for. */
-  environment: Texture | null;
+  /** The light but the dominant one, for scene.environment; null unless it was asked for, which XREstimatedLight's type does not say either. */
+  environment: Texture;
   /** The last light. */
   estimate: Light | null;
   /** camera: that took the picture, where it is not the scene's origin. */
@@ -28,6 +28,8 @@ export declare class ProbeLight extends Group<ProbeLightEventMap> {
    * camera's picture, in the world. frame: an XRFrame, null outside a session. Whether there was a picture.
    */
   offerCamera(renderer: WebGLRenderer, frame: object | null | undefined, options?: TrackOptions): boolean;
+  /** In that session: the object is what the ray of one of renderer.xr's controllers points at, as in its "select" event. */
+  mark(controller: Object3D): Promise<void>;
   stop(): void;
   dispose(): void;
 }
@@ -52,6 +54,8 @@ export declare class PhotoGround extends Group {
    * without one. Raised to where the object's foot is seen from above: ground that does not show can carry nothing.
    */
   constructor(light: Light, camera: PerspectiveCamera, options?: { pitchDeg?: number });
+  /** The camera that took the light's photo, at the origin. */
+  static camera(light: Light): PerspectiveCamera;
   readonly pitchDeg: number;
   /** Of the real object's base, as MaskOccluder takes it. */
   readonly distance: number;

@@ -4,9 +4,8 @@ import { AnyProbe } from "anyprobe";
 import { MaskOccluder, PhotoGround, ProbeLight, installCameraCurve } from "anyprobe/three";
 import * as THREE from "three";
 
-const FOV_DEG = 32.13; // vertical; leave fovDeg out where it is unknown: a phone's is taken
 const probe = await AnyProbe.load();
-const light = await probe.estimate("./table.jpg", { mask: "./table-mask.png", fovDeg: FOV_DEG, pitchDeg: 16 }); // or click: [228, 290]
+const light = await probe.estimate("./table.jpg", { mask: "./table-mask.png", fovDeg: 32.13, pitchDeg: 16 }); // or click: [228, 290]
 const { width, height } = light.mask;
 
 const renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
@@ -14,7 +13,7 @@ renderer.setSize(width, height);
 renderer.shadowMap.enabled = true;
 installCameraCurve(renderer); // radiance is shown as the photo's camera shows it
 document.body.append(renderer.domElement);
-const camera = new THREE.PerspectiveCamera(FOV_DEG, width / height); // at the origin: the light is in its frame
+const camera = PhotoGround.camera(light); // of fovDeg, or as the file notes it, or a phone's; at the origin: the light is in its frame
 const scene = new THREE.Scene();
 scene.background = await new THREE.TextureLoader().loadAsync("./table.jpg");
 scene.background.colorSpace = THREE.SRGBColorSpace;

@@ -54,7 +54,10 @@ function place(matrix) {
   ground.position.copy(group.position).y -= 0.6;
 }
 place(controller.matrixWorld);
-controller.addEventListener("select", () => place(controller.matrixWorld));
+controller.addEventListener("select", () => {
+  place(controller.matrixWorld);
+  xrLight.mark(controller).catch(console.warn); // the object that is tapped on is the probe
+});
 scene.add(group, ground, controller);
 // with depth, three.js itself hides what stands behind real things
 const depthSensing = { usagePreference: ["gpu-optimized"], dataFormatPreference: ["luminance-alpha", "float32"] };

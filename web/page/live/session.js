@@ -188,8 +188,8 @@ export class LiveSession {
   }
 
   #showRates() {
-    const { updates, frames } = this.live.tracker.rates();
-    element("rates").textContent = `${updates.toFixed(0)} lights/s · ${frames.toFixed(0)} frames/s · ${this.engine}`;
+    const { updates } = this.live.tracker.rates();
+    element("rates").textContent = `${updates.toFixed(0)} lights a second · ${this.engine}`;
     element("rates").hidden = false;
   }
 }

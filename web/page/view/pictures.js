@@ -66,6 +66,9 @@ export function placeOnMap(direction) {
   return { left: `${100 * u}%`, top: `${100 * v}%` };
 }
 
+/** Beyond so many degrees to either side a direction is behind the camera: its side says nothing, and jumps. */
+const BEHIND_DEG = 165;
+
 /**
  * A direction in words, as the command line prints it: how far to the right of the camera's view, beyond 90° behind it, and how
  * high above the horizon.
@@ -80,8 +83,8 @@ export function describeDirection([right, above, z], up = [0, 1, 0]) {
   const degrees = (angle) => Math.round((angle * 180) / Math.PI);
   const azimuth = degrees(Math.atan2(x, -back));
   const elevation = degrees(Math.asin(Math.min(Math.max(y, -1), 1)));
-  const side = azimuth < 0 ? "left" : "right";
-  return `${Math.abs(azimuth)}° ${side}, ${Math.abs(elevation)}° ${elevation < 0 ? "down" : "up"}`;
+  const side = Math.abs(azimuth) > BEHIND_DEG ? "behind" : `${Math.abs(azimuth)}° ${azimuth < 0 ? "left" : "right"}`;
+  return `${side}, ${Math.abs(elevation)}° ${elevation < 0 ? "down" : "up"}`;
 }
 
 /** A sphere of shadeSpheres as the camera would show it at an exposure [EV]. */

@@ -1,6 +1,7 @@
 /** One video frame after the other to a light that stays still on a still scene. */
 
 import { MAP_HEIGHT } from "../core/latlong.js";
+import { inverseResponse } from "../core/response.js";
 import { rotateOne } from "../light/environment.js";
 import { shadeSpheres } from "../light/spheres.js";
 import { describe } from "../light/light.js";
@@ -56,7 +57,7 @@ export class FrameLight {
    *   then in the world
    * @param {{data: Float32Array, width: number, height: number} | null} [given] where the object is, of whatever size
    * @returns {Promise<object>} light, mask and box of the object, milliseconds of each part; now and then spheres and stages;
-   *   {lost: true} while no object is marked or seen, {held: true} where it is not seen for a moment; `missed` where what was
+   *   {lost: true} with the picture's mean radiance while no object is marked or seen, {held: true} where it is not seen for a moment; `missed` where what was
    *   marked last found nothing and the object before it is followed on,
    *   `searching` while it is looked for
    */
@@ -77,7 +78,8 @@ export class FrameLight {
     const box = seen?.box ?? null;
     const isSeen = isLarge(box);
     this.unseen = isSeen ? 0 : this.unseen + 1;
-    if (!isSeen) return { [this.object.last && this.unseen < PATIENCE ? "held" : "lost"]: true, ...this.size };
+    if (!isSeen && this.object.last && this.unseen < PATIENCE) return { held: true, ...this.size };
+    if (!isSeen) return { lost: true, mean: meanRadiance(picture), ...this.size };
     const { mask, lit, isNew, missed } = seen;
     if (isNew || missed) this.isAlone = isCutOut(picture, mask) || isDarkBeside(picture, mask);
     const phase = this.withViews ? this.count++ % REST_EVERY : -1;
@@ -133,4 +135,14 @@ export class FrameLight {
     this.object.forget();
     this.state = null;
   }
+}
+
+/** Mean radiance of a picture, by so many of its pixels. */
+const SAMPLES = 4096;
+
+function meanRadiance({ rgba }) {
+  const step = 4 * Math.max(1, Math.floor(rgba.length / 4 / SAMPLES));
+  const sum = [0, 0, 0];
+  for (let at = 0; at < rgba.length; at += step) for (let c = 0; c < 3; c++) sum[c] += inverseResponse(rgba[at + c] / 255);
+  return sum.map((value) => value / Math.ceil(rgba.length / step));
 }

@@ -2,7 +2,7 @@
 
 import { AnyProbeError, foreign, receivedError } from "../errors.js";
 import { Light } from "../light/light.js";
-import { checkHints, checkLight, checkNames, longFovOf, rotationOfPose, wrong } from "../options.js";
+import { checkHints, checkLight, checkNames, lensOf, rotationOfPose, wrong } from "../options.js";
 import { hintsOf } from "../photo/hints.js";
 import { readMask } from "../photo/source.js";
 import { describe } from "../photo/material.js";
@@ -80,7 +80,8 @@ export class Tracker {
     return (this.#opening ??= (async () => {
       const [width, height] = (this.#size = sizeOf(picture));
       const { hints, lens, ...given } = this.#given;
-      const asked = { ...given, longFovDeg: longFovOf(lens, width, height), hints: this.#shares(hints) };
+      this.lens = lensOf(lens, { width, height });
+      const asked = { ...given, longFovDeg: this.lens.longFovDeg, hints: this.#shares(hints) };
       const port = this.#masksPort?.();
       await this.#client.ask("startLive", { ...asked, port }, undefined, port ? [port] : []);
       this.#isOpen = true;
@@ -183,7 +184,7 @@ export class Tracker {
     if (answer.missed) this.onMissed?.();
     if (!answer.light) return this.onLight(answer);
     if (answer.mask) this.mask = { data: answer.mask, width: answer.width, height: answer.height, quality: answer.quality };
-    this.onLight({ ...answer, light: new Light({ ...answer.light, mask: this.mask }) });
+    this.onLight({ ...answer, light: new Light({ ...answer.light, mask: this.mask, lens: this.lens }) });
   }
 
   /** What fails of the options of the tracking ends it. */

@@ -42,7 +42,9 @@ export class WorkerClient {
       const ofEntry = `; esbuild and Rollup copy none: use anyprobe/core, for which a content security policy needs worker-src blob:; ${VITE_NEEDS}`;
       const missing = `its script could not be fetched${start.address ? ` from ${start.address}` : ofEntry}`;
       const why = event.message?.replace(/\.$/, "") || missing;
-      this.#end(new AnyProbeError("worker-failed", `The networks' thread ${isStarted ? "ended" : "could not be started"}: ${why}.`));
+      const isOffline = !event.message && globalThis.navigator?.onLine === false;
+      const fault = `The networks' thread ${isStarted ? "ended" : "could not be started"}: ${why}.`;
+      this.#end(new AnyProbeError("worker-failed", isOffline ? "No connection: the networks could not be fetched; try again." : fault));
       this.onLive({ error: sentError(this.#fault) });
     };
   }

@@ -3,6 +3,7 @@
 import { CONTRACT } from "../core/contract.js";
 import { luminance } from "../core/color.js";
 import { AnyProbeError, readable } from "../errors.js";
+import { exifFovDeg } from "../files/exif.js";
 import { maskFromAlpha } from "./picture.js";
 import { resize } from "./resize.js";
 
@@ -22,8 +23,8 @@ const LONG_PX = 1600;
  *
  * @param {import("../../types/index.d.ts").ImageSource} source
  * @param {AbortSignal} [signal]
- * @returns {Promise<import("./picture.js").Picture & {scale: number, fullWidth: number, fullHeight: number}>} scale: pixels of
- *   it for one of the source
+ * @returns {Promise<import("./picture.js").Picture & {scale: number, fullWidth: number, fullHeight: number, exifFovDeg?: number | null}>}
+ *   scale: pixels of it for one of the source; exifFovDeg: of its longer side, where its file notes it
  */
 export async function readSource(source, signal) {
   signal?.throwIfAborted();
@@ -36,7 +37,7 @@ function inMemory(ready, signal) {
   signal?.throwIfAborted();
   const [width, height] = sizeOf(ready);
   const scale = Math.min(1, LONG_PX / Math.max(width, height));
-  const about = { scale, fullWidth: width, fullHeight: height };
+  const about = { scale, fullWidth: width, fullHeight: height, exifFovDeg: lenses.get(ready) };
   if (scale === 1 && isImageData(ready)) return { width, height, rgba: ready.data, ...about };
   return { ...draw(ready, width, height, scale), ...about };
 }
@@ -93,10 +94,14 @@ async function fetchBlob(url, name, signal) {
 /** Pictures that are decoded here, and closed once they are drawn: they are large, and not of the collector's memory. */
 const ours = new WeakSet();
 
+/** What the files of pictures note of their lenses. */
+const lenses = new WeakMap();
+
 async function decode(blob, name, from) {
   try {
     const bitmap = await createImageBitmap(blob);
     ours.add(bitmap);
+    lenses.set(bitmap, await exifFovDeg(blob));
     return bitmap;
   } catch {
     const got = `${blob.type || "an unknown type"} of ${blob.size} bytes${from ? ` from ${from}` : ""}`;

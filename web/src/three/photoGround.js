@@ -1,6 +1,6 @@
 /** The ground that the real object of a photo stands on: things stand on it at a pixel, and cast their shadow there. */
 
-import { Box3, Group, Mesh, Plane, PlaneGeometry, Quaternion, Ray, ShadowMaterial, Sphere, Vector3 } from "three";
+import { Box3, Group, Mesh, PerspectiveCamera, Plane, PlaneGeometry, Quaternion, Ray, ShadowMaterial, Sphere, Vector3 } from "three";
 import { AnyProbeError } from "../errors.js";
 import { checkLight, checkNames, wrong } from "../options.js";
 import { groundShadowOpacity } from "../light/groundShadow.js";
@@ -29,6 +29,18 @@ export class PhotoGround extends Group {
   #up;
   #light;
   #view;
+
+  /**
+   * The camera that took a light's photo, at the origin: of its lens, and of the aspect of its mask.
+   *
+   * @param {import("../light/light.js").Light} light
+   */
+  static camera(light) {
+    const { mask, lens } = light ?? {};
+    if (!mask || !lens) throw new AnyProbeError("invalid-option", "expected one with its mask and lens, got none; take it from probe.estimate", { subject: ["light"] });
+    const half = Math.tan((lens.longFovDeg * Math.PI) / 360) * (mask.height / Math.max(mask.width, mask.height));
+    return new PerspectiveCamera((Math.atan(half) * 360) / Math.PI, mask.width / mask.height);
+  }
 
   /**
    * @param {import("../light/light.js").Light} light of the photo, with its mask

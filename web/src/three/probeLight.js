@@ -1,9 +1,11 @@
 /** The estimate as three.js's lights, in the place of XREstimatedLight. */
 
-import { DirectionalLight, Group, LightProbe, Matrix4 } from "three";
+import { DirectionalLight, Group, LightProbe, Matrix4, Vector3 } from "three";
+import { AnyProbeError } from "../errors.js";
 import { MAP_HEIGHT } from "../core/latlong.js";
 import { findDominantLight, withoutDominantLight } from "../light/dominantLight.js";
 import { rotate } from "../light/environment.js";
+import { Light, describe } from "../light/light.js";
 import { checkIsLight } from "../light/groundShadow.js";
 import { project } from "../light/harmonics.js";
 import { prefilter } from "../light/prefilter.js";
@@ -12,6 +14,9 @@ import { EnvironmentTexture } from "./environmentTexture.js";
 
 /** Of the directional light from the group's place: its shadow camera reaches from 0.5 to 500, 5 to each side. */
 const DISTANCE = 5;
+
+/** Along a controller's ray, where what is tapped on is taken to be, metres: on a phone each place of it is at one pixel. */
+const RAY = 2;
 
 /**
  * `lightProbe`, `directionalLight` and `environment` as XREstimatedLight has them, and its events `estimationstart` and
@@ -24,6 +29,8 @@ export class ProbeLight extends Group {
   #hasStarted = false;
   #hasWarned = false;
   #isBlind = false; // the session's views have no camera, and that was said
+  #view = null; // of the session's camera, when its picture was offered last
+  #isFallback = true; // no object has been seen yet
 
   /**
    * @param {import("../anyprobe.js").AnyProbe} probe
@@ -53,6 +60,7 @@ export class ProbeLight extends Group {
   update(light, camera = null) {
     checkIsLight(light);
     this.estimate = light;
+    this.#isFallback = false;
     let { radiance, dominant } = light;
     if (camera && !light.isInWorld) {
       radiance = rotate(radiance, MAP_HEIGHT, rotationOf(camera));
@@ -94,8 +102,19 @@ export class ProbeLight extends Group {
     this.stop();
     if (!this.probe?.track) throw wrong("probe", "what AnyProbe.load gives, as ProbeLight's first argument", this.probe);
     const pose = camera ? { pose: () => new Matrix4().extractRotation(camera.matrixWorld) } : {};
-    this.#tracker = this.probe.track(source, (light) => this.update(light), { ...pose, ...options });
+    const onLost = (answer) => {
+      if (this.#isFallback && answer.mean) this.#updateEven(answer.mean);
+      options.onLost?.(answer);
+    };
+    this.#tracker = this.probe.track(source, (light) => this.update(light), { ...pose, ...options, onLost });
     return this.#tracker;
+  }
+
+  /** Until an object is seen: an even light of the picture's mean colour. */
+  #updateEven(mean) {
+    const radiance = Float32Array.from({ length: 6 * MAP_HEIGHT * MAP_HEIGHT }, (_, i) => mean[i % 3]);
+    this.update(new Light({ ...describe(radiance), isInWorld: true }));
+    this.#isFallback = true;
   }
 
   /**
@@ -116,17 +135,44 @@ export class ProbeLight extends Group {
     }
     if (!view) return false;
     const { width, height } = view.camera;
-    if (!this.#tracker?.running) this.track(null, { projectionMatrix: view.projectionMatrix, ...options });
-    const texture = renderer.xr.getBinding().getCameraImage(view.camera);
+    if (!this.#tracker) this.#begin({ projectionMatrix: view.projectionMatrix, ...options });
+    const [clip, world] = [view.projectionMatrix, view.transform.inverse.matrix].map((numbers) => new Matrix4().fromArray(numbers));
+    this.#view = { clip: clip.multiply(world), width, height };
     const tracker = this.#tracker;
+    if (!tracker.running) return true; // it has failed, which was said
+    const texture = renderer.xr.getBinding().getCameraImage(view.camera);
     tracker.offer({ gl: renderer.getContext(), texture, width, height }, { pose: view.transform }).catch((error) => tracker.fail(error));
     return true;
   }
 
+  /** What is wrong is thrown once, not at each frame. */
+  #begin(options) {
+    try {
+      this.track(null, options);
+    } catch (error) {
+      this.#tracker = { running: false, stop: () => {} };
+      throw error;
+    }
+  }
+
+  /**
+   * The object that is the probe, by a tap in the session.
+   *
+   * @param {import("three").Object3D} controller of renderer.xr.getController, whose ray points at it
+   * @returns {Promise<void>} rejects where the camera's picture does not show it
+   */
+  async mark(controller) {
+    if (!this.#view || !this.#tracker) throw new AnyProbeError("invalid-option", "expected a picture of the session's camera first; call offerCamera at each frame");
+    const { clip, width, height } = this.#view;
+    const { x, y } = new Vector3(0, 0, -RAY).applyMatrix4(controller.matrixWorld).applyMatrix4(clip);
+    await this.#tracker.mark({ click: [((x + 1) / 2) * width, ((1 - y) / 2) * height] });
+  }
+
   stop() {
     this.#tracker?.stop();
-    this.#tracker = null;
+    this.#tracker = this.#view = null;
     this.#isBlind = false;
+    this.#isFallback = true;
     if (this.#hasStarted) this.dispatchEvent({ type: "estimationend" });
     this.#hasStarted = false;
   }
