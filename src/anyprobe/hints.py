@@ -139,8 +139,8 @@ class Hints:
         click, exclude: x, y in pixels of the photo as shown (upright, square pixels) on the object and beside it, one
             or several.
         box: x0, y0, x1, y1 around the object, likewise.
-        depth: depth image of the same view, along the camera's axis, which gives normals; near, far: cut-off distances
-            in its unit, which give the mask too.
+        depth: depth image of the same view, along the camera's axis; near, far: cut-off distances in its unit, one at
+            least; the mask lies between them.
         fov_deg: field of view of the photo's longer side, in degrees; else from EXIF, else 60.
         pitch_deg: camera pitch downwards, in degrees: 0 level, 90 straight down.
         roll_deg: camera roll to the left about its axis, in degrees; needs pitch_deg.
@@ -185,7 +185,7 @@ class Hints:
         in_web="box",
     )
     depth: DepthSource | None = _hint(
-        "place", "Depth image of the same view: gives normals, and with near or far the mask.", suffixes=ARRAYS
+        "place", "Depth image of the same view: the mask lies between near and far.", suffixes=ARRAYS
     )
     near: float | None = _hint("place", "Near clipping depth, in the depth image's own unit (often mm).", numbers=(1,))
     far: float | None = _hint("place", "Far clipping depth, in the same unit.", numbers=(1,))
@@ -330,7 +330,7 @@ def check_together(given: Sequence[str]) -> None:
         InputError: several that give the mask, or one that needs another.
     """
     cut = [name for name in ("near", "far") if name in given]
-    ways = [name for name in ("mask", "depth", "box", "click") if name in given and (name != "depth" or cut)]
+    ways = [name for name in ("mask", "depth", "box", "click") if name in given]
     if len(ways) > 1 and ways != ["box", "click"]:
         got = "both" if len(ways) == 2 else f"all {len(ways)}"
         raise InputError(f"expected one of them, got {got}", subject=ways)
@@ -339,3 +339,5 @@ def check_together(given: Sequence[str]) -> None:
         raise InputError("expected one of them, got both", subject=both, remedy=leave_out(*both))
     if cut and "depth" not in given:
         raise InvalidMask("expected a depth image to cut, got none", subject=cut[0], remedy=give("depth"))
+    if "depth" in given and not cut:
+        raise InvalidMask("expected a distance to cut at, got none", subject="depth", remedy=give("near", "far"))

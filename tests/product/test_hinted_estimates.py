@@ -215,7 +215,7 @@ def test_what_is_no_sphere_is_refused():
 
 def test_a_sphere_may_be_called_one():
     photo, expected = sphere_photo(), sphere_map()
-    found = load_photo(photo, normals="sphere", fov_deg=5.0).normals.values
+    found = load_photo(photo, normals="sphere", fov_deg=5.0).normals
     both = (np.abs(found).sum(axis=-1) > 0) & (np.abs(expected).sum(axis=-1) > 0)
     angle = np.degrees(np.arccos(np.clip((found * expected).sum(axis=-1)[both], -1, 1)))
     assert np.median(angle) < 1.5

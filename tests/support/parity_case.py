@@ -15,7 +15,7 @@ from anyprobe.core.response import inverse_response, response
 from anyprobe.estimate.doubts import ground_doubts
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import ESTIMATED, GIVEN, GUESSED, Ground, estimate_ground
-from anyprobe.estimate.known import KnownNormals, PhotoBackground
+from anyprobe.estimate.known import PhotoBackground
 from anyprobe.estimate.mirror_ball import find_ball, least_metal
 from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.estimate.runtime import EXPECTED, weights_folder
@@ -309,7 +309,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         answers["radiance_looks"] = two_looks.from_photo(loaded).radiance
         answers["radiance_looks_auto"] = two_looks.from_photo(with_ground).radiance
         answers["normals"] = _normals(loaded.mask)
-        with_normals = replace(loaded, normals=KnownNormals(values=answers["normals"]))
+        with_normals = replace(loaded, normals=answers["normals"])
         answers["normals_crop"] = crop_object(with_normals).normals.transpose(2, 0, 1)
         answers["radiance_normals"] = estimator.from_photo(with_normals).radiance
         answers["radiance_looks_normals"] = two_looks.from_photo(with_normals).radiance

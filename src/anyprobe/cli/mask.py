@@ -20,11 +20,10 @@ from anyprobe.cli.photo_files import (
     photo_source,
     result_stem,
 )
-from anyprobe.errors import AnyprobeError, InputError, InvalidMask
+from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.files.atomic import check_folder
 from anyprobe.hints import Hints
 from anyprobe.masks.segmenters import SegmenterSource
-from anyprobe.notices import give
 
 
 @with_bundles
@@ -89,8 +88,6 @@ def _write(
 
     targets = {kind: out / f"{result_stem(path, listed)}_{kind}.png" for kind in ("overlay", "mask")}
     check_names(path, listed, targets.values(), hints.files().values())
-    if hints.depth is not None and hints.near is None and hints.far is None:
-        raise InvalidMask("expected a distance to cut at, got none", subject="depth", remedy=give("near", "far"))
     pixels = read_image(photo_source(path), photo_name(path))
     found = find_mask(pixels, **hints.place(), segmenter=segmenter)
     overlay = draw_overlay(pixels.rgb, found.mask, found.prompts.on, found.prompts.off)

@@ -1,4 +1,4 @@
-"""Prior knowledge beside the photo: normals and surroundings, with their origin."""
+"""Prior knowledge beside the photo: normals and surroundings."""
 
 from __future__ import annotations
 
@@ -7,15 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from anyprobe.errors import InputError
-from anyprobe.estimate.depth_normals import normals_from_depth
 from anyprobe.estimate.normals_hint import normals_from_outline, read_normals
 from anyprobe.estimate.surroundings import read_panorama
-from anyprobe.hints import AUTO, NONE, PHOTO, SPHERE, Hints, NormalsSource, SurroundingsSource
-from anyprobe.notices import Notice, give
-from anyprobe.pictures.images import Pixels
-
-FROM_DEPTH = "depth"
-"""Origin of normals computed from a depth image rather than given."""
+from anyprobe.hints import AUTO, NONE, PHOTO, SPHERE, NormalsSource, SurroundingsSource
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -39,17 +33,6 @@ class GivenPanorama:
     full: np.ndarray | None = None
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class KnownNormals:
-    """Normals of the object.
-
-    values: [H, W, 3] in the camera's frame, unit, or zero where unknown. origin: "given", or "depth".
-    """
-
-    values: np.ndarray
-    origin: str = "given"
-
-
 def asked_surroundings(asked: SurroundingsSource | None) -> PhotoBackground | GivenPanorama | None:
     """Read the caller's surroundings; the default is "auto"."""
     if asked is None or (isinstance(asked, str) and asked in (AUTO, PHOTO, NONE)):
@@ -58,26 +41,10 @@ def asked_surroundings(asked: SurroundingsSource | None) -> PhotoBackground | Gi
     return GivenPanorama(small=small, full=full)
 
 
-def find_normals(
-    hints: Hints, pixels: Pixels, mask: np.ndarray, long_fov_deg: float, fov_source: str
-) -> tuple[KnownNormals | None, tuple[Notice, ...]]:
-    """Return the given normals, else those of a depth image, and doubts about them."""
-    if hints.normals is not None:
-        return KnownNormals(values=_given_normals(hints.normals, mask, long_fov_deg)), ()
-    if hints.depth is None:
-        return None, ()
-    found = normals_from_depth(hints.depth, mask, long_fov_deg)
-    if found.normals is None:
-        text = f"{found.doubt}; normals are estimated from the photo"
-        return None, (Notice(text, code="depth-unused", source=pixels.name, remedy=give("normals")),)
-    known = KnownNormals(values=found.normals, origin=FROM_DEPTH)
-    if fov_source != "default":
-        return known, ()
-    text = f"normals are from depth seen through an assumed lens of {long_fov_deg:g} degrees"
-    return known, (Notice(text, code="assumed-lens", source=pixels.name, remedy=give("fov_deg")),)
-
-
-def _given_normals(source: NormalsSource, mask: np.ndarray, long_fov_deg: float) -> np.ndarray:
+def read_given_normals(source: NormalsSource | None, mask: np.ndarray, long_fov_deg: float) -> np.ndarray | None:
+    """Return the given normals [H, W, 3], unit, or zero where unknown, in the camera's frame; None where none are."""
+    if source is None:
+        return None
     if isinstance(source, str) and source == SPHERE:
         return normals_from_outline(mask, long_fov_deg)
     try:

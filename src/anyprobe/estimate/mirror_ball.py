@@ -18,7 +18,6 @@ from anyprobe.core.contract import contract
 from anyprobe.core.frames import reflect
 from anyprobe.core.latlong import direction_to_uv, pixel_directions
 from anyprobe.core.response import inverse_response
-from anyprobe.estimate.known import KnownNormals
 from anyprobe.estimate.normals_hint import normals_from_outline, rays_through, sphere_of_outline
 from anyprobe.estimate.photo import Crop, Photo, crop_object
 from anyprobe.light.harmonics import sh_basis
@@ -96,7 +95,7 @@ def find_ball(photo: Photo) -> Ball | None:
     """Return a photo's object as a ball; None where it does not look like one, or its shape or material is given."""
     if photo.material is not None or photo.normals is not None or (least := least_metal(photo)) > 1.0:
         return None
-    ball = replace(photo, normals=KnownNormals(values=normals_from_outline(photo.mask, photo.long_fov_deg)))
+    ball = replace(photo, normals=normals_from_outline(photo.mask, photo.long_fov_deg))
     return Ball(photo=ball, crop=crop_object(ball), least_metal=least)
 
 

@@ -21,7 +21,7 @@ from anyprobe.estimate.doubts import (
     scale_doubts,
 )
 from anyprobe.estimate.ground import NOTED, Ground, estimate_ground
-from anyprobe.estimate.known import GivenPanorama, KnownNormals, PhotoBackground, asked_surroundings, find_normals
+from anyprobe.estimate.known import GivenPanorama, PhotoBackground, asked_surroundings, read_given_normals
 from anyprobe.estimate.normals_hint import SHORTEST
 from anyprobe.estimate.runtime import CONTEXT_SIZE, NORMALS_SIZE
 from anyprobe.estimate.surroundings import hides_backdrop, is_cut_out, is_dark_beside, turned, visible_surroundings
@@ -83,7 +83,7 @@ class Photo:
     warnings: tuple[Notice, ...]
     mask_source: str = "mask"
     mask_confidence: float | None = None
-    normals: KnownNormals | None = None
+    normals: np.ndarray | None = None
     surroundings: PhotoBackground | GivenPanorama | None = None
     shows_place: bool = False
     ground: Ground | None = None
@@ -117,7 +117,7 @@ class Photo:
     def without_pixels(self) -> Photo:
         """Return the photo without its pixels, for when its object is cut out already: photos are large."""
         rgb, mask = self.rgb[:0].copy(), self.mask[:0].copy()  # views would hold all of them
-        normals = self.normals and replace(self.normals, values=self.normals.values[:0].copy())
+        normals = None if self.normals is None else self.normals[:0].copy()
         surroundings = None if isinstance(self.surroundings, GivenPanorama) else self.surroundings
         bare = replace(self, rgb=rgb, mask=mask, normals=normals, radiance=None, hidden=None)
         return replace(bare, surroundings=surroundings)
@@ -204,7 +204,6 @@ def load_photo(
         why = (*all_around, *scale)
         raise InvalidMask(error.notice.adding(why[0].text) if why else error) from error
     long_fov_deg, fov_source = _field_of_view(hints.fov_deg, pixels)
-    known, depth_doubts = find_normals(hints, pixels, found.mask, long_fov_deg, fov_source)
     is_whole = isinstance(around, PhotoBackground) and around.is_asked
     exposure = () if scale else _exposure_doubts(pixels, found.mask)
     if hints.albedo is not None and np.size(hints.albedo) == 1:
@@ -215,12 +214,10 @@ def load_photo(
         long_fov_deg=long_fov_deg,
         fov_source=fov_source,
         name=pixels.name,
-        warnings=tuple(
-            map(as_notice, (*pixels.warnings, *all_around, *scale, *found.warnings, *depth_doubts, *exposure))
-        ),
+        warnings=tuple(map(as_notice, (*pixels.warnings, *all_around, *scale, *found.warnings, *exposure))),
         mask_source=found.source,
         mask_confidence=found.confidence,
-        normals=known,
+        normals=read_given_normals(hints.normals, found.mask, long_fov_deg),
         surroundings=around,
         exposure=pixels.exposure,
         radiance=pixels.radiance,
@@ -292,7 +289,7 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
     camera_from_crop = turn_towards(ray)
     normals = None
     if photo.normals is not None:
-        mean = sample_window(photo.normals.values, photo.mask, center, side, NORMALS_SIZE)[..., :3]
+        mean = sample_window(photo.normals, photo.mask, center, side, NORMALS_SIZE)[..., :3]
         length = np.linalg.norm(mean, axis=-1, keepdims=True)
         mean = mean / np.maximum(length, SHORTEST) @ camera_from_crop
         normals = np.where(length > SHORTEST, mean, 0.0).astype(np.float32)

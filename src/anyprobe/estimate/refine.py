@@ -14,7 +14,7 @@ from anyprobe.core.contract import contract
 from anyprobe.errors import InputError
 from anyprobe.estimate.doubts import DARK, DARK_SHARE, ground_doubts, light_doubts
 from anyprobe.estimate.ground import Ground, ground_by_posture
-from anyprobe.estimate.known import FROM_DEPTH, PhotoBackground
+from anyprobe.estimate.known import PhotoBackground
 from anyprobe.estimate.material_hint import use_material
 from anyprobe.estimate.mirror_look import MIRRORED, likelier, mirrored_back, mirrored_crop
 from anyprobe.estimate.photo import Crop, Photo
@@ -50,13 +50,11 @@ class Prediction:
 def usable(
     models: Models, photo: Photo, crop: Crop, merged_surroundings: np.ndarray | None
 ) -> tuple[Crop, np.ndarray | None]:
-    """Leave out what nobody asked for where the model does not take it: the background, normals of a depth map."""
+    """Leave out what nobody asked for where the model does not take it: the background."""
     if models.lifts:
         return crop, merged_surroundings
     if isinstance(photo.surroundings, PhotoBackground) and not photo.surroundings.is_asked:
         crop, merged_surroundings = replace(crop, surroundings_map=None), None
-    if photo.normals is not None and photo.normals.origin == FROM_DEPTH:
-        crop = replace(crop, normals=None)
     return crop, merged_surroundings
 
 

@@ -78,7 +78,7 @@ def find_mask(
         return _given(mask_from_function(mask, pixels.rgb), "function", pixels.name)
     if mask is not None:
         return _given(mask_from_file(mask, shape), "mask", pixels.name)
-    if depth is not None and (near is not None or far is not None):
+    if depth is not None:
         return _given(mask_from_depth(depth, shape, near, far), "depth", pixels.name)
     if near is not None or far is not None:
         subject = "near" if far is None else "far"

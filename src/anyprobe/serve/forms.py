@@ -91,10 +91,7 @@ EstimateForm: type[Form] = create_model(
     **_setting_fields(),
 )
 MaskForm: type[Form] = create_model(
-    "MaskForm",
-    __base__=Form,
-    photo=(UploadFile, ...),
-    **_hint_fields("place", "camera"),
+    "MaskForm", __base__=Form, photo=(UploadFile, ...), **_hint_fields("place", "camera")
 )
 
 

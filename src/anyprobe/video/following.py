@@ -73,8 +73,7 @@ class MaskFollower:
             if not (isinstance(folder, str | os.PathLike) and os.path.isdir(folder)):
                 raise InputError(f"expected a folder with one file for each frame, got {folder}", subject=kind)
         self._files = {kind: visible_files(Path(folder), HINT_SUFFIXES[kind]) for kind, folder in folders.items()}
-        is_cut = "depth" in self._files and ("near" in every_frame or "far" in every_frame)
-        self.finds = "mask" not in self._files and not is_cut
+        self.finds = not {"mask", "depth"} & self._files.keys()
         if hints and not self.finds:
             ways = (
                 "mask" if "mask" in self._files else "depth",
