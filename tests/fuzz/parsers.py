@@ -119,7 +119,6 @@ def encoded() -> list[bytes]:
         picture_files.ultra_hdr(rgb, grey, 3.0, iso=True, quality=60),
         picture_files.apple_jpeg(rgb, grey, picture_files.maker_note(0.8, 0.005)),
         picture_files.apple_jpeg(rgb, grey, headroom=4.0),
-        picture_files.iso_heif("AVIF", rgb, grey, 3.0),
     ]
     for channels in (1, 3):
         found.append(picture_files.float_tiff(rgb[..., :channels]))
@@ -141,7 +140,7 @@ def with_readers() -> list[bytes]:
         rgb = picture_files.scene(64, 64)
         found += [saved(Image.fromarray(picture_files.eight(rgb)), "HEIF")]
         found += [picture_files.apple_heic(rgb, rgb[..., 1], picture_files.maker_note(0.8, 0.005))]
-        found += [picture_files.iso_heif("HEIC", rgb, rgb[..., 1], 3.0)]
+        found += [picture_files.iso_heif(rgb, rgb[..., 1], 3.0)]
     small = picture_files.scene(40, 48)
     found += [image_io.encode_image(picture_files.eight(small), "jpegxl", {})]
     found += [(CASES / name).read_bytes() for name in ("exif.jxl", "grey_alpha.jxl", "rgb16_ramp.jp2")]

@@ -212,22 +212,17 @@ def iso_numbers(stops: float) -> bytes:
     return head + struct.pack(">iIiIIIiIiI", 0, 1, most, 1000, 1, 1, 1, 64, 1, 64)
 
 
-def iso_heif(kind: str, base: np.ndarray, gain: np.ndarray, stops: float) -> bytes:
-    """A "HEIC" or "AVIF" of display values [H, W, 3] with a gain map [h, w] by ISO 21496-1.
+def iso_heif(base: np.ndarray, gain: np.ndarray, stops: float) -> bytes:
+    """A HEIC of display values [H, W, 3] with a gain map [h, w] by ISO 21496-1.
 
-    Of two pictures, an AVIF's picture and its alpha, to which the item that makes one of both is added.
+    Of two pictures, to which the item that makes one of both is added.
     """
-    stream = io.BytesIO()
-    if kind == "HEIC":
-        import pillow_heif
+    import pillow_heif
 
-        whole = pillow_heif.HeifFile()
-        for values in (eight(base), eight(gain)):
-            whole.add_from_pillow(Image.fromarray(values))
-        whole.save(stream, quality=-1, chroma=444)
-    else:
-        both = Image.fromarray(eight(np.dstack([base, gain])))
-        both.save(stream, "AVIF", quality=100, subsampling="4:4:4")
+    stream, whole = io.BytesIO(), pillow_heif.HeifFile()
+    for values in (eight(base), eight(gain)):
+        whole.add_from_pillow(Image.fromarray(values))
+    whole.save(stream, quality=-1, chroma=444)
     data = bytearray(stream.getvalue().replace(b"auxl", b"none"))
     data[data.index(b"infe", data.index(b"infe") + 4) + 7] |= 1  # the map is hidden
     return _with_tone_map(data, b"\0" + iso_numbers(stops))

@@ -4,7 +4,7 @@ Ultra HDR (Android: XMP of the namespace hdrgm) and ISO 21496-1, in a second JPE
 
     log2 (HDR + o_h) / (SDR + o_s) = min + (max - min) g^(1 / gamma)
 
-in linear light, with g in [0, 1] of the map's pixels. A HEIC or AVIF holds ISO's as an item. Apple's maps, in JPEG and
+in linear light, with g in [0, 1] of the map's pixels. A HEIC holds ISO's as an item. Apple's maps, in JPEG and
 HEIC, follow apple_gain.
 """
 
@@ -73,10 +73,10 @@ class GainMap:
 
 def gain_map_of(image: Image.Image, stream: BinaryIO | None) -> GainMap | None:
     """Return the gain map of a JPEG or HEIC whose open file is stream; None where it has none that can be read."""
-    if stream is None or image.format not in ("JPEG", "MPO", "HEIF", "AVIF"):
+    if stream is None or image.format not in ("JPEG", "MPO", "HEIF"):
         return None
     stream.seek(0)
-    if image.format in ("HEIF", "AVIF"):
+    if image.format == "HEIF":
         return _of_tone_map(image, stream) or _of_heif(image, stream)
     head = stream.read(HEAD_BYTES)
     if any(mark in head for mark in MARKS):
