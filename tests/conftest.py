@@ -20,12 +20,12 @@ shape_checks.install()
 from support.scenes import sphere_photo  # noqa: E402
 
 from anyprobe.cli.app import main  # noqa: E402
-from anyprobe.detail.place_picture import PANORAMA_SIZES, Panorama  # noqa: E402
 from anyprobe.estimate import estimator as estimate_module  # noqa: E402
 from anyprobe.estimate import outputs  # noqa: E402
 from anyprobe.estimate.estimator import Estimator  # noqa: E402
 from anyprobe.estimate.result import Light  # noqa: E402
 from anyprobe.masks.networks import small_network  # noqa: E402
+from anyprobe.place.panorama import PANORAMA_SIZES, Panorama  # noqa: E402
 from anyprobe.relight.insert import Stage  # noqa: E402
 from anyprobe.relight.shadow import GroundShadow  # noqa: E402
 

@@ -1,4 +1,4 @@
-"""python -m research.scenes: commands pairs, sheet, score, goes-on, dark, kinds, shading, inserted.
+"""python -m research.scenes: commands pairs, sheet, score, goes-on, dark, shading, inserted.
 
 Rendering needs Mitsuba 3, mitsuba-oidn and an LLVM of 17 or newer.
 """

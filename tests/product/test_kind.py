@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
+from anyprobe.core.camera import PinholeCamera
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.estimate.fit_warnings import kind_doubts
 from anyprobe.match.kind import is_outdoors, photo_outdoors, prices
 from anyprobe.match.library import Library
-from anyprobe.match.plate import keep_plate
 from anyprobe.notices import Notice
+from anyprobe.place.plate import keep_plate
 
 
 def place(upper: tuple[float, float, float], lower: tuple[float, float, float]) -> np.ndarray:
@@ -42,7 +43,7 @@ def test_a_photo_of_one_colour_behind_its_object_is_a_studios_and_a_cut_out_says
     mask[20:40, 30:50] = 1
     for color, outdoors in (((0.2, 0.5, 0.1), True), ((0.5, 0.4, 0.3), False)):
         rgb = np.broadcast_to(np.float32(color), (60, 80, 3))
-        assert photo_outdoors(keep_plate(rgb, mask, 40.0), []) is outdoors
+        assert photo_outdoors(keep_plate(rgb, mask, PinholeCamera.of_fov(80, 60, 40.0)), []) is outdoors
 
 
 def test_panoramas_of_the_other_kind_cost_more():

@@ -40,11 +40,11 @@ from anyprobe.cli.photo_files import (
     result_stem,
 )
 from anyprobe.cli.tables import print_table
-from anyprobe.detail.place_picture import check_rows
 from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto
 from anyprobe.files.atomic import check_folder
 from anyprobe.files.paths import open_regular
 from anyprobe.hints import Hints
+from anyprobe.place.panorama import check_rows
 
 if TYPE_CHECKING:
     from anyprobe.estimate.estimator import Estimator
@@ -87,7 +87,7 @@ def estimate(
     quiet: QuietOption = False,
 ) -> None:
     """Estimate the light around an object. Writes a panorama, <stem>_panorama.exr, with <stem>_origin.png (where it is
-    seen, estimated, invented), the estimate's own map <stem>.exr and .hdr, a .json, and a preview <stem>.png."""
+    seen, estimated, continued), the estimate's own map <stem>.exr and .hdr, a .json, and a preview <stem>.png."""
     check_rows(size)
     hints = object_options.hints()
     listed = list_photos(photos)

@@ -25,7 +25,7 @@ from anyprobe.scatter.materials import Material
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-    from anyprobe.match.plate import Plate
+    from anyprobe.place.plate import Plate
 
 _PLACES = 3
 """Largest number of places to which the light sources of several photos are gathered."""

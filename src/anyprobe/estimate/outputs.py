@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from anyprobe.detail.place_picture import DRAWN_ROWS
 from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import LEVEL, Light
 from anyprobe.estimate.sheet import draw_preview
 from anyprobe.files.atomic import atomic_files
 from anyprobe.pictures.images import write_png
+from anyprobe.place.panorama import DRAWN_ROWS
 
 OUTPUT_SUFFIXES = ("_panorama.exr", "_origin.png", ".exr", ".hdr", ".json", ".png")
 

@@ -34,9 +34,9 @@ from anyprobe.masks.find import find_mask
 from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.segmenters import SegmenterSource
 from anyprobe.masks.sources import MaskSource, mask_from_alpha
-from anyprobe.match.plate import Plate, keep_plate
 from anyprobe.notices import Notice, as_notice, leave_out
 from anyprobe.pictures.images import ImageSource, Pixels, read_image
+from anyprobe.place.plate import Plate, keep_plate
 from anyprobe.scatter.materials import Material
 
 """Field of view of the longer side of a phone's main camera."""
@@ -112,7 +112,7 @@ class Photo:
 
     def plate(self) -> Plate | None:
         """Return what it shows beside its object, small enough to keep; None: nothing."""
-        return keep_plate(self.rgb, self.mask, self.long_fov_deg, self.radiance, self.hidden)
+        return keep_plate(self.rgb, self.mask, self.camera, self.radiance, self.hidden)
 
     def without_pixels(self) -> Photo:
         """Return the photo without its pixels, for when its object is cut out already: photos are large."""

@@ -16,8 +16,6 @@ from anyprobe.core.frames import is_rotation
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.core.spelling import did_you_mean
-from anyprobe.detail.layers import kind_of_place
-from anyprobe.detail.place_picture import DRAWN_ROWS, Panorama, check_rows, compose, in_frame
 from anyprobe.errors import InputError, OutputError
 from anyprobe.estimate.ground import GUESSED, Ground, levelled
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
@@ -30,9 +28,10 @@ from anyprobe.light.harmonics import project
 from anyprobe.light.light_sources import LightSource, find_light_sources
 from anyprobe.maps.radiance import HALF_MAX, map_attributes, write_exr, write_hdr
 from anyprobe.match.kind import photo_outdoors
-from anyprobe.match.plate import Plate
 from anyprobe.notices import Notice, as_notice
 from anyprobe.pictures.images import png_bytes, write_png
+from anyprobe.place.panorama import DRAWN_ROWS, Panorama, check_rows, compose, in_frame
+from anyprobe.place.plate import Plate
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -178,12 +177,12 @@ class Light:
         return replace(turned, confidence=rotate(self.confidence[..., None], rotation)[..., 0].clip(0.0, 1.0))
 
     def panorama(self, size: int = DRAWN_ROWS, *, frame: str = LEVEL) -> Panorama:
-        """Return one picture of the place, `size` x 2 `size`: the photo, continued all around under this light.
+        """Return one picture of the place, `size` x 2 `size`: the photo where it is seen, and this light elsewhere.
 
-        It shows what the photo shows, without the object, and goes on from there; its harmonics are this light's.
+        What is not known is smooth; the nine harmonics of its luminance are this light's.
 
         Args:
-            size: rows, one of detail.place_picture.PANORAMA_SIZES.
+            size: rows, one of place.panorama.PANORAMA_SIZES.
             frame: "level", +Y is up as far as the camera's pitch and roll are known, or "camera", the frame of
                 radiance. A light that was rotated keeps its own frame.
         Raises:
@@ -192,8 +191,7 @@ class Light:
         check_rows(size)
         is_level, turn = self._panorama_frame(frame)
         turned, from_camera = in_frame(self.radiance, turn), turn @ self.map_from_camera
-        kind = None if self.expected is None else self.level_and_kind()[1]
-        radiance, origin = compose(turned, self.plate, from_camera, size, kind=kind)
+        radiance, origin = compose(turned, self.plate, from_camera, size)
         said = {key: str(value) for key, value in frame_of(from_camera).items()}
         said |= {"scale": SCALE, "model": self.origin.model or ""}
         return Panorama(
@@ -206,12 +204,6 @@ class Light:
         if check_frame(frame) != LEVEL or ground is None or not np.allclose(self.map_from_camera, np.eye(3)):
             return False, np.eye(3)
         return True, ground.level_from_camera
-
-    def level_and_kind(self) -> tuple[np.ndarray, str | None]:
-        """Return the rotation [3, 3] from this map's frame to a level one, the identity where none is known, and the
-        kind of place, see detail.layers.kind_of_place."""
-        _, turn = self._panorama_frame(LEVEL)
-        return turn, kind_of_place(self.origin.hints, self.plate, self.warnings, in_frame(self.radiance, turn))
 
     @property
     def ground(self) -> Ground | None:

@@ -12,10 +12,10 @@ from PIL import Image, ImageDraw, ImageFont
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
-from anyprobe.detail.place_picture import Panorama
 from anyprobe.estimate.photo import Photo
 from anyprobe.light.environment import rotate
 from anyprobe.masks.overlay import draw_overlay
+from anyprobe.place.panorama import Panorama
 from anyprobe.render.spheres import sphere_images, spheres_ev
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ import numpy as np
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.light.environment import reduced
 from anyprobe.match.library import Library
-from anyprobe.match.plate import Plate
 from anyprobe.notices import Notice
+from anyprobe.place.plate import Plate
 
 KIND_ROWS = 32
 """Rows at which panoramas are classified."""
@@ -31,12 +31,6 @@ LOW, GREENEST = 0.3, 0.8
 """Largest y of what may be green, and the quantile."""
 OUTDOORS = 0.71
 """Score of a panorama above which it counts as outdoors."""
-LIT_OUTDOORS = 1.2
-"""Score of an estimate above which its photo counts as outdoors.
-
-Of 29 left-out renders of places outdoors, sky and plants find 7, and 16 together with the estimate; of 33 rooms they
-take 4 for such, the estimate none (python -m research.scenes kinds).
-"""
 SKY_SHARE, PLANT_SHARE = 0.12, 0.15
 """Smallest shares of sky and of plants beside the object in an outdoor photo."""
 PLAIN_BACKDROP = "plain-backdrop"
@@ -76,12 +70,6 @@ def outdoor_scores(maps: np.ndarray) -> np.ndarray:
 def is_outdoors(radiance: np.ndarray) -> bool:
     """Return whether a panorama [H, 2H, 3] counts as outdoors."""
     return bool(outdoor_scores(reduced(radiance, KIND_ROWS)[None])[0] > OUTDOORS)
-
-
-def is_lit_outdoors(radiance: np.ndarray) -> bool:
-    """Return whether an estimate [H, 2H, 3], level, is surely of a place outdoors: an estimate is smoother than a
-    panorama."""
-    return bool(outdoor_scores(reduced(radiance, KIND_ROWS)[None])[0] > LIT_OUTDOORS)
 
 
 def photo_outdoors(plate: Plate | None, warnings: Iterable[Notice]) -> bool | None:
