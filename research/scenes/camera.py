@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from PIL import Image, ImageFilter
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
@@ -13,7 +12,7 @@ from anyprobe.core.response import response
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe_train.dataset import distributions
 from anyprobe_train.dataset.camera import SUBSAMPLINGS, compress, draw_curve
-from anyprobe_train.dataset.mask_errors import disturb_mask
+from anyprobe_train.dataset.mask_errors import disturb_mask, gross_error
 from research.world.whole_render import Render
 
 KEY, KEY_SPREAD = 0.22, 0.4
@@ -111,7 +110,7 @@ def _drawn_mask(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     choice = rng.random()
     if choice < EXACT:
         return mask
-    made = _gross(mask, rng) if choice > 1 - GROSS else _disturbed(mask, rng)
+    made = gross_error(mask, rng) if choice > 1 - GROSS else _disturbed(mask, rng)
     return made if made.sum() >= LEAST_PX and (made & mask).sum() > 0.4 * mask.sum() else mask
 
 
@@ -121,33 +120,3 @@ def _disturbed(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     square = np.zeros((side, side), bool)
     square[:height, :width] = mask
     return disturb_mask(square, rng)[:height, :width]
-
-
-def _gross(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return the mask with a strip of the support, a part of a neighbour, without a limb, or beside the object."""
-    rows, columns = np.nonzero(mask)
-    if not len(rows):
-        return mask
-    top, bottom, left, right = rows.min(), rows.max(), columns.min(), columns.max()
-    high, wide = bottom - top + 1, right - left + 1
-    y, x = np.mgrid[0 : mask.shape[0], 0 : mask.shape[1]]
-    kind = rng.integers(4)
-    if kind == 0:  # the rim of a turntable, the edge of a table
-        cx, cy = (left + right) / 2, bottom - rng.uniform(0.0, 0.1) * high
-        a, b = wide * rng.uniform(0.4, 0.8), max(2.0, high * rng.uniform(0.06, 0.2))
-        return mask | (((x - cx) / a) ** 2 + ((y - cy) / b) ** 2 < 1)
-    if kind == 1:
-        angle, reach = rng.uniform(0, 2 * np.pi), 0.5 * max(high, wide)
-        cx, cy = (left + right) / 2 + reach * np.cos(angle), (top + bottom) / 2 + reach * np.sin(angle)
-        a, b = (rng.uniform(0.1, 0.3) * side for side in (wide, high))
-        return mask | (((x - cx) / a) ** 2 + ((y - cy) / b) ** 2 < 1)
-    if kind == 2:
-        angle = rng.uniform(0, 2 * np.pi)
-        along = x * np.cos(angle) + y * np.sin(angle)
-        return mask & (along < np.quantile(along[mask], 1 - rng.uniform(0.08, 0.3)))
-    far = rng.uniform(0.02, 0.08) * max(high, wide)
-    angle = rng.uniform(0, 2 * np.pi)
-    moved = Image.fromarray((255 * mask).astype(np.uint8)).transform(
-        mask.shape[::-1], Image.Transform.AFFINE, (1, 0, far * np.cos(angle), 0, 1, far * np.sin(angle))
-    )
-    return np.asarray(moved.filter(ImageFilter.MedianFilter(3))) > 127

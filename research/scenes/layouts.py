@@ -25,8 +25,8 @@ from anyprobe_train.dataset.lighting import add_lamp
 from anyprobe_train.dataset.pair import _painted
 from anyprobe_train.dataset.sky import direction_at, tint
 from anyprobe_train.whole_network.families import FAMILIES
-from research.scenes.lights import draw_place, draw_procedural_light, draw_real_light, with_lamps
-from research.world.tables import Cover, draw_cover
+from anyprobe_train.world.covers import Cover, draw_cover
+from anyprobe_train.world.drawn_light import draw_place, draw_procedural_light, draw_real_light, with_lamps
 from research.world.whole_scenes import Panel, Phone, Thing, _draw_second, _placed, _standing
 
 SHARES = (0.36, 0.26, 0.17, 0.11, 0.1)

@@ -16,7 +16,7 @@ from anyprobe_train.dataset import distributions
 from anyprobe_train.dataset.asset_store import AssetStore
 from anyprobe_train.dataset.pair import _painted, is_painted
 from anyprobe_train.dataset.recipe import Recipe
-from research.world.tables import Cover, draw_cover
+from anyprobe_train.world.covers import Cover, draw_cover
 
 LONG_PX, SHORT_PX = 480, 360
 PITCH_DEG = (5.0, 50.0)

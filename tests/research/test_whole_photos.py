@@ -21,9 +21,9 @@ from anyprobe.render.shapes import lathe
 from anyprobe_train.dataset.asset_store import AssetStore
 from anyprobe_train.dataset.catalog import MapAsset, ShapeAsset
 from anyprobe_train.dataset.recipe import WORLD, world_recipes
+from anyprobe_train.world.covers import ALBEDO, KINDS, draw_cover
 from research.world import whole as whole_command
 from research.world import whole_photos as whole
-from research.world.tables import ALBEDO, KINDS, draw_cover
 from research.world.whole_render import Render
 from research.world.whole_scenes import draw_scene
 from research.world.whole_scores import brightest_places, score, stage, summary, world_from_photo

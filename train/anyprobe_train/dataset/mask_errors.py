@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from PIL import Image, ImageFilter
 
 from anyprobe_train.dataset.camera import blur
 
@@ -107,3 +108,33 @@ def disturb_mask(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
             if object_px(changed) >= MIN_CHANGED_PX and (changed & mask).sum() >= KEPT_SHARE * mask.sum():
                 result = changed
     return result
+
+
+def gross_error(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return a mask [H, W] with a strip of the support, a part of a neighbour, without a limb, or beside the object."""
+    rows, columns = np.nonzero(mask)
+    if not len(rows):
+        return mask
+    top, bottom, left, right = rows.min(), rows.max(), columns.min(), columns.max()
+    high, wide = bottom - top + 1, right - left + 1
+    y, x = np.mgrid[0 : mask.shape[0], 0 : mask.shape[1]]
+    kind = rng.integers(4)
+    if kind == 0:  # the rim of a turntable, the edge of a table
+        cx, cy = (left + right) / 2, bottom - rng.uniform(0.0, 0.1) * high
+        a, b = wide * rng.uniform(0.4, 0.8), max(2.0, high * rng.uniform(0.06, 0.2))
+        return mask | (((x - cx) / a) ** 2 + ((y - cy) / b) ** 2 < 1)
+    if kind == 1:
+        angle, reach = rng.uniform(0, 2 * np.pi), 0.5 * max(high, wide)
+        cx, cy = (left + right) / 2 + reach * np.cos(angle), (top + bottom) / 2 + reach * np.sin(angle)
+        a, b = (rng.uniform(0.1, 0.3) * side for side in (wide, high))
+        return mask | (((x - cx) / a) ** 2 + ((y - cy) / b) ** 2 < 1)
+    if kind == 2:
+        angle = rng.uniform(0, 2 * np.pi)
+        along = x * np.cos(angle) + y * np.sin(angle)
+        return mask & (along < np.quantile(along[mask], 1 - rng.uniform(0.08, 0.3)))
+    far = rng.uniform(0.02, 0.08) * max(high, wide)
+    angle = rng.uniform(0, 2 * np.pi)
+    moved = Image.fromarray((255 * mask).astype(np.uint8)).transform(
+        mask.shape[::-1], Image.Transform.AFFINE, (1, 0, far * np.cos(angle), 0, 1, far * np.sin(angle))
+    )
+    return np.asarray(moved.filter(ImageFilter.MedianFilter(3))) > 127

@@ -96,10 +96,11 @@ _View = tuple[np.ndarray, float, int, np.ndarray]
 
 def draw_views(views: int, config: SurfaceConfig, rng: np.random.Generator) -> list[SurfaceView]:
     """Draw `views` views of each class, independently of the shape."""
-    return [_draw_view(which, config, rng) for which in range(NUM_ELEVATIONS) for _ in range(views)]
+    return [draw_view(which, config, rng) for which in range(NUM_ELEVATIONS) for _ in range(views)]
 
 
-def _draw_view(elevation_class: int, config: SurfaceConfig, rng: np.random.Generator) -> SurfaceView:
+def draw_view(elevation_class: int, config: SurfaceConfig, rng: np.random.Generator) -> SurfaceView:
+    """Draw a view of an elevation class, and what is made of the shape before."""
     waves = matrix = None
     if config.bend > 0 or config.relief > 0:
         slow, fast = _waves(rng, 3, (0.8, 3.0), config.bend), _waves(rng, 3, (5.0, 18.0), config.relief)

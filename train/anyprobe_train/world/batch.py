@@ -1,0 +1,418 @@
+"""Batches of photos to learn from: batch k is a function of (seed, k) alone, see LightBatch for what is in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+
+from anyprobe.core.color import luminance
+from anyprobe.core.latlong import pixel_solid_angles
+from anyprobe.light.source_split import split_sources
+from anyprobe_train.dataset.mask_errors import disturb_mask, gross_error
+from anyprobe_train.world.layout import Layout, draw_layout
+from anyprobe_train.world.lights import Light, draw_light
+from anyprobe_train.world.look import Look, develop, draw_look
+from anyprobe_train.world.maps import Maps, open_maps
+from anyprobe_train.world.photo import (
+    SIZE,
+    Frame,
+    Seen,
+    background_of,
+    draw_photo_frame,
+    lit_scene,
+    object_over,
+    painted,
+    pick_material,
+    resampled,
+    see_object,
+    truth_of,
+)
+from anyprobe_train.world.views import CAMERAS, SHAPES, Views, shape_files, view_points
+
+FAMILIES = ("ground", "table", "things", "dark", "procedural", "cut_out", "no_object")
+SHARES = (0.34, 0.16, 0.14, 0.12, 0.08, 0.1, 0.06)
+LIGHT_OF = {"ground": "ground", "table": "real", "things": "real", "dark": "dark", "procedural": "procedural"}
+PHOTOS_OF_LIGHT = 6
+"""Photos that share a light, each with another object, camera and layout."""
+SOURCES, NORMALS = 3, 48
+MASK_SIDE, MASK_ROOM = 128, 1.5
+"""Side of the picture that a mask is drawn in, and its width over the object's window."""
+EXACT, GROSS = 0.3, 0.12
+"""Shares of the masks without an error and with a gross one."""
+LENS_KNOWN = 0.5
+ASSUMED_TANGENT = float(np.tan(np.radians(30.0)))
+"""Of half the longer side, where the lens is not known: 60 degrees."""
+BACKDROPS = (0.0, 0.0, 1.0, 0.5, 0.92)
+"""Display values behind cut-outs."""
+DIM = 0.1
+"""Light above white of less than this share of all light is that of no source."""
+SAME_PITCH = 0.08
+"""Largest difference of the height that two cameras look from, for their objects to stand in one photo."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LightBatch:
+    """N photos; everything in the photo's camera frame, pictures in display values.
+
+    context: [N, 96, 96, 5] uint8, the whole photo by area, its centre that of the square: RGB, given mask, inside.
+    crop: [N, 96, 96, 4] uint8, the square window around the given mask's box times 1.1: RGB x mask, mask.
+    seen: [N, 64, 128, 4] uint8, what the photo shows beside the object, on the sphere: RGB x cover, cover.
+    lens: [N, 5] as given: tangents of half the square, of the crop's centre (right, up), of half its side; 1 if known.
+    fov: [N] degrees of the longer side. up: [N, 3]. normals: [N, 48, 48, 3] int8 x 127 over the crop's window.
+    material: [N, 4] metal, reflectance; NaN without an object.
+    truth: [N, 64, 128, 3] float16, what a probe in the object's place sees, in units of the photo's white.
+    sources: [N, 3, 8] by falling power: exists, direction, angular radius [degrees], power above white.
+    soft: [N] share of the power above white that no source has, see `softness`. outdoors: [N] 1, 0 or NaN.
+    family: [N] index into FAMILIES.
+    """
+
+    context: np.ndarray
+    crop: np.ndarray
+    seen: np.ndarray
+    lens: np.ndarray
+    fov: np.ndarray
+    up: np.ndarray
+    normals: np.ndarray
+    material: np.ndarray
+    truth: np.ndarray
+    sources: np.ndarray
+    soft: np.ndarray
+    outdoors: np.ndarray
+    family: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class World:
+    """What photos are drawn from.
+
+    batch: photos in a batch. first, every, most: files of views that batch 0 draws from, batches after which one more
+    joins, and their number in the end.
+    """
+
+    maps: Maps
+    views: Views
+    batch: int = 64
+    first: int = 32
+    every: int = 8
+    most: int = 420
+
+    @classmethod
+    def open(cls, data: Path, cache: Path, maps: str = "train", shapes: str = "train", **settings: int) -> World:
+        """Open the maps and shapes of a part each, "train" or "left-out"; what is missing in the cache is made."""
+        return cls(maps=open_maps(data, cache, maps), views=Views(shape_files(data, shapes), cache), **settings)
+
+    def count(self, k: int) -> int:
+        """Return the number of views that batch k draws from."""
+        return min(self.first + k // self.every, self.most) * SHAPES * CAMERAS
+
+
+def make_batch(world: World, seed: int, k: int) -> LightBatch:
+    """Return batch k: the same for the same data."""
+    rng = np.random.default_rng((seed, k))
+    numbers = rng.choice(len(FAMILIES), world.batch, p=SHARES)
+    kinds = [_light_kind(FAMILIES[n], rng) for n in numbers]
+    lights: dict[str, list[Light]] = {}
+    for kind in sorted(set(kinds)):
+        count = -(-kinds.count(kind) // PHOTOS_OF_LIGHT)
+        lights[kind] = [draw_light(rng, world.maps, kind) for _ in range(count)]
+    photos = []
+    for number, kind in zip(numbers, kinds, strict=True):
+        light = lights[kind][rng.integers(len(lights[kind]))]
+        photos.append(take(world, FAMILIES[number], light, k, np.random.default_rng((seed, k, len(photos)))))
+    return LightBatch(**{one.name: np.stack([photo[one.name] for photo in photos]) for one in fields(LightBatch)})
+
+
+def _light_kind(family: str, rng: np.random.Generator) -> str:
+    if family in LIGHT_OF:
+        kind = LIGHT_OF[family]
+        return "procedural" if family == "things" and rng.random() < 0.3 else kind
+    return ("ground", "real", "real", "dark")[rng.integers(4)] if family == "cut_out" else "ground"
+
+
+def take(world: World, family: str, light: Light, k: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Draw and take one photo: the arrays of LightBatch without their first axis."""
+    view = world.views[int(rng.integers(world.count(k)))]
+    layout = draw_layout(rng, _surroundings(family, rng), view, light, world.maps, _companions(world, view, k, rng))
+    material, metal = pick_material(rng)
+    seed = int(rng.integers(2**31))
+    frame = draw_photo_frame(rng, view)
+    has_object = family != "no_object"
+    reflectance = material.f0 + (1 - material.f0) * material.albedo
+    scene = lit_scene(view if has_object else None, view["eye"], layout, reflectance, seed)
+    truth = truth_of(scene, frame, float(view["top"]))
+    seen = None
+    if has_object:
+        _, _, points, normals = view_points(view)
+        colors = painted(rng, world.maps, material, points, normals)
+        reflectance = (colors[1] + (1 - colors[1]) * colors[0]).mean(axis=0)
+        seen = see_object(scene, view, material, colors, seed + 1)
+    behind = None if family == "cut_out" else background_of(scene, frame, seen, seed + 2)
+    return _tensors(family, layout, view, frame, seen, behind, truth, metal, reflectance, rng)
+
+
+def _surroundings(family: str, rng: np.random.Generator) -> str:
+    """Return the family whose layout a photo has."""
+    if family == "cut_out":
+        return ("none", "table", "things")[rng.integers(3)]
+    if family == "no_object":
+        return ("ground", "none", "table", "things")[rng.integers(4)]
+    return family
+
+
+def _companions(world: World, view: np.void, k: int, rng: np.random.Generator) -> list[np.void]:
+    """Return up to two views whose cameras look down as steeply as a view's."""
+    found = []
+    for _ in range(24):
+        other = world.views[int(rng.integers(world.count(k)))]
+        if abs(other["camera"][1, 2] - view["camera"][1, 2]) < SAME_PITCH:
+            found.append(other)
+        if len(found) == 2:
+            break
+    return found
+
+
+def _tensors(
+    family: str,
+    layout: Layout,
+    view: np.void,
+    frame: Frame,
+    seen: Seen | None,
+    behind: np.ndarray | None,
+    truth: np.ndarray,
+    metal: bool,
+    reflectance: np.ndarray,
+    rng: np.random.Generator,
+) -> dict[str, np.ndarray]:
+    most = frame.most
+    whole = -most, most, most, -most
+    inside = _inside(frame, whole)
+    own = np.zeros((SIZE, SIZE, 4), np.float32) if seen is None else object_over(seen, frame, whole, SIZE)
+    picture = own[..., :3] if behind is None else own[..., :3] + (1 - own[..., 3:]) * behind
+    object_mean = None
+    if seen is not None:
+        object_mean = max(
+            float(luminance((seen.radiance * seen.cover[..., None]).sum((0, 1)) / seen.cover.sum())), 1e-9
+        )
+    in_frame = luminance(picture)[inside > 0.5] if behind is not None else np.zeros(0)
+    look = draw_look(rng, object_mean, in_frame, truth)
+    mask, window = (None, None) if seen is None else _drawn_mask(seen, frame, family, rng)
+    crop_window = _crop_window(mask, window)
+    blur = look.blur * (crop_window[1] - crop_window[0]) / (2 * most)
+    context = np.zeros((SIZE, SIZE, 5), np.uint8)
+    shown = develop(look, picture, whole, frame.tangents, blur, rng)
+    cut = None
+    if behind is None:
+        cut = np.uint8(round(255 * BACKDROPS[rng.integers(len(BACKDROPS))]))
+        share = own[..., 3:]
+        full = develop(look, own[..., :3] / np.maximum(share, 1e-3), whole, frame.tangents, 0.0, rng)
+        shown = np.round(share * full + (1 - share) * cut)
+    context[..., :3] = np.round(shown * inside[..., None])
+    context[..., 4] = np.round(255 * inside)
+    crop = np.zeros((SIZE, SIZE, 4), np.uint8)
+    if mask is not None:
+        given = window_resampled(mask[..., None], window, whole, SIZE, 3)[..., 0] * inside
+        context[..., 3] = np.round(255 * given)
+        crop = _crop(seen, frame, look, behind, mask, window, crop_window, cut, rng)
+    known = rng.random() < LENS_KNOWN
+    scale = 1.0 if known else ASSUMED_TANGENT / most
+    middle = (crop_window[0] + crop_window[1]) / 2, (crop_window[2] + crop_window[3]) / 2
+    lens = [most * scale, middle[0] * scale, middle[1] * scale, (crop_window[1] - crop_window[0]) / 2 * scale, known]
+    around = np.zeros((64, 128, 4), np.uint8)
+    if behind is not None:
+        around = on_sphere(context, most * scale)
+    exposed = np.minimum(truth * look.gain, 6e4).astype(np.float16)
+    sources, soft = sources_of(exposed.astype(np.float32))
+    return {
+        "context": context,
+        "crop": crop,
+        "seen": around,
+        "lens": np.array(lens, np.float32),
+        "fov": np.float32(2 * np.degrees(np.arctan(most))),
+        "up": frame.up.astype(np.float32),
+        "normals": _normals(view, seen, frame, crop_window),
+        "material": np.array([metal, *reflectance] if seen is not None else [np.nan] * 4, np.float32),
+        "truth": exposed,
+        "sources": sources,
+        "soft": np.float32(soft),
+        "outdoors": np.float32(layout.light.outdoors),
+        "family": np.uint8(FAMILIES.index(family)),
+    }
+
+
+def _inside(frame: Frame, window: tuple[float, float, float, float]) -> np.ndarray:
+    """Return the share of each pixel of a window that lies in the photo, [SIZE, SIZE]."""
+
+    def along(first: float, last: float, most: float) -> np.ndarray:
+        edges = np.linspace(first, last, SIZE + 1)
+        low, high = np.minimum(edges[:-1], edges[1:]), np.maximum(edges[:-1], edges[1:])
+        return np.clip((np.minimum(high, most) - np.maximum(low, -most)) / (high - low), 0.0, 1.0)
+
+    x, y = along(*window[:2], frame.tangents[0]), along(*window[2:], frame.tangents[1])
+    return (y[:, None] * x[None]).astype(np.float32)
+
+
+def _drawn_mask(
+    seen: Seen, frame: Frame, family: str, rng: np.random.Generator
+) -> tuple[np.ndarray, tuple[float, float, float, float]]:
+    """Return a given mask [MASK_SIDE, MASK_SIDE] float32 over a window of the photo's plane, and that."""
+    corners = np.array([(x, y, -1.0) for x in (-1, 0, 1) for y in (-1, 0, 1)]) * [seen.tangent, seen.tangent, 1]
+    d = corners @ (seen.camera.T @ frame.camera)
+    plane = d[:, :2] / -d[:, 2:]
+    low, high = plane.min(axis=0), plane.max(axis=0)
+    (x, y), half = (low + high) / 2, float((high - low).max()) / 2 * MASK_ROOM
+    window = x - half, x + half, y + half, y - half
+    true = object_over(seen, frame, window, MASK_SIDE)[..., 3] > 0.5
+    across = np.abs(np.linspace(x - half, x + half, MASK_SIDE)) < frame.tangents[0]
+    down = np.abs(np.linspace(y + half, y - half, MASK_SIDE)) < frame.tangents[1]
+    in_photo = down[:, None] & across[None]
+    true = true & in_photo
+    choice = rng.random()
+    if choice < EXACT or (family == "cut_out" and choice < 0.8):
+        return true.astype(np.float32), window
+    made = (gross_error(true, rng) if choice > 1 - GROSS else disturb_mask(true, rng)) & in_photo
+    kept = (made & true).sum() > 0.4 * true.sum() and made.sum() > 20
+    return (made if kept else true).astype(np.float32), window
+
+
+def _crop_window(
+    mask: np.ndarray | None, window: tuple[float, float, float, float] | None
+) -> tuple[float, float, float, float]:
+    """Return the square window around a mask's box times 1.1; of no mask an empty one in the middle."""
+    if mask is None or window is None or not mask.any():
+        return 0.0, 0.0, 0.0, 0.0
+    rows, columns = (np.flatnonzero(mask.max(axis=axis)) for axis in (1, 0))
+    pixel = (window[1] - window[0]) / MASK_SIDE
+    left, right = window[0] + pixel * columns[0], window[0] + pixel * (columns[-1] + 1)
+    top, bottom = window[2] - pixel * rows[0], window[2] - pixel * (rows[-1] + 1)
+    half = 1.1 * max(right - left, top - bottom) / 2
+    x, y = (left + right) / 2, (top + bottom) / 2
+    return x - half, x + half, y + half, y - half
+
+
+def _crop(
+    seen: Seen,
+    frame: Frame,
+    look: Look,
+    behind: np.ndarray | None,
+    mask: np.ndarray,
+    window: tuple[float, float, float, float],
+    crop_window: tuple[float, float, float, float],
+    cut: np.uint8 | None,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Return the object's window as its mask shows it, [SIZE, SIZE, 4] uint8."""
+    own = object_over(seen, frame, crop_window, SIZE)
+    whole = -frame.most, frame.most, frame.most, -frame.most
+    given = window_resampled(mask[..., None], window, crop_window, SIZE, 2) * _inside(frame, crop_window)[..., None]
+    if behind is None:
+        share = own[..., 3:]
+        shown = develop(look, own[..., :3] / np.maximum(share, 1e-3), crop_window, frame.tangents, 0.0, rng)
+        shown = share * shown + (1 - share) * cut
+    else:
+        back = window_resampled(behind, whole, crop_window, SIZE, 1)
+        shown = develop(look, own[..., :3] + (1 - own[..., 3:]) * back, crop_window, frame.tangents, look.blur, rng)
+    return np.round(np.dstack([shown * given, 255 * given])).astype(np.uint8)
+
+
+def _normals(
+    view: np.void, seen: Seen | None, frame: Frame, crop_window: tuple[float, float, float, float]
+) -> np.ndarray:
+    if seen is None:
+        return np.zeros((NORMALS, NORMALS, 3), np.int8)
+    turn = seen.camera.T @ frame.camera
+    own = np.dstack([view["normals"].astype(np.float32) / 127 * seen.cover[..., None], seen.cover])
+    there = resampled(own.astype(np.float32), turn, seen.tangent, *crop_window, NORMALS, 2)
+    n = there[..., :3] @ turn.astype(np.float32)
+    n /= np.maximum(np.linalg.norm(n, axis=-1, keepdims=True), 1e-6)
+    return np.round(127 * n * (there[..., 3:] > 0.5)).astype(np.int8)
+
+
+@njit(cache=True, error_model="numpy")
+def window_resampled(values, old, new, size, samples):
+    """Return values [S, T, C] over a window `old` (left, right, top, bottom) of the plane at those of another, [size,
+    size, C]: bilinear, the mean of samples^2 points; the border goes on."""
+    rows, columns, channels = values.shape
+    out = np.zeros((size, size, channels), np.float32)
+    for i in range(size):
+        for j in range(size):
+            for a in range(samples):
+                for b in range(samples):
+                    x = new[0] + (new[1] - new[0]) * (j + (b + 0.5) / samples) / size
+                    y = new[2] + (new[3] - new[2]) * (i + (a + 0.5) / samples) / size
+                    c = (x - old[0]) / (old[1] - old[0]) * columns - 0.5
+                    r = (y - old[2]) / (old[3] - old[2]) * rows - 0.5
+                    c, r = min(max(c, 0.0), columns - 1.001), min(max(r, 0.0), rows - 1.001)
+                    c0, r0 = int(c), int(r)
+                    fc, fr = c - c0, r - r0
+                    for n in range(channels):
+                        out[i, j, n] += (1 - fr) * ((1 - fc) * values[r0, c0, n] + fc * values[r0, c0 + 1, n]) + fr * (
+                            (1 - fc) * values[r0 + 1, c0, n] + fc * values[r0 + 1, c0 + 1, n]
+                        )
+    return out / (samples * samples)
+
+
+@njit(cache=True, error_model="numpy")
+def on_sphere(context, most):
+    """Return what a context picture shows beside the object on the sphere, [64, 128, 4] uint8: RGB x cover, cover;
+    most: tangent of half the square as it is taken for."""
+    rows, times, size = 64, 3, len(context)
+    out = np.zeros((rows, 2 * rows, 4), np.uint8)
+    free = np.zeros((size, size), np.float32)
+    for i in range(size):
+        for j in range(size):
+            hidden = 0
+            for a in range(max(i - 1, 0), min(i + 2, size)):
+                for b in range(max(j - 1, 0), min(j + 2, size)):
+                    hidden = max(hidden, context[a, b, 3])
+            free[i, j] = context[i, j, 4] / 255.0 * (1 - hidden / 255.0)
+    for i in range(rows):
+        for j in range(2 * rows):
+            r = g = b = cover = 0.0
+            for a in range(times):
+                v = (i + (a + 0.5) / times) / rows * np.pi
+                for c in range(times):
+                    u = ((j + (c + 0.5) / times) / (2 * rows) - 0.5) * 2 * np.pi
+                    z = np.sin(v) * np.cos(u)
+                    if z < 0.05:
+                        continue
+                    x, y = np.sin(v) * np.sin(u) / z / most, np.cos(v) / z / most
+                    if abs(x) >= 1 or abs(y) >= 1:
+                        continue
+                    column, row = int((x + 1) * size / 2), int((1 - y) * size / 2)
+                    w = free[row, column]
+                    inside = max(context[row, column, 4] / 255.0, 1e-3)
+                    r += w * context[row, column, 0] / inside
+                    g += w * context[row, column, 1] / inside
+                    b += w * context[row, column, 2] / inside
+                    cover += w
+            n = times * times
+            out[i, j, 0], out[i, j, 1], out[i, j, 2] = (
+                min(r / n, 255.0) + 0.5,
+                min(g / n, 255.0) + 0.5,
+                min(b / n, 255.0) + 0.5,
+            )
+            out[i, j, 3] = 255 * cover / n + 0.5
+    return out
+
+
+def sources_of(truth: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the sources [SOURCES, 8] of a map [64, 128, 3] above white, see LightBatch, and `softness`."""
+    above = np.maximum(truth - 1.0, 0.0)
+    result = np.zeros((SOURCES, 8), np.float32)
+    solid = pixel_solid_angles(len(truth))[..., None]
+    power = float(luminance((above * solid).sum(axis=(0, 1))))
+    if power <= 0:
+        return result, 1.0
+    found = sorted(split_sources(above)[1], key=lambda one: -luminance(one.power))[:SOURCES]
+    for row, one in zip(result, found, strict=False):
+        row[:] = 1.0, *one.direction, np.degrees(one.radius), *one.power
+    return result, softness(power, float(luminance((truth * solid).sum(axis=(0, 1)))), result)
+
+
+def softness(above: float, whole: float, sources: np.ndarray) -> float:
+    """Return 1 - P / max(A, DIM W) in [0, 1], of luminances: P the power of all sources, A all power above white, W the
+    integral of all radiance."""
+    return float(np.clip(1.0 - luminance(sources[:, 5:].sum(axis=0)) / max(above, DIM * whole, 1e-9), 0.0, 1.0))

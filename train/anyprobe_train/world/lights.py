@@ -1,0 +1,244 @@
+"""The light of a few photos: a map varied, its levels, and the sources that are traced by themselves."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numba import njit
+
+from anyprobe.core.color import luminance
+from anyprobe.core.latlong import pixel_directions
+from anyprobe.light.source_split import split_sources
+from anyprobe_train.dataset.sky import direction_at, tint
+from anyprobe_train.world.maps import Maps
+
+ROWS, SPLIT_ROWS = 256, 64
+CONTRAST, TINT = 0.12, 0.1
+"""Standard deviations of ln of the exponent that a map is raised to, and of its white."""
+BLENDS, MOVED, LAMPS = 0.15, 0.12, 0.25
+"""Shares of lights for tables that are a blend of two, have their sources moved, or get lamps."""
+LAMP_DEG, LAMP_POWER, LAMP_TINT = (1.0, 20.0), (0.1, 3.0), 0.3
+"""Bounds of a lamp's radius, of its power as a share of all other light, and its colour's spread."""
+REACH_DEG = 13.0
+MOST = 3
+"""Sources of a map that are traced by themselves, the most powerful."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Light:
+    """A sky of scene.Scene and its sources: directions [S, 3], radii [S] radians, power [S, 3]; outdoors: 1, 0 or
+    NaN."""
+
+    sky: np.ndarray
+    direction: np.ndarray
+    radius: np.ndarray
+    power: np.ndarray
+    outdoors: float
+    name: str
+
+
+@njit(cache=True, error_model="numpy")
+def varied(one, turn, mirror, other, share, exponent, white, scale, out):
+    """Fill out [256, 512, 3] with ((1 - share) one + share other) ** exponent times white, one turned by columns and
+    mirrored; maps of fewer rows are enlarged. Returns the mean luminance."""
+    rows, columns = out.shape[:2]
+    k, m = rows // one.shape[0], rows // other.shape[0]
+    total = 0.0
+    for i in range(rows):
+        angle = 2 * math.sin(math.pi / rows / 2) * math.sin(math.pi * (i + 0.5) / rows)
+        for j in range(columns):
+            c = (j - turn) % columns
+            if mirror:
+                c = columns - 1 - c
+            p = one[i // k, c // k]
+            q = other[i // m, j // m]
+            for n in range(3):
+                value = (1 - share) * p[n] + share * q[n]
+                out[i, j, n] = math.exp(exponent * math.log(value + 1e-9)) * white[n] * scale
+            total += (0.2126 * out[i, j, 0] + 0.7152 * out[i, j, 1] + 0.0722 * out[i, j, 2]) * angle
+    return total / (2 * columns)
+
+
+@njit(cache=True, error_model="numpy")
+def add_disc(texels, x, y, z, radius, softness, power):
+    """Add a round source to a map [H, 2H, 3] in place, whose integral is power [3]; softness: its rim over its
+    radius."""
+    rows = len(texels)
+    reach = radius * (1 + softness)
+    top = math.acos(min(max(y, -1.0), 1.0))
+    first, last = max(int((top - reach) / math.pi * rows) - 1, 0), min(int((top + reach) / math.pi * rows) + 2, rows)
+    for fill in range(2):
+        if fill == 0:
+            total = 0.0
+        for i in range(first, last):
+            v = (i + 0.5) / rows * math.pi
+            sv, cv = math.sin(v), math.cos(v)
+            angle = 2 * math.sin(math.pi / rows / 2) * sv * math.pi / rows
+            for j in range(2 * rows):
+                u = ((j + 0.5) / (2 * rows) - 0.5) * 2 * math.pi
+                cosine = sv * math.sin(u) * x + cv * y - sv * math.cos(u) * z
+                if cosine < math.cos(reach) - 1e-6:
+                    continue
+                away = math.acos(min(cosine, 1.0))
+                share = min(max((radius - away) / (softness * radius) + 0.5, 0.0), 1.0)
+                if fill == 0:
+                    total += share * angle
+                else:
+                    for n in range(3):
+                        texels[i, j, n] += share * power[n] / max(total, 1e-9)
+
+
+@njit(cache=True, error_model="numpy")
+def levels(texels, smallest):
+    """Return all levels of a map [H, 2H, 3] down to `smallest` rows, flat [T, 3], each texel the mean of four by solid
+    angle."""
+    rows = len(texels)
+    count, size = 0, rows
+    while size >= smallest:
+        count += 2 * size * size
+        size //= 2
+    out = np.zeros((count, 3), np.float32)
+    for i in range(rows):
+        for j in range(2 * rows):
+            out[i * 2 * rows + j] = texels[i, j]
+    start, size = 0, rows
+    while size > smallest:
+        after, half = start + 2 * size * size, size // 2
+        for i in range(half):
+            a, b = math.sin(math.pi * (2 * i + 0.5) / size), math.sin(math.pi * (2 * i + 1.5) / size)
+            wa, wb = 0.5 * a / (a + b), 0.5 * b / (a + b)
+            for j in range(size):
+                p, q = start + 2 * i * 2 * size + 2 * j, start + (2 * i + 1) * 2 * size + 2 * j
+                for n in range(3):
+                    out[after + i * size + j, n] = wa * (out[p, n] + out[p + 1, n]) + wb * (out[q, n] + out[q + 1, n])
+        start, size = after, half
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def measured(full, rest, x, y, z, reach):
+    """Return what a map has more than the rest within `reach` of a direction: its power [3], its middle [3], and the
+    radius of an even disc of its power P and integral Q of its square, sqrt(P^2 / (pi Q))."""
+    rows = len(full)
+    power, middle = np.zeros(3), np.zeros(3)
+    p = q = 0.0
+    top = math.acos(min(max(y, -1.0), 1.0))
+    first, last = max(int((top - reach) / math.pi * rows), 0), min(int((top + reach) / math.pi * rows) + 1, rows)
+    for i in range(first, last):
+        v = (i + 0.5) / rows * math.pi
+        sv, cv = math.sin(v), math.cos(v)
+        angle = 2 * math.sin(math.pi / rows / 2) * sv * math.pi / rows
+        for j in range(2 * rows):
+            u = ((j + 0.5) / (2 * rows) - 0.5) * 2 * math.pi
+            a, b, c = sv * math.sin(u), cv, -sv * math.cos(u)
+            if a * x + b * y + c * z < math.cos(reach):
+                continue
+            r, g, e = full[i, j, 0] - rest[i, j, 0], full[i, j, 1] - rest[i, j, 1], full[i, j, 2] - rest[i, j, 2]
+            power[0] += r * angle
+            power[1] += g * angle
+            power[2] += e * angle
+            bright = (0.2126 * r + 0.7152 * g + 0.0722 * e) * angle
+            p += bright
+            q += bright * bright / angle
+            middle[0] += bright * a
+            middle[1] += bright * b
+            middle[2] += bright * c
+    return power, middle / max(np.sqrt((middle**2).sum()), 1e-9), math.sqrt(p * p / max(math.pi * q, 1e-12))
+
+
+def make_light(radiance: np.ndarray, outdoors: float, name: str, most: int = MOST) -> Light:
+    """Split a map [256, 512, 3] into its sky and at most so many sources, and build the levels of both."""
+    full = levels(radiance, 8)
+    start = 2 * ROWS**2 + 2 * (ROWS // 2) ** 2
+    small = full[start : start + 2 * SPLIT_ROWS**2].reshape(SPLIT_ROWS, 2 * SPLIT_ROWS, 3)
+    soft, found = split_sources(small) if most else (small, ())
+    found = sorted(found, key=lambda one: -luminance(one.power))[:most]
+    if len(found):
+        ratio = np.clip(soft / np.maximum(small, 1e-9), 0.0, 1.0).astype(np.float32)
+        near = np.zeros(ratio.shape[:2], bool)
+        for one in found:  # of sources that are not kept, all is in the sky
+            near |= _directions() @ one.direction > np.cos(np.radians(REACH_DEG))
+        ratio[~near] = 1.0
+        rest = radiance * ratio.repeat(ROWS // SPLIT_ROWS, 0).repeat(ROWS // SPLIT_ROWS, 1)
+    else:
+        rest = radiance
+    spots = [measured(radiance, rest, *one.direction, np.radians(REACH_DEG)) for one in found]
+    return Light(
+        sky=np.concatenate([full, levels(rest, 8) if found else full]),
+        direction=np.array([spot[1] for spot in spots], np.float32).reshape(-1, 3),
+        radius=np.array([spot[2] for spot in spots], np.float32),
+        power=np.array([spot[0] for spot in spots], np.float32).reshape(-1, 3),
+        outdoors=outdoors,
+        name=name,
+    )
+
+
+@lru_cache(maxsize=1)
+def _directions() -> np.ndarray:
+    return pixel_directions(SPLIT_ROWS)
+
+
+def draw_light(rng: np.random.Generator, maps: Maps, kind: str) -> Light:
+    """Draw a light for a kind of place: "ground" a real map as it is, "real" one varied, "procedural", or "dark"."""
+    if kind == "procedural" or (kind == "ground" and rng.random() < 0.06):
+        number = int(rng.integers(len(maps.places)))
+        one, outdoors, name = maps.places[number], float(maps.placed_outdoors[number]), "procedural"
+    else:
+        number = int(rng.choice(len(maps.names), p=maps.grounds if kind == "ground" else maps.weights))
+        one, outdoors, name = maps.real[number], float(maps.outdoors[number]), maps.names[number]
+    share, other = 0.0, maps.places[0]
+    if kind == "real" and rng.random() < BLENDS:
+        second = int(rng.choice(len(maps.names), p=maps.weights))
+        share, other = float(rng.uniform(0.2, 0.8)), maps.real[second]
+        outdoors = outdoors if outdoors == maps.outdoors[second] else np.nan
+    radiance = np.empty((ROWS, 2 * ROWS, 3), np.float32)
+    white = tint(rng, TINT if kind != "ground" else 0.5 * TINT)
+    exponent = float(np.exp(rng.normal(0.0, CONTRAST)))
+    turn, mirror = int(rng.integers(2 * ROWS)), bool(rng.random() < 0.5)
+    mean = varied(one, turn, mirror, other, share, exponent, white, 1.0, radiance)
+    radiance /= max(mean, 1e-9)
+    if kind == "dark":
+        return make_light(_dark(rng, radiance), np.nan, name, 0)
+    if kind == "real" and rng.random() < MOVED:
+        light = make_light(radiance, outdoors, name)
+        radiance = light.sky[len(light.sky) // 2 :][: 2 * ROWS**2].reshape(ROWS, 2 * ROWS, 3).copy()
+        for radius, power in zip(light.radius, light.power, strict=True):
+            _add(rng, radiance, anywhere(rng), float(radius), power)
+    elif rng.random() < LAMPS * (0.6 if kind == "ground" else 1.0):
+        for _ in range(1 if kind == "ground" else rng.integers(1, 4)):
+            radius = np.radians(np.exp(rng.uniform(*np.log(LAMP_DEG))))
+            power = 4 * np.pi * np.exp(rng.uniform(*np.log(LAMP_POWER))) * tint(rng, LAMP_TINT)
+            _add(rng, radiance, anywhere(rng), float(radius), power)
+    return make_light(radiance, outdoors, name)
+
+
+def _dark(rng: np.random.Generator, room: np.ndarray) -> np.ndarray:
+    """Return what is left of a room's own light."""
+    return np.maximum(room * np.float32(np.exp(rng.uniform(np.log(1e-4), np.log(0.08)))), 1e-6)
+
+
+def anywhere(rng: np.random.Generator) -> np.ndarray:
+    """Return a direction [3] that lamps and suns come from: above the horizon or a little below."""
+    return direction_at(rng.uniform(0, 2 * np.pi), np.arcsin(rng.uniform(-0.15, 0.98)))
+
+
+def _add(rng: np.random.Generator, radiance: np.ndarray, way: np.ndarray, radius: float, power: np.ndarray) -> None:
+    radius = max(radius, 1.2 * np.pi / ROWS)
+    add_disc(radiance, *way, radius, float(rng.uniform(0.1, 1.0)), np.asarray(power, np.float64))
+
+
+def with_lamp(rng: np.random.Generator, light: Light, way: np.ndarray, radius: float, power: np.ndarray) -> Light:
+    """Return a light with one far lamp more, drawn into the sky that is seen and kept as a source."""
+    first = light.sky[: 2 * ROWS**2].reshape(ROWS, 2 * ROWS, 3).copy()
+    _add(rng, first, way, radius, power)
+    return Light(
+        sky=np.concatenate([levels(first, 8), light.sky[len(light.sky) // 2 :]]),
+        direction=np.concatenate([light.direction, np.asarray(way, np.float32)[None]]),
+        radius=np.append(light.radius, np.float32(radius)),
+        power=np.concatenate([light.power, np.asarray(power, np.float32)[None]]),
+        outdoors=light.outdoors,
+        name=light.name,
+    )

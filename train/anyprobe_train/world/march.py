@@ -1,0 +1,149 @@
+"""render.voxels.blocked for one ray, compiled: a photo asks for 100,000, which NumPy would take seconds for."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+SIDE = 64
+
+
+@njit(cache=True, error_model="numpy")
+def blocked_cells(words, x, y, z, dx, dy, dz, most):
+    """Return where a ray in cells meets an occupied one, as a multiple of its direction below `most`; else -1."""
+    if abs(dx) < 1e-9:
+        dx = 1e-9
+    if abs(dy) < 1e-9:
+        dy = 1e-9
+    if abs(dz) < 1e-9:
+        dz = 1e-9
+    ax, bx = -x / dx, (SIDE - x) / dx
+    ay, by = -y / dy, (SIDE - y) / dy
+    az, bz = -z / dz, (SIDE - z) / dz
+    t = max(0.0, min(ax, bx), min(ay, by), min(az, bz))
+    last = min(max(ax, bx), max(ay, by), max(az, bz), most)
+    if t >= last:
+        return -1.0
+    column = min(max(int(math.floor(x + t * dx)), 0), SIDE - 1)
+    row = min(max(int(math.floor(z + t * dz)), 0), SIDE - 1)
+    sx, sz = (1 if dx > 0 else -1), (1 if dz > 0 else -1)
+    tx = (column + (1 if dx > 0 else 0) - x) / dx
+    tz = (row + (1 if dz > 0 else 0) - z) / dz
+    wx, wz = abs(1.0 / dx), abs(1.0 / dz)
+    while True:
+        leave = min(tx, tz, last)
+        h0, h1 = y + t * dy, y + leave * dy
+        if h0 > h1:
+            h0, h1 = h1, h0
+        bottom = min(max(int(math.floor(h0)), 0), SIDE - 1)
+        top = min(max(int(math.floor(h1)), 0), SIDE - 1)
+        mask = (np.uint64(0xFFFFFFFFFFFFFFFF) >> np.uint64(SIDE - 1 - top)) & (
+            np.uint64(0xFFFFFFFFFFFFFFFF) << np.uint64(bottom)
+        )
+        if words[row, column] & mask:
+            return t
+        if leave >= last:
+            return -1.0
+        t = leave
+        if tx <= tz:
+            column += sx
+            tx += wx
+            if column < 0 or column >= SIDE:
+                return -1.0
+        else:
+            row += sz
+            tz += wz
+            if row < 0 or row >= SIDE:
+                return -1.0
+
+
+@njit(cache=True, error_model="numpy")
+def blocked_each(words, low, cell, origins, directions):
+    """Return render.voxels.blocked of rays [N, 3], for tests and views."""
+    result = np.zeros(len(origins), np.bool_)
+    for k in range(len(origins)):
+        o, d = origins[k], directions[k]
+        result[k] = (
+            blocked_cells(
+                words,
+                (o[0] - low[0]) / cell[0],
+                (o[1] - low[1]) / cell[1],
+                (o[2] - low[2]) / cell[2],
+                d[0] / cell[0],
+                d[1] / cell[1],
+                d[2] / cell[2],
+                1e9,
+            )
+            >= 0.0
+        )
+    return result
+
+
+@njit(cache=True, error_model="numpy")
+def hidden_bits(words, low, cell, points, normals, azimuths, rings, own, seed):
+    """Return bits [N, 2] uint64 of the cells about +Y, each by one jittered ray, that a shape hides from points [N, 3]
+    of itself; rays start `own` before the surface along the normal."""
+    np.random.seed(seed)
+    result = np.zeros((len(points), 2), np.uint64)
+    for k in range(len(points)):
+        nx, ny, nz = normals[k]
+        x, y, z = points[k]
+        x, y, z = (
+            (x + own * nx - low[0]) / cell[0],
+            (y + own * ny - low[1]) / cell[1],
+            (z + own * nz - low[2]) / cell[2],
+        )
+        for ring in range(rings):
+            for azimuth in range(azimuths):
+                sine = (ring + np.random.random()) * 2 / rings - 1
+                angle = (azimuth + np.random.random()) * 2 * math.pi / azimuths
+                cosine = math.sqrt(max(1 - sine * sine, 0.0))
+                dx, dy, dz = cosine * math.sin(angle), sine, -cosine * math.cos(angle)
+                if dx * nx + dy * ny + dz * nz <= 0:
+                    continue
+                if blocked_cells(words, x, y, z, dx / cell[0], dy / cell[1], dz / cell[2], 1e9) >= 0:
+                    c = ring * azimuths + azimuth
+                    result[k, c >> 6] |= np.uint64(1) << np.uint64(c & 63)
+    return result
+
+
+@njit(cache=True, error_model="numpy")
+def nearest_faces(screen, inverse, faces, size):
+    """Rasterise triangles with a depth buffer: face [size, size], -1 for none, and perspective weights [size, size, 3].
+
+    screen: [V, 2] pixels, x right, y down; inverse: [V] of depth.
+    """
+    face = np.full((size, size), -1, np.int64)
+    weights = np.zeros((size, size, 3), np.float32)
+    nearest = np.zeros((size, size), np.float64)
+    for f in range(len(faces)):
+        a, b, c = faces[f]
+        ax, ay, bx, by, cx, cy = screen[a, 0], screen[a, 1], screen[b, 0], screen[b, 1], screen[c, 0], screen[c, 1]
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        if abs(area) < 1e-12:
+            continue
+        left, right = (
+            max(int(math.ceil(min(ax, bx, cx) - 0.5)), 0),
+            min(int(math.floor(max(ax, bx, cx) - 0.5)), size - 1),
+        )
+        first, last = (
+            max(int(math.ceil(min(ay, by, cy) - 0.5)), 0),
+            min(int(math.floor(max(ay, by, cy) - 0.5)), size - 1),
+        )
+        for i in range(first, last + 1):
+            for j in range(left, right + 1):
+                x, y = j + 0.5, i + 0.5
+                u = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area
+                v = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area
+                w = 1 - u - v
+                if u < 0 or v < 0 or w < 0:
+                    continue
+                p, q, r = u * inverse[a], v * inverse[b], w * inverse[c]
+                key = p + q + r
+                if key > nearest[i, j]:
+                    nearest[i, j] = key
+                    face[i, j] = f
+                    weights[i, j, 0], weights[i, j, 1], weights[i, j, 2] = p / key, q / key, r / key
+    return face, weights, nearest

@@ -1,0 +1,244 @@
+"""One photo of a scene: the object lit and seen, the picture around it, the camera, the mask, and what is true."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numba import njit
+
+from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.scatter.materials import Material
+from anyprobe_train.dataset import distributions
+from anyprobe_train.dataset.textured import lay
+from anyprobe_train.world.kernels import light_panels, probe_map
+from anyprobe_train.world.layout import Layout, build_scene
+from anyprobe_train.world.maps import Maps
+from anyprobe_train.world.scene import BODY, GLOW, TracedScene
+from anyprobe_train.world.shading import cell_light, picture, received, shade_object
+from anyprobe_train.world.views import AZIMUTHS, COARSE, RINGS, SIDE, cell_middles, cell_numbers, view_points
+
+SIZE = 96
+"""Side of the context and of the crop."""
+FOV_DEG, COMMON_DEG, COMMON = (15.0, 80.0), (45.0, 76.0), 0.65
+"""Field of view of the longer side, even in its tangent; and in a share of the photos that of phones' main cameras."""
+ASPECTS = (1.0, 4 / 3, 3 / 2, 16 / 9)
+OBJECT_SHARE = (0.1, 1.0)
+"""Bounds of the object's longer side over the photo's shorter one."""
+OFF_CENTER, ROLL_DEG, STRONG_ROLL_DEG = 0.09, 2.0, 12.0
+CELL_ROWS = 16
+SAMPLES, RAYS = 2, 3
+"""Rays through a pixel of the context each way; rays to a source from each point of the object."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Frame:
+    """A photo's camera: world_from_camera [3, 3], tangents of half its width and height, up [3] in its frame."""
+
+    camera: np.ndarray
+    tangents: tuple[float, float]
+    roll_deg: float
+
+    @property
+    def most(self) -> float:
+        """Tangent of half the longer side."""
+        return max(self.tangents)
+
+    @property
+    def up(self) -> np.ndarray:
+        """Up in the camera's frame."""
+        return self.camera.T @ [0.0, 1.0, 0.0]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Seen:
+    """The object as a view shows it, in the scene's units.
+
+    radiance: [SIDE, SIDE, 3]; cover: [SIDE, SIDE] in [0, 1]; camera, tangent: of the view, as the photo's eye sees it.
+    """
+
+    radiance: np.ndarray
+    cover: np.ndarray
+    camera: np.ndarray
+    tangent: float
+
+
+def draw_photo_frame(rng: np.random.Generator, view: np.void) -> Frame:
+    """Draw a photo around the object of a view, seen from the view's eye."""
+    own, aspect, portrait = float(view["tangent"]), ASPECTS[rng.integers(len(ASPECTS))], rng.random() < 0.45
+    low, high = np.tan(np.radians(FOV_DEG) / 2)
+    for _ in range(30):
+        most = float(own / np.exp(rng.uniform(*np.log(OBJECT_SHARE))) * aspect)
+        common = COMMON_DEG[0] < 2 * np.degrees(np.arctan(most)) < COMMON_DEG[1]
+        if low < most < high and rng.random() < (1.0 if common else 0.35):
+            break
+    most = float(np.clip(most, max(low, own * 1.02), max(high, own * 1.02)))
+    tangents = (most / aspect, most) if portrait else (most, most / aspect)
+    roll = float(rng.normal(0.0, STRONG_ROLL_DEG if rng.random() < 0.08 else ROLL_DEG))
+    room = np.maximum(np.array(tangents) - own * rng.choice([1.0, 1.0, 1.0, 0.7]), 0.0)
+    at = np.clip(rng.normal(0.0, 2 * OFF_CENTER * min(tangents), 2), -room, room)
+    if rng.random() < 0.15:  # anywhere
+        at = room * rng.uniform(-1, 1, 2)
+    return Frame(camera=aimed(-view["camera"][:, 2], at, roll), tangents=tangents, roll_deg=roll)
+
+
+def aimed(direction: np.ndarray, at: np.ndarray, roll_deg: float) -> np.ndarray:
+    """Return world_from_camera [3, 3] of a camera rolled so much that shows a direction at tangents `at` [2]."""
+    turn = rotation_z(np.radians(roll_deg))
+    x, y, z = turn @ (np.array([*at, -1.0]) / math.sqrt(1 + at @ at))
+    height = math.hypot(y, z)
+    pitch = math.asin(min(max(float(direction[1]) / height, -1.0), 1.0)) - math.atan2(y, -z)
+    level = rotation_x(pitch) @ [x, y, z]
+    yaw = math.atan2(-direction[0], -direction[2]) - math.atan2(-level[0], -level[2])
+    return rotation_y(yaw) @ rotation_x(pitch) @ turn
+
+
+def pick_material(rng: np.random.Generator) -> tuple[Material, bool]:
+    """Draw a material, and whether it is metal."""
+    (kind,) = distributions.draw_kinds(rng, 1).tolist()
+    alpha = float(distributions.draw_alphas(rng, np.array([kind]))[0])
+    return distributions.draw_one(rng, kind, alpha), kind == 0
+
+
+def painted(
+    rng: np.random.Generator, maps: Maps, material: Material, points: np.ndarray, normals: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return albedo and f0 [N, 3] at points of an object; a sixth have a texture."""
+    albedo, f0 = (np.tile(np.asarray(one, np.float32), (len(points), 1)) for one in (material.albedo, material.f0))
+    if rng.random() < 0.17 and len(points):
+        picture = np.asarray(maps.covers[int(rng.integers(len(maps.covers)))])
+        factor = lay(picture / picture.mean(axis=(0, 1)), points, normals, rng) ** float(rng.uniform(0.4, 1.6))
+        factor /= np.maximum(factor.mean(axis=0), 1e-6)
+        albedo, f0 = np.clip(albedo * factor, 0.0, 0.92), np.where(f0 > 0.2, np.clip(f0 * factor**0.3, 0.2, 1.0), f0)
+    return albedo.astype(np.float32), f0.astype(np.float32)
+
+
+def see_object(
+    scene: TracedScene, view: np.void, material: Material, colors: tuple[np.ndarray, np.ndarray], seed: int
+) -> Seen:
+    """Shade the object of a view, body 0 of the scene, and keep its mean radiance as its glow."""
+    rows, columns, points, normals = view_points(view)
+    directions = cell_middles()
+    center = 0.0, float(view["top"]) / 2, 0.0
+    numbers, places, _, texels = scene
+    sky, seen = cell_light(numbers, places, texels, directions, *center, _cell_weights())
+    half = SIDE // COARSE
+    place, first, which = np.unique((rows // half) * COARSE + columns // half, return_index=True, return_inverse=True)
+    ratio = np.zeros((len(first), 3), np.float32)
+    bits = view["hidden"].reshape(-1, 2)[place]
+    received(*scene, points[first], normals[first], bits, directions, sky, seen, ratio)
+    ratios = _between(ratio, place, rows, columns)
+    radiance = np.zeros((len(points), 3), np.float32)
+    albedo, f0 = colors
+    samples = 12 if material.f0.max() > 0.2 else 6
+    shade_object(
+        *scene, points, normals, ratios, albedo, f0, material.alpha, samples, RAYS, directions, seen, seed, radiance
+    )
+    picture_ = np.zeros((SIDE, SIDE, 3), np.float32)
+    picture_[rows, columns] = radiance
+    glow = places[BODY] + GLOW
+    numbers[glow : glow + 3] = radiance.mean(axis=0)
+    cover = view["cover"].astype(np.float32) / 255
+    return Seen(
+        radiance=picture_, cover=cover, camera=view["camera"].astype(np.float64), tangent=float(view["tangent"])
+    )
+
+
+@lru_cache(maxsize=1)
+def _cell_weights() -> np.ndarray:
+    """Return the weights of a map's pixels in the mean over each cell, [cells, CELL_ROWS * 2 CELL_ROWS] float32."""
+    times = 8
+    d = pixel_directions(CELL_ROWS * times)
+    weights = np.zeros((RINGS * AZIMUTHS, CELL_ROWS * 2 * CELL_ROWS), np.float64)
+    row, column = (one // times for one in np.mgrid[: CELL_ROWS * times, : 2 * CELL_ROWS * times])
+    solid = np.broadcast_to(pixel_solid_angles(CELL_ROWS * times), row.shape)
+    np.add.at(weights, (cell_numbers(d).ravel(), (row * 2 * CELL_ROWS + column).ravel()), solid.ravel())
+    return (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+
+
+def _between(ratio: np.ndarray, place: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Return values [K, 3] of coarse pixels `place` between these, at pixels of the view [N]."""
+    picture_ = np.zeros((COARSE + 2, COARSE + 2, 4), np.float32)
+    picture_[place // COARSE + 1, place % COARSE + 1] = np.concatenate([ratio, np.ones((len(ratio), 1))], axis=1)
+    r, c = (rows + 0.5) * COARSE / SIDE + 0.5, (columns + 0.5) * COARSE / SIDE + 0.5
+    r0, c0 = r.astype(int), c.astype(int)
+    fr, fc = (r - r0)[:, None], (c - c0)[:, None]
+    total = (
+        (1 - fr) * (1 - fc) * picture_[r0, c0]
+        + (1 - fr) * fc * picture_[r0, c0 + 1]
+        + fr * (1 - fc) * picture_[r0 + 1, c0]
+        + fr * fc * picture_[r0 + 1, c0 + 1]
+    )
+    return (total[:, :3] / np.maximum(total[:, 3:], 1e-6)).astype(np.float32)
+
+
+@njit(cache=True, error_model="numpy")
+def resampled(values, turn, tangent, x0, x1, y0, y1, size, samples):
+    """Return a view's values [V, V, C] over a window of a photo's plane, [size, size, C], zero beyond the view.
+
+    turn: view_from_photo [3, 3]. x0, x1, y0, y1: tangents of left, right, top and bottom. samples: of a pixel each way.
+    """
+    side, channels = len(values), values.shape[2]
+    out = np.zeros((size, size, channels), np.float32)
+    for i in range(size):
+        for j in range(size):
+            for a in range(samples):
+                for b in range(samples):
+                    x = x0 + (x1 - x0) * (j + (b + 0.5) / samples) / size
+                    y = y0 + (y1 - y0) * (i + (a + 0.5) / samples) / size
+                    p = turn[0, 0] * x + turn[0, 1] * y - turn[0, 2]
+                    q = turn[1, 0] * x + turn[1, 1] * y - turn[1, 2]
+                    r = -(turn[2, 0] * x + turn[2, 1] * y - turn[2, 2])
+                    if r <= 1e-3:
+                        continue
+                    c = (p / r / tangent + 1) * side / 2 - 0.5
+                    d = (1 - q / r / tangent) * side / 2 - 0.5
+                    if c <= -1 or d <= -1 or c >= side or d >= side:
+                        continue
+                    c0, d0 = int(math.floor(c)), int(math.floor(d))
+                    fc, fd = c - c0, d - d0
+                    for k in range(4):
+                        u, v = c0 + k % 2, d0 + k // 2
+                        w = (fc if k % 2 else 1 - fc) * (fd if k // 2 else 1 - fd)
+                        if 0 <= u < side and 0 <= v < side:
+                            for n in range(channels):
+                                out[i, j, n] += w * values[v, u, n]
+    return out / (samples * samples)
+
+
+def premultiplied(seen: Seen) -> np.ndarray:
+    """Return radiance times cover, and cover, [SIDE, SIDE, 4]."""
+    return np.dstack([seen.radiance * seen.cover[..., None], seen.cover])
+
+
+def object_over(seen: Seen, frame: Frame, window: tuple[float, float, float, float], size: int) -> np.ndarray:
+    """Return premultiplied values of the object over a window (left, right, top, bottom) of the photo's plane."""
+    turn = seen.camera.T @ frame.camera
+    samples = int(np.clip(np.ceil((window[1] - window[0]) / size / (2 * seen.tangent / SIDE)), 1, 6))
+    return resampled(premultiplied(seen), turn, seen.tangent, *window, size, samples)
+
+
+def truth_of(scene: TracedScene, frame: Frame, top: float) -> np.ndarray:
+    """Return what a probe in the object's place sees, [64, 128, 3] in the camera's frame."""
+    return probe_map(*scene, 0.0, top / 2, 0.0, frame.camera, 64, 2)
+
+
+def background_of(scene: TracedScene, frame: Frame, seen: Seen | None, seed: int) -> np.ndarray:
+    """Return the photo without the object over the context's square, [SIZE, SIZE, 3]."""
+    if seen is None:
+        view = np.eye(3), 1.0, np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.float32)
+    else:
+        view = seen.camera, seen.tangent, seen.radiance, seen.cover
+    return picture(*scene, frame.camera, *frame.tangents, SIZE, SAMPLES, *view, seed)
+
+
+def lit_scene(view: np.void | None, eye: np.ndarray, layout: Layout, reflectance: np.ndarray, seed: int) -> TracedScene:
+    """Return a layout's arrays with the light on its panels; reflectance: [3] of the object, for its glow."""
+    light = layout.light
+    mean = light.sky[len(light.sky) // 2 - 128 : len(light.sky) // 2].mean(axis=0)
+    scene = build_scene(view, eye, layout, 0.5 * reflectance * mean)
+    light_panels(*scene, seed)
+    return scene

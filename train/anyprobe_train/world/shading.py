@@ -1,0 +1,381 @@
+"""Compiled kernels: the object as its camera sees it, and the picture behind it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from anyprobe_train.world.kernels import (
+    COARSE_LEVEL,
+    FAR,
+    FULL,
+    albedo_at,
+    basis,
+    diffuse_of,
+    grid_at,
+    hit_body,
+    hit_panel,
+    mirrored_along,
+    seen_share,
+    seen_without,
+    sky_at,
+    toward_source,
+)
+from anyprobe_train.world.scene import (
+    ALPHA,
+    BODIES,
+    BODY,
+    BODY_SIZE,
+    EYE,
+    F0,
+    FREE,
+    GLOW,
+    GROUND,
+    HALF,
+    LIT,
+    MEAN,
+    NORMAL,
+    PANEL,
+    PANEL_SIZE,
+    ROWS,
+    SOFT,
+    SOURCES,
+    TEXELS,
+)
+
+OWN = 0.055
+"""Distance [radii] from the object's surface at which rays start, so that they leave the cells it lies in."""
+MOST_RATIO = 1.5
+"""Of the light on a map's own ground with the object over that without."""
+WIDENED = 0.19
+"""Factor of a source's squared radius that it adds to alpha^2 of the lobe that mirrors it (light.octahedral)."""
+
+
+@njit(cache=True, error_model="numpy")
+def cell_light(f, i, q, directions, cx, cy, cz, weights):
+    """Return radiance of each cell's sky [C, 3], and what c sees in its middle [C, 3]; weights: [C, pixels of the
+    coarse level]."""
+    count = len(directions)
+    sky, seen = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
+    start, size = i[TEXELS], i[ROWS]
+    for _ in range(COARSE_LEVEL):
+        start += 2 * size * size
+        size //= 2
+    for c in range(count):
+        for k in range(2 * size * size):
+            weight = weights[c, k]
+            if weight > 0:
+                sky[c, 0] += weight * q[start + k, 0]
+                sky[c, 1] += weight * q[start + k, 1]
+                sky[c, 2] += weight * q[start + k, 2]
+        dx, dy, dz = directions[c, 0], directions[c, 1], directions[c, 2]
+        p, t, x, y = hit_panel(f, i, cx, cy, cz, dx, dy, dz, FAR, -1)
+        r, g, b = sky[c, 0], sky[c, 1], sky[c, 2]
+        if p >= 0:
+            r, g, b = diffuse_of(f, i, q, p, FREE, x, y, cx + t * dx, cy + t * dy, cz + t * dz)
+        seen[c, 0], seen[c, 1], seen[c, 2] = r, g, b
+    return sky, seen
+
+
+@njit(cache=True, error_model="numpy")
+def received(f, i, w, q, points, normals, bits, directions, sky, seen, out):
+    """Fill out [N, 3] with the soft light that falls on points of the object over that of `seen` without it in the
+    way. bits: [N, 2] uint64, cells that the object hides from each."""
+    glow = i[BODY] + GLOW
+    for k in range(len(points)):
+        nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
+        px, py, pz = points[k, 0] + OWN * nx, points[k, 1] + OWN * ny, points[k, 2] + OWN * nz
+        d0 = d1 = d2 = u0 = u1 = u2 = 1e-9
+        for c in range(len(directions)):
+            dx, dy, dz = directions[c, 0], directions[c, 1], directions[c, 2]
+            cosine = nx * dx + ny * dy + nz * dz
+            if cosine <= 0:
+                continue
+            u0 += cosine * seen[c, 0]
+            u1 += cosine * seen[c, 1]
+            u2 += cosine * seen[c, 2]
+            if (bits[k, c >> 6] >> np.uint64(c & 63)) & np.uint64(1):
+                r, g, b = f[glow], f[glow + 1], f[glow + 2]
+            else:
+                p, t, x, y = hit_panel(f, i, px, py, pz, dx, dy, dz, FAR, -1)
+                hidden = -1
+                for m in range(1, i[BODIES]):
+                    if hit_body(f, i, w, m, px, py, pz, dx, dy, dz, t) >= 0:
+                        hidden = m
+                if hidden > 0:
+                    e = i[BODY] + hidden * BODY_SIZE + GLOW
+                    r, g, b = f[e], f[e + 1], f[e + 2]
+                elif p >= 0 and f[i[PANEL] + p * PANEL_SIZE + GROUND] > 0:
+                    r, g, b = diffuse_of(f, i, q, p, LIT, x, y, px + t * dx, py + t * dy, pz + t * dz)
+                elif p >= 0:
+                    r, g, b = grid_at(f, i, p, LIT, x, y)
+                    e = i[PANEL] + p * PANEL_SIZE + MEAN
+                    r, g, b = r * f[e] / math.pi, g * f[e + 1] / math.pi, b * f[e + 2] / math.pi
+                else:
+                    r, g, b = sky[c, 0], sky[c, 1], sky[c, 2]
+            d0 += cosine * r
+            d1 += cosine * g
+            d2 += cosine * b
+        out[k, 0], out[k, 1], out[k, 2] = min(d0 / u0, 8.0), min(d1 / u1, 8.0), min(d2 / u2, 8.0)
+
+
+@njit(cache=True, error_model="numpy")
+def visible_normal(wx, wy, wz, alpha, a, b):
+    """Draw a half vector by the normals that wo [local, z up] sees (Heitz, JCGT 2018)."""
+    vx, vy, vz = alpha * wx, alpha * wy, wz
+    length = math.sqrt(vx * vx + vy * vy + vz * vz)
+    vx, vy, vz = vx / length, vy / length, vz / length
+    across = vx * vx + vy * vy
+    if across > 1e-12:
+        root = 1.0 / math.sqrt(across)
+        t1x, t1y, t1z = -vy * root, vx * root, 0.0
+    else:
+        t1x, t1y, t1z = 1.0, 0.0, 0.0
+    t2x, t2y, t2z = vy * t1z - vz * t1y, vz * t1x - vx * t1z, vx * t1y - vy * t1x
+    r, phi = math.sqrt(a), 2 * math.pi * b
+    p, s = r * math.cos(phi), r * math.sin(phi)
+    half = 0.5 * (1 + vz)
+    s = (1 - half) * math.sqrt(max(1 - p * p, 0.0)) + half * s
+    h = math.sqrt(max(1 - p * p - s * s, 0.0))
+    nx, ny, nz = p * t1x + s * t2x + h * vx, p * t1y + s * t2y + h * vy, p * t1z + s * t2z + h * vz
+    nx, ny, nz = alpha * nx, alpha * ny, max(nz, 1e-6)
+    length = math.sqrt(nx * nx + ny * ny + nz * nz)
+    return nx / length, ny / length, nz / length
+
+
+@njit(cache=True, error_model="numpy")
+def distribution(cosine, alpha):
+    """Evaluate D(h) [1/sr] of GGX."""
+    a2 = alpha * alpha
+    d = cosine * cosine * (a2 - 1) + 1
+    return a2 / (math.pi * d * d)
+
+
+@njit(cache=True, error_model="numpy")
+def visibility(no, ni, alpha):
+    """Evaluate G / (4 (n.wo) (n.wi)), height-correlated Smith."""
+    a2 = alpha * alpha
+    return 0.5 / max(no * math.sqrt(a2 + (1 - a2) * ni * ni) + ni * math.sqrt(a2 + (1 - a2) * no * no), 1e-7)
+
+
+@njit(cache=True, error_model="numpy")
+def from_source(f, i, s, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha):
+    """Return irradiance on what faces source s, what a point's coat sends of it to wo for f0 = 1, that times Schlick's
+    weight, and the weight."""
+    lx, ly, lz, er, eg, eb, tangent, _ = toward_source(f, i, s, ox, oy, oz)
+    ni, no = lx * nx + ly * ny + lz * nz, max(wx * nx + wy * ny + wz * nz, 1e-3)
+    hx, hy, hz = lx + wx, ly + wy, lz + wz
+    length = math.sqrt(hx * hx + hy * hy + hz * hz) + 1e-9
+    nh = min((hx * nx + hy * ny + hz * nz) / length, 1.0)
+    m = 1 - min((hx * wx + hy * wy + hz * wz) / length, 1.0)
+    schlick = m * m * m * m * m
+    if alpha < 0.5 * tangent:  # a disc is seen as such
+        rx, ry, rz = 2 * no * nx - wx, 2 * no * ny - wy, 2 * no * nz - wz
+        away = math.acos(min(max(rx * lx + ry * ly + rz * lz, -1.0), 1.0))
+        share = min(max((math.atan(tangent) - away) / max(2 * alpha, 0.03) + 0.5, 0.0), 1.0)
+        one = share / (math.pi * tangent * tangent)
+    elif ni > 0:
+        wide = math.sqrt(alpha * alpha + WIDENED * tangent * tangent)
+        one = distribution(nh, wide) * visibility(no, max(ni, 1e-4), alpha) * ni
+    else:
+        one = 0.0
+    return er, eg, eb, one, one * schlick, schlick
+
+
+@njit(cache=True, error_model="numpy")
+def level_of(pdf, count, rows):
+    """Return the map's level whose texels are as large as a sample's solid angle."""
+    level = 0.5 * math.log2(max(1.0 / (count * max(pdf, 1e-9)) * rows * rows / (2 * math.pi), 1.0))
+    return min(int(level + 0.5), int(math.log2(rows)) - 3)
+
+
+@njit(cache=True, error_model="numpy")
+def mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, own):
+    """Return the light of all but sources that the coat of a point mirrors, for f0 = 1 [3], and that times Schlick's
+    weight [3]. own: distance from the point that rays start at; 0 off the object, which is then not met."""
+    tx, ty, tz, ux, uy, uz = basis(nx, ny, nz)
+    lx, ly = wx * tx + wy * ty + wz * tz, wx * ux + wy * uy + wz * uz
+    no = max(wx * nx + wy * ny + wz * nz, 1e-3)
+    px, py, pz = ox + own * nx, oy + own * ny, oz + own * nz
+    r1 = g1 = b1 = rs = gs = bs = 0.0
+    shift_a, shift_b = np.random.random(), np.random.random()
+    a2 = alpha * alpha
+    g1o = 2 * no / (no + math.sqrt(a2 + (1 - a2) * no * no))
+    for k in range(samples):
+        a, b = ((k + 0.5) / samples + shift_a) % 1.0, (k * 0.6180339887 + shift_b) % 1.0
+        hx, hy, hz = visible_normal(lx, ly, no, alpha, a, b)
+        oh = max(lx * hx + ly * hy + no * hz, 1e-6)
+        ix, iy, iz = 2 * oh * hx - lx, 2 * oh * hy - ly, 2 * oh * hz - no
+        if iz <= 1e-4:
+            continue
+        weight = 4 * visibility(no, iz, alpha) * no * iz / g1o  # G / G1
+        pdf = distribution(hz, alpha) * g1o / (4 * no)
+        dx, dy, dz = ix * tx + iy * ux + iz * nx, ix * ty + iy * uy + iz * ny, ix * tz + iy * uz + iz * nz
+        if own > 0 and hit_body(f, i, w, 0, px, py, pz, dx, dy, dz, FAR) >= 0:
+            e = i[BODY] + GLOW
+            r, g, c = f[e], f[e + 1], f[e + 2]
+        else:
+            r, g, c = mirrored_along(f, i, w, q, px, py, pz, dx, dy, dz, level_of(pdf, samples, i[ROWS]))
+        m = 1 - oh
+        s = weight * m * m * m * m * m
+        r1 += weight * r
+        g1 += weight * g
+        b1 += weight * c
+        rs += s * r
+        gs += s * g
+        bs += s * c
+    return r1 / samples, g1 / samples, b1 / samples, rs / samples, gs / samples, bs / samples
+
+
+@njit(cache=True, error_model="numpy")
+def shade_object(f, i, w, q, points, normals, ratios, albedo, f0, alpha, samples, rays, directions, seen, seed, out):
+    """Fill out [N, 3] with the radiance of points of the object, seen from the eye. ratios: [N, 3] of `received` there;
+    albedo, f0: [N, 3]; directions, seen: of cell_light."""
+    np.random.seed(seed)
+    solid = 4 * math.pi / len(directions)
+    for k in range(len(points)):
+        ox, oy, oz = points[k, 0], points[k, 1], points[k, 2]
+        nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
+        wx, wy, wz = f[EYE] - ox, f[EYE + 1] - oy, f[EYE + 2] - oz
+        length = 1 / math.sqrt(wx * wx + wy * wy + wz * wz)
+        wx, wy, wz = wx * length, wy * length, wz * length
+        e0 = e1 = e2 = 0.0
+        for c in range(len(directions)):
+            cosine = nx * directions[c, 0] + ny * directions[c, 1] + nz * directions[c, 2]
+            if cosine > 0:
+                e0 += cosine * seen[c, 0]
+                e1 += cosine * seen[c, 1]
+                e2 += cosine * seen[c, 2]
+        e0, e1, e2 = e0 * solid * ratios[k, 0], e1 * solid * ratios[k, 1], e2 * solid * ratios[k, 2]
+        m = mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, OWN)
+        s0 = s1 = s2 = g0 = g1 = g2 = 0.0
+        for s in range(i[SOURCES]):
+            _, share, cosine = seen_share(f, i, w, s, ox, oy, oz, nx, ny, nz, rays, -1, OWN)
+            if share <= 0:
+                continue
+            er, eg, eb, one, grazing, schlick = from_source(f, i, s, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha)
+            through = cosine * (1 - schlick)
+            er, eg, eb = er * share, eg * share, eb * share
+            e0 += er * through
+            e1 += eg * through
+            e2 += eb * through
+            s0 += er * one
+            s1 += eg * one
+            s2 += eb * one
+            g0 += er * grazing
+            g1 += eg * grazing
+            g2 += eb * grazing
+        out[k, 0] = f0[k, 0] * (m[0] + s0) + (1 - f0[k, 0]) * (m[3] + g0 + albedo[k, 0] * e0 / math.pi)
+        out[k, 1] = f0[k, 1] * (m[1] + s1) + (1 - f0[k, 1]) * (m[4] + g1 + albedo[k, 1] * e1 / math.pi)
+        out[k, 2] = f0[k, 2] * (m[2] + s2) + (1 - f0[k, 2]) * (m[5] + g2 + albedo[k, 2] * e2 / math.pi)
+
+
+@njit(cache=True, error_model="numpy")
+def picture(f, i, w, q, camera, tangent_x, tangent_y, size, samples, view, tan_half, radiance, cover, seed):
+    """Return what the eye sees without the object, [size, size, 3], over a square of tangents [-t, t] in which the
+    photo spans tangent_x, tangent_y.
+
+    camera: world_from_camera [3, 3]. view [3, 3], tan_half, radiance [V, V, 3], cover [V, V]: the object as it is seen,
+    for coats that mirror it.
+    """
+    np.random.seed(seed)
+    out = np.zeros((size, size, 3), np.float32)
+    most = max(tangent_x, tangent_y)
+    ex, ey, ez = f[EYE], f[EYE + 1], f[EYE + 2]
+    pixel = most / size
+    for row in range(size):
+        for column in range(size):
+            middle_x, middle_y = (2 * (column + 0.5) / size - 1) * most, (1 - 2 * (row + 0.5) / size) * most
+            if abs(middle_x) > tangent_x + pixel or abs(middle_y) > tangent_y + pixel:
+                continue
+            for a in range(samples):
+                for b in range(samples):
+                    x = middle_x + pixel * (2 * (b + np.random.random()) / samples - 1)
+                    y = middle_y + pixel * (2 * (a + np.random.random()) / samples - 1)
+                    length = math.sqrt(x * x + y * y + 1)
+                    x, y, z = x / length, y / length, -1 / length
+                    dx = camera[0, 0] * x + camera[0, 1] * y + camera[0, 2] * z
+                    dy = camera[1, 0] * x + camera[1, 1] * y + camera[1, 2] * z
+                    dz = camera[2, 0] * x + camera[2, 1] * y + camera[2, 2] * z
+                    p, t, u, v = hit_panel(f, i, ex, ey, ez, dx, dy, dz, FAR, -1)
+                    if p < 0:
+                        r, g, c = seen_without(f, i, w, q, ex, ey, ez, dx, dy, dz, 0)
+                    else:
+                        r, g, c = panel_seen(f, i, w, q, p, t, u, v, dx, dy, dz, view, tan_half, radiance, cover)
+                    out[row, column, 0] += r
+                    out[row, column, 1] += g
+                    out[row, column, 2] += c
+    return out / (samples * samples)
+
+
+@njit(cache=True, error_model="numpy")
+def panel_seen(f, i, w, q, number, t, u, v, dx, dy, dz, view, tan_half, radiance, cover):
+    """Return the radiance of a panel at u, v on it, t along a ray from the eye: with the object, exact shadows of
+    sources, and its coat."""
+    p = i[PANEL] + number * PANEL_SIZE
+    nx, ny, nz = f[p + NORMAL], f[p + NORMAL + 1], f[p + NORMAL + 2]
+    qx, qy, qz = f[EYE] + t * dx + 1e-4 * nx, f[EYE + 1] + t * dy + 1e-4 * ny, f[EYE + 2] + t * dz + 1e-4 * nz
+    e0, e1, e2 = grid_at(f, i, number, SOFT, u, v)
+    s0 = s1 = s2 = g0 = g1 = g2 = 0.0
+    f0, alpha = f[p + F0], f[p + ALPHA]
+    for s in range(i[SOURCES]):
+        _, share, cosine = seen_share(f, i, w, s, qx, qy, qz, nx, ny, nz, 1, number, 0.0)
+        if share <= 0:
+            continue
+        er, eg, eb, one, grazing, _ = from_source(f, i, s, qx, qy, qz, nx, ny, nz, -dx, -dy, -dz, alpha)
+        e0 += er * share * cosine
+        e1 += eg * share * cosine
+        e2 += eb * share * cosine
+        if f0 > 0:
+            s0 += er * share * one
+            s1 += eg * share * one
+            s2 += eb * share * one
+            g0 += er * share * grazing
+            g1 += eg * share * grazing
+            g2 += eb * share * grazing
+    if f[p + GROUND] > 0:
+        far = max(abs(u), abs(v)) / f[p + HALF]
+        fade = min(max((1 - far) / 0.25, 0.0), 1.0)
+        fr, fg, fb = grid_at(f, i, number, FREE, u, v)
+        r, g, b = sky_at(i, q, FULL, 0, dx, dy, dz)
+        return (
+            r * (1 + fade * (min(e0 / max(fr, 1e-6), MOST_RATIO) - 1)),
+            g * (1 + fade * (min(e1 / max(fg, 1e-6), MOST_RATIO) - 1)),
+            b * (1 + fade * (min(e2 / max(fb, 1e-6), MOST_RATIO) - 1)),
+        )
+    ar, ag, ab = albedo_at(f, i, q, number, u, v, qx, qy, qz)
+    r, g, b = (1 - f0) * ar * e0 / math.pi, (1 - f0) * ag * e1 / math.pi, (1 - f0) * ab * e2 / math.pi
+    if f0 <= 0:
+        return r, g, b
+    r, g, b = r + f0 * s0 + (1 - f0) * g0, g + f0 * s1 + (1 - f0) * g1, b + f0 * s2 + (1 - f0) * g2
+    no = -(nx * dx + ny * dy + nz * dz)
+    if i[BODIES] > 0 and alpha < 0.5 and no > 0:
+        rx = dx + 2 * no * nx + 0.7 * alpha * (np.random.random() - 0.5)
+        ry = dy + 2 * no * ny + 0.7 * alpha * (np.random.random() - 0.5)
+        rz = dz + 2 * no * nz + 0.7 * alpha * (np.random.random() - 0.5)
+        away = hit_body(f, i, w, 0, qx, qy, qz, rx, ry, rz, FAR)
+        if away >= 0:
+            m = 1 - no
+            weight = f0 + (1 - f0) * m * m * m * m * m
+            x, y, z = qx + away * rx, qy + away * ry, qz + away * rz
+            kr, kg, kb = object_at(f, i, view, tan_half, radiance, cover, x, y, z)
+            return r + weight * kr, g + weight * kg, b + weight * kb
+    k = mirrored(f, i, w, q, qx, qy, qz, nx, ny, nz, -dx, -dy, -dz, alpha, 1, 0.0)
+    return r + f0 * k[0] + (1 - f0) * k[3], g + f0 * k[1] + (1 - f0) * k[4], b + f0 * k[2] + (1 - f0) * k[5]
+
+
+@njit(cache=True, error_model="numpy")
+def object_at(f, i, view, tan_half, radiance, cover, x, y, z):
+    """Return the object's radiance at a point of it: what the eye sees there, or its mean."""
+    x, y, z = x - f[EYE], y - f[EYE + 1], z - f[EYE + 2]
+    a = view[0, 0] * x + view[1, 0] * y + view[2, 0] * z
+    b = view[0, 1] * x + view[1, 1] * y + view[2, 1] * z
+    c = -(view[0, 2] * x + view[1, 2] * y + view[2, 2] * z)
+    size = len(cover)
+    column, row = int((a / c / tan_half + 1) * size / 2), int((1 - b / c / tan_half) * size / 2)
+    if 0 <= column < size and 0 <= row < size and cover[row, column] > 0.5:
+        return radiance[row, column, 0], radiance[row, column, 1], radiance[row, column, 2]
+    e = i[BODY] + GLOW
+    return f[e], f[e + 1], f[e + 2]

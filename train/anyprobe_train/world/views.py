@@ -1,0 +1,228 @@
+"""Shapes that stand on y = 0, seen by three cameras each: rasterised once, kept in a folder, more as training goes on.
+
+Shape number k is a function of (its part, k) alone, and so is each file of SHAPES of them: whoever needs a file that is
+missing makes it.
+"""
+
+from __future__ import annotations
+
+import fcntl
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from anyprobe.core.frames import turn_towards, world_from_camera
+from anyprobe.files.atomic import atomic_path
+from anyprobe.files.meshes import MESH_SUFFIXES, read_mesh
+from anyprobe.render.mesh import Mesh, transformed, waved
+from anyprobe.render.shapes import draw_shape, figure, part
+from anyprobe.render.surface import pixel_rays
+from anyprobe.render.voxels import SIDE as CELLS
+from anyprobe.render.voxels import voxelize
+from anyprobe_train.dataset.catalog import STRANGE_MESHES, allows_commercial_use, listed_rows
+from anyprobe_train.dataset.surfaces import SurfaceConfig, draw_view
+from anyprobe_train.world.march import hidden_bits, nearest_faces
+
+VERSION = 1
+"""Raised whenever the same shape number would give other views."""
+SIDE, COARSE = 96, 48
+"""Sides of what is kept of a view, and of where cells are."""
+MARGIN = 1.06
+"""Side of a view over the longer side of the object's box."""
+AZIMUTHS, RINGS = 16, 8
+SHAPES, CAMERAS = 16, 3
+"""Shapes in a file, and cameras that see each."""
+PITCH_DEG = (1.0, 58.0)
+TANGENT = (0.05, 0.62)
+"""Bounds of the tangent that the unit sphere is seen under; even in the logarithm."""
+KINDS = (0.64, 0.12, 0.12, 0.12)
+"""Shares of real shapes, single solids, figures of several, and machined parts."""
+DEFORMED = SurfaceConfig(stretch=0.16, tilt_deg=0.0, bend=0.35, relief=0.3)
+"""How real shapes, solids and figures are deformed, most of them."""
+AS_IS = 0.35
+OWN_CELLS = 0.055
+"""Distance [radii] from the surface at which rays start (shading.OWN)."""
+
+VIEW = np.dtype(
+    [
+        ("normals", "i1", (SIDE, SIDE, 3)),
+        ("depth", "f2", (SIDE, SIDE)),
+        ("cover", "u1", (SIDE, SIDE)),
+        ("hidden", "u8", (COARSE, COARSE, 2)),
+        ("words", "u8", (CELLS, CELLS)),
+        ("low", "f4", 3),
+        ("cell", "f4", 3),
+        ("camera", "f4", (3, 3)),
+        ("eye", "f4", 3),
+        ("tangent", "f4"),
+        ("top", "f4"),
+        ("shape", "i4"),
+    ]
+)
+"""A view: normals x 127 in the camera's frame; depth along its axis less |eye - middle|; cover 0 to 255; hidden: bits
+of the cells of `cell_middles`, in the world's frame, that the object hides from itself; words, low, cell of
+render.voxels; camera: world_from_camera; tangent: of half the side; top: greatest y; shape: its number."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ShapeFiles:
+    """The shapes of a part of the data: paths of meshes; part: its name."""
+
+    part: str
+    paths: tuple[Path, ...]
+
+
+def shape_files(data: Path, part: str) -> ShapeFiles:
+    """List the meshes that shipped weights may learn from ("train"), or those that they may not ("left-out")."""
+    rows = listed_rows(data / "meshes" / "train", MESH_SUFFIXES, STRANGE_MESHES)
+    wanted = part == "train"
+    return ShapeFiles(part=part, paths=tuple(p for p, row in rows if allows_commercial_use(row["licence"]) == wanted))
+
+
+def cell_middles() -> np.ndarray:
+    """Return the middles of the cells about +Y, [RINGS * AZIMUTHS, 3] float32; the lower half first."""
+    ring, azimuth = np.divmod(np.arange(RINGS * AZIMUTHS), AZIMUTHS)
+    sine, angle = (ring + 0.5) * (2 / RINGS) - 1, (azimuth + 0.5) * (2 * np.pi / AZIMUTHS)
+    cosine = np.sqrt(1 - sine**2)
+    return np.stack([cosine * np.sin(angle), sine, -cosine * np.cos(angle)], axis=-1).astype(np.float32)
+
+
+def cell_numbers(directions: np.ndarray) -> np.ndarray:
+    """Return the cells that unit directions [..., 3] lie in."""
+    ring = np.clip(((directions[..., 1] + 1) / 2 * RINGS).astype(int), 0, RINGS - 1)
+    angle = np.arctan2(directions[..., 0], -directions[..., 2]) / (2 * np.pi)
+    return ring * AZIMUTHS + np.clip((angle % 1.0 * AZIMUTHS).astype(int), 0, AZIMUTHS - 1)
+
+
+def draw_mesh(files: ShapeFiles, number: int, rng: np.random.Generator) -> Mesh:
+    """Draw shape `number`, in the unit sphere."""
+    kind = rng.choice(len(KINDS), p=KINDS) if files.part == "train" else 0
+    if kind == 3:
+        return part(rng)
+    mesh = read_mesh(files.paths[rng.integers(len(files.paths))]) if kind == 0 else (draw_shape, figure)[kind - 1](rng)
+    if rng.random() < AS_IS:
+        return mesh
+    view = draw_view(0, DEFORMED, rng)
+    mesh = mesh if view.waves is None else waved(mesh, *view.waves)
+    return mesh if view.matrix is None else transformed(mesh, view.matrix)
+
+
+def shape_views(files: ShapeFiles, number: int) -> np.ndarray:
+    """Return the views [CAMERAS] VIEW of shape `number`."""
+    rng = np.random.default_rng((VERSION, len(files.part), number))
+    mesh = draw_mesh(files, number, rng)
+    low, high = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
+    foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
+    standing = replace(mesh, positions=(mesh.positions - foot).astype(np.float32))
+    voxels = voxelize(standing)
+    result = np.zeros(CAMERAS, VIEW)
+    for view in result:
+        sine = rng.uniform(*np.sin(np.radians(PITCH_DEG)))
+        rotation = world_from_camera(rng.uniform(0, 2 * np.pi), float(np.arcsin(sine)))
+        distance = np.sqrt(1 + np.exp(-2 * rng.uniform(*np.log(TANGENT))))
+        eye = rotation @ [0.0, 0.0, distance] + [0.0, (high[1] - low[1]) / 2, 0.0]
+        rotation, tangent = _framed(standing, rotation, eye)
+        cover, normals, depth = _see(standing, rotation, eye, tangent)
+        view["cover"], view["normals"] = cover, np.round(127 * normals)
+        view["depth"] = np.where(cover > 0, depth[..., 0] - np.linalg.norm(eye), 0.0)
+        view["camera"], view["eye"], view["tangent"] = rotation, eye, tangent
+        view["words"], view["low"], view["cell"] = voxels.words, voxels.low, voxels.cell
+        view["top"], view["shape"] = high[1] - low[1], number
+        view["hidden"] = _hidden(view, int(rng.integers(2**31)))
+    return result
+
+
+def _framed(mesh: Mesh, rotation: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return world_from_camera that looks at the middle of the mesh's box from `eye`, and the tangent of half the
+    window that takes in all of it."""
+    for _ in range(3):
+        seen = (mesh.positions - eye) @ rotation
+        plane = seen[:, :2] / np.maximum(-seen[:, 2:], 1e-3)
+        low, high = plane.min(axis=0), plane.max(axis=0)
+        rotation = rotation @ turn_towards(np.array([*(low + high) / 2, -1.0]))
+    return rotation, float((high - low).max() / 2 * MARGIN)
+
+
+def _see(mesh: Mesh, rotation: np.ndarray, eye: np.ndarray, tangent: float) -> tuple[np.ndarray, ...]:
+    """Return cover [SIDE, SIDE] uint8, and normals in the camera's frame and depth of the nearest of each pixel's four
+    points."""
+    size = 2 * SIDE
+    seen = (mesh.positions - eye) @ rotation
+    inverse = 1.0 / np.maximum(-seen[:, 2], 1e-3)
+    screen = (seen[:, :2] * inverse[:, None] / tangent * [1, -1] + 1) * (size / 2)
+    face, weights, key = nearest_faces(screen, inverse, mesh.faces, size)
+    on = face >= 0
+    normals = np.zeros((size, size, 3), np.float32)
+    n = np.einsum("pkc,pk->pc", mesh.normals[face[on]], weights[on]) @ rotation
+    n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-9)
+    toward = pixel_rays(tangent, size)[on]
+    facing = (n * toward).sum(axis=1, keepdims=True)
+    n = np.where(facing < -0.3, -n, n)  # the back of a sheet
+    facing = np.where(facing < -0.3, -facing, facing)
+    n = np.where(facing < 0.01, n + (0.02 - facing) * toward, n)
+    normals[on] = n / np.linalg.norm(n, axis=1, keepdims=True)
+    depth = np.where(on, 1.0 / np.maximum(key, 1e-9), np.inf)
+
+    def four(values: np.ndarray) -> np.ndarray:
+        return values.reshape(SIDE, 2, SIDE, 2, -1).transpose(0, 2, 1, 3, 4).reshape(SIDE, SIDE, 4, -1)
+
+    near = four(depth)[..., 0].argmin(axis=2)[..., None, None]
+    nearest = (np.take_along_axis(four(one), near, axis=2)[:, :, 0] for one in (normals, depth))
+    cover = np.round(255 * four(on.astype(np.float32)).mean(axis=2)[..., 0]).astype(np.uint8)
+    return cover, *nearest
+
+
+def view_points(view: np.void, every: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return row and column numbers, points and normals [N, 3] in the world's frame of a view's covered pixels."""
+    rows, columns = np.nonzero(view["cover"])
+    camera = view["camera"]
+    n = view["normals"][rows, columns].astype(np.float32)
+    n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1.0)
+    rays = pixel_rays(float(view["tangent"]), SIDE)[rows, columns]
+    depth = view["depth"][rows, columns].astype(np.float32) + np.linalg.norm(view["eye"])
+    points = view["eye"] - (rays / rays[:, 2:] * depth[:, None]) @ camera.T
+    return rows, columns, points.astype(np.float32), n @ camera.T
+
+
+def _hidden(view: np.void, seed: int) -> np.ndarray:
+    """Return bits [COARSE, COARSE, 2] of the cells that the object hides from itself."""
+    rows, columns, points, normals = view_points(view)
+    half = SIDE // COARSE
+    place = (rows // half) * COARSE + columns // half
+    _, first = np.unique(place, return_index=True)
+    result = np.zeros((COARSE * COARSE, 2), np.uint64)
+    shape = view["words"], view["low"], view["cell"]
+    result[place[first]] = hidden_bits(*shape, points[first], normals[first], AZIMUTHS, RINGS, OWN_CELLS, seed)
+    return result.reshape(COARSE, COARSE, 2)
+
+
+class Views:
+    """Views in files of a folder, each of SHAPES * CAMERAS, made where they are missing."""
+
+    def __init__(self, files: ShapeFiles, cache: Path) -> None:
+        """Keep where files are; none is made yet."""
+        self.files, self.folder = files, cache / f"views-{VERSION}-{files.part}"
+        self._open: dict[int, np.ndarray] = {}
+
+    def __getitem__(self, number: int) -> np.void:
+        """Return view `number`."""
+        which, row = divmod(number, SHAPES * CAMERAS)
+        if which not in self._open:
+            self._open[which] = np.load(self.make(which), mmap_mode="r")
+        return self._open[which][row]
+
+    def make(self, which: int) -> Path:
+        """Return the path of file `which`, made if it is missing; another process may be at it."""
+        path = self.folder / f"{which:05d}.npy"
+        if path.is_file():
+            return path
+        self.folder.mkdir(parents=True, exist_ok=True)
+        with (self.folder / f"{which:05d}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not path.is_file():
+                numbers = range(which * SHAPES, (which + 1) * SHAPES)
+                views = np.concatenate([shape_views(self.files, number) for number in numbers])
+                with atomic_path(path) as temporary, open(temporary, "wb") as stream:
+                    np.save(stream, views)
+        return path
