@@ -272,8 +272,14 @@ async function openExample() {
   setStatus("This is an example. Choose a photo of an object of one material, or use the camera.");
 }
 
-/** The camera is closed at once; the photo before it takes its place, or the example. */
-function closeCamera() {
+/** The camera is closed; its last picture and light stay as a photo, else what was on show before it. */
+async function closeCamera() {
+  const still = await live.still();
+  if (!live.running) return;
+  if (still) {
+    put(still);
+    return setStatus("The camera is off; this is its last picture and light.");
+  }
   live.stop();
   showAgain();
   if (!state.opened || state.opened.isExample) return openExample();

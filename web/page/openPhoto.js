@@ -5,7 +5,7 @@ import { DEFAULT_LONG_FOV_DEG } from "../src/photo/crop.js";
 import { askServer } from "./server.js";
 
 /** Longer side at which a photo is kept: more than is shown, and plenty for a crop of 128. */
-const LONG_PX = 1600;
+export const LONG_PX = 1600;
 
 /**
  * @typedef {object} Opened

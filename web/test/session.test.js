@@ -102,6 +102,7 @@ function begin({ opening = Promise.resolve(), play = async () => {} } = {}) {
     marking: {
       open: ({ width, height }) => page.opened.push([width, height]),
       show: () => {},
+      glide: (...by) => (page.glided = by),
       follow: ({ width, height }, hints) => page.drawn.push({ size: [width, height], hints }),
     },
     options: () => ({ surroundings: false, emitters: "mode" }),
@@ -306,4 +307,24 @@ test("what is stopped while the networks' thread begins does not go on", async (
   told();
   await settle();
   assert.ok(!tracker.running && networks.onLive === undefined);
+});
+
+test("the outline goes on with the object between the answers, and rests with it", async () => {
+  const { session, video, networks, page } = begin();
+  const calls = [];
+  video.requestVideoFrameCallback = (call) => calls.push(call);
+  const onPicture = () => calls.splice(0).forEach((call) => call(0, {}));
+  session.start();
+  cameras[0].resolve(makeStream());
+  await settle();
+  const at = (left, time) => networks.onLive({ ...answer(64, 48, maskOf(64, 48)), box: [left, 10, left + 20, 30], time });
+  const now = performance.now() / 1000;
+  at(10, now - 0.4);
+  at(16, now - 0.2); // 30 pixels a second
+  onPicture();
+  const age = performance.now() / 1000 - now + 0.2;
+  assert.ok(Math.abs(64 * page.glided[0] - 30 * age) < 1 && page.glided[1] === 0, `${page.glided}`);
+  at(16, now - 0.1);
+  onPicture();
+  assert.equal(page.glided[0], 0);
 });

@@ -7,8 +7,14 @@ import { element, setStatus, sendLight } from "../view/elements.js";
 import { NO_HINTS } from "../view/marking.js";
 import { closeCamera, openCamera, watchCamera } from "./camera.js";
 import { readSize } from "../../src/live/videoFrames.js";
+import { objectBox } from "../../src/photo/picture.js";
+import { resize } from "../../src/photo/resize.js";
+import { LONG_PX, readBitmap } from "../openPhoto.js";
 
 const RATES_EVERY_MS = 500;
+
+/** An object is taken to move on for so many seconds, and its speed to be that of an answer no older. */
+const LONGEST_S = 0.5;
 const LIVE = "Live, in this browser. If the outline is wrong, click on the object, or draw a box around it.";
 const FINDING = "Finding the object …";
 const MISSED = "Nothing is found there. The last object is followed on: click on another, or draw a box around it.";
@@ -77,10 +83,11 @@ export class LiveSession {
   #begin() {
     this.running = true;
     this.#nameButton();
-    this.said = this.quality = this.asking = null;
+    this.said = this.quality = this.asking = this.shown = this.motion = null;
     this.pitchDeg = undefined; // until it is given
     this.#fit();
     this.onShown();
+    this.#glide();
   }
 
   #nameButton() {
@@ -145,6 +152,8 @@ export class LiveSession {
     this.#say(isSearching ? FINDING : this.missed ? MISSED : LIVE);
     this.stage.setLight(answer.light);
     sendLight(answer);
+    const { light, spheres, stages } = answer;
+    this.shown = { light, spheres: spheres ?? this.shown?.spheres, stages: stages ?? this.shown?.stages };
     // one part of the rest at a time: pictures of the camera wait for what is drawn here
     if (answer.spheres) {
       const about = { photo: "camera", model: this.config.model, longFovDeg: DEFAULT_LONG_FOV_DEG };
@@ -170,21 +179,55 @@ export class LiveSession {
     const [width, height] = size ? [size.width, size.height] : readSize(videoWidth, videoHeight);
     this.size = { width, height };
     this.placed = false;
+    this.motion = null;
     this.#mark(NO_HINTS);
     this.found = NO_HINTS;
     this.stage.showVideo();
     this.marking.open({ width: videoWidth, height: videoHeight });
   }
 
-  #setMask({ width, height, mask, quality, box }) {
+  #setMask({ time, width, height, mask, quality, box }) {
     const isPlaced = this.placed && this.found === this.marked;
     this.found = this.marked;
     this.marking.follow({ data: mask, width, height }, this.marked);
+    this.#noteMotion(time, [(box[0] + box[2]) / 2 / width, (box[1] + box[3]) / 2 / height], isPlaced);
+    this.object = { mask, width, height, quality };
     if (quality !== this.quality) this.onMask({ quality, notices: [] });
     this.quality = quality;
     if (isPlaced) return this.stage.stage.setMask(mask);
     this.stage.place(width, height, null, mask, box, this.pitchDeg === undefined ? null : { pitchDeg: this.pitchDeg });
     this.placed = true;
+  }
+
+  /** Where the object is in the picture of an answer, and how fast it moves, in shares of the picture. */
+  #noteMotion(time, at, isSame) {
+    const { motion } = this;
+    const seconds = time - motion?.time;
+    const isKnown = isSame && seconds > 0 && seconds < LONGEST_S;
+    this.motion = { time, at, speed: at.map((place, axis) => (isKnown ? (place - motion.at[axis]) / seconds : 0)) };
+  }
+
+  /** With each picture the outline goes where the object is by now: the last answer's is of an older one. */
+  #glide() {
+    const { live, motion } = this;
+    this.stage.video.requestVideoFrameCallback?.(() => {
+      if (this.live === live && this.running) this.#glide();
+    });
+    if (!motion) return;
+    const age = Math.min(Math.max(performance.now() / 1000 - motion.time, 0), LONGEST_S);
+    this.marking.glide(...motion.speed.map((speed) => speed * age));
+  }
+
+  /** The camera's last picture as a photo, with its object and light; null before there is a light. */
+  async still() {
+    const { live, object, shown, pitchDeg } = this;
+    const bitmap = this.placed && shown?.spheres && shown.stages && (await createImageBitmap(this.stage.video));
+    if (!bitmap || this.live !== live) return null;
+    const picture = readBitmap(bitmap, LONG_PX);
+    const mask = resize(object.mask, 1, [object.width, object.height], [picture.width, picture.height]);
+    const found = { data: mask, quality: object.quality, notices: [] };
+    const lens = { longFovDeg: DEFAULT_LONG_FOV_DEG, lensDeg: null };
+    return { picture, ...lens, name: "camera", mask, box: objectBox(mask, picture.width), found, result: shown, pitchDeg };
   }
 
   #showRates() {

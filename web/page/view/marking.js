@@ -35,6 +35,7 @@ export class Marking {
 
   /** Begin with another picture: nothing is found or marked on it. @param {{width: number, height: number}} picture */
   open({ width, height }) {
+    this.glide(0, 0);
     this.size = { width, height };
     this.reset();
     this.show(null);
@@ -57,6 +58,11 @@ export class Marking {
     this.hints = hints;
     this.#draw(mask, PHOTO_PX);
     this.#drawHints();
+  }
+
+  /** Move what is drawn, by shares of the picture. */
+  glide(across, down) {
+    this.canvas.style.translate = `${100 * across}% ${100 * down}%`;
   }
 
   /** Show the outline of a moving picture's mask alone: where it was marked, other things are by now. */
@@ -98,7 +104,7 @@ export class Marking {
   }
 
   #placeOf({ clientX, clientY }) {
-    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+    const { left, top, width, height } = this.canvas.parentElement.getBoundingClientRect(); // which does not glide
     return [(clientX - left) / width, (clientY - top) / height];
   }
 

@@ -56,7 +56,7 @@ export class FrameLight {
    * @param {number[] | null} [worldFromCamera] nine numbers, row by row, of the camera when it took the frame: the light is
    *   then in the world
    * @param {{data: Float32Array, width: number, height: number} | null} [given] where the object is, of whatever size
-   * @returns {Promise<object>} light, mask and box of the object, milliseconds of each part; now and then spheres and stages;
+   * @returns {Promise<object>} light, time, mask and box of the object, milliseconds of each part; now and then spheres and stages;
    *   {lost: true} with the picture's mean radiance while no object is marked or seen, {held: true} where it is not seen for a moment; `missed` where what was
    *   marked last found nothing and the object before it is followed on,
    *   `searching` while it is looked for
@@ -115,7 +115,7 @@ export class FrameLight {
     lap("spheres");
     ms.all = performance.now() - start;
     const { quality, isSearching } = this.object;
-    const about = { mask, quality, box, ...this.size, ...(missed && { missed }), ...(isSearching && { searching: true }) };
+    const about = { time, mask, quality, box, ...this.size, ...(missed && { missed }), ...(isSearching && { searching: true }) };
     return { light, stages: withStages ? stages : null, spheres, ...about, ms };
   }
 
