@@ -19,7 +19,8 @@ import typer
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.contract import contract
-from anyprobe.estimate.runtime import DEFAULT_MODEL, Models
+from anyprobe.estimate.runtime import Models
+from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.light.dominant_light import ERROR, ESTIMATED_ERROR, direction_error, find_dominant_light, spread_about
 from anyprobe_train.evaluate.metrics import direction_error_deg
 from anyprobe_train.whole_network.families import FAMILIES

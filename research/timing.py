@@ -14,8 +14,9 @@ import typer
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.runtime import DEFAULT_MODEL, stages_of, weights_folder
+from anyprobe.estimate.runtime import stages_of, weights_folder
 from anyprobe.files.graphs import CPU, open_graph
+from anyprobe.inputs.settings import DEFAULT_MODEL
 
 WARM = 3
 """Calls that do not count."""

@@ -84,7 +84,7 @@ def build(platform: str, python: str, out: Path, given: Path | None = None) -> P
     with tempfile.TemporaryDirectory() as scratch:
         collect_wheels(Path(scratch), platform, python, given)
         wheels = sorted(Path(scratch).glob("*.whl"))
-        files = {one.name: one.read_bytes() for one in sorted(SOURCE.glob("*.py"))}
+        files = {one.name: one.read_bytes() for one in sorted([*SOURCE.glob("*.py"), *SOURCE.glob("*.json")])}
         files["blender_manifest.toml"] = manifest(version, platform, python, [one.name for one in wheels]).encode()
         files["LICENSE"] = (HERE / "LICENSE").read_bytes()
         files |= {f"wheels/{one.name}": one.read_bytes() for one in wheels}

@@ -20,10 +20,10 @@ from comfy_api.latest import ComfyExtension, io, ui
 import anyprobe
 from anyprobe.core.response import response
 from anyprobe.estimate.ground import Ground
-from anyprobe.estimate.runtime import EMITTERS
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.objects import OBJECTS
-from anyprobe.hints import AUTO, HINTS, NONE, PHOTO
+from anyprobe.inputs.hints import AUTO, HINTS, NONE, PHOTO
+from anyprobe.inputs.settings import EMITTERS, SETTINGS
 from anyprobe.light.environment import check_radiance
 from anyprobe.notices import Words
 from anyprobe.relight.appearance import least_scale
@@ -43,21 +43,14 @@ LOG = logging.getLogger(__name__)
 def place_inputs() -> list[Any]:
     """What says where the object is, and how the camera stood."""
     return [
-        io.Mask.Input("mask", optional=True, tooltip="White on the object, of the photo's size."),
-        text_input("click", "x,y in pixels on the object; several with ; between. Blank: the mask network finds it."),
-        text_input("box", "x0,y0,x1,y1 in pixels around the object."),
-        text_input("fov", "Field of view of the photo's longer side in degrees. Blank: 60."),
-        text_input("pitch", "How far the camera looks down in degrees: 0 level, 90 straight down. Blank: unknown."),
-        choice("material", [UNKNOWN, *MATERIALS], "The real object's."),
-        choice(
-            "surroundings",
-            [AUTO, PHOTO, NONE],
-            "auto: the photo's background and, below the horizon, the ground's colour, unless the object is cut out; "
-            "photo: the same of any photo; none: nothing but the object.",
-        ),
-        choice(
-            "emitters", EMITTERS, "mode: light sources with sharp shadows; expected: soft ones, truer on matte objects."
-        ),
+        io.Mask.Input("mask", optional=True, tooltip=HINTS["mask"].help),
+        hint_input("click", "several with ; between. Blank: the mask network finds it"),
+        hint_input("box"),
+        hint_input("fov_deg"),
+        hint_input("pitch_deg", "Blank: unknown"),
+        choice("material", [UNKNOWN, *MATERIALS]),
+        choice("surroundings", [AUTO, PHOTO, NONE]),
+        choice("emitters", EMITTERS),
     ]
 
 
@@ -65,8 +58,18 @@ def text_input(name: str, tooltip: str) -> Any:
     return io.String.Input(name, optional=True, default="", tooltip=tooltip)
 
 
-def choice(name: str, options: Sequence[str], tooltip: str) -> Any:
-    return io.Combo.Input(name, options=list(options), optional=True, default=options[0], tooltip=tooltip)
+def hint_input(keyword: str, more: str = "") -> Any:
+    """Return a text for a hint, described as at every other door."""
+    hint = HINTS[keyword]
+    form = f" {hint.metavar}" if hint.metavar else ""
+    tooltip = f"{hint.help}{form}{f'; {more}' if more else ''}"
+    return io.String.Input(hint.name, optional=True, default="", tooltip=tooltip)
+
+
+def choice(keyword: str, options: Sequence[str]) -> Any:
+    """Return the choices of a hint or a setting."""
+    tooltip = {**HINTS, **SETTINGS}[keyword].help
+    return io.Combo.Input(keyword, options=list(options), optional=True, default=options[0], tooltip=tooltip)
 
 
 class LightFromPhoto(io.ComfyNode):

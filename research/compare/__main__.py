@@ -9,7 +9,8 @@ import typer
 from rich.progress import track
 
 from anyprobe.cli.app import main as run_command
-from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
+from anyprobe.estimate.runtime import Models, model_id
+from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe_train.dataset.asset_store import AssetStore
 from anyprobe_train.dataset.catalog import load_maps, load_shapes
 from anyprobe_train.dataset.recipe import digest, read_recipes, require_assets

@@ -14,7 +14,8 @@ from rich.table import Table
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.errors import InputError
-from anyprobe.estimate.runtime import DEFAULT_MODEL, POSTERIOR, Models, model_id
+from anyprobe.estimate.runtime import POSTERIOR, Models, model_id
+from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe_train.dataset.asset_store import load_asset_store
 from anyprobe_train.dataset.recipe import read_recipes
 from anyprobe_train.evaluate.methods import GIVEN_HINTS, mean_map, run_with_hints

@@ -24,7 +24,8 @@ from anyprobe.cli.app import main as run_command
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.runtime import DEFAULT_MODEL, LOOKS, Models, model_id
+from anyprobe.estimate.runtime import Models, model_id
+from anyprobe.inputs.settings import DEFAULT_MODEL, LOOKS
 from anyprobe_train.evaluate.methods import baselines, model_methods
 from research.command_help import as_written
 from research.figure_tables import print_figures

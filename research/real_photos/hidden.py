@@ -21,7 +21,7 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.result import CAMERA
-from anyprobe.hints import NONE
+from anyprobe.inputs.hints import NONE
 from anyprobe.light.environment import MAP_HEIGHT, reduced
 from anyprobe.masks.overlay import draw_overlay
 from anyprobe.pictures.images import read_image

@@ -10,7 +10,7 @@ import numpy as np
 
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import Photo, crop_object, load_photo
-from anyprobe.hints import NONE
+from anyprobe.inputs.hints import NONE
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe_train.evaluate.methods import Method
 from anyprobe_train.evaluate.metrics import direction_error_deg

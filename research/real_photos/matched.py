@@ -23,8 +23,8 @@ from anyprobe.core.response import response
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.fit_warnings import match_doubts
 from anyprobe.estimate.photo import load_photo
-from anyprobe.estimate.runtime import DEFAULT_MODEL
 from anyprobe.files.atomic import atomic_path
+from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.light.environment import reduced
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.match.kind import is_outdoors, photo_outdoors

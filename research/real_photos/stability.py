@@ -12,7 +12,7 @@ from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import AnyprobeError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import load_photo
-from anyprobe.hints import NONE
+from anyprobe.inputs.hints import NONE
 from anyprobe.pictures.images import read_image
 from anyprobe_train.evaluate.metrics import direction_error_deg
 from research.clustered import upper_decile

@@ -15,7 +15,8 @@ import typer
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
+from anyprobe.estimate.runtime import Models, model_id
+from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe_train.whole_network.families import FAMILIES
 from research.results import commit, write_result
 from research.scenes.dark import dark_rows, dark_table

@@ -14,7 +14,8 @@ import typer
 from rich.progress import track
 
 from anyprobe.cli.app import main as run_command
-from anyprobe.estimate.runtime import DEFAULT_MODEL, EXPECTED, Models, model_id
+from anyprobe.estimate.runtime import Models, model_id
+from anyprobe.inputs.settings import DEFAULT_MODEL, EXPECTED
 from anyprobe_train.dataset.pair import Pair
 from anyprobe_train.evaluate.methods import mean_map
 from research.results import commit, write_result

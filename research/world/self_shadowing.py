@@ -21,7 +21,8 @@ import torch
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
-from anyprobe.estimate.runtime import DEFAULT_MODEL, Models
+from anyprobe.estimate.runtime import Models
+from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
 from anyprobe.relight.path_traced import trace_mesh

@@ -17,8 +17,9 @@ import typer
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.runtime import DEFAULT_MODEL, model_id
+from anyprobe.estimate.runtime import model_id
 from anyprobe.files.atomic import atomic_files
+from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe_train.evaluate.benchmark import read_predictions, write_photo
 from research.command_help import as_written
 from research.results import commit, write_result

@@ -11,7 +11,7 @@ from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.result import Light
-from anyprobe.estimate.runtime import EXPECTED
+from anyprobe.inputs.settings import EXPECTED
 from anyprobe_train.evaluate.methods import mean_map
 from research.world.whole_photos import WholePhoto
 

@@ -22,7 +22,7 @@ from anyprobe.estimate.estimator import Estimator, Settings, estimate
 from anyprobe.estimate.multiview import fuse_lights
 from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.estimate.result import Light
-from anyprobe.hints import Hints
+from anyprobe.inputs.hints import Hints
 from anyprobe.light.dominant_light import DominantLight
 from anyprobe.notices import Notice
 from anyprobe.scatter.materials import Material

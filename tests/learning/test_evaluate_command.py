@@ -13,7 +13,8 @@ from support.folders import snapshot
 from support.some_pair import sphere_pair
 
 from anyprobe.core.response import MEAN_CURVE
-from anyprobe.estimate.runtime import DEFAULT_MODEL, Models
+from anyprobe.estimate.runtime import Models
+from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.light.environment import reduced
 from anyprobe.maps.radiance import write_exr, write_hdr
 from anyprobe.pictures.images import read_image

@@ -14,7 +14,8 @@ from PIL import Image
 from support.parity_case import write_parity_case
 
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.runtime import DEFAULT_MODEL, bundled_models
+from anyprobe.estimate.runtime import bundled_models
+from anyprobe.inputs.settings import DEFAULT_MODEL
 
 ROOT = Path(__file__).parents[2]
 WEB = ROOT / "web"

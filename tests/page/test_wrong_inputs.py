@@ -17,7 +17,7 @@ from PIL import Image, UnidentifiedImageError
 from support.wrong_inputs import TABLE, Wrong
 
 import anyprobe
-from anyprobe.hints import HINTS
+from anyprobe.inputs.hints import HINTS
 
 WEB = Path(__file__).parents[2] / "web"
 SERVER_ALONE = (

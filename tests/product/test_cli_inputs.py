@@ -18,7 +18,7 @@ from support.transforms import transforms
 from anyprobe.cli.photo_files import hints_for
 from anyprobe.core.response import response
 from anyprobe.files.paths import natural_order
-from anyprobe.hints import Hints
+from anyprobe.inputs.hints import Hints
 from anyprobe.maps.radiance import read_radiance
 
 pytestmark = pytest.mark.usefixtures("small_masks")

@@ -13,7 +13,8 @@ import anyprobe
 from anyprobe.cli import doctor
 from anyprobe.errors import ModelError
 from anyprobe.estimate import estimator as estimator_module
-from anyprobe.estimate.runtime import DEFAULT_MODEL, file_hashes
+from anyprobe.estimate.runtime import file_hashes
+from anyprobe.inputs.settings import DEFAULT_MODEL
 
 
 def test_doctor_prints_versions_providers_and_hashes(command, monkeypatch):

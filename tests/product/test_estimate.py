@@ -22,7 +22,8 @@ from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import inverse_response, response
 from anyprobe.estimate.photo import crop_object
-from anyprobe.estimate.runtime import DEFAULT_MODEL, PHOTO_SIZE, Outputs, bundled_models
+from anyprobe.estimate.runtime import PHOTO_SIZE, Outputs, bundled_models
+from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import integral, reduced, rotate
 from anyprobe.light.reconstruct import reconstruct

@@ -134,7 +134,7 @@ def test_panoramas_are_read_there_without_their_cache(home, work):
 
 def test_a_server_starts_there(home, estimator):
     pytest.importorskip("fastapi", reason="needs the serve extra")
-    from anyprobe.estimate.runtime import DEFAULT_MODEL
+    from anyprobe.inputs.settings import DEFAULT_MODEL
     from anyprobe.serve.page import Page
 
     assert "weights/u2netp.onnx" not in Page(estimator, DEFAULT_MODEL).files

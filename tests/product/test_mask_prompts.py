@@ -14,7 +14,7 @@ from support.refused import refused
 from anyprobe.cli.photo_files import hints_for, list_photos
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.files.paths import visible_files
-from anyprobe.hints import Hints
+from anyprobe.inputs.hints import Hints
 from anyprobe.masks import find
 from anyprobe.masks.depth import mask_from_depth, read_depth
 from anyprobe.masks.sources import mask_from_alpha, mask_from_file

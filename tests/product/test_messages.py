@@ -12,7 +12,7 @@ from support.wrong_inputs import TABLE, text_of
 
 import anyprobe
 from anyprobe.cli.options import OPTIONS
-from anyprobe.hints import HINTS
+from anyprobe.inputs.hints import HINTS
 from anyprobe.notices import PYTHON
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from anyprobe.cli.options import OPTIONS
 from anyprobe.errors import AnyprobeError, InputError, InvalidMask, MissingExtra, OutputError, arguments_named
-from anyprobe.hints import HINTS
+from anyprobe.inputs.hints import HINTS
 from anyprobe.notices import PYTHON, Notice, Words, as_notice, give, leave_out
 
 NOTICE = Notice(

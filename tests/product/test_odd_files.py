@@ -19,7 +19,7 @@ from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.poses import read_poses
 from anyprobe.files.meshes import read_mesh
 from anyprobe.files.objects import draw_under
-from anyprobe.hints import Hints
+from anyprobe.inputs.hints import Hints
 from anyprobe.maps.radiance import read_radiance, write_exr, write_hdr
 from anyprobe.masks.depth import depth_of_view
 from anyprobe.match import library_folder

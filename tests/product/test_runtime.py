@@ -14,7 +14,8 @@ from support.some_pair import sphere_pair
 from anyprobe.core.response import response
 from anyprobe.errors import ModelError
 from anyprobe.estimate import runtime
-from anyprobe.estimate.runtime import CONTRACT, EXPECTED, STAGES, Models, file_hashes, model_id, weights_folder
+from anyprobe.estimate.runtime import CONTRACT, STAGES, Models, file_hashes, model_id, weights_folder
+from anyprobe.inputs.settings import EXPECTED
 from anyprobe.light.environment import integral
 
 MAX_WEIGHTS_BYTES = 40 * 2**20

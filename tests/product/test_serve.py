@@ -32,7 +32,7 @@ from fastapi.testclient import TestClient
 
 from anyprobe.cli.serve import _token, is_loopback
 from anyprobe.estimate.result import Light
-from anyprobe.estimate.runtime import DEFAULT_MODEL
+from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.serve import forms, tasks
 from anyprobe.serve.answers import png as as_png
 from anyprobe.serve.api import create_app
@@ -460,8 +460,8 @@ def test_metrics_count_requests_by_route_and_status(client, photo):
 
 
 def test_forms_have_all_hints_and_the_settings_that_may_be_asked_for():
-    from anyprobe.estimate.settings import CHOICES
-    from anyprobe.hints import HINTS
+    from anyprobe.inputs.hints import HINTS
+    from anyprobe.inputs.settings import CHOICES
 
     assert {hint.name for hint in HINTS.values()} | set(CHOICES) <= set(forms.EstimateForm.model_fields)
 

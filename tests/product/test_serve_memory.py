@@ -23,7 +23,7 @@ PROGRAM = """
 import resource, sys
 from pathlib import Path
 from anyprobe.masks.networks import shared_network
-from anyprobe.hints import Hints
+from anyprobe.inputs.hints import Hints
 from anyprobe.serve import tasks
 photo, mask = (Path(name).read_bytes() if name else None for name in sys.argv[1:])
 shared_network()

@@ -14,7 +14,7 @@ from anyprobe.errors import AnyprobeError
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import Models, weights_folder
 from anyprobe.export.targets import find_target
-from anyprobe.hints import HINTS
+from anyprobe.inputs.hints import HINTS
 from anyprobe.masks.segmenters import load_segmenter
 from anyprobe.relight.insert import uses_mitsuba
 from anyprobe.scatter.materials import MATERIALS, material_named

@@ -16,7 +16,7 @@ SOURCE = Path(anyprobe.__file__).parent
 TRAIN = Path(anyprobe_train.__file__).parent
 
 ORDER = (
-    "notices errors core light scatter given_material render files maps pictures export place match masks hints "
+    "notices errors core light scatter given_material render files maps pictures export place match masks inputs "
     "estimate relight video serve cli __init__ __main__ "
     "anyprobe_train.__init__ anyprobe_train.nets anyprobe_train.dataset anyprobe_train.evaluate anyprobe_train.assets "
     "anyprobe_train.world anyprobe_train.train anyprobe_train.mask_network anyprobe_train.whole_network "

@@ -18,8 +18,9 @@ from anyprobe.estimate.ground import ESTIMATED, GIVEN, GUESSED, Ground, estimate
 from anyprobe.estimate.known import PhotoBackground
 from anyprobe.estimate.mirror_ball import find_ball, least_metal
 from anyprobe.estimate.photo import crop_object, load_photo
-from anyprobe.estimate.runtime import EXPECTED, weights_folder
+from anyprobe.estimate.runtime import weights_folder
 from anyprobe.given_material import given_material, material_input
+from anyprobe.inputs.settings import EXPECTED
 from anyprobe.light.environment import rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.source_split import Source, draw_sources, split_sources

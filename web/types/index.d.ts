@@ -2,6 +2,8 @@
 
 /** anyprobe: the light around an object of one material, from its picture, in the browser. */
 
+import type { Click, Emitters, LongFovDeg, Looks, PitchDeg, Surroundings } from "./inputs.js";
+
 export type Vector3 = [number, number, number];
 export type Point = [x: number, y: number];
 
@@ -93,9 +95,9 @@ export type Graph = string | URL | { url: string; integrity?: string } | Uint8Ar
 /** Where the object is, in pixels of the picture. Without any the mask network proposes the object. */
 export interface Hints {
   /** On the object. */
-  click?: Readonly<Point> | readonly Readonly<Point>[] | null;
+  click?: Click | null;
   /** Beside it. */
-  exclude?: Readonly<Point> | readonly Readonly<Point>[] | null;
+  exclude?: Click | null;
   /** Around it. */
   box?: readonly [x0: number, y0: number, x1: number, y1: number] | null;
 }
@@ -105,7 +107,7 @@ export interface Lens {
   /** Vertical field of view, degrees, as three.js's cameras have it. */
   fovDeg?: number;
   /** Of the longer side, degrees. */
-  longFovDeg?: number;
+  longFovDeg?: LongFovDeg;
   /** Of the camera that took the picture, column by column: an XRView's, or a three.js camera's Matrix4. */
   projectionMatrix?: ArrayLike<number> | { elements: ArrayLike<number> };
 }
@@ -115,13 +117,13 @@ export interface LightOptions {
    * Whether the picture's background becomes part of the environment map, and below the horizon the colour of the ground:
    * "auto", both unless the object is cut out; "photo" (or true), the background alone; "none" (or false). Default "auto".
    */
-  surroundings?: "auto" | "photo" | "none" | boolean;
+  surroundings?: Surroundings | boolean;
   /** How far the camera looks down, degrees: 0 level, 90 straight down. Default: a guess. */
-  pitchDeg?: number;
+  pitchDeg?: PitchDeg;
   /** Light sources at their most likely positions (sharp shadows), or their mean radiance (soft). Default "mode". */
-  emitters?: "mode" | "expected";
+  emitters?: Emitters;
   /** 2: look at the picture in a mirror too and take the likelier light, in twice the time. Default 1. */
-  looks?: 1 | 2;
+  looks?: Looks;
   /** What the object is made of: settles level and colour of the light, which a photo alone leaves open. */
   material?: GivenMaterial;
 }

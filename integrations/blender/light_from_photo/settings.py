@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the user sets, kept with the scene."""
 
+import json
 from math import radians
+from pathlib import Path
 
 import bpy
 from bpy.props import (
@@ -16,6 +18,9 @@ from bpy.props import (
 )
 
 from . import process
+
+INPUTS = json.loads((Path(__file__).parent / "inputs.json").read_text(encoding="utf-8"))
+"""Text and bounds of each input of an estimate, as the library describes it."""
 
 MATERIALS: list[str] = []
 """Names that the library knows, asked for once."""
@@ -64,23 +69,15 @@ class LightFromPhotoSettings(bpy.types.PropertyGroup):
     marks: CollectionProperty(type=Mark)
     use_box: BoolProperty(name="Box")
     box: FloatVectorProperty(size=4)
-    mask: PointerProperty(
-        name="Mask",
-        description="Picture of the photo's size, white on the object",
-        type=bpy.types.Image,
-        poll=only_pictures,
-    )
+    mask: PointerProperty(name="Mask", description=INPUTS["mask"]["help"], type=bpy.types.Image, poll=only_pictures)
 
     material: StringProperty(
-        name="Material",
-        description="What the object is made of, if known: improves brightness and colour",
-        search=material_names,
-        search_options={"SUGGESTION"},
+        name="Material", description=INPUTS["material"]["help"], search=material_names, search_options={"SUGGESTION"}
     )
     use_albedo: BoolProperty(name="Albedo", description="The object's colour is known")
     albedo: FloatVectorProperty(
         name="Albedo",
-        description="Linear; a grey card has 0.18",
+        description=INPUTS["albedo"]["help"],
         subtype="COLOR",
         size=3,
         min=0,
@@ -88,7 +85,13 @@ class LightFromPhotoSettings(bpy.types.PropertyGroup):
         default=(0.5, 0.5, 0.5),
     )
     use_roughness: BoolProperty(name="Roughness", description="The object's roughness is known")
-    roughness: FloatProperty(name="Roughness", description="0.1 is polished, 1 is matte", min=0.1, max=1, default=0.5)
+    roughness: FloatProperty(
+        name="Roughness",
+        description=INPUTS["roughness"]["help"],
+        min=INPUTS["roughness"]["least"],
+        max=INPUTS["roughness"]["most"],
+        default=0.5,
+    )
     is_sphere: BoolProperty(name="The object is a sphere", description="Its normals are then known")
     normals: PointerProperty(
         name="Normal map",
@@ -100,7 +103,12 @@ class LightFromPhotoSettings(bpy.types.PropertyGroup):
     fov: FloatProperty(name="Field of view", subtype="ANGLE", min=radians(2), max=radians(169), default=radians(60))
     use_pitch: BoolProperty(name="Pitch", description="How far the camera looked down is known; else it is estimated")
     pitch: FloatProperty(
-        name="Pitch", description="Below the horizon", subtype="ANGLE", min=radians(-60), max=radians(90), default=0
+        name="Pitch",
+        description=INPUTS["pitch"]["help"],
+        subtype="ANGLE",
+        min=radians(INPUTS["pitch"]["least"]),
+        max=radians(INPUTS["pitch"]["most"]),
+        default=0,
     )
     use_background: BoolProperty(
         name="Use the photo's background",

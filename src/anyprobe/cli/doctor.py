@@ -17,8 +17,7 @@ from rich.console import Console
 from anyprobe import __version__
 from anyprobe.cli.options import OPTIONS
 from anyprobe.errors import ModelError
-from anyprobe.estimate.runtime import DEFAULT_MODEL
-from anyprobe.estimate.settings import MODEL_HELP
+from anyprobe.inputs.settings import DEFAULT_MODEL, MODEL_HELP
 from anyprobe.notices import FETCH_MASKS
 
 

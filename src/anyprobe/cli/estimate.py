@@ -43,7 +43,7 @@ from anyprobe.cli.tables import print_table
 from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto
 from anyprobe.files.atomic import check_folder
 from anyprobe.files.paths import open_regular
-from anyprobe.hints import Hints
+from anyprobe.inputs.hints import Hints
 from anyprobe.place.panorama import check_rows
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.saved_map import export_settings
 from anyprobe.export.exported_light import check_front
 from anyprobe.export.targets import TARGETS
-from anyprobe.hints import numbers_in
+from anyprobe.inputs.description import numbers_in
 
 _MAX_PIXELS = 8192 * 4096
 """Largest map that is exported [pixels]: some targets take 90 bytes a pixel."""

@@ -22,7 +22,7 @@ from anyprobe.cli.photo_files import (
 )
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.files.atomic import check_folder
-from anyprobe.hints import Hints
+from anyprobe.inputs.hints import Hints
 from anyprobe.masks.segmenters import SegmenterSource
 
 

@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin,
 import typer
 
 from anyprobe.errors import InputError, InvalidMask, OutputError
-from anyprobe.estimate.settings import Settings
-from anyprobe.hints import HINTS, PICTURES, Hint, Hints
+from anyprobe.inputs.description import Hint
+from anyprobe.inputs.hints import HINTS, PICTURES, Hints
+from anyprobe.inputs.settings import SETTINGS, Settings
 from anyprobe.notices import RESTART, Words
 
 if TYPE_CHECKING:
@@ -240,11 +241,11 @@ def _group(annotation: Any) -> tuple[Any, tuple[str, ...]]:
 
 
 def _setting_option(setting: Field[Any]) -> inspect.Parameter:
-    kinds: dict[str, Any] = {"threads": int | None, "looks": int, "segmenter": str | None}
-    name = f"--{setting.name.replace('_', '-')}"
-    option = typer.Option(name, metavar=setting.metadata["metavar"], help=setting.metadata["help"])
+    described = SETTINGS[setting.name]
+    kind: Any = {"threads": int | None, "looks": int, "segmenter": str | None}.get(setting.name, str)
+    option = typer.Option(f"--{setting.name.replace('_', '-')}", metavar=described.metavar, help=described.help)
     default = ",".join(setting.default) if isinstance(setting.default, tuple) else setting.default
-    return _option(setting.name, Annotated[kinds.get(setting.name, str), option], default)
+    return _option(setting.name, Annotated[kind, option], default)
 
 
 def _option(name: str, annotation: Any, default: Any) -> inspect.Parameter:

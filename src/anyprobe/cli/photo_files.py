@@ -12,7 +12,7 @@ from typing import Any
 from anyprobe.cli.options import OPTIONS
 from anyprobe.errors import AnyprobeError, InputError, InvalidMask, InvalidPhoto, OutputError
 from anyprobe.files.paths import is_same_file, open_regular, read_stream, visible_files
-from anyprobe.hints import HINTS, PICTURES, Hints
+from anyprobe.inputs.hints import HINTS, PICTURES, Hints
 from anyprobe.maps.image_io import open_image
 
 STDIN = Path("-")

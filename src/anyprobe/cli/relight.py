@@ -28,7 +28,8 @@ from anyprobe.cli.photo_files import hints_for, photo_name, photo_source, result
 from anyprobe.errors import InputError, InvalidMask, OutputError, arguments_named
 from anyprobe.files.meshes import MESH_SUFFIXES
 from anyprobe.files.paths import is_same_file
-from anyprobe.hints import HINTS, numbers_in
+from anyprobe.inputs.description import numbers_in
+from anyprobe.inputs.hints import HINTS
 
 if TYPE_CHECKING:
     from anyprobe.estimate.estimator import Estimator

@@ -16,9 +16,8 @@ import typer
 
 from anyprobe.cli.doctor import mask_network
 from anyprobe.errors import InputError, MissingExtra, OutputError
-from anyprobe.estimate.runtime import DEFAULT_MODEL
-from anyprobe.estimate.settings import MODEL_HELP
 from anyprobe.files.cores import CHILD_ENVIRONMENT, usable_cores
+from anyprobe.inputs.settings import DEFAULT_MODEL, MODEL_HELP
 from anyprobe.masks.weights import find_weights
 from anyprobe.serve.limits import DRAIN_S, IDLE_S, MAX_CONNECTIONS, Limits
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import lru_cache, partial
-from typing import Any, Never
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -29,15 +29,12 @@ from anyprobe.estimate.refine import (
     with_surroundings,
 )
 from anyprobe.estimate.result import Light
-from anyprobe.estimate.runtime import DEFAULT_MODEL, LOOKS, MODE, Models, model_id
-from anyprobe.estimate.settings import Settings
-from anyprobe.files.graphs import CPU
+from anyprobe.estimate.runtime import Models, model_id
 from anyprobe.given_material import Albedo, as_material
-from anyprobe.hints import Hints, NormalsSource, SurroundingsSource, check_keywords, combine
-from anyprobe.masks.depth import DepthSource
-from anyprobe.masks.prompts import Clicks
-from anyprobe.masks.segmenters import SegmenterSource, load_segmenter
-from anyprobe.masks.sources import MaskSource
+from anyprobe.inputs.description import shown_as
+from anyprobe.inputs.hints import HintKeywords, Hints, combine
+from anyprobe.inputs.settings import SETTINGS, Keywords, SettingKeywords, Settings
+from anyprobe.masks.segmenters import load_segmenter
 from anyprobe.pictures.images import ImageSource
 from anyprobe.scatter.materials import Material, material_named
 
@@ -49,33 +46,19 @@ class Estimator:
     >>> light = estimator("vase.png", mask="mask.png")   # doctest: +SKIP
     """
 
-    def __init__(
-        self,
-        settings: Settings | str | None = None,
-        *,
-        model: str = DEFAULT_MODEL,
-        threads: int | None = None,
-        providers: str | Sequence[str] = CPU,
-        emitters: str = MODE,
-        looks: int = LOOKS[0],
-        segmenter: SegmenterSource | None = None,
-        **unknown: Never,
-    ) -> None:
+    @shown_as(Settings)
+    def __init__(self, settings: Settings | str | None = None, **given: Unpack[SettingKeywords]) -> None:
         """Open the networks.
 
         Args:
             settings: all settings, or the model's name instead of `model`.
-            model, threads, providers, emitters, looks, segmenter: see Settings; those that are not defaults replace the
-                ones in `settings`.
+            given: fields of Settings by name; those that are not defaults replace the ones in `settings`.
         Raises:
             InputError, ModelError, MissingExtra: bad settings or models, in one line that says what to do.
-            TypeError: an unknown keyword; the message names the most similar one.
         """
-        check_keywords(unknown, Estimator.__init__)
         if isinstance(settings, str):
-            model, settings = settings, None
-        given = Settings.among(locals())
-        settings = given if settings is None else replace(settings, **given.changes())
+            given["model"], settings = settings, None
+        settings = replace(settings or Settings(), **Settings(**given).changes())
         self.models = Models(*settings.networks, settings.emitters)
         self.model_id = model_id(settings.model)
         self._set(settings)
@@ -101,9 +84,6 @@ class Estimator:
             settings: all settings; None: the current ones.
             changes: fields of Settings to replace.
         """
-        check_keywords(
-            {name: one for name, one in changes.items() if name not in {own.name for own in fields(Settings)}}, Settings
-        )
         settings = replace(settings or self.settings, **changes)
         if settings.networks != self.settings.networks:
             return Estimator(settings)
@@ -113,43 +93,20 @@ class Estimator:
         other._set(settings)
         return other
 
-    def __call__(
-        self,
-        source: ImageSource | Photo,
-        hints: Hints | None = None,
-        *,
-        mask: MaskSource | None = None,
-        click: Clicks | None = None,
-        exclude: Clicks | None = None,
-        box: Sequence[float] | None = None,
-        depth: DepthSource | None = None,
-        near: float | None = None,
-        far: float | None = None,
-        fov_deg: float | None = None,
-        pitch_deg: float | None = None,
-        roll_deg: float | None = None,
-        normals: NormalsSource | None = None,
-        material: Material | str | None = None,
-        albedo: Albedo | None = None,
-        roughness: float | None = None,
-        surroundings: SurroundingsSource | None = None,
-        **unknown: Never,
-    ) -> Light:
+    @shown_as(Hints)
+    def __call__(self, source: ImageSource | Photo, hints: Hints | None = None, **given: Unpack[HintKeywords]) -> Light:
         """Estimate the light around the object of one photo.
 
         Args:
             source: path, bytes, Pillow image or array ([H, W, 3 or 4], uint8 or float in [0, 1]); or a Photo from
                 load_photo, where its hints were given, except the material.
             hints: optional inputs about the object, the camera and the light.
-            mask, click, exclude, box, depth, near, far, fov_deg, pitch_deg, roll_deg, normals, material, albedo,
-                roughness, surroundings: see Hints; these replace those in `hints`.
+            given: fields of Hints by name; these replace those in `hints`.
         Raises:
             InvalidPhoto, InvalidMask, InputError: bad input, in one line that says what to do.
-            TypeError: an unknown keyword; the message names the most similar one.
         """
         start = time.perf_counter()
-        check_keywords(unknown, Estimator.__call__)
-        hints = combine(hints, locals())
+        hints = combine(hints, given)
         if not isinstance(source, Photo):
             return self.from_photo(load_photo(source, hints, segmenter=self.segmenter), start)
         late = [name for name, _ in hints.given() if name not in ("material", "albedo", "roughness")]
@@ -270,47 +227,19 @@ def _shared(model: str, threads: int | None, providers: tuple[str, ...]) -> Esti
     return Estimator(model, threads=threads, providers=providers)
 
 
-def estimate(
-    source: ImageSource | Photo,
-    hints: Hints | None = None,
-    *,
-    mask: MaskSource | None = None,
-    click: Clicks | None = None,
-    exclude: Clicks | None = None,
-    box: Sequence[float] | None = None,
-    depth: DepthSource | None = None,
-    near: float | None = None,
-    far: float | None = None,
-    fov_deg: float | None = None,
-    pitch_deg: float | None = None,
-    roll_deg: float | None = None,
-    normals: NormalsSource | None = None,
-    material: Material | str | None = None,
-    albedo: Albedo | None = None,
-    roughness: float | None = None,
-    surroundings: SurroundingsSource | None = None,
-    model: str = DEFAULT_MODEL,
-    threads: int | None = None,
-    providers: str | Sequence[str] = CPU,
-    emitters: str = MODE,
-    looks: int = LOOKS[0],
-    segmenter: SegmenterSource | None = None,
-    **unknown: Never,
-) -> Light:
+@shown_as(Hints, Settings)
+def estimate(source: ImageSource | Photo, hints: Hints | None = None, **given: Unpack[Keywords]) -> Light:
     """Estimate the light around the object of one photo; the networks stay open for the next call.
 
     Args:
         source: path, bytes, Pillow image or array ([H, W, 3 or 4], uint8 or float in [0, 1]); or a Photo from
             load_photo.
         hints: optional inputs about the object, the camera and the light.
-        mask, click, exclude, box, depth, near, far, fov_deg, pitch_deg, roll_deg, normals, material, albedo, roughness,
-            surroundings: see Hints; these replace those in `hints`.
-        model, threads, providers, emitters, looks, segmenter: see Settings.
+        given: fields of Hints, which replace those in `hints`, and of Settings, by name.
     Raises:
         AnyprobeError: bad input, in one line that says what to do.
-        TypeError: an unknown keyword; the message names the most similar one.
     """
-    check_keywords(unknown, estimate)
-    settings = Settings.among(locals())
-    hints = combine(hints, locals())
+    asked: dict[str, Any] = {name: value for name, value in given.items() if name in SETTINGS}
+    settings = Settings(**asked)
+    hints = combine(hints, {name: value for name, value in given.items() if name not in SETTINGS})
     return _shared(*settings.networks).with_settings(settings)(source, hints)

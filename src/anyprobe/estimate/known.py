@@ -9,7 +9,7 @@ import numpy as np
 from anyprobe.errors import InputError
 from anyprobe.estimate.normals_hint import normals_from_outline, read_normals
 from anyprobe.estimate.surroundings import read_panorama
-from anyprobe.hints import AUTO, NONE, PHOTO, SPHERE, NormalsSource, SurroundingsSource
+from anyprobe.inputs.hints import AUTO, NONE, PHOTO, SPHERE, NormalsSource, SurroundingsSource
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -12,7 +12,7 @@ from anyprobe.core.camera import PinholeCamera
 from anyprobe.core.contract import contract
 from anyprobe.errors import InputError
 from anyprobe.files.paths import open_regular
-from anyprobe.hints import NormalsSource
+from anyprobe.inputs.hints import NormalsSource
 from anyprobe.maps.exr import EXR_MAGIC, read_exr
 from anyprobe.masks.check import object_box
 from anyprobe.pictures.headers import MAX_PIXELS

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Never
+from typing import Unpack
 
 import numpy as np
 
@@ -26,14 +25,12 @@ from anyprobe.estimate.normals_hint import SHORTEST
 from anyprobe.estimate.runtime import CONTEXT_SIZE, NORMALS_SIZE
 from anyprobe.estimate.surroundings import hides_backdrop, is_cut_out, is_dark_beside, turned, visible_surroundings
 from anyprobe.estimate.window import sample_window
-from anyprobe.given_material import Albedo
-from anyprobe.hints import Hints, NormalsSource, SurroundingsSource, check_keywords, combine
+from anyprobe.inputs.description import shown_as
+from anyprobe.inputs.hints import HintKeywords, Hints, combine
 from anyprobe.masks.check import object_box
-from anyprobe.masks.depth import DepthSource
 from anyprobe.masks.find import find_mask
-from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.segmenters import SegmenterSource
-from anyprobe.masks.sources import MaskSource, mask_from_alpha
+from anyprobe.masks.sources import mask_from_alpha
 from anyprobe.notices import Notice, as_notice, leave_out
 from anyprobe.pictures.images import ImageSource, Pixels, read_image
 from anyprobe.place.plate import Plate, keep_plate
@@ -152,28 +149,14 @@ class Crop:
     context: np.ndarray | None = None
 
 
+@shown_as(Hints)
 def load_photo(
     source: ImageSource | Pixels,
     hints: Hints | None = None,
     *,
     name: str | None = None,
     segmenter: SegmenterSource | None = None,
-    mask: MaskSource | None = None,
-    click: Clicks | None = None,
-    exclude: Clicks | None = None,
-    box: Sequence[float] | None = None,
-    depth: DepthSource | None = None,
-    near: float | None = None,
-    far: float | None = None,
-    fov_deg: float | None = None,
-    pitch_deg: float | None = None,
-    roll_deg: float | None = None,
-    normals: NormalsSource | None = None,
-    material: Material | str | None = None,
-    albedo: Albedo | None = None,
-    roughness: float | None = None,
-    surroundings: SurroundingsSource | None = None,
-    **unknown: Never,
+    **given: Unpack[HintKeywords],
 ) -> Photo:
     """Read a photo, find its object, and keep what else is given of it.
 
@@ -182,14 +165,11 @@ def load_photo(
         hints: all that is given of the object, the camera and the light.
         name: what messages call the photo; None: its file's name, or what it is.
         segmenter: what finds the object in the place of our network: a name of masks.segmenters, or a Segmenter.
-        mask, click, exclude, box, depth, near, far, fov_deg, pitch_deg, roll_deg, normals, material, albedo, roughness,
-            surroundings: see Hints; these replace what `hints` holds.
+        given: fields of Hints by name; these replace what `hints` holds.
     Raises:
         InvalidPhoto, InvalidMask, InputError: with one line that says what to do.
-        TypeError: an unknown keyword; names the one that it is most like.
     """
-    check_keywords(unknown, load_photo)
-    hints = combine(hints, locals())
+    hints = combine(hints, given)
     pixels = source
     if not isinstance(pixels, Pixels):
         pixels = read_image(pixels, name)

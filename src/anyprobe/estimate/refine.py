@@ -18,10 +18,10 @@ from anyprobe.estimate.known import PhotoBackground
 from anyprobe.estimate.material_hint import use_material
 from anyprobe.estimate.mirror_look import MIRRORED, likelier, mirrored_back, mirrored_crop
 from anyprobe.estimate.photo import Crop, Photo
-from anyprobe.estimate.runtime import DEFAULT_MODEL, LOOKS, Models, Outputs
-from anyprobe.estimate.settings import Settings
+from anyprobe.estimate.runtime import Models, Outputs
 from anyprobe.estimate.sidecar import Origin
 from anyprobe.estimate.surroundings import radiance_of, use_surroundings
+from anyprobe.inputs.settings import DEFAULT_MODEL, LOOKS, Settings
 from anyprobe.light.environment import integral, rotate
 from anyprobe.match.background import background_of
 from anyprobe.match.likeness import MATCH_ROWS, Shown, shown_by

@@ -19,6 +19,7 @@ from anyprobe.errors import InputError, ModelError
 from anyprobe.files.graphs import CPU, open_graph
 from anyprobe.files.onnx_runtime import onnxruntime
 from anyprobe.given_material import MATERIAL_INPUTS, material_input
+from anyprobe.inputs.settings import DEFAULT_MODEL, EMITTERS, EXPECTED, MODE
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.reconstruct import LN_MAX, reconstruct
 from anyprobe.notices import give
@@ -49,18 +50,11 @@ LIFT_OUTPUTS: tuple[str, ...] = tuple(contract("graph")["outputs"])
 POSTERIOR = ("metal", "red", "green", "blue", "reflectance_error", "level_error", "color_error")
 """Estimates of the object and of the map's errors: probability of a metal, total reflectance RGB, and mean errors
 of its logarithm, of ln of the map's level and of its mean colour in degrees."""
-EMITTERS: tuple[str, str] = tuple(contract("graph")["emitters"])
-"""Ways to draw emitters: at the position nearest to all likely ones, or their light spread over all positions by
-likelihood; see docs/reference/conventions.md."""
-MODE, EXPECTED = EMITTERS
-LOOKS: tuple[int, ...] = tuple(contract("graph")["looks"])
-"""Numbers of looks at a photo that can be asked for: as it is, and in a mirror too."""
 FIRST_STAGES = (LIFT_STAGES[0], STAGES[0])
 PHOTO_SIZE: int = contract("sizes")["crop"]
 NORMALS_SIZE: int = contract("sizes")["normals"]
 CONTEXT_SIZE: int = contract("sizes")["context"]
 """Side of the context picture."""
-DEFAULT_MODEL = "lift"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

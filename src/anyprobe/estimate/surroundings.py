@@ -22,7 +22,7 @@ from anyprobe.core.resample import resample, widest
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Outputs
-from anyprobe.hints import PHOTO, SurroundingsSource
+from anyprobe.inputs.hints import PHOTO, SurroundingsSource
 from anyprobe.light.environment import MAP_HEIGHT, rotate
 from anyprobe.maps.radiance import read_linear
 from anyprobe.pictures.headers import MAX_PIXELS

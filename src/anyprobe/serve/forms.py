@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import re
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any, Literal
 
@@ -17,9 +17,10 @@ from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.poses import parse_poses
 from anyprobe.estimate.result import FRAMES, LEVEL
-from anyprobe.estimate.settings import CHOICES, Settings
 from anyprobe.export.targets import TARGETS
-from anyprobe.hints import HINTS, Hint, Hints, numbers_in
+from anyprobe.inputs.description import Hint, numbers_in
+from anyprobe.inputs.hints import HINTS, Hints
+from anyprobe.inputs.settings import CHOICES, SETTINGS
 from anyprobe.serve.limits import MAX_PHOTOS
 from anyprobe.serve.tasks import Sent, SentMap
 
@@ -63,9 +64,8 @@ def _hint_fields(*about: str, several: tuple[str, ...] = ()) -> dict[str, Any]:
 
 
 def _setting_fields() -> dict[str, Any]:
-    helps = {setting.name: setting.metadata["help"] for setting in fields(Settings)}
     return {
-        name: (Literal[tuple(map(str, choices))] | None, Field(None, description=helps[name]))  # type: ignore[valid-type]
+        name: (Literal[tuple(map(str, choices))] | None, Field(None, description=SETTINGS[name].help))  # type: ignore[valid-type]
         for name, choices in CHOICES.items()
     }
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from starlette.responses import JSONResponse
 
-from anyprobe.hints import HINTS
+from anyprobe.inputs.hints import HINTS
 from anyprobe.notices import Notice, Words
 
 MEDIA_TYPE = "application/problem+json"

@@ -18,7 +18,7 @@ from anyprobe.estimate.merged_surroundings import cut_out
 from anyprobe.estimate.mirror_ball import Ball, find_ball
 from anyprobe.estimate.photo import Crop, Photo, load_photo
 from anyprobe.estimate.saved_map import export_settings
-from anyprobe.hints import Hints
+from anyprobe.inputs.hints import Hints
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.notices import leave_out
 from anyprobe.pictures.declared_size import declared_pixels

@@ -17,7 +17,7 @@ from anyprobe.estimate.photo import Photo, load_photo, object_box
 from anyprobe.estimate.surroundings import SurroundingsSource, read_panorama
 from anyprobe.files.digests import digest_of
 from anyprobe.files.paths import visible_files
-from anyprobe.hints import AUTO, NONE, PHOTO
+from anyprobe.inputs.hints import AUTO, NONE, PHOTO
 from anyprobe.masks.find import cover_by
 from anyprobe.masks.networks import Network, SmallNetwork, shared_network
 from anyprobe.masks.parts import grow

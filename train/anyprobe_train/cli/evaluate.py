@@ -18,8 +18,7 @@ from rich.table import Table
 from anyprobe.cli.options import folder_option
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
-from anyprobe.estimate.runtime import DEFAULT_MODEL
-from anyprobe.estimate.settings import MODEL_HELP
+from anyprobe.inputs.settings import DEFAULT_MODEL, MODEL_HELP
 from anyprobe.notices import give
 
 if TYPE_CHECKING:

@@ -15,8 +15,9 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import inverse_response, response
 from anyprobe.estimate.material_hint import use_material
 from anyprobe.estimate.normals_hint import SHORTEST
-from anyprobe.estimate.runtime import EXPECTED, NORMALS_SIZE, Models, Outputs
+from anyprobe.estimate.runtime import NORMALS_SIZE, Models, Outputs
 from anyprobe.estimate.surroundings import use_surroundings, visible_surroundings
+from anyprobe.inputs.settings import EXPECTED
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.filtering import blur_cap
 from anyprobe.maps.radiance import read_radiance

@@ -1,0 +1,108 @@
+"""Write what other doors take from the one description of inputs: python integrations/write_inputs.py [--check]
+
+The JSON schema that ships with the package, the types of the npm package, and the texts and bounds of the Blender
+extension. --check writes nothing and fails if a file is not fresh.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from anyprobe.inputs.description import Hint
+from anyprobe.inputs.hints import HINTS
+from anyprobe.inputs.settings import SETTINGS
+
+ROOT = Path(__file__).resolve().parents[1]
+SCHEMA = ROOT / "src" / "anyprobe" / "inputs" / "inputs.schema.json"
+TYPES = ROOT / "web" / "types" / "inputs.d.ts"
+BLENDER = ROOT / "integrations" / "blender" / "light_from_photo" / "inputs.json"
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON schema of all inputs by keyword of Python; x- entries are the names at other doors."""
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "Inputs of an estimate",
+        "type": "object",
+        "properties": {name: described(hint) for name, hint in {**HINTS, **SETTINGS}.items()},
+        "additionalProperties": False,
+    }
+
+
+def described(hint: Hint) -> dict[str, Any]:
+    """Return the schema of one input."""
+    kinds = [_kind(hint, count) for count in hint.numbers]
+    if hint.suffixes:
+        kinds = [{"type": "string", "format": "binary"}]
+    if hint.words:
+        kinds.append({"enum": list(hint.words)})
+    kinds = kinds or [{"type": "string"}]
+    one = kinds[0] if len(kinds) == 1 else {"anyOf": kinds}
+    return {
+        **({"anyOf": [one, {"type": "array", "items": one}]} if hint.repeated else one),
+        "description": hint.help,
+        "x-about": hint.about,
+        **({"x-unit": hint.unit} if hint.unit else {}),
+        "x-option": f"--{hint.name.replace('_', '-')}",
+        **({"x-form": hint.name} if hint.about != "setting" or hint.words else {}),
+        **({"x-web": hint.in_web} if hint.in_web else {}),
+    }
+
+
+def _kind(hint: Hint, count: int) -> dict[str, Any]:
+    bounds = {name: one for name, one in (("minimum", hint.least), ("maximum", hint.most)) if one is not None}
+    number = {"type": "number", **bounds}
+    return number if count == 1 else {"type": "array", "items": number, "minItems": count, "maxItems": count}
+
+
+def types() -> str:
+    """Return TypeScript's types of what the npm package takes and the description says whole: numbers and words."""
+    lines = ["// Written by integrations/write_inputs.py from the description of inputs in src/anyprobe/inputs.", ""]
+    for hint in (*HINTS.values(), *SETTINGS.values()):
+        if not hint.in_web or hint.in_web in ("mask", "normals", "material", "exclude", "box"):
+            continue
+        point = f"readonly [{', '.join(['number'] * max(hint.numbers, default=1))}]"
+        kind = "number" if hint.numbers == (1,) else point
+        if hint.words:
+            kind = " | ".join(json.dumps(word) for word in hint.words)
+        if hint.repeated:
+            kind = f"{kind} | readonly ({kind})[]"
+        bounds = f" {hint.least:g} to {hint.most:g}." if hint.least is not None and hint.most is not None else ""
+        name = hint.in_web[0].upper() + hint.in_web[1:]
+        lines += [f"/** {hint.help}{bounds} */", f"export type {name} = {kind};"]
+    return "\n".join(lines) + "\n"
+
+
+def for_blender() -> dict[str, Any]:
+    """Return texts and bounds by form field."""
+    return {
+        hint.name: {"help": hint.help, "least": hint.least, "most": hint.most}
+        for hint in HINTS.values()
+        if hint.about != "setting"
+    }
+
+
+def files() -> dict[Path, str]:
+    """Return what each file should hold."""
+    return {
+        SCHEMA: json.dumps(schema(), indent=1) + "\n",
+        TYPES: types(),
+        BLENDER: json.dumps(for_blender(), indent=1) + "\n",
+    }
+
+
+def main() -> None:
+    """Write the files, or check them."""
+    stale = [path for path, text in files().items() if not path.exists() or path.read_text(encoding="utf-8") != text]
+    if "--check" in sys.argv[1:]:
+        sys.exit("\n".join(f"{path}: not fresh; run python integrations/write_inputs.py" for path in stale) or 0)
+    for path in stale:
+        path.write_text(files()[path], encoding="utf-8")
+        print(path.relative_to(ROOT))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,146 @@
+"""How one input is described: its kind, unit, bounds, help, and its names at every door."""
+
+from __future__ import annotations
+
+import inspect
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from numbers import Real
+from pathlib import Path
+from typing import Any, Literal, TypeVar, get_args, get_type_hints
+
+import numpy as np
+
+from anyprobe.core.arrays import plain_array
+from anyprobe.core.spelling import did_you_mean
+from anyprobe.errors import InputError
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+MAX_NUMBER = 1e6
+"""Upper bound of numbers parsed from text."""
+
+About = Literal["place", "camera", "light", "setting"]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Hint:
+    """How one input is described, named and read where it comes as text or as a file.
+
+    Attributes:
+        about: "place", the object's place; "camera"; "light", used by the estimate only; or "setting".
+        help: one line for users.
+        unit: of a number.
+        least, most: bounds of a number.
+        keyword: the field's name, Python's keyword.
+        name: its option, form field and query parameter; "": the field's name.
+        metavar: format of its text.
+        numbers: allowed counts of comma-separated numbers in its text; none: it is a word or a file.
+        repeated: whether it may be given several times.
+        example: a valid text.
+        words: keywords accepted in place of a file; of a setting, the values that a request to the server may ask for.
+        suffixes: of its file, where folders hold one a photo; none: it is no file.
+        in_web: option of the JavaScript package that takes it; "" where there is none.
+    """
+
+    about: About
+    help: str
+    unit: str = ""
+    least: float | None = None
+    most: float | None = None
+    keyword: str = ""
+    name: str = ""
+    metavar: str | None = None
+    numbers: tuple[int, ...] = ()
+    repeated: bool = False
+    example: str = ""
+    words: tuple[Any, ...] = ()
+    suffixes: tuple[str, ...] = ()
+    in_web: str = ""
+
+    def read(self, text: str) -> Any:
+        """Parse a text: a number, numbers, or the text itself.
+
+        Raises:
+            InputError: wrong numbers.
+        """
+        if not self.numbers:
+            return text
+        found = numbers_in(text, *self.numbers)
+        if not found:
+            example = f"; for instance {self.example}" if self.example else ""
+            raise InputError(f"expected {self._form()}, got {text[:60]!r}{example}", subject=self.keyword)
+        return found[0] if self.numbers == (1,) else found
+
+    def _form(self) -> str:
+        forms = ["a number"] if 1 in self.numbers else []
+        forms += [self.metavar or ""] if self.numbers != (1,) else []
+        return " or ".join(forms) + (" in pixels" if self.metavar and self.about == "place" else "")
+
+    def read_word(self, text: str) -> str:
+        """Check for one of the words accepted in place of a file; InputError for another."""
+        if text not in self.words:
+            raise InputError(
+                f"expected {' or '.join(('a file part', *self.words))}, got {text[:60]!r}"
+                f"{did_you_mean(text, self.words)}",
+                subject=self.keyword,
+            )
+        return text
+
+    def read_path(self, text: str) -> str | Path:
+        """Return one of the words, or a file's path."""
+        return text if text in self.words else Path(text)
+
+    def check(self, value: Any) -> None:
+        """Refuse a value of another kind, or out of bounds."""
+        is_number = isinstance(value, Real)
+        if self.suffixes:
+            is_file = isinstance(value, os.PathLike | str | bytes | np.ndarray)
+            if is_number or not (is_file or self.keyword in ("mask", "surroundings")):
+                got = f"the number {value}" if is_number else type(value).__name__
+                raise InputError(f"expected a file, its bytes, a picture or an array, got {got}", subject=self.keyword)
+            if isinstance(value, np.ma.MaskedArray):
+                plain_array(value, self.keyword, subject=self.keyword)
+        elif self.numbers == (1,):
+            if not is_number:
+                got = f"{type(value).__name__} {str(value)[:40]!r}"
+                raise InputError(f"expected a number, got {got}", subject=self.keyword)
+            if self.least is not None and self.most is not None and not self.least <= value <= self.most:
+                text = f"expected {self.least:g} to {self.most:g} {self.unit}".rstrip()
+                raise InputError(f"{text}, got {value:g}", subject=self.keyword)
+
+
+def numbers_in(text: str, *counts: int) -> tuple[float, ...]:
+    """Return the numbers below MAX_NUMBER between a text's commas; none unless there are as many as one of `counts`."""
+    try:
+        found = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        return ()
+    return found if len(found) in counts and all(abs(one) < MAX_NUMBER for one in found) else ()  # NaN fails too
+
+
+def described(kind: type) -> dict[str, Hint]:
+    """Return the descriptions of a dataclass's fields by name, from Annotated[type, Hint]."""
+    found = {}
+    for name, annotation in get_type_hints(kind, include_extras=True).items():
+        hint = get_args(annotation)[1]
+        found[name] = replace(hint, keyword=name, name=hint.name or name)
+    return found
+
+
+def shown_as(*kinds: type) -> Callable[[Function], Function]:
+    """Return a decorator that shows the fields of these classes as a function's keywords, in help and completion."""
+
+    def show(function: Function) -> Function:
+        own = inspect.signature(function)
+        kept = [one for one in own.parameters.values() if one.kind != one.VAR_KEYWORD]
+        more = [
+            inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=one.type)
+            for kind in kinds
+            for one in fields(kind)
+        ]
+        function.__signature__ = own.replace(parameters=[*kept, *more])  # type: ignore[attr-defined]
+        return function
+
+    return show

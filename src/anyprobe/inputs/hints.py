@@ -1,0 +1,300 @@
+"""Hints: everything that can be given of a photo: its object, its camera, its light.
+
+To add one, add a field to Hints and its keyword to HintKeywords. Options of the command line, fields of HTTP forms, the
+signatures of estimate, Estimator and load_photo, ComfyUI's nodes and `inputs.schema.json` follow from it;
+`python integrations/write_inputs.py` writes the last, the types of the npm package and the settings of the Blender
+extension. docs/how-to/inputs.md explains them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, TypedDict
+
+import numpy as np
+
+from anyprobe.core.contract import contract
+from anyprobe.errors import InputError, InvalidMask
+from anyprobe.given_material import Albedo, as_material
+from anyprobe.inputs.description import Hint, described
+from anyprobe.masks.depth import DepthSource
+from anyprobe.masks.prompts import Clicks
+from anyprobe.masks.sources import MaskSource
+from anyprobe.notices import give, leave_out
+from anyprobe.pictures.images import ImageSource
+from anyprobe.pictures.raw import RAW_SUFFIXES
+from anyprobe.scatter.materials import Material
+
+NormalsSource = str | os.PathLike[str] | bytes | np.ndarray
+SurroundingsSource = ImageSource
+
+SPHERE = "sphere"
+"""Value of `normals`: the object is a sphere, whose outline gives its normals."""
+PHOTO = "photo"
+"""Value of `surroundings`: the photo's own background."""
+AUTO, NONE = "auto", "none"
+"""Values of `surroundings`: the photo's background unless the object is cut out; and nothing but the object."""
+
+PICTURES = (
+    *(".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".heif", ".hif", ".avif", ".jxl"),
+    *(".jp2", ".exr", *RAW_SUFFIXES),
+)
+ARRAYS = (".png", ".tif", ".tiff", ".exr", ".npy")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Hints:
+    """Optional inputs about the object, the photo's camera and the light; None where nothing is given.
+
+    Attributes:
+        mask: picture of the photo's size, white on the object (path, bytes, Pillow image, array), or a function from
+            the upright photo [H, W, 3] uint8 to its mask [H, W]. Without mask, click, box or depth to cut, the photo's
+            alpha channel is used, else the mask network's proposal.
+        click, exclude: x, y in pixels of the photo as shown (upright, square pixels) on the object and beside it, one
+            or several.
+        box: x0, y0, x1, y1 around the object, likewise.
+        depth: depth image of the same view, along the camera's axis; near, far: cut-off distances in its unit, one at
+            least; the mask lies between them.
+        fov_deg: field of view of the photo's longer side, in degrees; else from EXIF, else 60.
+        pitch_deg: camera pitch downwards, in degrees: 0 level, 90 straight down.
+        roll_deg: camera roll to the left about its axis, in degrees; needs pitch_deg.
+        normals: the object's normal map of the photo's size in the camera's frame, see normals_hint.read_normals;
+            or "sphere".
+        material: the object's material: a Material, or a name: "chrome", "gold", "plastic", "matte" or a measured one,
+            see scatter.materials. Level and colour of the light are fitted to it.
+        albedo: linear, one number or three (0.18 for a grey card), of a matte object or of the named material.
+        roughness: as in glTF, 0.1 to 1, likewise.
+        surroundings: "auto" (default): the photo's ground and background around the object, unless the object is cut
+            out; "photo": the same for any photo; "none"; or a panorama in the camera's frame, transparent where
+            unknown.
+    Raises:
+        InputError: conflicting hints, or a number out of its range, in one line.
+    """
+
+    mask: Annotated[
+        MaskSource | None,
+        Hint(about="place", help="Mask image, white on the object.", suffixes=PICTURES, in_web="mask"),
+    ] = None
+    click: Annotated[
+        Clicks | None,
+        Hint(
+            about="place",
+            help="A point on the object, in pixels of the photo as shown (upright, square pixels); repeatable.",
+            unit="px",
+            metavar="X,Y",
+            numbers=(2,),
+            repeated=True,
+            example="120,90",
+            in_web="click",
+        ),
+    ] = None
+    exclude: Annotated[
+        Clicks | None,
+        Hint(
+            about="place",
+            help="A point that is not on the object, in pixels as the click; repeatable.",
+            unit="px",
+            metavar="X,Y",
+            numbers=(2,),
+            repeated=True,
+            example="20,90",
+            in_web="exclude",
+        ),
+    ] = None
+    box: Annotated[
+        Sequence[float] | None,
+        Hint(
+            about="place",
+            help="Box around the object, in pixels of the photo as shown (upright, square pixels).",
+            unit="px",
+            metavar="X0,Y0,X1,Y1",
+            numbers=(4,),
+            example="40,30,220,260",
+            in_web="box",
+        ),
+    ] = None
+    depth: Annotated[
+        DepthSource | None,
+        Hint(about="place", help="Depth image of the same view: the mask lies between near and far.", suffixes=ARRAYS),
+    ] = None
+    near: Annotated[
+        float | None,
+        Hint(about="place", help="Near clipping depth, in the depth image's own unit (often mm).", numbers=(1,)),
+    ] = None
+    far: Annotated[float | None, Hint(about="place", help="Far clipping depth, in the same unit.", numbers=(1,))] = None
+    fov_deg: Annotated[
+        float | None,
+        Hint(
+            about="camera",
+            help="Field of view of the photo's longer side, degrees; default: EXIF, else 60.",
+            unit="degrees",
+            least=contract("lens")["least_fov_deg"],
+            most=contract("lens")["most_fov_deg"],
+            name="fov",
+            numbers=(1,),
+            in_web="longFovDeg",
+        ),
+    ] = None
+    pitch_deg: Annotated[
+        float | None,
+        Hint(
+            about="camera",
+            help="How far the camera looks down, degrees: 0 level, 90 straight down.",
+            unit="degrees",
+            least=-90,
+            most=90,
+            name="pitch",
+            numbers=(1,),
+            in_web="pitchDeg",
+        ),
+    ] = None
+    roll_deg: Annotated[
+        float | None,
+        Hint(
+            about="camera",
+            help="How far the camera is turned to the left about its axis, degrees, beside its pitch.",
+            unit="degrees",
+            least=-60,
+            most=60,
+            name="roll",
+            numbers=(1,),
+        ),
+    ] = None
+    normals: Annotated[
+        NormalsSource | None,
+        Hint(
+            about="light",
+            help="The object's normal map: (n + 1) / 2 in a picture of the photo's size; +X right, +Y up, +Z toward "
+            "the camera; or sphere, if the object is one.",
+            words=(SPHERE,),
+            suffixes=ARRAYS,
+            in_web="normals",
+        ),
+    ] = None
+    material: Annotated[
+        Material | str | None,
+        Hint(
+            about="light",
+            help="The object's material: chrome, gold, plastic, matte (albedo 0.3) or a measured one (anyprobe "
+            "materials).",
+            metavar="NAME",
+            in_web="material",
+        ),
+    ] = None
+    albedo: Annotated[
+        Albedo | None,
+        Hint(
+            about="light",
+            help="Its linear diffuse albedo, or one number: 0.18 for a grey card.",
+            least=0,
+            most=1,
+            metavar="R,G,B",
+            numbers=(1, 3),
+            example="0.18",
+            in_web="material",
+        ),
+    ] = None
+    roughness: Annotated[
+        float | None,
+        Hint(
+            about="light",
+            help="Its roughness as in glTF, 0.1 to 1: the square root of GGX alpha.",
+            least=0.1,
+            most=1,
+            numbers=(1,),
+            in_web="material",
+        ),
+    ] = None
+    surroundings: Annotated[
+        SurroundingsSource | None,
+        Hint(
+            about="light",
+            help="Surroundings: auto (default) uses the photo around the object, unless that is cut out; photo uses it "
+            "in any case; none; or a panorama in the camera's frame, transparent where unknown.",
+            words=(AUTO, PHOTO, NONE),
+            suffixes=(*PICTURES, ".hdr"),
+            in_web="surroundings",
+        ),
+    ] = None
+
+    def __post_init__(self) -> None:
+        given = dict(self.given())
+        check_together(list(given))
+        for name, value in given.items():
+            HINTS[name].check(value)
+        if self.roll_deg is not None and self.pitch_deg is None:
+            raise InputError("expected a pitch with it, got none", subject="roll_deg", remedy=give("pitch_deg"))
+        self.surface()
+
+    def given(self) -> Iterator[tuple[str, Any]]:
+        """Iterate over names and values of the hints that are given."""
+        for name in HINTS:
+            value = getattr(self, name)
+            if value is not None and not (isinstance(value, (list, tuple)) and not value):
+                yield name, value
+
+    def place(self) -> dict[str, Any]:
+        """Return the hints about the object's place, as keywords of masks.find_mask."""
+        return {name: getattr(self, name) for name, hint in HINTS.items() if hint.about == "place"}
+
+    def surface(self) -> Material | None:
+        """Return the object's material from material, albedo and roughness; None where none of them is given."""
+        return as_material(self.material, self.albedo, self.roughness)
+
+    def files(self) -> dict[str, Path]:
+        """Return the hints that are paths, by name."""
+        return {name: value for name, value in self.given() if isinstance(value, Path)}
+
+
+class HintKeywords(TypedDict, total=False):
+    """Keywords of functions that take hints: the fields of Hints."""
+
+    mask: MaskSource | None
+    click: Clicks | None
+    exclude: Clicks | None
+    box: Sequence[float] | None
+    depth: DepthSource | None
+    near: float | None
+    far: float | None
+    fov_deg: float | None
+    pitch_deg: float | None
+    roll_deg: float | None
+    normals: NormalsSource | None
+    material: Material | str | None
+    albedo: Albedo | None
+    roughness: float | None
+    surroundings: SurroundingsSource | None
+
+
+HINTS = described(Hints)
+"""Descriptions by the field's name, in the order of Hints."""
+
+
+def combine(hints: Hints | None, given: Mapping[str, Any]) -> Hints:
+    """Merge hints with keywords of the same names; those that are not None win. TypeError for another keyword."""
+    unknown = {name: value for name, value in given.items() if name not in HINTS}
+    chosen = {name: value for name, value in given.items() if value is not None}
+    return replace(Hints() if hints is None else hints, **chosen | unknown)
+
+
+def check_together(given: Sequence[str]) -> None:
+    """Refuse conflicting combinations of hints.
+
+    Raises:
+        InputError: several that give the mask, or one that needs another.
+    """
+    cut = [name for name in ("near", "far") if name in given]
+    ways = [name for name in ("mask", "depth", "box", "click") if name in given]
+    if len(ways) > 1 and ways != ["box", "click"]:
+        got = "both" if len(ways) == 2 else f"all {len(ways)}"
+        raise InputError(f"expected one of them, got {got}", subject=ways)
+    if "exclude" in given and ways and ways[0] in ("mask", "depth"):
+        both = "exclude", ways[0]
+        raise InputError("expected one of them, got both", subject=both, remedy=leave_out(*both))
+    if cut and "depth" not in given:
+        raise InvalidMask("expected a depth image to cut, got none", subject=cut[0], remedy=give("depth"))
+    if "depth" in given and not cut:
+        raise InvalidMask("expected a distance to cut at, got none", subject="depth", remedy=give("near", "far"))

@@ -1,0 +1,130 @@
+"""Settings: how lights are estimated, whatever the photo."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, TypedDict
+
+from anyprobe.core.contract import contract
+from anyprobe.errors import InputError
+from anyprobe.files.graphs import CPU
+from anyprobe.inputs.description import Hint, described
+from anyprobe.inputs.hints import HintKeywords
+from anyprobe.masks.segmenters import SegmenterSource
+
+DEFAULT_MODEL = "lift"
+MODEL_HELP = (
+    "lift; paper: the stages of Park et al. 2020 with our layers and losses, and targets that are 70 % maps of lift; "
+    "or a folder of ONNX graphs."
+)
+EMITTERS: tuple[str, str] = tuple(contract("graph")["emitters"])
+"""Ways to draw emitters: at the position nearest to all likely ones, or their light spread over all positions by
+likelihood; see docs/reference/conventions.md."""
+MODE, EXPECTED = EMITTERS
+LOOKS: tuple[int, ...] = tuple(contract("graph")["looks"])
+"""Numbers of looks at a photo that can be asked for: as it is, and in a mirror too."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Settings:
+    """How lights are estimated, whatever the photo.
+
+    Attributes:
+        model: name of a bundled one, "lift" or "paper", or a folder of graphs.
+        threads: of ONNX Runtime; None leaves the choice to it.
+        providers: of ONNX Runtime, the preferred first, such as ("CUDAExecutionProvider", "CPUExecutionProvider") with
+            onnxruntime-gpu in the place of onnxruntime; a list or names between commas.
+        emitters: "mode", light sources at their most likely positions (sharp shadows and highlights), or "expected",
+            the mean radiance over all positions (soft, and truer on matte objects).
+        looks: 2, to look at the photo in a mirror too and take the likelier light, in twice the time: then a mirrored
+            photo has the mirrored light.
+        segmenter: what finds the object in photos without a mask, instead of the built-in network: a name of
+            masks.segmenters ("rembg", "sam:FOLDER", a plug-in), or a Segmenter.
+    Raises:
+        InputError: another number of looks, or threads that are no whole number of 1 or more.
+    """
+
+    model: Annotated[str, Hint(about="setting", help=MODEL_HELP)] = DEFAULT_MODEL
+    threads: Annotated[
+        int | None,
+        Hint(about="setting", help="Number of threads of ONNX Runtime; default: its choice.", least=1, numbers=(1,)),
+    ] = None
+    providers: Annotated[
+        str | Sequence[str],
+        Hint(
+            about="setting", help="Execution providers of ONNX Runtime, the preferred first.", metavar="NAME[,NAME...]"
+        ),
+    ] = CPU
+    emitters: Annotated[
+        str,
+        Hint(
+            about="setting",
+            help="mode: light sources at their most likely positions, with sharp shadows and highlights; expected: "
+            "the mean over all positions, with soft shadows and a smaller error on matte objects.",
+            metavar="mode|expected",
+            words=EMITTERS,
+            in_web="emitters",
+        ),
+    ] = MODE
+    looks: Annotated[
+        int,
+        Hint(
+            about="setting",
+            help="2: also look at the mirrored photo and keep the likelier light, so that a mirrored photo gets the "
+            "mirrored light; takes twice as long.",
+            words=LOOKS,
+            in_web="looks",
+        ),
+    ] = LOOKS[0]
+    segmenter: Annotated[
+        SegmenterSource | None,
+        Hint(
+            about="setting",
+            help="Segmenter to use instead of the built-in network: rembg[:MODEL], sam:FOLDER or a plug-in.",
+            metavar="NAME[:ARGUMENT]",
+        ),
+    ] = None
+
+    def __post_init__(self) -> None:
+        named = self.providers.split(",") if isinstance(self.providers, str) else self.providers
+        object.__setattr__(self, "providers", tuple(named) or CPU)
+        if self.looks not in LOOKS:
+            raise InputError(f"expected {' or '.join(map(str, LOOKS))}, got {self.looks}", subject="looks")
+        if self.threads is not None and not (isinstance(self.threads, int) and self.threads >= 1):
+            raise InputError(
+                f"expected a whole number of 1 or more, got {self.threads!r}; leave it out to use all cores",
+                subject="threads",
+            )
+
+    def changes(self) -> dict[str, Any]:
+        """Return the settings that are not defaults."""
+        values = {one.name: (getattr(self, one.name), one.default) for one in fields(self)}
+        return {name: value for name, (value, default) in values.items() if value != default}
+
+    @property
+    def networks(self) -> tuple[str, int | None, tuple[str, ...]]:
+        """The settings that networks are opened with."""
+        return self.model, self.threads, tuple(self.providers)
+
+
+class SettingKeywords(TypedDict, total=False):
+    """Keywords of functions that take settings: the fields of Settings."""
+
+    model: str
+    threads: int | None
+    providers: str | Sequence[str]
+    emitters: str
+    looks: int
+    segmenter: SegmenterSource | None
+
+
+class Keywords(HintKeywords, SettingKeywords, total=False):
+    """Keywords of functions that take both."""
+
+
+SETTINGS = described(Settings)
+"""Descriptions by the field's name, in the order of Settings."""
+
+CHOICES = {name: setting.words for name, setting in SETTINGS.items() if setting.words}
+"""Values of the settings that a request may ask for."""
