@@ -1,4 +1,4 @@
-"""python -m research.scenes: commands pairs, sheet, score, goes-on, dark, shading, inserted.
+"""python -m research.scenes: commands pairs, light-pairs, sheet, score, goes-on, dark, shading, inserted.
 
 Rendering needs Mitsuba 3, mitsuba-oidn and an LLVM of 17 or newer.
 """
@@ -45,6 +45,19 @@ def pairs(
     start = time.monotonic()
     for number, path in enumerate(make_pairs(data, out, first, scenes, every, part), 1):
         typer.echo(f"{path}: {number * IN_FILE / (time.monotonic() - start):.2f} scenes a second")
+
+
+@app.command("light-pairs")
+def light_pairs(
+    data: Data,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the files.")] = Path("runs/left_out"),
+    scenes: Annotated[int, typer.Option(min=1, help="Left-out scenes, two photos each.")] = 192,
+) -> None:
+    """Render left-out scenes as the light network sees them; anyprobe-train run light scores by them."""
+    from research.scenes.light_pairs import make_light_pairs
+
+    for path in make_light_pairs(data, out, scenes):
+        typer.echo(path)
 
 
 @app.command()

@@ -12,6 +12,8 @@ from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError, MissingExtra
 
 _RUNS = Path("runs")
+LIGHT_RUN = "light"
+"""Run of the light network, which has a loop of its own."""
 Data = Annotated[
     Path | None, typer.Option(help="Folder with hdri/train and meshes/train; default: procedural maps and shapes.")
 ]
@@ -51,8 +53,13 @@ def run(
 
     if steps is not None and dry_run is not None:
         raise InputError("expected one of them, got both", subject=("steps", "dry_run"))
+    if name == LIGHT_RUN:
+        from anyprobe_train.light.command import train_light
+
+        return typer.echo(train_light(data, runs, steps, dry_run, device, workers))
     if name not in NAMED:
-        raise InputError(f"expected one of {', '.join(NAMED)}{did_you_mean(name, NAMED)}", source=f"run {name!r}")
+        names = (*NAMED, LIGHT_RUN)
+        raise InputError(f"expected one of {', '.join(names)}{did_you_mean(name, names)}", source=f"run {name!r}")
     chosen = NAMED[name]()
     if chosen.model != "paper" and teacher is not None:
         text = f"expected a run of the paper's chain, got {name}; leave it out"
@@ -102,6 +109,10 @@ def export(
     from anyprobe_train.train.export_onnx import export_graphs
 
     checkpoint = runs / name / "checkpoint.pt"
+    if name == LIGHT_RUN:
+        from anyprobe_train.light.light_export import export_lean
+
+        return typer.echo(f"{to / 'light.onnx'}: within {export_lean(checkpoint, to / 'light.onnx'):.2g} of torch")
     if keep is not None:  # first: what training made is not lost where the export is refused
         keep_apart(checkpoint, keep)
         save_init_weights(checkpoint, keep)

@@ -8,7 +8,7 @@ from itertools import permutations
 import torch
 from torch.nn import functional as F
 
-from anyprobe_train.light.drawing import PLACE_ROWS, SLOTS
+from anyprobe_train.light.drawing import SOURCE_ROWS, SLOTS
 from anyprobe_train.light.network import LeanNet, LightAnswer, LightInputs
 from anyprobe_train.light.pictured import mirrored_inputs
 
@@ -35,7 +35,7 @@ def both_ways(net: LeanNet, inputs: LightInputs) -> LightAnswer:
     side = theirs["normals"].new_tensor([-1.0, 1.0, 1.0])
     theirs["normals"] = theirs["normals"] * side[:, None, None]
     theirs["posture"] = theirs["posture"] * side.flip(0)
-    theirs["places"] = theirs["places"].unflatten(2, (PLACE_ROWS, 2 * PLACE_ROWS)).flip(3).flatten(2)
+    theirs["places"] = theirs["places"].unflatten(2, (SOURCE_ROWS, 2 * SOURCE_ROWS)).flip(3).flatten(2)
     order = _alike(ours["places"], theirs["places"])
     for name in ("places", "exists", "ln_radius", "ln_powers"):
         theirs[name] = (

@@ -13,7 +13,7 @@ from anyprobe_train.nets.emitter_head import POWER_FLOOR
 
 SLOTS = 3
 """Number of sources that are looked for."""
-PLACE_ROWS, PEAK_ROWS = MAP_HEIGHT // 2, MAP_HEIGHT // 4
+SOURCE_ROWS, PEAK_ROWS = MAP_HEIGHT // 2, MAP_HEIGHT // 4
 """Rows at which a source's place is weighed, and at which its peak is looked for first."""
 PEAK, AROUND = 50.0, 60.0
 """Sharpness [1/(1 - cos)] of the blur in which the peak is the most, and of what counts around it."""
@@ -39,12 +39,12 @@ class MapDrawing(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        at = {rows: torch.from_numpy(pixel_directions(rows)).float() for rows in (MAP_HEIGHT, PLACE_ROWS, PEAK_ROWS)}
+        at = {rows: torch.from_numpy(pixel_directions(rows)).float() for rows in (MAP_HEIGHT, SOURCE_ROWS, PEAK_ROWS)}
         for name, value in {
             "solid_angles": _solid_angles(MAP_HEIGHT)[None, None],
             "directions_of_map": at[MAP_HEIGHT].flatten(0, 1).T,
-            "place_directions": at[PLACE_ROWS].flatten(0, 1),
-            "ln_place_angles": _solid_angles(PLACE_ROWS).flatten().log(),
+            "place_directions": at[SOURCE_ROWS].flatten(0, 1),
+            "ln_place_angles": _solid_angles(SOURCE_ROWS).flatten().log(),
             "peak_directions": at[PEAK_ROWS].flatten(0, 1),
             "ln_peak_angles": _solid_angles(PEAK_ROWS).flatten().log(),
         }.items():
@@ -59,7 +59,7 @@ class MapDrawing(nn.Module):
     def directions(self, places: torch.Tensor) -> torch.Tensor:
         """Return the unit direction [N, S, 3] around the peak of each source's places."""
         share = torch.exp(places)
-        coarse = 4.0 * F.avg_pool2d(share.unflatten(2, (PLACE_ROWS, 2 * PLACE_ROWS)), 2).flatten(2)
+        coarse = 4.0 * F.avg_pool2d(share.unflatten(2, (SOURCE_ROWS, 2 * SOURCE_ROWS)), 2).flatten(2)
         blur = torch.exp(PEAK * (self.peak_directions @ self.peak_directions.T - 1.0))
         blurred = coarse @ blur
         height = SHARP * blurred / blurred.amax(dim=2, keepdim=True) + self.ln_peak_angles

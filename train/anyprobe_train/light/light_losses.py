@@ -13,7 +13,7 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe_train.evaluate.calibration import CLOSE
-from anyprobe_train.light.drawing import PEAK_ROWS, PLACE_ROWS, SLOTS
+from anyprobe_train.light.drawing import PEAK_ROWS, SOURCE_ROWS, SLOTS
 from anyprobe_train.light.network import NORMALS_SIDE, LightAnswer
 from anyprobe_train.light.pictured import LightTruth
 from anyprobe_train.nets.emitter_head import POWER_FLOOR
@@ -76,13 +76,13 @@ class LightLoss:
         self.weight = 0.5 + 0.5 * self.angles / self.angles.mean()
         """Weights of pixels, halfway between equal ones and true solid angles."""
         self.luminance = torch.tensor((0.2126, 0.7152, 0.0722), device=device)
-        self._places = self._at(PLACE_ROWS, device)
+        self._places = self._at(SOURCE_ROWS, device)
         self._peaks = self._at(PEAK_ROWS, device)
         blur = torch.exp((self._peaks @ self._peaks.T - 1.0) / (1 - np.cos(np.radians(BLUR_DEG))))
         self._blur = blur / blur.sum(dim=1, keepdim=True)
         cosine = (self._at(8, device) @ self._places.T).clamp(min=0.0)
-        place_angles = torch.from_numpy(pixel_solid_angles(PLACE_ROWS)).float().to(device)
-        place_angles = place_angles.expand(-1, 2 * PLACE_ROWS).flatten()
+        place_angles = torch.from_numpy(pixel_solid_angles(SOURCE_ROWS)).float().to(device)
+        place_angles = place_angles.expand(-1, 2 * SOURCE_ROWS).flatten()
         self._cosine, self._ln_angles = cosine * place_angles, place_angles.log()
         self._orders = torch.tensor(list(permutations(range(SLOTS))), device=device)
 

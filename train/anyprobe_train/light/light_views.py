@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from anyprobe_train.light.network import NORMALS_SIDE, PICTURE_SIDE, LightInputs
+from anyprobe_train.light.network import NORMALS_SIDE, PICTURE_PX, LightInputs
 from anyprobe_train.light.seen_on_sphere import SeenOnSphere
 from anyprobe_train.light_graph.front import CROP_MARGIN, SHORTEST, Given, span
 from anyprobe_train.light_graph.sampling import read_window
@@ -33,13 +33,11 @@ class LightViews(nn.Module):
         some, center, side = self._square(given)
         rgb, cover, mask = given.photo[:3].clamp(max=1.0), given.photo[3:4], given.photo[4:]
         first = (width - longest) / 2.0 / k, (height - longest) / 2.0 / k
-        whole = read_window(
-            torch.cat([rgb * cover, some * mask, cover]), first, (longest / k, longest / k), PICTURE_SIDE
-        )
+        whole = read_window(torch.cat([rgb * cover, some * mask, cover]), first, (longest / k, longest / k), PICTURE_PX)
         context = whole.clamp(0.0, 1.0)[None]
         start = (center[0] - side / 2.0 - x0) / step, (center[1] - side / 2.0 - y0) / step
         masked = torch.cat([given.window[:3].clamp(max=1.0) * given.window[3:], given.window[3:]])
-        crop = some * read_window(masked, start, (side / step, side / step), PICTURE_SIDE)
+        crop = some * read_window(masked, start, (side / step, side / step), PICTURE_PX)
         right, down = (2.0 * center - torch.stack([width, height])).unbind()
         scale = some * half / longest
         lens = torch.stack([half, right * scale, -down * scale, side * scale, known])

@@ -20,11 +20,11 @@ from anyprobe_train.light.drawing import LN_MOST, SLOTS, MapDrawing
 from anyprobe_train.nets.blocks import conv, two_layers, wrap
 from anyprobe_train.nets.whole_net import inverse_display
 
-PICTURE_SIDE = 96
+PICTURE_PX = 96
 """Side of the crop's and of the context's picture [pixels]."""
 NORMALS_SIDE = 48
 """Side of the picture of the normals."""
-ROWS, COARSE_ROWS = MAP_HEIGHT // 4, MAP_HEIGHT // 8
+GLOSSY_ROWS, MATTE_ROWS = MAP_HEIGHT // 4, MAP_HEIGHT // 8
 """Rows of the two grids on the sphere that reflections are lifted to."""
 LIFTED = 19
 """Channels that are lifted: display RGB and features."""
@@ -40,7 +40,7 @@ FIRST_LN = -1.2
 """ln radiance before training: about the mean over photos."""
 LN_FLOOR = 0.01
 """Added to radiance before its logarithm."""
-CODE_LENGTH, GRID = 256, 24
+CODE_LENGTH, LAID_CHANNELS = 256, 24
 """Numbers that the towers say of the whole photo, and channels of the sphere that they are laid on."""
 DROPPED = 0.1
 """Share of those numbers that a step of training goes without."""
@@ -122,7 +122,7 @@ class Tower(nn.Module):
         self.fine = conv(fine, fine)
         self.middle = nn.Sequential(conv(fine, middle, stride=2), conv(middle, middle))
         self.deep = nn.Sequential(conv(middle, deep, stride=2), conv(deep, deep))
-        self.code = nn.Sequential(nn.Flatten(), nn.Linear(deep * (PICTURE_SIDE // 16) ** 2, code), nn.LeakyReLU(0.1))
+        self.code = nn.Sequential(nn.Flatten(), nn.Linear(deep * (PICTURE_PX // 16) ** 2, code), nn.LeakyReLU(0.1))
 
     def forward(self, picture: torch.Tensor, beside: torch.Tensor | None = None) -> tuple[torch.Tensor, ...]:
         fine = self.first(picture)
@@ -161,11 +161,11 @@ class LeanNet(nn.Module):
         self.posture = nn.Linear(CODE_LENGTH, 3)
         last, decoded, fine, coarse, middle = sphere
         near = 5 + 3 + 2
-        self.start = nn.Sequential(nn.Linear(CODE_LENGTH, GRID * 2 * COARSE_ROWS**2), nn.LeakyReLU(0.1))
+        self.start = nn.Sequential(nn.Linear(CODE_LENGTH, LAID_CHANNELS * 2 * MATTE_ROWS**2), nn.LeakyReLU(0.1))
         self.enter = SphereConv(16 + near, fine, stride=2)
         self.lifted = SphereConv(fine + LIFTED + 1, fine)
         self.down = SphereConv(fine, coarse, stride=2)
-        self.middle = nn.Sequential(SphereConv(coarse + LIFTED + 1 + GRID, middle), SphereConv(middle, middle))
+        self.middle = nn.Sequential(SphereConv(coarse + LIFTED + 1 + LAID_CHANNELS, middle), SphereConv(middle, middle))
         self.summary = nn.Sequential(nn.Conv2d(middle, 8, 1), nn.LeakyReLU(0.1), nn.Flatten())
         self.up1 = nn.Conv2d(middle, decoded, 1)
         self.skip = nn.Conv2d(fine, decoded, 1)
@@ -173,29 +173,29 @@ class LeanNet(nn.Module):
         self.up2 = nn.Conv2d(decoded, last, 1)
         self.last = SphereConv(last + 16 + near, last)
         self.head = nn.Conv2d(last, 4 * 6 + SLOTS, 1)
-        said = CODE_LENGTH + 8 * 2 * COARSE_ROWS**2
+        said = CODE_LENGTH + 8 * 2 * MATTE_ROWS**2
         self.of_light = two_layers(said, 3 + 5 * SLOTS + 1 + 3, 128)
         self.of_photo = two_layers(said, 2 + 1 + 5, 64)
         self.drawing = MapDrawing()
         self.register_buffer("fine_directions", _directions(MAP_HEIGHT // 2), persistent=False)
-        self.register_buffer("lift_directions", _directions(ROWS).flatten(2)[0].T.contiguous(), persistent=False)
+        self.register_buffer("lift_directions", _directions(GLOSSY_ROWS).flatten(2)[0].T.contiguous(), persistent=False)
         self.register_buffer(
-            "coarse_directions", _directions(COARSE_ROWS).flatten(2)[0].T.contiguous(), persistent=False
+            "coarse_directions", _directions(MATTE_ROWS).flatten(2)[0].T.contiguous(), persistent=False
         )
-        middle_of = (torch.arange(PICTURE_SIDE) + 0.5) * (2.0 / PICTURE_SIDE) - 1.0
+        middle_of = (torch.arange(PICTURE_PX) + 0.5) * (2.0 / PICTURE_PX) - 1.0
         grid = torch.stack(
-            [middle_of.expand(PICTURE_SIDE, PICTURE_SIDE), -middle_of[:, None].expand(PICTURE_SIDE, PICTURE_SIDE)]
+            [middle_of.expand(PICTURE_PX, PICTURE_PX), -middle_of[:, None].expand(PICTURE_PX, PICTURE_PX)]
         )
         self.register_buffer("grid", grid[None].contiguous(), persistent=False)
         with torch.no_grad():
             for layer in (self.head, self.posture, self.of_light[2], self.of_photo[2]):
-                layer.weight.mul_(0.3)
-                nn.init.zeros_(layer.bias)
+                for parameter in layer.parameters():
+                    parameter.mul_(0.3)
 
     def forward(self, inputs: LightInputs) -> LightAnswer:
         half, center, side, known = inputs.lens.split([1, 2, 1, 1], dim=1)
         rays = self.grid * half[:, :, None, None]
-        is_known = known[:, :, None, None].expand(-1, 1, PICTURE_SIDE, PICTURE_SIDE)
+        is_known = known[:, :, None, None].expand(-1, 1, PICTURE_PX, PICTURE_PX)
         crop_rays = self.grid * side[:, :, None, None] + center[:, :, None, None]
         _, _, seen_code = self.context(_last(torch.cat([inputs.context, rays, is_known], dim=1)))
         fine, middle, code = self.crop(_last(torch.cat([inputs.crop, crop_rays], dim=1)), self._given(inputs.normals))
@@ -206,11 +206,12 @@ class LeanNet(nn.Module):
         sun_given = inputs.sun.square().sum(dim=1, keepdim=True)
         hints = torch.cat([inputs.lens, inputs.up, inputs.material, inputs.sun, present], dim=1)
         code = self.together(F.dropout(torch.cat([seen_code, code, hints], dim=1), DROPPED, self.training))
-        posture = self.posture(code)
-        glossy, matte = self._lift(inputs, toward, features, crop_rays)
-        near = self._near(inputs, posture, sun_given)
+        posture = self.posture(code).float()
+        with torch.autocast(code.device.type, enabled=False):  # a cosine of eight bits is degrees off
+            glossy, matte = self._lift(inputs, toward, features.float(), crop_rays)
+            near = self._near(inputs, posture, sun_given)
         beside = torch.cat([F.pixel_unshuffle(inputs.seen, 2), near], dim=1)
-        grid = self.start(code).unflatten(1, (GRID, COARSE_ROWS, 2 * COARSE_ROWS))
+        grid = self.start(code).unflatten(1, (LAID_CHANNELS, MATTE_ROWS, 2 * MATTE_ROWS))
         x = self.lifted(_last(torch.cat([self.enter(_last(beside)), glossy], dim=1)))
         skip = self.skip(x)
         x = self.middle(_last(torch.cat([self.down(x), matte, grid], dim=1)))
@@ -219,7 +220,8 @@ class LeanNet(nn.Module):
         x = F.interpolate(self.up2(x), scale_factor=2.0, mode="nearest")
         out = self.head(self.last(_last(torch.cat([x, beside], dim=1))))
         light, photo = self.of_light(said).float(), self.of_photo(said).float()
-        return self._answer(inputs, out.float(), near, light, photo, posture.float(), toward)
+        with torch.autocast(code.device.type, enabled=False):
+            return self._answer(inputs, out.float(), near, light, photo, posture, toward)
 
     def _given(self, normals: torch.Tensor) -> torch.Tensor:
         """Return what given normals add to the crop's features, [N, C, 24, 24]."""
@@ -243,8 +245,8 @@ class LeanNet(nn.Module):
         values = torch.cat([small[:, :3], features.flatten(2) * mask, mask], dim=1).transpose(1, 2)  # [N, P, C]
         grids = []
         for about, to, sharpness, rows in (
-            (wi, self.lift_directions, GLOSSY, ROWS),
-            (n, self.coarse_directions, MATTE, COARSE_ROWS),
+            (wi, self.lift_directions, GLOSSY, GLOSSY_ROWS),
+            (n, self.coarse_directions, MATTE, MATTE_ROWS),
         ):
             to = torch.cat([to, -torch.ones_like(to[:, :1])], dim=1)
             closeness = sharpness * to @ torch.cat([about, ones], dim=1)
@@ -258,7 +260,7 @@ class LeanNet(nn.Module):
     def _near(self, inputs: LightInputs, posture: torch.Tensor, sun_given: torch.Tensor) -> torch.Tensor:
         """Return [N, 10, 32, 64]: the nearest seen place's display RGB, its angle over pi, whether anything is seen at
         all; each pixel's direction; how far it is up; how near it is to a given sun."""
-        coarse = F.avg_pool2d(inputs.seen, MAP_HEIGHT // ROWS).flatten(2)  # [N, 4, P]
+        coarse = F.avg_pool2d(inputs.seen, MAP_HEIGHT // GLOSSY_ROWS).flatten(2)  # [N, 4, P]
         cover = coarse[:, 3]
         colors = coarse[:, :3] / cover[:, None].clamp(min=SEEN_COVER)
         hidden = -UNSEEN * (cover < SEEN_COVER).float()
@@ -268,10 +270,14 @@ class LeanNet(nn.Module):
         share = torch.softmax(asked @ torch.cat([d.T.expand(len(cover), -1, -1), weight[:, None]], dim=1), dim=2)
         found = share @ torch.cat([colors.transpose(1, 2), d.expand(len(cover), -1, -1)], dim=2)
         angle = torch.acos((found[..., 3:] * d).sum(dim=2).clamp(-1 + 1e-6, 1 - 1e-6)) / torch.pi
-        near = torch.cat([found[..., :3], angle[..., None]], dim=2).transpose(1, 2).unflatten(2, (ROWS, 2 * ROWS))
+        near = (
+            torch.cat([found[..., :3], angle[..., None]], dim=2)
+            .transpose(1, 2)
+            .unflatten(2, (GLOSSY_ROWS, 2 * GLOSSY_ROWS))
+        )
         near = F.interpolate(wrap(near, 1), scale_factor=2.0, mode="bilinear", align_corners=False)[..., 2:-2]
         some = (cover.amax(dim=1) >= SEEN_COVER).float()[:, None, None, None].expand_as(near[:, :1])
-        pitch, _, roll = posture.detach().float().split(1, dim=1)
+        pitch, _, roll = posture.detach().split(1, dim=1)
         guess = torch.cat([pitch.cos() * roll.sin(), pitch.cos() * roll.cos(), pitch.sin()], dim=1)
         given = (inputs.up.square().sum(dim=1, keepdim=True) > 0.5).float()
         up = given * inputs.up + (1 - given) * guess

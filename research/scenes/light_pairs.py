@@ -1,0 +1,105 @@
+"""Path-traced photos of left-out maps and shapes as the light network sees them: what its weights are chosen by."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from anyprobe.estimate.ground import up_of
+from anyprobe.estimate.light_graph import INPUTS, graph_inputs
+from anyprobe.files.atomic import atomic_path
+from anyprobe_train.light.light_views import LightViews
+from anyprobe_train.light_graph.front import Given
+from anyprobe_train.world.batch import FAMILIES, LightBatch, sources_of
+from anyprobe_train.world.maps import OUTDOORS
+from research.scenes.camera import TakenPhoto, mirrored, take
+from research.scenes.layouts import draw_family, draw_layout
+from research.scenes.pairs import CUT_OUTS, SHOTS, store_of
+from research.scenes.render import render_layout
+
+ASSUMED_DEG = 60.0
+"""Field of view of the longer side where the file does not say it."""
+IN_FILE = 16
+"""Scenes in a file."""
+
+
+def given_of(rgb: np.ndarray, mask: np.ndarray, long_fov_deg: float | None) -> Given:
+    """Return what the graph is given of a photo: display RGB [H, W, 3] in [0, 1] and mask [H, W]."""
+    known = long_fov_deg is not None
+    named = graph_inputs(
+        rgb.astype(np.float32), mask.astype(np.float32), long_fov_deg or ASSUMED_DEG, is_lens_known=known
+    )
+    of = {name: torch.from_numpy(named[name])[0] for name in INPUTS}
+    pictures = {name: of[name].permute(2, 0, 1) for name in ("photo", "window", "normals", "panorama")}
+    return Given(**{**of, **pictures, "believe": of["believe"][0]})
+
+
+def row_of(views: LightViews, photo: TakenPhoto, fov_deg: float, up: np.ndarray, family: str, outdoors: float) -> dict:
+    """Return the arrays of one photo, as LightBatch has them without the first axis; normals and material unknown."""
+    rgb = photo.picture / 255.0
+    if family == "cut_out":
+        rgb = rgb * photo.mask[..., None]
+    with torch.no_grad():
+        inputs = views(given_of(rgb, photo.mask, photo.long_fov_deg))
+    pictures = {
+        name: np.round(255 * getattr(inputs, name)[0].permute(1, 2, 0).numpy()).astype(np.uint8)
+        for name in ("context", "crop", "seen")
+    }
+    truth = np.minimum(photo.truth, 6e4).astype(np.float16)
+    sources, soft = sources_of(truth.astype(np.float32))
+    return {
+        **pictures,
+        "lens": inputs.lens[0].numpy(),
+        "fov": np.float32(fov_deg),
+        "up": up.astype(np.float32),
+        "normals": np.zeros((48, 48, 3), np.int8),
+        "material": np.full(4, np.nan, np.float32),
+        "truth": truth,
+        "sources": sources,
+        "soft": np.float32(soft),
+        "outdoors": np.float32(outdoors),
+        "family": np.uint8(FAMILIES.index(family)),
+    }
+
+
+def make_light_pairs(data: Path, out: Path, scenes: int) -> Iterator[Path]:
+    """Render the first scenes of the left-out part, two photos each, into files of LightBatch's fields; yield each.
+
+    Files that are there stay.
+    """
+    import drjit
+
+    torch.set_num_threads(1)
+    drjit.set_thread_count(1)
+    part = "left-out"
+    store, views = store_of(data, part), LightViews()
+    known: dict[str, float] = {}
+    for manifest in sorted((data / "hdri").rglob("manifest.csv")):
+        with manifest.open(newline="", encoding="utf-8") as rows:
+            known |= {row["slug"]: OUTDOORS.get(row["category"], np.nan) for row in csv.DictReader(rows)}
+    for start in range(0, scenes, IN_FILE):
+        path = out / f"{start:04d}.npz"
+        if path.is_file():
+            continue
+        made = []
+        for number in range(start, min(start + IN_FILE, scenes)):
+            family = draw_family(part, number)
+            layout = draw_layout(family, part, number, store)
+            outdoors = known.get(layout.map_name, np.nan) if family == "ground" else np.nan
+            render, phone = render_layout(layout), layout.phone
+            rng = np.random.default_rng((number, 17))
+            for shot in range(SHOTS):
+                photo = take(mirrored(render) if shot else render, phone.long_fov_deg, rng)
+                up = up_of(phone.pitch_deg, -phone.roll_deg if shot else phone.roll_deg)
+                kind = "cut_out" if rng.random() < CUT_OUTS else family
+                if photo.mask.any():
+                    made.append(row_of(views, photo, phone.long_fov_deg, up, kind, outdoors))
+        arrays = {one.name: np.stack([row[one.name] for row in made]) for one in fields(LightBatch)}
+        with atomic_path(path) as temporary, open(temporary, "wb") as stream:
+            np.savez(stream, **arrays)
+        yield path

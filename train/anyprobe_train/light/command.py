@@ -1,0 +1,55 @@
+"""anyprobe-train run light: from maps and shapes to the trained light network."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from anyprobe.errors import InputError
+
+if TYPE_CHECKING:
+    from anyprobe_train.world.batch import LightBatch
+
+SMALL_BATCH, FEW_VIEWS = 8, 2
+"""Photos a step of a run that tests a machine, and files of views that it draws from."""
+
+
+def train_light(
+    data: Path | None, runs: Path, steps: int | None, dry_run: int | None, device: str, processes: int
+) -> Path:
+    """Train the light network; the checkpoint's path.
+
+    dry_run: so many steps of SMALL_BATCH photos in a run of their own that begins anew. processes: how many make photos
+    while this one learns.
+
+    Raises:
+        InputError: no data.
+    """
+    from anyprobe_train.light.left_out_light import left_out_scores
+    from anyprobe_train.light.light_run import LightRunConfig, run_light
+    from anyprobe_train.world.batch import World
+    from anyprobe_train.world.feed import Feed
+
+    if data is None:
+        raise InputError("expected --data with hdri and meshes, got none; fetch them with anyprobe-train data")
+    config, settings = LightRunConfig(), {}
+    if steps is not None:
+        config = replace(config, steps=steps)
+    if dry_run is not None:
+        config = replace(config, name="light-dry", steps=dry_run, batch=SMALL_BATCH)
+        settings = {"first": FEW_VIEWS}
+        (runs / config.name / "checkpoint.pt").unlink(missing_ok=True)
+    cache = runs / "world"
+    world = World.open(data, cache)
+    assets = f"{len(world.maps.names)} maps, {len(world.views.files.paths)} shapes"
+    del world
+
+    def batches(first: int) -> Iterator[LightBatch]:
+        given = {"batch": config.batch, **settings}
+        with Feed(data, cache, config.seed, workers=max(1, processes), step=first, **given) as feed:
+            yield from feed
+
+    scored = None if dry_run is not None else left_out_scores(runs / "left_out", data, cache)
+    return run_light(config, batches=batches, runs=runs, assets=assets, device=device, scored=scored)

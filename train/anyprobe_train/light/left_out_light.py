@@ -1,0 +1,167 @@
+"""Scores of the light network on photos that are left out: path-traced ones, and four cross sets of the fast world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from anyprobe.core.color import luminance
+from anyprobe.core.latlong import pixel_solid_angles
+from anyprobe.core.response import response
+from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.light.light_sources import find_light_sources
+from anyprobe_train.evaluate.metrics import direction_error_deg, false_sources
+from anyprobe_train.light.both_ways import both_ways
+from anyprobe_train.light.network import LeanNet, LightAnswer, LightInputs
+from anyprobe_train.light.pictured import LightTruth, seen_again, tensors_of, without_object
+
+KINDS = ("ground", "table", "things", "dark", "procedural", "cut_out", "no_object")
+WITHOUT = 100
+"""Photos of which the object is left out, too."""
+AT_ONCE = 32
+CROSS = tuple((maps, shapes) for maps in ("train", "left-out") for shapes in ("train", "left-out"))
+"""Parts of maps and shapes of the four cross sets."""
+CROSS_SEED, CROSS_BATCHES = 1_000_003, 2
+
+
+class Arrays:
+    """A batch whose arrays are attributes, as a file holds them."""
+
+    def __init__(self, arrays: dict[str, np.ndarray]) -> None:
+        self.__dict__.update(arrays)
+
+
+def kept_batches(folder: Path) -> list[Arrays]:
+    """Return the batches of a folder, files of the fields of world.batch.LightBatch; none where there is none."""
+    return [Arrays(dict(np.load(path))) for path in sorted(folder.glob("*.npz"))]
+
+
+@torch.no_grad()
+def answers(net: LeanNet, inputs: LightInputs) -> Iterator[LightAnswer]:
+    """Answer photos, a few at a time."""
+    was_training = net.training
+    net.eval()
+    for start in range(0, len(inputs.lens), AT_ONCE):
+        rows = slice(start, start + AT_ONCE)
+        yield both_ways(net, LightInputs(**{name: getattr(inputs, name)[rows] for name in LightInputs.__slots__}))
+    net.train(was_training)
+
+
+def rows_of(net: LeanNet, inputs: LightInputs, truth: LightTruth) -> Iterator[dict[str, float]]:
+    """Yield the figures of each photo."""
+    at = 0
+    for guess in answers(net, inputs):
+        maps = torch.exp(guess.ln_radiance).permute(0, 2, 3, 1).cpu().numpy()
+        pitch = np.degrees(np.arcsin(truth.up[:, 2].cpu().numpy().clip(-1, 1)))
+        for k, ours in enumerate(maps):
+            true = truth.radiance[at].permute(1, 2, 0).cpu().numpy()
+            said, known = float(guess.outdoors[k]) > 0, float(truth.outdoors[at])
+            yield {
+                "family": float(truth.family[at]),
+                **map_figures(ours, true),
+                "pitch": abs(float(np.degrees(guess.posture[k, 0].cpu())) - pitch[at]),
+                "outdoors": np.nan if np.isnan(known) else float(said == (known > 0.5)),
+                "soft": float((float(guess.soft[k]) > 0) == (float(truth.soft[at]) > 0.5)),
+                "lens": abs(float(np.degrees(2 * np.arctan(np.exp(guess.lens[k, 0].cpu())))) - float(truth.fov[at])),
+            }
+            at += 1
+
+
+def map_figures(ours: np.ndarray, true: np.ndarray) -> dict[str, float]:
+    """Return LDR RMSE, dominant light [degrees] and its true share, power [stops], false sources, of two maps."""
+    weights = pixel_solid_angles(len(true))
+    light, main = find_dominant_light(ours), find_dominant_light(true)
+    power, all_of_it = (max(float((luminance(one) * weights).sum()), 1e-9) for one in (ours, true))
+    return {
+        "ldr_rmse": float(np.sqrt(np.mean((response(ours) - response(true)) ** 2))),
+        "dominant": direction_error_deg(light.direction, main.direction),
+        "share": float(luminance(main.irradiance)) / all_of_it,
+        "power": abs(float(np.log2(power / all_of_it))),
+        "false_sources": float(false_sources(find_light_sources(ours), true)),
+    }
+
+
+def summary(rows: list[dict[str, float]], prefix: str) -> dict[str, float]:
+    """Return means and medians of photos' figures."""
+    of = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    hardest = of["share"] >= np.quantile(of["share"], 2 / 3)
+    found = {
+        "ldr_rmse": of["ldr_rmse"].mean(),
+        "dominant_deg": np.median(of["dominant"]),
+        "dominant_mean_deg": of["dominant"].mean(),
+        "dominant_hardest_deg": np.median(of["dominant"][hardest]),
+        "power": of["power"].mean(),
+        "false_sources": of["false_sources"].mean(),
+        "pitch_deg": np.median(of["pitch"]),
+        "lens_deg": np.median(of["lens"]),
+        "soft": of["soft"].mean(),
+    }
+    if not np.isnan(of["outdoors"]).all():
+        found["outdoors"] = np.nanmean(of["outdoors"])
+    return {f"{prefix}{name}": round(float(value), 4) for name, value in found.items()}
+
+
+def score_whole_photos(net: LeanNet, batches: list[Any]) -> dict[str, float]:
+    """Return figures of whole photos, of each family, and of photos without their objects."""
+    rows: list[dict[str, float]] = []
+    without: list[dict[str, float]] = []
+    device = str(next(net.parameters()).device)
+    for batch in batches:
+        inputs, truth = tensors_of(batch, device)
+        rows += rows_of(net, inputs, truth)
+        whole = truth.family < KINDS.index("cut_out")
+        if len(without) < WITHOUT and whole.any():
+            some = torch.nonzero(whole)[: WITHOUT - len(without), 0]
+            every = torch.ones_like(some, dtype=torch.bool)
+            bare = seen_again(without_object(_picked(inputs, some), every), every)
+            without += rows_of(net, bare, _picked(truth, some))
+    whole_rows = [row for row in rows if row["family"] < KINDS.index("cut_out")]
+    found = summary(whole_rows, "")
+    for number, name in enumerate(KINDS):
+        own = [row for row in rows if row["family"] == number]
+        if own:
+            short = summary(own, f"{name}_")
+            found |= {key: short[key] for key in short if key.endswith(("_ldr_rmse", "_dominant_deg"))}
+    if without:
+        short = summary(without, "without_")
+        found |= {key: short[key] for key in ("without_ldr_rmse", "without_dominant_deg")}
+    return found
+
+
+def _picked(record: Any, rows: torch.Tensor) -> Any:
+    return replace(record, **{name: getattr(record, name)[rows] for name in type(record).__slots__})
+
+
+def left_out_scores(folder: Path, data: Path, cache: Path) -> Callable[[LeanNet], dict[str, float]]:
+    """Return what scores a network: on the batches kept in a folder, and on the cross sets of the fast world, which are
+    made when they are asked for first."""
+    sets: dict[str, Any] = {}
+
+    def score(net: LeanNet) -> dict[str, float]:
+        from anyprobe_train.world.batch import World, make_batch
+
+        found: dict[str, float] = {}
+        kept = kept_batches(folder)
+        if kept:
+            found |= score_whole_photos(net, kept)
+        for maps, shapes in CROSS:
+            name = f"{'seen' if maps == 'train' else 'new'}_maps_{'seen' if shapes == 'train' else 'new'}_shapes_"
+            if name not in sets:
+                world = World.open(data, cache, maps=maps, shapes=shapes, first=4, every=10**9)
+                sets[name] = [make_batch(world, CROSS_SEED, k) for k in range(CROSS_BATCHES)]
+            rows = [row for batch in sets[name] for row in rows_of(net, *tensors_of(batch, _device(net)))]
+            short = summary(rows, name)
+            keys = ("ldr_rmse", "dominant_deg", "dominant_hardest_deg", "power")
+            found |= {name + key: short[name + key] for key in keys}
+        return found
+
+    return score
+
+
+def _device(net: LeanNet) -> str:
+    return str(next(net.parameters()).device)
