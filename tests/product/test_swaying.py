@@ -18,7 +18,7 @@ from anyprobe.video import following, held_mask
 swaying.SECONDS = 1.2
 if {still_mask}:
     held_mask.locate_key = lambda key, picture, start, offset: held_mask.Registered(
-        motion=start, alike=1.0, inside=1.0, agreed=1.0, error_px=0.0)
+        motion=start, alike=1.0, inside=1.0, error_px=0.0)
     following.EVERY = 100
 cutout = swaying.read_cutouts(None)[0]
 frames = list(swaying.frames(cutout, "bright wall", 1.2))

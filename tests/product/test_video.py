@@ -8,7 +8,7 @@ import struct
 import subprocess
 import sys
 import time
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -40,7 +40,6 @@ from anyprobe.render.spheres import sphere_images
 from anyprobe.video import run as run_module
 from anyprobe.video.clip import clip_size, join_pieces, open_clip, read_frames, write_piece
 from anyprobe.video.following import MaskFollower, inner_point
-from anyprobe.video.held_mask import hold
 from anyprobe.video.run import ClipRun, VirtualObject
 from anyprobe.video.track import Progress, load_progress, save_progress
 
@@ -374,7 +373,6 @@ def test_what_a_run_keeps_is_read_to_the_last_bit(tmp_path):
         settings={"at": [3, 4], "scale": 0.5},
         light=light,
         last=[1.5, 2.5],
-        held_mask=replace(hold(sphere_frame(made_map()), sphere_mask() / 255), unlike=(0.1, 0.25)),
         panorama=np.ones((64, 128, 4), np.float32) / 3,
         held_match=HeldMatch(match=match, features=np.ones((16, 32, 4), np.float32) / 7),
     )

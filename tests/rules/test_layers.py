@@ -39,6 +39,7 @@ ONLY = {
     "typer": {"cli", "anyprobe_train.cli"},
     "rich": {"cli", "anyprobe_train.train", "anyprobe_train.cli"},
     "av": {"video"},
+    "cv2": {"video"},
     "mitsuba": {"relight"},
     "drjit": {"relight"},
     "fastapi": {"serve"},

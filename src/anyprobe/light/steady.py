@@ -8,7 +8,7 @@ last (|.| is the caller's distance, a(T) = 1 - exp(-dt / T)):
     noise  += a(min(noise_s, age)) (min(|y - last| / sqrt 2, 3 noise) - noise)
     lead    = a(min(fast_s, memory + dt))
     fast   += lead (y - fast)
-    spread  = max(|fast - reference| - slack, 0) / (noise sqrt(lead / (2 - lead)))
+    spread  = |fast - steady| / (noise sqrt(lead / (2 - lead)))
     motion  = clip((spread - calm) / (moved - calm), 0, 1)
     memory  = min(memory + dt, still_s) ^ (1 - motion) moving_s ^ motion
     motion > let_go: stale = stale_fast = 1
@@ -20,8 +20,6 @@ White noise leaves noise sqrt(lead / (2 - lead)) in `fast`: spread is about 1 wh
 from noise even where each step is below the noise, because it adds up in fast - steady. After a move the memory grows
 with the time since: steady is then close to the plain mean of the values after it. A growing memory forgets only as
 1 / t, so it does not grow while steady holds more than `forgotten` of the values before a clear move (its share stale).
-reference is steady, unless the caller knows of another cause of drift: then it is the recent values, and slack is how
-far they may be off without having moved.
 """
 
 from __future__ import annotations
@@ -42,7 +40,7 @@ class Smoothing:
 
     still_s, moving_s: memory of the output after a long rest and while it moves.
     fast_s: time constant of the leading average. noise_s: that of the noise level.
-    least_noise: lower bound of the noise. cut_level: distance from which a frame counts as another scene.
+    least_noise: lower bound of the noise.
     calm, moved: spreads at which the gain begins to rise and has risen fully.
     let_go: motion above which all values before are to be forgotten. forgotten: share of them that may remain.
     """
@@ -52,7 +50,6 @@ class Smoothing:
     fast_s: float = FILTER["fast_s"]
     noise_s: float = FILTER["noise_s"]
     least_noise: float = FILTER["least_noise"]
-    cut_level: float = FILTER["cut_level"]
     calm: float = FILTER["calm"]
     moved: float = FILTER["moved"]
     let_go: float = FILTER["let_go"]
@@ -86,18 +83,11 @@ def begin_filter(y: np.ndarray) -> Steady:
 
 
 def advance(
-    state: Steady,
-    y: np.ndarray,
-    dt_s: float,
-    apart: Callable[[np.ndarray, np.ndarray], float],
-    c: Smoothing,
-    reference: np.ndarray | None = None,
-    slack: float = 0.0,
+    state: Steady, y: np.ndarray, dt_s: float, apart: Callable[[np.ndarray, np.ndarray], float], c: Smoothing
 ) -> Steady:
     """Return the state after one more value; pure.
 
-    apart: distance |one - other|. reference: what a motion is measured from; steady by default. slack: distance from it
-        that is no motion.
+    apart: distance |one - other|.
     """
     age = state.age_s + dt_s
     noise = difference = apart(y, state.last) / np.sqrt(2.0)
@@ -106,8 +96,7 @@ def advance(
         noise = state.noise + gain(dt_s, min(c.noise_s, age)) * (min(difference, most) - state.noise)
     lead = gain(dt_s, min(c.fast_s, state.memory_s + dt_s))
     fast = toward(state.fast, y, lead)
-    moved = max(apart(fast, state.steady if reference is None else reference) - slack, 0.0)
-    spread = moved / (max(noise, c.least_noise) * np.sqrt(lead / (2.0 - lead)))
+    spread = apart(fast, state.steady) / (max(noise, c.least_noise) * np.sqrt(lead / (2.0 - lead)))
     motion = min(max((spread - c.calm) / (c.moved - c.calm), 0.0), 1.0)
     memory = min(state.memory_s + dt_s, c.still_s) ** (1.0 - motion) * c.moving_s**motion
     stale, stale_fast = (1.0, 1.0) if motion > c.let_go else (state.stale, state.stale_fast)

@@ -1,39 +1,26 @@
 """Lights of a video, kept still on a still scene and quick where the light changes.
 
-A frame's map is split into a soft part and discrete sources (light.source_split). Each is filtered by its own rule (by
-light.steady): the soft part pixel by pixel, the sources as objects, because an average of maps would show a trembling
-source several times. Where poses are given, this happens in the world: there light stands still while the camera turns.
+A frame's map is split into a soft part and discrete sources (light.source_split). The soft part is averaged pixel by
+pixel (light.steady). **Each source is a Kalman filter** of its direction and of ln(power, radius), whose state x with
+variance P and measurement z with variance R give
 
-**The soft part**: y = ln(L + 0.01), above white a straight line; |.| is the root mean square over the sphere and the
-channels of differences of ln(L + 0.01). A frame further off than cut_level is held back; the second in a row starts
-anew.
+    P += drift^2 dt,    K = P / (P + R),    x += K (z - x),    P = (1 - K) P
 
-**Sources.** A source of the frame is matched to a track so that angle / gate_deg + |ln of the ratio of powers| /
-ln gate_ratio is least, neither term above 1. Its direction is then the next value of the track's place, its ln power
-and ln radius those of its size; a place within slack_deg has not moved, and the shown direction turns by at most
-most_turn_deg_s. A new source grows to its whole power in fade_s; one unseen for patience_s fades at the same speed.
-While two places share one source's power in this way, their sum is the total of the frames' sources.
+An average of maps would show a trembling source several times; the filter of one source turns it. A measurement belongs
+to the source whose innovation is the least, and to none beyond `gate`: what is found elsewhere is another source, which
+appears while the old one fades. Where poses are given the filter works in the world, where light does not turn with the
+camera: drift is `world_drift` of it then, and grows with the camera's turn.
 
-**The leader** is the strongest source, by the root of its power times the part of it within PEAK of its middle. It
-stays the leader until another is lead_ratio times as strong; as long as that part is not lead_margin times another's,
-the two exchange the missing power, so that sources which change rank from frame to frame move no dominant light. A
-frame is odd if the leader is not found in it, or another source is lead_ratio times as strong. It is held back; the
-second in a row is believed.
-
-**The object looks the same** if the caller knows that its shading did not change; then its light did not either. Once
-that has lasted same.after_s, places are averaged whatever they do, and odd frames are held back for as long as the
-leader has led, at most same.odd_s. Frames that stay odd for longer are a better estimate of the same light: the leader
-takes the place of the frame's strongest source, and the shown direction turns there by same.most_turn_deg_s.
-
-**The view.** Estimates of one light from two sides differ by more than estimates from one side tremble. view goes from
-0 to 1 while the camera turns by view.turn_deg from where it was when the source last moved. A motion is then measured
-not from the average but, by the share view, from the values of the last view.recent_s, and counts beyond view times
-view.slack_deg, or ln view.slack_ratio in each channel; the shown direction of a source that has not moved turns by
-view.most_turn_deg_s at most. So a slow drift of estimates is averaged, and a light that changes at once is followed.
+**The leader** is the strongest source, and stays so until another is `lead` times as strong; that other then takes
+its place. A frame in which the leader is not found, or the soft part is `cut` off, is held back once: the second in a
+row is believed. While the caller knows that the object's shading did not change, the light did not either: nothing
+drifts, and such frames are held back for as long as the leader has led, at most `patience` seconds. Frames that stay
+odd for longer are a better estimate of the same light: the leader turns to their strongest source.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -46,7 +33,7 @@ from anyprobe.core.frames import check_pose
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.light.environment import check_radiance, rotate
 from anyprobe.light.source_split import Source, draw_sources, split_sources
-from anyprobe.light.steady import FILTER, Smoothing, Steady, advance, begin_filter, gain, toward
+from anyprobe.light.steady import FILTER, Smoothing, Steady, advance, begin_filter
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -55,90 +42,87 @@ OFFSET: float = FILTER["offset"]
 """Radiance added before the logarithm: values far below hardly light anything, and black stays finite."""
 SLOPE = np.float32(1.0 + OFFSET)
 WHITE = np.log(SLOPE)
-"""y of L = 1; above it dL = SLOPE dy."""
-
-RULES = FILTER["source"]
-GATE = float(np.radians(RULES["gate_deg"]))
-LN_RATIO = float(np.log(RULES["gate_ratio"]))
-SLACK = float(np.radians(RULES["slack_deg"]))
-MOST_TURN: float = float(np.radians(RULES["most_turn_deg_s"]))
-PATIENCE_S: float = RULES["patience_s"]
-FADE_S: float = RULES["fade_s"]
-MOST: int = RULES["most"]
-SAME_AFTER_S: float = RULES["same"]["after_s"]
-LEAST_ODD_S, MOST_ODD_S = RULES["same"]["odd_s"]
-SAME_MOST_TURN: float = float(np.radians(RULES["same"]["most_turn_deg_s"]))
-LEAD_RATIO, LEAD_MARGIN = float(RULES["lead_ratio"]), float(RULES["lead_margin"])
-PEAK: float = float(np.radians(contract("dominant_light")["blur_deg"]))
+"""y = ln(L + OFFSET) of L = 1; above it dL = SLOPE dy."""
+PEAK = float(np.radians(contract("dominant_light")["blur_deg"]))
 """Radius [radians] of the cap within which find_dominant_light compares."""
-VIEW_TURN, VIEW_MOST_TURN = (float(np.radians(RULES["view"][name])) for name in ("turn_deg", "most_turn_deg_s"))
-VIEW_SLACK = float(np.radians(RULES["view"]["slack_deg"]))
-VIEW_SLACK_SIZE = float(np.sqrt(3.0) * np.log(RULES["view"]["slack_ratio"]))
-RECENT_S: float = RULES["view"]["recent_s"]
+RULES = FILTER["source"]
+LEAD_MARGIN: float = RULES["margin"]
+"""Least ratio of the leader's peak to that of any other source that is shown."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SourceFilter:
+    """Numbers of a source's filter: one-sigma values, in radians for directions and ln units for sizes.
+
+    noise, size_noise: of one frame's estimate. drift, size_drift: of the light itself in a second; world_drift: share
+    of it where light is filtered in the world, and turn_drift: drift for each radian that the camera turns there.
+    gate: largest innovation that is the same source's. lead: ratio of strengths at which the leader changes.
+    fade_s: time in which a source appears and fades. same_s: time after which an object that looks the same counts as
+    such. patience_s: see the module. cut: distance of ln radiance.
+    """
+
+    noise: float = float(np.radians(RULES["noise_deg"]))
+    size_noise: float = RULES["size_noise"]
+    drift: float = float(np.radians(RULES["drift_deg"]))
+    size_drift: float = RULES["size_drift"]
+    world_drift: float = RULES["world_drift"]
+    turn_drift: float = RULES["turn_drift"]
+    gate: float = float(np.radians(RULES["gate_deg"]))
+    lead: float = RULES["lead"]
+    fade_s: float = RULES["fade_s"]
+    same_s: float = RULES["same_s"]
+    patience_s: float = RULES["patience_s"]
+    cut: float = RULES["cut"]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Track:
     """A source followed over frames.
 
-    place: its direction, [3] float64. size: ln power and ln radius, [4]. recent: [7], both over the last RECENT_S.
-    shown: [3] unit, direction shown. share: fraction of its power shown. pose: world_from_camera of the last frame in
-        which it moved, or of its first. turns: it has moved and the shown direction is still turning there. unseen_s:
-        time since a frame had it. leads: it is the leader.
+    direction: [3] unit. size: ln of power RGB + OFFSET and of the radius, [4]. variance, size_variance: of both, in the
+    units of SourceFilter squared. share: fraction of its power that is shown. is_seen: the last frame had it. leads: it
+    is the leader.
     """
 
-    place: Steady
-    size: Steady
-    recent: np.ndarray
-    shown: np.ndarray
+    direction: np.ndarray
+    size: np.ndarray
+    variance: float
+    size_variance: float
     share: float
-    pose: np.ndarray
-    turns: bool = False
-    unseen_s: float = 0.0
+    is_seen: bool = True
     leads: bool = False
 
     @property
-    def direction(self) -> np.ndarray:
-        """Unit direction [3] of the place, which the shown direction turns to."""
-        return self.place.steady / np.linalg.norm(self.place.steady)
-
-    @property
     def source(self) -> Source:
-        """The source with its whole power."""
-        power, radius = np.exp(self.size.steady[:3]) - OFFSET, float(np.exp(self.size.steady[3]))
-        return Source(direction=self.shown, power=np.maximum(power, 0.0), radius=radius)
+        """The source with the shown part of its power."""
+        power = np.maximum(np.exp(self.size[:3]) - OFFSET, 0.0) * self.share
+        return Source(direction=self.direction, power=power, radius=float(np.exp(self.size[3])))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FilterState:
     """State that one frame hands to the next.
 
-    soft: y of the soft part, [H, 2H, 3] float32. power: ln of the sources' total luminance, [1]. tracks: the sources.
+    soft: y of the soft part, [H, 2H, 3] float32. tracks: the sources. pose: world_from_camera of the last frame.
     held: whether the last frame was held back. odd_s: how long frames have been odd. led_s: time since the leader
         became one. same_s: time since the object last looked different. in_world: whether frames had poses.
     """
 
     soft: Steady
-    power: Steady
     tracks: tuple[Track, ...]
+    pose: np.ndarray
     held: bool = False
     odd_s: float = 0.0
     led_s: float = 0.0
-    same_s: float = 0.0
+    same_s: float = float("inf")
     in_world: bool = False
 
     @property
     def sources(self) -> tuple[Source, ...]:
-        """The discrete sources to show."""
-        whole = [(track.source, track.share) for track in self.tracks]
-        asked = sum(share * float(luminance(one.power)) for one, share in whole)
-        there = max(float(np.exp(self.power.steady[0])) - OFFSET, 0.0)
-        scale = min(1.0, there / asked) if asked > 0.0 else 0.0
-        found = [replace(one, power=one.power * (scale * share)) for one, share in whole]
-        for at in range(len(self.tracks)):
-            if self.tracks[at].leads:
-                _put_first(found, at)
-        return tuple(one for one in found if luminance(one.power) > 0.0)
+        """The discrete sources to show, the leader first."""
+        ordered = sorted(self.tracks, key=lambda track: not track.leads)
+        found = [one for one in (track.source for track in ordered) if luminance(one.power) > 0.0]
+        return (*found[:1], *(_weaker(one, found[0]) for one in found[1:]))
 
     @property
     def radiance(self) -> Float[np.ndarray, "H 2*H 3"]:
@@ -162,6 +146,7 @@ def step(
     smoothing: Smoothing | None = None,
     world_from_camera: np.ndarray | None = None,
     looks_same: bool = False,
+    numbers: SourceFilter | None = None,
 ) -> FilterState:
     """Return the state after one more frame; pure.
 
@@ -170,12 +155,13 @@ def step(
             has none or the other way round, counts as None: the filter begins anew.
         radiance: [H, 2H, 3] of this frame.
         dt_s: seconds since the last frame, > 0; may differ from frame to frame.
+        smoothing, numbers: of the soft part and of the sources.
         world_from_camera: this frame's camera's rotation, [3, 3] or [4, 4]; the state is filtered in the world then.
         looks_same: whether the object's shading equals that of the last frames; False if unknown.
     Raises:
         InputError: world_from_camera is no rotation. InvalidEnvironment: not a map.
     """
-    c = smoothing or Smoothing()
+    c, n = smoothing or Smoothing(), numbers or SourceFilter()
     soft, sources = split_sources(check_radiance(radiance, "frame's light"))
     in_world = world_from_camera is not None
     pose = np.eye(3) if world_from_camera is None else check_pose(world_from_camera, "world_from_camera")
@@ -183,135 +169,103 @@ def step(
         soft = np.maximum(rotate(soft, pose), 0.0)
         sources = tuple(replace(one, direction=pose @ one.direction) for one in sources)
     y = filtered_log(soft)
-    power = np.log([OFFSET + sum(float(luminance(one.power)) for one in sources)])
     if state is not None and not (np.isfinite(dt_s) and dt_s > 0):
         raise ValueError(f"expected dt_s > 0, got {dt_s}")
     if state is None or state.in_world != in_world or state.soft.fast.shape != y.shape:
-        return replace(_begun(y, power, sources, pose, SAME_AFTER_S), in_world=in_world)
+        return _begun(y, sources, pose, in_world, n)
     same_s = state.same_s + dt_s if looks_same else 0.0
-    is_same = same_s > SAME_AFTER_S
-    pairs = _pairs(state.tracks, sources)
-    is_cut = _apart(y, state.soft.fast) > c.cut_level
-    odd_s = state.odd_s + dt_s if is_cut or _is_odd(state.tracks, sources, pairs) else 0.0
-    patience = min(max(state.led_s, LEAST_ODD_S), MOST_ODD_S) if is_same else dt_s
-    if 0.0 < odd_s <= patience:
+    is_same = same_s > n.same_s
+    turned = _angle_between(state.pose, pose) if in_world else 0.0
+    tracks = state.tracks if is_same else tuple(_predicted(one, dt_s, turned, in_world, n) for one in state.tracks)
+    pairs = _pairs(tracks, sources, n)
+    is_cut = _apart(y, state.soft.fast) > n.cut
+    odd_s = state.odd_s + dt_s if is_cut or _is_odd(tracks, sources, pairs, n) else 0.0
+    if 0.0 < odd_s <= max(min(state.led_s, n.patience_s) if is_same else 0.0, dt_s):
         return replace(state, held=True, odd_s=odd_s, same_s=same_s)
     if is_cut and not is_same:
-        return replace(_begun(y, power, sources, pose, same_s), in_world=in_world)
-    known = state.tracks
+        return replace(_begun(y, sources, pose, in_world, n), same_s=same_s)
     if is_same and odd_s > 0.0:
-        known, pairs = _moved_leader(known, sources, pairs)
-    tracks = _follow(known, sources, pairs, pose, dt_s, c, is_same)
-    leader = _leader_of(tracks, is_same)
+        tracks, pairs = _with_leader_at_strongest(tracks, sources, pairs, n)
+    tracks = _led(_followed(tracks, sources, pairs, dt_s, n), math.inf if is_same else n.lead)
+    has_leader = any(track.leads and track.is_seen for track in tracks) and odd_s == 0.0
     return FilterState(
         soft=advance(state.soft, y, dt_s, _apart, c),
-        power=advance(state.power, power, dt_s, _distance, c),
-        tracks=_led_by(leader, tracks),
-        odd_s=0.0 if is_same else odd_s,
-        led_s=state.led_s + dt_s if odd_s == 0.0 and leader is not None and tracks[leader].leads else 0.0,
+        tracks=tracks,
+        pose=pose,
+        odd_s=odd_s if is_same else 0.0,
+        led_s=state.led_s + dt_s if has_leader else state.led_s if is_same else 0.0,
         same_s=same_s,
         in_world=in_world,
     )
 
 
-def _begun(y: np.ndarray, power: np.ndarray, sources: Sequence[Source], pose: np.ndarray, same_s: float) -> FilterState:
+def _begun(y: np.ndarray, sources: Sequence[Source], pose: np.ndarray, in_world: bool, n: SourceFilter) -> FilterState:
     """Return the first state, or that after a cut."""
-    tracks = tuple(_new(one, pose, share=1.0) for one in sources)
-    soft, powers = begin_filter(y), begin_filter(power)
-    return FilterState(soft=soft, power=powers, tracks=_led_by(_leader_of(tracks), tracks), same_s=same_s)
+    tracks = _led(tuple(_new(one, n, share=1.0) for one in sources), n.lead)
+    return FilterState(soft=begin_filter(y), tracks=tracks, pose=pose, in_world=in_world)
 
 
-def _follow(
-    tracks: Sequence[Track],
-    sources: Sequence[Source],
-    pairs: dict[int, int],
-    pose: np.ndarray,
-    dt_s: float,
-    c: Smoothing,
-    is_same: bool,
+def _new(source: Source, n: SourceFilter, share: float) -> Track:
+    direction = np.asarray(source.direction, np.float64)
+    return Track(
+        direction=direction, size=_size(source), variance=n.noise**2, size_variance=n.size_noise**2, share=share
+    )
+
+
+def _predicted(track: Track, dt_s: float, turned: float, in_world: bool, n: SourceFilter) -> Track:
+    """Return a track whose variances have grown by the drift of dt_s seconds and of a turn [radians] of the camera."""
+    share = n.world_drift if in_world else 1.0
+    variance = (share * n.drift) ** 2 * dt_s + (n.turn_drift * turned) ** 2
+    return replace(
+        track, variance=track.variance + variance, size_variance=track.size_variance + n.size_drift**2 * dt_s
+    )
+
+
+def _updated(track: Track, source: Source, n: SourceFilter) -> Track:
+    """Return a track after a measurement of its source, whose innovation counts up to the gate."""
+    gain = track.variance / (track.variance + n.noise**2)
+    size_gain = track.size_variance / (track.size_variance + n.size_noise**2)
+    innovation = source.direction - track.direction
+    innovation = innovation * min(1.0, n.gate / max(_angle(track.direction, source.direction), 1e-9))
+    direction = track.direction + gain * innovation
+    return replace(
+        track,
+        direction=direction / np.linalg.norm(direction),
+        size=track.size + size_gain * (_size(source) - track.size),
+        variance=(1.0 - gain) * track.variance,
+        size_variance=(1.0 - size_gain) * track.size_variance,
+        is_seen=True,
+    )
+
+
+def _followed(
+    tracks: Sequence[Track], sources: Sequence[Source], pairs: dict[int, int], dt_s: float, n: SourceFilter
 ) -> tuple[Track, ...]:
-    """Return the tracks of the sources after one more frame."""
+    """Return the tracks after one more frame: those that it has, those that it lacks, fading, and new ones."""
+    fade = min(dt_s / n.fade_s, 1.0)
     followed = [
-        _seen(track, sources[pairs[i]], pose, dt_s, c, is_same) if i in pairs else _unseen(track, dt_s)
+        replace(_updated(track, sources[pairs[i]], n), share=min(track.share + fade, 1.0))
+        if i in pairs
+        else replace(track, is_seen=False, share=track.share - (0.0 if track.is_seen else fade))
         for i, track in enumerate(tracks)
     ]
     taken = set(pairs.values())
-    share = min(dt_s / FADE_S, 1.0)
-    followed += [_new(one, pose, share=share) for j, one in enumerate(sources) if j not in taken]
-    followed = [track for track in followed if track.share > 0.0]
-    weakest_last = sorted(followed, key=lambda track: -track.share)  # stable: of equals the older one stays
-    return tuple(weakest_last[:MOST])
+    followed += [_new(one, n, share=fade) for j, one in enumerate(sources) if j not in taken]
+    return tuple(track for track in followed if track.share > 0.0)
 
 
-def _peak(source: Source, share: float = 1.0) -> float:
-    """Return the luminance of a drawn source, summed within PEAK of its middle; share: fraction of its power."""
-    edge = 1.0 - np.cos(source.radius)
-    beyond = max(np.cos(PEAK) - np.cos(source.radius), 0.0) / edge
-    return float(luminance(source.power)) * share * (1.0 - beyond**2)
+def _pairs(tracks: Sequence[Track], sources: Sequence[Source], n: SourceFilter) -> dict[int, int]:
+    """Match sources of the frame to tracks by the least innovation: indices of sources by those of tracks.
 
-
-def _strength(source: Source, share: float = 1.0) -> float:
-    """Return a source's rank: between its power and find_dominant_light's measure, in which wide sources are dull."""
-    return float(np.sqrt(float(luminance(source.power)) * share * _peak(source, share)))
-
-
-def _moved_leader(
-    tracks: tuple[Track, ...], sources: Sequence[Source], pairs: dict[int, int]
-) -> tuple[tuple[Track, ...], dict[int, int]]:
-    """Return the tracks with the leader moved to the frame's strongest source, and the pairs with these two matched."""
-    leader = next((at for at, track in enumerate(tracks) if track.leads), None)
-    if leader is None or not sources:
-        return tracks, pairs
-    first = int(np.argmax([_strength(one) for one in sources]))
-    place = begin_filter(np.asarray(sources[first].direction, np.float64))
-    moved = replace(tracks[leader], place=place, turns=True)
-    others = {at: j for at, j in pairs.items() if at != leader and j != first}
-    return (*tracks[:leader], moved, *tracks[leader + 1 :]), {**others, leader: first}
-
-
-def _leader_of(tracks: Sequence[Track], is_same: bool = False) -> int | None:
-    """Return the index of the leader; None without tracks."""
-    ranks = [_strength(track.source, track.share) for track in tracks]
-    for at, track in enumerate(tracks):
-        if track.leads and (is_same or max(ranks) <= LEAD_RATIO * ranks[at]):
-            return at
-    return int(np.argmax(ranks)) if ranks else None
-
-
-def _led_by(leader: int | None, tracks: Sequence[Track]) -> tuple[Track, ...]:
-    return tuple(replace(track, leads=at == leader) for at, track in enumerate(tracks))
-
-
-def _is_odd(tracks: Sequence[Track], sources: Sequence[Source], pairs: dict[int, int]) -> bool:
-    """Return whether a frame shows another leader than the known one."""
-    for at, track in enumerate(tracks):
-        if track.leads:
-            most = max((_strength(one) for one in sources), default=0.0)
-            return at not in pairs or bool(most > LEAD_RATIO * _strength(sources[pairs[at]]))
-    return False
-
-
-def _put_first(sources: list[Source], leader: int) -> None:
-    """Make the leader LEAD_MARGIN times as strong as each other source, taking power from these in place."""
-    for at in range(len(sources)):
-        mine, other = _peak(sources[leader]), _peak(sources[at])
-        if at == leader or mine <= 0.0 or LEAD_MARGIN * other <= mine:
-            continue
-        given = (LEAD_MARGIN * other - mine) / (1.0 + LEAD_MARGIN)
-        sources[at] = replace(sources[at], power=sources[at].power * (1.0 - given / other))
-        sources[leader] = replace(sources[leader], power=sources[leader].power * (1.0 + given / mine))
-
-
-def _pairs(tracks: Sequence[Track], sources: Sequence[Source]) -> dict[int, int]:
-    """Match sources of the frame to tracks: indices of sources by those of tracks."""
+    A source's reach is its own radius: a wide one's centre is less certain.
+    """
     costs = []
     for i, track in enumerate(tracks):
-        was = track.source
         for j, source in enumerate(sources):
-            angle = _angle(track.direction, source.direction) / GATE
-            ratio = abs(np.log((luminance(source.power) + OFFSET) / (luminance(was.power) + OFFSET))) / LN_RATIO
-            if angle <= 1.0 and ratio <= 1.0:
-                costs.append((float(angle + ratio), i, j))
+            angle = _angle(track.direction, source.direction) / (n.gate + source.radius / 2.0)
+            if angle <= 1.0:
+                ratio = float(np.abs(track.size[:3] - _size(source)[:3]).mean())
+                costs.append((angle + ratio, i, j))
     pairs: dict[int, int] = {}
     for _, i, j in sorted(costs):
         if i not in pairs and j not in pairs.values():
@@ -319,59 +273,67 @@ def _pairs(tracks: Sequence[Track], sources: Sequence[Source]) -> dict[int, int]
     return pairs
 
 
+def _with_leader_at_strongest(
+    tracks: tuple[Track, ...], sources: Sequence[Source], pairs: dict[int, int], n: SourceFilter
+) -> tuple[tuple[Track, ...], dict[int, int]]:
+    """Match the leader with the strongest source, wherever it is; it is as uncertain as half a frame's noise."""
+    leader = next((i for i, track in enumerate(tracks) if track.leads), None)
+    if leader is None or not sources:
+        return tracks, pairs
+    first = int(np.argmax([_strength(one) for one in sources]))
+    doubted = replace(tracks[leader], variance=max(tracks[leader].variance, (n.noise / 2.0) ** 2))
+    others = {i: j for i, j in pairs.items() if i != leader and j != first}
+    return (*tracks[:leader], doubted, *tracks[leader + 1 :]), {**others, leader: first}
+
+
+def _peak(source: Source) -> float:
+    """Return the luminance of a drawn source, summed within PEAK of its middle."""
+    edge = 1.0 - np.cos(source.radius)
+    beyond = max(np.cos(PEAK) - np.cos(source.radius), 0.0) / edge
+    return float(luminance(source.power)) * (1.0 - beyond**2)
+
+
+def _strength(source: Source) -> float:
+    """Return a source's rank: between its power and find_dominant_light's measure, in which wide sources are dull."""
+    return float(np.sqrt(float(luminance(source.power)) * _peak(source)))
+
+
+def _led(tracks: Sequence[Track], lead: float) -> tuple[Track, ...]:
+    """Return the tracks with their leader marked: the same as before, unless another is `lead` times as strong."""
+    strengths = [_strength(track.source) for track in tracks]
+    best = int(np.argmax(strengths)) if tracks else -1
+    for i, track in enumerate(tracks):
+        if track.leads and strengths[best] <= lead * strengths[i]:
+            best = i
+    return tuple(replace(track, leads=i == best) for i, track in enumerate(tracks))
+
+
+def _is_odd(tracks: Sequence[Track], sources: Sequence[Source], pairs: dict[int, int], n: SourceFilter) -> bool:
+    """Return whether a frame shows another leader than the known one."""
+    for i, track in enumerate(tracks):
+        if track.leads:
+            most = max((_strength(one) for one in sources), default=0.0)
+            return i not in pairs or most > n.lead * _strength(sources[pairs[i]])
+    return False
+
+
+def _weaker(source: Source, leader: Source) -> Source:
+    """Return a source whose peak is below the leader's by the margin, so that rank and map agree."""
+    most = _peak(leader) / (LEAD_MARGIN * max(_peak(source), 1e-9))
+    return source if most >= 1.0 else replace(source, power=source.power * most)
+
+
 def _size(source: Source) -> np.ndarray:
     return np.log([*(source.power + OFFSET), source.radius])
 
 
-def _new(source: Source, pose: np.ndarray, share: float) -> Track:
-    place = np.asarray(source.direction, np.float64)  # as read back from a file, to the last bit
-    size = _size(source)
-    recent = np.concatenate([place, size])
-    return Track(place=begin_filter(place), size=begin_filter(size), recent=recent, shown=place, share=share, pose=pose)
-
-
-def _seen(track: Track, source: Source, pose: np.ndarray, dt_s: float, c: Smoothing, is_same: bool) -> Track:
-    view = min(_turned(track.pose, pose) / VIEW_TURN, 1.0)
-    place, size = track.place, track.size
-    near, like = toward(place.steady, track.recent[:3], view), toward(size.steady, track.recent[3:], view)
-    slack = np.pi if is_same else max(view * VIEW_SLACK, SLACK)
-    place = advance(place, source.direction, dt_s, _distance, c, near, slack)
-    size = advance(size, _size(source), dt_s, _distance, c, like, view * VIEW_SLACK_SIZE)
-    newest = np.concatenate([place.fast, size.fast])
-    moves = place.motion > 0.0
-    seen = replace(track, place=place, size=size, share=min(track.share + dt_s / FADE_S, 1.0), unseen_s=0.0)
-    angle = _angle(track.shown, seen.direction)
-    turns = moves or track.turns
-    most_turn = SAME_MOST_TURN if is_same else MOST_TURN
-    turn = (most_turn if turns else most_turn ** (1.0 - view) * VIEW_MOST_TURN**view) * dt_s
-    shown = track.shown + (min(1.0, turn / angle) if angle > 0.0 else 1.0) * (seen.direction - track.shown)
-    return replace(
-        seen,
-        recent=toward(track.recent, newest, gain(dt_s, min(RECENT_S, place.age_s))),
-        shown=shown / np.linalg.norm(shown),
-        pose=pose if moves else track.pose,
-        turns=turns and turn < angle,
-    )
-
-
-def _unseen(track: Track, dt_s: float) -> Track:
-    """Age an unseen track; one that is hardly shown yet gets less patience."""
-    unseen_s = track.unseen_s + dt_s
-    fades = unseen_s > PATIENCE_S * track.share
-    return replace(track, unseen_s=unseen_s, share=max(track.share - fades * dt_s / FADE_S, 0.0))
-
-
 def _angle(one: np.ndarray, other: np.ndarray) -> float:
-    return float(2.0 * np.arcsin(np.minimum(np.linalg.norm(one - other) / 2.0, 1.0)))
+    return float(2.0 * np.arcsin(min(float(np.linalg.norm(one - other)) / 2.0, 1.0)))
 
 
-def _turned(from_: np.ndarray, to: np.ndarray) -> float:
+def _angle_between(one: np.ndarray, other: np.ndarray) -> float:
     """Return the angle [radians] between two poses [3, 3]."""
-    return float(np.arccos(np.clip((np.sum(from_ * to) - 1.0) / 2.0, -1.0, 1.0)))
-
-
-def _distance(one: np.ndarray, other: np.ndarray) -> float:
-    return float(np.linalg.norm(one - other))
+    return float(np.arccos(np.clip((np.sum(one * other) - 1.0) / 2.0, -1.0, 1.0)))
 
 
 def filtered_log(radiance: np.ndarray) -> np.ndarray:
@@ -387,14 +349,11 @@ def _above_white(y: np.ndarray) -> np.ndarray:
     return np.maximum(y - WHITE, 0.0)
 
 
-def _logarithm(y: np.ndarray) -> np.ndarray:
-    """Convert y to ln(L + OFFSET)."""
-    return np.minimum(y, WHITE) + np.log1p(_above_white(y))
-
-
 def _apart(one: np.ndarray, other: np.ndarray) -> float:
     """Return the root mean square difference of ln(L + OFFSET) over sphere and channels, of two y [H, 2H, 3]."""
-    difference = _logarithm(one) - _logarithm(other)
+    difference = (np.minimum(one, WHITE) + np.log1p(_above_white(one))) - (
+        np.minimum(other, WHITE) + np.log1p(_above_white(other))
+    )
     weights = pixel_solid_angles(difference.shape[0])[:, 0].astype(np.float64)
     rows = np.square(difference, dtype=np.float64).mean(axis=(1, 2))
     return float(np.sqrt(rows @ weights / weights.sum()))

@@ -104,15 +104,9 @@ class MaskFollower:
         """Whether the last frame's object was found, and looked as in the frames before, which had its light."""
         return self._is_seen and self.held is not None and self.held.looks_same
 
-    def settle(self) -> None:
-        """Forget what is not kept on disk: a run that goes on must give what one that never ended does."""
-        self._before, self._otherwise = None, 0
-        if self.held is not None:
-            self.held = replace(self.held, refused=0, other=None)
-
-    def go_on(self, last: list[float] | None, held: Held | None, shows_more: bool | None) -> None:
-        """Set the state that a run kept; held None: the mask is looked for anew around the last box."""
-        self.last, self.held, self.shows_more = last, held, shows_more
+    def go_on(self, last: list[float] | None, shows_more: bool | None) -> None:
+        """Set the state that a run kept; the mask is looked for anew around the last box."""
+        self.last, self.held, self.shows_more = last, None, shows_more
         self._before, self._otherwise = None, 0
 
     def content(self) -> dict[str, Any]:

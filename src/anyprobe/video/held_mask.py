@@ -1,7 +1,5 @@
 """An object's mask, held in the picture in which it was found and moved with the object to each further frame.
 
-The same in web/src/live/heldMask.js. Numbers in capitals are the contract's "held_mask".
-
 **In every frame** the object is registered (video.registration) against the key, from where it lay in the last one; the
 mask is the key's, moved. Where that is unsure the mask is looked for in the frame, which becomes the key; should the
 next frame be registered against the key before, the frame between was an odd one, and that key is the key again.
@@ -85,7 +83,7 @@ def found_in(held: Held, rgb: np.ndarray) -> Registered:
     more = (SEARCH_REACH + 0.1) * max(x1 - x0, y1 - y0)
     window = Window(x0=0, y0=0, x1=width, y1=height).around((x0 - more, y0 - more, x1 + more, y1 + more), 0.0)
     if window.x1 - window.x0 < 8 or window.y1 - window.y0 < 8:
-        return Registered(motion=held.motion, alike=0.0, inside=0.0, agreed=0.0, error_px=float("inf"))
+        return Registered(motion=held.motion)
     picture = luma(rgb[window.y0 : window.y1, window.x0 : window.x1])
     return locate_key(held.key, picture, held.motion, (window.x0, window.y0))
 

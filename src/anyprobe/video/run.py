@@ -120,7 +120,8 @@ class ClipRun:
     def __call__(self, watch: Callable[[int], None]) -> Outcome:
         """Do what is not done yet; watch gets the number of frames done.
 
-        Whatever ends it, a later call with the same folder goes on and gives the same files.
+        Whatever ends it, a later call with the same folder goes on at the last finished piece, and looks for the object
+        anew there.
         """
         damaged: list[int] = []
         with closing(read_frames(self.clip, damaged)) as frames, ThreadPoolExecutor(2) as beside:
@@ -147,19 +148,18 @@ class ClipRun:
                 notes.append(frame.note)
             if frame.index < done.next_index:
                 if frame.index == done.stage_index and self.virtual is not None:
-                    self.follower.go_on(done.stage_last, None, done.stage_shows_more)
+                    self.follower.go_on(done.stage_last, done.stage_shows_more)
                     self._stage = _set_up(self.follower.photo(frame), self.virtual, done.ground)
                 continue
             if frame.index == done.next_index and done.next_index:
                 self._shown, self._preview = None, None
-                self.follower.go_on(done.last, done.held_mask, done.shows_more)
+                self.follower.go_on(done.last, done.shows_more)
             done.frames.append(self._one(frame, look))
             if self.virtual is not None:
                 pictures.append((frame.time_s, self._picture(frame)))
             previews.append((frame.time_s, self._light_picture(frame.index, beside)))
             watch(frame.index + 1)
             if will_save:
-                self.follower.settle()
                 self._save(frame.index + 1, pictures, previews)
                 pictures, previews = [], []
         if frame is None:
@@ -218,9 +218,7 @@ class ClipRun:
                 raise
             self._photo = None
             if done.light is None:
-                self.follower.go_on(
-                    self.follower.last, None, self.follower.shows_more
-                )  # as a run that goes on finds the first light's object
+                self.follower.go_on(self.follower.last, self.follower.shows_more)
             kept = self._turned(frame.index) or self._same()
             return {**record, "error": " ".join(str(error).splitlines()), **kept}
         dt_s = max(frame.time_s - done.light_time_s, 1e-3)
@@ -322,7 +320,7 @@ class ClipRun:
             write_piece(self._piece(done.pieces, LIGHT), [(time_s, drawn.result()) for time_s, drawn in previews])
             done.pieces += 1
         done.next_index = next_index
-        done.last, done.held_mask, done.shows_more = self.follower.last, self.follower.held, self.follower.shows_more
+        done.last, done.shows_more = self.follower.last, self.follower.shows_more
         save_progress(self.folder, done)
 
     def _piece(self, number: int, kind: str = "") -> Path:

@@ -21,15 +21,13 @@ from anyprobe.light.harmonics import project
 from anyprobe.light.steady import Steady
 from anyprobe.light.temporal import FilterState, Track
 from anyprobe.notices import RESTART, Notice, Remedy
-from anyprobe.video.held_mask import Held
-from anyprobe.video.registration import Key, Level, Motion
 
 STATE = ".state.npz"
 
 PIECES = ".pieces"
 """Folder in the result's of what light.mp4 and relit.mp4 are joined from."""
 
-KINDS = {kind.__name__: kind for kind in (FilterState, Track, Steady, Held, Key, Level, Motion)}
+KINDS = {kind.__name__: kind for kind in (FilterState, Track, Steady)}
 """Classes of what a run keeps."""
 
 
@@ -40,7 +38,7 @@ class Progress:
     settings: what the result depends on; another run may go on only with the same.
     next_index: the first frame that is not done. frames: records of those that are.
     light: the filter's state, and time_s of the light it last saw.
-    last, held_mask, shows_more: of the follower.
+    last, shows_more: of the follower, which looks for the object anew.
     pieces: of light.mp4, and of relit.mp4, that are written.
     stage_index: the frame that the virtual object was placed in. stage_last, stage_shows_more: as they were before that
     frame, by which its mask is found again. ground: of that frame's light, Ground.info. material: the object's, as
@@ -58,7 +56,6 @@ class Progress:
     light: FilterState | None = None
     light_time_s: float = 0.0
     last: list[float] | None = None
-    held_mask: Held | None = None
     shows_more: bool | None = None
     pieces: int = 0
     stage_index: int | None = None

@@ -10,7 +10,6 @@ export const SMOOTHING = {
   fastS: filter.fast_s,
   noiseS: filter.noise_s,
   leastNoise: filter.least_noise,
-  cutLevel: filter.cut_level,
   calm: filter.calm,
   moved: filter.moved,
   letGo: filter.let_go,
@@ -18,7 +17,7 @@ export const SMOOTHING = {
 };
 
 /** a(T): the share of the way in dt seconds. */
-export const gain = (dt, time) => -Math.expm1(-dt / time);
+const gain = (dt, time) => -Math.expm1(-dt / time);
 
 /** The first value. @param {Float32Array | Float64Array} y */
 export function begin(y) {
@@ -33,10 +32,8 @@ export function begin(y) {
  * @param {number} dt seconds since the last value
  * @param {(one: object, other: object) => number} apart |one - other|
  * @param {typeof SMOOTHING} c
- * @param {Float32Array | Float64Array} [reference] what a motion is measured from, else steady
- * @param {number} [slack] what of it is none
  */
-export function advance(state, y, dt, apart, c, reference = state.steady, slack = 0) {
+export function advance(state, y, dt, apart, c) {
   const ageS = state.ageS + dt;
   const difference = apart(y, state.last) / Math.SQRT2;
   let noise = difference;
@@ -46,7 +43,7 @@ export function advance(state, y, dt, apart, c, reference = state.steady, slack 
   }
   const lead = gain(dt, Math.min(c.fastS, state.memoryS + dt));
   const fast = approach(state.fast, y, lead);
-  const spread = Math.max(apart(fast, reference) - slack, 0) / (Math.max(noise, c.leastNoise) * Math.sqrt(lead / (2 - lead)));
+  const spread = apart(fast, state.steady) / (Math.max(noise, c.leastNoise) * Math.sqrt(lead / (2 - lead)));
   const motion = Math.min(Math.max((spread - c.calm) / (c.moved - c.calm), 0), 1);
   let memoryS = Math.min(state.memoryS + dt, c.stillS) ** (1 - motion) * c.movingS ** motion;
   let { stale, staleFast } = motion > c.letGo ? { stale: 1, staleFast: 1 } : state;
@@ -59,7 +56,7 @@ export function advance(state, y, dt, apart, c, reference = state.steady, slack 
 }
 
 /** From one towards another by a share of the way. */
-export function approach(from, towards, share) {
+function approach(from, towards, share) {
   const moved = new from.constructor(from.length);
   for (let i = 0; i < moved.length; i++) moved[i] = from[i] + share * (towards[i] - from[i]);
   return moved;
