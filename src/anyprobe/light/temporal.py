@@ -299,11 +299,12 @@ def _strength(source: Source) -> float:
 
 
 def _led(tracks: Sequence[Track], lead: float) -> tuple[Track, ...]:
-    """Return the tracks with their leader marked: the same as before, unless another is `lead` times as strong."""
-    strengths = [_strength(track.source) for track in tracks]
+    """Return the tracks with their leader marked: the same as before, unless another is `lead` times as strong, or the
+    last frame did not have it."""
+    strengths = [_strength(track.source) * track.is_seen for track in tracks]
     best = int(np.argmax(strengths)) if tracks else -1
     for i, track in enumerate(tracks):
-        if track.leads and strengths[best] <= lead * strengths[i]:
+        if track.leads and track.is_seen and strengths[best] <= lead * strengths[i]:
             best = i
     return tuple(replace(track, leads=i == best) for i, track in enumerate(tracks))
 

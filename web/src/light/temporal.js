@@ -198,11 +198,11 @@ function peakOf({ power, radius }) {
 /** How a source ranks: between its power and what the dominant light goes by, in which wide ones are dull. */
 const strengthOf = (source) => Math.sqrt(luminance(...source.power) * peakOf(source));
 
-/** The tracks with their leader marked: the same as before, unless another is `lead` times as strong. */
+/** The tracks with their leader marked: the same as before, unless another is `lead` times as strong, or it was not seen. */
 function ledBy(tracks, lead) {
-  const ranks = tracks.map((track) => strengthOf(sourceOf(track)));
+  const ranks = tracks.map((track) => (track.isSeen ? strengthOf(sourceOf(track)) : 0));
   const most = Math.max(...ranks);
-  const kept = tracks.findIndex(({ leads }, at) => leads && most <= lead * ranks[at]);
+  const kept = tracks.findIndex(({ leads, isSeen }, at) => leads && isSeen && most <= lead * ranks[at]);
   const leader = kept < 0 ? ranks.indexOf(most) : kept;
   return tracks.map((track, at) => ({ ...track, leads: at === leader }));
 }
