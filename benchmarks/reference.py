@@ -19,8 +19,8 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import dot, normalize, world_from_local
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_solid_angles, uv_to_direction
 from anyprobe.core.sampling import hammersley, square_to_cosine_hemisphere
+from anyprobe.paper.equations import ggx_distribution
 from anyprobe.scatter.materials import Material, brdf
-from anyprobe.scatter.microfacet import ggx_distribution
 
 SAMPLES = 1024
 """Of each of the three densities, a pass."""

@@ -16,8 +16,8 @@ import numpy as np
 from anyprobe.core.frames import reflect
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.light.environment import shrink
+from anyprobe.paper.equations import schlick_weight
 from anyprobe.render.spheres import SILVER_ALPHA, SILVER_F0, sphere_normals
-from anyprobe.scatter.microfacet import schlick_weight
 from anyprobe_train.evaluate.metrics import color_angle_deg, rmse, si_rmse
 from research.compare.transport import light, sphere_matrix
 

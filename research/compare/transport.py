@@ -15,8 +15,8 @@ import numpy as np
 from anyprobe.core.frames import rotation_x
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.light.environment import shrink
+from anyprobe.paper.equations import ggx_distribution, schlick_weight, smith_visibility
 from anyprobe.render.spheres import sphere_normals
-from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
 
 CHUNK = 64
 ARRAY_SIZE = (48, 80)

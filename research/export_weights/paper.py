@@ -20,7 +20,7 @@ import typer
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.color import luminance
 from anyprobe.light.environment import integral
-from anyprobe.light.reconstruct import blend_weight, reconstruct
+from anyprobe.paper.equations import blend_weight, reconstruct
 from anyprobe_train.dataset.pair import Pair
 from anyprobe_train.train.checkpoint import read_checkpoint
 from anyprobe_train.train.config import paper_on

@@ -18,8 +18,8 @@ from anyprobe.core.frames import dot, normalize, world_from_camera
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
+from anyprobe.paper.equations import ggx_distribution, schlick_weight, smith_visibility
 from anyprobe.scatter.materials import Material, total_reflectance
-from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
 from anyprobe_train.dataset import distributions
 from anyprobe_train.dataset.camera import draw_shot, exposure, phone_shot
 from anyprobe_train.dataset.distributions import draw_material

@@ -26,7 +26,7 @@ from anyprobe_train.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe_train.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe_train.dataset.pair_source import PairSource  # noqa: E402
 from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
-from anyprobe_train.nets.paper import NETS  # noqa: E402
+from anyprobe_train.nets.earlier_paper import NETS  # noqa: E402
 from anyprobe_train.train import export_onnx  # noqa: E402
 from anyprobe_train.train.chain import Chain  # noqa: E402
 from anyprobe_train.train.checkpoint import init_weights_id, load_init_weights, save_init_weights  # noqa: E402

@@ -9,23 +9,23 @@ torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.core.response import inverse_response  # noqa: E402
 from anyprobe_train.nets.blocks import FoldedConv  # noqa: E402
-from anyprobe_train.nets.paper import HdrNet, IlluminationNet, IrradianceNet  # noqa: E402
+from anyprobe_train.nets.earlier_paper import EarlierHdrNet, EarlierIlluminationNet, EarlierIrradianceNet  # noqa: E402
 
 
 def test_each_net_gives_the_size_the_next_one_takes():
     photo, tan_half = torch.rand(2, 4, 128, 128), torch.rand(2, 1)
-    irradiance = IrradianceNet()(photo, tan_half)
+    irradiance = EarlierIrradianceNet()(photo, tan_half)
     assert irradiance.shape == (2, 3, 128, 128)
-    ldr = IlluminationNet()(torch.cat([irradiance, photo[:, 3:]], dim=1), tan_half)
+    ldr = EarlierIlluminationNet()(torch.cat([irradiance, photo[:, 3:]], dim=1), tan_half)
     assert ldr.shape == (2, 3, 64, 128)
     assert ldr.min() >= 0
     assert ldr.max() <= 1
-    assert HdrNet()(ldr).shape == (2, 3, 64, 128)
+    assert EarlierHdrNet()(ldr).shape == (2, 3, 64, 128)
 
 
 def test_what_a_place_shows_is_lifted_to_where_it_mirrors(monkeypatch):
     """Normals to the right of a far camera mirror what is behind the object."""
-    net, seen = IlluminationNet().eval(), []
+    net, seen = EarlierIlluminationNet().eval(), []
     with torch.no_grad():
         for parameter in net.normals.head.parameters():
             parameter.zero_()
@@ -47,13 +47,13 @@ def test_what_a_place_shows_is_lifted_to_where_it_mirrors(monkeypatch):
 def test_irradiance_is_empty_outside_the_mask():
     photo = torch.rand(1, 4, 128, 128)
     photo[:, 3, :, :64] = 0
-    assert IrradianceNet()(photo, torch.ones(1, 1))[..., :64].abs().max() == 0
+    assert EarlierIrradianceNet()(photo, torch.ones(1, 1))[..., :64].abs().max() == 0
 
 
 def test_hdr_net_sees_across_the_seam():
     """Turning the map turns the answer: no column is special."""
     torch.manual_seed(0)
-    net = HdrNet().eval()
+    net = EarlierHdrNet().eval()
     ldr = torch.rand(1, 3, 64, 128)
     turned = net(torch.roll(ldr, 64, dims=3))
     difference = (torch.roll(turned, -64, dims=3) - net(ldr)).abs().max()
@@ -62,7 +62,7 @@ def test_hdr_net_sees_across_the_seam():
 
 def test_hdr_net_changes_nothing_that_is_not_white():
     """Up to Eq. 8's threshold the radiance is that of the LDR map, whatever the layers say; at white it is theirs."""
-    net = HdrNet().eval()
+    net = EarlierHdrNet().eval()
     with torch.no_grad():
         net.head.weight.zero_()
         net.head.bias.fill_(5.0)
@@ -74,21 +74,21 @@ def test_hdr_net_changes_nothing_that_is_not_white():
         assert net(torch.ones(1, 3, 64, 128)).mean() == pytest.approx(5)
 
 
-@pytest.mark.parametrize("net", [IrradianceNet(), IlluminationNet()], ids=["irradiance", "illumination"])
+@pytest.mark.parametrize("net", [EarlierIrradianceNet(), EarlierIlluminationNet()], ids=["irradiance", "illumination"])
 def test_field_of_view_changes_the_answer(net):
     photo = torch.rand(2, 4, 128, 128)
     near, far = (net(photo, torch.full((2, 1), slope)) for slope in (0.5, 0.05))
     assert (near - far).abs().max() > 1e-3
 
 
-@pytest.mark.parametrize("net", [IrradianceNet(), IlluminationNet()], ids=["irradiance", "illumination"])
+@pytest.mark.parametrize("net", [EarlierIrradianceNet(), EarlierIlluminationNet()], ids=["irradiance", "illumination"])
 def test_one_batch_can_be_learned(net):
     """A net whose gradient is cut somewhere stays where it is."""
     torch.manual_seed(0)
     photo, tan_half = torch.rand(2, 4, 128, 128), torch.rand(2, 1)
     shape = net(photo, tan_half).shape
     target = torch.nn.functional.interpolate(torch.rand(2, 3, 4, 8), size=shape[2:], mode="bilinear")
-    if isinstance(net, IrradianceNet):
+    if isinstance(net, EarlierIrradianceNet):
         target = target * photo[:, 3:]
     optimizer = torch.optim.Adam(net.parameters(), 2e-3)
     losses = []

@@ -14,6 +14,7 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.environment import integral
 from anyprobe.light.octahedral import WIDENING, build_pyramid, take_pixels
+from anyprobe.paper.equations import ggx_distribution
 from anyprobe.render.integrate import (
     NUM_EMITTERS,
     PATCHES,
@@ -24,7 +25,6 @@ from anyprobe.render.integrate import (
     shading_pyramid,
 )
 from anyprobe.scatter.materials import Material, brdf
-from anyprobe.scatter.microfacet import ggx_distribution
 
 HEIGHT = 64
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from anyprobe.core.response import CameraCurve, inverse_response, response
-from anyprobe.light.reconstruct import THRESHOLD, blend_weight, reconstruct
+from anyprobe.paper.equations import THRESHOLD, blend_weight, reconstruct
 
 
 @pytest.fixture

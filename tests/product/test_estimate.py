@@ -26,8 +26,8 @@ from anyprobe.estimate.runtime import PHOTO_SIZE, Outputs, bundled_models
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import integral, reduced, rotate
-from anyprobe.light.reconstruct import reconstruct
 from anyprobe.maps.radiance import map_attributes, read_radiance
+from anyprobe.paper.equations import reconstruct
 
 FOV_DEG = 70.0
 HEIGHT, WIDTH, DIAMETER = 192, 256, 80

@@ -21,10 +21,10 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Outputs
 from anyprobe.estimate.sidecar import json_numbers
 from anyprobe.notices import give, leave_out
+from anyprobe.paper.equations import schlick_weight
 from anyprobe.render.integrate import PATCHES, shade, shading_pyramid
 from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.materials import Material
-from anyprobe.scatter.microfacet import schlick_weight
 
 if TYPE_CHECKING:
     from jaxtyping import Float

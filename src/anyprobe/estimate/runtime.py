@@ -21,8 +21,8 @@ from anyprobe.files.onnx_runtime import onnxruntime
 from anyprobe.given_material import MATERIAL_INPUTS, material_input
 from anyprobe.inputs.settings import DEFAULT_MODEL, EMITTERS, EXPECTED, MODE
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.light.reconstruct import LN_MAX, reconstruct
 from anyprobe.notices import give
+from anyprobe.paper.equations import LN_MAX, reconstruct
 from anyprobe.scatter.materials import Material
 
 if TYPE_CHECKING:

@@ -13,10 +13,7 @@ import numpy as np
 from array_api_compat import array_namespace, device
 
 from anyprobe.core.latlong import pixel_solid_angles
-
-
-def _power(cosine: np.ndarray, sharpness: float) -> np.ndarray:
-    return np.maximum(cosine, 0.0) ** sharpness
+from anyprobe.paper.equations import filter_weight
 
 
 def _cap(cosine: np.ndarray, radius: float) -> np.ndarray:
@@ -58,7 +55,7 @@ def blur_cosine_power(radiance, sharpness: float):
     """
     if sharpness <= 0:
         raise ValueError(f"expected sharpness > 0, got {sharpness}")
-    return _apply(radiance, _spectrum(radiance.shape[-3], _power, float(sharpness)))
+    return _apply(radiance, _spectrum(radiance.shape[-3], filter_weight, float(sharpness)))
 
 
 def blur_cap(radiance, radius: float):
@@ -68,4 +65,4 @@ def blur_cap(radiance, radius: float):
 
 def irradiance_map(radiance):
     """Compute irradiance E(n) = integral of L max(0, n.wi) dwi, for n at every pixel centre."""
-    return _apply(radiance, _spectrum(radiance.shape[-3], _power, 1.0, normalised=False))
+    return _apply(radiance, _spectrum(radiance.shape[-3], filter_weight, 1.0, normalised=False))

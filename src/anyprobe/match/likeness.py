@@ -26,8 +26,8 @@ from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.match.background import CLIPPED_WEIGHT, FAINT_SEEN, Background, mean_squares
 from anyprobe.match.places import YAWS, map_from_camera_at, nearest_pixels, pitches_near, seen_along, seen_at_yaws
+from anyprobe.paper.equations import schlick_weight
 from anyprobe.render.surface import pixel_rays
-from anyprobe.scatter.microfacet import schlick_weight
 
 MATCH_ROWS = 32
 """Rows of the maps that are compared."""

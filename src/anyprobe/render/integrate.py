@@ -23,8 +23,16 @@ from array_api_compat import array_namespace, is_torch_array
 from anyprobe.core.frames import dot, orthonormal_basis
 from anyprobe.core.sampling import cosine_hemisphere_xyz, ggx_visible_normal_xyz
 from anyprobe.light.octahedral import Pyramid, build_pyramid, lookup_rgb
+from anyprobe.paper.equations import (
+    diffuse_weight,
+    ggx_distribution,
+    importance_weighted_irradiance,
+    outgoing_radiance,
+    sample_density,
+    schlick_weight,
+    smith_visibility,
+)
 from anyprobe.scatter.materials import Material
-from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
 
 INDUCTOR_OPTIONS: dict[str, Any] = {
     # By default the compiler writes every long expression to memory and reads it back, and
@@ -81,11 +89,7 @@ class Shading:
 
     def radiance(self, material: Material):
         """Evaluate Lo of Eq. 3 for a material whose alpha is the one shaded with."""
-        return (
-            material.f0 * self.specular
-            + (1.0 - material.f0) * self.grazing
-            + material.albedo * (1.0 - material.f0) * self.diffuse
-        )
+        return outgoing_radiance(material.albedo, material.f0, self.specular, self.grazing, self.diffuse)
 
 
 def _lod(pdf, num_samples: int, pyramid: Pyramid):
@@ -146,14 +150,14 @@ def shade_specular(pyramid: Pyramid, n, wo, alpha, u):
     weight = 2.0 * shadow * smith_visibility(n_dot_wo, xp.clip(n_dot_wi, 1e-6, None), alpha) * above
     grazing = weight * schlick_weight(wo_dot_h)
     share = 0.5 * n_dot_h * shadow / wo_dot_h * kept  # Eq. 5's weight of each sample
-    total = xp.clip(xp.sum(share, axis=1), 1e-6, None)[:, None]
-    irradiance = xp.stack([xp.sum(channel * share, axis=1) for channel in light], axis=-1) / total
+    total = xp.clip(xp.sum(share, axis=1), 1e-6, None)
+    irradiance = xp.stack([importance_weighted_irradiance(channel, share, total, axis=1) for channel in light], axis=-1)
     specular = xp.stack([xp.mean(channel * weight, axis=1) for channel in light], axis=-1)
     weak = xp.stack([xp.mean(channel * grazing, axis=1) for channel in light], axis=-1)
     if pyramid.emitters is None:
         return irradiance, specular, weak
     lit = emitters_specular(pyramid, n, wo, alpha)
-    return irradiance + lit[0] * (u.shape[0] / total), specular + lit[1], weak + lit[2]
+    return irradiance + lit[0] * (u.shape[0] / total[:, None]), specular + lit[1], weak + lit[2]
 
 
 def _emitter_cosines(pyramid: Pyramid, n, wo):
@@ -184,7 +188,7 @@ def emitters_specular(pyramid: Pyramid, n, wo, alpha):
     n_dot_wo = xp.clip(dot(n, wo), 1e-4, None)
     above = xp.astype(n_dot_wi > 0, n.dtype)
     d = ggx_distribution(n_dot_h, (alpha * alpha + pyramid.emitter_spread) ** 0.5) * above
-    density = d * n_dot_h / (4.0 * wo_dot_h)
+    density = sample_density(d, n_dot_h, wo_dot_h)
     weight = d * smith_visibility(n_dot_wo, xp.clip(n_dot_wi, 1e-6, None), alpha) * n_dot_wi
     power = pyramid.emitter_power
     return (_gather(density, power), _gather(weight, power), _gather(weight * schlick_weight(wo_dot_h), power))
@@ -204,7 +208,7 @@ def shade_diffuse(pyramid: Pyramid, n, wo, u):
     if pyramid.emitters is None:
         return diffuse
     n_dot_wi, wo_dot_h, _ = _emitter_cosines(pyramid, n, wo)
-    weight = (1.0 - schlick_weight(wo_dot_h)) * xp.clip(n_dot_wi, 0.0, None) / np.pi
+    weight = diffuse_weight(xp.clip(n_dot_wi, 0.0, None), wo_dot_h)
     return diffuse + _gather(weight, pyramid.emitter_power)
 
 

@@ -1,6 +1,4 @@
-"""GGX microfacets, D, G and F of Eq. 2 (see materials.brdf), and directional albedo. alpha is the GGX width.
-
-All arguments are cosines of the local frame, arrays of any shape; 1/sr where named.
+"""Directional albedo of GGX microfacets, and f0 by the index of refraction. alpha is the GGX width.
 
 The directional albedo is the share of an even light that the coat sends to the eye. With F = f0 + (1 - f0) s it is
 f0 E1 + (1 - f0) Es, two numbers of n.wo and alpha alone (Karis 2013 keeps them in a picture, as this table does).
@@ -16,34 +14,10 @@ from array_api_compat import array_namespace
 
 from anyprobe.core.latlong import corners
 from anyprobe.core.sampling import ggx_visible_normal_xyz, hammersley
+from anyprobe.paper.equations import schlick_weight, smith_visibility
 
 if TYPE_CHECKING:
     from jaxtyping import Float
-
-
-def ggx_distribution(n_dot_h, alpha):
-    """Evaluate D(h) [1/sr], Walter et al. 2007 Eq. 33: alpha^2 / (pi ((n.h)^2 (alpha^2 - 1) + 1)^2)."""
-    d = n_dot_h**2 * (alpha - 1.0) * (alpha + 1.0) + 1.0
-    return alpha**2 / (np.pi * d * d)
-
-
-def smith_visibility(n_dot_wo, n_dot_wi, alpha):
-    """Evaluate G / (4 (n.wo)(n.wi)) with the height-correlated Smith term, Heitz 2014 Eq. 99.
-
-    The quotient, not G, is returned: it stays finite at grazing angles.
-    """
-    xp = array_namespace(n_dot_wo, n_dot_wi)
-    a2 = alpha**2
-    toward_eye = n_dot_wi * xp.sqrt(a2 + (1.0 - a2) * n_dot_wo**2)
-    toward_light = n_dot_wo * xp.sqrt(a2 + (1.0 - a2) * n_dot_wi**2)
-    return 0.5 / xp.clip(toward_eye + toward_light, 1e-7, None)  # both cosines 0: no 0/0
-
-
-def schlick_weight(wo_dot_h):
-    """Evaluate s = (1 - wo.h)^5, so that Schlick's F = f0 + (1 - f0) s."""
-    xp = array_namespace(wo_dot_h)
-    m = xp.clip(1.0 - wo_dot_h, 0.0, 1.0)
-    return m * m * m * m * m
 
 
 def f0_from_ior(ior):

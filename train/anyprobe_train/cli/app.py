@@ -7,6 +7,7 @@ import typer
 from anyprobe.cli.app import main as cli_main
 from anyprobe_train.cli import data
 from anyprobe_train.cli.evaluate import evaluate
+from anyprobe_train.cli.paper import paper
 from anyprobe_train.cli.run import export, run
 
 app = typer.Typer(
@@ -15,7 +16,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (run, export, evaluate):
+for command in (run, export, evaluate, paper):
     app.command()(command)
 app.add_typer(data.app, name="data", help="Download maps and shapes.")
 

@@ -9,7 +9,7 @@ from torch import nn
 
 from anyprobe.core.color import REC709
 from anyprobe.core.contract import contract
-from anyprobe.light.reconstruct import LN_MAX
+from anyprobe.paper.equations import LN_MAX
 from anyprobe_train.light_graph.back import Back, posture_of, up_of
 from anyprobe_train.light_graph.background import plain_and_dark
 from anyprobe_train.light_graph.front import Framed, Front, Given, over

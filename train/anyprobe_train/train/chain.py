@@ -1,4 +1,4 @@
-"""Losses of the paper's three networks (Sect. 3.2 to 3.4, nets.paper), with gradual targets (Eq. 6).
+"""Losses of the paper's three networks (Sect. 3.2 to 3.4, nets.earlier_paper), with gradual targets (Eq. 6).
 
 The irradiance net learns alone, first (Irradiance). Then all three learn in one pass over the pairs (Chain): each one's
 input is the output of the one before, cut off from its gradient. What Eq. 7 makes of the last two reaches both.
@@ -15,13 +15,13 @@ from torch.nn import functional as F
 
 from anyprobe.core.response import response
 from anyprobe.light.filtering import blur_cosine_power
-from anyprobe.light.reconstruct import blend_weight, reconstruct
+from anyprobe.paper.equations import blend_weight, reconstruct
 from anyprobe_train.dataset.batch_shading import curves
 from anyprobe_train.dataset.camera import column_of, draw_curve
 from anyprobe_train.dataset.pair_source import Batch
 from anyprobe_train.nets.blocks import autocast
+from anyprobe_train.nets.earlier_paper import NETS, EarlierIlluminationNet
 from anyprobe_train.nets.light_net import LightNet, display
-from anyprobe_train.nets.paper import NETS, IlluminationNet
 from anyprobe_train.train.config import RunConfig
 from anyprobe_train.train.lift import Learner, irradiance_loss, normals_loss
 from anyprobe_train.train.map_losses import Sent, clipped_where_white, shown_losses
@@ -159,7 +159,7 @@ class Chain(_Stages):
     def _shown_and_normals(self, irradiance: torch.Tensor, batch: Batch) -> tuple[torch.Tensor, torch.Tensor]:
         image = torch.cat([irradiance, batch.photo[:, 3:]], dim=1).contiguous(memory_format=torch.channels_last)
         with autocast(self.device):
-            ldr, normals = cast(IlluminationNet, self.nets["illumination"]).shown_and_normals(
+            ldr, normals = cast(EarlierIlluminationNet, self.nets["illumination"]).shown_and_normals(
                 image, batch.tan_half[:, None]
             )
         return ldr.float(), normals

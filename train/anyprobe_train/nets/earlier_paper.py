@@ -13,7 +13,7 @@ from torch.nn import functional as F
 
 from anyprobe.core.response import ln_inverse_response
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.light.reconstruct import blend_weight
+from anyprobe.paper.equations import blend_weight
 from anyprobe_train.nets.blocks import UNet, wrap
 from anyprobe_train.nets.lifting import CameraRays, NormalsNet, lift_to_map, map_pixel, mirror_direction, pyramid
 from anyprobe_train.nets.light_net import MEAN_LN, SCALES, SphereNet, display
@@ -22,7 +22,7 @@ WIDTHS = (16, 32, 64, 128, 192)
 """Widths of the layers that see the object, as in light_net.ObjectNet: 64 x 64 to 4 x 4 pixels."""
 
 
-class IrradianceNet(nn.Module):
+class EarlierIrradianceNet(nn.Module):
     """photo [N, 4, 128, 128] (display RGB times mask, mask), tan_half [N, 1] -> display irradiance [N, 3, 128, 128].
 
     Zero outside the mask; values are in [0, 1] up to the network's error.
@@ -40,7 +40,7 @@ class IrradianceNet(nn.Module):
         return (photo[:, :3] + F.pixel_shuffle(self.head(x), 2)) * photo[:, 3:]
 
 
-class IlluminationNet(nn.Module):
+class EarlierIlluminationNet(nn.Module):
     """image [N, 4, 128, 128] (irradiance, mask), tan_half [N, 1] -> LDR map [N, 3, 64, 128] in [0, 1].
 
     What the whole object shows passes through one vector (`code` numbers), as in the paper. Beside it, what each of
@@ -76,7 +76,7 @@ class IlluminationNet(nn.Module):
         return display(self.sphere(scales, self.code(deepest)).float() * 2 + MEAN_LN), n
 
 
-class HdrNet(nn.Module):
+class EarlierHdrNet(nn.Module):
     """LDR map [N, 3, 64, 128] in [0, 1] -> ln radiance [N, 3, 64, 128].
 
     What is not white is what the LDR map says, H = ln f^-1(U); the layers tell how far above that white is. Eq. 8's
@@ -100,5 +100,5 @@ class HdrNet(nn.Module):
         return shown + blend_weight(ldr.float(), axis=1) ** 2 * (white - shown)
 
 
-NETS = {"irradiance": IrradianceNet, "illumination": IlluminationNet, "hdr": HdrNet}
+NETS = {"irradiance": EarlierIrradianceNet, "illumination": EarlierIlluminationNet, "hdr": EarlierHdrNet}
 """Networks by stage; each reads the output of the one before."""

@@ -1,0 +1,215 @@
+"""The paper's reproduction: sizes, schedule, pairs and exact resumption."""
+
+import json
+import os
+import signal
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="needs ./train[torch]")
+
+from anyprobe.core.sampling import hammersley  # noqa: E402
+from anyprobe.errors import InputError  # noqa: E402
+from anyprobe.paper.equations import filter_exponent  # noqa: E402
+from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
+from anyprobe.scatter.microfacet import albedo_table, directional_albedo  # noqa: E402
+from anyprobe_train.dataset.asset_store import own_map  # noqa: E402
+from anyprobe_train.paper import schedule  # noqa: E402
+from anyprobe_train.paper.lobes import Rings, light_places, light_waves, lobes, shown  # noqa: E402
+from anyprobe_train.paper.losses import best_gain, l2, picture_rmse  # noqa: E402
+from anyprobe_train.paper.materials import MATERIALS  # noqa: E402
+from anyprobe_train.paper.networks import HdrNet, IlluminationNet, IrradianceNet  # noqa: E402
+from anyprobe_train.paper.open_tables import open_tables  # noqa: E402
+from anyprobe_train.paper.pairs import balanced, drawn, pairs_of, reexposed  # noqa: E402
+from anyprobe_train.paper.pieces import PIECES  # noqa: E402
+from anyprobe_train.paper.reproduce import reproduce  # noqa: E402
+from anyprobe_train.paper.settings import SETTINGS  # noqa: E402
+from anyprobe_train.paper.tables import exposed, exposure_of  # noqa: E402
+from anyprobe_train.paper.training import load_net, stored  # noqa: E402
+
+TINY = SETTINGS["tiny"]
+QUICK = replace(TINY, scored=4, log_every=100, score_every=100)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """A folder with the tables of the tiny setting."""
+    folder = tmp_path_factory.mktemp("paper")
+    for split in ("train", "test"):
+        open_tables(None, folder, TINY, split)
+    return folder
+
+
+def beside(runs, folder):
+    """A folder of runs of its own with the same tables."""
+    folder.mkdir()
+    (folder / "tables").symlink_to(runs / "tables")
+    return folder
+
+
+def test_networks_have_the_published_sizes():
+    full = SETTINGS["full"]
+    nets = (
+        (IrradianceNet(full.side, full.width), (4, 128, 128), (3, 128, 128), 7_315_811),
+        (IlluminationNet(full.side, full.rows, full.width, full.code), (4, 128, 128), (3, 64, 128), 6_370_979),
+        (HdrNet(full.rows, full.width), (3, 64, 128), (3, 64, 128), 4_168_547),
+    )
+    for net, before, after, numbers in nets:
+        assert net.eval()(torch.rand(1, *before)).shape == (1, *after)
+        assert sum(x.numel() for x in net.parameters()) == numbers
+
+
+def test_irradiance_is_a_residual_to_the_photo():
+    net = IrradianceNet(TINY.side, TINY.width).eval()
+    torch.nn.init.zeros_(net.residual.head.weight)
+    torch.nn.init.zeros_(net.residual.head.bias)
+    photo = torch.rand(2, 4, TINY.side, TINY.side).round()
+    torch.testing.assert_close(net(photo), photo[:, :3] * photo[:, 3:])
+
+
+def test_targets_sharpen_in_eleven_steps():
+    epochs = [schedule.epoch_of(step, 110) for step in range(110)]
+    assert [epochs.count(e) for e in range(1, 12)] == [10] * 11
+    assert [filter_exponent(e) for e in (1, 2, 11)] == [1, 8, 1331]
+    ldr = torch.rand(2, 3, 16, 32)
+    spread = [schedule.filtered_target(ldr, epoch).std() for epoch in (1, 4, 11)]
+    assert spread == sorted(spread)
+    torch.testing.assert_close(schedule.filtered_target(torch.ones(1, 3, 16, 32), 3), torch.ones(1, 3, 16, 32))
+
+
+def test_rate_rises_stays_and_falls():
+    rates = [schedule.rate_at(step, 1000) for step in range(1000)]
+    assert rates[49] == rates[699] == max(rates) == schedule.RATE
+    assert rates[0] < rates[10] < rates[49]
+    assert rates[999] == pytest.approx(schedule.RATE * schedule.LOWEST_RATE, rel=0.01)
+
+
+def test_errors_of_a_picture():
+    truth = torch.rand(2, 3, 8, 8)
+    mask = torch.zeros(2, 1, 8, 8)
+    mask[..., :4] = 1
+    estimate = truth + 0.1 * mask
+    assert l2(estimate, truth).item() == pytest.approx(0.005, rel=1e-4)
+    torch.testing.assert_close(picture_rmse(estimate, truth, mask), torch.full((2,), 0.1))
+    torch.testing.assert_close(best_gain(0.3 * truth, truth), truth)
+
+
+def test_lobes_of_even_light_are_the_albedos():
+    rings = Rings(count=48)
+    waves = light_waves(np.ones((64, 128, 3), np.float32), light_places(np.eye(3), rings))[1][None]
+    cosine = np.cos(rings.angles(48)[:40])  # beyond, a lobe is narrower than a ring
+    for material in MATERIALS:
+        photo, irradiance = shown(waves, lobes(material, rings), rings)[0].reshape(2, 3, 48, 192)
+        torch.testing.assert_close(irradiance, torch.ones_like(irradiance), atol=1e-4, rtol=0)
+        e1, es = directional_albedo(cosine, np.full_like(cosine, material.alpha), albedo_table())
+        if material.albedo[0] == 0:
+            wanted = material.f0[0] * e1 + (1 - material.f0[0]) * es
+            np.testing.assert_allclose(photo[0, :40, 0], wanted, atol=0.02)
+
+
+def test_lobes_agree_with_the_renderer():
+    radiance = own_map(5, 0).radiance[::4, ::4].copy()
+    rings, material = Rings(count=32), MATERIALS[6]
+    waves = light_waves(radiance, light_places(np.eye(3), rings))[1][None]
+    photo, irradiance = shown(waves, lobes(material, rings), rings)[0].reshape(2, 3, 32, 128).numpy()
+    normals = rings.directions(32)[::5, ::17]
+    n = normals.reshape(-1, 3)
+    wo = np.broadcast_to(np.array([0, 0, 1], np.float32), n.shape)
+    shading = shade(shading_pyramid(radiance, material.alpha), n, wo, material.alpha, hammersley(4096))
+    reference = shading.radiance(material).T.reshape(3, *normals.shape[:2])
+    assert np.abs(photo[:, ::5, ::17] - reference).mean() < 0.03 * reference.mean()
+    reference = shading.irradiance.T.reshape(3, *normals.shape[:2])
+    assert np.abs(irradiance[:, ::5, ::17] - reference).mean() < 0.03 * reference.mean()
+
+
+def test_a_normal_is_nearest_to_itself():
+    rings = Rings(count=8)
+    np.testing.assert_array_equal(rings.nearest(3.0 * rings.directions(8)).ravel(), np.arange(rings.number))
+
+
+def test_a_map_has_one_exposure():
+    radiance = own_map(5, 1).radiance
+    assert exposure_of("0a1b2c3d") == exposure_of("0a1b2c3d")
+    assert 0.5 <= exposure_of("0a1b2c3d") <= 2.0
+    np.testing.assert_allclose(exposed(7.0 * radiance, 0.8), 2.0 * exposed(radiance, 0.4), rtol=1e-4)
+
+
+def test_pairs_are_looked_up(runs):
+    tables = open_tables(None, runs, TINY, "train")
+    which = drawn(tables, np.arange(len(tables.maps)), 6, seed=3, step=2)
+    again = drawn(tables, np.arange(len(tables.maps)), 6, seed=3, step=2)
+    pairs, plain = pairs_of(tables, which), pairs_of(tables, replace(again, mirrored=not which.mirrored))
+    side = TINY.side
+    assert pairs.photo.shape == pairs.irradiance.shape == (6, 4, side, side)
+    assert pairs.photo.is_contiguous(memory_format=torch.channels_last)
+    assert ((pairs.mask == 0) | (pairs.mask == 1)).all()
+    assert 0.05 < pairs.mask.mean() < 0.8
+    assert (pairs.photo[:, :3] * (1 - pairs.mask)).abs().max() == 0
+    torch.testing.assert_close(pairs.photo.flip(3), plain.photo)
+    torch.testing.assert_close(pairs.ldr.flip(3), plain.ldr)
+    brighter = reexposed(pairs, torch.full((6,), 2.0))
+    assert (brighter.ldr >= pairs.ldr - 0.01).all()
+    torch.testing.assert_close(reexposed(pairs, torch.ones(6)).ldr, pairs.ldr, atol=0.005, rtol=0)
+
+
+def test_scored_pairs_are_balanced(runs):
+    tables = open_tables(None, runs, TINY, "test")
+    which = balanced(tables, 48, seed=1)
+    for numbers, count in ((which.material, 8), (which.map, len(tables.maps)), (which.shape, len(tables.shapes))):
+        assert np.ptp(np.bincount(numbers, minlength=count)) <= 1
+
+
+def test_a_run_resumes_to_the_bit(runs, tmp_path):
+    whole, halves = beside(runs, tmp_path / "whole"), beside(runs, tmp_path / "halves")
+    for name in ("irradiance_net", "ours", "hdr_net"):
+        assert reproduce(None, whole, QUICK, only=name, stop=7, say=lambda line: None)
+        for stop in (3, 7):
+            assert reproduce(None, halves, QUICK, only=name, stop=stop, say=lambda line: None)
+        one, other = stored(whole, name), stored(halves, name)
+        assert one["step"] == other["step"] == 7
+        assert one["net"].keys() == other["net"].keys()
+        for key, value in one["net"].items():
+            assert torch.equal(value, other["net"][key]), key
+        for key, state in one["optimizer"]["state"].items():
+            assert torch.equal(state["exp_avg_sq"], other["optimizer"]["state"][key]["exp_avg_sq"])
+
+
+def test_sigterm_saves_and_ends(runs, tmp_path):
+    folder, before = beside(runs, tmp_path / "runs"), signal.getsignal(signal.SIGTERM)
+    often = replace(QUICK, log_every=2)
+
+    def stop_at_four(line):
+        if "step 4," in line:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    assert not reproduce(None, folder, often, only="irradiance_net", say=stop_at_four)
+    assert signal.getsignal(signal.SIGTERM) is before
+    assert stored(folder, "irradiance_net")["step"] == 4
+    assert reproduce(None, folder, often, only="irradiance_net", say=lambda line: None)
+    lines = (folder / "irradiance_net" / "log.jsonl").read_text().splitlines()
+    steps = [json.loads(line)["step"] for line in lines]
+    assert steps == [2, 4, 6, 8, 10, 12]
+    assert "unseen object" in json.loads(lines[-1])
+
+
+def test_another_setting_does_not_go_on(runs, tmp_path):
+    folder = beside(runs, tmp_path / "runs")
+    reproduce(None, folder, QUICK, only="irradiance_net", stop=2, say=lambda line: None)
+    with pytest.raises(InputError, match="settings"):
+        reproduce(None, folder, replace(QUICK, batch=5), only="irradiance_net", say=lambda line: None)
+
+
+def test_estimates_need_the_first_network(runs, tmp_path):
+    with pytest.raises(InputError, match="irradiance_net"):
+        reproduce(None, beside(runs, tmp_path / "runs"), QUICK, only="ours", say=lambda line: None)
+
+
+@pytest.mark.ci
+def test_the_tiny_setting_trains_everything(runs, tmp_path):
+    folder = beside(runs, tmp_path / "runs")
+    pieces = [piece for piece in PIECES if piece.maps == "train"]
+    for piece in pieces:
+        assert reproduce(None, folder, QUICK, only=piece.name, say=lambda line: None)
+    assert not load_net(QUICK, folder, "ours").training

@@ -1,0 +1,41 @@
+"""anyprobe-train paper: the paper's networks from nothing, and its tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from anyprobe.core.spelling import did_you_mean
+from anyprobe.errors import InputError
+from anyprobe_train.cli.run import Data, need_torch
+
+
+def paper(
+    data: Data = None,
+    runs: Annotated[Path, typer.Option(help="Folder of tables, checkpoints and logs.")] = Path("runs/paper"),
+    setting: Annotated[str, typer.Option(help="Sizes: full, small (ten minutes) or tiny (one).")] = "full",
+    only: Annotated[str, typer.Option(help="One piece, by name; default: all in order.")] = "",
+    stop: Annotated[int | None, typer.Option(min=1, help="Leave each piece at this step, to test a machine.")] = None,
+    threads: Annotated[int, typer.Option(min=1, help="Threads.")] = 2,
+    device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
+) -> None:
+    """Train the paper's networks as it does. Resumes exactly where it stopped; SIGTERM saves first."""
+    need_torch("training")
+    from anyprobe_train.paper.pieces import PIECES
+    from anyprobe_train.paper.reproduce import reproduce
+    from anyprobe_train.paper.settings import SETTINGS
+
+    names = [piece.name for piece in PIECES]
+    for subject, given, known in (("setting", setting, list(SETTINGS)), ("only", only or names[0], names)):
+        if given not in known:
+            text = f"expected one of {', '.join(known)}, got {given!r}{did_you_mean(given, known)}"
+            raise InputError(text, subject=subject)
+    ended = reproduce(data, runs, SETTINGS[setting], threads=threads, device=device, only=only, stop=stop, say=_say)
+    if not ended:
+        raise typer.Exit(143)
+
+
+def _say(line: str) -> None:
+    print(line, flush=True)

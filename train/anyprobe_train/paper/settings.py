@@ -1,0 +1,49 @@
+"""Sizes of a whole reproduction: as it is published, in ten minutes, and in one for tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+VIEWS = 23
+"""Cameras, evenly over the upper hemisphere (Sect. 3.5)."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Setting:
+    """Sizes of one reproduction.
+
+    side, rows: of photos [side, side] and of maps [rows, 2 rows]. width, code: of the networks.
+    rings: of normals from the eye's direction to the silhouette; there are four times as many around it.
+    light_rows: of the maps that light the objects.
+    own_maps: procedural ones that join the measured ones. most: of measured maps, and of shapes, of a folder.
+    share: of each piece's steps (pieces.PIECES). batch: pairs a step. scored: pairs of each kind that are scored.
+    log_every, score_every: steps.
+    """
+
+    side: int = 128
+    rows: int = 64
+    width: int = 32
+    code: int = 320
+    rings: int = 48
+    light_rows: int = 64
+    own_maps: int = 200
+    most: int | None = None
+    share: float = 1.0
+    batch: int = 16
+    scored: int = 300
+    log_every: int = 500
+    score_every: int = 1000
+
+
+SETTINGS = {
+    "full": Setting(),
+    "small": Setting(
+        side=64, rows=32, width=12, code=64, rings=24, own_maps=8, most=16, share=0.004, scored=64, log_every=50,
+        score_every=200,
+    ),
+    "tiny": Setting(
+        side=32, rows=16, width=4, code=16, rings=8, light_rows=32, own_maps=3, most=2, share=0.0001, batch=4, scored=8,
+        log_every=2, score_every=4,
+    ),
+}  # fmt: skip
+"""full: what is published. small: everything within ten minutes of two cores. tiny: within a minute."""

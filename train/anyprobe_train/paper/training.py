@@ -1,0 +1,198 @@
+"""Training of one piece, resumable to the bit."""
+
+from __future__ import annotations
+
+import json
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import nn
+
+from anyprobe.errors import InputError
+from anyprobe.files.atomic import atomic_path
+from anyprobe.paper.equations import EPOCHS
+from anyprobe_train.nets.blocks import autocast
+from anyprobe_train.paper import schedule
+from anyprobe_train.paper.losses import l2
+from anyprobe_train.paper.pairs import PaperPairs, drawn, pairs_of, reexposed
+from anyprobe_train.paper.pieces import PIECES, Piece, input_of, network_of, steps_of, truth_of
+from anyprobe_train.paper.scores import Scorer
+from anyprobe_train.paper.settings import Setting
+from anyprobe_train.paper.tables import EXPOSURES, Tables
+
+SAVE_SECONDS = 180.0
+
+
+class Stopped(Exception):
+    """SIGTERM came; everything is saved."""
+
+
+class Terminated:
+    """Whether SIGTERM came within this context, where it does not end the process."""
+
+    def __enter__(self) -> Terminated:
+        self.asked = False
+        self._before = signal.signal(signal.SIGTERM, self._ask)
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        signal.signal(signal.SIGTERM, self._before)
+
+    def _ask(self, *_: Any) -> None:
+        self.asked = True
+
+
+class Trainer:
+    """A piece's network, optimizer and step. Computes in bfloat16 where the device has it, keeps float32."""
+
+    def __init__(self, piece: Piece, setting: Setting, tables: Tables, runs: Path) -> None:
+        self.piece, self.setting, self.tables, self.step = piece, setting, tables, 0
+        self.device = tables.ldr.device.type
+        self.steps = steps_of(piece, setting)
+        self.net = network_of(piece, setting).to(self.device, memory_format=torch.channels_last)
+        if piece.begins:
+            self.net.load_state_dict(stored(runs, piece.begins)["net"])
+        self.irradiance_net = load_irradiance_net(setting, runs, self.device) if piece.sees == "estimate" else None
+        self._optimizer = torch.optim.Adam(
+            self.net.parameters(), schedule.RATE, betas=schedule.BETAS, weight_decay=schedule.DECAY, fused=True
+        )
+        allowed = tables.measured.cpu().numpy() if piece.network == "hdr" else np.ones(len(tables.maps), bool)
+        self._allowed = np.flatnonzero(allowed) if allowed.any() else np.arange(len(tables.maps))
+
+    def pairs(self) -> PaperPairs:
+        """Look up the pairs of this step; the HDR net's maps have an exposure of their own (Sect. 3.5)."""
+        which = drawn(self.tables, self._allowed, self.setting.batch, self.piece.seed, self.step)
+        pairs = pairs_of(self.tables, which)
+        if self.piece.network != "hdr":
+            return pairs
+        rng = np.random.default_rng((self.piece.seed, self.step, 1))
+        exposure = torch.from_numpy(np.exp(rng.uniform(*np.log(EXPOSURES), size=len(which.map))).astype(np.float32))
+        return reexposed(pairs, exposure.to(self.device) / self.tables.exposure[which.map])
+
+    def advance(self) -> tuple[torch.Tensor, torch.Tensor]:
+        """Take a step; return its loss, and the loss against the sharp target."""
+        self.net.train()
+        for group in self._optimizer.param_groups:
+            group["lr"] = schedule.rate_at(self.step, self.steps)
+        pairs = self.pairs()
+        truth = target = truth_of(self.piece, pairs)
+        if self.piece.gradual:
+            epoch = EPOCHS if self.piece.begins else schedule.epoch_of(self.step, self.steps)
+            target = schedule.filtered_target(truth, epoch)
+        self._optimizer.zero_grad()
+        with autocast(self.device):
+            estimate = self.net(input_of(self.piece, pairs, self.irradiance_net))
+        loss = l2(estimate, target)
+        loss.backward()
+        self._optimizer.step()
+        self.step += 1
+        return loss.detach(), l2(estimate.detach(), truth)
+
+    def save(self, path: Path) -> None:
+        """Write everything that the next step depends on."""
+        state = {"net": self.net.state_dict(), "optimizer": self._optimizer.state_dict(), "step": self.step}
+        with atomic_path(path) as partial:
+            torch.save({**state, "piece": asdict(self.piece), "setting": asdict(self.setting)}, partial)
+
+    def load(self, path: Path) -> None:
+        """Go on from what save wrote; InputError if it is of another setting."""
+        state = torch.load(path, weights_only=True, map_location=self.device)
+        if (state["piece"], state["setting"]) != (asdict(self.piece), asdict(self.setting)):
+            raise InputError("expected this run's settings, got others; use another --runs folder", source=path)
+        self.net.load_state_dict(state["net"])
+        self._optimizer.load_state_dict(state["optimizer"])
+        self.step = state["step"]
+
+
+def checkpoint_of(runs: Path, name: str) -> Path:
+    """Return the file of a piece's checkpoint."""
+    return runs / name / "checkpoint.pt"
+
+
+def stored(runs: Path, name: str) -> dict[str, Any]:
+    """Read a piece's checkpoint; InputError if there is none."""
+    path = checkpoint_of(runs, name)
+    if not path.is_file():
+        raise InputError(f"expected {name} to be trained, got no checkpoint; train it first", source=path)
+    return torch.load(path, weights_only=True, map_location="cpu")
+
+
+def is_trained(piece: Piece, setting: Setting, runs: Path) -> bool:
+    """Return whether a piece has all its steps."""
+    return checkpoint_of(runs, piece.name).is_file() and stored(runs, piece.name)["step"] >= steps_of(piece, setting)
+
+
+def load_net(setting: Setting, runs: Path, name: str, device: str = "cpu") -> nn.Module:
+    """Return a trained piece's network, for estimates."""
+    (piece,) = (one for one in PIECES if one.name == name)
+    net = network_of(piece, setting)
+    net.load_state_dict(stored(runs, name)["net"])
+    return net.to(device, memory_format=torch.channels_last).eval().requires_grad_(False)
+
+
+def load_irradiance_net(setting: Setting, runs: Path, device: str) -> nn.Module:
+    """Return the first network, which the later ones learn from."""
+    return load_net(setting, runs, "irradiance_net", device)
+
+
+def train(
+    piece: Piece,
+    setting: Setting,
+    tables: Tables,
+    scorer: Scorer,
+    runs: Path,
+    *,
+    terminated: Terminated,
+    say: Callable[[str], None],
+    stop: int | None = None,
+) -> None:
+    """Train a piece in runs/<name>, going on from what is there; at most to step `stop`.
+
+    Every setting.log_every steps a line goes to log.jsonl: losses against filtered and unfiltered maps, pairs a second,
+    and from time to time scores.
+
+    Raises:
+        Stopped: SIGTERM came.
+    """
+    path = checkpoint_of(runs, piece.name)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    trainer = Trainer(piece, setting, tables, runs)
+    if path.is_file():
+        trainer.load(path)
+    last = min(trainer.steps, stop or trainer.steps)
+    saved = began = time.monotonic()
+    losses: list[torch.Tensor] = []
+    while trainer.step < last:
+        losses.append(torch.stack(trainer.advance()))
+        done = trainer.step == last
+        if trainer.step % setting.log_every == 0 or done:
+            seconds, began = time.monotonic() - began, time.monotonic()
+            line = _line(trainer, torch.stack(losses), seconds)
+            losses = []
+            if trainer.step % setting.score_every == 0 or done:
+                trainer.net.eval()
+                with autocast(trainer.device):
+                    line |= scorer(piece, trainer.net, trainer.irradiance_net)
+                began = time.monotonic()
+            with (path.parent / "log.jsonl").open("a", encoding="utf-8") as log:
+                log.write(json.dumps(line) + "\n")
+            say(f"{piece.name} " + " ".join(f"{key} {value}," for key, value in line.items())[:-1])
+        if done or terminated.asked or time.monotonic() - saved > SAVE_SECONDS:
+            trainer.save(path)
+            saved = time.monotonic()
+        if terminated.asked:
+            raise Stopped
+
+
+def _line(trainer: Trainer, losses: torch.Tensor, seconds: float) -> dict[str, float]:
+    """Return what is logged without scores: losses [N, 2] of the steps since the last line."""
+    mean, spread = losses.mean(dim=0).tolist(), losses[:, 0].std(correction=0).item()
+    line = {"step": trainer.step, "steps": trainer.steps, "loss": round(mean[0], 6), "spread": round(spread, 6)}
+    line |= {"unfiltered": round(mean[1], 6)} if trainer.piece.gradual else {}
+    return line | {"pairs/s": round(len(losses) * trainer.setting.batch / seconds, 1)}
