@@ -8,7 +8,7 @@ from anyprobe.core.color import REC709
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.scatter.materials import Material
-from research.paper_designs.transport import TO_EYE, transport
+from research.irradiance_targets.transport import TO_EYE, transport
 
 TARGETS = ("importance-weighted", "uniform", "mirror, grey")
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.paper.equations import ggx_distribution, schlick_weight, smith_visibility
 from anyprobe.scatter.materials import Material
-from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
 
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 TO_EYE = np.array([0.0, 0.0, 1.0], np.float32)
