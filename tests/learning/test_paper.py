@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image
 
 torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
@@ -17,6 +18,8 @@ from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
 from anyprobe.scatter.microfacet import albedo_table, directional_albedo  # noqa: E402
 from anyprobe_train.dataset.asset_store import own_map  # noqa: E402
 from anyprobe_train.paper import schedule  # noqa: E402
+from anyprobe_train.paper.figures import FIGURES, draw_figure  # noqa: E402
+from anyprobe_train.paper.graphs import export_chain  # noqa: E402
 from anyprobe_train.paper.lobes import Rings, light_places, light_waves, lobes, shown  # noqa: E402
 from anyprobe_train.paper.losses import best_gain, l2, picture_rmse  # noqa: E402
 from anyprobe_train.paper.materials import MATERIALS  # noqa: E402
@@ -24,8 +27,10 @@ from anyprobe_train.paper.networks import HdrNet, IlluminationNet, IrradianceNet
 from anyprobe_train.paper.open_tables import open_tables  # noqa: E402
 from anyprobe_train.paper.pairs import balanced, drawn, pairs_of, reexposed  # noqa: E402
 from anyprobe_train.paper.pieces import PIECES  # noqa: E402
-from anyprobe_train.paper.reproduce import reproduce  # noqa: E402
+from anyprobe_train.paper.reproduce import reproduce, write_table_1  # noqa: E402
+from anyprobe_train.paper.rivals import spheres_of, unwrapped_mirror, unwrapped_sphere  # noqa: E402
 from anyprobe_train.paper.settings import SETTINGS  # noqa: E402
+from anyprobe_train.paper.table_1 import verdict  # noqa: E402
 from anyprobe_train.paper.tables import exposed, exposure_of  # noqa: E402
 from anyprobe_train.paper.training import load_net, stored  # noqa: E402
 
@@ -154,6 +159,32 @@ def test_pairs_are_looked_up(runs):
     torch.testing.assert_close(reexposed(pairs, torch.ones(6)).ldr, pairs.ldr, atol=0.005, rtol=0)
 
 
+def test_rivals_pictures_unwrap_to_the_map(runs):
+    tables = open_tables(None, runs, TINY, "train")
+    smooth = schedule.filtered_target(torch.rand(2, 3, 32, 64), 3)
+    assert picture_rmse(unwrapped_sphere(spheres_of(smooth), 32), smooth).max() < 0.2 * smooth.std()
+    which = replace(drawn(tables, np.arange(len(tables.maps)), 4, seed=1, step=1), mirrored=False)
+    pairs, turned = pairs_of(tables, which), pairs_of(tables, replace(which, mirrored=True))
+    torch.testing.assert_close(pairs.normals.norm(dim=1, keepdim=True), pairs.mask)
+    torch.testing.assert_close(turned.normals.flip(3) * torch.tensor([-1.0, 1, 1])[:, None, None], pairs.normals)
+    assert unwrapped_mirror(pairs.mirror, pairs.normals, pairs.mask, 16).shape == (4, 3, 16, 32)
+
+
+@pytest.mark.filterwarnings("ignore")  # of the tracer
+def test_graphs_are_small_and_agree(runs, tmp_path):
+    pytest.importorskip("onnx", reason="needs ./train[torch]")
+    folder = beside(runs, tmp_path / "runs")
+    for name in ("irradiance_net", "ours", "hdr_net"):
+        assert reproduce(None, folder, QUICK, only=name, stop=2, say=lambda line: None)
+    found = export_chain(folder, QUICK, tmp_path / "graphs")
+    assert set(found) == {"irradiance", "illumination", "hdr"}
+    sizes = [path.stat().st_size for path in (tmp_path / "graphs").iterdir()]
+    weights = sum(
+        x.numel() for name in ("irradiance_net", "ours", "hdr_net") for x in load_net(QUICK, folder, name).parameters()
+    )
+    assert sum(sizes) < 2.5 * weights
+
+
 def test_scored_pairs_are_balanced(runs):
     tables = open_tables(None, runs, TINY, "test")
     which = balanced(tables, 48, seed=1)
@@ -213,3 +244,16 @@ def test_the_tiny_setting_trains_everything(runs, tmp_path):
     for piece in pieces:
         assert reproduce(None, folder, QUICK, only=piece.name, say=lambda line: None)
     assert not load_net(QUICK, folder, "ours").training
+    text = write_table_1(None, folder, QUICK)
+    assert (folder / "table_1.md").read_text() == text
+    assert text.count("| LDR |") == 7
+    assert text.count(" to ") == 3
+    tables = [open_tables(None, folder, TINY, split) for split in ("train", "test")]
+    for number in FIGURES:
+        with Image.open(draw_figure(number, folder, QUICK, *tables)) as picture:
+            assert picture.width > 200
+
+
+def test_a_step_is_decided_equal_or_open():
+    found = [verdict(*pair) for pair in ((0.01, 0.002), (-0.01, 0.002), (0.001, 0.003), (0.004, 0.009))]
+    assert found == ["decided", "reversed", "equal", "open"]

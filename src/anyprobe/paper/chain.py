@@ -54,6 +54,6 @@ def estimate_light(
     irradiance = xp.clip(irradiance_net(photo), 0.0, 1.0)
     ldr = xp.clip(illumination_net(xp.concat([irradiance, photo[:, 3:]], axis=1)), 0.0, 1.0)
     ln_radiance = ln_of_scaled(hdr_net(ldr))
-    last = [xp.moveaxis(picture, 1, -1) for picture in (ldr, ln_radiance)]
-    radiance = xp.moveaxis(reconstruct(*last, curve), -1, 1)
+    radiance = reconstruct(xp.moveaxis(ldr, 1, -1), xp.moveaxis(ln_radiance, 1, -1), curve)
+    radiance = xp.moveaxis(radiance, -1, 1)
     return Chained(irradiance=irradiance, ldr=ldr, ln_radiance=ln_radiance, radiance=radiance)

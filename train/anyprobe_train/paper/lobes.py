@@ -63,6 +63,10 @@ class Rings:
         edges = np.cos(np.arange(2 * self.count + 1) * np.pi / (2 * self.count))
         return (edges[:-1] - edges[1:]) * 2 * np.pi / self.around
 
+    def normals(self) -> np.ndarray:
+        """Return the normals by number [number + 1, 3]; the last, of the background, is zero."""
+        return np.concatenate([self.directions(self.count).reshape(-1, 3), np.zeros((1, 3), np.float32)])
+
     def nearest(self, normals: np.ndarray) -> np.ndarray:
         """Return the number of the normal nearest to each of [..., 3], of any length."""
         theta = np.arctan2(np.hypot(normals[..., 0], normals[..., 1]), normals[..., 2])

@@ -6,10 +6,15 @@ import numpy as np
 
 from anyprobe.scatter.materials import Material
 
+Color = float | tuple[float, float, float]
 
-def _material(albedo: float | tuple, f0: float | tuple, alpha: float) -> Material:
-    albedo, f0 = (np.broadcast_to(np.asarray(value, np.float32), 3).copy() for value in (albedo, f0))
-    return Material(albedo=albedo, f0=f0, alpha=alpha)
+
+def _material(albedo: Color, f0: Color, alpha: float) -> Material:
+    return Material(albedo=_three(albedo), f0=_three(f0), alpha=alpha)
+
+
+def _three(color: Color) -> np.ndarray:
+    return np.broadcast_to(np.asarray(color, np.float32), 3).copy()
 
 
 MATERIALS = (

@@ -76,13 +76,15 @@ class IlluminationNet(nn.Module):
     """Fig. 8: I-Irradiance RGB and mask [N, 4, S, S], a code, and the LDR map [N, 3, R, 2 R]; 4 x 4 and 4 x 8 pixels
     stand around the code."""
 
+    columns = 8
+
     def __init__(self, side: int, rows: int, width: int, code: int) -> None:
         super().__init__()
         widths = widths_of(width, side.bit_length() - 3)
         self.downs = nn.Sequential(*contracting(4, widths))
         self.encode = nn.Sequential(nn.Linear(widths[-1] * 16, code), nn.LeakyReLU(LEAK))
         self.deepest = DEEPEST * width
-        self.decode = nn.Sequential(nn.Linear(code, self.deepest * 32), nn.LeakyReLU(LEAK))
+        self.decode = nn.Sequential(nn.Linear(code, self.deepest * 4 * self.columns), nn.LeakyReLU(LEAK))
         sizes = [self.deepest] + [width * 2**k for k in reversed(range(rows.bit_length() - 4))]
         self.ups = nn.Sequential(*[up(before, after) for before, after in pairwise(sizes)])
         self.head = nn.ConvTranspose2d(sizes[-1], 3, 4, 2, 1)
@@ -90,7 +92,7 @@ class IlluminationNet(nn.Module):
     def forward(self, irradiance: torch.Tensor) -> torch.Tensor:
         """Estimate; not clipped."""
         code = self.encode(self.downs(irradiance).flatten(1))
-        return self.head(self.ups(self.decode(code).unflatten(1, (self.deepest, 4, 8))))
+        return self.head(self.ups(self.decode(code).unflatten(1, (self.deepest, 4, self.columns))))
 
 
 class HdrNet(nn.Module):

@@ -9,6 +9,7 @@ import torch
 
 from anyprobe.core.response import response
 from anyprobe.paper.chain import LN_SCALE
+from anyprobe_train.paper.lobes import Rings
 from anyprobe_train.paper.materials import MATERIALS
 from anyprobe_train.paper.settings import VIEWS
 from anyprobe_train.paper.tables import Tables
@@ -35,12 +36,15 @@ class PaperPairs:
     """B pairs, pictures [B, C, H, W] of display values in [0, 1], zero off the object.
 
     photo: RGB and mask. irradiance: RGB and mask, Eq. 5. mirror [B, 1, S, S]: what a grey mirror of this shape shows.
-    ldr: the map. ln_radiance: its natural logarithm.
+    ldr: the map. ln_radiance: its natural logarithm. numbers [B, S, S]: of normals, rings' where not mirrored.
     """
 
     photo: torch.Tensor
     irradiance: torch.Tensor
     mirror: torch.Tensor
+    numbers: torch.Tensor
+    rings: Rings
+    mirrored: bool
     ldr: torch.Tensor
     ln_radiance: torch.Tensor
 
@@ -48,6 +52,13 @@ class PaperPairs:
     def mask(self) -> torch.Tensor:
         """1 on the object, [B, 1, S, S]."""
         return self.photo[:, 3:]
+
+    @property
+    def normals(self) -> torch.Tensor:
+        """Unit normals in the camera's frame [B, 3, S, S], zero off the object."""
+        found = torch.from_numpy(self.rings.normals()).to(self.numbers.device)[self.numbers]
+        turned = (found * found.new_tensor([-1.0, 1.0, 1.0])).flip(2) if self.mirrored else found
+        return turned.permute(0, 3, 1, 2)
 
 
 def drawn(tables: Tables, allowed: np.ndarray, count: int, seed: int, step: int) -> Which:
@@ -92,6 +103,9 @@ def pairs_of(tables: Tables, which: Which, frame: str = "sphere") -> PaperPairs:
         photo=shown[:, :4].contiguous(memory_format=torch.channels_last),
         irradiance=torch.cat([shown[:, 4:7], mask], dim=1),
         mirror=shown[:, 7:],
+        numbers=normals.unflatten(1, (side, side)),
+        rings=Rings(count=round((tables.shades.shape[1] / 4) ** 0.5)),
+        mirrored=which.mirrored,
         ldr=ldr,
         ln_radiance=ln_radiance,
     )

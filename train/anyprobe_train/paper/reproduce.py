@@ -11,6 +11,7 @@ from anyprobe_train.paper.open_tables import open_tables
 from anyprobe_train.paper.pieces import PIECES
 from anyprobe_train.paper.scores import Scorer
 from anyprobe_train.paper.settings import Setting
+from anyprobe_train.paper.table_1 import write_table
 from anyprobe_train.paper.training import Stopped, Terminated, is_trained, train
 
 
@@ -47,3 +48,12 @@ def reproduce(
             say(f"{piece.name}: stopped; the same command goes on")
             return False
     return True
+
+
+def write_table_1(
+    data: Path | None, runs: Path, setting: Setting, *, threads: int = 1, say: Callable[[str], None] = print
+) -> str:
+    """Score the designs that are trained; return runs/table_1.md."""
+    torch.set_num_threads(threads)
+    seen, test = (open_tables(data, runs, setting, split, say) for split in ("train", "test"))
+    return write_table(runs, setting, seen, test, count=setting.table_pairs)

@@ -10,7 +10,7 @@ from torch import nn
 
 from anyprobe_train.paper.losses import best_gain, picture_rmse
 from anyprobe_train.paper.pairs import PaperPairs, Which, balanced, pairs_of
-from anyprobe_train.paper.pieces import Piece, input_of, truth_of
+from anyprobe_train.paper.pieces import Piece, input_of, map_of, truth_of
 from anyprobe_train.paper.tables import Tables
 
 BLOCK = 20
@@ -63,4 +63,6 @@ class Scorer:
             flat = truth.mean(dim=(2, 3), keepdim=True).expand_as(truth)
             mean_map = self._mean_map.to(truth.device).expand_as(truth)
             found |= {"flat": picture_rmse(flat, truth), "mean map": picture_rmse(mean_map, truth)}
+        if piece.network in ("sphere", "mirror"):
+            found |= {"ldr": picture_rmse(map_of(piece, estimate, pairs), pairs.ldr)}
         return found

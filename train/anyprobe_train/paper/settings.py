@@ -16,7 +16,8 @@ class Setting:
     rings: of normals from the eye's direction to the silhouette; there are four times as many around it.
     light_rows: of the maps that light the objects.
     own_maps: procedural ones that join the measured ones. most: of measured maps, and of shapes, of a folder.
-    share: of each piece's steps (pieces.PIECES). batch: pairs a step. scored: pairs of each kind that are scored.
+    share: of each piece's steps (pieces.PIECES). batch: pairs a step.
+    scored, table_pairs: pairs of each kind that are scored as a run goes, and for Table 1.
     log_every, score_every: steps.
     """
 
@@ -31,6 +32,7 @@ class Setting:
     share: float = 1.0
     batch: int = 16
     scored: int = 300
+    table_pairs: int = 1000
     log_every: int = 500
     score_every: int = 1000
 
@@ -38,12 +40,12 @@ class Setting:
 SETTINGS = {
     "full": Setting(),
     "small": Setting(
-        side=64, rows=32, width=12, code=64, rings=24, own_maps=8, most=16, share=0.004, scored=64, log_every=50,
-        score_every=200,
+        side=64, rows=32, width=12, code=64, rings=24, own_maps=8, most=16, share=0.004, scored=64,
+        table_pairs=200, log_every=50, score_every=200,
     ),
     "tiny": Setting(
         side=32, rows=16, width=4, code=16, rings=8, light_rows=32, own_maps=3, most=2, share=0.0001, batch=4, scored=8,
-        log_every=2, score_every=4,
+        table_pairs=16, log_every=2, score_every=4,
     ),
 }  # fmt: skip
 """full: what is published. small: everything within ten minutes of two cores. tiny: within a minute."""

@@ -27,6 +27,8 @@ from anyprobe_train.paper.settings import Setting
 from anyprobe_train.paper.tables import EXPOSURES, Tables
 
 SAVE_SECONDS = 180.0
+WATCHING = {"scored", "table_pairs", "log_every", "score_every"}
+"""Fields of a setting that a run may change as it goes on."""
 
 
 class Stopped(Exception):
@@ -55,7 +57,7 @@ class Trainer:
         self.piece, self.setting, self.tables, self.step = piece, setting, tables, 0
         self.device = tables.ldr.device.type
         self.steps = steps_of(piece, setting)
-        self.net = network_of(piece, setting).to(self.device, memory_format=torch.channels_last)
+        self.net = placed(network_of(piece, setting), self.device)
         if piece.begins:
             self.net.load_state_dict(stored(runs, piece.begins)["net"])
         self.irradiance_net = load_irradiance_net(setting, runs, self.device) if piece.sees == "estimate" else None
@@ -72,7 +74,8 @@ class Trainer:
         if self.piece.network != "hdr":
             return pairs
         rng = np.random.default_rng((self.piece.seed, self.step, 1))
-        exposure = torch.from_numpy(np.exp(rng.uniform(*np.log(EXPOSURES), size=len(which.map))).astype(np.float32))
+        low, high = np.log(EXPOSURES)
+        exposure = torch.from_numpy(np.exp(rng.uniform(low, high, size=len(which.map))).astype(np.float32))
         return reexposed(pairs, exposure.to(self.device) / self.tables.exposure[which.map])
 
     def advance(self) -> tuple[torch.Tensor, torch.Tensor]:
@@ -103,7 +106,9 @@ class Trainer:
     def load(self, path: Path) -> None:
         """Go on from what save wrote; InputError if it is of another setting."""
         state = torch.load(path, weights_only=True, map_location=self.device)
-        if (state["piece"], state["setting"]) != (asdict(self.piece), asdict(self.setting)):
+        now = {**asdict(self.piece), **asdict(self.setting)}
+        begun = {**state["piece"], **state["setting"]}
+        if any(begun[key] != now[key] for key in begun.keys() & now.keys() - WATCHING):
             raise InputError("expected this run's settings, got others; use another --runs folder", source=path)
         self.net.load_state_dict(state["net"])
         self._optimizer.load_state_dict(state["optimizer"])
@@ -133,7 +138,12 @@ def load_net(setting: Setting, runs: Path, name: str, device: str = "cpu") -> nn
     (piece,) = (one for one in PIECES if one.name == name)
     net = network_of(piece, setting)
     net.load_state_dict(stored(runs, name)["net"])
-    return net.to(device, memory_format=torch.channels_last).eval().requires_grad_(False)
+    return placed(net, device).eval().requires_grad_(False)
+
+
+def placed(net: nn.Module, device: str) -> nn.Module:
+    """Move a network to a device, its channels last in memory."""
+    return net.to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
 
 def load_irradiance_net(setting: Setting, runs: Path, device: str) -> nn.Module:
