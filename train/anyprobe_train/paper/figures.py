@@ -21,7 +21,7 @@ from anyprobe_train.paper.settings import Setting
 from anyprobe_train.paper.tables import Tables
 from anyprobe_train.paper.training import load_net
 
-CELL, GAP = 128, 4
+CELL_ROWS, GAP = 128, 4
 """Height of a picture in a sheet, and what is between two [pixels]."""
 HEAT = np.array([[0, 0, 0], [40, 20, 130], [190, 40, 90], [250, 150, 30], [255, 255, 220]], np.float32) / 255
 MOST = 10.0
@@ -62,14 +62,14 @@ def filtered_maps(runs: Path, setting: Setting, seen: Tables, test: Tables) -> I
     """Draw Fig. 7: a map as the eleven epochs show it, and as it is."""
     ldr = pairs_of(test, balanced(test, 1, 1)).ldr
     maps = [_shown(filtered_target(ldr, epoch))[0] for epoch in range(1, EPOCHS + 1)] + [_shown(ldr)[0]]
-    return sheet([maps[first : first + 4] for first in range(0, len(maps), 4)])
+    return picture_sheet([maps[first : first + 4] for first in range(0, len(maps), 4)])
 
 
 def training_pairs(runs: Path, setting: Setting, seen: Tables, test: Tables) -> Image.Image:
     """Draw Fig. 10: of every material a photo, its I-Irradiance image and its map."""
     pairs = pairs_of(seen, balanced(seen, len(MATERIALS), 2))
     shown = (_shown(pairs.photo[:, :3]), _shown(pairs.irradiance[:, :3]), _shown(pairs.ldr))
-    return sheet([list(row) for row in zip(*shown, strict=True)])
+    return picture_sheet([list(row) for row in zip(*shown, strict=True)])
 
 
 def results(runs: Path, setting: Setting, seen: Tables, test: Tables) -> Image.Image:
@@ -81,7 +81,7 @@ def results(runs: Path, setting: Setting, seen: Tables, test: Tables) -> Image.I
         *(pairs.photo[:, :3], made.irradiance, pairs.irradiance[:, :3], made.ldr, pairs.ldr),
         *(heat(made.radiance), heat(pairs.ln_radiance.exp())),
     )
-    return sheet([list(row) for row in zip(*map(_shown, shown), strict=True)])
+    return picture_sheet([list(row) for row in zip(*map(_shown, shown), strict=True)])
 
 
 def rivals(runs: Path, setting: Setting, seen: Tables, test: Tables) -> Image.Image:
@@ -89,7 +89,7 @@ def rivals(runs: Path, setting: Setting, seen: Tables, test: Tables) -> Image.Im
     pairs = pairs_of(test, balanced(test, SHOWN, 1))
     maps = [_map(name, runs, setting, pairs) for name in ("ours", "georgoulis", "meka")]
     shown = (pairs.photo[:, :3], *maps, pairs.ldr)
-    return sheet([list(row) for row in zip(*map(_shown, shown), strict=True)])
+    return picture_sheet([list(row) for row in zip(*map(_shown, shown), strict=True)])
 
 
 def _map(name: str, runs: Path, setting: Setting, pairs: PaperPairs) -> torch.Tensor:
@@ -109,16 +109,16 @@ def _shown(pictures: torch.Tensor) -> np.ndarray:
     return (pictures.clip(0.0, 1.0).permute(0, 2, 3, 1).numpy() * 255 + 0.5).astype(np.uint8)
 
 
-def sheet(rows: list[list[np.ndarray]]) -> Image.Image:
-    """Arrange pictures [H, W, 3] uint8, scaled to CELL pixels high."""
+def picture_sheet(rows: list[list[np.ndarray]]) -> Image.Image:
+    """Arrange pictures [H, W, 3] uint8, scaled to CELL_ROWS pixels high."""
     cells = [[Image.fromarray(np.ascontiguousarray(one)) for one in row] for row in rows]
-    cells = [[one.resize((CELL * one.width // one.height, CELL)) for one in row] for row in cells]
+    cells = [[one.resize((CELL_ROWS * one.width // one.height, CELL_ROWS)) for one in row] for row in cells]
     width = max(sum(one.width + GAP for one in row) for row in cells)
-    whole = Image.new("RGB", (width, len(cells) * (CELL + GAP)), "white")
+    whole = Image.new("RGB", (width, len(cells) * (CELL_ROWS + GAP)), "white")
     for top, row in enumerate(cells):
         left = 0
         for one in row:
-            whole.paste(one, (left, top * (CELL + GAP)))
+            whole.paste(one, (left, top * (CELL_ROWS + GAP)))
             left += one.width + GAP
     return whole
 

@@ -90,7 +90,7 @@ def input_of(piece: Piece, pairs: PaperPairs, irradiance_net: nn.Module | None) 
     return pairs.photo
 
 
-def truth_of(piece: Piece, pairs: PaperPairs) -> torch.Tensor:
+def target_of(piece: Piece, pairs: PaperPairs) -> torch.Tensor:
     """Return what a piece's network should make of it."""
     if piece.network == "irradiance":
         return pairs.irradiance[:, :3]

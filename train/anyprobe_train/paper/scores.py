@@ -10,7 +10,7 @@ from torch import nn
 
 from anyprobe_train.paper.losses import best_gain, picture_rmse
 from anyprobe_train.paper.pairs import PaperPairs, Which, balanced, pairs_of
-from anyprobe_train.paper.pieces import Piece, input_of, map_of, truth_of
+from anyprobe_train.paper.pieces import Piece, input_of, map_of, target_of
 from anyprobe_train.paper.tables import Tables
 
 BLOCK = 20
@@ -49,7 +49,7 @@ class Scorer:
         return {key: round(float(np.concatenate(values).mean()), 5) for key, values in found.items()}
 
     def _figures(self, piece: Piece, estimate: torch.Tensor, pairs: PaperPairs) -> dict[str, torch.Tensor]:
-        truth = truth_of(piece, pairs)
+        truth = target_of(piece, pairs)
         found = {"rmse": picture_rmse(estimate, truth)}
         if piece.network == "irradiance":
             flat = truth.sum(dim=(2, 3), keepdim=True) / pairs.mask.sum(dim=(2, 3), keepdim=True).clip(min=1)

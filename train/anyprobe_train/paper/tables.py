@@ -102,15 +102,15 @@ def build_tables(
             for view, (turn, uv) in enumerate(zip(turns, uvs, strict=True)):
                 seen, wave = light_waves(light, uv)
                 waves.append(wave)
-                greys.append(mirrored(seen))
+                greys.append(mirror_greys(seen))
                 label = shrink(rotate(fine, turn.T), setting.rows)
                 place = number * VIEWS + view
                 ldr[place] = np.round(response(label) * 255.0)
                 ln_radiance[place] = np.log(np.maximum(label, 1e-6)).clip(*LN_SCALE)
         stacked = torch.stack(waves)
-        grey = levels(torch.from_numpy(np.stack(greys))).numpy()
+        grey = display_levels(torch.from_numpy(np.stack(greys))).numpy()
         for k, spectrum in enumerate(spectra):
-            display = levels(shown(stacked, spectrum, rings)).permute(0, 2, 1).numpy()
+            display = display_levels(shown(stacked, spectrum, rings)).permute(0, 2, 1).numpy()
             shades[rows, k, :-1, :3], shades[rows, k, :-1, 4:7] = display[..., :3], display[..., 3:]
             shades[rows, k, :-1, 3], shades[rows, k, :-1, 7] = 255, grey
     for frame in frames:
@@ -168,12 +168,12 @@ def exposed(radiance: np.ndarray, exposure: float) -> np.ndarray:
     return (radiance * (SCENE_KEY * exposure / mean)).astype(np.float32)
 
 
-def levels(radiance: torch.Tensor) -> torch.Tensor:
+def display_levels(radiance: torch.Tensor) -> torch.Tensor:
     """Convert radiance in exposure units to display values in steps of 1/255, uint8."""
     return _LEVELS[(radiance.clip(0.0, 1.0) * 65535.0).to(torch.int32)]
 
 
-def mirrored(light: np.ndarray) -> np.ndarray:
+def mirror_greys(light: np.ndarray) -> np.ndarray:
     """Return what a grey mirror shows at each normal [N] of light [2 rings, around, 3]: at twice the angle, between two
     rings."""
     grey = luminance(light)

@@ -21,7 +21,7 @@ from anyprobe_train.nets.blocks import autocast
 from anyprobe_train.paper import schedule
 from anyprobe_train.paper.losses import l2
 from anyprobe_train.paper.pairs import PaperPairs, drawn, pairs_of, reexposed
-from anyprobe_train.paper.pieces import PIECES, Piece, input_of, network_of, steps_of, truth_of
+from anyprobe_train.paper.pieces import PIECES, Piece, input_of, network_of, steps_of, target_of
 from anyprobe_train.paper.scores import Scorer
 from anyprobe_train.paper.settings import Setting
 from anyprobe_train.paper.tables import EXPOSURES, Tables
@@ -84,7 +84,7 @@ class Trainer:
         for group in self._optimizer.param_groups:
             group["lr"] = schedule.rate_at(self.step, self.steps)
         pairs = self.pairs()
-        truth = target = truth_of(self.piece, pairs)
+        truth = target = target_of(self.piece, pairs)
         if self.piece.gradual:
             epoch = EPOCHS if self.piece.begins else schedule.epoch_of(self.step, self.steps)
             target = schedule.filtered_target(truth, epoch)
