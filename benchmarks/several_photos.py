@@ -25,7 +25,7 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.known import PhotoBackground
 from anyprobe.estimate.multiview import fuse_lights
-from anyprobe.estimate.photo import Photo, crop_object
+from anyprobe.estimate.photo import Photo, inputs_of
 from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe_train.evaluate.scoring import score
 from research.left_out import load_left_out
@@ -69,7 +69,7 @@ def measure(store: AssetStore, places: int, arc_deg: float, room: float | None, 
 def seen(photo: Photo) -> Photo:
     """The photo, given what it shows beside the object; as it is where that is all black."""
     try:
-        crop_object(replace(photo, surroundings=PhotoBackground()))
+        inputs_of(replace(photo, surroundings=PhotoBackground()))
     except InputError:
         return photo
     return replace(photo, surroundings=PhotoBackground())

@@ -36,7 +36,7 @@ from swaying import CLIPS, DEVELOPED_ON, FPS, JUMP_S, OTHERS, Cutout, click_on, 
 from anyprobe.core.frames import rotation_y
 from anyprobe.errors import AnyprobeError
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.runtime import WHOLE, weights_folder
+from anyprobe.estimate.runtime import weights_folder
 from anyprobe.files.atomic import atomic_path
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
@@ -112,7 +112,7 @@ def followed_s(shown: np.ndarray, wanted: np.ndarray) -> float:
 
 def web_lights(cutout: Cutout, clip: str) -> dict[str, np.ndarray]:
     """As single_lights by the npm package, and `web`, its filtered lights [T, 64, 128, 3]."""
-    weights = {name: str(weights_folder("lift") / f"{name}.onnx") for name in ("light", WHOLE)}
+    weights = {name: str(weights_folder("lift") / "page" / f"{name}.onnx") for name in ("light", "whole")}
     named = find_weights()
     weights |= {"mask": str(default_graph())} if named is None else {"u2netp": str(named.path)}
     with tempfile.TemporaryDirectory() as name:

@@ -45,7 +45,6 @@ INPUTS = {
     "surroundings": ["--surroundings", "{panorama}"],
     "photo": ["--surroundings", "photo"],
     "none": ["--surroundings", "none"],
-    "expected": ["--emitters", "expected"],
     "paper": ["--model", "paper"],
 }
 """Options of `anyprobe estimate`, a photo each."""
@@ -55,7 +54,7 @@ PAIR_KINDS = {"frozen": ["--frozen", "--hints"], "world": ["--conditions", "worl
 
 REQUESTS = (
     *("GET /v1/targets", "GET /openapi.json", "POST /v1/photo", "POST /v1/mask", "POST /v1/estimate"),
-    *("POST /v1/estimate surroundings=none&emitters=expected", "POST /v1/estimate material=gold"),
+    *("POST /v1/estimate surroundings=none", "POST /v1/estimate material=gold"),
     "POST /v1/estimate box=1",
 )
 """Each sends the example; of one that is refused the status counts."""

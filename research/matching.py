@@ -21,21 +21,15 @@ import numpy as np
 import typer
 
 from anyprobe.cli.app import main as run_command
-from anyprobe.core.camera import PinholeCamera
-from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
-from anyprobe.core.resample import resample
-from anyprobe.core.response import response
-from anyprobe.estimate.photo import CONTEXT_SCALE
-from anyprobe.estimate.runtime import CONTEXT_SIZE, Models
-from anyprobe.estimate.surroundings import hidden, radiance_of, surroundings_of, use_surroundings
+from anyprobe.estimate.refine import shown_of
+from anyprobe.estimate.runtime import Models
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
-from anyprobe.match.background import background_of
-from anyprobe.match.likeness import MATCH_ROWS, Shown, best_places, gain_of, light_of, shown_by
-from anyprobe.render.surface import pixel_rays
+from anyprobe.match.likeness import Shown, best_places, gain_of, light_of
 from anyprobe_train.dataset.asset_store import AssetStore
 from anyprobe_train.dataset.catalog import MapAsset, load_maps, load_shapes
 from anyprobe_train.dataset.pair import Pair, render_pair
 from anyprobe_train.dataset.recipe import balanced_recipes
+from anyprobe_train.evaluate.methods import run_with_hints
 from research.compare.figures import relight_scores
 from research.left_out import load_left_out
 
@@ -97,15 +91,8 @@ def judged(store: AssetStore, library: Library, photos: int, conditions: int) ->
     models = Models(threads=1)
     for recipe in balanced_recipes(store, photos, SEED, conditions):
         pair = render_pair(recipe, store)
-        found = models(pair.crop, pair.tan_half)
-        around = background(pair)
-        whole = models(pair.crop, pair.tan_half, surroundings=around, context=context(pair))
-        whole = use_surroundings(whole, around)
-        behind = background_of(*radiance_of(around), np.eye(3), MATCH_ROWS)
-        shown, shown_whole = (
-            shown_by(pair.crop, one.normals, pair.tan_half, np.eye(3), seen)
-            for one, seen in ((found, None), (whole, behind))
-        )
+        found, whole = run_with_hints(models, pair), run_with_hints(models, pair, {"surroundings"})
+        shown, shown_whole = shown_of(found), shown_of(whole)
         if shown is None or shown_whole is None:
             yield {"shown": False}
             continue
@@ -124,27 +111,6 @@ def judged(store: AssetStore, library: Library, photos: int, conditions: int) ->
             rank = int((misfits < misfits[index]).sum())
             row[name] = {"rank": rank, "deg": angle, "yaw": yaw, "vase": dict(zip(VASES, scores, strict=True))}
         yield row
-
-
-def background(pair: Pair) -> np.ndarray:
-    """Surroundings [64, 128, 4]: the map around the object, as the curve displays it."""
-    around = PinholeCamera(
-        width=CONTEXT_SIZE, height=CONTEXT_SIZE, focal=CONTEXT_SIZE / 2 / CONTEXT_SCALE / pair.tan_half
-    )
-    inside = around.shows(pixel_directions(MAP_HEIGHT))
-    cover = inside * (1.0 - hidden(pair.crop, pair.tan_half))
-    return surroundings_of(np.minimum(pair.radiance, 1.0), cover[..., None])
-
-
-def context(pair: Pair) -> np.ndarray:
-    """The same as a picture with the object, [96, 96, 5], see estimate.photo.Crop."""
-    behind = bilinear(pair.radiance, direction_to_uv(-pixel_rays(CONTEXT_SCALE * pair.tan_half, CONTEXT_SIZE)))
-    side = CONTEXT_SIZE // CONTEXT_SCALE
-    small = resample(pair.crop, (side, side), smooth=True)
-    before = np.pad(small, [[(CONTEXT_SIZE - side) // 2] * 2] * 2 + [[0, 0]])
-    on = before[..., 3:]
-    picture = before[..., :3] + (1 - on) * response(behind.clip(0.0, 1.0))
-    return np.concatenate([picture, on, np.ones_like(on)], axis=-1).astype(np.float32)
 
 
 CASES = ("alone", "pitch given", "background shown")

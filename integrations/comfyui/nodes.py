@@ -23,7 +23,7 @@ from anyprobe.estimate.ground import Ground
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.objects import OBJECTS
 from anyprobe.inputs.hints import AUTO, HINTS, NONE, PHOTO
-from anyprobe.inputs.settings import EMITTERS, SETTINGS
+from anyprobe.inputs.settings import SETTINGS
 from anyprobe.light.environment import check_radiance
 from anyprobe.notices import Words
 from anyprobe.relight.appearance import least_scale
@@ -50,7 +50,6 @@ def place_inputs() -> list[Any]:
         hint_input("pitch_deg", "Blank: unknown"),
         choice("material", [UNKNOWN, *MATERIALS]),
         choice("surroundings", [AUTO, PHOTO, NONE]),
-        choice("emitters", EMITTERS),
     ]
 
 
@@ -93,8 +92,7 @@ class LightFromPhoto(io.ComfyNode):
     @classmethod
     def execute(cls, photo: torch.Tensor, mask: torch.Tensor | None = None, **given: Any) -> io.NodeOutput:
         with library_errors():
-            emitters = given.pop("emitters", EMITTERS[0])
-            lights = [anyprobe.estimate(one, emitters=emitters) for one in photos_of(photo, mask, given)]
+            lights = [anyprobe.estimate(one) for one in photos_of(photo, mask, given)]
         said = [light.sidecar() for light in lights]
         return io.NodeOutput(
             image_of([light.radiance for light in lights]),
@@ -145,12 +143,11 @@ class Relight(io.ComfyNode):
     ) -> io.NodeOutput:
         pictures, warnings = [], []
         with library_errors():
-            emitters = given.pop("emitters", EMITTERS[0])
             foot = None if not at.strip() else numbers_of("at", at, "click")
             photos = photos_of(photo, mask, given)
             maps = [None] * len(photos) if hdri is None else one_each(arrays_of(hdri), len(photos), "hdri")
             for one, found in zip(photos, maps, strict=True):
-                radiance, said, ground = estimated(one, emitters)
+                radiance, said, ground = estimated(one)
                 if found is not None:
                     radiance, said = check_radiance(found, "hdri"), one.warnings
                 stage = Stage(one, OBJECTS[shape](), Arrangement(size=size, at=foot, ground=ground))
@@ -239,9 +236,9 @@ def numbers_of(name: str, text: str, field: str) -> Any:
         raise anyprobe.InputError(f"{name}: {str(error).partition(': ')[2]}") from error
 
 
-def estimated(photo: anyprobe.Photo, emitters: str) -> tuple[np.ndarray, tuple[str, ...], Ground | None]:
+def estimated(photo: anyprobe.Photo) -> tuple[np.ndarray, tuple[str, ...], Ground | None]:
     """The map of a photo, as bright as its object asks where its material is not given; the warnings; the ground."""
-    light = anyprobe.estimate(photo, emitters=emitters)
+    light = anyprobe.estimate(photo)
     gain = 1.0 if photo.material is not None else least_scale(photo, light.radiance)
     return light.radiance * np.float32(gain), light.warnings, light.ground
 

@@ -9,12 +9,14 @@ import numpy as np
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.errors import ModelError
-from anyprobe.estimate.runtime import POSTERIOR, Models, Outputs
+from anyprobe.estimate.light_graph import Said
+from anyprobe.estimate.runtime import Models
 from anyprobe.given_material import LEAST_REFLECTANCE
 from anyprobe.light.environment import integral
 from anyprobe.scatter.materials import total_reflectance
 from anyprobe_train.dataset.pair import Pair
 from anyprobe_train.evaluate.calibration import NEAREST, right_of
+from anyprobe_train.evaluate.methods import run_with_hints
 from anyprobe_train.evaluate.metrics import power_ratio_stops
 
 INTERVAL = 0.68
@@ -45,11 +47,17 @@ def to_logit(confidence: np.ndarray) -> np.ndarray:
     return np.log(c / (1 - c))
 
 
-def true_errors(outputs: Outputs, pair: Pair) -> np.ndarray:
-    """What the claims of Outputs.posterior are of: mean error of ln reflectance, of ln of the map's level, degrees of
-    its mean colour."""
-    said, given = outputs.posterior, pair.material
-    reflectance = np.array([said[name] for name in ("red", "green", "blue")])
+def claimed_errors(said: Said) -> np.ndarray:
+    """Return the errors that a model states: of ln reflectance, of ln of the level, degrees of the mean colour."""
+    if said.object_material is None or said.errors is None:
+        raise ModelError("expected a model that estimates its errors, got one that does not")
+    return np.array([said.object_material[4], *said.errors[1:]])
+
+
+def true_errors(outputs: Said, pair: Pair) -> np.ndarray:
+    """Return what claimed_errors are of."""
+    given = pair.material
+    reflectance = np.asarray(outputs.object_material)[1:4]
     true = np.maximum(total_reflectance(given.albedo, given.f0), LEAST_REFLECTANCE)
     means = [integral(np.asarray(one, np.float64)) for one in (outputs.radiance, pair.radiance)]
     cosine = np.dot(*means) / np.prod([np.linalg.norm(mean) for mean in means])
@@ -66,14 +74,9 @@ def calibrate_errors(models: Models, pairs: Iterable[Pair]) -> tuple[float, floa
     """Factors that make the claimed errors hold in INTERVAL of the cases, each pair given nothing and its material."""
     ratios = []
     for pair in pairs:
-        for material in (None, pair.material):
-            outputs = models(pair.crop, pair.tan_half, material=material)
-            if outputs.posterior is None:
-                raise ModelError(
-                    "expected a model that estimates its errors, got one that does not", source=models.name
-                )
-            claimed = [outputs.posterior[name] for name in POSTERIOR[-3:]]
-            ratios.append(true_errors(outputs, pair) / claimed)
+        for given in (set(), {"material"}):
+            said = run_with_hints(models, pair, given)
+            ratios.append(true_errors(said, pair) / claimed_errors(said))
     first, second, third = np.quantile(ratios, INTERVAL, axis=0).tolist()
     return first, second, third
 
@@ -82,13 +85,13 @@ def calibrate(models: Models, pairs: Iterable[Pair]) -> tuple[float, float]:
     """Slope and offset that the logit of a model's confidence should have had; ModelError if it has no confidence."""
     confidence, right = [], []
     for pair in pairs:
-        outputs = models(pair.crop, pair.tan_half)
+        outputs = run_with_hints(models, pair)
         if outputs.confidence is None:
             raise ModelError(
                 "expected a model that estimates its confidence, got one that does not", source=models.name
             )
         confidence.append(outputs.confidence)
-        right.append(right_of(outputs.ldr.clip(0.0, 1.0), response(pair.radiance)))
+        right.append(right_of(response(outputs.radiance), response(pair.radiance)))
     claimed = np.stack(confidence)
     weight = np.broadcast_to(pixel_solid_angles(claimed.shape[1]), claimed.shape)
     return fit_logit(claimed, np.stack(right), weight)

@@ -15,7 +15,7 @@ import numpy as np
 import typer
 
 from anyprobe.cli.app import main as run_command
-from anyprobe.estimate.runtime import WHOLE, weights_folder
+from anyprobe.estimate.runtime import weights_folder
 from anyprobe.files.atomic import atomic_path
 
 WIDENED = ("DequantizeLinear", "Cast")
@@ -54,12 +54,11 @@ def _dequantized(q: np.ndarray, scale: np.ndarray, zero: np.ndarray) -> np.ndarr
     return ((q.astype(np.int32) - zero.astype(np.int32).reshape(shape)) * scale.reshape(shape)).astype(np.float32)
 
 
-def main(to: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for light.onnx and whole.onnx.")]) -> None:
-    """Write the float twins of the shipped graphs."""
-    for name in ("light", WHOLE):
-        path = to / f"{name}.onnx"
-        float_twin(weights_folder("lift") / path.name, path)
-        typer.echo(f"{path}: {path.stat().st_size / 2**20:.1f} MiB")
+def main(to: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for light.onnx.")]) -> None:
+    """Write the float twin of the shipped graph."""
+    path = to / "light.onnx"
+    float_twin(weights_folder("lift") / path.name, path)
+    typer.echo(f"{path}: {path.stat().st_size / 2**20:.1f} MiB")
 
 
 if __name__ == "__main__":

@@ -14,14 +14,14 @@ from rich.table import Table
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.errors import InputError
-from anyprobe.estimate.runtime import POSTERIOR, Models, model_id
+from anyprobe.estimate.runtime import Models, model_id
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe_train.dataset.asset_store import load_asset_store
 from anyprobe_train.dataset.recipe import read_recipes
 from anyprobe_train.evaluate.methods import GIVEN_HINTS, mean_map, run_with_hints
 from anyprobe_train.evaluate.scoring import ALPHA_EDGES
 from anyprobe_train.evaluate.scoring import FROZEN as LIST
-from research.export_weights.calibrate import true_errors
+from research.export_weights.calibrate import claimed_errors, true_errors
 from research.kept_pairs import kept_pairs
 from research.limits.figures import MEAN_MAP, Limits, alpha_bin, kind_of
 from research.limits.sphere import SphereLimit, Views, is_world, paper_draw, world_draw
@@ -58,12 +58,11 @@ def limits(
     scores, held = Limits(), {}
     for pair in chosen:
         scores.add(pair, maps)
-        outputs = models(pair.crop, pair.tan_half)
-        if outputs.posterior is not None:
-            claimed = [outputs.posterior[name] for name in POSTERIOR[-3:]]
-            metal = (outputs.posterior["metal"] > 0.5) == (not pair.material.albedo.any())
+        said = run_with_hints(models, pair)
+        if said.object_material is not None:
+            metal = (said.object_material[0] > 0.5) == (not pair.material.albedo.any())
             for group in ("all", kind_of(pair)):
-                held.setdefault(group, []).append([*(true_errors(outputs, pair) <= claimed), metal])
+                held.setdefault(group, []).append([*(true_errors(said, pair) <= claimed_errors(said)), metal])
         if spheres is not None:
             for name, ldr in spheres(pair).items():
                 scores.add_ldr(name, pair, ldr)

@@ -25,7 +25,7 @@ from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import Models, model_id
-from anyprobe.inputs.settings import DEFAULT_MODEL, LOOKS
+from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe_train.evaluate.methods import baselines, model_methods
 from research.command_help import as_written
 from research.figure_tables import print_figures
@@ -142,16 +142,15 @@ def hidden(
 def stability(
     folders: Folders,
     model: Model = DEFAULT_MODEL,
-    looks: Annotated[int, typer.Option(help="2: with a second look, in a mirror.")] = LOOKS[0],
     out: Annotated[Path, typer.Option("-o", "--out", help="File to write.")] = Path("runs/stability.json"),
 ) -> None:
     """Measure how far the dominant light moves where the same photo is given in another way; masks are given."""
-    estimator, moved = Estimator(model, looks=looks), {}
+    estimator, moved = Estimator(model), {}
     for name, (path, mask) in masked_photos(folders).items():
         moved[name] = changes.moved_lights(path, mask, estimator)
     rows = changes.summary(moved)
     print_figures(f"change of the dominant light, degrees: {len(moved)} photos", rows, changes.COLUMNS)
-    write_result(out, {"commit": commit(), "model": model_id(model), "looks": looks, "rows": rows, "photos": moved})
+    write_result(out, {"commit": commit(), "model": model_id(model), "rows": rows, "photos": moved})
     typer.echo(out)
 
 

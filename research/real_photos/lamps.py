@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.photo import Photo, crop_object, load_photo
+from anyprobe.estimate.photo import Photo, inputs_of, load_photo
+from anyprobe.estimate.runtime import PHOTO_SIZE
+from anyprobe.estimate.window import crop_of
 from anyprobe.inputs.hints import NONE
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe_train.evaluate.methods import Method
@@ -60,7 +62,7 @@ def load_lamps(folder: Path, rows: Iterable[Mapping[str, str]]) -> Iterator[Lamp
         fov_deg = float(row["fov_deg"]) if row.get("fov_deg") else None
         given = {"fov_deg": fov_deg, "mask": folder / row["mask"]}
         photo = load_photo(folder / row["photo"], **given)
-        crop, lamp = crop_object(photo), read_direction(row["lamp"])
+        crop, lamp = crop_of(inputs_of(photo), PHOTO_SIZE), read_direction(row["lamp"])
         yield LampPhoto(
             name=f"{folder.resolve().name}/{row['photo']}",
             object=row.get("object") or Path(row["mask"]).stem.removesuffix("_mask"),

@@ -12,7 +12,9 @@ import numpy as np
 from anyprobe.core.latlong import bilinear
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
-from anyprobe.estimate.photo import crop_object, load_photo
+from anyprobe.estimate.photo import inputs_of, load_photo
+from anyprobe.estimate.runtime import PHOTO_SIZE
+from anyprobe.estimate.window import crop_of
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.maps.radiance import read_radiance
@@ -84,7 +86,7 @@ def load_real(folder: Path, rows: Iterable[Mapping[str, str]]) -> Iterator[RealP
         if not row.get("map"):
             continue
         photo = load_photo(folder / row["photo"], fov_deg=float(row["fov_deg"]), mask=folder / row["mask"])
-        crop = crop_object(photo)
+        crop = crop_of(inputs_of(photo), PHOTO_SIZE)
         measured = read_radiance(folder / row["map"]) * float(row["gain"])
         yield RealPair(
             name=row["photo"],

@@ -10,18 +10,14 @@ import time
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.runtime import Models, model_id
+from anyprobe.estimate.runtime import model_id
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe_train.whole_network.families import FAMILIES
 from research.results import commit, write_result
-from research.scenes.dark import dark_rows, dark_table
-from research.scenes.estimates import estimates_of
-from research.scenes.goes_on import goes_on_table
 from research.scenes.pairs import IN_FILE, PARTS, make_pairs
 from research.scenes.photos import scene_photos
 from research.world.judgement import ALL, CUT_OUTS, Judgement, print_groups
@@ -95,28 +91,6 @@ def score(
     write_result(out or Path(f"runs/scenes-{part}.json"), content)
 
 
-@app.command("goes-on")
-def goes_on(
-    folder: Annotated[Path, typer.Argument(help="Folder of pairs, in which research.scenes pairs wrote.")],
-    model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
-) -> None:
-    """Print how good maps are by how much what is seen goes on beside it."""
-    for line in goes_on_table(estimates_of(sorted(folder.glob("*.npz")), Models(model, threads=1))):
-        typer.echo(line)
-
-
-@app.command()
-def shading(
-    folder: Annotated[Path, typer.Argument(help="Folder of pairs, of --part left-out.")],
-    model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
-) -> None:
-    """Print how far off shading and level of a matte sphere are [stops], and how much light objects reflect."""
-    from research.scenes.shading import shading_errors
-
-    for name, figures in shading_errors(folder, Models(model, threads=1)).items():
-        typer.echo(f"{name}: {figures}")
-
-
 @app.command()
 def inserted(
     data: Data,
@@ -140,33 +114,6 @@ def inserted(
     typer.echo(json.dumps(said, indent=1))
     content = {"commit": commit(), "model": model_id(model), "figures": said, "scenes": rows}
     write_result(out or Path(f"runs/scenes-inserted-{part}.json"), content)
-
-
-@app.command()
-def dark(
-    folder: Annotated[Path, typer.Argument(help="Folder of pairs, in which research.scenes pairs wrote.")],
-    model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
-) -> None:
-    """Print what surroundings are worth by how dark they are beside the object: why dark ones are left out."""
-    found = estimates_of(sorted(folder.glob("*.npz")), Models(model, threads=1))
-    rows = np.array(list(dark_rows(found)))
-    for line in dark_table(rows):
-        typer.echo(line)
-
-
-@app.command()
-def kinds(
-    folder: Annotated[Path, typer.Argument(help="Folder of pairs, in which research.scenes pairs wrote.")],
-    data: Data,
-    part: Annotated[str, typer.Option(help="The pairs' part.")] = "left-out",
-    model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
-) -> None:
-    """Print how many places outdoors are found, and how many rooms are taken for such, by photo and by estimate."""
-    from research.scenes.kinds import judged_kinds, kinds_table
-
-    judged = list(judged_kinds(data, part, sorted(folder.glob("*.npz")), Models(model, threads=1)))
-    for line in kinds_table(judged):
-        typer.echo(line)
 
 
 if __name__ == "__main__":

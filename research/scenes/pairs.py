@@ -8,14 +8,15 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
+import torch
 
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.estimate.ground import up_of
-from anyprobe.estimate.photo import crop_object, load_photo
-from anyprobe.estimate.runtime import CONTEXT_SIZE, PHOTO_SIZE
+from anyprobe.estimate.photo import inputs_of, load_photo
 from anyprobe.files.atomic import atomic_path
-from anyprobe.light.environment import MAP_HEIGHT, rotate
+from anyprobe.light.environment import rotate
 from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store
+from anyprobe_train.light_graph.front import Front, Given
 from anyprobe_train.whole_network.families import FAMILIES
 from research.left_out import load_left_out
 from research.scenes.camera import TakenPhoto, mirrored, take
@@ -74,23 +75,18 @@ def known_of(photo: TakenPhoto, up: np.ndarray, cut_out: bool, family: int, scen
     if cut_out:
         picture = picture * photo.mask[..., None]
     given = {"surroundings": "none"} if cut_out else {"surroundings": "photo"}
-    try:
-        loaded = load_photo(picture, mask=photo.mask, fov_deg=photo.long_fov_deg, **given)
-        crop = crop_object(loaded, PHOTO_SIZE)
-    except InputError:
-        if cut_out:
-            raise
-        return known_of(photo, up, True, family, scene)  # one colour behind it
-    context = np.zeros((CONTEXT_SIZE, CONTEXT_SIZE, 5), np.float32) if crop.context is None else crop.context
-    turned = np.maximum(rotate(photo.truth, crop.camera_from_crop.T), 0.0)
-    around = np.zeros((MAP_HEIGHT, 2 * MAP_HEIGHT, 4)) if crop.surroundings_map is None else crop.surroundings_map
+    loaded = load_photo(picture, mask=photo.mask, fov_deg=photo.long_fov_deg, **given)
+    front, inputs = Front(), Given.of([torch.from_numpy(one) for one in inputs_of(loaded).values()])
+    framed = front.framed(inputs)
+    turn, around = framed.camera_from_crop.numpy(), front.seen(inputs, framed, framed.camera_from_crop)
+    turned = np.maximum(rotate(photo.truth, turn.T), 0.0)
     return Known(
-        image=np.round(255 * crop.image).astype(np.uint8),
-        context=np.round(255 * context).astype(np.uint8),
-        tan_half=np.array(crop.tan_half, np.float32),
-        surroundings=np.round(255 * around[..., :4].transpose(2, 0, 1)).astype(np.uint8),
+        image=np.round(255 * framed.display.permute(1, 2, 0).numpy()).astype(np.uint8),
+        context=np.round(255 * front.context(inputs, framed).permute(1, 2, 0).numpy()).astype(np.uint8),
+        tan_half=np.array(framed.tan_half, np.float32),
+        surroundings=np.round(255 * around[:4].numpy()).astype(np.uint8),
         truth=np.log(np.maximum(turned, np.exp(LN_LOW))).transpose(2, 0, 1).astype(np.float16),
-        up=(crop.camera_from_crop.T @ up).astype(np.float32),
+        up=(turn.T @ up).astype(np.float32),
         family=np.array(family),
         scene=np.array(scene),
     )

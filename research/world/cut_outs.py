@@ -15,9 +15,9 @@ from rich.progress import track
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.runtime import Models, model_id
-from anyprobe.inputs.settings import DEFAULT_MODEL, EXPECTED
+from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe_train.dataset.pair import Pair
-from anyprobe_train.evaluate.methods import mean_map
+from anyprobe_train.evaluate.methods import mean_map, run_with_hints
 from research.results import commit, write_result
 from research.world.judgement import CUT_OUTS, Judgement, print_groups
 from research.world.pairs import COUNT, PARTS, world_pairs
@@ -50,13 +50,9 @@ def cut_outs(
 ) -> None:
     """Print the figures of the model and of the mean map, with standard errors by map."""
     models, judged = Models(model, threads=1), Judgement()
-    spread = models.with_emitters(EXPECTED)
     for _, pair in zip(track(range(count), "scoring"), world_pairs(data, part, kept), strict=False):
         rows = {"mean map": mean_map()}
-        rows |= {
-            name: one(pair.crop, pair.tan_half).radiance
-            for name, one in ((SHIPPED, models), (f"{SHIPPED}, emitters expected", spread))
-        }
+        rows[SHIPPED] = run_with_hints(models, pair).radiance
         judged.add([CUT_OUTS], pair.map_name, score(CutOut.of(pair), rows))
     groups = judged.table()
     print_groups(groups, part)

@@ -11,7 +11,6 @@ from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.result import Light
-from anyprobe.inputs.settings import EXPECTED
 from anyprobe_train.evaluate.methods import mean_map
 from research.world.whole_photos import WholePhoto
 
@@ -38,7 +37,6 @@ def rows_of(photo: WholePhoto, estimator: Estimator) -> dict[str, np.ndarray | L
         "mean map": mean_map(),
         "object alone": estimate(surroundings="none"),
         SHIPPED: (shipped := estimate()),
-        f"{SHIPPED}, emitters expected": estimate(estimator.with_settings(emitters=EXPECTED)),
     }
     if photo.cut_out:
         return rows

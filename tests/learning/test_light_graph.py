@@ -11,7 +11,7 @@ torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.core.frames import rotation_x, rotation_y, turn_towards  # noqa: E402
 from anyprobe.core.response import inverse_response  # noqa: E402
-from anyprobe.estimate.light_graph import INPUTS, graph_inputs  # noqa: E402
+from anyprobe.estimate.light_graph import graph_inputs  # noqa: E402
 from anyprobe.light.environment import rotate  # noqa: E402
 from anyprobe.light.harmonics import project  # noqa: E402
 from anyprobe_train.light_graph.back import Back  # noqa: E402
@@ -35,10 +35,7 @@ def noise(*shape: int) -> np.ndarray:
 
 def given_of(rgb: np.ndarray, mask: np.ndarray, **known) -> Given:
     """Return the graph's inputs as its front has them."""
-    values = graph_inputs(rgb, mask, 60.0, **known)
-    numbers = {name: torch.from_numpy(values[name])[0] for name in INPUTS}
-    numbers = {name: one.permute(2, 0, 1) if one.dim() == 3 else one for name, one in numbers.items()}
-    return Given(**{**numbers, "believe": numbers["believe"][0]})
+    return Given.of([torch.from_numpy(one) for one in graph_inputs(rgb, mask, 60.0, **known).values()])
 
 
 def test_a_window_holds_the_means_of_the_pixels_it_covers():

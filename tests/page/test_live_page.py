@@ -99,17 +99,6 @@ def test_own_photo_is_estimated_clicked_relit_and_downloaded(page_url, aside_pho
     found = read_radiance(Path(seen["background"]["exr"]))
     beside = (32, slice(70, 74))  # a little right of where the camera looks: the backdrop
     np.testing.assert_allclose(found[beside], opaque.radiance[beside], atol=0.02)
-    softer = estimator.with_settings(emitters="expected")
-    found = read_radiance(Path(seen["softAlpha"]))  # of the same mask: its alpha channel
-    assert np.abs(response(found) - response(softer(aside_photo).radiance)).mean() < 0.015
-    soft = softer(vase_photo, click=[click], surroundings="none")
-    found = read_radiance(Path(seen["soft"]["exr"]))
-    # page and package cut out in ways of their own; IoU .976 of their masks puts the lights .045 apart
-    assert np.abs(response(found) - response(soft.radiance)).mean() < 0.06
-    assert np.abs(response(found[:, ::-1]) - response(soft.radiance)).mean() > 0.1
-    assert found.max() == pytest.approx(soft.radiance.max(), rel=0.4)
-    assert sidecar["emitters"] == "mode"
-    assert json.loads(Path(seen["soft"]["json"]).read_text())["emitters"] == "expected"
     np.testing.assert_allclose(sidecar["sh9"], project(map_of_page), atol=0.01)
     # small light sources are most of the harmonics, and steps of 8 bits move them by up to a pixel: they are apart here
     up_to_white = [project(one / np.maximum(luminance(one), 1)[..., None]) for one in (map_of_page, expected.radiance)]

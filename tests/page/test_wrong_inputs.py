@@ -28,7 +28,7 @@ SERVER_ALONE = (
 )
 """Inputs that the page can have wrong at its server alone."""
 pytestmark = pytest.mark.ci
-IN_BROWSER = tuple(name for name in TABLE if name not in SERVER_ALONE or name == "unknown emitters")
+IN_BROWSER = tuple(name for name in TABLE if name not in SERVER_ALONE)
 
 
 def test_most_of_what_the_browser_takes_is_in_the_table():

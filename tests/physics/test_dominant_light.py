@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from anyprobe.core.frames import normalize, rotation_x, rotation_y
+from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.estimate.result import Light
 from anyprobe.light.dominant_light import ERROR, connected, dilate, find_dominant_light, split_dominant_light
 from anyprobe.light.environment import shrink
 
@@ -156,21 +155,3 @@ def test_a_light_that_the_rest_of_the_map_contradicts_is_less_sure():
     np.testing.assert_allclose(alone, expected, rtol=0.05)
     assert alone + 3 < with_fill < ERROR["most_deg"]
     assert find_dominant_light(np.ones((64, 128, 3), np.float32)).error_deg == ERROR["most_deg"]
-
-
-def test_an_estimate_is_as_sure_of_its_light_as_the_networks_are_of_its_place():
-    """The more widely light may lie, the larger the error; it is the same however the light is turned since."""
-    towards = np.array([0.48, 0.6, -0.64])
-    cosine = pixel_directions(64) @ towards
-    drawn = np.where(cosine > np.cos(np.radians(6.0)), 40.0, 0.2)[..., None] * np.ones(3)
-    crop, turn = rotation_x(0.3), rotation_y(1.1)
-    errors = []
-    for kappa in (100.0, 10.0, 2.0):
-        likely = 0.2 + 5 * np.exp(kappa * (pixel_directions(64) @ (crop.T @ towards) - 1))[..., None] * np.ones(3)
-        light = Light(radiance=drawn, camera_from_crop=crop, expected=likely)
-        errors.append(light.dominant_light().error_deg)
-        assert light.rotate(turn).dominant_light().error_deg == pytest.approx(errors[-1], rel=0.02)
-    assert errors[0] < 0.8 * errors[1]
-    assert errors[1] < 0.8 * errors[2]
-    alone = Light(radiance=drawn).dominant_light().error_deg
-    assert alone == pytest.approx(find_dominant_light(drawn).error_deg)

@@ -129,9 +129,9 @@ def test_an_object_above_any_usual_horizon_is_said(photo_rgba, photo_mask):
     guessed, given = (load_photo(rgb, mask=high, fov_deg=60.0, pitch_deg=pitch).ground for pitch in (None, 30.0))
     assert [one.code for one in ground_doubts(guessed, "p")] == ["ground-guessed"]
     assert not ground_doubts(given, "p")
-    found = ground_by_posture(guessed, np.radians([20.0, 3.0, 0.0]), np.eye(3))
+    found = ground_by_posture(guessed, np.array([20.0, 0.0, 3.0]))
     assert not ground_doubts(found, "p")
-    unsure = ground_by_posture(guessed, np.radians([20.0, 20.0, 0.0]), np.eye(3))
+    unsure = ground_by_posture(guessed, np.array([20.0, 0.0, 20.0]))
     assert [(one.code, one.remedy) for one in ground_doubts(unsure, "p")] == [("pitch-unsure", give("pitch_deg"))]
 
 

@@ -12,20 +12,17 @@ from support.scenes import CENTER, DIAMETER, HEIGHT, WIDTH, made_map, sphere_pho
 
 import anyprobe
 from anyprobe.core.color import to_bytes
-from anyprobe.core.frames import turn_towards
 from anyprobe.core.response import response
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import InputError
-from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.material_hint import MAX_STOPS, fit_gain
 from anyprobe.estimate.normals_hint import normals_from_outline, read_normals
-from anyprobe.estimate.photo import crop_object, load_photo
-from anyprobe.light.environment import rotate
+from anyprobe.estimate.photo import load_photo
 from anyprobe.render.integrate import shade, shading_pyramid
 from anyprobe.render.shapes import sphere
 from anyprobe.render.spheres import sphere_normals
 from anyprobe.render.surface import Camera, pixel_rays, see
-from anyprobe.scatter.materials import MATERIALS, Material, material_named
+from anyprobe.scatter.materials import MATERIALS, Material
 
 MATTE = MATERIALS["matte"]
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -142,37 +139,12 @@ def test_a_damaged_array_is_refused(tmp_path):
         read_normals(tmp_path / "n.npy", (HEIGHT, WIDTH))
 
 
-def test_normals_come_to_the_networks_in_the_crops_frame():
-    """A flat thing that faces the camera is seen turned where it is not in the middle of the photo."""
-    photo = np.zeros((HEIGHT, WIDTH, 4), np.uint8)
-    photo[10:50, 80:120] = 200
-    facing = np.zeros((HEIGHT, WIDTH, 3), np.float32)
-    facing[..., 2] = 1.0
-    crop = crop_object(load_photo(photo, fov_deg=70.0, normals=facing))
-    assert crop.normals.shape == (64, 64, 3)
-    known = np.abs(crop.normals).sum(axis=-1) > 0
-    assert 0.7 < known.mean() < 0.9  # the square, without the margin around it
-    focal = WIDTH / 2 / np.tan(np.radians(35.0))
-    ray = np.array([(100 - WIDTH / 2) / focal, -(30 - HEIGHT / 2) / focal, -1.0])
-    expected = turn_towards(ray / np.linalg.norm(ray)).T @ [0.0, 0.0, 1.0]
-    np.testing.assert_allclose(crop.normals[known], np.broadcast_to(expected, (known.sum(), 3)), atol=1e-5)
-    assert abs(expected[0]) > 0.1
-
-
 def test_known_normals_change_the_light_and_are_noted():
     photo = sphere_photo()
     alone, given = anyprobe.estimate(photo), anyprobe.estimate(photo, normals=sphere_map())
     assert alone.sidecar()["hints"] == {"normals": False}
     assert given.sidecar()["hints"] == {"normals": True}
     assert np.abs(given.radiance - alone.radiance).mean() > 1e-3
-
-
-@pytest.mark.parametrize("material", ["matte", "chrome"])
-def test_stages_are_of_the_map_that_a_known_material_gave(material):
-    light = Estimator()(sphere_photo(), normals=sphere_map(), material=material_named(material))
-    expected = np.maximum(rotate(np.exp(light.stages["ln_radiance"]), light.camera_from_crop), 0.0)
-    np.testing.assert_allclose(expected, light.radiance, atol=1e-4, rtol=1e-4)
-    np.testing.assert_allclose(light.stages["ldr"], response(np.exp(light.stages["ln_radiance"])), atol=1e-5)
 
 
 # Spheres

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import OpenEXR
 import pytest
@@ -13,9 +11,9 @@ import anyprobe
 from anyprobe.core.frames import dot, reflect, rotation_y
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
+from anyprobe.estimate.light_graph import Said
 from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE, is_mirror, measure, use_material
 from anyprobe.estimate.result import MIRROR_ERROR_DEG
-from anyprobe.estimate.runtime import Outputs
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.render.spheres import sphere_normals
 from anyprobe.render.surface import pixel_rays
@@ -101,9 +99,15 @@ def test_only_where_normals_are_known_is_anything_measured():
     image, normals = photo_of(truth)
     left = normals.copy()
     left[:, 32:] = 0
-    outputs = Outputs(radiance=flat, irradiance=image, ldr=flat, ln_radiance=np.log(flat), normals=normals)
-    outputs = replace(outputs, confidence=np.full((64, 128), 0.3, np.float32))
-    answer = use_material(outputs, image, TAN_HALF, CHROME, left)[0]
+    said = Said(
+        radiance=flat,
+        crop=image,
+        crop_frame=np.vstack([np.eye(3), [[TAN_HALF, 64, 64]]]),
+        irradiance=image[..., :3],
+        object_normals=left,
+        confidence=np.full((64, 128), 0.3, np.float32),
+    )
+    answer = use_material(said, CHROME, has_normals=True, is_above_white=False)[0]
     found = answer.radiance
     d = pixel_directions(64)
     here, there = d[..., 0] < -0.5, d[..., 0] > 0.5

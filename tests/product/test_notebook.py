@@ -50,7 +50,7 @@ def test_help_documents_the_real_parameters():
 
 
 def test_estimator_says_how_it_is_set(estimator):
-    assert repr(estimator) == "Estimator(model='lift', emitters='mode')"
+    assert repr(estimator) == "Estimator(model='lift')"
 
 
 @pytest.mark.parametrize("segmenter", [None, "small"])

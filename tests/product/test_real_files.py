@@ -40,7 +40,7 @@ import anyprobe
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.errors import InvalidPhoto, MissingExtra
-from anyprobe.estimate.photo import crop_object, load_photo
+from anyprobe.estimate.photo import load_photo
 from anyprobe.maps.exr import read_exr
 from anyprobe.maps.image_io import encode_image, library
 from anyprobe.maps.radiance import read_linear, read_radiance, write_hdr_picture
@@ -376,19 +376,6 @@ def test_an_ordinary_jpeg_has_no_radiance_above_white():
     Image.fromarray(eight(DISPLAY)).save(stream, "JPEG")
     assert read_image(stream.getvalue()).radiance is None
     assert read_image(eight(DISPLAY)).radiance is None
-
-
-def test_light_above_white_in_the_background_is_kept():
-    """A window of radiance 20 beside the object: in the surroundings, and so in the map."""
-    radiance = np.full((96, 128, 3), 0.3, np.float32) + 0.1 * np.linspace(0, 1, 128, dtype=np.float32)[:, None]
-    radiance[10:40, 90:120] = 20.0
-    mask = np.zeros((96, 128), np.float32)
-    mask[40:80, 20:60] = 1.0
-    photo = load_photo(exr(radiance), mask=mask, surroundings="photo")
-    crop = crop_object(photo)
-    assert crop.surroundings_map.shape == (64, 128, 5)
-    assert crop.surroundings_map[..., :3].max() == pytest.approx(20.0, rel=0.05)
-    assert anyprobe.Estimator().from_photo(photo).radiance.max() > 15.0
 
 
 def exr(pixels: np.ndarray, **header) -> bytes:

@@ -534,12 +534,7 @@ def test_slow_step_is_named_while_it_runs(monkeypatch, capsys, silent):
         (("--strip", "--insert-material", "chrome"), ("--insert-material: does nothing with --strip",)),
         *(
             (("--light", "absent.exr", option, *value), (f"{option}: does nothing with --light",))
-            for option, *value in (
-                ("--material", "gold"),
-                ("--emitters", "mode"),  # the default, but said
-                ("--model", "lift"),
-                ("--normals", "sphere"),
-            )
+            for option, *value in (("--material", "gold"), ("--model", "lift"), ("--normals", "sphere"))
         ),
         (("-o", "out.jpg"), (".png", ".jpg")),
     ],

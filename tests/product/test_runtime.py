@@ -9,14 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.refused import refused
-from support.some_pair import sphere_pair
 
-from anyprobe.core.response import response
 from anyprobe.errors import ModelError
 from anyprobe.estimate import runtime
+from anyprobe.estimate.light_graph import graph_inputs
 from anyprobe.estimate.runtime import CONTRACT, STAGES, Models, file_hashes, model_id, weights_folder
-from anyprobe.inputs.settings import EXPECTED
-from anyprobe.light.environment import integral
 
 MAX_WEIGHTS_BYTES = 40 * 2**20
 
@@ -67,10 +64,12 @@ def test_every_graph_is_checked(copied, stage):
 
 
 def test_untouched_copy_is_accepted(copied, rng):
-    outputs = Models(threads=1)(rng.random((128, 128, 4), dtype=np.float32), 0.2)
+    mask = np.zeros((60, 80), np.float32)
+    mask[20:50, 20:50] = 1.0
+    said = Models("paper", threads=1)(graph_inputs(rng.random((60, 80, 3), dtype=np.float32), mask, 60.0))
     height = int(CONTRACT["map_height"])
-    assert outputs.irradiance.shape == (128, 128, 3)
-    assert outputs.ldr.shape == outputs.ln_radiance.shape == (height, 2 * height, 3)
+    assert said.irradiance.shape == (128, 128, 3)
+    assert said.radiance.shape == (height, 2 * height, 3)
 
 
 def test_graphs_in_each_others_place_are_refused(copied):
@@ -128,43 +127,10 @@ def test_hashes_name_the_bytes(copied):
     assert model_id("paper") == identity
 
 
-@pytest.mark.ci
-def test_spread_emitters_are_the_same_light_less_sharp():
-    """As much power, up to what no display shows; nothing else differs."""
-    drawn, spread = Models(threads=1), Models(threads=1, emitters=EXPECTED)
-    for seed in range(3):
-        crop = sphere_pair(seed).crop
-        one, two = drawn(crop, 0.2), spread(crop, 0.2)
-        np.testing.assert_allclose(integral(one.radiance), integral(two.radiance), rtol=1e-3)
-        assert two.radiance.max() < 0.7 * one.radiance.max()
-        np.testing.assert_array_equal(one.irradiance, two.irradiance)
-        np.testing.assert_array_equal(one.normals, two.normals)
-        np.testing.assert_allclose(two.ldr, response(two.radiance), atol=1e-6)
-
-
-def test_other_emitters_are_asked_of_the_same_sessions():
-    drawn = Models(threads=1)
-    spread, crop = drawn.with_emitters(EXPECTED), sphere_pair().crop
-    assert spread._sessions is drawn._sessions
-    assert (drawn.emitters, spread.emitters) == ("mode", "expected")
-    assert spread(crop, 0.2).radiance.max() < 0.7 * drawn(crop, 0.2).radiance.max()
-    with refused("emitters", naming="paper"):
-        Models("paper", threads=1).with_emitters(EXPECTED)
-
-
-def test_emitters_that_are_not_known_are_refused():
-    with refused("emitters"):
-        Models(emitters="bright")
-    with refused("emitters"):
-        Models("paper", emitters=EXPECTED)
-
-
 def test_a_graph_that_tells_less_is_refused(tmp_path):
     onnx = pytest.importorskip("onnx", reason="needs onnx, of './train[torch]'")
     graph = onnx.load(weights_folder("lift") / "light.onnx")
     del graph.graph.output[-1]
     onnx.save(graph, tmp_path / "light.onnx")
-    with pytest.raises(
-        ModelError, match=r"light.onnx: expected outputs .*, ln_expected, posterior, got .*ln_expected; use"
-    ):
+    with pytest.raises(ModelError, match=r"light.onnx: expected outputs .*, irradiance, got .*well_exposed; use"):
         Models(str(tmp_path))

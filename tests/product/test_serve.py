@@ -459,11 +459,10 @@ def test_metrics_count_requests_by_route_and_status(client, photo):
     assert "a-word-of" not in text
 
 
-def test_forms_have_all_hints_and_the_settings_that_may_be_asked_for():
+def test_forms_have_all_hints():
     from anyprobe.inputs.hints import HINTS
-    from anyprobe.inputs.settings import CHOICES
 
-    assert {hint.name for hint in HINTS.values()} | set(CHOICES) <= set(forms.EstimateForm.model_fields)
+    assert {hint.name for hint in HINTS.values()} <= set(forms.EstimateForm.model_fields)
 
 
 @pytest.mark.ci

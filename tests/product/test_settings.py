@@ -38,7 +38,7 @@ def test_networks_are_opened_anew_for_another_engine_or_other_threads(monkeypatc
     monkeypatch.setattr(estimator, "Models", open_networks)
     estimator._shared.cache_clear()
     picture = sphere_photo()
-    for settings in ({"threads": 1}, {"threads": 1, "emitters": "expected"}, {"threads": 2}, {"threads": 1}):
+    for settings in ({"threads": 1}, {"threads": 2}, {"threads": 1}):
         anyprobe.estimate(picture, **settings)
     with refused("providers"):
         anyprobe.estimate(picture, threads=1, providers="onyx")

@@ -12,7 +12,7 @@ from anyprobe.cli.export import target_names
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import AnyprobeError
 from anyprobe.estimate.result import Light
-from anyprobe.estimate.runtime import Models, weights_folder
+from anyprobe.estimate.runtime import weights_folder
 from anyprobe.export.targets import find_target
 from anyprobe.inputs.hints import HINTS
 from anyprobe.masks.segmenters import load_segmenter
@@ -33,7 +33,6 @@ def light():
         (target_names, "blendr", "blender"),
         (lambda name: light().render(name), "vaze", "vase"),
         (lambda name: light().panorama(64, frame=name), "levle", "level"),
-        (lambda name: Models(emitters=name), "expcted", "expected"),
         (weights_folder, "lft", "lift"),
         (load_segmenter, "u2net", "u2netp"),
         (uses_mitsuba, "mitsubi", "mitsuba"),

@@ -9,7 +9,7 @@ from support.room_photos import FOV_DEG, room_photo, smooth_map
 import anyprobe
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.estimate.ground import up_of
-from anyprobe.estimate.photo import crop_object, load_photo
+from anyprobe.estimate.photo import inputs_of, load_photo
 
 GREEN = np.array([90, 160, 60], np.uint8)
 PITCH_DEG = 25.0
@@ -49,17 +49,6 @@ def test_the_ground_is_given_or_estimated():
     assert anyprobe.estimate(photo, mask=mask, surroundings="none").ground is None
 
 
-def test_of_a_large_photo_the_context_is_that_of_a_small_one():
-    photo, mask = on_a_table()
-    large = [np.kron(one, np.ones((8, 8, 1) if one.ndim == 3 else (8, 8), one.dtype)) for one in (photo, mask)]
-    small, big = (crop_object(load_photo(rgb, mask=on, fov_deg=FOV_DEG)).context for rgb, on in ((photo, mask), large))
-    assert np.abs(small - big).mean() < 0.01
-    assert small.shape == (96, 96, 5)
-    high = crop_object(load_photo(photo, mask=np.roll(mask, -60, axis=0), fov_deg=FOV_DEG)).context
-    assert not high[:4].any()  # beyond the photo's upper border
-    assert (high[-10:, :, 4] > 0.99).all()
-
-
 def test_transparent_corners_say_nothing_whatever_their_colours():
     photo, mask = on_a_table()
     alpha = np.full(mask.shape, 255, np.uint8)
@@ -69,9 +58,7 @@ def test_transparent_corners_say_nothing_whatever_their_colours():
         cut = np.dstack([np.where(alpha[..., None] > 0, photo, np.uint8(color)), alpha])
         loaded = load_photo(cut, mask=mask, fov_deg=FOV_DEG)
         maps.append(anyprobe.estimate(cut, mask=mask, fov_deg=FOV_DEG).radiance)
-        details.append(loaded.seen(128))
-        seen = crop_object(loaded)
-        assert seen.context[40:60, :, 4].min() < 0.01 < 0.99 < seen.context[40:60, :, 4].max()
+        details.append(anyprobe.Estimator().from_photo(loaded).seen)
     np.testing.assert_array_equal(maps[0], maps[1])
     np.testing.assert_allclose(*(one[..., :3] * (one[..., 3:] > 0) for one in details), atol=0.05)
     whole = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG).radiance
@@ -106,19 +93,19 @@ def test_a_backdrop_that_is_not_used_is_said(grey, opaque, said):
     photo, mask = room_photo(smooth_map())
     photo[mask == 0] = grey
     given = {"mask": mask} if opaque else {}
-    loaded = load_photo(photo if opaque else np.dstack([photo, mask]), fov_deg=FOV_DEG, **given)
-    assert any(one.code == "plain-backdrop" for one in loaded.warnings) == said
-    assert loaded.ground is None
+    light = anyprobe.estimate(photo if opaque else np.dstack([photo, mask]), fov_deg=FOV_DEG, **given)
+    assert any(one.code == "plain-backdrop" for one in light.warnings) == said
+    assert light.ground is None
 
 
 def test_a_dark_background_that_is_not_used_is_said():
     photo, mask = on_a_table()
     photo[mask == 0] = np.random.default_rng(0).integers(0, 40, ((mask == 0).sum(), 3))
     given = {"mask": mask, "fov_deg": FOV_DEG}
-    loaded = load_photo(photo, **given)
-    assert [one.code for one in loaded.warnings] == ["dark-backdrop"]
-    assert loaded.ground is None
-    asked = load_photo(photo, **given, surroundings="photo")
+    light = anyprobe.estimate(photo, **given)
+    assert "dark-backdrop" in [one.code for one in light.warnings]
+    assert light.ground is None
+    asked = anyprobe.estimate(photo, **given, surroundings="photo")
     assert asked.ground is not None
     assert "dark-backdrop" not in [one.code for one in asked.warnings]
 
@@ -135,8 +122,8 @@ def test_words_in_place_of_a_panorama():
     assert load_photo(photo, **given, surroundings="auto").ground == load_photo(photo, **given).ground is not None
     assert load_photo(photo, **given, surroundings="photo").ground == load_photo(photo, **given).ground
     assert load_photo(photo, **given, surroundings="none").ground is None
-    assert crop_object(load_photo(photo, **given, surroundings="photo")).surroundings_map is not None
-    assert crop_object(load_photo(photo, **given, surroundings="none")).surroundings_map is None
+    assert inputs_of(load_photo(photo, **given, surroundings="photo"))["photo"][..., 3].all()
+    assert not inputs_of(load_photo(photo, **given, surroundings="none"))["photo"][..., 3].any()
 
 
 def test_the_papers_chain_goes_without_what_nobody_asked_for():
@@ -144,7 +131,7 @@ def test_the_papers_chain_goes_without_what_nobody_asked_for():
     light = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG, model="paper")
     assert "surroundings" not in light.info["hints"]
     paper, loaded = anyprobe.Estimator("paper"), load_photo(photo, mask=mask, fov_deg=FOV_DEG)
-    bare = paper.from_crop(loaded.without_pixels(), crop_object(loaded))  # as servers have it
+    bare = paper.from_inputs(loaded.without_pixels(), inputs_of(loaded))  # as servers have it
     np.testing.assert_array_equal(bare.radiance, light.radiance)
     several = paper.multiview([loaded, loaded], [np.eye(3)] * 2)
     np.testing.assert_allclose(several.radiance, light.radiance, rtol=1e-3)

@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from itertools import product
 from pathlib import Path
 
 import numpy as np
-from support.balls import FOV, ball_photo, lamp_map, rich_map
 
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.response import inverse_response, response
 from anyprobe.estimate.doubts import ground_doubts
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.ground import ESTIMATED, GIVEN, GUESSED, Ground, estimate_ground
-from anyprobe.estimate.known import PhotoBackground
-from anyprobe.estimate.mirror_ball import find_ball, least_metal
-from anyprobe.estimate.photo import crop_object, load_photo
+from anyprobe.estimate.ground import ESTIMATED, GIVEN, GUESSED, Ground
+from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.runtime import weights_folder
-from anyprobe.given_material import given_material, material_input
-from anyprobe.inputs.settings import EXPECTED
+from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.source_split import Source, draw_sources, split_sources
@@ -29,7 +25,6 @@ from anyprobe.masks.check import look_at_given
 from anyprobe.masks.networks import default_graph, small_network
 from anyprobe.masks.quality import examine
 from anyprobe.masks.search import Looks, Prompts, find_object
-from anyprobe.masks.sources import mask_from_file
 from anyprobe.relight.ground_view import View
 from anyprobe.relight.placement import Outline, Spot, find_spot
 
@@ -224,31 +219,11 @@ def _ground_doubts() -> list[dict]:
     return cases
 
 
-def _balls(folder: Path, estimator: Estimator) -> list[dict]:
-    """Pictures of balls in files, from which probability of a metal on each is a mirror ball (-1: never), and the light
-    of those that are unwrapped."""
-    cases = []
-    for kind, radiance, fov_deg in (
-        ("mirror", rich_map(), FOV),
-        ("mirror", rich_map(), None),
-        ("painted", rich_map(), FOV),
-        ("matte", rich_map(), FOV),
-        ("mirror", lamp_map(), FOV),
-    ):
-        name = f"ball_{len(cases)}"
-        rgb, mask = ball_photo(radiance, kind, FOV if fov_deg else 86.0)
-        rgba = np.concatenate([rgb, np.full((*mask.shape, 1), 255, np.uint8)], axis=-1)
-        (folder / f"{name}.rgba").write_bytes(rgba.tobytes())
-        loaded = load_photo(rgb, mask=mask, fov_deg=fov_deg)
-        least = least_metal(loaded)
-        light = estimator.unwrapped(estimator.from_photo(loaded), find_ball(loaded))
-        codes = [one.code for one in light.warnings]
-        for what, values in {"mask": mask, "radiance": light.radiance, "confidence": light.confidence}.items():
-            (folder / f"{name}_{what}.f32").write_bytes(values.astype("<f4").tobytes())
-        lens = {"long_fov_deg": loaded.long_fov_deg, "is_known": fov_deg is not None}
-        said = {"least_metal": float(least) if np.isfinite(least) else -1.0, "is_ball": "mirror-ball" in codes}
-        cases.append({"height": mask.shape[0], "width": mask.shape[1], **lens, **said})
-    return cases
+def _prompts(hints: dict) -> Prompts:
+    """Return hints of a case, whose lists JSON has, as the search keeps them."""
+    return Prompts(
+        **{name: tuple(tuple(one) if isinstance(one, list) else one for one in of) for name, of in hints.items()}
+    )
 
 
 def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, long_fov_deg: float) -> None:
@@ -259,84 +234,36 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
     """
     loaded = load_photo(photo, fov_deg=long_fov_deg)
     light = estimator.from_photo(loaded)
-    main = light.dominant_light()
+    main = find_dominant_light(light.radiance)
     answers = {
         "mask": loaded.mask,
-        "crop": light.stages["photo"].transpose(2, 0, 1),
-        "tan_half": [crop_object(loaded).tan_half],
-        "camera_from_crop": light.camera_from_crop,
-        "irradiance": light.stages["irradiance"],
-        "ldr": light.stages["ldr"],
-        "ln_radiance": light.stages["ln_radiance"],
         "radiance": light.radiance,
         "sh9": light.sh9(),
         "dominant_light": np.concatenate(
             [main.direction, main.irradiance, main.color, [main.solid_angle, main.directionality, main.error_deg / 90]]
         ),
-        "confidence": light.confidence,
-        "exposure": [light.sidecar()["confidence"], light.well_exposed_fraction],
         "curve": response(STEPS),
         "curve_inverse": inverse_response(STEPS),
         "irradiance_map": irradiance_map(light.radiance),
         "blurred": blur_cosine_power(light.radiance, 5.0),
     }
-    mask_file = _soft_mask(loaded.mask)
-    (folder / "mask_file.rgba").write_bytes(mask_file.tobytes())
-    soft = replace(loaded, mask=mask_from_file(mask_file, mask_file.shape[:2]))
-    answers["mask_soft"] = soft.mask
-    of_soft = estimator.from_photo(soft)
-    answers["radiance_soft"], answers["sh9_soft"] = of_soft.radiance, of_soft.sh9()
-    if estimator.models.lifts:
-        with_background = replace(loaded, surroundings=PhotoBackground(), hidden=None)
-        answers["surroundings"] = crop_object(with_background).surroundings_map.transpose(2, 0, 1)
-        lit = estimator.from_photo(with_background)
-        answers["radiance_surroundings"], answers["confidence_surroundings"] = lit.radiance, lit.confidence
-        for name, pitch_deg in (("auto", None), ("auto_pitch", 35.0)):
-            ground = estimate_ground(loaded, pitch_deg=pitch_deg)
-            with_ground = replace(loaded, surroundings=PhotoBackground(), hidden=None, ground=ground)
-            answers["context"] = crop_object(with_ground).context.transpose(2, 0, 1)
-            lit = estimator.from_photo(with_ground)
-            stands = lit.ground
-            answers[f"ground_{name}"] = [stands.pitch_deg, stands.pitch_error_deg, stands.roll_deg, *stands.contact]
-            answers[f"radiance_{name}"], answers[f"confidence_{name}"] = lit.radiance, lit.confidence
-        hidden = np.zeros(loaded.mask.shape, bool)  # its colours are not those of the surroundings
-        hidden[:, : hidden.shape[1] // 5] = True
-        hidden &= loaded.mask < 0.5
-        cut = crop_object(replace(with_background, hidden=hidden))
-        answers["transparent"], answers["context_transparent"] = hidden, cut.context.transpose(2, 0, 1)
-        answers["surroundings_transparent"] = cut.surroundings_map.transpose(2, 0, 1)
-        answers["radiance_expected"] = estimator.with_settings(emitters=EXPECTED).from_photo(loaded).radiance
-        two_looks = estimator.with_settings(looks=2)
-        answers["radiance_looks"] = two_looks.from_photo(loaded).radiance
-        answers["radiance_looks_auto"] = two_looks.from_photo(with_ground).radiance
-        answers["normals"] = _normals(loaded.mask)
-        with_normals = replace(loaded, normals=answers["normals"])
-        answers["normals_crop"] = crop_object(with_normals).normals.transpose(2, 0, 1)
-        answers["radiance_normals"] = estimator.from_photo(with_normals).radiance
-        answers["radiance_looks_normals"] = two_looks.from_photo(with_normals).radiance
-        for name, given in GIVEN_MATERIALS.items():
-            material = given_material(**given)
-            answers[f"material_{name}"] = material_input(material)
-            crop = crop_object(loaded)
-            outputs = estimator.models(crop.image, crop.tan_half, None, None, material)
-            answers[f"radiance_{name}"] = rotate(outputs.radiance, crop.camera_from_crop).clip(0.0)
-        answers["uncertainty"] = list(light.origin.uncertainty.values())
     rgb, found = photo[..., :3].astype(np.float32) / 255, {}
     for name, hints in HINTS.items():
-        finding = find_object(Looks(small_network(), rgb), Prompts(**hints))
+        finding = find_object(Looks(small_network(), rgb), _prompts(hints))
         answers[f"mask_{name}"] = finding.mask(*rgb.shape[1::-1])
-        evidence = examine(finding, *rgb.shape[1::-1], Prompts(**hints))
+        evidence = examine(finding, *rgb.shape[1::-1], _prompts(hints))
         found[name] = asdict(evidence) | {
             "iou": evidence.expected_iou("small"),
-            "doubts": evidence.doubts(Prompts(**hints)),
+            "doubts": evidence.doubts(_prompts(hints)),
         }
     answers |= _filtered(light.radiance)
     for name, values in answers.items():
         (folder / f"{name}.f32").write_bytes(np.ascontiguousarray(values, dtype="<f4").tobytes())
     (folder / "photo.rgba").write_bytes(photo.tobytes())
     folder_of_graphs = weights_folder(estimator.models.name)
-    weights = {stage: str(folder_of_graphs / f"{stage}.onnx") for stage in estimator.models.stages}
-    weights["mask"] = str(default_graph())
+    if estimator.models.lifts:
+        folder_of_graphs = folder_of_graphs / "page"
+    weights = {path.stem: str(path) for path in folder_of_graphs.glob("*.onnx")} | {"mask": str(default_graph())}
     case = {
         "height": photo.shape[0],
         "width": photo.shape[1],
@@ -349,6 +276,5 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "ground_doubts": _ground_doubts(),
         "given_masks": _given_masks(folder),
         "found": found,
-        "balls": _balls(folder, estimator) if estimator.models.lifts else [],
     }
     (folder / "case.json").write_text(json.dumps(case))

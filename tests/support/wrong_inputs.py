@@ -109,7 +109,6 @@ TABLE = {
     "video as photo": Wrong({}, code="invalid-image", remedy=("use-video",), photo=b"\0\0\0\x20ftypisom" + bytes(32)),
     "empty file as photo": Wrong({}, code="invalid-image", photo=b"", doors=("command line",)),
     "photo of a few pixels": Wrong({}, code="invalid-image", photo=png(size=(8, 8))),
-    "unknown emitters": Wrong({"emitters": "soft"}, subject=("emitters",)),
 }
 
 

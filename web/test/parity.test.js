@@ -11,27 +11,19 @@ import { join } from "node:path";
 import { before, test } from "node:test";
 import * as ort from "onnxruntime-web";
 
-import { cameraRadiance, describe } from "../src/light/light.js";
+import { describe } from "../src/light/light.js";
 import { irradianceMap, blurCosinePower } from "../src/light/filtering.js";
 import { splitSources } from "../src/light/sourceSplit.js";
 import { shown, shownSources, step } from "../src/light/temporal.js";
-import { isCutOut } from "../src/photo/backdrop.js";
-import { contextOf, cropNormals, cropObject } from "../src/photo/crop.js";
-import { givenMaterial, materialInput } from "../src/photo/material.js";
 import { lookAtGiven } from "../src/photo/maskCheck.js";
 import { groundDoubts } from "../src/photo/ground.js";
 import { objectBox } from "../src/photo/picture.js";
-import { readMask } from "../src/photo/source.js";
-import { seeSurroundings, withoutTransparent } from "../src/photo/surroundings.js";
 import { SmallNetwork } from "../src/photo/maskNetworks.js";
 import { doubts, examine, expectedIou } from "../src/photo/quality.js";
 import { Looks, findObject, maskOf } from "../src/photo/search.js";
-import { lightOfObject } from "../src/networks/lightOfObject.js";
 import { inverseResponse, response } from "../src/core/response.js";
 import { Silhouette, farthestRow, findSpot } from "../page/view/placement.js";
-import { lightOfStill } from "../src/networks/lightOfStill.js";
 import { Models } from "../src/networks/models.js";
-import { leastMetal } from "../src/photo/mirrorBall.js";
 
 const folder = process.env.PARITY;
 const skip = folder ? false : "PARITY names no folder with Python's answers";
@@ -75,16 +67,11 @@ before(async () => {
   const { width, height, long_fov_deg, weights } = given;
   const rgba = new Uint8ClampedArray(readFileSync(join(folder, "photo.rgba")));
   Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, materials: given.materials, frameSeconds: given.frame_seconds, placements: given.placements, groundDoubts: given.ground_doubts, balls: given.balls, givenMasks: given.given_masks, found: given.found });
-  found.crop = cropObject(found.picture, floats("mask"), long_fov_deg);
   ort.env.wasm.numThreads = 1;
   const bytes = Object.fromEntries(
     Object.entries(weights).map(([stage, path]) => [stage, new Uint8Array(readFileSync(path))]),
   );
   found.models = await Models.open(ort, bytes);
-  found.stages = await found.models.light(found.crop.image, found.crop.tanHalf);
-  const { expected } = found.stages;
-  found.likely = expected ? { expected, cameraFromCrop: found.crop.cameraFromCrop } : null;
-  found.light = describe(cameraRadiance(found.stages, found.crop.cameraFromCrop), found.likely);
 });
 
 test("what is no number is not close to one, wherever it stands", () => {
@@ -98,85 +85,6 @@ test("what is no number is not close to one, wherever it stands", () => {
     const many = numbers.slice().fill(NaN, at - at / 9, at + 11);
     assert.throws(() => assertMostlyClose(many, numbers, 1, "broken"), /off by Infinity/);
   }
-});
-
-test("the crop and its camera", { skip }, () => {
-  assertClose(found.crop.image, floats("crop"), 1e-5, "crop");
-  assertClose([found.crop.tanHalf], floats("tan_half"), 1e-6, "tan_half");
-  assertClose(found.crop.cameraFromCrop, floats("camera_from_crop"), 1e-6, "camera_from_crop");
-});
-
-test("the stages", { skip }, () => {
-  assertClose(found.stages.irradiance, floats("irradiance"), 2e-4, "irradiance");
-  assertMostlyClose(found.stages.ldr, floats("ldr"), 1e-3, "ldr");
-  assertMostlyClose(found.stages.lnRadiance, floats("ln_radiance"), 2e-3, "ln_radiance");
-});
-
-test("the map in the camera's frame", { skip }, () => {
-  assertMostlyClose(found.light.radiance, floats("radiance"), 3e-3, "radiance");
-});
-
-test("a soft mask from a picture of it, and the light with it", { skip }, async () => {
-  const { picture, longFovDeg, models } = found;
-  globalThis.ImageData = class {
-    constructor(data, width, height) {
-      Object.assign(this, { data, width, height });
-    }
-  };
-  const { width, height } = picture;
-  const file = new ImageData(new Uint8ClampedArray(readFileSync(join(folder, "mask_file.rgba"))), width, height);
-  const mask = await readMask(file, { width, height, fullWidth: width, fullHeight: height });
-  assertClose(mask, floats("mask_soft"), 1e-5, "soft mask");
-  const crop = cropObject(picture, mask, longFovDeg);
-  const { radiance } = await lightOfObject(models, picture, longFovDeg, crop, {});
-  assertMostlyClose(radiance, floats("radiance_soft"), 3e-3, "radiance of the soft mask");
-  assertClose(describe(radiance).sh9, floats("sh9_soft"), 1e-3, "sh9 of the soft mask");
-});
-
-/** The light of the photo's object by other options. */
-const lit = (options) => lightOfObject(found.models, found.picture, found.longFovDeg, found.crop, options);
-
-test("the background, and the map with it", { skip }, async (t) => {
-  if (!found.models.lifts) return t.diagnostic("the paper's chain has no use for it");
-  const { crop, picture } = found;
-  assertClose(seeSurroundings(picture, found.longFovDeg, crop), floats("surroundings"), 2e-3, "surroundings");
-  const { radiance, stages, confidence } = await lit({ surroundings: true });
-  assertMostlyClose(radiance, floats("radiance_surroundings"), 3e-3, "radiance with surroundings");
-  assertMostlyClose(confidence, floats("confidence_surroundings"), 3e-3, "confidence with surroundings");
-  assertMostlyClose(stages.ldr, stages.radiance.map((value) => response(value)), 1e-6, "ldr with surroundings");
-});
-
-test("a cut-out is lit as its object alone", { skip }, async () => {
-  assert.ok(isCutOut(found.picture, found.crop.mask));
-  const { radiance, hints } = await lit({});
-  assert.equal(hints.surroundings, 0);
-  assertMostlyClose(radiance, floats("radiance"), 3e-3, "radiance of the object alone");
-});
-
-test("what stands around the object, the camera's pitch, and the map with them", { skip }, async (t) => {
-  if (!found.models.lifts) return t.diagnostic("the paper's chain has no use for it");
-  const { longFovDeg, crop, models } = found;
-  const picture = { ...found.picture, rgba: found.picture.rgba.map((value, i) => (i % 4 === 3 ? 255 : value)) };
-  assert.ok(!isCutOut(picture, crop.mask));
-  assertClose(contextOf(picture, crop.mask, crop), floats("context"), 1e-5, "context");
-  for (const [name, pitchDeg] of [["auto", undefined], ["auto_pitch", 35]]) {
-    const { radiance, confidence, ground } = await lightOfObject(models, picture, longFovDeg, crop, { pitchDeg });
-    assertClose([ground.pitchDeg, ground.pitchErrorDeg, ground.rollDeg, ...ground.contact], floats(`ground_${name}`), 0.05, `ground, ${name}`);
-    assertMostlyClose(radiance, floats(`radiance_${name}`), 5e-3, `radiance, ${name}`);
-    assertMostlyClose(confidence, floats(`confidence_${name}`), 3e-3, `confidence, ${name}`);
-  }
-});
-
-test("transparent pixels are no surroundings", { skip }, (t) => {
-  if (!found.models.lifts) return t.diagnostic("the paper's chain has no use for it");
-  const { longFovDeg, crop } = found;
-  const transparent = floats("transparent");
-  const rgba = found.picture.rgba.map((value, i) => (i % 4 === 3 ? 255 * (1 - transparent[(i - 3) / 4]) : value));
-  const { picture, opaque } = withoutTransparent({ ...found.picture, rgba });
-  assertClose(seeSurroundings(picture, longFovDeg, crop, opaque), floats("surroundings_transparent"), 2e-3, "surroundings");
-  assertClose(contextOf(picture, crop.mask, crop, opaque), floats("context_transparent"), 1e-5, "context");
-  const whole = { ...found.picture, rgba: found.picture.rgba.map((value, i) => (i % 4 === 3 ? 255 : value)) };
-  assert.deepEqual(withoutTransparent(whole), { picture: whole, opaque: null });
 });
 
 test("what is odd about a given mask is said in the same words", { skip }, () => {
@@ -196,81 +104,14 @@ test("an unsure pitch is said in the same words", { skip }, () => {
   assert.deepEqual(groundDoubts(null), []);
 });
 
-test("the mean radiance of light sources", { skip }, async (t) => {
-  if (!found.models.lifts) return t.diagnostic("the paper's chain knows their likeliest positions alone");
-  const { radiance, stages } = await lit({ emitters: "expected" });
-  assertMostlyClose(radiance, floats("radiance_expected"), 3e-3, "radiance expected");
-  assertMostlyClose(stages.ldr, stages.radiance.map((value) => response(value)), 1e-6, "ldr expected");
-});
-
-test("a second look in a mirror", { skip }, async (t) => {
-  if (!found.models.lifts) return assert.rejects(lit({ looks: 2 }), ({ notice }) => notice.code === "invalid-option" && notice.subject[0] === "looks");
-  const normals = cropNormals(floats("normals"), floats("mask"), found.picture.width, found.crop);
-  const cases = { radiance_looks: {}, radiance_looks_auto: { surroundings: true, isAlone: false, pitchDeg: 35 }, radiance_looks_normals: { normals } };
-  for (const [name, given] of Object.entries(cases)) assertMostlyClose((await lit({ ...given, looks: 2 })).radiance, floats(name), 5e-3, name);
-});
-
-test("given normals, cropped, and the map with them", { skip }, async (t) => {
-  if (!found.models.lifts) return t.diagnostic("the paper's chain has no use for them");
-  const normals = cropNormals(floats("normals"), floats("mask"), found.picture.width, found.crop);
-  assertClose(normals, floats("normals_crop"), 1e-4, "normals");
-  assertMostlyClose((await lit({ normals })).radiance, floats("radiance_normals"), 3e-3, "radiance with normals");
-});
-
-test("a given material, and the map with it", { skip }, async (t) => {
-  if (!found.models.lifts) return t.diagnostic("the paper's chain has no use for it");
-  for (const [name, given] of Object.entries(found.materials)) {
-    const material = materialInput(givenMaterial(given));
-    assertClose(material, floats(`material_${name}`), 1e-6, name);
-    assertMostlyClose((await lit({ material })).radiance, floats(`radiance_${name}`), 5e-3, `radiance of ${name}`);
-  }
-});
-
-test("what it says of its own map's level and colour", { skip }, async (t) => {
-  if (!found.models.lifts) return t.diagnostic("the paper's chain says nothing");
-  const { levelStops, colorDeg } = (await lit({})).uncertainty;
-  assertClose([levelStops, colorDeg], floats("uncertainty"), 0.02, "uncertainty");
-});
-
-test("the confidence, its mean, and how much of the object is well exposed", { skip }, async (t) => {
-  const { confidence, meanConfidence, wellExposedFraction } = await lit({});
-  if (!found.models.lifts) {
-    assert.equal(confidence, null);
-    return t.diagnostic("the paper's chain has none");
-  }
-  assertMostlyClose(confidence, floats("confidence"), 3e-3, "confidence");
-  assertClose([meanConfidence, wellExposedFraction], floats("exposure"), 2e-3, "exposure");
-});
-
 test("the camera's curve and its inverse", { skip }, () => {
   const steps = Float32Array.from({ length: 256 }, (_, i) => i / 200);
   assertClose(steps.map(response), floats("curve"), 1e-6, "curve");
   assertClose(steps.map(inverseResponse), floats("curve_inverse"), 1e-6, "inverse");
 });
 
-test("a backdrop's smooth shading is no place, planks are one", { skip }, () => {
-  const { crop, picture } = found;
-  const shaded = (planks) => {
-    const rgba = new Uint8ClampedArray(picture.rgba.length).fill(255);
-    for (let pixel = 0; pixel < rgba.length / 4; pixel++) {
-      const [x, y] = [pixel % picture.width, Math.floor(pixel / picture.width)];
-      const value = 90 + (70 * y) / picture.height - (planks && Math.floor(x / 24) % 2 ? 20 : 0);
-      rgba.fill(value, 4 * pixel, 4 * pixel + 3);
-    }
-    return { ...picture, rgba };
-  };
-  assert.ok(isCutOut(shaded(false), crop.mask));
-  assert.ok(!isCutOut(shaded(true), crop.mask));
-});
-
-test("one colour behind the object is no place", { skip }, () => {
-  const { crop, picture } = found;
-  const plain = { ...picture, rgba: new Uint8ClampedArray(picture.rgba.length).fill(200) };
-  assert.equal(seeSurroundings(plain, found.longFovDeg, crop), null);
-});
-
 test("harmonics and dominant light of Python's own map", { skip }, () => {
-  const light = describe(floats("radiance"), found.likely);
+  const light = describe(floats("radiance"));
   assertClose(light.sh9, floats("sh9"), 1e-5, "sh9");
   const { direction, irradiance, color, solidAngle, directionality, errorDeg } = light.dominant;
   const main = [...direction, ...irradiance, ...color, solidAngle, directionality, errorDeg / 90];
@@ -379,17 +220,3 @@ test("where a virtual object stands", { skip }, () => {
   assert.ok(Math.min(...Object.values(sides)) > 3, JSON.stringify(sides));
 });
 
-test("which balls are mirrors, and the light that these show", { skip }, async () => {
-  for (const [at, { width, height, long_fov_deg: longFovDeg, is_known: isLensKnown, least_metal: least, is_ball: isBall }] of found.balls.entries()) {
-    const picture = { width, height, rgba: new Uint8ClampedArray(readFileSync(join(folder, `ball_${at}.rgba`))) };
-    const mask = floats(`ball_${at}_mask`);
-    const metal = leastMetal(picture, mask, longFovDeg, isLensKnown);
-    assert.equal(metal === Infinity ? -1 : metal, least, `${at}`);
-    const light = await lightOfStill(found.models, picture, { longFovDeg, isLensKnown }, cropObject(picture, mask, longFovDeg), {});
-    assert.equal(light.warnings.some(({ code }) => code === "mirror-ball"), isBall, `${at}`);
-    assertMostlyClose(light.radiance, floats(`ball_${at}_radiance`), 5e-3, `${at} radiance`);
-    assertMostlyClose(light.confidence, floats(`ball_${at}_confidence`), 2e-3, `${at} confidence`);
-    const given = await lightOfStill(found.models, picture, { longFovDeg, isLensKnown }, cropObject(picture, mask, longFovDeg), { material: materialInput(givenMaterial("matte")) });
-    assert.ok(!given.warnings.some(({ code }) => code === "mirror-ball"));
-  }
-});

@@ -8,7 +8,3 @@ export type LongFovDeg = number;
 export type PitchDeg = number;
 /** Surroundings: auto (default) uses the photo around the object, unless that is cut out; photo uses it in any case; none; or a panorama in the camera's frame, transparent where unknown. */
 export type Surroundings = "auto" | "photo" | "none";
-/** mode: light sources at their most likely positions, with sharp shadows and highlights; expected: the mean over all positions, with soft shadows and a smaller error on matte objects. */
-export type Emitters = "mode" | "expected";
-/** 2: also look at the mirrored photo and keep the likelier light, so that a mirrored photo gets the mirrored light; takes twice as long. */
-export type Looks = 1 | 2;

@@ -165,7 +165,7 @@ class ObjectOptions(MaskOptions):
 class ModelOptions:
     """Options of the estimator."""
 
-    settings: Annotated[Settings, ("emitters", "looks", "model", "providers", "threads")]
+    settings: Annotated[Settings, ("model", "providers", "threads")]
 
     def estimator(self, **more: Any) -> Estimator:
         """Open the estimator with these options; `more` overrides settings."""
@@ -242,7 +242,7 @@ def _group(annotation: Any) -> tuple[Any, tuple[str, ...]]:
 
 def _setting_option(setting: Field[Any]) -> inspect.Parameter:
     described = SETTINGS[setting.name]
-    kind: Any = {"threads": int | None, "looks": int, "segmenter": str | None}.get(setting.name, str)
+    kind: Any = {"threads": int | None, "segmenter": str | None}.get(setting.name, str)
     option = typer.Option(f"--{setting.name.replace('_', '-')}", metavar=described.metavar, help=described.help)
     default = ",".join(setting.default) if isinstance(setting.default, tuple) else setting.default
     return _option(setting.name, Annotated[kind, option], default)

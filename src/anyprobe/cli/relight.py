@@ -50,10 +50,7 @@ TRANSPARENT = (
     "give an opaque photo, or take object and shadow from an .exr"
 )
 SHOWN_AFTER_S = 1.0
-OF_ESTIMATES = [
-    *(name for name, hint in HINTS.items() if hint.about == "light"),
-    *("emitters", "looks", "model", "providers", "threads"),
-]
+OF_ESTIMATES = [*(name for name, hint in HINTS.items() if hint.about == "light"), *("model", "providers", "threads")]
 """Parameters that only affect an estimate."""
 PANORAMA_ROWS = 512
 """Rows of the panorama that an inserted object mirrors."""

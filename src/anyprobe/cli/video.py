@@ -115,8 +115,6 @@ def video(
         "every_frame": {key: value for key, value in every_frame.items() if isinstance(value, float | str)},
         "poses": None if rotations is None else digest_of([rotations.tobytes()]),
         **follower.content(),
-        "emitters": model_options.settings.emitters,
-        "looks": model_options.settings.looks,
         "object_material": None if object_material is None else repr(object_material),
         "insert": name,
         "insert_digest": None if given_mesh is None else digest_of([part.tobytes() for part in given_mesh]),

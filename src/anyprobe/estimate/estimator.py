@@ -3,39 +3,38 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
+from itertools import repeat
 from typing import Any, Unpack
 
 import numpy as np
 
 from anyprobe.errors import InputError
 from anyprobe.estimate.mirror_ball import CHROME, Ball, find_ball, said_of_ball
-from anyprobe.estimate.multiview import cut_photos, estimate_crops
-from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
+from anyprobe.estimate.multiview import estimate_views, of_another_view
+from anyprobe.estimate.photo import Photo, inputs_of, load_photo
 from anyprobe.estimate.refine import (
-    camera_map,
-    check_use,
     estimate_origin,
+    exposed_fraction,
     map_doubts,
     predict,
     shown_of,
     usable,
-    well_exposed_fraction,
+    with_background_doubt,
     with_estimated_ground,
-    with_exposure_doubt,
     with_material,
-    with_surroundings,
 )
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import Models, model_id
-from anyprobe.given_material import Albedo, as_material
+from anyprobe.given_material import Albedo, as_material, material_input
 from anyprobe.inputs.description import shown_as
 from anyprobe.inputs.hints import HintKeywords, Hints, combine
 from anyprobe.inputs.settings import SETTINGS, Keywords, SettingKeywords, Settings
 from anyprobe.masks.segmenters import load_segmenter
 from anyprobe.pictures.images import ImageSource
+from anyprobe.place.plate import Plate
 from anyprobe.scatter.materials import Material, material_named
 
 
@@ -59,7 +58,7 @@ class Estimator:
         if isinstance(settings, str):
             given["model"], settings = settings, None
         settings = replace(settings or Settings(), **Settings(**given).changes())
-        self.models = Models(*settings.networks, settings.emitters)
+        self.models = Models(*settings.networks)
         self.model_id = model_id(settings.model)
         self._set(settings)
 
@@ -69,7 +68,7 @@ class Estimator:
 
     def __repr__(self) -> str:
         settings = self.settings
-        parts = [f"model={settings.model!r}", f"emitters={settings.emitters!r}"]
+        parts = [f"model={settings.model!r}"]
         return f"Estimator({', '.join(parts)})"
 
     def _set(self, settings: Settings) -> None:
@@ -89,7 +88,6 @@ class Estimator:
             return Estimator(settings)
         other = object.__new__(type(self))  # copy() would open the networks anew
         vars(other).update(vars(self))
-        other.models = self.models.with_emitters(settings.emitters)
         other._set(settings)
         return other
 
@@ -125,27 +123,35 @@ class Estimator:
         roughness: float | None = None,
         start: float | None = None,
     ) -> Light:
-        """Estimate one light from several photos of one object in one place; see multiview.estimate_crops.
+        """Estimate one light from several photos of one object in one place; see multiview.fuse_lights.
 
         Args:
-            photos: from load_photo, read in turn; their pixels are not kept.
+            photos: from load_photo, read in turn; surroundings from a file are of the first one's frame.
             world_from_camera: [3, 3] of each.
             material: the object's, a name or a Material.
             albedo, roughness: the object's linear diffuse albedo, and its roughness as in glTF.
             start: time.perf_counter() when the first photo's loading began.
         """
         given = as_material(material, albedo, roughness)
-        taken, spent, plate = cut_photos(photos, start)
-        return replace(estimate_crops(self.from_crop, taken, world_from_camera, spent, given), plate=plate)
+        start = time.perf_counter() if start is None else start
+        plate = None
+
+        def opened() -> Iterator[tuple[Photo, dict[str, np.ndarray]]]:
+            nonlocal plate
+            for number, photo in enumerate(photos):  # photos may be loaded lazily, one after another
+                if not isinstance(photo, Photo):
+                    text = f"expected what load_photo returns, got {type(photo).__name__}; load each first"
+                    raise InputError(text, subject="photos")
+                plate = _plate(photo, True) if number == 0 else plate
+                one = of_another_view(photo) if number else photo
+                yield one.without_pixels(), inputs_of(one)
+
+        estimate_one = partial(self.from_inputs, material=given)
+        light = estimate_views(estimate_one, opened(), world_from_camera, repeat(None))
+        return replace(light, plate=None if light.ground is None else plate)
 
     def from_photo(
-        self,
-        photo: Photo,
-        start: float | None = None,
-        *,
-        material: Material | None = None,
-        plate: bool = True,
-        crop: Crop | None = None,
+        self, photo: Photo, start: float | None = None, *, material: Material | None = None, plate: bool = True
     ) -> Light:
         """Estimate the light of a loaded Photo; see __call__.
 
@@ -153,73 +159,66 @@ class Estimator:
             start: time.perf_counter() when its loading began; the sidecar's seconds count from it.
             material: the object's, instead of the Photo's own.
             plate: whether the light keeps the photo beside its object, for its panorama.
-            crop: of crop_object(photo), if it was cut out already.
         """
         start = time.perf_counter() if start is None else start
-        light = self.from_crop(photo, crop_object(photo) if crop is None else crop, start, material=material)
-        if material is None:
-            light = self.unwrapped(light, find_ball(photo), start)
-        if plate and photo.shows_place:
-            light = replace(light, plate=photo.plate())
-        return light
+        ball = find_ball(photo) if material is None else None
+        return self.from_inputs(
+            photo, inputs_of(photo), start, material=material, ball=ball, plate=_plate(photo, plate)
+        )
 
-    def unwrapped(self, light: Light, ball: Ball | None, start: float | None = None) -> Light:
-        """Replace the light of a mirror ball by the one unwrapped from its photo; else return it unchanged."""
-        said = light.origin.object
-        if ball is None or said is None or said["metal"] < ball.least_metal:
-            return light
-        found = self.from_crop(ball.photo, ball.crop, start, material=material_named(CHROME))
-        return replace(found, warnings=(*found.warnings, said_of_ball(ball.photo.name)))
-
-    def from_crop(
+    def from_inputs(
         self,
         photo: Photo,
-        crop: Crop,
+        inputs: Mapping[str, np.ndarray],
         start: float | None = None,
         *,
         material: Material | None = None,
-        merged_surroundings: np.ndarray | None = None,
+        ball: Ball | None = None,
+        plate: Plate | None = None,
     ) -> Light:
-        """Estimate the light of a cropped object without reading the photo's pixels; see __call__.
+        """Estimate the light of a photo of which the networks' inputs are made; its pixels are not read.
 
-        merged_surroundings: [64, 128, 4 or 5] in the crop's frame, surroundings that other photos show too. They stay
-            unchanged in the result; the network sees only the photo's own, as in training.
+        Args:
+            inputs: of photo.inputs_of. material: the object's, instead of the Photo's own.
+            ball: of find_ball: the light of a mirror ball is the one unwrapped from its photo.
+            plate: of the photo; kept unless the background is plain.
         """
         loaded = time.perf_counter()
-        material = photo.material if material is None else as_material(material)
-        crop, merged_surroundings = usable(self.models, photo, crop, merged_surroundings)
-        check_use(self.models, crop, material, self.settings.looks)
-        well_exposed = well_exposed_fraction(crop.image)
-        known = crop.surroundings_map if merged_surroundings is None else merged_surroundings
-        found = predict(self.models, crop, photo.ground, material, self.settings.looks)
-        found = with_estimated_ground(found, crop)
-        found = with_material(found, crop, material)
-        found = with_exposure_doubt(found, well_exposed)
-        found = with_surroundings(found, known, tint=material is None)
-        estimated = time.perf_counter()
-        radiance, confidence = camera_map(found.outputs, crop)
+        if material is not None:
+            photo, inputs = replace(photo, material=material), {**inputs, "material": material_input(material)[None]}
+        photo = usable(self.models, photo)
+        found = predict(self.models, photo, inputs)
+        found = with_background_doubt(found, photo, inputs)
+        found = with_estimated_ground(found)
+        found = with_material(found, photo)
+        said, exposed = found.said, exposed_fraction(found.said)
+        if ball is not None and said.object_material is not None and said.object_material[0] >= ball.least_metal:
+            chrome = material_named(CHROME)
+            light = self.from_inputs(ball.photo, ball.inputs, start, material=chrome, plate=plate)
+            return replace(light, warnings=(*light.warnings, said_of_ball(photo.name)))
         seconds = {
             "load": round(loaded - (loaded if start is None else start), 4),
-            "networks": round(estimated - loaded, 4),
-            "rotate": round(time.perf_counter() - estimated, 4),
+            "networks": round(time.perf_counter() - loaded, 4),
         }
-        outputs = found.outputs
+        doubts = (*found.doubts, *map_doubts(photo, said.radiance, found.ground, exposed))
+        is_plain = said.background is None or bool(said.background[0])
         return Light(
-            radiance=radiance,
-            confidence=confidence,
-            well_exposed_fraction=well_exposed,
-            warnings=photo.warnings + map_doubts(photo, radiance, found.ground, well_exposed),
-            stages={
-                "photo": crop.image,
-                "irradiance": outputs.irradiance,
-                "ldr": outputs.ldr,
-                "ln_radiance": outputs.ln_radiance,
-            },
-            camera_from_crop=crop.camera_from_crop,
-            find_shown=None if outputs.normals is None else partial(shown_of, crop, outputs.normals),
-            origin=estimate_origin(photo, crop, found, seconds, self.settings, self.model_id),
-            expected=outputs.expected,
+            radiance=said.radiance,
+            confidence=said.confidence,
+            well_exposed_fraction=exposed,
+            warnings=photo.warnings + doubts,
+            stages={"photo": said.image, "irradiance": said.irradiance},
+            camera_from_crop=said.camera_from_crop,
+            find_shown=None if said.object_normals is None else partial(shown_of, said),
+            origin=estimate_origin(photo, found, seconds, self.model_id),
+            seen=said.seen,
+            said_error_deg=None if said.errors is None else float(said.errors[0]),
+            plate=None if is_plain else plate,
         )
+
+
+def _plate(photo: Photo, is_wanted: bool) -> Plate | None:
+    return photo.plate() if is_wanted and photo.shows_place else None
 
 
 @lru_cache(maxsize=2)

@@ -106,17 +106,14 @@ def up_of(pitch_deg: float, roll_deg: float = 0.0) -> np.ndarray:
     return np.array([np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll), np.sin(pitch)])
 
 
-def ground_by_posture(
-    ground: Ground, posture: Float[np.ndarray, " 3"], camera_from_crop: Float[np.ndarray, "3 3"]
-) -> Ground:
-    """Return a guessed ground with the pitch and roll estimated by a network; posture: see estimate.runtime.Outputs."""
-    pitch, error, roll = (float(one) for one in posture)
-    up = camera_from_crop @ up_of(np.degrees(pitch), np.degrees(roll))
+def ground_by_posture(ground: Ground, posture: Float[np.ndarray, " 3"]) -> Ground:
+    """Return a guessed ground with the pitch and roll estimated by a network; posture: see light_graph.Said."""
+    pitch_deg, roll_deg, error_deg = (float(one) for one in posture)
     return replace(
         ground,
-        pitch_deg=float(np.degrees(np.arcsin(np.clip(up[2], -1.0, 1.0)))),
-        pitch_error_deg=float(np.degrees(error)) * SPREAD,
-        roll_deg=float(np.degrees(np.arctan2(up[0], up[1]))),
+        pitch_deg=pitch_deg,
+        pitch_error_deg=error_deg * SPREAD,
+        roll_deg=roll_deg,
         source=ESTIMATED,
         is_doubtful=False,
     )

@@ -26,19 +26,17 @@ class PhotoBackground:
 class GivenPanorama:
     """Part of the map given by a file, in the camera's frame, see estimate.surroundings.
 
-    small: [64, 128, 4 or 5]; full: the same with as many rows as the file has, 512 at most; None where not needed.
+    values: [64, 128, 4].
     """
 
-    small: np.ndarray
-    full: np.ndarray | None = None
+    values: np.ndarray
 
 
 def asked_surroundings(asked: SurroundingsSource | None) -> PhotoBackground | GivenPanorama | None:
     """Read the caller's surroundings; the default is "auto"."""
     if asked is None or (isinstance(asked, str) and asked in (AUTO, PHOTO, NONE)):
         return None if asked == NONE else PhotoBackground(is_asked=asked == PHOTO)
-    small, full = read_panorama(asked)
-    return GivenPanorama(small=small, full=full)
+    return GivenPanorama(values=read_panorama(asked))
 
 
 def read_given_normals(source: NormalsSource | None, mask: np.ndarray, long_fov_deg: float) -> np.ndarray | None:

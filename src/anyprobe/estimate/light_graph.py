@@ -61,7 +61,7 @@ CROP_MARGIN: float = contract("sizes")["crop_margin"]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Said:
-    """Outputs of light.onnx for one photo.
+    """Outputs of light.onnx for one photo; the paper's chain gives the map, the crop and the irradiance alone.
 
     Attributes:
         radiance: [64, 128, 3] the map, with all that is seen of it.
@@ -84,22 +84,22 @@ class Said:
     """
 
     radiance: np.ndarray
-    confidence: np.ndarray
-    sh9: np.ndarray
-    sources: np.ndarray
-    soft: np.ndarray
-    errors: np.ndarray
-    posture: np.ndarray
-    field_of_view: np.ndarray
-    outdoors: np.ndarray
-    background: np.ndarray
-    seen: np.ndarray
-    object_normals: np.ndarray
-    object_material: np.ndarray
     crop: np.ndarray
     crop_frame: np.ndarray
-    well_exposed: np.ndarray
     irradiance: np.ndarray
+    confidence: np.ndarray | None = None
+    sh9: np.ndarray | None = None
+    sources: np.ndarray | None = None
+    soft: np.ndarray | None = None
+    errors: np.ndarray | None = None
+    posture: np.ndarray | None = None
+    field_of_view: np.ndarray | None = None
+    outdoors: np.ndarray | None = None
+    background: np.ndarray | None = None
+    seen: np.ndarray | None = None
+    object_normals: np.ndarray | None = None
+    object_material: np.ndarray | None = None
+    well_exposed: np.ndarray | None = None
 
     @property
     def camera_from_crop(self) -> Float[np.ndarray, "3 3"]:
@@ -144,9 +144,8 @@ def graph_inputs(
     s = -(-max(x1 - x0, y1 - y0) // WINDOW_SIDE)
     rows, columns = slice(y0 + s // 2, y1, s), slice(x0 + s // 2, x1, s)
     opaque = np.ones_like(mask) if cover is None else cover
-    parts = {"rgb": rgb, "mask": mask, "radiance": radiance, "cover": opaque}
-    small = {name: None if value is None else block_means(value, k) for name, value in parts.items()}
-    photo = [_above_white(small["rgb"], small["radiance"]), small["cover"], small["mask"]]
+    linear = None if radiance is None else block_means(radiance, k)
+    photo = [_above_white(block_means(rgb, k), linear), block_means(opaque, k), block_means(mask, k)]
     near = [_above_white(rgb[rows, columns], None if radiance is None else radiance[rows, columns])]
     given = np.zeros((1, 1, 3)) if normals is None else normals[rows, columns] * mask[rows, columns, None]
     values = {

@@ -7,6 +7,7 @@ level and colour at which the object, rendered with it, is as bright as its phot
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,8 +19,9 @@ from anyprobe.core.resample import resample
 from anyprobe.core.response import inverse_response, response
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import InputError
-from anyprobe.estimate.runtime import Outputs
+from anyprobe.estimate.light_graph import Said
 from anyprobe.estimate.sidecar import json_numbers
+from anyprobe.light.environment import rotate
 from anyprobe.notices import give, leave_out
 from anyprobe.paper.equations import schlick_weight
 from anyprobe.render.integrate import PATCHES, shade, shading_pyramid
@@ -62,6 +64,7 @@ def measure(
     tan_half: float,
     material: Material,
     mirrored: Float[np.ndarray, "S S 3"] | None = None,
+    map_from_crop: Float[np.ndarray, "3 3"] | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Replace the part of a map that the object mirrors by what its photo shows.
 
@@ -71,12 +74,13 @@ def measure(
     it is measured too: each pixel's power, over the solid angle that it mirrors, goes to where it comes from.
 
     Args:
-        radiance: [H, 2H, 3], the map in the crop's frame and the photo's exposure units.
+        radiance: [H, 2H, 3], the map in the photo's exposure units.
         image: [S, S, 4], the crop: display RGB times mask, and mask.
         normals: [S / 2, S / 2, 3] the true ones in the crop's frame, unit or zero.
         tan_half: tangent of half the crop's field of view.
         material: the mirror.
         mirrored: [S, S, 3], the crop's radiance times mask, of photos that hold it above white.
+        map_from_crop: [3, 3]; None: the map is in the crop's frame.
     Returns:
         the map [H, 2H, 3] float32, and the measured share [H, 2H] of each of its pixels.
     """
@@ -94,6 +98,7 @@ def measure(
     if mirrored is not None:
         whole = mirrored[seen] / fresnel
         clipped, light, emitted = np.zeros_like(clipped), np.minimum(whole, 1.0), np.maximum(whole - 1.0, 0.0)
+    wi = wi if map_from_crop is None else wi @ map_from_crop.T
     uv, at = direction_to_uv(wi), direction_to_uv(pixel_directions(height))
     result, unseen = np.minimum(radiance, 1.0).astype(np.float64), np.ones((height, 2 * height, 1))
     for level in reversed(range(LEVELS)):
@@ -197,42 +202,44 @@ set (research.limits)."""
 
 
 def use_material(
-    outputs: Outputs,
-    image: np.ndarray,
-    tan_half: float,
-    material: Material,
-    given_normals: Float[np.ndarray, "64 64 3"] | None,
-    mirrored: np.ndarray | None = None,
-) -> tuple[Outputs, dict]:
-    """Adapt a model's outputs to a known material.
+    said: Said, material: Material, has_normals: bool, is_above_white: bool, worth: float = 1.0
+) -> tuple[Said, dict]:
+    """Adapt what the networks say to a known material.
 
     A mirror is measured where its normals are given too; everything else gets TRUST of fit_gain's gain.
 
     Args:
-        outputs, image, tan_half: of a crop, see estimate.runtime.Models.
-        given_normals: [64, 64, 3] as given, zero elsewhere; None for none.
-        mirrored: the crop's radiance, see measure.
+        has_normals: whether said.object_normals are given rather than estimated.
+        is_above_white: whether the photo holds radiance above white.
+        worth: factor of the confidence, by how well the object is exposed.
     Returns:
-        the outputs, and a record for the sidecar.
+        the same with another map and confidence, and a record for the sidecar.
     """
     done = {name: json_numbers(getattr(material, name), 5) for name in ("albedo", "f0")} | {
         "alpha": float(material.alpha)
     }
-    if given_normals is not None and is_mirror(material):
-        radiance, seen = measure(outputs.radiance, image, given_normals, tan_half, material, mirrored)
-        confidence = outputs.confidence
-        if confidence is not None:
-            confidence = (confidence + seen * (MEASURED_CONFIDENCE - confidence)).astype(np.float32)
-        how = {"material": done, "measured": True, "above_white": mirrored is not None}
-        return outputs.with_map(radiance, confidence), how
-    if outputs.normals is None:
+    normals, turn = said.object_normals, said.camera_from_crop
+    if normals is None:
         text = "expected a model that estimates normals, got one that does not"
         raise InputError(text, subject="material", remedy=(*give(model="lift"), *leave_out("material")))
-    gain = fit_gain(outputs.radiance, image, outputs.normals, tan_half, material) ** TRUST
-    return outputs.with_map(outputs.radiance * gain, outputs.confidence), {
-        "material": done,
-        "gain": json_numbers(gain, 5),
-    }
+    if has_normals and is_mirror(material):
+        mirrored = _mirrored(said.crop) if is_above_white else None
+        radiance, seen = measure(said.radiance, said.image, normals, said.tan_half, material, mirrored, turn)
+        confidence = said.confidence
+        if confidence is not None:
+            confidence = (confidence + seen * (worth * MEASURED_CONFIDENCE - confidence)).astype(np.float32)
+        how = {"material": done, "measured": True, "above_white": is_above_white}
+        return replace(said, radiance=radiance, confidence=confidence), how
+    in_crop = rotate(said.radiance, turn.T)
+    gain = fit_gain(in_crop, said.image, normals, said.tan_half, material) ** TRUST
+    return replace(said, radiance=said.radiance * gain), {"material": done, "gain": json_numbers(gain, 5)}
+
+
+def _mirrored(crop: Float[np.ndarray, "S S 4"]) -> Float[np.ndarray, "S S 3"]:
+    """Return the radiance times mask of a crop that holds it above white."""
+    mask = crop[..., 3:]
+    shown = crop[..., :3] / np.maximum(mask, 1e-3)
+    return mask * np.where(shown > 1, shown, inverse_response(np.minimum(shown, 1.0)))
 
 
 def fit_gain(

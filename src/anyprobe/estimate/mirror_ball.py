@@ -19,7 +19,7 @@ from anyprobe.core.frames import reflect
 from anyprobe.core.latlong import direction_to_uv, pixel_directions
 from anyprobe.core.response import inverse_response
 from anyprobe.estimate.normals_hint import normals_from_outline, rays_through, sphere_of_outline
-from anyprobe.estimate.photo import Crop, Photo, crop_object
+from anyprobe.estimate.photo import Photo, inputs_of
 from anyprobe.light.harmonics import sh_basis
 from anyprobe.masks.check import object_box
 from anyprobe.masks.parts import grow
@@ -82,12 +82,12 @@ class Ball:
 
     Attributes:
         photo: of it, with a sphere's normals.
-        crop: of that photo.
+        inputs: what the networks are given of it.
         least_metal: the network's probability of a metal from which on it is one.
     """
 
     photo: Photo
-    crop: Crop
+    inputs: dict[str, np.ndarray]
     least_metal: float
 
 
@@ -96,7 +96,7 @@ def find_ball(photo: Photo) -> Ball | None:
     if photo.material is not None or photo.normals is not None or (least := least_metal(photo)) > 1.0:
         return None
     ball = replace(photo, normals=normals_from_outline(photo.mask, photo.long_fov_deg))
-    return Ball(photo=ball, crop=crop_object(ball), least_metal=least)
+    return Ball(photo=ball, inputs=inputs_of(ball), least_metal=least)
 
 
 def least_metal(photo: Photo) -> float:

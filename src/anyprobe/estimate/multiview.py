@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import count
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,19 +13,18 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import is_rotation
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.errors import InputError
-from anyprobe.estimate.merged_surroundings import cut_out, lay_over, seen_from, window
-from anyprobe.estimate.photo import Crop, Photo
+from anyprobe.estimate.known import GivenPanorama
+from anyprobe.estimate.merged_surroundings import lay_over
+from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import Origin
+from anyprobe.light.environment import integral, rotate
 from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.temporal import OFFSET
 from anyprobe.notices import Notice
-from anyprobe.scatter.materials import Material
 
 if TYPE_CHECKING:
     from jaxtyping import Float
-
-    from anyprobe.place.plate import Plate
 
 _PLACES = 3
 """Largest number of places to which the light sources of several photos are gathered."""
@@ -91,67 +90,38 @@ NOT_GIVEN = Notice(
 )
 
 
-def cut_photos(
-    photos: Iterable[Photo], start: float | None = None
-) -> tuple[list[tuple[Photo, Crop]], list[float], Plate | None]:
-    """Crop the object of each photo; return photos without pixels and crops, the seconds each took, the first's plate.
-
-    photos: from load_photo, read in turn. start: time.perf_counter() when the first one's loading began.
-    """
-    start = time.perf_counter() if start is None else start
-    taken, spent, plate = [], [], None
-    for k, photo in enumerate(photos):  # photos may be loaded lazily, one after another
-        if not isinstance(photo, Photo):
-            raise InputError(
-                f"expected what load_photo returns, got {type(photo).__name__}; load each first", subject="photos"
-            )
-        if k == 0 and photo.shows_place:
-            plate = photo.plate()
-        taken.append((photo.without_pixels(), cut_out(photo, first=k == 0)))
-        spent.append(time.perf_counter() - start)
-        start += spent[-1]
-    return taken, spent, plate
+def of_another_view(photo: Photo) -> Photo:
+    """Return a photo without surroundings from a file, which are of the first photo's frame; see estimate_views."""
+    return replace(photo, surroundings=None) if isinstance(photo.surroundings, GivenPanorama) else photo
 
 
-def estimate_crops(
-    from_crop: Callable[..., Light],
-    taken: list[tuple[Photo, Crop]],
+def estimate_views(
+    from_inputs: Callable[..., Light],
+    views: Iterable[tuple[Photo, Mapping[str, np.ndarray]]],
     world_from_camera: Sequence[np.ndarray] | np.ndarray,
-    spent: Sequence[float],
-    material: Material | None = None,
+    starts: Iterable[float | None],
 ) -> Light:
-    """Estimate one light of photos cut out by cut_photos, see fuse_lights; surroundings are shared across views.
+    """Estimate one light of several photos, see fuse_lights; a panorama from a file is of the first one's frame.
 
     Args:
-        from_crop: method of an Estimator.
-        world_from_camera: [3, 3] of each. Surroundings that are a panorama are in the first photo's frame.
-        spent: seconds on each so far. material: the object's, if given.
-    Raises:
-        InputError: see fuse_lights.
+        from_inputs: method of an Estimator, called with a photo, its inputs and the time when its loading began.
+        views: each photo with what the networks are given of it, of which no more than one is kept at a time.
     """
-    turns = _turns(len(taken), world_from_camera)
-    gains, _ = _gains([photo.exposure for photo, _ in taken])
-    to_first = [turn @ crop.camera_from_crop for turn, (_, crop) in zip(turns, taken, strict=True)]
-    merged = _merged([crop for _, crop in taken], to_first, gains)
-    lights = [
-        from_crop(photo, crop, time.perf_counter() - seconds, material=material, merged_surroundings=seen)
-        for (photo, crop), seconds, seen in zip(taken, spent, merged, strict=True)
-    ]
+    lights, panorama = [], None
+    for (photo, inputs), start, number in zip(views, starts, count(), strict=False):
+        panorama = inputs["panorama"] if panorama is None else panorama
+        if lights and panorama.any() and number < len(world_from_camera):
+            turn = np.asarray(world_from_camera[0]).T @ np.asarray(world_from_camera[number])
+            inputs = {**inputs, "panorama": _seen_from(panorama, turn)}
+        lights.append(from_inputs(photo, inputs, start))
     return fuse_lights(lights, world_from_camera)
 
 
-def _merged(crops: list[Crop], to_first: list[np.ndarray], gains: list[float]) -> list[np.ndarray | None]:
-    """Merge the parts of the map that the photos show, in each crop's frame; the earlier of two photos wins."""
-    panorama = None
-    for crop, turn, gain in zip(crops[::-1], to_first[::-1], gains[::-1], strict=True):
-        if crop.surroundings_map is not None:
-            panorama = lay_over(window(crop.surroundings_map, turn, gain), panorama)
-    if panorama is None:
-        return [None] * len(crops)
-    return [
-        seen_from(panorama, turn, crop.surroundings_map, gain)
-        for crop, turn, gain in zip(crops, to_first, gains, strict=True)
-    ]
+def _seen_from(panorama: np.ndarray, first_from_camera: np.ndarray) -> np.ndarray:
+    """Turn the first photo's panorama [1, 64, 128, 4], as the networks are given it, into another photo's frame."""
+    found = np.maximum(rotate(panorama[0], first_from_camera.T), 0.0)
+    found[..., 3] = np.minimum(found[..., 3], 1.0)
+    return found[None].astype(np.float32)
 
 
 def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray] | np.ndarray) -> Light:
@@ -167,7 +137,7 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
     Raises:
         InputError: no light, more or fewer poses than lights, or a pose that is no rotation.
     """
-    turns, first = _turns(len(lights), world_from_camera), lights[0]
+    turns, first = turns_to_first(len(lights), world_from_camera), lights[0]
     gains, given = _gains([light.origin.exposure for light in lights])
     turned = [first] + [light.rotate(turn) for light, turn in zip(lights[1:], turns[1:], strict=True)]
     maps = np.stack([light.radiance * np.float32(gain) for light, gain in zip(turned, gains, strict=True)])
@@ -176,19 +146,21 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
     known = all(light.confidence is not None for light in lights)
     notes = [line for light in lights for line in light.warnings]
     notes += [] if len(lights) == 1 or given else [NOT_GIVEN]
+    seen = _seen_together(lights, turns)
     return replace(
         first,
+        seen=seen,
         radiance=fuse(maps, weights),
         confidence=((weights * sure).sum(axis=0) / weights.sum(axis=0)).astype(np.float32) if known else None,
         well_exposed_fraction=float(np.mean([light.well_exposed_fraction for light in lights])),
         warnings=tuple(dict.fromkeys(notes)),
         find_shown=first.find_shown if len(lights) == 1 else None,
-        expected=first.expected if len(lights) == 1 else None,
-        origin=_fused_origin(lights),
+        said_error_deg=first.said_error_deg if len(lights) == 1 else None,
+        origin=_fused_origin(lights, seen),
     )
 
 
-def _turns(count: int, world_from_camera: Sequence[np.ndarray] | np.ndarray) -> list[np.ndarray]:
+def turns_to_first(count: int, world_from_camera: Sequence[np.ndarray] | np.ndarray) -> list[np.ndarray]:
     """Return first_from_camera [3, 3] of each photo."""
     if not count or count != len(world_from_camera):
         raise InputError(f"expected one a light, got {len(world_from_camera)} for {count} lights", subject="poses")
@@ -206,8 +178,20 @@ def _gains(exposures: list[float | None]) -> tuple[list[float], bool]:
     return [given[0] / one for one in given], True
 
 
-def _fused_origin(lights: Sequence[Light]) -> Origin:
-    """Combine the first photo's origin with all names and all seconds, step by step."""
+def _seen_together(lights: Sequence[Light], turns: Sequence[np.ndarray]) -> np.ndarray | None:
+    """Return what all photos show of the light, [64, 128, 4] of Light.seen in the first camera's frame."""
+    together = None
+    for light, turn in zip(lights[::-1], turns[::-1], strict=True):
+        if light.seen is not None:
+            together = lay_over(np.maximum(rotate(light.seen, turn), 0.0), together)
+    return together
+
+
+def _fused_origin(lights: Sequence[Light], seen: np.ndarray | None) -> Origin:
+    """Combine the first photo's origin with all names, what all show, and all seconds, step by step."""
     given = [light.origin.seconds for light in lights if light.origin.seconds]
     seconds = {step: round(sum(one[step] for one in given), 4) for step in given[0]} if given else None
-    return replace(lights[0].origin, fused=[light.origin.photo for light in lights], seconds=seconds)
+    hints = dict(lights[0].origin.hints or {})
+    if seen is not None and seen[..., 3].any():
+        hints["surroundings"] = round(float(integral(seen[..., 3:])[0] / (4 * np.pi)), 4)
+    return replace(lights[0].origin, hints=hints, fused=[light.origin.photo for light in lights], seconds=seconds)

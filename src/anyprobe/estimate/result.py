@@ -22,7 +22,7 @@ from anyprobe.estimate.material_hint import MEASURED_CONFIDENCE
 from anyprobe.estimate.sheet import draw_preview
 from anyprobe.estimate.sidecar import SCALE, SIDECAR_VERSION, Origin, error_stated, frame_of, json_numbers, restored
 from anyprobe.files.atomic import atomic_path
-from anyprobe.light.dominant_light import DominantLight, estimated_error, find_dominant_light
+from anyprobe.light.dominant_light import DominantLight, find_dominant_light
 from anyprobe.light.environment import check_radiance, integral, rotate
 from anyprobe.light.harmonics import project
 from anyprobe.light.light_sources import LightSource, find_light_sources
@@ -62,14 +62,14 @@ class Light:
         well_exposed_fraction: share of the object's pixels that are neither black nor clipped, in [0, 1].
         warnings: what is doubtful; each is a line of text with its code, subject and remedy, see notices.Notice.
         stages: the networks' inputs and outputs, in the crop's frame: photo [128, 128, 4],
-            irradiance [128, 128, 3], ldr [64, 128, 3], ln_radiance [64, 128, 3].
+            irradiance [128, 128, 3].
         camera_from_crop: [3, 3] rotation from the crop's frame to the camera's.
         map_from_camera: [3, 3] rotation from the camera's frame to the map's: what rotate has done since.
         origin: how the estimate came about.
         find_shown: gives `shown`; None where nothing is known of it.
         plate: what the photo shows beside its object, for panorama; None where that is nothing, or not kept.
-        expected: [64, 128, 3] in the crop's frame, with light sources spread over all places where they may be.
-        stated_error_deg: error of the dominant light's direction by the .json of a light that lacks `expected`.
+        seen: [64, 128, 4] what the photo shows of the light, in the camera's frame: radiance times cover, and cover.
+        said_error_deg: error of the dominant light's direction, by the networks or the .json of a light that was saved.
     """
 
     radiance: np.ndarray
@@ -82,8 +82,8 @@ class Light:
     origin: Origin = field(default_factory=Origin)
     find_shown: Callable[[], Shown | None] | None = None
     plate: Plate | None = None
-    expected: np.ndarray | None = None
-    stated_error_deg: float | None = None
+    seen: np.ndarray | None = None
+    said_error_deg: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "warnings", tuple(map(as_notice, self.warnings)))
@@ -141,9 +141,7 @@ class Light:
             return replace(main, error_deg=MIRROR_ERROR_DEG)
         if not main.irradiance.any():
             return main
-        if self.expected is not None:
-            return replace(main, error_deg=estimated_error(self.expected, in_crop))
-        return main if self.stated_error_deg is None else replace(main, error_deg=self.stated_error_deg)
+        return main if self.said_error_deg is None else replace(main, error_deg=self.said_error_deg)
 
     def _is_measured(self, direction: np.ndarray, in_crop: np.ndarray) -> bool:
         """Return whether a mirror shows what is there, unclipped; its rim shows too little of what is behind it."""

@@ -35,10 +35,9 @@ class MaskInfo(TypedDict, total=False):
 
 
 class CropInfo(TypedDict):
-    """The square around the object that the network saw, in pixels of the photo."""
+    """Centre of the square around the object that the network saw, in pixels of the photo."""
 
     center_px: list[float]
-    side_px: float
 
 
 class ObjectInfo(TypedDict):
@@ -64,8 +63,6 @@ class Origin:
     Attributes:
         photo: file name.
         model: name and hash.
-        emitters: "mode" or "expected".
-        looks: 2 where the photo was looked at in a mirror, too.
         exposure: of EXIF, relative.
         long_fov_deg, fov_source: field of view of the photo's longer side, and whether it is "given", of "exif", of the
             poses' lens, or "default".
@@ -82,8 +79,6 @@ class Origin:
 
     photo: str | None = None
     model: str | None = None
-    emitters: str | None = None
-    looks: int | None = None
     exposure: float | None = None
     long_fov_deg: float | None = None
     fov_source: str | None = None
@@ -101,7 +96,7 @@ class Origin:
     def as_json(self) -> dict[str, Any]:
         """Return what is known, ready for JSON. An estimate names object and uncertainty even where they are None."""
         known = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "more"}
-        nulls = ("object", "uncertainty") if self.emitters is not None else ()
+        nulls = ("object", "uncertainty") if self.model is not None and self.mask is not None else ()
         found = {name: value for name, value in known.items() if value is not None or name in nulls}
         if self.ground is not None:
             found["ground"] = self.ground.info()
@@ -147,7 +142,7 @@ def restored(said: Mapping[str, Any], path: Path) -> dict[str, Any]:
             source=path,
         )
     attributes = {"well_exposed_fraction": exposed, "warnings": warnings, "camera_from_crop": camera_from_crop}
-    return attributes | {"stated_error_deg": error_stated(said), "origin": origin}
+    return attributes | {"said_error_deg": error_stated(said), "origin": origin}
 
 
 def frame_of(map_from_camera: np.ndarray) -> dict[str, Any]:

@@ -1,8 +1,53 @@
-"""A square of a photo at another size, each sample the mean over the pixels that it covers."""
+"""The square crop that the paper's chain sees, each sample the mean over the pixels that it covers."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 import numpy as np
+
+from anyprobe.core.camera import PinholeCamera
+from anyprobe.core.frames import turn_towards
+from anyprobe.estimate.light_graph import CROP_MARGIN
+from anyprobe.masks.check import object_box
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Crop:
+    """A square window on the object.
+
+    Attributes:
+        image: [S, S, 4] float32: rgb times mask, and mask, all in [0, 1].
+        camera_from_crop: [3, 3] float64, rotation from the frame that looks at the
+            window's centre along -Z to the photo's camera.
+        center_px: x, y of its centre in the photo; pixel i covers [i, i + 1).
+        tan_half: tangent of half the angle that its side takes in, seen as its own camera's picture.
+    """
+
+    image: np.ndarray
+    camera_from_crop: np.ndarray
+    center_px: tuple[float, float]
+    tan_half: float
+
+
+def crop_of(inputs: Mapping[str, np.ndarray], size: int) -> Crop:
+    """Cut the square around the object out of its window, see light_graph.graph_inputs, and bring it to size x size.
+
+    Averaged over areas when shrinking, bilinear when enlarging, with colour premultiplied by the mask so that no
+    background bleeds in. What lies over the border of the photo is empty.
+    """
+    window = inputs["window"][0]
+    width, height, _, left, top, step = (float(one) for one in inputs["geometry"][0])
+    x0, y0, x1, y1 = object_box(window[..., 3])
+    center, side = ((x0 + x1) / 2.0, (y0 + y1) / 2.0), CROP_MARGIN * max(x1 - x0, y1 - y0)
+    image = np.clip(sample_window(window[..., :3].clip(max=1.0), window[..., 3], center, side, size), 0.0, 1.0)
+    focal = max(width, height) / 2.0 / float(inputs["lens"][0, 0])
+    x, y = left + step * center[0], top + step * center[1]
+    ray = PinholeCamera(width=int(width), height=int(height), focal=focal).ray((x, y))
+    # away from the photo's centre a pixel takes in less: by cos^2 along the radius, by cos across it
+    tan_half = step * side / 2 / focal * (-ray[2]) ** 1.5
+    return Crop(image=image, camera_from_crop=turn_towards(ray), center_px=(x, y), tan_half=float(tan_half))
 
 
 def sample_window(

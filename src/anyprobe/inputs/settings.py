@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, TypedDict
 
-from anyprobe.core.contract import contract
 from anyprobe.errors import InputError
 from anyprobe.files.graphs import CPU
 from anyprobe.inputs.description import Hint, described
@@ -18,12 +17,6 @@ MODEL_HELP = (
     "lift; paper: the stages of Park et al. 2020 with our layers and losses, and targets that are 70 % maps of lift; "
     "or a folder of ONNX graphs."
 )
-EMITTERS: tuple[str, str] = tuple(contract("graph")["emitters"])
-"""Ways to draw emitters: at the position nearest to all likely ones, or their light spread over all positions by
-likelihood; see docs/reference/conventions.md."""
-MODE, EXPECTED = EMITTERS
-LOOKS: tuple[int, ...] = tuple(contract("graph")["looks"])
-"""Numbers of looks at a photo that can be asked for: as it is, and in a mirror too."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -35,14 +28,10 @@ class Settings:
         threads: of ONNX Runtime; None leaves the choice to it.
         providers: of ONNX Runtime, the preferred first, such as ("CUDAExecutionProvider", "CPUExecutionProvider") with
             onnxruntime-gpu in the place of onnxruntime; a list or names between commas.
-        emitters: "mode", light sources at their most likely positions (sharp shadows and highlights), or "expected",
-            the mean radiance over all positions (soft, and truer on matte objects).
-        looks: 2, to look at the photo in a mirror too and take the likelier light, in twice the time: then a mirrored
-            photo has the mirrored light.
         segmenter: what finds the object in photos without a mask, instead of the built-in network: a name of
             masks.segmenters ("rembg", "sam:FOLDER", a plug-in), or a Segmenter.
     Raises:
-        InputError: another number of looks, or threads that are no whole number of 1 or more.
+        InputError: threads that are no whole number of 1 or more.
     """
 
     model: Annotated[str, Hint(about="setting", help=MODEL_HELP)] = DEFAULT_MODEL
@@ -56,27 +45,6 @@ class Settings:
             about="setting", help="Execution providers of ONNX Runtime, the preferred first.", metavar="NAME[,NAME...]"
         ),
     ] = CPU
-    emitters: Annotated[
-        str,
-        Hint(
-            about="setting",
-            help="mode: light sources at their most likely positions, with sharp shadows and highlights; expected: "
-            "the mean over all positions, with soft shadows and a smaller error on matte objects.",
-            metavar="mode|expected",
-            words=EMITTERS,
-            in_web="emitters",
-        ),
-    ] = MODE
-    looks: Annotated[
-        int,
-        Hint(
-            about="setting",
-            help="2: also look at the mirrored photo and keep the likelier light, so that a mirrored photo gets the "
-            "mirrored light; takes twice as long.",
-            words=LOOKS,
-            in_web="looks",
-        ),
-    ] = LOOKS[0]
     segmenter: Annotated[
         SegmenterSource | None,
         Hint(
@@ -89,8 +57,6 @@ class Settings:
     def __post_init__(self) -> None:
         named = self.providers.split(",") if isinstance(self.providers, str) else self.providers
         object.__setattr__(self, "providers", tuple(named) or CPU)
-        if self.looks not in LOOKS:
-            raise InputError(f"expected {' or '.join(map(str, LOOKS))}, got {self.looks}", subject="looks")
         if self.threads is not None and not (isinstance(self.threads, int) and self.threads >= 1):
             raise InputError(
                 f"expected a whole number of 1 or more, got {self.threads!r}; leave it out to use all cores",
@@ -114,8 +80,6 @@ class SettingKeywords(TypedDict, total=False):
     model: str
     threads: int | None
     providers: str | Sequence[str]
-    emitters: str
-    looks: int
     segmenter: SegmenterSource | None
 
 
@@ -125,6 +89,3 @@ class Keywords(HintKeywords, SettingKeywords, total=False):
 
 SETTINGS = described(Settings)
 """Descriptions by the field's name, in the order of Settings."""
-
-CHOICES = {name: setting.words for name, setting in SETTINGS.items() if setting.words}
-"""Values of the settings that a request may ask for."""

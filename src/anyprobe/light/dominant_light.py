@@ -29,9 +29,7 @@ BLUR_RADIUS = np.radians(contract("dominant_light")["blur_deg"])
 LOBE_LEVEL: float = contract("dominant_light")["lobe_level"]
 RING_PX: int = contract("dominant_light")["ring_px"]
 ERROR: dict[str, float] = contract("dominant_light")["error"]
-ESTIMATED_ERROR: dict[str, float] = contract("dominant_light")["estimated_error"]
-"""Numbers of spread_about and direction_error: for a map alone, and for the networks' expected map, which tells where
-light sources may be. research.direction_error fits factor and exponent; the others are chosen."""
+"""Numbers of spread_about and direction_error for a map alone; the networks state theirs."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -134,11 +132,6 @@ def direction_error(spread_deg: float, error: Mapping[str, float] = ERROR) -> fl
     """
     grown = error["factor"] * (spread_deg + error["offset_deg"]) ** error["exponent"]
     return min(grown, error["most_deg"])
-
-
-def estimated_error(expected: Float[np.ndarray, "H 2*H 3"], direction: np.ndarray) -> float:
-    """Return the bound [degrees] of direction_error for a unit direction, by a map of where light sources may be."""
-    return direction_error(spread_about(expected, direction, ESTIMATED_ERROR), ESTIMATED_ERROR)
 
 
 def find_dominant_light(radiance: Float[np.ndarray, "H 2*H 3"]) -> DominantLight:

@@ -11,7 +11,7 @@ OWN_ERROR = 0.8
 """Error of an estimate's shading that one in ten exceeds [stops], see shading_apart.
 
 Of 277 left-out renders of whole photos, quantiles of .5, .8 and .9 are .28, .54 and .72, of 105 cut-outs .38, .60 and
-.84 (`python -m research.scenes shading`).
+.84.
 """
 SHADED, FAINT = 16, 1e-4
 """Size [px] of the sphere that is compared, and the share of the mean radiance added before logarithms."""

@@ -16,7 +16,8 @@ import numpy as np
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.errors import InputError, InvalidMesh
 from anyprobe.estimate.ground import contact_of
-from anyprobe.estimate.photo import Photo, object_box
+from anyprobe.estimate.photo import Photo
+from anyprobe.masks.check import object_box
 from anyprobe.relight.ground_view import View
 from anyprobe.relight.real_surface import STANDS, RealSurface
 from anyprobe.render.mesh import Mesh

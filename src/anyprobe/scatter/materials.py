@@ -56,9 +56,9 @@ PRESETS, MEASURED = _named("named"), _named("measured")
 """Named and measured materials.
 
 Named: chrome reflects as chromium does (Johnson and Christy 1974, at 650, 550 and 450 nm), mirror reflects all light,
-matte as much as objects do in the median (.29 of what a white sphere in their place would, in 277 rendered photos:
-python -m research.scenes shading), and plaster to rubber are typical of their kind. Measured: those of the Physically
-Based database (physicallybased.info, CC0) that Material can express, see research.measured_materials.
+matte as much as objects do in the median (.29 of what a white sphere in their place would, in 277 rendered photos), and
+plaster to rubber are typical of their kind. Measured: those of the Physically Based database (physicallybased.info,
+CC0) that Material can express, see research.measured_materials.
 """
 ELEMENTS = (
     "beryllium cesium cobalt germanium iridium lithium magnesium manganese mercury molybdenum palladium platinum "

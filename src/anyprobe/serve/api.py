@@ -25,7 +25,7 @@ from starlette.requests import ClientDisconnect
 from anyprobe import __version__
 from anyprobe.errors import AnyprobeError, InputError, MissingExtra
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.multiview import estimate_crops
+from anyprobe.estimate.multiview import estimate_views
 from anyprobe.export.targets import TARGETS
 from anyprobe.serve import answers, forms, tasks
 from anyprobe.serve.counters import Counted, Metrics
@@ -191,25 +191,23 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         as OpenEXR, Radiance .hdr or tone-mapped PNG by Accept or `format`.
         """
         media = answers.choose_type(request, answers.LIGHT_TYPES)
-        include, settings = forms.included(form), forms.settings_of(form)
+        include = forms.included(form)
         sent, turns = await forms.photos_sent(form)
         cuts: list[tasks.Cut] = []
-        seconds: list[float] = []
+        starts: list[float] = []
         began = time.perf_counter()
         for one in sent:
-            start, first = time.perf_counter(), not cuts
+            first = not cuts
+            starts.append(time.perf_counter())
             task = partial(tasks.cut, first=first, with_mask=first and "mask" in include, is_alone=turns is None)
             cuts.append(await decode(request, task, one, one.is_quick))
-            seconds.append(time.perf_counter() - start)
 
         def work() -> Response:
-            model = estimator.with_settings(**settings)
             if turns is None:
-                light = model.from_crop(cuts[0].photo, cuts[0].crop, began)
-                light = model.unwrapped(light, cuts[0].ball, began)
+                light = estimator.from_inputs(cuts[0].photo, cuts[0].inputs, began, ball=cuts[0].ball)
             else:
-                views = [(cut.photo, cut.crop) for cut in cuts]
-                light = estimate_crops(model.from_crop, views, turns, seconds)
+                views = [(cut.photo, cut.inputs) for cut in cuts]
+                light = estimate_views(estimator.from_inputs, views, turns, starts)
             return answers.light_response(light, media, include, cuts[0].mask)
 
         return await pool.run(work, _leaving(request))

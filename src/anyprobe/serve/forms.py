@@ -20,7 +20,6 @@ from anyprobe.estimate.result import FRAMES, LEVEL
 from anyprobe.export.targets import TARGETS
 from anyprobe.inputs.description import Hint, numbers_in
 from anyprobe.inputs.hints import HINTS, Hints
-from anyprobe.inputs.settings import CHOICES, SETTINGS
 from anyprobe.serve.limits import MAX_PHOTOS
 from anyprobe.serve.tasks import Sent, SentMap
 
@@ -63,13 +62,6 @@ def _hint_fields(*about: str, several: tuple[str, ...] = ()) -> dict[str, Any]:
     }
 
 
-def _setting_fields() -> dict[str, Any]:
-    return {
-        name: (Literal[tuple(map(str, choices))] | None, Field(None, description=SETTINGS[name].help))  # type: ignore[valid-type]
-        for name, choices in CHOICES.items()
-    }
-
-
 _Photos = Annotated[
     list[UploadFile],
     Field(min_length=1, max_length=MAX_PHOTOS, description="The photo, or several of one object, with their poses."),
@@ -88,7 +80,6 @@ EstimateForm: type[Form] = create_model(
         Field(None, description=f"Any of {', '.join(INCLUDED)}, with commas: carried by the JSON answer besides."),
     ),
     **_hint_fields("place", "camera", "light", several=("mask", "box")),
-    **_setting_fields(),
 )
 MaskForm: type[Form] = create_model(
     "MaskForm", __base__=Form, photo=(UploadFile, ...), **_hint_fields("place", "camera")
@@ -226,13 +217,6 @@ async def _hints(form: Any, without: tuple[str, ...] = ()) -> Hints:
             value = hint.read_word(value) if hint.suffixes else hint.read(value)
         values[keyword] = value
     return Hints(**values)
-
-
-def settings_of(form: Any) -> dict[str, Any]:
-    """Return the requested settings of the estimate."""
-    asked = {name: getattr(form, name) for name in CHOICES}
-    known = {name: {str(one): one for one in choices} for name, choices in CHOICES.items()}
-    return {name: known[name][value] for name, value in asked.items() if value is not None}
 
 
 def included(form: Any) -> frozenset[str]:

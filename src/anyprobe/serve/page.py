@@ -26,7 +26,7 @@ from anyprobe.core.color import to_bytes
 from anyprobe.errors import ModelError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import load_photo
-from anyprobe.estimate.runtime import stages_of, weights_folder
+from anyprobe.estimate.runtime import LIGHT_STAGE, stages_of, weights_folder
 from anyprobe.export.targets import TARGETS
 from anyprobe.files.atomic import atomic_path
 from anyprobe.masks.weights import find_weights
@@ -68,7 +68,9 @@ class Page:
         if "index.html" not in self.files:
             raise ModelError("page: expected the built page in the package, found none; reinstall anyprobe")
         weights = weights_folder(model)
-        self.files |= {f"weights/{stage}.onnx": weights / f"{stage}.onnx" for stage in stages_of(weights)}
+        if LIGHT_STAGE in stages_of(weights):
+            weights = weights / "page"  # the page reads the two graphs that light.onnx is made of
+        self.files |= {f"weights/{path.name}": path for path in sorted(weights.glob("*.onnx"))}
         mask = weights_folder("paper").parent / "mask" / "mask.onnx"
         if mask.is_file():
             self.files["weights/mask.onnx"] = mask

@@ -14,9 +14,9 @@ from PIL import Image
 
 from anyprobe.core.frames import rotation_of
 from anyprobe.errors import InputError, InvalidEnvironment
-from anyprobe.estimate.merged_surroundings import cut_out
 from anyprobe.estimate.mirror_ball import Ball, find_ball
-from anyprobe.estimate.photo import Crop, Photo, load_photo
+from anyprobe.estimate.multiview import of_another_view
+from anyprobe.estimate.photo import Photo, inputs_of, load_photo
 from anyprobe.estimate.saved_map import export_settings
 from anyprobe.inputs.hints import Hints
 from anyprobe.maps.radiance import read_radiance
@@ -90,13 +90,13 @@ def ready() -> None:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Cut:
-    """A photo without its pixels, its object's crop, and its mask as PNG where it was asked for.
+    """A photo without its pixels, what the networks are given of it, and its mask as PNG where it was asked for.
 
     ball: the object without pixels too, where it is alone and looks like a mirror ball.
     """
 
     photo: Photo
-    crop: Crop
+    inputs: dict[str, np.ndarray]
     ball: Ball | None
     mask: bytes | None
 
@@ -107,8 +107,8 @@ def cut(sent: Sent, max_pixels: int, first: bool, with_mask: bool, is_alone: boo
     mask = mask_png(photo.mask) if with_mask else None
     ball = find_ball(photo) if is_alone else None
     ball = ball and replace(ball, photo=ball.photo.without_pixels())
-    crop = cut_out(photo, first=first)
-    return Cut(photo=photo.without_pixels(), crop=crop, ball=ball, mask=mask)
+    seen = photo if first else of_another_view(photo)
+    return Cut(photo=photo.without_pixels(), inputs=inputs_of(seen), ball=ball, mask=mask)
 
 
 def mask(sent: Sent, max_pixels: int, as_json: bool) -> dict[str, Any] | bytes:

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from anyprobe.errors import InputError, InvalidMask
-from anyprobe.estimate.ground import estimate_ground
-from anyprobe.estimate.known import GivenPanorama, PhotoBackground
-from anyprobe.estimate.photo import Photo, load_photo, object_box
+from anyprobe.estimate.known import GivenPanorama
+from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.estimate.surroundings import SurroundingsSource, read_panorama
 from anyprobe.files.digests import digest_of
 from anyprobe.files.paths import visible_files
 from anyprobe.inputs.hints import AUTO, NONE, PHOTO
+from anyprobe.masks.check import object_box
 from anyprobe.masks.find import cover_by
 from anyprobe.masks.networks import Network, SmallNetwork, shared_network
 from anyprobe.masks.parts import grow
@@ -34,8 +34,6 @@ GROWTH = 0.08
 ODD = 2
 """Frames after a lost object during which the picture before the loss is tried first."""
 
-DECIDED = 30
-"""Frames in a row that differ from those before in whether they show more than the object, until that counts."""
 
 COARSE_PX = 128
 """Longer side of the mask that the inner point is looked for in."""
@@ -52,8 +50,7 @@ class MaskFollower:
     hints: what the caller said about the first frame; may be empty. segmenter: what looks for the object in every frame
     in which it is looked for; None: our network. last: x, y of a point well
     inside the last mask, that mask's pixels, and its box; None before the first. held: the mask that moves with the
-    object, None where it is to be found. shows_more: whether frames show more than the object, see load_photo's AUTO:
-    decided by the first and, as exposures come and go, again by DECIDED that differ; None where it is not asked.
+    object, None where it is to be found.
     """
 
     def __init__(
@@ -88,14 +85,12 @@ class MaskFollower:
         if surroundings is None or (isinstance(surroundings, str) and surroundings in (AUTO, PHOTO, NONE)):
             word = surroundings or AUTO
         else:
-            self._panorama, _ = read_panorama(surroundings)
+            self._panorama = read_panorama(surroundings)
         self._every = {**every_frame, "surroundings": word}
         self.last: list[float] | None = None
         self.held: Held | None = None
         self._before: Held | None = None  # what was held until it was lost, so many frames ago
         self._lost_for = 0
-        self.shows_more: bool | None = None
-        self._otherwise = 0  # frames in a row
         self._is_seen = False  # whether the last frame gave a photo
         self._size: tuple[int, int] | None = None  # height and width of the last frame with an object
 
@@ -104,10 +99,9 @@ class MaskFollower:
         """Whether the last frame's object was found, and looked as in the frames before, which had its light."""
         return self._is_seen and self.held is not None and self.held.looks_same
 
-    def go_on(self, last: list[float] | None, shows_more: bool | None) -> None:
+    def go_on(self, last: list[float] | None) -> None:
         """Set the state that a run kept; the mask is looked for anew around the last box."""
-        self.last, self.held, self.shows_more = last, None, shows_more
-        self._before, self._otherwise = None, 0
+        self.last, self.held, self._before = last, None, None
 
     def content(self) -> dict[str, Any]:
         """Return digests of the contents of files and surroundings, wherever they lie."""
@@ -124,23 +118,9 @@ class MaskFollower:
             InvalidMask: there is no mask, or the object is lost in this frame: a later one may show it again.
         """
         self._is_seen = False
-        photo = self._decided(self._marked(frame))
+        photo = self._marked(frame)
         self._is_seen = True
-        return photo if self._panorama is None else replace(photo, surroundings=GivenPanorama(small=self._panorama))
-
-    def _decided(self, photo: Photo) -> Photo:
-        """Return the frame's photo, of which what lies around the object is used as in the frames before."""
-        if self._every["surroundings"] != AUTO:
-            return photo
-        shows_more = photo.surroundings is not None
-        self._otherwise = self._otherwise + 1 if shows_more != self.shows_more else 0
-        if self.shows_more is None or self._otherwise >= DECIDED:
-            self.shows_more, self._otherwise = shows_more, 0
-        if shows_more == self.shows_more:
-            return photo
-        if not self.shows_more:
-            return replace(photo, surroundings=None, ground=None)
-        return replace(photo, surroundings=PhotoBackground(), ground=estimate_ground(photo))
+        return photo if self._panorama is None else replace(photo, surroundings=GivenPanorama(values=self._panorama))
 
     def _marked(self, frame: Frame) -> Photo:
         name = f"frame {frame.index}"

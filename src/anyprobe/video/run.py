@@ -17,11 +17,11 @@ from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.known import GivenPanorama
-from anyprobe.estimate.merged_surroundings import cut_out, lay_over, seen_from, window
-from anyprobe.estimate.photo import Crop, Photo, crop_object
+from anyprobe.estimate.merged_surroundings import completed, lay_over
+from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import FRAME, SCALE
-from anyprobe.estimate.surroundings import turned
+from anyprobe.light.environment import rotate
 from anyprobe.light.temporal import step
 from anyprobe.maps.radiance import write_exr
 from anyprobe.notices import Notice
@@ -72,13 +72,11 @@ class Outcome:
 class _Look:
     """Mask follower's answer to one frame.
 
-    photo: or why there is none. crop: of the photo; None where it is to be cut out with what other frames show.
-    before: MaskFollower.last and shows_more as they were. looks_same: MaskFollower's.
+    photo: or why there is none. before: MaskFollower.last as it was. looks_same: MaskFollower's.
     """
 
     photo: Photo | AnyprobeError
-    crop: Crop | None = None
-    before: tuple[list[float] | None, bool | None]
+    before: list[float] | None
     looks_same: bool
 
 
@@ -148,12 +146,12 @@ class ClipRun:
                 notes.append(frame.note)
             if frame.index < done.next_index:
                 if frame.index == done.stage_index and self.virtual is not None:
-                    self.follower.go_on(done.stage_last, done.stage_shows_more)
+                    self.follower.go_on(done.stage_last)
                     self._stage = _set_up(self.follower.photo(frame), self.virtual, done.ground)
                 continue
             if frame.index == done.next_index and done.next_index:
                 self._shown, self._preview = None, None
-                self.follower.go_on(done.last, done.shows_more)
+                self.follower.go_on(done.last)
             done.frames.append(self._one(frame, look))
             if self.virtual is not None:
                 pictures.append((frame.time_s, self._picture(frame)))
@@ -186,13 +184,12 @@ class ClipRun:
 
     def _look(self, frame: Frame) -> _Look:
         """Find the object in a frame; an error that the frame causes is kept for when its turn comes."""
-        before = self.follower.last, self.follower.shows_more
+        before = self.follower.last
         try:
             photo = self.follower.photo(frame)
-            crop = crop_object(photo) if self.poses is None or photo.surroundings is None else None
         except AnyprobeError as error:
             return _Look(photo=error, before=before, looks_same=False)
-        return _Look(photo=photo, crop=crop, before=before, looks_same=self.follower.looks_same)
+        return _Look(photo=photo, before=before, looks_same=self.follower.looks_same)
 
     def _one(self, frame: Frame, look: _Look | None) -> dict:
         """Return the record of one frame; a frame that gives no light keeps the last one and says why.
@@ -210,7 +207,7 @@ class ClipRun:
             if isinstance(look.photo, AnyprobeError):
                 raise look.photo
             self._photo = look.photo
-            light = self._estimate(self._photo, look.crop, frame.index)
+            light = self._estimate(self._photo, frame.index)
             if done.light is None:
                 done.notes = list(light.warnings)
         except AnyprobeError as error:
@@ -218,7 +215,7 @@ class ClipRun:
                 raise
             self._photo = None
             if done.light is None:
-                self.follower.go_on(self.follower.last, self.follower.shows_more)
+                self.follower.go_on(self.follower.last)
             kept = self._turned(frame.index) or self._same()
             return {**record, "error": " ".join(str(error).splitlines()), **kept}
         dt_s = max(frame.time_s - done.light_time_s, 1e-3)
@@ -235,30 +232,29 @@ class ClipRun:
         if self.virtual is not None and self._stage is None:
             done.ground = None if light.ground is None else light.ground.info()
             self._stage = _set_up(self._photo, self.virtual, done.ground)
-            done.stage_index, (done.stage_last, done.stage_shows_more) = frame.index, look.before
+            done.stage_index, done.stage_last = frame.index, look.before
             material = self._stage.material(self.virtual.material, steady * np.float32(done.gain))
             done.material = {key: np.asarray(value).tolist() for key, value in asdict(material).items()}
         return {**record, **describe(steady), "held": done.light.held}
 
-    def _estimate(self, photo: Photo, crop: Crop | None, index: int) -> Light:
+    def _estimate(self, photo: Photo, index: int) -> Light:
         """Return the light of one frame in its camera; where poses are known, with the surroundings that all before
         showed.
 
         A panorama from a file is of frame 0's camera, whichever frame is the first that gives a light.
         """
-        if self.poses is None or crop is not None:
-            return self.estimator.from_photo(photo, material=self.material, plate=False, crop=crop)
-        done = self.progress
-        crop = cut_out(photo, first=False)
-        world_from_crop = self.poses[index] @ crop.camera_from_crop
-        if isinstance(photo.surroundings, GivenPanorama) and done.panorama is None:
-            crop = replace(crop, surroundings_map=turned(photo.surroundings.small, self.poses[0].T @ world_from_crop))
-        if crop.surroundings_map is not None:
-            done.panorama = lay_over(window(crop.surroundings_map, world_from_crop), done.panorama)
-        known = None
-        if done.panorama is not None:
-            known = seen_from(done.panorama, world_from_crop, crop.surroundings_map)
-        return self.estimator.from_crop(photo, crop, material=self.material, merged_surroundings=known)
+        if self.poses is None:
+            return self.estimator.from_photo(photo, material=self.material, plate=False)
+        done, pose = self.progress, self.poses[index]
+        if isinstance(photo.surroundings, GivenPanorama):
+            values = photo.surroundings.values
+            turned = np.minimum(np.maximum(rotate(values, pose.T @ self.poses[0]), 0.0), [*[np.inf] * 3, 1.0])
+            photo = replace(photo, surroundings=GivenPanorama(values=turned.astype(np.float32)))
+        light = self.estimator.from_photo(photo, material=self.material, plate=False)
+        if light.seen is None or not photo.shows_place:
+            return light
+        done.panorama = lay_over(np.maximum(rotate(light.seen, pose), 0.0), done.panorama)
+        return completed(light, np.maximum(rotate(done.panorama, pose.T), 0.0))
 
     def _seen(self, index: int) -> np.ndarray:
         """Return the steady light in a frame's camera, [H, 2H, 3]."""
@@ -320,7 +316,7 @@ class ClipRun:
             write_piece(self._piece(done.pieces, LIGHT), [(time_s, drawn.result()) for time_s, drawn in previews])
             done.pieces += 1
         done.next_index = next_index
-        done.last, done.shows_more = self.follower.last, self.follower.shows_more
+        done.last = self.follower.last
         save_progress(self.folder, done)
 
     def _piece(self, number: int, kind: str = "") -> Path:

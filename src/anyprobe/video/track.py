@@ -38,15 +38,15 @@ class Progress:
     settings: what the result depends on; another run may go on only with the same.
     next_index: the first frame that is not done. frames: records of those that are.
     light: the filter's state, and time_s of the light it last saw.
-    last, shows_more: of the follower, which looks for the object anew.
+    last: of the follower, which looks for the object anew.
     pieces: of light.mp4, and of relit.mp4, that are written.
-    stage_index: the frame that the virtual object was placed in. stage_last, stage_shows_more: as they were before that
-    frame, by which its mask is found again. ground: of that frame's light, Ground.info. material: the object's, as
+    stage_index: the frame that the virtual object was placed in. stage_last: as it was before that frame, by
+    which its mask is found again. ground: of that frame's light, Ground.info. material: the object's, as
     plain numbers.
     gain: of the light that the relit clip shows, see relight.appearance.least_scale.
     preview_ev: exposure of the spheres in light.mp4, by the first light; None before it.
-    panorama: [64, 128, 4 or 5] of the surroundings that frames have shown so far, in the world: linear radiance times
-    cover, and cover; from an .exr or .hdr also how much of the cover is measured above white.
+    panorama: [64, 128, 4] of the surroundings that frames have shown so far, in the world: linear radiance times
+    cover, and cover.
     notes: warnings of the first frame.
     """
 
@@ -56,11 +56,9 @@ class Progress:
     light: FilterState | None = None
     light_time_s: float = 0.0
     last: list[float] | None = None
-    shows_more: bool | None = None
     pieces: int = 0
     stage_index: int | None = None
     stage_last: list[float] | None = None
-    stage_shows_more: bool | None = None
     ground: dict | None = None
     material: dict | None = None
     gain: float = 1.0

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from importlib import resources
 
 import numpy as np
 
-from anyprobe.core.camera import PinholeCamera
+from anyprobe.core.contract import contract
 from anyprobe.core.frames import normalize
-from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
+from anyprobe.core.latlong import pixel_directions
+from anyprobe.core.resample import widest
 from anyprobe.core.response import inverse_response, response
+from anyprobe.estimate.light_graph import Said, graph_inputs
 from anyprobe.estimate.material_hint import use_material
-from anyprobe.estimate.normals_hint import SHORTEST
-from anyprobe.estimate.runtime import NORMALS_SIZE, Models, Outputs
-from anyprobe.estimate.surroundings import use_surroundings, visible_surroundings
-from anyprobe.inputs.settings import EXPECTED
+from anyprobe.estimate.runtime import Models
+from anyprobe.estimate.surroundings import LEAST_COVER
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.filtering import blur_cap
 from anyprobe.maps.radiance import read_radiance
@@ -31,6 +31,8 @@ GIVEN_HINTS = {
     "all three": {"normals", "material", "surroundings"},
 }
 """Hints given to a model beside the object's crop, by row name."""
+GROW_PX: int = contract("surroundings")["grow_px"]
+"""Rim around the object that shows no surroundings [px of the crop]."""
 PHONE_FOV_DEG = 65.0
 PHONE_PX = (256, 192)
 """Width and height of the photo that shows a pair's surroundings [pixels]: a phone's, with the object in its middle."""
@@ -64,24 +66,16 @@ Method = Callable[[Pair], Estimate]
 
 
 def model_methods(models: Models, name: str, hints: bool = False) -> dict[str, Method]:
-    """Return the methods of a model by row: from the photo alone, with expected emitters, and, if asked, with hints.
+    """Return the methods of a model by row: from the photo alone and, if asked, with each of GIVEN_HINTS."""
 
-    hints: also a row for each of GIVEN_HINTS.
-    """
-
-    def method(pair: Pair, models: Models = models, hints: Collection[str] = frozenset()) -> Estimate:
-        outputs = run_with_hints(models, pair, hints)
+    def method(pair: Pair, hints: Collection[str] = frozenset()) -> Estimate:
+        said = run_with_hints(models, pair, hints)
         return Estimate(
-            ldr=outputs.ldr.clip(0.0, 1.0),
-            radiance=outputs.radiance,
-            irradiance=outputs.irradiance,
-            confidence=outputs.confidence,
+            ldr=response(said.radiance), radiance=said.radiance, irradiance=said.irradiance, confidence=said.confidence
         )
 
-    methods: dict[str, Method] = {name: method}
-    if models.lifts:
-        methods[f"{name}, emitters {EXPECTED}"] = partial(method, models=models.with_emitters(EXPECTED))
     rows = GIVEN_HINTS if hints else {}
+    methods: dict[str, Method] = {name: method}
     return methods | {f"{name}, {what} given": partial(method, hints=hints) for what, hints in rows.items()}
 
 
@@ -142,32 +136,47 @@ def chrome_sphere(photo: np.ndarray) -> np.ndarray:
     return np.where(mask[y, x][..., None], radiance[y, x], mean).astype(np.float32)
 
 
-def run_with_hints(models: Models, pair: Pair, hints: Collection[str]) -> Outputs:
-    """Run a model with the pair's true normals, true material or surroundings."""
-    normals = true_normals(pair) if "normals" in hints else None
-    surroundings_map = surroundings(pair) if "surroundings" in hints else None
+def run_with_hints(models: Models, pair: Pair, hints: Collection[str] = frozenset()) -> Said:
+    """Run a model on a pair's object, cut out, with its true normals, true material or surroundings."""
     material = pair.material if "material" in hints else None
-    outputs = models(pair.crop, pair.tan_half, normals, surroundings_map, material)
-    if "material" in hints:
-        outputs, _ = use_material(outputs, pair.crop, pair.tan_half, pair.material, normals)
-    if surroundings_map is not None:
-        outputs = use_surroundings(outputs, surroundings_map, tint="material" not in hints)
-    return outputs
+    mask = np.asarray(pair.crop[..., 3], np.float32)
+    inputs = graph_inputs(
+        pair.crop[..., :3] / np.maximum(mask[..., None], LEAST_COVER),
+        mask,
+        2.0 * float(np.degrees(np.arctan(pair.tan_half))),
+        is_lens_known=True,
+        cover=np.zeros_like(mask),
+        normals=true_normals(pair) if "normals" in hints else None,
+        material=material,
+        panorama=surroundings(pair) if "surroundings" in hints else None,
+    )
+    said = models(inputs)
+    if material is None:
+        return said
+    refined, _ = use_material(said, material, "normals" in hints, is_above_white=False)
+    if said.seen is None:
+        return refined
+    return replace(refined, radiance=refined.radiance + said.seen[..., 3:] * (said.radiance - refined.radiance))
 
 
 def true_normals(pair: Pair) -> np.ndarray:
-    """Return a pair's normals in a model's input format: [64, 64, 3] unit, zero outside the object."""
-    step = len(pair.normals) // NORMALS_SIZE
-    mean = np.asarray(pair.normals, np.float32).reshape(NORMALS_SIZE, step, NORMALS_SIZE, step, 3).mean(axis=(1, 3))
-    length = np.linalg.norm(mean, axis=-1, keepdims=True)
-    return np.where(length > SHORTEST, mean / np.maximum(length, SHORTEST), 0.0)
+    """Return a pair's normals [128, 128, 3], unit, zero outside the object."""
+    normals = np.asarray(pair.normals, np.float32)
+    step = len(normals) // len(pair.crop)
+    return normals if step <= 1 else normals[::step, ::step]
 
 
-def surroundings(pair: Pair) -> np.ndarray | None:
-    """Return the part of a pair's map that a phone's photo shows, see estimate.surroundings.visible_surroundings."""
+def surroundings(pair: Pair) -> np.ndarray:
+    """Return the part of a pair's map that a phone's photo shows beside the object, see estimate.surroundings."""
     width, height = PHONE_PX
-    camera = PinholeCamera.of_fov(width, height, PHONE_FOV_DEG)
-    y, x = np.mgrid[:height, :width] + 0.5
-    radiance = bilinear(pair.radiance, direction_to_uv(normalize(camera.rays(x, y))).astype(np.float32))
-    display = np.round(response(radiance, shot_of(pair.recipe).curve).clip(0.0, 1.0) * 255) / 255
-    return visible_surroundings(display.astype(np.float32), camera, np.eye(3), pair.crop, pair.tan_half)
+    slope = np.tan(np.radians(PHONE_FOV_DEG) / 2)
+    d = pixel_directions(MAP_HEIGHT)
+    plane = d[..., :2] / np.maximum(-d[..., 2:], 0.05)
+    inside = (d[..., 2] < -0.05) & (np.abs(plane[..., 0]) < slope) & (np.abs(plane[..., 1]) < slope * height / width)
+    grown = widest(np.asarray(pair.crop[..., 3], np.float32), GROW_PX)
+    place = np.round((0.5 + plane * (0.5, -0.5) / pair.tan_half) * len(grown) - 0.5).astype(int)
+    on = ((place >= 0) & (place < len(grown))).all(axis=-1)
+    column, row = np.moveaxis(np.clip(place, 0, len(grown) - 1), -1, 0)
+    cover = (inside * (1.0 - on * grown[row, column]))[..., None]
+    display = np.round(response(pair.radiance, shot_of(pair.recipe).curve).clip(0.0, 1.0) * 255) / 255
+    return np.concatenate([display * cover, cover], axis=-1).astype(np.float32)

@@ -8,7 +8,7 @@ from itertools import permutations
 import torch
 from torch.nn import functional as F
 
-from anyprobe_train.light.drawing import SOURCE_ROWS, SLOTS
+from anyprobe_train.light.drawing import SLOTS, SOURCE_ROWS
 from anyprobe_train.light.network import LeanNet, LightAnswer, LightInputs
 from anyprobe_train.light.pictured import mirrored_inputs
 

@@ -13,7 +13,7 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe_train.evaluate.calibration import CLOSE
-from anyprobe_train.light.drawing import PEAK_ROWS, SOURCE_ROWS, SLOTS
+from anyprobe_train.light.drawing import PEAK_ROWS, SLOTS, SOURCE_ROWS
 from anyprobe_train.light.network import NORMALS_SIDE, LightAnswer
 from anyprobe_train.light.pictured import LightTruth
 from anyprobe_train.nets.emitter_head import POWER_FLOOR

@@ -7,6 +7,7 @@ inputs. One photo at a time: N = 1.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -16,6 +17,7 @@ from torch.nn import functional as F
 from anyprobe.core.color import REC709
 from anyprobe.core.contract import contract
 from anyprobe.core.latlong import pixel_directions
+from anyprobe.estimate.light_graph import INPUTS
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe_train.light_graph.sampling import inside, on_plane, read_at, read_map, read_window, shrink
 
@@ -26,7 +28,7 @@ CONTEXT_SCALE: int = _SIZES["context_scale"]
 GROW: int = _SEEN["grow_px"]
 FINE: float = _SEEN["fine"]
 CLIPPED: float = _SEEN["clipped"]
-LEAST_COVER = 1e-3
+THINNEST = 1e-3
 SHORTEST: float = contract("graph")["shortest_normal"]
 _EXPOSURE = contract("exposure")
 FAR = 1e6
@@ -50,6 +52,12 @@ class Given:
     panorama: torch.Tensor
     sun: torch.Tensor
     believe: torch.Tensor
+
+    @classmethod
+    def of(cls, inputs: Sequence[torch.Tensor]) -> Given:
+        """Take the graph's inputs in the order of estimate.light_graph.INPUTS."""
+        values = [one[0].permute(2, 0, 1) if one.dim() == 4 else one[0] for one in inputs]
+        return cls(**{name: value for name, value in zip(INPUTS[:-1], values[:-1], strict=True)}, believe=values[-1][0])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -155,7 +163,7 @@ class Front(nn.Module):
         share = read_at(small, column / cell, row / cell)
         hidden = self._hidden(framed, d)
         cover = front * inside(column, row, size[0], size[1]) * (1.0 - hidden) * share[3]
-        shown = share[:3] / share[3:].clamp(min=LEAST_COVER)
+        shown = share[:3] / share[3:].clamp(min=THINNEST)
         measured = (given.photo[:3].amax() > 1.0).float()
         return torch.cat([shown * cover, cover[None], measured * cover[None]])
 

@@ -24,7 +24,7 @@ TINT, TINT_FLOOR = _NUMBERS["tint"], _NUMBERS["tint_floor"]
 """Share of the colour by which what is seen differs from the guess there that is the light's own."""
 _GOES_ON = _NUMBERS["goes_on"]
 ROWS: int = _GOES_ON["rows"]
-LEAST_COVER, SHARE, REACH_DEG = _GOES_ON["least_cover"], _GOES_ON["share"], _GOES_ON["reach_deg"]
+KNOWN_FROM, SHARE, REACH_DEG = _GOES_ON["least_cover"], _GOES_ON["share"], _GOES_ON["reach_deg"]
 """Cover from which on a place counts as seen, the share of a guess that the nearest seen colour replaces beside it, and
 the angle over which that falls to 1/e."""
 THIN = 1e-3
@@ -67,7 +67,7 @@ class KnownParts(nn.Module):
     def continued(self, guess: torch.Tensor, seen: torch.Tensor) -> torch.Tensor:
         """Return a guess that goes on from what is seen: more so the nearer it is; light above white stays."""
         coarse = F.avg_pool2d(seen[None, :4], MAP_HEIGHT // ROWS)[0].flatten(1)  # [4, P]
-        there = (coarse[3] >= LEAST_COVER).float()
+        there = (coarse[3] >= KNOWN_FROM).float()
         # one product with an input: exports fold it into no constant
         asked = torch.cat([self.directions, torch.ones_like(self.directions[:, :1])], dim=1)
         cosine = asked @ torch.cat([self.directions.T, 4.0 * (there - 1.0)[None]])

@@ -14,44 +14,29 @@ from torch import nn
 from torch.nn import functional as F
 
 from anyprobe.errors import ModelError
-from anyprobe.estimate.runtime import CONTRACT, LIFT_INPUTS, LIFT_OUTPUTS, NORMALS_SIZE, PHOTO_SIZE
+from anyprobe.estimate.light_graph import INPUTS, OUTPUTS
+from anyprobe.estimate.runtime import CONTRACT, LIGHT_STAGE, PHOTO_SIZE
 from anyprobe.files.atomic import atomic_path
-from anyprobe.given_material import MATERIAL_INPUTS
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe_train.nets.light_net import LightNet, LightPrediction
+from anyprobe_train.light_graph.photo_graph import LIGHT_AXES, PhotoGraph, smooth_photo
+from anyprobe_train.nets.claims import AS_LEARNED, Sureness
+from anyprobe_train.nets.light_net import LightNet
+from anyprobe_train.nets.whole_net import WholeNet
 from anyprobe_train.train.checkpoint import read_checkpoint
 from anyprobe_train.train.loop import load_nets, pairs_seen
 
 _PHOTO = (1, 4, PHOTO_SIZE, PHOTO_SIZE)
-_NORMALS = (1, 3, NORMALS_SIZE, NORMALS_SIZE)
-SURROUNDINGS = (1, 4, MAP_HEIGHT, 2 * MAP_HEIGHT)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Sureness:
-    """How a graph corrects its claims: slope and offset of the confidence logit, and factors
-    of the errors of reflectance, level and colour."""
-
-    logit: tuple[float, float] = (1.0, 0.0)
-    errors: tuple[float, float, float] = (1.0, 1.0, 1.0)
-
-    @property
-    def numbers(self) -> tuple[float, ...]:
-        """All of them, as graphs' metadata have them."""
-        return *self.logit, *self.errors
-
-
-AS_LEARNED = Sureness()
-AS_CALIBRATED = Sureness(logit=(1.08061, -0.598498), errors=(0.996776, 1.15832, 1.1506))
-"""Corrections of the weights that ship, by research/export_weights/calibrate.py; WholeNet learned from these."""
 FLOATS = "float32"
 """Precision that a graph computes in, as its metadata states it."""
 LARGE = 8192
 """Smallest number of weights of a layer that is stored as int8, with a scale per output channel."""
 LINEAR_LAYERS, CONVOLUTIONS = 2, 4
 """Kinds of layers, by the number of dimensions of their weights."""
-TOLERANCE = 0.02
-"""Largest difference of display values or ln radiance that compact storage may cause."""
+TOLERANCE, LIGHT_TOLERANCE = 0.02, 0.03
+"""Largest difference that compact storage may cause: of display values or ln radiance, in the median; of any output of
+light.onnx, whose harmonics are larger."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -74,46 +59,10 @@ class Graph:
     dynamic: dict[str, dict[int, str]] | None = None
 
 
-def claims_of(guess: LightPrediction, sureness: Sureness) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return the confidence [N, 1, 64, 128] in [0, 1], and the posterior [N, 7] of estimate.runtime.POSTERIOR."""
-    slope, offset = sureness.logit
-    of_reflectance, of_level, of_color = sureness.errors
-    metal, others = guess.posterior.split([1, 6], dim=1)
-    factors = others.new_tensor([1.0, 1.0, 1.0, of_reflectance, of_level, 10 * of_color])
-    posterior = torch.cat([torch.sigmoid(metal), torch.exp(others) * factors], dim=1)
-    return torch.sigmoid(slope * guess.confidence_logit + offset), posterior
-
-
-class LightGraph(nn.Module):
-    """Outputs of LightNet in the order of LIFT_OUTPUTS: irradiance, ln radiance with emitters at their mode, confidence
-    [N, 1, 64, 128] in [0, 1], normals, expected ln radiance, posterior [N, 7] as estimate.runtime.POSTERIOR has
-    it."""
-
-    def __init__(self, net: LightNet, sureness: Sureness = AS_LEARNED) -> None:
-        super().__init__()
-        self.net = net
-        self.sureness = sureness
-
-    def forward(
-        self,
-        photo: torch.Tensor,
-        tan_half: torch.Tensor,
-        given_normals: torch.Tensor,
-        surroundings: torch.Tensor,
-        material: torch.Tensor,
-    ) -> tuple[torch.Tensor, ...]:
-        guess = self.net(photo, tan_half, given_normals, surroundings, material)
-        confidence, posterior = claims_of(guess, self.sureness)
-        shown = guess.features.irradiance, guess.ln_radiance, confidence, guess.normals, guess.ln_expected
-        return *shown, posterior
-
-
 def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str, Graph]:
     """Return the graphs that a run's networks become, by stage."""
-    if "light" in nets:
-        net = LightGraph(cast(LightNet, nets["light"]), sureness).eval()
-        shapes = dict(zip(LIFT_INPUTS, (_PHOTO, (1, 1), _NORMALS, SURROUNDINGS, (1, MATERIAL_INPUTS)), strict=True))
-        return {"light": Graph(net=net, inputs=shapes, outputs=LIFT_OUTPUTS, typical=np.median, small=(CONVOLUTIONS,))}
+    if LIGHT_STAGE in nets:
+        return {LIGHT_STAGE: light_graph(cast(LightNet, nets[LIGHT_STAGE]), None, sureness)}
     seen: dict[str, tuple[int, ...]] = {"input": _PHOTO, "tan_half": (1, 1)}
     ldr: dict[str, tuple[int, ...]] = {"input": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
     return {
@@ -125,6 +74,20 @@ def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str,
         )
         for stage, net in nets.items()
     }
+
+
+def light_graph(light: LightNet, whole: WholeNet | None, sureness: Sureness) -> Graph:
+    """Return the graph of the whole way from a photo to its light, see estimate.light_graph; without WholeNet, by the
+    object alone."""
+    return Graph(
+        net=PhotoGraph(light, whole, sureness).eval(),
+        inputs={name: tuple(value.shape) for name, value in zip(INPUTS, smooth_photo(), strict=True)},
+        outputs=OUTPUTS,
+        typical=np.median,
+        small=(LINEAR_LAYERS, CONVOLUTIONS),
+        exact="light.",
+        dynamic=LIGHT_AXES,
+    )
 
 
 def export_graphs(checkpoint: Path, folder: Path, sureness: Sureness = AS_LEARNED) -> dict[str, float]:
@@ -177,6 +140,8 @@ def export_stage(
     tolerance: float | None = None,
 ) -> float:
     """Export one network of a model, see write_graph; examples: random ones if None, tolerance: TOLERANCE."""
+    if stage == LIGHT_STAGE:
+        examples, tolerance = examples or smooth_photo(), tolerance or LIGHT_TOLERANCE
     if examples is None:
         generator = torch.Generator().manual_seed(0)
         examples = tuple(_smooth(shape, generator) for shape in graph.inputs.values())

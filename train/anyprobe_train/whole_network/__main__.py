@@ -1,6 +1,6 @@
 """python -m anyprobe_train.whole_network: commands train, export; pairs come from research.scenes.
 
-Scores of an export: python -m research.world.whole score --model FOLDER, with light.onnx beside whole.onnx.
+Scores of an export: python -m research.world.whole score --model FOLDER, with light.onnx in it.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def train(
 @app.command()
 def export(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run's folder, or its checkpoint.")] = ALL_RUNS / "whole",
-    to: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Folder for the two graphs.")] = WEIGHTS,
+    to: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Folder for light.onnx.")] = WEIGHTS,
     start: Annotated[
         list[Path] | None, typer.Option(help="Weights the run began from, for a mean with them; repeat for more.")
     ] = None,
@@ -70,8 +70,7 @@ def export(
     if keep is not None:
         keep_apart(checkpoint, keep)
         save_weights(load_photo_net(checkpoint, start or (), share)[0].state_dict(), keep)
-    for name, off in export_photo_net(checkpoint, to, start or (), share).items():
-        typer.echo(f"{to / name}.onnx: within {off:.2g} of torch")
+    typer.echo(f"{to}/light.onnx: within {export_photo_net(checkpoint, to, start or (), share):.2g} of torch")
     if keep is not None:
         typer.echo(keep)
 

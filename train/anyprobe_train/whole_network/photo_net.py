@@ -8,9 +8,9 @@ import torch
 from torch import nn
 
 from anyprobe_train.nets.blocks import autocast
+from anyprobe_train.nets.claims import AS_CALIBRATED, claims_of
 from anyprobe_train.nets.light_net import LightNet, LightPrediction
 from anyprobe_train.nets.whole_net import WholeNet, WholePrediction
-from anyprobe_train.train.export_onnx import AS_CALIBRATED, claims_of
 
 Answers = tuple[LightPrediction, WholePrediction]
 
