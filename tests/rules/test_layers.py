@@ -40,7 +40,7 @@ ONLY = {
     "typer": {"cli", "anyprobe_train.cli"},
     "rich": {"cli", "anyprobe_train.train", "anyprobe_train.cli"},
     "av": {"video"},
-    "cv2": {"video"},
+    "cv2": {"video", "anyprobe_train.world"},
     "mitsuba": {"relight"},
     "drjit": {"relight"},
     "fastapi": {"serve"},
