@@ -70,6 +70,8 @@ def main(command: Callable[[], Any] = app) -> None:
     except MemoryError:
         _fail("expected a machine with more memory free, got none; process fewer or smaller files at once")
     except OSError as error:  # a folder that may not be looked into, a disk that is full
+        if error.filename is None and isinstance(error, FileNotFoundError):  # os.getcwd
+            _fail("the current folder no longer exists; change to another")
         _fail(
             f"{error.filename or 'the system'}: refused ({error.strerror or error}); "
             "check the path, or end other programs"

@@ -51,9 +51,12 @@ def weights_folder(model: str) -> Path:
     for folder in (root / model, Path(model)):
         if model and any((folder / f"{first}.onnx").is_file() for first in FIRST_STAGES):
             return folder
+    if not root.is_dir():
+        text = "expected anyprobe in a folder, got an archive, whose networks cannot be opened; install it"
+        raise ModelError(text, subject="model")
     names = bundled_models()
     raise ModelError(
-        f"expected one of {', '.join(names) or 'none installed'}, or a folder with light.onnx, or with "
+        f"expected one of {', '.join(names) or 'none'}, or a folder with light.onnx, or with "
         f"irradiance.onnx, illumination.onnx and hdr.onnx, got {model!r}{did_you_mean(model, names)}",
         subject="model",
     )

@@ -21,6 +21,7 @@ def _cap(cosine: np.ndarray, radius: float) -> np.ndarray:
 
 
 @lru_cache(maxsize=48)
+@np.errstate(under="ignore")  # which a caller may have made an error
 def _spectrum(
     height: int, weight: Callable[[np.ndarray, float], np.ndarray], parameter: float, normalised: bool = True
 ) -> np.ndarray:
@@ -36,6 +37,7 @@ def _spectrum(
     return np.fft.rfft(kernel, axis=2).real.transpose(2, 0, 1).astype(np.float32)
 
 
+@np.errstate(under="ignore")
 def _apply(radiance, spectrum: np.ndarray):
     """Apply a zonal kernel to maps [..., H, 2H, C]."""
     xp = array_namespace(radiance)

@@ -12,6 +12,9 @@ from anyprobe.notices import Notice, give
 MIN_OBJECT_PX = contract("mask")["least_object_px"]
 """Smallest longer side of the object's bounding box [px]."""
 
+FAINT = 0.1
+"""Value above which a mask without any above one half holds confidences, not labels."""
+
 
 def check_mask(mask: np.ndarray, found_in: str = "") -> np.ndarray:
     """Convert a mask [H, W] to float32 and check it; InvalidMask if it is empty, too small, or not in [0, 1].
@@ -28,12 +31,13 @@ def check_mask(mask: np.ndarray, found_in: str = "") -> np.ndarray:
             f"expected values from 0 to 1, got {mask.min():g} to {mask.max():g}; scale them", subject="mask"
         )
     if not (mask > 0.5).any():
-        raise InvalidMask(
+        text = (
             f"expected white on the object, got an empty mask (largest value {mask.max():.2f}); "
-            "paint the object white; multiply a file's labels of 0 and 1 by 255",
-            code="no-object",
-            subject="mask",
+            "paint the object white; multiply a file's labels of 0 and 1 by 255"
         )
+        if mask.max() > FAINT:
+            text = f"expected values above one half on the object, got none above {mask.max():.2f}; scale them"
+        raise InvalidMask(text, code="no-object", subject="mask")
     x0, y0, x1, y1 = object_box(mask)
     if max(x1 - x0, y1 - y0) < MIN_OBJECT_PX:
         text = f"expected an object at least {MIN_OBJECT_PX} pixels across"

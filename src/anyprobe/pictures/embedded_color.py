@@ -66,6 +66,8 @@ def declared_encoding(
         image: opened by Pillow, its file still open where it has one.
         stream: the file, for what Pillow does not return; None where there is none.
     """
+    if image.mode == "LAB":  # absolute: Pillow converts it, and a profile adds nothing
+        return None, b"", ()
     profile = image.info.get("icc_profile") or b""
     points = _code_points(image, stream)
     if points is not None and (image.format == "PNG" or not profile):

@@ -250,6 +250,7 @@ def _from_pillow(
         pixels = replace(pixels, alpha=np.divide(alpha, np.float32(np.iinfo(alpha.dtype).max), dtype=np.float32))
     radiance = display.radiance
     missed = not as_data and radiance is None and gain_map is None and misses_gain_map(image, stream, pixels.rgb)
+    image_format = image.format
     del image
     if missed:
         notes += (UNREAD,)
@@ -257,7 +258,8 @@ def _from_pillow(
         radiance = gain_map.radiance(pixels.rgb, TURNS.get(orientation))
     notes = tuple(Notice(note, code="colors", source=name) for note in (*notes, *display.warnings))
     if animated:
-        text = "expected one picture, got several frames or pages; the first is used"
+        used = "the main one" if image_format == "HEIF" else "the first"
+        text = f"expected one picture, got several frames or pages; {used} is used"
         notes += (Notice(text, code="several-pictures", source=name),)
     return replace(
         pixels, long_fov_deg=long_fov_deg, warnings=notes, exposure=exposure, posture_deg=posture_deg, radiance=radiance

@@ -85,18 +85,20 @@ def _not_opened(path: Path) -> InputError:
         return InputError(
             "expected a video, got a playlist, which names other files; name the video itself", source=path
         )
-    if _is_picture(path):
-        return InputError(STILL, source=path)
+    if (animated := _is_animated(path)) is not None:
+        text = "expected a video, got an animated picture that FFmpeg does not read; convert it to mp4"
+        return InputError(text if animated else STILL, source=path)
     return InputError("expected a video, got a file of another kind; convert it to mp4", source=path)
 
 
-def _is_picture(path: Path) -> bool:
-    """Return whether Pillow knows the file; FFmpeg may take a photo for one of many that its name counts."""
+def _is_animated(path: Path) -> bool | None:
+    """Return whether a picture that Pillow knows moves; None for any other file. FFmpeg may take a photo for one of
+    many that its name counts."""
     try:
-        with Image.open(path):
-            return True
+        with Image.open(path) as image:
+            return bool(getattr(image, "is_animated", False))
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
-        return False
+        return None
 
 
 @contextmanager

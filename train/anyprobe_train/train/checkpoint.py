@@ -107,8 +107,20 @@ def save_checkpoint(path: Path, config: Any, step: int, origin: Mapping[str, Any
     state: weights, of the networks and of the optimizer, and numbers, by name.
     """
     about = {"step": step, "config": json.dumps(asdict(config)), "origin": dict(origin)}
+    write_tensors(path, {**state, **about})
+
+
+def write_tensors(path: Path, values: Mapping[str, Any]) -> None:
+    """Write a file for torch.load, atomically; torch reports a full disk as an error of its own, Python as one of
+    files.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    data = io.BytesIO()
+    torch.save(dict(values), data)
     with atomic_path(path) as temporary:
-        torch.save({**state, **about}, temporary)
+        temporary.write_bytes(data.getbuffer())
 
 
 def read_checkpoint(path: Path, device: str = "cpu", holds: str = "nets") -> dict[str, Any]:

@@ -16,9 +16,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from torch.nn import functional as F
 
 from anyprobe.core.color import to_bytes
-from anyprobe.files.atomic import atomic_path, unwritable
+from anyprobe.files.atomic import unwritable
 from anyprobe.pictures.images import write_png
 from anyprobe_train.dataset.pair_source import Batch
+from anyprobe_train.train.checkpoint import write_tensors
 
 LOG_STEPS = 25
 """Number of steps that a row of log.csv averages."""
@@ -109,8 +110,7 @@ class RunLogger:
         self._pairs = _read_pairs(path, batch) if self._first > 0 else None
         if self._pairs is None:
             self._pairs = replace(batch, **{name: value[:PICTURED].clone() for name, value in _parts(batch)})
-            with atomic_path(path) as temporary:
-                torch.save(dict(_parts(self._pairs)), temporary)
+            write_tensors(path, dict(_parts(self._pairs)))
 
     def draw(self, step: int) -> None:
         """Draw the networks' output for these pairs, one row each, into pictures.png and TensorBoard.
