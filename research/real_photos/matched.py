@@ -27,7 +27,7 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.light.environment import reduced
 from anyprobe.maps.radiance import read_radiance
-from anyprobe.match.kind import is_outdoors, photo_outdoors
+from anyprobe.match.kind import estimate_log_odds, log_odds
 from anyprobe.match.library import Library
 from anyprobe.match.library_folder import open_library
 from anyprobe.match.ranking import MatchedMap
@@ -69,10 +69,10 @@ def row_of(
     row = {
         "photo": name,
         "by_eye": kinds_by_eye().get(name, "either"),
-        "judged": WORDS.get(photo_outdoors(light.plate, light.warnings), "unknown"),
+        "judged": WORDS[estimate_log_odds(light.radiance, light.pitch_deg) > 0],
         "map": first.name,
         "map_kind": kinds.get(Path(first.name).name, "unknown"),
-        "map_judged": WORDS[is_outdoors(library.lights[first.index])],
+        "map_judged": WORDS[bool(log_odds(library.lights[first.index][None])[0] > 0)],
         "apart": round(shading_apart(placed, light.radiance), 2),
         "warnings": [doubt.code for doubt in doubts],
     }

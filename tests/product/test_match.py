@@ -244,7 +244,7 @@ def test_the_further_from_the_estimated_pitch_the_higher_the_misfit(monkeypatch)
     lights = np.stack([light_of(place(seed))[0] for seed in range(6)])
     shown = shown_under(place(2), world_from_camera(YAW, PITCH))
     far, off = best_places(shown, lights, 6.0, error_deg=10.0)
-    monkeypatch.setattr("anyprobe.match.likeness.PITCH_PRICE", 0.0)
+    monkeypatch.setattr("anyprobe.match.likeness.pitch_prior", lambda pitch, *expected: np.zeros(pitch.shape))
     free, least = best_places(shown, lights, 6.0, error_deg=10.0)
     moved, freely = (np.degrees(np.arcsin(turns[:, 1, 2])) - 6 for turns in (far, free))
     assert np.abs(moved).mean() < np.abs(freely).mean()
@@ -253,17 +253,15 @@ def test_the_further_from_the_estimated_pitch_the_higher_the_misfit(monkeypatch)
     assert (off <= exact + 1e-4).all()
 
 
-@pytest.mark.parametrize(("by", "reach"), [("photo", 1.75), ("map", 1.0)])
+@pytest.mark.parametrize("by", ["photo", "map"])
 @pytest.mark.parametrize(("pitch_deg", "error_deg"), [(-20.0, 11.0), (20.0, 2.0)])
-def test_an_estimated_pitch_is_kept_to_its_error_however_doubtful(
-    folder, camera_light, by, reach, pitch_deg, error_deg
-):
+def test_an_estimated_pitch_is_kept_to_its_error_however_doubtful(folder, camera_light, by, pitch_deg, error_deg):
     doubtful = Origin(ground=ground("estimated", pitch_deg, error_deg))
     light = replace(camera_light[0], origin=doubtful, **({"find_shown": None} if by == "map" else {}))
     for turned in (light, light.rotate(world_from_camera(1.0, np.radians(-30)))):
         found = np.array([(one.map_from_light @ turned.map_from_camera)[1, 2] for one in turned.match(folder)])
         moved = np.degrees(np.arcsin(found)) - pitch_deg
-        assert 0 < np.abs(moved).max() <= reach * error_deg + 1e-6
+        assert 0 < np.abs(moved).max() <= 1.75 * error_deg + 1e-6
     assert not any(doubt.code == "pitch-unknown" for doubt in fit_warnings.match_doubts(light, light.match(folder)[0]))
 
 
@@ -288,14 +286,6 @@ def test_what_moved_is_not_read_again_and_what_changed_is(folder, monkeypatch):
     write_exr(folder / "place-1.exr", place(9))
     changed = open_library(folder)
     assert read[6:] == ["place-1.exr"]
-    before = changed.candidate(changed.names.index("place-1"))
-    write_exr(folder / "place-1.exr", place(8))
-    anew = open_library(folder)
-    assert not np.array_equal(anew.candidate(anew.names.index("place-1")), before)
-    (folder / "a.exr").write_bytes((folder / "place-2.exr").read_bytes())
-    open_library(folder)
-    with pytest.raises(InputError, match="got one rewritten since; open it again"):
-        anew.candidate(anew.names.index("place-0") if "place-0" in anew.names else 0)
     np.testing.assert_allclose(changed.lights[changed.names.index("place-1")], light_of(place(9))[0], rtol=2e-3)
 
 
@@ -351,8 +341,7 @@ def test_without_a_cache_all_is_done_in_memory(folder, camera_light, tmp_path, m
     found = camera_light[0].match(library, best=1)[0]
     assert (found.name, found.misfit) == (kept.name, kept.misfit)
     np.testing.assert_array_equal(read_radiance(found.write(tmp_path / "a.exr")), found.radiance().astype(np.float16))
-    np.testing.assert_array_equal(library.candidate(1), kept.library.candidate(1))
-    assert "data=" not in repr(library)
+    np.testing.assert_array_equal(library.lights, kept.library.lights)
     monkeypatch.setattr(libraries, "read_radiance", None)
     assert open_library(folder).names == library.names  # not read again by this process
 
@@ -403,17 +392,18 @@ def test_shading_is_compared_whatever_the_exposure():
     assert shading_apart(np.ascontiguousarray(lit[:, ::-1]), lit) > 0.9
 
 
-def test_maps_that_shade_unlike_the_estimate_come_after_those_that_do(folder, camera_light, monkeypatch):
+def test_a_map_that_shades_unlike_the_estimate_is_less_likely(folder, camera_light, monkeypatch):
     light, _ = camera_light
     ranked = light.match(folder)
     assert fit_warnings.fit_doubts(light.radiance, ranked[0].radiance(64)) == []
-    monkeypatch.setattr(ranking, "shading_apart", lambda radiance, other: next(found))
-    found = iter([9.0, 9.0, 0.1, 0.1, 9.0, 0.1])
-    names = [one.name for one in light.match(folder)]
-    assert names == [ranked[k].name for k in (2, 3, 5, 0, 1, 4)]
+    apart = np.where(np.arange(6) == ranked[0].index, 3.0, 0.0)
+    monkeypatch.setattr(ranking, "shadings_apart", lambda *given: apart)
+    again = light.match(folder)
+    misfits = [{one.name: one.misfit for one in some} for some in (ranked, again)]
+    assert misfits[1]["place-2"] - misfits[0]["place-2"] > 15
+    assert again[0].name != "place-2"
     monkeypatch.setattr(fit_warnings, "OWN_ERROR", 0.0)
-    (none,) = fit_warnings.fit_doubts(light.radiance, ranked[0].radiance(64))
-    assert none.startswith("no panorama fits")
+    assert [one.code for one in fit_warnings.fit_doubts(light.radiance, ranked[0].radiance(64))] == ["match-fit"]
 
 
 @pytest.mark.ci

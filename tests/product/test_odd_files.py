@@ -177,7 +177,7 @@ def test_a_cache_that_another_program_replaces_midway(tmp_path, monkeypatch):
     for name in "bc":
         write_exr(folder / f"{name}.exr", rng.uniform(0.1, 2.0, (64, 128, 3)).astype(np.float32))
     before = open_library(folder)
-    true = {name: before.candidate(i).copy() for i, name in enumerate(before.names)}
+    true = dict(zip(before.names, before.lights.copy(), strict=True))
     write_exr(folder / "a.exr", rng.uniform(0.1, 2.0, (64, 128, 3)).astype(np.float32))
     read, began = library_folder.read_radiance, []
 
@@ -189,8 +189,8 @@ def test_a_cache_that_another_program_replaces_midway(tmp_path, monkeypatch):
 
     monkeypatch.setattr(library_folder, "read_radiance", meanwhile)
     after = open_library(folder)
-    for name, codes in true.items():
-        np.testing.assert_array_equal(after.candidate(after.names.index(name)), codes)
+    for name, light in true.items():
+        np.testing.assert_array_equal(after.lights[after.names.index(name)], light)
 
 
 def test_a_word_for_a_number_is_refused():

@@ -28,7 +28,7 @@ from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe.notices import Notice
 
-CLEAR_MARGIN = 0.5
+CLEAR_MARGIN = 1.0
 """Difference of misfits from which on one map is clearly better than another."""
 
 

@@ -19,7 +19,6 @@ from anyprobe.estimate.ground import (
     up_of,
 )
 from anyprobe.light.dominant_light import find_dominant_light
-from anyprobe.match.kind import PLAIN_BACKDROP
 from anyprobe.notices import Notice, give
 
 if TYPE_CHECKING:
@@ -121,7 +120,7 @@ def grey_doubts(rgb: Float[np.ndarray, "N 3"], name: str) -> tuple[Notice, ...]:
 def backdrop_doubts(name: str) -> tuple[Notice, ...]:
     """Warn of an object before a single colour: a cut-out or a studio."""
     text = "the background is of one colour, as a cut-out's, and is not used; if it is real, ask for it"
-    return (Notice(text, code=PLAIN_BACKDROP, source=name, remedy=give(surroundings="photo")),)
+    return (Notice(text, code="plain-backdrop", source=name, remedy=give(surroundings="photo")),)
 
 
 def dark_beside_doubts(name: str) -> tuple[Notice, ...]:

@@ -8,11 +8,13 @@ from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.estimate.result import Light
 from anyprobe.light.environment import MAP_HEIGHT, integral, rotate
-from anyprobe.match.kind import is_outdoors, photo_outdoors
+from anyprobe.match.kind import estimate_log_odds, log_odds, same_kind
 from anyprobe.match.ranking import MatchedMap
 from anyprobe.match.shading import OWN_ERROR, shading_apart
 from anyprobe.notices import Notice, give
 
+UNLIKE = 0.4
+"""Probability up to which a place and a map are hardly of one kind."""
 STOPS_APART = 1.0
 """Difference in brightness above which a map's level is doubtful [stops]."""
 
@@ -32,8 +34,8 @@ def match_doubts(light: Light, first: MatchedMap) -> list[Notice]:
             "and its background need different exposures; check the sheet before using the map"
         )
         doubts.append(Notice(text, code="match-level"))
-    outdoors = photo_outdoors(light.plate, light.warnings)
-    return doubts + kind_doubts(outdoors, first.library.lights[first.index], first.name)
+    odds = estimate_log_odds(estimate, light.pitch_deg)
+    return doubts + kind_doubts(odds, first.library.lights[first.index], first.name)
 
 
 def fit_doubts(estimate: np.ndarray, radiance: np.ndarray) -> list[Notice]:
@@ -51,21 +53,15 @@ def fit_doubts(estimate: np.ndarray, radiance: np.ndarray) -> list[Notice]:
     return [Notice(text, code="match-fit")]
 
 
-def kind_doubts(outdoors: bool | None, radiance: np.ndarray, name: str) -> list[Notice]:
-    """Return a warning if a panorama [H, 2H, 3] is outdoors and the photo shows no sign of it, or the other way round.
-
-    outdoors: of the photo, see match.kind.photo_outdoors.
-    """
-    map_is_outdoors = is_outdoors(radiance)
-    if map_is_outdoors == bool(outdoors):
+def kind_doubts(odds: float, radiance: np.ndarray, name: str) -> list[Notice]:
+    """Return a warning if a panorama [H, 2H, 3] is hardly of the same kind of place as a light with these log odds, see
+    match.kind."""
+    theirs = log_odds(radiance[None])
+    if same_kind(odds, theirs)[0] > UNLIKE:
         return []
-    if outdoors:
-        text = "looks indoors, but the photo shows sky or plants"
-    elif outdoors is None:
-        text = "looks outdoors, but the photo shows nothing of its place"
-    else:
-        text = "looks outdoors, but the photo shows neither sky nor plants"
-    return [Notice(f"{text}; check the map before using it", code="match-kind", source=name)]
+    kinds = ("outdoors", "indoors") if theirs[0] > 0 else ("indoors", "outdoors")
+    text = "looks {}, but the light is as {}; check the map before using it".format(*kinds)
+    return [Notice(text, code="match-kind", source=name)]
 
 
 def stops_apart(radiance: np.ndarray, other: np.ndarray) -> float:

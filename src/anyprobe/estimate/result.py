@@ -27,7 +27,6 @@ from anyprobe.light.environment import check_radiance, integral, rotate
 from anyprobe.light.harmonics import project
 from anyprobe.light.light_sources import LightSource, find_light_sources
 from anyprobe.maps.radiance import HALF_MAX, map_attributes, write_exr, write_hdr
-from anyprobe.match.kind import photo_outdoors
 from anyprobe.notices import Notice, as_notice
 from anyprobe.pictures.images import png_bytes, write_png
 from anyprobe.place.panorama import DRAWN_ROWS, Panorama, check_rows, compose, in_frame
@@ -241,14 +240,12 @@ class Light:
         is_known = self.origin.pitch_deg is not None or (self.ground is not None and self.ground.is_known)
         ranked = rank_maps(
             self.radiance,
-            self.confidence,
             self.shown,
             folder,
             self.map_from_camera,
             self.pitch_deg,
             pitch_error_deg=0.0 if is_known or self.ground is None else self.ground.pitch_error_deg,
             roll_deg=self.ground.roll_deg if self.ground is not None and self.ground.is_known else 0.0,
-            outdoors=photo_outdoors(self.plate, self.warnings),
         )
         return ranked[:best]
 

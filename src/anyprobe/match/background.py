@@ -15,7 +15,8 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, p
 from anyprobe.light.environment import reduced
 from anyprobe.match.places import YAWS, map_from_camera_at, nearest_pixels, seen_along, seen_at_yaws
 
-BEHIND_WEIGHT, BEHIND_FLOOR = 1.0, 0.02
+BEHIND_WEIGHT, BEHIND_FLOOR = 2.0, 0.02
+"""Natural logarithms of probability a unit of ln mean square, as match.likeness.NATS; and the floor above."""
 MOST_PIXELS, LEAST_PIXELS = 128, 4
 """Largest number of background pixels that are compared, and the smallest that suffices."""
 COVERED = 0.5

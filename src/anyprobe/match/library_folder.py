@@ -49,12 +49,7 @@ def open_library(folder: str | Path) -> Library:
     """
     folder = Path(folder)
     if folder.suffix == ".zip" and folder.is_file():
-        try:
-            return _opened(folder, 0)
-        except (KeyError, ValueError, zipfile.BadZipFile) as error:
-            raise InputError(
-                "expected a folder of .exr or .hdr maps, got a ZIP archive; unpack it", source=folder
-            ) from error
+        raise InputError("expected a folder of .exr or .hdr maps, got a ZIP archive; unpack it", source=folder)
     if not folder.is_dir():
         raise InputError("no such folder; name one of .exr or .hdr maps", source=folder)
     stamps = _stamps(folder)
@@ -131,7 +126,7 @@ def _entries(
                 digest = digest or _digest(folder / stamp[0])
                 if digest in kept and lights is not None and file is not None:
                     number = kept[digest]
-                    entry = Entry(name, file.read(f"{number}.jpg"), lights[number], before["levels"][number], digest)
+                    entry = Entry(name, lights[number], before["levels"][number], digest)
                 elif not fault:
                     entry = entry_of(stamp[0], read_radiance(folder / stamp[0]), digest)._replace(name=name)
             except AnyprobeError as error:
@@ -186,4 +181,4 @@ def _in_memory(path: Path, folder: Path, stamps: tuple) -> Library:
     data = io.BytesIO()
     pack_library(data, _entries(folder, stamps, path, sources), sources)
     unkept = f"{path.parent}: cannot be written, so maps are read again each time; set XDG_CACHE_HOME to another folder"
-    return replace(read_library(path, data), data=data.getvalue(), unkept=unkept)
+    return replace(read_library(path, data), unkept=unkept)

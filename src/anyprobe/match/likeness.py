@@ -5,10 +5,11 @@ Schlick's Fresnel term, radiance blurred by the coat around the reflected ray. F
 coat, a and b >= 0 are fitted; the residual is compared in the logarithm, where exposure and the object's colour are
 free. Errors of the normals change brightness far more than hue, so that the two are scored separately:
 
-    misfit = ln(mean square of brightness + FLOOR) + HUE_WEIGHT ln(mean square of hue + FLOOR / 10)
+    misfit = NATS (ln(mean square of brightness + FLOOR) + HUE_WEIGHT ln(mean square of hue + FLOOR / 10))
 
-Where the photo shows its background, the cost of match.background is added; and for a pitch off the estimated one,
-PITCH_PRICE.
+This is a negative logarithm of probability: that of 2 NATS independent residuals whose variance is free is NATS
+ln(mean square). Where the photo shows its background, the cost of match.background is added; and the camera's pitch has
+a normal prior around the estimated one.
 """
 
 from __future__ import annotations
@@ -37,8 +38,11 @@ SHARPNESS = (2.0, 6.0, 20.0, 70.0)
 """Exponents of the blurs (light.filtering) that stand for coats of GGX alpha 0.5, 0.3, 0.17 and 0.1 or less."""
 PITCHES_DEG = tuple(range(-5, 81, 12))
 """Camera pitches [degrees] that are tried, downwards."""
-PITCH_PRICE = 0.25
-"""Misfit that is added for a pitch one standard deviation off the estimated one; it grows with the square."""
+NATS = 2.0
+"""Half the number of independent residuals of brightness: an object shows about as many shades as low orders of light.
+
+With it the prior of the pitch, half the squared deviation, weighs what was best on left-out renders.
+"""
 STEEPNESS = (0.8, 1.0, 1.25)
 """Factors of the slant of estimated normals, which tend to be too flat or too steep as a whole."""
 KEPT = 8
@@ -51,6 +55,8 @@ F0 = 0.04
 """Reflectance of a dielectric coat at normal incidence."""
 FLOOR, HUE_WEIGHT = 0.003, 2.0
 """Parameters of the misfit above."""
+GREY, GOLDEN_ANGLE = 0.5, np.pi * (3 - np.sqrt(5))
+"""Albedo of the sphere that stands for a map, and the turn from one of its pixels to the next."""
 BATCH = 64
 """Number of maps searched at once."""
 TINT = 0.5
@@ -115,6 +121,20 @@ def shown_by(
     )
 
 
+def shown_under(radiance: np.ndarray) -> Shown:
+    """Return what a sphere of grey plastic shows of a map [H, 2H, 3] in the camera's frame, where there is no photo."""
+    number = np.arange(FINE_PIXELS) + 0.5
+    facing = LEAST_FACING + (1 - LEAST_FACING) * number / FINE_PIXELS
+    across, turn = np.sqrt(1 - facing**2), GOLDEN_ANGLE * number
+    n = np.stack([across * np.cos(turn), across * np.sin(turn), facing], axis=-1)
+    wo = np.broadcast_to(np.array([0.0, 0.0, 1.0]), n.shape)
+    small = reduced(radiance, 2 * MATCH_ROWS)
+    matt = bilinear(irradiance_map(small) / np.pi, direction_to_uv(n))
+    coat = bilinear(blur_cosine_power(small, SHARPNESS[-2]), direction_to_uv(reflect(wo, n)))
+    lit = GREY * matt + coat * schlick_coat(n, wo)
+    return Shown(radiance=np.maximum(lit, 0.0), clipped=np.zeros(len(n), bool), n=n, wo=wo)
+
+
 def light_of(radiance: np.ndarray) -> tuple[np.ndarray, float]:
     """Reduce a map [H, 2H, 3] for comparison, to [32, 64, 3] float32 of mean 1, and return its mean."""
     small = reduced(radiance, MATCH_ROWS)
@@ -134,12 +154,16 @@ def best_places(
     pitches = np.array(PITCHES_DEG if pitch_deg is None else pitches_near(pitch_deg, error_deg), np.float64)
 
     def price(pitch: np.ndarray) -> np.ndarray:
-        off = (pitch - pitch_deg) / error_deg if pitch_deg is not None and error_deg else np.zeros(pitch.shape)
-        return PITCH_PRICE * off**2
+        return np.zeros(pitch.shape) if pitch_deg is None or not error_deg else pitch_prior(pitch, pitch_deg, error_deg)
 
     found = [_places(shown, lights[start : start + BATCH], pitches, price) for start in range(0, len(lights), BATCH)]
     turns, misfits = (np.concatenate(parts) for parts in zip(*found, strict=True))
     return turns, misfits
+
+
+def pitch_prior(pitch_deg: np.ndarray, expected_deg: float, error_deg: float) -> np.ndarray:
+    """Return the negative logarithm of a normal distribution's density over its largest."""
+    return 0.5 * ((pitch_deg - expected_deg) / error_deg) ** 2
 
 
 def gain_of(shown: Shown, estimate: np.ndarray, light: np.ndarray, map_from_camera: np.ndarray) -> np.ndarray:
@@ -283,7 +307,7 @@ class _Measured:
             rest[:, self.clipped] = np.minimum(rest[:, self.clipped], 0.0)
         rest -= np.einsum("mpc,p->mc", rest, self.share)[:, None]
         brightness, hue = mean_squares(rest, self.share)
-        return np.log(brightness + FLOOR) + HUE_WEIGHT * np.log(hue + FLOOR / 10)
+        return NATS * (np.log(brightness + FLOOR) + HUE_WEIGHT * np.log(hue + FLOOR / 10))
 
     def _fitted(self, e: np.ndarray | None, s: np.ndarray) -> np.ndarray:
         w, i = self.weight, self.radiance

@@ -12,18 +12,14 @@ import numpy as np
 from anyprobe.core.frames import rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
 from anyprobe.errors import InputError, OutputError
-from anyprobe.light.environment import integral, reduced, rotate
+from anyprobe.light.environment import reduced, rotate
 from anyprobe.maps.radiance import HALF_MAX, read_radiance, write_exr_planes
-from anyprobe.match.alignment import Match, find_matches
-from anyprobe.match.kind import PRICE, prices
-from anyprobe.match.library import FEATURE_ROWS, Library
+from anyprobe.match.kind import estimate_log_odds, log_odds, same_kind
+from anyprobe.match.library import Library
 from anyprobe.match.library_folder import check_unchanged, open_library
-from anyprobe.match.likeness import Shown, best_places, gain_of
-from anyprobe.match.places import pitches_near
-from anyprobe.match.shading import OWN_ERROR, shading_apart
+from anyprobe.match.likeness import Shown, best_places, gain_of, shown_under
+from anyprobe.match.shading import USUAL_ERROR, shadings_apart
 
-MOST_TRIED = 50
-"""Number of maps, the best first, among which those that shade an object as the estimate does come first."""
 BLOCK_ROWS = 64
 """Rows of a large map that are rotated at once."""
 
@@ -34,8 +30,9 @@ class MatchedMap:
 
     Attributes:
         rank: 0 is the best. name: path within the folder, without the suffix. path: of the file.
-        misfit: how badly it explains the photo; only differences matter: below 0.5 two maps are hardly distinguishable.
-        by: "photo", or "map" where only the estimate's map was compared.
+        misfit: negative logarithm of its probability; only differences matter: below 1 two maps are hardly
+            distinguishable.
+        by: "photo", or "map" where only the light's own map was compared.
         map_from_light: [3, 3] rotation, from the light's frame to the panorama's.
         gain: [3], from the panorama's radiance to the light's units.
     """
@@ -140,7 +137,6 @@ class MatchedMap:
 
 def rank_maps(
     radiance: np.ndarray,
-    confidence: np.ndarray | None,
     shown: Shown | None,
     folder: Library | str | Path,
     light_from_camera: np.ndarray,
@@ -148,18 +144,21 @@ def rank_maps(
     *,
     pitch_error_deg: float = 0.0,
     roll_deg: float = 0.0,
-    outdoors: bool | None = None,
 ) -> list[MatchedMap]:
-    """Rank all maps of a folder, the best first.
+    """Rank all maps of a folder by their posterior probability, the best first.
+
+    Its negative logarithm, with even odds of all maps, is
+
+        misfit of the object and its background + prior of the pitch (match.likeness)
+        + (difference in shading / USUAL_ERROR)^2 / 2 (match.shading) - ln probability of one kind of place (match.kind)
 
     Args:
-        radiance, confidence: of the light, [H, 2H, 3] and [H, 2H], in its frame.
-        shown: pixels of the photo's object, in the camera's frame; None: only maps are compared.
+        radiance: of the light, [H, 2H, 3], in its frame.
+        shown: pixels of the photo's object, in the camera's frame; None: a sphere under the light stands for it.
         light_from_camera: [3, 3].
         pitch_deg: camera pitch downwards, where known; kept if it has no error.
         pitch_error_deg: its standard deviation; it is moved by up to 1.75 times as much.
         roll_deg: camera roll, which is kept, see estimate.ground.Ground.
-        outdoors: whether the photo is; panoramas of the other kind are penalised by match.kind.PRICE. None: unknown.
     """
     if roll_deg:  # as for a camera without roll
         unrolled = rotation_z(np.radians(roll_deg))
@@ -169,57 +168,21 @@ def rank_maps(
     if not library.files:
         raise InputError("expected a folder of .exr and .hdr maps, got a library without files", source=library.path)
     lights, levels = library.lights, library.levels
-    if shown is not None:
-        camera = rotate(radiance, light_from_camera.T)
-        places, misfits = best_places(shown, lights, pitch_deg, error_deg=pitch_error_deg)
-        misfits = misfits + prices(outdoors, library, PRICE)
-        order = _fitting_first(np.argsort(misfits, kind="stable").tolist(), library, places, camera)
-        turns = places @ light_from_camera.T
-        ranked = [(i, misfits[i], turns[i], gain_of(shown, camera, lights[i], places[i]) / levels[i]) for i in order]
-    else:
-        pitches_deg = None if pitch_deg is None else pitches_near(pitch_deg, pitch_error_deg)
-        found, to_camera = _by_map(radiance, confidence, library, light_from_camera.T, pitches_deg)
-        mean = integral(reduced(radiance, FEATURE_ROWS)) / (4 * np.pi)
-        means = {one.index: integral(lights[one.index]) / (4 * np.pi) * levels[one.index] for one in found}
-        ranked = [
-            (one.index, one.distance, one.candidate_from_estimate @ to_camera, mean / means[one.index]) for one in found
-        ]
+    camera = np.maximum(rotate(radiance, light_from_camera.T), 0.0)
+    seen = shown_under(camera) if shown is None else shown
+    places, misfits = best_places(seen, lights, pitch_deg, error_deg=pitch_error_deg)
+    misfits = misfits + 0.5 * (shadings_apart(lights, places, camera) / USUAL_ERROR) ** 2
+    misfits = misfits - np.log(same_kind(estimate_log_odds(camera, pitch_deg), log_odds(lights)))
     return [
         MatchedMap(
             rank=rank,
             name=library.names[i],
-            misfit=float(misfit),
+            misfit=float(misfits[i]),
             by="map" if shown is None else "photo",
-            map_from_light=np.asarray(turn, np.float64),
-            gain=np.asarray(gain, np.float64),
+            map_from_light=np.asarray(places[i] @ light_from_camera.T, np.float64),
+            gain=np.asarray(gain_of(seen, camera, lights[i], places[i]) / levels[i], np.float64),
             library=library,
             index=int(i),
         )
-        for rank, (i, misfit, turn, gain) in enumerate(ranked)
+        for rank, i in enumerate(np.argsort(misfits, kind="stable"))
     ]
-
-
-def _fitting_first(order: list[int], library: Library, turns: np.ndarray, camera: np.ndarray) -> list[int]:
-    """Return the order with those of the first MOST_TRIED maps ahead that shade an object as the estimate [H, 2H, 3]
-    does; turns: of all maps, from the camera's frame."""
-    fits = [shading_apart(rotate(library.lights[i], turns[i].T), camera) <= OWN_ERROR for i in order[:MOST_TRIED]]
-    tried = sorted(range(len(fits)), key=lambda k: not fits[k])
-    return [order[k] for k in tried] + order[MOST_TRIED:]
-
-
-def _by_map(
-    radiance: np.ndarray,
-    confidence: np.ndarray | None,
-    library: Library,
-    camera_from_light: np.ndarray,
-    pitches_deg: tuple[float, ...] | None,
-) -> tuple[list[Match], np.ndarray]:
-    """Return matches, the best first, and the rotation from the light's frame to theirs.
-
-    pitches_deg: possible pitches of the camera, in whose frame they are; None: unknown.
-    """
-    if pitches_deg is None:
-        return find_matches(radiance, confidence, library), np.eye(3)
-    camera = rotate(radiance, camera_from_light)
-    turned = None if confidence is None else rotate(confidence[..., None], camera_from_light)[..., 0]
-    return find_matches(camera, turned, library, pitches_deg=pitches_deg), camera_from_light
