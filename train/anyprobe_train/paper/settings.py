@@ -1,4 +1,4 @@
-"""Sizes of a whole reproduction: as it is published, in ten minutes, and in one for tests."""
+"""Sizes of a whole reproduction: as it is published, in a quarter of the steps, in ten minutes, and in one for tests."""
 
 from __future__ import annotations
 
@@ -39,6 +39,7 @@ class Setting:
 
 SETTINGS = {
     "full": Setting(),
+    "quarter": Setting(share=0.25),
     "small": Setting(
         side=64, rows=32, width=12, code=64, rings=24, own_maps=8, most=16, share=0.004, scored=64,
         table_pairs=200, log_every=50, score_every=200,
@@ -48,4 +49,4 @@ SETTINGS = {
         table_pairs=16, log_every=2, score_every=4,
     ),
 }  # fmt: skip
-"""full: what is published. small: everything within ten minutes of two cores. tiny: within a minute."""
+"""full: what is published. quarter: the same in a quarter of the steps. small: everything within ten minutes of two cores. tiny: within a minute."""
