@@ -15,7 +15,7 @@ from anyprobe_train.cli.run import Data, need_torch
 def paper(
     data: Data = None,
     runs: Annotated[Path, typer.Option(help="Folder of tables, checkpoints and logs.")] = Path("runs/paper"),
-    setting: Annotated[str, typer.Option(help="Sizes: full, quarter (of the steps), small (ten minutes) or tiny (one).")] = "full",
+    setting: Annotated[str, typer.Option(help="Sizes: full, quarter (of the steps), small or tiny.")] = "full",
     only: Annotated[str, typer.Option(help="One piece, by name; default: all in order.")] = "",
     stop: Annotated[int | None, typer.Option(min=1, help="Leave each piece at this step, to test a machine.")] = None,
     table: Annotated[bool, typer.Option("--table", help="Train nothing; write Table 1 of what is trained.")] = False,

@@ -1,4 +1,4 @@
-"""Sizes of a whole reproduction: as it is published, in a quarter of the steps, in ten minutes, and in one for tests."""
+"""Sizes of a whole reproduction: full, in a quarter of the steps, in ten minutes, and in one for tests."""
 
 from __future__ import annotations
 
@@ -49,4 +49,5 @@ SETTINGS = {
         table_pairs=16, log_every=2, score_every=4,
     ),
 }  # fmt: skip
-"""full: what is published. quarter: the same in a quarter of the steps. small: everything within ten minutes of two cores. tiny: within a minute."""
+"""full: what is published. quarter: a quarter of its steps. small: everything within ten minutes of two cores. tiny:
+within a minute."""
