@@ -123,7 +123,7 @@ def networks_opened_once(monkeypatch) -> None:
 @pytest.fixture
 def small_results(monkeypatch) -> None:
     """The map alone in the place of the drawn preview, and panoramas of 64 rows: both take longer than the estimate."""
-    monkeypatch.setattr(outputs, "draw_preview", lambda panorama, photo: np.clip(panorama.radiance, 0, 1))
+    monkeypatch.setattr(outputs, "draw_preview", lambda panorama, *_: np.clip(panorama.radiance, 0, 1))
     full = Light.panorama
 
     def panorama(light: Light, size: int = 64, *, frame: str = "level") -> Panorama:

@@ -18,11 +18,13 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from anyprobe.cli.marks import Marks, marks_of
 from anyprobe.cli.options import (
     OPTIONS,
     ColorspaceOption,
     FrameOption,
     JsonOption,
+    MarksOption,
     ModelOptions,
     ObjectOptions,
     QuietOption,
@@ -76,6 +78,7 @@ def estimate(
     object_options: ObjectOptions,
     model_options: ModelOptions,
     out: Annotated[Path, folder_option("Folder for the results.")] = Path("light"),
+    marks: MarksOption = None,
     poses: Annotated[
         Path | None,
         typer.Option(help="transforms.json of the photos' cameras: all photos, views of one object, give one light."),
@@ -91,17 +94,20 @@ def estimate(
     check_rows(size)
     hints = object_options.hints()
     listed = list_photos(photos)
+    marked = marks_of(marks, listed)
     if poses is None:
         check_distinct(listed)
     check_folder(out)
     estimator = model_options.estimator(segmenter=object_options.finder.segmenter)
     console = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     has_bar = len(listed) > 1 and console.is_terminal
+    has_lines = len(listed) > 1 and not console.is_terminal
     progress: Any = track(listed, "estimating", console=console, transient=True, disable=not has_bar)
     call = EstimateCall(
         estimator=estimator,
         out=out,
         hints=hints,
+        marks=marked,
         as_json=as_json,
         listed=listed,
         colorspace=colorspace,
@@ -114,7 +120,10 @@ def estimate(
             if poses is not None:
                 results.append(call.estimate_views(steps, poses))
             else:
-                results.extend(map(call.estimate_photo, steps))
+                for number, path in enumerate(steps, start=1):
+                    if has_lines:  # a log, which shows no bar
+                        console.print(f"{number} of {len(listed)}: {photo_name(path)}", soft_wrap=True)
+                    results.append(call.estimate_photo(path))
         except KeyboardInterrupt:
             if poses is None and len(listed) > 1:
                 text = f"anyprobe: stopped with {len(results)} of {len(listed)} photos done, which are in {out}"
@@ -136,6 +145,7 @@ class EstimateCall:
     estimator: Estimator
     out: Path
     hints: Hints
+    marks: Marks
     as_json: bool
     listed: list[Path]
     colorspace: str
@@ -148,7 +158,7 @@ class EstimateCall:
 
         start = time.perf_counter()
         try:
-            hints = hints_for(path, self.hints)
+            hints = hints_for(path, self.hints, self.marks)
             self._check(path, hints)
             photo = load_photo(photo_source(path), hints, name=photo_name(path), segmenter=self.estimator.segmenter)
             light = self.estimator.from_photo(photo, start)
@@ -168,7 +178,7 @@ class EstimateCall:
         camera_poses = read_poses(poses)
         rotations = camera_poses.of(self.listed)
         fovs = dict(zip(self.listed, camera_poses.fovs_deg(self.listed), strict=True))
-        hints = {path: hints_for(path, self.hints) for path in self.listed}
+        hints = {path: hints_for(path, self.hints, self.marks) for path in self.listed}
         for path in self.listed:
             self._check(self.listed[0], hints[path], poses)
             with open_regular(path, InvalidPhoto):  # the last may be missing, and finding objects takes a while

@@ -9,7 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from anyprobe.cli.options import OPTIONS, JsonOption, MaskOptions, QuietOption, folder_option, with_bundles
+from anyprobe.cli.marks import marks_of
+from anyprobe.cli.options import OPTIONS, JsonOption, MarksOption, MaskOptions, QuietOption, folder_option, with_bundles
 from anyprobe.cli.photo_files import (
     check_distinct,
     check_names,
@@ -34,6 +35,7 @@ def mask(
         typer.Argument(metavar="PHOTO...", help="Photos, folders of photos, or - for standard input."),
     ] = None,
     out: Annotated[Path, folder_option("Folder for the results.")] = Path("masks"),
+    marks: MarksOption = None,
     fetch: Annotated[
         bool,
         typer.Option("--fetch", help="First download U2-Net-p (4.6 MB), the better mask network, if it is missing."),
@@ -52,12 +54,13 @@ def mask(
         raise InputError("expected photos or folders of photos, got none; give one, or --fetch", subject="photo")
     hints, segmenter = mask_options.hints(), mask_options.segmenter()
     paths = list_photos(photos)
+    marked = marks_of(marks, paths)
     check_distinct(paths)
     check_folder(out)
     failed = False
     for path in paths:
         try:
-            summary = _write(path, out, hints_for(path, hints), paths, segmenter)
+            summary = _write(path, out, hints_for(path, hints, marked), paths, segmenter)
             if as_json:
                 print(json.dumps(summary), flush=True)
             elif not quiet:

@@ -35,9 +35,11 @@ CLEAR_MARGIN = 1.0
 @with_bundles
 def match(
     photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="A photo, or - for standard input.")],
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of .hdr and .exr panoramas.")],
     object_options: ObjectOptions,
     model_options: ModelOptions,
+    folder: Annotated[
+        Path | None, typer.Argument(metavar="FOLDER", help="Required: folder of .hdr and .exr panoramas.")
+    ] = None,
     out: Annotated[Path, folder_option("Folder for the results.")] = Path("match"),
     best: Annotated[int, count_option(least=1, most=50, help="Number of panoramas to write and show, up to 50.")] = 3,
     apply: Annotated[
@@ -60,6 +62,11 @@ def match(
     from anyprobe.match.library_folder import open_library
     from anyprobe.pictures.images import write_png
 
+    if folder is None:
+        raise InputError(
+            "expected a folder of .hdr or .exr panoramas after the photo, got none; put some of your own or of a site "
+            "such as polyhaven.com into one"
+        )
     targets = [] if apply is None else target_names(apply, "apply")
     console = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     with console.status("reading the panoramas"):

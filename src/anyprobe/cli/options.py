@@ -37,6 +37,12 @@ Frame = Literal["level", "camera"]
 FrameOption = Annotated[
     Frame, typer.Option(help="level: +Y is up in the place, by the camera's pitch and roll; camera: its own frame.")
 ]
+MarksOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="CSV with a row for each photo: photo, box, click, exclude (several with ; between)."
+    ),
+]
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")]
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from anyprobe.cli.marks import Marks
 from anyprobe.cli.options import OPTIONS
 from anyprobe.errors import AnyprobeError, InputError, InvalidMask, InvalidPhoto, OutputError
 from anyprobe.files.paths import is_same_file, open_regular, read_stream, visible_files
@@ -45,13 +46,13 @@ def photo_line(photo: Path, error: AnyprobeError) -> str:
     return " ".join(line.splitlines())  # a name may hold a line break
 
 
-def hints_for(photo: Path, hints: Hints) -> Hints:
+def hints_for(photo: Path, hints: Hints, marks: Marks | None = None) -> Hints:
     """Return the hints of one photo: folders of masks, depth images, normals or panoramas become the file of its
-    name."""
+    name; marks: of all photos, those of its name are added."""
     files: dict[str, Any] = {
         name: _file_for(photo, path, name, HINTS[name].suffixes) for name, path in hints.files().items()
     }
-    return replace(hints, **files)
+    return replace(hints, **files, **(marks or {}).get(photo.name, {}))
 
 
 def list_photos(photos: list[Path]) -> list[Path]:

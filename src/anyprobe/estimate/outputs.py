@@ -40,7 +40,7 @@ def write_results(
         light.save(scratch / f"{stem}.exr", colorspace=colorspace)
         for kind in ("hdr", "json"):
             light.save(scratch / f"{stem}.{kind}")
-        write_png(scratch / f"{stem}.png", draw_preview(panorama, photo))
+        write_png(scratch / f"{stem}.png", draw_preview(panorama, photo, light.dominant_light().direction))
     return {_kind(suffix): folder / f"{stem}{suffix}" for suffix in OUTPUT_SUFFIXES}
 
 

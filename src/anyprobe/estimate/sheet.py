@@ -27,16 +27,21 @@ ROW, PANORAMA_ROW = 256, 512
 _MATTE = 0.7
 """Radiance of the bright side of a matte sphere in the median row of matches."""
 _SPHERE = 128
+RING = 14
+"""Radius of the ring around the dominant light [px]."""
 GAP = 8
 CAPTION = 20
 BACKGROUND, CAPTION_COLOR = (20, 20, 20), (220, 220, 220)
 Captioned = tuple[str, np.ndarray]
 
 
-def draw_preview(panorama: Panorama, photo: Photo | None = None) -> Float[np.ndarray, "H W 3"]:
+def draw_preview(
+    panorama: Panorama, photo: Photo | None = None, direction: np.ndarray | None = None
+) -> Float[np.ndarray, "H W 3"]:
     """Return a display picture [H, W, 3] in [0, 1]: the panorama over photo, mask and spheres, with captions.
 
-    The spheres share one exposure, see spheres_ev.
+    The spheres share one exposure, see spheres_ev. direction: [3] towards the dominant light in the camera's frame,
+    which a ring in the panorama marks.
     """
     in_camera = panorama.radiance
     if panorama.is_level:
@@ -47,7 +52,24 @@ def draw_preview(panorama: Panorama, photo: Photo | None = None) -> Float[np.nda
     for name, sphere in spheres.items():
         row.append((f"{SPHERES[name]}, {f'{ev:+g}' if ev else 0} EV", _fit(response(sphere * 2.0**ev), ROW)))
     caption = f"panorama, {'level' if panorama.is_level else 'in the frame of the camera'}, highlights compressed"
-    return _captioned([[(caption, _fit(panorama.display(), PANORAMA_ROW))], row])
+    place = _fit(panorama.display(), PANORAMA_ROW)
+    if direction is not None:
+        caption += ", the ring: the dominant light"
+        place = _ringed(place, panorama.frame_from_camera @ direction)
+    return _captioned([[(caption, place)], row])
+
+
+def _ringed(picture: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Return a map's picture [H, 2H, 3] with a ring around a direction [3], black in white, over its edge too."""
+    height, width = picture.shape[:2]
+    x, y, z = direction / np.linalg.norm(direction)
+    column, row = (0.5 + np.arctan2(x, -z) / (2 * np.pi)) * width, np.arccos(np.clip(y, -1, 1)) / np.pi * height
+    canvas = Image.fromarray(to_bytes(picture))
+    draw = ImageDraw.Draw(canvas)
+    for left in (column - width, column, column + width):
+        for radius, color, line in ((RING + 1, (255, 255, 255), 4), (RING, (0, 0, 0), 2)):
+            draw.ellipse((left - radius, row - radius, left + radius, row + radius), outline=color, width=line)
+    return np.asarray(canvas, np.float32) / 255
 
 
 def draw_matches(photo: Photo, rows: Sequence[Captioned]) -> np.ndarray:
@@ -62,7 +84,10 @@ def draw_matches(photo: Photo, rows: Sequence[Captioned]) -> np.ndarray:
     sheet = [given]
     for caption, spheres, radiance in drawn:
         shown = given[:1]
-        shown += [(SPHERES[name], _fit(response(sphere * gain), ROW)) for name, sphere in spheres.items()]
+        shown += [
+            (f"{SPHERES[name]}, {math.log2(gain):+g} EV", _fit(response(sphere * gain), ROW))
+            for name, sphere in spheres.items()
+        ]
         sheet.append([*shown, (caption, _fit(response(radiance * gain), ROW))])
     return _captioned(sheet)
 
