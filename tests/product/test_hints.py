@@ -74,7 +74,7 @@ def test_files_of_other_doors_are_fresh():
     assert [path.name for path, text in module.files().items() if path.read_text(encoding="utf-8") != text] == []
     jsonschema = pytest.importorskip("jsonschema")
     check = jsonschema.Draft202012Validator(module.schema())
-    assert check.is_valid({"fov_deg": 50, "click": [[1, 2], [3, 4]], "normals": "sphere", "emitters": "mode"})
+    assert check.is_valid({"fov_deg": 50, "click": [[1, 2], [3, 4]], "normals": "sphere"})
     assert not check.is_valid({"fov_deg": 500})
     assert not check.is_valid({"fov": 50})
 

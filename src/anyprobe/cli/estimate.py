@@ -220,7 +220,7 @@ class EstimateCall:
 
 
 def _said(light: Light) -> tuple[str, str]:
-    """Return the direction of a light's dominant light and the uncertainty of its brightness, in words."""
+    """Return where a light comes from, if a source dominates, and the uncertainty of its brightness, in words."""
     from anyprobe.estimate.doubts import exposure_doubts
 
     dominant, ground, uncertainty = light.dominant_light(), light.ground, light.origin.uncertainty
@@ -233,6 +233,8 @@ def _said(light: Light) -> tuple[str, str]:
     if exposure_doubts(pixels[:, :3] / pixels[:, 3:], ""):
         return f"{text}, a guess", ""
     level = "" if uncertainty is None else f"± {uncertainty['level_stops']:.1f} stops"
+    if light.is_soft:
+        return f"soft light, brightest from {light.brightest_side()}", level
     return f"{text} ± {dominant.error_deg:.0f}°", level
 
 

@@ -213,6 +213,7 @@ class Estimator:
             origin=estimate_origin(photo, found, seconds, self.model_id),
             seen=said.seen,
             said_error_deg=None if said.errors is None else float(said.errors[0]),
+            soft=None if said.soft is None else float(said.soft[0]),
             plate=None if is_plain else plate,
         )
 

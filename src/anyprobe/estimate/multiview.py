@@ -155,6 +155,7 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
         well_exposed_fraction=float(np.mean([light.well_exposed_fraction for light in lights])),
         warnings=tuple(dict.fromkeys(notes)),
         find_shown=first.find_shown if len(lights) == 1 else None,
+        soft=first.soft if len(lights) == 1 else None,
         said_error_deg=first.said_error_deg if len(lights) == 1 else None,
         origin=_fused_origin(lights, seen),
     )

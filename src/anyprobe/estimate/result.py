@@ -45,6 +45,8 @@ LEVEL, CAMERA = FRAMES = ("level", "camera")
 """Frames of panoramas and exports."""
 MIRROR_ERROR_DEG = 180 / 64
 """A pixel of the map that a mirror is unwrapped to."""
+SIDES = (("the left", "the right"), ("below", "above"), ("behind the object", "the camera's side"))
+"""Names of directions along -X and +X, -Y and +Y, -Z and +Z."""
 BEHIND = -0.5
 """z, in the crop's frame, of what a mirror shows near its rim."""
 
@@ -69,6 +71,7 @@ class Light:
         plate: what the photo shows beside its object, for panorama; None where that is nothing, or not kept.
         seen: [64, 128, 4] what the photo shows of the light, in the camera's frame: radiance times cover, and cover.
         said_error_deg: error of the dominant light's direction, by the networks or the .json of a light that was saved.
+        soft: probability that no light source dominates; None where that is not known.
     """
 
     radiance: np.ndarray
@@ -83,6 +86,7 @@ class Light:
     plate: Plate | None = None
     seen: np.ndarray | None = None
     said_error_deg: float | None = None
+    soft: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "warnings", tuple(map(as_notice, self.warnings)))
@@ -148,6 +152,18 @@ class Light:
             return False
         at = bilinear(self.confidence[..., None], direction_to_uv(direction))
         return bool(at[0] > 0.9 * MEASURED_CONFIDENCE and in_crop[2] > BEHIND)
+
+    @property
+    def is_soft(self) -> bool:
+        """Whether no light source dominates, so that the light has no one direction."""
+        return self.soft is not None and self.soft > 0.5
+
+    def brightest_side(self) -> str:
+        """Return the side that most light comes from, level as far as the ground is known: "above", "the left", ..."""
+        toward = self.sh9()[[3, 1, 2]].mean(axis=1) @ self.map_from_camera
+        toward = toward if self.ground is None else self.ground.level_from_camera @ toward
+        axis = int(np.abs(toward).argmax())
+        return SIDES[axis][int(toward[axis] > 0)]
 
     def sources(self) -> tuple[LightSource, ...]:
         """Return the map's light sources, the brightest place first: direction, irradiance, angular size; none under an
@@ -303,6 +319,7 @@ class Light:
                 "directionality": round(main.directionality, 4),
                 "error_deg": round(main.error_deg, 1),
             },
+            **({} if self.soft is None else {"soft": round(float(self.soft), 3)}),
             "camera_from_crop": json_numbers(self.camera_from_crop),
             "warnings": list(self.warnings),
             "notices": [one.as_json() for one in self.warnings],

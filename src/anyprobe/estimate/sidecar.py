@@ -21,7 +21,7 @@ TURNED = "right-handed, +X right, +Y up of a map that was turned by map_from_cam
 SCALE = "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white"
 
 OF_THE_MAP = (
-    "version frame map_from_camera scale exposure_ev response size confidence well_exposed_fraction sh9 "
+    "version frame map_from_camera scale exposure_ev response size confidence well_exposed_fraction sh9 soft "
     "dominant_light camera_from_crop warnings notices radiance stages"
 ).split()
 """Keys of a sidecar, or of the server's answer kept as one, besides a light's info."""
@@ -141,7 +141,9 @@ def restored(said: Mapping[str, Any], path: Path) -> dict[str, Any]:
             "camera_from_crop; save the light again, or move the .json away",
             source=path,
         )
-    attributes = {"well_exposed_fraction": exposed, "warnings": warnings, "camera_from_crop": camera_from_crop}
+    soft = said.get("soft")
+    attributes: dict[str, Any] = {"soft": soft if isinstance(soft, int | float) and 0 <= soft <= 1 else None}
+    attributes |= {"well_exposed_fraction": exposed, "warnings": warnings, "camera_from_crop": camera_from_crop}
     return attributes | {"said_error_deg": error_stated(said), "origin": origin}
 
 
