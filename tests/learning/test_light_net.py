@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import signal
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -205,3 +208,14 @@ def test_a_run_that_was_stopped_goes_on_to_the_same_bits(tmp_path) -> None:
     for name, value in one["moving"].items():
         assert torch.equal(value, other["moving"][name]), name
     assert all(torch.equal(one["net"][name], other["net"][name]) for name in one["net"])
+
+
+def test_a_run_that_is_asked_to_stop_keeps_its_last_step_though_its_photos_end(tmp_path) -> None:
+    def batches(first: int):
+        yield batch_of(first, 2)
+        os.kill(os.getpid(), signal.SIGTERM)
+        raise BrokenProcessPool
+
+    config = LightRunConfig(name="light", steps=3, batch=2, warmup=2)
+    path = run_light(config, batches=batches, runs=tmp_path, assets="stub")
+    assert torch.load(path, weights_only=True)["step"] == 1

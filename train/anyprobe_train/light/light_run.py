@@ -6,6 +6,7 @@ import json
 import signal
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -99,36 +100,47 @@ def run_light(
     losses, folder = LightLoss(device), run_folder(runs, config.name)
     logger = RunLogger(folder, config.name, (*LIGHT_WEIGHTS, "loss"), first, last, config.steps)
     saved = judged = time.monotonic()
+    done = kept = first
+
+    def keep() -> None:
+        state = {"net": mean.state_dict(), "moving": net.state_dict(), "optimizer": optimizer.state_dict()}
+        save_checkpoint(path, config, done, origin, state)
+
     with logger, asked_to_stop() as asked:
-        for step, batch in zip(range(first, last), batches(first), strict=False):
-            rate = learning_rate(config, step)
-            for group in optimizer.param_groups:
-                group["lr"] = rate
-            inputs, truth = learned(*tensors_of(batch, device), (config.seed, step))
-            net.train()
-            torch.manual_seed(config.seed + step)  # what is dropped is the step's own
-            with autocast(device):
-                guess = net(inputs)
-            terms = losses(guess, truth)
-            loss = total_of(terms)
-            optimizer.zero_grad(set_to_none=True)
-            loss.backward()
-            torch.nn.utils.clip_grad_norm_(net.parameters(), config.most_gradient)
-            optimizer.step()
-            move_mean(mean, net, min(config.averaged, (step + 1) / (step + 20)))
-            count = len(truth.fov)
-            logger.note(step + 1, (step + 1) * count, count, {**terms, "loss": loss}, rate)
-            now, ends = time.monotonic(), step + 1 == last or asked()
-            if now - saved > SAVE_SECONDS or ends:
-                state = {"net": mean.state_dict(), "moving": net.state_dict(), "optimizer": optimizer.state_dict()}
-                save_checkpoint(path, config, step + 1, origin, state)
-                saved = now
-            if scored is not None and (now - judged > SCORE_SECONDS or step + 1 == config.steps):
-                with (folder / "left_out.jsonl").open("a", encoding="utf-8") as stream:
-                    stream.write(json.dumps({"step": step + 1, **scored(mean)}) + "\n")
-                judged = time.monotonic()
-            if ends:
-                break
+        try:
+            for step, batch in zip(range(first, last), batches(first), strict=False):
+                rate = learning_rate(config, step)
+                for group in optimizer.param_groups:
+                    group["lr"] = rate
+                inputs, truth = learned(*tensors_of(batch, device), (config.seed, step))
+                net.train()
+                torch.manual_seed(config.seed + step)  # what is dropped is the step's own
+                with autocast(device):
+                    guess = net(inputs)
+                terms = losses(guess, truth)
+                loss = total_of(terms)
+                optimizer.zero_grad(set_to_none=True)
+                loss.backward()
+                torch.nn.utils.clip_grad_norm_(net.parameters(), config.most_gradient)
+                optimizer.step()
+                move_mean(mean, net, min(config.averaged, (step + 1) / (step + 20)))
+                done, count = step + 1, len(truth.fov)
+                logger.note(done, done * count, count, {**terms, "loss": loss}, rate)
+                is_judged = scored is not None and (time.monotonic() - judged > SCORE_SECONDS or done == config.steps)
+                if is_judged or time.monotonic() - saved > SAVE_SECONDS:
+                    keep()
+                    kept, saved = done, time.monotonic()
+                if is_judged and scored is not None:
+                    with (folder / "left_out.jsonl").open("a", encoding="utf-8") as stream:
+                        stream.write(json.dumps({"step": done, **scored(mean)}) + "\n")
+                    judged = time.monotonic()
+                if asked():
+                    break
+        except BrokenExecutor:
+            if not asked():  # else the processes that make photos were asked to stop, too
+                raise
+        if done > kept:
+            keep()
     return path
 
 
