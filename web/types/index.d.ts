@@ -2,7 +2,7 @@
 
 /** anyprobe: the light around an object of one material, from its picture, in the browser. */
 
-import type { Click, Emitters, LongFovDeg, Looks, PitchDeg, Surroundings } from "./inputs.js";
+import type { Click, LongFovDeg, PitchDeg, Surroundings } from "./inputs.js";
 
 export type Vector3 = [number, number, number];
 export type Point = [x: number, y: number];
@@ -121,9 +121,9 @@ export interface LightOptions {
   /** How far the camera looks down, degrees: 0 level, 90 straight down. Default: a guess. */
   pitchDeg?: PitchDeg;
   /** Light sources at their most likely positions (sharp shadows), or their mean radiance (soft). Default "mode". */
-  emitters?: Emitters;
+  emitters?: "mode" | "expected";
   /** 2: look at the picture in a mirror too and take the likelier light, in twice the time. Default 1. */
-  looks?: Looks;
+  looks?: 1 | 2;
   /** What the object is made of: settles level and colour of the light, which a photo alone leaves open. */
   material?: GivenMaterial;
 }
