@@ -251,10 +251,10 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
     for name, hints in HINTS.items():
         finding = find_object(Looks(small_network(), rgb), _prompts(hints))
         answers[f"mask_{name}"] = finding.mask(*rgb.shape[1::-1])
-        evidence = examine(finding, *rgb.shape[1::-1], _prompts(hints))
+        evidence = examine(finding, _prompts(hints))
         found[name] = asdict(evidence) | {
             "iou": evidence.expected_iou("small"),
-            "doubts": evidence.doubts(_prompts(hints)),
+            "doubt": evidence.doubt("small", _prompts(hints)),
         }
     answers |= _filtered(light.radiance)
     for name, values in answers.items():

@@ -76,7 +76,7 @@ export class AnyProbe {
   /**
    * Where the object is: numbers in [0, 1] of the picture's size, or of 1600 pixels along its longer side.
    *
-   * @returns {Promise<import("../types/index.d.ts").FoundMask>} quality: the IoU to expect; warnings: a line where that is below 0.81
+   * @returns {Promise<import("../types/index.d.ts").FoundMask>} quality: the IoU to expect; warnings: a line where that is below 0.78
    */
   async mask(image, options = {}) {
     checkNames("mask", options);

@@ -19,7 +19,7 @@ import { lookAtGiven } from "../src/photo/maskCheck.js";
 import { groundDoubts } from "../src/photo/ground.js";
 import { objectBox } from "../src/photo/picture.js";
 import { SmallNetwork } from "../src/photo/maskNetworks.js";
-import { doubts, examine, expectedIou } from "../src/photo/quality.js";
+import { doubtOf, examine, expectedIou } from "../src/photo/quality.js";
 import { Looks, findObject, maskOf } from "../src/photo/search.js";
 import { inverseResponse, response } from "../src/core/response.js";
 import { Silhouette, farthestRow, findSpot } from "../page/view/placement.js";
@@ -122,7 +122,7 @@ test("the object that is found from nothing, by clicks, cut along colours, and b
   const { picture } = found;
   const { width, height } = picture;
   assert.deepEqual(Object.keys(found.found), Object.keys(found.hints));
-  for (const [name, { iou, doubts: lines, ...evidence }] of Object.entries(found.found)) {
+  for (const [name, { iou, doubt, ...evidence }] of Object.entries(found.found)) {
     const { on, off, box = null } = found.hints[name];
     const finding = await findObject(new Looks(new SmallNetwork(found.models), picture), { on, off, box });
     const [mask, expected] = [maskOf(finding, width, height), floats(`mask_${name}`)];
@@ -132,12 +132,12 @@ test("the object that is found from nothing, by clicks, cut along colours, and b
       if (value > 0.5 || mask[i] > 0.5) either++;
     });
     assert.ok(either > 0 && both / either >= 0.99, `${name}: IoU ${both / either}`);
-    const seen = examine(finding, width, height, { on, off, box });
+    const seen = examine(finding, { on, off, box });
     for (const [key, value] of Object.entries(evidence)) {
       assert.ok(Math.abs(seen[key] - value) < 0.01, `${name} ${key}: ${seen[key]}, not ${value}`);
     }
     assert.ok(Math.abs(expectedIou(seen, "small") - iou) < 0.01, `${name}: ${expectedIou(seen, "small")}, not ${iou}`);
-    assert.deepEqual(doubts(seen), lines);
+    assert.equal(doubtOf(seen, "small", { on, box }), doubt);
   }
 });
 

@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { untilGivenUp } from "../src/photo/maskNetworks.js";
-import { doubts, examine, expectedIou } from "../src/photo/quality.js";
+import { doubtOf, examine, expectedIou } from "../src/photo/quality.js";
 import { resize } from "../src/photo/resize.js";
 import { Looks, findObject, maskOf } from "../src/photo/search.js";
 
@@ -82,18 +82,18 @@ test("clicks far from the middle and boxes far from the object make a mask doubt
   ];
   for (const [given, expected] of cases) {
     const hints = { ...NOTHING, ...given };
-    const { meant } = examine(await findObject(new Looks(redness(), photo(LARGE)), hints), WIDTH, HEIGHT, hints);
+    const { meant } = examine(await findObject(new Looks(redness(), photo(LARGE)), hints), hints);
     assert.ok(Math.abs(meant - expected) < 0.03, `${JSON.stringify(given)}: ${meant}, not ${expected}`);
   }
 });
 
 test("what speaks against a mask lowers what to expect, and is named", async () => {
   const finding = await findObject(new Looks(redness(), photo(LARGE)), NOTHING);
-  const good = examine(finding, WIDTH, HEIGHT, NOTHING);
+  const good = examine(finding, NOTHING);
   const bad = { ...good, agreed: 0.1, expected: 0.5 };
   assert.ok(expectedIou(good, "u2netp") > expectedIou(bad, "u2netp") + 0.2);
-  assert.deepEqual(doubts(good), []);
-  assert.match(doubts(bad)[0], /second look/);
+  assert.match(doubtOf({ ...good, agreed: 0.1 }, "u2netp", NOTHING), /second look/);
+  assert.match(doubtOf({ ...good, cut: 0.3 }, "u2netp", NOTHING), /box cuts/);
 });
 
 test("a further click looks only nearer", async () => {

@@ -19,9 +19,10 @@ from anyprobe.masks.quality import DOUBTFUL, REFUSED, examine
 from anyprobe.masks.search import Finding, Looks, Prompts, find_object, finding_of, look_closer
 from anyprobe.masks.segmenters import Segmenter, SegmenterSource, load_segmenter
 from anyprobe.masks.sources import MaskSource, mask_from_alpha, mask_from_file, mask_from_function
-from anyprobe.masks.words import RIGHT, color_doubts, verdict
 from anyprobe.notices import Notice, as_notice, give
 from anyprobe.pictures.images import Pixels
+
+RIGHT = "looks right"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -32,7 +33,7 @@ class FoundMask:
         mask: [H, W] float32 in [0, 1], 1 on the object.
         source: "mask", "function", "depth", "click", "box", "alpha", "network" or "segmenter".
         confidence: expected IoU, see masks.quality; None where the mask was given.
-        verdict: whether the mask looks right, in words, see masks.words; empty where it was given.
+        verdict: whether the mask looks right, in words, see masks.quality; empty where it was given.
         warnings: one line for each reason to check the mask.
         prompts: clicks and box, as checked.
     """
@@ -146,15 +147,11 @@ def _judged(
     pixels: Pixels, prompts: Prompts, found: Finding, mask: np.ndarray, network: Network, source: str
 ) -> FoundMask:
     """Judge a found mask and return it with its expected IoU; InvalidMask where that is below REFUSED."""
-    height, width = pixels.rgb.shape[:2]
-    evidence = examine(found, width, height, prompts)
+    evidence = examine(found, prompts)
     confidence = evidence.expected_iou(network.name)
     if confidence < REFUSED or not (mask > 0.5).any():
         raise _not_found(pixels, prompts)
-    doubts = [*color_doubts(pixels.rgb, mask, tuple(prompts.on) if prompts.box is None else ())]
-    is_doubtful = confidence < DOUBTFUL
-    doubts += evidence.doubts(prompts) if is_doubtful else []
-    judgement = verdict(doubts, is_doubtful=is_doubtful)
+    judgement = RIGHT if confidence >= DOUBTFUL else f"may be wrong: {evidence.doubt(network.name, prompts)}"
     warnings = []
     if judgement != RIGHT:
         remedy = give("box", "click", "exclude", "mask")

@@ -9,10 +9,11 @@ import numpy as np
 
 from anyprobe.core.contract import contract
 from anyprobe.masks.prompts import Point
-from anyprobe.masks.search import GRID, Box, Finding, Prompts, Window
+from anyprobe.masks.search import GRID, Box, Finding, Prompts
 
 QUALITY = contract("mask")["quality"]
-"""Offset and weights of the log-odds of the IoU for each network, fitted by `python -m research.masks.calibrate`."""
+"""Offset and weights of the log-odds of the IoU for each network, fitted by `python -m research.masks.calibrate`, and
+the usual evidence about a good mask."""
 
 DOUBTFUL = QUALITY["doubtful"]
 """Expected IoU below which a mask gets a warning."""
@@ -27,27 +28,21 @@ REFUSED = QUALITY["refused"]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Evidence:
-    """Evidence about a mask: the first five numbers are in [0, 1], 1 is good; the others are 0 where all is well.
+    """Evidence about a mask, each in [0, 1]; 1 is good, but of cut 0.
 
     Attributes:
         expected: IoU by the network's own probabilities.
         agreed: IoU with the result of a second, mirrored look at the object alone.
         whole: share of all that stood out.
-        single: see Finding.single.
         meant: how well it fits clicks and box.
-        border: share of the box's sides that lie on the photo's border.
-        small: ln of 5 % of the photo over the mask's share, at least 0.
-        large: the mask's share above 60 % of the photo, over the remaining 40 %.
+        cut: see Finding.cut.
     """
 
     expected: float
     agreed: float
     whole: float
-    single: float
     meant: float
-    border: float
-    small: float
-    large: float
+    cut: float
 
     def expected_iou(self, network: str) -> float:
         """Return the expected IoU of a mask found by the network of this name, in [0, 1]."""
@@ -55,36 +50,24 @@ class Evidence:
         odds += sum(weight * getattr(self, name) for name, weight in QUALITY[network]["weights"].items())
         return float(1.0 / (1.0 + np.exp(-odds)))
 
-    def doubts(self, prompts: Prompts) -> list[str]:
-        """Return what looks wrong, a few words each, the most serious first."""
+    def doubt(self, network: str, prompts: Prompts) -> str:
+        """Return in a few words what lowers the expected IoU most, beside a good mask's evidence."""
         asked = [name for name, given in (("click", prompts.on), ("box", prompts.box)) if given]
-        found = [
-            (self.agreed - 0.8, "a second look finds something else"),
-            (self.expected - 0.85, "its outline is blurred"),
-            (self.whole - 0.7, "other things stand out as well"),
-            (self.single - 0.95, "it may contain two objects"),
-            (self.meant - 0.6, f"it does not fit the {' or the '.join(asked)}"),
-            (0.15 - self.border, "it is cut by the photo's border"),
-            (0.9 - self.small, "it is very small"),
-            (0.1 - self.large, "it covers nearly the whole photo"),
-        ]
-        return [words for margin, words in sorted(found) if margin < 0]
+        words = {
+            "expected": "its outline is blurred",
+            "agreed": "a second look finds something else",
+            "whole": "other things stand out as well",
+            "meant": f"it does not fit the {' or the '.join(asked)}" if asked else "it may not be what is meant",
+            "cut": "the box cuts it off, and should be around all of it",
+        }
+        weights, usual = QUALITY[network]["weights"], QUALITY["usual"]
+        return words[max(weights, key=lambda name: weights[name] * (usual[name] - getattr(self, name)))]
 
 
-def examine(found: Finding, width: int, height: int, prompts: Prompts) -> Evidence:
-    """Collect the evidence about a mask found with prompts in a photo of this size."""
-    photo = Window(x0=0, y0=0, x1=width, y1=height)
-    window = found.window
-    share = float(found.part.mean()) * (window.size[0] * window.size[1]) / (width * height)
+def examine(found: Finding, prompts: Prompts) -> Evidence:
+    """Collect the evidence about a mask found with prompts."""
     return Evidence(
-        expected=found.expected(),
-        agreed=found.agreed,
-        whole=found.whole,
-        single=found.single(),
-        meant=_fits(found, prompts),
-        border=found.border_share(photo, True),
-        small=float(np.log(max(0.05 / max(share, 1e-5), 1.0))),
-        large=max(share - 0.6, 0.0) / 0.4,
+        expected=found.expected(), agreed=found.agreed, whole=found.whole, meant=_fits(found, prompts), cut=found.cut
     )
 
 

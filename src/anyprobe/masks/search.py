@@ -43,9 +43,6 @@ EDGE_CELLS = NUMBERS["edge_cells"]
 SPLIT = NUMBERS["split"]
 """Settings for cutting a part on a coarser grid; a step there costs a constant plus the difference in colour."""
 
-NECK = NUMBERS["neck"]
-"""Distance by which a part is shrunk to test whether it falls apart, in square roots of its cells."""
-
 BLANK = NUMBERS["blank"]
 """Smallest range of display values of a window that is searched."""
 
@@ -143,18 +140,8 @@ class Finding:
         inside = float(self.cover[self.part].sum())
         return inside / max(float(self.part.sum()) + float(self.cover[near & ~self.part].sum()), 1e-6)
 
-    def single(self) -> float:
-        """Return 1 where the shrunk part stays in one piece, else 1 less the ratio of the second piece to the first."""
-        cells = max(1, int(NECK * np.sqrt(self.part.sum())))
-        _, sizes = label_parts(~grow(~np.pad(self.part, 1), cells))
-        sizes = np.sort(sizes[1:])
-        return 1.0 if len(sizes) < 2 else 1.0 - float(sizes[-2] / sizes[-1])
-
-    def border_share(self, photo: Window, is_photos: bool) -> float:
-        """Return the number of the part's cells on the window's sides, over the perimeter of its box.
-
-        is_photos: whether the sides that are the photo's border count, or the others.
-        """
+    def border_share(self, photo: Window) -> float:
+        """Return the number of the part's cells on the window's sides that are not the photo's, over its perimeter."""
         window, part = self.window, self.part
         sides = (
             (window.x0 == photo.x0, part[:, 0]),
@@ -163,7 +150,7 @@ class Finding:
             (window.y1 == photo.y1, part[-1]),
         )
         x0, y0, x1, y1 = object_box(part)
-        return sum(int(side.sum()) for at_border, side in sides if at_border == is_photos) / (2 * (x1 - x0 + y1 - y0))
+        return sum(int(side.sum()) for at_border, side in sides if not at_border) / (2 * (x1 - x0 + y1 - y0))
 
     def mask(self, width: int, height: int) -> np.ndarray:
         """Return the mask [height, width] float32 of the whole photo, with the cover's soft edge."""
@@ -317,7 +304,7 @@ def _around_clicks(looks: Looks, prompts: Prompts) -> Finding | None:
         found = choose(window, looks.at(window, prompts), prompts)
         if found is None:
             continue
-        score = found.expected() * (1.0 - min(1.0, found.border_share(looks.photo, False) / BORDER_TOUCH))
+        score = found.expected() * (1.0 - min(1.0, found.border_share(looks.photo) / BORDER_TOUCH))
         if score > best_score:
             best, best_score = found, score
         if best_score > SURE_ENOUGH:

@@ -3,13 +3,12 @@
 import { AnyProbeError, receivedError, sentError } from "../errors.js";
 import { notice } from "../notices.js";
 import { SmallNetwork, U2NetP, untilGivenUp } from "../photo/maskNetworks.js";
-import { colorDoubts } from "../photo/colorDoubts.js";
 import { REFUSED, examine, expectedIou, warningsOf } from "../photo/quality.js";
 import { Looks, findObject, lookAgain, maskOf } from "../photo/search.js";
 import { smallNetworkWarning } from "./words.js";
 
 /**
- * The mask of a still picture, with the IoU to expect, a line where that is little or its colours fall apart, and the seconds it took without the opening
+ * The mask of a still picture, with the IoU to expect, a line where that is little, and the seconds it took without the opening
  * of a network.
  *
  * @param {import("./models.js").Models} models
@@ -23,8 +22,7 @@ export async function findMask(models, picture, hints, isGivenUp) {
   const start = performance.now();
   const looks = new Looks(untilGivenUp(network, isGivenUp), picture, looksKept(network.name, picture));
   const { evidence, ...found } = await searchBy(looks, hints, findObject);
-  const said = () => warningsOf(evidence, found.quality, colorDoubts(picture, found.mask, hints.box ? [] : hints.on));
-  const warnings = evidence ? said() : [notice("no-object", "nothing stands out there")];
+  const warnings = evidence ? warningsOf(evidence, network.name, hints) : [notice("no-object", "nothing stands out there")];
   if (evidence && network.name === "small") warnings.push(smallNetworkWarning(hints));
   return { ...found, warnings, seconds: (performance.now() - start) / 1000 };
 }
@@ -92,7 +90,7 @@ async function searchBy(looks, hints, search) {
   const { network, picture } = looks;
   const { width, height } = picture;
   const found = await search(looks, hints);
-  const evidence = found && examine(found, width, height, hints);
+  const evidence = found && examine(found, hints);
   const quality = found ? expectedIou(evidence, network.name) : 0;
   if (quality < REFUSED) return { mask: new Float32Array(width * height), quality: 0, evidence: null };
   return { mask: maskOf(found, width, height), quality, evidence };

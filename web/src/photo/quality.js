@@ -4,7 +4,7 @@
  */
 
 import { CONTRACT } from "../core/contract.js";
-import { borderShare, boxOf, expectedOf, singleOf } from "./search.js";
+import { boxOf, expectedOf } from "./search.js";
 import { give, notice } from "../notices.js";
 
 const { quality: QUALITY, search: NUMBERS } = CONTRACT.mask;
@@ -15,29 +15,14 @@ const GRID = NUMBERS.grid;
 export const { doubtful: DOUBTFUL, refused: REFUSED } = QUALITY;
 
 /**
- * What speaks for a mask, each from 0 to 1 where 1 is good, and what makes masks doubtful, by the names of
- * anyprobe.masks.quality.Evidence.
+ * Evidence about a mask, each from 0 to 1 where 1 is good, but of cut 0, by the names of anyprobe.masks.quality.Evidence.
  *
  * @param {import("./search.js").Finding} found
- * @param {number} width of the picture
- * @param {number} height
  * @param {import("./picture.js").Hints} hints by which it was found
  */
-export function examine(found, width, height, hints) {
-  const [x0, y0, x1, y1] = found.window;
-  const cells = found.part.reduce((sum, value) => sum + value, 0) / GRID ** 2;
-  const share = (cells * (x1 - x0) * (y1 - y0)) / (width * height);
-  return {
-    expected: expectedOf(found),
-    agreed: found.agreed,
-    whole: found.whole,
-    single: singleOf(found),
-    meant: fits(found, hints),
-    asked: [...(hints.on.length ? ["click"] : []), ...(hints.box ? ["box"] : [])],
-    border: borderShare(found, [0, 0, width, height], true),
-    small: Math.log(Math.max(0.05 / Math.max(share, 1e-5), 1)),
-    large: Math.max(share - 0.6, 0) / 0.4,
-  };
+export function examine(found, hints) {
+  const { agreed, whole, cut } = found;
+  return { expected: expectedOf(found), agreed, whole, meant: fits(found, hints), cut };
 }
 
 function fits(found, { on, box }) {
@@ -76,35 +61,30 @@ export function expectedIou(evidence, network) {
   return 1 / (1 + Math.exp(-odds));
 }
 
-/** What looks wrong, in a few words each, the gravest first. */
-export function doubts(evidence) {
-  return [
-    [evidence.agreed - 0.8, "a second look finds something else"],
-    [evidence.expected - 0.85, "its outline is blurred"],
-    [evidence.whole - 0.7, "other things stand out as well"],
-    [evidence.single - 0.95, "it may contain two objects"],
-    [evidence.meant - 0.6, `it does not fit the ${evidence.asked.join(" or the ")}`],
-    [0.15 - evidence.border, "it is cut by the photo's border"],
-    [0.9 - evidence.small, "it is very small"],
-    [0.1 - evidence.large, "it covers nearly the whole photo"],
-  ]
-    .filter(([margin]) => margin < 0)
-    .sort(([a], [b]) => a - b)
-    .map(([, words]) => words);
+/** What lowers the IoU to expect most, beside a good mask's evidence, in a few words. */
+export function doubtOf(evidence, network, { on, box }) {
+  const asked = [...(on.length ? ["click"] : []), ...(box ? ["box"] : [])];
+  const words = {
+    expected: "its outline is blurred",
+    agreed: "a second look finds something else",
+    whole: "other things stand out as well",
+    meant: asked.length ? `it does not fit the ${asked.join(" or the ")}` : "it may not be what is meant",
+    cut: "the box cuts it off, and should be around all of it",
+  };
+  const lost = ([name, weight]) => weight * (QUALITY.usual[name] - evidence[name]);
+  const [[name]] = Object.entries(QUALITY[network].weights).sort((a, b) => lost(b) - lost(a));
+  return words[name];
 }
 
 /**
- * A line of what looks wrong, where little is to be expected or colours speak against the mask.
+ * A line of what looks wrong, where little is to be expected.
  *
  * @param {ReturnType<typeof examine>} evidence
- * @param {number} quality expected IoU
- * @param {string[]} ofColors of colorDoubts
+ * @param {string} network
+ * @param {import("./picture.js").Hints} hints
  * @returns {import("../notices.js").Notice[]}
  */
-export function warningsOf(evidence, quality, ofColors) {
-  const isDoubtful = quality < DOUBTFUL;
-  if (!isDoubtful && !ofColors.length) return [];
-  const [first = "the network is unsure of it"] = [...ofColors, ...(isDoubtful ? doubts(evidence) : [])];
-  const text = `the mask may be wrong: ${first}`;
-  return [notice("mask-doubtful", text, give("box", "click", "exclude", "mask"))];
+export function warningsOf(evidence, network, hints) {
+  if (expectedIou(evidence, network) >= DOUBTFUL) return [];
+  return [notice("mask-doubtful", `the mask may be wrong: ${doubtOf(evidence, network, hints)}`, give("box", "click", "exclude", "mask"))];
 }

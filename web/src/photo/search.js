@@ -14,7 +14,7 @@
  */
 
 import { CONTRACT } from "../core/contract.js";
-import { fillHoles, grow, labelParts, shrink } from "./parts.js";
+import { fillHoles, grow, labelParts } from "./parts.js";
 import { objectBox } from "./picture.js";
 import { resize } from "./resize.js";
 
@@ -107,19 +107,12 @@ export function expectedOf({ cover, part }) {
   return inside / Math.max(count + beside, 1e-6);
 }
 
-/** 1 where a finding stays one when it is shrunk, less where two pieces hang together by a neck. */
-export function singleOf({ part }) {
-  const cells = Math.max(1, Math.floor(NUMBERS.neck * Math.sqrt(countOf(part))));
-  const sizes = labelParts(shrink(part, GRID, cells), GRID).sizes.slice(1).sort((a, b) => b - a);
-  return sizes.length < 2 ? 1 : 1 - sizes[1] / sizes[0];
-}
-
-/** Cells of a part on each side of its window whose border is, or is not, the photo's; over the sides of its box. */
-export function borderShare({ window, part }, photo, isPhotos) {
+/** Cells of a part on each side of its window that is not the photo's, over the sides of its box. */
+function borderShare({ window, part }, photo) {
   let total = 0;
   const sides = [(i) => i * GRID, (i) => i, (i) => i * GRID + GRID - 1, (i) => (GRID - 1) * GRID + i];
   sides.forEach((cell, side) => {
-    if ((window[side] === photo[side]) !== isPhotos) return;
+    if (window[side] === photo[side]) return;
     for (let i = 0; i < GRID; i++) total += part[cell(i)];
   });
   const [left, top, right, bottom] = objectBox(part, GRID);
@@ -190,7 +183,7 @@ async function aroundClicks(looks, hints) {
     const window = squareAround(photo, hints.on, share * Math.max(photo[2], photo[3]));
     const found = choose(window, await looks.at(window, hints), hints);
     if (!found) continue;
-    const touch = borderShare(found, photo, false);
+    const touch = borderShare(found, photo);
     const likely = expectedOf(found) * (1 - Math.min(1, touch / NUMBERS.border_touch));
     if (likely > most) [best, most] = [found, likely];
     if (most > NUMBERS.sure) break;
@@ -339,8 +332,6 @@ function rangeOf(rgba) {
   }
   return most - least;
 }
-
-const countOf = (part) => part.reduce((sum, value) => sum + value, 0);
 
 function iou(one, other) {
   let [both, either] = [0, 0];
