@@ -6,13 +6,13 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.light.source_split import split_sources
+from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset.mask_errors import disturb_mask, gross_error
-from anyprobe_train.world.layout import Layout, draw_layout
+from anyprobe_train.world.layout import Layout, Standing, draw_layout
 from anyprobe_train.world.lights import Light, draw_light
 from anyprobe_train.world.look import Look, develop, draw_look
 from anyprobe_train.world.maps import Maps, open_maps
@@ -24,13 +24,16 @@ from anyprobe_train.world.photo import (
     draw_photo_frame,
     lit_scene,
     object_over,
+    over_window,
     painted,
     pick_material,
-    resampled,
+    plane_box,
     see_object,
+    see_other,
     truth_of,
 )
 from anyprobe_train.world.views import CAMERAS, SHAPES, Views, shape_files, view_points
+from anyprobe_train.world.windows import on_sphere, window_resampled
 
 FAMILIES = ("ground", "table", "things", "dark", "procedural", "cut_out", "no_object")
 SHARES = (0.34, 0.16, 0.14, 0.12, 0.08, 0.1, 0.06)
@@ -49,6 +52,10 @@ BACKDROPS = (0.0, 0.0, 1.0, 0.5, 0.92)
 """Display values behind cut-outs."""
 DIM = 0.1
 """Light above white of less than this share of all light is that of no source."""
+WITH_OTHERS = ("table", "things", "procedural")
+"""Layouts in which other objects may stand."""
+PAINTED = 0.17
+"""Share of the objects that have a texture."""
 SAME_PITCH = 0.08
 """Largest difference of the height that two cameras look from, for their objects to stand in one photo."""
 
@@ -132,25 +139,68 @@ def _light_kind(family: str, rng: np.random.Generator) -> str:
     return ("ground", "real", "real", "dark")[rng.integers(4)] if family == "cut_out" else "ground"
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Traced:
+    """A scene as its photo shows it, before the camera: the object (None: there is none), all else over the context's
+    square (None: cut out), what a probe sees, and what they are made of."""
+
+    layout: Layout
+    view: np.void
+    frame: Frame
+    material: Material
+    metal: bool
+    reflectance: np.ndarray
+    seen: Seen | None
+    behind: np.ndarray | None
+    truth: np.ndarray
+
+
 def take(world: World, family: str, light: Light, k: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
     """Draw and take one photo: the arrays of LightBatch without their first axis."""
     view = world.views[int(rng.integers(world.count(k)))]
-    layout = draw_layout(rng, _surroundings(family, rng), view, light, world.maps, _companions(world, view, k, rng))
+    surroundings = _surroundings(family, rng)
+    others = _companions(world, view, k, rng) if surroundings in WITH_OTHERS else []
+    layout = draw_layout(rng, surroundings, view, light, world.maps, others)
+    return _tensors(family, trace(world.maps, family, layout, view, rng), rng)
+
+
+def trace(
+    maps: Maps, family: str, layout: Layout, view: np.void, rng: np.random.Generator, plain: bool = False
+) -> Traced:
+    """Trace a photo of a layout; plain: without textures on the object."""
     material, metal = pick_material(rng)
     seed = int(rng.integers(2**31))
     frame = draw_photo_frame(rng, view)
     has_object = family != "no_object"
     reflectance = material.f0 + (1 - material.f0) * material.albedo
     scene = lit_scene(view if has_object else None, view["eye"], layout, reflectance, seed)
-    truth = truth_of(scene, frame, float(view["top"]))
+    first = int(has_object)
+    others = [see_other(scene, layout, first + k, rng) for k in range(len(layout.others))]
     seen = None
     if has_object:
+        standing = Standing(view=view, turn=0.0, scale=1.0, place=np.zeros(3))
         _, _, points, normals = view_points(view)
-        colors = painted(rng, world.maps, material, points, normals)
+        colors = painted(rng, maps, material, points, normals, 0.0 if plain else PAINTED)
         reflectance = (colors[1] + (1 - colors[1]) * colors[0]).mean(axis=0)
-        seen = see_object(scene, view, material, colors, seed + 1)
+        seen = see_object(scene, standing, material, colors, seed + 1)
     behind = None if family == "cut_out" else background_of(scene, frame, seen, seed + 2)
-    return _tensors(family, layout, view, frame, seen, behind, truth, metal, reflectance, rng)
+    if behind is not None:
+        away = [-float(np.linalg.norm(one.place - view["eye"])) for one in layout.others]
+        for k in np.argsort(away):  # the farthest first
+            own = object_over(others[k], frame, (-frame.most, frame.most, frame.most, -frame.most), SIZE)
+            behind = own[..., :3] + (1 - own[..., 3:]) * behind
+    truth = truth_of(scene, frame, float(view["top"]))
+    return Traced(
+        layout=layout,
+        view=view,
+        frame=frame,
+        material=material,
+        metal=metal,
+        reflectance=reflectance,
+        seen=seen,
+        behind=behind,
+        truth=truth,
+    )
 
 
 def _surroundings(family: str, rng: np.random.Generator) -> str:
@@ -174,18 +224,9 @@ def _companions(world: World, view: np.void, k: int, rng: np.random.Generator) -
     return found
 
 
-def _tensors(
-    family: str,
-    layout: Layout,
-    view: np.void,
-    frame: Frame,
-    seen: Seen | None,
-    behind: np.ndarray | None,
-    truth: np.ndarray,
-    metal: bool,
-    reflectance: np.ndarray,
-    rng: np.random.Generator,
-) -> dict[str, np.ndarray]:
+def _tensors(family: str, traced: Traced, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Photograph what was traced."""
+    frame, seen, behind, truth = traced.frame, traced.seen, traced.behind, traced.truth
     most = frame.most
     whole = -most, most, most, -most
     inside = _inside(frame, whole)
@@ -232,12 +273,12 @@ def _tensors(
         "lens": np.array(lens, np.float32),
         "fov": np.float32(2 * np.degrees(np.arctan(most))),
         "up": frame.up.astype(np.float32),
-        "normals": _normals(view, seen, frame, crop_window),
-        "material": np.array([metal, *reflectance] if seen is not None else [np.nan] * 4, np.float32),
+        "normals": _normals(traced.view, seen, frame, crop_window),
+        "material": np.array([traced.metal, *traced.reflectance] if seen is not None else [np.nan] * 4, np.float32),
         "truth": exposed,
         "sources": sources,
         "soft": np.float32(soft),
-        "outdoors": np.float32(layout.light.outdoors),
+        "outdoors": np.float32(traced.layout.light.outdoors),
         "family": np.uint8(FAMILIES.index(family)),
     }
 
@@ -258,10 +299,7 @@ def _drawn_mask(
     seen: Seen, frame: Frame, family: str, rng: np.random.Generator
 ) -> tuple[np.ndarray, tuple[float, float, float, float]]:
     """Return a given mask [MASK_SIDE, MASK_SIDE] float32 over a window of the photo's plane, and that."""
-    corners = np.array([(x, y, -1.0) for x in (-1, 0, 1) for y in (-1, 0, 1)]) * [seen.tangent, seen.tangent, 1]
-    d = corners @ (seen.camera.T @ frame.camera)
-    plane = d[:, :2] / -d[:, 2:]
-    low, high = plane.min(axis=0), plane.max(axis=0)
+    low, high = plane_box(seen, frame)
     (x, y), half = (low + high) / 2, float((high - low).max()) / 2 * MASK_ROOM
     window = x - half, x + half, y + half, y - half
     true = object_over(seen, frame, window, MASK_SIDE)[..., 3] > 0.5
@@ -324,78 +362,10 @@ def _normals(
         return np.zeros((NORMALS, NORMALS, 3), np.int8)
     turn = seen.camera.T @ frame.camera
     own = np.dstack([view["normals"].astype(np.float32) / 127 * seen.cover[..., None], seen.cover])
-    there = resampled(own.astype(np.float32), turn, seen.tangent, *crop_window, NORMALS, 2)
+    there = over_window(own.astype(np.float32), seen, frame, crop_window, NORMALS)
     n = there[..., :3] @ turn.astype(np.float32)
     n /= np.maximum(np.linalg.norm(n, axis=-1, keepdims=True), 1e-6)
     return np.round(127 * n * (there[..., 3:] > 0.5)).astype(np.int8)
-
-
-@njit(cache=True, error_model="numpy")
-def window_resampled(values, old, new, size, samples):
-    """Return values [S, T, C] over a window `old` (left, right, top, bottom) of the plane at those of another, [size,
-    size, C]: bilinear, the mean of samples^2 points; the border goes on."""
-    rows, columns, channels = values.shape
-    out = np.zeros((size, size, channels), np.float32)
-    for i in range(size):
-        for j in range(size):
-            for a in range(samples):
-                for b in range(samples):
-                    x = new[0] + (new[1] - new[0]) * (j + (b + 0.5) / samples) / size
-                    y = new[2] + (new[3] - new[2]) * (i + (a + 0.5) / samples) / size
-                    c = (x - old[0]) / (old[1] - old[0]) * columns - 0.5
-                    r = (y - old[2]) / (old[3] - old[2]) * rows - 0.5
-                    c, r = min(max(c, 0.0), columns - 1.001), min(max(r, 0.0), rows - 1.001)
-                    c0, r0 = int(c), int(r)
-                    fc, fr = c - c0, r - r0
-                    for n in range(channels):
-                        out[i, j, n] += (1 - fr) * ((1 - fc) * values[r0, c0, n] + fc * values[r0, c0 + 1, n]) + fr * (
-                            (1 - fc) * values[r0 + 1, c0, n] + fc * values[r0 + 1, c0 + 1, n]
-                        )
-    return out / (samples * samples)
-
-
-@njit(cache=True, error_model="numpy")
-def on_sphere(context, most):
-    """Return what a context picture shows beside the object on the sphere, [64, 128, 4] uint8: RGB x cover, cover;
-    most: tangent of half the square as it is taken for."""
-    rows, times, size = 64, 3, len(context)
-    out = np.zeros((rows, 2 * rows, 4), np.uint8)
-    free = np.zeros((size, size), np.float32)
-    for i in range(size):
-        for j in range(size):
-            hidden = 0
-            for a in range(max(i - 1, 0), min(i + 2, size)):
-                for b in range(max(j - 1, 0), min(j + 2, size)):
-                    hidden = max(hidden, context[a, b, 3])
-            free[i, j] = context[i, j, 4] / 255.0 * (1 - hidden / 255.0)
-    for i in range(rows):
-        for j in range(2 * rows):
-            r = g = b = cover = 0.0
-            for a in range(times):
-                v = (i + (a + 0.5) / times) / rows * np.pi
-                for c in range(times):
-                    u = ((j + (c + 0.5) / times) / (2 * rows) - 0.5) * 2 * np.pi
-                    z = np.sin(v) * np.cos(u)
-                    if z < 0.05:
-                        continue
-                    x, y = np.sin(v) * np.sin(u) / z / most, np.cos(v) / z / most
-                    if abs(x) >= 1 or abs(y) >= 1:
-                        continue
-                    column, row = int((x + 1) * size / 2), int((1 - y) * size / 2)
-                    w = free[row, column]
-                    inside = max(context[row, column, 4] / 255.0, 1e-3)
-                    r += w * context[row, column, 0] / inside
-                    g += w * context[row, column, 1] / inside
-                    b += w * context[row, column, 2] / inside
-                    cover += w
-            n = times * times
-            out[i, j, 0], out[i, j, 1], out[i, j, 2] = (
-                min(r / n, 255.0) + 0.5,
-                min(g / n, 255.0) + 0.5,
-                min(b / n, 255.0) + 0.5,
-            )
-            out[i, j, 3] = 255 * cover / n + 0.5
-    return out
 
 
 def sources_of(truth: np.ndarray) -> tuple[np.ndarray, float]:

@@ -22,8 +22,8 @@ from anyprobe_train.world.batch import LightBatch, World, make_batch
 
 SEEN = 4
 """Rounds in which each photo is seen, and groups in memory."""
-GROUP = 8
-"""Fresh batches in a group; 512 photos of 64 take 90 MB."""
+GROUP = 4
+"""Fresh batches in a group; of 64 photos each they take 45 MB."""
 
 _WORLD: list[World] = []
 

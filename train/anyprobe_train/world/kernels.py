@@ -9,12 +9,14 @@ from numba import njit
 
 from anyprobe_train.world.march import blocked_cells
 from anyprobe_train.world.scene import (
+    ALPHA,
     AT,
     BODIES,
     BODY,
     BODY_SIZE,
     CELL,
     EYE,
+    F0,
     FALLING,
     FREE,
     GLOW,
@@ -394,6 +396,45 @@ def diffuse_of(f, i, q, number, kind, x, y, px, py, pz):
 
 
 @njit(cache=True, error_model="numpy")
+def coat_along(f, i, q, number, kind, part, px, py, pz, dx, dy, dz):
+    """Return the radiance that a panel's coat at p mirrors to where d comes from: one look at a level of the sky as
+    wide as the lobe, or at another panel. part: FULL or REST.
+
+    The coat's share of light f0 A + B is Karis' fit ("Physically Based Shading on Mobile", 2014).
+    """
+    p = i[PANEL] + number * PANEL_SIZE
+    f0, alpha = f[p + F0], f[p + ALPHA]
+    slope = f[p + NORMAL] * dx + f[p + NORMAL + 1] * dy + f[p + NORMAL + 2] * dz
+    if f0 <= 0 or slope >= 0:
+        return 0.0, 0.0, 0.0
+    rough = math.sqrt(alpha)
+    rx, ry, rz, rw = 1 - rough, 0.0425 - 0.0275 * rough, 1.04 - 0.572 * rough, 0.022 * rough - 0.04
+    a = min(rx * rx, 2.0 ** (9.28 * slope)) * rx + ry
+    share = f0 * (rz - 1.04 * a) + rw + 1.04 * a
+    mx = dx - 2 * slope * f[p + NORMAL]
+    my = dy - 2 * slope * f[p + NORMAL + 1]
+    mz = dz - 2 * slope * f[p + NORMAL + 2]
+    other, t, u, v = hit_panel(f, i, px, py, pz, mx, my, mz, FAR, number)
+    if other >= 0:
+        r, g, b = diffuse_of(f, i, q, other, kind, u, v, px + t * mx, py + t * my, pz + t * mz)
+    else:
+        level = int(math.log2(max(alpha * i[ROWS] / math.pi, 1.0)) + 0.5)
+        r, g, b = sky_at(i, q, part, min(level, int(math.log2(i[ROWS])) - 3), mx, my, mz)
+    return share * r, share * g, share * b
+
+
+@njit(cache=True, error_model="numpy")
+def panel_along(f, i, q, number, kind, x, y, px, py, pz, dx, dy, dz):
+    """Return the radiance of a panel at x, y on it, p in the world, seen along d, by one of its grids."""
+    r, g, b = diffuse_of(f, i, q, number, kind, x, y, px, py, pz)
+    f0 = f[i[PANEL] + number * PANEL_SIZE + F0]
+    if f0 <= 0:
+        return r, g, b
+    cr, cg, cb = coat_along(f, i, q, number, kind, FULL, px, py, pz, dx, dy, dz)
+    return (1 - f0) * r + cr, (1 - f0) * g + cg, (1 - f0) * b + cb
+
+
+@njit(cache=True, error_model="numpy")
 def lamp_along(f, i, ox, oy, oz, dx, dy, dz, most):
     """Return the number of the glowing ball that a ray meets before `most`, or -1."""
     for number in range(i[SOURCES]):
@@ -416,7 +457,7 @@ def mirrored_along(f, i, w, q, ox, oy, oz, dx, dy, dz, level):
             g = i[BODY] + k * BODY_SIZE + GLOW
             return f[g], f[g + 1], f[g + 2]
     if p >= 0:
-        return diffuse_of(f, i, q, p, LIT, x, y, ox + t * dx, oy + t * dy, oz + t * dz)
+        return panel_along(f, i, q, p, LIT, x, y, ox + t * dx, oy + t * dy, oz + t * dz, dx, dy, dz)
     return sky_at(i, q, REST, level, dx, dy, dz)
 
 
@@ -435,7 +476,7 @@ def seen_without(f, i, w, q, ox, oy, oz, dx, dy, dz, level):
         s = i[SOURCE] + s * SOURCE_SIZE + POWER
         return f[s], f[s + 1], f[s + 2]
     if p >= 0 and f[i[PANEL] + p * PANEL_SIZE + GROUND] == 0:
-        return diffuse_of(f, i, q, p, FREE, x, y, ox + t * dx, oy + t * dy, oz + t * dz)
+        return panel_along(f, i, q, p, FREE, x, y, ox + t * dx, oy + t * dy, oz + t * dz, dx, dy, dz)
     return sky_at(i, q, FULL, level, dx, dy, dz)
 
 

@@ -317,7 +317,7 @@ def _in_the_dark(
         if rng.random() < 0.4:
             distance, radius = (float(np.exp(rng.uniform(*np.log(b)))) for b in ((3.0, 9.0), (0.1, 0.8)))
             place = center + distance * way
-            if place[1] > radius + 0.1 and np.linalg.norm(place - eye) > radius + 0.5:
+            if place[1] > radius + 0.1 and not _before(place, radius, center, eye):
                 lamps.append((place, radius, 4.0 * power / (radius / distance) ** 2 * color))
                 continue
         radius = float(np.radians(np.exp(rng.uniform(np.log(1.5), np.log(18.0)))))
@@ -331,6 +331,14 @@ def _near_lamp(
     """Draw a lamp within a few radii, as strong as `power` times a mean sky."""
     distance, radius = (float(np.exp(rng.uniform(*np.log(b)))) for b in ((2.5, 9.0), (0.1, 0.8)))
     place = np.array([0.0, float(view["top"]) / 2, 0.0]) + distance * anywhere(rng)
-    if place[1] < radius + 0.1 or np.linalg.norm(place - eye) < radius + 0.5:
+    if place[1] < radius + 0.1 or _before(place, radius, np.array([0.0, float(view["top"]) / 2, 0.0]), eye):
         return []
     return [(place, radius, 4.0 * power / (radius / distance) ** 2 * tint(rng, 0.3))]
+
+
+def _before(place: np.ndarray, radius: float, center: np.ndarray, eye: np.ndarray) -> bool:
+    """Return whether a lamp is at the eye, or between it and the object, which is always drawn in front."""
+    lamp, ahead = place - eye, center - eye
+    away, far = np.linalg.norm(lamp), np.linalg.norm(ahead)
+    beside = np.arccos(np.clip(lamp @ ahead / (away * far), -1.0, 1.0))
+    return bool(away < radius + 0.5 or (away < far and beside < (1.2 + radius) / far + 0.1))

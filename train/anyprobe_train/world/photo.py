@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
@@ -15,11 +14,12 @@ from anyprobe.scatter.materials import Material
 from anyprobe_train.dataset import distributions
 from anyprobe_train.dataset.textured import lay
 from anyprobe_train.world.kernels import light_panels, probe_map
-from anyprobe_train.world.layout import Layout, build_scene
+from anyprobe_train.world.layout import Layout, Standing, build_scene
 from anyprobe_train.world.maps import Maps
-from anyprobe_train.world.scene import BODY, GLOW, TracedScene
+from anyprobe_train.world.scene import BODY, BODY_SIZE, EYE, GLOW, TracedScene
 from anyprobe_train.world.shading import cell_light, picture, received, shade_object
 from anyprobe_train.world.views import AZIMUTHS, COARSE, RINGS, SIDE, cell_middles, cell_numbers, view_points
+from anyprobe_train.world.windows import resampled
 
 SIZE = 96
 """Side of the context and of the crop."""
@@ -104,11 +104,11 @@ def pick_material(rng: np.random.Generator) -> tuple[Material, bool]:
 
 
 def painted(
-    rng: np.random.Generator, maps: Maps, material: Material, points: np.ndarray, normals: np.ndarray
+    rng: np.random.Generator, maps: Maps, material: Material, points: np.ndarray, normals: np.ndarray, share: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return albedo and f0 [N, 3] at points of an object; a sixth have a texture."""
+    """Return albedo and f0 [N, 3] at points of an object; a share of them has a texture."""
     albedo, f0 = (np.tile(np.asarray(one, np.float32), (len(points), 1)) for one in (material.albedo, material.f0))
-    if rng.random() < 0.17 and len(points):
+    if rng.random() < share and len(points):
         picture = np.asarray(maps.covers[int(rng.integers(len(maps.covers)))])
         factor = lay(picture / picture.mean(axis=(0, 1)), points, normals, rng) ** float(rng.uniform(0.4, 1.6))
         factor /= np.maximum(factor.mean(axis=0), 1e-6)
@@ -117,16 +117,17 @@ def painted(
 
 
 def see_object(
-    scene: TracedScene, view: np.void, material: Material, colors: tuple[np.ndarray, np.ndarray], seed: int
+    scene: TracedScene, standing: Standing, material: Material, colors: tuple[np.ndarray, np.ndarray], seed: int
 ) -> Seen:
-    """Shade the object of a view, body 0 of the scene, and keep its mean radiance as its glow."""
-    rows, columns, points, normals = view_points(view)
-    directions = cell_middles()
-    center = 0.0, float(view["top"]) / 2, 0.0
+    """Shade body 0 of the scene as its view shows it, and keep its mean radiance as its glow."""
+    view = standing.view
+    rows, columns, points, normals = standing_points(standing)
+    directions, weights = _turned_cells(standing.turn)
+    center = standing.place + [0.0, standing.scale * float(view["top"]) / 2, 0.0]
     numbers, places, _, texels = scene
-    sky, seen = cell_light(numbers, places, texels, directions, *center, _cell_weights())
+    sky, seen = cell_light(numbers, places, texels, directions, *center, weights)
     half = SIDE // COARSE
-    place, first, which = np.unique((rows // half) * COARSE + columns // half, return_index=True, return_inverse=True)
+    place, first = np.unique((rows // half) * COARSE + columns // half, return_index=True)
     ratio = np.zeros((len(first), 3), np.float32)
     bits = view["hidden"].reshape(-1, 2)[place]
     received(*scene, points[first], normals[first], bits, directions, sky, seen, ratio)
@@ -137,14 +138,59 @@ def see_object(
     shade_object(
         *scene, points, normals, ratios, albedo, f0, material.alpha, samples, RAYS, directions, seen, seed, radiance
     )
-    picture_ = np.zeros((SIDE, SIDE, 3), np.float32)
-    picture_[rows, columns] = radiance
-    glow = places[BODY] + GLOW
-    numbers[glow : glow + 3] = radiance.mean(axis=0)
+    shown = np.zeros((SIDE, SIDE, 3), np.float32)
+    shown[rows, columns] = radiance
     cover = view["cover"].astype(np.float32) / 255
-    return Seen(
-        radiance=picture_, cover=cover, camera=view["camera"].astype(np.float64), tangent=float(view["tangent"])
-    )
+    glow = places[BODY] + GLOW
+    numbers[glow : glow + 3] = (shown * cover[..., None]).sum(axis=(0, 1)) / max(float(cover.sum()), 1e-6)
+    camera, tangent = view["camera"].astype(np.float64), float(view["tangent"])
+    if standing.place.any():  # seen from the photo's eye as its own camera saw it
+        toward = center - scene.numbers[EYE : EYE + 3]
+        away = float(np.linalg.norm(toward))
+        camera = aimed(toward / away, np.zeros(2), 0.0)
+        own = float(np.linalg.norm(view["eye"] - [0.0, float(view["top"]) / 2, 0.0]))
+        tangent *= own * standing.scale / away
+    return Seen(radiance=shown, cover=cover, camera=camera, tangent=tangent)
+
+
+def standing_points(standing: Standing) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return `view_points` of an object where it stands."""
+    rows, columns, points, normals = view_points(standing.view)
+    turn = rotation_y(standing.turn).T.astype(np.float32)
+    place = standing.place.astype(np.float32)
+    return rows, columns, standing.scale * (points @ turn) + place, normals @ turn
+
+
+def see_other(scene: TracedScene, layout: Layout, number: int, rng: np.random.Generator) -> Seen:
+    """Shade body `number` of a scene, one of the others, of a drawn material; the scene keeps its mean radiance."""
+    numbers, (_, count, *_), begin = scene.numbers.copy(), scene.places, scene.places[BODY]
+    order = np.arange(count)
+    order[[0, number]] = order[[number, 0]]
+    bodies = numbers[begin : begin + count * BODY_SIZE].reshape(count, BODY_SIZE)
+    bodies[:] = bodies[order]
+    first = scene._replace(numbers=numbers, words=np.ascontiguousarray(scene.words[order]))
+    material, _ = pick_material(rng)
+    standing = layout.others[number - (count - len(layout.others))]
+    points = int((standing.view["cover"] > 0).sum())
+    colors = tuple(np.tile(np.asarray(one, np.float32), (points, 1)) for one in (material.albedo, material.f0))
+    seen = see_object(first, standing, material, colors, int(rng.integers(2**31)))
+    glow = begin + number * BODY_SIZE + GLOW
+    scene.numbers[glow : glow + 3] = bodies[0, GLOW : GLOW + 3]
+    return seen
+
+
+@lru_cache(maxsize=1)
+def _cell_table() -> tuple[np.ndarray, np.ndarray]:
+    middles, weights = cell_middles(), _cell_weights()
+    return middles.reshape(RINGS, AZIMUTHS, 3), weights.reshape(RINGS, AZIMUTHS, -1)
+
+
+def _turned_cells(turn: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return middles and weights of an object's own cells in the world, to the nearest azimuth of its turn."""
+    steps = round(turn * AZIMUTHS / (2 * np.pi))
+    directions, weights = (np.roll(one, steps, axis=1) for one in _cell_table())
+    cells = RINGS * AZIMUTHS
+    return np.ascontiguousarray(directions.reshape(cells, 3)), np.ascontiguousarray(weights.reshape(cells, -1))
 
 
 @lru_cache(maxsize=1)
@@ -175,50 +221,38 @@ def _between(ratio: np.ndarray, place: np.ndarray, rows: np.ndarray, columns: np
     return (total[:, :3] / np.maximum(total[:, 3:], 1e-6)).astype(np.float32)
 
 
-@njit(cache=True, error_model="numpy")
-def resampled(values, turn, tangent, x0, x1, y0, y1, size, samples):
-    """Return a view's values [V, V, C] over a window of a photo's plane, [size, size, C], zero beyond the view.
-
-    turn: view_from_photo [3, 3]. x0, x1, y0, y1: tangents of left, right, top and bottom. samples: of a pixel each way.
-    """
-    side, channels = len(values), values.shape[2]
-    out = np.zeros((size, size, channels), np.float32)
-    for i in range(size):
-        for j in range(size):
-            for a in range(samples):
-                for b in range(samples):
-                    x = x0 + (x1 - x0) * (j + (b + 0.5) / samples) / size
-                    y = y0 + (y1 - y0) * (i + (a + 0.5) / samples) / size
-                    p = turn[0, 0] * x + turn[0, 1] * y - turn[0, 2]
-                    q = turn[1, 0] * x + turn[1, 1] * y - turn[1, 2]
-                    r = -(turn[2, 0] * x + turn[2, 1] * y - turn[2, 2])
-                    if r <= 1e-3:
-                        continue
-                    c = (p / r / tangent + 1) * side / 2 - 0.5
-                    d = (1 - q / r / tangent) * side / 2 - 0.5
-                    if c <= -1 or d <= -1 or c >= side or d >= side:
-                        continue
-                    c0, d0 = int(math.floor(c)), int(math.floor(d))
-                    fc, fd = c - c0, d - d0
-                    for k in range(4):
-                        u, v = c0 + k % 2, d0 + k // 2
-                        w = (fc if k % 2 else 1 - fc) * (fd if k // 2 else 1 - fd)
-                        if 0 <= u < side and 0 <= v < side:
-                            for n in range(channels):
-                                out[i, j, n] += w * values[v, u, n]
-    return out / (samples * samples)
-
-
 def premultiplied(seen: Seen) -> np.ndarray:
     """Return radiance times cover, and cover, [SIDE, SIDE, 4]."""
     return np.dstack([seen.radiance * seen.cover[..., None], seen.cover])
 
 
-def object_over(seen: Seen, frame: Frame, window: tuple[float, float, float, float], size: int) -> np.ndarray:
-    """Return premultiplied values of the object over a window (left, right, top, bottom) of the photo's plane."""
+def over_window(
+    values: np.ndarray, seen: Seen, frame: Frame, window: tuple[float, float, float, float], size: int
+) -> np.ndarray:
+    """Return values [SIDE, SIDE, C] of an object's view over a window (left, right, top, bottom) of the photo's plane,
+    [size, size, C], zero beyond the view."""
     turn = seen.camera.T @ frame.camera
-    samples = int(np.clip(np.ceil((window[1] - window[0]) / size / (2 * seen.tangent / SIDE)), 1, 6))
-    return resampled(premultiplied(seen), turn, seen.tangent, *window, size, samples)
+    low, high = plane_box(seen, frame)
+    at = np.array([window[0], window[2]])
+    step = np.array([window[1] - window[0], window[3] - window[2]]) / size
+    ends = (np.array([[low[0], high[1]], [high[0], low[1]]]) - at) / step
+    (left, first), (right, last) = (np.clip(one, 0, size).astype(int) for one in (ends[0] - 1, ends[1] + 2))
+    samples = int(np.clip(np.ceil(step[0] / (2 * seen.tangent / SIDE)), 1, 6))
+    return resampled(values, turn, seen.tangent, *window, size, samples, first, last, left, right)
+
+
+def plane_box(seen: Seen, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+    """Return the least and the greatest x, y [2] of a view on the photo's plane."""
+    side = (-1.0, 0.0, 1.0)
+    corners = np.array([(x, y, -1.0) for x in side for y in side]) * [seen.tangent, seen.tangent, 1.0]
+    d = corners @ (seen.camera.T @ frame.camera)
+    plane = d[:, :2] / np.maximum(-d[:, 2:], 1e-2)
+    return plane.min(axis=0), plane.max(axis=0)
+
+
+def object_over(seen: Seen, frame: Frame, window: tuple[float, float, float, float], size: int) -> np.ndarray:
+    """Return premultiplied radiance and cover of the object over a window of the photo's plane, [size, size, 4]."""
+    return over_window(premultiplied(seen), seen, frame, window, size)
 
 
 def truth_of(scene: TracedScene, frame: Frame, top: float) -> np.ndarray:

@@ -11,12 +11,15 @@ from anyprobe_train.world.kernels import (
     COARSE_LEVEL,
     FAR,
     FULL,
+    REST,
     albedo_at,
     basis,
+    coat_along,
     diffuse_of,
     grid_at,
     hit_body,
     hit_panel,
+    lamp_along,
     mirrored_along,
     seen_share,
     seen_without,
@@ -194,7 +197,7 @@ def level_of(pdf, count, rows):
 @njit(cache=True, error_model="numpy")
 def mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, own):
     """Return the light of all but sources that the coat of a point mirrors, for f0 = 1 [3], and that times Schlick's
-    weight [3]. own: distance from the point that rays start at; 0 off the object, which is then not met."""
+    weight [3]. own: distance from the point that rays start at."""
     tx, ty, tz, ux, uy, uz = basis(nx, ny, nz)
     lx, ly = wx * tx + wy * ty + wz * tz, wx * ux + wy * uy + wz * uz
     no = max(wx * nx + wy * ny + wz * nz, 1e-3)
@@ -213,7 +216,7 @@ def mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, own
         weight = 4 * visibility(no, iz, alpha) * no * iz / g1o  # G / G1
         pdf = distribution(hz, alpha) * g1o / (4 * no)
         dx, dy, dz = ix * tx + iy * ux + iz * nx, ix * ty + iy * uy + iz * ny, ix * tz + iy * uz + iz * nz
-        if own > 0 and hit_body(f, i, w, 0, px, py, pz, dx, dy, dz, FAR) >= 0:
+        if hit_body(f, i, w, 0, px, py, pz, dx, dy, dz, FAR) >= 0:
             e = i[BODY] + GLOW
             r, g, c = f[e], f[e + 1], f[e + 2]
         else:
@@ -300,7 +303,7 @@ def picture(f, i, w, q, camera, tangent_x, tangent_y, size, samples, view, tan_h
                     dy = camera[1, 0] * x + camera[1, 1] * y + camera[1, 2] * z
                     dz = camera[2, 0] * x + camera[2, 1] * y + camera[2, 2] * z
                     p, t, u, v = hit_panel(f, i, ex, ey, ez, dx, dy, dz, FAR, -1)
-                    if p < 0:
+                    if p < 0 or lamp_along(f, i, ex, ey, ez, dx, dy, dz, t) >= 0:
                         r, g, c = seen_without(f, i, w, q, ex, ey, ez, dx, dy, dz, 0)
                     else:
                         r, g, c = panel_seen(f, i, w, q, p, t, u, v, dx, dy, dz, view, tan_half, radiance, cover)
@@ -362,8 +365,8 @@ def panel_seen(f, i, w, q, number, t, u, v, dx, dy, dz, view, tan_half, radiance
             x, y, z = qx + away * rx, qy + away * ry, qz + away * rz
             kr, kg, kb = object_at(f, i, view, tan_half, radiance, cover, x, y, z)
             return r + weight * kr, g + weight * kg, b + weight * kb
-    k = mirrored(f, i, w, q, qx, qy, qz, nx, ny, nz, -dx, -dy, -dz, alpha, 1, 0.0)
-    return r + f0 * k[0] + (1 - f0) * k[3], g + f0 * k[1] + (1 - f0) * k[4], b + f0 * k[2] + (1 - f0) * k[5]
+    kr, kg, kb = coat_along(f, i, q, number, LIT, REST, qx, qy, qz, dx, dy, dz)
+    return r + kr, g + kg, b + kb
 
 
 @njit(cache=True, error_model="numpy")

@@ -95,8 +95,8 @@ def cell_numbers(directions: np.ndarray) -> np.ndarray:
     return ring * AZIMUTHS + np.clip((angle % 1.0 * AZIMUTHS).astype(int), 0, AZIMUTHS - 1)
 
 
-def draw_mesh(files: ShapeFiles, number: int, rng: np.random.Generator) -> Mesh:
-    """Draw shape `number`, in the unit sphere."""
+def draw_mesh(files: ShapeFiles, rng: np.random.Generator) -> Mesh:
+    """Draw a shape, in the unit sphere."""
     kind = rng.choice(len(KINDS), p=KINDS) if files.part == "train" else 0
     if kind == 3:
         return part(rng)
@@ -108,27 +108,38 @@ def draw_mesh(files: ShapeFiles, number: int, rng: np.random.Generator) -> Mesh:
     return mesh if view.matrix is None else transformed(mesh, view.matrix)
 
 
-def shape_views(files: ShapeFiles, number: int) -> np.ndarray:
-    """Return the views [CAMERAS] VIEW of shape `number`."""
-    rng = np.random.default_rng((VERSION, len(files.part), number))
-    mesh = draw_mesh(files, number, rng)
+def standing_mesh(files: ShapeFiles, rng: np.random.Generator) -> Mesh:
+    """Draw a shape, its middle over the origin and its lowest point on y = 0."""
+    mesh = draw_mesh(files, rng)
     low, high = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
     foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
-    standing = replace(mesh, positions=(mesh.positions - foot).astype(np.float32))
+    return replace(mesh, positions=(mesh.positions - foot).astype(np.float32))
+
+
+def shape_rng(files: ShapeFiles, number: int) -> np.random.Generator:
+    """Return what shape `number` and its views are drawn by."""
+    return np.random.default_rng((VERSION, len(files.part), number))
+
+
+def shape_views(files: ShapeFiles, number: int) -> np.ndarray:
+    """Return the views [CAMERAS] VIEW of shape `number`."""
+    rng = shape_rng(files, number)
+    standing = standing_mesh(files, rng)
+    high = standing.positions.max(axis=0)
     voxels = voxelize(standing)
     result = np.zeros(CAMERAS, VIEW)
     for view in result:
         sine = rng.uniform(*np.sin(np.radians(PITCH_DEG)))
         rotation = world_from_camera(rng.uniform(0, 2 * np.pi), float(np.arcsin(sine)))
         distance = np.sqrt(1 + np.exp(-2 * rng.uniform(*np.log(TANGENT))))
-        eye = rotation @ [0.0, 0.0, distance] + [0.0, (high[1] - low[1]) / 2, 0.0]
+        eye = rotation @ [0.0, 0.0, distance] + [0.0, high[1] / 2, 0.0]
         rotation, tangent = _framed(standing, rotation, eye)
         cover, normals, depth = _see(standing, rotation, eye, tangent)
         view["cover"], view["normals"] = cover, np.round(127 * normals)
         view["depth"] = np.where(cover > 0, depth[..., 0] - np.linalg.norm(eye), 0.0)
         view["camera"], view["eye"], view["tangent"] = rotation, eye, tangent
         view["words"], view["low"], view["cell"] = voxels.words, voxels.low, voxels.cell
-        view["top"], view["shape"] = high[1] - low[1], number
+        view["top"], view["shape"] = high[1], number
         view["hidden"] = _hidden(view, int(rng.integers(2**31)))
     return result
 
