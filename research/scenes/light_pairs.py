@@ -15,7 +15,7 @@ from anyprobe.estimate.light_graph import INPUTS, graph_inputs
 from anyprobe.files.atomic import atomic_path
 from anyprobe_train.light.light_views import LightViews
 from anyprobe_train.light_graph.front import Given
-from anyprobe_train.world.batch import FAMILIES, LightBatch, sources_of
+from anyprobe_train.world.batch import PHOTO_FAMILIES, LightBatch, sources_of
 from anyprobe_train.world.maps import OUTDOORS
 from research.scenes.camera import TakenPhoto, mirrored, take
 from research.scenes.layouts import draw_family, draw_layout
@@ -63,7 +63,7 @@ def row_of(views: LightViews, photo: TakenPhoto, fov_deg: float, up: np.ndarray,
         "sources": sources,
         "soft": np.float32(soft),
         "outdoors": np.float32(outdoors),
-        "family": np.uint8(FAMILIES.index(family)),
+        "family": np.uint8(PHOTO_FAMILIES.index(family)),
     }
 
 

@@ -12,7 +12,8 @@ from anyprobe.render.shapes import sphere
 from anyprobe.render.voxels import blocked, voxelize
 from anyprobe_train.world import feed, maps
 from anyprobe_train.world.batch import LightBatch, World, make_batch, sources_of
-from anyprobe_train.world.kernels import grid_start, light_panels, panel_point, probe_map
+from anyprobe_train.world.hits import grid_start, panel_point
+from anyprobe_train.world.kernels import light_panels, probe_map
 from anyprobe_train.world.layout import Layout, Panel, build_scene
 from anyprobe_train.world.lights import Light, levels
 from anyprobe_train.world.march import blocked_each

@@ -107,7 +107,8 @@ def estimate_views(
         from_inputs: method of an Estimator, called with a photo, its inputs and the time when its loading began.
         views: each photo with what the networks are given of it, of which no more than one is kept at a time.
     """
-    lights, panorama = [], None
+    lights: list[Light] = []
+    panorama = None
     for (photo, inputs), start, number in zip(views, starts, count(), strict=False):
         panorama = inputs["panorama"] if panorama is None else panorama
         if lights and panorama.any() and number < len(world_from_camera):

@@ -49,7 +49,8 @@ def shrink(picture: torch.Tensor, width: torch.Tensor, height: torch.Tensor, cel
 
     def weights(axis: torch.Tensor, extent: torch.Tensor) -> torch.Tensor:
         pixel = index_of(axis)[None]
-        low = cell * torch.arange(0, torch.ceil(extent / cell - 1e-4), 1, dtype=torch.float32)[:, None]
+        count = torch.ceil(extent / cell - 1e-4)
+        low = cell * torch.arange(0, count, 1, dtype=torch.float32)[:, None]  # type: ignore[call-overload]
         high, last = torch.minimum(low + cell, extent), torch.minimum(pixel + 1.0, extent)
         covered = (torch.minimum(high, last) - torch.maximum(low, pixel)).clamp(min=0.0)
         return covered / covered.sum(dim=1, keepdim=True).clamp(min=1e-6)

@@ -12,13 +12,13 @@ import typer
 from anyprobe.cli.app import main as run_command
 
 app = typer.Typer(no_args_is_help=True)
-Data = Annotated[Path, typer.Option(help="Folder with hdri and meshes.")]
+DataFolder = Annotated[Path, typer.Option(help="Folder with hdri and meshes.")]
 Cache = Annotated[Path, typer.Option(help="Folder for what is made once.")]
 
 
 @app.command()
 def prepare(
-    data: Data,
+    data: DataFolder,
     cache: Cache,
     files: Annotated[int, typer.Option(min=1, help="Files of views, 48 in each.")] = 64,
     every: Annotated[int, typer.Option(min=1, help="Make one of so many: for several processes.")] = 1,
@@ -33,7 +33,7 @@ def prepare(
 
 
 @app.command()
-def speed(data: Data, cache: Cache, batches: int = 4, batch: int = 32, profile: bool = False) -> None:
+def speed(data: DataFolder, cache: Cache, batches: int = 4, batch: int = 32, profile: bool = False) -> None:
     """Print milliseconds of the processor for each photo, of batches after the first."""
     import cProfile
     import pstats
@@ -56,13 +56,19 @@ def speed(data: Data, cache: Cache, batches: int = 4, batch: int = 32, profile: 
 
 @app.command()
 def sheet(
-    out: Path, data: Data, cache: Cache, seed: int = 1, count: int = 40, family: str | None = None, files: int = 64
+    out: Path,
+    data: DataFolder,
+    cache: Cache,
+    seed: int = 1,
+    count: int = 40,
+    family: str | None = None,
+    files: int = 64,
 ) -> None:
     """Draw photos with their objects' windows, what is seen, and the true light."""
     from PIL import Image
 
     from anyprobe.core.response import response
-    from anyprobe_train.world.batch import FAMILIES, World, make_batch
+    from anyprobe_train.world.batch import PHOTO_FAMILIES, World, make_batch
 
     world = World.open(data, cache, first=files)
     tiles: list[np.ndarray] = []
@@ -71,7 +77,7 @@ def sheet(
         batch = make_batch(world, seed, k)
         k += 1
         for n in range(len(batch.family)):
-            if family is not None and FAMILIES[batch.family[n]] != family:
+            if family is not None and PHOTO_FAMILIES[batch.family[n]] != family:
                 continue
             truth = np.round(255 * np.clip(response(batch.truth[n].astype(np.float32)), 0, 1)).astype(np.uint8)
             side = np.zeros((128, 184, 3), np.uint8)

@@ -17,7 +17,7 @@ from anyprobe_train.world.lights import Light, draw_light
 from anyprobe_train.world.look import Look, develop, draw_look
 from anyprobe_train.world.maps import Maps, open_maps
 from anyprobe_train.world.photo import (
-    SIZE,
+    SQUARE_PX,
     Frame,
     Seen,
     background_of,
@@ -35,19 +35,19 @@ from anyprobe_train.world.photo import (
 from anyprobe_train.world.views import CAMERAS, SHAPES, Views, shape_files, view_points
 from anyprobe_train.world.windows import on_sphere, window_resampled
 
-FAMILIES = ("ground", "table", "things", "dark", "procedural", "cut_out", "no_object")
+PHOTO_FAMILIES = ("ground", "table", "things", "dark", "procedural", "cut_out", "no_object")
 SHARES = (0.34, 0.16, 0.14, 0.12, 0.08, 0.1, 0.06)
 LIGHT_OF = {"ground": "ground", "table": "real", "things": "real", "dark": "dark", "procedural": "procedural"}
 PHOTOS_OF_LIGHT = 6
 """Photos that share a light, each with another object, camera and layout."""
-SOURCES, NORMALS = 3, 48
+MOST_SAID, NORMALS = 3, 48
 MASK_SIDE, MASK_ROOM = 128, 1.5
 """Side of the picture that a mask is drawn in, and its width over the object's window."""
 EXACT, GROSS = 0.3, 0.12
 """Shares of the masks without an error and with a gross one."""
 LENS_KNOWN = 0.5
 ASSUMED_TANGENT = float(np.tan(np.radians(30.0)))
-"""Of half the longer side, where the lens is not known: 60 degrees."""
+"""Tangent of half the longer side, where the lens is not known: 60 degrees."""
 BACKDROPS = (0.0, 0.0, 1.0, 0.5, 0.92)
 """Display values behind cut-outs."""
 DIM = 0.1
@@ -73,7 +73,7 @@ class LightBatch:
     truth: [N, 64, 128, 3] float16, what a probe in the object's place sees, in units of the photo's white.
     sources: [N, 3, 8] by falling power: exists, direction, angular radius [degrees], power above white.
     soft: [N] share of the power above white that no source has, see `softness`. outdoors: [N] 1, 0 or NaN.
-    family: [N] index into FAMILIES.
+    family: [N] index into PHOTO_FAMILIES.
     """
 
     context: np.ndarray
@@ -93,7 +93,7 @@ class LightBatch:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class World:
-    """What photos are drawn from.
+    """Assets that photos are drawn from.
 
     batch: photos in a batch. first, every, most: files of views that batch 0 draws from, batches after which one more
     joins, and their number in the end.
@@ -119,8 +119,8 @@ class World:
 def make_batch(world: World, seed: int, k: int) -> LightBatch:
     """Return batch k: the same for the same data."""
     rng = np.random.default_rng((seed, k))
-    numbers = rng.choice(len(FAMILIES), world.batch, p=SHARES)
-    kinds = [_light_kind(FAMILIES[n], rng) for n in numbers]
+    numbers = rng.choice(len(PHOTO_FAMILIES), world.batch, p=SHARES)
+    kinds = [_light_kind(PHOTO_FAMILIES[n], rng) for n in numbers]
     lights: dict[str, list[Light]] = {}
     for kind in sorted(set(kinds)):
         count = -(-kinds.count(kind) // PHOTOS_OF_LIGHT)
@@ -128,7 +128,7 @@ def make_batch(world: World, seed: int, k: int) -> LightBatch:
     photos = []
     for number, kind in zip(numbers, kinds, strict=True):
         light = lights[kind][rng.integers(len(lights[kind]))]
-        photos.append(take(world, FAMILIES[number], light, k, np.random.default_rng((seed, k, len(photos)))))
+        photos.append(take(world, PHOTO_FAMILIES[number], light, k, np.random.default_rng((seed, k, len(photos)))))
     return LightBatch(**{one.name: np.stack([photo[one.name] for photo in photos]) for one in fields(LightBatch)})
 
 
@@ -187,7 +187,7 @@ def trace(
     if behind is not None:
         away = [-float(np.linalg.norm(one.place - view["eye"])) for one in layout.others]
         for k in np.argsort(away):  # the farthest first
-            own = object_over(others[k], frame, (-frame.most, frame.most, frame.most, -frame.most), SIZE)
+            own = object_over(others[k], frame, (-frame.most, frame.most, frame.most, -frame.most), SQUARE_PX)
             behind = own[..., :3] + (1 - own[..., 3:]) * behind
     truth = truth_of(scene, frame, float(view["top"]))
     return Traced(
@@ -230,7 +230,9 @@ def _tensors(family: str, traced: Traced, rng: np.random.Generator) -> dict[str,
     most = frame.most
     whole = -most, most, most, -most
     inside = _inside(frame, whole)
-    own = np.zeros((SIZE, SIZE, 4), np.float32) if seen is None else object_over(seen, frame, whole, SIZE)
+    own = (
+        np.zeros((SQUARE_PX, SQUARE_PX, 4), np.float32) if seen is None else object_over(seen, frame, whole, SQUARE_PX)
+    )
     picture = own[..., :3] if behind is None else own[..., :3] + (1 - own[..., 3:]) * behind
     object_mean = None
     if seen is not None:
@@ -242,7 +244,7 @@ def _tensors(family: str, traced: Traced, rng: np.random.Generator) -> dict[str,
     mask, window = (None, None) if seen is None else _drawn_mask(seen, frame, family, rng)
     crop_window = _crop_window(mask, window)
     blur = look.blur * (crop_window[1] - crop_window[0]) / (2 * most)
-    context = np.zeros((SIZE, SIZE, 5), np.uint8)
+    context = np.zeros((SQUARE_PX, SQUARE_PX, 5), np.uint8)
     shown = develop(look, picture, whole, frame.tangents, blur, rng)
     cut = None
     if behind is None:
@@ -252,9 +254,9 @@ def _tensors(family: str, traced: Traced, rng: np.random.Generator) -> dict[str,
         shown = np.round(share * full + (1 - share) * cut)
     context[..., :3] = np.round(shown * inside[..., None])
     context[..., 4] = np.round(255 * inside)
-    crop = np.zeros((SIZE, SIZE, 4), np.uint8)
+    crop = np.zeros((SQUARE_PX, SQUARE_PX, 4), np.uint8)
     if mask is not None:
-        given = window_resampled(mask[..., None], window, whole, SIZE, 3)[..., 0] * inside
+        given = window_resampled(mask[..., None], window, whole, SQUARE_PX, 3)[..., 0] * inside
         context[..., 3] = np.round(255 * given)
         crop = _crop(seen, frame, look, behind, mask, window, crop_window, cut, rng)
     known = rng.random() < LENS_KNOWN
@@ -279,15 +281,15 @@ def _tensors(family: str, traced: Traced, rng: np.random.Generator) -> dict[str,
         "sources": sources,
         "soft": np.float32(soft),
         "outdoors": np.float32(traced.layout.light.outdoors),
-        "family": np.uint8(FAMILIES.index(family)),
+        "family": np.uint8(PHOTO_FAMILIES.index(family)),
     }
 
 
 def _inside(frame: Frame, window: tuple[float, float, float, float]) -> np.ndarray:
-    """Return the share of each pixel of a window that lies in the photo, [SIZE, SIZE]."""
+    """Return the share of each pixel of a window that lies in the photo, [SQUARE_PX, SQUARE_PX]."""
 
     def along(first: float, last: float, most: float) -> np.ndarray:
-        edges = np.linspace(first, last, SIZE + 1)
+        edges = np.linspace(first, last, SQUARE_PX + 1)
         low, high = np.minimum(edges[:-1], edges[1:]), np.maximum(edges[:-1], edges[1:])
         return np.clip((np.minimum(high, most) - np.maximum(low, -most)) / (high - low), 0.0, 1.0)
 
@@ -341,16 +343,18 @@ def _crop(
     cut: np.uint8 | None,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the object's window as its mask shows it, [SIZE, SIZE, 4] uint8."""
-    own = object_over(seen, frame, crop_window, SIZE)
+    """Return the object's window as its mask shows it, [SQUARE_PX, SQUARE_PX, 4] uint8."""
+    own = object_over(seen, frame, crop_window, SQUARE_PX)
     whole = -frame.most, frame.most, frame.most, -frame.most
-    given = window_resampled(mask[..., None], window, crop_window, SIZE, 2) * _inside(frame, crop_window)[..., None]
+    given = (
+        window_resampled(mask[..., None], window, crop_window, SQUARE_PX, 2) * _inside(frame, crop_window)[..., None]
+    )
     if behind is None:
         share = own[..., 3:]
         shown = develop(look, own[..., :3] / np.maximum(share, 1e-3), crop_window, frame.tangents, 0.0, rng)
         shown = share * shown + (1 - share) * cut
     else:
-        back = window_resampled(behind, whole, crop_window, SIZE, 1)
+        back = window_resampled(behind, whole, crop_window, SQUARE_PX, 1)
         shown = develop(look, own[..., :3] + (1 - own[..., 3:]) * back, crop_window, frame.tangents, look.blur, rng)
     return np.round(np.dstack([shown * given, 255 * given])).astype(np.uint8)
 
@@ -369,14 +373,14 @@ def _normals(
 
 
 def sources_of(truth: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return the sources [SOURCES, 8] of a map [64, 128, 3] above white, see LightBatch, and `softness`."""
+    """Return the sources [MOST_SAID, 8] of a map [64, 128, 3] above white, see LightBatch, and `softness`."""
     above = np.maximum(truth - 1.0, 0.0)
-    result = np.zeros((SOURCES, 8), np.float32)
+    result = np.zeros((MOST_SAID, 8), np.float32)
     solid = pixel_solid_angles(len(truth))[..., None]
     power = float(luminance((above * solid).sum(axis=(0, 1))))
     if power <= 0:
         return result, 1.0
-    found = sorted(split_sources(above)[1], key=lambda one: -luminance(one.power))[:SOURCES]
+    found = sorted(split_sources(above)[1], key=lambda one: -luminance(one.power))[:MOST_SAID]
     for row, one in zip(result, found, strict=False):
         row[:] = 1.0, *one.direction, np.degrees(one.radius), *one.power
     return result, softness(power, float(luminance((truth * solid).sum(axis=(0, 1)))), result)

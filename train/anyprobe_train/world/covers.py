@@ -1,4 +1,4 @@
-"""What stands under and behind photographed objects: wood, cloth, stone and plain paint, as pictures of albedo.
+"""Surfaces under and behind photographed objects: wood, cloth, stone and plain paint, as pictures of albedo.
 
 Albedos follow measured light reflectance values (SLL/CIBSE Lighting Guide 11, 2001; DIAL evo): dark wood .08-.2, light
 wood .3-.6, stone and concrete .15-.6, cloth .05-.75, paint and laminate .1-.8.
@@ -56,7 +56,7 @@ def _dyed(rng: np.random.Generator, kind: str) -> bool:
 
 
 def _pattern(rng: np.random.Generator, kind: str) -> tuple[np.ndarray, float, float]:
-    """Of deviation near 1, [N, N]; the deviation of ln albedo; the side it covers in radii of the object."""
+    """Return a texture of deviation near 1, [N, N]; the deviation of ln albedo; the side it covers [radii]."""
     if kind == "wood":
         grain = rough_noise(rng, PIXELS, rng.uniform(0.8, 1.2), rng.uniform(10, 40))
         rings = np.sin(2 * np.pi * (rng.uniform(4, 12) * smooth_noise(rng, PIXELS, 1.5)))

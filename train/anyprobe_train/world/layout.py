@@ -1,4 +1,4 @@
-"""What stands where: floor, walls, other objects and near lamps of one photo, by families."""
+"""Layout of a photo: floor, walls, other objects and near lamps of one photo, by families."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from anyprobe.core.frames import rotation_y
 from anyprobe_train.dataset.sky import tint
 from anyprobe_train.world import scene
-from anyprobe_train.world.lights import ROWS, Light, anywhere, with_lamp
+from anyprobe_train.world.lights import LIGHT_ROWS, Light, anywhere, with_lamp
 from anyprobe_train.world.maps import Maps
 from anyprobe_train.world.scene import TracedScene
 from anyprobe_train.world.views import CELLS
@@ -18,7 +18,7 @@ GROUND_HALF = 9.0
 """Half the side of a map's own ground that shadows fall on, in radii of the object."""
 COAT_F0 = 0.04
 SPREAD = 1.6
-"""Of the grids of light: half of their points lie within so many radii of their middle."""
+"""Spread of the grids of light: half of their points lie within so many radii of their middle."""
 
 
 @dataclass(kw_only=True, slots=True)
@@ -122,7 +122,7 @@ def build_scene(view: np.void | None, eye: np.ndarray, layout: Layout, glow: np.
         len(layout.panels) * scene.PANEL_SIZE,
         len(bodies) * scene.BODY_SIZE,
         (len(far.radius) + len(layout.lamps)) * scene.SOURCE_SIZE,
-        len(layout.panels) * 3 * scene.GRID**2 * 3,
+        len(layout.panels) * 3 * scene.GRID_POINTS**2 * 3,
         len(layout.panels) * side**2 * 3,
     )
     ends = np.cumsum(sizes)
@@ -147,7 +147,7 @@ def build_scene(view: np.void | None, eye: np.ndarray, layout: Layout, glow: np.
     begins = [ends[0], ends[1], ends[2], ends[3], ends[4]]
     counts = [len(layout.panels), len(bodies), len(rows)]
     words = np.array([one.view["words"] for one in bodies], np.uint64).reshape(-1, CELLS, CELLS)
-    places = np.array([*counts, *begins, side, len(far.sky) // 2, ROWS], np.int64)
+    places = np.array([*counts, *begins, side, len(far.sky) // 2, LIGHT_ROWS], np.int64)
     return TracedScene(numbers=numbers, places=places, words=words, sky=far.sky)
 
 

@@ -15,7 +15,7 @@ from anyprobe.light.source_split import split_sources
 from anyprobe_train.dataset.sky import direction_at, tint
 from anyprobe_train.world.maps import Maps
 
-ROWS, SPLIT_ROWS = 256, 64
+LIGHT_ROWS, SPLIT_ROWS = 256, 64
 CONTRAST, TINT = 0.12, 0.1
 """Standard deviations of ln of the exponent that a map is raised to, and of its white."""
 BLENDS, MOVED, LAMPS = 0.15, 0.12, 0.25
@@ -152,7 +152,7 @@ def measured(full, rest, x, y, z, reach):
 def make_light(radiance: np.ndarray, outdoors: float, name: str, most: int = MOST) -> Light:
     """Split a map [256, 512, 3] into its sky and at most so many sources, and build the levels of both."""
     full = levels(radiance, 8)
-    start = 2 * ROWS**2 + 2 * (ROWS // 2) ** 2
+    start = 2 * LIGHT_ROWS**2 + 2 * (LIGHT_ROWS // 2) ** 2
     small = full[start : start + 2 * SPLIT_ROWS**2].reshape(SPLIT_ROWS, 2 * SPLIT_ROWS, 3)
     soft, found = split_sources(small) if most else (small, ())
     found = sorted(found, key=lambda one: -luminance(one.power))[:most]
@@ -162,7 +162,7 @@ def make_light(radiance: np.ndarray, outdoors: float, name: str, most: int = MOS
         for one in found:  # of sources that are not kept, all is in the sky
             near |= _directions() @ one.direction > np.cos(np.radians(REACH_DEG))
         ratio[~near] = 1.0
-        rest = radiance * ratio.repeat(ROWS // SPLIT_ROWS, 0).repeat(ROWS // SPLIT_ROWS, 1)
+        rest = radiance * ratio.repeat(LIGHT_ROWS // SPLIT_ROWS, 0).repeat(LIGHT_ROWS // SPLIT_ROWS, 1)
     else:
         rest = radiance
     spots = [measured(radiance, rest, *one.direction, np.radians(REACH_DEG)) for one in found]
@@ -194,17 +194,17 @@ def draw_light(rng: np.random.Generator, maps: Maps, kind: str) -> Light:
         second = int(rng.choice(len(maps.names), p=maps.weights))
         share, other = float(rng.uniform(0.2, 0.8)), maps.real[second]
         outdoors = outdoors if outdoors == maps.outdoors[second] else np.nan
-    radiance = np.empty((ROWS, 2 * ROWS, 3), np.float32)
+    radiance = np.empty((LIGHT_ROWS, 2 * LIGHT_ROWS, 3), np.float32)
     white = tint(rng, TINT if kind != "ground" else 0.5 * TINT)
     exponent = float(np.exp(rng.normal(0.0, CONTRAST)))
-    turn, mirror = int(rng.integers(2 * ROWS)), bool(rng.random() < 0.5)
+    turn, mirror = int(rng.integers(2 * LIGHT_ROWS)), bool(rng.random() < 0.5)
     mean = varied(one, turn, mirror, other, share, exponent, white, 1.0, radiance)
     radiance /= max(mean, 1e-9)
     if kind == "dark":
         return make_light(_dark(rng, radiance), np.nan, name, 0)
     if kind == "real" and rng.random() < MOVED:
         light = make_light(radiance, outdoors, name)
-        radiance = light.sky[len(light.sky) // 2 :][: 2 * ROWS**2].reshape(ROWS, 2 * ROWS, 3).copy()
+        radiance = light.sky[len(light.sky) // 2 :][: 2 * LIGHT_ROWS**2].reshape(LIGHT_ROWS, 2 * LIGHT_ROWS, 3).copy()
         for radius, power in zip(light.radius, light.power, strict=True):
             _add(rng, radiance, anywhere(rng), float(radius), power)
     elif rng.random() < LAMPS * (0.6 if kind == "ground" else 1.0):
@@ -226,13 +226,13 @@ def anywhere(rng: np.random.Generator) -> np.ndarray:
 
 
 def _add(rng: np.random.Generator, radiance: np.ndarray, way: np.ndarray, radius: float, power: np.ndarray) -> None:
-    radius = max(radius, 1.2 * np.pi / ROWS)
+    radius = max(radius, 1.2 * np.pi / LIGHT_ROWS)
     add_disc(radiance, *way, radius, float(rng.uniform(0.1, 1.0)), np.asarray(power, np.float64))
 
 
 def with_lamp(rng: np.random.Generator, light: Light, way: np.ndarray, radius: float, power: np.ndarray) -> Light:
     """Return a light with one far lamp more, drawn into the sky that is seen and kept as a source."""
-    first = light.sky[: 2 * ROWS**2].reshape(ROWS, 2 * ROWS, 3).copy()
+    first = light.sky[: 2 * LIGHT_ROWS**2].reshape(LIGHT_ROWS, 2 * LIGHT_ROWS, 3).copy()
     _add(rng, first, way, radius, power)
     return Light(
         sky=np.concatenate([levels(first, 8), light.sky[len(light.sky) // 2 :]]),

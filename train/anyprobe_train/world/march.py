@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-SIDE = 64
+CELLS_SIDE = 64
 
 
 @njit(cache=True, error_model="numpy")
@@ -19,15 +19,15 @@ def blocked_cells(words, x, y, z, dx, dy, dz, most):
         dy = 1e-9
     if abs(dz) < 1e-9:
         dz = 1e-9
-    ax, bx = -x / dx, (SIDE - x) / dx
-    ay, by = -y / dy, (SIDE - y) / dy
-    az, bz = -z / dz, (SIDE - z) / dz
+    ax, bx = -x / dx, (CELLS_SIDE - x) / dx
+    ay, by = -y / dy, (CELLS_SIDE - y) / dy
+    az, bz = -z / dz, (CELLS_SIDE - z) / dz
     t = max(0.0, min(ax, bx), min(ay, by), min(az, bz))
     last = min(max(ax, bx), max(ay, by), max(az, bz), most)
     if t >= last:
         return -1.0
-    column = min(max(int(math.floor(x + t * dx)), 0), SIDE - 1)
-    row = min(max(int(math.floor(z + t * dz)), 0), SIDE - 1)
+    column = min(max(int(math.floor(x + t * dx)), 0), CELLS_SIDE - 1)
+    row = min(max(int(math.floor(z + t * dz)), 0), CELLS_SIDE - 1)
     sx, sz = (1 if dx > 0 else -1), (1 if dz > 0 else -1)
     tx = (column + (1 if dx > 0 else 0) - x) / dx
     tz = (row + (1 if dz > 0 else 0) - z) / dz
@@ -37,9 +37,9 @@ def blocked_cells(words, x, y, z, dx, dy, dz, most):
         h0, h1 = y + t * dy, y + leave * dy
         if h0 > h1:
             h0, h1 = h1, h0
-        bottom = min(max(int(math.floor(h0)), 0), SIDE - 1)
-        top = min(max(int(math.floor(h1)), 0), SIDE - 1)
-        mask = (np.uint64(0xFFFFFFFFFFFFFFFF) >> np.uint64(SIDE - 1 - top)) & (
+        bottom = min(max(int(math.floor(h0)), 0), CELLS_SIDE - 1)
+        top = min(max(int(math.floor(h1)), 0), CELLS_SIDE - 1)
+        mask = (np.uint64(0xFFFFFFFFFFFFFFFF) >> np.uint64(CELLS_SIDE - 1 - top)) & (
             np.uint64(0xFFFFFFFFFFFFFFFF) << np.uint64(bottom)
         )
         if words[row, column] & mask:
@@ -50,12 +50,12 @@ def blocked_cells(words, x, y, z, dx, dy, dz, most):
         if tx <= tz:
             column += sx
             tx += wx
-            if column < 0 or column >= SIDE:
+            if column < 0 or column >= CELLS_SIDE:
                 return -1.0
         else:
             row += sz
             tz += wz
-            if row < 0 or row >= SIDE:
+            if row < 0 or row >= CELLS_SIDE:
                 return -1.0
 
 

@@ -18,10 +18,18 @@ from anyprobe_train.world.layout import Layout, Standing, build_scene
 from anyprobe_train.world.maps import Maps
 from anyprobe_train.world.scene import BODY, BODY_SIZE, EYE, GLOW, TracedScene
 from anyprobe_train.world.shading import cell_light, picture, received, shade_object
-from anyprobe_train.world.views import AZIMUTHS, COARSE, RINGS, SIDE, cell_middles, cell_numbers, view_points
+from anyprobe_train.world.views import (
+    COARSE,
+    SEEN_PX,
+    VIEW_AZIMUTHS,
+    VIEW_RINGS,
+    cell_middles,
+    cell_numbers,
+    view_points,
+)
 from anyprobe_train.world.windows import resampled
 
-SIZE = 96
+SQUARE_PX = 96
 """Side of the context and of the crop."""
 FOV_DEG, COMMON_DEG, COMMON = (15.0, 80.0), (45.0, 76.0), 0.65
 """Field of view of the longer side, even in its tangent; and in a share of the photos that of phones' main cameras."""
@@ -57,7 +65,8 @@ class Frame:
 class Seen:
     """The object as a view shows it, in the scene's units.
 
-    radiance: [SIDE, SIDE, 3]; cover: [SIDE, SIDE] in [0, 1]; camera, tangent: of the view, as the photo's eye sees it.
+    radiance: [SEEN_PX, SEEN_PX, 3]; cover: [SEEN_PX, SEEN_PX] in [0, 1]; camera, tangent: of the view, as the photo's
+    eye sees it.
     """
 
     radiance: np.ndarray
@@ -126,7 +135,7 @@ def see_object(
     center = standing.place + [0.0, standing.scale * float(view["top"]) / 2, 0.0]
     numbers, places, _, texels = scene
     sky, seen = cell_light(numbers, places, texels, directions, *center, weights)
-    half = SIDE // COARSE
+    half = SEEN_PX // COARSE
     place, first = np.unique((rows // half) * COARSE + columns // half, return_index=True)
     ratio = np.zeros((len(first), 3), np.float32)
     bits = view["hidden"].reshape(-1, 2)[place]
@@ -138,7 +147,7 @@ def see_object(
     shade_object(
         *scene, points, normals, ratios, albedo, f0, material.alpha, samples, RAYS, directions, seen, seed, radiance
     )
-    shown = np.zeros((SIDE, SIDE, 3), np.float32)
+    shown = np.zeros((SEEN_PX, SEEN_PX, 3), np.float32)
     shown[rows, columns] = radiance
     cover = view["cover"].astype(np.float32) / 255
     glow = places[BODY] + GLOW
@@ -182,14 +191,14 @@ def see_other(scene: TracedScene, layout: Layout, number: int, rng: np.random.Ge
 @lru_cache(maxsize=1)
 def _cell_table() -> tuple[np.ndarray, np.ndarray]:
     middles, weights = cell_middles(), _cell_weights()
-    return middles.reshape(RINGS, AZIMUTHS, 3), weights.reshape(RINGS, AZIMUTHS, -1)
+    return middles.reshape(VIEW_RINGS, VIEW_AZIMUTHS, 3), weights.reshape(VIEW_RINGS, VIEW_AZIMUTHS, -1)
 
 
 def _turned_cells(turn: float) -> tuple[np.ndarray, np.ndarray]:
     """Return middles and weights of an object's own cells in the world, to the nearest azimuth of its turn."""
-    steps = round(turn * AZIMUTHS / (2 * np.pi))
+    steps = round(turn * VIEW_AZIMUTHS / (2 * np.pi))
     directions, weights = (np.roll(one, steps, axis=1) for one in _cell_table())
-    cells = RINGS * AZIMUTHS
+    cells = VIEW_RINGS * VIEW_AZIMUTHS
     return np.ascontiguousarray(directions.reshape(cells, 3)), np.ascontiguousarray(weights.reshape(cells, -1))
 
 
@@ -198,7 +207,7 @@ def _cell_weights() -> np.ndarray:
     """Return the weights of a map's pixels in the mean over each cell, [cells, CELL_ROWS * 2 CELL_ROWS] float32."""
     times = 8
     d = pixel_directions(CELL_ROWS * times)
-    weights = np.zeros((RINGS * AZIMUTHS, CELL_ROWS * 2 * CELL_ROWS), np.float64)
+    weights = np.zeros((VIEW_RINGS * VIEW_AZIMUTHS, CELL_ROWS * 2 * CELL_ROWS), np.float64)
     row, column = (one // times for one in np.mgrid[: CELL_ROWS * times, : 2 * CELL_ROWS * times])
     solid = np.broadcast_to(pixel_solid_angles(CELL_ROWS * times), row.shape)
     np.add.at(weights, (cell_numbers(d).ravel(), (row * 2 * CELL_ROWS + column).ravel()), solid.ravel())
@@ -209,7 +218,7 @@ def _between(ratio: np.ndarray, place: np.ndarray, rows: np.ndarray, columns: np
     """Return values [K, 3] of coarse pixels `place` between these, at pixels of the view [N]."""
     picture_ = np.zeros((COARSE + 2, COARSE + 2, 4), np.float32)
     picture_[place // COARSE + 1, place % COARSE + 1] = np.concatenate([ratio, np.ones((len(ratio), 1))], axis=1)
-    r, c = (rows + 0.5) * COARSE / SIDE + 0.5, (columns + 0.5) * COARSE / SIDE + 0.5
+    r, c = (rows + 0.5) * COARSE / SEEN_PX + 0.5, (columns + 0.5) * COARSE / SEEN_PX + 0.5
     r0, c0 = r.astype(int), c.astype(int)
     fr, fc = (r - r0)[:, None], (c - c0)[:, None]
     total = (
@@ -222,22 +231,22 @@ def _between(ratio: np.ndarray, place: np.ndarray, rows: np.ndarray, columns: np
 
 
 def premultiplied(seen: Seen) -> np.ndarray:
-    """Return radiance times cover, and cover, [SIDE, SIDE, 4]."""
+    """Return radiance times cover, and cover, [SEEN_PX, SEEN_PX, 4]."""
     return np.dstack([seen.radiance * seen.cover[..., None], seen.cover])
 
 
 def over_window(
     values: np.ndarray, seen: Seen, frame: Frame, window: tuple[float, float, float, float], size: int
 ) -> np.ndarray:
-    """Return values [SIDE, SIDE, C] of an object's view over a window (left, right, top, bottom) of the photo's plane,
-    [size, size, C], zero beyond the view."""
+    """Return values [SEEN_PX, SEEN_PX, C] of an object's view over a window (left, right, top, bottom) of the photo's
+    plane, [size, size, C], zero beyond the view."""
     turn = seen.camera.T @ frame.camera
     low, high = plane_box(seen, frame)
     at = np.array([window[0], window[2]])
     step = np.array([window[1] - window[0], window[3] - window[2]]) / size
     ends = (np.array([[low[0], high[1]], [high[0], low[1]]]) - at) / step
     (left, first), (right, last) = (np.clip(one, 0, size).astype(int) for one in (ends[0] - 1, ends[1] + 2))
-    samples = int(np.clip(np.ceil(step[0] / (2 * seen.tangent / SIDE)), 1, 6))
+    samples = int(np.clip(np.ceil(step[0] / (2 * seen.tangent / SEEN_PX)), 1, 6))
     return resampled(values, turn, seen.tangent, *window, size, samples, first, last, left, right)
 
 
@@ -261,12 +270,12 @@ def truth_of(scene: TracedScene, frame: Frame, top: float) -> np.ndarray:
 
 
 def background_of(scene: TracedScene, frame: Frame, seen: Seen | None, seed: int) -> np.ndarray:
-    """Return the photo without the object over the context's square, [SIZE, SIZE, 3]."""
+    """Return the photo without the object over the context's square, [SQUARE_PX, SQUARE_PX, 3]."""
     if seen is None:
         view = np.eye(3), 1.0, np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.float32)
     else:
         view = seen.camera, seen.tangent, seen.radiance, seen.cover
-    return picture(*scene, frame.camera, *frame.tangents, SIZE, SAMPLES, *view, seed)
+    return picture(*scene, frame.camera, *frame.tangents, SQUARE_PX, SAMPLES, *view, seed)
 
 
 def lit_scene(view: np.void | None, eye: np.ndarray, layout: Layout, reflectance: np.ndarray, seed: int) -> TracedScene:

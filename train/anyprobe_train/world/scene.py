@@ -1,4 +1,4 @@
-"""What a photo is traced from, in four arrays that compiled kernels take: a tuple of many costs them more than rays.
+"""A scene to trace a photo from, in four arrays that compiled kernels take: a tuple of many costs them more than rays.
 
 World: +Y up, the object stands on y = 0 over the origin, its bounding sphere's radius is 1.
 """
@@ -9,26 +9,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-GRID = 40
+GRID_POINTS = 40
 """Points of light along each side of a panel, see `kernels.panel_point`."""
 
-PANELS, BODIES, SOURCES, PANEL, BODY, SOURCE, LIGHT, PICTURE, PICTURE_SIDE, TEXELS, ROWS = range(11)
-"""Of `places`: three counts; where in `numbers` panels, bodies, sources, grids of light and pictures of albedo begin;
-the pictures' side; texels of a sky; its rows."""
+PANELS, BODIES, SOURCE_COUNT, PANEL, BODY, SOURCE, LIGHT, PICTURE, PICTURE_SIDE, TEXELS, SKY_ROWS = range(11)
+"""Indices of `places`: three counts; where in `numbers` panels, bodies, sources, grids of light and pictures of albedo
+begin; the pictures' side; texels of a sky; its rows."""
 EYE, FALLING, HEAD = 0, 3, 6
 """Where the eye is in `numbers`, the irradiance of level ground (for a map's own), and the first panel."""
 
-ORIGIN, RIGHT, UP, NORMAL, HALF, SIDE, F0, ALPHA, MIDDLE, SPREAD, MEAN, GROUND, PANEL_SIZE = (
+ORIGIN, RIGHT, UP, NORMAL, HALF, MIRRORED_SIDE, F0, COAT_ALPHA, MIDDLE, GRID_SPREAD, MEAN, GROUND, PANEL_SIZE = (
     0, 3, 6, 9, 12, 14, 15, 16, 17, 19, 20, 23, 24,
 )  # fmt: skip
-"""Of a panel, a rectangle whose back is as its front: middle, unit axes, half sides, side after which its picture is
-mirrored, coat, middle and spread of its grids, mean albedo, whether its albedo is what the map shows from the eye."""
-LOW, CELL, TURN, SCALE, PLACE, GLOW, BODY_SIZE = 0, 3, 6, 8, 9, 12, 15
-"""Of a body, which hides light, the object first: box of its cells, cosine and sine of its turn about +Y, scale, place,
-mean radiance."""
-NEAR, AT, RADIUS, POWER, SOURCE_SIZE = 0, 1, 4, 5, 8
-"""Of a source, which is traced by itself: whether it is a glowing ball; direction to it, or its centre; radius in
-radians, or in radii of the object; irradiance on what faces it, or the ball's radiance."""
+"""Offsets in a panel, a rectangle whose back is as its front: middle, unit axes, half sides, side after which its
+picture is mirrored, coat, middle and spread of its grids, mean albedo, whether that is what the map shows."""
+LOW, BODY_CELL, TURN, SCALE, PLACE, GLOW, BODY_SIZE = 0, 3, 6, 8, 9, 12, 15
+"""Offsets in a body, which hides light, the object first: box of its cells, cosine and sine of its turn about +Y,
+scale, place, mean radiance."""
+IS_BALL, AT, RADIUS, POWER, SOURCE_SIZE = 0, 1, 4, 5, 8
+"""Offsets in a source, which is traced by itself: whether it is a glowing ball; direction to it, or its centre; radius
+in radians, or in radii of the object; irradiance on what faces it, or the ball's radiance."""
 FREE, LIT, SOFT = 0, 1, 2
 """Grids of a panel, irradiance on its front: without the object; with it; the part of that which no source sends."""
 

@@ -7,30 +7,32 @@ import math
 import numpy as np
 from numba import njit
 
-from anyprobe_train.world.kernels import (
-    COARSE_LEVEL,
-    FAR,
+from anyprobe_train.world.hits import (
+    FAR_AWAY,
     FULL,
     REST,
     albedo_at,
     basis,
-    coat_along,
-    diffuse_of,
     grid_at,
     hit_body,
     hit_panel,
+    sky_at,
+    toward_source,
+)
+from anyprobe_train.world.kernels import (
+    COARSE_LEVEL,
+    coat_along,
+    diffuse_of,
     lamp_along,
     mirrored_along,
     seen_share,
     seen_without,
-    sky_at,
-    toward_source,
 )
 from anyprobe_train.world.scene import (
-    ALPHA,
     BODIES,
     BODY,
     BODY_SIZE,
+    COAT_ALPHA,
     EYE,
     F0,
     FREE,
@@ -42,16 +44,16 @@ from anyprobe_train.world.scene import (
     NORMAL,
     PANEL,
     PANEL_SIZE,
-    ROWS,
+    SKY_ROWS,
     SOFT,
-    SOURCES,
+    SOURCE_COUNT,
     TEXELS,
 )
 
 OWN = 0.055
 """Distance [radii] from the object's surface at which rays start, so that they leave the cells it lies in."""
 MOST_RATIO = 1.5
-"""Of the light on a map's own ground with the object over that without."""
+"""Ratio of the light on a map's own ground with the object over that without."""
 WIDENED = 0.19
 """Factor of a source's squared radius that it adds to alpha^2 of the lobe that mirrors it (light.octahedral)."""
 
@@ -62,7 +64,7 @@ def cell_light(f, i, q, directions, cx, cy, cz, weights):
     coarse level]."""
     count = len(directions)
     sky, seen = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
-    start, size = i[TEXELS], i[ROWS]
+    start, size = i[TEXELS], i[SKY_ROWS]
     for _ in range(COARSE_LEVEL):
         start += 2 * size * size
         size //= 2
@@ -74,7 +76,7 @@ def cell_light(f, i, q, directions, cx, cy, cz, weights):
                 sky[c, 1] += weight * q[start + k, 1]
                 sky[c, 2] += weight * q[start + k, 2]
         dx, dy, dz = directions[c, 0], directions[c, 1], directions[c, 2]
-        p, t, x, y = hit_panel(f, i, cx, cy, cz, dx, dy, dz, FAR, -1)
+        p, t, x, y = hit_panel(f, i, cx, cy, cz, dx, dy, dz, FAR_AWAY, -1)
         r, g, b = sky[c, 0], sky[c, 1], sky[c, 2]
         if p >= 0:
             r, g, b = diffuse_of(f, i, q, p, FREE, x, y, cx + t * dx, cy + t * dy, cz + t * dz)
@@ -102,7 +104,7 @@ def received(f, i, w, q, points, normals, bits, directions, sky, seen, out):
             if (bits[k, c >> 6] >> np.uint64(c & 63)) & np.uint64(1):
                 r, g, b = f[glow], f[glow + 1], f[glow + 2]
             else:
-                p, t, x, y = hit_panel(f, i, px, py, pz, dx, dy, dz, FAR, -1)
+                p, t, x, y = hit_panel(f, i, px, py, pz, dx, dy, dz, FAR_AWAY, -1)
                 hidden = -1
                 for m in range(1, i[BODIES]):
                     if hit_body(f, i, w, m, px, py, pz, dx, dy, dz, t) >= 0:
@@ -216,11 +218,11 @@ def mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, own
         weight = 4 * visibility(no, iz, alpha) * no * iz / g1o  # G / G1
         pdf = distribution(hz, alpha) * g1o / (4 * no)
         dx, dy, dz = ix * tx + iy * ux + iz * nx, ix * ty + iy * uy + iz * ny, ix * tz + iy * uz + iz * nz
-        if hit_body(f, i, w, 0, px, py, pz, dx, dy, dz, FAR) >= 0:
+        if hit_body(f, i, w, 0, px, py, pz, dx, dy, dz, FAR_AWAY) >= 0:
             e = i[BODY] + GLOW
             r, g, c = f[e], f[e + 1], f[e + 2]
         else:
-            r, g, c = mirrored_along(f, i, w, q, px, py, pz, dx, dy, dz, level_of(pdf, samples, i[ROWS]))
+            r, g, c = mirrored_along(f, i, w, q, px, py, pz, dx, dy, dz, level_of(pdf, samples, i[SKY_ROWS]))
         m = 1 - oh
         s = weight * m * m * m * m * m
         r1 += weight * r
@@ -254,7 +256,7 @@ def shade_object(f, i, w, q, points, normals, ratios, albedo, f0, alpha, samples
         e0, e1, e2 = e0 * solid * ratios[k, 0], e1 * solid * ratios[k, 1], e2 * solid * ratios[k, 2]
         m = mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, OWN)
         s0 = s1 = s2 = g0 = g1 = g2 = 0.0
-        for s in range(i[SOURCES]):
+        for s in range(i[SOURCE_COUNT]):
             _, share, cosine = seen_share(f, i, w, s, ox, oy, oz, nx, ny, nz, rays, -1, OWN)
             if share <= 0:
                 continue
@@ -302,7 +304,7 @@ def picture(f, i, w, q, camera, tangent_x, tangent_y, size, samples, view, tan_h
                     dx = camera[0, 0] * x + camera[0, 1] * y + camera[0, 2] * z
                     dy = camera[1, 0] * x + camera[1, 1] * y + camera[1, 2] * z
                     dz = camera[2, 0] * x + camera[2, 1] * y + camera[2, 2] * z
-                    p, t, u, v = hit_panel(f, i, ex, ey, ez, dx, dy, dz, FAR, -1)
+                    p, t, u, v = hit_panel(f, i, ex, ey, ez, dx, dy, dz, FAR_AWAY, -1)
                     if p < 0 or lamp_along(f, i, ex, ey, ez, dx, dy, dz, t) >= 0:
                         r, g, c = seen_without(f, i, w, q, ex, ey, ez, dx, dy, dz, 0)
                     else:
@@ -322,8 +324,8 @@ def panel_seen(f, i, w, q, number, t, u, v, dx, dy, dz, view, tan_half, radiance
     qx, qy, qz = f[EYE] + t * dx + 1e-4 * nx, f[EYE + 1] + t * dy + 1e-4 * ny, f[EYE + 2] + t * dz + 1e-4 * nz
     e0, e1, e2 = grid_at(f, i, number, SOFT, u, v)
     s0 = s1 = s2 = g0 = g1 = g2 = 0.0
-    f0, alpha = f[p + F0], f[p + ALPHA]
-    for s in range(i[SOURCES]):
+    f0, alpha = f[p + F0], f[p + COAT_ALPHA]
+    for s in range(i[SOURCE_COUNT]):
         _, share, cosine = seen_share(f, i, w, s, qx, qy, qz, nx, ny, nz, 1, number, 0.0)
         if share <= 0:
             continue
@@ -358,7 +360,7 @@ def panel_seen(f, i, w, q, number, t, u, v, dx, dy, dz, view, tan_half, radiance
         rx = dx + 2 * no * nx + 0.7 * alpha * (np.random.random() - 0.5)
         ry = dy + 2 * no * ny + 0.7 * alpha * (np.random.random() - 0.5)
         rz = dz + 2 * no * nz + 0.7 * alpha * (np.random.random() - 0.5)
-        away = hit_body(f, i, w, 0, qx, qy, qz, rx, ry, rz, FAR)
+        away = hit_body(f, i, w, 0, qx, qy, qz, rx, ry, rz, FAR_AWAY)
         if away >= 0:
             m = 1 - no
             weight = f0 + (1 - f0) * m * m * m * m * m

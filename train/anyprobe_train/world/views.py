@@ -26,11 +26,11 @@ from anyprobe_train.world.march import hidden_bits, nearest_faces
 
 VERSION = 1
 """Raised whenever the same shape number would give other views."""
-SIDE, COARSE = 96, 48
+SEEN_PX, COARSE = 96, 48
 """Sides of what is kept of a view, and of where cells are."""
 MARGIN = 1.06
 """Side of a view over the longer side of the object's box."""
-AZIMUTHS, RINGS = 16, 8
+VIEW_AZIMUTHS, VIEW_RINGS = 16, 8
 SHAPES, CAMERAS = 16, 3
 """Shapes in a file, and cameras that see each."""
 PITCH_DEG = (1.0, 58.0)
@@ -46,9 +46,9 @@ OWN_CELLS = 0.055
 
 VIEW = np.dtype(
     [
-        ("normals", "i1", (SIDE, SIDE, 3)),
-        ("depth", "f2", (SIDE, SIDE)),
-        ("cover", "u1", (SIDE, SIDE)),
+        ("normals", "i1", (SEEN_PX, SEEN_PX, 3)),
+        ("depth", "f2", (SEEN_PX, SEEN_PX)),
+        ("cover", "u1", (SEEN_PX, SEEN_PX)),
         ("hidden", "u8", (COARSE, COARSE, 2)),
         ("words", "u8", (CELLS, CELLS)),
         ("low", "f4", 3),
@@ -81,18 +81,18 @@ def shape_files(data: Path, part: str) -> ShapeFiles:
 
 
 def cell_middles() -> np.ndarray:
-    """Return the middles of the cells about +Y, [RINGS * AZIMUTHS, 3] float32; the lower half first."""
-    ring, azimuth = np.divmod(np.arange(RINGS * AZIMUTHS), AZIMUTHS)
-    sine, angle = (ring + 0.5) * (2 / RINGS) - 1, (azimuth + 0.5) * (2 * np.pi / AZIMUTHS)
+    """Return the middles of the cells about +Y, [VIEW_RINGS * VIEW_AZIMUTHS, 3] float32; the lower half first."""
+    ring, azimuth = np.divmod(np.arange(VIEW_RINGS * VIEW_AZIMUTHS), VIEW_AZIMUTHS)
+    sine, angle = (ring + 0.5) * (2 / VIEW_RINGS) - 1, (azimuth + 0.5) * (2 * np.pi / VIEW_AZIMUTHS)
     cosine = np.sqrt(1 - sine**2)
     return np.stack([cosine * np.sin(angle), sine, -cosine * np.cos(angle)], axis=-1).astype(np.float32)
 
 
 def cell_numbers(directions: np.ndarray) -> np.ndarray:
     """Return the cells that unit directions [..., 3] lie in."""
-    ring = np.clip(((directions[..., 1] + 1) / 2 * RINGS).astype(int), 0, RINGS - 1)
+    ring = np.clip(((directions[..., 1] + 1) / 2 * VIEW_RINGS).astype(int), 0, VIEW_RINGS - 1)
     angle = np.arctan2(directions[..., 0], -directions[..., 2]) / (2 * np.pi)
-    return ring * AZIMUTHS + np.clip((angle % 1.0 * AZIMUTHS).astype(int), 0, AZIMUTHS - 1)
+    return ring * VIEW_AZIMUTHS + np.clip((angle % 1.0 * VIEW_AZIMUTHS).astype(int), 0, VIEW_AZIMUTHS - 1)
 
 
 def draw_mesh(files: ShapeFiles, rng: np.random.Generator) -> Mesh:
@@ -156,9 +156,9 @@ def _framed(mesh: Mesh, rotation: np.ndarray, eye: np.ndarray) -> tuple[np.ndarr
 
 
 def _see(mesh: Mesh, rotation: np.ndarray, eye: np.ndarray, tangent: float) -> tuple[np.ndarray, ...]:
-    """Return cover [SIDE, SIDE] uint8, and normals in the camera's frame and depth of the nearest of each pixel's four
-    points."""
-    size = 2 * SIDE
+    """Return cover [SEEN_PX, SEEN_PX] uint8, and normals in the camera's frame and depth of the nearest of each pixel's
+    four points."""
+    size = 2 * SEEN_PX
     seen = (mesh.positions - eye) @ rotation
     inverse = 1.0 / np.maximum(-seen[:, 2], 1e-3)
     screen = (seen[:, :2] * inverse[:, None] / tangent * [1, -1] + 1) * (size / 2)
@@ -176,7 +176,7 @@ def _see(mesh: Mesh, rotation: np.ndarray, eye: np.ndarray, tangent: float) -> t
     depth = np.where(on, 1.0 / np.maximum(key, 1e-9), np.inf)
 
     def four(values: np.ndarray) -> np.ndarray:
-        return values.reshape(SIDE, 2, SIDE, 2, -1).transpose(0, 2, 1, 3, 4).reshape(SIDE, SIDE, 4, -1)
+        return values.reshape(SEEN_PX, 2, SEEN_PX, 2, -1).transpose(0, 2, 1, 3, 4).reshape(SEEN_PX, SEEN_PX, 4, -1)
 
     near = four(depth)[..., 0].argmin(axis=2)[..., None, None]
     nearest = (np.take_along_axis(four(one), near, axis=2)[:, :, 0] for one in (normals, depth))
@@ -190,7 +190,7 @@ def view_points(view: np.void, every: int = 1) -> tuple[np.ndarray, np.ndarray, 
     camera = view["camera"]
     n = view["normals"][rows, columns].astype(np.float32)
     n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1.0)
-    rays = pixel_rays(float(view["tangent"]), SIDE)[rows, columns]
+    rays = pixel_rays(float(view["tangent"]), SEEN_PX)[rows, columns]
     depth = view["depth"][rows, columns].astype(np.float32) + np.linalg.norm(view["eye"])
     points = view["eye"] - (rays / rays[:, 2:] * depth[:, None]) @ camera.T
     return rows, columns, points.astype(np.float32), n @ camera.T
@@ -199,12 +199,14 @@ def view_points(view: np.void, every: int = 1) -> tuple[np.ndarray, np.ndarray, 
 def _hidden(view: np.void, seed: int) -> np.ndarray:
     """Return bits [COARSE, COARSE, 2] of the cells that the object hides from itself."""
     rows, columns, points, normals = view_points(view)
-    half = SIDE // COARSE
+    half = SEEN_PX // COARSE
     place = (rows // half) * COARSE + columns // half
     _, first = np.unique(place, return_index=True)
     result = np.zeros((COARSE * COARSE, 2), np.uint64)
     shape = view["words"], view["low"], view["cell"]
-    result[place[first]] = hidden_bits(*shape, points[first], normals[first], AZIMUTHS, RINGS, OWN_CELLS, seed)
+    result[place[first]] = hidden_bits(
+        *shape, points[first], normals[first], VIEW_AZIMUTHS, VIEW_RINGS, OWN_CELLS, seed
+    )
     return result.reshape(COARSE, COARSE, 2)
 
 
