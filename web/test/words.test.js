@@ -10,8 +10,7 @@ import { PACKAGE, give, leaveOut, notice } from "../src/notices.js";
 import { warningsOf } from "../src/photo/quality.js";
 
 test("a doubtful mask is a sentence of its own", () => {
-  const good = { agreed: 1, expected: 1, whole: 1, single: 1, meant: 1, border: 0, small: 0, large: 0, asked: ["click"] };
-  const [found] = warningsOf({ ...good, expected: 0.6 }, 0.62, []);
+  const [found] = warningsOf({ agreed: 1, whole: 1, meant: 1, cut: 0, expected: 0.2 }, "u2netp", { on: [], box: null });
   assert.equal(found.code, "mask-doubtful");
   assert.equal(sentence(found), "The mask may be wrong: its outline is blurred.");
 });
