@@ -2,7 +2,9 @@
 
 A place p of the key lies in the picture at W(p) = c + (x, y) + e^scale R(angle) (p - c), x right, y down, with c the
 mean of the mask's pixels. It is looked for by a match of the object as a whole, then aligned to a fraction of a pixel
-by the enhanced correlation coefficient (Evangelidis and Psarakis, 2008), which a change of exposure leaves as it is.
+by the enhanced correlation coefficient (Evangelidis and Psarakis, 2008), which a change of exposure leaves as it is: by
+a shift; with a turn, and as an affine map, of which the nearest similarity is taken, where these explain much more. A
+light that moves changes the shading, which is not to be taken for a motion.
 """
 
 from __future__ import annotations
@@ -23,6 +25,10 @@ PULL = 0.05
 ROUNDS, DONE = 40, 1e-4
 """Most rounds of the alignment, and the gain of correlation that is the last. It smooths nothing: what lies beside the
 object would be drawn into it."""
+FEWER = 0.5
+"""Share of the unexplained correlation that a motion of more numbers may leave of that of fewer."""
+LEAST_AREA = 0.1
+"""Least area of the object, of that in the key's picture."""
 ALIKE, INSIDE = 0.8, 0.7
 """Correlation, and share of the object in the picture, from which a motion is sure."""
 ERROR = 3.0
@@ -113,11 +119,18 @@ def locate_key(key: Key, picture: np.ndarray, start: Motion, offset: tuple[int, 
     warp = np.column_stack([turn, _at_centres(turn, shift / key.step)]).astype(np.float32)
     covers = (key.cover > 0.5).astype(np.uint8), np.ones(seen.shape, np.uint8)
     until = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, ROUNDS, DONE)
-    try:
-        _, warp = cv2.findTransformECCWithMask(key.luma, seen, *covers, warp, cv2.MOTION_AFFINE, until, 1)
-    except cv2.error:  # it does not converge, or nothing of the object is in the picture
-        return Registered(motion=motion)
-    return _judged(key, seen, warp, _motion_of(key, warp.astype(np.float64), first))
+    best = Registered(motion=motion)
+    for kind in (cv2.MOTION_TRANSLATION, cv2.MOTION_EUCLIDEAN, cv2.MOTION_AFFINE):
+        try:
+            _, moved = cv2.findTransformECCWithMask(key.luma, seen, *covers, warp.copy(), kind, until, 1)
+        except cv2.error:  # it does not converge, or nothing of the object is in the picture
+            continue
+        found = _motion_of(key, moved.astype(np.float64), first)
+        if found is not None:
+            result = _judged(key, seen, moved, found)
+            if 1.0 - result.alike < FEWER * (1.0 - best.alike):
+                best = result
+    return best
 
 
 def _judged(key: Key, seen: np.ndarray, warp: np.ndarray, motion: Motion) -> Registered:
@@ -174,9 +187,12 @@ def _searched(key: Key, seen: np.ndarray, start: Motion, first: np.ndarray) -> M
     return Motion(x=start.x + float(moved[0]), y=start.y + float(moved[1]), angle=start.angle, scale=start.scale)
 
 
-def _motion_of(key: Key, warp: np.ndarray, first: np.ndarray) -> Motion:
-    """Return the similarity nearest to an affine warp [2, 3] from the key's pixels to the picture's."""
+def _motion_of(key: Key, warp: np.ndarray, first: np.ndarray) -> Motion | None:
+    """Return the similarity nearest to an affine warp [2, 3] from the key's pixels to the picture's; None for one that
+    mirrors or flattens the object."""
     turn = warp[:, :2]
+    if not (np.isfinite(warp).all() and np.linalg.det(turn) > LEAST_AREA):
+        return None
     scale, angle = 0.5 * np.log(np.linalg.det(turn)), np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])
     middle = (key.center - key.first) / key.step - 0.5
     x, y = (turn @ middle + warp[:, 2] + 0.5) * key.step + first - key.center
