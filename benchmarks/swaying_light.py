@@ -112,7 +112,7 @@ def followed_s(shown: np.ndarray, wanted: np.ndarray) -> float:
 
 def web_lights(cutout: Cutout, clip: str) -> dict[str, np.ndarray]:
     """As single_lights by the npm package, and `web`, its filtered lights [T, 64, 128, 3]."""
-    weights = {name: str(weights_folder("lift") / "page" / f"{name}.onnx") for name in ("light", "whole")}
+    weights = {"light": str(weights_folder("lift") / "light.onnx")}
     named = find_weights()
     weights |= {"mask": str(default_graph())} if named is None else {"u2netp": str(named.path)}
     with tempfile.TemporaryDirectory() as name:

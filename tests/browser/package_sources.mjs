@@ -65,7 +65,6 @@ export default async ({ page, url, arguments: given }) => {
     await tell("click", () => probe.estimate(data, { click: [600, 3] }));
     await tell("point", () => probe.estimate(data, { click: [{ x: 1, y: 2 }] }));
     await tell("fov", () => probe.estimate(image, { fovDeg: 190 }));
-    await tell("emitters", () => probe.estimate(image, { emitters: "soft" }));
     await tell("unknown", () => probe.estimate(image, { fov: 30 }));
     await tell("material", () => probe.estimate(image, { material: "unobtainium" }));
     await tell("engine", () => AnyProbe.load({ engine: "webgl" }));

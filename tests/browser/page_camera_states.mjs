@@ -64,7 +64,7 @@ export default async ({ page, context, url, arguments: given }) => {
   await page.evaluate(() => camera.allow());
   await page.waitForSelector("#camera.running");
   await page.locator("#mask").click();
-  await page.evaluate(() => document.getElementById("soften").click());
+  await page.selectOption("#surroundings", "none");
   await page.waitForTimeout(200);
   fetchNetworks();
   await waitForStatus(page, /^Live, in this browser/);

@@ -10,7 +10,7 @@ export default async ({ page, url, arguments: given }) => {
     Worker.prototype.postMessage = function (message, transfer) {
       if (networks.sent.length === 0) this.addEventListener("message", ({ data }) => (networks.answers += data.id !== undefined));
       const { task, picture, options } = message;
-      networks.sent.push({ task, width: picture?.width, emitters: options?.emitters });
+      networks.sent.push({ task, width: picture?.width, surroundings: options?.surroundings });
       if (task === "mask" && networks.held) networks.held.push(() => post.call(this, message, transfer));
       else post.call(this, message, transfer);
     };
@@ -64,18 +64,18 @@ export default async ({ page, url, arguments: given }) => {
   await held();
   const usable = () => page.evaluate(() => document.querySelectorAll("#downloads button:enabled, #export:enabled").length);
   seen.waiting = { direction: await direction(), usable: await usable() };
-  await page.check("#soften");
+  await page.selectOption("#surroundings", "none");
   await settled();
   seen.waiting.estimates = (await estimates()).length - count;
   await letGo();
   await estimated(page);
   seen.then = { usable: await usable(), estimates: (await estimates()).slice(count) };
 
-  await page.uncheck("#soften");
+  await page.selectOption("#surroundings", "auto");
   await openAnother(given.plain);
   await waitForStatus(page, /^Nothing stands out there\. Click/);
   count = (await estimates()).length;
-  await page.check("#soften");
+  await page.selectOption("#surroundings", "none");
   await settled();
   seen.nothing = { status: await status(page), usable: await usable(), estimates: (await estimates()).length - count };
   return seen;

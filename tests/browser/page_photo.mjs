@@ -38,9 +38,6 @@ export default async ({ page, url, arguments: given }) => {
     await change();
     return waitForStatus(page, /^Estimated|^Click|^Nothing stands out/);
   };
-  await ask(() => page.check("#soften"));
-  seen.softAlpha = await save(kindOf("exr"), join(given.folder, "soft-alpha"));
-  await ask(() => page.uncheck("#soften"));
 
   // one without an alpha channel: the mask is the network's, or the click's
   await page.evaluate(() => {
@@ -59,10 +56,7 @@ export default async ({ page, url, arguments: given }) => {
 
   seen.background = {};
   for (const kind of ["exr", "json"]) seen.background[kind] = await save(kindOf(kind), join(given.folder, "background"));
-  await ask(() => page.selectOption("#surroundings", "none"));
-  seen.softened = await ask(() => page.check("#soften"));
-  seen.soft = {};
-  for (const kind of ["exr", "json"]) seen.soft[kind] = await save(kindOf(kind), join(given.folder, "soft"));
+  seen.alone = await ask(() => page.selectOption("#surroundings", "none"));
 
   await page.selectOption("#surroundings", "auto");
   seen.backdrop = await ask(() => page.setInputFiles("#file", given.backdrop));

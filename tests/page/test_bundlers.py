@@ -71,13 +71,10 @@ def test_build_gives_pythons_light(packed, photo, expected, tmp_path, name):
     [
         ('import { encodeHdr } from "anyprobe/core"; globalThis.x = encodeHdr;', []),
         ('import { ProbeLight } from "anyprobe/three"; globalThis.x = ProbeLight;', []),
-        (
-            'import { AnyProbe } from "anyprobe"; globalThis.x = AnyProbe;',
-            ["light", "whole", "mask", "ort-wasm-simd-threaded"],
-        ),
+        ('import { AnyProbe } from "anyprobe"; globalThis.x = AnyProbe;', ["light", "mask", "ort-wasm-simd-threaded"]),
         (
             'import { AnyProbe } from "anyprobe/webgpu"; globalThis.x = AnyProbe;',
-            ["light", "whole", "mask", "ort-wasm-simd-threaded.jspi"],
+            ["light", "mask", "ort-wasm-simd-threaded.jspi"],
         ),
     ],
 )

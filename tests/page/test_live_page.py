@@ -36,7 +36,7 @@ HEADINGS = {
     ],
     "Environment map": ["exposure", "false-color"],
     "Virtual object": ["shape", "material", "model", "turn", "size"],
-    "Estimate": ["surroundings", "pitch", "soften"],
+    "Estimate": ["surroundings", "pitch"],
     "Download": ["targets", "export"],
 }
 """Of the page, and the controls that each is about."""
@@ -70,7 +70,7 @@ def test_own_photo_is_estimated_clicked_relit_and_downloaded(page_url, aside_pho
     assert seen["elsewhere"] == []
     light_in = r"light in \d+\.\d s\. If the outline is wrong"
     assert re.match(rf"Estimated: object found in \d+\.\d s, {light_in}", seen["clicked"])
-    assert re.match(rf"Estimated: {light_in}", seen["softened"])  # the object was known
+    assert re.match(rf"Estimated: {light_in}", seen["alone"])  # the object was known
     assert seen["material"] == "own"
     assert "Finding the object …" in seen["said"]
     assert seen["said"].index("Finding the object …") < seen["said"].index("Estimating the lighting …")

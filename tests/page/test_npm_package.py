@@ -248,7 +248,6 @@ EXPECTED_FAULTS = {
     "click": ("invalid-option", "^click: expected points in the picture, 512 x 512 pixels"),
     "point": ("invalid-option", r"^click: expected \[x, y\] in pixels"),
     "fov": ("invalid-option", "^fovDeg: expected degrees between 1 and 170.* got 190"),
-    "emitters": ("invalid-option", '^emitters: expected mode or expected, got "soft"'),
     "unknown": ("invalid-option", "^estimate: unknown option fov; expected of click,"),
     "material": ("invalid-option", "^material: expected one of "),
     "engine": ("invalid-option", 'expected wasm or webgpu, got "webgl"'),

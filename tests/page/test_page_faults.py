@@ -67,7 +67,7 @@ def test_late_mask_is_not_put_on_another_picture(page_url, vase_photo, half_phot
     assert seen["late"] == {"click": kept, "reset": kept}
     assert seen["waiting"] == {"direction": "not yet known", "usable": 0, "estimates": 0}
     with Image.open(half_photo) as picture:
-        assert seen["then"]["estimates"] == [{"task": "estimate", "width": picture.width, "emitters": "expected"}]
+        assert seen["then"]["estimates"] == [{"task": "estimate", "width": picture.width, "surroundings": "none"}]
     assert seen["then"]["usable"] > 0
     assert seen["nothing"]["status"].startswith("Nothing stands out there. Click on the object")
     assert [seen["nothing"][part] for part in ("usable", "estimates")] == [0, 0]

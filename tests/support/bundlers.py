@@ -20,7 +20,7 @@ async function estimate(AnyProbe, options) {
 """
 """What every project does with the package; the page waits for data-light."""
 DEFAULT = f'import {{ AnyProbe }} from "anyprobe";\n{ESTIMATE}\nestimate(AnyProbe);\n'
-FILES = '{ weights: { light: "anyprobe/light.onnx", whole: "anyprobe/whole.onnx" }, runtime: "ort/" }'
+FILES = '{ weights: { light: "anyprobe/light.onnx" }, runtime: "ort/" }'
 CORE = f'import {{ AnyProbe }} from "anyprobe/core";\n{ESTIMATE}\nestimate(AnyProbe, {FILES});\n'
 NEXT = f"""
 "use client";

@@ -65,7 +65,7 @@ def page_masks(
         cases.append({"name": str(number), "width": width, "height": height, "hints": told})
     found = None if live else find_weights()
     weights = {"mask": str(default_graph())} if found is None else {"u2netp": str(found.path)}
-    weights |= {name: str(weights_folder("lift") / "page" / f"{name}.onnx") for name in ("light", "whole") if light}
+    weights |= {"light": str(weights_folder("lift") / "light.onnx")} if light else {}
     (folder / "cases.json").write_text(json.dumps({"weights": weights, "isLive": live, "cases": cases}))
     run = subprocess.run(["node", "bench/masks.js", str(folder)], cwd=WEB, capture_output=True, text=True, check=False)
     if run.returncode != 0:

@@ -15,6 +15,7 @@ from anyprobe.estimate.doubts import ground_doubts
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import ESTIMATED, GIVEN, GUESSED, Ground
 from anyprobe.estimate.photo import load_photo
+from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import weights_folder
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
@@ -226,6 +227,24 @@ def _prompts(hints: dict) -> Prompts:
     )
 
 
+def _said(light: Light) -> dict:
+    """Return the numbers of a light that both doors give."""
+    about = light.sidecar()
+    ground = light.ground and [light.ground.pitch_deg, light.ground.pitch_error_deg, light.ground.roll_deg]
+    return {
+        "well_exposed": light.well_exposed_fraction,
+        "soft": light.soft,
+        "is_soft": light.is_soft,
+        "side": light.brightest_side(),
+        "error_deg": light.dominant_light().error_deg,
+        "metal": about["object"]["metal"],
+        "level_stops": about["uncertainty"]["level_stops"],
+        "seen": about["hints"].get("surroundings", 0),
+        "ground": ground and [*ground, *light.ground.contact],
+        "codes": [one.code for one in light.warnings],
+    }
+
+
 def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, long_fov_deg: float) -> None:
     """Write photo.rgba, mask.f32, case.json and one <name>.f32 an answer.
 
@@ -234,10 +253,17 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
     """
     loaded = load_photo(photo, fov_deg=long_fov_deg)
     light = estimator.from_photo(loaded)
+    opaque = photo.copy()
+    opaque[..., 3] = 255
+    whole = estimator.from_photo(load_photo(opaque, mask=loaded.mask, fov_deg=long_fov_deg))
+    (folder / "whole.rgba").write_bytes(opaque.tobytes())
     main = find_dominant_light(light.radiance)
     answers = {
         "mask": loaded.mask,
         "radiance": light.radiance,
+        "whole_radiance": whole.radiance,
+        "confidence": light.confidence,
+        "whole_confidence": whole.confidence,
         "sh9": light.sh9(),
         "dominant_light": np.concatenate(
             [main.direction, main.irradiance, main.color, [main.solid_angle, main.directionality, main.error_deg / 90]]
@@ -260,10 +286,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
     for name, values in answers.items():
         (folder / f"{name}.f32").write_bytes(np.ascontiguousarray(values, dtype="<f4").tobytes())
     (folder / "photo.rgba").write_bytes(photo.tobytes())
-    folder_of_graphs = weights_folder(estimator.models.name)
-    if estimator.models.lifts:
-        folder_of_graphs = folder_of_graphs / "page"
-    weights = {path.stem: str(path) for path in folder_of_graphs.glob("*.onnx")} | {"mask": str(default_graph())}
+    weights = {"light": str(weights_folder(estimator.models.name) / "light.onnx"), "mask": str(default_graph())}
     case = {
         "height": photo.shape[0],
         "width": photo.shape[1],
@@ -276,5 +299,6 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "ground_doubts": _ground_doubts(),
         "given_masks": _given_masks(folder),
         "found": found,
+        "lights": {name: _said(one) for name, one in (("", light), ("whole_", whole))},
     }
     (folder / "case.json").write_text(json.dumps(case))

@@ -1,7 +1,7 @@
 /**
  * Masks as the page finds them, and its lights: node bench/masks.js FOLDER
  *
- * FOLDER holds cases.json, {weights: {u2netp} or {mask}, and light and whole, isLive, cases: [{name, width, height, hints}]}, and
+ * FOLDER holds cases.json, {weights: {u2netp} or {mask}, and light, isLive, cases: [{name, width, height, hints}]}, and
  * NAME.rgba; every mask, of a live frame by one look of the small network, is written as NAME.f32. Prints {NAME: {ms, dominant}}:
  * processor time of the mask, and the dominant light where there is a light's graph.
  */
@@ -13,7 +13,7 @@ import * as ort from "onnxruntime-web";
 import { describe } from "../src/light/light.js";
 import { lightOfObject } from "../src/networks/lightOfObject.js";
 import { Models } from "../src/networks/models.js";
-import { cropObject, DEFAULT_LONG_FOV_DEG } from "../src/photo/crop.js";
+import { DEFAULT_LONG_FOV_DEG } from "../src/photo/lens.js";
 import { SmallNetwork, U2NetP } from "../src/photo/maskNetworks.js";
 import { findObject, maskOf } from "../src/photo/search.js";
 
@@ -31,8 +31,7 @@ const used = () => {
 };
 
 const lightOf = async (picture, mask) => {
-  const crop = cropObject(picture, mask);
-  const { dominant } = describe((await lightOfObject(models, picture, DEFAULT_LONG_FOV_DEG, crop, {})).radiance);
+  const { dominant } = describe((await lightOfObject(models, picture, mask, DEFAULT_LONG_FOV_DEG, {})).radiance);
   return { direction: [...dominant.direction], irradiance: [...dominant.irradiance] };
 };
 
@@ -43,7 +42,7 @@ for (const { name, width, height, hints } of cases) {
   const found = await findObject(network, picture, hints);
   const mask = found ? maskOf(found, width, height) : new Float32Array(width * height);
   answers[name] = { ms: used() - start };
-  if (models.lifts) answers[name].dominant = await lightOf(picture, mask);
+  if (models.hasLight) answers[name].dominant = await lightOf(picture, mask);
   writeFileSync(join(folder, `${name}.f32`), mask);
 }
 console.log(JSON.stringify(answers));

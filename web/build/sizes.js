@@ -29,8 +29,7 @@ const rows = {
   "anyprobe/three": await bundled(`import { ProbeLight } from ${from("../src/three/index.js")}; globalThis.a = ProbeLight;`),
   "installCameraCurve alone": await bundled(`import { installCameraCurve } from ${from("../src/three/index.js")}; globalThis.a = installCameraCurve;`),
   "encodeHdr alone": await bundled(`import { encodeHdr } from ${from("../src/core.js")}; globalThis.a = encodeHdr;`),
-  "light.onnx": [readFileSync(at("../../src/anyprobe/weights/lift/page/light.onnx"))],
-  "whole.onnx": [readFileSync(at("../../src/anyprobe/weights/lift/page/whole.onnx"))],
+  "light.onnx": [readFileSync(at("../../src/anyprobe/weights/lift/light.onnx"))],
   "mask.onnx": [readFileSync(at("../../src/anyprobe/weights/mask/mask.onnx"))],
   "onnxruntime-web, WASM": ["ort-wasm-simd-threaded.mjs", "ort-wasm-simd-threaded.wasm"].map((name) => readFileSync(at(`../node_modules/onnxruntime-web/dist/${name}`))),
 };

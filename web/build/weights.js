@@ -8,8 +8,7 @@ const at = (path) => fileURLToPath(new URL(path, import.meta.url));
 
 /** Name in the package to the file in the repository. */
 export const WEIGHTS = {
-  light: at("../../src/anyprobe/weights/lift/page/light.onnx"),
-  whole: at("../../src/anyprobe/weights/lift/page/whole.onnx"),
+  light: at("../../src/anyprobe/weights/lift/light.onnx"),
   mask: at("../../src/anyprobe/weights/mask/mask.onnx"),
 };
 

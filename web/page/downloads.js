@@ -18,12 +18,11 @@ const numbers = (values) => Array.from(values, (value) => Number(value.toFixed(6
 
 /** Everything but the pixels, in the keys of Light.sidecar. */
 export function sidecar(result, { photo, model, longFovDeg }) {
-  const { sh9, dominant, hints, ground, wellExposedFraction, meanConfidence, object, uncertainty } = result.light;
+  const { sh9, dominant, hints, ground, soft, wellExposedFraction, meanConfidence, object, uncertainty } = result.light;
   return {
     version: VERSION,
     photo,
     model,
-    emitters: result.light.emitters,
     long_fov_deg: longFovDeg,
     hints: { surroundings: Number(hints.surroundings.toFixed(4)) },
     ground: ground && {
@@ -50,6 +49,7 @@ export function sidecar(result, { photo, model, longFovDeg }) {
     confidence: meanConfidence && Number(meanConfidence.toFixed(4)),
     well_exposed_fraction: Number(wellExposedFraction.toFixed(4)),
     sh9: Array.from({ length: 9 }, (_, i) => numbers(sh9.slice(3 * i, 3 * i + 3))),
+    ...(soft === undefined ? {} : { soft: Number(soft.toFixed(3)) }),
     dominant_light: {
       direction: numbers(dominant.direction),
       irradiance: numbers(dominant.irradiance),

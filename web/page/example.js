@@ -18,14 +18,13 @@ export async function readExample() {
   const mask = Float32Array.from({ length: maskPicture.rgba.length / 4 }, (_, i) => maskPicture.rgba[4 * i] / 255);
   const light = new Light({
     ...describe(unpack(answer.radiance)),
-    emitters: "mode",
     hints: { surroundings: 0 },
     meanConfidence: answer.confidence,
     wellExposedFraction: answer.well_exposed_fraction,
+    soft: answer.soft,
     ground: answer.ground && { pitchDeg: answer.ground.pitch_deg, up: upOf(answer.ground.pitch_deg, answer.ground.roll_deg) },
   });
-  const { irradiance, ldr, ln_radiance: lnRadiance } = answer.stages;
-  const stages = { irradiance: unpack(irradiance), ldr: unpack(ldr), lnRadiance: unpack(lnRadiance) };
+  const stages = { irradiance: unpack(answer.stages.irradiance) };
   const result = { light, stages, spheres: shadeSpheres(light.radiance) };
   return { picture, mask, longFovDeg: answer.long_fov_deg, result };
 }

@@ -36,11 +36,8 @@ const marking = new Marking(
   (hints) => (live.running ? live.mark(hints) : remask(hints)),
 );
 const surroundings = element("surroundings");
-const soften = element("soften");
-for (const row of ["surroundings-row", "soften-row"]) element(row).hidden = !config.weights.light; // not for the paper's chain
 const options = () => ({
   surroundings: surroundings.value,
-  emitters: soften.checked ? "expected" : "mode",
   pitchDeg: (live.running ? live : state.opened).pitchDeg,
 });
 
@@ -268,7 +265,6 @@ async function openExample() {
   if (mine !== state.choice) return;
   const found = { data: mask, quality: null, notices: [] };
   put({ picture, longFovDeg, lensDeg: longFovDeg, name: "example", isExample: true, mask, box: objectBox(mask, picture.width), found, result });
-  if (soften.checked) return examine(async () => found);
   setStatus("This is an example. Choose a photo of an object of one material, or use the camera.");
 }
 
@@ -319,7 +315,7 @@ function askAgain() {
   if (opened?.mask) examine(async () => opened.found, opened.hints);
 }
 
-for (const choice of [surroundings, soften]) choice.addEventListener("change", askAgain);
+surroundings.addEventListener("change", askAgain);
 element("pitch").addEventListener("input", ({ target }) => stage.setPitch(Number(target.value)));
 element("pitch").addEventListener("change", ({ target }) => {
   const view = live.running ? live : state.opened;

@@ -1,7 +1,7 @@
 /** Files, pasted pictures and addresses to pictures in memory. */
 
 import { exifFovDeg } from "../src/files/exif.js";
-import { DEFAULT_LONG_FOV_DEG } from "../src/photo/crop.js";
+import { DEFAULT_LONG_FOV_DEG } from "../src/photo/lens.js";
 import { askServer } from "./server.js";
 
 /** Longer side at which a photo is kept: more than is shown, and plenty for a crop of 128. */

@@ -97,7 +97,7 @@ export class AnyProbe {
   async estimate(image, options = {}) {
     checkNames("estimate", options);
     checkLight(options);
-    const { surroundings, pitchDeg, emitters, looks, signal } = options;
+    const { surroundings, pitchDeg, signal } = options;
     const material = describe(options.material);
     this.#client.check();
     const picture = await readSource(image, signal);
@@ -107,7 +107,7 @@ export class AnyProbe {
     checkHints(options, picture.fullWidth, picture.fullHeight);
     const { mask, quality, warnings, marks } = await this.#maskOf(picture, options);
     const known = { longFovDeg: lens.longFovDeg, isLensKnown: lens.source !== "default" };
-    const asked = { picture, mask, marks, normals, ...known, options: { surroundings, pitchDeg, emitters, looks, material } };
+    const asked = { picture, mask, marks, normals, ...known, options: { surroundings, pitchDeg, material } };
     const { light } = await this.#client.ask("estimate", asked, signal);
     const own = { data: mask, width, height, quality, ...described(warnings) };
     return new Light({ ...light, warnings: [...warnings, ...light.warnings], mask: own, lens });
@@ -133,7 +133,7 @@ export class AnyProbe {
     checkNames("track", options);
     checkLight(options);
     if (typeof onLight !== "function") throw wrong("onLight", "a function", onLight);
-    const { surroundings, pitchDeg, emitters, looks, mask, onError, onLost, onMissed, pose, signal, withViews = false } = options;
+    const { surroundings, pitchDeg, mask, onError, onLost, onMissed, pose, signal, withViews = false } = options;
     refuseBoth(options);
     const material = describe(options.material);
     this.#client.check();
@@ -151,7 +151,7 @@ export class AnyProbe {
     const { click, exclude, box, fovDeg, longFovDeg, projectionMatrix } = options;
     const given = { hints: { click, exclude, box }, lens: { fovDeg, longFovDeg, projectionMatrix } };
     tracker
-      .start({ ...given, options: { surroundings, pitchDeg, emitters, looks, material }, withViews })
+      .start({ ...given, options: { surroundings, pitchDeg, material }, withViews })
       .catch((error) => tracker.running && tracker.fail(error));
     signal?.addEventListener("abort", () => tracker.stop(), { once: true });
     return tracker;

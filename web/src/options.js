@@ -2,12 +2,12 @@
 
 import { CONTRACT } from "./core/contract.js";
 import { AnyProbeError } from "./errors.js";
-import { DEFAULT_LONG_FOV_DEG } from "./photo/crop.js";
+import { DEFAULT_LONG_FOV_DEG } from "./photo/lens.js";
 import { didYouMean } from "./spelling.js";
 
 const HINTS = ["click", "exclude", "box"];
 const LENS = ["fovDeg", "longFovDeg", "projectionMatrix"];
-const LIGHT = ["surroundings", "pitchDeg", "emitters", "looks", "material"];
+const LIGHT = ["surroundings", "pitchDeg", "material"];
 const SURROUNDINGS = ["auto", "photo", "none", true, false];
 
 /** Names of the options of each method. */
@@ -25,8 +25,6 @@ export const OPTIONS = {
 
 /** What this package's page alone gives, and nobody is told of. */
 const OWN = { track: ["withViews"] };
-
-const { emitters: EMITTERS, looks: LOOKS } = CONTRACT.graph;
 
 /** Angles that a picture without distortion can have, degrees. */
 const { least_fov_deg: LEAST_FOV_DEG, most_fov_deg: MOST_FOV_DEG } = CONTRACT.lens;
@@ -86,11 +84,9 @@ export function shown(got) {
 }
 
 /** The kind of light that is wanted. */
-export function checkLight({ surroundings, pitchDeg, emitters, looks }) {
+export function checkLight({ surroundings, pitchDeg }) {
   if (surroundings !== undefined && !SURROUNDINGS.includes(surroundings)) throw wrong("surroundings", "auto, photo or none", surroundings, ["auto", "photo", "none"]);
   if (pitchDeg !== undefined && !(typeof pitchDeg === "number" && Math.abs(pitchDeg) <= 90)) throw wrong("pitchDeg", "-90 to 90 degrees that the camera looks down", pitchDeg);
-  if (emitters !== undefined && !EMITTERS.includes(emitters)) throw wrong("emitters", EMITTERS.join(" or "), emitters, EMITTERS);
-  if (looks !== undefined && !LOOKS.includes(looks)) throw wrong("looks", LOOKS.join(" or "), looks, LOOKS);
 }
 
 /** Clicks and boxes that lie in a picture of this size, which they are in pixels of. */

@@ -11,7 +11,7 @@ export class AnyProbe extends Core {
     const beside = (path) => new URL(path, import.meta.url).href;
     const graph = (name) => ({ url: beside(`../weights/${name}.onnx`), integrity: INTEGRITY[name] });
     return super.load(options, {
-      weights: { light: graph("light"), whole: graph("whole"), mask: graph("mask") },
+      weights: { light: graph("light"), mask: graph("mask") },
       runtime: runtimeFolder() ?? beside("../../onnxruntime-web/dist/"),
       worker: () => new Worker(beside("./networks/worker.js"), { type: "module" }),
     });

@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { lightOfObject } from "../src/networks/lightOfObject.js";
-import { cropObject } from "../src/photo/crop.js";
+import { said } from "./said.js";
 import { exposureDoubts } from "../src/photo/exposure.js";
 
 const [WIDTH, HEIGHT] = [200, 100];
@@ -39,10 +39,10 @@ test("others are not, nor is no object", () => {
 });
 
 test("it is among the warnings of a light", async () => {
-  const models = { light: async () => ({ radiance: new Float32Array(64 * 128 * 3).fill(0.5) }) };
+  const models = { light: async () => said(0.5) };
   for (const [grey, count] of [[5, 1], [128, 0]]) {
     const { picture, mask } = pictureOf(1, grey);
-    const { warnings } = await lightOfObject(models, picture, 65, cropObject(picture, mask, 65), { surroundings: "none" });
+    const { warnings } = await lightOfObject(models, picture, mask, 65, { surroundings: "none" });
     assert.equal(warnings.filter(({ code }) => code === "object-dark").length, count);
   }
 });

@@ -11,7 +11,7 @@ import { join } from "node:path";
 import { before, test } from "node:test";
 import * as ort from "onnxruntime-web";
 
-import { describe } from "../src/light/light.js";
+import { Light, brightestSide, describe } from "../src/light/light.js";
 import { irradianceMap, blurCosinePower } from "../src/light/filtering.js";
 import { splitSources } from "../src/light/sourceSplit.js";
 import { shown, shownSources, step } from "../src/light/temporal.js";
@@ -23,6 +23,7 @@ import { doubtOf, examine, expectedIou } from "../src/photo/quality.js";
 import { Looks, findObject, maskOf } from "../src/photo/search.js";
 import { inverseResponse, response } from "../src/core/response.js";
 import { Silhouette, farthestRow, findSpot } from "../page/view/placement.js";
+import { lightOfStill } from "../src/networks/lightOfStill.js";
 import { Models } from "../src/networks/models.js";
 
 const folder = process.env.PARITY;
@@ -66,7 +67,7 @@ before(async () => {
   const given = JSON.parse(readFileSync(join(folder, "case.json")));
   const { width, height, long_fov_deg, weights } = given;
   const rgba = new Uint8ClampedArray(readFileSync(join(folder, "photo.rgba")));
-  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, materials: given.materials, frameSeconds: given.frame_seconds, placements: given.placements, groundDoubts: given.ground_doubts, balls: given.balls, givenMasks: given.given_masks, found: given.found });
+  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, materials: given.materials, frameSeconds: given.frame_seconds, placements: given.placements, groundDoubts: given.ground_doubts, balls: given.balls, givenMasks: given.given_masks, found: given.found, lights: given.lights });
   ort.env.wasm.numThreads = 1;
   const bytes = Object.fromEntries(
     Object.entries(weights).map(([stage, path]) => [stage, new Uint8Array(readFileSync(path))]),
@@ -109,6 +110,33 @@ test("the camera's curve and its inverse", { skip }, () => {
   assertClose(steps.map(response), floats("curve"), 1e-6, "curve");
   assertClose(steps.map(inverseResponse), floats("curve_inverse"), 1e-6, "inverse");
 });
+
+for (const name of ["", "whole_"]) {
+  test(`the light of ${name ? "a whole photo" : "a cut-out"}`, { skip }, async () => {
+    const { picture, longFovDeg } = found;
+    const rgba = name ? new Uint8ClampedArray(readFileSync(join(folder, "whole.rgba"))) : picture.rgba;
+    const lens = { longFovDeg, isLensKnown: true };
+    const { saidErrorDeg, radiance, ...rest } = await lightOfStill(found.models, { ...picture, rgba }, lens, floats("mask"), {});
+    const light = new Light({ ...describe(radiance, saidErrorDeg), ...rest });
+    assertMostlyClose(radiance, floats(`${name}radiance`), 1e-3, "map");
+    assertClose(light.confidence, floats(`${name}confidence`), 1e-3, "confidence");
+    const said = found.lights[name];
+    const { ground, object, uncertainty, hints, dominant } = light;
+    const close = (got, wanted, off) => assert.ok(Math.abs(got - wanted) <= off, `${got}, not ${wanted}`);
+    close(light.wellExposedFraction, said.well_exposed, 1e-4);
+    close(light.soft, said.soft, 1e-4);
+    close(dominant.errorDeg, said.error_deg, 0.01);
+    close(object.metal, said.metal, 1e-3);
+    close(uncertainty.levelStops, said.level_stops, 0.01);
+    close(hints.surroundings, said.seen, 1e-4);
+    assert.deepEqual([light.isSoft, brightestSide(light)], [said.is_soft, said.side]);
+    assert.equal(ground === null, said.ground === null);
+    if (ground) assertClose([ground.pitchDeg, ground.pitchErrorDeg, ground.rollDeg, ...ground.contact], said.ground, 1e-3, "ground");
+    assert.equal(hints.surroundings > 0.01, name !== "");
+    const ofBoth = ["plain-backdrop", "dark-backdrop", "pitch-unsure", "object-dark", "object-clipped", "mirror-ball"];
+    assert.deepEqual(light.notices.map(({ code }) => code).sort(), said.codes.filter((code) => ofBoth.includes(code)).sort());
+  });
+}
 
 test("harmonics and dominant light of Python's own map", { skip }, () => {
   const light = describe(floats("radiance"));

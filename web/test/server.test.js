@@ -16,7 +16,7 @@ globalThis.createImageBitmap = async () => {
 const radiance = new Float32Array(3 * 64 * 128);
 const dominant = { direction: [0, 1, 0], irradiance: [1, 1, 1], color: [1, 1, 1], solidAngle: 0.1, directionality: 0.5, errorDeg: 21.04 };
 const ground = { pitchDeg: 20.004, pitchErrorDeg: 4, rollDeg: 3, contact: [200, 300], source: "estimated" };
-const light = { radiance, dominant, ground, sh9: new Float32Array(27), hints: { surroundings: 0.2 }, wellExposedFraction: 1, emitters: "mode" };
+const light = { radiance, dominant, ground, sh9: new Float32Array(27), hints: { surroundings: 0.2 }, wellExposedFraction: 1 };
 const about = { photo: "vase", model: "lift", longFovDeg: 50 };
 
 test("a server that does not answer is told of, with what to do", async () => {

@@ -105,7 +105,7 @@ function begin({ opening = Promise.resolve(), play = async () => {} } = {}) {
       glide: (...by) => (page.glided = by),
       follow: ({ width, height }, hints) => page.drawn.push({ size: [width, height], hints }),
     },
-    options: () => ({ surroundings: false, emitters: "mode" }),
+    options: () => ({ surroundings: false }),
     onShown: () => {},
     onMask: () => {},
     onFault: (error) => page.faults.push(error.message),

@@ -13,7 +13,7 @@ const refused = (message) => ({ name: "AnyProbeError", code: "invalid-option", m
 globalThis.document = { baseURI: "http://localhost/" };
 
 const others = { runtime: "/ort/", worker: () => {} };
-const OWN = { light: "/own/light.onnx", whole: "/own/whole.onnx", mask: "/own/mask.onnx" };
+const OWN = { light: "/own/light.onnx", mask: "/own/mask.onnx" };
 const urlsOf = (weights, own) => {
   const found = checkSetup({ ...others, weights }, { weights: own }).weights;
   return Object.fromEntries(Object.entries(found).map(([name, { url }]) => [name, url.replace("http://localhost", "")]));
@@ -29,19 +29,14 @@ test("what is no address is told of", () => {
   assert.throws(() => checkSetup({ ...others, runtime: "http://[", weights: OWN }, {}), refused('address: expected one of a file, got "http://["'));
 });
 
-test("a light of one's own has no other's whole, and a whole no other's light", () => {
+test("a light of one's own takes the entry's place", () => {
   assert.deepEqual(urlsOf({ light: "/l.onnx" }, OWN), { light: "/l.onnx", mask: OWN.mask });
-  assert.deepEqual(urlsOf({ light: "/l.onnx", whole: "/w.onnx" }, OWN), { light: "/l.onnx", whole: "/w.onnx", mask: OWN.mask });
-  const chain = { irradiance: "/i.onnx", illumination: "/e.onnx", hdr: "/h.onnx" };
-  assert.deepEqual(urlsOf(chain, OWN), { ...chain, mask: OWN.mask });
-  assert.throws(() => urlsOf({ whole: "/w.onnx" }, OWN), refused(/got whole alone; give both$/));
 });
 
 test("without an entry's own a light is needed, and names are those there are", () => {
-  const line = "weights: expected light (and whole), or irradiance, illumination and hdr; got ";
+  const line = "weights: expected light, got ";
   assert.throws(() => urlsOf({ u2netp: "/u.onnx" }), refused(`${line}u2netp`));
   assert.throws(() => urlsOf(undefined), refused(`${line}none`));
-  assert.throws(() => urlsOf({ hdr: "/h.onnx" }, OWN), refused(`${line}hdr`));
   assert.throws(() => urlsOf({ u2net: "/u.onnx" }, OWN), refused(/^weights: expected of light, .*, got u2net; did you mean u2netp\?$/));
   for (const wrong of [null, 3]) assert.throws(() => urlsOf(wrong, OWN), refused(/^weights: expected an object/));
 });

@@ -27,8 +27,6 @@ for (const [list, ask, meant] of [
   ["materials", () => givenMaterial("golden"), "gold"],
   ["parts of a material", () => givenMaterial({ name: "gold", rougness: 0.5 }), "roughness"],
   ["surroundings", () => checkLight({ surroundings: "phot" }), "photo"],
-  ["emitters", () => checkLight({ emitters: "expcted" }), "expected"],
-  ["looks", () => checkLight({ looks: "2" }), "2"],
   ["options", () => checkNames("estimate", { clik: [1, 2] }), "click"],
   ["engines", () => checkSetup({ engine: "webgp" }, {}), "webgpu"],
   ["graphs", () => checkSetup({ weights: { lihgt: "light.onnx" } }, { worker: () => {} }), "light"],

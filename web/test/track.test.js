@@ -187,7 +187,7 @@ test("another kind of light leaves what it does not name", async () => {
   const asked = [];
   const client = { spares: [], check: () => {}, give: () => {}, ask: async (task, given) => asked.push([task, given.options]) };
   globalThis.createImageBitmap = async () => ({});
-  const first = { surroundings: "none", emitters: "expected", looks: 2, pitchDeg: 20 };
+  const first = { surroundings: "none", pitchDeg: 20 };
   const tracker = new AnyProbe(client, {}).track(null, () => {}, first);
   await settle();
   await tracker.set({ pitchDeg: 30, material: "chrome" });

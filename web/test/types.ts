@@ -10,7 +10,7 @@ import { ContactShadow, EnvironmentTexture, MaskOccluder, ProbeLight, groundShad
 
 export async function use(image: HTMLImageElement, video: HTMLVideoElement, scene: Scene, renderer: WebGLRenderer) {
   const probe = await AnyProbe.load({ engine: "wasm", threads: 2 });
-  const light: Light = await probe.estimate(image, { click: [10, 20], exclude: [[1, 2], [3, 4]], emitters: "expected" });
+  const light: Light = await probe.estimate(image, { click: [10, 20], exclude: [[1, 2], [3, 4]] });
   const [r]: [number, number, number] = irradiance(light.sh9, [0, 1, 0]);
   const { width, data } = new Light(structuredClone(light)).environment;
   new Blob([encodeHdr(light.radiance, 64), await encodeExr(light.radiance, 64)]);
@@ -34,7 +34,7 @@ export async function use(image: HTMLImageElement, video: HTMLVideoElement, scen
   lights.track(video, { surroundings: true });
   lights.track(new MediaStream());
   await AnyProbe.load({ weights: { u2netp: "u2netp.onnx" } });
-  await AnyProbe.load({ weights: { light: "light.onnx", whole: new Uint8Array(1), mask: "mask.onnx" } });
+  await AnyProbe.load({ weights: { light: new Uint8Array(1), mask: "mask.onnx" } });
   const shadow: Mesh = new ContactShadow(0.4);
   scene.add(lights, shadow, new MaskOccluder().group);
   scene.environment = new EnvironmentTexture().update(light.prefiltered);
@@ -48,8 +48,6 @@ export async function use(image: HTMLImageElement, video: HTMLVideoElement, scen
   await Core.load({});
   // @ts-expect-error nor has it a light
   await Core.load({ weights: { u2netp: "u2netp.onnx" }, runtime: "ort/" });
-  // @ts-expect-error a whole without its light
-  await AnyProbe.load({ weights: { whole: "whole.onnx" } });
   // @ts-expect-error a misspelt option
   await probe.estimate(image, { fov: 30 });
   // @ts-expect-error there is no such code

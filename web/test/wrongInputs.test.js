@@ -16,7 +16,7 @@ const skip = path ? false : "WRONG_INPUTS names no file of Python's answers";
 const cases = path ? JSON.parse(readFileSync(path, "utf8")) : { "no input": {} };
 
 /** What the page calls its controls, by options and by fields. */
-const LABELS = { click: "click", exclude: "click", box: "box", pitchDeg: "“Camera pitch”", emitters: "“Soften light sources”", surroundings: "“Look at”" };
+const LABELS = { click: "click", exclude: "click", box: "box", pitchDeg: "“Camera pitch”", surroundings: "“Look at”" };
 const FOREIGN = new RegExp(`--|\\b(${[...OPTIONS.estimate, "fov_deg", "pitch_deg"].join("|")})=|pitchDeg|longFovDeg|anyprobe `);
 
 const bytesOf = (text) => Uint8Array.from(Buffer.from(text, "base64"));

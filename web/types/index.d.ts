@@ -81,8 +81,10 @@ export interface LoadOptions extends Cancellable {
   onProgress?: (progress: Progress) => void;
 }
 
-/** The network of the light, and the whole that was trained with it (a light of one's own has no other); or the paper's chain. */
-export type LightGraphs = { light: Graph; whole?: Graph } | Record<"irradiance" | "illumination" | "hdr", Graph>;
+/** The network of the light. */
+export interface LightGraphs {
+  light: Graph;
+}
 /** mask is small and in this package; u2netp is far better: await AnyProbe.fetchMaskNetwork(address). */
 export interface MaskGraphs {
   mask?: Graph;
@@ -120,10 +122,6 @@ export interface LightOptions {
   surroundings?: Surroundings | boolean;
   /** How far the camera looks down, degrees: 0 level, 90 straight down. Default: a guess. */
   pitchDeg?: PitchDeg;
-  /** Light sources at their most likely positions (sharp shadows), or their mean radiance (soft). Default "mode". */
-  emitters?: "mode" | "expected";
-  /** 2: look at the picture in a mirror too and take the likelier light, in twice the time. Default 1. */
-  looks?: 1 | 2;
   /** What the object is made of: settles level and colour of the light, which a photo alone leaves open. */
   material?: GivenMaterial;
 }
@@ -202,8 +200,8 @@ export interface DominantLight {
  * the camera: +X right, +Y up, it looks along -Z.
  */
 export declare class Light {
-  /** Of what postMessage or structuredClone has made of one, which is without its environment. */
-  constructor(copy: Omit<Light, "environment">);
+  /** Of what postMessage or structuredClone has made of one, which is without its environment and isSoft. */
+  constructor(copy: Omit<Light, "environment" | "isSoft">);
   /** 27 radiance coefficients of spherical harmonics, order and constants of WebXR and three.js. */
   readonly sh9: Float32Array;
   readonly dominant: DominantLight;
@@ -212,23 +210,26 @@ export declare class Light {
    * anyprobe/three, or a DataTexture with flipY = true and scene.environmentRotation.y = Math.PI / 2.
    */
   readonly environment: { width: number; height: number; data: Float32Array };
-  /** 64 x 128: how likely each pixel's display value is within 0.1 of the truth; null of the paper's chain. */
-  readonly confidence: Float32Array | null;
+  /** 64 x 128: how likely each pixel's display value is within 0.1 of the truth. */
+  readonly confidence: Float32Array;
   /** Of the photo's camera, and who says so: an option, the file, or nobody. */
   readonly lens: { longFovDeg: number; source: "given" | "exif" | "default" };
   /** Its mean over the sphere. */
-  readonly meanConfidence: number | null;
+  readonly meanConfidence: number;
   /** 64 x 128 x 3. */
   readonly radiance: Float32Array;
   /** The map blurred for each roughness, six faces a level, as EnvironmentTexture of anyprobe/three takes it. */
   readonly prefiltered: Float32Array[];
   /** Share of the object's pixels that are neither black nor clipped. */
   readonly wellExposedFraction: number;
-  readonly emitters: "mode" | "expected";
-  /** What the object is taken for: probability of a metal, share of an even light that it reflects; null where unknown. */
-  readonly object: { metal: number; reflectance: Vector3; reflectanceStops: number } | null;
-  /** How far off the map is in two of three cases: its level, and its mean colour; null where unknown. */
-  readonly uncertainty: { levelStops: number; colorDeg: number } | null;
+  /** Probability that no light source dominates. */
+  readonly soft: number;
+  /** Whether none does, so that the light has no one direction. */
+  readonly isSoft: boolean;
+  /** What the object is taken for: probability of a metal, share of an even light that it reflects. */
+  readonly object: { metal: number; reflectance: Vector3; reflectanceStops: number };
+  /** How far off the map is in two of three cases: its level, and its mean colour. */
+  readonly uncertainty: { levelStops: number; colorDeg: number };
   /** The share of the map that the background shows; whether normals and material were given. */
   readonly hints: { surroundings: number; normals: boolean; material: boolean };
   /**
@@ -240,7 +241,7 @@ export declare class Light {
     pitchErrorDeg: number;
     rollDeg: number;
     contact: [number, number];
-    source: "given" | "estimated" | "guessed";
+    source: "given" | "estimated";
   } | null;
   /** What makes it doubtful though nothing failed: of the mask where it was found, of a black or clipped object, of the camera's pitch. */
   readonly warnings: string[];

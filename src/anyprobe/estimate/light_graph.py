@@ -53,7 +53,7 @@ OUTPUTS = (
     "well_exposed",
     "irradiance",
 )
-PHOTO_SIDE, WINDOW_SIDE = 640, 512
+PHOTO_SIDE, WINDOW_SIDE = (int(contract("graph")[name]) for name in ("photo_side", "window_side"))
 """Longest sides of the photo and of the window [pixels]."""
 CROP_MARGIN: float = contract("sizes")["crop_margin"]
 """Side of the square around the object over the longer side of its box."""

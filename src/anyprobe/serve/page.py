@@ -26,9 +26,10 @@ from anyprobe.core.color import to_bytes
 from anyprobe.errors import ModelError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import load_photo
-from anyprobe.estimate.runtime import LIGHT_STAGE, stages_of, weights_folder
+from anyprobe.estimate.runtime import LIGHT_STAGE, model_id, stages_of, weights_folder
 from anyprobe.export.targets import TARGETS
 from anyprobe.files.atomic import atomic_path
+from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.masks.weights import find_weights
 from anyprobe.pictures.images import read_image
 from anyprobe.serve.answers import light_json, mask_png, png
@@ -67,11 +68,11 @@ class Page:
         self.files = {path.relative_to(root).as_posix(): path for path in sorted(root.rglob("*")) if path.is_file()}
         if "index.html" not in self.files:
             raise ModelError("page: expected the built page in the package, found none; reinstall anyprobe")
-        weights = weights_folder(model)
-        if LIGHT_STAGE in stages_of(weights):
-            weights = weights / "page"  # the page reads the two graphs that light.onnx is made of
-        self.files |= {f"weights/{path.name}": path for path in sorted(weights.glob("*.onnx"))}
-        mask = weights_folder("paper").parent / "mask" / "mask.onnx"
+        has_light = LIGHT_STAGE in stages_of(weights_folder(model))
+        runs = model if has_light else DEFAULT_MODEL  # browsers run light.onnx alone
+        self.files["weights/light.onnx"] = weights_folder(runs) / "light.onnx"
+        self._model_id = model_id(runs)
+        mask = weights_folder(DEFAULT_MODEL).parent / "mask" / "mask.onnx"
         if mask.is_file():
             self.files["weights/mask.onnx"] = mask
         if (mask_weights := find_weights()) is not None:
@@ -81,7 +82,7 @@ class Page:
         """Return the page's configuration: the available networks, and whether a server is behind it."""
         return {
             "version": __version__,
-            "model": self._estimator.model_id,
+            "model": self._model_id,
             "server": server,
             "targets": list(TARGETS) if server else [],
             "weights": {

@@ -2,7 +2,7 @@
  * The camera's picture lit live: video in, virtual object over it, rates shown.
  */
 
-import { DEFAULT_LONG_FOV_DEG } from "../../src/photo/crop.js";
+import { DEFAULT_LONG_FOV_DEG } from "../../src/photo/lens.js";
 import { element, setStatus, sendLight } from "../view/elements.js";
 import { NO_HINTS } from "../view/marking.js";
 import { closeCamera, openCamera, watchCamera } from "./camera.js";

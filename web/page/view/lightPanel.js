@@ -3,6 +3,7 @@
 import { OWN_FILES, exportTarget, save } from "../downloads.js";
 import { element, setStatus } from "./elements.js";
 import { errorLine } from "../words.js";
+import { brightestSide } from "../../src/light/light.js";
 import { SPHERE_NAMES } from "../../src/light/spheres.js";
 import { describeDirection, drawFalseColor, drawMap, drawSphere, placeOnMap } from "./pictures.js";
 
@@ -50,7 +51,8 @@ export class LightPanel {
     marker.hidden = Math.max(...irradiance) === 0;
     Object.assign(marker.style, placeOnMap(direction));
     const error = `±\u00a0${Math.round(errorDeg)}°`;
-    element("direction").textContent = marker.hidden ? "none stands out" : `${describeDirection(direction, ground?.up)} ${error}`;
+    const isSoft = result.light.isSoft && !marker.hidden;
+    element("direction").textContent = isSoft ? `soft, brightest from ${brightestSide(result.light)}` : marker.hidden ? "none stands out" : `${describeDirection(direction, ground?.up)} ${error}`;
     const { uncertainty } = result.light;
     element("brightness").textContent = uncertainty ? `, brightness ± ${uncertainty.levelStops.toFixed(1)} stops` : "";
     this.#setReady(true);

@@ -4,7 +4,7 @@ import { FALSE_COLOR_MAX, falseColor, luminance } from "../../src/core/color.js"
 import { displayByte } from "../../src/core/response.js";
 import { MAP_HEIGHT, directionToUv } from "../../src/core/latlong.js";
 import { SPHERE_SIZE, displaySphere } from "../../src/light/spheres.js";
-import { CROP_SIZE } from "../../src/photo/crop.js";
+import { CONTRACT } from "../../src/core/contract.js";
 
 /** Put RGBA bytes on a canvas of exactly their size. */
 export function putRgba(canvas, rgba, width, height) {
@@ -25,16 +25,10 @@ function putValues(canvas, values, width, height, byteOf) {
   putRgba(canvas, rgba, width, height);
 }
 
-const ofDisplay = (value) => 255 * value;
-
 /** Display values in [0, 1], [128, 128, 3]. */
 export function drawIrradiance(canvas, irradiance) {
-  putValues(canvas, irradiance, CROP_SIZE, CROP_SIZE, ofDisplay);
-}
-
-/** Display values, [64, 128, 3]. */
-export function drawLdr(canvas, ldr) {
-  putValues(canvas, ldr, 2 * MAP_HEIGHT, MAP_HEIGHT, ofDisplay);
+  const { crop } = CONTRACT.sizes;
+  putValues(canvas, irradiance, crop, crop, (value) => 255 * value);
 }
 
 /** Luminance of a radiance map in false colour. */

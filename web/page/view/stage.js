@@ -22,7 +22,7 @@ import {
   Vector3,
   WebGLRenderer,
 } from "three";
-import { DEFAULT_LONG_FOV_DEG, pixelDirection } from "../../src/photo/crop.js";
+import { DEFAULT_LONG_FOV_DEG, pixelDirection } from "../../src/photo/lens.js";
 import { contactOf, likelyPitchDeg, seenPitchDeg } from "../../src/photo/ground.js";
 import { DrawnAside } from "./drawnAside.js";
 import { ContactShadow, EnvironmentTexture, MaskOccluder, groundShadowOpacity, installCameraCurve } from "../../src/three/index.js";

@@ -1,7 +1,7 @@
 /** The networks' answers in their order. */
 
 import { element } from "./elements.js";
-import { drawFalseColor, drawFalseColorScale, drawIrradiance, drawLdr } from "./pictures.js";
+import { drawFalseColor, drawFalseColorScale, drawIrradiance, drawMap } from "./pictures.js";
 
 export class StagesPanel {
   constructor() {
@@ -17,10 +17,10 @@ export class StagesPanel {
     }
   }
 
-  show({ irradiance, ldr }, radiance) {
+  show({ irradiance }, radiance) {
     element("steps").hidden = false;
     drawIrradiance(element("irradiance"), irradiance);
-    drawLdr(element("ldr"), ldr);
+    drawMap(element("ldr"), radiance, 0);
     drawFalseColor(element("hdr"), radiance);
   }
 }

@@ -4,8 +4,6 @@
  * Vectors are [x, y, z]; matrices are nine numbers, row by row.
  */
 
-export const IDENTITY = [1, 0, 0, 0, 1, 0, 0, 0, 1];
-
 export function dot(a, b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
@@ -35,15 +33,4 @@ export function turned(a, [x, y, z]) {
 /** The same by the inverse rotation. */
 export function turnedBack(a, [x, y, z]) {
   return [0, 1, 2].map((column) => a[column] * x + a[column + 3] * y + a[column + 6] * z);
-}
-
-/** The shortest rotation that carries -Z to a unit direction (Rodrigues' formula). */
-export function turnTowards(direction) {
-  const [x, y, z] = normalize(direction);
-  const cosine = -z;
-  if (cosine < -1 + 1e-9) return [-1, 0, 0, 0, 1, 0, 0, 0, -1];
-  const axis = [y, -x, 0]; // (0, 0, -1) x direction
-  const k = [0, -axis[2], axis[1], axis[2], 0, -axis[0], -axis[1], axis[0], 0];
-  const kk = multiply(k, k);
-  return IDENTITY.map((value, i) => value + k[i] + kk[i] / (1 + cosine));
 }

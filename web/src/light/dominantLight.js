@@ -12,7 +12,7 @@ import { pixelDirections, pixelSolidAngles } from "../core/latlong.js";
 import { blurCap } from "./filtering.js";
 
 const { blur_deg: BLUR_DEG, lobe_level: LOBE_LEVEL, ring_px: RING_PX } = CONTRACT.dominant_light;
-const { error: ERROR, estimated_error: ESTIMATED_ERROR } = CONTRACT.dominant_light;
+const { error: ERROR } = CONTRACT.dominant_light;
 const BLUR_RADIUS = (BLUR_DEG * Math.PI) / 180;
 
 /** Grow a mask by one pixel up, down, left and right on the sphere; a touched pole row is taken whole. */
@@ -173,22 +173,6 @@ function spreadAbout(bright, height, direction, error) {
 /** Degrees by which a dominant light of such a spread about it is off at most in two of three estimates. */
 function directionError(spreadDeg, error) {
   return Math.min(error.factor * (spreadDeg + error.offset_deg) ** error.exponent, error.most_deg);
-}
-
-/**
- * How far off, in degrees, a unit direction is at most in two of three estimates, by a map that tells where light sources
- * may be.
- *
- * @param {Float32Array} expected H * 2H * 3, in the direction's frame
- * @param {number} height
- * @param {number[]} direction
- */
-export function estimatedError(expected, height, direction) {
-  const bright = new Float32Array(expected.length / 3);
-  for (let pixel = 0, at = 0; pixel < bright.length; pixel++, at += 3) {
-    bright[pixel] = luminance(expected[at], expected[at + 1], expected[at + 2]);
-  }
-  return directionError(spreadAbout(bright, height, direction, ESTIMATED_ERROR), ESTIMATED_ERROR);
 }
 
 /**

@@ -1,10 +1,8 @@
 /** Light (noun): what an estimate returns, as anyprobe's Light in Python. */
 
-import { turnedBack } from "../core/frames.js";
 import { MAP_HEIGHT } from "../core/latlong.js";
 import { described } from "../notices.js";
-import { rotate, rotateOne } from "./environment.js";
-import { estimatedError, findDominantLight } from "./dominantLight.js";
+import { findDominantLight } from "./dominantLight.js";
 import { prefilter } from "./prefilter.js";
 import { project } from "./harmonics.js";
 
@@ -17,6 +15,11 @@ export class Light {
   /** @param {ReturnType<typeof describe>} parts */
   constructor(parts) {
     Object.assign(this, parts, described(parts.notices ?? parts.warnings));
+  }
+
+  /** Whether no light source dominates, so that the light has no one direction. */
+  get isSoft() {
+    return this.soft > 0.5;
   }
 
   /** The map as a picture of four floats a pixel, for a float texture: row 0 is +Y, the centre column -Z. */
@@ -32,39 +35,32 @@ export class Light {
   }
 }
 
-/** What the networks said of a crop, as radiance in the photo's camera frame, never below zero. */
-export function cameraRadiance({ radiance }, cameraFromCrop) {
-  const turned = rotate(radiance, MAP_HEIGHT, cameraFromCrop);
-  for (let i = 0; i < turned.length; i++) if (turned[i] < 0) turned[i] = 0;
-  return turned;
+/** Of directions along -X and X, -Y and Y, -Z and Z. */
+const SIDES = [["the left", "the right"], ["below", "above"], ["behind the object", "the camera's side"]];
+
+/** The side that most light comes from, in the photo's frame, or level where the ground is known. @param {Light} light */
+export function brightestSide({ sh9, ground }) {
+  const mean = [3, 1, 2].map((term) => sh9[3 * term] + sh9[3 * term + 1] + sh9[3 * term + 2]);
+  const toward = ground ? levelled(mean, ground) : mean;
+  const axis = toward.reduce((best, value, i) => (Math.abs(value) > Math.abs(toward[best]) ? i : best), 0);
+  return SIDES[axis][toward[axis] > 0 ? 1 : 0];
 }
 
-/**
- * How likely each pixel's display value is within 0.1 of the truth, [64, 128] in the camera's frame.
- *
- * @param {{confidence: Float32Array | null}} stages of Models.light
- * @param {number[]} cameraFromCrop
- * @returns {Float32Array | null} null of a model that does not say
- */
-export function cameraConfidence({ confidence }, cameraFromCrop) {
-  if (!confidence) return null;
-  const turned = rotateOne(confidence, MAP_HEIGHT, cameraFromCrop);
-  for (let i = 0; i < turned.length; i++) turned[i] = Math.min(Math.max(turned[i], 0), 1);
-  return turned;
+/** A direction of the camera's in a frame whose +Y is up; the camera's azimuth is kept. */
+function levelled([x, y, z], { pitchDeg, rollDeg = 0 }) {
+  const [pitch, roll] = [pitchDeg, rollDeg].map((angle) => (angle * Math.PI) / 180);
+  const [right, above] = [Math.cos(roll) * x - Math.sin(roll) * y, Math.sin(roll) * x + Math.cos(roll) * y];
+  return [right, Math.cos(pitch) * above + Math.sin(pitch) * z, Math.cos(pitch) * z - Math.sin(pitch) * above];
 }
 
 /**
  * A map with what renderers ask of it.
  *
  * @param {Float32Array} radiance in the camera's frame
- * @param {{expected: Float32Array, cameraFromCrop: number[]} | null} [likely] the networks' map with light sources spread over
- *   all places where they may be, in the crop's frame: the dominant light's error is judged by it
+ * @param {number} [errorDeg] of the dominant light, by the network
  */
-export function describe(radiance, likely = null) {
+export function describe(radiance, errorDeg = undefined) {
   const dominant = findDominantLight(radiance, MAP_HEIGHT);
-  if (likely && Math.max(...dominant.irradiance) > 0) {
-    const direction = turnedBack(likely.cameraFromCrop, dominant.direction);
-    dominant.errorDeg = estimatedError(likely.expected, MAP_HEIGHT, direction);
-  }
+  if (errorDeg !== undefined && Math.max(...dominant.irradiance) > 0) dominant.errorDeg = errorDeg;
   return { radiance, prefiltered: prefilter(radiance), sh9: project(radiance, MAP_HEIGHT), dominant };
 }

@@ -1,11 +1,14 @@
 /** The part of a map that a mirror of known shape shows, as anyprobe.estimate.material_hint.measure. */
 
 import { CONTRACT } from "../core/contract.js";
+import { turned } from "../core/frames.js";
 import { MAP_HEIGHT, directionToUv, pixelDirections, pixelSolidAngles } from "../core/latlong.js";
-import { inverseResponse, response } from "../core/response.js";
-import { CROP_SIZE, NORMALS_SIZE } from "../photo/crop.js";
+import { inverseResponse } from "../core/response.js";
 import { resize } from "../photo/resize.js";
 import { lookupOf } from "./lookup.js";
+
+/** Sides of the squares in which the object and its normals are. */
+const { crop: CROP_SIZE, normals: NORMALS_SIZE } = CONTRACT.sizes;
 
 const MIRROR = CONTRACT.mirror;
 const PIXELS = 2 * MAP_HEIGHT * MAP_HEIGHT;
@@ -14,18 +17,16 @@ const PIXELS = 2 * MAP_HEIGHT * MAP_HEIGHT;
 const SHORTEST = 0.9;
 
 /**
- * A prediction with what the object mirrors in the place of its own.
+ * The map and its confidence with what the object mirrors in their place.
  *
- * @param {{radiance: Float32Array, confidence: Float32Array | null}} prediction [64, 128, 3] and [64, 128], in the crop's frame
- * @param {Float32Array} image [4, 128, 128] of cropObject
- * @param {Float32Array} normals [3, 64, 64] of cropNormals
- * @param {number} tanHalf
+ * @param {Record<string, Float32Array>} said of Models.light, in the camera's frame
  * @param {number[]} f0 reflectance of the mirror, RGB
+ * @param {number} worth factor of the confidence, by how well the object is exposed
  */
-export function measured(prediction, image, normals, tanHalf, f0) {
-  const { directions, light, clipped } = mirroredBy(image, normals, tanHalf, f0);
+export function measured(said, f0, worth) {
+  const { directions, light, clipped } = mirroredBy(said, f0);
   const at = pixelDirections(MAP_HEIGHT);
-  const radiance = Float64Array.from(prediction.radiance, (value) => Math.min(value, 1));
+  const radiance = Float64Array.from(said.radiance, (value) => Math.min(value, 1));
   const unseen = new Float64Array(PIXELS).fill(1);
   for (let level = MIRROR.levels - 1; level >= 0; level--) {
     const height = MAP_HEIGHT >> level;
@@ -45,33 +46,28 @@ export function measured(prediction, image, normals, tanHalf, f0) {
   }
   const clippedHere = gathered(clipped, directions, MAP_HEIGHT);
   const places = clippedHere.counts.map((count, i) => clippedHere.sums[3 * i] / (count + MIRROR.enough));
-  aboveWhite(prediction.radiance, places, unseen).forEach((value, i) => (radiance[i] += value));
-  const confidence = prediction.confidence?.map((value, i) => value + (1 - unseen[i]) * (MIRROR.confidence - value)) ?? null;
-  const found = { ...prediction, radiance: Float32Array.from(radiance), confidence };
-  if (!prediction.lnRadiance) return found;
-  const lnRadiance = found.radiance.map((value) => Math.log(Math.max(value, 1e-6)));
-  return { ...found, ldr: found.radiance.map((value) => response(value)), lnRadiance };
+  aboveWhite(said.radiance, places, unseen).forEach((value, i) => (radiance[i] += value));
+  const confidence = said.confidence.map((value, i) => value + (1 - unseen[i]) * (worth * MIRROR.confidence - value));
+  return { radiance: Float32Array.from(radiance), confidence };
 }
 
 /** What each pixel of the mirror shows: from where, how bright, three numbers each, and whether it is clipped, thrice. */
-function mirroredBy(image, normals, tanHalf, f0) {
-  const plane = CROP_SIZE * CROP_SIZE;
-  const side = NORMALS_SIZE * NORMALS_SIZE;
-  const wide = [0, 1, 2].map((axis) =>
-    resize(normals.subarray(axis * side, (axis + 1) * side), 1, [NORMALS_SIZE, NORMALS_SIZE], [CROP_SIZE, CROP_SIZE]),
-  );
+function mirroredBy({ crop, crop_frame: frame, object_normals: normals }, f0) {
+  const wide = resize(normals, 3, [NORMALS_SIZE, NORMALS_SIZE], [CROP_SIZE, CROP_SIZE]);
+  const tanHalf = frame[9];
   const [directions, light, clipped] = [[], [], []];
-  for (let i = 0; i < plane; i++) {
-    const [nx, ny, nz] = wide.map((values) => values[i]);
+  for (let i = 0; i < CROP_SIZE * CROP_SIZE; i++) {
+    const [nx, ny, nz] = wide.subarray(3 * i, 3 * i + 3);
     const length = Math.hypot(nx, ny, nz);
-    if (!(length > SHORTEST && image[3 * plane + i] > 0.99)) continue;
+    if (!(length > SHORTEST && crop[4 * i + 3] > 0.99)) continue;
     const x = -(((i % CROP_SIZE) + 0.5) / CROP_SIZE * 2 - 1) * tanHalf;
     const y = ((Math.floor(i / CROP_SIZE) + 0.5) / CROP_SIZE * 2 - 1) * tanHalf;
     const far = Math.hypot(x, y, 1);
     const cosine = (nx * x + ny * y + nz) / far / length;
     if (!(cosine > MIRROR.steep)) continue;
-    directions.push((2 * cosine * nx) / length - x / far, (2 * cosine * ny) / length - y / far, (2 * cosine * nz) / length - 1 / far);
-    const display = [0, 1, 2].map((c) => image[c * plane + i]);
+    const inCrop = [(2 * cosine * nx) / length - x / far, (2 * cosine * ny) / length - y / far, (2 * cosine * nz) / length - 1 / far];
+    directions.push(...turned(frame.subarray(0, 9), inCrop));
+    const display = [...crop.subarray(4 * i, 4 * i + 3)];
     const grazing = Math.min(Math.max(1 - cosine, 0), 1) ** 5; // Schlick's weight
     display.forEach((value, c) => light.push(inverseResponse(Math.min(value, MIRROR.clipped)) / (f0[c] + (1 - f0[c]) * grazing)));
     const isClipped = Math.max(...display) >= MIRROR.clipped ? 1 : 0;

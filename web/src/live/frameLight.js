@@ -7,8 +7,6 @@ import { shadeSpheres } from "../light/spheres.js";
 import { describe } from "../light/light.js";
 import { lightOfObject } from "../networks/lightOfObject.js";
 import { SAME_AFTER_S, shown, step } from "../light/temporal.js";
-import { isCutOut, isDarkBeside } from "../photo/backdrop.js";
-import { cropObject } from "../photo/crop.js";
 import { isLarge } from "../photo/picture.js";
 import { ObjectFollower } from "./objectFollower.js";
 import { readFrame } from "./videoFrames.js";
@@ -81,22 +79,17 @@ export class FrameLight {
     if (!isSeen && this.object.last && this.unseen < PATIENCE) return { held: true, ...this.size };
     if (!isSeen) return { lost: true, mean: meanRadiance(picture), ...this.size };
     const { mask, lit, isNew, missed } = seen;
-    if (isNew || missed) this.isAlone = isCutOut(picture, mask) || isDarkBeside(picture, mask);
     const phase = this.withViews ? this.count++ % REST_EVERY : -1;
     const withStages = phase === REST_EVERY / 2;
     if (!this.object.looksSame) this.otherAt = time;
     const isAsked = isNew || missed || withStages || worldFromCamera !== null;
     if (isAsked || !this.#mayRest(time)) {
-      const crop = cropObject(picture, lit, this.longFovDeg);
-      lap("crop");
-      const options = { ...this.options, isAlone: this.isAlone, withStages };
-      this.found = await lightOfObject(this.models, picture, this.longFovDeg, crop, options);
+      this.found = await lightOfObject(this.models, picture, lit, this.longFovDeg, this.options);
       [this.rested, this.lookedAt, this.lookedWith] = [0, time, this.options];
     } else {
       this.rested++;
-      lap("crop");
     }
-    const { radiance, stages, ...rest } = this.found;
+    const { radiance, stages, saidErrorDeg: _, ...rest } = this.found;
     if (rest.confidence) rest.confidence = rest.confidence.slice(); // its memory is given away with the answer
     this.single = radiance; // a frame's own
     const isInWorld = worldFromCamera !== null;

@@ -81,7 +81,7 @@ export class Tracker {
       const [width, height] = (this.#size = sizeOf(picture));
       const { hints, lens, ...given } = this.#given;
       this.lens = lensOf(lens, { width, height });
-      const asked = { ...given, longFovDeg: this.lens.longFovDeg, hints: this.#shares(hints) };
+      const asked = { ...given, longFovDeg: this.lens.longFovDeg, isLensKnown: this.lens.source !== "default", hints: this.#shares(hints) };
       const port = this.#masksPort?.();
       await this.#client.ask("startLive", { ...asked, port }, undefined, port ? [port] : []);
       this.#isOpen = true;

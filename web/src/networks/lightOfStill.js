@@ -1,7 +1,6 @@
 /** The light of a still picture's object, unwrapped where it is a mirror ball: as anyprobe.estimate.estimator. */
 
 import { CONTRACT } from "../core/contract.js";
-import { cropNormals } from "../photo/crop.js";
 import { MATERIALS, materialInput } from "../photo/material.js";
 import { leastMetal, saidOfBall } from "../photo/mirrorBall.js";
 import { sphereOfOutline } from "../photo/sphere.js";
@@ -15,16 +14,16 @@ const BALL = MATERIALS[CONTRACT.mirror_ball.material];
  * @param {import("./models.js").Models} models
  * @param {import("../photo/picture.js").Picture} picture
  * @param {{longFovDeg: number, isLensKnown: boolean}} lens isLensKnown: else other fields of view are tried
- * @param {ReturnType<typeof import("../photo/crop.js").cropObject>} crop
+ * @param {Float32Array} mask
  * @param {import("./lightOfObject.js").LightOptions & {normals?: Float32Array | null}} options
  */
-export async function lightOfStill(models, picture, { longFovDeg, isLensKnown }, crop, options) {
-  const found = await lightOfObject(models, picture, longFovDeg, crop, options);
-  if (options.material || options.normals || !found.object) return found;
-  if (!(found.object.metal >= leastMetal(picture, crop.mask, longFovDeg, isLensKnown))) return found;
-  const sphere = sphereOfOutline(crop.mask, picture.width, longFovDeg);
-  const normals = cropNormals(sphere.normals, crop.mask, picture.width, crop);
-  const unwrapped = { ...options, normals, material: materialInput(BALL), mirror: BALL.f0 };
-  const light = await lightOfObject(models, picture, longFovDeg, crop, unwrapped);
+export async function lightOfStill(models, picture, { longFovDeg, isLensKnown }, mask, options) {
+  const asked = { ...options, isLensKnown };
+  const found = await lightOfObject(models, picture, mask, longFovDeg, asked);
+  if (options.material || options.normals) return found;
+  if (!(found.object.metal >= leastMetal(picture, mask, longFovDeg, isLensKnown))) return found;
+  const { normals } = sphereOfOutline(mask, picture.width, longFovDeg);
+  const unwrapped = { ...asked, normals, material: materialInput(BALL), mirror: BALL.f0 };
+  const light = await lightOfObject(models, picture, mask, longFovDeg, unwrapped);
   return { ...light, hints: found.hints, warnings: [...light.warnings, saidOfBall()] };
 }

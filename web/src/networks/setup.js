@@ -1,6 +1,5 @@
 /** What a probe is opened with, checked before its thread is started; addresses are of the page, not of the thread. */
 
-import { CONTRACT } from "../core/contract.js";
 import { AnyProbeError } from "../errors.js";
 import { wrong } from "../options.js";
 import { didYouMean } from "../spelling.js";
@@ -70,33 +69,20 @@ function starterOf(worker) {
   throw wrong("worker", "a function that starts it, or its address", worker);
 }
 
-const CHAIN = CONTRACT.graph.chain;
-const LIGHT_GRAPHS = "light (and whole), or irradiance, illumination and hdr";
-const GRAPHS = ["light", "whole", "mask", "u2netp", ...CHAIN];
+const GRAPHS = ["light", "mask", "u2netp"];
 
-/**
- * What is given in the place of the entry's own graphs, or beside them. light and whole are trained together: who gives a
- * light gives its whole too, or has none; a whole alone is refused.
- */
+/** What is given in the place of the entry's own graphs, or beside them. */
 function weightsOf(given = {}, own = {}) {
   if (given === null || typeof given !== "object") throw wrong("weights", "an object with the address of each graph", given);
   const names = Object.keys(given).filter((name) => given[name] !== undefined);
-  const said = names.join(", ") || "none";
   const unknown = names.filter((name) => !GRAPHS.includes(name));
   if (unknown.length) {
     const meant = didYouMean(unknown[0], GRAPHS);
     throw new AnyProbeError("invalid-option", `expected of ${GRAPHS.join(", ")}, got ${unknown.join(", ")}${meant}`, { subject: ["weights"] });
   }
-  const isOwnLight = !["light", ...CHAIN].some((name) => names.includes(name));
-  if (isOwnLight && names.includes("whole")) {
-    throw new AnyProbeError("invalid-option", "expected the light that whole was trained with, got whole alone; give both", { subject: ["weights"] });
-  }
-  const { light, whole, ...masks } = own;
-  const weights = isOwnLight ? { ...own } : masks;
+  const weights = { ...own };
   for (const name of names) weights[name] = given[name];
-  if (!weights.light && !CHAIN.every((name) => weights[name])) {
-    throw new AnyProbeError("invalid-option", `expected ${LIGHT_GRAPHS}; got ${said}`, { subject: ["weights"] });
-  }
+  if (!weights.light) throw new AnyProbeError("invalid-option", `expected light, got ${names.join(", ") || "none"}`, { subject: ["weights"] });
   return Object.fromEntries(Object.entries(weights).map(([name, graph]) => [name, graphOf(name, graph)]));
 }
 

@@ -5,7 +5,6 @@ import { INTEGRITY } from "./integrity.js";
 export function weightFiles() {
   return {
     light: { url: new URL("../../weights/light.onnx", import.meta.url).href, integrity: INTEGRITY.light },
-    whole: { url: new URL("../../weights/whole.onnx", import.meta.url).href, integrity: INTEGRITY.whole },
     mask: { url: new URL("../../weights/mask.onnx", import.meta.url).href, integrity: INTEGRITY.mask },
   };
 }

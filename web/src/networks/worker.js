@@ -9,7 +9,6 @@
 import { sentError } from "../errors.js";
 import { describe } from "../light/light.js";
 import { shadeSpheres } from "../light/spheres.js";
-import { cropNormals, cropObject } from "../photo/crop.js";
 import { checkObject } from "../photo/maskCheck.js";
 import { FrameLight } from "../live/frameLight.js";
 import { Newest } from "../live/newest.js";
@@ -52,12 +51,9 @@ const tasks = {
   async estimate({ picture, mask, marks, longFovDeg, isLensKnown, normals, options, withViews }) {
     const start = performance.now();
     checkObject(mask, picture.width, marks);
-    const crop = cropObject(picture, mask, longFovDeg);
-    const given = normals && cropNormals(normals, mask, picture.width, crop);
     const lens = { longFovDeg, isLensKnown };
-    const { radiance, stages, ...rest } = await lightOfStill(models, picture, lens, crop, { ...options, normals: given });
-    const { expected } = stages;
-    const light = { ...describe(radiance, expected ? { expected, cameraFromCrop: crop.cameraFromCrop } : null), ...rest };
+    const { radiance, stages, saidErrorDeg, ...rest } = await lightOfStill(models, picture, lens, mask, { ...options, normals });
+    const light = { ...describe(radiance, saidErrorDeg), ...rest };
     const seconds = (performance.now() - start) / 1000;
     return withViews ? { light, stages, spheres: shadeSpheres(radiance), seconds } : { light, seconds };
   },
@@ -67,9 +63,9 @@ const tasks = {
     answerAt(port, models);
   },
 
-  startLive({ hints, longFovDeg, options, withViews, port }) {
+  startLive({ hints, longFovDeg, isLensKnown, options, withViews, port }) {
     const masks = port ? masksAt(port, models) : videoMasks(models);
-    const lights = new FrameLight(models, masks, hints, longFovDeg, options, withViews);
+    const lights = new FrameLight(models, masks, hints, longFovDeg, { ...options, isLensKnown }, withViews);
     const frames = new Newest(
       (given) => sendLight(lights, given),
       ({ frame }) => letGo(frame),

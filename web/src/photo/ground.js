@@ -1,8 +1,8 @@
 /** The ground under the object, as anyprobe.estimate.ground. */
 
 import { CONTRACT } from "../core/contract.js";
-import { turned } from "../core/frames.js";
-import { focalPx } from "./crop.js";
+import { luminance } from "../core/color.js";
+import { focalPx } from "./lens.js";
 import { give, notice } from "../notices.js";
 
 const GROUND = CONTRACT.ground;
@@ -63,23 +63,18 @@ export function upOf(pitchDeg, rollDeg = 0) {
  * The ground of a picture that is no cut-out.
  *
  * @param {import("./picture.js").Picture} picture
- * @param {number} longFovDeg
- * @param {ReturnType<typeof import("./crop.js").cropObject>} crop
+ * @param {Float32Array} mask
+ * @param {number[]} box of the mask's object
  * @param {number | undefined} pitchDeg how far the camera looks down, where it is known
- * @param {Float32Array | null} [posture] of Models.light: pitch, its mean error and roll in the crop's frame [radians]
+ * @param {Float32Array} posture of Models.light: pitch, roll and the pitch's mean error [degrees]
  * @returns {{up: number[], pitchDeg: number, pitchErrorDeg: number, rollDeg: number, contact: number[], source: "given" | "estimated" | "guessed"}}
  */
-export function groundOf({ width, height }, longFovDeg, { cameraFromCrop, mask, box }, pitchDeg, posture) {
+export function groundOf({ width }, mask, box, pitchDeg, posture) {
   const contact = contactOf(mask, width, box);
   if (pitchDeg !== undefined) return { up: upOf(pitchDeg), pitchDeg, pitchErrorDeg: GROUND.given_error_deg, rollDeg: 0, contact, source: "given" };
-  if (posture) {
-    const up = turned(cameraFromCrop, upOf(posture[0] / RADIANS, posture[2] / RADIANS));
-    const pitchErrorDeg = (Math.sqrt(Math.PI / 2) * posture[1]) / RADIANS;
-    const [foundDeg, rollDeg] = [Math.asin(Math.min(Math.max(up[2], -1), 1)) / RADIANS, Math.atan2(up[0], up[1]) / RADIANS];
-    return { up, pitchDeg: foundDeg, pitchErrorDeg, rollDeg, contact, source: "estimated" };
-  }
-  const usual = likelyPitchDeg(contact[1], height, focalPx(width, height, longFovDeg));
-  return { up: upOf(usual), pitchDeg: usual, pitchErrorDeg: GROUND.usual_error_deg, rollDeg: 0, contact, source: "guessed" };
+  const [foundDeg, rollDeg, errorDeg] = posture;
+  const pitchErrorDeg = Math.sqrt(Math.PI / 2) * errorDeg;
+  return { up: upOf(foundDeg, rollDeg), pitchDeg: foundDeg, pitchErrorDeg, rollDeg, contact, source: "estimated" };
 }
 
 /**
@@ -99,6 +94,34 @@ export function groundDoubts(ground) {
   if (source !== "guessed" || pitchDeg <= GROUND.usual_pitch_deg) return [];
   const guess = "the ground was guessed from how high the object stands in the photo";
   return [notice("ground-guessed", `${guess}: a camera that looks ${pitch}`, give("pitchDeg"))];
+}
+
+/**
+ * A line where what is beside the object of an opaque cut-out is bright enough for a studio's backdrop;
+ * anyprobe.estimate.refine has the same.
+ *
+ * @param {Float32Array} photo [N, 5] of graphInputs
+ * @returns {import("../notices.js").Notice[]}
+ */
+export function backdropDoubts(photo) {
+  const levels = [];
+  for (let at = 0; at < photo.length; at += 5) {
+    if (!(photo[at + 3] > 0.5)) return [];
+    if (photo[at + 4] < 0.5) levels.push(luminance(photo[at], photo[at + 1], photo[at + 2]));
+  }
+  if (levels.length === 0 || median(levels) <= GROUND.backdrop_level) return [];
+  const text = "the background is of one colour, as a cut-out's, and is not used; if it is real, ask for it";
+  return [notice("plain-backdrop", text, [{ do: "give", name: "surroundings", value: "photo" }])];
+}
+
+/**
+ * A line where what is beside the object is much darker than it; anyprobe.estimate.doubts has the same.
+ *
+ * @returns {import("../notices.js").Notice[]}
+ */
+export function darkBesideDoubts() {
+  const text = "the background is much darker than the object, so it is ignored; if the same light falls on it, ask for it";
+  return [notice("dark-backdrop", text, [{ do: "give", name: "surroundings", value: "photo" }])];
 }
 
 /** @param {number[]} values */

@@ -1,6 +1,6 @@
 /** The sphere nearest to an outline, as anyprobe.estimate.normals_hint.sphere_of_outline. */
 
-import { focalPx } from "./crop.js";
+import { focalPx } from "./lens.js";
 
 /**
  * Unit rays through the middles of a picture's pixels, camera frame, three numbers each.

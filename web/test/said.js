@@ -1,0 +1,14 @@
+/** What the light's graph says of an even map, for tests without networks; what is given replaces it. */
+export const said = (level, given = {}) => ({
+  radiance: new Float32Array(64 * 128 * 3).fill(level),
+  confidence: new Float32Array(64 * 128).fill(0.5),
+  errors: [20, 0.5, 5],
+  posture: [20, 0, 5],
+  soft: [0],
+  background: [0, 0],
+  well_exposed: [1],
+  object_material: [0, 0.5, 0.5, 0.5, 0.5],
+  seen: new Float32Array(64 * 128 * 4),
+  irradiance: new Float32Array(128 * 128 * 3),
+  ...given,
+});
