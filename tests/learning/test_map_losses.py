@@ -53,9 +53,10 @@ def test_light_is_said_best_where_it_comes_from(light):
     solid_angle = sent.angles[0, 0, 10:14, 30:34].sum().item()
     assert power[0, 0].item() == pytest.approx(29 * solid_angle, rel=1e-4)
     there, wide, elsewhere = (
-        sent.emitters(sent.ln_share(one), light).item()
+        sent.emitters(sent.ln_share_of(one[:, :1]), light).item()  # grey: ln of each channel
         for one in (light, torch.zeros_like(light), light.roll(40, dims=3))
     )
     assert there < wide - 1
     assert wide < elsewhere
-    assert sent.emitters(sent.ln_share(light), torch.full_like(light, -1.0)).item() == 0, "nothing is above white"
+    dim = torch.full_like(light, -1.0)
+    assert sent.emitters(sent.ln_share_of(light[:, :1]), dim).item() == 0, "nothing is above white"

@@ -20,11 +20,11 @@ from anyprobe_train.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe_train.dataset.pair_source import PairSource  # noqa: E402
 from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe_train.train import loop  # noqa: E402
-from anyprobe_train.train.config import lift, normals, paper, smoke  # noqa: E402
+from anyprobe_train.train.config import lift, normals, smoke  # noqa: E402
 from anyprobe_train.train.logger import side_by_side  # noqa: E402
 from anyprobe_train.train.loop import LEARNERS, make_learner, train  # noqa: E402
 
-SHOWN = (paper, lift, normals)
+SHOWN = (lift, normals)
 
 
 @pytest.fixture(scope="module")

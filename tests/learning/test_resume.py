@@ -58,7 +58,7 @@ REFUSED = {
         {"config": replace(CONFIG, pairs=replace(CONFIG.pairs, seed=5))},
         "pairs.seed 71, as the run started, got 5",
     ),
-    "another network": ({"config": replace(CONFIG, model="paper")}, "model normals, as the run started, got paper"),
+    "another network": ({"config": replace(CONFIG, model="lift")}, "model normals, as the run started, got lift"),
     "workers": ({"workers": 3, "pairs": None}, r"2 without workers\) of 2, as the run started, got 3"),
     "fewer steps": ({"config": replace(CONFIG, steps=1)}, "at least the 2 steps that are done, got 1"),
 }

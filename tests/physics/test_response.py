@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from anyprobe.core.response import MEAN_CURVE, CameraCurve, inverse_response, ln_inverse_response, response
+from anyprobe.core.response import MEAN_CURVE, CameraCurve, inverse_response, response
 
 CURVES = [MEAN_CURVE, CameraCurve(exponent=0.65, sigma=0.4), CameraCurve(exponent=1.1, sigma=1.2)]
 
@@ -32,13 +32,6 @@ def test_float32_round_trip_bands():
 @pytest.mark.parametrize("curve", CURVES)
 def test_brighter_is_darker(curve):
     assert (np.diff(response(np.linspace(0, 1, 500), curve)) > 0).all()
-
-
-def test_logarithm_of_the_inverse():
-    display = np.linspace(0.01, 1.2, 50)
-    for curve in (MEAN_CURVE, CameraCurve(exponent=0.7, sigma=0.4)):
-        expected = np.log(inverse_response(display, curve))
-        np.testing.assert_allclose(ln_inverse_response(display, curve), expected, atol=1e-12)
 
 
 def test_value_by_hand():

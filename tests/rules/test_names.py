@@ -76,7 +76,7 @@ def twice(root: Path) -> set[str]:
 def test_a_public_name_is_one_modules():
     """But for commands, which are named as what they call."""
     assert twice(SOURCE) <= COMMANDS
-    assert twice(TRAIN) <= {"evaluate", "export", "main", "paper", "run", "train"}
+    assert twice(TRAIN) <= {"evaluate", "export", "main", "run", "train"}
 
 
 def shared_constants(root: Path) -> set[str]:

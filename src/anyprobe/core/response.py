@@ -40,10 +40,3 @@ def inverse_response(display, curve: CameraCurve = MEAN_CURVE):
     xp = array_namespace(display)
     y = xp.clip(display, 0.0, 1.0)
     return (curve.sigma * y / (1.0 + curve.sigma - y)) ** (1.0 / curve.exponent)
-
-
-def ln_inverse_response(display, curve: CameraCurve = MEAN_CURVE):
-    """Return the natural logarithm of inverse_response of display values > 0."""
-    xp = array_namespace(display)
-    y = xp.clip(display, None, 1.0)
-    return xp.log(curve.sigma * y / (1.0 + curve.sigma - y)) / curve.exponent

@@ -127,8 +127,8 @@ def reconstruct(ldr, ln_radiance, curve: CameraCurve = MEAN_CURVE, threshold: fl
     return (1.0 - gamma) * inverse_response(ldr, curve) + gamma * xp.exp(ln_radiance)
 
 
-def blend_weight(ldr, threshold: float = THRESHOLD, axis: int = -1):
-    """Compute gamma = max(0, max_c U - tau) / (1 - tau), Eq. 8: [..., 3] -> [..., 1]; channels are along axis."""
+def blend_weight(ldr, threshold: float = THRESHOLD):
+    """Compute gamma = max(0, max_c U - tau) / (1 - tau), Eq. 8: [..., 3] -> [..., 1]."""
     xp = array_namespace(ldr)
-    brightest = xp.max(xp.clip(ldr, 0.0, 1.0), axis=axis, keepdims=True)
+    brightest = xp.max(xp.clip(ldr, 0.0, 1.0), axis=-1, keepdims=True)
     return xp.clip(brightest - threshold, 0.0, None) / (1.0 - threshold)

@@ -34,10 +34,6 @@ def run(
         Path | None,
         typer.Option(help="Initial weights, written by anyprobe-train export --keep; give the same ones to resume."),
     ] = None,
-    teacher: Annotated[
-        Path | None,
-        typer.Option(help="Weights of lift, also written by --keep, whose maps the paper's chain learns from too."),
-    ] = None,
     device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
     workers: Annotated[
         int, typer.Option(min=0, help="Processes that make pairs ahead, so that a GPU need not wait.")
@@ -45,7 +41,7 @@ def run(
     compiled: Annotated[bool, typer.Option("--compile/--no-compile", help="Compile the renderer.")] = True,
 ) -> None:
     """Train a model on rendered pairs. An interrupted run resumes exactly."""
-    _refuse_mask(name)
+    _refuse_elsewhere(name)
     need_torch("training")
     from anyprobe_train.train import loop
     from anyprobe_train.train.config import RUNS as NAMED
@@ -61,39 +57,29 @@ def run(
         names = (*NAMED, LIGHT_RUN)
         raise InputError(f"expected one of {', '.join(names)}{did_you_mean(name, names)}", source=f"run {name!r}")
     chosen = NAMED[name]()
-    if chosen.model != "paper" and teacher is not None:
-        text = f"expected a run of the paper's chain, got {name}; leave it out"
-        raise InputError(text, subject="teacher", source=teacher)
-    if chosen.model == "paper" and init_weights is None and dry_run is None:
-        raise InputError(
-            "expected --init-weights with a trained irradiance net, got none; train it with anyprobe-train "
-            "run paper_irradiance, keep it with anyprobe-train export FOLDER paper_irradiance --keep irradiance.pt",
-            source=f"run {name!r}",
-        )
     if steps is not None:
         chosen = replace(chosen, steps=steps)
     if dry_run is not None:
         chosen = smoke(chosen, dry_run)
         (runs / chosen.name / "checkpoint.pt").unlink(missing_ok=True)  # each one begins anew
     path = loop.train(
-        chosen,
-        data=data,
-        runs=runs,
-        device=device,
-        compiled=compiled,
-        workers=workers,
-        start=init_weights,
-        teacher=teacher,
+        chosen, data=data, runs=runs, device=device, compiled=compiled, workers=workers, start=init_weights
     )
     typer.echo(path)
 
 
-def _refuse_mask(name: str) -> None:
-    if name == "mask":
-        raise InputError(
-            "run 'mask': expected a run that estimates light, got the network that proposes the object; "
-            "train and export it in a clone, with python -m anyprobe_train.mask_network"
-        )
+ELSEWHERE = {
+    "mask": "expected a run that estimates light, got the network that proposes the object; "
+    "train and export it in a clone, with python -m anyprobe_train.mask_network",
+    "paper": "expected one network, got the paper's three; train them with anyprobe-train paper, "
+    "export them with anyprobe-train paper --graphs FOLDER",
+}
+"""Names that another command trains and exports, with what to do."""
+
+
+def _refuse_elsewhere(name: str) -> None:
+    if name in ELSEWHERE:
+        raise InputError(ELSEWHERE[name], source=f"run {name!r}")
 
 
 def export(
@@ -103,7 +89,7 @@ def export(
     keep: Keep = None,
 ) -> None:
     """Export a trained run as ONNX. The graphs are checked against torch."""
-    _refuse_mask(name)
+    _refuse_elsewhere(name)
     need_torch("training")
     from anyprobe_train.train.checkpoint import keep_apart, save_init_weights
     from anyprobe_train.train.export_onnx import export_graphs

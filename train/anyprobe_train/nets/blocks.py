@@ -78,27 +78,3 @@ class UpBlock(nn.Module):
 
     def forward(self, x: torch.Tensor, skip: torch.Tensor) -> torch.Tensor:
         return self.conv(F.interpolate(self.narrow(x), scale_factor=2, mode="nearest") + skip)
-
-
-class UNet(nn.Module):
-    """Ronneberger et al. 2015: features of len(widths) scales, joined by skips that are added.
-
-    Picture [N, channels, 2H, 2W], what is beside it [N, beside, H, W] or None -> [N, widths[0], H, W], and the deepest
-    features; H and W divisible by 2^(len(widths) - 1).
-    """
-
-    def __init__(self, channels: int, beside: int, widths: tuple[int, ...]) -> None:
-        super().__init__()
-        pairs = list(zip(widths[:-1], widths[1:], strict=True))
-        self.first = nn.ModuleList([FoldedConv(channels, beside, widths[0]), conv(widths[0], widths[0])])
-        self.down = nn.ModuleList(nn.Sequential(conv(a, b, stride=2), conv(b, b)) for a, b in pairs)
-        self.up = nn.ModuleList(UpBlock(b, a) for a, b in reversed(pairs))
-
-    def forward(self, picture: torch.Tensor, beside: torch.Tensor | None = None) -> tuple[torch.Tensor, torch.Tensor]:
-        levels = [self.first[1](self.first[0](picture, beside))]
-        for down in self.down:
-            levels.append(down(levels[-1]))
-        x = deepest = levels.pop()
-        for up in self.up:
-            x = up(x, levels.pop())
-        return x, deepest

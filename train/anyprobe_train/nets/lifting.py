@@ -43,17 +43,12 @@ class NormalsNet(nn.Module):
     Its coarsest scale sees the whole object at once, so that far parts of an outline or a lit side count.
     """
 
-    def __init__(self, widths: tuple[int, ...] = (16, 32, 80, 160, 256), whole: int | None = None) -> None:
+    def __init__(self, widths: tuple[int, ...] = (16, 32, 80, 160, 256)) -> None:
         super().__init__()
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
         self.first = nn.ModuleList([FoldedConv(4, 2, widths[0]), conv(widths[0], widths[0])])
         self.down = nn.ModuleList(nn.Sequential(conv(a, b, stride=2), conv(b, b)) for a, b in pairs)
-        numbers = widths[-1] * 16
-        self.whole = nn.Sequential(nn.Flatten(), nn.Linear(numbers, widths[-1]))
-        if whole is not None:
-            self.whole = nn.Sequential(
-                nn.Flatten(), nn.Linear(numbers, whole, bias=False), nn.Linear(whole, widths[-1])
-            )
+        self.whole = nn.Sequential(nn.Flatten(), nn.Linear(widths[-1] * 16, widths[-1]))
         self.up = nn.ModuleList(UpBlock(b, a) for a, b in reversed(pairs))
         self.head = nn.Conv2d(widths[0], 3, 3, padding=1)
 

@@ -46,13 +46,7 @@ class SphereNet(nn.Module):
     directions: torch.Tensor
 
     def __init__(
-        self,
-        fine: int,
-        lifted: int,
-        code: int,
-        outputs: int,
-        widths: tuple[int, ...] = (24, 48, 96, 128),
-        surroundings: bool = True,
+        self, fine: int, lifted: int, code: int, outputs: int, widths: tuple[int, ...] = (24, 48, 96, 128)
     ) -> None:
         super().__init__()
         directions = torch.from_numpy(pixel_directions(SPHERE_ROWS)).permute(2, 0, 1)[None]
@@ -61,7 +55,7 @@ class SphereNet(nn.Module):
         deepest = SPHERE_ROWS >> len(pairs)
         self.start = nn.Sequential(nn.Linear(code, 48 * deepest * 2 * deepest), nn.LeakyReLU(0.1))
         self.deepest = deepest
-        beside = lifted + 4 * surroundings + 3
+        beside = lifted + 4 + 3
         self.first = nn.ModuleList([FoldedConv(fine, beside, widths[0]), conv(widths[0], widths[0])])
         self.down = nn.ModuleList(conv(a, b, stride=2) for a, b in pairs)
         extra_channels = {widths[-1]: 48}
@@ -69,12 +63,10 @@ class SphereNet(nn.Module):
         self.up = nn.ModuleList(UpBlock(b, a) for a, b in reversed(pairs))
         self.head = nn.Conv2d(widths[0], 4 * outputs, 3, padding=1)
 
-    def forward(
-        self, scales: list[torch.Tensor], code: torch.Tensor, surroundings: torch.Tensor | None = None
-    ) -> torch.Tensor:
+    def forward(self, scales: list[torch.Tensor], code: torch.Tensor, surroundings: torch.Tensor) -> torch.Tensor:
         fine, *rest = scales
         directions = self.directions.expand(fine.shape[0], -1, -1, -1)
-        known = rest[0] if surroundings is None else torch.cat([rest[0], F.avg_pool2d(surroundings, 2)], dim=1)
+        known = torch.cat([rest[0], F.avg_pool2d(surroundings, 2)], dim=1)
         beside = torch.cat([wrap(known, _MARGIN), directions], dim=1)
         levels = [self.first[1](self.first[0](wrap(fine, 2 * _MARGIN), beside))]
         start = self.start(code).reshape(-1, 48, self.deepest, 2 * self.deepest)

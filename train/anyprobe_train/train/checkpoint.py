@@ -16,7 +16,6 @@ from torch import nn
 
 from anyprobe.errors import InputError, ModelError
 from anyprobe.files.atomic import atomic_path
-from anyprobe_train.train.from_lift import chain_from_lift
 
 CHANGEABLE = ("name", "steps")
 """Settings that may change when a run is resumed."""
@@ -25,7 +24,6 @@ OPTIONS_OF = {
     "processes": "a number of processes of",
     "assets": "--data with",
     "start": "--init-weights with",
-    "teacher": "--teacher with",
 }
 
 
@@ -207,24 +205,13 @@ def keep_apart(checkpoint: Path, path: Path) -> None:
         )
 
 
-def load_init_weights(nets: nn.Module, path: Path, lift: Path | None = None) -> None:
+def load_init_weights(nets: nn.Module, path: Path) -> None:
     """Load the weights that save_init_weights wrote; ModelError if they do not fit.
 
     Networks of the file that are not among nets are left out.
-    Whole networks that the file lacks begin as the same layers of `lift` where it has them, from its weights at lift or
-    from path, see train.from_lift; else untrained.
     """
-    fresh = nets.state_dict()
-    weights = read_init_weights(path)[0]
-    layers = chain_from_lift(weights if lift is None else read_init_weights(lift)[0], fresh)
-    if layers and lift is None:
-        weights = layers
     own = {name for name, _ in nets.named_children()}
-    weights = {name: x for name, x in weights.items() if name.split(".")[0] in own}
-    present = {name.split(".")[0] for name in weights}
-    untrained = {name: x for name, x in fresh.items() if name.split(".")[0] not in present}
-    if present:
-        weights = untrained | {name: x for name, x in layers.items() if name in untrained} | weights
+    weights = {name: x for name, x in read_init_weights(path)[0].items() if name.split(".")[0] in own}
     try:
         nets.load_state_dict(weights)
     except Exception as error:  # other names, other shapes, no weights at all

@@ -31,26 +31,19 @@ class RunConfig:
     """Configuration of a training run; its pairs are rendered as it goes.
 
     name: the run's folder.
-    model: "paper", the chain of three networks, "irradiance", the first of them alone, "lift", the one that lifts
-        pixels to the environment map, or "normals", the part of it that estimates normals. taught, gradual and
-        hdr_share apply to the first, lift to the third.
-    taught: weight of the teacher's map in the LDR targets, if there is a teacher; the rest is the true map.
-    gradual: whether the LDR targets sharpen as in Eq. 6.
-    hdr_share: share of a batch whose true LDR maps the HDR net also learns from, beside all estimated ones.
+    model: "lift", the one that lifts pixels to the environment map, whose losses `lift` weighs, or "normals", the part
+        of it that estimates normals.
     cooldown: last share of the steps in which the learning rate falls to zero.
     """
 
     name: str
     steps: int
-    model: str = "paper"
+    model: str = "lift"
     learning_rate: float = 1e-3
     weight_decay: float = 1e-4
     warmup: int = 200
     cooldown: float = 0.25
     seed: int = 0
-    taught: float = 0.7
-    hdr_share: float = 0.25
-    gradual: bool = True
     lift: LiftConfig = field(default_factory=LiftConfig)
     pairs: PairConfig = field(default_factory=PairConfig)
     surfaces: SurfaceConfig = field(default_factory=SurfaceConfig)
@@ -112,47 +105,7 @@ def normals() -> RunConfig:
     )
 
 
-def paper() -> RunConfig:
-    """Return the run of the paper's chain (Sect. 3.2-3.4): all three networks, each on the output of the one before."""
-    return RunConfig(
-        name="paper",
-        steps=1_000,
-        cooldown=0.3,
-        pairs=PairConfig(batch=64, seed=181, world=0.5, cut_out=0.2, joined=0.3, shape_augment=0.4, textured=0.1),
-        surfaces=lift().surfaces,
-        light=replace(lift().light, seed=41),
-    )
-
-
-def paper_irradiance() -> RunConfig:
-    """Return the run of the first of the paper's networks, alone before the others."""
-    return replace(
-        paper(),
-        name="paper_irradiance",
-        model="irradiance",
-        steps=1_200,
-        learning_rate=4e-4,
-        warmup=50,
-        cooldown=0.9,
-        pairs=replace(paper().pairs, seed=151, batch=32),
-    )
-
-
-def paper_on() -> RunConfig:
-    """Return the run that continues the paper's chain after `paper`: targets are not blurred again."""
-    return replace(
-        paper(),
-        name="paper_on",
-        steps=2_100,
-        learning_rate=5e-4,
-        warmup=50,
-        gradual=False,
-        cooldown=0.9,
-        pairs=replace(paper().pairs, seed=231),
-    )
-
-
-RUNS = {run.__name__: run for run in (paper_irradiance, paper, paper_on, lift, normals)}
+RUNS = {run.__name__: run for run in (lift, normals)}
 """Runs of `anyprobe-train run`."""
 
 

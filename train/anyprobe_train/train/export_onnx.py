@@ -15,18 +15,14 @@ from torch.nn import functional as F
 
 from anyprobe.errors import ModelError
 from anyprobe.estimate.light_graph import INPUTS, OUTPUTS
-from anyprobe.estimate.runtime import CONTRACT, LIGHT_STAGE, PHOTO_SIZE
+from anyprobe.estimate.runtime import CONTRACT, LIGHT_STAGE
 from anyprobe.files.atomic import atomic_path
-from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe_train.light_graph.photo_graph import LIGHT_AXES, PhotoGraph, smooth_photo
 from anyprobe_train.nets.claims import AS_LEARNED, Sureness
 from anyprobe_train.nets.light_net import LightNet
 from anyprobe_train.nets.whole_net import WholeNet
 from anyprobe_train.train.checkpoint import read_checkpoint
 from anyprobe_train.train.loop import load_nets, pairs_seen
-
-_PHOTO = (1, 4, PHOTO_SIZE, PHOTO_SIZE)
-
 
 FLOATS = "float32"
 """Precision that a graph computes in, as its metadata states it."""
@@ -59,23 +55,6 @@ class Graph:
     dynamic: dict[str, dict[int, str]] | None = None
 
 
-def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str, Graph]:
-    """Return the graphs that a run's networks become, by stage."""
-    if LIGHT_STAGE in nets:
-        return {LIGHT_STAGE: light_graph(cast(LightNet, nets[LIGHT_STAGE]), None, sureness)}
-    seen: dict[str, tuple[int, ...]] = {"input": _PHOTO, "tan_half": (1, 1)}
-    ldr: dict[str, tuple[int, ...]] = {"input": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
-    return {
-        stage: Graph(
-            net=net,
-            inputs=ldr if stage == "hdr" else seen,
-            typical=np.median if stage == "illumination" else np.max,
-            small=(LINEAR_LAYERS,),
-        )
-        for stage, net in nets.items()
-    }
-
-
 def light_graph(light: LightNet, whole: WholeNet | None, sureness: Sureness) -> Graph:
     """Return the graph of the whole way from a photo to its light, see estimate.light_graph; without WholeNet, by the
     object alone."""
@@ -91,7 +70,8 @@ def light_graph(light: LightNet, whole: WholeNet | None, sureness: Sureness) -> 
 
 
 def export_graphs(checkpoint: Path, folder: Path, sureness: Sureness = AS_LEARNED) -> dict[str, float]:
-    """Write the graphs of a run; return each one's largest difference from torch, ModelError if beyond TOLERANCE."""
+    """Write the graphs of a run; return each one's largest difference from torch, ModelError if beyond
+    LIGHT_TOLERANCE."""
     nets = load_nets(checkpoint)
     stored = read_checkpoint(checkpoint)
     config = json.loads(stored["config"])
@@ -103,17 +83,14 @@ def export_graphs(checkpoint: Path, folder: Path, sureness: Sureness = AS_LEARNE
         "sureness": " ".join(f"{value:g}" for value in sureness.numbers),
         **provenance(stored),
     }
-    return {
-        stage: export_stage(stage, graph, recipe, folder / f"{stage}.onnx")
-        for stage, graph in graphs_of(nets, sureness).items()
-    }
+    graph = light_graph(cast(LightNet, nets[LIGHT_STAGE]), None, sureness)
+    return {LIGHT_STAGE: export_stage(LIGHT_STAGE, graph, recipe, folder / f"{LIGHT_STAGE}.onnx")}
 
 
 def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
     """Return the provenance of a checkpoint's weights besides its own steps, as far as known:
 
     start           identity of the file of weights that the run started from, or "nothing"
-    teacher         identity of the file of weights whose maps were learned from, beside the truth
     assets          the maps and shapes of its data, as dataloader.name_assets has them
     mean_with       identity of the file of weights that they are the mean with
     mean_with_pairs the pairs that those have seen
@@ -122,7 +99,6 @@ def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
     origin, other = stored.get("origin", {}), stored.get("mean_with", {})
     known = {
         "start": (origin["start"] or "nothing") if "start" in origin else None,
-        "teacher": origin.get("teacher"),
         "assets": origin.get("assets"),
         "mean_with": other.get("start"),
         "mean_with_pairs": other.get("pairs"),
@@ -195,9 +171,7 @@ def write_graph(
 
 
 def _smooth(shape: tuple[int, ...], generator: torch.Generator) -> torch.Tensor:
-    """Draw numbers in [0, 1]; pictures as smooth as photos, since in noise a last bit may flip a normal."""
-    if len(shape) < 4:
-        return torch.rand(shape, generator=generator)
+    """Draw a picture in [0, 1] as smooth as photos, since in noise a last bit may flip a normal."""
     coarse = torch.rand((*shape[:2], 8, 8), generator=generator)
     return F.interpolate(coarse, size=shape[2:], mode="bilinear", align_corners=False)
 

@@ -12,7 +12,7 @@ from copy import deepcopy
 from dataclasses import replace
 from functools import reduce
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 import torch
 import torch.distributed as dist
@@ -20,11 +20,8 @@ from torch import nn
 
 from anyprobe.errors import InputError, ModelError
 from anyprobe_train.dataset.pair_source import Batch, PairSource
-from anyprobe_train.nets.light_net import LightNet
-from anyprobe_train.train.chain import Chain, Irradiance
 from anyprobe_train.train.checkpoint import (
     agreed,
-    init_weights_id,
     load_init_weights,
     load_weights,
     read_checkpoint,
@@ -46,21 +43,13 @@ def learning_rate(config: Any, step: int) -> float:
     return config.learning_rate * min(1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0))
 
 
-LEARNERS: dict[str, type[Learner]] = {"irradiance": Irradiance, "paper": Chain, "lift": Lift, "normals": Normals}
+LEARNERS: dict[str, type[Learner]] = {"lift": Lift, "normals": Normals}
 
 
-def make_learner(config: RunConfig, device: str, teacher: Path | None = None, compiled: bool = False) -> Learner:
-    """Build a run's learner: its networks and their losses by name.
-
-    teacher: weights of `lift`, of which the chain learns; compiled is of it alone.
-    """
+def make_learner(config: RunConfig, device: str) -> Learner:
+    """Build a run's learner: its networks and their losses by name."""
     kind = LEARNERS[config.model]
-    learner = kind(config.lift if kind is Lift else config, device)
-    if isinstance(learner, Chain) and teacher is not None:
-        networks = Lift.networks()
-        load_init_weights(networks, teacher)
-        learner.learn_from(cast(LightNet, networks["light"]), compiled)
-    return learner
+    return kind(config.lift if kind is Lift else config, device)
 
 
 def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
@@ -92,7 +81,6 @@ def train(
     stop_after: int | None = None,
     pairs: PairSource | None = None,
     start: Path | None = None,
-    teacher: Path | None = None,
 ) -> Path:
     """Train a run's networks to config.steps, resuming from its checkpoint if there is one.
 
@@ -106,8 +94,6 @@ def train(
         stop_after: stop (with a checkpoint) once this many steps are done in all.
         pairs: a source of batches to use in place of one over data.
         start: weights to start from, of train.checkpoint; a resumed run may name those that it started from.
-        teacher: weights of `lift` that the paper's chain learns from, beside the truth; layers that start lacks begin
-            as its.
     Returns:
         The checkpoint's path.
     Raises:
@@ -121,7 +107,7 @@ def train(
     path = runs / config.name / "checkpoint.pt"
     if workers > 0:
         config = replace(config, pairs=replace(config.pairs, lanes=workers * processes.size))
-    learner = make_learner(config, device, teacher, compiled)
+    learner = make_learner(config, device)
     nets = learner.nets
     optimizer = torch.optim.AdamW(
         [p for p in nets.parameters() if p.requires_grad],
@@ -130,16 +116,13 @@ def train(
         weight_decay=config.weight_decay,
     )
     first = num_pairs = 0
-    facts: dict[str, Any] = {"processes": processes.size}
-    if config.model == "paper":
-        facts["teacher"] = None if teacher is None else init_weights_id(teacher)
-    stored, origin = resumed(path, config, facts, start, device)
+    stored, origin = resumed(path, config, {"processes": processes.size}, start, device)
     if stored is not None:
         load_weights(nets, stored["nets"], path)
         optimizer.load_state_dict(stored["optimizer"])
         first, num_pairs = stored["step"], pairs_seen(stored)
     elif start is not None:
-        load_init_weights(nets, start, teacher if isinstance(learner, Chain) else None)
+        load_init_weights(nets, start)
     folder = run_folder(runs, config.name)
     last = config.steps if stop_after is None else min(stop_after, config.steps)
     if first >= last:

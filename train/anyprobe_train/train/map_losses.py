@@ -127,8 +127,3 @@ class Sent:
     def ln_share_of(self, logit: torch.Tensor) -> torch.Tensor:
         """Return ln of every pixel's share, [N, 64 * 128], from ln of a density [N, 1, 64, 128] up to a constant."""
         return torch.log_softmax((logit + torch.log(self.angles)).flatten(1), dim=1)
-
-    def ln_share(self, ln: torch.Tensor) -> torch.Tensor:
-        """Return ln of every pixel's share of the luminance of the power, [N, 64 * 128]."""
-        luminance = torch.einsum("nchw,c->nhw", torch.exp(ln.clip(*LN_RANGE)), self.luminance) * self.angles[0]
-        return torch.log(luminance.flatten(1) / luminance.sum(dim=(1, 2))[:, None] + 1e-9)
