@@ -79,7 +79,8 @@ class PhotoGraph(nn.Module):
         believe: torch.Tensor,
     ) -> tuple[torch.Tensor, ...]:
         given = Given.of((photo, window, geometry, lens, up, normals, material, panorama, sun, believe))
-        given = replace(given, up=given.up + 0.0 * given.sun)  # else a tracer drops what is not used
+        unused = given.up.sum() + given.sun.sum()  # a tracer drops an input that nothing uses
+        given = replace(given, lens=given.lens + 0.0 * unused)
         framed = self.front.framed(given)
         turn = framed.camera_from_crop
         plain, dark = plain_and_dark(given.photo)
