@@ -11,7 +11,7 @@ from mkdocs.structure.files import File, Files
 PAGE = "reference/http.md"
 HEAD = """# HTTP API
 
-`anyprobe serve` answers these addresses. Requests are forms (`multipart/form-data`); only `format` stands in the address.
+`anyprobe serve` answers these addresses. Requests are forms (`multipart/form-data`); only `format` is in the address.
 A running server has the same reference at `/api/` and its OpenAPI document at `/openapi.json`.
 [Server](../how-to/serve.md) shows how to start it and how to call it.
 """
