@@ -5,11 +5,9 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
-from anyprobe.core.camera import PinholeCamera  # noqa: E402
 from anyprobe.core.frames import rotation_y  # noqa: E402
 from anyprobe.core.latlong import pixel_directions  # noqa: E402
 from anyprobe.core.response import MEAN_CURVE, response  # noqa: E402
-from anyprobe.estimate.surroundings import visible_surroundings  # noqa: E402
 from anyprobe_train.dataset.seen_surroundings import MAX_OTHERS, draw_frame, gather, perturb, photo_surroundings  # noqa: E402
 
 
@@ -41,28 +39,6 @@ def test_frames_hold_the_crop_and_are_45_to_80_degrees_wide():
         assert longer.min() >= 45.0 - 1e-6
         assert longer.max() <= 80.0 + 1e-6
         assert 0.3 < (x1 - x0 > y1 - y0).mean() < 0.7
-
-
-def test_training_sees_what_the_estimator_sees():
-    """The same photo told both ways: by the frame on the plane before the eye, and by its pixels."""
-    light, mask, tan_half = waves(), disc(), 0.2
-    width, height, slope = 320, 240, np.tan(np.radians(60) / 2)
-    half = slope * np.array([1.0, height / width])
-    frame = np.array([[-half[0], half[0], -half[1], half[1]]])
-    shown = photo_surroundings(light, mask, torch.tensor([tan_half]), frame, tone)[0].permute(1, 2, 0).numpy()
-    x = (np.arange(width) + 0.5) / width * 2 - 1
-    y = 1 - (np.arange(height) + 0.5) / height * 2
-    rays = np.stack([*np.meshgrid(half[0] * x, half[1] * y), np.full((height, width), -1.0)], axis=-1)
-    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-    photo = response(0.4 + 0.3 * np.sin(2 * rays + 1)).astype(np.float32)
-    image = np.concatenate([np.zeros((128, 128, 3)), mask[0].permute(1, 2, 0).numpy()], axis=-1)
-    expected = visible_surroundings(
-        photo, PinholeCamera.of_fov(photo.shape[1], photo.shape[0], 60.0), np.eye(3), image.astype(np.float32), tan_half
-    )
-    assert np.abs(shown[..., 3] - expected[..., 3]).mean() < 0.001
-    both = np.minimum(shown[..., 3], expected[..., 3]) > 0.99
-    assert both.sum() > 100
-    np.testing.assert_allclose(shown[both], expected[both], atol=0.02)
 
 
 def test_an_empty_frame_shows_nothing():

@@ -17,7 +17,7 @@ from anyprobe_train.world.kernels import light_panels, probe_map
 from anyprobe_train.world.layout import Layout, Panel, build_scene
 from anyprobe_train.world.lights import Light, levels
 from anyprobe_train.world.march import blocked_each
-from anyprobe_train.world.scene import FREE, GRID, LIT
+from anyprobe_train.world.scene import FREE, GRID_POINTS, LIT
 from anyprobe_train.world.views import VIEW
 
 ALBEDO = 0.4
@@ -64,10 +64,10 @@ def lit(view, light: Light):
     light_panels(*scene, 1)
     numbers, places = scene[:2]
     grids = [
-        numbers[grid_start(places, 0, kind) :][: GRID**2 * 3].reshape(GRID, GRID, 3).mean(axis=2)
+        numbers[grid_start(places, 0, kind) :][: GRID_POINTS**2 * 3].reshape(GRID_POINTS, GRID_POINTS, 3).mean(axis=2)
         for kind in (FREE, LIT)
     ]
-    points = np.array([[panel_point(numbers, places, 0, c, r) for c in range(GRID)] for r in range(GRID)])
+    points = np.array([[panel_point(numbers, places, 0, c, r) for c in range(GRID_POINTS)] for r in range(GRID_POINTS)])
     return scene, grids, np.hypot(points[..., 0], points[..., 1])
 
 

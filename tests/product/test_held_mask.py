@@ -201,7 +201,7 @@ def nobody_else(*asked):
 @pytest.mark.ci
 @pytest.mark.usefixtures("small_masks")
 def test_the_mask_of_another_segmenter_is_held_too(monkeypatch):
-    monkeypatch.setattr(following, "look", nobody_else)
+    monkeypatch.setattr(following, "Looks", nobody_else)
     segmenter = Counting(moved=0.5 * EVERY_SURE)
     follower = MaskFollower({}, {"segmenter": segmenter}, {})
     for index in range(EVERY_SURE + 2):
@@ -217,7 +217,7 @@ def test_the_mask_of_another_segmenter_is_held_too(monkeypatch):
 @pytest.mark.usefixtures("small_masks")
 def test_another_segmenter_looks_for_what_was_lost(monkeypatch):
     """The picture of the second frame is not that of the first: it is asked again, by the last mask's box."""
-    monkeypatch.setattr(following, "look", nobody_else)
+    monkeypatch.setattr(following, "Looks", nobody_else)
     segmenter = Counting(moved=3.0)
     follower = MaskFollower({}, {"segmenter": segmenter}, {})
     first = follower.photo(shown(frame()[0])).mask
@@ -229,7 +229,7 @@ def test_another_segmenter_looks_for_what_was_lost(monkeypatch):
     assert x0 < columns.min() < columns.max() < x1
     assert y0 < rows.min() < rows.max() < y1
     assert iou(mask, frame(Motion(x=3.0))[1]) > 0.95
-    follower.go_on(follower.last, None, follower.shows_more)
+    follower.go_on(follower.last)
     follower.photo(shown(255 - moved, 2))
     assert len(segmenter.boxes) == 3
 
