@@ -82,9 +82,9 @@ def known_of(photo: TakenPhoto, up: np.ndarray, cut_out: bool, family: int, scen
     turned = np.maximum(rotate(photo.truth, turn.T), 0.0)
     return Known(
         image=np.round(255 * framed.display.permute(1, 2, 0).numpy()).astype(np.uint8),
-        context=np.round(255 * front.context(inputs, framed).permute(1, 2, 0).numpy()).astype(np.uint8),
+        context=np.round(255 * (not cut_out) * front.context(inputs, framed).permute(1, 2, 0).numpy()).astype(np.uint8),
         tan_half=np.array(float(framed.tan_half), np.float32),
-        surroundings=np.round(255 * around[:4].numpy()).astype(np.uint8),
+        surroundings=np.round(255 * (not cut_out) * around[:4].numpy()).astype(np.uint8),
         truth=np.log(np.maximum(turned, np.exp(LN_LOW))).transpose(2, 0, 1).astype(np.float16),
         up=(turn.T @ up).astype(np.float32),
         family=np.array(family),
