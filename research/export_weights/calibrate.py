@@ -76,7 +76,8 @@ def calibrate_errors(models: Models, pairs: Iterable[Pair]) -> tuple[float, floa
     for pair in pairs:
         for given in (set(), {"material"}):
             said = run_with_hints(models, pair, given)
-            ratios.append(true_errors(said, pair) / claimed_errors(said))
+            claimed = claimed_errors(said)
+            ratios.append(true_errors(said, pair) / claimed)
     first, second, third = np.quantile(ratios, INTERVAL, axis=0).tolist()
     return first, second, third
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from support.some_pair import sphere_pair
 
-from anyprobe.core.response import response
+from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError, ModelError
+from anyprobe.estimate.light_graph import Said
 from anyprobe.scatter.materials import total_reflectance
 from anyprobe_train.dataset.asset_store import AssetStore
 from research import left_out
@@ -41,9 +42,11 @@ def test_a_model_that_boasts_is_told_by_how_much(rng):
         which = rng.integers(3, size=truth.shape[:2])
         wrong = rng.random(which.shape) > np.array([0.6, 0.3, 0.05])[which]
         ldr = np.where(wrong[..., None], truth + np.where(truth > 0.5, -0.3, 0.3), truth)
-        answers.append(SimpleNamespace(confidence=np.array([0.9, 0.5, 0.1], np.float32)[which], ldr=ldr))
+        answers.append(
+            SimpleNamespace(confidence=np.array([0.9, 0.5, 0.1], np.float32)[which], radiance=inverse_response(ldr))
+        )
     given = iter(answers)
-    slope, offset = calibrate(lambda crop, tan_half: next(given), pairs)
+    slope, offset = calibrate(lambda inputs: next(given), pairs)
     chance = 1 / (1 + np.exp(-(slope * to_logit(np.array([0.9, 0.5, 0.1])) + offset)))
     np.testing.assert_allclose(chance, [0.6, 0.3, 0.05], atol=0.1)
 
@@ -52,7 +55,7 @@ def test_a_model_without_confidence_cannot_be_calibrated():
     class Silent:
         name = "paper"
 
-        def __call__(self, crop, tan_half):
+        def __call__(self, inputs):
             return SimpleNamespace(confidence=None)
 
     with pytest.raises(ModelError, match="paper: expected a model that estimates its confidence"):
@@ -64,11 +67,18 @@ def test_claimed_errors_hold_in_two_of_three_cases():
     pairs = [sphere_pair(seed) for seed in range(3)]
     answers = iter([pair for pair in pairs for _ in range(2)])
 
-    def model(crop, tan_half, material=None):
+    def model(inputs):
         pair = next(answers)
-        claims = {"metal": 0.0, "red": 0.3, "green": 0.3, "blue": 0.3, "reflectance_error": 0.5}
-        claims |= {"level_error": 0.5 * np.log(2.0), "color_error": 1.0}
-        return SimpleNamespace(radiance=2 * pair.radiance, posterior=claims)
+        return Said(
+            radiance=2 * pair.radiance,
+            crop=pair.crop,
+            crop_frame=np.vstack([np.eye(3), [[pair.tan_half, 64.0, 64.0]]]),
+            irradiance=pair.irradiance,
+            object_normals=pair.normals[::2, ::2],
+            object_material=np.array([0.0, 0.3, 0.3, 0.3, 0.5]),
+            errors=np.array([10.0, 0.5 * np.log(2.0), 1.0]),
+            seen=np.ones((64, 128, 4), np.float32),  # what is seen is not changed by a given material
+        )
 
     of_reflectance, of_level, of_color = calibrate_errors(model, pairs)
     assert of_level == pytest.approx(2.0, rel=1e-5)
@@ -80,12 +90,10 @@ def test_claimed_errors_hold_in_two_of_three_cases():
 
 def test_a_model_without_errors_cannot_be_asked_for_them():
     class Silent:
-        name = "paper"
+        def __call__(self, inputs):
+            return SimpleNamespace(object_material=None, errors=None)
 
-        def __call__(self, crop, tan_half, material):
-            return SimpleNamespace(posterior=None)
-
-    with pytest.raises(ModelError, match="paper: expected a model that estimates its errors"):
+    with pytest.raises(ModelError, match="expected a model that estimates its errors"):
         calibrate_errors(Silent(), [sphere_pair(1)])
 
 

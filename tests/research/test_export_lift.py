@@ -13,7 +13,7 @@ from anyprobe.estimate.runtime import weights_folder  # noqa: E402
 from anyprobe_train.train.loop import load_nets, pairs_seen  # noqa: E402
 from research.export_weights.checkpoints import kept_checkpoint, mean_checkpoint  # noqa: E402
 
-KEPT = Path(__file__).parents[2] / "training" / "lift.pt"
+KEPT = Path(__file__).parents[2] / "train" / "checkpoints" / "lift.pt"
 """Weights of both networks, of which light.onnx has the first."""
 
 

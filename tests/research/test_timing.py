@@ -21,5 +21,5 @@ def test_every_network_and_the_whole_call_are_timed():
 
 @pytest.mark.ci
 def test_the_command_prints_a_line_for_each_model(capsys):
-    timing(["paper"], None, 1, 3, VASE)
-    assert "paper, onnxruntime: irradiance " in capsys.readouterr().out
+    timing(["paper"], threads=1, repeats=3, photo=VASE)
+    assert "paper: irradiance " in capsys.readouterr().out
