@@ -61,7 +61,6 @@ export default async ({ page, url, arguments: given }) => {
     await tell("mask of another aspect", () => probe.estimate(image, { mask: new OffscreenCanvas(10, 20) }));
     await tell("no object", () => probe.estimate(image, asMask(width, height)));
     await tell("normals", () => probe.estimate(image, { normals: new Float32Array(9) }));
-    await tell("surroundings", () => probe.estimate(image, { surroundings: "photo" }));
     await tell("click", () => probe.estimate(data, { click: [600, 3] }));
     await tell("point", () => probe.estimate(data, { click: [{ x: 1, y: 2 }] }));
     await tell("fov", () => probe.estimate(image, { fovDeg: 190 }));

@@ -234,7 +234,6 @@ def test_every_source_of_frames_is_followed_and_a_second_session_too(plain_site,
 
 
 EXPECTED_FAULTS = {
-    "surroundings": ("invalid-option", "^surroundings: expected a picture that shows more than its object"),
     "nothing": ("invalid-image", "^image: expected an address.*, got null$"),
     "empty": ("invalid-image", "^image: expected a picture with pixels, got an image without an address"),
     "absent": ("fetch-failed", r"absent\.png could not be fetched \(answer 404\)"),
