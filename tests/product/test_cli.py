@@ -138,7 +138,9 @@ def test_one_bad_photo_does_not_stop_the_others(work, command):
     outcome = command("estimate", "first.png", "second.png", "third.png", "-o", "out")
     assert outcome.status == 2
     assert names("out") == results("first", "third")
-    table = outcome.err.splitlines()
+    lines = outcome.err.splitlines()
+    assert lines[:3] == ["1 of 3: first.png", "2 of 3: second.png", "3 of 3: third.png"]
+    table = lines[3:]
     assert "dominant light" in table[0]
     assert [row.split()[0] for row in table[1:4]] == ["first.png", "second.png", "third.png"]
     assert "failed" in table[2]
@@ -396,7 +398,7 @@ def test_what_the_system_forbids_is_one_line(work, command, monkeypatch):
         raise PermissionError(errno.EACCES, "Permission denied", str(path))
 
     monkeypatch.setattr(Path, "is_dir", forbidden)
-    assert "vase.png: cannot be used (Permission denied)" in command("estimate", "vase.png").complaint
+    assert "vase.png: refused (Permission denied)" in command("estimate", "vase.png").complaint
 
 
 @pytest.mark.ci

@@ -163,8 +163,8 @@ def test_an_error_of_a_mask_names_the_photo_it_is_of(work, command, photo_rgba, 
         (("--box", "1,2,3"), "X0,Y0,X1,Y1"),
         (("--box", "a,b,c,d"), "X0,Y0,X1,Y1"),
         (("--box", "0,0,500,500"), "128"),
-        (("--fov", "400"), "more than 1 and less than 170 degrees"),
-        (("--fov", "nan"), "more than 1 and less than 170 degrees"),
+        (("--fov", "400"), "expected 1 to 170 degrees"),
+        (("--fov", "nan"), "expected 1 to 170 degrees"),
         (("--box", "20,10,110,90", "--mask", "photos/sphere.png"), "expected one of them"),
         (("--exclude", "20,10", "--mask", "photos/sphere.png"), "--exclude and --mask: expected one of them"),
         (
@@ -192,7 +192,6 @@ def test_senseless_option(work, command, photo_path, arguments, word):
         ("match", "sphere.png", "maps", "-o", "out.exr"),
         ("video", "clip.mp4", "-o", "out.mp4"),
         ("export", "sphere.exr", "--to", "usd", "-o", "out.usda"),
-        ("evaluate", "--hdri", "maps", "--meshes", "shapes", "-o", "scores.json"),
     ],
 )
 def test_a_file_is_no_folder_for_results(work, command, words):
@@ -220,7 +219,6 @@ def test_box_cuts_the_object_out(work, command, photo_rgba):
     assert outcome.status == 0, outcome.err
     crop = json.loads(outcome.out)["crop"]
     assert crop["center_px"] == pytest.approx([64, 48], abs=3)  # the sphere, not the box's surroundings
-    assert crop["side_px"] == pytest.approx(1.1 * 64, abs=6)
 
 
 # Odd inputs that are fine

@@ -6,7 +6,6 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
-from itertools import repeat
 from typing import Any, Unpack
 
 import numpy as np
@@ -137,7 +136,7 @@ class Estimator:
         plate = None
 
         def opened() -> Iterator[tuple[Photo, dict[str, np.ndarray]]]:
-            nonlocal plate
+            nonlocal plate, start
             for number, photo in enumerate(photos):  # photos may be loaded lazily, one after another
                 if not isinstance(photo, Photo):
                     text = f"expected what load_photo returns, got {type(photo).__name__}; load each first"
@@ -145,9 +144,10 @@ class Estimator:
                 plate = _plate(photo, True) if number == 0 else plate
                 one = of_another_view(photo) if number else photo
                 yield one.without_pixels(), inputs_of(one)
+                start = time.perf_counter()  # the next one's loading begins once this one's light is estimated
 
         estimate_one = partial(self.from_inputs, material=given)
-        light = estimate_views(estimate_one, opened(), world_from_camera, repeat(None))
+        light = estimate_views(estimate_one, opened(), world_from_camera, iter(lambda: start, None))
         return replace(light, plate=None if light.ground is None else plate)
 
     def from_photo(

@@ -6,6 +6,7 @@ system has no such files; so the name of a user's file, and its suffix, never ma
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import tempfile
@@ -134,7 +135,7 @@ def encode_image(pixels: np.ndarray, kind: str, attributes: Mapping[str, Any], n
         attributes: of the header: text, whole numbers, tuples of floats, and bytes.
         names: of the channels; R, G, B where there are none.
     Raises:
-        OSError: there is no room for it.
+        OSError: there is no room for it, whole.
     """
     oiio = library()
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], DTYPES[pixels.dtype.name])
@@ -149,7 +150,9 @@ def encode_image(pixels: np.ndarray, kind: str, attributes: Mapping[str, Any], n
             spec.attribute(name, value)
     with _named(b"", f".{kind}") as path:
         _write(path, kind, spec, pixels)
-        return Path(path).read_bytes()
+        encoded = Path(path).read_bytes()
+    _check_end(encoded, kind)
+    return encoded
 
 
 def _write(path: str, kind: str, spec: Any, pixels: np.ndarray) -> None:
@@ -157,7 +160,24 @@ def _write(path: str, kind: str, spec: Any, pixels: np.ndarray) -> None:
     with _opening:
         image = library().ImageOutput.create(kind)
     if not (image.open(path, spec) and image.write_image(np.ascontiguousarray(pixels)) and image.close()):
-        raise OSError(one_line(image.geterror()))
+        raise _no_room(one_line(image.geterror()))
+
+
+def _check_end(encoded: bytes, kind: str) -> None:
+    """Raise OSError where the last row is missing: writers do not report what their last flush loses."""
+    try:
+        with open_image(encoded, kind) as image, quiet():
+            spec = image.spec()
+            end = spec.y + spec.height
+            is_whole = image.read_scanlines(end - 1, end, 0, 0, spec.nchannels) is not None
+    except ValueError as error:
+        raise _no_room(str(error)) from error
+    if not is_whole:
+        raise _no_room("the end is missing")
+
+
+def _no_room(report: str) -> OSError:
+    return OSError(errno.EFBIG, f"{os.strerror(errno.EFBIG)}: {report}")
 
 
 @contextmanager

@@ -49,7 +49,7 @@ def look_of(photo: Photo) -> CameraLook:
     rows, columns = (slice(max(0, int(c) - REACH_PX), max(0, int(c) + REACH_PX)) for c in (y, x))
     shown = luminance(photo.rgb[rows, columns]).astype(np.float32)
     # of a cut-out only the object's own texture would be measured
-    grain = _grain_of(shown) if photo.shows_place else 0.0
+    grain = _grain_of(shown) if photo.shows_place and photo.plate() is not None else 0.0
     return CameraLook(blur=_blur_of(shown), grain=grain)
 
 
