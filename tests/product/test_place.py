@@ -16,7 +16,6 @@ from anyprobe.core.frames import rotation_x, rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.estimate.ground import Ground, up_of
-from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.sidecar import Origin
 from anyprobe.light.harmonics import project
 from anyprobe.maps.radiance import HALF_MAX, read_radiance
@@ -283,17 +282,15 @@ def test_highlights_are_shown_and_the_photo_is_as_it_was():
     assert shown[0, -1, 2] < 0.7  # its hue stays
 
 
-def test_a_dark_room_is_shown_though_it_tells_nothing_of_the_light():
+def test_a_dark_room_is_shown_and_a_flat_background_is_not(estimator):
     rng = np.random.default_rng(1)
     picture = (rng.uniform(0, 0.12, (120, 160, 3)) * 255).astype(np.uint8)
     mask = np.zeros((120, 160), np.float32)
     mask[40:90, 60:110] = 1.0
     picture[mask > 0] = 200
-    photo = load_photo(picture, mask=mask)
-    assert photo.surroundings is None
-    assert photo.shows_place
+    assert estimator(picture, mask=mask).plate is not None
     flat = np.where(mask[..., None] > 0, picture, 128).astype(np.uint8)
-    assert not load_photo(flat, mask=mask).shows_place
+    assert estimator(flat, mask=mask).plate is None
 
 
 def test_a_light_without_photo_has_a_panorama_of_its_own_map():

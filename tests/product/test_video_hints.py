@@ -16,6 +16,7 @@ from support.transforms import transforms
 
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
+from anyprobe.errors import InvalidPhoto
 from anyprobe.estimate.photo import load_photo
 from anyprobe.maps.radiance import read_radiance, write_exr
 from anyprobe.relight.insert import Arrangement
@@ -62,12 +63,12 @@ def test_a_panorama_is_read_once_and_told_to_every_frame_as_to_a_photo(tmp_path,
         write_exr(path, 3 * values[..., :3])
     frame = first_frame(write_clip(tmp_path / "clip.mp4", [sphere_frame(made_map())]))
     masks = write_masks(tmp_path / "masks", 1)
-    expected = load_photo(frame.rgb, mask=masks / "0000.png", surroundings=path).surroundings.small
+    expected = load_photo(frame.rgb, mask=masks / "0000.png", surroundings=path).surroundings.values
     follower = MaskFollower({"mask": masks}, {}, {}, path)
     path.unlink()
     for _ in range(2):
-        np.testing.assert_array_equal(follower.photo(frame).surroundings.small, expected)
-    assert expected.shape[-1] == (4 if kind == "png" else 5)
+        np.testing.assert_array_equal(follower.photo(frame).surroundings.values, expected)
+    assert expected.shape == (64, 128, 4)
 
 
 # The lens
@@ -105,11 +106,16 @@ def test_the_object_stands_where_it_stood_after_an_end(tmp_path, estimator, monk
         return load_photo(rgb, mask=grown if click is None else sphere_mask(), **given)
 
     monkeypatch.setattr(MaskFollower, "_followed", lambda *asked: None)
-
     monkeypatch.setattr(following, "load_photo", found)
-    plain = sphere_frame(made_map())
-    plain[grown == 0] = 60
-    clip = write_clip(tmp_path / "clip.mp4", [plain] + [sphere_frame(made_map())] * 4)
+    estimate = ClipRun._estimate
+
+    def not_of_the_first(self, photo, index):
+        if index == 0:
+            raise InvalidPhoto("no light")
+        return estimate(self, photo, index)
+
+    monkeypatch.setattr(ClipRun, "_estimate", not_of_the_first)
+    clip = write_clip(tmp_path / "clip.mp4", [sphere_frame(made_map())] * 5)
     virtual = VirtualObject(mesh=sphere(8), material="chrome", arrangement=Arrangement(pitch_deg=15))
 
     def run(folder, stop_at=None):

@@ -16,7 +16,7 @@ from anyprobe.inputs.hints import AUTO, NONE, PHOTO, SPHERE, NormalsSource, Surr
 class PhotoBackground:
     """The photo's background, used as part of the map.
 
-    is_asked: whether the caller asked for it, so that a photo without a background is refused.
+    is_asked: whether the caller asked for it, so that it is used whatever it looks like.
     """
 
     is_asked: bool = False
