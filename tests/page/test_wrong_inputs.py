@@ -24,7 +24,7 @@ SERVER_ALONE = (
     *(name for name, wrong in TABLE.items() if any(key not in HINTS or not HINTS[key].in_web for key in wrong.given)),
     *("square panorama", "transparent panorama", "text as panorama"),  # the browser's package takes none
     *("a box as sphere", "mask of another size", "photo of a few pixels"),  # it scales masks and photos
-    *("box of nothing", "box of all", "no background"),  # its networks judge these
+    *("box of nothing", "box of all"),  # its networks judge these
 )
 """Inputs that the page can have wrong at its server alone."""
 pytestmark = pytest.mark.ci

@@ -217,7 +217,7 @@ def test_an_unknown_keyword_is_refused(call, photo_rgba):
 
 
 def test_other_settings_share_the_networks(estimator):
-    other = estimator.with_settings(segmenter="rembg")
+    other = estimator.with_settings(segmenter="small")
     assert other.models._sessions is estimator.models._sessions
     assert estimator.with_settings(model="paper").models.name == "paper"
 

@@ -76,6 +76,7 @@ TABLE = {
     "field of view of 0": Wrong({"fov_deg": 0.0}, subject=("fov_deg",)),
     "field of view of 200": Wrong({"fov_deg": 200.0}, subject=("fov_deg",)),
     "pitch of 91": Wrong({"pitch_deg": 91.0}, subject=("pitch_deg",)),
+    "roll without pitch": Wrong({"roll_deg": 5.0}, subject=("roll_deg",), remedy=("pitch_deg",)),
     "metal with an albedo": Wrong({"material": "gold", "albedo": 0.5}, subject=("albedo",)),
     "albedo of 2": Wrong({"albedo": 2.0}, subject=("albedo",)),
     "roughness of 0": Wrong({"roughness": 0.0}, subject=("roughness",)),
@@ -96,7 +97,6 @@ TABLE = {
     "text as panorama": Wrong(
         {"surroundings": b"sky"}, code="invalid-image", subject=("surroundings",), remedy=("choose-photo",)
     ),
-    "no background": Wrong({"surroundings": "photo", "mask": DISC}, remedy=("surroundings",), photo=png(level="white")),
     "normals of another size": Wrong(
         {"normals": png(size=(80, 60), level=(128, 128, 255)), "mask": DISC}, subject=("normals",)
     ),
