@@ -21,15 +21,15 @@ from anyprobe.core.response import response
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe_train.world.batch import LIGHT_OF, Traced, World, trace
 from anyprobe_train.world.layout import Standing, draw_layout, falling
-from anyprobe_train.world.lights import ROWS, draw_light
-from anyprobe_train.world.photo import SIZE, object_over
+from anyprobe_train.world.lights import LIGHT_ROWS, draw_light
+from anyprobe_train.world.photo import SQUARE_PX, object_over
 from anyprobe_train.world.views import shape_rng, standing_mesh
 from research.results import commit, write_result
 from research.scenes import layouts
 from research.scenes.render import render_layout
 from research.world.whole_scenes import Panel, Phone, Thing
 
-LONG_PX = 4 * SIZE
+LONG_PX = 4 * SQUARE_PX
 SEED = 41
 DARK, CLIPPED = 0.08, 0.98
 """Display luminance below which a pixel is dark, and from which on it is clipped."""
@@ -60,7 +60,7 @@ def as_layout(world: World, family: str, one: Traced) -> layouts.Layout:
         pitch_deg=0.0,
         roll_deg=frame.roll_deg,
     )
-    light = made.light.sky[: 2 * ROWS**2].reshape(ROWS, 2 * ROWS, 3)
+    light = made.light.sky[: 2 * LIGHT_ROWS**2].reshape(LIGHT_ROWS, 2 * LIGHT_ROWS, 3)
     thing = _thing(world, Standing(view=one.view, turn=0.0, scale=1.0, place=np.zeros(3)), one)
     panels, lit = [_panel(panel) for panel in made.panels], falling(made.light)
     if family == "ground":
@@ -104,7 +104,7 @@ def compared(world: World, family: str, number: int, quality: int) -> tuple[dict
     one = traced(world, family, number)
     render = render_layout(as_layout(world, family, one), quality)
     frame, most = one.frame, one.frame.most
-    own = object_over(one.seen, frame, (-most, most, most, -most), SIZE)
+    own = object_over(one.seen, frame, (-most, most, most, -most), SQUARE_PX)
     fast = own[..., :3] + (1 - own[..., 3:]) * one.behind
     square = np.zeros((LONG_PX, LONG_PX, 4), np.float32)
     height, width = render.mask.shape
@@ -113,9 +113,9 @@ def compared(world: World, family: str, number: int, quality: int) -> tuple[dict
     square[top : top + height, left : left + width, 3] = 1.0
     mask = np.zeros((LONG_PX, LONG_PX), np.float32)
     mask[top : top + height, left : left + width] = render.mask
-    times = LONG_PX // SIZE
-    small = square.reshape(SIZE, times, SIZE, times, 4).mean(axis=(1, 3))
-    mask = mask.reshape(SIZE, times, SIZE, times).mean(axis=(1, 3))
+    times = LONG_PX // SQUARE_PX
+    small = square.reshape(SQUARE_PX, times, SQUARE_PX, times, 4).mean(axis=(1, 3))
+    mask = mask.reshape(SQUARE_PX, times, SQUARE_PX, times).mean(axis=(1, 3))
     inside = small[..., 3] > 0.99
     bright = luminance(small[..., :3])
     lit = bright > 1e-3 * bright[inside].mean()  # Mitsuba has the backs of faces black
