@@ -85,7 +85,7 @@ def test_alpha_that_cuts_the_object_out_is_its_mask_as_it_is(square):
         assert found.source == "alpha"
         np.testing.assert_array_equal(found.mask, alpha)
     assert mask_from_alpha(None) is None
-    with refused("mask", code="no-object", naming="empty", kind=InvalidMask):
+    with refused("mask", code="no-object", naming="0.40", kind=InvalidMask):
         mask_from_alpha(square * 0.4)
 
 
