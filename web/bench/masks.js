@@ -15,7 +15,7 @@ import { lightOfObject } from "../src/networks/lightOfObject.js";
 import { Models } from "../src/networks/models.js";
 import { DEFAULT_LONG_FOV_DEG } from "../src/photo/lens.js";
 import { SmallNetwork, U2NetP } from "../src/photo/maskNetworks.js";
-import { findObject, maskOf } from "../src/photo/search.js";
+import { Looks, findObject, maskOf } from "../src/photo/search.js";
 
 const folder = process.argv[2];
 const { weights, isLive, cases } = JSON.parse(readFileSync(join(folder, "cases.json")));
@@ -39,7 +39,7 @@ const answers = {};
 for (const { name, width, height, hints } of cases) {
   const picture = { width, height, rgba: new Uint8ClampedArray(readFileSync(join(folder, `${name}.rgba`))) };
   const start = used();
-  const found = await findObject(network, picture, hints);
+  const found = await findObject(new Looks(network, picture), hints);
   const mask = found ? maskOf(found, width, height) : new Float32Array(width * height);
   answers[name] = { ms: used() - start };
   if (models.hasLight) answers[name].dominant = await lightOf(picture, mask);
