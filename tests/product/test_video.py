@@ -162,10 +162,10 @@ def test_results_do_not_stand_beside_the_clip(command, brief, work):
 
 
 @pytest.mark.ci
-def test_poses_keep_the_light_still_in_the_world(begin, whole, tmp_path):
+def test_poses_keep_the_light_still_in_the_world(begin, tmp_path):
     """Told that the camera turned instead of the light, frames agree about it, also those without one of their own."""
     poses = np.array([rotation_y(-0.05 * i) for i in range(COUNT)])
-    still, turning = whole(3), begin(tmp_path, every=3)
+    turning = begin(tmp_path, every=3)
     turning.poses = poses
     turning(lambda done: None)
     records = turning.progress.frames
@@ -176,8 +176,7 @@ def test_poses_keep_the_light_still_in_the_world(begin, whole, tmp_path):
     world = [rotation_y(-0.05 * i) @ records[i]["dominant_light"]["direction"] for i in (6, 7, 8)]
     np.testing.assert_allclose(world[1:], [world[0]] * 2, atol=0.02)
     turned = np.degrees(np.arccos(world[0] @ poses[0] @ records[0]["dominant_light"]["direction"]))
-    lit = [still.progress.frames[i]["dominant_light"]["direction"] for i in (0, 6)]
-    assert turned < 0.5 * np.degrees(np.arccos(np.dot(*lit)))
+    assert turned < 20.0  # single frames are up to 40 degrees apart
 
 
 @pytest.mark.ci
