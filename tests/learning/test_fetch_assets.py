@@ -553,7 +553,7 @@ def process(site, to) -> subprocess.Popen:
     """The command in a process of its own, on one map only."""
     given = ["polyhaven", "--api", site.url, "--pause", "0", "--to", str(to), "--split", "0"]
     given += ["--type", "hdris", "--category", "skies"]
-    program = [sys.executable, "-m", "anyprobe_train.assets"]
+    program = [sys.executable, "-m", "anyprobe_train", "data"]
     return subprocess.Popen([*program, *given], cwd=ROOT, stderr=subprocess.PIPE, text=True)
 
 

@@ -195,7 +195,7 @@ def test_a_loop_of_links_as_the_place_of_results_is_one_line(command, work, phot
 @pytest.mark.parametrize("field", ["photo", "mask", "depth", "normals", "surroundings"])
 def test_a_masked_array_is_refused_and_says_how_to_fill_it(photo_rgba, kind, field):
     masked = np.ma.masked_array(photo_rgba[..., :3].astype(kind) / (1 if kind == np.uint8 else 255), mask=False)
-    given = {field: masked} if field != "photo" else {}
+    given = ({"near": 0.5} if field == "depth" else {}) | ({field: masked} if field != "photo" else {})
     with pytest.raises(InputError, match="masked array; fill it first"):
         anyprobe.load_photo(masked if field == "photo" else photo_rgba, anyprobe.Hints(**given))
 
