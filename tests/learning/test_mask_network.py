@@ -297,4 +297,4 @@ def test_commands_train_export_and_keep(tmp_path, monkeypatch):
 
 
 def test_weights_that_are_kept_of_the_shipped_network_begin_a_run():
-    load_init_weights(MaskNet(), Path(__file__).parents[2] / "training" / "mask.pt")
+    load_init_weights(MaskNet(), Path(__file__).parents[2] / "train" / "checkpoints" / "mask.pt")
