@@ -208,8 +208,9 @@ class LeanNet(nn.Module):
         code = self.together(F.dropout(torch.cat([seen_code, code, hints], dim=1), DROPPED, self.training))
         posture = self.posture(code).float()
         with torch.autocast(code.device.type, enabled=False):  # a cosine of eight bits is degrees off
-            glossy, matte = self._lift(inputs, toward, features.float(), crop_rays)
+            weights = self._lifting(inputs.normals, toward.detach(), crop_rays)
             near = self._near(inputs, posture, sun_given)
+        glossy, matte = self._lift(inputs.crop, features, weights)
         beside = torch.cat([F.pixel_unshuffle(inputs.seen, 2), near], dim=1)
         grid = self.start(code).unflatten(1, (LAID_CHANNELS, MATTE_ROWS, 2 * MATTE_ROWS))
         x = self.lifted(_last(torch.cat([self.enter(_last(beside)), glossy], dim=1)))
@@ -228,29 +229,34 @@ class LeanNet(nn.Module):
         known = (normals.square().sum(dim=1, keepdim=True) > 0.25).to(normals.dtype)
         return self.given_normals(F.avg_pool2d(torch.cat([normals, known], dim=1), 2))
 
-    def _lift(
-        self, inputs: LightInputs, normals: torch.Tensor, features: torch.Tensor, crop_rays: torch.Tensor
+    def _lifting(
+        self, given: torch.Tensor, normals: torch.Tensor, crop_rays: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return means over the object's pixels by the direction that they mirror [N, C, 16, 32] and by their normals
-        [N, C, 8, 16]; the last channel says how much of the object there is."""
-        given = inputs.normals
+        """Return how much each of the P = 24 * 24 points of the crop counts in each direction: along those that they
+        mirror [N, 512, P], and along their normals [N, 128, P]."""
         known = (given.square().sum(dim=1, keepdim=True) > 0.25).to(given.dtype)
-        n = F.avg_pool2d((known * given + (1 - known) * normals).detach(), 2)
+        n = F.avg_pool2d(known * given + (1 - known) * normals, 2)
         n = F.normalize(n, dim=1).flatten(2)  # [N, 3, P]
         wo = _facing(F.avg_pool2d(crop_rays, 4)).flatten(2)
         wi = 2.0 * (n * wo).sum(dim=1, keepdim=True) * n - wo
-        ones = torch.ones_like(wi[:, :1])
-        small = F.avg_pool2d(inputs.crop, 4).flatten(2)
+
+        def weights(about: torch.Tensor, to: torch.Tensor, sharpness: float) -> torch.Tensor:
+            to = torch.cat([to, -torch.ones_like(to[:, :1])], dim=1)
+            closeness = sharpness * to @ torch.cat([about, torch.ones_like(about[:, :1])], dim=1)
+            return torch.exp(closeness.clamp(min=LN_NOTHING))  # without bounds four times as slow
+
+        return weights(wi, self.lift_directions, GLOSSY), weights(n, self.coarse_directions, MATTE)
+
+    def _lift(
+        self, crop: torch.Tensor, features: torch.Tensor, weights: tuple[torch.Tensor, torch.Tensor]
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return means over the object's points by `_lifting`, [N, C, 16, 32] and [N, C, 8, 16]; the last channel says
+        how much of the object there is."""
+        small = F.avg_pool2d(crop, 4).flatten(2)
         mask = small[:, 3:]
         values = torch.cat([small[:, :3], features.flatten(2) * mask, mask], dim=1).transpose(1, 2)  # [N, P, C]
         grids = []
-        for about, to, sharpness, rows in (
-            (wi, self.lift_directions, GLOSSY, GLOSSY_ROWS),
-            (n, self.coarse_directions, MATTE, MATTE_ROWS),
-        ):
-            to = torch.cat([to, -torch.ones_like(to[:, :1])], dim=1)
-            closeness = sharpness * to @ torch.cat([about, ones], dim=1)
-            weight = torch.exp(closeness.clamp(min=LN_NOTHING))  # [N, D, P]; without bounds four times as slow
+        for weight, rows in zip(weights, (GLOSSY_ROWS, MATTE_ROWS), strict=True):
             sums = weight @ values
             inside = sums[..., -1:]
             means = torch.cat([sums[..., :-1] / (inside + 0.1), torch.log1p(inside) / 4.0], dim=2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -64,13 +65,15 @@ def tensors_of(batch: Any, device: str = "cpu") -> tuple[LightInputs, LightTruth
     return seen_again(inputs, family == CUT_OUT), truth
 
 
+_on_sphere = functools.cache(lambda device: SeenOnSphere().to(device))
+
+
 def seen_again(inputs: LightInputs, some: torch.Tensor) -> LightInputs:
     """Lay what some [N] photos show beside their objects on the sphere anew."""
     if not some.any():
         return inputs
-    project = SeenOnSphere().to(some.device)
     seen = inputs.seen.clone()
-    seen[some] = project(inputs.context[some], inputs.lens[some, 0])
+    seen[some] = _on_sphere(some.device)(inputs.context[some], inputs.lens[some, 0])
     return replace(inputs, seen=seen)
 
 
