@@ -15,7 +15,7 @@ torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles  # noqa: E402
 from anyprobe_train.light.drawing import MapDrawing  # noqa: E402
 from anyprobe_train.light.light_losses import LIGHT_WEIGHTS, LightLoss, total_of  # noqa: E402
-from anyprobe_train.light.light_run import LightRunConfig, run_light  # noqa: E402
+from anyprobe_train.light.light_run import LightRunConfig, keep_light, run_light  # noqa: E402
 from anyprobe_train.light.network import LeanNet  # noqa: E402
 from anyprobe_train.light.pictured import learned, mirrored_inputs, mirrored_truth, tensors_of  # noqa: E402
 from anyprobe_train.nets.emitter_head import POWER_FLOOR  # noqa: E402
@@ -219,3 +219,22 @@ def test_a_run_that_is_asked_to_stop_keeps_its_last_step_though_its_photos_end(t
     config = LightRunConfig(name="light", steps=3, batch=2, warmup=2)
     path = run_light(config, batches=batches, runs=tmp_path, assets="stub")
     assert torch.load(path, weights_only=True)["step"] == 1
+
+
+def test_kept_weights_go_on_in_another_folder_at_their_step(tmp_path) -> None:
+    asked = []
+
+    def batches(first: int):
+        asked.append(first)
+        yield batch_of(first, 2)
+
+    config = LightRunConfig(name="light", steps=4, batch=2, warmup=2)
+    first = run_light(config, batches=batches, runs=tmp_path / "a", assets="stub", last=1)
+    keep_light(first, tmp_path / "kept.pt")
+    second = run_light(config, batches=batches, runs=tmp_path / "b", assets="stub", start=tmp_path / "kept.pt")
+    old, new = (torch.load(path, weights_only=True) for path in (first, second))
+    assert asked == [0, 1]
+    assert new["step"] == 2
+    name = "start.0.weight"
+    moved = (new["moving"][name] - old["net"][name]).abs().max()
+    assert 0 < moved < 10 * config.learning_rate

@@ -52,7 +52,7 @@ def run(
     if name == LIGHT_RUN:
         from anyprobe_train.light.command import train_light
 
-        return typer.echo(train_light(data, runs, steps, dry_run, device, workers))
+        return typer.echo(train_light(data, runs, steps, dry_run, device, workers, init_weights))
     if name not in NAMED:
         names = (*NAMED, LIGHT_RUN)
         raise InputError(f"expected one of {', '.join(names)}{did_you_mean(name, names)}", source=f"run {name!r}")
@@ -97,7 +97,10 @@ def export(
     checkpoint = runs / name / "checkpoint.pt"
     if name == LIGHT_RUN:
         from anyprobe_train.light.light_export import export_lean
+        from anyprobe_train.light.light_run import keep_light
 
+        if keep is not None:
+            keep_light(checkpoint, keep)
         return typer.echo(f"{to / 'light.onnx'}: within {export_lean(checkpoint, to / 'light.onnx'):.2g} of torch")
     if keep is not None:  # first: what training made is not lost where the export is refused
         keep_apart(checkpoint, keep)

@@ -17,12 +17,18 @@ SMALL_BATCH, FEW_VIEWS = 8, 2
 
 
 def train_light(
-    data: Path | None, runs: Path, steps: int | None, dry_run: int | None, device: str, processes: int
+    data: Path | None,
+    runs: Path,
+    steps: int | None,
+    dry_run: int | None,
+    device: str,
+    processes: int,
+    start: Path | None,
 ) -> Path:
     """Train the light network; the checkpoint's path.
 
     dry_run: so many steps of SMALL_BATCH photos in a run of their own that begins anew. processes: how many make photos
-    while this one learns.
+    while this one learns. start: weights to go on from.
 
     Raises:
         InputError: no data.
@@ -52,4 +58,4 @@ def train_light(
             yield from feed
 
     scored = None if dry_run is not None else left_out_scores(runs / "left_out", data, cache)
-    return run_light(config, batches=batches, runs=runs, assets=assets, device=device, scored=scored)
+    return run_light(config, batches=batches, runs=runs, assets=assets, device=device, scored=scored, start=start)

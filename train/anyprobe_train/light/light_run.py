@@ -18,7 +18,16 @@ from anyprobe_train.light.light_losses import LIGHT_WEIGHTS, LightLoss, total_of
 from anyprobe_train.light.network import LeanNet
 from anyprobe_train.light.pictured import learned, tensors_of
 from anyprobe_train.nets.blocks import autocast
-from anyprobe_train.train.checkpoint import agreed, load_weights, read_checkpoint, resumed, save_checkpoint
+from anyprobe_train.train.checkpoint import (
+    agreed,
+    keep_apart,
+    load_weights,
+    read_checkpoint,
+    read_init_weights,
+    resumed,
+    save_checkpoint,
+    save_weights,
+)
 from anyprobe_train.train.logger import RunLogger, run_folder
 from anyprobe_train.train.loop import learning_rate, mean_of, move_mean
 
@@ -74,14 +83,16 @@ def run_light(
     device: str = "cpu",
     last: int | None = None,
     scored: Scored | None = None,
+    start: Path | None = None,
 ) -> Path:
     """Train to config.steps, going on from the checkpoint of runs/<config.name> when there is one; its path.
 
     assets: identity of what batches are drawn from. last: stop at this step, to go on later. scored: figures of photos
-    that are left out, written to left_out.jsonl beside the checkpoint.
+    that are left out, written to left_out.jsonl beside the checkpoint. start: weights of `keep_light` that a run goes
+    on from, at the step that they were kept at.
 
     Raises:
-        InputError, ModelError: of train.checkpoint.resumed.
+        InputError, ModelError: of train.checkpoint.resumed and read_init_weights.
     """
     torch.manual_seed(config.seed)
     torch.set_flush_denormal(True)
@@ -90,10 +101,16 @@ def run_light(
     optimizer = torch.optim.AdamW(
         net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay, fused=True
     )
-    stored, origin = resumed(path, config, {"assets": assets}, None, device, holds="net")
+    stored, origin = resumed(path, config, {"assets": assets}, start, device, holds="net")
     if stored is not None:
         origin = agreed(path, stored.get("origin", {}), origin)
+    begun = 0
+    if stored is None and start is not None:
+        weights, pairs = read_init_weights(start)
+        load_weights(net, weights, start)
+        begun = (pairs or 0) // config.batch
     mean, first = mean_of(net, optimizer, stored, path)
+    first = max(first, begun)
     last = config.steps if last is None else min(last, config.steps)
     if first >= last:
         return path
@@ -142,6 +159,13 @@ def run_light(
         if done > kept:
             keep()
     return path
+
+
+def keep_light(checkpoint: Path, path: Path) -> None:
+    """Keep a run's weights, the mean of them, in half floats, to go on from in another run."""
+    stored = read_checkpoint(checkpoint, holds="net")
+    keep_apart(checkpoint, path)
+    save_weights(stored["net"], path, stored["step"] * json.loads(stored["config"])["batch"])
 
 
 def load_lean_net(checkpoint: Path) -> tuple[LeanNet, dict[str, Any]]:

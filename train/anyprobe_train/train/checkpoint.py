@@ -178,17 +178,18 @@ def save_init_weights(checkpoint: Path, path: Path, holds: str = "nets") -> None
     save_weights(stored[holds], path)
 
 
-def save_weights(weights: Mapping[str, torch.Tensor], path: Path) -> None:
-    """Save weights at path, compressed, large tensors as float16; read_init_weights reads them."""
+def save_weights(weights: Mapping[str, torch.Tensor], path: Path, pairs: int | None = None) -> None:
+    """Save weights at path, compressed, large tensors as float16, with the number of pairs they have seen if it is
+    given; read_init_weights reads them."""
     halved = {
         name: value.half() if value.is_floating_point() and value.numel() >= SMALL else value
         for name, value in weights.items()
     }
     with atomic_path(path) as temporary:
-        _save_deflated(halved, temporary)
+        _save_deflated(halved if pairs is None else {"nets": halved, "pairs": pairs}, temporary)
 
 
-def _save_deflated(weights: dict[str, torch.Tensor], path: Path) -> None:
+def _save_deflated(weights: dict[str, Any], path: Path) -> None:
     """Save weights as torch.save does, but compressed; torch.load reads it. Half floats shrink by a twelfth."""
     plain = io.BytesIO()
     torch.save(weights, plain)
