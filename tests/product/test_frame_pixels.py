@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import struct
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,9 @@ from anyprobe.core.response import inverse_response  # noqa: E402
 from anyprobe.errors import InputError  # noqa: E402
 from anyprobe.pictures.color_encoding import PRIMARIES  # noqa: E402
 from anyprobe.video.clip import Frame, open_clip, read_frames, write_piece  # noqa: E402
+from anyprobe.video.following import MaskFollower  # noqa: E402
+
+CASES = Path(__file__).parent / "cases"
 
 LINEAR = np.array([[[0.7, 0.7, 0.7], [0.6, 0.1, 0.1], [0.1, 0.5, 0.1], [0.1, 0.15, 0.6], [0.03, 0.03, 0.03]]])
 LUMA = {1: (0.2126, 0.0722), 6: (0.299, 0.114), 9: (0.2627, 0.0593)}
@@ -267,3 +271,37 @@ def test_of_two_clips_the_default_is_taken_and_said(tmp_path):
     assert clip.stream == 1
     assert "2 videos" in clip.warnings[0]
     assert frames(tmp_path / "a.mkv")[0].rgb.mean() == pytest.approx(200, abs=2)
+
+
+def test_an_interlaced_clip_comes_out_whole():
+    """Its rows are of two moments, 12 pixels of motion apart: a comb at every edge."""
+
+    def combed(rgb: np.ndarray) -> float:
+        luma = rgb[..., 1].astype(float)
+        return np.abs(luma[1:-1] - (luma[:-2] + luma[2:]) / 2).mean() / np.abs(luma[2:] - luma[:-2]).mean()
+
+    path = CASES / "interlaced_fast.mp4"
+    with av.open(str(path)) as container:
+        stored = [combed(picture.to_ndarray(format="rgb24")) for picture in container.decode(video=0)]
+    found = frames(path)
+    assert len(found) == len(stored) == 10
+    np.testing.assert_allclose([frame.time_s for frame in found], np.arange(10) / 25, atol=1e-6)
+    assert min(stored) > 1.5 * max(combed(frame.rgb) for frame in found)
+
+
+def test_the_transparency_of_a_clip_is_read_and_marks_its_object(tmp_path):
+    rgb = np.full((96, 128, 4), (180, 90, 60, 0), np.uint8)
+    ball = (np.mgrid[:96] - 40)[:, None] ** 2 + (np.mgrid[:128] - 70)[None] ** 2 < 25**2
+    rgb[ball, 3] = 255
+    with av.open(str(tmp_path / "a.mkv"), "w") as container:
+        stream = container.add_stream("ffv1", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 128, 96, "yuva420p"
+        for _ in range(2):
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(rgb, format="rgba")))
+        container.mux(stream.encode())
+    found = frames(tmp_path / "a.mkv")
+    np.testing.assert_allclose(found[0].alpha, ball, atol=0.02)
+    photo = MaskFollower({}, {}, {}).photo(found[1])
+    np.testing.assert_array_equal(photo.mask > 0.5, ball)
+    assert photo.mask_source == "alpha"
+    assert frames(CASES / "interlaced_fast.mp4")[0].alpha is None

@@ -39,6 +39,7 @@ from anyprobe.render.spheres import sphere_images
 from anyprobe.video import run as run_module
 from anyprobe.video.clip import clip_size, join_pieces, open_clip, read_frames, write_piece
 from anyprobe.video.following import MaskFollower, inner_point
+from anyprobe.video.preview import HEIGHT, MAP_ROWS, SIDE, WIDTH, beside_frame
 from anyprobe.video.run import ClipRun, VirtualObject
 from anyprobe.video.track import Progress, load_progress, save_progress
 
@@ -493,13 +494,16 @@ def test_light_clip_shows_the_map_and_three_spheres_of_every_frame(whole):
     run = whole(1)
     shown = [frame.rgb for frame in read_frames(open_clip(run.folder / "light.mp4"), [])]
     assert len(shown) == COUNT
-    assert shown[0].shape == (128, 640, 3)
+    assert shown[0].shape == (HEIGHT, 2 * WIDTH, 3)
     radiance, ev = run.progress.light.radiance, run.progress.preview_ev
-    seen = to_bytes(response(radiance)).astype(float).mean((0, 1))
-    np.testing.assert_allclose(shown[-1][:, :256].mean((0, 1)), seen, atol=4)
-    middles = [shown[-1][60:68, 256 + 128 * k + 60 : 256 + 128 * k + 68].mean() for k in range(3)]
-    wanted = [response(one[60:68, 60:68] * 2**ev).mean() * 255 for one in sphere_images(radiance, 128).values()]
+    seen, light = to_bytes(response(radiance)).astype(float).mean((0, 1)), shown[-1][:, WIDTH:]
+    np.testing.assert_allclose(light[:MAP_ROWS].mean((0, 1)), seen, atol=4)
+    middle = SIDE // 2 + np.arange(-4, 4)
+    middles = [light[MAP_ROWS:, SIDE * k : SIDE * (k + 1)][middle][:, middle].mean() for k in range(3)]
+    wanted = [response(one[middle][:, middle] * 2**ev).mean() * 255 for one in sphere_images(radiance, SIDE).values()]
     np.testing.assert_allclose(middles, wanted, atol=4)
+    clip = [frame.rgb for frame in read_frames(run.clip, [])]
+    np.testing.assert_allclose(shown[-1][:, :WIDTH], beside_frame(clip[-1], light)[:, :WIDTH], atol=40)
 
 
 def test_relit_clip_has_every_frame_and_the_object(whole, made):

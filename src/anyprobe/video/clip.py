@@ -20,6 +20,7 @@ from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto, OutputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.paths import absence_of
 from anyprobe.video.frame_pixels import shown_pixels
+from anyprobe.video.interlacing import Progressive
 from anyprobe.video.pyav import STILL, known_interface, open_video, pyav
 
 CODEC = "libx264"
@@ -41,8 +42,8 @@ class Frame:
     """One picture; all of a clip have the size of its first.
 
     index: as they are decoded, from 0. time_s: since the first. rgb: [H, W, 3] uint8, upright, square pixels, sRGB.
-    radiance: [H, W, 3] float32 of PQ and HLG, see frame_pixels.shown_pixels. note: a line on its size, of the first
-    one of another.
+    radiance: [H, W, 3] float32 of PQ and HLG, see frame_pixels.shown_pixels. alpha: [H, W] float32 in [0, 1]; None
+    where all is opaque. note: a line on its size, of the first one of another.
 
     Raises:
         InvalidPhoto: other pixels.
@@ -52,6 +53,7 @@ class Frame:
     time_s: float
     rgb: np.ndarray
     radiance: np.ndarray | None = None
+    alpha: np.ndarray | None = None
     note: str = ""
 
     def __post_init__(self) -> None:
@@ -145,7 +147,7 @@ def _unreadable(path: Path, error: Exception) -> InputError:
 
 
 def read_frames(clip: Clip, damaged: list[int]) -> Generator[Frame, None, None]:
-    """Yield all frames in order, turned upright by the file's rotation, in square pixels of sRGB.
+    """Yield all frames in order, turned upright by the file's rotation, in square pixels of sRGB, without interlacing.
 
     Where they change their size or turn midway they are fitted into that of the first, with black bars.
 
@@ -162,18 +164,18 @@ def read_frames(clip: Clip, damaged: list[int]) -> Generator[Frame, None, None]:
     with known_interface(), open_video(clip.path) as container:  # open_clip has seen that it can be
         stream = next(one for one in container.streams.video if one.index == clip.stream)
         stream.thread_type = "AUTO"
-        packets = container.demux(stream)
+        packets, progressive = container.demux(stream), Progressive()
         while True:
             try:
                 packet = next(packets, None)
                 if packet is None:
                     return
                 pictures = []
-                for picture in packet.decode():
+                for picture in progressive(packet):
                     aspect = stream.sample_aspect_ratio or stream.codec_context.sample_aspect_ratio
-                    rgb, radiance, own = shown_pixels(picture, aspect, size, clip.path)
-                    size = size or own
-                    pictures.append((picture.time, rgb, radiance, own))
+                    shown = shown_pixels(picture, aspect, size, clip.path)
+                    size = size or shown.own_size
+                    pictures.append((picture.time, shown))
             except InputError:
                 raise
             except av.error.EOFError:
@@ -183,13 +185,16 @@ def read_frames(clip: Clip, damaged: list[int]) -> Generator[Frame, None, None]:
                     raise _unreadable(clip.path, error) from error
                 damaged.append(index)
                 continue
-            for shown_s, rgb, radiance, own in pictures:
+            for shown_s, shown in pictures:
+                own = shown.own_size
                 time_s = index / clip.fps if shown_s is None else float(shown_s)
                 first_s = time_s if first_s is None else first_s
                 last_s = max(time_s - first_s, last_s + LEAST_STEP_S) if index else 0.0
                 note = "" if size is None or own == size or own in sizes else _resized(clip.path, index, own, size)
                 sizes.add(own)
-                yield Frame(index=index, time_s=last_s, rgb=rgb, radiance=radiance, note=note)
+                yield Frame(
+                    index=index, time_s=last_s, rgb=shown.rgb, radiance=shown.radiance, alpha=shown.alpha, note=note
+                )
                 index += 1
 
 

@@ -1,4 +1,5 @@
-"""The object's mask from frame to frame: from a folder, or found once and moved with the object (video.held_mask)."""
+"""The object's mask from frame to frame: from a folder, a clip's transparency, or found once and moved with the object
+(video.held_mask)."""
 
 from __future__ import annotations
 
@@ -129,7 +130,7 @@ class MaskFollower:
             if frame.index >= len(paths):
                 raise InvalidMask(f"expected one {kind} a frame, got {len(paths)} files; make the others", source=name)
             own[kind] = paths[frame.index]
-        if not self.finds:
+        if not self.finds or (frame.alpha is not None and not self.hints):
             return self._load(frame, name, own)
         size = frame.rgb.shape[0], frame.rgb.shape[1]
         if self._size is not None and self._size != size:
@@ -208,7 +209,7 @@ class MaskFollower:
     def _load(self, frame: Frame, name: str, own: Mapping[str, Any], **where: Any) -> Photo:
         """Return the frame with files of its own; errors say which frame, or which of its files."""
         try:
-            pixels = replace(read_image(frame.rgb, name), radiance=frame.radiance)
+            pixels = replace(read_image(frame.rgb, name), radiance=frame.radiance, alpha=frame.alpha)
             return load_photo(pixels, **self._every, **own, **where)
         except InputError as error:
             if not own or any(path.name in str(error) for path in own.values()):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
@@ -60,17 +61,27 @@ def square_size(width: int, height: int, aspect: Fraction | None) -> tuple[int, 
     return max(1, round(width * aspect)), height
 
 
-def shown_pixels(
-    picture, aspect: Fraction | None, size: tuple[int, int] | None, path: Path
-) -> tuple[np.ndarray, np.ndarray | None, tuple[int, int]]:
-    """Return the pixels that a player shows of an av.VideoFrame.
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Shown:
+    """Pixels of a frame.
+
+    rgb: [H, W, 3] uint8, sRGB. radiance: of PQ and HLG [H, W, 3] float32, linear Rec. 709 above diffuse white (1) and
+    by core.response below, else None. alpha: [H, W] float32 in [0, 1]; None where all is opaque. own_size: width and
+    height before it was fitted.
+    """
+
+    rgb: np.ndarray
+    radiance: np.ndarray | None
+    alpha: np.ndarray | None
+    own_size: tuple[int, int]
+
+
+def shown_pixels(picture, aspect: Fraction | None, size: tuple[int, int] | None, path: Path) -> Shown:
+    """Return the pixels that a player shows of an av.VideoFrame, and its transparency.
 
     Args:
         aspect: of its pixels, width over height; None where the file does not say.
         size: width and height to fit it into, with black bars where the shape differs; None: its own.
-    Returns:
-        rgb [H, W, 3] uint8, sRGB; of PQ and HLG radiance [H, W, 3] float32, linear Rec. 709 above diffuse white (1) and
-        by core.response below, else None; and its own width and height, before it was fitted.
     Raises:
         InputError: it has too many pixels, or colours that cannot be converted.
     """
@@ -96,12 +107,26 @@ def shown_pixels(
             upright = (pixels.swapaxes(0, 1) if turns % 2 else pixels)[:: mirrors[0], :: mirrors[1]]
         if size is None or size == target:
             return np.ascontiguousarray(upright)
-        canvas = np.zeros((size[1], size[0], 3), pixels.dtype)
+        canvas = np.zeros((size[1], size[0], *pixels.shape[2:]), pixels.dtype)
         top, left = (size[1] - target[1]) // 2, (size[0] - target[0]) // 2
         canvas[top : top + target[1], left : left + target[0]] = upright
         return canvas
 
-    return placed(rgb), None if radiance is None else placed(radiance), own
+    alpha = _alpha(picture, stored)
+    return Shown(
+        rgb=placed(rgb),
+        radiance=None if radiance is None else placed(radiance),
+        alpha=None if alpha is None else placed(alpha),
+        own_size=own,
+    )
+
+
+def _alpha(picture, stored: tuple[int, int]) -> np.ndarray | None:
+    """Return the transparency [H, W] of a frame of this width and height; None where all is opaque."""
+    if not any(part.is_alpha for part in picture.format.components):
+        return None
+    alpha = picture.to_ndarray(format="rgba64le", width=stored[0], height=stored[1])[..., 3]
+    return alpha / np.float32(0xFFFF) if (alpha < 0xFFFF).any() else None
 
 
 def _display_matrix(picture) -> tuple[int, int, int, int] | None:

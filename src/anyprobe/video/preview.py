@@ -1,4 +1,4 @@
-"""A light as one frame of a clip: its map, and a matte, a silver and a mirror sphere under it."""
+"""A frame of light.mp4: the clip's, and beside it its map over a matte, a silver and a mirror sphere."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from PIL import Image
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
@@ -18,7 +19,11 @@ from anyprobe.scatter.materials import Material, brdf
 if TYPE_CHECKING:
     from jaxtyping import Float, UInt8
 
-_SIDE = 128
+WIDTH = 640
+"""Of the clip's frame, and of the map beside it [pixels]."""
+SIDE, MAP_ROWS = 208, WIDTH // 2
+"""Of a sphere, and of the map [pixels]."""
+HEIGHT = MAP_ROWS + SIDE
 SPHERES = ("diffuse", "silver", "mirror")
 
 _SILVER_SIDE, _ROWS = 32, 32
@@ -27,20 +32,39 @@ _SILVER_SIDE, _ROWS = 32, 32
 
 def preview_ev(radiance: Float[np.ndarray, "H 2*H 3"]) -> float:
     """Return the exposure [EV] of light_picture's spheres at which the matte one under this light does not clip."""
-    return spheres_ev(diffuse(reduced(radiance, _ROWS), _SIDE))
+    return spheres_ev(diffuse(reduced(radiance, _ROWS), SIDE))
 
 
-def light_picture(radiance: Float[np.ndarray, "H 2*H 3"] | None, ev: float = 0.0) -> UInt8[np.ndarray, "128 640 3"]:
-    """Return the map, then SPHERES, through the mean camera curve; black where there is no light.
+def light_picture(radiance: Float[np.ndarray, "H 2*H 3"] | None, ev: float = 0.0) -> UInt8[np.ndarray, "528 640 3"]:
+    """Return the map and under it SPHERES, through the mean camera curve; black where there is no light.
 
     The map is shown at the clip's exposure, the spheres at ev [EV] relative to it.
     """
+    picture = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     if radiance is None:
-        return np.zeros((_SIDE, (2 + len(SPHERES)) * _SIDE, 3), np.uint8)
-    shown = resample(reduced(np.asarray(radiance, np.float32), _SIDE), (2 * _SIDE, _SIDE), smooth=True)
-    spheres = diffuse(reduced(radiance, _ROWS), _SIDE), _silver(radiance), mirror(radiance, _SIDE)
-    exposed = (sphere * np.float32(2.0**ev) for sphere in spheres)
-    return to_bytes(response(np.concatenate([shown, *exposed], axis=1)))
+        return picture
+    shown = resample(np.asarray(radiance, np.float32), (WIDTH, MAP_ROWS), smooth=True)
+    picture[:MAP_ROWS] = to_bytes(response(shown))
+    spheres = diffuse(reduced(radiance, _ROWS), SIDE), _silver(radiance), mirror(radiance, SIDE)
+    for k, sphere in enumerate(spheres):
+        picture[MAP_ROWS:, k * SIDE : (k + 1) * SIDE] = to_bytes(response(sphere * np.float32(2.0**ev)))
+    return picture
+
+
+def beside_frame(
+    rgb: UInt8[np.ndarray, "H W 3"], light: UInt8[np.ndarray, "528 640 3"]
+) -> UInt8[np.ndarray, "528 1280 3"]:
+    """Return a clip's frame, as large as it fits, and a light_picture on its right."""
+    scale = min(WIDTH / rgb.shape[1], HEIGHT / rgb.shape[0])
+    width, height = (max(1, round(n * scale)) for n in (rgb.shape[1], rgb.shape[0]))
+    picture = np.zeros((HEIGHT, 2 * WIDTH, 3), np.uint8)
+    left, top = (WIDTH - width) // 2, (HEIGHT - height) // 2
+    small = Image.fromarray(rgb).resize(
+        (width, height), Image.Resampling.BOX if scale < 1 else Image.Resampling.BILINEAR
+    )
+    picture[top : top + height, left : left + width] = np.asarray(small)
+    picture[:, WIDTH:] = light
+    return picture
 
 
 def _silver(radiance: np.ndarray) -> np.ndarray:
@@ -49,8 +73,8 @@ def _silver(radiance: np.ndarray) -> np.ndarray:
     picture = np.zeros((_SILVER_SIDE, _SILVER_SIDE, 4), np.float32)
     picture[inside, :3] = _silver_weights() @ reduced(radiance, _ROWS).reshape(-1, 3)
     picture[inside, 3] = 1.0
-    larger = resample(picture, (_SIDE, _SIDE), smooth=True)
-    return np.where(sphere_normals(_SIDE)[1][..., None], larger[..., :3] / np.maximum(larger[..., 3:], 1e-3), 0.0)
+    larger = resample(picture, (SIDE, SIDE), smooth=True)
+    return np.where(sphere_normals(SIDE)[1][..., None], larger[..., :3] / np.maximum(larger[..., 3:], 1e-3), 0.0)
 
 
 @lru_cache(maxsize=1)

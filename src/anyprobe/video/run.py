@@ -32,7 +32,7 @@ from anyprobe.render.mesh import Mesh
 from anyprobe.scatter.materials import Material
 from anyprobe.video.clip import Clip, Frame, join_pieces, read_frames, write_piece
 from anyprobe.video.following import MaskFollower
-from anyprobe.video.preview import light_picture, preview_ev
+from anyprobe.video.preview import beside_frame, light_picture, preview_ev
 from anyprobe.video.track import PIECES, Progress, describe, forget_progress, load_progress, save_progress, write_track
 
 SAVE_EVERY = 24
@@ -155,7 +155,7 @@ class ClipRun:
             done.frames.append(self._one(frame, look))
             if self.virtual is not None:
                 pictures.append((frame.time_s, self._picture(frame)))
-            previews.append((frame.time_s, self._light_picture(frame.index, beside)))
+            previews.append((frame.time_s, self._light_picture(frame, beside)))
             watch(frame.index + 1)
             if will_save:
                 self._save(frame.index + 1, pictures, previews)
@@ -293,15 +293,16 @@ class ClipRun:
         shadow, drawn = self._shown
         return to_bytes(stage.relit(radiance, virtual.material, shadow=shadow, drawn=drawn))
 
-    def _light_picture(self, index: int, beside: ThreadPoolExecutor) -> Future[np.ndarray]:
+    def _light_picture(self, frame: Frame, beside: ThreadPoolExecutor) -> Future[np.ndarray]:
         """Return a frame's picture in light.mp4, drawn in that thread."""
         if self._preview is None or self.poses is not None:
             done = self.progress
-            shown = None if done.light is None else self._seen(index)
+            shown = None if done.light is None else self._seen(frame.index)
             if shown is not None and done.preview_ev is None:
                 done.preview_ev = preview_ev(shown)
             self._preview = beside.submit(light_picture, shown, done.preview_ev or 0.0)
-        return self._preview
+        light = self._preview
+        return beside.submit(lambda: beside_frame(frame.rgb, light.result()))
 
     def _save(
         self,
