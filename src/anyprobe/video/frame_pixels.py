@@ -62,7 +62,7 @@ def square_size(width: int, height: int, aspect: Fraction | None) -> tuple[int, 
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Shown:
+class FramePixels:
     """Pixels of a frame.
 
     rgb: [H, W, 3] uint8, sRGB. radiance: of PQ and HLG [H, W, 3] float32, linear Rec. 709 above diffuse white (1) and
@@ -76,7 +76,7 @@ class Shown:
     own_size: tuple[int, int]
 
 
-def shown_pixels(picture, aspect: Fraction | None, size: tuple[int, int] | None, path: Path) -> Shown:
+def shown_pixels(picture, aspect: Fraction | None, size: tuple[int, int] | None, path: Path) -> FramePixels:
     """Return the pixels that a player shows of an av.VideoFrame, and its transparency.
 
     Args:
@@ -113,7 +113,7 @@ def shown_pixels(picture, aspect: Fraction | None, size: tuple[int, int] | None,
         return canvas
 
     alpha = _alpha(picture, stored)
-    return Shown(
+    return FramePixels(
         rgb=placed(rgb),
         radiance=None if radiance is None else placed(radiance),
         alpha=None if alpha is None else placed(alpha),

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from jaxtyping import Float, UInt8
 
 WIDTH = 640
-"""Of the clip's frame, and of the map beside it [pixels]."""
+"""Width of the clip's frame, and of the map beside it [pixels]."""
 SIDE, MAP_ROWS = 208, WIDTH // 2
-"""Of a sphere, and of the map [pixels]."""
+"""Heights of a sphere, and of the map [pixels]."""
 HEIGHT = MAP_ROWS + SIDE
 SPHERES = ("diffuse", "silver", "mirror")
 
