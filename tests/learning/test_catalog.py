@@ -6,11 +6,9 @@ import hashlib
 import numpy as np
 import OpenEXR
 import pytest
-from support.mesh_files import obj, ply
-from support.refused import refused
+from support.mesh_files import ply
 
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.errors import InputError
 from anyprobe.maps.radiance import write_exr, write_hdr
 from anyprobe_train.dataset.catalog import allows_commercial_use, load_maps, load_shapes
 
@@ -105,13 +103,6 @@ def test_manifest_decides_place_and_licence(tmp_path):
     np.testing.assert_allclose(free.radiance, 1.0, rtol=2e-2)  # mean luminance 1, RGBE's precision
 
 
-@pytest.mark.parametrize("load", [load_maps, load_shapes])
-def test_a_folder_without_assets_is_one_line(tmp_path, load):
-    for folder in (tmp_path, tmp_path / "absent"):
-        with pytest.raises(InputError, match="expected"):
-            load(folder)
-
-
 def listed(load, folder, **options):
     """Names of the assets, and the reported lines by the file or folder that each begins with."""
     lines = []
@@ -159,39 +150,6 @@ def test_bad_maps_are_listed_and_the_others_go_on(mixed_maps):
     assert set(lines) == set(BAD_MAPS)
     for name, word in BAD_MAPS.items():
         assert word in lines[name]
-
-
-def test_bad_meshes_are_listed_and_the_others_go_on(tmp_path):
-    (tmp_path / "a.ply").write_bytes(ply(CORNERS, SIDES))
-    (tmp_path / "b.obj").write_bytes(obj(CORNERS, SIDES))
-    (tmp_path / "nan.ply").write_bytes(ply(CORNERS * np.nan, SIDES))
-    (tmp_path / "none.obj").write_bytes(obj(CORNERS, []))
-    (tmp_path / "far.ply").write_bytes(ply(CORNERS, [(0, 1, 4)]))
-    (tmp_path / "chair.fbx").write_bytes(b"Kaydara")
-    (tmp_path / "a.mtl").write_text("newmtl a")
-    (tmp_path / "wood.png").write_bytes(b"")
-    names, lines = listed(load_shapes, tmp_path)
-    assert names == ["a", "b"]
-    assert set(lines) == {"nan.ply", "none.obj", "far.ply", "chair.fbx"}
-    assert "got .fbx" in lines["chair.fbx"]
-
-
-def test_without_a_list_the_first_bad_file_raises(mixed_maps, tmp_path):
-    with refused(code="invalid-map", source="black.hdr"):
-        load_maps(mixed_maps)
-    (tmp_path / "a.ply").write_bytes(b"")
-    with refused(code="invalid-mesh", source="a.ply"):
-        load_shapes(tmp_path)
-
-
-def test_nothing_left_is_an_error(mixed_maps):
-    for good in ("a.hdr", "z.exr"):
-        (mixed_maps / good).unlink()
-    lines = []
-    with refused(source="maps", naming="8") as caught:
-        load_maps(mixed_maps, report=lines.append)
-    assert str(mixed_maps) in str(caught.value)
-    assert len(lines) == 8
 
 
 def test_file_that_only_the_manifest_knows_is_listed(tmp_path):
@@ -246,38 +204,6 @@ def test_files_left_out_for_their_licence_are_counted(tmp_path):
     assert list(lines) == [str(tmp_path)]
     assert "3 files left out" in lines[str(tmp_path)]
     assert listed(load_maps, tmp_path)[0] == ["a", "b", "c"]
-
-
-@pytest.mark.parametrize(
-    ("data", "word"),
-    [(b"name,licence\na.hdr,CC0\n", "column file"), (b"file\na\xff\xfe.hdr\n", "UTF-8"), (b"", "column file")],
-)
-def test_damaged_manifest(tmp_path, data, word):
-    write_hdr(tmp_path / "a.hdr", WHITE)
-    (tmp_path / "manifest.csv").write_bytes(data)
-    with pytest.raises(InputError, match=word):
-        load_maps(tmp_path, report=pytest.fail)
-
-
-def test_manifest_of_a_spreadsheet(tmp_path):
-    """A byte-order mark before the first column's name, and a row cut short."""
-    for name in ("a", "b"):
-        write_hdr(tmp_path / f"{name}.hdr", WHITE)
-    (tmp_path / "manifest.csv").write_bytes(
-        b"\xef\xbb\xbffile,category,licence,split\r\na.hdr,indoor,CC0,\r\nb.hdr\r\n"
-    )
-    a, b = load_maps(tmp_path, report=pytest.fail)
-    assert (a.indoor, a.licence) == (True, "CC0")
-    assert (b.indoor, b.licence) == (False, "")
-
-
-def test_folder_stood_in_is_known_by_its_name(tmp_path, monkeypatch):
-    folder = tmp_path / "train"
-    folder.mkdir()
-    write_hdr(folder / "a.hdr", WHITE)
-    write_manifest(tmp_path, [{"file": "a.hdr", "licence": "CC0", "split": "train"}])
-    monkeypatch.chdir(folder)
-    assert [one.licence for one in load_maps(".")] == ["CC0"]
 
 
 def test_id_is_that_of_the_bytes(tmp_path):

@@ -93,35 +93,3 @@ def test_a_run_of_another_release_says_so(tmp_path):
     torch.save({**stored, "config": json.dumps(asdict(CONFIG) | {"model": "older"})}, path)
     with refused(code="invalid-model", source="checkpoint.pt", naming="older"):
         load_nets(path)
-
-
-def test_what_is_kept_never_takes_the_runs_place(tmp_path):
-    path = write_run(tmp_path)
-    before = path.read_bytes()
-    link = tmp_path / "link"
-    link.symlink_to(path.parent, target_is_directory=True)
-    with refused(source="checkpoint.pt"):
-        save_init_weights(path, link / path.name)
-    assert path.read_bytes() == before
-
-
-def test_a_full_disk_at_a_checkpoint_is_one_line(tmp_path):
-    """The system refuses what is beyond a size, as a full disk does; the older checkpoint stays."""
-    import resource
-    import signal
-
-    from anyprobe.errors import OutputError
-
-    path = tmp_path / "checkpoint.pt"
-    path.write_bytes(b"older")
-    before, handler = resource.getrlimit(resource.RLIMIT_FSIZE), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 16, before[1]))
-    try:
-        with pytest.raises(OutputError) as caught:
-            save_checkpoint(path, CONFIG, 3, {}, {"nets": {"a": torch.zeros(1 << 18)}})
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-        signal.signal(signal.SIGXFSZ, handler)
-    assert "free some space" in str(caught.value)
-    assert [one.name for one in tmp_path.iterdir()] == ["checkpoint.pt"]
-    assert path.read_bytes() == b"older"

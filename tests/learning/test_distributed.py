@@ -4,7 +4,6 @@ import os
 import socket
 
 import pytest
-from support.refused import refused
 
 torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
@@ -60,27 +59,3 @@ def test_one_process_is_a_team_of_its_own(monkeypatch):
     before = net.weight.grad.clone()
     assert processes.average_gradients(net.parameters(), True)
     assert torch.equal(net.weight.grad, before)
-
-
-@pytest.mark.parametrize(
-    ("kind", "gpu", "backend", "device"),
-    [("cpu", True, "gloo", "cpu"), ("cpu", False, "gloo", "cpu"), ("cuda", True, "nccl", "cuda:1")],
-)
-def test_processes_speak_as_the_device_that_they_train_on_can(monkeypatch, kind, gpu, backend, device):
-    """A GPU that is there and not asked for changes nothing: gradients are the CPU's."""
-    asked = []
-    for name in ("RANK", "LOCAL_RANK"):
-        monkeypatch.setenv(name, "1")
-    monkeypatch.setenv("WORLD_SIZE", "2")
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: gpu)
-    monkeypatch.setattr(torch.distributed, "init_process_group", asked.append)
-    assert ProcessGroup(kind).device == device
-    assert asked == [backend]
-
-
-def test_a_device_that_is_not_there_is_one_clear_line(monkeypatch):
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    with refused("device", source="gpu", naming="cuda"):
-        ProcessGroup("gpu")
-    with refused("device", source="cuda", naming="no GPU"):
-        ProcessGroup("cuda")

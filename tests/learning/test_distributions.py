@@ -10,11 +10,7 @@ from anyprobe.core.frames import rotation_y
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.scatter.materials import total_reflectance
 from anyprobe_train.dataset import distributions
-from anyprobe_train.dataset.asset_store import draw_map
 from anyprobe_train.dataset.camera import draw_shot, exposure, phone_shot
-from anyprobe_train.dataset.lighting import Illuminator
-from anyprobe_train.dataset.pair_source import PairConfig, PairSource
-from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces
 from research.world.materials import kind_given_alpha
 
 
@@ -70,21 +66,3 @@ def test_white_balance_takes_out_part_of_the_light_s_colour(rng):
     ratio = np.exp(np.log(left[:, 0] / left[:, 2]).mean())
     assert 1.2 < ratio < 2.0
     assert luminance(distributions.draw_white_balance(rng, warm)) == pytest.approx(1.0)
-
-
-def test_pairs_of_the_world_have_its_materials_and_others_stay_as_they_were(monkeypatch):
-    maps = [draw_map(np.random.default_rng(k), height=64)[0] for k in range(2)]
-    surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=1))
-
-    def batch(world):
-        config = PairConfig(batch=4, group=2, pool=2, reuse=4, world=world)
-        return PairSource(Illuminator(maps, compiled=False), surfaces, config).batch(0)
-
-    kinds = []
-    one = distributions.draw_one
-    monkeypatch.setattr(distributions, "draw_one", lambda rng, kind, alpha: kinds.append(kind) or one(rng, kind, alpha))
-    batch(0.0)
-    assert kinds == []
-    made = batch(1.0)
-    assert len(kinds) == 4
-    assert 0.02 < float(made.photo[:, :3].mean()) < 0.95

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +11,6 @@ import pytest
 from support.folders import snapshot
 from support.some_pair import sphere_pair
 
-from anyprobe.core.response import MEAN_CURVE
 from anyprobe.estimate.runtime import Models
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.light.environment import reduced
@@ -100,35 +98,6 @@ def test_every_group_has_every_method_and_its_confidence(work, command, rendered
         assert f"{indoor[name]:.3f} ({indoor['constant'][name]:.3f})" in row
 
 
-@pytest.mark.ci
-def test_what_is_told_has_a_confidence_of_its_own(work, command, rendered, scored_quickly, monkeypatch):
-    """Two of the five things that are: the others take as long again."""
-    monkeypatch.setattr(
-        methods, "GIVEN_HINTS", {name: methods.GIVEN_HINTS[name] for name in ("normals", "surroundings")}
-    )
-    monkeypatch.setattr(
-        methods, "shot_of", lambda recipe: SimpleNamespace(curve=MEAN_CURVE)
-    )  # as these spheres are shown
-    ended = command("evaluate", *ASSETS, "--hints")
-    given, alone = written(work)["confidence_with_hints"], written(work)["confidence"]
-    assert list(given) == ["lift, normals given", "lift, surroundings given"]
-    assert given["lift, surroundings given"]["right"] > alone["right"] + 0.01
-    assert given["lift, normals given"] != alone
-    (row,) = [
-        line
-        for line in ended.out.split("confidence, in brackets")[1].splitlines()
-        if line.startswith("│ lift, surroundings given ")
-    ]
-    assert f"{given['lift, surroundings given']['auc']:.3f} (0.500)" in row
-
-
-@pytest.mark.ci
-def test_a_model_that_claims_nothing_has_no_confidence(work, command, rendered, scored_quickly):
-    ended = command("evaluate", *ASSETS, "--model", "paper")
-    assert (written(work)["confidence"], written(work)["confidence_with_hints"]) == (None, {})
-    assert "confidence" not in ended.out
-
-
 def own_maps(photos, maps, gain: float = 1.0) -> None:
     """A stranger's program: reads the photos that were written, writes a map for each."""
     models = Models(DEFAULT_MODEL)
@@ -207,12 +176,6 @@ def write_everywhere(folder, radiance, suffixes=(".exr",)) -> None:
             {".exr": write_exr, ".hdr": write_hdr}[suffix](folder / f"{recipe.key}{suffix}", radiance)
 
 
-def test_of_two_files_of_a_map_the_exact_one_is_read(tmp_path):
-    write_exr(tmp_path / "key.exr", np.full((64, 128, 3), 0.3, np.float32), half=False)
-    write_hdr(tmp_path / "key.hdr", np.ones((64, 128, 3), np.float32))
-    np.testing.assert_allclose(read_predictions(tmp_path, ["key"])["key"], 0.3, rtol=1e-6)
-
-
 def test_maps_of_any_size_are_read_with_their_power(tmp_path):
     truth = sphere_pair().radiance
     for height in (32, 64, 100, 256):
@@ -227,18 +190,6 @@ def test_maps_of_any_size_are_read_with_their_power(tmp_path):
         assert abs(power_ratio_stops(found, truth)) < (0.02 if height < 64 else 2e-3)
 
 
-def test_what_a_list_lacks_is_said_before_anything_is_rendered(work, command, rendered):
-    """And of the frozen list, how to have what can be had."""
-    complaint = command("evaluate", *ASSETS, "--frozen").complaint
-    for words in ("--frozen: expected all maps and shapes", "got no map ", "--recipes DIR/frozen_public.txt"):
-        assert words in complaint
-    recipes = world_recipes(AssetStore([own_map(1, 1)], [own_shape(1, 2)]), 4, 3)
-    (work / "list.txt").write_text("\n".join([f"# {digest(recipes)}", *(one.to_hex() for one in recipes)]))
-    complaint = command("evaluate", *ASSETS, "--recipes", "list.txt").complaint
-    assert f"got no shape {own_shape(1, 2).id}; give the folders" in complaint
-    assert not rendered
-
-
 @pytest.mark.ci
 def test_a_list_of_recipes_keeps_its_conditions(work, command, rendered, scored_quickly):
     recipes = world_recipes(AssetStore([own_map(1, 1)], [own_shape(1, 1)]), 5, 3)
@@ -246,15 +197,6 @@ def test_a_list_of_recipes_keeps_its_conditions(work, command, rendered, scored_
     assert command("evaluate", *ASSETS, "--recipes", "list.txt").status == 0
     assert [call["conditions"] for call in rendered] == [WORLD] * 4
     assert written(work)["recipes"] == digest(recipes[:4])
-
-
-def test_printed_headings_are_those_of_the_documents():
-    """Whose table lacks the gain's column until a run of the whole set fills it."""
-    lines = (Path(__file__).parents[2] / "docs" / "explanation" / "results.md").read_text(encoding="utf-8").splitlines()
-    first = next(line for line in lines if line.startswith("| |"))
-    documented = [heading.strip() for heading in first.strip("| ").split("|")]
-    assert documented == [one for one in scoring.HEADINGS.values() if one in documented]
-    assert set(scoring.HEADINGS.values()) - set(documented) <= {"after best gain"}
 
 
 def test_standard_errors_are_by_map_and_shape():

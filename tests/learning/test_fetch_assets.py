@@ -3,12 +3,7 @@
 from __future__ import annotations
 
 import csv
-import email.utils
 import hashlib
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -20,17 +15,12 @@ from support.polyhaven_server import Fault, PolyHaven, tetrahedron
 
 from anyprobe import __version__
 from anyprobe.cli.app import main
-from anyprobe.errors import OutputError
 from anyprobe.files.meshes import read_mesh
 from anyprobe.maps.radiance import read_radiance, write_exr, write_hdr
 from anyprobe_train.assets import download
-from anyprobe_train.assets.download import Client, DownloadError, RemoteFile
-from anyprobe_train.assets.manifest import Manifest
-from anyprobe_train.assets.polyhaven import COLUMNS, LICENCE, Asset, choose, family, split_of
+from anyprobe_train.assets.polyhaven import LICENCE, Asset, choose, family, split_of
 from anyprobe_train.cli.data import app
 from anyprobe_train.dataset.catalog import allows_commercial_use, load_maps, load_shapes
-
-ROOT = Path(__file__).parents[2]
 
 SMALL = {"hdr": "/file/HDRIs/hdr/1k/{}_1k.hdr", "exr": "/file/HDRIs/exr/1k/{}_1k.exr"}
 ROOF = SMALL["hdr"].format("roof")
@@ -184,67 +174,6 @@ def test_rows_and_files_of_others_stay(fetch, site):
     assert len(text) == 2 + 4
 
 
-def test_manifest_of_a_spreadsheet_is_gone_on_with(fetch, site):
-    """A byte-order mark before the first column's name, and rows cut short."""
-    (fetch.to / "hdri").mkdir(parents=True)
-    (fetch.to / "hdri" / "manifest.csv").write_bytes(b"\xef\xbb\xbffile,licence,source\r\ntrain/mine.exr\r\n")
-    assert fetch("--type", "hdris", "--split", 0).status == 0
-    text = (fetch.to / "hdri" / "manifest.csv").read_text(encoding="utf-8").splitlines()
-    assert text[0].startswith("file,licence,source,slug")
-    assert text[1].startswith("train/mine.exr,,")
-    assert len(text) == 2 + 6
-
-
-def test_manifest_in_another_encoding_is_one_line(fetch, site):
-    (fetch.to / "hdri").mkdir(parents=True)
-    (fetch.to / "hdri" / "manifest.csv").write_bytes("file,authors\na.hdr,Jörg\n".encode("cp1252"))
-    before = snapshot(fetch.to)
-    outcome = fetch("--type", "hdris", "--split", 0)
-    assert outcome.status == 2
-    assert "manifest.csv: expected a table in UTF-8" in outcome.err.splitlines()[-1]
-    assert "Traceback" not in outcome.err
-    assert snapshot(fetch.to) == before
-
-
-def test_row_without_a_sum_is_fetched_again(fetch, site):
-    """Made by hand after the file was; the file under that name is the published one afterwards."""
-    (fetch.to / "hdri" / "train").mkdir(parents=True)
-    (fetch.to / "hdri" / "train" / "roof.hdr").write_bytes(b"cut")
-    (fetch.to / "hdri" / "manifest.csv").write_text(
-        "file,licence,source\ntrain/roof.hdr,CC0,https://polyhaven.com/a/roof\n"
-    )
-    assert fetch("--type", "hdris", "--split", 0).status == 0
-    assert (fetch.to / "hdri/train/roof.hdr").read_bytes() == site.bodies[ROOF]
-    assert hashlib.md5(site.bodies[ROOF]).hexdigest() == fetch.rows()["roof"]["md5"]
-    assert len(fetch.rows()) == 6
-
-
-PUT_SOME = """
-import sys
-from pathlib import Path
-from anyprobe_train.assets.manifest import Manifest
-_, path, who = sys.argv
-manifest = Manifest(Path(path), ["file", "source"])
-for number in range(20):
-    manifest.put({"file": f"{who}{number}.hdr", "source": f"{who}{number}"})
-"""
-
-
-@pytest.mark.ci
-def test_rows_of_processes_that_fetch_at_once_all_stay(tmp_path):
-    """Of each that was opened before the others wrote, and of four that write as fast as they can."""
-    first, second = (Manifest(tmp_path / "manifest.csv", COLUMNS) for _ in range(2))
-    first.put({"file": "a.hdr", "source": "a"})
-    second.put({"file": "b.hdr", "source": "b"})
-    first.put({"file": "a2.hdr", "source": "a"})
-    assert [row["file"] for row in Manifest(tmp_path / "manifest.csv", COLUMNS).rows] == ["a2.hdr", "b.hdr"]
-    many = tmp_path / "many.csv"
-    writers = [subprocess.Popen([sys.executable, "-c", PUT_SOME, str(many), who], cwd=ROOT) for who in "wxyz"]
-    assert [one.wait(timeout=120) for one in writers] == [0] * 4
-    found = {row["source"] for row in Manifest(many, COLUMNS).rows}
-    assert found == {f"{who}{number}" for who in "wxyz" for number in range(20)}
-
-
 # What is chosen
 
 
@@ -262,12 +191,6 @@ def test_dry_run_lists_and_fetches_nothing(fetch, site):
 def test_old_and_new_categories_both_filter(fetch, category):
     assert fetch("--split", 0, "--category", category).status == 0
     assert set(fetch.rows()) == {"beach"}
-
-
-def test_unknown_category_names_the_known(fetch):
-    complaint = fetch("--category", "moon")
-    assert complaint.status == 2
-    assert "no models are in all of: moon; the largest are" in complaint.err
 
 
 def asset(slug: str) -> Asset:
@@ -306,16 +229,6 @@ def test_near_twins_fall_on_the_same_side():
         assert split_of(f"{name}_puresky", 0.5) == split_of(f"{name}_02", 0.5) == split_of(name, 0.5)
 
 
-def test_asset_moves_when_the_share_changes(fetch, site):
-    fetch("--split", 0)
-    site.faults.clear()
-    assert fetch("--split", 1).status == 0
-    assert site.paths() == ["/assets?type=hdris", "/assets?type=models"]
-    assert {str(Path(name).parent) for name in files(fetch)} == {"hdri", "hdri/test", "meshes", "meshes/test"}
-    assert {row["split"] for row in fetch.rows().values()} == {"test"}
-    assert len(load_maps(fetch.to / "hdri" / "test", commercial_only=True)) == 6
-
-
 # What is not asked for twice
 
 
@@ -336,29 +249,6 @@ def test_damaged_file_comes_again(fetch, site):
     assert fetch("--split", 0).status == 0
     assert site.paths("/file") == ["/files/roof", SMALL["hdr"].format("roof")]
     assert path.read_bytes() == whole
-
-
-def test_other_changes_of_an_asset_do_not_fetch_it_again(fetch, site):
-    """files_hash covers all of an asset's files, ours is one of them."""
-    fetch("--split", 0)
-    for slug in ("roof", "meadow"):
-        site.assets["hdris"][slug]["files_hash"] = "changed"
-    site.assets["models"]["ArmChair_01"]["files_hash"] = "changed"
-    site.add_map("meadow", {"1k/hdr": site.bodies[SMALL["hdr"].format("beach")]}, categories=["outdoor"])
-    assert fetch("--split", 0).status == 0
-    assert site.paths("/file/") == [SMALL["hdr"].format("meadow")]
-    assert (fetch.to / "hdri/train/meadow.hdr").read_bytes() == (fetch.to / "hdri/train/beach.hdr").read_bytes()
-    fetch("--split", 0)
-    assert len(site.paths()) == 2
-
-
-def test_lost_manifest_is_written_again(fetch, site):
-    fetch("--type", "hdris", "--split", 0)
-    before = fetch.rows()
-    (fetch.to / "hdri" / "manifest.csv").unlink()
-    assert fetch("--type", "hdris", "--split", 0).status == 0
-    assert site.paths("/file/") == []
-    assert fetch.rows() == before
 
 
 # Trouble on the way
@@ -390,64 +280,6 @@ def test_truncated_body_goes_on_where_it_ended(fetch, site):
     assert fetch("--split", 0, "--category", "skies").status == 0
     asked = [one.headers.get("Range") for one in site.requests if one.path == ROOF]
     assert asked == [None, "bytes=5000-", "bytes=6000-"]
-
-
-def test_connection_that_always_breaks_still_gets_there(fetch, site):
-    """Only attempts that bring nothing count."""
-    site.faults[ROOF] = [Fault(end_after=500)] * (2 * download.ATTEMPTS)
-    assert fetch("--split", 0, "--category", "skies").status == 0
-    assert len(site.paths(ROOF)) == 2 * download.ATTEMPTS + 1
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-@pytest.mark.parametrize("size", [100, 100_000])
-def test_full_disk_is_no_reason_to_ask_again(site, tmp_path, size):
-    site.bodies["/file/one"] = b"x" * size
-    part = tmp_path / "one.part"
-    part.symlink_to("/dev/full")
-    with pytest.raises(OutputError, match="No space left"):
-        Client(pause_s=0).download(RemoteFile(url=f"{site.url}/file/one", md5="0" * 32), part)
-    assert site.paths() == ["/file/one"]
-
-
-def test_server_without_ranges_sends_all_again(fetch, site):
-    site.ranges = False
-    site.faults[ROOF] = [Fault(end_after=5000)]
-    assert fetch("--split", 0, "--category", "skies").status == 0
-    assert (fetch.to / "hdri/train/roof.hdr").read_bytes() == site.bodies[ROOF]
-
-
-@pytest.mark.parametrize("size", [3000, 10**6, None], ids=["older bytes", "too long", "whole but wrong"])
-def test_part_that_does_not_fit_is_started_anew(site, tmp_path, size):
-    body = site.bodies[ROOF]
-    remote = RemoteFile(url=site.url + ROOF, md5=hashlib.md5(body).hexdigest(), size=len(body))
-    part = tmp_path / "roof.part"
-    part.write_bytes(b"?" * (len(body) if size is None else size))
-    assert Client(pause_s=0).download(remote, part).read_bytes() == body
-
-
-def test_size_need_not_be_told(site, tmp_path):
-    body = site.bodies[ROOF]
-    site.faults[ROOF] = [Fault(end_after=5000)]
-    remote = RemoteFile(url=site.url + ROOF, md5=hashlib.md5(body).hexdigest())
-    part = tmp_path / "roof.part"
-    said = []
-    client = Client(pause_s=0, say=said.append)
-    assert client.download(remote, part).read_bytes() == body
-    assert "the connection ended after 5000 of" in said.pop()
-    assert client.download(remote, part).read_bytes() == body  # 416: nothing is left to ask for
-    assert "the server will not go on from there" in said.pop()
-
-
-@pytest.mark.ci
-@pytest.mark.parametrize("as_date", [False, True])
-def test_retry_after_is_honoured(fetch, site, as_date):
-    # a date has whole seconds, and some time goes by before it is read
-    text = email.utils.formatdate(time.time() + 3, usegmt=True) if as_date else "1"
-    site.faults["/files/roof"] = [Fault(status=429, headers={"Retry-After": text})]
-    assert fetch("--split", 0, "--category", "skies").status == 0
-    first, second = (one.began for one in site.requests if one.path == "/files/roof")
-    assert 0.95 < second - first < 4
 
 
 def test_server_that_wants_an_hour_is_left_alone(fetch, site):
@@ -523,20 +355,6 @@ def test_slug_that_is_no_name_is_refused(fetch, site, slug):
     assert not fetch.to.exists()
 
 
-def test_list_that_does_not_come_is_one_line(fetch, site):
-    site.faults["/assets?type=hdris"] = [Fault(status=403)]
-    complaint = fetch("--type", "hdris").complaint
-    assert "HTTP 403" in complaint
-    site.assets["hdris"].clear()
-    assert "got an empty one" in fetch("--type", "hdris").complaint
-
-
-def test_no_server_at_all(tmp_path, monkeypatch):
-    monkeypatch.setenv("no_proxy", "127.0.0.1")
-    with pytest.raises(DownloadError, match="5 times in a row"):
-        Client(pause_s=0).get_json("http://127.0.0.1:9/assets")
-
-
 # Manners
 
 
@@ -547,46 +365,3 @@ def test_one_request_at_a_time_with_a_pause_and_a_name(fetch, site):
     assert np.diff(began).min() > 0.14
     assert site.most_at_once == 1
     assert all(one.headers["User-Agent"].startswith(f"anyprobe/{__version__} ") for one in site.requests)
-
-
-def process(site, to) -> subprocess.Popen:
-    """The command in a process of its own, on one map only."""
-    given = ["polyhaven", "--api", site.url, "--pause", "0", "--to", str(to), "--split", "0"]
-    given += ["--type", "hdris", "--category", "skies"]
-    program = [sys.executable, "-m", "anyprobe_train", "data"]
-    return subprocess.Popen([*program, *given], cwd=ROOT, stderr=subprocess.PIPE, text=True)
-
-
-@pytest.mark.ci
-@pytest.mark.parametrize("blow", [signal.SIGINT, signal.SIGKILL])
-def test_stopped_download_goes_on_where_it_was(fetch, site, blow):
-    slow = Fault(pause_s=0.1, end_after=None)
-    body = site.bodies[ROOF] * 20
-    site.bodies[ROOF] = body
-    entry = site.files["roof"]["hdri"]["1k"]["hdr"]
-    entry.update(size=len(body), md5=hashlib.md5(body).hexdigest())
-    site.faults[ROOF] = [slow]
-    running = process(site, fetch.to)
-    folder = fetch.to / "hdri" / "train"
-    deadline = time.monotonic() + 60
-    while not any(path.stat().st_size > 10_000 for path in folder.glob("roof.*.part")):
-        assert time.monotonic() < deadline
-        assert running.poll() is None, running.stderr.read()
-        time.sleep(0.02)
-    running.send_signal(blow)
-    _, said = running.communicate(timeout=30)
-    assert running.returncode == (130 if blow == signal.SIGINT else -signal.SIGKILL)
-    if blow == signal.SIGINT:
-        assert said.splitlines()[-1] == "anyprobe: interrupted"
-        assert "Traceback" not in said
-    (part,) = folder.iterdir()
-    assert part.suffix == ".part"
-    size = part.stat().st_size
-    assert 10_000 < size < len(body)
-
-    outcome = fetch("--type", "hdris", "--category", "skies", "--split", 0)
-    asked = [one.headers.get("Range") for one in site.requests if one.path == ROOF]
-    assert asked == [f"bytes={size}-"]
-    assert outcome.status == 0, outcome.err
-    assert (folder / "roof.hdr").read_bytes() == body
-    assert not list(folder.glob("*.part"))

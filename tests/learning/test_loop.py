@@ -1,7 +1,6 @@
 """The training loop: an interruption leaves no trace; the exported graphs say what torch says."""
 
 import csv
-import hashlib
 import shutil
 import warnings
 from dataclasses import replace
@@ -27,7 +26,6 @@ from anyprobe_train.train import export_onnx  # noqa: E402
 from anyprobe_train.train.checkpoint import init_weights_id, load_init_weights, save_init_weights  # noqa: E402
 from anyprobe_train.train.config import LightConfig, lift, normals, smoke  # noqa: E402
 from anyprobe_train.train.lift import Lift  # noqa: E402
-from anyprobe_train.train.logger import run_folder  # noqa: E402
 from anyprobe_train.train.loop import learning_rate, load_nets, train  # noqa: E402
 from research.export_weights.checkpoints import mean_checkpoint  # noqa: E402
 
@@ -53,12 +51,6 @@ def run(tmp_path_factory):
 def two_steps(run, tmp_path_factory):
     """Checkpoints of runs of two steps, each trained once and not to be written to: two_steps(lift)."""
     return lru_cache(lambda named: run(tmp_path_factory.mktemp("two_steps"), steps=2, named=named))
-
-
-@pytest.fixture(scope="module")
-def one_step(run, tmp_path_factory):
-    """A checkpoint of a run of `normals`, trained for a step."""
-    return run(tmp_path_factory.mktemp("one_step"), steps=1, named=normals)
 
 
 @pytest.mark.ci
@@ -142,51 +134,6 @@ def test_exported_lift_agrees_with_torch_and_runs_on_a_photo(two_steps, tmp_path
 
 
 @pytest.mark.ci
-def test_a_graph_tells_what_its_weights_come_from(run, one_step, tmp_path, monkeypatch):
-    """As far as the checkpoint knows it: older ones do not say what they began from, few are means."""
-    onnx = pytest.importorskip("onnx", reason="needs ./train[torch]")
-    kept = tmp_path / "start.pt"
-    save_init_weights(one_step, kept)
-    begun = run(tmp_path / "b", steps=1, named=normals, start=kept)
-
-    names = ("start", "assets", "mean_with", "mean_with_pairs")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # torch's exporter warns about itself
-        export_onnx.export_graphs(begun, tmp_path / "weights")
-    model = onnx.load(str(tmp_path / "weights" / "light.onnx"))
-    written = {one.key: one.value for one in model.metadata_props}
-    assert written["computes"] == "float32"
-    told = {}
-    monkeypatch.setattr(export_onnx, "export_stage", lambda stage, graph, recipe, path: told.update(recipe))
-
-    def hints(checkpoint) -> dict[str, str]:
-        """What the graph would tell, without making it."""
-        told.clear()
-        export_onnx.export_graphs(checkpoint, tmp_path)
-        assert (told["steps"], told["pairs"]) == ("1", "4")
-        return {name: told[name] for name in names if name in told}
-
-    assert hints(one_step) == {"start": "nothing"}
-    assert {name: written[name] for name in names if name in written} == hints(begun)
-    assert written.items() >= told.items()
-    assert hints(begun) == {"start": hashlib.sha256(kept.read_bytes()).hexdigest()[:16]}
-    stored = torch.load(one_step, weights_only=True)
-    mean = {"mean_with": {"start": "0123456789abcdef", "pairs": 823040}}
-    for name, more in (
-        ("mean", mean | {"origin": {"start": "fedcba9876543210", "assets": "2 maps and 3 shapes (00112233)"}}),
-        ("unknown", {"origin": {}, "mean_with": {"start": "0123456789abcdef", "pairs": None}}),
-    ):
-        torch.save(stored | more, tmp_path / f"{name}.pt")
-    assert hints(tmp_path / "mean.pt") == {
-        "start": "fedcba9876543210",
-        "assets": "2 maps and 3 shapes (00112233)",
-        "mean_with": "0123456789abcdef",
-        "mean_with_pairs": "823040",
-    }
-    assert hints(tmp_path / "unknown.pt") == {"mean_with": "0123456789abcdef"}
-
-
-@pytest.mark.ci
 def test_a_run_begins_from_kept_weights(run, two_steps, tmp_path):
     """Half of the size, within half floats; a checkpoint goes before; others' weights are refused."""
     kept = tmp_path / "start.pt"
@@ -206,22 +153,6 @@ def test_a_run_begins_from_kept_weights(run, two_steps, tmp_path):
     torch.save({"hdr.head.bias": torch.zeros(12)}, tmp_path / "other.pt")
     with refused(code="invalid-model", source="other.pt"):
         run(tmp_path / "d", steps=2, named=lift, start=tmp_path / "other.pt")
-
-
-@pytest.mark.ci
-def test_lift_begins_from_normals_that_learned_alone(one_step, tmp_path):
-    kept, weight = tmp_path / "start.pt", "light.normals.head.weight"
-    save_init_weights(one_step, kept)
-    learned = torch.load(one_step, weights_only=True)["nets"][weight]
-    learner = Lift(lift().lift, "cpu")
-    load_init_weights(learner.nets, kept)
-    torch.testing.assert_close(learner.nets.state_dict()[weight], learned, rtol=1e-3, atol=1e-6)
-    assert set(load_nets(one_step)) == {"light"}
-
-
-def test_no_checkpoint_is_one_clear_line(tmp_path):
-    with refused(code="invalid-model", source="checkpoint.pt"):
-        export_onnx.export_graphs(tmp_path / "checkpoint.pt", tmp_path)
 
 
 @pytest.mark.ci
@@ -250,10 +181,3 @@ def test_the_mean_of_a_run_and_what_it_began_from(run, two_steps, tmp_path):
     with refused(code="invalid-model", source="other.pt", naming="another network's"):
         mean_checkpoint(checkpoint, other, tmp_path / "none.pt")
     assert not (tmp_path / "none.pt").exists()
-
-
-def test_runs_below_a_plain_file_are_one_clear_line(tmp_path):
-    (tmp_path / "file").touch()
-    for begin in (lambda runs: train(normals(), data=None, runs=runs), lambda runs: run_folder(runs, "mask")):
-        with refused(code="not-written", source="runs"):
-            begin(tmp_path / "file" / "runs")

@@ -1,7 +1,5 @@
 """Mask errors: each changes what it may and no more, and something of the object always stays."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 
@@ -14,7 +12,6 @@ from anyprobe_train.dataset.mask_errors import (
     fray,
     narrow,
     object_px,
-    pierce,
     shift,
     widen,
 )
@@ -65,13 +62,6 @@ def test_wider_and_narrower_by_just_so_many_pixels(mask, pixels):
     np.testing.assert_array_equal(thin[beyond], mask[beyond])
 
 
-def test_the_pictures_border_is_no_edge_of_the_object():
-    mask = np.zeros((SIZE, SIZE), bool)
-    mask[:, :30] = True
-    np.testing.assert_array_equal(np.nonzero(narrow(mask, 2).all(axis=0))[0], np.arange(28))
-    np.testing.assert_array_equal(np.nonzero(widen(mask, 2).all(axis=0))[0], np.arange(32))
-
-
 @pytest.mark.parametrize(("right", "down"), [(2, 0), (-1, 2), (0, -2), (1, 1)])
 def test_a_shift_moves_the_centre(right, down):
     mask = bar()
@@ -79,11 +69,6 @@ def test_a_shift_moves_the_centre(right, down):
     assert moved.sum() == mask.sum()
     before, after = (np.array(np.nonzero(m)).mean(axis=1) for m in (mask, moved))
     np.testing.assert_allclose(after - before, [down, right])
-
-
-def test_a_shift_brings_nothing_in_from_the_other_side():
-    mask = np.ones((SIZE, SIZE), bool)
-    assert shift(mask, 2, -1).sum() == (SIZE - 2) * (SIZE - 1)
 
 
 @pytest.mark.parametrize("sigma", [1.0, 2.5])
@@ -100,25 +85,6 @@ def test_a_frayed_edge_is_ragged_but_stays_in_place(rng, sigma):
     assert abs(np.mean(shares) - 1.0) < 0.03
     edge = [np.diff(m.astype(int), axis=1).astype(bool).sum() for m in (mask, ragged)]
     assert edge[1] >= edge[0]
-
-
-def test_without_noise_a_straight_edge_stays():
-    mask = np.zeros((SIZE, SIZE), bool)
-    mask[10:40] = True
-    np.testing.assert_array_equal(fray(mask, 2.0, 0.0, np.random.default_rng(0)), mask)
-
-
-def test_holes_lie_in_the_object_and_are_small(rng):
-    mask = disc()
-    removed = []
-    for _ in range(30):
-        holed = pierce(mask, 1, rng)
-        assert not holed[~mask].any()
-        lost = mask & ~holed
-        removed.append(lost.sum())
-        assert lost.any()
-        assert object_px(lost) <= 0.24 * object_px(mask) + 1
-    assert np.mean(removed) > 0.5 * np.pi * (0.075 * object_px(mask)) ** 2
 
 
 @pytest.mark.parametrize("share", [0.05, 0.2])
@@ -148,12 +114,6 @@ def test_something_of_the_object_always_stays(rng):
             assert (result & mask).sum() >= KEPT_SHARE * mask.sum()
 
 
-def test_a_mask_of_nothing_is_given_back():
-    empty = np.zeros((SIZE, SIZE), bool)
-    for seed in range(50):
-        assert not disturb_mask(empty, np.random.default_rng(seed)).any()
-
-
 def test_what_training_leaves_is_what_an_estimate_accepts():
     assert MIN_CHANGED_PX >= masks_at_run_time.MIN_OBJECT_PX
 
@@ -173,10 +133,3 @@ def test_errors_stay_near_the_edge_and_come_often(rng):
     assert 0.25 < exact / 300 < 0.55
     assert wide / 300 > 0.3
     assert narrower / 300 > 0.3
-
-
-def test_the_same_numbers_give_the_same_mask():
-    draw = partial(disturb_mask, bar())
-    masks = [[draw(np.random.default_rng(seed)) for seed in range(20)] for _ in range(2)]
-    np.testing.assert_array_equal(*masks)
-    assert any((one != bar()).any() for one in masks[0])

@@ -10,8 +10,6 @@ from support.some_batch import some_batch  # noqa: E402
 from torch.nn import functional as F  # noqa: E402
 
 from anyprobe.core.frames import rotation_x  # noqa: E402
-from anyprobe_train.nets.lifting import given_or_estimated  # noqa: E402
-from anyprobe_train.nets.light_net import LightNet  # noqa: E402
 from anyprobe_train.train.lift import Normals, normals_loss  # noqa: E402
 
 
@@ -47,28 +45,6 @@ def test_only_inner_pixels_of_the_object_and_those_asked_for_count():
     where[..., :16] = 0.0
     assert normals_loss(wrong, batch, where) == 0.0
     assert normals_loss(wrong, batch, torch.zeros_like(where)) == 0.0
-
-
-def test_guesses_are_unit_and_face_the_eye_before_anything_is_learned():
-    net = LightNet().eval()
-    torch.nn.init.zeros_(net.normals.head.weight)
-    torch.nn.init.zeros_(net.normals.head.bias)
-    slope, wo = net.camera_rays(torch.tensor([[0.5]]))
-    with torch.no_grad():
-        n = net.normals(torch.rand(1, 4, 128, 128), slope, wo)
-    torch.testing.assert_close(n, wo)
-    torch.testing.assert_close(wo.norm(dim=1), torch.ones(1, 64, 64))
-
-
-def test_where_normals_are_told_is_told_too():
-    given = torch.zeros(1, 3, 64, 64)
-    given[:, 0, :10] = 2.0
-    normals, known = given_or_estimated(given, facing(1))
-    assert known[:, :, :10].all()
-    assert not known[:, :, 10:].any()
-    assert (normals[:, 0, :10] == 1).all()
-    assert torch.equal(normals[:, :, 10:], facing(1)[:, :, 10:])
-    assert not given_or_estimated(None, facing(1))[1].any()
 
 
 def test_only_normals_learn():

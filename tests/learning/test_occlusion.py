@@ -9,12 +9,11 @@ from anyprobe.core.frames import world_from_camera  # noqa: E402
 from anyprobe.render.mesh import make_mesh  # noqa: E402
 from anyprobe.render.shapes import sphere  # noqa: E402
 from anyprobe.render.surface import frame_object, see  # noqa: E402
-from anyprobe_train.dataset import surfaces as surfaces_module  # noqa: E402
 from anyprobe_train.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe_train.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe_train.dataset.occlusion import AZIMUTHS, RINGS, SIDE, cell_directions, hidden_cells, mirrored_cells  # noqa: E402
 from anyprobe_train.dataset.pair_source import PairConfig, PairSource  # noqa: E402
-from anyprobe_train.dataset.shadows import moved, shade_hidden  # noqa: E402
+from anyprobe_train.dataset.shadows import shade_hidden  # noqa: E402
 from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 
 
@@ -63,19 +62,6 @@ def test_a_wall_hides_the_side_on_which_it_stands():
     in_mirror = shown(mirrored_cells(hidden))[:, ::-1][near].mean(axis=0)
     assert in_mirror[left & up].mean() < 0.5
     assert in_mirror[right & up].mean() > 0.95
-
-
-def test_cells_turn_with_a_picture_that_is_rolled():
-    """A quarter turn to the left: what was hidden on the right is hidden above."""
-    _, normals, hidden = looked_at(corner(), elevation=np.pi / 2 - 1e-3)
-    new_from_old = torch.tensor([[[0.0, -1.0], [1.0, 0.0]]])
-    turned = moved(torch.from_numpy(hidden)[None], new_from_old.mT, torch.zeros(1, 2))[0].numpy()
-    d, right = cell_directions(), np.indices((SIDE, SIDE))[1]
-    floor = np.rot90((normals[..., 2] > 0.9) & (right > 30) & (right < 40))
-    seen = shown(turned)[floor].mean(axis=0)
-    low = (d[:, 2] > 0) & (d[:, 2] < 0.6)
-    assert seen[low & (d[:, 1] > 0.8)].mean() < 0.5
-    assert seen[low & (d[:, 1] < -0.8)].mean() > 0.95
 
 
 def test_light_passes_behind_what_stands_free():
@@ -135,12 +121,3 @@ def test_pairs_with_shadows_are_darker_where_shapes_fold_and_others_stay(tmp_pat
 
 def _fields(config):
     return {name: getattr(config, name) for name in SurfaceConfig.__slots__}
-
-
-def test_what_is_kept_without_shadows_has_the_name_it_had(tmp_path, monkeypatch):
-    monkeypatch.setattr(surfaces_module, "hidden_cells", None)  # not called
-    named = []
-    digest = surfaces_module.hashlib.sha256
-    monkeypatch.setattr(surfaces_module.hashlib, "sha256", lambda data: named.append(data) or digest(data))
-    build_surfaces([], SurfaceConfig(views=1, procedural=1), tmp_path)
-    assert b"shadows" not in named[0]

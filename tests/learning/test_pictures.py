@@ -13,7 +13,6 @@ from PIL import Image
 torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 pytest.importorskip("tensorboard", reason="needs ./train[torch]")
 
-from support.some_batch import some_batch  # noqa: E402
 
 from anyprobe_train.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe_train.dataset.lighting import Illuminator  # noqa: E402
@@ -21,8 +20,7 @@ from anyprobe_train.dataset.pair_source import PairSource  # noqa: E402
 from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe_train.train import loop  # noqa: E402
 from anyprobe_train.train.config import lift, normals, smoke  # noqa: E402
-from anyprobe_train.train.logger import side_by_side  # noqa: E402
-from anyprobe_train.train.loop import LEARNERS, make_learner, train  # noqa: E402
+from anyprobe_train.train.loop import LEARNERS, train  # noqa: E402
 
 SHOWN = (lift, normals)
 
@@ -85,29 +83,6 @@ def test_weights_are_the_same_to_the_bit_with_pictures_and_without(run, tmp_path
     assert all(torch.equal(a, b) for a, b in zip(*moments, strict=True))
 
 
-def test_networks_are_seen_as_they_will_be_used_and_then_learn_on(run, tmp_path, monkeypatch):
-    """With the statistics that they have gathered, not with these pairs'."""
-    training, learner = [], LEARNERS["normals"]
-    before = learner.pictures
-
-    def watched(self, batch):
-        training.append([one.training for one in self.nets.modules()])
-        assert not torch.is_grad_enabled()
-        return before(self, batch)
-
-    learned = learner.losses
-
-    def learning(self, batch, progress):
-        assert all(one.training for one in self.nets.modules())
-        return learned(self, batch, progress)
-
-    monkeypatch.setattr(learner, "pictures", watched)
-    monkeypatch.setattr(learner, "losses", learning)
-    run(tmp_path)
-    assert len(training) == 4
-    assert not any(any(modules) for modules in training)
-
-
 def test_each_checkpoint_shows_the_same_pairs_and_what_is_made_of_them_now(run, tmp_path):
     folder = run(tmp_path, lift, steps=2)
     seen = events(folder)
@@ -117,48 +92,3 @@ def test_each_checkpoint_shows_the_same_pairs_and_what_is_made_of_them_now(run, 
     assert np.array_equal(seen[2][:, photo_and_truth], seen[1][:, photo_and_truth])
     assert (seen[2] != seen[1]).any()
     assert np.array_equal(np.asarray(Image.open(folder / "pictures.png")), seen[2])
-
-
-def test_a_run_that_goes_on_shows_the_pairs_that_it_began_with(run, tmp_path):
-    """And TensorBoard keeps what it was shown before; without them, or if they are damaged, it shows others."""
-    straight, parts = run(tmp_path / "a"), run(tmp_path / "b", stop_after=2)
-    run(tmp_path / "b")
-    one, other = events(straight), events(parts)
-    assert sorted(one) == sorted(other) == [1, 2, 3, 4]
-    assert all(np.array_equal(one[step], other[step]) for step in one)
-    for damage in (lambda path: path.unlink(), lambda path: path.write_bytes(b"no pairs")):
-        damage(parts / "pictures.pt")
-        run(tmp_path / "b", steps=5)
-        (parts / "checkpoint.pt").write_bytes((straight / "checkpoint.pt").read_bytes())
-        assert (events(parts)[5][:, :128] != one[4][:, :128]).any()
-
-
-def test_pictures_are_of_the_photo_the_truth_and_the_estimate():
-    """Maps as they are displayed; normals as colours, unit inside the mask and grey beside it."""
-    for named in SHOWN:
-        learner = make_learner(smoke(named()), "cpu")
-        batch = some_batch()
-        learner.nets.eval()
-        with torch.no_grad():
-            photo, truth, estimate = learner.pictures(batch)
-        assert torch.equal(photo, batch.photo[:, :3])
-        assert truth.shape == estimate.shape
-        assert 0 <= estimate.min() <= estimate.max() <= 1
-        if named is not normals:
-            assert torch.equal(truth, batch.ldr)
-    torch.testing.assert_close(truth, torch.nn.functional.avg_pool2d(0.5 + 0.5 * batch.normals, 2))
-    mask = torch.nn.functional.avg_pool2d(batch.photo[:, 3:], 2)
-    length = (2 * estimate - 1).square().sum(dim=1, keepdim=True).sqrt()
-    torch.testing.assert_close(length, mask, atol=0.02, rtol=0)
-
-
-def test_a_row_is_a_pair_and_pictures_stand_side_by_side():
-    low, high = torch.rand(2, 3, 4, 8), torch.rand(2, 3, 8, 8)
-    sheet = side_by_side((high, low))
-    assert sheet.shape == (8, 4 + 8, 3)
-    assert sheet.dtype == np.uint8
-    for pair in range(2):
-        row = sheet[4 * pair : 4 * pair + 4].transpose(2, 0, 1) / 255
-        np.testing.assert_allclose(row[:, :, 4:], low[pair], atol=0.51 / 255)
-        means = high[pair].reshape(3, 4, 2, 4, 2).mean(dim=(2, 4))
-        np.testing.assert_allclose(row[:, :, :4], means, atol=0.51 / 255)

@@ -2,10 +2,9 @@
 
 import json
 import warnings
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from support.refused import refused
 
@@ -16,12 +15,9 @@ pytest.importorskip("tensorboard", reason="needs ./train[torch]")
 from support.some_batch import some_batch  # noqa: E402
 
 from anyprobe.errors import InputError, ModelError  # noqa: E402
-from anyprobe_train.dataset.asset_store import AssetStore  # noqa: E402
-from anyprobe_train.dataset.catalog import MapAsset  # noqa: E402
 from anyprobe_train.train import loop  # noqa: E402
-from anyprobe_train.train.checkpoint import agreed, differing, save_init_weights  # noqa: E402
+from anyprobe_train.train.checkpoint import save_init_weights  # noqa: E402
 from anyprobe_train.train.config import normals, smoke  # noqa: E402
-from anyprobe_train.train.dataloader import name_assets  # noqa: E402
 
 CONFIG = smoke(normals(), 4)
 PAIRS = SimpleNamespace(batch=lambda step: some_batch())
@@ -37,11 +33,6 @@ def changed(path, **parts):
     """Write a checkpoint anew with other parts, None for those that it shall lack."""
     stored = torch.load(path, weights_only=True) | parts
     torch.save({name: value for name, value in stored.items() if value is not None}, path)
-
-
-def some_store(*ids):
-    dark = np.ones((8, 16, 3), np.float32)
-    return AssetStore([MapAsset(name=one, id=one, licence="own", indoor=True, radiance=dark) for one in ids])
 
 
 @pytest.fixture(scope="module")
@@ -76,14 +67,6 @@ def test_another_run_does_not_go_on_from_a_checkpoint(begun, case):
     assert path.read_bytes() == before
 
 
-def test_a_team_of_another_size_does_not_go_on(tmp_path):
-    path = go(tmp_path, stop_after=1)
-    assert torch.load(path, weights_only=True)["origin"] == {"processes": 1, "start": None}
-    changed(path, origin={"processes": 2, "start": None})
-    with refused(source="checkpoint.pt", naming="processes of 2"):
-        go(tmp_path)
-
-
 def test_start_is_for_the_run_that_began_from_it(tmp_path):
     """The command that began a run goes on with it; other weights, or none, do not."""
     weights, others = tmp_path / "start.pt", tmp_path / "others.pt"
@@ -104,21 +87,6 @@ def test_start_is_for_the_run_that_began_from_it(tmp_path):
     assert not (tmp_path / "c").exists()
 
 
-def test_other_assets_do_not_go_on(tmp_path, monkeypatch):
-    """They are known before shapes are drawn; where pairs are at hand, nobody asks."""
-    monkeypatch.setattr(loop, "open_batches", lambda *args: iter([some_batch()] * 4))
-    monkeypatch.setattr(loop, "load_assets", lambda light, data: some_store("0a", "0b"))
-    path = go(tmp_path, pairs=None, stop_after=1)
-    assert torch.load(path, weights_only=True)["origin"]["assets"] == name_assets(some_store("0a", "0b"))
-    go(tmp_path, stop_after=2)
-    go(tmp_path, pairs=None, stop_after=3)
-    monkeypatch.setattr(loop, "load_assets", lambda light, data: some_store("0a", "0c"))
-    with pytest.raises(InputError, match=r"expected --data with 2 maps and 0 shapes \(.*\), as the run started, got 2"):
-        go(tmp_path, pairs=None)
-    changed(path, origin=None)
-    assert torch.load(go(tmp_path, pairs=None), weights_only=True)["step"] == 4
-
-
 def test_an_older_checkpoint_goes_on_exactly(tmp_path):
     """It says nothing of its origin, and lacks settings that came later."""
     straight = torch.load(go(tmp_path / "a"), weights_only=True)
@@ -131,32 +99,3 @@ def test_an_older_checkpoint_goes_on_exactly(tmp_path):
     assert resumed["step"] == straight["step"] == 4
     for name, value in straight["nets"].items():
         assert torch.equal(value, resumed["nets"][name]), name
-
-
-@dataclass(frozen=True)
-class Inner:
-    kept: int = 1
-    later: int = 2
-
-
-@dataclass(frozen=True)
-class Outer:
-    needed: str
-    inner: Inner = field(default_factory=lambda: Inner(later=7))
-    later: bool = False
-
-
-def test_a_setting_that_is_not_stored_had_its_default():
-    now = Outer(needed="a", inner=Inner(kept=5, later=7), later=True)
-    stored = {"needed": "a", "inner": {"kept": 5, "later": 7}, "later": True, "gone": 3}
-    assert list(differing(now, stored)) == []
-    assert list(differing(now, {"needed": "a", "inner": {"kept": 5}})) == [
-        ("inner.later", 2, 7),
-        ("later", False, True),
-    ]
-    assert list(differing(replace(now, later=False), {})) == [("inner.kept", 1, 5)]
-
-
-def test_what_is_known_of_a_run_stays_known(tmp_path):
-    assert agreed(tmp_path, {}, {"processes": 2}) == {"processes": 2}
-    assert agreed(tmp_path, {"processes": 2, "start": None}, {"processes": 2}) == {"processes": 2, "start": None}

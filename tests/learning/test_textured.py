@@ -20,12 +20,9 @@ from anyprobe_train.dataset.textured import (  # noqa: E402
     SECOND_SHARE,
     draw_factor,
     draw_share,
-    lay,
     locate,
     mix,
     paint,
-    paint_some,
-    smooth_noise,
 )
 
 SIZE, RADIUS = 128, 0.85
@@ -63,50 +60,6 @@ def test_pixels_are_located_where_the_sphere_is():
     np.testing.assert_allclose(points[..., 1], Y, atol=1e-6)
     error = points[..., 2] - RADIUS * np.sqrt(np.maximum(1 - REACH**2, 0))
     assert np.ptp(error[inside]) < 0.02
-
-
-def test_a_roof_is_located_as_deep_as_it_is_steep():
-    """Two slopes to a ridge, the roof tilted each way, so that no axis is taken for another."""
-    for x, y in ((0.6, 0.1), (0.1, 0.6), (-0.5, 0.3)):
-        right = np.where(X > 0, 0.3, -0.3) + x
-        normals = np.stack([right, np.full_like(right, y), np.ones_like(right)], axis=-1)
-        normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-        depth = locate(np.where((REACH < 1)[..., None], normals, 0.0))[..., 2]
-        error = depth + 0.3 * np.abs(X) + x * X + y * Y
-        assert np.ptp(error[REACH < 0.9]) < 0.1 * np.ptp(depth[REACH < 0.9])
-
-
-def test_patterns_draw_together_towards_the_edge_of_a_sphere_and_not_of_a_disc():
-    """A pixel there is longer on the surface: 2.3 times at nine tenths of the radius."""
-
-    def steeper(normals: np.ndarray) -> float:
-        """How much steeper the patterns are outwards near the edge than in the middle."""
-        found = []
-        for seed in range(40):
-            down, right = np.gradient(np.log(draw_factor(normals, np.random.default_rng(seed))[..., 1]))
-            outwards = np.abs(right * X - down * Y) / np.hypot(X, Y)
-            found.append([outwards[(REACH > low) & (REACH < high)].mean() for low, high in RINGS])
-        middle, edge = np.mean(found, axis=0)
-        return edge / middle
-
-    RINGS = ((0.1, 0.4), (0.85, 0.95))
-    assert steeper(sphere()) > 1.4 * steeper(disc())
-
-
-def test_a_pattern_is_as_coarse_on_a_plane_that_faces_any_way():
-    """Steps of one length along the surface change it alike: laid from one side alone, it would be drawn out."""
-    pattern = smooth_noise(np.random.default_rng(0), SIZE, 8.0)[..., None].astype(np.float32)
-    changes = []
-    for seed in range(30):
-        rng = np.random.default_rng(seed)
-        n, u, v = np.linalg.qr(rng.standard_normal((3, 3)))[0].T
-        points = rng.uniform(-0.7, 0.7, (2000, 1)) * u + rng.uniform(-0.7, 0.7, (2000, 1)) * v
-        here, along, aside = (
-            lay(pattern, points + 0.01 * step, np.broadcast_to(n, points.shape), np.random.default_rng(9))
-            for step in (0.0, u, v)
-        )
-        changes += [np.abs(along - here).mean(), np.abs(aside - here).mean()]
-    assert min(changes) > 0.4 * max(changes)
 
 
 def test_textures_are_mild_and_mostly_grey():
@@ -174,15 +127,6 @@ def test_a_pixel_shows_the_material_that_it_has(source):
         torch.testing.assert_close(radiance[0][:, part], whole[k][0][:, part])
 
 
-def test_no_share_draws_no_random_number_and_calls_nobody(source, monkeypatch):
-    """And a share that is hit by no photo leaves every number what it was, bit for bit."""
-    missed = source(textured=1e-12, two_materials=1e-12).batch(1)
-    monkeypatch.setattr(pair_source, "paint_some", lambda *_: pytest.fail("nothing is to be painted"))
-    plain = source().batch(1)
-    for one in fields(plain):
-        assert torch.equal(getattr(plain, one.name), getattr(missed, one.name)), one.name
-
-
 @pytest.mark.parametrize("name", ["textured", "two_materials"])
 def test_a_batch_shows_it_and_its_targets_do_not(source, monkeypatch, name):
     """At the same exposure. All else of the photos is the same too, and a texture makes them hardly brighter."""
@@ -204,16 +148,3 @@ def test_a_batch_shows_it_and_its_targets_do_not(source, monkeypatch, name):
     else:
         assert (differs > 0.05).all()
         assert (differs < 0.45).all()  # the first material is as it was, a pixel from the border
-
-
-def test_about_a_share_of_objects_is_painted_and_the_rest_left_as_it_is():
-    material = Material(albedo=np.full(3, 0.7, np.float32), f0=np.full(3, 0.04, np.float32), alpha=0.3)
-    normals = np.stack([np.moveaxis(sphere(), -1, 0)] * 40)
-    normals[0] = 0.0  # nothing of it is seen
-    for shares in ((0.5, 0.0), (0.0, 0.5)):
-        painted = paint_some([material] * 40, normals, np.random.default_rng(2), *shares)
-        assert painted[0] is material
-        changed = [one for one in painted if one is not material]
-        assert 12 <= len(changed) <= 28
-        assert all(one.albedo.shape == one.f0.shape == (SIZE, SIZE, 3) for one in changed)
-        assert {bool(np.ptp(one.f0) == 0) for one in changed} == {shares[0] > 0}

@@ -8,7 +8,6 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles  # noqa: E402
-from anyprobe_train.nets.context_net import ContextNet  # noqa: E402
 from anyprobe_train.nets.source_head import RADII_DEG, SOURCES, SourceHead, SourceMap  # noqa: E402
 from anyprobe_train.nets.whole_net import SAID, WholeNet  # noqa: E402
 from anyprobe_train.whole_network.source_profiles import source_profiles  # noqa: E402
@@ -73,18 +72,6 @@ def test_every_loss_reaches_the_weights():
         assert 0 < size < float("inf"), name
 
 
-def test_no_context_has_no_code():
-    net = ContextNet()
-    picture = torch.rand(3, 5, 96, 96)
-    picture[1] = 0.0
-    for training in (True, False):
-        code, posture = net.train(training)(picture, torch.full((3, 1), 0.2))
-        assert (code[1] == 0).all()
-        assert (posture[1] == 0).all()
-        assert (code[[0, 2]] != 0).any()
-        assert torch.isfinite(code).all()
-
-
 def test_drawing_sources_keeps_the_power():
     """Power is kept: what is drawn as sources is not drawn elsewhere, whatever the profiles ask for."""
     draw = SourceMap()
@@ -125,37 +112,6 @@ def test_a_drawn_source_has_the_size_that_its_profile_says():
             assert found[0, 0, last - 1] < 0.5
 
 
-def test_a_source_has_its_own_colour_and_the_rest_keeps_that_of_all_light():
-    draw = SourceMap()
-    shown, above = torch.full((1, 3, 64, 128), 0.01), torch.tensor([[6.0, 5.0, 4.0]])
-    places = torch.tensor([[[0.0, 0.6, -0.8]] + [[0.0, -1.0, 0.0]] * 3])
-    profiles = torch.zeros(1, SOURCES, len(RADII_DEG))
-    profiles[0, 0] = 0.3
-    tints = torch.zeros(1, SOURCES, 3)
-    tints[0, 0] = torch.tensor([0.4, 0.0, -0.4])
-    soft, drawn, _ = draw(shown, above, torch.full((1, 1, 64, 128), 1 / (4 * np.pi)), places, profiles, tints)
-    angles = torch.from_numpy(pixel_solid_angles(64))
-    source = ((drawn - soft) * angles).sum(dim=(2, 3))[0]
-    expected = above[0] * torch.exp(tints[0, 0])
-    torch.testing.assert_close(source / source.sum(), expected / expected.sum(), rtol=1e-3, atol=1e-3)
-    rest = ((soft - shown) * angles).sum(dim=(2, 3))[0]
-    torch.testing.assert_close(rest / rest.sum(), above[0] / above.sum(), rtol=1e-3, atol=1e-3)
-    torch.testing.assert_close((source + rest) @ draw.luminance, above[0] @ draw.luminance, rtol=1e-3, atol=1e-3)
-
-
-def test_the_nearest_seen_place_is_found_across_the_seam():
-    net = WholeNet()
-    surroundings = torch.zeros(2, 4, 64, 128)
-    surroundings[0, :, 28:36, 120:126] = torch.tensor([0.8, 0.2, 0.1, 1.0])[:, None, None]
-    surroundings[0, :, 28:36, 60:66] = torch.tensor([0.1, 0.2, 0.9, 1.0])[:, None, None]
-    near = net._nearest(surroundings)
-    torch.testing.assert_close(near[0, :3, 16, 1], torch.tensor([0.8, 0.2, 0.1]), atol=0.02, rtol=0)
-    torch.testing.assert_close(near[0, :3, 16, 33], torch.tensor([0.1, 0.2, 0.9]), atol=0.02, rtol=0)
-    assert near[0, 3, 16, 1] < near[0, 3, 16, 10] < near[0, 3, 0, 10]
-    assert (near[0, 4] == 1).all()
-    assert (near[1] == 0).all()
-
-
 def test_profiles_of_discs_are_their_areas():
     """Two even discs on black: shares by area, the brighter one first; an even map has shares of the sphere."""
     radiance = 3.0 * cap([0, 0.3, -1], 6.0) + 1.0 * cap([1, 0.5, 0.2], 12.0)
@@ -169,14 +125,6 @@ def test_profiles_of_discs_are_their_areas():
     np.testing.assert_allclose(shares[0, 1, 3], 1 - first, atol=0.03)
     _, even = source_profiles(torch.ones(1, 64, 128))
     np.testing.assert_allclose(even[0, 0], (1 - np.cos(np.radians(RADII_DEG))) / 2, rtol=0.15)
-
-
-def test_profiles_grow_with_the_radius():
-    head = SourceHead(16)
-    profiles = head.profiles(torch.randn(50, 16) * 5)
-    assert (profiles.diff(dim=2) >= 0).all()
-    assert (profiles > 0).all()
-    assert (profiles < 1).all()
 
 
 def test_a_mixture_on_the_sphere_integrates_to_one():

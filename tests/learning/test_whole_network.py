@@ -21,9 +21,8 @@ from anyprobe.estimate.estimator import Estimator  # noqa: E402
 from anyprobe.estimate.ground import up_of  # noqa: E402
 from anyprobe_train.nets.light_net import display  # noqa: E402
 from anyprobe_train.whole_network import whole_training as training  # noqa: E402
-from anyprobe_train.whole_network.batches import Pairs, brighter, mirrored_pairs  # noqa: E402
-from anyprobe_train.whole_network.left_out_scores import _figures, score_left_out  # noqa: E402
-from anyprobe_train.whole_network.object_losses import OBJECT_WEIGHTS, ObjectLoss  # noqa: E402
+from anyprobe_train.whole_network.batches import Pairs, mirrored_pairs  # noqa: E402
+from anyprobe_train.whole_network.left_out_scores import score_left_out  # noqa: E402
 from anyprobe_train.whole_network.whole_export import export_photo_net  # noqa: E402
 from anyprobe_train.whole_network.whole_training import WholeRunConfig, load_photo_net, train_whole  # noqa: E402
 from research.scenes import packed  # noqa: E402
@@ -144,31 +143,6 @@ def test_left_and_right_change_places_together():
     assert found["colors"] is batch["colors"]
 
 
-def test_what_is_clipped_stays_clipped_in_less_light():
-    picture = torch.tensor([1.0, 0.5]).reshape(1, 1, 1, 2).expand(1, 4, 1, 2)
-    darker = brighter(picture, torch.full((1, 3, 1, 1), -1.0))
-    assert darker[0, 0, 0, 0] == 1.0
-    assert darker[0, 0, 0, 1] < 0.4
-
-
-def test_a_panorama_takes_the_place_of_the_photo(folder):
-    batch = Pairs(folder).batch(np.random.default_rng(0), 20, given_up=0.0, panoramas=1.0)
-    assert not batch["context"].any()
-    cover = batch["surroundings"][:, 3]
-    assert 0 < cover.mean() < 1
-    known = (cover > 0)[:, None].expand(-1, 3, -1, -1)
-    shown = torch.where(known, display(batch["truth"]).clip(max=1.0), torch.zeros(()))
-    torch.testing.assert_close(batch["surroundings"][:, :3], shown)
-
-
-def test_added_files_are_learned_from_when_a_run_grows(folder, tmp_path):
-    shutil.copytree(folder, tmp_path / "pairs")
-    pairs = Pairs(tmp_path / "pairs")
-    assert pairs.grown() is pairs
-    shutil.copy(folder / "000001.npz", tmp_path / "pairs" / "000002.npz")
-    assert len(pairs.grown()) == len(pairs) + 1
-
-
 def test_scores_are_of_photos_and_of_cut_outs(folder, checkpoint):
     net, _ = load_photo_net(checkpoint)
     scores = score_left_out(net, Pairs(folder))
@@ -181,17 +155,6 @@ def test_scores_are_of_photos_and_of_cut_outs(folder, checkpoint):
         "cut-out-alone_ldr_rmse",
     } <= set(scores)
     assert all(np.isfinite(value) for value in scores.values())
-
-
-def test_a_cast_is_scored():
-    truth = np.ones((64, 128, 3), np.float32)
-    *_, red, blue = _figures(truth * [1.2, 1.0, 0.9], truth)
-    assert (red, blue) == pytest.approx((np.log(1.2), np.log(0.9)), abs=1e-5)
-
-
-def test_pairs_are_asked_for_where_there_are_none(tmp_path):
-    with pytest.raises(InputError, match="research.scenes pairs"):
-        Pairs(tmp_path)
 
 
 def test_a_killed_run_goes_on_exactly(folder, checkpoint, tmp_path, monkeypatch):
@@ -244,34 +207,6 @@ def test_a_mirrored_answer_costs_nothing_and_another_does(folder, checkpoint):
     assert float(losses._mirror(type(guess)(**both))) < 1e-6
     twice = {name: torch.cat([values, values]) for name, values in half.items()}
     assert float(losses._mirror(type(guess)(**twice))) > 1e-3
-
-
-def test_an_object_branch_at_rest_does_not_learn(folder, tmp_path):
-    config = replace(CONFIG, object_rate=0.0, averaged=0.0)
-    torch.manual_seed(config.seed)
-    first = training.PhotoNet().state_dict()
-    last = torch.load(trained(folder, tmp_path, config), weights_only=True)["moving"]
-    same = {name: torch.equal(first[name], last[name]) for name in first}
-    assert all(value for name, value in same.items() if name.startswith("light."))
-    assert not all(value for name, value in same.items() if name.startswith("whole."))
-
-
-def test_hints_are_answered_as_by_the_teacher(folder):
-    torch.manual_seed(0)
-    net = training.PhotoNet().eval()
-    losses = ObjectLoss(net.light, "cpu")
-    batch = {name: values.repeat(8, *[1] * (values.dim() - 1)) for name, values in Pairs(folder).rows(0, 3).items()}
-    batch = losses.with_hints(batch, torch.Generator().manual_seed(3))
-    assert 0 < batch["hinted"].sum() < len(batch["hinted"])
-    given = batch["given_normals"].flatten(1).abs().amax(dim=1) + batch["material"].abs().amax(dim=1) > 0
-    assert torch.equal(given, batch["hinted"])
-    with torch.no_grad():
-        answer, _ = net(batch)
-    terms = losses(answer, batch)
-    assert set(terms) == set(OBJECT_WEIGHTS)
-    assert all(float(terms[name]) < 1e-4 for name in terms if name.startswith("kept"))
-    batch["teacher"] = losses.with_hints(batch, torch.Generator().manual_seed(4))["teacher"]
-    assert float(losses(answer, batch)["kept_answer"]) > 1e-3
 
 
 def test_packed_pairs_are_nearly_the_same(folder, tmp_path):

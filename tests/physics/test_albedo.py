@@ -37,12 +37,6 @@ def test_table_is_not_the_brdfs_integral(alpha, cosine):
     assert grazing[0] == pytest.approx(sent_back(0.0, alpha, cosine), abs=0.006)
 
 
-def test_rough_white_metal_sends_back_one_minus_ln_2():
-    """alpha = 1, F = 1, seen along n."""
-    one, _ = directional_albedo(np.array([1.0]), np.array([1.0]), albedo_table())
-    assert one[0] == pytest.approx(1 - np.log(2), abs=0.002)
-
-
 def test_mirror_loses_light():
     """A narrow lobe sends all back, and at n.wo the share that Schlick's term gives."""
     cosine = np.array([0.95, 0.7, 0.4])

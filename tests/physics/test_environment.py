@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from support.refused import refused
 
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
@@ -45,23 +44,9 @@ def test_shrinking_loses_light(noise, height):
     np.testing.assert_allclose(integral(small), integral(noise), rtol=1e-5)
 
 
-def test_shrinking_by_plain_mean(noise):
-    """At the pole the rows of a block differ in weight: the plain mean is another number."""
-    weights = np.array([1 - np.cos(np.pi / 32), np.cos(np.pi / 32) - np.cos(np.pi / 16)])[:, None, None]
-    expected = (noise[:2, :2] * weights).sum(axis=(0, 1)) / (2 * weights.sum())
-    np.testing.assert_allclose(shrink(noise, 16)[0, 0], expected, rtol=1e-5)
-    assert not np.allclose(expected, noise[:2, :2].mean(axis=(0, 1)), rtol=1e-3)
-
-
 def test_shrinking_mixes_neighbouring_blocks():
     ramp = np.repeat(np.arange(64.0)[None, :, None], 32, axis=0).repeat(3, axis=2)
     np.testing.assert_allclose(shrink(ramp, 16)[5, :, 0], np.arange(32) * 2 + 0.5)
-
-
-def test_shrinking_edge_cases(noise):
-    np.testing.assert_array_equal(shrink(noise, 32), noise)
-    with pytest.raises(ValueError, match="does not divide"):
-        shrink(noise, 12)
 
 
 @pytest.mark.parametrize(
@@ -125,11 +110,6 @@ def test_unusable_map_is_accepted(bad, words):
     assert "\n" not in str(error.value)
 
 
-def test_good_map_is_refused():
-    checked = check_radiance(np.ones((4, 8, 3), np.float64))
-    assert checked.dtype == np.float32
-
-
 def test_torch_maps_differ(noise):
     torch = pytest.importorskip("torch", reason="torch is an extra")
     tensor, rotation = torch.asarray(noise), rotation_y(0.3) @ rotation_x(0.2)
@@ -148,12 +128,3 @@ def test_a_reduced_map_has_another_integral(height):
     np.testing.assert_allclose(reduced(np.full_like(radiance, 0.3)), 0.3, rtol=1e-5)
     if height % SEARCH_ROWS == 0:
         np.testing.assert_allclose(small, shrink(radiance, SEARCH_ROWS), rtol=1e-4)
-
-
-def test_a_small_map_is_reduced(noise):
-    assert reduced(noise) is noise
-
-
-def test_an_empty_map_is_taken():
-    with refused(code="invalid-map", source="map", naming="(0, 0, 3)"):
-        check_radiance(np.zeros((0, 0, 3)))

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from support.refused import refused
 
-from anyprobe.errors import InputError
 from anyprobe.given_material import MATTE, as_material, given_material
 from anyprobe.scatter.materials import MATERIALS, MEASURED, PRESETS, total_reflectance
 
@@ -36,17 +35,3 @@ def test_measured_materials_are_surfaces_and_none_hides_one_of_our_own():
         assert np.all(total_reflectance(found.albedo, found.f0) <= 1), name
     np.testing.assert_allclose(as_material("porcelain").f0, 0.04)  # ((1.5 - 1) / (1.5 + 1))^2
     assert not np.any(as_material("copper").albedo)
-
-
-@pytest.mark.parametrize("name", ["Office Paper", "OFFICE_PAPER", "office-paper"])
-def test_a_name_may_be_spelled_as_people_do(name):
-    assert as_material(name).alpha == MEASURED["office-paper"].alpha
-
-
-@pytest.mark.parametrize(
-    ("name", "words"), [("porcelan", "did you mean porcelain?"), ("coper", "copper"), ("zzz", "anyprobe materials")]
-)
-def test_a_slip_of_the_pen_is_answered_with_the_name_that_was_meant(name, words):
-    with pytest.raises(InputError, match=words) as caught:
-        given_material(name)
-    assert "\n" not in str(caught.value)

@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from anyprobe.render.mesh import Mesh, transformed, waved
+from anyprobe.render.mesh import Mesh, transformed
 from anyprobe.render.shapes import blob, draw_shape, figure, lathe, rounded_polyhedron, sphere, superquadric
 
 FAMILIES = [superquadric, blob, lathe, rounded_polyhedron]
@@ -96,32 +96,6 @@ def test_polyhedron_is_convex():
         assert (reach - np.diag(reach)[:, None]).max() < 1e-6
 
 
-def test_polyhedron_normals_are_smooth():
-    """One normal a vertex, whichever face asks: the edges are rounded, not creased."""
-    mesh = draw(rounded_polyhedron, 1)
-    normals = np.empty((len(mesh.positions), 3), np.float32)
-    normals[mesh.faces.reshape(-1)] = mesh.normals.reshape(-1, 3)
-    np.testing.assert_array_equal(normals[mesh.faces], mesh.normals)
-
-
-def test_polyhedron_has_flat_faces():
-    """Most of the surface looks in a few directions; a sphere's spreads over all of them."""
-
-    def in_few(mesh: Mesh) -> float:
-        normals, areas = geometry(mesh)
-        taken, total = 0.0, areas.sum()
-        for _ in range(12):  # the twelve fullest cones of 12 degrees, one after the other
-            inside = normals @ normals[np.argsort(areas)[::17]].T > np.cos(np.radians(12))
-            best = inside[:, np.argmax(areas @ inside)]
-            taken += areas[best].sum()
-            areas = np.where(best, 0.0, areas)
-        return taken / total
-
-    shares = [in_few(rounded_polyhedron(np.random.default_rng(seed), rows=24)) for seed in SEEDS]
-    assert in_few(sphere(rows=24)) < 0.2
-    assert np.median(shares) > 0.6
-
-
 @pytest.mark.ci
 def test_every_family_is_drawn():
     """Told apart by their vertex counts: rows differ from family to family, but for blobs and spheres."""
@@ -143,32 +117,6 @@ def test_a_sphere_drawn_out_is_an_ellipsoid():
     normals, areas = geometry(mesh)
     corners = mesh.normals.astype(np.float64).mean(axis=1)
     assert ((corners * normals).sum(axis=1) > 0.9)[areas > 1e-6].all()  # what faces show agrees with normals
-
-
-def test_waves_turn_normals_as_they_turn_the_surface():
-    """x -> x + 0.2 sin(3 y) shears a sphere: its normal s becomes (s_x, s_y - 0.6 cos(3 y) s_x, s_z)."""
-    unit_sphere = sphere(64)
-    mesh = waved(unit_sphere, np.array([[0.2, 0.0, 0.0]]), np.array([[0.0, 3.0, 0.0]]), np.zeros(1))
-    s = unit_sphere.positions[unit_sphere.faces].astype(np.float64)
-    expected = s - 0.6 * np.cos(3 * s[..., 1:2]) * s[..., :1] * [0.0, 1.0, 0.0]
-    expected /= np.linalg.norm(expected, axis=2, keepdims=True)
-    assert (mesh.normals * expected).sum(axis=2).min() > 0.999
-    moved = unit_sphere.positions + 0.2 * np.sin(3 * unit_sphere.positions[:, 1:2]) * [1.0, 0.0, 0.0]
-    moved -= (moved.max(axis=0) + moved.min(axis=0)) / 2
-    np.testing.assert_allclose(mesh.positions, moved / np.linalg.norm(moved, axis=1).max(), atol=1e-5)
-
-
-@pytest.mark.ci
-def test_slopes_below_one_turn_nothing_inside_out():
-    """Every face of a wavy figure still looks the way its normals do."""
-    rng = np.random.default_rng(5)
-    for _ in range(6):
-        waves = rng.normal(size=(5, 3)) * 4
-        pushes = rng.normal(size=(5, 3))
-        slopes = np.linalg.norm(pushes, axis=1) * np.linalg.norm(waves, axis=1)
-        mesh = waved(sphere(96), pushes * (0.95 / 5 / slopes)[:, None], waves, rng.uniform(0, 6.28, 5))
-        normals, areas = geometry(mesh)
-        assert ((mesh.normals.mean(axis=1) * normals).sum(axis=1) > 0.9)[areas > 1e-7].all()
 
 
 def piece_of(mesh: Mesh) -> np.ndarray:

@@ -11,7 +11,6 @@ import pytest
 
 import anyprobe
 from anyprobe.cli import doctor
-from anyprobe.errors import ModelError
 from anyprobe.estimate import estimator as estimator_module
 from anyprobe.estimate.runtime import file_hashes
 from anyprobe.inputs.settings import DEFAULT_MODEL
@@ -34,31 +33,6 @@ def test_doctor_prints_versions_providers_and_hashes(command, monkeypatch):
     for stage, digest in file_hashes(DEFAULT_MODEL).items():
         assert f"model {DEFAULT_MODEL}/{stage} sha256 {digest}" in lines
     assert lines[-2:] == ["self-test: dominant light 4 degrees off, 123 ms a photo", "OK"]
-
-
-def test_doctor_lists_users_extras_and_how_to_install_what_is_absent(command, monkeypatch):
-    versions = {"numpy": "2.3", "av": "18.1.0", "uvicorn": "0.50"}
-
-    def version(package: str) -> str:
-        if package not in versions:
-            raise importlib.metadata.PackageNotFoundError
-        return versions[package]
-
-    wanted = ["numpy>=2.2", *(f'{one}>=0.1; extra == "serve"' for one in ("fastapi", "uvicorn", "python-multipart"))]
-    wanted += ["av>=16 ; extra == 'video'", 'rembg>=2.0.60; python_version > "3" and extra == "rembg"']
-    wanted += ['rembg-lite>=0.1.2 ; python_version < "3.4" and extra == "video"']
-    wanted += ['ruff>=0.8; extra == "dev"', 'mitsuba>=3.5; extra == "judge"']
-    monkeypatch.setattr(importlib.metadata, "requires", lambda _: wanted)
-    monkeypatch.setattr(importlib.metadata, "version", version)
-    monkeypatch.setattr(doctor, "self_test", lambda model: (0.1, 4.0))
-    lines = command("doctor").out.splitlines()
-    assert lines[2:6] == [
-        "packages: numpy 2.3",
-        "serve: uvicorn 0.50; missing fastapi, python-multipart; from a clone: pip install '.[serve]'",
-        "video: av 18.1.0",
-        "rembg: missing rembg; from a clone: pip install '.[rembg]'",
-    ]
-    assert lines[6].startswith("providers ")
 
 
 @pytest.mark.parametrize(
@@ -86,14 +60,6 @@ def test_failed_self_test_is_one_line_and_status_2(command, monkeypatch):
     assert outcome.err.count("\n") == 1
     assert "sha256" in outcome.out
     assert "OK" not in outcome.out.splitlines()
-
-
-def test_unknown_model(command):
-    outcome = command("doctor", "--model", "nobody")
-    assert outcome.status == 2
-    assert outcome.err.startswith("anyprobe: --model: expected one of")
-    with pytest.raises(ModelError):
-        doctor.self_test("nobody")
 
 
 @pytest.mark.parametrize(

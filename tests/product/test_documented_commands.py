@@ -6,7 +6,6 @@ import re
 import shlex
 from pathlib import Path
 
-import pytest
 import typer
 from support.command_faults import PROGRAMS, fault_of
 
@@ -44,25 +43,6 @@ def test_what_pages_show_is_a_command():
     assert [one for one in wrong if one[2]] == []
     assert sum(map(len, shown.values())) > 40
     assert {"README.md", "video.md", "masks.md"} <= {name for name, found in shown.items() if found}
-
-
-@pytest.mark.parametrize(
-    ("line", "fault"),
-    [
-        ("anyprobe relight a.jpg --insert vase  # comment --nothing", ""),
-        ("anyprobe relight a.jpg --object sphere", "--object"),
-        ("anyprobe relit a.jpg", "relit"),
-        ("anyprobe video", "CLIP"),
-        ("anyprobe relight a.jpg --renderer cycles", "cycles"),
-        ("pip install '.[video]' && anyprobe video a.mp4 --nothing | less", "--nothing"),
-        ("anyprobe --version", ""),
-        ("anyprobe-train run lift --dry-run 20", ""),
-        ("anyprobe-train run lift --fry-run 20", "--fry-run"),
-    ],
-)
-def test_a_planted_fault_is_found(line, fault):
-    (words,) = commands_in(f"text\n\n```sh\n{line}\n```\n")
-    assert fault in fault_of(words) if fault else fault_of(words) == ""
 
 
 def test_every_command_says_in_short_what_it_does():

@@ -86,13 +86,3 @@ def test_blocks_of_a_page_run(path, files, names, tmp_path, monkeypatch):
     shutil.copytree(files, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(path.parent if path.suffix == ".ipynb" else tmp_path)
     run(path, names)
-
-
-def test_a_wrong_block_is_found_at_its_line(tmp_path):
-    path = tmp_path / "page.md"
-    path.write_text("# Page\n\n```python\nx = 1\nassert x == 2\n```\n")
-    with pytest.raises(AssertionError) as found:
-        run(path, {})
-    assert found.traceback[-1].lineno + 1 == 5
-    path.write_text("# Page\n\n<!-- not run: a reason -->\n```python\nassert False\n```\n\n```python\n1\n```\n")
-    assert run(path, {}) == 1

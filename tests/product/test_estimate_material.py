@@ -48,27 +48,6 @@ def test_name_albedo_and_material_reach_the_light(estimator, photo_rgba, expecte
         assert found.info["hints"] == light.info["hints"]
 
 
-@pytest.mark.parametrize("entry", ["estimate", "call", "from_photo", "from_inputs", "together"])
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"material": 0.18}, ("material: expected a Material or one of chrome,", "got float", "albedo=")),
-        ({"material": "granite"}, ("material: expected one of chrome,", "'granite'")),
-        ({"albedo": "grey"}, ("albedo: expected one number or three", "'grey'")),
-        ({"albedo": [0.5, 0.5]}, ("albedo: expected one number or three",)),
-        ({"albedo": [0.5, [0.5]]}, ("albedo: expected one number or three",)),
-        ({"material": MATERIALS["matte"], "albedo": 0.2}, ("albedo, roughness: ", "got a Material")),
-        ({"roughness": 0.01}, ("roughness: expected", "0.1 to 1")),
-    ],
-)
-def test_what_is_no_material_is_refused_in_one_line(estimator, photo_rgba, entry, given, words):
-    with pytest.raises(anyprobe.InputError) as error:
-        through(entry, estimator, photo_rgba, **given)
-    assert "\n" not in str(error.value)
-    for word in words:
-        assert word in str(error.value)
-
-
 @pytest.mark.parametrize(
     "values",
     [
@@ -90,15 +69,6 @@ def test_lists_and_single_numbers_are_numbers_of_a_material(estimator, photo_rgb
     written = anyprobe.Material(albedo=[0.3, 0.3, 0.3], f0=0.04, alpha=0.9)
     found = estimator(photo_rgba, material=written)
     np.testing.assert_array_equal(found.radiance, estimator(photo_rgba, material="matte").radiance)
-
-
-def test_a_material_is_refused_before_any_photo_is_loaded(estimator):
-    def never():
-        raise AssertionError("loaded")
-        yield
-
-    with refused("material", naming="granite"):
-        estimator.multiview(never(), [], material="granite")
 
 
 def test_who_takes_a_material_takes_an_albedo():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import time
 
@@ -48,28 +47,3 @@ def test_no_time_counts_twice(estimator, photo_path):
     seconds = light.info["seconds"]
     assert seconds["load"] >= 3 * SLOW_S
     assert sum(seconds.values()) < time.perf_counter() - start + 0.01  # rounded
-
-
-@pytest.mark.ci
-@pytest.mark.parametrize("count", [1, 2])
-def test_the_server_counts_from_the_photo_s_opening(estimator, photo_path, monkeypatch, count):
-    pytest.importorskip("fastapi", reason="needs the serve extra")
-    pytest.importorskip("python_multipart", reason="needs the serve extra")
-    from fastapi.testclient import TestClient
-
-    from anyprobe.serve.api import create_app
-    from anyprobe.serve.pool import WorkerPool
-
-    decode = WorkerPool.decode
-
-    async def slowly(*given):
-        await asyncio.sleep(SLOW_S)
-        return await decode(*given)
-
-    monkeypatch.setattr(WorkerPool, "decode", slowly)
-    files = [("photo", (f"{k}.png", photo_path.read_bytes())) for k in range(count)]
-    given = {"poses": transforms([np.eye(3)] * count)} if count > 1 else {}
-    with TestClient(create_app(estimator)) as client:
-        answer = client.post("/v1/estimate", files=files, data=given)
-    assert answer.status_code == 200, answer.text
-    assert answer.json()["seconds"]["load"] >= count * SLOW_S

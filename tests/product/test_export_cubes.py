@@ -224,21 +224,6 @@ def test_gltf_lacks_faces_coefficients_or_a_source(tmp_path):
         np.testing.assert_allclose(matrix @ (0, 0, -1, 0), (*-source.direction, 0), atol=1e-5)
 
 
-def test_gltf_of_an_even_sky_is_not_valid(tmp_path):
-    """An empty list of lights or nodes is none by glTF's schema."""
-    document, _ = parse_glb(file_of("gltf", tmp_path, np.ones((32, 64, 3), np.float32), ".glb"))
-    assert "nodes" not in document
-    assert list(document["extensions"]) == document["extensionsUsed"] == ["EXT_lights_image_based"]
-
-
-def test_gltf_of_a_large_map_is_no_larger_than_it_must_be(tmp_path, monkeypatch):
-    monkeypatch.setattr("anyprobe.export.scene_files.LARGEST_SIDE", 16)
-    document, _ = parse_glb(file_of("gltf", tmp_path, lit_map(), ".glb"))
-    (light,) = document["extensions"]["EXT_lights_image_based"]["lights"]
-    assert light["specularImageSize"] == 16
-    assert len(light["specularImages"]) == 1
-
-
 @pytest.mark.ci
 def test_a_sun_between_the_points_of_a_large_map_is_not_lost():
     d = pixel_directions(1024)

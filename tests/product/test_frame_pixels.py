@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 from support.picture_files import REC2020_FROM_REC709, hlg, pq, srgb
 from support.refused import refused
 
@@ -17,7 +16,6 @@ av = pytest.importorskip("av", reason="needs the video extra")
 
 from anyprobe.core.color import rec709_from_rgb  # noqa: E402
 from anyprobe.core.response import inverse_response  # noqa: E402
-from anyprobe.errors import InputError  # noqa: E402
 from anyprobe.pictures.color_encoding import PRIMARIES  # noqa: E402
 from anyprobe.video.clip import Frame, open_clip, read_frames, write_piece  # noqa: E402
 from anyprobe.video.following import MaskFollower  # noqa: E402
@@ -198,25 +196,6 @@ def test_a_clip_that_turns_midway_stays_upright(tmp_path, monkeypatch):
     assert "96 x 128" in found[1].note
 
 
-@pytest.mark.parametrize("degrees", [0, 90, 180, 270])
-@pytest.mark.parametrize("mirror", ["hflip", "vflip", None])
-def test_a_mirrored_clip_is_not_as_players_show_it(degrees, mirror, tmp_path):
-    """As front cameras write them."""
-    picture = np.zeros((48, 64, 3), np.uint8)
-    picture[:24, :32], picture[:24, 32:], picture[24:, :32] = (250, 20, 20), (20, 250, 20), (20, 20, 250)
-    with av.open(str(tmp_path / "a.mp4"), "w") as container:
-        stream = container.add_stream("libx264", rate=10)
-        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv444p"
-        stream.set_display_rotation(degrees, **({mirror: True} if mirror else {}))
-        mux(container, stream, [picture] * 3)
-    shown = np.rot90(picture, degrees // 90)
-    shown = {"hflip": shown[:, ::-1], "vflip": shown[::-1], None: shown}[mirror]
-    frame = frames(tmp_path / "a.mp4")[0]
-    found = frame.rgb.astype(float)
-    assert found.shape == shown.shape
-    assert np.median(np.abs(found - shown)) < 12
-
-
 def moving(container, colour, size=(64, 48), count=3):
     stream = container.add_stream("mpeg4", rate=10)
     stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"
@@ -245,32 +224,6 @@ def test_a_cover_before_the_clip_is_not_the_clip(tmp_path, suffix):
     assert len(found) == 3
     assert found[0].rgb.shape == (48, 64, 3)
     assert open_clip(path).warnings == ()
-
-
-def test_a_cover_alone_is_no_clip(tmp_path):
-    stream = io.BytesIO()
-    Image.new("RGB", (64, 64)).save(stream, "JPEG")
-    with av.open(str(tmp_path / "a.mp4"), "w") as container:
-        cover = container.add_stream("mjpeg", rate=1)
-        cover.width, cover.height, cover.pix_fmt = 64, 64, "yuvj420p"
-        cover.disposition = av.stream.Disposition.attached_pic
-        mux(container, cover, [np.zeros((64, 64, 3), np.uint8)])
-    with pytest.raises(InputError, match="cover"):
-        open_clip(tmp_path / "a.mp4")
-
-
-def test_of_two_clips_the_default_is_taken_and_said(tmp_path):
-    with av.open(str(tmp_path / "a.mkv"), "w") as container:
-        first, dark = moving(container, 20, (128, 96))
-        second, bright = moving(container, 200)
-        second.disposition = av.stream.Disposition.default
-        first.disposition = 0
-        mux(container, first, dark)
-        mux(container, second, bright)
-    clip = open_clip(tmp_path / "a.mkv")
-    assert clip.stream == 1
-    assert "2 videos" in clip.warnings[0]
-    assert frames(tmp_path / "a.mkv")[0].rgb.mean() == pytest.approx(200, abs=2)
 
 
 def test_an_interlaced_clip_comes_out_whole():

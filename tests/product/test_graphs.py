@@ -11,7 +11,7 @@ from support.refused import refused
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import weights_folder
 from anyprobe.files import graphs
-from anyprobe.files.graphs import CPU, even_threads, open_graph
+from anyprobe.files.graphs import CPU, open_graph
 from anyprobe.masks.networks import default_graph
 
 
@@ -21,10 +21,6 @@ def test_threads_do_not_spin_and_are_as_many_as_asked(graph):
     assert options.get_session_config_entry("session.intra_op.allow_spinning") == "0"
     assert options.intra_op_num_threads == 2
     assert open_graph(graph, 7).get_session_options().intra_op_num_threads == 2
-
-
-def test_threads_are_a_power_of_two():
-    assert [even_threads(n) for n in (1, 2, 3, 4, 5, 8, 12, 64)] == [1, 2, 2, 2, 2, 2, 2, 2]
 
 
 def test_a_damaged_graph_is_one_clear_line(tmp_path):

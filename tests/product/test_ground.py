@@ -7,7 +7,7 @@ import pytest
 from support.refused import refused
 
 from anyprobe.core.frames import rotation_x, rotation_z
-from anyprobe.estimate.ground import LEAST_SLOPE_DEG, Ground, estimate_ground, pitch_words, up_of
+from anyprobe.estimate.ground import LEAST_SLOPE_DEG, estimate_ground, up_of
 from anyprobe.estimate.photo import load_photo
 
 
@@ -45,17 +45,3 @@ def test_a_pitch_that_no_camera_over_a_ground_has_is_refused(photo):
         estimate_ground(photo, pitch_deg=120.0)
     with refused("roll_deg"):
         estimate_ground(photo, roll_deg=90.0)
-
-
-@pytest.mark.parametrize(
-    ("pitch_deg", "words"),
-    [(20.4, "20 degrees down"), (-5, "5 degrees up"), (0, "0 degrees down"), (-0.3, "0 degrees down")],
-)
-def test_a_pitch_is_said_down_or_up_never_with_a_sign(pitch_deg, words):
-    assert pitch_words(pitch_deg) == words
-    assert pitch_words(pitch_deg, "°", error_deg=8.2) == words.replace(" degrees", " ± 8°")
-
-
-def test_a_level_camera_is_not_said_to_be_rolled_by_minus_nothing():
-    level = Ground(pitch_deg=-0.04, pitch_error_deg=2.0, roll_deg=-0.04, contact=(32, 40), source="given")
-    assert "pitch of 0.0 and roll of 0.0 degrees" in level.said_level()

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from support.refused import refused
 
 from anyprobe.errors import InvalidMask
-from anyprobe.masks.networks import small_network
 from anyprobe.notices import give
 from anyprobe.video import following
 from anyprobe.video.clip import Frame
@@ -22,7 +19,6 @@ from anyprobe.video.held_mask import (
     follow,
     found_in,
     hold,
-    lit_mask,
     mask_in,
     narrowed,
 )
@@ -100,14 +96,6 @@ def test_the_longer_masks_agree_the_less_often_is_one_looked_for():
     assert looks == list(np.cumsum([EVERY, 2 * EVERY, EVERY_SURE, EVERY_SURE, EVERY_REFUSED]))
 
 
-def test_a_slow_network_looks_rarely_from_the_start():
-    rgb, inside = frame()
-    held, looks = hold(rgb, inside), []
-    for count in range(1, 9 * EVERY):
-        held = follow(held, rgb, found_in(held, rgb), lambda mask, at=count: looks.append(at) or inside, EVERY_SURE)
-    assert looks == [EVERY_SURE, 2 * EVERY_SURE]
-
-
 def test_masks_that_agree_are_averaged():
     rgb, inside = frame()
     held = hold(rgb, inside)
@@ -125,12 +113,6 @@ def test_a_narrowed_mask_lies_inside(pixels):
     assert np.flatnonzero(narrow.any(axis=0))[0] == columns[0] + int(pixels)
     assert np.flatnonzero(narrow.any(axis=1))[-1] == rows[-1] - int(pixels)
     assert narrow.sum() > (narrowed(inside, pixels + 0.6) > 0.5).sum()
-
-
-def test_what_is_less_sure_is_narrowed_more():
-    held = hold(*frame())
-    sure, unsure = (lit_mask(replace(held, error_px=error), SHAPE).sum() for error in (0.0, 1.5))
-    assert unsure < sure < mask_in(held, SHAPE).sum()
 
 
 def test_an_object_looks_other_where_its_light_changes_and_where_it_changes_back():
@@ -235,19 +217,6 @@ def test_another_segmenter_looks_for_what_was_lost(monkeypatch):
 
 
 @pytest.mark.ci
-def test_a_segmenter_is_loaded_once_and_our_own_by_its_name_is_used(monkeypatch):
-    loaded = []
-    monkeypatch.setattr(following, "shared_network", nobody_else)
-    monkeypatch.setattr(following, "load_segmenter", lambda name: loaded.append(name) or small_network())
-    follower = MaskFollower({}, {"segmenter": "small", "box": (95, 75, 205, 165)}, {})
-    for index in range(EVERY + 2):
-        follower.photo(shown(frame(seed=index)[0], index))
-        assert follower.looks_same == (index > 0)
-    assert follower.held.finds == 2
-    assert loaded == ["small"]
-
-
-@pytest.mark.ci
 def test_a_lost_object_does_not_look_the_same(lost):
     assert not lost.looks_same
     lost.photo(shown(frame(seed=5)[0], 5))
@@ -260,15 +229,6 @@ def test_a_lost_object_is_not_called_a_wrong_click(lost):
     assert (lost.error.code, lost.error.source, lost.error.remedy) == ("no-object", "frame 4", give("mask"))
     assert "lost in this frame" in lost.error
     assert "click" not in lost.error
-
-
-@pytest.mark.ci
-def test_an_object_that_leaves_the_picture_is_lost(monkeypatch):
-    follower = MaskFollower({}, {"box": (95, 75, 205, 165)}, {})
-    follower.photo(shown(frame()[0]))
-    monkeypatch.setattr(following, "lit_mask", lambda held, shape: np.zeros(shape[:2], np.float32))
-    with refused(code="no-object", source="frame 1", naming="lost in this frame", kind=InvalidMask):
-        follower.photo(shown(frame(seed=2)[0], 1))
 
 
 @pytest.mark.ci
@@ -285,18 +245,3 @@ def test_a_frame_of_another_size_is_named(lost):
 def test_a_frame_of_other_pixels_is_refused(rgb):
     with refused("rgb", code="invalid-image", source="frame 3"):
         shown(rgb, 3)
-
-
-@pytest.mark.ci
-def test_a_folder_may_be_text(tmp_path):
-    MaskFollower({"mask": str(tmp_path)}, {}, {})
-    for folder in (str(tmp_path / "absent"), None):
-        with refused("mask", naming=f"got {folder}"):
-            MaskFollower({"mask": folder}, {}, {})
-
-
-@pytest.mark.parametrize("given", ["click", "segmenter"])
-def test_masks_and_what_would_find_them_are_both_named(tmp_path, given):
-    (tmp_path / "0.png").touch()
-    with refused("mask", given):
-        MaskFollower({"mask": tmp_path}, {given: None}, {})

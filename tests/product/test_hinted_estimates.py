@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from PIL import Image
@@ -25,7 +23,6 @@ from anyprobe.render.surface import Camera, pixel_rays, see
 from anyprobe.scatter.materials import MATERIALS, Material
 
 MATTE = MATERIALS["matte"]
-EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def sphere_map() -> np.ndarray:
@@ -67,35 +64,6 @@ def test_middle_grey_is_no_normal():
         assert np.abs(read).sum(axis=-1).astype(bool).sum() == 100
 
 
-def test_normals_that_cannot_be_read_are_one_line(tmp_path, monkeypatch):
-    path = tmp_path / "n.png"
-    path.write_bytes(b"")
-
-    def denied(self, *mode):
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(type(path), "open", denied)
-    with refused(source="n.png", naming="Permission denied"):
-        read_normals(path, (HEIGHT, WIDTH))
-
-
-@pytest.mark.parametrize(
-    ("source", "says"),
-    [
-        (np.zeros((HEIGHT, WIDTH, 3)), "found none"),
-        (np.zeros((HEIGHT, WIDTH)), "three a pixel"),
-        (np.ones((HEIGHT, WIDTH - 1, 3)), "photo's size"),
-        (sphere_map() * (1.0, -1.0, -1.0), "flip Y and Z"),
-        (np.full((HEIGHT, WIDTH, 3), np.nan), "found none"),
-        ("nowhere.png", "no such file"),
-    ],
-)
-def test_what_are_no_normals_is_refused_in_one_line(source, says):
-    with pytest.raises(InputError, match=says) as error:
-        read_normals(source, (HEIGHT, WIDTH))
-    assert "\n" not in str(error.value)
-
-
 @pytest.mark.parametrize("beside", ["black", "grey", "white", "facing", "transparent"])
 @pytest.mark.parametrize("kind", [".png", ".jpg", ".webp"])
 def test_a_normal_map_may_be_compressed_and_have_anything_beside_the_object(tmp_path, kind, beside):
@@ -116,27 +84,6 @@ def test_a_normal_map_may_be_compressed_and_have_anything_beside_the_object(tmp_
         assert np.abs(read[~on]).sum(axis=-1).astype(bool).mean() < 0.1
     elif beside == "transparent":
         assert (read[~on] == 0).all()
-
-
-@pytest.mark.parametrize("name", ["table.png", "vase.png"])
-def test_an_ordinary_photo_is_no_normal_map(name):
-    photo = Image.open(EXAMPLES / name).convert("RGB")
-    with refused(source="normals", naming="unit length") as error:
-        read_normals(np.asarray(photo), (photo.height, photo.width))
-    assert "\n" not in str(error.value)
-
-
-def test_a_damaged_array_is_refused(tmp_path):
-    (tmp_path / "n.npy").write_bytes(b"\x93NUMPY\x01\x00")
-    with refused(source="n.npy", naming="an array"):
-        read_normals(tmp_path / "n.npy", (HEIGHT, WIDTH))
-    with (tmp_path / "n.npy").open("wb") as stream:
-        np.savez(stream, a=sphere_map())
-    with refused(source="n.npy", naming="one array"):
-        read_normals(tmp_path / "n.npy", (HEIGHT, WIDTH))
-    (tmp_path / "n.npy").write_bytes((tmp_path / "n.npy").read_bytes()[:1000])
-    with refused(source="n.npy", naming="an array"):
-        read_normals(tmp_path / "n.npy", (HEIGHT, WIDTH))
 
 
 def test_known_normals_change_the_light_and_are_noted():

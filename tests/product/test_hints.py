@@ -6,7 +6,6 @@ from __future__ import annotations
 import ast
 import importlib.util
 import inspect
-import json
 import re
 from dataclasses import fields
 from pathlib import Path
@@ -15,7 +14,6 @@ from typing import get_type_hints
 import numpy as np
 import pytest
 import typer
-from PIL import Image
 from support.refused import refused
 
 import anyprobe
@@ -87,11 +85,6 @@ def test_every_field_is_described(kind):
     assert names == {one.name for one in fields(kind)}
 
 
-def test_help_shows_what_estimate_takes():
-    shown = list(inspect.signature(estimate).parameters)
-    assert shown == ["source", "hints", *HINTS, *(one.name for one in fields(Settings))]
-
-
 @pytest.mark.parametrize("command", ["estimate", "relight", "video"])
 def test_every_hint_is_an_option(command):
     options = {name for one in typer.main.get_command(app).commands[command].params for name in one.opts}
@@ -144,26 +137,6 @@ def test_texts_are_read_as_what_they_mean():
 
 
 # What does not go together
-
-TOGETHER = [
-    ({"mask": "m.png", "box": (1, 2, 90, 90)}, ("mask", "box")),
-    ({"depth": "d.npy", "near": 1.0, "click": (3, 3)}, ("depth", "click")),
-    ({"mask": "m.png", "exclude": (3, 3)}, ("exclude", "mask")),
-    ({"far": 3.0}, ("far",)),
-    ({"fov_deg": float("nan")}, ("fov_deg",)),
-    ({"pitch_deg": 91.0}, ("pitch_deg",)),
-    ({"material": "gold", "albedo": 0.5}, ("albedo",)),
-    ({"normals": np.asarray}, ("normals",)),
-    ({"depth": {}}, ("depth",)),
-]
-
-
-@pytest.mark.parametrize(("given", "subject"), TOGETHER)
-def test_what_does_not_go_together_is_refused_before_anything_is_read(given, subject):
-    with pytest.raises(InputError) as error:
-        load_photo("absent.png", **given)
-    assert error.value.subject == subject
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.ci
@@ -230,23 +203,6 @@ def test_the_photo_s_pitch_is_the_ground_s(photo_rgba):
     assert pitch_deg == 30.0
     np.testing.assert_allclose(view.up, [0.0, np.cos(np.pi / 6), 0.5])
     assert view_of(load_photo(photo_rgba, pitch_deg=30.0), 40.0)[1] == 40.0
-
-
-@pytest.mark.ci
-def test_every_door_takes_the_pitch(work, command, estimator, photo_rgba):
-    pytest.importorskip("fastapi", reason="needs the serve extra")
-    from fastapi.testclient import TestClient
-
-    from anyprobe.serve.api import create_app
-
-    Image.fromarray(photo_rgba).save("photo.png")
-    found = [estimator("photo.png", pitch_deg=25.0).sidecar()]
-    found.append(json.loads(command("estimate", "photo.png", "--pitch", "25", "--json").out))
-    with TestClient(create_app(estimator)) as client:
-        data = Path("photo.png").read_bytes()
-        found.append(client.post("/v1/estimate", files={"photo": data}, data={"pitch": "25"}).json())
-    assert [one["pitch_deg"] for one in found] == [25.0] * 3
-    assert "pitch_deg" not in estimator("photo.png").sidecar()
 
 
 def test_keywords_of_python_say_what_they_want():

@@ -37,15 +37,6 @@ def absent(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path / "nowhere"))
 
 
-def a_loop(tmp_path, monkeypatch):
-    (tmp_path / "home").symlink_to(tmp_path / "home")
-    monkeypatch.setenv("HOME", str(tmp_path / "home"))
-
-
-def the_null_device(tmp_path, monkeypatch):
-    monkeypatch.setenv("HOME", os.devnull)
-
-
 def read_only(tmp_path, monkeypatch):
     (tmp_path / "home").mkdir(mode=0o555)
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
@@ -65,26 +56,9 @@ def closed(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(home))
 
 
-def tilde_and_none(tmp_path, monkeypatch):
-    none_at_all(tmp_path, monkeypatch)
-    monkeypatch.setenv("U2NET_HOME", "~/models")
-
-
-def of_nobody(tmp_path, monkeypatch):
-    monkeypatch.setenv("U2NET_HOME", "~nobody-of-this-name/models")
-
-
 def empty(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HOME", "")
-
-
-def too_long(tmp_path, monkeypatch):
-    monkeypatch.setenv("HOME", f"/{'a' * 5000}")
-
-
-def no_utf8(tmp_path, monkeypatch):
-    monkeypatch.setenv("HOME", "/\udcff\udcfe")
 
 
 def no_disk(tmp_path, monkeypatch):
@@ -93,8 +67,7 @@ def no_disk(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null")
 
 
-HOMES = [none_at_all, a_file, absent, a_loop, the_null_device, read_only, closed, tilde_and_none]
-HOMES += [of_nobody, empty, too_long, no_utf8, no_disk]
+HOMES = [none_at_all, a_file, absent, read_only, closed, empty, no_disk]
 
 
 @pytest.fixture(params=HOMES, ids=lambda home: home.__name__)
@@ -130,14 +103,6 @@ def test_panoramas_are_read_there_without_their_cache(home, work):
     write_exr(work / "maps" / "a.exr", two_phase(32))
     assert open_library("maps").names == ("a",)
     assert not [one for one in work.iterdir() if one.name == "~"]
-
-
-def test_a_server_starts_there(home, estimator):
-    pytest.importorskip("fastapi", reason="needs the serve extra")
-    from anyprobe.inputs.settings import DEFAULT_MODEL
-    from anyprobe.serve.page import Page
-
-    assert "weights/u2netp.onnx" not in Page(estimator, DEFAULT_MODEL).files
 
 
 def test_the_home_is_the_users(monkeypatch, tmp_path):

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image, ImageCms
-from support.refused import refused
 
-import anyprobe
-from anyprobe.errors import InvalidMask
 from anyprobe.export.targets import TARGETS, export
 from anyprobe.files.objects import draw_under
-from anyprobe.masks.check import check_mask
 from anyprobe.pictures.images import read_image
 
 CASES = Path(__file__).parent / "cases"
@@ -35,38 +27,6 @@ def test_numpy_s_errors_may_be_exceptions(estimator, tmp_path):
             export(light.radiance, target, tmp_path / target)
         for material in ("gold", "matte", "mirror"):
             draw_under(light.radiance, "sphere", material, size=64)
-
-
-def run(code: str, **options) -> str:
-    """Return what another interpreter prints."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), **options.pop("environment", {})}
-    ended = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=environment, **options
-    )
-    return ended.stdout + ended.stderr
-
-
-def test_a_folder_that_is_gone_is_said(tmp_path):
-    code = "import os, sys; os.rmdir(os.getcwd()); sys.argv = ['anyprobe', 'estimate', 'a.jpg']\n"
-    said = run(code + "from anyprobe.cli.app import main; main()", cwd=tmp_path)
-    assert said == "anyprobe: the current folder no longer exists; change to another\n"
-
-
-def test_a_package_in_an_archive_says_so(tmp_path):
-    package = Path(anyprobe.__file__).parent
-    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
-        for path in package.rglob("*"):
-            if path.suffix in (".py", ".json"):
-                archive.write(path, Path("anyprobe") / path.relative_to(package))
-    code = "import sys; sys.path.insert(0, 'a.zip'); from anyprobe.estimate.runtime import weights_folder\n"
-    assert "got an archive" in run(code + "weights_folder('lift')", cwd=tmp_path)
-
-
-def test_confidences_are_no_labels():
-    with refused("mask", code="no-object", naming="none above 0.46", kind=InvalidMask):
-        check_mask(np.full((64, 64), 0.46, np.float32))
-    with refused("mask", code="no-object", naming="labels", kind=InvalidMask):
-        check_mask(np.full((64, 64), 1 / 255, np.float32))
 
 
 def test_a_picture_in_lab_needs_no_profile(tmp_path):

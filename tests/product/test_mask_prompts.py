@@ -13,13 +13,11 @@ from support.refused import refused
 
 from anyprobe.cli.photo_files import hints_for, list_photos
 from anyprobe.errors import InputError, InvalidMask
-from anyprobe.files.paths import visible_files
 from anyprobe.inputs.hints import Hints
 from anyprobe.masks import find
 from anyprobe.masks.depth import mask_from_depth, read_depth
 from anyprobe.masks.sources import mask_from_alpha, mask_from_file
 from anyprobe.pictures.images import read_image
-from anyprobe.video.following import MaskFollower
 
 HEIGHT, WIDTH = 48, 64
 
@@ -118,29 +116,6 @@ def test_an_exr_mattes_alpha_counts_where_it_cuts_something_away(tmp_path, squar
     np.testing.assert_allclose(mask_from_file(path, square.shape), square * 0.8, atol=1e-6)
 
 
-def test_an_exr_matte_that_cannot_be_used_is_one_line(tmp_path, square):
-    broken = square.copy()
-    broken[2, 2] = np.nan
-    cut = tmp_path / "cut.exr"
-    cut.write_bytes(write_exr(tmp_path / "nan.exr", {"Y": broken}).read_bytes()[:200])
-    write_exr(tmp_path / "z.exr", {"Z": square})
-    write_exr(tmp_path / "other.exr", {"Y": square[:-2]})
-    (tmp_path / "folder.exr").mkdir()
-    expected = {
-        "nan": "NaN",
-        "cut": "damaged",
-        "z": "R, G, B or Y",
-        "other": "64 x 48",
-        "gone": "no such file",
-        "folder": "folder",
-    }
-    for name, words in expected.items():
-        with pytest.raises(InvalidMask, match=words) as caught:
-            mask_from_file(tmp_path / f"{name}.exr", square.shape)
-        assert "\n" not in str(caught.value)
-        assert f"{name}.exr" in str(caught.value)
-
-
 # Depth of renderers
 
 
@@ -153,25 +128,6 @@ def test_depth_of_a_cropped_render_lies_in_the_display_window(tmp_path, square):
     assert found.shape == square.shape
     np.testing.assert_array_equal(found[8:44, 12:52], depth[8:44, 12:52])
     assert found.sum() == found[8:44, 12:52].sum()
-
-
-def test_depth_beyond_the_display_window_is_cut(tmp_path, square):
-    windows = {"dataWindow": ((95, 193), (174, 252)), "displayWindow": ((100, 200), (163, 247))}
-    overscan = np.full((60, 80), 5.0, np.float32)
-    overscan[7 : 7 + HEIGHT, 5 : 5 + WIDTH] = np.where(square > 0, 2.0, 7.0)
-    path = write_exr(tmp_path / "overscan.exr", {"Depth.Z": overscan}, **windows)
-    np.testing.assert_array_equal(read_depth(path), overscan[7 : 7 + HEIGHT, 5 : 5 + WIDTH])
-    np.testing.assert_array_equal(mask_from_depth(path, square.shape, near=1.0, far=3.0), square)
-
-
-def test_depth_outside_the_display_window_is_none(tmp_path):
-    windows = {"dataWindow": ((100, 0), (139, 39)), "displayWindow": ((0, 0), (63, 47))}
-    path = write_exr(tmp_path / "beside.exr", {"Z": np.ones((40, 40))}, **windows)
-    assert not read_depth(path).any()
-    huge = {"dataWindow": ((0, 0), (39, 39)), "displayWindow": ((0, 0), (99_999, 99_999))}
-    path = write_exr(tmp_path / "huge.exr", {"Z": np.ones((40, 40))}, **huge)
-    with refused(source="huge.exr", naming="100 million", kind=InvalidMask):
-        read_depth(path)
 
 
 # Folders
@@ -217,11 +173,3 @@ def test_environment_maps_and_what_was_drawn_beside_a_photo_are_no_photos(work):
         (photos / name).write_bytes(room.read_bytes())
     assert [path.name for path in list_photos([photos])] == ["cut.exr", "old_relit.png", "shot.exr", "vase.jpg"]
     assert list_photos([room, photos / "vase_relit.png"]) == [room, photos / "vase_relit.png"]  # named, they are meant
-
-
-def test_hidden_files_are_in_no_folder(tmp_path):
-    """A ._ beside each name would shift a clip's masks by a frame for every frame."""
-    for name in ("a10.PNG", "a2.png", "._a2.png", "._a10.PNG", "notes.txt"):
-        (tmp_path / name).touch()
-    assert [path.name for path in visible_files(tmp_path, [".png"])] == ["a2.png", "a10.PNG"]
-    assert MaskFollower({"mask": tmp_path}, {}, {})._files["mask"] == [tmp_path / "a2.png", tmp_path / "a10.PNG"]

@@ -98,15 +98,6 @@ def test_a_further_click_looks_only_nearer():
     assert len(network.looks) == 7
 
 
-def test_looks_of_a_network_that_takes_prompts_are_not_mixed_up():
-    network = Redness()
-    network.takes_prompts = True
-    pixels = read_image(photo(LARGE, LITTLE))
-    for click in ((100, 110), (250, 150)):
-        find_mask(pixels, segmenter=network, click=click)
-    assert len(network.looks) == 4
-
-
 def test_what_a_box_cuts_off_is_known():
     looks = Looks(Redness(), photo(LARGE))
     whole, half = (find_object(looks, Prompts(box=box)).cut for box in ((30, 40, 170, 180), (30, 40, 100, 180)))

@@ -20,9 +20,7 @@ from anyprobe.masks.overlay import EDGE, draw_overlay
 from anyprobe.masks.parts import fill_holes, label_parts
 from anyprobe.masks.prompts import BOX_LEVEL, check_clicks, draw_prompts
 from anyprobe.masks.quality import DOUBTFUL, Evidence
-from anyprobe.masks.search import Prompts
 from anyprobe.masks.sources import mask_from_file
-from anyprobe.notices import give
 from anyprobe.pictures.images import read_image
 
 GREY = np.full((120, 160, 3), 0.5, np.float32)
@@ -77,35 +75,6 @@ def test_depth_files_agree(tmp_path):
     for path in tmp_path.iterdir():
         unit = 1000 if path.suffix == ".png" else 1
         np.testing.assert_allclose(read_depth(path), depth * unit)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"near": None, "far": None}, ("near=", "far=")),
-        ({"near": 5.0, "far": 2.0}, ("near < far", "5", "2")),
-        ({"near": 10.0, "far": 20.0}, ("got none", "1 to 3")),
-        ({"shape": (48, 48)}, ("48 x 48", "64 x 48")),
-        ({"source": np.zeros((48, 64, 3), np.float32)}, ("one depth per pixel",)),
-        ({"source": np.zeros((48, 64), np.float32)}, ("none above zero",)),
-        ({"source": "gone.png"}, ("gone.png", "no such file")),
-    ],
-)
-def test_unusable_depth_is_one_line(change, words):
-    depth = np.full((48, 64), 3.0, np.float32)
-    depth[10:40, 10:40] = 1.0
-    with pytest.raises(InvalidMask) as caught:
-        mask_from_depth(**{"source": depth, "shape": (48, 64), "near": 0.5, "far": 1.5, **change})
-    assert "\n" not in str(caught.value)
-    for word in words:
-        assert word in str(caught.value)
-
-
-def test_depth_that_is_no_picture(tmp_path):
-    for name in ("a.png", "a.exr", "a.npy", "a.txt"):
-        (tmp_path / name).write_text("nothing")
-        with pytest.raises(InvalidMask, match=name):
-            read_depth(tmp_path / name)
 
 
 # Somebody else's function
@@ -172,12 +141,6 @@ def test_the_small_network_sees_the_whole_photo_centred_and_prompts_follow(monke
     assert square[45, 10, 3] == BOX_LEVEL
     assert square[45, 150, 3] == 0
     assert cover.shape == (80, 160)
-
-
-@pytest.mark.parametrize("clicks", [(200, 50), [(10, 10), (-1, 5)], "ab", [(1, 2, 3)], (np.nan, 4)])
-def test_clicks_outside_are_refused(clicks):
-    with refused("click", kind=InvalidMask):
-        check_clicks(clicks, 160, 120)
 
 
 def test_one_click_or_several():
@@ -260,15 +223,6 @@ def test_what_speaks_against_a_mask_lowers_what_to_expect(network):
     assert good_evidence(expected=0.5, agreed=0.2).expected_iou(network) < best - 0.2
 
 
-def test_a_doubt_names_what_lowers_the_confidence_most():
-    box = Prompts(box=(0, 0, 9, 9))
-    assert "second look" in good_evidence(agreed=0.1, expected=0.9).doubt("u2netp", box)
-    assert "other things" in good_evidence(whole=0.3).doubt("u2netp", box)
-    assert "blurred" in good_evidence(expected=0.5, agreed=0.8).doubt("small", box)
-    assert "box cuts" in good_evidence(cut=0.3).doubt("u2netp", box)
-    assert "the box" in good_evidence(meant=0.1).doubt("u2netp", box)
-
-
 def test_a_doubtful_mask_comes_with_a_warning_that_says_what_to_do(project_root, monkeypatch):
     rgb, _ = vase(project_root)
     monkeypatch.setattr("anyprobe.masks.find.DOUBTFUL", 1.1)
@@ -279,16 +233,6 @@ def test_a_doubtful_mask_comes_with_a_warning_that_says_what_to_do(project_root,
     assert load_photo(rgb, segmenter="small").warnings == found.warnings
     with refused(code="mask-doubtful", source="array", kind=InvalidMask):
         require_plausible(found)
-
-
-@pytest.mark.parametrize(("expected", "is_said"), [(0.79, False), (0.77, True)])
-def test_a_mask_that_is_expected_to_miss_a_quarter_of_its_object_is_doubtful(
-    project_root, monkeypatch, expected, is_said
-):
-    monkeypatch.setattr(Evidence, "expected_iou", lambda self, network: expected)
-    rgb, _ = vase(project_root)
-    said = find_mask(read_image(rgb), segmenter="small").warnings
-    assert any("may be wrong" in line for line in said) == is_said
 
 
 # Given masks
@@ -320,22 +264,6 @@ def test_an_overlay_is_read_as_the_object_and_named():
 def test_a_photo_in_the_place_of_a_mask_is_named(rng):
     grey = np.clip(rng.normal(0.5, 0.2, (120, 160)), 0, 1).astype(np.float32)
     assert "grey" in look_at_given(grey)[1][0]
-
-
-# What cannot be found
-
-
-def test_nothing_to_find():
-    with pytest.raises(InvalidMask) as error:
-        load_photo(GREY)
-    assert error.value.code == "no-object"
-    assert {one.name for one in error.value.notice.remedy} == {"click", "box", "mask"}
-
-
-def test_near_without_depth():
-    with pytest.raises(InvalidMask) as error:
-        load_photo(GREY, near=3.0)
-    assert (error.value.subject, error.value.notice.remedy) == (("near",), give("depth"))
 
 
 # The picture that shows a mask
@@ -372,19 +300,6 @@ def test_mask_command_writes_a_mask_that_estimate_takes(tmp_path, monkeypatch, c
     assert said["confidence"] == stored["confidence"]
 
 
-def test_mask_command_says_that_radiance_is_in_another_unit(tmp_path, monkeypatch, command, project_root):
-    monkeypatch.chdir(tmp_path)
-    rgb, _ = vase(project_root)
-    OpenEXR.File({}, {"RGB": np.maximum(rgb**2.2, 0.01).astype(np.float32)}).write("plain.exr")
-    depth = np.full(rgb.shape[:2], 2000, np.uint16)
-    depth[30:90, 40:100] = 700
-    Image.fromarray(depth).save("depth.png")
-    given = ("--depth", "depth.png", "--near", "500", "--far", "900")
-    assert "its radiance by" not in command("mask", "plain.exr", *given).err
-    OpenEXR.File({}, {"RGB": np.full((*depth.shape, 3), 500, np.float32)}).write("bright.exr")
-    assert "bright.exr: 100% of the photo is above 1, which is white" in command("mask", "bright.exr", *given).err
-
-
 def test_mask_command_by_depth(tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
     Image.new("RGB", (160, 120), "grey").save("a.png")
@@ -417,29 +332,6 @@ def test_results_among_the_photos_are_not_photos(tmp_path, monkeypatch, command)
             "b_mask.png",
             "old_overlay_mask.png",
         ]
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--click", "10"), ("--click", "X,Y")),
-        (("--depth", "a.png", "--near", "1", "--exclude", "5,5"), ("--exclude and --depth",)),
-        (("--click", "80,60", "--far", "9"), ("--far: ", "pass --depth FILE")),
-        (("--click", "500,10"), ("X < 160", "500,10")),
-        (("--depth", "gone.png", "--near", "1"), ("gone.png",)),
-        (("--depth", "a.png", "--near", "1", "--box", "1,2,90,90"), ("--depth and --box",)),
-        (("--depth", "a.png"), ("--depth: ", "--near NUMBER or --far NUMBER")),
-        (("--near", "3"), ("--depth",)),
-        ((), ("a.png", "--click X,Y")),
-    ],
-)
-def test_mask_command_complains_in_one_line(tmp_path, monkeypatch, command, options, words):
-    monkeypatch.chdir(tmp_path)
-    Image.new("RGB", (160, 120), "grey").save("a.png")
-    complaint = command("mask", "a.png", *options).complaint
-    for word in words:
-        assert word in complaint
-    assert not (tmp_path / "masks").exists()
 
 
 @pytest.mark.parametrize(("scale", "kind"), [(255, np.float32), (255, np.int64), (-1, np.float32)])

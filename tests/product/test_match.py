@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
-import re
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +18,7 @@ from anyprobe.cli.app import app
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.errors import InputError, OutputError
-from anyprobe.estimate import fit_warnings, sheet
+from anyprobe.estimate import fit_warnings
 from anyprobe.estimate.fit_warnings import stops_apart
 from anyprobe.estimate.ground import Ground, up_of
 from anyprobe.estimate.result import Light
@@ -51,12 +48,6 @@ def folder(tmp_path, monkeypatch):
     return tmp_path / "maps"
 
 
-@pytest.fixture
-def no_sheet(monkeypatch):
-    """A plain picture in the place of the contact sheet, whose spheres take longer than the match."""
-    monkeypatch.setattr(sheet, "draw_matches", lambda photo, rows: np.zeros((8, 8, 3), np.float32))
-
-
 def shown_under(radiance: np.ndarray, map_from_camera: np.ndarray, albedo=(0.5, 0.2, 0.1)) -> Shown:
     """A sphere of red plastic under a map."""
     rng = np.random.default_rng(1)
@@ -78,15 +69,6 @@ def camera_light():
     turn = world_from_camera(YAW, PITCH)
     radiance = np.maximum(reduced(rotate(place(2), turn.T), 64), 0.0) * np.float32(0.3)
     return Light(radiance=radiance, find_shown=lambda: shown_under(place(2) * 0.3, turn)), turn
-
-
-def test_an_object_without_one_colour_is_compared_by_the_others():
-    turn = world_from_camera(YAW, PITCH)
-    shown = shown_under(place(2), turn)
-    red = replace(shown, radiance=shown.radiance * np.float32([1, 1, 0]))
-    _, misfits = best_places(red, np.stack([light_of(place(seed))[0] for seed in range(6)]))
-    assert np.isfinite(misfits).all()
-    assert misfits.argmin() == 2
 
 
 def ground(source: str, pitch_deg: float, error_deg: float = 5.0) -> Ground:
@@ -142,15 +124,6 @@ def test_a_background_counts_half_for_how_bright_a_map_is():
         behind = background_of(seen, np.full(seen.shape, clipped), cover, np.eye(3), MATCH_ROWS)
         shown = replace(shown_under(place(2), turn), behind=behind)
         np.testing.assert_allclose(gain_of(shown, seen / 9, light, turn) / level, wanted, rtol=0.03)
-
-
-def test_a_map_takes_on_half_of_the_colour_that_it_misses():
-    turn = world_from_camera(YAW, PITCH)
-    light, level = light_of(place(2))
-    red = np.array([1.2, 1.0, 0.8])
-    estimate = rotate(reduced(place(2), 64), turn.T) * red
-    gain = gain_of(shown_under(place(2), turn), estimate, light, turn) / level
-    np.testing.assert_allclose(gain / gain[1], red**0.5, rtol=0.03)
 
 
 def test_a_light_finds_its_panorama_in_a_folder_and_brings_it_into_its_frame(folder, camera_light, tmp_path):
@@ -233,26 +206,6 @@ def test_a_roll_that_the_photo_notes_is_kept(folder, by):
     assert np.degrees(np.arccos(((best.map_from_light @ turn.T).trace() - 1) / 2)) < 12
 
 
-def test_a_pitch_that_is_estimated_moves_within_its_error(folder, camera_light):
-    light = replace(camera_light[0], origin=Origin(ground=ground("estimated", 12.0)))
-    ranked = light.match(folder)
-    assert 2 < ranked[0].pitch_deg - 12 < 9
-    assert all(abs(one.pitch_deg - 12) < 9 for one in ranked)
-
-
-def test_the_further_from_the_estimated_pitch_the_higher_the_misfit(monkeypatch):
-    lights = np.stack([light_of(place(seed))[0] for seed in range(6)])
-    shown = shown_under(place(2), world_from_camera(YAW, PITCH))
-    far, off = best_places(shown, lights, 6.0, error_deg=10.0)
-    monkeypatch.setattr("anyprobe.match.likeness.pitch_prior", lambda pitch, *expected: np.zeros(pitch.shape))
-    free, least = best_places(shown, lights, 6.0, error_deg=10.0)
-    moved, freely = (np.degrees(np.arcsin(turns[:, 1, 2])) - 6 for turns in (far, free))
-    assert np.abs(moved).mean() < np.abs(freely).mean()
-    assert (off >= least - 1e-4).all()
-    _, exact = best_places(shown, lights, 6.0)
-    assert (off <= exact + 1e-4).all()
-
-
 @pytest.mark.parametrize("by", ["photo", "map"])
 @pytest.mark.parametrize(("pitch_deg", "error_deg"), [(-20.0, 11.0), (20.0, 2.0)])
 def test_an_estimated_pitch_is_kept_to_its_error_however_doubtful(folder, camera_light, by, pitch_deg, error_deg):
@@ -297,38 +250,6 @@ def test_files_stand_by_their_maps_and_what_cannot_be_read_is_said(folder):
     assert "place-0a.hdr" in library.faults[0]
 
 
-def test_what_may_not_be_read_is_left_out_until_it_may(folder, monkeypatch):
-    (folder / "place-0a.exr").symlink_to("nowhere")
-    os.mkfifo(folder / "place-0b.hdr")
-    shut = {folder / "place-1.exr", folder / "place-2.exr"}
-    monkeypatch.setattr("builtins.open", partial(_open_but, shut, open))
-    library = open_library(folder)
-    assert library.names == ("more/place-4", "more/place-5", "place-0", "place-3")
-    assert [fault.split("/")[-1] for fault in library.faults] == [
-        "place-0a.exr: no such file; check the path",
-        "place-0b.hdr: is a pipe or device, not a file; name a file",
-        "place-1.exr: cannot be read (Permission denied); check the permissions",
-        "place-2.exr: cannot be read (Permission denied); check the permissions",
-    ]
-    shut.pop()
-    assert (len(open_library(folder).names), len(open_library(folder).faults)) == (5, 3)
-
-
-def _open_but(shut, usual, file, *more, **options):
-    """open, but for files that may not be read."""
-    if file in shut:
-        raise PermissionError(errno.EACCES, "Permission denied", str(file))
-    return usual(file, *more, **options)
-
-
-def test_a_black_map_is_left_out_by_name(folder):
-    write_exr(folder / "more" / "dark.exr", np.zeros((32, 64, 3), np.float32))
-    faults = open_library(folder).faults
-    assert faults == ("more/dark.exr: expected a map with light, got a black one; remove it from the library",)
-    (folder / "more" / "dark.exr").rename(folder / "black.exr")
-    assert open_library(folder).faults[0].startswith("black.exr: ")
-
-
 @pytest.mark.ci
 def test_without_a_cache_all_is_done_in_memory(folder, camera_light, tmp_path, monkeypatch):
     kept = camera_light[0].match(folder, best=1)[0]
@@ -344,17 +265,6 @@ def test_without_a_cache_all_is_done_in_memory(folder, camera_light, tmp_path, m
     np.testing.assert_array_equal(library.lights, kept.library.lights)
     monkeypatch.setattr(libraries, "read_radiance", None)
     assert open_library(folder).names == library.names  # not read again by this process
-
-
-def test_a_cache_that_may_only_be_read_is_read(folder, monkeypatch):
-    names = open_library(folder).names
-
-    def refuse(*_, **__):
-        raise PermissionError(errno.EACCES, "Permission denied")
-
-    monkeypatch.setattr(libraries.os, "utime", refuse)
-    library = open_library(folder)
-    assert (library.names, library.warnings) == (names, ())
 
 
 def test_a_file_that_changed_behind_its_time_is_not_written(folder, camera_light, tmp_path):
@@ -404,74 +314,6 @@ def test_a_map_that_shades_unlike_the_estimate_is_less_likely(folder, camera_lig
     assert again[0].name != "place-2"
     monkeypatch.setattr(fit_warnings, "OWN_ERROR", 0.0)
     assert [one.code for one in fit_warnings.fit_doubts(light.radiance, ranked[0].radiance(64))] == ["match-fit"]
-
-
-@pytest.mark.ci
-@pytest.mark.usefixtures("networks_opened_once")
-def test_strict_counts_the_warnings_of_a_match(folder, tmp_path, monkeypatch, no_sheet):
-    from PIL import Image
-
-    monkeypatch.setattr(fit_warnings, "STOPS_APART", 99.0)
-    photo = tmp_path / "ball.png"
-    Image.fromarray(sphere_photo((64, 48))).save(photo)
-    words = ["match", str(photo), str(folder), "-o", str(tmp_path / "out")]
-    words += ["--strict", "--pitch", "10", "--json", "-q"]
-    result = CliRunner().invoke(app, words)
-    assert json.loads(result.stdout)["warnings"] == []
-    assert result.exit_code == 0
-    (folder / "broken.hdr").write_bytes(b"no picture")
-    assert CliRunner().invoke(app, words).exit_code == 2
-
-
-@pytest.mark.usefixtures("networks_opened_once")
-def test_no_number_is_a_negative_zero(folder, tmp_path, monkeypatch, no_sheet):
-    from PIL import Image
-
-    monkeypatch.setattr(ranking.MatchedMap, "exposure_ev", -0.04)
-    monkeypatch.setattr(ranking.MatchedMap, "yaw_deg", -0.4)
-    Image.fromarray(sphere_photo((64, 48))).save(tmp_path / "ball.png")
-    words = ["match", str(tmp_path / "ball.png"), str(folder), "-o", str(tmp_path / "out"), "--pitch", "10"]
-    said = CliRunner().invoke(app, words, env={"COLUMNS": "200"}).stderr
-    assert "+0.0 EV" in said
-    assert "+0°" in said
-    assert not re.search(r" -0[.°]", said)
-
-
-@pytest.mark.ci
-@pytest.mark.usefixtures("networks_opened_once")
-def test_the_sheet_is_named_by_its_path_in_one_line_and_a_camera_may_look_up(folder, tmp_path, monkeypatch, no_sheet):
-    from PIL import Image
-
-    monkeypatch.setattr("anyprobe.cli.match.CLEAR_MARGIN", 99.0)
-    photo, out = tmp_path / "ball.png", tmp_path / ("o" * 60)
-    Image.fromarray(sphere_photo((64, 48))).save(photo)
-    said = CliRunner().invoke(app, ["match", str(photo), str(folder), "-o", str(out), "--pitch", "-5"]).stderr
-    assert f"equally well; see {out / 'ball_match.png'}\n" in said
-    assert (out / "ball_match.png").is_file()
-    assert "camera 5° up" in said
-
-
-@pytest.mark.ci
-@pytest.mark.usefixtures("networks_opened_once")
-def test_maps_of_earlier_matches_of_a_photo_are_said(folder, tmp_path, no_sheet):
-    from PIL import Image
-
-    (folder / "place-0.exr").rename(folder / "pläce 0.exr")
-    out = tmp_path / "out"
-
-    def older(name: str, best: int) -> list[str]:
-        Image.fromarray(sphere_photo((64, 48))).save(tmp_path / name)
-        words = ["match", str(tmp_path / name), str(folder), "-o", str(out), "--best", str(best), "--json", "-q"]
-        said = json.loads(CliRunner().invoke(app, words).stdout)["warnings"]
-        return [line for line in said if "earlier matches" in line]
-
-    assert older("ball_1.png", 2) == []
-    assert older("ball.png", 3) == []  # whose names begin like those of ball_1
-    assert older("ball.png", 3) == []
-    (out / "ball_2_mine.exr").write_bytes(b"of somebody else")
-    (line,) = older("ball.png", 1)
-    assert line.startswith(f"{out}: contains maps of this photo from earlier matches (2, such as ball_2_")
-    assert len(list(out.glob("ball_[1-6]_*.exr"))) == 2 + 1 + 3  # nothing is deleted
 
 
 @pytest.mark.ci

@@ -11,7 +11,6 @@ import pytest
 
 from anyprobe.core.response import inverse_response, response
 from anyprobe.export.cube_textures import cube_faces
-from anyprobe.relight.appearance import _seen_of_object
 from anyprobe.relight.ground_map import GroundPicture
 from anyprobe.relight.ground_view import View
 from anyprobe.relight.insert import cast_shadow
@@ -43,12 +42,6 @@ def test_faces_by_strips_are_the_faces(noise, monkeypatch, size):
         found.append(cube_faces(radiance, size))
     np.testing.assert_array_equal(found[0], found[2])
     np.testing.assert_array_equal(found[1], found[2])
-
-
-def test_faces_take_little_more_than_themselves(noise, monkeypatch):
-    monkeypatch.setattr("anyprobe.export.cube_textures.SAMPLES_AT_ONCE", 1 << 14)
-    radiance, size = noise(16, 32, 3), 64
-    assert most_bytes(lambda: cube_faces(radiance, size)) < 6 * size**2 * 12 + 400 * (1 << 14)
 
 
 @pytest.fixture
@@ -83,29 +76,6 @@ def test_shadow_by_strips_is_the_shadow(scene, monkeypatch):
     expected[dark] = response(inverse_response(photo.rgb[dark]) * ratio[dark])
     np.testing.assert_array_equal(found, expected)
     assert 0.1 < dark.mean() < 0.9
-
-
-def test_shadow_of_a_larger_photo_is_worked_out_at_no_more_places(scene, monkeypatch):
-    """It is enlarged, over the part that was asked for and no other; the same but for its edge."""
-    photo, view, shadow = scene
-    exact = cast_shadow(photo, view, shadow)
-    asked, at = [], shadow.at
-    shadow.at = lambda points: (asked.append(len(points)), at(points))[1]
-    monkeypatch.setattr("anyprobe.relight.insert.MOST_SHADED", 250)
-    part = view.part_around(shadow.foot, shadow.reach)
-    found = cast_shadow(photo, view, shadow, part)
-    assert sum(asked) <= 250**2
-    assert found.shape == photo.rgb[part].shape
-    assert np.abs(found - exact[part]).mean() < 0.01
-    assert (found != photo.rgb[part]).any()
-
-
-def test_object_of_a_larger_photo_is_judged_by_no_more_pixels(monkeypatch):
-    photo = SimpleNamespace(rgb=np.full((90, 90, 3), 0.5, np.float32), mask=np.ones((90, 90), np.float32))
-    monkeypatch.setattr("anyprobe.relight.appearance.MOST_PIXELS", 900)
-    assert _seen_of_object(photo).shape == (900, 3)
-    photo.mask[:], photo.mask[40] = 0, 0.7  # a row that every third one misses
-    assert _seen_of_object(photo).shape == (90, 3)
 
 
 def test_shadow_and_ground_take_little_more_than_the_photo(scene, monkeypatch):

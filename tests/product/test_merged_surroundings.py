@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import gc
 import json
-import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +15,6 @@ from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.response import response
 from anyprobe.estimate.known import GivenPanorama
 from anyprobe.estimate.merged_surroundings import DIFFER, lay_over
-from anyprobe.estimate.multiview import fuse_lights
 from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.light.environment import rotate
 
@@ -75,31 +72,6 @@ def test_the_panorama_of_several_photos_shows_the_first(estimator, first):
     assert seen.mean() > 0.02
     truth = rotate(smooth_map(), poses[0].T)
     assert np.abs(response(picture.radiance) - response(truth))[seen].mean() < 0.02
-
-
-def test_photos_without_surroundings_are_fused_as_ever(estimator):
-    photos = [take(pose, surroundings="none") for pose in POSES[:2]]
-    together = estimator.multiview(photos, POSES[:2])
-    apart = fuse_lights([estimator.from_photo(photo) for photo in photos], POSES[:2])
-    np.testing.assert_array_equal(together.radiance, apart.radiance)
-    assert "surroundings" not in together.info["hints"]
-
-
-@pytest.mark.ci
-def test_photos_are_let_go_when_their_object_is_cut_out(estimator):
-    """Several are opened in turn; no two need be in memory."""
-    alive = []
-
-    def opened():
-        for pose in POSES:
-            gc.collect()
-            assert all(pixels() is None for pixels in alive[:-1])
-            photo = take(pose)
-            alive.append(weakref.ref(photo.rgb))
-            yield photo
-
-    estimator.multiview(opened(), POSES)
-    assert len(alive) == len(POSES)
 
 
 def test_a_panorama_from_a_file_is_of_the_first_camera(estimator):

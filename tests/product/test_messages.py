@@ -16,10 +16,6 @@ from anyprobe.inputs.hints import HINTS
 from anyprobe.notices import PYTHON
 
 
-def test_there_are_forty():
-    assert len(TABLE) >= 40
-
-
 @pytest.mark.parametrize("name", TABLE)
 def test_python(name):
     wrong = TABLE[name]

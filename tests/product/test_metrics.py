@@ -52,30 +52,6 @@ def test_ssim_is_not_the_published_one(rng, shape):
     assert ssim(a, b) == pytest.approx(expected, abs=1e-6)
 
 
-def test_ssim_limits(rng):
-    a = rng.random((32, 64, 3))
-    assert ssim(a, a) == pytest.approx(1.0)
-    assert ssim(a, 1 - a) < 0
-    flat = np.full((16, 16), 0.5)
-    assert ssim(flat, 0 * flat) == pytest.approx(1e-4 / (0.25 + 1e-4))  # means alone differ
-
-
-def test_ssim_broadcasts_or_reads_past_the_edge():
-    with pytest.raises(ValueError, match="one shape"):
-        ssim(np.zeros((20, 20)), np.zeros((20, 1)))
-    with pytest.raises(ValueError, match="11 x 11"):
-        ssim(np.zeros((10, 40)), np.zeros((10, 40)))
-
-
-def test_exposure_counts_in_si_rmse(rng):
-    """Blind to one factor for all channels, not to one factor each, and to what the mask hides."""
-    g, mask = rng.random((16, 16, 3)), rng.random((16, 16)) > 0.3
-    assert si_rmse(5 * g, g, mask) == pytest.approx(0, abs=1e-12)
-    assert si_rmse(g * [1, 2, 3], g, mask) > 0.05
-    hidden = g + 9 * ~mask[..., None]
-    assert si_rmse(hidden, g, mask) == pytest.approx(0, abs=1e-12)
-
-
 def test_si_rmse_by_hand_and_by_search(rng):
     """p = (1, 0), g = (1, 1) in every channel: s = 1, residual (0, 1). Any other scale is worse."""
     p, g = np.array([[1.0] * 3, [0.0] * 3]), np.ones((2, 3))
@@ -83,16 +59,6 @@ def test_si_rmse_by_hand_and_by_search(rng):
     p, g, mask = rng.random((50, 3)), rng.random((50, 3)), np.ones(50, bool)
     assert si_rmse(p, g, mask) <= min(rmse(s * p, g) for s in np.linspace(0, 2, 201))
     assert si_rmse(0 * p, g, mask) == pytest.approx(rmse(0 * g, g))
-
-
-def test_color_angle_sees_brightness():
-    red, yellow, black = np.array([1.0, 0, 0]), np.array([1.0, 1, 0]), np.zeros(3)
-    one = np.ones(1, bool)
-    angle = lambda p, g: color_angle_deg(p[None], g[None], one)  # noqa: E731
-    assert angle(red, 7 * red) == pytest.approx(0, abs=1e-5)
-    assert angle(red, yellow) == pytest.approx(45)
-    assert angle(red, black) == angle(black, red) == 90
-    assert angle(black, black) == 0
 
 
 def test_color_angle_is_not_the_mean_over_the_mask():
@@ -120,13 +86,6 @@ def test_power_ratio_counts_rows_alike(rng):
     expected = math.log2(float(pixel_solid_angles(16)[0, 0] / pixel_solid_angles(16)[8, 0]))
     assert power_ratio_stops(pole, equator) == pytest.approx(expected, abs=1e-5)
     assert power_ratio_stops(np.ones((8, 16, 3)), np.ones((64, 128, 3))) == pytest.approx(0, abs=1e-6)
-
-
-def test_power_ratio_of_black():
-    black, white = np.zeros((4, 8, 3)), np.ones((4, 8, 3))
-    assert power_ratio_stops(black, white) == -math.inf
-    assert power_ratio_stops(white, black) == math.inf
-    assert power_ratio_stops(black, black) == 0
 
 
 def test_sphere_is_upside_down_or_inside_out():

@@ -16,7 +16,6 @@ from support.transforms import transforms
 import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.estimate import photo as photo_module
 from anyprobe.estimate.multiview import NOT_GIVEN, OFFSET, fuse, fuse_lights
 from anyprobe.estimate.poses import read_poses
 from anyprobe.estimate.result import Light
@@ -79,11 +78,6 @@ def test_small_light_sources_side_by_side_become_one_of_the_same_power():
     light, each = find_dominant_light(found), [find_dominant_light(one) for one in maps[1:]]
     assert light.direction @ ways[2] > np.cos(np.radians(3))
     assert light.irradiance.mean() > 0.8 * np.mean([one.irradiance.mean() for one in each])
-
-
-def test_what_nobody_calls_bright_is_not_made_so():
-    found = fuse(np.stack([flat(0.05), flat(0.6)]), ONE)
-    assert found.max() < 0.6
 
 
 # Lights
@@ -250,23 +244,6 @@ def test_photo_on_its_side_is_measured_as_it_is_shown(tmp_path):
     assert photo_header(tmp_path / "none.jpg") == photo_header(b"no photo") == ((0, 0), None)
 
 
-@pytest.mark.parametrize(
-    "lens",
-    [
-        {"camera_angle_x": 0},
-        {"camera_angle_x": 3.2},
-        {"fl_x": "50", "w": 100},
-        {"fl_x": -1, "w": 100},
-        {"fl_x": 10**400, "w": 100},
-        {"h": float("nan")},
-    ],
-)
-def test_lens_that_is_none_is_one_line(tmp_path, lens):
-    with refused(source="poses.json", naming="a number above 0") as error:
-        poses_file(tmp_path / "poses.json", [lens])
-    assert len(str(error.value).splitlines()) == 1
-
-
 # The command
 
 
@@ -296,37 +273,3 @@ def test_the_lens_of_the_poses_counts_unless_another_is_told(command, work, phot
     given = json.loads(command(*call).out)
     assert given["long_fov_deg"] == pytest.approx(2 * np.degrees(np.arctan(0.6)), abs=1e-3)
     assert json.loads(command(*call, "--fov", "40").out)["long_fov_deg"] == 40
-
-
-@pytest.mark.parametrize(
-    ("others", "options", "naming"),
-    [
-        (["gone.png"], (), "gone.png"),
-        (["b.png"], ("--mask", "masks"), "b.png"),
-        (["b.png"], ("--mask", "masks/a_panorama.exr", "-o", "masks"), "would replace masks/a_panorama.exr"),
-    ],
-)
-def test_all_names_are_checked_before_a_photo_is_read(command, work, photo_path, monkeypatch, others, options, naming):
-    for name in ("a.png", "b.png", "masks/a.png", "masks/a_panorama.exr"):
-        (work / name).parent.mkdir(exist_ok=True)
-        (work / name).write_bytes(photo_path.read_bytes())
-    (work / "poses.json").write_text(transforms([np.eye(3)] * 2, ("a.png", "b.png")))
-    monkeypatch.setattr(photo_module, "load_photo", lambda *_, **__: pytest.fail("read too early"))
-    assert naming in command("estimate", "a.png", *others, "--poses", "poses.json", *options).complaint
-
-
-@pytest.mark.parametrize("poses", [transforms([np.eye(3)]), "{}"])
-def test_poses_that_do_not_fit_write_nothing(command, work, photo_path, poses):
-    other = work / "other.png"
-    other.write_bytes(photo_path.read_bytes())
-    (work / "poses.json").write_text(poses)
-    assert (
-        "poses.json: expected"
-        in command("estimate", photo_path, other, "--poses", work / "poses.json", "-o", "one").complaint
-    )
-    assert not (work / "one").exists()
-
-
-def test_paths_are_to_be_loaded_first(photo_path, estimator):
-    with refused("photos"):
-        estimator.multiview([str(photo_path)], [np.eye(3)])

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import inspect
 import io
-import pydoc
 import re
 from pathlib import Path
 
@@ -31,23 +29,6 @@ def test_light_is_shown_as_its_sheet():
     assert height > 700  # the panorama of 512 rows over the spheres of 256
     assert spheres.std() > 30
     assert re.fullmatch(r"<Light 64 x 128, dominant light towards \(.*\)>", repr(light))
-
-
-def test_completion_offers_public_names_alone():
-    assert set(dir(anyprobe)) == {*anyprobe.__all__, "__version__"}
-
-
-def test_help_documents_the_real_parameters():
-    text = pydoc.render_doc(anyprobe.estimate, renderer=pydoc.plaintext)
-    signature, _, said = text.partition("Args:")
-    assert "click" in signature
-    named = re.findall(r"^ {8}([a-z_, ]+):", said, re.MULTILINE)
-    parameters = set(inspect.signature(anyprobe.estimate).parameters)
-    assert {name.strip() for line in named for name in line.split(",")} <= parameters | {"", "given"}
-
-
-def test_estimator_says_how_it_is_set(estimator):
-    assert repr(estimator) == "Estimator(model='lift')"
 
 
 @pytest.mark.parametrize("segmenter", [None, "small"])

@@ -9,9 +9,9 @@ import pickle
 import pytest
 
 from anyprobe.cli.options import OPTIONS
-from anyprobe.errors import AnyprobeError, InputError, InvalidMask, MissingExtra, OutputError, arguments_named
+from anyprobe.errors import InvalidMask, MissingExtra, OutputError, arguments_named
 from anyprobe.inputs.hints import HINTS
-from anyprobe.notices import PYTHON, Notice, Words, as_notice, give, leave_out
+from anyprobe.notices import PYTHON, Notice, Words, give, leave_out
 
 NOTICE = Notice(
     "expected white on the object, got none",
@@ -36,16 +36,6 @@ def test_the_command_line_names_options_and_leaves_file_names_alone():
         "--mask and --fov box=.png: expected white on the object, got none; "
         "pass --click X,Y, --box X0,Y0,X1,Y1 or --surroundings photo, or leave out --depth"
     )
-
-
-def test_http_names_fields():
-    problems = pytest.importorskip("anyprobe.serve.problems", reason="needs the serve extra", exc_type=ImportError)
-    body = json.loads(problems.problem(422, NOTICE).body)
-    assert body["detail"].startswith("mask and fov box=.png: ")
-    assert (body["code"], body["subject"], body["status"]) == ("no-object", ["mask", "fov"], 422)
-    assert body["remedy"][2] == {"do": "give", "name": "surroundings", "value": "photo"}
-    plain = json.loads(problems.problem(404, "no such address").body)
-    assert (plain["code"], plain["detail"], "subject" in plain) == ("not-found", "no such address", False)
 
 
 @pytest.mark.parametrize("name", HINTS)
@@ -75,36 +65,12 @@ def test_nothing_is_lost_between_processes_and_in_json():
         assert (type(again), str(again), again.notice.as_json()) == (type(error), str(error), error.notice.as_json())
 
 
-def test_a_plain_line_is_an_error_and_a_warning_too():
-    error = InputError("expected a, got b")
-    assert (str(error), error.code, error.subject) == ("expected a, got b", "invalid-option", ())
-    warning = as_notice("too dark", "a.png")
-    assert (str(warning), warning.code) == ("a.png: too dark", "doubt")
-    assert as_notice(NOTICE).code == "no-object"
-
-
-def test_another_error_keeps_what_it_says():
-    outer = InputError(InvalidMask("expected a, got b", code="no-object", source="a.png"), subject="mask")
-    assert (str(outer), outer.code) == ("mask a.png: expected a, got b", "no-object")
-
-
 def test_arguments_are_named_as_the_caller_s_own():
     with pytest.raises(InvalidMask) as error, arguments_named(size="scale", mask="cover"):
         raise InvalidMask("expected a, got b", subject="size", remedy=give("mask", "box"))
     assert str(error.value) == "scale: expected a, got b; pass cover= or box="
 
 
-def test_a_source_that_is_its_argument_stands_once():
-    assert Notice("a", subject="mask", source="mask") == "mask: a"
-
-
 def test_a_line_is_one():
     assert Words().line("a\nb") == "a b"
     assert "\n" not in OPTIONS.line(Notice("a", source="b\nc"))
-
-
-def test_every_kind_of_error_has_a_code():
-    kinds = [AnyprobeError]
-    for kind in kinds:
-        kinds += kind.__subclasses__()
-    assert all(kind.default_code for kind in kinds)

@@ -19,10 +19,8 @@ from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.poses import read_poses
 from anyprobe.files.meshes import read_mesh
 from anyprobe.files.objects import draw_under
-from anyprobe.inputs.hints import Hints
-from anyprobe.maps.radiance import read_radiance, write_exr, write_hdr
+from anyprobe.maps.radiance import write_exr
 from anyprobe.masks.depth import depth_of_view
-from anyprobe.match import library_folder
 from anyprobe.match.library_folder import open_library
 from anyprobe.pictures.headers import jxl_size
 from anyprobe.pictures.images import read_image
@@ -102,15 +100,6 @@ def test_poses_by_columns_and_of_windows(tmp_path):
         read_poses(path)
 
 
-def test_headers_of_the_files_that_a_map_was_made_from(tmp_path):
-    radiance = np.full((8, 16, 3), 0.5, np.float32)
-    write_hdr(tmp_path / "a.hdr", radiance)
-    data = (tmp_path / "a.hdr").read_bytes()
-    at = data.index(b"\n") + 1
-    (tmp_path / "b.hdr").write_bytes(data[:at] + b"pcomb\n\tEXPOSURE=4.0\n\tGAMMA=2.2\n" + data[at:])
-    np.testing.assert_array_equal(read_radiance(tmp_path / "b.hdr"), read_radiance(tmp_path / "a.hdr"))
-
-
 def test_whole_numbers_of_twelve_and_of_signed_sixteen_bits():
     def tiff(bits: int, sample_format: int, data: bytes) -> bytes:
         tags = [(256, 3, 32), (257, 3, 32), (258, 3, bits), (259, 3, 1), (262, 3, 1), (273, 4, 8), (277, 3, 1)]
@@ -168,36 +157,6 @@ def test_a_small_map_is_left_out_and_an_archive_is_no_library(tmp_path, monkeypa
         open_library(tmp_path / "maps.zip")
 
 
-def test_a_cache_that_another_program_replaces_midway(tmp_path, monkeypatch):
-    """What is taken from the file before is of that file throughout."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    folder = tmp_path / "maps"
-    folder.mkdir()
-    rng = np.random.default_rng(2)
-    for name in "bc":
-        write_exr(folder / f"{name}.exr", rng.uniform(0.1, 2.0, (64, 128, 3)).astype(np.float32))
-    before = open_library(folder)
-    true = dict(zip(before.names, before.lights.copy(), strict=True))
-    write_exr(folder / "a.exr", rng.uniform(0.1, 2.0, (64, 128, 3)).astype(np.float32))
-    read, began = library_folder.read_radiance, []
-
-    def meanwhile(path):
-        if not began:
-            began.append(path)
-            open_library(folder)  # of the other program
-        return read(path)
-
-    monkeypatch.setattr(library_folder, "read_radiance", meanwhile)
-    after = open_library(folder)
-    for name, light in true.items():
-        np.testing.assert_array_equal(after.lights[after.names.index(name)], light)
-
-
-def test_a_word_for_a_number_is_refused():
-    with refused("roughness"):
-        Hints(roughness="0.5")
-
-
 def test_transparency_that_leaves_nearly_all_is_doubted():
     photo = np.full((100, 120, 4), 200, np.uint8)
     photo[:, :, 0] = np.arange(120)
@@ -206,12 +165,6 @@ def test_transparency_that_leaves_nearly_all_is_doubted():
     assert (line.code, [one.name for one in line.remedy]) == ("alpha-wide", ["click", "box", "mask"])
     photo[:40, :, 3] = 0
     assert not any("transparency" in one for one in load_photo(photo).warnings)
-
-
-def test_numbers_in_the_place_of_pictures_are_refused():
-    for name in ("mask", "depth", "normals", "surroundings"):
-        with refused(name):
-            Hints(**{name: 4})
 
 
 @pytest.mark.parametrize("given", [{"size": -3}, {"size": 1.5}, {"size": 0}, {"fov_deg": 0}, {"fov_deg": 200}])

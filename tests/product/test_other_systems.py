@@ -6,11 +6,9 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from PIL import Image
-from support.refused import refused
 
 from anyprobe.files import atomic
 from anyprobe.files.atomic import atomic_files, atomic_path
@@ -66,28 +64,3 @@ def test_a_rename_that_is_refused_for_a_moment_is_tried_again(tmp_path, monkeypa
     with atomic_files(tmp_path) as folder:
         (folder / "b.txt").touch()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.txt", "b.txt"]
-
-
-def test_a_rename_that_is_refused_for_good_is_one_line(tmp_path, monkeypatch):
-    def replace(source, target):
-        raise PermissionError(13, "in use by another process")
-
-    monkeypatch.setattr(atomic, "RETRIES_RENAME", True)
-    monkeypatch.setattr(atomic, "RETRY_DELAYS_S", (0.001,))
-    monkeypatch.setattr(os, "replace", replace)
-    with (
-        refused(code="not-written", source="a.txt", naming="in use by another process"),
-        atomic_path(tmp_path / "a.txt") as temporary,
-    ):
-        temporary.write_text("a", encoding="utf-8")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_no_text_is_opened_in_the_encoding_of_the_system():
-    """Which is cp1252 on Windows; ruff's PLW1514 finds them."""
-    source = Path(atomic.__file__).parents[1]
-    order = [sys.executable, "-m", "ruff", "check", "--preview", "--isolated", "--select", "PLW1514", str(source)]
-    done = subprocess.run(order, capture_output=True, text=True, check=False)
-    if "No module named" in done.stderr:
-        pytest.skip("needs ruff")
-    assert done.returncode == 0, done.stdout

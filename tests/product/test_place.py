@@ -12,7 +12,7 @@ from support.refused import refused
 import anyprobe
 from anyprobe.core.camera import PinholeCamera
 from anyprobe.core.color import luminance
-from anyprobe.core.frames import rotation_x, rotation_z
+from anyprobe.core.frames import rotation_x
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.estimate.ground import Ground, up_of
@@ -159,12 +159,6 @@ def test_a_disc_is_round_and_whole():
     assert area > 0.85 * circle  # a square of that reach has 2 / pi of it
 
 
-def test_level_turns_up_to_up():
-    for pitch, roll in ((20.0, 0.0), (35.0, 8.0), (-10.0, -5.0)):
-        turn = rotation_x(-np.radians(pitch)) @ rotation_z(np.radians(roll))
-        np.testing.assert_allclose(turn @ up_of(pitch, roll), [0, 1, 0], atol=1e-12)
-
-
 def test_the_frame_of_a_panorama_and_of_exports(tmp_path, monkeypatch):
     ground = {
         "pitch_deg": 30.0,
@@ -236,14 +230,6 @@ def test_a_panorama_that_was_turned_otherwise_is_not_called_level(command, work)
     turned.export("webxr", "export", "own")
     for name in ("a_panorama", "own"):
         assert "level" not in json.loads((work / "export" / f"{name}_webxr.json").read_text())["origin"]
-
-
-def columns_of(width, seed=0):
-    """A photo of smooth columns, ln [40, width, 3], with a bright post in the columns 28 to 31."""
-    random = np.random.default_rng(seed)
-    ln = np.cumsum(random.normal(0, 0.1, (1, width, 1)), axis=1) * np.ones((40, 1, 3))
-    ln[:, 28:32] += 3.0
-    return ln.astype(np.float32), np.ones((40, width), bool)
 
 
 @pytest.mark.parametrize(("fov", "rows"), [(3.0, 512), (9.0, 512), (10.0, 64), (60.0, 64)])

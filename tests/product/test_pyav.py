@@ -9,18 +9,13 @@ import struct
 import sys
 from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.refused import refused
+from support.clips import write_clip
 
-av = pytest.importorskip("av", reason="needs the video extra")
-
-from support.clips import write_clip  # noqa: E402
-
-from anyprobe.errors import AnyprobeError, InputError  # noqa: E402
-from anyprobe.video.clip import clip_size, join_pieces, open_clip, read_frames, write_piece  # noqa: E402
+from anyprobe.errors import InputError
+from anyprobe.video.clip import clip_size, join_pieces, open_clip, read_frames, write_piece
 
 PICTURES = [np.full((32, 48, 3), 80 * shade, np.uint8) for shade in range(3)]
 
@@ -33,78 +28,6 @@ def made(tmp_path) -> Path:
 
 def frames(path: Path) -> int:
     return len(list(read_frames(open_clip(path), [])))
-
-
-@pytest.mark.parametrize("gone", [(), ("metadata_errors",), ("metadata_errors", "metadata_encoding")])
-def test_arguments_that_a_version_no_longer_takes_are_not_passed(made, monkeypatch, gone):
-    real = av.open
-
-    def opened(file, mode=None, **named):
-        if found := [name for name in named if name in gone]:
-            raise TypeError(f"open() got an unexpected keyword argument {found[0]!r}")
-        named.pop("metadata_errors", None)
-        return real(file, mode, **named)
-
-    monkeypatch.setattr(av, "open", opened)
-    assert frames(made) == 3
-
-
-def no_options(monkeypatch):
-    def opened(file, mode=None):
-        raise AssertionError("opened without the options that keep it to one file")
-
-    monkeypatch.setattr(av, "open", opened)
-
-
-def no_dispositions(monkeypatch):
-    monkeypatch.setattr(av, "stream", SimpleNamespace())
-
-
-def no_video_frame(monkeypatch):
-    monkeypatch.delattr(av, "VideoFrame")
-
-
-def renamed_argument(monkeypatch):
-    class Pictures:
-        @staticmethod
-        def from_ndarray(array, *, pixel_format):
-            raise AssertionError
-
-    monkeypatch.setattr(av, "VideoFrame", Pictures)
-
-
-@pytest.mark.parametrize("change", [no_options, no_dispositions, no_video_frame, renamed_argument])
-def test_an_interface_that_is_not_known_is_one_line_with_its_version(made, tmp_path, monkeypatch, change):
-    change(monkeypatch)
-
-    def copied():
-        frames(made)
-        write_piece(tmp_path / "out.mp4", [(0.0, PICTURES[0])])
-
-    with pytest.raises(AnyprobeError) as caught:
-        copied()
-    said = str(caught.value)
-    assert "\n" not in said
-    assert f"PyAV {av.__version__}" in said
-    assert "pip install" in said
-    assert not (tmp_path / "out.mp4").exists()
-
-
-def test_a_method_of_frames_that_is_not_there_is_one_line(made, monkeypatch):
-    from anyprobe.video import clip
-
-    monkeypatch.setattr(clip, "shown_pixels", lambda picture, *rest: picture.to_another_array())
-    with pytest.raises(AnyprobeError, match="PyAV .*to_another_array"):
-        frames(made)
-
-
-def test_a_build_that_cannot_write_h264_is_one_line(tmp_path, monkeypatch):
-    from anyprobe.video import clip
-
-    monkeypatch.setattr(clip, "CODEC", "libnothing")
-    with refused(code="not-written", source="out.mp4", naming="H.264"):
-        write_piece(tmp_path / "out.mp4", [(0.0, PICTURES[0])])
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
@@ -194,24 +117,6 @@ def test_a_name_is_a_files_and_no_address(made, monkeypatch, name):
     Path(name).write_bytes(b"other")
     with pytest.raises(InputError, match="cannot read"):
         open_clip(Path(name))
-
-
-@pytest.mark.skipif(os.name == "nt", reason="needs POSIX")
-@pytest.mark.parametrize("device", [None, "/dev/zero"])
-def test_a_pipe_or_device_is_not_called_absent(made, device):
-    path = made.parent / "other.mp4"
-    os.mkfifo(path) if device is None else path.symlink_to(device)
-    with refused(source="other.mp4", naming="pipe or device"):
-        open_clip(path)
-
-
-def test_what_the_system_refuses_is_no_fault_of_the_file(made, monkeypatch):
-    def denied(*_, **__):
-        raise av.error.BlockingIOError(11, "Resource temporarily unavailable")
-
-    monkeypatch.setattr(av, "open", denied)
-    with refused(source="clip.mp4", naming="memory"):
-        open_clip(made)
 
 
 def test_a_pattern_of_names_is_one_file(made):

@@ -655,49 +655,6 @@ def test_a_tiff_of_floats_in_planes_and_tiles(kind, planes, tiles, tmp_path):
     np.testing.assert_allclose(found.radiance, radiance[..., :3].astype(np.float32), rtol=1e-3)
 
 
-# Messages
-
-
-@pytest.mark.parametrize(
-    ("data", "word"),
-    [
-        (float_tiff(LINEAR)[:4000], "damaged, truncated"),
-        (b"RIFF\x10\0\0\0WEBPVP8 ", "WebP; copy it again"),
-        (b"\xff\xd8\xff\xe0\0", "JPEG; copy it again"),
-        (b"\0\0\0\x18ftypavif" + bytes(40), "AVIF; copy it again"),
-        (b"\0\0\0\x18ftypisom" + bytes(40), "a video"),
-        (b"8BPS\0\1" + bytes(40), "Photoshop"),
-        (b"PF\n4 4\n-1.0\n" + bytes(200), "OpenEXR"),
-    ],
-)
-def test_what_cannot_be_read_is_called_by_its_name(data, word):
-    with pytest.raises(InvalidPhoto) as caught:
-        read_image(data)
-    assert word in str(caught.value)
-    assert "\n" not in str(caught.value)
-    assert "PNG or JPEG" not in str(caught.value)  # which would cut radiance
-
-
-def test_a_cut_raw_photo_is_one_line(tmp_path):
-    pytest.importorskip("rawpy")
-    (tmp_path / "cut.dng").write_bytes(dng(scene(64, 64))[:9000])
-    with pytest.raises(InvalidPhoto) as caught:
-        read_image(tmp_path / "cut.dng")
-    assert "cut.dng: expected a RAW photo" in str(caught.value)
-
-
-def test_two_photos_of_one_name_are_two_results(tmp_path, command):
-    for suffix in ("png", "webp"):
-        Image.fromarray(eight(DISPLAY)).save(tmp_path / f"vase.{suffix}")
-    mask = np.zeros(DISPLAY.shape[:2], np.uint8)
-    mask[10:50, 20:70] = 255
-    Image.fromarray(mask).save(tmp_path / "mask.png")
-    photos = tmp_path / "vase.png", tmp_path / "vase.webp"
-    done = command("estimate", *photos, "--mask", tmp_path / "mask.png", "-o", tmp_path / "o")
-    assert done.status == 0, done.err
-    assert {path.name for path in (tmp_path / "o").glob("*.hdr")} == {"vase_png.hdr", "vase_webp.hdr"}
-
-
 # Clips
 
 

@@ -57,12 +57,6 @@ def test_graph_of_another_contract_is_refused(copied, key, value):
     assert_refused("irradiance.onnx", f"expected {key}", repr(value))
 
 
-@pytest.mark.parametrize("stage", STAGES)
-def test_every_graph_is_checked(copied, stage):
-    spoil_metadata(copied / f"{stage}.onnx", "logarithm", "decimal")
-    assert_refused(f"{stage}.onnx", "logarithm")
-
-
 def test_untouched_copy_is_accepted(copied, rng):
     mask = np.zeros((60, 80), np.float32)
     mask[20:50, 20:50] = 1.0
@@ -70,11 +64,6 @@ def test_untouched_copy_is_accepted(copied, rng):
     height = int(CONTRACT["map_height"])
     assert said.irradiance.shape == (128, 128, 3)
     assert said.radiance.shape == (height, 2 * height, 3)
-
-
-def test_graphs_in_each_others_place_are_refused(copied):
-    shutil.copy(copied / "hdr.onnx", copied / "irradiance.onnx")
-    assert_refused("irradiance.onnx", "expected stage = 'irradiance', got 'hdr'")
 
 
 @pytest.mark.parametrize("stage", STAGES)
@@ -125,12 +114,3 @@ def test_hashes_name_the_bytes(copied):
         assert {s for s, digest in file_hashes("paper").items() if digest != hashes[s]} == {stage}
         path.write_bytes(data)
     assert model_id("paper") == identity
-
-
-def test_a_graph_that_tells_less_is_refused(tmp_path):
-    onnx = pytest.importorskip("onnx", reason="needs onnx, of './train[torch]'")
-    graph = onnx.load(weights_folder("lift") / "light.onnx")
-    del graph.graph.output[-1]
-    onnx.save(graph, tmp_path / "light.onnx")
-    with pytest.raises(ModelError, match=r"light.onnx: expected outputs .*, irradiance, got .*well_exposed; use"):
-        Models(str(tmp_path))

@@ -8,15 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PIL import Image
-from support.refused import refused
 from support.scenes import made_map, sphere_photo
 from support.two_phase import two_phase
 
 import anyprobe
-from anyprobe.core.frames import rotation_x, rotation_y, world_from_camera
+from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.estimate.sidecar import Origin
-from anyprobe.export.exported_light import check_front, map_from_camera
+from anyprobe.export.exported_light import check_front
 from anyprobe.files.objects import OBJECTS
 from anyprobe.maps.radiance import read_radiance, write_hdr
 from anyprobe.notices import Notice, give
@@ -85,17 +84,6 @@ def test_a_map_without_its_sidecar_is_a_light(light, tmp_path):
     np.testing.assert_array_equal(bare.map_from_camera, np.eye(3))
 
 
-def test_a_light_of_the_page_is_opened(light, tmp_path):
-    """Its .json says less than ours."""
-    path = light.save(tmp_path / "vase.exr")
-    less = {"well_exposed_fraction", "warnings", "notices", "camera_from_crop", "confidence"}
-    said = {key: value for key, value in light.sidecar().items() if key not in less}
-    (tmp_path / "vase.json").write_text(json.dumps(said))
-    again = anyprobe.Light.load(path)
-    assert (again.well_exposed_fraction, again.warnings, again.info) == (1.0, (), light.info)
-    np.testing.assert_array_equal(again.camera_from_crop, np.eye(3))
-
-
 @pytest.mark.parametrize("version", [None, 3, 5])
 def test_a_sidecar_of_another_version_is_refused(light, tmp_path, version):
     path = light.save(tmp_path / "vase.exr")
@@ -103,14 +91,6 @@ def test_a_sidecar_of_another_version_is_refused(light, tmp_path, version):
     with pytest.raises(anyprobe.InputError) as error:
         anyprobe.Light.load(path)
     assert (error.value.code, error.value.notice.source) == ("invalid-option", str(path))
-
-
-def test_the_servers_answer_may_lie_beside_a_map(light, tmp_path):
-    answers = pytest.importorskip("anyprobe.serve.answers", reason="needs the serve extra", exc_type=ImportError)
-    path = light.save(tmp_path / "vase.exr")
-    answer = answers.light_json(light, frozenset({"radiance", "stages"}), None)
-    (tmp_path / "vase.json").write_text(json.dumps(answer))
-    assert anyprobe.Light.load(path).info == light.info
 
 
 @pytest.mark.parametrize("own", [True, False])
@@ -132,26 +112,6 @@ def test_lights_of_disk_are_fused(light, tmp_path):
         one.save(tmp_path / f"{name}.json")
     loaded = [anyprobe.Light.load(tmp_path / f"{name}.exr") for name in "ab"]
     np.testing.assert_allclose(anyprobe.fuse_lights(loaded, [np.eye(3)] * 2).radiance, made_map(), rtol=2e-3)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"well_exposed_fraction": "much"}, "as it was written"),
-        ({"well_exposed_fraction": 2}, "as it was written"),
-        ({"warnings": 3, "notices": []}, "as it was written"),
-        ({"ground": {"pitch_deg": 3}}, "as it was written"),
-        ({"notices": [{"code": "x"}]}, "as it was written"),
-        ({"camera_from_crop": [[1, 2], [3]]}, "as it was written"),
-        ({"camera_from_crop": (2 * np.eye(3)).tolist()}, "as it was written"),
-    ],
-)
-def test_a_damaged_sidecar_is_one_line(light, tmp_path, change, words):
-    path = light.save(tmp_path / "vase.exr")
-    (tmp_path / "vase.json").write_text(json.dumps(light.sidecar() | change))
-    with pytest.raises(anyprobe.InputError, match=words) as error:
-        anyprobe.Light.load(path)
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("name", ["vase.json", "vase.png", "none.exr", "vase_blender.exr", "vase_three.hdr"])
@@ -188,22 +148,6 @@ def test_a_turned_light_relights_as_it_did(command, work, kind, turn):
     assert np.abs(pictures["turned"] - pictures["straight"])[changed].mean() < 4
 
 
-def test_an_older_hdr_is_known_by_the_json_beside_it(light, tmp_path):
-    turned = light.rotate(TURN)
-    write_hdr(tmp_path / "old.hdr", turned.radiance)
-    turned.save(tmp_path / "old.json")
-    np.testing.assert_allclose(map_from_camera(tmp_path / "old.hdr"), TURN, atol=1e-5)
-    light.save(tmp_path / "old.hdr")  # in the camera's frame, and it says so itself
-    np.testing.assert_array_equal(map_from_camera(tmp_path / "old.hdr"), np.eye(3))
-
-
-def test_a_turn_that_is_none_is_one_line(light, tmp_path):
-    write_hdr(tmp_path / "a.hdr", light.radiance, attributes={"frame": "x", "map_from_camera": "[[1, 0], 2]"})
-    with refused(source="a.hdr", naming="map_from_camera") as error:
-        map_from_camera(tmp_path / "a.hdr")
-    assert "\n" not in str(error.value)
-
-
 def test_a_hdr_says_itself_that_it_lies_otherwise(tmp_path):
     """Without the .json beside it."""
     frame = "right-handed, +X right, +Y up, -Z in front; u = 0.5 + atan2(z, x) / 2 pi, v = acos(y) / pi"
@@ -218,22 +162,6 @@ def test_a_hdr_says_itself_that_it_lies_otherwise(tmp_path):
             check_front(tmp_path / name)
 
 
-def test_an_export_says_how_the_light_was_turned_before(command, light, work):
-    saved = light.rotate(TURN).save(work / "l.exr")
-    assert command("export", saved, "--to", "webxr", "-o", "out", "-q").status == 0
-    light.rotate(TURN).export("webxr", "out", "own")
-    for name in ("l", "own"):
-        said = json.loads((work / "out" / f"{name}_webxr.json").read_text())
-        np.testing.assert_allclose(said["origin"]["map_from_camera"], TURN, atol=1e-5)
-        np.testing.assert_allclose(said["world_from_camera"], TURN, atol=1e-5)
-    call = ("export", saved, "--to", "webxr", "-o", "further", "-q", "--world-from-camera", "0,20")
-    assert command(*call).status == 0
-    said = json.loads((work / "further" / "l_webxr.json").read_text())
-    np.testing.assert_allclose(said["world_from_camera"], world_from_camera(0, np.radians(20)) @ TURN, atol=1e-5)
-    light.export("webxr", "out", "straight")
-    assert "map_from_camera" not in json.loads((work / "out" / "straight_webxr.json").read_text())["origin"]
-
-
 # Light.render
 
 
@@ -241,17 +169,6 @@ def test_an_export_says_how_the_light_was_turned_before(command, light, work):
 def test_render_knows_the_objects_of_relight(name):
     picture = anyprobe.Light(radiance=made_map()).render(name, "gold", size=16)
     assert picture[..., 3].max() == 1
-
-
-def test_render_of_an_unknown_object_names_those_known():
-    with refused("object"):
-        anyprobe.Light(radiance=made_map()).render("bal")
-
-
-def test_a_lights_sidecar_is_no_map(tmp_path):
-    (tmp_path / "light.json").write_text("{}")
-    with refused(code="invalid-map", naming="got .json; name the .exr or .hdr beside it"):
-        anyprobe.Light.load(tmp_path / "light.json")
 
 
 def test_how_soft_a_light_is_comes_back_and_its_brightest_side_is_level(tmp_path):

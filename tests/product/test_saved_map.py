@@ -82,27 +82,9 @@ def test_of_a_map_alone_nothing_is_said(work, client):
 STATED = {"pitch_deg": 20.0, "pitch_error_deg": 4.0, "roll_deg": 3.0, "contact": [1, 2], "source": "given"}
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        "{",
-        "[" * 100_000,
-        *(
-            json.dumps({"ground": ground})
-            for ground in (
-                5,
-                {"pitch_deg": 3},
-                STATED | {"contact": 7},
-                STATED | {"pitch_deg": "20"},
-                STATED | {"pitch_deg": np.nan},
-                STATED | {"roll_deg": None},
-                STATED | {"pitch_error_deg": [1]},
-                STATED | {"height": 2},
-            )
-        ),
-    ],
-)
-def test_a_damaged_sidecar_is_one_line(work, command, client, wrong):
+@pytest.mark.parametrize("change", [{"pitch_deg": "20"}, {"roll_deg": None}, {"pitch_error_deg": [1]}, {"contact": 7}])
+def test_a_damaged_sidecar_is_one_line(work, command, client, change):
+    wrong = json.dumps({"ground": STATED | change})
     light = made_light().save("light.exr").read_bytes()
     answer = sent(client, light, wrong.encode())
     assert answer.status_code == 422, answer.text

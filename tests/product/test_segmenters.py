@@ -140,15 +140,6 @@ def test_sam_answers_where_the_prompt_is_whatever_the_photos_shape(tmp_path, pho
     assert not (sam.segment(turned, [(3.0, 3.0)], [], None) > 0.5)[area][-1, -1]  # far from the click
 
 
-@pytest.mark.parametrize(("second", "seen"), [(False, (576, 1024, 3)), (True, (1024, 1024, 3))])
-def test_sam_keeps_the_photos_shape_and_sam2_does_not(tmp_path, photo, monkeypatch, second, seen):
-    write_sam(tmp_path / "sam", second)
-    shapes, encode = [], Sam._encode
-    monkeypatch.setattr(Sam, "_encode", lambda sam, picture: shapes.append(picture.shape) or encode(sam, picture))
-    Sam(str(tmp_path / "sam")).segment(photo, [(90, 45)], [], None)
-    assert shapes == [seen]
-
-
 def test_sam_without_a_prompt_is_asked_with_our_networks_box(tmp_path, photo, monkeypatch):
     asked = []
 

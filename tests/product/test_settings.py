@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
-import re
-
 import pytest
 from support.refused import refused
 from support.scenes import sphere_photo
@@ -13,18 +10,6 @@ import anyprobe
 from anyprobe.estimate import estimator
 from anyprobe.estimate.runtime import Models
 from anyprobe.files.graphs import CPU
-
-
-def test_the_function_takes_and_explains_every_argument():
-    """`help` of estimate, and of the Hints and Settings that it names."""
-    taken = {k: one for k, one in inspect.signature(anyprobe.estimate).parameters.items() if k != "unknown"}
-    for other in (anyprobe.Estimator, anyprobe.Estimator.__call__):
-        given = {
-            k: one for k, one in inspect.signature(other).parameters.items() if k not in ("self", "settings", "unknown")
-        }
-        assert {name: one.default for name, one in given.items()} == {name: taken[name].default for name in given}
-    text = "\n".join(inspect.getdoc(one) for one in (anyprobe.estimate, anyprobe.Hints, anyprobe.Settings))
-    assert [name for name in taken if not re.search(rf"\b{name}(, \w+)*: \S", text)] == []
 
 
 @pytest.mark.ci

@@ -6,13 +6,11 @@ import errno
 import io
 import json
 import os
-import subprocess
 import sys
 import threading
 
 import numpy as np
 import pytest
-from PIL import Image
 from support.refused import refused
 from support.two_phase import two_phase
 
@@ -22,9 +20,7 @@ from anyprobe.errors import InputError, InvalidPhoto, MissingExtra
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import Origin
-from anyprobe.files import graphs, paths
-from anyprobe.files.graphs import open_graph
-from anyprobe.masks.networks import default_graph
+from anyprobe.files import paths
 
 
 @pytest.fixture
@@ -62,14 +58,6 @@ def test_what_a_command_cannot_get_or_did_not_foresee_is_one_line(
     assert outcome.out == ""
 
 
-def test_who_wants_all_steps_gets_them(monkeypatch, work, photo_path, failing):
-    failing(KeyError("steps"))
-    monkeypatch.setenv(app.TRACEBACK, "1")
-    monkeypatch.setattr(sys, "argv", ["anyprobe", "estimate", str(photo_path)])
-    with pytest.raises(KeyError):
-        app.main()
-
-
 def test_an_error_in_the_loop_leaves_no_thread(work, photo_path, failing, monkeypatch):
     """Python 3.13.0 waits for it for ever."""
     error = ZeroDivisionError("kept, with its frames, as a traceback is")
@@ -83,37 +71,6 @@ def test_an_error_in_the_loop_leaves_no_thread(work, photo_path, failing, monkey
     assert set(threading.enumerate()) <= before
 
 
-def test_without_another_thread_a_graph_is_run_by_this_one(monkeypatch):
-    real, asked = graphs.onnxruntime.InferenceSession, []
-
-    def session(path, options, **named):
-        asked.append(options.intra_op_num_threads)
-        if options.intra_op_num_threads > 1:
-            raise RuntimeError("pthread_create failed, error code: 11")
-        return real(path, options, **named)
-
-    monkeypatch.setattr(graphs.onnxruntime, "InferenceSession", session)
-    assert open_graph(default_graph(), 2).get_inputs()
-    assert asked == [2, 1]
-
-
-def run(*arguments: str, **named) -> subprocess.CompletedProcess:
-    order = [sys.executable, "-c", "from anyprobe_command import main; main()", *arguments]
-    return subprocess.run(order, capture_output=True, text=True, check=False, timeout=120, **named)
-
-
-def test_a_graph_without_threads_prints_nothing_on_stdout(monkeypatch, capsys):
-    """ONNX Runtime prints of its faults and tries once more, unless it is told not to."""
-
-    def denied(self, *_):
-        raise RuntimeError("PosixThread pthread_create failed, error code: 11")
-
-    monkeypatch.setattr(graphs.onnxruntime.InferenceSession, "_create_inference_session", denied)
-    with refused(code="invalid-model", source="mask.onnx", naming="pthread_create"):
-        open_graph(default_graph(), 2)
-    assert capsys.readouterr().out == ""
-
-
 def test_a_package_that_is_there_but_cannot_be_loaded_is_not_called_absent():
     text = "av.so: failed to map segment\nfrom shared object"
     assert "cannot be loaded (av.so: failed to map segment from" in str(
@@ -121,19 +78,6 @@ def test_a_package_that_is_there_but_cannot_be_loaded_is_not_called_absent():
     )
     absent = str(MissingExtra("av", "video", "it", ModuleNotFoundError("No module named 'av'")))
     assert absent == str(MissingExtra("av", "video", "it"))
-
-
-# Terminals
-
-
-@pytest.mark.parametrize("columns", ["0", "00", "1", "-5", "wide", "", "\u00b2", "\uff19\uff19", "99999999999", "1e3"])
-def test_a_width_that_no_terminal_has_cuts_nothing(columns, monkeypatch, capsys):
-    monkeypatch.setenv("COLUMNS", columns)
-    monkeypatch.setattr(sys, "argv", ["anyprobe", "materials"])
-    with pytest.raises(SystemExit) as end:
-        app.main()
-    assert not end.value.code
-    assert "porcelain" in capsys.readouterr().out
 
 
 # Inputs
@@ -144,16 +88,6 @@ def test_a_width_that_no_terminal_has_cuts_nothing(columns, monkeypatch, capsys)
 def test_a_closed_input_is_one_line(command, order, work, monkeypatch):
     monkeypatch.setattr(sys, "stdin", None)  # which is what Python makes of it
     assert "closed standard input" in command(*order.split()).complaint
-
-
-@pytest.mark.ci
-@pytest.mark.skipif(os.name == "nt", reason="needs a shell that closes an input")
-def test_so_is_one_that_the_shell_closes(work):
-    line = f"'{sys.executable}' -m anyprobe estimate - <&-"
-    done = subprocess.run(line, shell=True, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert len(done.stderr.splitlines()) == 1, done.stderr
-    assert "closed standard input" in done.stderr
 
 
 def test_an_input_without_an_end_is_refused(monkeypatch):
@@ -168,29 +102,6 @@ def test_an_input_without_an_end_is_refused(monkeypatch):
         paths.read_stream(Endless(), "stdin", InvalidPhoto, 100)
 
 
-@pytest.mark.skipif(os.name == "nt", reason="links need a right there")
-@pytest.mark.parametrize(
-    "order", ["estimate {}", "mask {}", "estimate plain.png --mask {}", "relight {} --insert sphere"]
-)
-def test_a_loop_of_links_is_one_line(command, work, photo_rgba, order):
-    os.symlink("loop.png", "loop.png")
-    Image.fromarray(photo_rgba).save("plain.png")
-    assert "loop.png" in command(*order.format("loop.png").split()).complaint
-
-
-@pytest.mark.skipif(os.name == "nt", reason="links need a right there")
-def test_a_loop_of_links_as_the_place_of_results_is_one_line(command, work, photo_path):
-    os.symlink("out", "out")
-    for order in (
-        ("estimate", photo_path, "-o", "out"),
-        ("match", photo_path, "out"),
-        ("relight", photo_path, "-o", "out"),
-    ):
-        outcome = command(*order)
-        assert outcome.status == 2, outcome.err
-        assert "Traceback" not in outcome.err
-
-
 @pytest.mark.parametrize("kind", [np.uint8, np.float32])
 @pytest.mark.parametrize("field", ["photo", "mask", "depth", "normals", "surroundings"])
 def test_a_masked_array_is_refused_and_says_how_to_fill_it(photo_rgba, kind, field):
@@ -203,19 +114,6 @@ def test_a_masked_array_is_refused_and_says_how_to_fill_it(photo_rgba, kind, fie
 def test_a_light_of_a_masked_array_is_refused():
     with refused(code="invalid-map", source="light", naming="masked array"):
         Light(radiance=np.ma.masked_array(two_phase(8)))
-
-
-def test_other_classes_of_arrays_are_taken_as_arrays(photo_rgba):
-    class Own(np.ndarray):
-        def __array_finalize__(self, of):
-            pass
-
-        def min(self, *_, **__):
-            raise AssertionError
-
-    plain = anyprobe.load_photo(photo_rgba.astype(np.float32) / 255)
-    own = anyprobe.load_photo((photo_rgba.astype(np.float32) / 255).view(Own))
-    np.testing.assert_array_equal(plain.rgb, own.rgb)
 
 
 # Sidecars
@@ -234,24 +132,6 @@ def test_a_sidecar_of_any_unicode_is_read(saved, encoding):
     beside = saved.with_suffix(".json")
     beside.write_bytes(beside.read_text(encoding="utf-8").encode(encoding))
     assert Light.load(saved).info["photo"] == "kept.jpg"
-
-
-@pytest.mark.parametrize("damage", ["cut", "empty", "latin", "zeros", "deep", "text"])
-def test_a_damaged_sidecar_is_refused_as_load_says(saved, damage, command, work):
-    beside = saved.with_suffix(".json")
-    data = beside.read_bytes()
-    damaged = {
-        "cut": data[: len(data) // 2],
-        "empty": b"",
-        "latin": data.replace(b"kept", b"k\xe9pt"),
-        "zeros": bytes(len(data)),
-        "deep": b"[" * 200_000,
-        "text": b"not JSON",
-    }[damage]
-    beside.write_bytes(damaged)
-    with refused(source="light.json", naming="damaged"):
-        Light.load(saved)
-    assert "light.json" in command("export", saved, "--to", "three", "-o", work / "out").complaint
 
 
 @pytest.mark.parametrize("said", [[1, 2], {"name": "of another program"}, "text", None])

@@ -7,7 +7,6 @@ import json
 import numpy as np
 import pytest
 from PIL import Image
-from support.refused import refused
 from support.room_photos import FOV_DEG, room_photo, smooth_map
 from support.transforms import transforms
 
@@ -15,7 +14,6 @@ import anyprobe
 from anyprobe.core.color import luminance, to_bytes
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
-from anyprobe.errors import InputError
 from anyprobe.estimate.surroundings import read_panorama
 from anyprobe.maps.radiance import write_exr, write_hdr
 
@@ -44,22 +42,6 @@ def lit_room() -> np.ndarray:
     return radiance
 
 
-@pytest.mark.parametrize(
-    ("source", "says"),
-    [
-        (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\nabc", "surroundings bytes: expected 4 whole rows"),
-        (b"\x76\x2f\x31\x01 and no more", "surroundings bytes: expected a flat OpenEXR picture"),
-        (np.zeros((64, 64, 3), np.uint8), "twice as wide as high"),
-        (np.zeros((64, 128, 4), np.uint8), "not transparent"),
-        ("nowhere.png", "surroundings nowhere.png"),
-    ],
-)
-def test_what_is_no_panorama_is_refused_in_one_line(source, says):
-    with pytest.raises(InputError, match=says) as error:
-        read_panorama(source)
-    assert "\n" not in str(error.value)
-
-
 def test_surroundings_change_the_light_and_are_noted():
     photo, mask = room_photo(smooth_map())
     alone = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG, surroundings="none")
@@ -74,12 +56,6 @@ def test_surroundings_change_the_light_and_are_noted():
     whole = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG, surroundings=panorama)
     assert whole.sidecar()["hints"]["surroundings"] == 1.0
     assert np.median(np.abs(response(whole.radiance) - response(smooth_map()))) < 0.01
-
-
-def test_the_papers_chain_has_no_use_for_surroundings():
-    photo, mask = room_photo(smooth_map())
-    with refused("surroundings", naming="paper"):
-        anyprobe.estimate(photo, mask=mask, surroundings="photo", model="paper")
 
 
 def test_the_command_line_tells_surroundings(tmp_path, command):

@@ -97,8 +97,3 @@ def test_blender_tutorial_names_what_the_extension_has():
     operators = {node.attr for node in attributes if ast.unparse(node.value) == "bpy.ops.light_from_photo"}
     assert operators == {"estimate", "standard"}
     assert {name for name in operators if f'bl_idname = "light_from_photo.{name}"' not in sources} == set()
-
-
-def test_an_unknown_step_is_refused(clone, command):
-    with pytest.raises(InputError):
-        follow("```sh\nconvert a.png b.png\n```\n", clone, command)

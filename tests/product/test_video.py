@@ -8,7 +8,6 @@ import struct
 import subprocess
 import sys
 import time
-from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -23,14 +22,12 @@ pytest.importorskip("av", reason="the extra `video` is not installed")
 from support.clips import SIZE, sphere_frame, sphere_mask, turned, write_clip, write_masks
 from support.transforms import transforms
 
-from anyprobe.cli import video as video_command
 from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
 from anyprobe.errors import InvalidMask
 from anyprobe.estimate.sidecar import FRAME, SCALE
 from anyprobe.light.harmonics import project
-from anyprobe.light.temporal import step
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.notices import Notice, give
 from anyprobe.relight.insert import Arrangement
@@ -347,92 +344,9 @@ def test_kept_warnings_stay_notices(tmp_path):
     assert kept.as_json() == note.as_json()
 
 
-def parts_of(value, at: str = "") -> dict:
-    """The arrays, as type and bytes, and the plain values of dataclasses in each other, by where they are."""
-    if isinstance(value, np.ndarray):
-        return {at: (value.dtype, value.shape, value.tobytes())}
-    if isinstance(value, tuple):
-        return {at: len(value), **{k: v for i, one in enumerate(value) for k, v in parts_of(one, f"{at}[{i}]").items()}}
-    if is_dataclass(value):
-        found = {at: type(value)}
-        for one in fields(value):
-            found |= parts_of(getattr(value, one.name), f"{at}.{one.name}")
-        return found
-    return {at: (type(value), value)}
-
-
-def test_what_a_run_keeps_is_read_to_the_last_bit(tmp_path):
-    light = None
-    for angle in (0.0, 0.3):
-        light = step(light, turned(made_map(), angle), 0.04)
-    kept = Progress(
-        settings={"at": [3, 4], "scale": 0.5},
-        light=light,
-        last=[1.5, 2.5],
-        panorama=np.ones((64, 128, 4), np.float32) / 3,
-    )
-    save_progress(tmp_path, kept)
-    assert parts_of(load_progress(tmp_path, kept.settings)) == parts_of(kept)
-
-
 def test_other_settings_are_refused(begin, whole):
     with refused("size"):
         begin(whole(3).folder, size=0.9)
-
-
-@pytest.mark.ci
-@pytest.mark.usefixtures("small_masks")
-def test_options_that_differ_are_named_as_on_the_command_line(command, work, brief):
-    order = ("video", brief / "clip.mp4", "-o", "out", "-q")
-    assert command(*order, "--box", "30,10,100,90", "--fov", 50, "--insert", "sphere").status == 0
-    said = command(*order, "--fov", 40, "--albedo", 0.5, "--every", 2).complaint
-    expected = "--every and --box and --fov and --material and --insert"
-    advice = "choose another -o; repeat those; or add --restart"
-    assert f"{expected}: out holds a run begun with others; {advice}" in said
-    said = command(*order, "--box", "31,10,100,90", "--fov", 50, "--insert", "sphere").complaint
-    assert "--box: out holds a run begun with another or none; choose another -o; repeat that; or add --restart" in said
-
-
-@pytest.mark.ci
-def test_progress_is_said_from_the_first_frame_on(command, work, made, monkeypatch):
-    order = ("video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "--restart")
-    lines = command(*order).err.splitlines()
-    assert lines[0] == f"1 of {COUNT} frames done"
-    assert len(lines) < COUNT
-    monkeypatch.setattr(video_command, "LINE_S", 0)
-    assert command(*order).err.splitlines()[:COUNT] == [f"{i + 1} of {COUNT} frames done" for i in range(COUNT)]
-    assert f"out: all {COUNT} frames are done already; --restart starts over" in command(*order[:-1]).err
-
-
-# What is refused
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--box", "12,32,700,90"), "box: expected X0,Y0,X1,Y1"),
-        (("--box", "12,32"), "--box: expected X0,Y0,X1,Y1"),
-        (("--box", "12,32,70,90", "--mask", "."), "expected one of them"),
-        (("--surroundings", "absent.png", "--mask", "."), "--surroundings absent.png"),
-        (("--mask", "."), "no frame gave a light"),
-        (("--mask", "absent"), "anyprobe: --mask absent: no such file or folder; check the path"),
-        (("--insert", "bunni"), "sphere, vase"),
-        (("--insert-material", "glass", "--insert", "sphere"), "--insert-material: expected one of chrome, gold"),
-        (("--insert-material", "gold"), "--insert-material: does nothing without --insert"),
-        (("--at", "500,50", "--insert", "sphere", "--mask", "MASKS"), "--at: expected a pixel of"),
-    ],
-)
-def test_bad_option_leaves_nothing(command, work, made, arguments, words):
-    arguments = [made / "masks" if one == "MASKS" else one for one in arguments]
-    assert words in command("video", made / "clip.mp4", "-o", "out", "-q", *arguments).complaint
-    assert list(work.iterdir()) == []
-
-
-def test_folder_that_cannot_be_made_is_refused_before_the_work(command, work, made, monkeypatch):
-    (work / "file").write_text("a file")
-    monkeypatch.setattr(video_command, "progress", lambda *said: pytest.fail("too late"))
-    said = command("video", made / "clip.mp4", "-o", "file/deep", "--mask", made / "masks").complaint
-    assert "file is a file, not a folder" in said
 
 
 # Clips
@@ -542,21 +456,3 @@ def test_cut_file_gives_what_it_holds(made, tmp_path):
     (tmp_path / "cut.mkv").write_bytes(data[: len(data) // 2])
     frames = list(read_frames(open_clip(tmp_path / "cut.mkv"), []))
     assert 0 < len(frames) < COUNT
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "words"),
-    [
-        ("absent.mp4", None, "no such file"),
-        *((f"still.{kind}", None, "is a still picture, not a video") for kind in ("png", "jpg", "webp", "tif", "bmp")),
-        ("text.mp4", b"not a video at all" * 50, "FFmpeg cannot read"),
-        ("empty.mp4", b"", "FFmpeg cannot read"),
-    ],
-)
-def test_file_that_is_no_video_is_refused(command, work, name, content, words):
-    if content is None and name.startswith("still"):
-        Image.fromarray(sphere_frame(made_map())).save(name)
-    if content is not None:
-        (work / name).write_bytes(content)
-    assert words in command("video", name, "-o", "out").complaint
-    assert not (work / "out").exists()

@@ -46,48 +46,6 @@ def test_an_unknown_codec_is_one_line(made):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("kind", ["PermissionError", "PatchWelcomeError", "ArgumentError", "DecoderNotFoundError"])
-def test_whatever_a_decoder_raises_is_one_line_or_a_damaged_frame(made, monkeypatch, kind):
-    error = getattr(av.error, kind)(1, "no")
-    clip = open_clip(made)
-
-    class Packets:
-        def __init__(self, good: int) -> None:
-            self.count = good
-
-        def demux(self, stream):
-            with av.open(str(made)) as container:
-                for packet in container.demux(container.streams.video[0]):
-                    yield Packet(packet, self)
-
-    class Packet:
-        def __init__(self, packet, all_packets) -> None:
-            self.packet, self.all_packets = packet, all_packets
-
-        def decode(self):
-            self.all_packets.count -= 1
-            if self.all_packets.count < 0:
-                raise error
-            return self.packet.decode()
-
-    class Container(Packets):
-        class streams:
-            class Stream:
-                thread_type, index = None, 0
-
-            video = (Stream(),)
-
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *_):
-            pass
-
-    monkeypatch.setattr("anyprobe.video.clip.open_video", lambda path: Container(0))
-    with refused(source="clip.mp4"):
-        list(read_frames(clip, []))
-
-
 def test_a_frame_of_too_many_pixels_is_refused(made, monkeypatch):
     monkeypatch.setattr("anyprobe.video.frame_pixels.MAX_PIXELS", 1000)
     with refused(source="clip.mp4", naming="48 x 32"):

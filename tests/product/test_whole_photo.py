@@ -9,7 +9,7 @@ from support.room_photos import FOV_DEG, room_photo, smooth_map
 import anyprobe
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.estimate.ground import up_of
-from anyprobe.estimate.photo import inputs_of, load_photo
+from anyprobe.estimate.photo import load_photo
 
 GREEN = np.array([90, 160, 60], np.uint8)
 PITCH_DEG = 25.0
@@ -114,24 +114,3 @@ def test_alpha_that_is_zero_everywhere_cuts_nothing_out():
     photo, mask = on_a_table()
     empty = np.dstack([photo, np.zeros_like(mask)])
     assert load_photo(empty, mask=mask, fov_deg=FOV_DEG).ground == load_photo(photo, mask=mask, fov_deg=FOV_DEG).ground
-
-
-def test_words_in_place_of_a_panorama():
-    photo, mask = on_a_table()
-    given = {"mask": mask, "fov_deg": FOV_DEG}
-    assert load_photo(photo, **given, surroundings="auto").ground == load_photo(photo, **given).ground is not None
-    assert load_photo(photo, **given, surroundings="photo").ground == load_photo(photo, **given).ground
-    assert load_photo(photo, **given, surroundings="none").ground is None
-    assert inputs_of(load_photo(photo, **given, surroundings="photo"))["photo"][..., 3].all()
-    assert not inputs_of(load_photo(photo, **given, surroundings="none"))["photo"][..., 3].any()
-
-
-def test_the_papers_chain_goes_without_what_nobody_asked_for():
-    photo, mask = on_a_table()
-    light = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG, model="paper")
-    assert "surroundings" not in light.info["hints"]
-    paper, loaded = anyprobe.Estimator("paper"), load_photo(photo, mask=mask, fov_deg=FOV_DEG)
-    bare = paper.from_inputs(loaded.without_pixels(), inputs_of(loaded))  # as servers have it
-    np.testing.assert_array_equal(bare.radiance, light.radiance)
-    several = paper.multiview([loaded, loaded], [np.eye(3)] * 2)
-    np.testing.assert_allclose(several.radiance, light.radiance, rtol=1e-3)

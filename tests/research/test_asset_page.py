@@ -117,21 +117,6 @@ def test_the_page_lists_what_training_takes_and_nothing_else(work, capsys, data)
     assert (work / "out" / "ASSETS.md").read_bytes() == outcome.out.encode()
 
 
-def test_a_folder_without_more_light_has_no_table_of_it(data):
-    for path in (data / "hdri" / "train_extra").iterdir():
-        path.unlink()
-    (data / "hdri" / "train_extra").rmdir()
-    page = asset_page(data, report=lambda line: None)
-    assert "train_extra" not in page
-    assert "The 4 files" in page
-
-
-def test_no_folder_is_one_clear_line(work):
-    with refused(source="train"):
-        main(Path("none"))
-    assert not list(work.iterdir())
-
-
 def test_the_shipped_page_is_what_the_command_writes():
     if not (DATA / "hdri" / "train").is_dir():
         pytest.skip(f"the maps and shapes that shipped weights learned from are needed: ANYPROBE_DATA, or {DATA}")

@@ -8,7 +8,7 @@ import pytest
 from support.some_pair import sphere_pair
 
 from anyprobe.core.response import inverse_response, response
-from anyprobe.errors import InputError, ModelError
+from anyprobe.errors import InputError
 from anyprobe.estimate.light_graph import Said
 from anyprobe.scatter.materials import total_reflectance
 from anyprobe_train.dataset.asset_store import AssetStore
@@ -51,17 +51,6 @@ def test_a_model_that_boasts_is_told_by_how_much(rng):
     np.testing.assert_allclose(chance, [0.6, 0.3, 0.05], atol=0.1)
 
 
-def test_a_model_without_confidence_cannot_be_calibrated():
-    class Silent:
-        name = "paper"
-
-        def __call__(self, inputs):
-            return SimpleNamespace(confidence=None)
-
-    with pytest.raises(ModelError, match="paper: expected a model that estimates its confidence"):
-        calibrate(Silent(), [sphere_pair(1)])
-
-
 def test_claimed_errors_hold_in_two_of_three_cases():
     """A model whose map is twice too bright, whose colour is true and which claims half a stop."""
     pairs = [sphere_pair(seed) for seed in range(3)]
@@ -86,15 +75,6 @@ def test_claimed_errors_hold_in_two_of_three_cases():
     given = pairs[0].material
     true = np.log(0.3 / total_reflectance(given.albedo, given.f0))
     assert of_reflectance == pytest.approx(np.abs(true).mean() / 0.5, rel=0.5)
-
-
-def test_a_model_without_errors_cannot_be_asked_for_them():
-    class Silent:
-        def __call__(self, inputs):
-            return SimpleNamespace(object_material=None, errors=None)
-
-    with pytest.raises(ModelError, match="expected a model that estimates its errors"):
-        calibrate_errors(Silent(), [sphere_pair(1)])
 
 
 def test_what_is_left_out_is_what_no_run_learns_from(monkeypatch):

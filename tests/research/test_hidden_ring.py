@@ -4,12 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from research.real_photos import hidden
-from research.real_photos.folders import masked_photos
 from research.real_photos.hidden import BESIDE, BORDER, FOV_DEG, KEPT, MEAN, OWN
 
 HEIGHT, WIDTH = 240, 320
@@ -68,47 +66,6 @@ def test_the_baselines_are_the_crop_s(mask):
     assert maps[hidden.PANORAMA][0, 0, 0] == pytest.approx(response(np.float64([0.4]))[0])
     scores = hidden.score_ring(ring, maps)
     assert scores[OWN]["rmse"] <= min(scores[MEAN]["rmse"], scores["default"]["rmse"])
-
-
-def test_the_object_is_left_out_of_the_ring_and_of_one_border():
-    picture, mask = picture_of(slopes), np.zeros((HEIGHT, WIDTH), np.uint8)
-    mask[60:100, 20:160] = 255  # over the crop's left border
-    picture[mask > 0] = 1.0
-    plain, ring = hidden.ring_of(picture, np.roll(mask, 70, axis=1)), hidden.ring_of(picture, mask)
-    assert plain.where.sum() > ring.where.sum() > 0.9 * plain.where.sum()
-    assert ring.shown[ring.where].max() < 0.9
-    assert ring.border[ring.where].max() > 0.9 > ring.beside[ring.where].max()
-
-
-def test_what_has_no_ring_says_why(mask, tmp_path):
-    everywhere = np.full_like(mask, 255)
-    assert hidden.ring_of(picture_of(slopes), everywhere) == "the object covers what the crop hides"
-    corner = np.zeros_like(mask)
-    corner[:40, :40] = 255
-    assert hidden.ring_of(picture_of(slopes), corner) == "too little of the object in its middle"
-    flat = np.full((HEIGHT, WIDTH, 3), 0.4, np.float32)
-    assert "one colour" in hidden.ring_of(flat, mask)
-    photo = np.dstack([np.round(255 * picture_of(slopes)).astype(np.uint8), mask])
-    Image.fromarray(photo).save(tmp_path / "a.png")
-    Image.fromarray(mask).save(tmp_path / "a_mask.png")
-    ((path, given),) = masked_photos([tmp_path]).values()
-    assert hidden.load_ring(path, given) == "transparent, a cut-out"
-
-
-def test_the_summary_counts_who_is_ahead():
-    rows = MEAN, BORDER, BESIDE, "x"
-    scores = {
-        name: {row: {"rmse": rmse, "tilt": tilt} for row, rmse, tilt in zip(rows, *both, strict=True)}
-        for name, both in {
-            "a": ((0.2, 0.3, 0.1, 0.15), (0, 0, 0, -1)),
-            "b": ((0.2, 0.1, 0.1, 0.15), (0, 0, 0, -3)),
-            "c": ((0.1, 0.2, 0.1, 0.15), (0, 0, 0, 1)),
-        }.items()
-    }
-    row = hidden.summary(scores)["x"]
-    assert (row["rmse"], row["ahead_of_beside"]) == (0.15, 0)
-    assert row["ahead_of_mean"] == row["ahead_of_border"] == pytest.approx(2 / 3, abs=1e-3)
-    assert (row["tilt_abs"], row["tilt_bias"]) == (pytest.approx(5 / 3, abs=1e-3), -1)
 
 
 class Constant:

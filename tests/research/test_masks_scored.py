@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from PIL import Image
 
 from anyprobe.masks.find import FoundMask
 from research.masks import __main__ as command
-from research.masks.cases import iou, make_case, photo_cases
+from research.masks.cases import make_case, photo_cases
 from research.masks.scoring import Row, figures, score, warned
 
 
@@ -81,52 +80,3 @@ def test_the_command_writes_a_table_and_a_sheet(folder, red_is_found, tmp_path, 
     command.masks([folder], **options, before=out / "masks.json", out=tmp_path / "again")
     mean = np.mean([one["iou"] for one in rows if one["prompt"] == "box"])
     assert f"({mean:.2f})" in capsys.readouterr().out
-
-
-def test_several_folders_are_summed_up_too(folder, red_is_found, tmp_path, capsys):
-    shutil.copytree(folder, tmp_path / "more")
-    options = {"data": None, "scenes": 1, "seed": 0, "segmenter": None, "before": None}
-    command.masks([folder, tmp_path / "more"], **options, out=tmp_path / "out")
-    printed = capsys.readouterr().out
-    assert printed.count("of 1; warned") == 3 * 3  # one object, three prompts, in each folder and in all
-    assert "all sets, anyprobe box: mean" in printed
-
-
-def test_calibration_asks_for_either_of_two_objects_where_none_is_marked(monkeypatch, capsys):
-    pytest.importorskip("torch", reason="needs ./train[torch]")
-    from research.masks import calibrate
-
-    rows, columns = np.mgrid[0:240, 0:320]
-    discs = [np.hypot(columns - 100 - 6 * k, rows - 120) < 40 + 2 * k for k in range(12)]
-    scenes = [
-        make_case(
-            str(k),
-            np.where(disc[..., None], (0.8, 0.2, 0.1), 0.05 * k).astype(np.float32),
-            disc,
-            (100 + 6 * k, 120),
-            (0, 0, 9, 9),
-        )
-        for k, disc in enumerate(discs)
-    ]
-    monkeypatch.setattr("anyprobe_train.dataset.asset_store.load_asset_store", lambda *_, **__: None)
-    monkeypatch.setattr("research.masks.scenes.rendered_cases", lambda *_: scenes)
-    both = list(calibrate._cases("", 12, [], 6, 1))
-    assert [other is None for _, _, other in both].count(False) == 12
-    first, second = next((case, other) for _, case, other in both if other is not None)
-
-    class Right:
-        name, takes_prompts = "small", True
-
-        def cover(self, rgb, *_):
-            return second.mask
-
-    assert next(calibrate.ask(Right(), first, second))[1] > next(calibrate.ask(Right(), first))[1]
-    calibrate.calibrate("", scenes=12, clutter=0, seed=1, small=True)
-    printed = capsys.readouterr().out
-    assert "below 0.88: contract" in printed
-    assert '"small": { "offset": ' in printed
-
-
-def test_iou_of_nothing():
-    assert iou(None, np.ones((4, 4))) == 0.0
-    assert iou(np.zeros((4, 4)), np.zeros((4, 4))) == 0.0

@@ -11,13 +11,12 @@ from support.scenes import sphere_photo
 from typer.testing import CliRunner
 
 from anyprobe.core.response import response
-from anyprobe.errors import InputError
 from anyprobe.estimate.known import PhotoBackground
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.maps.radiance import write_hdr
 from anyprobe_train.evaluate.methods import Estimate
 from research.real_photos.__main__ import app
-from research.real_photos.lamps import ALL, ALONE, CONSTANT, DEFAULT, Angle, lamp_angles, lamp_groups, load_lamps
+from research.real_photos.lamps import ALL, ALONE, CONSTANT, DEFAULT, lamp_angles, load_lamps
 from research.real_photos.maps import COLUMNS, load_real, read_real, score_real
 
 GOOD = {"photo": "a.png", "mask": "m.png", "map": "a.hdr", "fov_deg": "60", "gain": "2", "kind": "specular"}
@@ -143,78 +142,6 @@ def test_estimators_answer_in_the_camera_s_frame_for_the_object_alone_and_the_wh
     assert estimator.seen == [False, True]
 
 
-def test_methods_without_radiance_have_no_angle(folder):
-    def dim(photo):
-        return Estimate(ldr=np.zeros((64, 128, 3), np.float32))
-
-    write(folder, LAMP)
-    (photo,) = load_lamps(folder, read_real(folder))
-    assert set(lamp_angles(photo, {"behind": behind_the_camera, "dim": dim})) == {CONSTANT, "behind"}
-
-
-def test_lamp_groups_are_all_each_folder_and_each_object():
-    """Of four photos of two objects in two folders; what is said holds in three, and ranks them backwards."""
-    said = {"one/a": (1.0, 9.0), "one/b": (3.0, 8.0), "one/c": (5.0, 7.0), "two/d": (11.0, 6.0)}
-    angles = {name: {CONSTANT: Angle(deg=20.0), DEFAULT: Angle(deg=deg, said_deg=s)} for name, (deg, s) in said.items()}
-    groups = lamp_groups({"one/a": "ball", "one/b": "ball", "one/c": "ball", "two/d": "jug"}, angles)
-    assert list(groups) == [ALL, "one", "two", "ball", "jug"]
-    assert (groups[ALL]["photos"], groups[ALL]["objects"], groups["jug"]["photos"]) == (4, 2, 1)
-    row = groups[ALL]["rows"][DEFAULT]
-    assert (row["mean_deg"], row["median_deg"], row["holds"], row["ranks"]) == (5.0, 4.0, 0.75, -1.0)
-    assert row["upper_decile_deg"] == pytest.approx(9.2)
-    assert row["mean_deg_error"] > 0
-    assert groups["ball"]["rows"][DEFAULT]["mean_deg_error"] is None, "one object does not tell"
-    assert set(groups[ALL]["rows"][CONSTANT]) == {
-        f"{name}_deg{end}" for name in ("mean", "median", "upper_decile") for end in ("", "_error")
-    }
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"map": "a.hdr"}, "a map or a lamp, got both"),
-        ({"lamp": ""}, "a map or a lamp, got neither"),
-        ({"lamp": "0 0 0"}, "three numbers such as 0 0 1, not all zero, got '0 0 0'"),
-        ({"lamp": "0,0,1"}, "three numbers .* got '0,0,1'"),
-        ({"lamp": "0 1"}, "three numbers .* got '0 1'"),
-        ({"lamp": "0 nan 1"}, "three numbers .* got '0 nan 1'"),
-        ({"mask": ""}, "a value for mask"),
-        ({"photo": "b.png"}, "the file b.png, found none"),
-        ({"kind": ""}, "a value for kind"),
-        ({"fov_deg": "0"}, "fov_deg > 0, got '0'"),
-        ({}, "one lamp a photo, got another for sphere.png"),
-    ],
-)
-def test_a_wrong_lamp_row_is_named(folder, change, words):
-    write(folder, LAMP, LAMP | change)
-    with pytest.raises(InputError, match=words) as error:
-        read_real(folder)
-    assert "line 3" in str(error.value)
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"map": "b.hdr"}, "the file b.hdr, found none"),
-        ({"kind": "shiny"}, "specular or diffuse, got 'shiny'"),
-        ({"gain": "-1"}, "gain > 0, got '-1'"),
-        ({"fov_deg": "wide"}, "fov_deg > 0, got 'wide'"),
-        ({"mask": ""}, "a value for mask"),
-    ],
-)
-def test_a_wrong_row_is_named(folder, change, words):
-    write(folder, GOOD, GOOD | change)
-    with pytest.raises(InputError, match=words) as error:
-        read_real(folder)
-    assert "line 3" in str(error.value)
-
-
-def test_no_manifest_is_one_clear_line(tmp_path):
-    with pytest.raises(InputError, match="expected a table with the columns photo, mask"):
-        read_real(tmp_path)
-
-
 @pytest.mark.ci
 @pytest.mark.parametrize("command", [[], ["score"]])
 def test_a_mixed_folder_gives_both_kinds(folder, command):
@@ -243,12 +170,3 @@ def test_a_table_of_light_directions_alone_is_read(folder):
     assert photo.object == "sphere"
     (photo,) = load_lamps(folder, [row | {"object": ""}])
     assert photo.object == "sphere", "by its mask"
-
-
-def test_lamps_alone_need_no_other_columns(folder):
-    (folder / "manifest.csv").write_text(
-        "photo,mask,lamp,kind\nsphere.png,sphere_mask.png,0 0 1,diffuse\n", encoding="utf-8"
-    )
-    rows = read_real(folder)
-    assert list(load_real(folder, rows)) == []
-    assert [photo.name for photo in load_lamps(folder, rows)] == [f"{folder.name}/sphere.png"]

@@ -13,7 +13,6 @@ from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.result import Light
 from anyprobe_train.evaluate.metrics import false_sources
 from research.world.cut_outs import CutOut
-from research.world.judgement import ALL, CUT_OUTS, Judgement
 from research.world.whole_scores import Answer, score, sky_over_ground, summary, world_from_photo
 
 
@@ -103,27 +102,6 @@ def test_the_summary_takes_thirds_by_hardness_and_errors_by_map():
     by_photo, by_map = (summary(uneven, maps)["ldr_rmse_error"] for maps in (range(30), sorted("abc" * 10)))
     assert by_photo != by_map
     assert np.isnan(summary(uneven, ["one"] * 30)["ldr_rmse_error"])
-
-
-def test_power_and_sky_are_absolute_means_and_signed_medians():
-    rows = [figures(power=value, sky_ground=2 * value) for value in (-1.0, -0.5, 0.5)]
-    made = summary(rows, "abc")
-    assert made["power_abs"] == pytest.approx(2 / 3)
-    assert (made["power_median"], made["sky_ground_median"]) == (-0.5, -1.0)
-
-
-@pytest.mark.ci
-def test_families_are_judged_apart_where_there_are_several():
-    one = Judgement()
-    for k, family in enumerate(("table", "ground", "table")):
-        one.add([ALL, family], f"map {k}", {"row": figures()})
-    one.add([CUT_OUTS], "map 0", {"row": figures()})
-    table = one.table()
-    assert {group: made["photos"] for group, made in table.items()} == {ALL: 3, "table": 2, "ground": 1, CUT_OUTS: 1}
-    assert table[ALL]["maps"] == 3
-    alone = Judgement()
-    alone.add([ALL, "table"], "map", {"row": figures()})
-    assert list(alone.table()) == [ALL]
 
 
 @pytest.mark.parametrize("pitch_deg", [0.0, 30.0])

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.refused import refused
 
 from anyprobe.core.color import luminance
 from anyprobe.errors import InputError
@@ -19,7 +18,6 @@ from anyprobe_train.dataset.catalog import MapAsset, ShapeAsset
 from anyprobe_train.dataset.pair import render_pair
 from anyprobe_train.dataset.recipe import WORLD, Recipe, read_recipes, world_recipes
 from anyprobe_train.evaluate.scoring import FROZEN
-from research.limits.__main__ import limits
 from research.world import pairs as world
 
 RECIPE = Recipe(map_id="0" * 8, shape_id="1" * 8, material=3, view=4, conditions=WORLD, seed=9)
@@ -92,14 +90,6 @@ def test_materials_are_of_the_recipe_s_kind_and_half():
         assert np.mean(value[:2]) < np.mean(value[2:])
 
 
-def test_only_painted_objects_are_textured_about_the_colour_that_is_given():
-    pair, given = drawn(material=3)
-    assert given.albedo.shape == (len(STORE.shape("1" * 8).mesh.faces), 3, 3)
-    np.testing.assert_allclose(given.albedo.mean(axis=(0, 1)), pair.material.albedo, rtol=0.05)
-    assert given.albedo.std(axis=(0, 1)).max() > 0.01
-    assert drawn(material=2)[1].albedo.shape == (3,)
-
-
 def test_photos_of_the_world_are_metered_by_the_frame(monkeypatch):
     levels = []
     of_frame = distributions.frame_level
@@ -108,10 +98,3 @@ def test_photos_of_the_world_are_metered_by_the_frame(monkeypatch):
     assert len(levels) == 1
     drawn(conditions=1)
     assert len(levels) == 1
-
-
-def test_a_part_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(InputError, match="expected one of test, left-out"):
-        world.recipes_of("train")
-    with refused("part", source="train", naming="frozen, test, left-out"):
-        limits(tmp_path, part="train")

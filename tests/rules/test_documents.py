@@ -39,12 +39,6 @@ def test_links_of_every_page_lead_somewhere():
     assert len(pages) > 30
 
 
-def test_a_dead_link_is_found(tmp_path):
-    page = tmp_path / "page.md"
-    page.write_text("[a](page.md#b) [b](https://example.org/x.md) [c](nothing.md)")
-    assert dead_links(page) == ["nothing.md"]
-
-
 def test_reference_has_every_public_name_and_no_other():
     shown = [pkgutil.resolve_name(":".join(name.rsplit(".", 1))) for name in documented()]
     assert [name for name in anyprobe.__all__ if getattr(anyprobe, name) not in shown] == []
@@ -93,11 +87,3 @@ def test_the_map_for_contributors_names_what_is_there():
     page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     assert len(named_places(page)) > 60
     assert missing_places(page) == []
-
-
-def test_a_place_that_is_not_there_is_found():
-    rows = """
-| `cli` | `options.py`: `OptionWords`, `core/none.py` |
-| a | `core/color.py`: `to_bytes`, `latlong.py`: `gone` |
-"""
-    assert missing_places(rows) == ["core/none.py ", "src/anyprobe/core/latlong.py gone"]

@@ -176,22 +176,6 @@ def test_rule_names_a_planted_fault(tmp_path, file, code, fault):
     assert_one(tmp_path / "anyprobe", file, code, fault)
 
 
-@pytest.mark.parametrize(
-    ("file", "code", "fault"),
-    [
-        ("nets/a.py", "import anyprobe_train.train.b", "anyprobe_train.nets imports anyprobe_train.train"),
-        ("nets/a.py", "import torch", None),
-        ("nets/a.py", "from anyprobe.core import b", None),
-        ("train/__main__.py", "import typer\nfrom anyprobe.cli import b", None),
-        ("evaluate/a.py", "import torch", "anyprobe_train.evaluate imports torch"),
-        ("cli/a.py", "import torch", "torch outside need_torch"),
-        ("cli/a.py", "def need_torch():\n    import torch", None),
-    ],
-)
-def test_rule_names_a_planted_fault_of_training(tmp_path, file, code, fault):
-    assert_one(tmp_path / "anyprobe_train", file, code, fault)
-
-
 def assert_one(root: Path, file: str, code: str, fault: str | None) -> None:
     """Plant code in a file; fault: part of the one complaint, or None for none."""
     path = root / file

@@ -21,7 +21,3 @@ def other_ids(text: str, name: str) -> list[str]:
 @pytest.mark.parametrize("card", CARDS, ids=lambda card: card.parent.name)
 def test_a_card_names_the_model_beside_it(card):
     assert other_ids(card.read_text(encoding="utf-8"), card.parent.name) == []
-
-
-def test_a_planted_id_is_found():
-    assert other_ids(f"id `{model_id('lift')}`, once `lift-00c0ffee`", "lift") == ["lift-00c0ffee"]

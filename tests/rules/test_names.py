@@ -48,16 +48,6 @@ def tree(tmp_path) -> Path:
     return tmp_path
 
 
-def test_a_tree_without_fault_has_none(tree):
-    assert shared(tree) == []
-
-
-@pytest.mark.parametrize("file", ["light/one.py", "core/light.py", "cli/one.py"])
-def test_rule_names_a_shared_name(tree, file):
-    (tree / file).touch()
-    assert shared(tree) == [Path(file).stem]
-
-
 COMMANDS = {"estimate", "export", "mask", "status"}
 """Of a command, or a request to the server, and of what it calls."""
 
@@ -96,16 +86,3 @@ def shared_constants(root: Path) -> set[str]:
 def test_a_constant_that_is_imported_is_one_modules():
     assert not shared_constants(SOURCE)
     assert not shared_constants(TRAIN)
-
-
-def test_rule_names_a_shared_constant(tmp_path):
-    (tmp_path / "one.py").write_text("SIZE, REACH = 1, 2\n")
-    (tmp_path / "two.py").write_text("SIZE: int = 3\nREACH = 4\n")
-    (tmp_path / "three.py").write_text("from anyprobe.one import SIZE\n")
-    assert shared_constants(tmp_path) == {"SIZE"}
-
-
-def test_rule_names_what_two_modules_define(tmp_path):
-    (tmp_path / "one.py").write_text("class Frame: ...\ndef _same(): ...\ndef own(): ...\n")
-    (tmp_path / "two.py").write_text("def Frame(): ...\ndef _same(): ...\nclass A:\n    def own(self): ...\n")
-    assert twice(tmp_path) == {"Frame"}

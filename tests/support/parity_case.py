@@ -52,15 +52,6 @@ def _normals(mask: np.ndarray) -> np.ndarray:
     return np.where(mask[..., None] > 0.5, n, 0.0).astype(np.float32)
 
 
-def _soft_mask(mask: np.ndarray) -> np.ndarray:
-    """[H, W, 4] uint8: an opaque picture, white on the object, grey over a wide edge, with noise and a tint."""
-    y, x = (np.abs(np.arange(length) - length / 2) / length for length in mask.shape)
-    wide = np.clip(1.6 - 4.0 * np.hypot(y[:, None], x[None, :]), 0.0, 1.0)
-    noise = np.random.default_rng(3).normal(0.0, 0.02, mask.shape)
-    grey = np.clip(wide + noise, 0.0, 1.0)[..., None] * [250, 255, 245]
-    return np.concatenate([grey, np.full((*mask.shape, 1), 255)], axis=-1).astype(np.uint8)
-
-
 def _led(radiance: np.ndarray) -> dict[str, np.ndarray]:
     """Frames in which two lamps change rank and another flashes up, whether the object looks the same in each, and the
     lights shown after some of them."""

@@ -24,12 +24,6 @@ def cosine_hemisphere_pdf(d):
     return xp.clip(d[..., 2], 0.0, None) / np.pi
 
 
-def uniform_hemisphere_pdf(d):
-    """Density [1/sr] of square_to_uniform_hemisphere."""
-    xp = array_namespace(d)
-    return xp.where(d[..., 2] > 0, 0.5 / np.pi + 0.0 * d[..., 2], 0.0 * d[..., 2])
-
-
 def square_to_ggx_normal(u, alpha):
     """Microfacet normals h with density D(h) (n.h), as of Eq. 5: [..., 2] -> [..., 3]. Karis 2013.
 

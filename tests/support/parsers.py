@@ -1,4 +1,4 @@
-"""Every parser of files or requests by name: what it is fed first, and how it is called."""
+"""Every parser of files by name: whole files of it, and how it is called."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import json
 import tempfile
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 import OpenEXR
 from PIL import Image
 from support import picture_files
+from support.hostile_files import instanced_glb, multipart_exr
 
 from anyprobe.estimate import poses
 from anyprobe.estimate.normals_hint import read_normals
@@ -26,25 +26,15 @@ from anyprobe.masks.depth import read_depth
 from anyprobe.pictures import declared_size, images
 from anyprobe.video.clip import open_clip, read_frames
 from anyprobe_train.assets.gltf import buffer_paths, pack_glb, read_gltf
-from fuzz.seeds import instanced_glb, multipart_exr
 
 CASES = Path(__file__).parents[1] / "product/cases"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Parser:
-    """seeds: files that it reads; call: reads one; weight: its share of the inputs."""
-
-    seeds: Callable[[], list[bytes]]
-    call: Callable[[bytes], object]
-    weight: float = 1.0
 
 
 @lru_cache(maxsize=1)
 def folder() -> Path:
     """Where inputs are put for parsers of paths; in memory, where there is such a place."""
     shared = Path("/dev/shm")
-    return Path(tempfile.mkdtemp(prefix="fuzz-", dir=shared if shared.is_dir() else None))
+    return Path(tempfile.mkdtemp(prefix="anyprobe-", dir=shared if shared.is_dir() else None))
 
 
 def by_path(suffix: str, read: Callable[[Path], object]) -> Callable[[bytes], object]:
@@ -278,24 +268,22 @@ def look(data: bytes) -> None:
     declared_size.photo_header(data)
 
 
-PARSERS: dict[str, Parser] = {
-    "photo": Parser(seeds=photos, call=images.read_image, weight=6),
-    "encoded photo": Parser(seeds=encoded, call=images.read_image, weight=6),
-    "extra photo": Parser(seeds=with_readers, call=images.read_image, weight=3),
-    "linear photo": Parser(seeds=lambda: exrs() + hdrs(), call=images.read_image, weight=3),
-    "header": Parser(seeds=lambda: photos() + encoded() + with_readers() + exrs() + hdrs(), call=look, weight=6),
-    "exr": Parser(seeds=exrs, call=by_path(".exr", radiance.read_radiance), weight=4),
-    "hdr": Parser(seeds=hdrs, call=by_path(".hdr", radiance.read_radiance), weight=5),
-    "linear": Parser(seeds=lambda: exrs() + hdrs(), call=lambda data: radiance.read_linear(data, 1_000_000), weight=3),
-    "attributes": Parser(seeds=lambda: exrs() + hdrs(), call=by_path(".exr", radiance.map_attributes), weight=3),
-    **{
-        f"mesh{suffix}": Parser(seeds=lambda s=suffix: mesh(s), call=by_path(suffix, meshes.read_mesh))
-        for suffix in meshes.MESH_SUFFIXES
-    },
-    "gltf": Parser(seeds=gltfs, call=pack, weight=3),
-    "poses": Parser(seeds=pose_files, call=read_all_poses, weight=4),
-    "sidecar": Parser(seeds=sidecars, call=load_sidecar, weight=2),
-    "normals": Parser(seeds=arrays, call=by_path(".npy", lambda path: read_normals(path, (8, 9))), weight=2),
-    "depth": Parser(seeds=arrays, call=by_path(".npy", read_depth), weight=2),
-    "video": Parser(seeds=clips, call=by_path(".mp4", play), weight=0.5),
+PARSERS: dict[str, tuple[Callable[[], list[bytes]], Callable[[bytes], object]]] = {
+    "photo": (photos, images.read_image),
+    "encoded": (encoded, images.read_image),
+    "extra": (with_readers, images.read_image),
+    "linear": (lambda: exrs() + hdrs(), images.read_image),
+    "header": (lambda: photos() + encoded() + with_readers() + exrs() + hdrs(), look),
+    "exr": (exrs, by_path(".exr", radiance.read_radiance)),
+    "hdr": (hdrs, by_path(".hdr", radiance.read_radiance)),
+    "radiance": (lambda: exrs() + hdrs(), lambda data: radiance.read_linear(data, 1_000_000)),
+    "attributes": (lambda: exrs() + hdrs(), by_path(".exr", radiance.map_attributes)),
+    **{suffix: (partial(mesh, suffix), by_path(suffix, meshes.read_mesh)) for suffix in meshes.MESH_SUFFIXES},
+    "gltf": (gltfs, pack),
+    "poses": (pose_files, read_all_poses),
+    "sidecar": (sidecars, load_sidecar),
+    "normals": (lambda: arrays()[:1], by_path(".npy", lambda path: read_normals(path, (8, 9)))),
+    "depth": (lambda: arrays()[1:], by_path(".npy", read_depth)),
+    "video": (clips, by_path(".mp4", play)),
 }
+"""What each parser of files is fed first, and how it is called."""
