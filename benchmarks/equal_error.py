@@ -132,7 +132,6 @@ class _Cell:
             "mitsuba_error": round(their.error, 5),
             "mitsuba_extrapolated": their.extrapolated,
             "speedup": round(their.seconds / our.seconds, 2) if our.reached else None,
-            "speedup_over_independent": round(their.store_seconds / our.seconds, 2) if our.reached else None,
             "ours_reference_noise": round(truth.noise, 5),
             "mitsuba_reference_noise": round(theirs.noise, 5),
         }

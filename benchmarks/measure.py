@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import platform
-import re
 import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any
 
@@ -66,15 +62,6 @@ def best_time(call: Callable[[], Any], *, repetitions: int = 7, seconds: float =
             return float(best)
 
 
-def held_mb() -> float:
-    """Memory that this process and its workers hold now [MB], shared pages once each; needs Linux's /proc."""
-    total = 0
-    for process in (os.getpid(), *(child.pid for child in active_children())):
-        rollup = Path(f"/proc/{process}/smaps_rollup").read_text(encoding="ascii")
-        total += int(re.search(r"^Pss: +([0-9]+) kB", rollup, re.MULTILINE).group(1))
-    return total * 1024 / 1e6
-
-
 def cpu_model() -> str:
     """The processor's name."""
     try:
@@ -84,9 +71,3 @@ def cpu_model() -> str:
     except OSError:
         pass
     return platform.processor() or platform.machine()
-
-
-def in_fresh_process(function: Callable[..., Any], *arguments: Any) -> Any:
-    """function(*arguments) in a new interpreter, so that no part's memory or threads bear on another's."""
-    with ProcessPoolExecutor(max_workers=1, mp_context=get_context("spawn")) as pool:
-        return pool.submit(function, *arguments).result()

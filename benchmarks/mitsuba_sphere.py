@@ -37,7 +37,6 @@ class MitsubaResult:
 
     extrapolated: the seconds are of LARGEST_TIMED_SPP, times spp / LARGEST_TIMED_SPP, and the error
     follows the power law of the two probes.
-    store_seconds: foretold by the probes for Mitsuba's default sampler, independent.
     """
 
     integrator: str
@@ -46,7 +45,6 @@ class MitsubaResult:
     seconds: float
     error: float
     extrapolated: bool
-    store_seconds: float
 
 
 def open_mitsuba(threads: int) -> ModuleType:
@@ -175,10 +173,9 @@ class MitsubaSphere:
             foretold[how] = (a_sample / spps[1] * spp, spp, power)
         how = min(foretold, key=lambda key: foretold[key][0])
         _, spp, power = foretold[how]
-        store = min(foretold[integrator, "independent"][0] for integrator in INTEGRATORS)
-        return self._at(how, spp, power, reference, noise, target, seconds, repeat, store)
+        return self._at(how, spp, power, reference, noise, target, seconds, repeat)
 
-    def _at(self, how, spp, power, reference, noise, target, seconds, repeat, store) -> MitsubaResult:
+    def _at(self, how, spp, power, reference, noise, target, seconds, repeat) -> MitsubaResult:
         """Go to spp, mend it by the error found there until that is within 5 % of target, take the time."""
         for attempt in range(3):
             timed = min(spp, LARGEST_TIMED_SPP)
@@ -198,5 +195,4 @@ class MitsubaSphere:
             seconds=elapsed * spp / done,
             error=error,
             extrapolated=extrapolated,
-            store_seconds=store,
         )

@@ -1,11 +1,6 @@
 """A hundred clients at a server of its own for a minute: what is answered, how fast, in what memory.
 
     python benchmarks/serve_load.py [--clients 100] [--seconds 60 | --requests 10000] [--workers 2] [--json]
-    python benchmarks/serve_load.py --clients 8 --photo examples/table.jpg --rival PATH/bin/rembg
-
---rival: after it rembg's server (pip install 'rembg[cpu,cli]' into an environment of its own) under the same clients,
-which cuts the same photo out by the same network, U2-Net-p, and estimates no light. Processor seconds a photo compare
-the two on a machine that others use too.
 
 Every client posts the same photo, waits for the answer, and posts again; told 429, it waits as long
 as Retry-After says and posts the same request once more. A request is lost if it ends by anything
@@ -63,13 +58,6 @@ def own_question(photo: Path) -> Question:
     edge, head = "one-part-after-another", 'Content-Disposition: form-data; name="photo"; filename="photo"'
     body = f"--{edge}\r\n{head}\r\n\r\n".encode() + photo.read_bytes() + f"\r\n--{edge}--\r\n".encode()
     return Question(path="/v1/estimate", kind=f"multipart/form-data; boundary={edge}", body=body)
-
-
-def rembgs_question(photo: Path) -> Question:
-    edge, head = "one-part-after-another", "Content-Disposition: form-data; name="
-    model = f'--{edge}\r\n{head}"model"\r\n\r\nu2netp\r\n--{edge}\r\n{head}"file"; filename="{photo.name}"\r\n'
-    body = f"{model}Content-Type: image/jpeg\r\n\r\n".encode() + photo.read_bytes() + f"\r\n--{edge}--\r\n".encode()
-    return Question(path="/api/remove", kind=f"multipart/form-data; boundary={edge}", body=body)
 
 
 async def post(port: int, asked: Question) -> tuple[int, dict[str, str]]:
@@ -149,7 +137,7 @@ def server(*command: str):
         port = probe.getsockname()[1]
     process = subprocess.Popen([*command, str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
-        for _ in range(9000):  # rembg's takes minutes to start on a busy machine
+        for _ in range(9000):
             with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
                 break
             time.sleep(0.1)
@@ -190,7 +178,6 @@ def main() -> None:
     parser.add_argument("--requests", type=int, default=None, help="so many in all, however long they take")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--photo", type=Path, default=PHOTO)
-    parser.add_argument("--rival", default=None, help="rembg's program, to be run under the same clients")
     parser.add_argument("--json", action="store_true", help="one object instead of lines")
     given = parser.parse_args()
     program = str(Path(sys.executable).with_name("anyprobe"))
@@ -202,9 +189,6 @@ def main() -> None:
         "workers": given.workers,
         **measured([program, "serve", "--workers", str(given.workers), "--port"], own_question(given.photo), given),
     }
-    if given.rival:
-        rival = measured([given.rival, "s", "--host", "127.0.0.1", "--port"], rembgs_question(given.photo), given)
-        result |= {f"rembg_{name}": value for name, value in rival.items()}
     print(json.dumps(result) if given.json else "\n".join(f"{key:22} {value}" for key, value in result.items()))
 
 

@@ -1,9 +1,4 @@
-"""Clips of a real photo's object that sways before a wall, made from the photo and its mask, for Python and JavaScript.
-
-    python benchmarks/swaying.py FOLDER --data DATA [--only NAME] [--clips NAME]
-
-writes for each clip clip.json (click, frames a second, size, names) and frames.rgb (T x 480 x 640 x 3 bytes) to
-FOLDER/NAME CLIP. Without --data, or where it is not there, the clip of examples/vase.png, the only one that is shipped.
+"""Clips of a real photo's object that sways before a wall, made from the photo and its mask.
 
 The object moves by up to 20 pixels, turns by up to 5 degrees, grows and shrinks by 7 %, the camera brightens by 12 %
 and darkens; two units of 255 of noise. CLIPS: before its own background, filled in where the object was; before a
@@ -12,8 +7,6 @@ bright wall; and one in which the object is turned by 90 degrees in the picture,
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -153,34 +146,3 @@ def click_on(cutout: Cutout, clip: str) -> tuple[float, float]:
         left = left & padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
     rows, columns = np.nonzero(inside)
     return float(columns[0]), float(rows[0])
-
-
-def write_clip(folder: Path, cutout: Cutout, clip: str) -> Path:
-    """clip.json and frames.rgb in a folder of its own."""
-    place = folder / f"{cutout.name} {clip}"
-    place.mkdir(parents=True, exist_ok=True)
-    times = []
-    with (place / "frames.rgb").open("wb") as stream:
-        for shown in frames(cutout, clip):
-            stream.write(shown.rgb.tobytes())
-            times.append(shown.time_s)
-    about = {"name": cutout.name, "clip": clip, "fps": FPS, "width": WIDE, "height": HIGH, "frames": len(times)}
-    about |= {"click": click_on(cutout, clip), "jump_s": JUMP_S if clip == "light turns" else None}
-    (place / "clip.json").write_text(json.dumps(about) + "\n")
-    return place
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--data", type=Path, help="folder with photos/ and real_masks/")
-    parser.add_argument("--only", metavar="NAME", action="append", help="of a photo")
-    parser.add_argument("--clips", metavar="CLIP", action="append", choices=CLIPS)
-    asked = parser.parse_args()
-    for cutout in read_cutouts(asked.data, asked.only):
-        for clip in asked.clips or CLIPS:
-            print(write_clip(asked.folder, cutout, clip), flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,7 +1,7 @@
 """How still the light of a swaying object is, and how soon it follows: the clips of swaying.py, found by a click.
 
     python benchmarks/swaying_light.py --data DATA [--only NAME] [--clips CLIP] [--developed | --others] [--json]
-        [--cache FOLDER] [--true-masks] [--web]
+        [--cache FOLDER] [--true-masks]
 
 What each clip's line says, of the lights after the first half second:
 
@@ -15,34 +15,28 @@ followed_s: after the light turned by 90 degrees, until the dominant light is wi
 rate: frames a second, masks, networks and filter, of processor time; without the first frame, which opens the networks.
 
 --cache keeps single frames' lights, so that another filter is tried on the same. --true-masks: with each frame's own
-mask in the place of the found one. --web: by the npm package in its place, in Node.js on one thread, every frame as the
-page's thread works on a camera's; ms is the processor time of one. Lines of all clips come last: the worst of each.
+mask in the place of the found one. Lines of all clips come last: the worst of each.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import subprocess
-import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from swaying import CLIPS, DEVELOPED_ON, FPS, JUMP_S, OTHERS, Cutout, click_on, frames, read_cutouts, write_clip
+from swaying import CLIPS, DEVELOPED_ON, FPS, JUMP_S, OTHERS, Cutout, click_on, frames, read_cutouts
 
 from anyprobe.core.frames import rotation_y
 from anyprobe.errors import AnyprobeError
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.runtime import weights_folder
 from anyprobe.files.atomic import atomic_path
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
 from anyprobe.light.temporal import step
-from anyprobe.masks.networks import default_graph
-from anyprobe.masks.weights import find_weights
 from anyprobe.video.clip import Frame
 from anyprobe.video.following import MaskFollower
 
@@ -110,29 +104,10 @@ def followed_s(shown: np.ndarray, wanted: np.ndarray) -> float:
     return round(float(near[0]) / FPS, 3) if len(near) else float("inf")
 
 
-def web_lights(cutout: Cutout, clip: str) -> dict[str, np.ndarray]:
-    """As single_lights by the npm package, and `web`, its filtered lights [T, 64, 128, 3]."""
-    weights = {"light": str(weights_folder("lift") / "light.onnx")}
-    named = find_weights()
-    weights |= {"mask": str(default_graph())} if named is None else {"u2netp": str(named.path)}
-    with tempfile.TemporaryDirectory() as name:
-        place = write_clip(Path(name), cutout, clip)
-        script = Path(__file__).with_name("web_swaying.mjs")
-        ended = subprocess.run(["node", script, place, json.dumps(weights)], check=True, capture_output=True, text=True)
-        single, shown = (np.fromfile(place / f"{kind}.f32", np.float32) for kind in ("web_single", "web"))
-        same = np.fromfile(place / "web_same.u8", bool)
-    single, shown = (one.reshape(-1, 64, 128, 3) for one in (single, shown))
-    seen = np.isfinite(single).all(axis=(1, 2, 3))
-    for at in np.flatnonzero(~seen):
-        single[at] = single[at - 1] if at else 0.0
-    seconds = np.full(len(single), json.loads(ended.stdout)["ms"]["processor"] / 1000)
-    return {"maps": single, "iou": seen.astype(float), "seconds": seconds, "same": same, "web": np.nan_to_num(shown)}
-
-
 def measure(found: dict[str, np.ndarray], clip: str) -> dict[str, Any]:
-    """The figures of one clip, of the lights that the npm package shows where `web` holds them."""
+    """The figures of one clip."""
     single = toward(found["maps"])
-    maps, filter_s = (found["web"], 0.0) if "web" in found else filtered(found["maps"], found["same"])
+    maps, filter_s = filtered(found["maps"], found["same"])
     shown = toward(maps)
     start = round(SETTLING_S * FPS)
     jump = round(JUMP_S * FPS)
@@ -175,22 +150,18 @@ def main() -> None:
     parser.add_argument("--others", action="store_const", dest="only", const=list(OTHERS))
     parser.add_argument("--cache", type=Path, metavar="FOLDER", help="keep single frames' lights here")
     parser.add_argument("--true-masks", action="store_true")
-    parser.add_argument("--web", action="store_true", help="the npm package (Node.js, the packages of web/)")
     parser.add_argument("--json", action="store_true", help="one JSON object a line")
     asked = parser.parse_args()
     estimator, lines = Estimator(), []
     for cutout in read_cutouts(asked.data, asked.only):
         for clip in asked.clips or CLIPS:
-            kind = " web" if asked.web else " true" if asked.true_masks else ""
+            kind = " true" if asked.true_masks else ""
             kept = asked.cache and asked.cache / f"{cutout.name} {clip}{kind}.npz"
             if kept and kept.is_file():
                 with np.load(kept) as arrays:
                     found = dict(arrays)
             else:
-                if asked.web:
-                    found = web_lights(cutout, clip)
-                else:
-                    found = single_lights(cutout, clip, estimator, asked.true_masks)
+                found = single_lights(cutout, clip, estimator, asked.true_masks)
                 if kept:
                     with atomic_path(kept) as temporary:
                         np.savez(temporary, **found)
