@@ -152,29 +152,6 @@ def test_bad_maps_are_listed_and_the_others_go_on(mixed_maps):
         assert word in lines[name]
 
 
-def test_file_that_only_the_manifest_knows_is_listed(tmp_path):
-    """Rows of this folder: by its own manifest, by the split, by the path; no row of another folder."""
-    folder = tmp_path / "train"
-    folder.mkdir()
-    write_hdr(folder / "here.hdr", WHITE)
-    write_manifest(folder, [{"file": "own.hdr", "licence": "CC0"}])
-    write_manifest(
-        tmp_path,
-        [
-            {"file": "by_split.hdr", "licence": "CC0", "split": "train"},
-            {"file": "train/by_path.hdr", "licence": "CC0", "split": ""},
-            {"file": "elsewhere.hdr", "licence": "CC0", "split": "test"},
-            {"file": "test/elsewhere.hdr", "licence": "CC0", "split": ""},
-            {"file": "anywhere.hdr", "licence": "CC0", "split": ""},
-            {"file": "", "licence": "CC0", "split": "train"},
-        ],
-    )
-    names, lines = listed(load_maps, folder)
-    assert names == ["here"]
-    assert set(lines) == {"own.hdr", "by_split.hdr", "by_path.hdr"}
-    assert all("got none; fetch it again" in line for line in lines.values())
-
-
 def test_row_of_another_folder_gives_no_licence(tmp_path):
     """test/a.hdr is not train/a.hdr."""
     folder = tmp_path / "train"

@@ -18,7 +18,7 @@ from anyprobe.cli.app import main
 from anyprobe.files.meshes import read_mesh
 from anyprobe.maps.radiance import read_radiance, write_exr, write_hdr
 from anyprobe_train.assets import download
-from anyprobe_train.assets.polyhaven import LICENCE, Asset, choose, family, split_of
+from anyprobe_train.assets.polyhaven import LICENCE, Asset, family, split_of
 from anyprobe_train.cli.data import app
 from anyprobe_train.dataset.catalog import allows_commercial_use, load_maps, load_shapes
 
@@ -198,16 +198,6 @@ def asset(slug: str) -> Asset:
     return Asset(kind="hdris", slug=slug, category="", words=words, authors="", files_hash="")
 
 
-def test_limit_adds_and_does_not_follow_the_alphabet():
-    assets = [asset(f"map_{index:03d}") for index in range(200)]
-    few, more = choose(assets, limit=20), choose(reversed(assets), limit=50)
-    assert more[:20] == few
-    assert len(more) == 50
-    assert 60 < np.mean([int(one.slug[4:]) for one in more]) < 140
-    assert choose(assets) == choose(assets, limit=0)
-    assert len(choose(assets)) == 200
-
-
 def test_split_is_a_function_of_the_slug_that_only_grows():
     slugs = [f"place{index}x" for index in range(2000)]
     held = {share: {slug for slug in slugs if split_of(slug, share) == "test"} for share in (0, 0.1, 0.3, 1)}
@@ -239,16 +229,6 @@ def test_second_run_asks_for_the_list_only(fetch, site):
     assert outcome.status == 0
     assert site.paths() == ["/assets?type=hdris", "/assets?type=models"]
     assert snapshot(fetch.to) == before
-
-
-def test_damaged_file_comes_again(fetch, site):
-    fetch("--split", 0)
-    path = fetch.to / "hdri" / "train" / "roof.hdr"
-    whole = path.read_bytes()
-    path.write_bytes(whole[:-9])
-    assert fetch("--split", 0).status == 0
-    assert site.paths("/file") == ["/files/roof", SMALL["hdr"].format("roof")]
-    assert path.read_bytes() == whole
 
 
 # Trouble on the way

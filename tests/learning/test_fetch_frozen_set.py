@@ -159,12 +159,6 @@ def test_maps_are_means_and_what_is_no_light_is_black(tmp_path):
     assert small[2, 0, 0] == pytest.approx(37500)
 
 
-def test_near_vertices_are_one():
-    vertices, faces = merged(*read_obj(OBJ, "a.obj"))
-    assert vertices.tolist() == [[0, 0, 0], [0, 0, 2], [0, 4, 0], [2, 0, 0]]
-    assert faces.tolist() == [[0, 2, 3], [0, 3, 1], [0, 1, 2], [3, 2, 1]]
-
-
 def test_the_table_is_that_of_the_frozen_recipes():
     rows = frozen_files()
     assert all(isinstance(row, FrozenFile) for row in rows)

@@ -207,17 +207,6 @@ def test_a_emitter_is_drawn_where_it_is_likely(direction):
     assert drawn.max() > 2 * expected.max()
 
 
-def test_two_far_places_share_the_power_as_they_are_likely():
-    """Each as a disc that is much smaller than the doubt about it, so that little of the map is covered."""
-    places = np.array([(0, 0.5, -1), (0, 0.5, 1)]) / np.sqrt(1.25)
-    logit = torch.log(0.7 * lobe(places[0], 10.0).exp() + 0.3 * lobe(places[1], 10.0).exp())
-    drawn = EmitterHead(4).mode(torch.zeros(1, 3), logit)[0, 0].numpy()
-    power = drawn * pixel_solid_angles(64)
-    near = [pixel_directions(64) @ place > np.cos(np.radians(10)) for place in places]
-    assert [power[one].sum() / power.sum() for one in near] == pytest.approx([0.7, 0.3], abs=0.12)
-    assert (drawn > 0).mean() < 0.01
-
-
 def test_losses_above_white_are_least_at_the_truth():
     """Power: zero there. Place: the entropy of the true distribution, and more anywhere else."""
     learner = Lift(LiftConfig(), "cpu")

@@ -23,11 +23,10 @@ from anyprobe_train.dataset.pair_source import PairSource  # noqa: E402
 from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe_train.light_graph.photo_graph import smooth_photo  # noqa: E402
 from anyprobe_train.train import export_onnx  # noqa: E402
-from anyprobe_train.train.checkpoint import init_weights_id, load_init_weights, save_init_weights  # noqa: E402
+from anyprobe_train.train.checkpoint import load_init_weights, save_init_weights  # noqa: E402
 from anyprobe_train.train.config import LightConfig, lift, normals, smoke  # noqa: E402
 from anyprobe_train.train.lift import Lift  # noqa: E402
-from anyprobe_train.train.loop import learning_rate, load_nets, train  # noqa: E402
-from research.export_weights.checkpoints import mean_checkpoint  # noqa: E402
+from anyprobe_train.train.loop import learning_rate, train  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -100,15 +99,6 @@ def test_a_finished_run_is_left_alone(run, two_steps):
     assert path.stat().st_mtime_ns == before
 
 
-def test_kept_weights_are_compressed_and_the_same_each_time(two_steps, tmp_path):
-    checkpoint, kept, again = two_steps(normals), tmp_path / "kept.pt", tmp_path / "again.pt"
-    save_init_weights(checkpoint, kept)
-    save_init_weights(checkpoint, again)
-    assert kept.read_bytes() == again.read_bytes()
-    weights = torch.load(kept, weights_only=True)
-    assert kept.stat().st_size < 0.97 * sum(value.numel() * value.element_size() for value in weights.values())
-
-
 def test_learning_rate_rises_stays_and_falls():
     config = replace(lift(), steps=1000, warmup=100, cooldown=0.2)
     rates = [learning_rate(config, step) for step in range(1000)]
@@ -153,31 +143,3 @@ def test_a_run_begins_from_kept_weights(run, two_steps, tmp_path):
     torch.save({"hdr.head.bias": torch.zeros(12)}, tmp_path / "other.pt")
     with refused(code="invalid-model", source="other.pt"):
         run(tmp_path / "d", steps=2, named=lift, start=tmp_path / "other.pt")
-
-
-@pytest.mark.ci
-def test_the_mean_of_a_run_and_what_it_began_from(run, two_steps, tmp_path):
-    kept, other = tmp_path / "start.pt", tmp_path / "other.pt"
-    save_init_weights(two_steps(lift), kept)
-    checkpoint = run(tmp_path / "b", steps=1, named=lift, start=kept)
-    mean = mean_checkpoint(checkpoint, kept, tmp_path / "mean.pt")
-    before, after, both = (torch.load(path, map_location="cpu", weights_only=True) for path in (kept, checkpoint, mean))
-    moved = 0
-    for name, value in both["nets"].items():
-        one, two = before[name].float(), after["nets"][name].float()
-        if value.is_floating_point():
-            torch.testing.assert_close(value, (one + two) / 2)
-            moved += int((one != two).any())
-    assert moved > 100
-    assert both["config"] == after["config"]
-    assert both["mean_with"] == {"start": init_weights_id(kept), "pairs": None, "share": 0.5}
-    less = torch.load(mean_checkpoint(checkpoint, kept, tmp_path / "less.pt", 0.2), weights_only=True)["nets"]
-    name = max(less, key=lambda key: less[key].numel())
-    torch.testing.assert_close(less[name], 0.2 * before[name].float() + 0.8 * after["nets"][name])
-    whole = torch.load(mean_checkpoint(checkpoint, checkpoint, tmp_path / "same.pt"), weights_only=True)
-    assert whole["mean_with"] == {"start": init_weights_id(checkpoint), "pairs": 4, "share": 0.5}
-    assert "light" in load_nets(mean)
-    torch.save({"hdr.head.bias": torch.zeros(12)}, other)
-    with refused(code="invalid-model", source="other.pt", naming="another network's"):
-        mean_checkpoint(checkpoint, other, tmp_path / "none.pt")
-    assert not (tmp_path / "none.pt").exists()

@@ -7,7 +7,6 @@ from anyprobe.masks import check as masks_at_run_time
 from anyprobe_train.dataset.mask_errors import (
     KEPT_SHARE,
     MIN_CHANGED_PX,
-    cut_off,
     disturb_mask,
     fray,
     narrow,
@@ -85,20 +84,6 @@ def test_a_frayed_edge_is_ragged_but_stays_in_place(rng, sigma):
     assert abs(np.mean(shares) - 1.0) < 0.03
     edge = [np.diff(m.astype(int), axis=1).astype(bool).sum() for m in (mask, ragged)]
     assert edge[1] >= edge[0]
-
-
-@pytest.mark.parametrize("share", [0.05, 0.2])
-def test_a_limb_is_cut_off_along_a_line(mask, share, rng):
-    for _ in range(10):
-        left = cut_off(mask, share, rng)
-        lost = mask & ~left
-        assert not left[~mask].any()
-        assert abs(lost.sum() / mask.sum() - share) < 0.02
-        kept_at, lost_at = (np.argwhere(m).astype(float) for m in (left, lost))
-        directions = np.linspace(0, 2 * np.pi, 720)
-        line = np.stack([np.sin(directions), np.cos(directions)])
-        gap = (lost_at @ line).min(axis=0) - (kept_at @ line).max(axis=0)
-        assert gap.max() > -0.5, "kept and lost pixels are not on two sides of one line"
 
 
 def test_something_of_the_object_always_stays(rng):

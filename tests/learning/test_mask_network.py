@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 pytest.importorskip("onnx", reason="needs ./train[torch]")
@@ -19,7 +18,6 @@ from anyprobe.masks.networks import PADDING_GREY, SMALL_PX, SmallNetwork  # noqa
 from anyprobe_train.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe_train.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
-from anyprobe_train.mask_network.__main__ import app as commands  # noqa: E402
 from anyprobe_train.mask_network.composites import Scene, draw_scene  # noqa: E402
 from anyprobe_train.mask_network.examples import PROMPTS, SceneSource, ask, retake, unasked_target  # noqa: E402
 from anyprobe_train.mask_network.foregrounds import TexturePool, ViewSource  # noqa: E402
@@ -197,21 +195,6 @@ def test_exported_graph_is_the_network(checkpoint, tmp_path):
     found = graph.run(image[0].permute(1, 2, 0).numpy())
     assert np.abs(found - expected).mean() < TOLERANCE
     assert (tmp_path / "mask.onnx").stat().st_size < 4_000_000
-
-
-@pytest.mark.ci
-def test_commands_train_export_and_keep(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    app = CliRunner()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # torch's exporter and TensorBoard warn about themselves
-        trained = app.invoke(commands, ["train", "--dry-run", "1"], catch_exceptions=False)
-        asked = ["export", "runs/mask-dry", "-o", "to", "--keep", "kept.pt"]
-        exported = app.invoke(commands, asked, catch_exceptions=False)
-    assert trained.stdout.splitlines() == ["runs/mask-dry/checkpoint.pt"]
-    assert exported.stdout.splitlines()[-1] == "kept.pt"
-    assert (tmp_path / "to" / "mask.onnx").is_file()
-    MaskNet().load_state_dict(torch.load("kept.pt", weights_only=True))
 
 
 def test_weights_that_are_kept_of_the_shipped_network_begin_a_run():

@@ -24,7 +24,7 @@ from anyprobe_train.dataset.camera import draw_shot, one_photo  # noqa: E402
 from anyprobe_train.dataset.distributions import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
 from anyprobe_train.dataset.lighting import Illuminator, LitMaterial  # noqa: E402
 from anyprobe_train.dataset.mask_errors import widen  # noqa: E402
-from anyprobe_train.dataset.pair_source import GIVEN_NORMALS_ERROR_DEG, PairConfig, PairSource  # noqa: E402
+from anyprobe_train.dataset.pair_source import PairConfig, PairSource  # noqa: E402
 from anyprobe_train.dataset.surfaces import NUM_ELEVATIONS, SurfaceConfig, SurfaceSet, build_surfaces  # noqa: E402
 
 
@@ -250,17 +250,6 @@ def test_materials_are_what_the_conventions_say(rng):
     assert len(METALS) == 7
 
 
-def test_surfaces_face_the_eye_and_fill_the_window(surfaces):
-    assert set(surfaces.elevation) == set(range(NUM_ELEVATIONS))
-    normals = surfaces.normals.astype(np.float32)
-    mask = np.abs(normals).sum(axis=1) > 0
-    length = np.sqrt((normals**2).sum(axis=1))[mask]
-    np.testing.assert_allclose(length, 1.0, atol=2e-3)
-    for one in mask:
-        rows, columns = np.nonzero(one)
-        assert 0.78 < max(np.ptp(rows), np.ptp(columns)) / 128 < 1.0
-
-
 def test_shapes_are_seen_in_a_mirror_half_the_time(illuminator):
     """One surface, lopsided: its normals come as they are or left and right exchanged, x and all."""
     normals = np.zeros((1, 3, 128, 128), np.float16)
@@ -278,43 +267,6 @@ def test_shapes_are_seen_in_a_mirror_half_the_time(illuminator):
     assert 6 < as_it_is < 26
     assert sum(torch.equal(picture[None], mirrored) for picture in seen) == 32 - as_it_is
     assert np.array_equal(one.normals[:1], normals)  # the stock itself stays as it was
-
-
-def test_shapes_are_the_same_whoever_draws_them(tmp_path):
-    """By two processes, and read back from where they are kept, which is not done by halves."""
-    config = SurfaceConfig(views=1, procedural=2, figures=1, parts=1, stretch=0.2, bend=0.3, size=32)
-    given = []
-    alone = build_surfaces([], config, watch=lambda *progress: given.append(progress))
-    assert given == [(1, 4), (2, 4), (3, 4), (4, 4)]
-    together = build_surfaces([], config, tmp_path, workers=2)
-    kept = build_surfaces([], config, tmp_path, watch=lambda *_: pytest.fail("drawn again"))
-    for other in (together, kept):
-        for name in ("normals", "tan_half", "elevation"):
-            assert np.array_equal(getattr(other, name), getattr(alone, name)), name
-        assert isinstance(other.normals, np.memmap)
-    few, cache = replace(config, procedural=1, figures=0, parts=0), tmp_path / "few"
-    first = np.array(build_surfaces([], few, cache).normals)
-    for name in ("normals", "tan_half", "elevation"):
-        (folder,) = cache.iterdir()
-        (folder / f"{name}.npy").unlink()
-        assert np.array_equal(build_surfaces([], few, cache).normals, first)
-
-
-def test_told_normals_err_by_a_small_turn(illuminator, surfaces):
-    """They come with the share of the photos that was asked for, and change nothing else of the pairs."""
-    plain = make_source(illuminator, surfaces).batch(0)
-    assert not plain.given_normals_rotation.any()
-    source = make_source(illuminator, surfaces, given_normals=0.5)
-    batches = [source.batch(step) for step in range(8)]
-    assert torch.equal(batches[0].photo, plain.photo)
-    turns = torch.cat([batch.given_normals_rotation for batch in batches])
-    given = turns.abs().sum(dim=(1, 2)) > 0
-    assert 8 <= given.sum() <= 24
-    turns = turns[given]
-    torch.testing.assert_close(turns @ turns.mT, torch.eye(3).expand_as(turns), atol=1e-5, rtol=0)
-    cosine = (turns.diagonal(dim1=1, dim2=2).sum(dim=1) - 1) / 2
-    angles = torch.rad2deg(torch.acos(cosine.clip(-1, 1)))
-    assert 0.7 * GIVEN_NORMALS_ERROR_DEG < angles.square().mean().sqrt() / 3**0.5 < 1.4 * GIVEN_NORMALS_ERROR_DEG
 
 
 def test_surroundings_come_with_the_share_of_photos_asked_for(illuminator, surfaces):

@@ -197,20 +197,6 @@ def test_sun_through_a_window_keeps_its_power():
     assert rooms.sunlit(points, HALF, window, direction_at(0.3, 0.5)).max() == 0  # from the other side
 
 
-def test_eye_sees_the_wall_along_its_direction():
-    rng = np.random.default_rng(2)
-    eye = np.array([0.6, -0.4, 1.0])
-    d = pixel_directions(16).astype(np.float64).reshape(-1, 3)
-    points = rooms.seen_points(HALF, eye, d, 0.01)
-    np.testing.assert_allclose((np.abs(points.position) / HALF).max(axis=1), 1.0)
-    away = points.position - eye
-    np.testing.assert_allclose(away / np.linalg.norm(away, axis=1, keepdims=True), d, atol=1e-6)
-    np.testing.assert_allclose(points.side[:, 0], 0.01 * np.linalg.norm(away, axis=1), rtol=1e-6)
-    inside = np.take_along_axis(points.position, (points.wall // 2)[:, None], axis=1)[:, 0]
-    np.testing.assert_allclose(inside, HALF[points.wall // 2] * (2 * (points.wall % 2) - 1), atol=1e-12)
-    assert rng.choice(points.wall, 200).max() == 5
-
-
 # Studio
 
 
@@ -261,18 +247,6 @@ def test_lamp_adds_its_power_where_it_is(radius_deg):
     centroid = np.einsum("hwc,h,hwd->d", added, pixel_solid_angles(64)[:, 0], pixel_directions(64))
     assert angle_deg(centroid / np.linalg.norm(centroid), direction) < 1.0
     assert added.min() >= 0
-
-
-def test_dominant_light_comes_apart_from_its_room():
-    """The two parts add up to the map; what is left has the surround's level where the lamp was."""
-    radiance = lamp(128, 1.0, 0.4, 7.0)
-    rest, light, direction = split_light_cap(radiance)
-    np.testing.assert_allclose(rest + light, radiance, rtol=1e-6)
-    assert angle_deg(direction, direction_at(1.0, 0.4)) < 1.0
-    assert rest.max() < 0.8
-    assert rest.min() >= 0
-    alone = radiance - (0.5 + 0.2 * pixel_directions(128)[..., 1:2])
-    np.testing.assert_allclose(integral(light), integral(alone), rtol=0.03)
 
 
 @pytest.mark.parametrize("radius_deg", [1.5, 7.0, 20.0])

@@ -8,9 +8,6 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.render.surface import pixel_rays  # noqa: E402
-from anyprobe_train.dataset.asset_store import draw_map  # noqa: E402
-from anyprobe_train.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe_train.dataset.pair_source import PairConfig, PairSource  # noqa: E402
 from anyprobe_train.dataset.shape_augment import draw_reshaping, join_some, reshape  # noqa: E402
 from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 
@@ -107,19 +104,3 @@ def test_another_surface_stands_whole_before_an_object_and_covers_only_what_is_b
         least, most = (0.6 / (0.8 + side * 0.6 * 0.75 * 0.5 * float(t)) for side in (1, -1))
         assert (steep > least - 1e-3).all()
         assert (steep < most + 1e-3).all()
-
-
-def test_batches_take_them_and_depend_on_their_number_alone():
-    light = [draw_map(np.random.default_rng(3), height=64)[0]]
-    drawn = build_surfaces([], SurfaceConfig(views=1, procedural=2))
-
-    def source(shape_augment: float, joined: float = 0.0) -> PairSource:
-        config = PairConfig(batch=4, group=2, pool=2, reuse=4, shape_augment=shape_augment, joined=joined)
-        return PairSource(Illuminator(light, compiled=False), drawn, config)
-
-    straight = source(1.0)
-    straight.batch(0)
-    batch = straight.batch(1)
-    assert torch.equal(batch.photo, source(1.0).batch(1).photo)
-    assert not torch.equal(batch.normals, source(0.0).batch(1).normals)
-    assert not torch.equal(source(0.0, 1.0).batch(1).normals, source(0.0).batch(1).normals)

@@ -14,16 +14,7 @@ from anyprobe_train.dataset.distributions import METALS, draw_material  # noqa: 
 from anyprobe_train.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe_train.dataset.pair_source import PairConfig, PairSource  # noqa: E402
 from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
-from anyprobe_train.dataset.textured import (  # noqa: E402
-    MAX_ALBEDO,
-    ON_METAL,
-    SECOND_SHARE,
-    draw_factor,
-    draw_share,
-    locate,
-    mix,
-    paint,
-)
+from anyprobe_train.dataset.textured import MAX_ALBEDO, ON_METAL, draw_factor, locate, mix, paint  # noqa: E402
 
 SIZE, RADIUS = 128, 0.85
 X, Y = np.meshgrid((np.arange(SIZE) + 0.5) / SIZE * 2 - 1, 1 - (np.arange(SIZE) + 0.5) / SIZE * 2)
@@ -74,24 +65,6 @@ def test_textures_are_mild_and_mostly_grey():
     assert 0.12 < np.median(contrasts) < 0.25
     assert np.quantile(contrasts, 0.95) < 0.45
     assert 0.15 < colored / 80 < 0.55
-
-
-def test_the_second_material_covers_what_it_says_with_a_border_of_a_pixel():
-    inside, shares = REACH < 1, []
-    for seed in range(60):
-        share = draw_share(sphere(), np.random.default_rng(seed))
-        assert share.min() >= 0
-        assert share.max() <= 1
-        assert not share[~inside].any()
-        shares.append(share[inside].mean())
-        pure = (share < 0.01) | (share > 0.99)
-        assert pure[inside].mean() > 0.7
-        for axis in (0, 1):  # two pixels beyond any mixed one, a material is pure
-            jump = np.abs(np.roll(share, 3, axis=axis) - share)[~pure & inside]
-            assert jump.max(initial=1) > 0.3
-    assert SECOND_SHARE[0] - 0.01 < min(shares)
-    assert max(shares) < 0.4
-    assert np.ptp(shares) > 0.2
 
 
 def test_paint_changes_a_dielectrics_albedo_and_less_of_a_metals_mirror():

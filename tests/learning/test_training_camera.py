@@ -125,23 +125,3 @@ def test_noise_has_the_spread_it_was_given(rng):
     photo = one_photo(replace(CLEAN, noise=0.012), flat, np.ones((SIZE, SIZE), bool), None, rng)
     assert (photo / 255.0).std() == pytest.approx(np.hypot(0.012, 1 / 255 / np.sqrt(12)), rel=0.05)
     assert (photo / 255.0).mean() == pytest.approx(float(response(np.float64(0.3))), abs=1e-3)
-
-
-@pytest.mark.parametrize("subsampling", SUBSAMPLINGS)
-@pytest.mark.parametrize("with_background", [True, False])
-def test_jpeg_changes_little_at_95_and_more_at_40(rng, subsampling, with_background):
-    mask, radiance = disc(), texture(rng)
-    background = texture(rng) if with_background else None
-    sharp = one_photo(CLEAN, radiance, mask, background, rng)
-    change = {}
-    for quality in (40, 70, 95):
-        shot = replace(CLEAN, jpeg_quality=quality, jpeg_subsampling=subsampling)
-        photo = one_photo(shot, radiance, mask, background, rng)
-        assert photo.shape == sharp.shape
-        change[quality] = float(np.abs(photo.astype(float) - sharp)[mask].mean())
-        if not with_background:
-            assert photo[~mask].max() == 0
-    assert 0.0 < change[95] < change[70] < change[40]
-    if subsampling == "4:4:4":
-        assert change[95] < 3.0
-        assert change[40] > 2.0 * change[95]

@@ -112,21 +112,6 @@ def test_a_drawn_source_has_the_size_that_its_profile_says():
             assert found[0, 0, last - 1] < 0.5
 
 
-def test_profiles_of_discs_are_their_areas():
-    """Two even discs on black: shares by area, the brighter one first; an even map has shares of the sphere."""
-    radiance = 3.0 * cap([0, 0.3, -1], 6.0) + 1.0 * cap([1, 0.5, 0.2], 12.0)
-    places, shares = source_profiles(radiance[None])
-    one, other = (1 - np.cos(np.radians(r)) for r in (6.0, 12.0))
-    first = 3 * one / (3 * one + other)
-    assert places[0, 0] @ torch.tensor([0, 0.2873, -0.9578]) > np.cos(np.radians(3.0))
-    assert places[0, 1] @ torch.nn.functional.normalize(torch.tensor([1, 0.5, 0.2]), dim=0) > np.cos(np.radians(6.0))
-    np.testing.assert_allclose(shares[0, 0, 1:3], first, atol=0.03)
-    np.testing.assert_allclose(shares[0, 0, 0], first * (4 / 6) ** 2, atol=0.08)
-    np.testing.assert_allclose(shares[0, 1, 3], 1 - first, atol=0.03)
-    _, even = source_profiles(torch.ones(1, 64, 128))
-    np.testing.assert_allclose(even[0, 0], (1 - np.cos(np.radians(RADII_DEG))) / 2, rtol=0.15)
-
-
 def test_a_mixture_on_the_sphere_integrates_to_one():
     head = SourceHead(16)
     d = torch.from_numpy(pixel_directions(64)).reshape(-1, 3)

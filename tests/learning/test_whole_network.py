@@ -197,18 +197,6 @@ def test_the_exported_graph_answers_a_photo(checkpoint, photo, tmp_path):
     assert np.isfinite(light.radiance).all()
 
 
-def test_a_mirrored_answer_costs_nothing_and_another_does(folder, checkpoint):
-    net, _ = load_photo_net(checkpoint)
-    losses = training.PhotoLosses(net, replace(CONFIG, object_rate=0.0), "cpu")
-    batch = training._both_ways(Pairs(folder).rows(0, 2))
-    _, guess = net(batch)
-    half = {one.name: getattr(guess, one.name)[:2] for one in fields(guess)}
-    both = {name: torch.cat([values, values.flip(3) if values.dim() == 4 else values]) for name, values in half.items()}
-    assert float(losses._mirror(type(guess)(**both))) < 1e-6
-    twice = {name: torch.cat([values, values]) for name, values in half.items()}
-    assert float(losses._mirror(type(guess)(**twice))) > 1e-3
-
-
 def test_packed_pairs_are_nearly_the_same(folder, tmp_path):
     packed.pack(folder, tmp_path / "packed", 1)
     packed.unpack(tmp_path / "packed", tmp_path / "pairs", 1)

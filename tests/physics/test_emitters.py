@@ -13,17 +13,9 @@ from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.environment import integral
-from anyprobe.light.octahedral import WIDENING, build_pyramid, take_pixels
+from anyprobe.light.octahedral import WIDENING, build_pyramid
 from anyprobe.paper.equations import ggx_distribution
-from anyprobe.render.integrate import (
-    NUM_EMITTERS,
-    PATCHES,
-    emitters_specular,
-    shade,
-    shade_diffuse,
-    shade_specular,
-    shading_pyramid,
-)
+from anyprobe.render.integrate import NUM_EMITTERS, PATCHES, emitters_specular, shade, shading_pyramid
 from anyprobe.scatter.materials import Material, brdf
 
 HEIGHT = 64
@@ -159,14 +151,6 @@ def test_sixty_four_samples_render_a_emitter_of_many_pixels(rng, alpha, f0):
     assert error(pixels, pixels) > 4 * patches
 
 
-def test_the_diffuse_term_has_a_pyramid_of_its_own(rng):
-    (n, wo), u = points(rng), hammersley(64)
-    narrow, wide = shading_pyramid(lit_room(), 0.05), shading_pyramid(lit_room())
-    both = shade(narrow, n, wo, 0.05, u, wide=wide)
-    np.testing.assert_array_equal(both.diffuse, shade_diffuse(wide, n, wo, u))
-    np.testing.assert_array_equal(both.specular, shade_specular(narrow, n, wo, 0.05, u)[1])
-
-
 @pytest.mark.parametrize("patches", [None, PATCHES[0][1]])
 def test_torch_takes_the_same_emitters(patches):
     torch = pytest.importorskip("torch")
@@ -192,12 +176,3 @@ def test_irradiance_is_the_mean_under_the_samples_density(rng, alpha):
     pyramid = build_pyramid(radiance, emitters=NUM_EMITTERS)
     estimate = shade(pyramid, n, wo, alpha, hammersley(1024)).irradiance
     assert np.sqrt(((estimate - truth) ** 2).mean()) / truth.mean() < 0.03
-
-
-@pytest.mark.parametrize("height", [1, 2, 4])
-def test_a_tiny_map_has_fewer_pixels_than_emitters(height):
-    """What is taken and what is left are all there was."""
-    radiance = np.random.default_rng(2).random((height, 2 * height, 3)).astype(np.float32)
-    rest, _, power = take_pixels(radiance, 16)
-    np.testing.assert_allclose(integral(rest) + power.sum(axis=0), integral(radiance), rtol=1e-5)
-    assert np.isfinite(shading_pyramid(radiance).texels).all()

@@ -11,7 +11,6 @@ from PIL import ExifTags, Image
 
 from anyprobe.estimate.ground import up_of
 from anyprobe.estimate.photo import load_photo
-from anyprobe.pictures.apple_note import apple_posture_deg
 from anyprobe.pictures.images import read_image
 
 SIDES = {1: ((0, 1, 0), (-1, 0, 0)), 3: ((0, -1, 0), (1, 0, 0)), 6: ((-1, 0, 0), (0, -1, 0)), 8: ((1, 0, 0), (0, 1, 0))}
@@ -72,14 +71,6 @@ def test_a_phone_upright_or_on_its_side_as_it_writes_it():
 )
 def test_what_is_not_sure_is_not_taken(data):
     assert read_image(data).posture_deg is None
-
-
-def test_a_cut_note_is_none():
-    exif = Image.Exif()
-    exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.MakerNote] = note((0.0, -1.0, 0.0))[:-9]
-    image = Image.new("RGB", (8, 8))
-    image.getexif = lambda: exif  # type: ignore[method-assign]
-    assert apple_posture_deg(image) is None
 
 
 def test_the_ground_is_the_camera_s_unless_a_pitch_is_given():

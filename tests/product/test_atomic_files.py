@@ -7,7 +7,6 @@ import subprocess
 import sys
 
 import pytest
-from support.refused import refused
 
 from anyprobe.errors import OutputError
 from anyprobe.files.atomic import atomic_files
@@ -57,19 +56,6 @@ def test_failure_half_way_through_the_moves_is_undone(tmp_path, monkeypatch):
         write_new(tmp_path, "abc")
     assert contents(tmp_path) == {"a.txt": "old", "c.txt": "old"}
     assert ".anyprobe-" not in str(caught.value)
-
-
-def test_folder_in_the_way(tmp_path):
-    (tmp_path / "a.txt").mkdir()
-    with pytest.raises(OutputError, match="a.txt: is a folder, not a file to replace"):
-        write_new(tmp_path, "a")
-    assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
-
-
-def test_file_where_the_folder_should_be(tmp_path):
-    (tmp_path / "taken").write_text("")
-    with refused(code="not-written", source="taken"):
-        write_new(tmp_path / "taken", "a")
 
 
 @pytest.mark.ci

@@ -18,7 +18,6 @@ from anyprobe.core.frames import is_rotation
 from anyprobe.estimate.ground import up_of
 from anyprobe.light.harmonics import project
 from anyprobe.maps.radiance import read_radiance
-from anyprobe.masks.networks import SmallNetwork
 
 ROOT = Path(__file__).parents[2]
 WORKER = ROOT / "integrations" / "blender" / "light_from_photo" / "worker.py"
@@ -97,16 +96,6 @@ def test_the_panorama_of_the_place_has_the_estimates_light(tmp_path):
     assert len(place) == 512 > len(smooth)
     before, after = project(smooth), project(place)
     assert np.linalg.norm(after - before) < 0.02 * np.linalg.norm(before)
-
-
-@pytest.mark.ci
-def test_advice_is_for_python(tmp_path):
-    Image.new("RGB", (320, 240), (90, 120, 150)).save(tmp_path / "plain.png")
-    said = answer(tmp_path, do="estimate", photo={"file": str(tmp_path / "plain.png")})["error"]
-    assert said.endswith("give a click, a box or a mask picture (by Mark Object)")
-    words = loaded(WORKER).panel_words()
-    assert "pip" not in words.line(SmallNetwork.warning)
-    assert words.line("the object is white") == "the object is white"
 
 
 @pytest.mark.ci

@@ -9,7 +9,6 @@ import os
 import signal
 import subprocess
 import sys
-from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -22,14 +21,9 @@ from support.folders import names, snapshot
 from support.scenes import sphere_photo
 
 import anyprobe
-from anyprobe.cli.estimate import Done, _report, _said
-from anyprobe.cli.options import OPTIONS
-from anyprobe.cli.relight import PLACING
-from anyprobe.estimate.result import Light
-from anyprobe.estimate.sidecar import Origin
+from anyprobe.cli.estimate import Done, _report
 from anyprobe.files import atomic
 from anyprobe.maps.radiance import read_radiance
-from anyprobe.notices import RESTART, Notice, Remedy, give
 
 SUFFIXES = {".exr", ".hdr", ".json", ".png", "_panorama.exr", "_origin.png"}
 pytestmark = pytest.mark.usefixtures("small_masks")
@@ -83,12 +77,6 @@ def test_files_that_agree(work, command):
         header = file.header()
         assert header["envmap"] == OpenEXR.ENVMAP_LATLONG
         assert header["anyprobe:model"] == sidecar["model"]
-
-
-def test_results_go_to_the_folder_light_by_default(work, command):
-    save_sphere("vase.png")
-    assert command("estimate", "vase.png").status == 0
-    assert names("light") == results("vase")
 
 
 def test_older_results_are_replaced(work, command):
@@ -161,38 +149,6 @@ def test_results_of_a_folder_are_named_as_they_are_written(work, command):
     assert outcome.err.rstrip().endswith("<stem>.json, <stem>.png; <stem> is a_png, a_tif, b")
 
 
-@pytest.mark.parametrize(("count", "said"), [(20, "p18, p19"), (23, "p18, p19 and 3 more")])
-def test_of_many_photos_some_names_are_said(count, said):
-    narrow = Console(file=io.StringIO(), width=60)
-    _report(
-        [Done(photo=Path(f"p{k}.png"), stem=f"p{k}", cells=("", "", "")) for k in range(count)], narrow, Path("out")
-    )
-    assert f"{said}\n" in narrow.file.getvalue()
-
-
-def test_where_the_results_are_is_one_line_on_any_terminal(work):
-    out = Path("a/rather/deep/folder/for the results of a photo")
-    narrow = Console(file=io.StringIO(), width=60)
-    light = Light(
-        radiance=np.ones((64, 128, 3), np.float32),
-        stages={"photo": np.full((128, 128, 4), (0.5, 0.5, 0.5, 1.0))},
-        origin=Origin(uncertainty={"level_stops": 0.7, "color_deg": 2.0}),
-    )
-    _report([Done(photo=Path("vase.png"), stem="vase", cells=(*_said(light), "0.10"))], narrow, out)
-    shown = narrow.file.getvalue()
-    assert (
-        f"results: {out}/vase_panorama.exr, vase_origin.png, vase.exr, vase.hdr, vase.json, vase.png"
-        in shown.splitlines()
-    )
-    assert "uncertainty" in shown
-    assert shown.count("±") == 2  # of the direction and of the brightness
-    dark = Console(file=io.StringIO(), width=200)
-    black = replace(light, stages={"photo": np.full((128, 128, 4), (0.0, 0.0, 0.0, 1.0))})
-    _report([Done(photo=Path("vase.png"), cells=(*_said(black), "0.10"))], dark, out)
-    assert "±" not in dark.file.getvalue()
-    assert "a guess" in dark.file.getvalue()
-
-
 @pytest.mark.parametrize("width", [20, 60])
 def test_no_cell_of_the_table_is_broken_on_a_narrow_terminal(width):
     narrow = Console(file=io.StringIO(), width=width)
@@ -244,14 +200,6 @@ def test_masks_beside_the_photos_are_no_photos(work, command):
     save_mask("photos/a_mask.png")
     assert command("estimate", "photos", "--mask", "photos", "-o", "out").status == 0
     assert names("out") == results("a")
-
-
-def test_one_mask_serves_every_photo(work, command):
-    for stem in "ab":
-        save_sphere(f"{stem}.png", alpha=False)
-    save_mask("mask.png")
-    assert command("estimate", "a.png", "b.png", "--mask", "mask.png", "-o", "out").status == 0
-    assert names("out") == results("a", "b")
 
 
 def test_two_photos_of_one_name(work, command):
@@ -319,14 +267,6 @@ def test_output_folder_that_cannot_be_written(work, command, folder):
     assert snapshot(work) == before
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere")
-def test_read_only_output_folder(work, command):
-    save_sphere("vase.png")
-    (work / "out").mkdir(mode=0o500)
-    assert "Permission denied" in command("estimate", "vase.png", "-o", "out").complaint
-    assert names("out") == set()
-
-
 @pytest.mark.parametrize("suffix", sorted(SUFFIXES))
 def test_folder_in_the_place_of_a_result(work, command, suffix):
     save_sphere("vase.png")
@@ -391,16 +331,6 @@ def test_failed_result_leaves_the_older_one(work, command, monkeypatch):
     assert snapshot(work) == before
 
 
-def test_what_the_system_forbids_is_one_line(work, command, monkeypatch):
-    save_sphere("vase.png")
-
-    def forbidden(path):
-        raise PermissionError(errno.EACCES, "Permission denied", str(path))
-
-    monkeypatch.setattr(Path, "is_dir", forbidden)
-    assert "vase.png: refused (Permission denied)" in command("estimate", "vase.png").complaint
-
-
 @pytest.mark.ci
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit of file size")
 def test_real_write_that_stops_halfway(work):
@@ -447,26 +377,6 @@ for missing in (1, 300, 900):
 
 
 # Interrupted
-
-
-def test_an_interrupted_folder_says_how_many_are_done_and_that_it_starts_over(work, command, monkeypatch):
-    for name in ("a.png", "b.png", "c.png"):
-        save_sphere(name)
-
-    def stop(call, path):
-        if path.name == "c.png":
-            raise KeyboardInterrupt
-        return Done(photo=path, stem=path.stem)
-
-    monkeypatch.setattr("anyprobe.cli.estimate.EstimateCall.estimate_photo", stop)
-    ended = command("estimate", "a.png", "b.png", "c.png", "-o", "out")
-    assert ended.status == 130
-    stopped = "anyprobe: stopped with 2 of 3 photos done, which are in out; the same command starts over"
-    assert ended.err.split("\n")[-3:] == [stopped, "anyprobe: interrupted", ""]
-    monkeypatch.setattr(
-        "anyprobe.cli.estimate.EstimateCall.estimate_photo", lambda call, path: stop(call, Path("c.png"))
-    )
-    assert command("estimate", "a.png", "-o", "out").err == "anyprobe: interrupted\n"
 
 
 @pytest.mark.ci
@@ -542,34 +452,6 @@ def test_names_and_folder_are_checked_before_the_work(work, command, name, monke
     assert "file is a file, not a folder" in command(name, "a/vase.png", "-o", "file/deeper").complaint
 
 
-def test_place_outside_the_photo_is_refused_before_the_work(work, command, monkeypatch):
-    save_sphere("vase.png")
-    monkeypatch.setattr(import_module("anyprobe.estimate.photo"), "find_mask", None)
-    assert "--at: expected a pixel of" in command("relight", "vase.png", "--at", "9000,10").complaint
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("relight", "absent.png"),
-        ("relight", "absent.png", "--light", "absent.exr"),
-        ("mask", "absent.png"),
-        ("video", "absent.mp4"),
-    ],
-)
-def test_a_segmenter_that_is_none_is_refused_before_any_file_is_read(work, command, words):
-    complaint = command(*words, "--segmenter", "smal").complaint
-    assert complaint.startswith("anyprobe: --segmenter: expected one of ")
-    assert complaint.endswith("got 'smal'; did you mean small?")
-
-
-def test_remedies_name_the_options_of_relight_and_video():
-    assert OPTIONS.line(Notice("floats", remedy=give("at", "size")).naming(PLACING)) == (
-        "floats; pass --at X,Y or --scale NUMBER"
-    )
-    assert OPTIONS.line(Notice("other", remedy=(Remedy("run", RESTART),))).endswith("or add --restart")
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -585,16 +467,3 @@ def test_remedies_name_the_options_of_relight_and_video():
 def test_what_is_refused_is_said_in_one_line_by_the_option(work, command, words, said):
     (work / "folder").mkdir()
     assert command(*words).complaint.startswith(f"anyprobe: {said}")
-
-
-def test_an_export_without_targets_got_none(work, command):
-    assert command("export", "a.exr").complaint.endswith("or all, got none")
-
-
-def test_a_mask_s_warnings_speak_of_options(work, command, monkeypatch):
-    from anyprobe.masks import find
-
-    whole, doubt = find.find_mask, Notice("may be wrong", remedy=give("box"))
-    monkeypatch.setattr(find, "find_mask", lambda *args, **given: replace(whole(*args, **given), warnings=(doubt,)))
-    save_sphere("vase.png")
-    assert json.loads(command("mask", "vase.png", "--json").out)["warnings"] == ["may be wrong; pass --box X0,Y0,X1,Y1"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import struct
 from fractions import Fraction
 from pathlib import Path
 
@@ -166,34 +165,6 @@ def test_frames_of_another_size_are_fitted_into_the_first_s(tmp_path, other):
     assert x.max() - x.min() == pytest.approx(y.max() - y.min(), abs=2)  # still round
     scale = min(128 / other[0], 96 / other[1])
     assert x.max() - x.min() == pytest.approx(scale * min(other) / 2, abs=3)
-
-
-def test_a_clip_that_turns_midway_stays_upright(tmp_path, monkeypatch):
-    """As phones do that are turned while they record: the rotation is a frame's own."""
-    (tmp_path / "a.h264").write_bytes(encoded([(128, 96)] * 3))
-    clip, real = open_clip(tmp_path / "a.h264"), []
-
-    class Turned:
-        def __init__(self, picture, turned) -> None:
-            matrix = struct.pack("=9i", 0, -(1 << 16), 0, 1 << 16, 0, 0, 0, 0, 1 << 30)
-            self.picture, self.side_data = picture, {"DISPLAYMATRIX": matrix} if turned else {}
-
-        def __getattr__(self, name):
-            return getattr(self.picture, name)
-
-    from anyprobe.video import clip as module
-
-    shown = module.shown_pixels
-
-    def turning(picture, *rest):
-        real.append(picture)
-        return shown(Turned(picture, len(real) > 1), *rest)
-
-    monkeypatch.setattr(module, "shown_pixels", turning)
-    found = list(read_frames(clip, []))
-    assert [frame.rgb.shape for frame in found] == [(96, 128, 3)] * 3
-    assert (found[1].rgb[:, :20] == 0).all()  # bars
-    assert "96 x 128" in found[1].note
 
 
 def moving(container, colour, size=(64, 48), count=3):

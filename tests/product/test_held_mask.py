@@ -232,15 +232,6 @@ def test_a_lost_object_is_not_called_a_wrong_click(lost):
 
 
 @pytest.mark.ci
-def test_a_frame_of_another_size_is_named(lost):
-    with refused(
-        code="no-object", source="frame 5", naming="320 x 240 pixels as before, got 160 x 120", kind=InvalidMask
-    ):
-        lost.photo(shown(frame()[0][::2, ::2], 5))
-    assert lost.photo(shown(frame(seed=6)[0], 6)).mask.shape == SHAPE
-
-
-@pytest.mark.ci
 @pytest.mark.parametrize("rgb", [np.zeros(SHAPE, np.uint8), np.zeros((*SHAPE, 3), np.float32), [[0]]])
 def test_a_frame_of_other_pixels_is_refused(rgb):
     with refused("rgb", code="invalid-image", source="frame 3"):

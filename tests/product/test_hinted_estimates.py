@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from PIL import Image
-from support.refused import refused
 from support.scenes import CENTER, DIAMETER, HEIGHT, WIDTH, made_map, sphere_photo
 
 import anyprobe
@@ -53,15 +52,6 @@ def test_a_normal_map_is_read_from_arrays_pictures_and_files(tmp_path):
         read = read_normals(source, shape)
         np.testing.assert_allclose(read, normals, atol=error)
         assert (read[~on] == 0).all()
-
-
-def test_middle_grey_is_no_normal():
-    """What is left unpainted in a normal map, in eight bits as in sixteen."""
-    for grey in (np.full((HEIGHT, WIDTH, 3), 128, np.uint8), np.full((HEIGHT, WIDTH, 3), 32768, np.uint16)):
-        picture = grey.copy()
-        picture[40:50, 60:70] = np.iinfo(grey.dtype).max * np.array([0.5, 0.5, 1.0])
-        read = read_normals(picture, (HEIGHT, WIDTH))
-        assert np.abs(read).sum(axis=-1).astype(bool).sum() == 100
 
 
 @pytest.mark.parametrize("beside", ["black", "grey", "white", "facing", "transparent"])
@@ -119,17 +109,6 @@ def test_a_spheres_outline_tells_its_normals(position):
     angle = np.degrees(np.arccos(np.clip((found * expected).sum(axis=-1)[both], -1, 1)))
     assert np.median(angle) < 1.0
     assert np.percentile(angle, 95) < 6.0  # the rim is steep: a tenth of a pixel is degrees there
-
-
-def test_what_is_no_sphere_is_refused():
-    mask, _ = seen_sphere((0.0, 0.0, 6.0))
-    half = mask.copy()
-    half[:, 100:] = 0
-    square = np.zeros_like(mask)
-    square[60:140, 60:140] = 1
-    for wrong in (half, square):
-        with refused("normals"):
-            normals_from_outline(wrong, 60.0)
 
 
 def test_a_sphere_may_be_called_one():

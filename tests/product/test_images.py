@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import errno
 import io
-import os
-import struct
 
 import numpy as np
 import OpenEXR
@@ -13,9 +10,8 @@ import pytest
 from PIL import Image, ImageCms
 
 from anyprobe.core.response import response
-from anyprobe.errors import InvalidPhoto, OutputError
+from anyprobe.errors import InvalidPhoto
 from anyprobe.estimate.result import Light
-from anyprobe.files.atomic import atomic_path, unwritable
 from anyprobe.maps.radiance import write_exr, write_hdr
 from anyprobe.pictures.images import read_image, write_png
 
@@ -33,35 +29,6 @@ def saved(image: Image.Image, format: str = "PNG", **options) -> bytes:
     buffer = io.BytesIO()
     image.save(buffer, format=format, **options)
     return buffer.getvalue()
-
-
-def tiff_of_words(planes: np.ndarray, photometric: int) -> bytes:
-    """A TIFF of uint16 planes [P, H, W], each a strip of its own, not compressed."""
-    count, height, width = planes.shape
-    data, start = planes.astype("<u2").tobytes(), 8 + 2 + 12 * 10 + 4 + 14 * count
-    lists = {258: [16] * count, 273: [start + i * len(data) // count for i in range(count)]}
-    lists[279] = [len(data) // count] * count
-    single = {256: width, 257: height, 259: 1, 262: photometric, 277: count, 278: height, 284: 1 + (count > 1)}
-    entries, more, at = b"", b"", 8 + 2 + 12 * 10 + 4
-    for tag in sorted(lists | single):
-        values = lists.get(tag) or [single[tag]]
-        kind, code = (3, "H") if tag in (258, 284) else (4, "I")
-        packed = struct.pack(f"<{len(values)}{code}", *values)
-        if len(packed) > 4:
-            more, packed = more + packed, struct.pack("<I", at + len(more))
-        entries += struct.pack("<HHI", tag, kind, len(values)) + packed.ljust(4, b"\0")
-    head = b"II*\0" + struct.pack("<IH", 8, 10) + entries + bytes(4) + more
-    return head.ljust(start, b"\0") + data
-
-
-def test_sixteen_bits_in_separate_planes_are_read_and_negatives_turned():
-    rng = np.random.default_rng(0)
-    planes = rng.integers(0, 65536, (3, 40, 48))
-    found = read_image(tiff_of_words(planes, 2)).rgb
-    np.testing.assert_allclose(found, np.moveaxis(planes, 0, -1) / 65535, atol=1e-6)
-    plain, negative = (read_image(tiff_of_words(one[:1], kind)).rgb for one, kind in ((planes, 1), (65535 - planes, 0)))
-    np.testing.assert_array_equal(plain, negative)
-    np.testing.assert_allclose(plain[..., 0], planes[0] / 65535, atol=1e-4)
 
 
 def assert_one_line(caught, *words: str) -> None:
@@ -103,13 +70,6 @@ def test_every_common_format_is_read(rgb, format):
 
 
 # Modes
-
-
-def test_grey_with_alpha(rgb):
-    image = Image.merge("LA", [Image.fromarray(rgb[..., 0]), Image.fromarray(rgb[..., 1])])
-    pixels = read_image(saved(image))
-    np.testing.assert_allclose(pixels.rgb[..., 2], rgb[..., 0] / 255.0, atol=1e-6)
-    np.testing.assert_allclose(pixels.alpha, rgb[..., 1] / 255.0, atol=1e-6)
 
 
 def test_color_with_alpha_is_not_premultiplied(rgb):
@@ -186,13 +146,6 @@ def test_exif_focal_length_gives_the_longer_side(rgb, turned):
     exif.get_ifd(0x8769)[0xA405] = 26
     pixels = read_image(saved(Image.fromarray(rgb), "JPEG", exif=exif))
     assert pixels.long_fov_deg == pytest.approx(69.39, abs=0.01)
-
-
-@pytest.mark.parametrize("focal_mm", [0, 1, 60000])
-def test_senseless_focal_length_is_unknown(rgb, focal_mm):
-    exif = Image.Exif()
-    exif.get_ifd(0x8769)[0xA405] = focal_mm
-    assert read_image(saved(Image.fromarray(rgb), "JPEG", exif=exif)).long_fov_deg is None
 
 
 @pytest.mark.filterwarnings("ignore:Corrupt EXIF")
@@ -318,19 +271,6 @@ def test_exr_alpha_is_divided_out(tmp_path, radiance):
     np.testing.assert_allclose(pixels.rgb[10:], response(radiance[10:]), atol=1e-5)
 
 
-def test_exr_color_without_any_alpha_survives(tmp_path, radiance):
-    alpha = np.zeros((40, 50), dtype=np.float32)
-    write_exr_channels(tmp_path / "glow.exr", RGBA=np.dstack([radiance, alpha]))
-    np.testing.assert_allclose(read_image(tmp_path / "glow.exr").rgb, response(radiance), atol=1e-6)
-
-
-def test_exr_negative_is_clipped(tmp_path, radiance):
-    write_exr_channels(tmp_path / "photo.exr", RGB=radiance - 1.0)
-    np.testing.assert_allclose(
-        read_image(tmp_path / "photo.exr").rgb, response(np.maximum(radiance - 1.0, 0.0)), atol=1e-6
-    )
-
-
 # Writing
 
 
@@ -341,29 +281,6 @@ def test_png_round_trip(tmp_path, rgb):
     write_png(path, rgb / 255.0)
     np.testing.assert_array_equal(read_image(path).rgb, rgb / np.float32(255.0))
     assert [p.name for p in path.parent.iterdir()] == ["preview.png"]
-
-
-@pytest.mark.parametrize("failure", [RuntimeError, KeyboardInterrupt, OSError])
-def test_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, failure):
-    path = tmp_path / "result.bin"
-    path.write_bytes(b"old")
-
-    def write_half() -> None:
-        with atomic_path(path) as temporary:
-            temporary.write_bytes(b"half")
-            raise failure
-
-    with pytest.raises(OutputError if failure is OSError else failure):
-        write_half()
-    assert path.read_bytes() == b"old"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_folder_that_cannot_be_made(tmp_path, rgb):
-    (tmp_path / "file").write_bytes(b"")
-    with pytest.raises(OutputError) as caught:
-        write_png(tmp_path / "file" / "preview.png", rgb)
-    assert_one_line(caught, "preview.png", "file is a file, not a folder")
 
 
 def test_written_file_has_the_usual_permissions(tmp_path, rgb):
@@ -388,9 +305,3 @@ def test_own_map_is_no_photo(tmp_path, suffix):
     write = write_exr if suffix == ".exr" else write_hdr
     write(tmp_path / f"other{suffix}", np.ones((32, 64, 3), np.float32))
     assert read_image(tmp_path / f"other{suffix}").rgb.shape == (32, 64, 3)
-
-
-@pytest.mark.parametrize(("number", "is_full"), [(errno.EACCES, False), (errno.ENOENT, False), (errno.ENOSPC, True)])
-def test_space_is_asked_for_where_it_is_short(number, is_full, tmp_path):
-    said = str(unwritable(tmp_path / "a.png", tmp_path, OSError(number, os.strerror(number))))
-    assert said.endswith("free some space") == is_full

@@ -11,11 +11,9 @@ import pytest
 from PIL import Image
 from support.refused import refused
 
-from anyprobe.cli.photo_files import hints_for, list_photos
-from anyprobe.errors import InputError, InvalidMask
-from anyprobe.inputs.hints import Hints
+from anyprobe.cli.photo_files import list_photos
+from anyprobe.errors import InvalidMask
 from anyprobe.masks import find
-from anyprobe.masks.depth import mask_from_depth, read_depth
 from anyprobe.masks.sources import mask_from_alpha, mask_from_file
 from anyprobe.pictures.images import read_image
 
@@ -116,20 +114,6 @@ def test_an_exr_mattes_alpha_counts_where_it_cuts_something_away(tmp_path, squar
     np.testing.assert_allclose(mask_from_file(path, square.shape), square * 0.8, atol=1e-6)
 
 
-# Depth of renderers
-
-
-def test_depth_of_a_cropped_render_lies_in_the_display_window(tmp_path, square):
-    windows = {"dataWindow": ((12, 8), (51, 43)), "displayWindow": ((0, 0), (WIDTH - 1, HEIGHT - 1))}
-    depth = np.where(square > 0, 2.0, 7.0).astype(np.float32)
-    path = write_exr(tmp_path / "crop.exr", {"Z": depth[8:44, 12:52]}, **windows)
-    np.testing.assert_array_equal(mask_from_depth(path, square.shape, near=1.0, far=3.0), square)
-    found = read_depth(path)
-    assert found.shape == square.shape
-    np.testing.assert_array_equal(found[8:44, 12:52], depth[8:44, 12:52])
-    assert found.sum() == found[8:44, 12:52].sum()
-
-
 # Folders
 
 
@@ -138,16 +122,6 @@ def make(folder: str, *names: str) -> Path:
     for name in names:
         (Path(folder) / name).touch()
     return Path(folder)
-
-
-def test_a_longer_name_is_another_photos_mask(work):
-    masks = make("masks", "shot.0002.png", "shot.png", "pot.0001.png", "jar.JPG.png", "[a].0001.png", "[a].png")
-    given = Hints(mask=masks)
-    for name, mask in {"shot.jpg": "shot.png", "shot.0002.jpg": "shot.0002.png", "[a].jpg": "[a].png"}.items():
-        assert hints_for(Path(name), given).mask == masks / mask
-    assert hints_for(Path("jar.JPG"), given).mask == masks / "jar.JPG.png"
-    with refused("mask", source="pot.jpg", kind=InputError):
-        hints_for(Path("pot.jpg"), given)
 
 
 def test_hidden_files_of_a_folder_are_no_photos(work):

@@ -10,7 +10,7 @@ from anyprobe.core.resample import resample
 from anyprobe.errors import InvalidMask
 from anyprobe.masks.find import find_mask
 from anyprobe.masks.quality import examine
-from anyprobe.masks.search import GRID, Looks, Prompts, Window, find_object, finding_of
+from anyprobe.masks.search import Looks, Prompts, find_object
 from anyprobe.pictures.images import read_image
 
 HEIGHT, WIDTH = 240, 320
@@ -166,26 +166,3 @@ def test_clicks_far_from_the_middle_and_boxes_far_from_the_object_make_a_mask_do
     prompts = Prompts(**given)
     evidence = examine(find_object(Looks(Redness(), photo(LARGE)), prompts), prompts)
     assert evidence.meant == pytest.approx(expected, abs=0.03)
-
-
-def test_another_segmenters_mask_keeps_its_resolution():
-    fine = disc(500, 600, 400.3, 1200, 1000)
-    speck = disc(950, 1150, 20, 1200, 1000)
-    cover = np.maximum(fine, speck)
-    mask = finding_of(cover, Prompts()).only(cover)
-    assert iou(mask, fine) > 0.999
-    np.testing.assert_array_equal(mask[590:610], fine[590:610])
-    assert finding_of(np.zeros((40, 50), np.float32), Prompts()) is None
-
-
-def test_a_window_and_its_cells():
-    photo = Window(x0=0, y0=0, x1=200, y1=100)
-    window = photo.around((90.0, 20.0, 190.0, 60.0), 0.12)
-    assert (window.x0, window.y0, window.x1, window.y1) == (78, 8, 200, 72)
-    assert window.cells([(78, 8), (199.9, 71.9), (77, 40)]) == [(0, 0), (GRID - 1, GRID - 1)]
-    part = np.zeros((GRID, GRID), bool)
-    part[10:20, 30:40] = True
-    x0, y0, x1, y1 = window.box_of(part)
-    np.testing.assert_array_equal(window.inside((x0, y0, x1, y1)), part)
-    square = photo.square([(10, 10), (30, 10)], 60)
-    assert (square.x0, square.y0, square.x1, square.y1) == (0, 0, 60, 60)

@@ -12,14 +12,12 @@ from support.refused import refused
 
 from anyprobe.errors import InvalidMask, ModelError
 from anyprobe.estimate.photo import load_photo
-from anyprobe.masks.check import check_mask, look_at_given
+from anyprobe.masks.check import look_at_given
 from anyprobe.masks.depth import mask_from_depth, read_depth
 from anyprobe.masks.find import find_mask, require_plausible
 from anyprobe.masks.networks import SMALL_PX, SmallNetwork, default_graph
-from anyprobe.masks.overlay import EDGE, draw_overlay
 from anyprobe.masks.parts import fill_holes, label_parts
 from anyprobe.masks.prompts import BOX_LEVEL, check_clicks, draw_prompts
-from anyprobe.masks.quality import DOUBTFUL, Evidence
 from anyprobe.masks.sources import mask_from_file
 from anyprobe.pictures.images import read_image
 
@@ -94,13 +92,6 @@ def test_a_function_gets_bytes_and_gives_the_mask(kind):
     assert (seen[0].shape, seen[0].dtype) == ((120, 160, 3), np.uint8)
     assert seen[0].min() == seen[0].max() == 128
     np.testing.assert_array_equal(photo.mask > 0.5, true > 0.5)
-
-
-@pytest.mark.parametrize("answer", [None, np.zeros((120, 160)), np.ones((60, 80)), np.ones((3, 120, 160))])
-def test_a_function_that_gives_no_mask(answer):
-    with pytest.raises(InvalidMask) as caught:
-        load_photo(GREY, mask=lambda rgb: answer)
-    assert "\n" not in str(caught.value)
 
 
 # Prompts and where they go
@@ -212,17 +203,6 @@ def test_parts_are_those_that_touch(rng):
     assert fill_holes(spiral).sum() == spiral.sum()
 
 
-def good_evidence(**worse) -> Evidence:
-    return Evidence(**{**dict.fromkeys(("expected", "agreed", "whole", "meant"), 0.97), "cut": 0.0, **worse})
-
-
-@pytest.mark.parametrize("network", ["u2netp", "small"])
-def test_what_speaks_against_a_mask_lowers_what_to_expect(network):
-    best = good_evidence().expected_iou(network)
-    assert best > (DOUBTFUL if network == "u2netp" else 0.8)  # the small one's masks come with a warning anyway
-    assert good_evidence(expected=0.5, agreed=0.2).expected_iou(network) < best - 0.2
-
-
 def test_a_doubtful_mask_comes_with_a_warning_that_says_what_to_do(project_root, monkeypatch):
     rgb, _ = vase(project_root)
     monkeypatch.setattr("anyprobe.masks.find.DOUBTFUL", 1.1)
@@ -264,18 +244,6 @@ def test_an_overlay_is_read_as_the_object_and_named():
 def test_a_photo_in_the_place_of_a_mask_is_named(rng):
     grey = np.clip(rng.normal(0.5, 0.2, (120, 160)), 0, 1).astype(np.float32)
     assert "grey" in look_at_given(grey)[1][0]
-
-
-# The picture that shows a mask
-
-
-def test_overlay_dims_the_rest_and_draws_the_edge():
-    mask = disc(120, 160, 80, 60, 30)
-    picture = draw_overlay(GREY, mask, on=[(80, 60)])
-    assert picture[5, 5].max() < 0.3
-    np.testing.assert_allclose(picture[60, 60], 0.5)
-    np.testing.assert_allclose(picture[60, 109], EDGE)
-    assert picture[60, 80].tolist() != [0.5] * 3
 
 
 # The command
@@ -340,12 +308,3 @@ def test_numbers_that_are_no_mask_are_one_line(scale, kind):
     values[2:6, 2:6] = scale
     with refused("mask"):
         mask_from_file(values, (8, 8))
-
-
-def test_a_found_object_that_is_too_small_is_not_called_a_given_mask():
-    mask = np.zeros((40, 48), np.float32)
-    mask[10:16, 10:20] = 1
-    with refused(code="no-object", source="tiny.jpg", naming="found one of 10 x 6", kind=InvalidMask):
-        check_mask(mask, "tiny.jpg")
-    with refused("mask", code="no-object", naming="got 10 x 6", kind=InvalidMask):
-        check_mask(mask)

@@ -51,6 +51,7 @@ def test_command_line(name, work, command):
     if ended.out:  # else the options themselves are at fault
         assert json.loads(ended.out)["code"] == wrong.code
     assert not any(f"{key}=" in ended.err for key in HINTS)
+    assert not (work / "light").exists()
 
 
 @pytest.fixture(scope="module")

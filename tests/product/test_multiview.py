@@ -23,7 +23,6 @@ from anyprobe.estimate.sidecar import Origin
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import integral, rotate
 from anyprobe.maps.radiance import read_radiance
-from anyprobe.pictures.declared_size import photo_header
 from anyprobe.pictures.images import read_image
 
 D = pixel_directions(64)
@@ -230,18 +229,6 @@ def test_poses_tell_the_lens_where_the_photo_does_not(tmp_path):
     )
     assert own.fovs_deg(photos[:2]) == pytest.approx([90.0, 2 * np.degrees(np.arctan(75 / 110))])
     assert poses_file(tmp_path / "c.json", [{"file_path": "wide"}]).fovs_deg(photos[:1]) == [None]
-
-
-def test_photo_on_its_side_is_measured_as_it_is_shown(tmp_path):
-    exif = Image.Exif()
-    exif[0x0112] = 6
-    Image.new("RGB", (60, 40), "grey").save(tmp_path / "side.jpg", exif=exif)
-    pixels = read_image(tmp_path / "side.jpg")
-    assert photo_header(tmp_path / "side.jpg") == (pixels.rgb.shape[1::-1], None) == ((40, 60), None)
-    Image.new("RGB", (60, 40), "grey").save(tmp_path / "side.tif", exif=exif)
-    pixels = read_image(tmp_path / "side.tif")
-    assert photo_header(tmp_path / "side.tif") == (pixels.rgb.shape[1::-1], None) == ((40, 60), None)
-    assert photo_header(tmp_path / "none.jpg") == photo_header(b"no photo") == ((0, 0), None)
 
 
 # The command

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import struct
 import zipfile
@@ -10,7 +9,7 @@ import zipfile
 import numpy as np
 import OpenEXR
 import pytest
-from PIL import Image, TiffImagePlugin
+from PIL import Image
 from support.refused import refused
 from support.transforms import transforms
 
@@ -18,7 +17,6 @@ from anyprobe.errors import InvalidMask
 from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.poses import read_poses
 from anyprobe.files.meshes import read_mesh
-from anyprobe.files.objects import draw_under
 from anyprobe.maps.radiance import write_exr
 from anyprobe.masks.depth import depth_of_view
 from anyprobe.match.library_folder import open_library
@@ -132,15 +130,6 @@ def test_size_of_a_jpeg_xl_is_that_of_its_codestream():
     assert jxl_size(start + parts) == (96, 48)
 
 
-def test_tiles_of_a_float_picture_are_counted(monkeypatch):
-    monkeypatch.setattr("anyprobe.pictures.deep_pixels.MOST_BYTES", 1 << 20)
-    stream = io.BytesIO()
-    info = TiffImagePlugin.ImageFileDirectory_v2()
-    Image.fromarray(np.ones((600, 600), np.float32)).save(stream, "TIFF", tiffinfo=info)
-    with refused(code="invalid-image", source="bytes", naming="1 MB"):
-        read_image(stream.getvalue())
-
-
 def test_a_small_map_is_left_out_and_an_archive_is_no_library(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     folder = tmp_path / "maps"
@@ -165,10 +154,3 @@ def test_transparency_that_leaves_nearly_all_is_doubted():
     assert (line.code, [one.name for one in line.remedy]) == ("alpha-wide", ["click", "box", "mask"])
     photo[:40, :, 3] = 0
     assert not any("transparency" in one for one in load_photo(photo).warnings)
-
-
-@pytest.mark.parametrize("given", [{"size": -3}, {"size": 1.5}, {"size": 0}, {"fov_deg": 0}, {"fov_deg": 200}])
-def test_pictures_of_no_size_are_refused(given):
-    (name,) = given
-    with refused(name):
-        draw_under(np.ones((8, 16, 3), np.float32), "sphere", "gold", **given)

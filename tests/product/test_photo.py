@@ -129,13 +129,6 @@ def test_object_under_24_pixels():
         assert_one_line(caught, "24 pixels", "23 x 23")
 
 
-def test_specks_do_not_hide_behind_half_transparency():
-    mask = np.full((64, 64), 0.4)
-    mask[3:6, 3:6] = 1.0
-    with pytest.raises(InvalidMask):
-        check_mask(mask)
-
-
 # Box
 
 

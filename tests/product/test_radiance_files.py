@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import errno
-from pathlib import Path
-
 import numpy as np
 import OpenEXR
 import pytest
 
 from anyprobe.core.latlong import pixel_solid_angles
-from anyprobe.errors import InputError, InvalidEnvironment, OutputError
+from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.export.targets import share_above
 from anyprobe.maps.exr import read_exr
 from anyprobe.maps.radiance import HALF_MAX, map_attributes, read_radiance, write_exr, write_hdr
@@ -52,12 +49,6 @@ def test_hdr_round_trip(tmp_path, height):
     read = read_radiance(tmp_path / "map.hdr")
     assert read.dtype == np.float32
     assert_within_rgbe(read, radiance)
-
-
-def test_hdr_has_no_bias(tmp_path):
-    radiance = np.random.default_rng(1).uniform(0.5, 1.0, (64, 128, 3)).astype(np.float32)
-    write_hdr(tmp_path / "map.hdr", radiance)
-    assert read_radiance(tmp_path / "map.hdr").mean() == pytest.approx(radiance.mean(), rel=2e-4)
 
 
 def test_hdr_extremes(tmp_path):
@@ -211,13 +202,6 @@ def test_other_primaries_become_rec709(tmp_path, suffix, primaries):
     assert np.abs(stored - wanted).max() > 2 * step
 
 
-@pytest.mark.parametrize("suffix", [".hdr", ".exr"])
-def test_colour_outside_of_rec709_is_cut_at_zero(tmp_path, suffix):
-    store(tmp_path / f"map{suffix}", np.full((8, 16, 3), (0.0, 1.0, 0.0)), AP0)
-    read = read_radiance(tmp_path / f"map{suffix}")
-    np.testing.assert_allclose(read, np.full((8, 16, 3), (0.0, 1.3727, 0.0)), atol=1e-3)
-
-
 def test_rec709_rounded_by_another_program_is_left_alone(tmp_path):
     radiance = draw_map(8)
     store(tmp_path / "map.exr", radiance, (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3128, 0.3291))
@@ -256,32 +240,3 @@ def test_impossible_primaries(tmp_path, suffix, primaries):
     with pytest.raises(InvalidEnvironment) as caught:
         read_radiance(tmp_path / f"map{suffix}")
     assert_one_line(caught, f"map{suffix}", "x, y of red, green, blue", "save it as linear Rec. 709")
-
-
-# Either
-
-
-@pytest.mark.parametrize("write", [write_hdr, write_exr])
-def test_failed_write_leaves_nothing(tmp_path, write):
-    (tmp_path / "file").write_bytes(b"")
-    with pytest.raises(OutputError) as caught:
-        write(tmp_path / "file" / "map.out", draw_map(4))
-    assert_one_line(caught, "map.out")
-    with pytest.raises(InvalidEnvironment):
-        write(tmp_path / "map.out", np.full((4, 8, 3), np.nan))
-    with pytest.raises(InvalidEnvironment):
-        write(tmp_path / "map.out", np.ones((4, 4, 3)))
-    assert [p.name for p in tmp_path.iterdir()] == ["file"]
-
-
-def test_full_disk_is_one_clear_error(tmp_path, monkeypatch):
-    def full(path, data):
-        with open(path, "wb") as file:
-            file.write(data[:9])
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(OutputError) as caught:
-        write_exr(tmp_path / "map.exr", draw_map(4))
-    assert_one_line(caught, "map.exr", "No space left")
-    assert list(tmp_path.iterdir()) == []

@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 import json
-import re
-import time
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 from PIL import Image
 from support.refused import refused
 from support.scenes import made_map, sphere_photo
 
 import anyprobe
-from anyprobe.cli.relight import progress
 from anyprobe.core.camera import ASSUMED_LONG_FOV_DEG, MOST_STRETCH
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
-from anyprobe.estimate.ground import USUAL_ERROR_DEG, contact_of, estimate_ground, up_of
+from anyprobe.estimate.ground import contact_of, estimate_ground, up_of
 from anyprobe.estimate.photo import load_photo
-from anyprobe.files.meshes import MESH_SUFFIXES
 from anyprobe.files.objects import OBJECTS, open_object
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.notices import give
@@ -191,23 +186,6 @@ def test_further_is_smaller(photo):
         mesh = Stage(photo, sphere(24), Arrangement(at=(170, row), pitch_deg=15)).placement.mesh
         sizes.append(np.ptp(Stage(photo, sphere(24)).view.pixels(mesh.positions)[:, 0]))
     assert sizes[0] < 0.8 * sizes[1]
-
-
-def test_every_mesh_format_is_named_and_has_y_up(command, tmp_path):
-    """In the option's help, in the error and in the documents."""
-    with pytest.raises(InputError) as refusal:
-        open_object("bunny")
-    page = (Path(__file__).parents[2] / "docs" / "how-to" / "relight.md").read_text(encoding="utf-8")
-    said = command("relight", "--help").out
-    pillar = trimesh.creation.box((0.5, 2.0, 0.5))
-    for suffix in MESH_SUFFIXES:
-        assert suffix in said
-        assert suffix in str(refusal.value)
-        assert f"`{suffix}`" in page
-        pillar.export(tmp_path / f"pillar{suffix}")
-        wide, high, deep = np.ptp(open_object(str(tmp_path / f"pillar{suffix}")).positions, axis=0)
-        assert high == pytest.approx(4 * wide)
-        assert wide == pytest.approx(deep)
 
 
 @pytest.mark.parametrize("name", list(OBJECTS))
@@ -473,18 +451,6 @@ def test_command_writes_the_picture_and_says_where(command, work, photo_path):
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize("given", [(), ("--surroundings", "photo"), ("--pitch", 20.3)])
-def test_pitch_of_the_camera_is_said_in_whole_degrees_with_its_error(command, photo_path, work, given):
-    said = command("relight", photo_path, "--renderer", "own", *given).err.splitlines()[-1]
-    if "--pitch" in given:
-        assert ", camera 20 degrees down, " in said
-        return
-    ground = anyprobe.estimate(photo_path, surroundings="photo").ground if given else None
-    error = USUAL_ERROR_DEG if ground is None else ground.pitch_error_deg
-    assert re.search(rf", camera \d+ ± {error:.0f} degrees down, ", said), said
-
-
-@pytest.mark.ci
 def test_strip_shows_the_photo_then_every_material(command, work, photo_path, monkeypatch):
     said = []
 
@@ -503,73 +469,6 @@ def test_strip_shows_the_photo_then_every_material(command, work, photo_path, mo
         np.testing.assert_allclose(parts[0], np.asarray(opened)[..., :3] / 255, atol=1e-6)
     for one, other in zip(parts, parts[1:], strict=False):
         assert np.abs(one - other).max() > 0.02
-
-
-@pytest.mark.parametrize("silent", [False, True])
-def test_slow_step_is_named_while_it_runs(monkeypatch, capsys, silent):
-    monkeypatch.setattr("anyprobe.cli.relight.SHOWN_AFTER_S", 0.0)
-    with progress("drawing", silent):
-        for _ in range(200):
-            time.sleep(0.0 if silent else 0.01)
-            if "drawing ..." in (shown := capsys.readouterr().err):
-                break
-    assert ("drawing ..." in shown) != silent
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--insert", "bunni"), ("anyprobe: --insert: expected", "sphere, vase", "'bunni'")),
-        (("--insert", "absent.glb"), ("absent.glb: no such file; check the path",)),
-        (("--insert-material", "glass"), ("anyprobe: --insert-material: expected", "chrome, gold", "'glass'")),
-        (("--at", "12"), ("X,Y", "'12'")),
-        (("--at", "nan,4"), ("X,Y", "'nan,4'")),
-        (("--at", "60,2", "--pitch", "5"), ("--at", "above the horizon")),
-        (("--at", "100000,140"), ("--at: expected a pixel of 128 x 96, got 100000,140; choose another",)),
-        (("--at", "5000,5000", "--scale", "5"), ("--at: expected a pixel",)),
-        (("--at", "60,95", "--scale", "20"), ("--scale", "reaches behind")),
-        (("--scale", "0"), ("--scale", "0.02 to 20")),
-        (("--turn", "nan"), ("--turn", "degrees")),
-        (("--pitch", "-50"), ("--pitch", "below the horizon")),
-        (("--strip", "--insert-material", "chrome"), ("--insert-material: does nothing with --strip",)),
-        *(
-            (("--light", "absent.exr", option, *value), (f"{option}: does nothing with --light",))
-            for option, *value in (("--material", "gold"), ("--model", "lift"), ("--normals", "sphere"))
-        ),
-        (("-o", "out.jpg"), (".png", ".jpg")),
-    ],
-)
-def test_bad_option_is_refused_in_one_line(command, work, photo_path, arguments, words, monkeypatch):
-    monkeypatch.setattr("anyprobe.cli.relight.SHOWN_AFTER_S", 600.0)  # a busy machine is slow, which is said
-    complaint = command("relight", photo_path, "--renderer", "own", *arguments).complaint
-    for word in words:
-        assert word in complaint
-    assert sorted(path.name for path in photo_path.parent.iterdir()) == ["sphere.png"]
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("map_three.hdr", ("exported for three",)),
-        ("map_blender.exr", ("exported for blender",)),
-        ("alone.exr", ("u = 0.5 - atan2(x, z)",)),
-    ],
-)
-def test_light_that_lies_for_another_program_is_refused(command, work, photo_path, name, words):
-    """It would light the object from a quarter or half turn off."""
-    light = anyprobe.Light(radiance=made_map())
-    for target in ("three", "blender", "usd"):
-        light.export(target, work, "map")
-    (work / "map_usd.exr").rename(work / "alone.exr")
-    complaint = command("relight", photo_path, "--light", work / name, "--renderer", "own").complaint
-    for word in ("front in its centre", *words):
-        assert word in complaint
-
-
-@pytest.mark.ci
-def test_light_of_an_estimate_is_taken(command, work, photo_path):
-    saved = anyprobe.Light(radiance=made_map()).save(work / "map.exr")
-    assert command("relight", photo_path, "--light", saved, "--renderer", "own", "-q").status == 0
 
 
 @pytest.mark.ci
@@ -627,22 +526,6 @@ def test_paths_agree_with_our_shading_on_a_sphere(name):
     np.testing.assert_allclose(difference.mean(axis=0) / mean, 0, atol=0.01)
     # a metal's highlight differs over a pixel; with independent paths the others' error is .025
     assert np.sqrt(np.square(difference).mean()) < (0.03 if name == "gold" else 0.015) * mean.mean()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("at_once", [2, 8, 32, 128])
-def test_any_number_of_paths_is_traced_in_any_number_of_steps(at_once, monkeypatch):
-    """The sampler itself takes few counts."""
-    mitsuba = pytest.importorskip("anyprobe.relight.path_traced")
-    try:
-        mitsuba.open_mitsuba()
-    except anyprobe.MissingExtra as reason:
-        pytest.skip(str(reason))
-    mesh = sphere(16)
-    camera = frame_object(mesh, np.eye(3), 30.0, size=8)
-    monkeypatch.setattr(mitsuba, "PATHS_AT_ONCE", at_once * camera.size**2)
-    drawn = mitsuba.trace_mesh(mesh, camera, np.ones((8, 16, 3), np.float32), WHITE, num_paths=100)
-    np.testing.assert_allclose(drawn[2:6, 2:6].mean(axis=(0, 1)), 1.0, atol=0.03)
 
 
 @pytest.mark.ci

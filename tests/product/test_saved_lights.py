@@ -93,27 +93,6 @@ def test_a_sidecar_of_another_version_is_refused(light, tmp_path, version):
     assert (error.value.code, error.value.notice.source) == ("invalid-option", str(path))
 
 
-@pytest.mark.parametrize("own", [True, False])
-def test_a_photo_may_be_called_ambient(light, tmp_path, own):
-    """vase_ambient.exr is an export's second map only where no photo of this name has a .json."""
-    light.save(tmp_path / "vase.json")
-    other = anyprobe.Light(radiance=light.radiance, well_exposed_fraction=0.25, origin=Origin(photo="vase_ambient.png"))
-    path = other.save(tmp_path / "vase_ambient.exr")
-    if own:
-        other.save(tmp_path / "vase_ambient.json")
-    assert anyprobe.Light.load(path).info["photo"] == ("vase_ambient.png" if own else "vase.png")
-
-
-def test_lights_of_disk_are_fused(light, tmp_path):
-    """The exposure is in the sidecar."""
-    for name, gain in (("a", 1.0), ("b", 0.5)):
-        one = anyprobe.Light(radiance=gain * made_map(), origin=Origin(exposure=gain, photo=name))
-        one.save(tmp_path / f"{name}.exr")
-        one.save(tmp_path / f"{name}.json")
-    loaded = [anyprobe.Light.load(tmp_path / f"{name}.exr") for name in "ab"]
-    np.testing.assert_allclose(anyprobe.fuse_lights(loaded, [np.eye(3)] * 2).radiance, made_map(), rtol=2e-3)
-
-
 @pytest.mark.parametrize("name", ["vase.json", "vase.png", "none.exr", "vase_blender.exr", "vase_three.hdr"])
 def test_what_is_no_saved_light_is_refused(light, tmp_path, name):
     light.save(tmp_path / "vase.json")

@@ -196,21 +196,6 @@ def rembg(tmp_path, monkeypatch) -> Rembg:
     return Rembg()
 
 
-def test_rembg_finds_what_stands_out_in_a_box_alone(rembg, photo):
-    photo[30:50, 5:25] = (220, 40, 30)
-    everything = rembg.segment(photo, [], [], None) > 0.5
-    assert everything[45, 90]
-    assert everything[40, 15]
-    assert overlap(rembg.segment(photo, [], [], (50, 12, 130, 78))) > 0.9
-
-
-def test_rembg_models_that_send_photos_away_are_refused(rembg):
-    with pytest.raises(InputError, match="runs here"):
-        Rembg("atlascloud")
-    with pytest.raises(InputError, match="runs here"):
-        Rembg("nothing")
-
-
 def test_rembg_that_is_not_installed_names_the_extra(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "rembg", None)
     with refused(code="unsupported", naming="[rembg]"):

@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import errno
-import io
 import json
-import os
 import sys
 import threading
 
 import numpy as np
 import pytest
-from support.refused import refused
 from support.two_phase import two_phase
 
 import anyprobe
 from anyprobe.cli import app
-from anyprobe.errors import InputError, InvalidPhoto, MissingExtra
+from anyprobe.errors import InputError, MissingExtra
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import Origin
-from anyprobe.files import paths
 
 
 @pytest.fixture
@@ -90,18 +86,6 @@ def test_a_closed_input_is_one_line(command, order, work, monkeypatch):
     assert "closed standard input" in command(*order.split()).complaint
 
 
-def test_an_input_without_an_end_is_refused(monkeypatch):
-    monkeypatch.setattr(paths, "CHUNK_BYTES", 10)
-
-    class Endless(io.RawIOBase):
-        def read(self, size=-1):
-            assert 0 < size <= 10
-            return b"x" * size
-
-    with refused(code="invalid-image", source="stdin", naming="at most"):
-        paths.read_stream(Endless(), "stdin", InvalidPhoto, 100)
-
-
 @pytest.mark.parametrize("kind", [np.uint8, np.float32])
 @pytest.mark.parametrize("field", ["photo", "mask", "depth", "normals", "surroundings"])
 def test_a_masked_array_is_refused_and_says_how_to_fill_it(photo_rgba, kind, field):
@@ -109,11 +93,6 @@ def test_a_masked_array_is_refused_and_says_how_to_fill_it(photo_rgba, kind, fie
     given = ({"near": 0.5} if field == "depth" else {}) | ({field: masked} if field != "photo" else {})
     with pytest.raises(InputError, match="masked array; fill it first"):
         anyprobe.load_photo(masked if field == "photo" else photo_rgba, anyprobe.Hints(**given))
-
-
-def test_a_light_of_a_masked_array_is_refused():
-    with refused(code="invalid-map", source="light", naming="masked array"):
-        Light(radiance=np.ma.masked_array(two_phase(8)))
 
 
 # Sidecars
@@ -127,22 +106,7 @@ def saved(tmp_path):
     return path
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-32"])
-def test_a_sidecar_of_any_unicode_is_read(saved, encoding):
-    beside = saved.with_suffix(".json")
-    beside.write_bytes(beside.read_text(encoding="utf-8").encode(encoding))
-    assert Light.load(saved).info["photo"] == "kept.jpg"
-
-
 @pytest.mark.parametrize("said", [[1, 2], {"name": "of another program"}, "text", None])
 def test_a_json_of_another_program_is_left_alone(saved, said):
     saved.with_suffix(".json").write_text(json.dumps(said), encoding="utf-8")
-    assert "photo" not in Light.load(saved).info
-
-
-def test_a_pipe_beside_a_map_is_not_waited_for(saved):
-    if not hasattr(os, "mkfifo"):
-        pytest.skip("needs POSIX")
-    saved.with_suffix(".json").unlink()
-    os.mkfifo(saved.with_suffix(".json"))
     assert "photo" not in Light.load(saved).info

@@ -35,7 +35,7 @@ from anyprobe.render.shapes import sphere
 from anyprobe.render.spheres import sphere_images
 from anyprobe.video import run as run_module
 from anyprobe.video.clip import clip_size, join_pieces, open_clip, read_frames, write_piece
-from anyprobe.video.following import MaskFollower, inner_point
+from anyprobe.video.following import MaskFollower
 from anyprobe.video.preview import HEIGHT, MAP_ROWS, SIDE, WIDTH, beside_frame
 from anyprobe.video.run import ClipRun, VirtualObject
 from anyprobe.video.track import Progress, load_progress, save_progress
@@ -219,15 +219,6 @@ def test_masks_are_taken_in_the_order_one_counts_in(tmp_path, made):
         assert follower.photo(frame).mask.any()  # m10, which is empty, comes last
 
 
-@pytest.mark.parametrize("cut", [0, 100])
-def test_what_another_version_left_is_one_line(begin, whole, tmp_path, cut):
-    shutil.copytree(whole(3).folder, tmp_path / "out")
-    state = tmp_path / "out" / ".state.npz"
-    state.write_bytes(state.read_bytes()[:cut])
-    with refused(source=".state.npz", naming="damaged"):
-        begin(tmp_path / "out")
-
-
 @pytest.mark.usefixtures("small_masks")
 @pytest.mark.parametrize("where", [{"box": (12, 32, 70, 90)}, {"click": (40, 60)}])
 def test_object_of_the_first_frame_is_followed(made, where):
@@ -245,16 +236,6 @@ def test_another_object_is_not_taken_for_it(made):
     with pytest.raises(InvalidMask, match="about 100 pixels"):
         follower.photo(next(read_frames(open_clip(made / "clip.mp4"), [])))
     assert follower.last[2] == 100.0
-
-
-@pytest.mark.parametrize("size", [(96, 128), (700, 900)])
-def test_inner_point_of_a_crescent_lies_on_it(size):
-    """Its middle does not; the thickest place is at the left."""
-    rows, columns = np.mgrid[0 : size[0], 0 : size[1]] / size[0]
-    moon = (np.hypot(rows - 0.5, columns - 0.5) < 0.4) & (np.hypot(rows - 0.5, columns - 0.62) > 0.35)
-    x, y = inner_point(moon.astype(np.float32))
-    assert x / size[0] == pytest.approx(0.185, abs=0.04)
-    assert y / size[0] == pytest.approx(0.5, abs=0.06)
 
 
 # Going on

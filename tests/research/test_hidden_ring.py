@@ -1,14 +1,11 @@
 """The hidden ring: what is compared, with what, and what is left out."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.core.response import response
 from research.real_photos import hidden
-from research.real_photos.hidden import BESIDE, BORDER, FOV_DEG, KEPT, MEAN, OWN
+from research.real_photos.hidden import FOV_DEG, KEPT
 
 HEIGHT, WIDTH = 240, 320
 FOCAL = WIDTH / 2 / np.tan(np.radians(FOV_DEG / 2))
@@ -47,37 +44,3 @@ def test_the_ring_is_the_photo_without_the_crop_where_the_map_has_it(mask):
     scores = hidden.score_ring(ring, {"truth": true, "turned": np.roll(true, 1, axis=1)})
     assert scores["truth"]["rmse"] < 0.01 < scores["turned"]["rmse"]
     assert abs(scores["truth"]["tilt"]) < 0.02
-
-
-def test_the_baselines_are_the_crop_s(mask):
-    picture = picture_of(slopes)
-    ring = hidden.ring_of(picture, mask)
-    maps = hidden.maps_of(ring, Constant(0.2))
-    assert list(maps) == [OWN, MEAN, BORDER, BESIDE, "object alone", "default", hidden.PANORAMA]
-    inside = mask[48:192, 64:256] == 0
-    np.testing.assert_allclose(maps[MEAN][0, 0], picture[48:192, 64:256][inside].mean(axis=0), atol=1e-5)
-    d = pixel_directions(64)
-    for row, column in np.argwhere(ring.where):
-        x, y, z = d[row, column]
-        at = np.clip(HEIGHT / 2 - FOCAL * y / -z, 48, 191), np.clip(WIDTH / 2 + FOCAL * x / -z, 64, 255)
-        np.testing.assert_allclose(maps[BORDER][row, column], picture[int(at[0]), int(at[1])], atol=0.02)
-    np.testing.assert_array_equal(maps[BORDER], maps[BESIDE])
-    assert maps["default"][0, 0, 0] == pytest.approx(response(np.float64([0.2]))[0])
-    assert maps[hidden.PANORAMA][0, 0, 0] == pytest.approx(response(np.float64([0.4]))[0])
-    scores = hidden.score_ring(ring, maps)
-    assert scores[OWN]["rmse"] <= min(scores[MEAN]["rmse"], scores["default"]["rmse"])
-
-
-class Constant:
-    """An estimator that answers one radiance everywhere."""
-
-    def __init__(self, level: float) -> None:
-        self.level = level
-
-    def from_photo(self, photo):
-        self.radiance = np.full((64, 128, 3), self.level, np.float32)
-        return self
-
-    def panorama(self, rows, *, frame):
-        assert frame == "camera"
-        return SimpleNamespace(radiance=np.full((rows, 2 * rows, 3), 2 * self.level, np.float32))

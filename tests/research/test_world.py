@@ -30,17 +30,6 @@ STORE = AssetStore(
 )
 
 
-def drawn(**changes):
-    """A recipe's pair, and the material that the path tracer gets."""
-    given = []
-
-    def trace(mesh, camera, radiance, material):
-        given.append(material)
-        return np.full((128, 128, 4), 0.5, np.float32)
-
-    return render_pair(replace(RECIPE, **changes), STORE, trace), given[0]
-
-
 class _AskedError(Exception):
     """Ends the drawing of a pair where the path tracer is asked."""
 
@@ -88,13 +77,3 @@ def test_materials_are_of_the_recipe_s_kind_and_half():
                 value.append(luminance(total_reflectance(given.albedo, given.f0)).mean())
         assert max(value[:2]) < min(value[2:]) + 0.1
         assert np.mean(value[:2]) < np.mean(value[2:])
-
-
-def test_photos_of_the_world_are_metered_by_the_frame(monkeypatch):
-    levels = []
-    of_frame = distributions.frame_level
-    monkeypatch.setattr(distributions, "frame_level", lambda seen: levels.append(of_frame(seen)) or levels[-1])
-    drawn()
-    assert len(levels) == 1
-    drawn(conditions=1)
-    assert len(levels) == 1
