@@ -12,8 +12,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
+import cyclopts
 import numpy as np
-import typer
+from cyclopts import Parameter
 from PIL import Image, ImageDraw, ImageFont
 
 import anyprobe
@@ -36,7 +37,7 @@ SHOWN = 0, 100, 512, 484
 WIDTH, GAP, LABEL = 424, 4, 24
 
 
-def main(photo: Annotated[Path, typer.Argument(help="The teapot's photo, square.")] = PHOTO) -> None:
+def main(photo: Annotated[Path, Parameter(help="The teapot's photo, square.")] = PHOTO, /) -> None:
     """Write photo, photo with spheres, and panorama in one picture."""
     with Image.open(photo) as image:
         pixels = np.asarray(image.convert("RGB").resize((SIDE, SIDE), Image.Resampling.LANCZOS))
@@ -68,4 +69,4 @@ def _fitted(display: np.ndarray, part: tuple[int, int, int, int] | None, width: 
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    cyclopts.run(main)

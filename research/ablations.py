@@ -13,10 +13,11 @@ from typing import Annotated, Any
 
 import numpy as np
 import torch
-import typer
+from cyclopts import Parameter
 from rich.progress import track
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.cli.app import new_app
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
 from anyprobe_train.dataset.pair import Pair
@@ -29,7 +30,7 @@ from research.compare.study import difference, means
 from research.left_out import PAIRS, left_out_pairs
 from research.results import commit, write_result
 
-app = typer.Typer(help=__doc__, no_args_is_help=True, rich_markup_mode=None)
+app = new_app(__doc__)
 
 
 def lift_trial() -> RunConfig:
@@ -131,23 +132,26 @@ FIRST, OTHER_MODEL = "lift_trial", "shapes_trial"
 FIGURES = ("ldr_rmse", "ldr_ssim", "ln_hdr_rmse", "angle_diffuse_deg", "dominant_light_deg", "total_power_stops")
 
 
-@app.command("train")
+@app.command(name="train")
 def train_run(
-    name: Annotated[str, typer.Argument(help="One of " + ", ".join(ABLATIONS))],
-    data: Annotated[Path, typer.Option(help="Folder with hdri/train and meshes/train.")],
-    runs: Annotated[Path, typer.Option(help="Folder for checkpoints, logs and caches.")] = Path("runs"),
+    name: Annotated[str, Parameter(help="One of " + ", ".join(ABLATIONS))],
+    /,
+    *,
+    data: Annotated[Path, Parameter(help="Folder with hdri/train and meshes/train.")],
+    runs: Annotated[Path, Parameter(help="Folder for checkpoints, logs and caches.")] = Path("runs"),
 ) -> None:
     """Train one, a quarter of an hour of a core; resumes."""
     if name not in ABLATIONS:
         raise InputError(f"expected one of {', '.join(ABLATIONS)}", source=f"run {name!r}")
-    typer.echo(train(ABLATIONS[name](), data=data, runs=runs))
+    print(train(ABLATIONS[name](), data=data, runs=runs))
 
 
 @app.command()
 def score(
-    data: Annotated[Path, typer.Option(help="The data they learned from; scored on what its licences leave out.")],
-    runs: Annotated[Path, typer.Option(help="Folder of the trained runs.")] = Path("runs"),
-    out: Annotated[Path, typer.Option("-o", "--out", help="File to write.")] = Path("runs/ablations.json"),
+    *,
+    data: Annotated[Path, Parameter(help="The data they learned from; scored on what its licences leave out.")],
+    runs: Annotated[Path, Parameter(help="Folder of the trained runs.")] = Path("runs"),
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="File to write.")] = Path("runs/ablations.json"),
 ) -> None:
     """Score every trained one, pair by pair against lift_trial."""
     methods = trained(runs)
@@ -164,8 +168,8 @@ def score(
     }
     write_result(out, {"commit": commit(), "pairs": PAIRS, "rows": rows})
     for name, row in rows.items():
-        typer.echo(f"{name}: " + ", ".join(f"{key} {value:.4g}" for key, value in row["means"].items()))
-    typer.echo(out)
+        print(f"{name}: " + ", ".join(f"{key} {value:.4g}" for key, value in row["means"].items()))
+    print(out)
 
 
 def trained(runs: Path) -> dict[str, Method]:

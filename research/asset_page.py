@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import hashlib
 import re
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from cyclopts import Parameter
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.errors import InputError
@@ -154,22 +155,24 @@ def _table(table: list[tuple[str, ...]]) -> str:
 
 
 def main(
-    data: Annotated[Path, typer.Argument(metavar="DATA", help="Folder with hdri/ and meshes/.")],
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="The page to write; else it is printed.")] = None,
-    test: Annotated[bool, typer.Option("--test", help="Assets of the frozen test set, with their SHA-256.")] = False,
+    data: Annotated[Path, Parameter(name="DATA", help="Folder with hdri/ and meshes/.")],
+    /,
+    *,
+    out: Annotated[Path | None, Parameter(name=("--out", "-o"), help="The page to write; else it is printed.")] = None,
+    test: Annotated[bool, Parameter(name="--test", help="Assets of the frozen test set, with their SHA-256.")] = False,
 ) -> None:
     """Print or write the page."""
     if test:
         text = frozen_page(data)
     else:
-        text = asset_page(data, report=lambda line: typer.echo(f"warning: {line}", err=True))
+        text = asset_page(data, report=lambda line: print(f"warning: {line}", file=sys.stderr))
     if out is None:
-        typer.echo(text, nl=False)
+        print(text, end="")
         return
     with atomic_path(out) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
-    typer.echo(out)
+    print(out)
 
 
 if __name__ == "__main__":
-    run_command(lambda: typer.run(main))
+    run_command(main)

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import typer
 from PIL import Image, ImageDraw, ImageFont
 
 from anyprobe.cli.app import main as run_command
@@ -188,4 +187,4 @@ def fitted(picture: np.ndarray, height: int) -> Image.Image:
 
 
 if __name__ == "__main__":
-    run_command(lambda: typer.run(main))
+    run_command(main)

@@ -18,9 +18,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import typer
+from cyclopts import Parameter
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.cli.options import bounded
 from anyprobe.estimate.refine import shown_of
 from anyprobe.estimate.runtime import Models
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
@@ -136,10 +137,12 @@ def summary(rows: list[dict[str, Any]], name: str) -> dict[str, Any]:
 
 
 def main(
-    data: Annotated[Path, typer.Argument(help="Folder with hdri/ and meshes/.")],
-    left: Annotated[bool, typer.Option("--left-out", help="Photos by maps that no weights learn from.")] = False,
-    photos: Annotated[int, typer.Option(min=4)] = PHOTOS,
-    conditions: Annotated[int, typer.Option(help="0: clean photos; 1: as the world gives them.")] = 0,
+    data: Annotated[Path, Parameter(help="Folder with hdri/ and meshes/.")],
+    /,
+    *,
+    left: Annotated[bool, Parameter(name="--left-out", help="Photos by maps that no weights learn from.")] = False,
+    photos: Annotated[int, bounded(4)] = PHOTOS,
+    conditions: Annotated[int, Parameter(help="0: clean photos; 1: as the world gives them.")] = 0,
 ) -> None:
     """Print one JSON object."""
     store, library = (left_out if left else held_out)(data)
@@ -152,4 +155,4 @@ def main(
 
 
 if __name__ == "__main__":
-    run_command(lambda: typer.run(main))
+    run_command(main)

@@ -14,7 +14,7 @@ import re
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
+from cyclopts import Parameter
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.core.contract import contract
@@ -61,7 +61,7 @@ def _spaced(values: dict[str, Any]) -> str:
     return "{ " + json.dumps(values)[1:-1] + " }"
 
 
-def main(table: Annotated[Path, typer.Argument(help="PhysicallyBasedMaterial.json.")]) -> None:
+def main(table: Annotated[Path, Parameter(help="PhysicallyBasedMaterial.json.")], /) -> None:
     """Write the materials into the contract."""
     found = json.loads(table.read_text(encoding="utf-8"))
     taken = [one for one in found if not why_not(one)]
@@ -75,4 +75,4 @@ def main(table: Annotated[Path, typer.Argument(help="PhysicallyBasedMaterial.jso
 
 
 if __name__ == "__main__":
-    run_command(lambda: typer.run(main))
+    run_command(main)

@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import typer
+from cyclopts import Parameter
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.cli.options import bounded
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import stages_of, weights_folder
 from anyprobe.files.graphs import CPU, open_graph
@@ -73,20 +74,21 @@ def _seconds(call: Callable[[], Any], repeats: int) -> dict[str, float]:
 
 
 def timing(
-    model: Annotated[list[str] | None, typer.Option(help="Bundled model or folder; repeat for more.")] = None,
-    providers: Annotated[str, typer.Option(help="Execution providers of ONNX Runtime, between commas.")] = CPU[0],
-    threads: Annotated[int, typer.Option(min=1, help="Threads of the runtime.")] = 1,
-    repeats: Annotated[int, typer.Option(min=3, help="Calls, of which the median counts.")] = 50,
-    photo: Annotated[Path, typer.Option(help="A photo with an alpha channel.")] = Path("examples/vase.png"),
+    *,
+    model: Annotated[list[str] | None, Parameter(help="Bundled model or folder; repeat for more.")] = None,
+    providers: Annotated[str, Parameter(help="Execution providers of ONNX Runtime, between commas.")] = CPU[0],
+    threads: Annotated[int, Parameter(help="Threads of the runtime."), bounded(1)] = 1,
+    repeats: Annotated[int, Parameter(help="Calls, of which the median counts."), bounded(3)] = 50,
+    photo: Annotated[Path, Parameter(help="A photo with an alpha channel.")] = Path("examples/vase.png"),
 ) -> None:
     """Print milliseconds of each network and of the whole call."""
-    typer.echo(machine_name())
+    print(machine_name())
     for name in model or [DEFAULT_MODEL]:
         made = time_model(name, photo, threads, repeats, providers.split(","))
         parts = {**made["networks"], "whole call": made["whole"]}
         figures = ", ".join(f"{part} {1e3 * times['median']:.1f}" for part, times in parts.items())
-        typer.echo(f"{Path(name).name}: {figures} ms")
+        print(f"{Path(name).name}: {figures} ms")
 
 
 if __name__ == "__main__":
-    run_command(lambda: typer.run(timing))
+    run_command(timing)

@@ -7,14 +7,16 @@ display values of the mean camera curve.
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
+from cyclopts import Parameter
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.cli.options import bounded
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
@@ -152,13 +154,14 @@ def _near(mask: np.ndarray, pixels: int) -> np.ndarray:
 
 
 def check(
-    data: Annotated[Path, typer.Option(help="Folder with hdri and meshes.")],
-    cache: Annotated[Path, typer.Option(help="Folder of the world.")],
-    count: Annotated[int, typer.Option(min=1, help="Layouts of each family.")] = 12,
-    quality: Annotated[int, typer.Option(min=1, help="Times the paths of research.scenes.")] = 4,
-    family: Annotated[list[str] | None, typer.Option(help="Only this one; repeat for more.")] = None,
-    sheet: Annotated[Path | None, typer.Option(help="Picture of both and their difference.")] = None,
-    out: Annotated[Path, typer.Option("-o", "--out")] = Path("runs/world-check.json"),
+    *,
+    data: Annotated[Path, Parameter(help="Folder with hdri and meshes.")],
+    cache: Annotated[Path, Parameter(help="Folder of the world.")],
+    count: Annotated[int, Parameter(help="Layouts of each family."), bounded(1)] = 12,
+    quality: Annotated[int, Parameter(help="Times the paths of research.scenes."), bounded(1)] = 4,
+    family: Annotated[list[str] | None, Parameter(help="Only this one; repeat for more.")] = None,
+    sheet: Annotated[Path | None, Parameter(help="Picture of both and their difference.")] = None,
+    out: Annotated[Path, Parameter(name=("--out", "-o"))] = Path("runs/world-check.json"),
 ) -> None:
     """Print the medians of each family: display RMSE on the object, beside it and near it, and shares of pixels."""
     from PIL import Image
@@ -170,15 +173,17 @@ def check(
             figures, picture = compared(world, name, number, quality)
             rows[name].append(figures)
             tiles.append(picture)
-            typer.echo(f"{name} {number} " + " ".join(f"{key} {value:.3f}" for key, value in figures.items()), err=True)
+            print(
+                f"{name} {number} " + " ".join(f"{key} {value:.3f}" for key, value in figures.items()), file=sys.stderr
+            )
             if sheet is not None:
                 strips = [np.vstack(tiles[k : k + count]) for k in range(0, len(tiles) - len(tiles) % count, count)]
                 if strips:
                     Image.fromarray(np.uint8(255 * np.clip(np.hstack(strips), 0, 1))).save(sheet)
         medians = {key: round(float(np.nanmedian([row[key] for row in rows[name]])), 4) for key in rows[name][0]}
-        typer.echo(f"{name}: {json.dumps(medians)}")
+        print(f"{name}: {json.dumps(medians)}")
     write_result(out, {"commit": commit(), "rows": rows})
 
 
 if __name__ == "__main__":
-    run_command(lambda: typer.run(check))
+    run_command(check)

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
 from PIL import Image
 from support import shape_checks
 
@@ -153,10 +152,6 @@ def work(tmp_path, monkeypatch) -> Path:
     return tmp_path
 
 
-_commands = lru_cache(typer.main.get_command)
-"""The commands of an application: made once, as they take longer than many a test of them."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
     """How a command ended."""
@@ -180,7 +175,6 @@ class Outcome:
 @pytest.fixture
 def command(capfd, monkeypatch, networks_opened_once, small_results, rough_shadows) -> Callable[..., Outcome]:
     """The installed command's own entry point, or another, called in this process; its pictures are small."""
-    monkeypatch.setattr(typer.main, "get_command", _commands)
 
     def run(*arguments: object, main: Callable[[], None] = main) -> Outcome:
         monkeypatch.setattr(sys, "argv", ["anyprobe", *map(str, arguments)])

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from typing import Any
 
 from mkdocs.structure.files import File, Files
+
+from anyprobe.cli.app import app
 
 PAGE = "reference/command-line.md"
 PLACEHOLDER = re.compile(r"<(\w+)>")
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the page, which Typer writes from the application."""
-    command = [sys.executable, "-m", "typer", "anyprobe.cli.app", "utils", "docs", "--name", "anyprobe"]
-    written = subprocess.run([*command, "--title", "Command line"], check=True, capture_output=True, text=True)
-    files.append(File.generated(config, PAGE, content=escaped(written.stdout)))
+    """Add the page, which cyclopts writes from the application."""
+    page = app.generate_docs().replace("# anyprobe\n", "# Command line\n", 1)
+    files.append(File.generated(config, PAGE, content=escaped(page)))
     return files
 
 

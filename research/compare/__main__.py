@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from cyclopts import Parameter
 from rich.progress import track
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.cli.options import bounded
 from anyprobe.estimate.runtime import Models, model_id
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe_train.dataset.asset_store import AssetStore
@@ -27,15 +28,16 @@ AHEAD = ("ldr_rmse", "sphere_rmse", "relight_rmse")
 
 
 def compare(
-    hdri: Annotated[Path, typer.Option(help="Folder of held-out maps, as for anyprobe-train evaluate.")],
-    meshes: Annotated[Path, typer.Option(help="Folder of held-out shapes.")],
-    model: Annotated[list[str] | None, typer.Option(help="Bundled model or folder of graphs; repeat for more.")] = None,
-    pairs: Annotated[int, typer.Option(min=2, max=1000, help="The first so many pairs.")] = 1000,
+    *,
+    hdri: Annotated[Path, Parameter(help="Folder of held-out maps, as for anyprobe-train evaluate.")],
+    meshes: Annotated[Path, Parameter(help="Folder of held-out shapes.")],
+    model: Annotated[list[str] | None, Parameter(help="Bundled model or folder of graphs; repeat for more.")] = None,
+    pairs: Annotated[int, Parameter(help="The first so many pairs."), bounded(2, 1000)] = 1000,
     recipes: Annotated[
-        Path | None, typer.Option(help="List of pairs in the place of the frozen ones, such as DIR/frozen_public.txt.")
+        Path | None, Parameter(help="List of pairs in the place of the frozen ones, such as DIR/frozen_public.txt.")
     ] = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="File to write.")] = Path("runs/compare.json"),
-    kept: Annotated[Path | None, typer.Option(help="Folder that keeps rendered pairs for the next time.")] = None,
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="File to write.")] = Path("runs/compare.json"),
+    kept: Annotated[Path | None, Parameter(help="Folder that keeps rendered pairs for the next time.")] = None,
 ) -> None:
     """Score every method on the frozen test set or a list of pairs, by every figure of docs/reference/evaluation.md."""
     names = model or [DEFAULT_MODEL]
@@ -68,8 +70,8 @@ def compare(
             },
         },
     )
-    typer.echo(out)
+    print(out)
 
 
 if __name__ == "__main__":
-    run_command(lambda: typer.run(compare))
+    run_command(compare)

@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated
 
-import typer
+from cyclopts import Parameter
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.runtime import Models, weights_folder
@@ -18,14 +18,16 @@ from research.left_out import left_out_pairs, left_out_world_pairs
 
 
 def main(
-    to: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for light.onnx.")],
-    data: Annotated[Path, typer.Option(help="Folder with assets that no weights learn from, to calibrate on.")],
-    runs: Annotated[Path, typer.Option(help="Folder of the trained runs.")] = Path("runs"),
+    to: Annotated[Path, Parameter(name="FOLDER", help="Folder for light.onnx.")],
+    /,
+    *,
+    data: Annotated[Path, Parameter(help="Folder with assets that no weights learn from, to calibrate on.")],
+    runs: Annotated[Path, Parameter(help="Folder of the trained runs.")] = Path("runs"),
     kept: Annotated[
-        Path | None, typer.Option(help="Weights of the run whose graph ships, instead of its checkpoint.")
+        Path | None, Parameter(help="Weights of the run whose graph ships, instead of its checkpoint.")
     ] = None,
     mean_with: Annotated[
-        Path | None, typer.Option(help="Kept weights from which the run began, to take the mean with.")
+        Path | None, Parameter(help="Kept weights from which the run began, to take the mean with.")
     ] = None,
 ) -> None:
     """Export the run `lift`, calibrated on pairs of assets that no weights learn from."""
@@ -38,10 +40,10 @@ def main(
             checkpoint = mean_checkpoint(checkpoint, mean_with, Path(scratch) / "mean.pt")
         folder, pairs = Path(scratch) / "graphs", runs / "cache" / "left_out"
         sureness = calibrated(checkpoint, folder, data, pairs)
-        typer.echo("confidence: logit times {:.3g}, plus {:.3g}".format(*sureness.logit))
-        typer.echo("errors of reflectance, level, colour: times {:.3g}, {:.3g}, {:.3g}".format(*sureness.errors))
+        print("confidence: logit times {:.3g}, plus {:.3g}".format(*sureness.logit))
+        print("errors of reflectance, level, colour: times {:.3g}, {:.3g}, {:.3g}".format(*sureness.errors))
         off = export_graphs(checkpoint, to, sureness)["light"]
-        typer.echo(f"{to / 'light.onnx'}: within {off:.2g} of torch")
+        print(f"{to / 'light.onnx'}: within {off:.2g} of torch")
 
 
 def calibrated(checkpoint: Path, folder: Path, data: Path, kept: Path) -> Sureness:
@@ -54,4 +56,4 @@ def calibrated(checkpoint: Path, folder: Path, data: Path, kept: Path) -> Surene
 
 
 if __name__ == "__main__":
-    run_command(lambda: typer.run(main))
+    run_command(main)

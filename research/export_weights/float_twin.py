@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
+from cyclopts import Parameter
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.estimate.runtime import weights_folder
@@ -54,12 +54,12 @@ def _dequantized(q: np.ndarray, scale: np.ndarray, zero: np.ndarray) -> np.ndarr
     return ((q.astype(np.int32) - zero.astype(np.int32).reshape(shape)) * scale.reshape(shape)).astype(np.float32)
 
 
-def main(to: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for light.onnx.")]) -> None:
+def main(to: Annotated[Path, Parameter(name="FOLDER", help="Folder for light.onnx.")], /) -> None:
     """Write the float twin of the shipped graph."""
     path = to / "light.onnx"
     float_twin(weights_folder("lift") / path.name, path)
-    typer.echo(f"{path}: {path.stat().st_size / 2**20:.1f} MiB")
+    print(f"{path}: {path.stat().st_size / 2**20:.1f} MiB")
 
 
 if __name__ == "__main__":
-    run_command(lambda: typer.run(main))
+    run_command(main)

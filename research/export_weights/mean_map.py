@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 import torch
-import typer
+from cyclopts import Parameter
 
 from anyprobe.cli.app import main as run_command
 from anyprobe.errors import InputError
@@ -30,17 +30,19 @@ def write_mean_map(source: PairSource, path: Path, batches: int = 64) -> None:
 
 
 def main(
-    to: Annotated[Path, typer.Argument(metavar="FILE.exr")] = Path("src/anyprobe/weights/mean_map.exr"),
-    run: Annotated[str, typer.Option(help=f"Run whose pairs count: {', '.join(RUNS)}.")] = "lift",
-    data: Annotated[Path | None, typer.Option(help="Data the run was trained on; else procedural maps.")] = None,
-    runs: Annotated[Path, typer.Option(help="Folder of the trained runs, for the cache.")] = Path("runs"),
+    to: Annotated[Path, Parameter(name="FILE.exr")] = Path("src/anyprobe/weights/mean_map.exr"),
+    /,
+    *,
+    run: Annotated[str, Parameter(help=f"Run whose pairs count: {', '.join(RUNS)}.")] = "lift",
+    data: Annotated[Path | None, Parameter(help="Data the run was trained on; else procedural maps.")] = None,
+    runs: Annotated[Path, Parameter(help="Folder of the trained runs, for the cache.")] = Path("runs"),
 ) -> None:
     """Write the mean map of a run's pairs."""
     if run not in RUNS:
         raise InputError(f"expected one of {', '.join(RUNS)}, got {run!r}", subject="run")
     write_mean_map(make_pairs(RUNS[run](), data, runs / "cache", "cpu"), to)
-    typer.echo(to)
+    print(to)
 
 
 if __name__ == "__main__":
-    run_command(lambda: typer.run(main))
+    run_command(main)

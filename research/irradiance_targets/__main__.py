@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
+from cyclopts import Parameter
 from PIL import Image, ImageDraw
 
 from anyprobe.cli.app import main as run_command
@@ -137,7 +137,7 @@ def draw(radiance: np.ndarray) -> Image.Image:
     return sheet
 
 
-def main(data: Path, out: Annotated[Path, typer.Option("-o")] = Path("research/irradiance_targets")) -> None:
+def main(data: Path, /, *, out: Annotated[Path, Parameter(name="-o")] = Path("research/irradiance_targets")) -> None:
     """Print the table and draw the picture."""
     learn = Views([one.radiance for one in load_asset_store(data, "train").maps.values()])
     test = Views([one.radiance for one in load_maps(data / "hdri" / "test")], seed=1)
@@ -153,4 +153,4 @@ def main(data: Path, out: Annotated[Path, typer.Option("-o")] = Path("research/i
 
 
 if __name__ == "__main__":
-    run_command(lambda: typer.run(main))
+    run_command(main)

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
+from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.cli.options import bounded
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Models, model_id
 from anyprobe.inputs.settings import DEFAULT_MODEL
@@ -36,15 +37,14 @@ WIDTH = 200
 
 
 def limits(
-    data: Annotated[Path, typer.Option(help="Folder with hdri and meshes, train and test.")],
-    part: Annotated[
-        str, typer.Option(help="Pairs: frozen, or a part of the world test set, test or left-out.")
-    ] = "test",
-    pairs: Annotated[int, typer.Option(min=1, help="The first so many.")] = 1000,
-    kept: Annotated[Path | None, typer.Option(help="Folder that keeps rendered pairs, a folder for each part.")] = None,
-    model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
-    sphere: Annotated[bool, typer.Option(help="Also the linear limit of a perfect sphere.")] = True,
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for limits-PART.json.")] = Path("runs"),
+    *,
+    data: Annotated[Path, Parameter(help="Folder with hdri and meshes, train and test.")],
+    part: Annotated[str, Parameter(help="Pairs: frozen, or a part of the world test set, test or left-out.")] = "test",
+    pairs: Annotated[int, Parameter(help="The first so many."), bounded(1)] = 1000,
+    kept: Annotated[Path | None, Parameter(help="Folder that keeps rendered pairs, a folder for each part.")] = None,
+    model: Annotated[str, Parameter(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
+    sphere: Annotated[bool, Parameter(help="Also the linear limit of a perfect sphere.")] = True,
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Folder for limits-PART.json.")] = Path("runs"),
 ) -> None:
     """Score a model by kind of material and alpha, with nothing, normals, material and both given."""
     chosen = _pairs(data, part, pairs, kept)
@@ -143,4 +143,4 @@ def show(table: dict[str, dict[str, dict]]) -> None:
 
 
 if __name__ == "__main__":
-    run_command(lambda: typer.run(limits))
+    run_command(limits)

@@ -6,12 +6,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from cyclopts import Parameter
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.cli.options import bounded
 from anyprobe.errors import InputError
 from anyprobe.masks.segmenters import load_segmenter
 from research.masks.cases import Case, photo_cases
@@ -21,19 +22,18 @@ from research.results import commit, write_result
 
 
 def masks(
+    *,
     photos: Annotated[
-        list[Path] | None, typer.Option(help="Folder of photos NAME.* with NAME_mask.png beside them; repeatable.")
+        list[Path] | None, Parameter(help="Folder of photos NAME.* with NAME_mask.png beside them; repeatable.")
     ] = None,
-    data: Annotated[
-        Path | None, typer.Option(help="Folder with hdri/test and meshes/test to render scenes of.")
-    ] = None,
-    scenes: Annotated[int, typer.Option(min=1, help="Scenes to render.")] = 60,
-    seed: Annotated[int, typer.Option(help="Seed of the rendered scenes.")] = 7,
+    data: Annotated[Path | None, Parameter(help="Folder with hdri/test and meshes/test to render scenes of.")] = None,
+    scenes: Annotated[int, Parameter(help="Scenes to render."), bounded(1)] = 60,
+    seed: Annotated[int, Parameter(help="Seed of the rendered scenes.")] = 7,
     segmenter: Annotated[
-        list[str] | None, typer.Option(help="Another segmenter beside our network, as NAME:ARGUMENT; repeatable.")
+        list[str] | None, Parameter(help="Another segmenter beside our network, as NAME:ARGUMENT; repeatable.")
     ] = None,
-    before: Annotated[Path | None, typer.Option(help="masks.json of an earlier version, shown beside.")] = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for masks.json and the contact sheets.")] = Path(
+    before: Annotated[Path | None, Parameter(help="masks.json of an earlier version, shown beside.")] = None,
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Folder for masks.json and the contact sheets.")] = Path(
         "runs/masks"
     ),
 ) -> None:
@@ -59,7 +59,7 @@ def masks(
         show(group, found, _earlier(before, group))
     if len(rows) > 1:
         show_totals("all sets", [row for found in rows.values() for row in found])
-    typer.echo(out)
+    print(out)
 
 
 def show(group: str, rows: list[Row], earlier: dict[tuple[str, str], float]) -> None:
@@ -103,4 +103,4 @@ def _earlier(path: Path | None, group: str) -> dict[tuple[str, str], float]:
 
 
 if __name__ == "__main__":
-    run_command(lambda: typer.run(masks))
+    run_command(masks)

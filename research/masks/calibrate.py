@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
+from cyclopts import Parameter
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.cli.options import bounded
 from anyprobe.masks.check import MIN_OBJECT_PX
 from anyprobe.masks.networks import Network, SmallNetwork, U2NetP
 from anyprobe.masks.quality import QUALITY, Evidence, examine
@@ -40,14 +41,15 @@ THRESHOLDS = (0.5, 0.6, 0.66, 0.7, 0.74, 0.76, 0.78, 0.8, 0.82, 0.85, 0.88, 0.9)
 
 
 def calibrate(
-    data: Annotated[Path, typer.Option(help="Folder with hdri/train and meshes/train.")],
-    scenes: Annotated[int, typer.Option(min=2 * FOLDS, help="Scenes to render.")] = 48,
+    *,
+    data: Annotated[Path, Parameter(help="Folder with hdri/train and meshes/train.")],
+    scenes: Annotated[int, Parameter(help="Scenes to render."), bounded(2 * FOLDS)] = 48,
     photos: Annotated[
-        list[Path] | None, typer.Option(help="Folder of photos NAME.* with NAME_mask.png beside them; repeatable.")
+        list[Path] | None, Parameter(help="Folder of photos NAME.* with NAME_mask.png beside them; repeatable.")
     ] = None,
-    clutter: Annotated[int, typer.Option(min=0, help="Cluttered pictures to make of scenes, and of photos.")] = 48,
-    seed: Annotated[int, typer.Option(help="Of scenes and clutter.")] = 779,
-    small: Annotated[bool, typer.Option(help="Of the small network, not of U2-Net-p.")] = False,
+    clutter: Annotated[int, Parameter(help="Cluttered pictures to make of scenes, and of photos."), bounded(0)] = 48,
+    seed: Annotated[int, Parameter(help="Of scenes and clutter.")] = 779,
+    small: Annotated[bool, Parameter(help="Of the small network, not of U2-Net-p.")] = False,
 ) -> None:
     """Print by threshold how many bad and good masks would be warned of, by the contract and cross-validated over
     scenes and objects, with standard errors; then offset and weights of all."""
@@ -74,10 +76,10 @@ def calibrate(
         for what, expected in (("contract", shipped), ("left out", left_out)):
             bad, good = (_share(expected[chosen] < threshold) for chosen in (true < BAD, true > GOOD))
             said.append(f"{what} {bad} bad, {good} good")
-        typer.echo(f"below {threshold:.2f}: {'; '.join(said)}")
+        print(f"below {threshold:.2f}: {'; '.join(said)}")
     weights, offset = fit(values, true, signs, least)
     shown = ", ".join(f'"{name}": {weight:.2f}' for name, weight in zip(names, weights, strict=True))
-    typer.echo(f'"{network.name}": {{ "offset": {offset:.2f}, "weights": {{ {shown} }} }}')
+    print(f'"{network.name}": {{ "offset": {offset:.2f}, "weights": {{ {shown} }} }}')
 
 
 def _share(warned: np.ndarray) -> str:
@@ -151,4 +153,4 @@ def fit(values: np.ndarray, true: np.ndarray, signs: np.ndarray, least: np.ndarr
 
 
 if __name__ == "__main__":
-    run_command(lambda: typer.run(calibrate))
+    run_command(calibrate)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
+from cyclopts import Parameter
 from PIL import Image, ImageDraw
 
 from anyprobe.cli.app import main as run_command
@@ -37,7 +37,7 @@ SEED = 77
 SHEET = Path(__file__).parents[2] / "docs" / "masks.png"
 
 
-def main(path: Annotated[Path, typer.Option("-o", help="The sheet.")] = SHEET) -> None:
+def main(*, path: Annotated[Path, Parameter(name="-o", help="The sheet.")] = SHEET) -> None:
     """Render scenes, ask four ways, write the sheet."""
     rng = np.random.default_rng(SEED)
     maps = [draw_map(rng)[0] for _ in range(4)]
@@ -80,4 +80,4 @@ def _middle(cover: np.ndarray) -> tuple[float, float]:
 
 
 if __name__ == "__main__":
-    run_command(lambda: typer.run(main))
+    run_command(main)

@@ -11,23 +11,23 @@ research/real_photos/README.md describes folders and figures.
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import typer
+from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
-from typer.core import TyperGroup
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.cli.app import new_app
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import Models, model_id
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe_train.evaluate.methods import baselines, model_methods
-from research.command_help import as_written
 from research.figure_tables import print_figures
 from research.model_names import titles_of
 from research.real_photos import hidden as hidden_ring
@@ -39,28 +39,19 @@ from research.real_photos.maps import load_real, read_real, score_real
 from research.real_photos.sheet import write_pages
 from research.results import commit, write_result
 
-Folders = Annotated[list[Path], typer.Argument(help="Folders of photos.")]
-Model = Annotated[str, typer.Option(help="Bundled model or folder.")]
+Folders = Annotated[Path, Parameter(required=True, help="Folders of photos.")]
+Model = Annotated[str, Parameter(help="Bundled model or folder.")]
 
 
-class ScoreByDefault(TyperGroup):
-    """Take folders without a command for those of `score`."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Put `score` before what is no command."""
-        if args and args[0] not in (*self.commands, "--help"):
-            args = ["score", *args]
-        return super().parse_args(ctx, args)
+app = new_app(__doc__)
 
 
-app = typer.Typer(help=as_written(__doc__), cls=ScoreByDefault, no_args_is_help=True, rich_markup_mode=None)
-
-
+@app.default  # folders without a command
 @app.command()
 def score(
-    folders: Folders,
-    model: Annotated[list[str] | None, typer.Option(help="Bundled model or folder; repeat for more.")] = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="File to write.")] = Path("runs/real.json"),
+    *folders: Folders,
+    model: Annotated[list[str] | None, Parameter(help="Bundled model or folder; repeat for more.")] = None,
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="File to write.")] = Path("runs/real.json"),
 ) -> None:
     """Score models and baselines on photos with a known lamp, by object, and on photos with measured maps."""
     names = model or [DEFAULT_MODEL]
@@ -89,14 +80,14 @@ def score(
     for kind, one in content["maps"].items():
         for row in one["rows"]:
             figures = ", ".join(f"{name} {value:.3f}" for name, value in row.items() if name != "method")
-            typer.echo(f"{kind}, {one['pairs']} photos, {row['method']}: {figures}")
+            print(f"{kind}, {one['pairs']} photos, {row['method']}: {figures}")
     for group, one in content["lamps"].items():
         if one["objects"] > 1:
             print_figures(f"{group}: {one['photos']} photos of {one['objects']} objects", one["rows"], LAMP_COLUMNS)
     if angles:
         _print_by_object(content["lamps"])
     write_result(out, content)
-    typer.echo(out)
+    print(out)
 
 
 CHROME = "chrome sphere"
@@ -113,10 +104,10 @@ LAMP_COLUMNS = {
 
 @app.command()
 def hidden(
-    folders: Folders,
+    *folders: Folders,
     model: Model = DEFAULT_MODEL,
-    out: Annotated[Path, typer.Option("-o", "--out", help="File to write.")] = Path("runs/hidden.json"),
-    sheets: Annotated[Path | None, typer.Option(help="Folder for pages of pictures.")] = None,
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="File to write.")] = Path("runs/hidden.json"),
+    sheets: Annotated[Path | None, Parameter(help="Folder for pages of pictures.")] = None,
 ) -> None:
     """Compare what a crop of each photo hides with the map that is estimated from the crop; masks are given."""
     estimator = Estimator(model)
@@ -124,7 +115,7 @@ def hidden(
     for name, (path, mask) in masked_photos(folders).items():
         ring = hidden_ring.load_ring(path, mask)
         if isinstance(ring, str):
-            typer.echo(f"{name}: left out, {ring}", err=True)
+            print(f"{name}: left out, {ring}", file=sys.stderr)
             continue
         maps = hidden_ring.maps_of(ring, estimator)
         scores[name] = hidden_ring.score_ring(ring, maps)
@@ -133,16 +124,16 @@ def hidden(
     rows = hidden_ring.summary(scores)
     print_figures(f"hidden ring: {len(scores)} photos", rows, hidden_ring.COLUMNS)
     write_result(out, {"commit": commit(), "model": model_id(model), "rows": rows, "photos": scores})
-    typer.echo(out)
+    print(out)
     for page in write_pages(pictures, sheets) if sheets is not None else ():
-        typer.echo(page)
+        print(page)
 
 
 @app.command()
 def stability(
-    folders: Folders,
+    *folders: Folders,
     model: Model = DEFAULT_MODEL,
-    out: Annotated[Path, typer.Option("-o", "--out", help="File to write.")] = Path("runs/stability.json"),
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="File to write.")] = Path("runs/stability.json"),
 ) -> None:
     """Measure how far the dominant light moves where the same photo is given in another way; masks are given."""
     estimator, moved = Estimator(model), {}
@@ -151,14 +142,16 @@ def stability(
     rows = changes.summary(moved)
     print_figures(f"change of the dominant light, degrees: {len(moved)} photos", rows, changes.COLUMNS)
     write_result(out, {"commit": commit(), "model": model_id(model), "rows": rows, "photos": moved})
-    typer.echo(out)
+    print(out)
 
 
 @app.command()
 def balls(
-    maps: Annotated[Path, typer.Argument(help="Folder of .exr and .hdr maps.")],
+    maps: Annotated[Path, Parameter(help="Folder of .exr and .hdr maps.")],
+    /,
+    *,
     model: Model = DEFAULT_MODEL,
-    out: Annotated[Path, typer.Option("-o", "--out", help="File to write.")] = Path("runs/balls.json"),
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="File to write.")] = Path("runs/balls.json"),
 ) -> None:
     """Measure the dominant light of mirror balls, drawn under maps that have one, without any option."""
     estimator = Estimator(model)
@@ -167,18 +160,18 @@ def balls(
         known, degrees = ball_angle(ball, estimator)
         clipped = round(ball.clipped_deg, 2)
         found[ball.name] = {"recognised": known, "deg": round(degrees, 2), "clipped_map_deg": clipped}
-        typer.echo(f"{ball.name}: {degrees:.1f} degrees{'' if known else ', not recognised'}")
+        print(f"{ball.name}: {degrees:.1f} degrees{'' if known else ', not recognised'}")
     angles = np.array([one["deg"] for one in found.values()])
     if not len(angles):
         raise InputError("expected maps with a dominant light, found none; choose another folder", subject=str(maps))
     known = sum(bool(one["recognised"]) for one in found.values())
     limit = sum(one["clipped_map_deg"] <= 8 for one in found.values())
-    typer.echo(
+    print(
         f"{known} of {len(found)} recognised; {(angles <= 8).sum()} within 8 degrees, median {np.median(angles):.1f}; "
         f"the true maps, clipped as the photos: {limit}"
     )
     write_result(out, {"commit": commit(), "model": model_id(model), "balls": found})
-    typer.echo(out)
+    print(out)
 
 
 def _print_by_object(groups: dict[str, dict[str, Any]]) -> None:

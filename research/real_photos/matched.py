@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import typer
+from cyclopts import Parameter
 from PIL import Image
 
 from anyprobe.cli.app import main as run_command
@@ -102,10 +102,10 @@ def as_it_is(first: MatchedMap, caption: str) -> Tile:
 
 
 def main(
-    folders: Annotated[list[Path], typer.Argument(help="Folders of photos with masks.")],
-    maps: Annotated[Path, typer.Option(help="Folder of panoramas.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for page_0.jpg, ... and matched.json.")],
-    model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
+    *folders: Annotated[Path, Parameter(help="Folders of photos with masks.")],
+    maps: Annotated[Path, Parameter(help="Folder of panoramas.")],
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Folder for page_0.jpg, ... and matched.json.")],
+    model: Annotated[str, Parameter(help="Bundled model or folder.")] = DEFAULT_MODEL,
 ) -> None:
     """Print the table and draw the pages."""
     library, kinds, estimator = open_library(maps), kinds_of_maps(maps), Estimator(model, threads=1)
@@ -142,4 +142,4 @@ def counts(rows: list[dict[str, Any]]) -> dict[str, int]:
 
 
 if __name__ == "__main__":
-    run_command(lambda: typer.run(main))
+    run_command(main)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
+from cyclopts import Parameter
 from PIL import Image, ImageDraw
 
 from anyprobe.cli.app import main as run_command
@@ -97,10 +97,10 @@ def _width(picture: np.ndarray) -> int:
 
 
 def main(
-    folders: Annotated[list[Path], typer.Argument(help="Folders of photos.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for page_0.jpg, page_1.jpg ...")],
-    model: Annotated[list[str] | None, typer.Option(help="Bundled model or folder; repeat for more.")] = None,
-    masks: Annotated[bool, typer.Option("--masks", help="Give the masks that the folders have.")] = False,
+    *folders: Annotated[Path, Parameter(help="Folders of photos.")],
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Folder for page_0.jpg, page_1.jpg ...")],
+    model: Annotated[list[str] | None, Parameter(help="Bundled model or folder; repeat for more.")] = None,
+    masks: Annotated[bool, Parameter(name="--masks", help="Give the masks that the folders have.")] = False,
 ) -> None:
     """Draw the pages."""
     names = model or [DEFAULT_MODEL]
@@ -110,8 +110,8 @@ def main(
         given = masks_of(folder) if masks else {}
         rows += [row_of(path, given.get(path), estimators) for path in photos_of(folder)]
     for path in write_pages(rows, out):
-        typer.echo(path)
+        print(path)
 
 
 if __name__ == "__main__":
-    run_command(lambda: typer.run(main))
+    run_command(main)

@@ -6,13 +6,16 @@ Rendering needs Mitsuba 3, mitsuba-oidn and an LLVM of 17 or newer.
 from __future__ import annotations
 
 import json
+import sys
 import time
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from cyclopts import Parameter
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.cli.app import new_app
+from anyprobe.cli.options import bounded
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import model_id
 from anyprobe.inputs.settings import DEFAULT_MODEL
@@ -24,67 +27,71 @@ from research.world.judgement import ALL, CUT_OUTS, Judgement, print_groups
 from research.world.whole_rows import SHIPPED, rows_of
 from research.world.whole_scores import score as score_photo
 
-app = typer.Typer(no_args_is_help=True)
-Data = Annotated[Path, typer.Option(help="Folder with hdri and meshes.")]
+app = new_app(__doc__)
+Data = Annotated[Path, Parameter(help="Folder with hdri and meshes.")]
 
 
 @app.command()
 def pairs(
+    *,
     data: Data,
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the files.")] = Path("runs/scenes"),
-    first: Annotated[int, typer.Option(min=0, help="First scene.")] = 0,
-    scenes: Annotated[int, typer.Option(min=1, help="Up to this one.")] = 70_000,
-    every: Annotated[int, typer.Option(min=1, help="Make one file of so many: for several processes.")] = 1,
-    part: Annotated[str, typer.Option(help=f"One of {', '.join(PARTS)}.")] = "train",
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Folder of the files.")] = Path("runs/scenes"),
+    first: Annotated[int, Parameter(help="First scene."), bounded(0)] = 0,
+    scenes: Annotated[int, Parameter(help="Up to this one."), bounded(1)] = 70_000,
+    every: Annotated[int, Parameter(help="Make one file of so many: for several processes."), bounded(1)] = 1,
+    part: Annotated[str, Parameter(help=f"One of {', '.join(PARTS)}.")] = "train",
 ) -> None:
     """Render scenes under fresh lights and write what the estimator knows of their photos; goes on where it stopped."""
     start = time.monotonic()
     for number, path in enumerate(make_pairs(data, out, first, scenes, every, part), 1):
-        typer.echo(f"{path}: {number * IN_FILE / (time.monotonic() - start):.2f} scenes a second")
+        print(f"{path}: {number * IN_FILE / (time.monotonic() - start):.2f} scenes a second")
 
 
-@app.command("light-pairs")
+@app.command(name="light-pairs")
 def light_pairs(
+    *,
     data: Data,
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the files.")] = Path("runs/left_out"),
-    scenes: Annotated[int, typer.Option(min=1, help="Left-out scenes, two photos each.")] = 192,
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Folder of the files.")] = Path("runs/left_out"),
+    scenes: Annotated[int, Parameter(help="Left-out scenes, two photos each."), bounded(1)] = 192,
 ) -> None:
     """Render left-out scenes as the light network sees them; anyprobe-train run light scores by them."""
     from research.scenes.light_pairs import make_light_pairs
 
     for path in make_light_pairs(data, out, scenes):
-        typer.echo(path)
+        print(path)
 
 
 @app.command()
 def sheet(
+    *,
     data: Data,
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for FAMILY.jpg.")] = Path("runs/scenes-sheet"),
-    part: Annotated[str, typer.Option(help=f"One of {', '.join(PARTS)}.")] = "train",
-    count: Annotated[int, typer.Option(min=1, help="Photos of each family.")] = 12,
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Folder for FAMILY.jpg.")] = Path("runs/scenes-sheet"),
+    part: Annotated[str, Parameter(help=f"One of {', '.join(PARTS)}.")] = "train",
+    count: Annotated[int, Parameter(help="Photos of each family."), bounded(1)] = 12,
 ) -> None:
     """Draw photos with their masks, and their light, of each family."""
     from research.scenes.sheet import draw_sheets
 
     for path in draw_sheets(data, out, part, FAMILIES, count):
-        typer.echo(path)
+        print(path)
 
 
 @app.command()
 def score(
+    *,
     data: Data,
-    kept: Annotated[Path, typer.Option(help="Folder for the renders.")] = Path("runs/world"),
-    part: Annotated[str, typer.Option(help="test or left-out.")] = "left-out",
-    family: Annotated[list[str] | None, typer.Option(help="Only this one; repeat for more.")] = None,
-    model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="File to write.")] = None,
+    kept: Annotated[Path, Parameter(help="Folder for the renders.")] = Path("runs/world"),
+    part: Annotated[str, Parameter(help="test or left-out.")] = "left-out",
+    family: Annotated[list[str] | None, Parameter(help="Only this one; repeat for more.")] = None,
+    model: Annotated[str, Parameter(help="Bundled model or folder.")] = DEFAULT_MODEL,
+    out: Annotated[Path | None, Parameter(name=("--out", "-o"), help="File to write.")] = None,
 ) -> None:
     """Print the figures of the object alone and of the whole photo, with standard errors by map, by family."""
     judged, estimator = Judgement(), Estimator(model, threads=1)
     for photo in scene_photos(data, part, kept, tuple(family or FAMILIES)):
         rows = score_photo(photo, rows_of(photo, estimator))
         judged.add([CUT_OUTS] if photo.cut_out else [ALL, photo.family], photo.map_name, rows)
-        typer.echo(f"{photo.recipe.key} LDR RMSE {rows[SHIPPED]['ldr_rmse']:.3f}", err=True)
+        print(f"{photo.recipe.key} LDR RMSE {rows[SHIPPED]['ldr_rmse']:.3f}", file=sys.stderr)
     groups = judged.table()
     print_groups(groups, part)
     content = {"commit": commit(), "model": model_id(model), "groups": groups}
@@ -93,12 +100,13 @@ def score(
 
 @app.command()
 def inserted(
+    *,
     data: Data,
-    kept: Annotated[Path, typer.Option(help="Folder for the renders.")] = Path("runs/world"),
-    part: Annotated[str, typer.Option(help="test or left-out.")] = "left-out",
-    count: Annotated[int, typer.Option(min=1, help="Photos of each family.")] = 5,
-    model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="File to write.")] = None,
+    kept: Annotated[Path, Parameter(help="Folder for the renders.")] = Path("runs/world"),
+    part: Annotated[str, Parameter(help="test or left-out.")] = "left-out",
+    count: Annotated[int, Parameter(help="Photos of each family."), bounded(1)] = 5,
+    model: Annotated[str, Parameter(help="Bundled model or folder.")] = DEFAULT_MODEL,
+    out: Annotated[Path | None, Parameter(name=("--out", "-o"), help="File to write.")] = None,
 ) -> None:
     """Print how far inserted spheres and their shadows are from second renders with the spheres in the scene."""
     from research.scenes.inserted import compared, summary
@@ -109,9 +117,9 @@ def inserted(
         ways = [(name, one) for name, one in row.items() if isinstance(one, dict)]
         figures = [" ".join([name, *(f"{key} {value:.3g}" for key, value in one.items())]) for name, one in ways]
         truly = f"{row['true_depth']:.2f}, off {row['true_off']:.2f}"
-        typer.echo(f"{row['scene']}: {truly}; {'; '.join(figures)}", err=True)
+        print(f"{row['scene']}: {truly}; {'; '.join(figures)}", file=sys.stderr)
     said = summary(rows)
-    typer.echo(json.dumps(said, indent=1))
+    print(json.dumps(said, indent=1))
     content = {"commit": commit(), "model": model_id(model), "figures": said, "scenes": rows}
     write_result(out or Path(f"runs/scenes-inserted-{part}.json"), content)
 

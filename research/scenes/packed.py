@@ -13,10 +13,13 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
+from cyclopts import Parameter
+from cyclopts.types import ExistingDirectory
 from PIL import Image
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.cli.app import new_app
+from anyprobe.cli.options import bounded
 from anyprobe.core.response import inverse_response, response
 from anyprobe.files.atomic import atomic_path
 
@@ -27,10 +30,8 @@ LN_MOST = 11.0
 SMALL = ("tan_half", "up", "family", "scene")
 """Arrays that are stored as they are."""
 
-app = typer.Typer(no_args_is_help=True)
-Folder = Annotated[Path, typer.Argument(exists=True, file_okay=False)]
-Target = Annotated[Path, typer.Argument(file_okay=False)]
-Processes = Annotated[int, typer.Option(min=1, help="Processes at once.")]
+app = new_app(__doc__)
+Processes = Annotated[int, Parameter(help="Processes at once."), bounded(1)]
 
 
 def encode(picture: np.ndarray, lossless: bool = False) -> bytes:
@@ -122,18 +123,18 @@ def _of_all(work, folder: Path, processes: int) -> Iterator[Path]:
 
 
 @app.command()
-def pack(scenes: Folder, packed: Target, processes: Processes = 1) -> None:
+def pack(scenes: ExistingDirectory, packed: Path, /, *, processes: Processes = 1) -> None:
     """Write small copies of pairs; goes on where it stopped."""
     packed.mkdir(parents=True, exist_ok=True)
     total = sum(path.stat().st_size for path in _of_all(partial(pack_file, packed), scenes, processes))
-    typer.echo(f"{packed}: {total / 2**20:.1f} MiB")
+    print(f"{packed}: {total / 2**20:.1f} MiB")
 
 
 @app.command()
-def unpack(packed: Folder, scenes: Target, processes: Processes = 1) -> None:
+def unpack(packed: ExistingDirectory, scenes: Path, /, *, processes: Processes = 1) -> None:
     """Write pairs from their small copies."""
     scenes.mkdir(parents=True, exist_ok=True)
-    typer.echo(f"{scenes}: {sum(1 for _ in _of_all(partial(unpack_file, scenes), packed, processes))} files")
+    print(f"{scenes}: {sum(1 for _ in _of_all(partial(unpack_file, scenes), packed, processes))} files")
 
 
 if __name__ == "__main__":

@@ -8,21 +8,22 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from cyclopts import Parameter
 
 from anyprobe.cli.app import main as run_command
 from research.world.pairs import PARTS, world_pairs
 
 
 def world(
-    data: Annotated[Path, typer.Option(help="Folder with hdri and meshes.")],
-    kept: Annotated[Path, typer.Option(help="Folder for the pairs.")],
-    part: Annotated[str, typer.Option(help=f"One of {', '.join(PARTS)}.")] = "test",
+    *,
+    data: Annotated[Path, Parameter(help="Folder with hdri and meshes.")],
+    kept: Annotated[Path, Parameter(help="Folder for the pairs.")],
+    part: Annotated[str, Parameter(help=f"One of {', '.join(PARTS)}.")] = "test",
 ) -> None:
     """Render what is missing and print one line a pair."""
     for count, pair in enumerate(world_pairs(data, part, kept), 1):
-        typer.echo(f"{count} {pair.recipe.key} {pair.map_name} {pair.shape_name}")
+        print(f"{count} {pair.recipe.key} {pair.map_name} {pair.shape_name}")
 
 
 if __name__ == "__main__":
-    run_command(lambda: typer.run(world))
+    run_command(world)

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
+from cyclopts import Parameter
 from rich.progress import track
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.cli.options import bounded
 from anyprobe.estimate.runtime import Models, model_id
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe_train.dataset.pair import Pair
@@ -41,12 +42,13 @@ class CutOut:
 
 
 def cut_outs(
-    data: Annotated[Path, typer.Option(help="Folder with hdri and meshes.")],
-    kept: Annotated[Path, typer.Option(help="Folder for the pairs.")],
-    part: Annotated[str, typer.Option(help=f"One of {', '.join(PARTS)}.")] = "test",
-    model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
-    count: Annotated[int, typer.Option(min=3, help="The first so many pairs.")] = COUNT,
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="File to write.")] = None,
+    *,
+    data: Annotated[Path, Parameter(help="Folder with hdri and meshes.")],
+    kept: Annotated[Path, Parameter(help="Folder for the pairs.")],
+    part: Annotated[str, Parameter(help=f"One of {', '.join(PARTS)}.")] = "test",
+    model: Annotated[str, Parameter(help="Bundled model or folder.")] = DEFAULT_MODEL,
+    count: Annotated[int, Parameter(help="The first so many pairs."), bounded(3)] = COUNT,
+    out: Annotated[Path | None, Parameter(name=("--out", "-o"), help="File to write.")] = None,
 ) -> None:
     """Print the figures of the model and of the mean map, with standard errors by map."""
     models, judged = Models(model, threads=1), Judgement()
@@ -61,4 +63,4 @@ def cut_outs(
 
 
 if __name__ == "__main__":
-    run_command(lambda: typer.run(cut_outs))
+    run_command(cut_outs)

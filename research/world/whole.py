@@ -9,51 +9,53 @@ Rendering needs Mitsuba 3 (`.[judge]`) and an LLVM of 17 or newer.
 
 from __future__ import annotations
 
+import sys
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from cyclopts import Parameter
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.cli.app import new_app
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import model_id
 from anyprobe.files.atomic import atomic_files
 from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe_train.evaluate.benchmark import read_predictions, write_photo
-from research.command_help import as_written
 from research.results import commit, write_result
 from research.world.judgement import ALL, CUT_OUTS, Judgement, print_groups
 from research.world.whole_photos import COUNT, PARTS, recipes_of, renders, store_of, whole_photos
 from research.world.whole_rows import SHIPPED, predicted_rows, rows_of
 from research.world.whole_scores import score as score_photo
 
-app = typer.Typer(help=as_written(__doc__), no_args_is_help=True, rich_markup_mode=None)
-Data = Annotated[Path, typer.Option(help="Folder with hdri and meshes.")]
-Kept = Annotated[Path, typer.Option(help="Folder for the renders.")]
-Part = Annotated[str, typer.Option(help=f"One of {', '.join(PARTS)}.")]
+app = new_app(__doc__)
+Data = Annotated[Path, Parameter(help="Folder with hdri and meshes.")]
+Kept = Annotated[Path, Parameter(help="Folder for the renders.")]
+Part = Annotated[str, Parameter(help=f"One of {', '.join(PARTS)}.")]
 
 
 @app.command()
-def render(data: Data, kept: Kept, part: Part = "test", count: int = COUNT, first: int = 0) -> None:
+def render(*, data: Data, kept: Kept, part: Part = "test", count: int = COUNT, first: int = 0) -> None:
     """Render what is missing, from number `first` on, and print one line a photo."""
     store = store_of(data, part)
     for number, (recipe, scene, _) in enumerate(renders(store, part, kept, count, first), first + 1):
         names = store.map(recipe.map_id).name, store.shape(recipe.shape_id).name
-        typer.echo(f"{number} {recipe.key} {' '.join(names)}, pitch {scene.phone.pitch_deg:.0f} deg {scene.cut_out}")
+        print(f"{number} {recipe.key} {' '.join(names)}, pitch {scene.phone.pitch_deg:.0f} deg {scene.cut_out}")
 
 
 @app.command()
 def score(
+    *,
     data: Data,
     kept: Kept,
     part: Part = "test",
     count: int = COUNT,
-    model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
+    model: Annotated[str, Parameter(help="Bundled model or folder.")] = DEFAULT_MODEL,
     predictions: Annotated[
-        Path | None, typer.Option(help="Folder of maps KEY.exr or KEY.hdr to score in the model's place.")
+        Path | None, Parameter(help="Folder of maps KEY.exr or KEY.hdr to score in the model's place.")
     ] = None,
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="File to write.")] = None,
+    out: Annotated[Path | None, Parameter(name=("--out", "-o"), help="File to write.")] = None,
 ) -> None:
     """Print the figures of every row with standard errors by map: of photos, of each family, and of cut-outs."""
     if predictions is None:
@@ -66,7 +68,7 @@ def score(
     for number, photo in enumerate(whole_photos(data, part, kept, count), 1):
         rows = score_photo(photo, rows_on(photo))
         judged.add([CUT_OUTS] if photo.cut_out else [ALL, photo.family], photo.map_name, rows)
-        typer.echo(f"{number} {photo.recipe.key} LDR RMSE {rows[first]['ldr_rmse']:.3f}", err=True)
+        print(f"{number} {photo.recipe.key} LDR RMSE {rows[first]['ldr_rmse']:.3f}", file=sys.stderr)
     groups = judged.table()
     print_groups(groups, part)
     content = {"commit": commit(), "model": model_id(model) if predictions is None else first, "groups": groups}
@@ -75,9 +77,10 @@ def score(
 
 @app.command()
 def write_photos(
+    *,
     data: Data,
     kept: Kept,
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder to write to.")],
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Folder to write to.")],
     part: Part = "test",
     count: int = COUNT,
 ) -> None:
@@ -86,12 +89,7 @@ def write_photos(
         for photo in whole_photos(data, part, kept, count):
             fov_deg = photo.long_fov_deg if photo.fov_known else None
             write_photo(scratch, photo.recipe.key, photo.picture, photo.mask, fov_deg)
-    typer.echo(f"{out}: photos written; maps go to a folder of their own, named by key")
-
-
-@app.callback()
-def main() -> None:
-    """Whole photos."""
+    print(f"{out}: photos written; maps go to a folder of their own, named by key")
 
 
 if __name__ == "__main__":

@@ -6,7 +6,6 @@ import re
 import shlex
 from pathlib import Path
 
-import typer
 from support.command_faults import PROGRAMS, fault_of
 
 from anyprobe.cli.app import app
@@ -46,8 +45,7 @@ def test_what_pages_show_is_a_command():
 
 
 def test_every_command_says_in_short_what_it_does():
-    root = typer.main.get_command(app)
-    for command in root.commands.values():
-        line = command.get_short_help_str(80)
+    for command in app.resolved_commands().values():
+        line = command.help.partition("\n")[0]
         assert line.endswith("."), line  # not cut off
         assert len(line) <= SHORT, line

@@ -13,7 +13,6 @@ from typing import get_type_hints
 
 import numpy as np
 import pytest
-import typer
 from support.refused import refused
 
 import anyprobe
@@ -87,7 +86,7 @@ def test_every_field_is_described(kind):
 
 @pytest.mark.parametrize("command", ["estimate", "relight", "video"])
 def test_every_hint_is_an_option(command):
-    options = {name for one in typer.main.get_command(app).commands[command].params for name in one.opts}
+    options = {name for one in app[command].assemble_argument_collection() for name in one.names}
     assert {f"--{hint.name}" for hint in HINTS.values()} <= options
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 from support.scenes import sphere_photo
-from typer.testing import CliRunner
 
+from anyprobe.cli.app import main
 from anyprobe.core.response import response
 from anyprobe.estimate.known import PhotoBackground
 from anyprobe.light.dominant_light import find_dominant_light
@@ -143,12 +143,12 @@ def test_estimators_answer_in_the_camera_s_frame_for_the_object_alone_and_the_wh
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize("command", [[], ["score"]])
-def test_a_mixed_folder_gives_both_kinds(folder, command):
+@pytest.mark.parametrize("words", [[], ["score"]])
+def test_a_mixed_folder_gives_both_kinds(folder, command, words):
     write(folder, GOOD, LAMP)
     out = folder / "out.json"
-    ended = CliRunner().invoke(app, [*command, str(folder), "--model", "paper", "-o", str(out)])
-    assert ended.exit_code == 0, ended.output
+    ended = command(*words, folder, "--model", "paper", "-o", out, main=lambda: main(app))
+    assert ended.status == 0, ended.err
     content = json.loads(out.read_text())
     assert set(content["maps"]) == {"specular"}
     assert content["maps"]["specular"]["pairs"] == content["lamps"][ALL]["photos"] == 1

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from PIL import Image
-from typer.testing import CliRunner
 
+from anyprobe.cli.app import main
 from anyprobe.core.response import inverse_response
 from anyprobe.errors import InputError
 from anyprobe.light.environment import MAP_HEIGHT
@@ -98,16 +99,15 @@ def test_cut_outs_show_nothing_of_the_scene():
 
 
 @pytest.mark.ci
-def test_own_maps_of_whole_photos_score_as_the_row_itself(tmp_path, monkeypatch):
+def test_own_maps_of_whole_photos_score_as_the_row_itself(tmp_path, monkeypatch, command):
     """Photos are written with what a method may know; maps that are read back have the figures of those written."""
     photos = [_photo(scene, recipe) for scene, recipe in zip(SCENES[:12], RECIPES[:12], strict=True)]
     photos = [replace(one, truth=RADIANCE * (k + 1)) for k, one in enumerate(photos)]
     monkeypatch.setattr(whole_command, "whole_photos", lambda data, part, kept, count: iter(photos))
     monkeypatch.setattr(whole_command, "recipes_of", lambda part, count: RECIPES[:12])
-    lines = CliRunner().invoke(
-        whole_command.app, ["write-photos", *map(str, folders(tmp_path)), "-o", str(tmp_path / "p")]
-    )
-    assert lines.exit_code == 0, lines.output
+    run = partial(command, main=lambda: main(whole_command.app))
+    written = run("write-photos", *folders(tmp_path), "-o", tmp_path / "p")
+    assert written.status == 0, written.err
     (tmp_path / "program").mkdir()
     scored = {}
     for photo in photos:
@@ -119,9 +119,9 @@ def test_own_maps_of_whole_photos_score_as_the_row_itself(tmp_path, monkeypatch)
         estimate = np.roll(photo.truth, 7, axis=1)
         write_exr(tmp_path / "program" / said["prediction"], estimate, half=False)
         scored[key] = score(photo, {"program": estimate})["program"]
-    arguments = ["score", *map(str, folders(tmp_path)), "--predictions", str(tmp_path / "program")]
-    ended = CliRunner().invoke(whole_command.app, [*arguments, "-o", str(tmp_path / "scores.json")])
-    assert ended.exit_code == 0, ended.output
+    arguments = ["score", *folders(tmp_path), "--predictions", tmp_path / "program"]
+    ended = run(*arguments, "-o", tmp_path / "scores.json")
+    assert ended.status == 0, ended.err
     groups = json.loads((tmp_path / "scores.json").read_text())["groups"]
     for group, cut_out in (("photos", False), ("cut-outs", True)):
         own = [scored[one.recipe.key] for one in photos if bool(one.cut_out) == cut_out]

@@ -10,17 +10,16 @@ import sys
 from pathlib import Path
 
 import pytest
-import typer
 
 import anyprobe
 from anyprobe import errors
 from anyprobe.cli.app import app
 
 ROOT = Path(__file__).parents[2]
-HEAVY = {"torch", "fastapi", "cv2", "trimesh", "typer", "rich", "onnx", "pillow_heif", "tensorboard"}
+HEAVY = {"torch", "fastapi", "cv2", "trimesh", "cyclopts", "rich", "onnx", "pillow_heif", "tensorboard"}
 MAX_MEMORY_MIB = 150
 
-group = typer.main.get_command(app)
+commands = app.resolved_commands()
 
 
 def test_import_loads_nothing_heavy():
@@ -72,16 +71,16 @@ def test_errors_share_one_root():
             assert name in errors.__doc__
 
 
-@pytest.mark.parametrize("name", sorted(group.commands))
+@pytest.mark.parametrize("name", sorted(name for name in commands if not name.startswith("-")))
 def test_command_has_help(name):
-    command = group.commands[name]
+    command = commands[name]
     assert command.help
     assert command.help.strip().endswith(".")
-    for parameter in command.params:
-        assert getattr(parameter, "help", None), f"{name} {parameter.name}"
+    for argument in command.assemble_argument_collection(parse_docstring=True):
+        assert argument.children or argument.parameter.help, f"{name} {argument.name}"
 
 
-@pytest.mark.parametrize("name", sorted(group.commands))
+@pytest.mark.parametrize("name", sorted(name for name in commands if not name.startswith("-")))
 def test_command_is_in_the_documentation(name):
     pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
     written = "\n".join(page.read_text(encoding="utf-8") for page in pages)

@@ -37,7 +37,7 @@ ONLY = {
     "trimesh": {"files"},
     "rawpy": {"pictures"},
     "OpenImageIO": {"maps"},
-    "typer": {"cli", "anyprobe_train.cli"},
+    "cyclopts": {"cli", "anyprobe_train.cli"},
     "rich": {"cli", "anyprobe_train.train", "anyprobe_train.cli"},
     "av": {"video"},
     "cv2": {"video", "anyprobe_train.world"},

@@ -1,4 +1,4 @@
-"""The command line: one file per command, everything heavy imported inside it."""
+"""The command line: one file per command, each imported when it is asked for."""
 
 from __future__ import annotations
 
@@ -13,19 +13,10 @@ import warnings
 from collections.abc import Callable, Iterator
 from typing import Any, NoReturn
 
-import typer
+from cyclopts import App, CycloptsError, Parameter
 
 from anyprobe import __version__
-from anyprobe.cli.doctor import doctor
-from anyprobe.cli.estimate import estimate
-from anyprobe.cli.export import export
-from anyprobe.cli.mask import mask
-from anyprobe.cli.match import match
-from anyprobe.cli.material_list import materials
 from anyprobe.cli.options import OPTIONS
-from anyprobe.cli.relight import relight
-from anyprobe.cli.serve import serve
-from anyprobe.cli.video import video
 from anyprobe.errors import AnyprobeError
 from anyprobe.maps import image_io
 
@@ -35,36 +26,57 @@ TRACEBACK = "ANYPROBE_TRACEBACK"
 MIN_COLUMNS = 20
 """Smallest COLUMNS that is honoured [characters]; tables would be cut to nothing below it."""
 
-COMMANDS = (estimate, mask, relight, video, match, export, materials, serve, doctor)
 
-app = typer.Typer(
-    help="HDR environment maps from one photo: any object is a light probe.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
+def new_app(help: str | None, **more: Any) -> App:
+    """Return an application that `main` runs: no option has its --no-x, the last of two equal options counts."""
+    settings = Parameter(
+        negative=(), allow_repeating=True, show_default=lambda value: None if value in (None, False, ()) else str(value)
+    )
+    return App(
+        help=help,
+        help_format="plaintext",
+        default_parameter=settings,
+        print_error=False,
+        exit_on_error=False,
+        suppress_keyboard_interrupt=False,
+        **more,
+    )
+
+
+app = new_app(
+    "HDR environment maps from one photo: any object is a light probe.",
+    name="anyprobe",
+    version=f"anyprobe {__version__}",
 )
-for command in COMMANDS:
-    app.command()(command)
+COMMANDS = (
+    *("estimate:estimate", "mask:mask", "relight:relight", "video:video", "match:match", "export:export"),
+    *("material_list:materials", "serve:serve", "doctor:doctor"),
+)
+for place, command in enumerate(COMMANDS):  # imported once they are run or described
+    app.command(f"anyprobe.cli.{command}", sort_key=place)
+app.register_install_completion_command()
 
 
-def _version(value: bool) -> None:
-    if value:
-        typer.echo(f"anyprobe {__version__}")
-        raise typer.Exit
+@app.command(name="--show-completion")
+def show_completion() -> None:
+    """Print this shell's completion, to copy or to change."""
+    print(app.generate_completion())
 
 
-@app.callback()
-def _options(
-    version: bool = typer.Option(False, "--version", callback=_version, is_eager=True, help="Print the version."),
-) -> None:
-    pass
-
-
-def main(command: Callable[[], Any] = app) -> None:
-    """Run a command; turn the errors that anyprobe raises into one line and exit status 2."""
+def main(command: App | Callable[..., None] = app) -> None:
+    """Run an application of new_app or one function; turn anyprobe's errors into one line and exit status 2."""
+    if not isinstance(command, App):
+        function, command = command, new_app(command.__doc__)
+        command.default(function)
+    words = ["./-" if word == "-" else word for word in sys.argv[1:]]  # a - alone is a file, no option
     try:
         with quiet_libraries():
-            command()
+            if words[:1] in ([], ["-h"], ["--help"]):  # it lists them all
+                command.resolved_commands()
+            command(words)
+    except CycloptsError as error:
+        cause = error.__cause__
+        _fail(OPTIONS.line(cause.notice) if isinstance(cause, AnyprobeError) else str(error))
     except AnyprobeError as error:
         _fail(OPTIONS.line(error.notice))
     except MemoryError:
@@ -78,10 +90,8 @@ def main(command: Callable[[], Any] = app) -> None:
         )
     except UnicodeEncodeError as error:  # bytes that Python keeps as surrogates
         _fail(f"{ascii(error.object)[:120]}: expected a file name in UTF-8, got other bytes; rename it")
-    except SystemExit as end:  # what typer makes of Ctrl-C
-        if end.code == 130:
-            print("anyprobe: interrupted", file=sys.stderr)
-        raise
+    except KeyboardInterrupt:
+        _fail("interrupted", status=130)
     except Exception as error:
         if os.environ.get(TRACEBACK):
             raise

@@ -8,21 +8,22 @@ import platform
 import re
 import sys
 import time
-from typing import Annotated
 
 import numpy as np
-import typer
 from rich.console import Console
 
 from anyprobe import __version__
-from anyprobe.cli.options import OPTIONS
+from anyprobe.cli.options import OPTIONS, ModelOption
 from anyprobe.errors import ModelError
-from anyprobe.inputs.settings import DEFAULT_MODEL, MODEL_HELP
+from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.notices import FETCH_MASKS
 
 
-def doctor(model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL) -> None:
-    """Check the installation. Prints versions and model hashes, and estimates the light of a rendered sphere."""
+def doctor(*, model: ModelOption = DEFAULT_MODEL) -> None:
+    """Check the installation.
+
+    Prints versions and model hashes, and estimates the light of a rendered sphere.
+    """
     from anyprobe.estimate.runtime import file_hashes
     from anyprobe.files.onnx_runtime import onnxruntime
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-import typer
+from cyclopts import Parameter
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
@@ -27,9 +27,9 @@ from anyprobe.cli.options import (
     MarksOption,
     ModelOptions,
     ObjectOptions,
+    Photos,
     QuietOption,
     folder_option,
-    with_bundles,
 )
 from anyprobe.cli.photo_files import (
     check_distinct,
@@ -69,36 +69,35 @@ class Done:
     error: str = ""
 
 
-@with_bundles
 def estimate(
-    context: typer.Context,
-    photos: Annotated[
-        list[Path], typer.Argument(metavar="PHOTO...", help="Photos, folders of photos, or - for standard input.")
-    ],
-    object_options: ObjectOptions,
-    model_options: ModelOptions,
+    *photos: Annotated[Photos, Parameter(required=True)],
+    given: ObjectOptions = ObjectOptions(),
+    models: ModelOptions = ModelOptions(),
     out: Annotated[Path, folder_option("Folder for the results.")] = Path("light"),
     marks: MarksOption = None,
     poses: Annotated[
         Path | None,
-        typer.Option(help="transforms.json of the photos' cameras: all photos, views of one object, give one light."),
+        Parameter(help="transforms.json of the photos' cameras: all photos, views of one object, give one light."),
     ] = None,
-    size: Annotated[int, typer.Option(help="Rows of the panorama: 64, 128, 256, 512, 1024 or 2048.")] = 512,
+    size: Annotated[int, Parameter(help="Rows of the panorama: 64, 128, 256, 512, 1024 or 2048.")] = 512,
     frame: FrameOption = "level",
     colorspace: ColorspaceOption = "rec709",
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Estimate the light around an object. Writes a panorama, <stem>_panorama.exr, with <stem>_origin.png (where it is
-    seen, estimated, continued), the estimate's own map <stem>.exr and .hdr, a .json, and a preview <stem>.png."""
+    """Estimate the light around an object.
+
+    Writes a panorama, <stem>_panorama.exr, with <stem>_origin.png (where it is seen, estimated, continued), the
+    estimate's own map <stem>.exr and .hdr, a .json, and a preview <stem>.png.
+    """
     check_rows(size)
-    hints = object_options.hints()
+    hints = given.hints()
     listed = list_photos(photos)
     marked = marks_of(marks, listed)
     if poses is None:
         check_distinct(listed)
     check_folder(out)
-    estimator = model_options.estimator(segmenter=object_options.finder.segmenter)
+    estimator = models.estimator(given.segmenter)
     console = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     has_bar = len(listed) > 1 and console.is_terminal
     has_lines = len(listed) > 1 and not console.is_terminal
@@ -134,8 +133,8 @@ def estimate(
         _report(results, console, out)
     for result in failed:
         print(f"anyprobe: {result.error}", file=sys.stderr)
-    if failed or (object_options.strict and any(result.warnings for result in results)):
-        raise typer.Exit(2)
+    if failed or (given.strict and any(result.warnings for result in results)):
+        sys.exit(2)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

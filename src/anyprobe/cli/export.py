@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
+from cyclopts import Parameter
 
-from anyprobe.cli.options import FrameOption, folder_option
+from anyprobe.cli.options import FrameOption, JsonOption, QuietOption, folder_option
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError
 from anyprobe.estimate.saved_map import export_settings
@@ -23,30 +24,32 @@ _MAX_PIXELS = 8192 * 4096
 
 
 def export(
-    lights: Annotated[
-        list[Path], typer.Argument(metavar="LIGHT...", help="Maps that estimate wrote: .exr (full range) or .hdr.")
-    ],
+    *lights: Annotated[Path, Parameter(name="LIGHT", required=True)],
     to: Annotated[
         list[str] | None,
-        typer.Option(metavar="TARGET[,TARGET...]", help=f"Required: any of {', '.join(TARGETS)}; or all. Repeatable."),
+        Parameter(metavar="TARGET[,TARGET...]", help=f"Required: any of {', '.join(TARGETS)}; or all. Repeatable."),
     ] = None,
     out: Annotated[Path, folder_option("Folder for the files; several lights get one folder each in it.")] = Path(
         "export"
     ),
     world_from_camera: Annotated[
-        str | None,
-        typer.Option(
-            metavar="YAW,ELEVATION[,ROLL]",
-            help="Camera orientation, degrees: yaw to the left, elevation (positive looks down), roll; or a rotation "
-            "matrix, nine numbers row by row. Default: level, see --frame.",
-        ),
+        str | None, Parameter(metavar="YAW,ELEVATION[,ROLL]", allow_leading_hyphen=True)
     ] = None,
     frame: FrameOption = "level",
-    exposure: Annotated[float, typer.Option(help="Exposure change in stops: 1 doubles the light.")] = 0.0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object per target on stdout.")] = False,
-    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
+    exposure: float = 0.0,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
-    """Export lights to Blender, Unity, three.js and others. A .json beside each file describes its orientation."""
+    """Export lights to Blender, Unity, three.js and others.
+
+    A .json beside each file describes its orientation.
+
+    Args:
+        lights: Maps that estimate wrote: .exr (full range) or .hdr.
+        world_from_camera: Camera orientation, degrees: yaw to the left, elevation (positive looks down), roll; or a
+            rotation matrix, nine numbers row by row. Default: level, see --frame.
+        exposure: Exposure change in stops: 1 doubles the light.
+    """
     from anyprobe.export import targets
     from anyprobe.maps.radiance import read_radiance
 
@@ -69,7 +72,7 @@ def export(
                 print(f"warning: {doubt}", file=sys.stderr)
 
 
-def folders(lights: list[Path], out: Path) -> list[tuple[Path, Path]]:
+def folders(lights: Sequence[Path], out: Path) -> list[tuple[Path, Path]]:
     """Return each light once, with the folder for its files: out, or out/<stem> if there are several.
 
     Raises:

@@ -7,10 +7,8 @@ import sys
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from anyprobe.cli.marks import marks_of
-from anyprobe.cli.options import OPTIONS, JsonOption, MarksOption, MaskOptions, QuietOption, folder_option, with_bundles
+from anyprobe.cli.options import OPTIONS, JsonOption, MarksOption, Photos, PlaceOptions, QuietOption, folder_option
 from anyprobe.cli.photo_files import (
     check_distinct,
     check_names,
@@ -27,32 +25,31 @@ from anyprobe.inputs.hints import Hints
 from anyprobe.masks.segmenters import SegmenterSource
 
 
-@with_bundles
 def mask(
-    mask_options: MaskOptions,
-    photos: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="PHOTO...", help="Photos, folders of photos, or - for standard input."),
-    ] = None,
+    *photos: Photos,
+    place: PlaceOptions = PlaceOptions(),
     out: Annotated[Path, folder_option("Folder for the results.")] = Path("masks"),
     marks: MarksOption = None,
-    fetch: Annotated[
-        bool,
-        typer.Option("--fetch", help="First download U2-Net-p (4.6 MB), the better mask network, if it is missing."),
-    ] = False,
+    fetch: bool = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Find the object. Writes <stem>_mask.png and, for inspection, <stem>_overlay.png per photo."""
+    """Find the object.
+
+    Writes <stem>_mask.png and, for inspection, <stem>_overlay.png per photo.
+
+    Args:
+        fetch: First download U2-Net-p (4.6 MB), the better mask network, if it is missing.
+    """
     if fetch:
         from anyprobe.masks.weights import fetch_weights
 
-        typer.echo(f"U2-Net-p: {fetch_weights().path}")
+        print(f"U2-Net-p: {fetch_weights().path}")
     if not photos:
         if fetch:
             return
         raise InputError("expected photos or folders of photos, got none; give one, or --fetch", subject="photo")
-    hints, segmenter = mask_options.hints(), mask_options.segmenter()
+    hints, segmenter = place.hints(), place.open_segmenter()
     paths = list_photos(photos)
     marked = marks_of(marks, paths)
     check_distinct(paths)
@@ -64,15 +61,15 @@ def mask(
             if as_json:
                 print(json.dumps(summary), flush=True)
             elif not quiet:
-                typer.echo(_line(summary))
+                print(_line(summary))
             for warning in [] if quiet else summary["warnings"]:
                 print(f"warning: {warning}", file=sys.stderr)
-            failed |= mask_options.strict and bool(summary["warnings"])
+            failed |= place.strict and bool(summary["warnings"])
         except AnyprobeError as error:
             print(f"anyprobe: {photo_line(path, error)}", file=sys.stderr)
             failed = True
     if failed:
-        raise typer.Exit(2)
+        sys.exit(2)
 
 
 def _line(summary: dict[str, Any]) -> str:

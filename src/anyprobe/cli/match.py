@@ -5,24 +5,16 @@ from __future__ import annotations
 import glob
 import json
 import re
+import sys
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
 from anyprobe.cli.export import target_names
-from anyprobe.cli.options import (
-    OPTIONS,
-    JsonOption,
-    ModelOptions,
-    ObjectOptions,
-    QuietOption,
-    count_option,
-    folder_option,
-    with_bundles,
-)
+from anyprobe.cli.options import OPTIONS, JsonOption, ModelOptions, ObjectOptions, QuietOption, bounded, folder_option
 from anyprobe.cli.photo_files import hints_for, photo_name, photo_source, result_stem
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
@@ -32,19 +24,17 @@ CLEAR_MARGIN = 1.0
 """Difference of misfits from which on one map is clearly better than another."""
 
 
-@with_bundles
 def match(
-    photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="A photo, or - for standard input.")],
-    object_options: ObjectOptions,
-    model_options: ModelOptions,
-    folder: Annotated[
-        Path | None, typer.Argument(metavar="FOLDER", help="Required: folder of .hdr and .exr panoramas.")
-    ] = None,
+    photo: Annotated[Path, Parameter(name="PHOTO", help="A photo, or - for standard input.")],
+    folder: Annotated[Path | None, Parameter(name="FOLDER", help="Folder of .hdr and .exr panoramas.")] = None,
+    /,
+    *,
+    given: ObjectOptions = ObjectOptions(),
+    models: ModelOptions = ModelOptions(),
     out: Annotated[Path, folder_option("Folder for the results.")] = Path("match"),
-    best: Annotated[int, count_option(least=1, most=50, help="Number of panoramas to write and show, up to 50.")] = 3,
+    best: Annotated[int, Parameter(help="Number of panoramas to write and show, up to 50."), bounded(1, 50)] = 3,
     apply: Annotated[
-        str | None,
-        typer.Option(metavar="TARGET[,TARGET...]", help="Also export the best one, as anyprobe export does."),
+        str | None, Parameter(metavar="TARGET[,TARGET...]", help="Also export the best one, as anyprobe export does.")
     ] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -73,8 +63,8 @@ def match(
         library = open_library(folder)
     if out.resolve().is_relative_to(folder.resolve()):
         raise InputError(f"-o {out}: expected a folder outside the panoramas, got one among them; choose another")
-    hints = hints_for(photo, object_options.hints())
-    estimator = model_options.estimator(segmenter=object_options.finder.segmenter)
+    hints = hints_for(photo, given.hints())
+    estimator = models.estimator(given.segmenter)
     loaded = load_photo(photo_source(photo), hints, name=photo_name(photo), segmenter=estimator.segmenter)
     light = estimator.from_photo(loaded)
     with console.status("comparing"):
@@ -132,8 +122,8 @@ def match(
     for warning in warnings:
         console.print(f"warning: {OPTIONS.line(warning)}", soft_wrap=True)
     console.print(f"results: {out / stem}_*", soft_wrap=True)
-    if object_options.strict and warnings:
-        raise typer.Exit(2)
+    if given.strict and warnings:
+        sys.exit(2)
 
 
 def _older_maps(out: Path, stem: str, new: set[str]) -> list[str]:

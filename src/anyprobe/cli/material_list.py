@@ -6,28 +6,25 @@ import json
 from typing import Annotated, Any
 
 import numpy as np
-import typer
+from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
+from anyprobe.cli.options import JsonOption
 from anyprobe.cli.tables import print_table
 
 
-def materials(
-    words: Annotated[
-        list[str] | None, typer.Argument(metavar="[WORD...]", help="Only names that contain these words.")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
-) -> None:
+def materials(*words: Annotated[str, Parameter(name="WORD")], as_json: JsonOption = False) -> None:
     """List the materials that --material takes.
 
     With linear colour (a metal's reflectance, else the albedo), glTF roughness and reflectance at normal incidence.
+
+    Args:
+        words: Only names that contain these words.
     """
     from anyprobe.scatter.materials import MATERIALS, PRESETS
 
-    chosen = {
-        name: material for name, material in MATERIALS.items() if all(word.lower() in name for word in words or [])
-    }
+    chosen = {name: material for name, material in MATERIALS.items() if all(word.lower() in name for word in words)}
     rows: dict[str, dict[str, Any]] = {}
     for name, material in chosen.items():
         metal = not np.any(material.albedo)

@@ -1,25 +1,25 @@
 """Options that commands share: what the photographed object is and where, and how its light is estimated.
 
-A command takes a bundle as one argument, `object_options: ObjectOptions`, and `with_bundles` makes
-its fields the command's own options, so that one option means the same everywhere. Hints and Settings name and describe
-theirs.
+A command takes a group of them as one argument, `given: ObjectOptions`, whose fields are the options. What a hint's or
+a setting's option is called, what it takes and its help are written where the input is described, in `inputs`.
 """
 
 from __future__ import annotations
 
-import functools
-import inspect
-from collections.abc import Callable
-from dataclasses import Field, dataclass, fields, is_dataclass, replace
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
+from cyclopts import Group, Parameter, Token
 
 from anyprobe.errors import InputError, InvalidMask, OutputError
+from anyprobe.files.graphs import CPU
 from anyprobe.inputs.description import Hint
 from anyprobe.inputs.hints import HINTS, PICTURES, Hints
-from anyprobe.inputs.settings import SETTINGS, Settings
+from anyprobe.inputs.settings import DEFAULT_MODEL, SETTINGS, Settings
 from anyprobe.notices import RESTART, Words
 
 if TYPE_CHECKING:
@@ -27,66 +27,155 @@ if TYPE_CHECKING:
     from anyprobe.masks.networks import Network
     from anyprobe.masks.segmenters import Segmenter
 
-
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON on stdout.")]
-Colorspace = Literal["rec709", "acescg"]
+Photos = Annotated[Path, Parameter(name="PHOTO", help="Photos, folders of photos, or - for standard input.")]
+JsonOption = Annotated[bool, Parameter(name="--json", help="Print JSON on stdout.")]
+QuietOption = Annotated[bool, Parameter(name=("--quiet", "-q"), help="Print errors only.")]
 ColorspaceOption = Annotated[
-    Colorspace, typer.Option(help="Linear primaries of the .exr: Rec. 709 or ACEScg; its header says which.")
+    Literal["rec709", "acescg"],
+    Parameter(help="Linear primaries of the .exr: Rec. 709 or ACEScg; its header says which."),
 ]
-Frame = Literal["level", "camera"]
 FrameOption = Annotated[
-    Frame, typer.Option(help="level: +Y is up in the place, by the camera's pitch and roll; camera: its own frame.")
+    Literal["level", "camera"],
+    Parameter(help="level: +Y is up in the place, by the camera's pitch and roll; camera: its own frame."),
 ]
 MarksOption = Annotated[
     Path | None,
-    typer.Option(
+    Parameter(
         metavar="FILE", help="CSV with a row for each photo: photo, box, click, exclude (several with ; between)."
     ),
 ]
-QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")]
-
 
 NO_FOLDERS = (*PICTURES, ".npy", ".hdr", ".json", ".mp4", ".mov", ".glb", ".usda", ".usdz", ".zip")
 """Suffixes that show that a file's name was given where a folder is meant."""
 
 
-def folder_option(help: str) -> Any:
+def folder_option(help: str) -> Parameter:
     """Return the option -o of a command that writes into a folder; it refuses the name of a file."""
-    return typer.Option("-o", "--out", help=help, callback=_folder)
+    return Parameter(name=("--out", "-o"), metavar="FOLDER", help=help, validator=_check_folder)
 
 
-def _folder(out: Path | None) -> Path | None:
+def _check_folder(_: Any, out: Path | None) -> None:
     if out is not None and out.suffix.lower() in NO_FOLDERS and not out.is_dir():
         raise OutputError(
             f"-o {out}: expected a folder, got a name that ends in {out.suffix}; drop the suffix, or create the folder"
         )
-    return out
 
 
-def count_option(*names: str, least: int, most: int | None = None, **how: Any) -> Any:
-    """Return the option of a whole number; another than from `least` to `most` is an InputError."""
-    span = f"{least} or more" if most is None else f"{least} to {most}"
+def bounded(least: float, most: float = math.inf) -> Parameter:
+    """Return the part of an option that refuses numbers outside a range, and fractions where whole ones are meant."""
+    span = f"{least:g} or more" if most == math.inf else f"{least:g} to {most:g}"
 
-    def check(param: typer.CallbackParam, value: int) -> int:
-        if value < least or (most is not None and value > most):
-            raise InputError(f"expected {span}, got {value}", subject=param.name or "")
+    def read(kind: type, tokens: Sequence[Token]) -> Any:
+        text = tokens[0].value
+        try:
+            value = kind(text)
+        except ValueError:
+            value = math.nan
+        if not least <= value <= most:
+            whole = "a whole number of " if kind is int and math.isnan(value) else ""
+            raise InputError(f"expected {whole}{span}, got {text}", source=tokens[0].keyword)
         return value
 
-    return typer.Option(*names, callback=check, **how)
+    return Parameter(converter=read, allow_leading_hyphen=True)
 
 
-def _hint_option(hint: Hint) -> Any:
-    kind: Any = str
+GROUPS = {
+    "place": Group("Where the object is", sort_key=1),
+    "camera": Group("Camera", sort_key=2),
+    "light": Group("Object's surface and its surroundings", sort_key=3),
+    "setting": Group("Networks", sort_key=4),
+}
+
+
+def option_of(name: str) -> Parameter:
+    """Return the option of a hint or setting, as `inputs` describes it."""
+    hint = {**HINTS, **SETTINGS}[name]
     metavar, text = hint.metavar, hint.help
     if hint.suffixes:
-        metavar, text = (
-            "|".join(("FILE", *hint.words)),
-            f"{text.rstrip('.')}; or a folder of them, named like the photos.",
-        )
+        metavar = "|".join(("FILE", *hint.words))
+        text = f"{text.rstrip('.')}; or a folder of them, named like the photos."
     elif hint.numbers == (1,):
-        kind = float
-    option = typer.Option(f"--{hint.name}", metavar=metavar, help=text)
-    return Annotated[list[kind] | None if hint.repeated else kind | None, option]
+        metavar = "NUMBER"
+    option = f"--{hint.name.replace('_', '-')}"
+    group = GROUPS[hint.about]
+    return Parameter(
+        name=option, metavar=metavar, help=text, group=group, allow_leading_hyphen=bool(hint.numbers), negative=()
+    )
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class PlaceOptions:
+    """Location of the object; as text where it is no number."""
+
+    click: Annotated[list[str] | None, option_of("click")] = None
+    exclude: Annotated[list[str] | None, option_of("exclude")] = None
+    box: Annotated[str | None, option_of("box")] = None
+    depth: Annotated[Path | None, option_of("depth")] = None
+    near: Annotated[float | None, option_of("near")] = None
+    far: Annotated[float | None, option_of("far")] = None
+    segmenter: Annotated[str | None, option_of("segmenter"), Parameter(group=GROUPS["place"])] = None
+    strict: Annotated[bool, Parameter(help="Exit with status 2 if a result has a warning; it is still written.")] = (
+        False
+    )
+
+    def hints(self) -> Hints:
+        """Return what the options give. Files may still be folders: hints_for makes them one photo's.
+
+        Raises:
+            InputError: a text that is not what its option takes. InvalidMask: no such file or folder.
+        """
+        texts = {name: text for name, text in vars(self).items() if name in HINTS and text is not None}
+        hints = Hints(**{name: _read(HINTS[name], text) for name, text in texts.items()})
+        for name in ("mask", "depth"):
+            path = hints.files().get(name)
+            if path is not None and not path.exists():
+                raise InvalidMask("no such file or folder; check the path", subject=name, source=path)
+        return hints
+
+    def open_segmenter(self) -> Network | Segmenter | None:
+        """Load the segmenter that is asked for; None if none is. Errors: see load_segmenter."""
+        from anyprobe.masks.segmenters import load_segmenter
+
+        return None if self.segmenter is None else load_segmenter(self.segmenter)
+
+
+def _read(hint: Hint, given: Any) -> Any:
+    return hint.read_path(given) if hint.suffixes else hint.read(given)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObjectOptions(PlaceOptions):
+    """The same, and priors on the object, its surroundings and the camera."""
+
+    mask: Annotated[Path | None, option_of("mask")] = None
+    fov_deg: Annotated[float | None, option_of("fov_deg")] = None
+    pitch_deg: Annotated[float | None, option_of("pitch_deg")] = None
+    roll_deg: Annotated[float | None, option_of("roll_deg")] = None
+    normals: Annotated[str | None, option_of("normals")] = None
+    material: Annotated[str | None, option_of("material")] = None
+    albedo: Annotated[str | None, option_of("albedo")] = None
+    roughness: Annotated[float | None, option_of("roughness")] = None
+    surroundings: Annotated[str | None, option_of("surroundings")] = None
+
+
+ModelOption = Annotated[str, option_of("model")]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ModelOptions:
+    """Options of the estimator."""
+
+    model: ModelOption = DEFAULT_MODEL
+    threads: Annotated[int | None, option_of("threads"), bounded(1)] = None
+    providers: Annotated[str, option_of("providers")] = ",".join(CPU)
+
+    def estimator(self, segmenter: str | None = None) -> Estimator:
+        """Open the estimator with these options."""
+        from anyprobe.estimate.estimator import Estimator
+
+        return Estimator(Settings(**vars(self), segmenter=segmenter))
 
 
 FORMS = {"at": "X,Y"}
@@ -118,150 +207,9 @@ class OptionWords(Words):
 OPTIONS = OptionWords()
 
 
-TO_FIND = tuple(name for name, hint in HINTS.items() if hint.about == "place" and name != "mask")
-"""Hints that help to find the mask."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class MaskOptions:
-    """Location of the object."""
-
-    given: Annotated[Hints, TO_FIND]
-    finder: Annotated[Settings, ("segmenter",)]
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Exit with status 2 if a result has a warning; it is still written.")
-    ] = False
-
-    def hints(self) -> Hints:
-        """Return what the options give. Files may still be folders: hints_for makes them one photo's.
-
-        Raises:
-            InvalidMask: no such file or folder.
-        """
-        for name in ("mask", "depth"):
-            path = self.given.files().get(name)
-            if path is not None and not path.exists():
-                raise InvalidMask("no such file or folder; check the path", subject=name, source=path)
-        return self.given
-
-    def segmenter(self) -> Network | Segmenter | None:
-        """Load the segmenter that is asked for; None if none is. Errors: see load_segmenter."""
-        from anyprobe.masks.segmenters import load_segmenter
-
-        return None if self.finder.segmenter is None else load_segmenter(str(self.finder.segmenter))
-
-
-def _read(hint: Hint, given: Any) -> Any:
-    """Return the value of a hint's option, which typer gives as text, texts or a number."""
-    if hint.suffixes:
-        return hint.read_path(given)
-    if isinstance(given, list):
-        return [hint.read(text) for text in given]
-    return hint.read(given) if isinstance(given, str) else given
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ObjectOptions(MaskOptions):
-    """Location of the object, and priors on it, its surroundings and the camera."""
-
-    given: Annotated[Hints, tuple(HINTS)]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ModelOptions:
-    """Options of the estimator."""
-
-    settings: Annotated[Settings, ("model", "providers", "threads")]
-
-    def estimator(self, **more: Any) -> Estimator:
-        """Open the estimator with these options; `more` overrides settings."""
-        from anyprobe.estimate.estimator import Estimator
-
-        return Estimator(replace(self.settings, **more))
-
-
-def with_bundles(command: Callable[..., None]) -> Callable[..., None]:
-    """Return the command with each parameter that is a dataclass of options replaced by these options.
-
-    A field of such a dataclass is an option, or `Annotated[Hints, names]` or `Annotated[Settings, names]`: an option
-    for each of these fields of Hints or Settings, from their own descriptions.
-    """
-    hints = get_type_hints(command, include_extras=True)
-    options: list[inspect.Parameter] = []
-    bundles: dict[str, type] = {}
-    for parameter in inspect.signature(command).parameters.values():
-        kind = hints[parameter.name]
-        if isinstance(kind, type) and is_dataclass(kind):
-            bundles[parameter.name] = kind
-            options += _options_of(kind)
-        else:
-            options.append(_option(parameter.name, kind, parameter.default))
-
-    @functools.wraps(command)
-    def run(**values: Any) -> None:
-        bundle_values = {name: _bundle(kind, values) for name, kind in bundles.items()}
-        command(**bundle_values, **values)
-
-    run.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]  # what typer reads
-    run.__annotations__ = {one.name: one.annotation for one in options}
-    del run.__wrapped__
-    return run
-
-
-def _options_of(bundle: type) -> list[inspect.Parameter]:
-    """Return the options of a bundle's fields."""
-    annotations, options = get_type_hints(bundle, include_extras=True), []
-    for field in fields(bundle):
-        kind, names = _group(annotations[field.name])
-        if kind is Hints:
-            options += [_option(name, _hint_option(HINTS[name]), None) for name in names]
-        elif kind is Settings:
-            options += [_setting_option(setting) for setting in fields(Settings) if setting.name in names]
-        else:
-            options.append(_option(field.name, annotations[field.name], field.default))
-    return options
-
-
-def _bundle(bundle: type, values: dict[str, Any]) -> Any:
-    """Build a bundle from its options' values, which are removed from `values`."""
-    annotations = get_type_hints(bundle, include_extras=True)
-    arguments: dict[str, Any] = {}
-    for field in fields(bundle):
-        kind, names = _group(annotations[field.name])
-        if kind is Hints:
-            given = {name: values.pop(name) for name in names}
-            arguments[field.name] = Hints(
-                **{name: _read(HINTS[name], value) for name, value in given.items() if value not in (None, [])}
-            )
-        elif kind is Settings:
-            arguments[field.name] = Settings(**{name: values.pop(name) for name in names})
-        else:
-            arguments[field.name] = values.pop(field.name)
-    return bundle(**arguments)
-
-
-def _group(annotation: Any) -> tuple[Any, tuple[str, ...]]:
-    """Return Hints or Settings and the names of Annotated[Hints, names]; (None, ()) for another annotation."""
-    kind, *names = get_args(annotation) if get_origin(annotation) is Annotated else (None,)
-    return (kind, names[0]) if kind in (Hints, Settings) else (None, ())
-
-
-def _setting_option(setting: Field[Any]) -> inspect.Parameter:
-    described = SETTINGS[setting.name]
-    kind: Any = {"threads": int | None, "segmenter": str | None}.get(setting.name, str)
-    option = typer.Option(f"--{setting.name.replace('_', '-')}", metavar=described.metavar, help=described.help)
-    default = ",".join(setting.default) if isinstance(setting.default, tuple) else setting.default
-    return _option(setting.name, Annotated[kind, option], default)
-
-
-def _option(name: str, annotation: Any, default: Any) -> inspect.Parameter:
-    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
-
-
-def refuse_unused(context: typer.Context, why: str, *names: str) -> None:
-    """Raise InputError if the command line gives one of these parameters, which has no effect; why: "with --x"."""
+def refuse_unused(why: str, *names: str) -> None:
+    """Raise InputError if the command line has the option of one of these, which has no effect; why: "with --x"."""
+    words = {word.partition("=")[0] for word in sys.argv[1:]}
     for name in names:
-        source = context.get_parameter_source(name)
-        assert source is not None, name
-        if source.name == "COMMANDLINE":
+        if OPTIONS.name(name) in words:
             raise InputError(f"does nothing {why}; leave it out", subject=name)

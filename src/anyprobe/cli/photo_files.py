@@ -55,7 +55,7 @@ def hints_for(photo: Path, hints: Hints, marks: Marks | None = None) -> Hints:
     return replace(hints, **files, **(marks or {}).get(photo.name, {}))
 
 
-def list_photos(photos: list[Path]) -> list[Path]:
+def list_photos(photos: Iterable[Path]) -> list[Path]:
     """List photos: files as given, folders as the photos in them, in natural order.
 
     Left out of folders are hidden files, environment maps, and what anyprobe wrote: NAME_mask, NAME_overlay, NAME_relit

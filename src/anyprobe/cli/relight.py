@@ -12,7 +12,7 @@ from threading import Timer
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-import typer
+from cyclopts import Group, Parameter
 
 from anyprobe.cli.options import (
     OPTIONS,
@@ -22,7 +22,6 @@ from anyprobe.cli.options import (
     ObjectOptions,
     QuietOption,
     refuse_unused,
-    with_bundles,
 )
 from anyprobe.cli.photo_files import hints_for, photo_name, photo_source, result_stem
 from anyprobe.errors import InputError, InvalidMask, OutputError, arguments_named
@@ -62,21 +61,24 @@ SHAPES = "sphere, vase, pebble, block, solid"
 MESHES = ", ".join(MESH_SUFFIXES)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@Parameter(name="*", group=Group("Inserted object", sort_key=0))
+@dataclass(frozen=True, kw_only=True)
 class InsertOptions:
     """The inserted object's material and place."""
 
     insert_material: Annotated[
         str,
-        typer.Option(
-            "--insert-material",
-            help="chrome, gold, plastic, matte, one of `anyprobe materials`, or photo: like the real object.",
-        ),
+        Parameter(help="chrome, gold, plastic, matte, one of `anyprobe materials`, or photo: like the real object."),
     ] = "chrome"
     at: Annotated[
-        str | None, typer.Option(metavar="X,Y", help="Its ground contact point, in pixels; default: beside the object.")
+        str | None,
+        Parameter(
+            metavar="X,Y",
+            allow_leading_hyphen=True,
+            help="Its ground contact point, in pixels; default: beside the object.",
+        ),
     ] = None
-    scale: Annotated[float, typer.Option(help="Its height, relative to the real object's.")] = 0.5
+    scale: Annotated[float, Parameter(help="Its height, relative to the real object's.")] = 0.5
 
     def foot(self) -> tuple[float, float] | None:
         """Return the pixel of --at, or None."""
@@ -102,36 +104,41 @@ class InsertOptions:
             return mesh
 
 
-@with_bundles
 def relight(
-    context: typer.Context,
-    photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="The photo with the object; - for stdin.")],
-    object_options: ObjectOptions,
-    model_options: ModelOptions,
-    insert_options: InsertOptions,
+    photo: Annotated[Path, Parameter(name="PHOTO", help="The photo with the object; - for stdin.")],
+    /,
+    *,
+    given: ObjectOptions = ObjectOptions(),
+    models: ModelOptions = ModelOptions(),
+    inserting: InsertOptions = InsertOptions(),
     insert: Annotated[
-        str, typer.Option(metavar="SHAPE|FILE", help=f"Object to insert: {SHAPES}, or a mesh ({MESHES}), +Y up.")
+        str, Parameter(metavar="SHAPE|FILE", help=f"Object to insert: {SHAPES}, or a mesh ({MESHES}), +Y up.")
     ] = "sphere",
-    turn: Annotated[float, typer.Option(help="Its rotation about the vertical axis, degrees.")] = 0.0,
+    turn: Annotated[float, Parameter(help="Its rotation about the vertical axis, degrees.")] = 0.0,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "-o", "--out", help="File to write: .png, .tif, or .exr with passes; default: relit/<stem>_relit.png."
+        Parameter(
+            name=("--out", "-o"),
+            metavar="FILE",
+            help="File to write: .png, .tif, or .exr with passes; default: relit/<stem>_relit.png.",
         ),
     ] = None,
-    strip: Annotated[bool, typer.Option("--strip", help=f"Photo, then the object in {', '.join(STRIP)}.")] = False,
-    before: Annotated[bool, typer.Option("--before", help="Show photo and result side by side.")] = False,
+    strip: Annotated[bool, Parameter(help=f"Photo, then the object in {', '.join(STRIP)}.")] = False,
+    before: Annotated[bool, Parameter(help="Show photo and result side by side.")] = False,
     renderer: Annotated[
-        Renderer, typer.Option(help="mitsuba: path tracing; own: built-in shading; auto: Mitsuba if installed.")
+        Renderer, Parameter(help="mitsuba: path tracing; own: built-in shading; auto: Mitsuba if installed.")
     ] = "auto",
     light: Annotated[
-        Path | None, typer.Option(help="Use this .exr or .hdr map that estimate wrote, instead of an estimate.")
+        Path | None, Parameter(help="Use this .exr or .hdr map that estimate wrote, instead of an estimate.")
     ] = None,
     colorspace: ColorspaceOption = "rec709",
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Insert a virtual object, lit by the estimated light. It stands beside the real one and casts a shadow."""
+    """Insert a virtual object, lit by the estimated light.
+
+    It stands beside the real one and casts a shadow.
+    """
     from anyprobe.core.color import to_bytes
     from anyprobe.estimate.photo import load_photo
     from anyprobe.export.exported_light import read_with_origin
@@ -147,12 +154,12 @@ def relight(
     if photo.is_dir():
         raise InputError("is a folder; name one photo", subject="photo", source=photo)
     if light is not None:
-        refuse_unused(context, "with --light", *OF_ESTIMATES)
+        refuse_unused("with --light", *OF_ESTIMATES)
     if strip:
-        refuse_unused(context, "with --strip, which shows all materials", "insert_material")
-    material, size, strict = insert_options.insert_material, insert_options.scale, object_options.strict
-    hints, segmenter = hints_for(photo, object_options.hints()), object_options.segmenter()
-    contact, mesh = insert_options.foot(), insert_options.mesh(insert)
+        refuse_unused("with --strip, which shows all materials", "insert_material")
+    material, size, strict = inserting.insert_material, inserting.scale, given.strict
+    hints, segmenter = hints_for(photo, given.hints()), given.open_segmenter()
+    contact, mesh = inserting.foot(), inserting.mesh(insert)
     place = placing(Arrangement)(size=size, at=contact, turn_deg=turn)
     out = out or Path("relit") / f"{result_stem(photo, [photo])}_relit.png"
     kind = out.suffix.lower()
@@ -161,15 +168,15 @@ def relight(
             f"expected a name that ends in {', '.join(_SUFFIXES)}, got {kind or 'no suffix'}; change it", source=out
         )
     if kind == ".exr":
-        refuse_unused(context, "with an .exr, which has layers", "strip", "before")
+        refuse_unused("with an .exr, which has layers", "strip", "before")
     else:
-        refuse_unused(context, "without an .exr", "colorspace")
+        refuse_unused("without an .exr", "colorspace")
     inputs = (photo, light, *hints.files().values())
     if any(is_same_file(out, path) for path in inputs if isinstance(path, Path)):
         raise OutputError("the result would replace an input; choose another name with -o", source=out)
     check_writable(out)
     traced = uses_mitsuba(renderer)
-    source_of_light = read_with_origin(light) if light else model_options.estimator()
+    source_of_light = read_with_origin(light) if light else models.estimator()
     silent = quiet or as_json
     with progress(f"reading {photo}", silent):
         source = photo_source(photo)
@@ -177,7 +184,7 @@ def relight(
         check_foot(contact, *pixels.rgb.shape[:2])
         loaded = load_photo(pixels, hints, segmenter=segmenter)
     with progress("estimating the light", silent):
-        radiance, gain, ground, doubts = _radiance(loaded, source_of_light, model_options)
+        radiance, gain, ground, doubts = _radiance(loaded, source_of_light, models)
     stage = placing(Stage)(loaded, mesh, replace(place, ground=ground))
     names = STRIP if strip else (material,)
     stored = stored_as(source)
@@ -233,7 +240,7 @@ def relight(
             file=sys.stderr,
         )
     if strict and summary["warnings"]:
-        raise typer.Exit(2)
+        sys.exit(2)
 
 
 @contextmanager
@@ -259,7 +266,7 @@ def _pitch(stage: Stage, photo: Photo, ground: Ground | None) -> str:
 
 
 def _radiance(
-    photo: Photo, source: Estimator | tuple[np.ndarray, dict[str, Any], np.ndarray], model_options: ModelOptions
+    photo: Photo, source: Estimator | tuple[np.ndarray, dict[str, Any], np.ndarray], models: ModelOptions
 ) -> tuple[np.ndarray, float, Ground | None, tuple[str, ...]]:
     """Return radiance, gain, ground and warnings of the given map, as read_with_origin reads it, or of an estimate.
 
@@ -274,9 +281,7 @@ def _radiance(
         if not np.allclose(turn, np.eye(3)):
             radiance = np.maximum(rotate(radiance, turn.T), 0.0)
         is_same_photo = origin.get("photo") == photo.name and "ground" in origin and photo.pitch_deg is None
-        found_ground = (
-            Ground.of(origin["ground"]) if is_same_photo else model_options.estimator().from_photo(photo).ground
-        )
+        found_ground = Ground.of(origin["ground"]) if is_same_photo else models.estimator().from_photo(photo).ground
         return radiance, 1.0, found_ground, photo.warnings
     from anyprobe.relight.appearance import least_scale
 

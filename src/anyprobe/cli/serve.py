@@ -12,12 +12,13 @@ import tempfile
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
+from cyclopts import Parameter
 
 from anyprobe.cli.doctor import mask_network
+from anyprobe.cli.options import ModelOption, bounded
 from anyprobe.errors import InputError, MissingExtra, OutputError
 from anyprobe.files.cores import CHILD_ENVIRONMENT, usable_cores
-from anyprobe.inputs.settings import DEFAULT_MODEL, MODEL_HELP
+from anyprobe.inputs.settings import DEFAULT_MODEL
 from anyprobe.masks.weights import find_weights
 from anyprobe.serve.limits import DRAIN_S, IDLE_S, MAX_CONNECTIONS, Limits
 
@@ -31,39 +32,35 @@ EVERYWHERE = ("0.0.0.0", "::", "")
 
 
 def serve(
-    host: Annotated[str, typer.Option(help="Address to listen on; 0.0.0.0 for other machines too.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Port to listen on.", min=0, max=65535)] = 8000,
-    https: Annotated[
-        bool, typer.Option("--https", help="Serve HTTPS with a new self-signed certificate; a phone's camera needs it.")
-    ] = False,
-    static: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write the page as static files into DIR and exit.")
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option(help="Photos processed at a time; default: one per core.", min=1)
-    ] = None,
-    max_mb: Annotated[int, typer.Option(help="Largest upload, MiB.", min=1, max=1024)] = 32,
-    allow_origin: Annotated[
-        list[str] | None,
-        typer.Option(metavar="ORIGIN", help="Allow pages of this origin to use the API (CORS); repeatable."),
-    ] = None,
-    allow_host: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Additional host name to answer to; repeatable.")
-    ] = None,
-    token: Annotated[
-        str | None,
-        typer.Option(
-            help="Token of at least 8 characters that clients must send, or none; default: a new one if other machines "
-            "can connect.",
-            envvar="ANYPROBE_TOKEN",
-        ),
-    ] = None,
-    drain: Annotated[
-        float, typer.Option(help="Seconds that running work gets when the server is stopped (SIGTERM).", min=0, max=600)
-    ] = DRAIN_S,
-    model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL,
+    *,
+    host: str = "127.0.0.1",
+    port: Annotated[int, bounded(0, 65535)] = 8000,
+    https: bool = False,
+    static: Annotated[Path | None, Parameter(metavar="DIR")] = None,
+    workers: Annotated[int | None, bounded(1)] = None,
+    max_mb: Annotated[int, bounded(1, 1024)] = 32,
+    allow_origin: Annotated[list[str] | None, Parameter(metavar="ORIGIN")] = None,
+    allow_host: Annotated[list[str] | None, Parameter(metavar="NAME")] = None,
+    token: Annotated[str | None, Parameter(env_var="ANYPROBE_TOKEN")] = None,
+    drain: Annotated[float, bounded(0, 600)] = DRAIN_S,
+    model: ModelOption = DEFAULT_MODEL,
 ) -> None:
-    """Serve the web page and the HTTP API. Everything is computed here; nothing leaves this machine."""
+    """Serve the web page and the HTTP API.
+
+    Everything is computed here; nothing leaves this machine.
+
+    Args:
+        host: Address to listen on; 0.0.0.0 for other machines too.
+        port: Port to listen on.
+        https: Serve HTTPS with a new self-signed certificate; a phone's camera needs it.
+        static: Write the page as static files into DIR and exit.
+        workers: Photos processed at a time; default: one per core.
+        max_mb: Largest upload, MiB.
+        allow_origin: Allow pages of this origin to use the API (CORS); repeatable.
+        allow_host: Additional host name to answer to; repeatable.
+        token: Token of 8 characters or more that clients must send, or none; default: a new one beyond this machine.
+        drain: Seconds that running work gets when the server is stopped (SIGTERM).
+    """
     _need_serve()
     import uvicorn
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
+from cyclopts import Parameter
 from rich.console import Console
 from rich.progress import Progress
 
@@ -20,10 +20,9 @@ from anyprobe.cli.options import (
     ModelOptions,
     ObjectOptions,
     QuietOption,
-    count_option,
+    bounded,
     folder_option,
     refuse_unused,
-    with_bundles,
 )
 from anyprobe.cli.relight import PLACING, SHAPES, InsertOptions, Renderer, placing, progress
 from anyprobe.errors import InputError, arguments_named
@@ -34,24 +33,22 @@ LINE_S = 5
 """Interval between lines of progress without a terminal [s]."""
 
 
-@with_bundles
 def video(
-    context: typer.Context,
-    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="A video file.")],
-    object_options: ObjectOptions,
-    model_options: ModelOptions,
-    insert_options: InsertOptions,
+    clip: Annotated[Path, Parameter(name="CLIP")],
+    /,
+    *,
+    given: ObjectOptions = ObjectOptions(),
+    models: ModelOptions = ModelOptions(),
+    inserting: InsertOptions = InsertOptions(),
     out: Annotated[Path | None, folder_option("Folder for the results; default: <stem>_light.")] = None,
     insert: Annotated[
-        str | None, typer.Option(metavar="SHAPE|FILE", help=f"Also write relit.mp4 with {SHAPES}, or a mesh file.")
+        str | None, Parameter(metavar="SHAPE|FILE", help=f"Also write relit.mp4 with {SHAPES}, or a mesh file.")
     ] = None,
-    renderer: Annotated[Renderer, typer.Option(help="Renderer of the object, as in relight.")] = "own",
-    every: Annotated[int, count_option(least=1, metavar="N", help="Estimate a light for every Nth frame.")] = 1,
-    exr: Annotated[bool, typer.Option("--exr", help="Also write the maps as lights/<frame>.exr.")] = False,
-    poses: Annotated[
-        Path | None, typer.Option(help="transforms.json with the camera of each frame; see docs/how-to/video.md.")
-    ] = None,
-    restart: Annotated[bool, typer.Option("--restart", help="Restart, discarding earlier progress.")] = False,
+    renderer: Renderer = "own",
+    every: Annotated[int, Parameter(metavar="N"), bounded(1)] = 1,
+    exr: bool = False,
+    poses: Path | None = None,
+    restart: bool = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -60,6 +57,14 @@ def video(
     Writes track.json, light.mp4 (map and spheres of each frame), and relit.mp4 with --insert; an interrupted run
     resumes. Clicks and box refer to the first frame; --mask, --depth and --normals are folders with one file per frame,
     sorted by name (--normals may be sphere).
+
+    Args:
+        clip: A video file.
+        renderer: Renderer of the object, as in relight.
+        every: Estimate a light for every Nth frame.
+        exr: Also write the maps as lights/<frame>.exr.
+        poses: transforms.json with the camera of each frame; see docs/how-to/video.md.
+        restart: Restart, discarding earlier progress.
     """
     from anyprobe.estimate.poses import read_poses
     from anyprobe.files.atomic import check_writable
@@ -71,20 +76,20 @@ def video(
     from anyprobe.video.track import forget_run
 
     if insert is None:
-        refuse_unused(context, "without --insert", "insert_material", "at", "scale", "renderer")
+        refuse_unused("without --insert", "insert_material", "at", "scale", "renderer")
     out = out or Path(f"{clip.stem}_light")
-    name, material, size = insert, insert_options.insert_material, insert_options.scale
-    hints, segmenter = object_options.hints(), object_options.segmenter()
+    name, material, size = insert, inserting.insert_material, inserting.scale
+    hints, segmenter = given.hints(), given.open_segmenter()
     object_material = hints.surface()
     folders = {kind: path for kind, path in hints.files().items() if kind in HINT_SUFFIXES}
     first_frame: dict[str, Any] = {key: value for key, value in hints.given() if key in ("click", "exclude", "box")}
-    if object_options.finder.segmenter:
-        first_frame["segmenter"] = object_options.finder.segmenter
-    contact = insert_options.foot()
+    if given.segmenter:
+        first_frame["segmenter"] = given.segmenter
+    contact = inserting.foot()
     if poses is not None and name is not None:
         text = "expected one of them, got both; relit clips need a static camera"
         raise InputError(text, subject=("poses", "insert"))
-    mesh = None if name is None else insert_options.mesh(name)
+    mesh = None if name is None else inserting.mesh(name)
     given_mesh = (mesh.positions, mesh.faces) if mesh is not None and Path(insert or "").suffix else None  # of a file
     header = open_clip(clip)
     given_poses = None if poses is None else read_poses(poses)
@@ -104,7 +109,7 @@ def video(
     shown = first_frame if segmenter is None else {**first_frame, "segmenter": segmenter}
     follower = MaskFollower(folders, shown, every_frame, hints.surroundings)
     with progress("opening the model", quiet):
-        estimator = model_options.estimator()
+        estimator = models.estimator()
     settings = {
         "clip": clip.name,
         "clip_digest": sampled_digest(clip),
@@ -172,8 +177,8 @@ def video(
     speed = f", {rate:.1f} frames per second" if outcome.frames > num_done else ""
     failed = f", {len(outcome.bad)} of them without a light of their own" if outcome.bad else ""
     console.print(f"{out}: {outcome.frames} frames{failed}{speed}", soft_wrap=True)
-    if object_options.strict and (warnings or outcome.bad or outcome.damaged):
-        raise typer.Exit(2)
+    if given.strict and (warnings or outcome.bad or outcome.damaged):
+        sys.exit(2)
 
 
 def _named(index: int, line: str) -> str:

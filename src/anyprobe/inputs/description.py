@@ -59,13 +59,15 @@ class Hint:
     suffixes: tuple[str, ...] = ()
     in_web: str = ""
 
-    def read(self, text: str) -> Any:
-        """Parse a text: a number, numbers, or the text itself.
+    def read(self, text: Any) -> Any:
+        """Parse a text: a number, numbers, or the text itself; a list of texts one by one; else return it as it is.
 
         Raises:
             InputError: wrong numbers.
         """
-        if not self.numbers:
+        if isinstance(text, list):
+            return [self.read(one) for one in text]
+        if not self.numbers or not isinstance(text, str):
             return text
         found = numbers_in(text, *self.numbers)
         if not found:
@@ -88,7 +90,7 @@ class Hint:
             )
         return text
 
-    def read_path(self, text: str) -> str | Path:
+    def read_path(self, text: str | Path) -> str | Path:
         """Return one of the words, or a file's path."""
         return text if text in self.words else Path(text)
 

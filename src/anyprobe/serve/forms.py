@@ -210,12 +210,9 @@ async def _hints(form: Any, without: tuple[str, ...] = ()) -> Hints:
         if value is None:
             continue
         if hasattr(value, "read"):
-            value = await value.read()
-        elif isinstance(value, list):
-            value = [hint.read(text) for text in value]
-        elif isinstance(value, str):
-            value = hint.read_word(value) if hint.suffixes else hint.read(value)
-        values[keyword] = value
+            values[keyword] = await value.read()
+        else:
+            values[keyword] = hint.read_word(value) if hint.suffixes else hint.read(value)
     return Hints(**values)
 
 

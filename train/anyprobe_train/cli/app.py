@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import typer
+from collections.abc import Callable
 
 from anyprobe.cli.app import main as cli_main
+from anyprobe.cli.app import new_app
 from anyprobe_train.cli import data
 from anyprobe_train.cli.evaluate import evaluate
 from anyprobe_train.cli.paper import paper
 from anyprobe_train.cli.run import export, run
 
-app = typer.Typer(
-    help="Train, export and evaluate the networks of anyprobe.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-)
-for command in (run, export, evaluate, paper):
-    app.command()(command)
-app.add_typer(data.app, name="data", help="Download maps and shapes.")
+app = new_app("Train, export and evaluate the networks of anyprobe.", name="anyprobe-train")
+COMMANDS: tuple[Callable[..., None], ...] = (run, export, evaluate, paper)
+for place, command in enumerate(COMMANDS):
+    app.command(command, sort_key=place)
+app.command(data.app)
 
 
 def main() -> None:

@@ -4,15 +4,18 @@ anyprobe-train data test DIR: the files of the frozen test set, each from its ow
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
 from pathlib import Path
 from typing import Annotated, Literal
 
-import typer
+from cyclopts import Parameter
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 from rich.table import Table
 
+from anyprobe.cli.app import new_app
+from anyprobe.cli.options import bounded
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe_train.assets import frozen_set, polyhaven
@@ -20,25 +23,26 @@ from anyprobe_train.assets.download import PAUSE_S, Client, ServerBusy
 
 STATUSES = ("fetched", "complete", "kept", "failed", "not tried")
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = new_app("Download maps and shapes.", name="data")
 
 
-@app.command("polyhaven")
+@app.command(name="polyhaven")
 def fetch(
-    kind: Annotated[Literal["hdris", "models", "all"], typer.Option("--type", help="Maps, models or both.")] = "all",
+    *,
+    kind: Annotated[Literal["hdris", "models", "all"], Parameter(name="--type", help="Maps, models or both.")] = "all",
     category: Annotated[
-        list[str] | None, typer.Option(help="Only assets in this category; several times: in all of them.")
+        list[str] | None, Parameter(help="Only assets in this category; several times: in all of them.")
     ] = None,
-    limit: Annotated[int, typer.Option(min=0, metavar="N", help="Assets of each type; 0 for all.")] = 100,
-    resolution: Annotated[str, typer.Option(help="Width of the maps; training averages them to 512.")] = "1k",
-    map_format: Annotated[Literal["hdr", "exr"], typer.Option("--format", help="Format of the maps.")] = "hdr",
+    limit: Annotated[int, Parameter(metavar="N", help="Assets of each type; 0 for all."), bounded(0)] = 100,
+    resolution: Annotated[str, Parameter(help="Width of the maps; training averages them to 512.")] = "1k",
+    map_format: Annotated[Literal["hdr", "exr"], Parameter(name="--format", help="Format of the maps.")] = "hdr",
     to: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder for hdri/ and meshes/, as train --data reads it.")
+        Path, Parameter(metavar="DIR", help="Folder for hdri/ and meshes/, as train --data reads it.")
     ] = Path("data"),
-    split: Annotated[float, typer.Option(min=0, max=1, help="Share of assets held out, in test/.")] = 0.1,
-    pause: Annotated[float, typer.Option(min=0, help="Seconds between two requests.")] = 0.5,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="List the assets, fetch nothing.")] = False,
-    api: Annotated[str | None, typer.Option(hidden=True, help="Another address of the API.")] = None,
+    split: Annotated[float, Parameter(help="Share of assets held out, in test/."), bounded(0, 1)] = 0.1,
+    pause: Annotated[float, Parameter(help="Seconds between two requests."), bounded(0)] = 0.5,
+    dry_run: Annotated[bool, Parameter(name="--dry-run", help="List the assets, fetch nothing.")] = False,
+    api: Annotated[str | None, Parameter(help="Another address of the API.", show=False)] = None,
 ) -> None:
     """Fetch CC0 maps and models of polyhaven.com; run again to go on, what is complete is not asked for twice."""
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
@@ -72,14 +76,16 @@ def fetch(
     if stopped:
         talk.print(f"anyprobe: {stopped}", soft_wrap=True)
     if stopped or any(one.status == "failed" for one in outcomes):
-        raise typer.Exit(2)
+        sys.exit(2)
 
 
-@app.command("test")
+@app.command(name="test")
 def fetch_test(
-    to: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for hdri/test and meshes/test.")],
-    pause: Annotated[float, typer.Option(min=0, help="Seconds between two requests.")] = PAUSE_S,
-    host: Annotated[str, typer.Option(hidden=True, help="Another address of the sources.")] = frozen_set.HOST,
+    to: Annotated[Path, Parameter(name="DIR", help="Folder for hdri/test and meshes/test.")],
+    /,
+    *,
+    pause: Annotated[float, Parameter(help="Seconds between two requests."), bounded(0)] = PAUSE_S,
+    host: Annotated[str, Parameter(help="Another address of the sources.", show=False)] = frozen_set.HOST,
 ) -> None:
     """Fetch what can be had of the frozen test set's maps and shapes; run again to go on."""
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
@@ -94,11 +100,11 @@ def fetch_test(
             talk.print(f"{one.file_row.file}: {one.status}{reason}", soft_wrap=True)
     except ServerBusy as error:
         talk.print(f"anyprobe: {error}", soft_wrap=True)
-        raise typer.Exit(2) from error
+        sys.exit(2)
     talk.print(", ".join(f"{count} {status}" for status, count in counts.items()), soft_wrap=True)
     if counts["failed"]:
-        raise typer.Exit(2)
-    typer.echo(to / frozen_set.RECIPES)
+        sys.exit(2)
+    print(to / frozen_set.RECIPES)
 
 
 def _fetch_all(library: polyhaven.Library, chosen: list, progress: Progress) -> tuple[list, str]:

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-import typer
+from cyclopts import Parameter
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from anyprobe.cli.options import folder_option
+from anyprobe.cli.options import bounded, folder_option
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe.inputs.settings import DEFAULT_MODEL, MODEL_HELP
@@ -38,32 +38,32 @@ CELL = 64
 
 
 def evaluate(
-    hdri: Annotated[Path, typer.Option(help="Folder of held-out maps (.exr, .hdr; manifest.csv says indoor/outdoor).")],
-    meshes: Annotated[Path, typer.Option(help="Folder of held-out shapes (.ply, .obj, ...).")],
-    pairs: Annotated[int, typer.Option(min=4, help="Test pairs to render.")] = PAIRS,
-    seed: Annotated[int, typer.Option(help="Seed of the test set.")] = SEED,
-    frozen: Annotated[bool, typer.Option("--frozen", help="Take the first of the 1,000 frozen recipes.")] = False,
+    *,
+    hdri: Annotated[Path, Parameter(help="Folder of held-out maps (.exr, .hdr; manifest.csv says indoor/outdoor).")],
+    meshes: Annotated[Path, Parameter(help="Folder of held-out shapes (.ply, .obj, ...).")],
+    pairs: Annotated[int, Parameter(help="Test pairs to render."), bounded(4)] = PAIRS,
+    seed: Annotated[int, Parameter(help="Seed of the test set.")] = SEED,
+    frozen: Annotated[bool, Parameter(name="--frozen", help="Take the first of the 1,000 frozen recipes.")] = False,
     recipes: Annotated[
-        Path | None,
-        typer.Option(help="Take the pairs of a list, one recipe per line, such as research/world/test.txt."),
+        Path | None, Parameter(help="Take the pairs of a list, one recipe per line, such as research/world/test.txt.")
     ] = None,
     conditions: Annotated[
-        Conditions, typer.Option(help="clean photos; world: as phones take them, with noise, JPEG, blur, rough masks.")
+        Conditions, Parameter(help="clean photos; world: as phones take them, with noise, JPEG, blur, rough masks.")
     ] = "clean",
     path_traced: Annotated[
-        bool, typer.Option("--path-traced", help="Photos by Mitsuba 3, with self-shadowing and interreflection.")
+        bool, Parameter(name="--path-traced", help="Photos by Mitsuba 3, with self-shadowing and interreflection.")
     ] = False,
     hints: Annotated[
-        bool, typer.Option("--hints", help="Also score with true normals, material and surroundings given.")
+        bool, Parameter(name="--hints", help="Also score with true normals, material and surroundings given.")
     ] = False,
     write_photos: Annotated[
-        Path | None, typer.Option(help="Folder to write photos, masks and cameras to, by key; nothing is scored.")
+        Path | None, Parameter(help="Folder to write photos, masks and cameras to, by key; nothing is scored.")
     ] = None,
     predictions: Annotated[
-        Path | None, typer.Option(help="Folder of maps KEY.exr or KEY.hdr to score in the model's place.")
+        Path | None, Parameter(help="Folder of maps KEY.exr or KEY.hdr to score in the model's place.")
     ] = None,
     out: Annotated[Path, folder_option("Folder for scores.json and pictures.png.")] = Path("evaluation"),
-    model: Annotated[str, typer.Option(help=MODEL_HELP)] = DEFAULT_MODEL,
+    model: Annotated[str, Parameter(help=MODEL_HELP)] = DEFAULT_MODEL,
 ) -> None:
     """Score a model, or any program's maps, on a test set. Renders it, scores two baselines too, and prints tables."""
     conflicts = (

@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from cyclopts import Parameter
 
+from anyprobe.cli.options import bounded
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError
 from anyprobe_train.cli.run import Data, need_torch
 
 
 def paper(
+    *,
     data: Data = None,
-    runs: Annotated[Path, typer.Option(help="Folder of tables, checkpoints and logs.")] = Path("runs/paper"),
-    setting: Annotated[str, typer.Option(help="Sizes: full, quarter (of the steps), small or tiny.")] = "full",
-    only: Annotated[str, typer.Option(help="One piece, by name; default: all in order.")] = "",
-    stop: Annotated[int | None, typer.Option(min=1, help="Leave each piece at this step, to test a machine.")] = None,
-    table: Annotated[bool, typer.Option("--table", help="Train nothing; write Table 1 of what is trained.")] = False,
-    figure: Annotated[int | None, typer.Option(help="Train nothing; draw this figure of the paper's.")] = None,
-    graphs: Annotated[Path | None, typer.Option(help="Train nothing; write the trained chain here as ONNX.")] = None,
-    threads: Annotated[int, typer.Option(min=1, help="Threads.")] = 2,
-    device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
+    runs: Annotated[Path, Parameter(help="Folder of tables, checkpoints and logs.")] = Path("runs/paper"),
+    setting: Annotated[str, Parameter(help="Sizes: full, quarter (of the steps), small or tiny.")] = "full",
+    only: Annotated[str, Parameter(help="One piece, by name; default: all in order.")] = "",
+    stop: Annotated[int | None, Parameter(help="Leave each piece at this step, to test a machine."), bounded(1)] = None,
+    table: Annotated[bool, Parameter(name="--table", help="Train nothing; write Table 1 of what is trained.")] = False,
+    figure: Annotated[int | None, Parameter(help="Train nothing; draw this figure of the paper's.")] = None,
+    graphs: Annotated[Path | None, Parameter(help="Train nothing; write the trained chain here as ONNX.")] = None,
+    threads: Annotated[int, Parameter(help="Threads."), bounded(1)] = 2,
+    device: Annotated[str, Parameter(help="cpu or cuda.")] = "cpu",
 ) -> None:
     """Train the paper's networks as it does. Resumes exactly where it stopped; SIGTERM saves first."""
     need_torch("training")
@@ -55,7 +58,7 @@ def paper(
         return
     ended = reproduce(data, runs, SETTINGS[setting], threads=threads, device=device, only=only, stop=stop, say=_say)
     if not ended:
-        raise typer.Exit(143)
+        sys.exit(143)
 
 
 def _say(line: str) -> None:

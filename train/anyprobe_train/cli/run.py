@@ -6,8 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from cyclopts import Parameter
 
+from anyprobe.cli.options import bounded
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError, MissingExtra
 
@@ -15,30 +16,34 @@ _RUNS = Path("runs")
 LIGHT_RUN = "light"
 """Run of the light network, which has a loop of its own."""
 Data = Annotated[
-    Path | None, typer.Option(help="Folder with hdri/train and meshes/train; default: procedural maps and shapes.")
+    Path | None, Parameter(help="Folder with hdri/train and meshes/train; default: procedural maps and shapes.")
 ]
-Runs = Annotated[Path, typer.Option(help="Folder for checkpoints, logs and caches.")]
-Steps = Annotated[int | None, typer.Option(min=1, help="Total number of steps; default: the run's.")]
-DryRun = Annotated[int | None, typer.Option(min=1, metavar="N", help="N small steps, to test a machine.")]
-Keep = Annotated[Path | None, typer.Option(help="Also save the weights to this .pt, for run --init-weights.")]
-RunName = Annotated[str, typer.Argument(metavar="RUN", help="Named run; see docs/how-to/training.md.")]
+Runs = Annotated[Path, Parameter(help="Folder for checkpoints, logs and caches.")]
+Steps = Annotated[int | None, Parameter(help="Total number of steps; default: the run's."), bounded(1)]
+DryRun = Annotated[int | None, Parameter(metavar="N", help="N small steps, to test a machine."), bounded(1)]
+Keep = Annotated[Path | None, Parameter(help="Also save the weights to this .pt, for run --init-weights.")]
+RunName = Annotated[str, Parameter(name="RUN", help="Named run; see docs/how-to/training.md.")]
 
 
 def run(
     name: RunName = "lift",
+    /,
+    *,
     data: Data = None,
     runs: Runs = _RUNS,
     steps: Steps = None,
     dry_run: DryRun = None,
     init_weights: Annotated[
         Path | None,
-        typer.Option(help="Initial weights, written by anyprobe-train export --keep; give the same ones to resume."),
+        Parameter(help="Initial weights, written by anyprobe-train export --keep; give the same ones to resume."),
     ] = None,
-    device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
+    device: Annotated[str, Parameter(help="cpu or cuda.")] = "cpu",
     workers: Annotated[
-        int, typer.Option(min=0, help="Processes that make pairs ahead, so that a GPU need not wait.")
+        int, Parameter(help="Processes that make pairs ahead, so that a GPU need not wait."), bounded(0)
     ] = 0,
-    compiled: Annotated[bool, typer.Option("--compile/--no-compile", help="Compile the renderer.")] = True,
+    compiled: Annotated[
+        bool, Parameter(name="--compile", negative="--no-compile", help="Compile the renderer.")
+    ] = True,
 ) -> None:
     """Train a model on rendered pairs. An interrupted run resumes exactly."""
     _refuse_elsewhere(name)
@@ -52,7 +57,7 @@ def run(
     if name == LIGHT_RUN:
         from anyprobe_train.light.command import train_light
 
-        return typer.echo(train_light(data, runs, steps, dry_run, device, workers, init_weights))
+        return print(train_light(data, runs, steps, dry_run, device, workers, init_weights))
     if name not in NAMED:
         names = (*NAMED, LIGHT_RUN)
         raise InputError(f"expected one of {', '.join(names)}{did_you_mean(name, names)}", source=f"run {name!r}")
@@ -65,7 +70,7 @@ def run(
     path = loop.train(
         chosen, data=data, runs=runs, device=device, compiled=compiled, workers=workers, start=init_weights
     )
-    typer.echo(path)
+    print(path)
 
 
 ELSEWHERE = {
@@ -83,9 +88,11 @@ def _refuse_elsewhere(name: str) -> None:
 
 
 def export(
-    to: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for the .onnx graphs.")],
+    to: Annotated[Path, Parameter(name="FOLDER", help="Folder for the .onnx graphs.")],
     name: RunName = "lift",
-    runs: Annotated[Path, typer.Option(help="Folder of the trained runs.")] = _RUNS,
+    /,
+    *,
+    runs: Annotated[Path, Parameter(help="Folder of the trained runs.")] = _RUNS,
     keep: Keep = None,
 ) -> None:
     """Export a trained run as ONNX. The graphs are checked against torch."""
@@ -101,14 +108,14 @@ def export(
 
         if keep is not None:
             keep_light(checkpoint, keep)
-        return typer.echo(f"{to / 'light.onnx'}: within {export_lean(checkpoint, to / 'light.onnx'):.2g} of torch")
+        return print(f"{to / 'light.onnx'}: within {export_lean(checkpoint, to / 'light.onnx'):.2g} of torch")
     if keep is not None:  # first: what training made is not lost where the export is refused
         keep_apart(checkpoint, keep)
         save_init_weights(checkpoint, keep)
     for stage, difference in export_graphs(checkpoint, to).items():
-        typer.echo(f"{to / (stage + '.onnx')}: within {difference:.2g} of torch")
+        print(f"{to / (stage + '.onnx')}: within {difference:.2g} of torch")
     if keep is not None:
-        typer.echo(keep)
+        print(keep)
 
 
 def need_torch(what: str) -> None:

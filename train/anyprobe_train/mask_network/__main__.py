@@ -7,9 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from cyclopts import Parameter
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.cli.app import new_app
+from anyprobe.cli.options import bounded
 from anyprobe.errors import InputError
 from anyprobe_train.cli.run import Data, DryRun, Keep, Runs, Steps
 from anyprobe_train.mask_network.mask_export import export_mask
@@ -19,20 +21,21 @@ from anyprobe_train.train.checkpoint import keep_apart, save_init_weights
 RUNS_DIR = Path("runs")
 WEIGHTS = Path("src/anyprobe/weights/mask")
 
-app = typer.Typer(no_args_is_help=True)
+app = new_app(__doc__)
 
 
 @app.command()
 def train(
+    *,
     data: Data = None,
     runs: Runs = RUNS_DIR,
     steps: Steps = None,
     dry_run: DryRun = None,
     init_weights: Annotated[
-        Path | None, typer.Option(help="Weights to begin from, kept by export --keep; the same ones to resume.")
+        Path | None, Parameter(help="Weights to begin from, kept by export --keep; the same ones to resume.")
     ] = None,
     keep_every: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Keep the checkpoint after every N steps.")
+        int | None, Parameter(metavar="N", help="Keep the checkpoint after every N steps."), bounded(1)
     ] = None,
 ) -> None:
     """Train the network that proposes the object; resumes exactly."""
@@ -47,13 +50,15 @@ def train(
         checkpoint = train_mask(config, data=data, runs=runs, stop_after=stop, start=init_weights)
         if keep_every is not None:
             shutil.copy(checkpoint, checkpoint.with_name(f"after_{min(stop, config.steps):06d}.pt"))
-    typer.echo(checkpoint)
+    print(checkpoint)
 
 
 @app.command()
 def export(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run's folder, or its checkpoint.")] = RUNS_DIR / "mask",
-    to: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Folder for mask.onnx.")] = WEIGHTS,
+    run: Annotated[Path, Parameter(name="RUN", help="A run's folder, or its checkpoint.")] = RUNS_DIR / "mask",
+    /,
+    *,
+    to: Annotated[Path, Parameter(name=("--out", "-o"), metavar="FOLDER", help="Folder for mask.onnx.")] = WEIGHTS,
     keep: Keep = None,
 ) -> None:
     """Export a trained run as ONNX and check it against torch."""
@@ -61,9 +66,9 @@ def export(
     if keep is not None:
         keep_apart(checkpoint, keep)
         save_init_weights(checkpoint, keep, holds="net")
-    typer.echo(f"{to / 'mask.onnx'}: within {export_mask(checkpoint, to):.2g} of torch")
+    print(f"{to / 'mask.onnx'}: within {export_mask(checkpoint, to):.2g} of torch")
     if keep is not None:
-        typer.echo(keep)
+        print(keep)
 
 
 if __name__ == "__main__":

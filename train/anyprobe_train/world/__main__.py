@@ -7,33 +7,36 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
+from cyclopts import Parameter
 
 from anyprobe.cli.app import main as run_command
+from anyprobe.cli.app import new_app
+from anyprobe.cli.options import bounded
 
-app = typer.Typer(no_args_is_help=True)
-DataFolder = Annotated[Path, typer.Option(help="Folder with hdri and meshes.")]
-Cache = Annotated[Path, typer.Option(help="Folder for what is made once.")]
+app = new_app(__doc__)
+DataFolder = Annotated[Path, Parameter(help="Folder with hdri and meshes.")]
+Cache = Annotated[Path, Parameter(help="Folder for what is made once.")]
 
 
 @app.command()
 def prepare(
+    *,
     data: DataFolder,
     cache: Cache,
-    files: Annotated[int, typer.Option(min=1, help="Files of views, 48 in each.")] = 64,
-    every: Annotated[int, typer.Option(min=1, help="Make one of so many: for several processes.")] = 1,
-    first: Annotated[int, typer.Option(min=0)] = 0,
+    files: Annotated[int, Parameter(help="Files of views, 48 in each."), bounded(1)] = 64,
+    every: Annotated[int, Parameter(help="Make one of so many: for several processes."), bounded(1)] = 1,
+    first: Annotated[int, bounded(0)] = 0,
 ) -> None:
     """Make maps, places, covers and views that are missing."""
     from anyprobe_train.world.batch import World
 
     world = World.open(data, cache)
     for number in range(first, files, every):
-        typer.echo(world.views.make(number))
+        print(world.views.make(number))
 
 
 @app.command()
-def speed(data: DataFolder, cache: Cache, batches: int = 4, batch: int = 32, profile: bool = False) -> None:
+def speed(*, data: DataFolder, cache: Cache, batches: int = 4, batch: int = 32, profile: bool = False) -> None:
     """Print milliseconds of the processor for each photo, of batches after the first."""
     import cProfile
     import pstats
@@ -51,12 +54,14 @@ def speed(data: DataFolder, cache: Cache, batches: int = 4, batch: int = 32, pro
     if profile:
         profiler.disable()
         pstats.Stats(profiler).sort_stats("tottime").print_stats(25)
-    typer.echo(f"{1000 * (time.process_time() - start) / batches / batch:.1f} ms a photo")
+    print(f"{1000 * (time.process_time() - start) / batches / batch:.1f} ms a photo")
 
 
 @app.command()
 def sheet(
     out: Path,
+    /,
+    *,
     data: DataFolder,
     cache: Cache,
     seed: int = 1,
@@ -89,7 +94,7 @@ def sheet(
             tiles.append(np.hstack([left, side]))
     rows = [np.hstack(tiles[i : i + 4]) for i in range(0, count - count % 4, 4)]
     Image.fromarray(np.vstack(rows)).save(out)
-    typer.echo(out)
+    print(out)
 
 
 if __name__ == "__main__":
