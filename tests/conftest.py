@@ -20,7 +20,6 @@ from support.scenes import sphere_photo  # noqa: E402
 
 from anyprobe.cli.app import main  # noqa: E402
 from anyprobe.estimate import estimator as estimate_module  # noqa: E402
-from anyprobe.estimate import outputs  # noqa: E402
 from anyprobe.estimate.estimator import Estimator  # noqa: E402
 from anyprobe.estimate.result import Light  # noqa: E402
 from anyprobe.masks.networks import small_network  # noqa: E402
@@ -122,7 +121,7 @@ def networks_opened_once(monkeypatch) -> None:
 @pytest.fixture
 def small_results(monkeypatch) -> None:
     """The map alone in the place of the drawn preview, and panoramas of 64 rows: both take longer than the estimate."""
-    monkeypatch.setattr(outputs, "draw_preview", lambda panorama, *_: np.clip(panorama.radiance, 0, 1))
+    monkeypatch.setattr("anyprobe.session.draw_preview", lambda panorama, *_: np.clip(panorama.radiance, 0, 1))
     full = Light.panorama
 
     def panorama(light: Light, size: int = 64, *, frame: str = "level") -> Panorama:

@@ -21,6 +21,7 @@ from support.folders import names, snapshot
 from support.scenes import sphere_photo
 
 import anyprobe
+from anyprobe.cli.app import app
 from anyprobe.cli.estimate import Done, _report
 from anyprobe.files import atomic
 from anyprobe.maps.radiance import read_radiance
@@ -380,21 +381,21 @@ for missing in (1, 300, 900):
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize("moment", ["outputs.draw_preview", "os.replace"])
+@pytest.mark.parametrize("moment", ["session.draw_preview", "os.replace"])
 def test_interrupt_leaves_no_temporary_files(work, moment):
     save_sphere("a.png")
     save_sphere("b.png")
     code = f"""
 import os, signal
-from anyprobe.estimate import outputs
-outputs.draw_preview = lambda panorama, *_: panorama.radiance.clip(0, 1)
+from anyprobe import session
+session.draw_preview = lambda panorama, *_: panorama.radiance.clip(0, 1)
 whole = {moment}
 def interrupted(*args):
     if interrupted.count == 0:
         signal.raise_signal(signal.SIGINT)
     interrupted.count -= 1
     return whole(*args)
-interrupted.count = {1 if moment == "outputs.draw_preview" else 13}
+interrupted.count = {1 if moment == "session.draw_preview" else 13}
 {moment} = interrupted
 """
     ended = shell("estimate", "a.png", "b.png", "-o", "out", "--size", 64, code=code)
@@ -438,6 +439,13 @@ def test_help_and_version(command):
     assert command("estimate", "--nonsense").status == 2
 
 
+def test_photos_may_stand_between_options_and_the_last_of_two_counts():
+    words = ["estimate", "a.png", "-o", "out", "b.png", "--click", "-1,2", "--click=3,4", "--fov", "40", "--fov", "50"]
+    _, bound, _ = app.parse_args(words)
+    assert bound.args == (Path("a.png"), Path("b.png"))
+    assert (bound.kwargs["given"].click, bound.kwargs["given"].fov_deg) == (["-1,2", "3,4"], 50.0)
+
+
 # What is refused before any network runs
 
 
@@ -459,6 +467,8 @@ def test_names_and_folder_are_checked_before_the_work(work, command, name, monke
         (("match", "a.png", "maps", "--best", "51"), "--best: expected 1 to 50, got 51"),
         (("match", "a.png", "maps", "--apply", "maya"), "--apply: expected any of three, blender,"),
         (("video", "a.mp4", "--every", "0"), "--every: expected 1 or more, got 0"),
+        (("estimate", "a.png", "--threads", "1.5"), "--threads: expected a whole number of 1 or more, got 1.5"),
+        (("estimate", "a.png", "--surroundngs", "x"), "Unknown option: --surroundngs. Did you mean --surroundings?"),
         (("export", "a.exr"), "--to: expected any of three, blender,"),
         (("export", "a.exr", "--to", "maya"), "--to: expected any of three, blender,"),
         (("relight", "folder", "-o", "x"), "PHOTO folder: is a folder; name one photo"),

@@ -10,7 +10,8 @@ from support.refused import refused
 from support.scenes import sphere_photo
 
 import anyprobe
-from anyprobe.estimate.photo import inputs_of, load_photo
+from anyprobe.estimate.extract import extract_of
+from anyprobe.estimate.photo import load_photo
 from anyprobe.given_material import as_material, given_material
 from anyprobe.scatter.materials import MATERIALS
 
@@ -24,8 +25,8 @@ def through(entry: str, estimator, rgba: np.ndarray, **given):
     photo = load_photo(rgba)
     if entry == "from_photo":
         return estimator.from_photo(photo, material=as_material(**given))
-    if entry == "from_inputs":
-        return estimator.from_inputs(photo, inputs_of(photo), material=as_material(**given))
+    if entry == "from_extract":
+        return estimator.from_extract(extract_of(photo), as_material(**given))
     return estimator.multiview([photo], [np.eye(3)], **given)
 
 
@@ -40,7 +41,7 @@ def expected(estimator) -> list[tuple[dict, anyprobe.Light]]:
     return [(given, estimator(sphere_photo(), material=material)) for given, material in means]
 
 
-@pytest.mark.parametrize("entry", ["estimate", "call", "from_photo", "from_inputs", "together"])
+@pytest.mark.parametrize("entry", ["estimate", "call", "from_photo", "from_extract", "together"])
 def test_name_albedo_and_material_reach_the_light(estimator, photo_rgba, expected, entry):
     for given, light in expected:
         found = through(entry, estimator, photo_rgba, **given)

@@ -39,7 +39,7 @@ from anyprobe.serve.api import create_app
 from anyprobe.serve.limits import MAX_PHOTOS, Limits
 from anyprobe.serve.page import Page
 from anyprobe.serve.pool import Cancelled, TooMuchMemory, TooSlow, WorkerPool
-from anyprobe.serve.tasks import Sent
+from anyprobe.session import Shot
 
 LIMITS = Limits(max_bytes=400_000, max_pixels=20_000, workers=1, waiting=1, upload_s=5.0)
 TURNS = [np.eye(3), rotation_y(0.8)]
@@ -297,7 +297,7 @@ def test_a_process_that_ends_is_replaced_and_its_work_done_once_more(decode, tmp
     assert decode(partial(_dies, str(tmp_path / "died"))) != os.getpid()
     with pytest.raises(TooMuchMemory):
         decode(partial(_dies, ""))
-    assert decode(partial(tasks.mask, Sent(photo=photo), 10**9, True))["source"] == "alpha"
+    assert decode(partial(tasks.mask, Shot(source=photo, name="photo"), 10**9, True))["source"] == "alpha"
 
 
 @pytest.mark.ci
@@ -305,7 +305,7 @@ def test_what_takes_too_long_or_too_much_memory_is_ended(decode):
     with pytest.raises(TooSlow):
         decode(partial(time.sleep, 60))
     with pytest.raises(TooMuchMemory):
-        decode(partial(tasks.upright, Sent(photo=black(9000)), 10**9))
+        decode(partial(tasks.upright, Shot(source=black(9000), name="photo"), 10**9))
 
 
 @pytest.mark.ci

@@ -25,11 +25,12 @@ from pathlib import Path
 from anyprobe.masks.networks import shared_network
 from anyprobe.inputs.hints import Hints
 from anyprobe.serve import tasks
+from anyprobe.session import Shot
 photo, mask = (Path(name).read_bytes() if name else None for name in sys.argv[1:])
 shared_network()
 held = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
 before = held()
-tasks.cut(tasks.Sent(photo=photo, hints=Hints(mask=mask)), 25_000_000, True, True, True)
+tasks.extract(Shot(source=photo, name="photo", hints=Hints(mask=mask)), 25_000_000, True, True, True)
 print(held() - before)
 """
 

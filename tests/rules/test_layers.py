@@ -17,7 +17,7 @@ TRAIN = Path(anyprobe_train.__file__).parent
 
 ORDER = (
     "notices errors core paper light scatter given_material render files maps pictures export place match masks inputs "
-    "estimate relight video serve cli __init__ __main__ "
+    "estimate session relight video serve cli __init__ __main__ "
     "anyprobe_train.__init__ anyprobe_train.nets anyprobe_train.light_graph anyprobe_train.dataset "
     "anyprobe_train.evaluate anyprobe_train.assets anyprobe_train.world anyprobe_train.train anyprobe_train.paper "
     "anyprobe_train.mask_network anyprobe_train.whole_network anyprobe_train.light anyprobe_train.cli "

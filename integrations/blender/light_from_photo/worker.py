@@ -73,7 +73,7 @@ def estimate(order: dict, folder: Path) -> dict:
     say(folder, 0.05, "Loading the library")
     import numpy as np
 
-    from anyprobe import Estimator, load_photo
+    from anyprobe import Estimator, Hints, session
     from anyprobe.estimate.ground import contact_of
     from anyprobe.export.exported_light import origin_of
     from anyprobe.export.target_frames import BLENDER
@@ -86,9 +86,7 @@ def estimate(order: dict, folder: Path) -> dict:
     say(folder, 0.2, "Opening the networks")
     estimator = Estimator()
     say(folder, 0.4, "Finding the object")
-    photo = load_photo(
-        picture(order["photo"]),
-        name=order["name"],
+    hints = Hints(
         mask=picture(order["mask"], as_data=True),
         click=order["click"],
         exclude=order["exclude"],
@@ -101,8 +99,9 @@ def estimate(order: dict, folder: Path) -> dict:
         roughness=order["roughness"],
         surroundings="photo" if order["background"] else None,
     )
+    photo = session.mark(session.Shot(source=picture(order["photo"]), name=order["name"], hints=hints))
     say(folder, 0.6, "Estimating the light")
-    light = estimator.from_photo(photo)
+    light = session.estimate(estimator, [photo])
     view, pitch_deg = view_of(photo, found=light.ground)
     radiance, warnings = light.radiance, list(light.warnings)
     if order["library"]:

@@ -7,7 +7,7 @@ import json
 import sys
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from anyprobe import session
 from anyprobe.cli.marks import Marks, marks_of
 from anyprobe.cli.options import (
     OPTIONS,
@@ -34,12 +35,11 @@ from anyprobe.cli.options import (
 from anyprobe.cli.photo_files import (
     check_distinct,
     check_names,
-    hints_for,
     list_photos,
     photo_line,
     photo_name,
-    photo_source,
     result_stem,
+    shot_of,
 )
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import AnyprobeError, InputError, InvalidPhoto
@@ -75,11 +75,8 @@ def estimate(
     models: ModelOptions = ModelOptions(),
     out: Annotated[Path, folder_option("Folder for the results.")] = Path("light"),
     marks: MarksOption = None,
-    poses: Annotated[
-        Path | None,
-        Parameter(help="transforms.json of the photos' cameras: all photos, views of one object, give one light."),
-    ] = None,
-    size: Annotated[int, Parameter(help="Rows of the panorama: 64, 128, 256, 512, 1024 or 2048.")] = 512,
+    poses: Path | None = None,
+    size: int = 512,
     frame: FrameOption = "level",
     colorspace: ColorspaceOption = "rec709",
     as_json: JsonOption = False,
@@ -89,6 +86,10 @@ def estimate(
 
     Writes a panorama, <stem>_panorama.exr, with <stem>_origin.png (where it is seen, estimated, continued), the
     estimate's own map <stem>.exr and .hdr, a .json, and a preview <stem>.png.
+
+    Args:
+        poses: transforms.json of the photos' cameras: all photos, views of one object, give one light.
+        size: Rows of the panorama: 64, 128, 256, 512, 1024 or 2048.
     """
     check_rows(size)
     hints = given.hints()
@@ -107,22 +108,21 @@ def estimate(
         out=out,
         hints=hints,
         marks=marked,
+        poses=poses,
         as_json=as_json,
         listed=listed,
-        colorspace=colorspace,
-        size=size,
-        frame=frame,
+        files={"colorspace": colorspace, "size": size, "frame": frame},
     )
     with contextlib.closing(progress) as steps:  # else its thread outlives an error, and the process never ends
         results: list[Done] = []
         try:
             if poses is not None:
-                results.append(call.estimate_views(steps, poses))
+                results.append(call.estimate(listed, steps))
             else:
                 for number, path in enumerate(steps, start=1):
                     if has_lines:  # a log, which shows no bar
                         console.print(f"{number} of {len(listed)}: {photo_name(path)}", soft_wrap=True)
-                    results.append(call.estimate_photo(path))
+                    results.append(call.estimate([path], [path]))
         except KeyboardInterrupt:
             if poses is None and len(listed) > 1:
                 text = f"anyprobe: stopped with {len(results)} of {len(listed)} photos done, which are in {out}"
@@ -139,83 +139,66 @@ def estimate(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EstimateCall:
-    """Options that all photos of a call share."""
+    """Options that all photos of a call share; files: keywords of session.deliver."""
 
     estimator: Estimator
     out: Path
     hints: Hints
     marks: Marks
+    poses: Path | None
     as_json: bool
     listed: list[Path]
-    colorspace: str
-    size: int
-    frame: str
+    files: dict[str, Any]
 
-    def estimate_photo(self, path: Path) -> Done:
-        """Estimate one photo and write its files; an AnyprobeError ends this photo alone."""
-        from anyprobe.estimate.photo import load_photo
+    def estimate(self, paths: list[Path], steps: Iterable[Path]) -> Done:
+        """Estimate one light from a photo, or from several with poses, and write its files, named after the first.
 
-        start = time.perf_counter()
+        An AnyprobeError ends a single photo alone, but a call of several. steps: the paths, as work goes on.
+        """
+        start, first = time.perf_counter(), paths[0]
         try:
-            hints = hints_for(path, self.hints, self.marks)
-            self._check(path, hints)
-            photo = load_photo(photo_source(path), hints, name=photo_name(path), segmenter=self.estimator.segmenter)
-            light = self.estimator.from_photo(photo, start)
-            return self._write(path, photo, light, sum((light.origin.seconds or {}).values()))
+            light, written = self._walk(paths, steps)
         except AnyprobeError as error:
-            line = photo_line(path, error)
+            if self.poses is not None:
+                raise
+            line = photo_line(first, error)
             if self.as_json:
-                print(json.dumps({"photo": str(path), "error": line, "code": error.code}), flush=True)
-            return Done(photo=path, error=line)
-
-    def estimate_views(self, steps: Iterable[Path], poses: Path) -> Done:
-        """Estimate one light from all photos, named after the first; any error ends the whole call."""
-        from anyprobe.estimate.photo import load_photo
-        from anyprobe.estimate.poses import read_poses
-
-        start = time.perf_counter()
-        camera_poses = read_poses(poses)
-        rotations = camera_poses.of(self.listed)
-        fovs = dict(zip(self.listed, camera_poses.fovs_deg(self.listed), strict=True))
-        hints = {path: hints_for(path, self.hints, self.marks) for path in self.listed}
-        for path in self.listed:
-            self._check(self.listed[0], hints[path], poses)
-            with open_regular(path, InvalidPhoto):  # the last may be missing, and finding objects takes a while
-                pass
-
-        def load(path: Path) -> Photo:
-            own = hints[path]
-            if own.fov_deg is None:
-                own = replace(own, fov_deg=fovs[path])
-            try:
-                return load_photo(path, own, segmenter=self.estimator.segmenter)
-            except AnyprobeError as error:
-                raise InputError(photo_line(path, error), code=error.code) from error
-
-        photos = map(load, steps)
-        first = next(photos)
-        light = self.estimator.multiview(chain([first], photos), list(rotations), start=start)
-        return self._write(self.listed[0], first, light, time.perf_counter() - start)
-
-    def _check(self, path: Path, hints: Hints, poses: Path | None = None) -> None:
-        """Refuse results that would replace an input."""
-        from anyprobe.estimate.outputs import OUTPUT_SUFFIXES
-
-        inputs = (poses, *hints.files().values())
-        targets = (self.out / f"{result_stem(path, self.listed)}{suffix}" for suffix in OUTPUT_SUFFIXES)
-        check_names(path, self.listed, targets, inputs)
-
-    def _write(self, path: Path, photo: Photo, light: Light, seconds: float) -> Done:
-        from anyprobe.estimate.outputs import write_results
-
-        stem = result_stem(path, self.listed)
-        write_start = time.perf_counter()
-        written = write_results(photo, light, self.out, stem, self.colorspace, size=self.size, frame=self.frame)
-        seconds += time.perf_counter() - write_start
+                print(json.dumps({"photo": str(first), "error": line, "code": error.code}), flush=True)
+            return Done(photo=first, error=line)
         if self.as_json:
             files = {kind: str(target) for kind, target in written.items()}
-            print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
-        return Done(photo=path, stem=stem, cells=(*_said(light), f"{seconds:.2f}"), warnings=light.warnings)
+            print(json.dumps({**light.sidecar(), "photo": str(first), "files": files}), flush=True)
+        cells = (*_said(light), f"{time.perf_counter() - start:.2f}")
+        return Done(photo=first, stem=result_stem(first, self.listed), cells=cells, warnings=light.warnings)
+
+    def _walk(self, paths: list[Path], steps: Iterable[Path]) -> tuple[Light, dict[str, Path]]:
+        """Open, mark, estimate and deliver; return the light and its files."""
+        from anyprobe.estimate.poses import read_poses
+
+        stem = result_stem(paths[0], self.listed)
+        poses = None if self.poses is None else read_poses(self.poses)
+        shots = []
+        for path in paths:
+            if poses is not None:  # the last may be missing, and finding objects takes a while
+                with open_regular(path, InvalidPhoto):
+                    pass
+            shots.append(shot_of(path, self.hints, self.marks))
+            targets = [self.out / f"{stem}{end}" for end in session.PICTURED.values()]
+            check_names(paths[0], self.listed, targets, (self.poses, *shots[-1].hints.files().values()))
+        shots, turns = session.open(shots, poses)
+        photos = (self._marked(path, shot) for path, shot in zip(steps, shots, strict=True))
+        first = next(photos)
+        light = session.estimate(self.estimator, chain([first], photos), turns)
+        return light, session.deliver(light, self.out, stem, photo=first, **self.files)
+
+    def _marked(self, path: Path, shot: session.Shot) -> Photo:
+        """Find the object; errors of one of several photos name it."""
+        try:
+            return session.mark(shot, self.estimator.segmenter)
+        except AnyprobeError as error:
+            if self.poses is None:
+                raise
+            raise InputError(photo_line(path, error), code=error.code) from error
 
 
 def _said(light: Light) -> tuple[str, str]:
@@ -239,8 +222,6 @@ def _said(light: Light) -> tuple[str, str]:
 
 def _report(results: list[Done], console: Console, out: Path) -> None:
     """Print a table of all photos, where their results are, and the warnings."""
-    from anyprobe.estimate.outputs import OUTPUT_SUFFIXES
-
     table = Table("photo", "dominant light", "brightness uncertainty", "seconds", box=None, pad_edge=False)
     for result in results:
         table.add_row(result.photo.name, *result.cells)
@@ -249,7 +230,7 @@ def _report(results: list[Done], console: Console, out: Path) -> None:
     if written:  # on a line of its own, which a narrow terminal does not cut into pieces
         stems = "" if len(written) == 1 else f"; <stem> is {_some(written)}"
         stem = "<stem>" if stems else written[0]
-        files = ", ".join(f"{stem}{suffix}" for suffix in OUTPUT_SUFFIXES)
+        files = ", ".join(f"{stem}{suffix}" for suffix in session.PICTURED.values())
         console.print(f"results: {out / files}{stems}", soft_wrap=True)
     for warning in dict.fromkeys(line for result in results for line in result.warnings):
         console.print(f"warning: {OPTIONS.line(warning)}", soft_wrap=True)

@@ -13,9 +13,10 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
+from anyprobe import session
 from anyprobe.cli.export import target_names
 from anyprobe.cli.options import OPTIONS, JsonOption, ModelOptions, ObjectOptions, QuietOption, bounded, folder_option
-from anyprobe.cli.photo_files import hints_for, photo_name, photo_source, result_stem
+from anyprobe.cli.photo_files import result_stem, shot_of
 from anyprobe.cli.tables import print_table
 from anyprobe.errors import InputError
 from anyprobe.notices import Notice
@@ -25,27 +26,30 @@ CLEAR_MARGIN = 1.0
 
 
 def match(
-    photo: Annotated[Path, Parameter(name="PHOTO", help="A photo, or - for standard input.")],
-    folder: Annotated[Path | None, Parameter(name="FOLDER", help="Folder of .hdr and .exr panoramas.")] = None,
+    photo: Annotated[Path, Parameter(name="PHOTO")],
+    folder: Annotated[Path | None, Parameter(name="FOLDER")] = None,
     /,
     *,
     given: ObjectOptions = ObjectOptions(),
     models: ModelOptions = ModelOptions(),
     out: Annotated[Path, folder_option("Folder for the results.")] = Path("match"),
-    best: Annotated[int, Parameter(help="Number of panoramas to write and show, up to 50."), bounded(1, 50)] = 3,
-    apply: Annotated[
-        str | None, Parameter(metavar="TARGET[,TARGET...]", help="Also export the best one, as anyprobe export does.")
-    ] = None,
+    best: Annotated[int, bounded(1, 50)] = 3,
+    apply: Annotated[str | None, Parameter(metavar="TARGET[,TARGET...]")] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Find the panoramas of a folder that light like a photo.
 
     Writes the best ones turned, exposed and tinted to fit the photo, a contact sheet with spheres and a list (.json).
+
+    Args:
+        photo: A photo, or - for standard input.
+        folder: Folder of .hdr and .exr panoramas.
+        best: Number of panoramas to write and show, up to 50.
+        apply: Also export the best one, as anyprobe export does.
     """
     from anyprobe.estimate.fit_warnings import match_doubts
     from anyprobe.estimate.ground import pitch_words
-    from anyprobe.estimate.photo import load_photo
     from anyprobe.estimate.sheet import draw_matches
     from anyprobe.export.targets import write_export
     from anyprobe.files.atomic import atomic_files
@@ -63,10 +67,9 @@ def match(
         library = open_library(folder)
     if out.resolve().is_relative_to(folder.resolve()):
         raise InputError(f"-o {out}: expected a folder outside the panoramas, got one among them; choose another")
-    hints = hints_for(photo, given.hints())
     estimator = models.estimator(given.segmenter)
-    loaded = load_photo(photo_source(photo), hints, name=photo_name(photo), segmenter=estimator.segmenter)
-    light = estimator.from_photo(loaded)
+    loaded = session.mark(shot_of(photo, given.hints()), estimator.segmenter)
+    light = session.estimate(estimator, [loaded])
     with console.status("comparing"):
         ranked = light.match(library)
     stem, chosen = result_stem(photo, [photo]), ranked[:best]

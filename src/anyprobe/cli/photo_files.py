@@ -15,6 +15,7 @@ from anyprobe.errors import AnyprobeError, InputError, InvalidMask, InvalidPhoto
 from anyprobe.files.paths import is_same_file, open_regular, read_stream, visible_files
 from anyprobe.inputs.hints import HINTS, PICTURES, Hints
 from anyprobe.maps.image_io import open_image
+from anyprobe.session import Shot
 
 STDIN = Path("-")
 """Path that stands for standard input."""
@@ -53,6 +54,11 @@ def hints_for(photo: Path, hints: Hints, marks: Marks | None = None) -> Hints:
         name: _file_for(photo, path, name, HINTS[name].suffixes) for name, path in hints.files().items()
     }
     return replace(hints, **files, **(marks or {}).get(photo.name, {}))
+
+
+def shot_of(photo: Path, hints: Hints, marks: Marks | None = None) -> Shot:
+    """Return a photo as it is given, with its own hints of a call's; standard input is read."""
+    return Shot(source=photo_source(photo), name=photo_name(photo), hints=hints_for(photo, hints, marks))
 
 
 def list_photos(photos: Iterable[Path]) -> list[Path]:

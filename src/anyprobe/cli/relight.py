@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from cyclopts import Group, Parameter
 
+from anyprobe import session
 from anyprobe.cli.options import (
     OPTIONS,
     ColorspaceOption,
@@ -105,7 +106,7 @@ class InsertOptions:
 
 
 def relight(
-    photo: Annotated[Path, Parameter(name="PHOTO", help="The photo with the object; - for stdin.")],
+    photo: Annotated[Path, Parameter(name="PHOTO")],
     /,
     *,
     given: ObjectOptions = ObjectOptions(),
@@ -114,23 +115,12 @@ def relight(
     insert: Annotated[
         str, Parameter(metavar="SHAPE|FILE", help=f"Object to insert: {SHAPES}, or a mesh ({MESHES}), +Y up.")
     ] = "sphere",
-    turn: Annotated[float, Parameter(help="Its rotation about the vertical axis, degrees.")] = 0.0,
-    out: Annotated[
-        Path | None,
-        Parameter(
-            name=("--out", "-o"),
-            metavar="FILE",
-            help="File to write: .png, .tif, or .exr with passes; default: relit/<stem>_relit.png.",
-        ),
-    ] = None,
+    turn: float = 0.0,
+    out: Annotated[Path | None, Parameter(name=("--out", "-o"), metavar="FILE")] = None,
     strip: Annotated[bool, Parameter(help=f"Photo, then the object in {', '.join(STRIP)}.")] = False,
-    before: Annotated[bool, Parameter(help="Show photo and result side by side.")] = False,
-    renderer: Annotated[
-        Renderer, Parameter(help="mitsuba: path tracing; own: built-in shading; auto: Mitsuba if installed.")
-    ] = "auto",
-    light: Annotated[
-        Path | None, Parameter(help="Use this .exr or .hdr map that estimate wrote, instead of an estimate.")
-    ] = None,
+    before: bool = False,
+    renderer: Renderer = "auto",
+    light: Path | None = None,
     colorspace: ColorspaceOption = "rec709",
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -138,9 +128,16 @@ def relight(
     """Insert a virtual object, lit by the estimated light.
 
     It stands beside the real one and casts a shadow.
+
+    Args:
+        photo: The photo with the object; - for stdin.
+        turn: Its rotation about the vertical axis, degrees.
+        out: File to write: .png, .tif, or .exr with passes; default: relit/<stem>_relit.png.
+        before: Show photo and result side by side.
+        renderer: mitsuba: path tracing; own: built-in shading; auto: Mitsuba if installed.
+        light: Use this .exr or .hdr map that estimate wrote, instead of an estimate.
     """
     from anyprobe.core.color import to_bytes
-    from anyprobe.estimate.photo import load_photo
     from anyprobe.export.exported_light import read_with_origin
     from anyprobe.files.atomic import check_writable
     from anyprobe.maps.radiance import opaque_linear
@@ -182,7 +179,7 @@ def relight(
         source = photo_source(photo)
         pixels = read_image(source, photo_name(photo))
         check_foot(contact, *pixels.rgb.shape[:2])
-        loaded = load_photo(pixels, hints, segmenter=segmenter)
+        loaded = session.mark(session.Shot(source=pixels, name=pixels.name, hints=hints), segmenter)
     with progress("estimating the light", silent):
         radiance, gain, ground, doubts = _radiance(loaded, source_of_light, models)
     stage = placing(Stage)(loaded, mesh, replace(place, ground=ground))
@@ -281,11 +278,13 @@ def _radiance(
         if not np.allclose(turn, np.eye(3)):
             radiance = np.maximum(rotate(radiance, turn.T), 0.0)
         is_same_photo = origin.get("photo") == photo.name and "ground" in origin and photo.pitch_deg is None
-        found_ground = Ground.of(origin["ground"]) if is_same_photo else models.estimator().from_photo(photo).ground
+        found_ground = (
+            Ground.of(origin["ground"]) if is_same_photo else session.estimate(models.estimator(), [photo]).ground
+        )
         return radiance, 1.0, found_ground, photo.warnings
     from anyprobe.relight.appearance import least_scale
 
-    estimated = source.from_photo(photo)
+    estimated = session.estimate(source, [photo])
     if photo.material is not None:  # which settles the level
         return _mirrored_map(estimated), 1.0, estimated.ground, estimated.warnings
     gain = least_scale(photo, estimated.radiance)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any, Unpack
@@ -11,9 +11,10 @@ from typing import Any, Unpack
 import numpy as np
 
 from anyprobe.errors import InputError
-from anyprobe.estimate.mirror_ball import CHROME, Ball, find_ball, said_of_ball
-from anyprobe.estimate.multiview import estimate_views, of_another_view
-from anyprobe.estimate.photo import Photo, inputs_of, load_photo
+from anyprobe.estimate.extract import Extract, extract_of, extracts_of
+from anyprobe.estimate.mirror_ball import CHROME, said_of_ball
+from anyprobe.estimate.multiview import estimate_views
+from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.estimate.refine import (
     estimate_origin,
     exposed_fraction,
@@ -33,7 +34,6 @@ from anyprobe.inputs.hints import HintKeywords, Hints, combine
 from anyprobe.inputs.settings import SETTINGS, Keywords, SettingKeywords, Settings
 from anyprobe.masks.segmenters import load_segmenter
 from anyprobe.pictures.images import ImageSource
-from anyprobe.place.plate import Plate
 from anyprobe.scatter.materials import Material, material_named
 
 
@@ -102,15 +102,14 @@ class Estimator:
         Raises:
             InvalidPhoto, InvalidMask, InputError: bad input, in one line that says what to do.
         """
-        start = time.perf_counter()
         hints = combine(hints, given)
         if not isinstance(source, Photo):
-            return self.from_photo(load_photo(source, hints, segmenter=self.segmenter), start)
+            return self.from_photo(load_photo(source, hints, segmenter=self.segmenter))
         late = [name for name, _ in hints.given() if name not in ("material", "albedo", "roughness")]
         if late:
             text = "expected with a picture, got it with a Photo, which is read already; give it to load_photo"
             raise InputError(text, subject=late)
-        return self.from_photo(source, start, material=hints.surface())
+        return self.from_photo(source, material=hints.surface())
 
     def multiview(
         self,
@@ -120,7 +119,6 @@ class Estimator:
         material: Material | str | None = None,
         albedo: Albedo | None = None,
         roughness: float | None = None,
-        start: float | None = None,
     ) -> Light:
         """Estimate one light from several photos of one object in one place; see multiview.fuse_lights.
 
@@ -129,61 +127,23 @@ class Estimator:
             world_from_camera: [3, 3] of each.
             material: the object's, a name or a Material.
             albedo, roughness: the object's linear diffuse albedo, and its roughness as in glTF.
-            start: time.perf_counter() when the first photo's loading began.
         """
         given = as_material(material, albedo, roughness)
-        start = time.perf_counter() if start is None else start
-        plate = None
+        return estimate_views(partial(self.from_extract, material=given), extracts_of(photos), world_from_camera)
 
-        def opened() -> Iterator[tuple[Photo, dict[str, np.ndarray]]]:
-            nonlocal plate, start
-            for number, photo in enumerate(photos):  # photos may be loaded lazily, one after another
-                if not isinstance(photo, Photo):
-                    text = f"expected what load_photo returns, got {type(photo).__name__}; load each first"
-                    raise InputError(text, subject="photos")
-                plate = _plate(photo, True) if number == 0 else plate
-                one = of_another_view(photo) if number else photo
-                yield one.without_pixels(), inputs_of(one)
-                start = time.perf_counter()  # the next one's loading begins once this one's light is estimated
-
-        estimate_one = partial(self.from_inputs, material=given)
-        light = estimate_views(estimate_one, opened(), world_from_camera, iter(lambda: start, None))
-        return replace(light, plate=None if light.ground is None else plate)
-
-    def from_photo(
-        self, photo: Photo, start: float | None = None, *, material: Material | None = None, plate: bool = True
-    ) -> Light:
+    def from_photo(self, photo: Photo, *, material: Material | None = None, plate: bool = True) -> Light:
         """Estimate the light of a loaded Photo; see __call__.
 
         Args:
-            start: time.perf_counter() when its loading began; the sidecar's seconds count from it.
             material: the object's, instead of the Photo's own.
             plate: whether the light keeps the photo beside its object, for its panorama.
         """
-        start = time.perf_counter() if start is None else start
-        ball = find_ball(photo) if material is None else None
-        return self.from_inputs(
-            photo, inputs_of(photo), start, material=material, ball=ball, plate=_plate(photo, plate)
-        )
+        return self.from_extract(extract_of(photo, may_be_ball=material is None, with_plate=plate), material)
 
-    def from_inputs(
-        self,
-        photo: Photo,
-        inputs: Mapping[str, np.ndarray],
-        start: float | None = None,
-        *,
-        material: Material | None = None,
-        ball: Ball | None = None,
-        plate: Plate | None = None,
-    ) -> Light:
-        """Estimate the light of a photo of which the networks' inputs are made; its pixels are not read.
-
-        Args:
-            inputs: of photo.inputs_of. material: the object's, instead of the Photo's own.
-            ball: of find_ball: the light of a mirror ball is the one unwrapped from its photo.
-            plate: of the photo; kept unless the background is plain.
-        """
-        loaded = time.perf_counter()
+    def from_extract(self, extract: Extract, material: Material | None = None) -> Light:
+        """Estimate the light of one photo by its extract; material: the object's, instead of the photo's own."""
+        start = time.perf_counter()
+        photo, inputs = extract.photo, extract.inputs
         if material is not None:
             photo, inputs = replace(photo, material=material), {**inputs, "material": material_input(material)[None]}
         photo = usable(self.models, photo)
@@ -191,15 +151,13 @@ class Estimator:
         found = with_background_doubt(found, photo, inputs)
         found = with_estimated_ground(found)
         found = with_material(found, photo)
-        said, exposed = found.said, exposed_fraction(found.said)
+        said, exposed, ball = found.said, exposed_fraction(found.said), extract.ball
         if ball is not None and said.object_material is not None and said.object_material[0] >= ball.least_metal:
-            chrome = material_named(CHROME)
-            light = self.from_inputs(ball.photo, ball.inputs, start, material=chrome, plate=plate)
+            load_s = extract.load_s + time.perf_counter() - start
+            unwrapped = Extract(photo=ball.photo, inputs=ball.inputs, plate=extract.plate, load_s=load_s)
+            light = self.from_extract(unwrapped, material_named(CHROME))
             return replace(light, warnings=(*light.warnings, said_of_ball(photo.name)))
-        seconds = {
-            "load": round(loaded - (loaded if start is None else start), 4),
-            "networks": round(time.perf_counter() - loaded, 4),
-        }
+        seconds = {"load": round(extract.load_s, 4), "networks": round(time.perf_counter() - start, 4)}
         doubts = (*found.doubts, *map_doubts(photo, said.radiance, found.ground, exposed))
         is_plain = said.background is None or bool(said.background[0])
         return Light(
@@ -214,12 +172,8 @@ class Estimator:
             seen=said.seen,
             said_error_deg=None if said.errors is None else float(said.errors[0]),
             soft=None if said.soft is None else float(said.soft[0]),
-            plate=None if is_plain else plate,
+            plate=None if is_plain else extract.plate,
         )
-
-
-def _plate(photo: Photo, is_wanted: bool) -> Plate | None:
-    return photo.plate() if is_wanted and photo.shows_place else None
 
 
 @lru_cache(maxsize=2)

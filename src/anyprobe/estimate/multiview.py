@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from itertools import count
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,9 +12,8 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import is_rotation
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.errors import InputError
-from anyprobe.estimate.known import GivenPanorama
+from anyprobe.estimate.extract import Extract
 from anyprobe.estimate.merged_surroundings import lay_over
-from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import Light
 from anyprobe.estimate.sidecar import Origin
 from anyprobe.light.environment import integral, rotate
@@ -90,31 +88,25 @@ NOT_GIVEN = Notice(
 )
 
 
-def of_another_view(photo: Photo) -> Photo:
-    """Return a photo without surroundings from a file, which are of the first photo's frame; see estimate_views."""
-    return replace(photo, surroundings=None) if isinstance(photo.surroundings, GivenPanorama) else photo
-
-
 def estimate_views(
-    from_inputs: Callable[..., Light],
-    views: Iterable[tuple[Photo, Mapping[str, np.ndarray]]],
+    from_extract: Callable[[Extract], Light],
+    extracts: Iterable[Extract],
     world_from_camera: Sequence[np.ndarray] | np.ndarray,
-    starts: Iterable[float | None],
 ) -> Light:
     """Estimate one light of several photos, see fuse_lights; a panorama from a file is of the first one's frame.
 
     Args:
-        from_inputs: method of an Estimator, called with a photo, its inputs and the time when its loading began.
-        views: each photo with what the networks are given of it, of which no more than one is kept at a time.
+        from_extract: method of an Estimator.
+        extracts: of which no more than one is kept at a time.
     """
     lights: list[Light] = []
     panorama = None
-    for (photo, inputs), start, number in zip(views, starts, count(), strict=False):
-        panorama = inputs["panorama"] if panorama is None else panorama
+    for number, extract in enumerate(extracts):
+        panorama = extract.inputs["panorama"] if panorama is None else panorama
         if lights and panorama.any() and number < len(world_from_camera):
             turn = np.asarray(world_from_camera[0]).T @ np.asarray(world_from_camera[number])
-            inputs = {**inputs, "panorama": _seen_from(panorama, turn)}
-        lights.append(from_inputs(photo, inputs, start))
+            extract = replace(extract, inputs={**extract.inputs, "panorama": _seen_from(panorama, turn)})
+        lights.append(from_extract(extract))
     return fuse_lights(lights, world_from_camera)
 
 

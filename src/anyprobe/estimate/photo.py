@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, replace
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -48,6 +49,7 @@ class Photo:
         pitch_deg: how far the camera looks down; None where it is not given.
         material: the object's; None where it is not given.
         hidden: [H, W] bool, pixels that are transparent, whose colours mean nothing; None where there are none.
+        load_s: how long reading it and finding its object took.
     """
 
     rgb: np.ndarray
@@ -66,6 +68,7 @@ class Photo:
     pitch_deg: float | None = None
     material: Material | None = None
     hidden: np.ndarray | None = None
+    load_s: float = 0.0
 
     def __repr__(self) -> str:
         count = len(self.warnings)
@@ -95,11 +98,12 @@ class Photo:
 
     def without_pixels(self) -> Photo:
         """Return the photo without its pixels, for when the networks' inputs are made: photos are large."""
-        rgb, mask = self.rgb[:0].copy(), self.mask[:0].copy()  # views would hold all of them
-        normals = None if self.normals is None else self.normals[:0].copy()
-        surroundings = None if isinstance(self.surroundings, GivenPanorama) else self.surroundings
-        bare = replace(self, rgb=rgb, mask=mask, normals=normals, radiance=None, hidden=None)
-        return replace(bare, surroundings=surroundings)
+
+        def none_of(pixels: np.ndarray | None) -> Any:
+            return None if pixels is None else pixels[:0].copy()  # a view would hold all of them
+
+        bare = replace(self, rgb=none_of(self.rgb), mask=none_of(self.mask), hidden=None)
+        return replace(bare, normals=none_of(self.normals), radiance=none_of(self.radiance))
 
 
 @shown_as(Hints)
@@ -122,10 +126,9 @@ def load_photo(
     Raises:
         InvalidPhoto, InvalidMask, InputError: with one line that says what to do.
     """
+    start = time.perf_counter()
     hints = combine(hints, given)
-    pixels = source
-    if not isinstance(pixels, Pixels):
-        pixels = read_image(pixels, name)
+    pixels = source if isinstance(source, Pixels) else read_image(source, name)
     around = asked_surroundings(hints.surroundings)
     scale = scale_doubts(pixels.radiance, pixels.name)
     place = hints.place()  # whoever marks an object knows what the picture is
@@ -158,7 +161,8 @@ def load_photo(
         material=hints.surface(),
         hidden=None if is_whole else _hidden(pixels.alpha),
     )
-    return _with_ground(photo, hints, pixels.posture_deg) if photo.shows_place else photo
+    photo = _with_ground(photo, hints, pixels.posture_deg) if photo.shows_place else photo
+    return replace(photo, load_s=time.perf_counter() - start)
 
 
 def _field_of_view(given: float | None, pixels: Pixels) -> tuple[float, str]:

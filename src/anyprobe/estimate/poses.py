@@ -64,14 +64,14 @@ class Poses:
         """[len(photos), 3, 3], by name; InputError where one is missing."""
         return self.world_from_camera[self._places(photos)]
 
-    def fovs_deg(self, photos: list[Path], data: list[bytes] | None = None) -> list[float | None]:
+    def fovs_deg(self, photos: list[Path], data: Sequence[Any] | None = None) -> list[float | None]:
         """Fields of view of the photos' longer sides, found as their poses are: None where the photo's own EXIF has
         it, or nothing does.
 
-        data: the files themselves, where photos are names alone.
+        data: the files themselves or their paths, where photos are names alone.
         """
         found = []
-        sources: Sequence[Path | bytes] = photos if data is None else data
+        sources: Sequence[Any] = photos if data is None else data
         for place, source in zip(self._places(photos), sources, strict=True):
             size, by_exif = photo_header(source)
             found.append(self.lenses[place].long_fov_deg(*size) if by_exif is None else None)

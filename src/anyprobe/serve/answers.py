@@ -14,6 +14,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
+from anyprobe import session
 from anyprobe.core.color import to_bytes
 from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import Light
@@ -51,7 +52,8 @@ def light_response(light: Light, media: str, include: frozenset[str], mask: byte
     """Return a light as JSON with the requested parts, or as a picture file."""
     if media != JSON:
         with tempfile.TemporaryDirectory() as folder:  # the writers of .exr know files only
-            data = light.save(Path(folder) / f"light.{LIGHT_TYPES[media]}").read_bytes()
+            kind = LIGHT_TYPES[media]
+            data = session.deliver(light, Path(folder), "light", [kind])[kind].read_bytes()
         return Response(data, media_type=media)
     return JSONResponse(light_json(light, include, mask))
 

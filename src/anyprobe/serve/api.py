@@ -7,6 +7,7 @@ import logging
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from functools import partial
 from importlib import resources
 from typing import Annotated, Any, Literal
@@ -22,10 +23,10 @@ from starlette.middleware.gzip import GZipMiddleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import ClientDisconnect
 
-from anyprobe import __version__
+from anyprobe import __version__, session
 from anyprobe.errors import AnyprobeError, InputError, MissingExtra
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.multiview import estimate_views
+from anyprobe.estimate.extract import Extract
 from anyprobe.export.targets import TARGETS
 from anyprobe.serve import answers, forms, tasks
 from anyprobe.serve.counters import Counted, Metrics
@@ -192,23 +193,19 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         """
         media = answers.choose_type(request, answers.LIGHT_TYPES)
         include = forms.included(form)
-        sent, turns = await forms.photos_sent(form)
-        cuts: list[tasks.Cut] = []
-        starts: list[float] = []
-        began = time.perf_counter()
-        for one in sent:
-            first = not cuts
-            starts.append(time.perf_counter())
-            task = partial(tasks.cut, first=first, with_mask=first and "mask" in include, is_alone=turns is None)
-            cuts.append(await decode(request, task, one, one.is_quick))
+        shots, turns = await forms.photos_sent(form)
+        extracts: list[Extract] = []
+        masks: list[bytes | None] = []
+        for shot in shots:
+            start, is_first = time.perf_counter(), not extracts
+            with_mask = is_first and "mask" in include
+            task = partial(tasks.extract, is_first=is_first, is_alone=turns is None, with_mask=with_mask)
+            extract, mask = await decode(request, task, shot, tasks.is_quick(shot))
+            extracts.append(replace(extract, load_s=time.perf_counter() - start))
+            masks.append(mask)
 
         def work() -> Response:
-            if turns is None:
-                light = estimator.from_inputs(cuts[0].photo, cuts[0].inputs, began, ball=cuts[0].ball)
-            else:
-                views = [(cut.photo, cut.inputs) for cut in cuts]
-                light = estimate_views(estimator.from_inputs, views, turns, starts)
-            return answers.light_response(light, media, include, cuts[0].mask)
+            return answers.light_response(session.estimate(estimator, extracts, turns), media, include, masks[0])
 
         return await pool.run(work, _leaving(request))
 
@@ -225,8 +222,9 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
     ) -> Response:
         """Return the mask that an estimate would use: a grey PNG of the upright photo's size."""
         media = answers.choose_type(request, answers.MASK_TYPES)
-        sent = await forms.photo_sent(form)
-        found = await decode(request, partial(tasks.mask, as_json=media == answers.JSON), sent, sent.is_quick)
+        shot = await forms.photo_sent(form)
+        task = partial(tasks.mask, as_json=media == answers.JSON)
+        found = await decode(request, task, shot, tasks.is_quick(shot))
         return JSONResponse(found) if media == answers.JSON else Response(found, media_type=media)
 
     @app.post(
@@ -236,8 +234,8 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         request: Request, form: Annotated[PhotoForm, FormBody(media_type="multipart/form-data")]
     ) -> Response:
         """Convert a photo that browsers cannot open (HEIC, RAW, TIFF) to an upright sRGB PNG of at most 2048 pixels."""
-        sent = await forms.photo_sent(form)
-        picture, fov_deg = await decode(request, tasks.upright, sent, sent.is_quick)
+        shot = await forms.photo_sent(form)
+        picture, fov_deg = await decode(request, tasks.upright, shot, tasks.is_quick(shot))
         headers = {} if fov_deg is None else {"X-Long-Fov-Deg": f"{fov_deg:.3f}"}
         return Response(picture, media_type="image/png", headers=headers)
 

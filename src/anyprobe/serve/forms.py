@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 from dataclasses import replace
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -13,6 +13,7 @@ from fastapi import UploadFile
 from fastapi.exceptions import RequestValidationError
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
+from anyprobe import session
 from anyprobe.core.spelling import did_you_mean
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.poses import parse_poses
@@ -21,7 +22,8 @@ from anyprobe.export.targets import TARGETS
 from anyprobe.inputs.description import Hint, numbers_in
 from anyprobe.inputs.hints import HINTS, Hints
 from anyprobe.serve.limits import MAX_PHOTOS
-from anyprobe.serve.tasks import Sent, SentMap
+from anyprobe.serve.tasks import SentMap
+from anyprobe.session import Shot
 
 TargetName = Literal[tuple(TARGETS)]  # type: ignore[valid-type]  # known at run time
 INCLUDED = ("radiance", "stages", "mask")
@@ -152,12 +154,12 @@ def refusal(error: RequestValidationError, address: str) -> InputError:
     return InputError(f"expected another value ({text}), got {got!r}; see /api/", subject=name)
 
 
-async def photo_sent(form: Any) -> Sent:
+async def photo_sent(form: Any) -> Shot:
     """Return the one photo of a form and its hints."""
-    return Sent(photo=await form.photo.read(), name=_name(form.photo), hints=await _hints(form))
+    return Shot(source=await form.photo.read(), name=_name(form.photo), hints=await _hints(form))
 
 
-async def photos_sent(form: Any) -> tuple[list[Sent], np.ndarray | None]:
+async def photos_sent(form: Any) -> tuple[list[Shot], np.ndarray | None]:
     """Return the photos of a form with their hints, and world_from_camera [N, 3, 3] of each, None for a single photo.
 
     Raises:
@@ -175,29 +177,21 @@ async def photos_sent(form: Any) -> tuple[list[Sent], np.ndarray | None]:
     if count > 1 and form.poses is None:
         raise InputError("expected a transforms.json with several photos, got none", subject="poses")
     common = await _hints(form, without=("mask", "box"))
-    data, names = [await one.read() for one in form.photo], [_name(one) for one in form.photo]
-    turns: np.ndarray | None = None
-    fovs: list[float | None] = [None] * count
-    if form.poses is not None:
-        poses = form.poses.encode() if isinstance(form.poses, str) else await form.poses.read()
-        turns, fovs = await asyncio.to_thread(_poses_of, names, data, poses)
-    sent = []
-    for k in range(count):
-        hints = replace(
-            common,
-            mask=await masks[k].read() if masks else None,
-            box=HINTS["box"].read(boxes[k]) if boxes else None,
-            fov_deg=fovs[k] if common.fov_deg is None else common.fov_deg,
-        )
-        sent.append(Sent(photo=data[k], name=names[k], hints=hints))
-    return sent, turns
+    shots = []
+    for k, photo in enumerate(form.photo):
+        mask = await masks[k].read() if masks else None
+        hints = replace(common, mask=mask, box=HINTS["box"].read(boxes[k]) if boxes else None)
+        shots.append(Shot(source=await photo.read(), name=_name(photo), hints=hints))
+    if form.poses is None:
+        return shots, None
+    poses = form.poses.encode() if isinstance(form.poses, str) else await form.poses.read()
+    return await asyncio.to_thread(_posed, shots, poses)
 
 
-def _poses_of(names: list[str], data: list[bytes], poses: bytes) -> tuple[np.ndarray, list[float | None]]:
-    """Parse the poses of photos: world_from_camera [N, 3, 3] and fields of view [degrees]."""
+def _posed(shots: list[Shot], poses: bytes) -> tuple[list[Shot], np.ndarray | None]:
+    """Open photos with the poses of a file's bytes."""
     try:
-        parsed, paths = parse_poses(poses, "poses"), [Path(name) for name in names]
-        return parsed.of(paths), parsed.fovs_deg(paths, data)
+        return session.open(shots, parse_poses(poses, "poses"))
     except InputError as error:
         raise InputError(error, subject="poses") from error
 

@@ -5,58 +5,32 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from PIL import Image
 
+from anyprobe import session
 from anyprobe.core.frames import rotation_of
 from anyprobe.errors import InputError, InvalidEnvironment
-from anyprobe.estimate.mirror_ball import Ball, find_ball
-from anyprobe.estimate.multiview import of_another_view
-from anyprobe.estimate.photo import Photo, inputs_of, load_photo
+from anyprobe.estimate.extract import Extract, extract_of
+from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.saved_map import export_settings
-from anyprobe.inputs.hints import Hints
 from anyprobe.maps.radiance import read_radiance
 from anyprobe.notices import leave_out
 from anyprobe.pictures.declared_size import declared_pixels
 from anyprobe.pictures.images import read_image
 from anyprobe.serve.answers import mask_json, mask_png, png, zip_folder
 from anyprobe.serve.limits import MAX_MAP_ROWS, MAX_PANORAMA_PIXELS, MAX_SENT_SIDECAR_BYTES, QUICK_BYTES
+from anyprobe.session import Shot
 
 PAGE_LONG_PX = 2048
 """Longer side of the pictures that /v1/photo returns [pixels]: more than a page shows."""
 
 QUICK_STARTS = (b"\xff\xd8\xff", b"\x89PNG", b"RIFF")
 """First bytes of JPEG, PNG and WebP."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Sent:
-    """A photo and what was given with it.
-
-    Attributes:
-        photo: the file's bytes, as sent.
-        name: file name without folders, for messages.
-        hints: the hints given; files as their bytes.
-    """
-
-    photo: bytes
-    name: str = "photo"
-    hints: Hints = Hints()
-
-    def pictures(self) -> list[tuple[str, bytes]]:
-        """Return the request's files with their names in messages."""
-        files = [(self.name, self.photo), *self.hints.given()]
-        return [(name, data) for name, data in files if isinstance(data, bytes)]
-
-    @property
-    def is_quick(self) -> bool:
-        """Whether all pictures are small and of formats that decode quickly."""
-        pictures = [data for _, data in self.pictures()]
-        return all(picture.startswith(QUICK_STARTS) for picture in pictures) and sum(map(len, pictures)) <= QUICK_BYTES
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -88,43 +62,42 @@ def ready() -> None:
     """Do nothing: imports are done once a process can call this."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Cut:
-    """A photo without its pixels, what the networks are given of it, and its mask as PNG where it was asked for.
-
-    ball: the object without pixels too, where it is alone and looks like a mirror ball.
-    """
-
-    photo: Photo
-    inputs: dict[str, np.ndarray]
-    ball: Ball | None
-    mask: bytes | None
+def pictures(shot: Shot) -> list[tuple[str, bytes]]:
+    """Return a request's files with their names in messages."""
+    files = [(shot.name, shot.source), *shot.hints.given()]
+    return [(name, data) for name, data in files if isinstance(data, bytes)]
 
 
-def cut(sent: Sent, max_pixels: int, first: bool, with_mask: bool, is_alone: bool) -> Cut:
-    """Return the object cut out of its photo, and what else of the photo the light or the answer needs."""
-    photo = _open(sent, max_pixels)
-    mask = mask_png(photo.mask) if with_mask else None
-    ball = find_ball(photo) if is_alone else None
-    ball = ball and replace(ball, photo=ball.photo.without_pixels())
-    seen = photo if first else of_another_view(photo)
-    return Cut(photo=photo.without_pixels(), inputs=inputs_of(seen), ball=ball, mask=mask)
+def is_quick(shot: Shot) -> bool:
+    """Return whether all pictures are small and of formats that decode quickly."""
+    data = [picture for _, picture in pictures(shot)]
+    return all(one.startswith(QUICK_STARTS) for one in data) and sum(map(len, data)) <= QUICK_BYTES
 
 
-def mask(sent: Sent, max_pixels: int, as_json: bool) -> dict[str, Any] | bytes:
+def extract(
+    shot: Shot, max_pixels: int, is_first: bool, is_alone: bool, with_mask: bool
+) -> tuple[Extract, bytes | None]:
+    """Return a photo's extract, and its mask as PNG where it is asked for."""
+    photo = _marked(shot, max_pixels)
+    found = extract_of(photo, is_first=is_first, may_be_ball=is_alone, with_plate=False)
+    return found, mask_png(photo.mask) if with_mask else None
+
+
+def mask(shot: Shot, max_pixels: int, as_json: bool) -> dict[str, Any] | bytes:
     """Return the mask that an estimate would use as PNG, or its description as JSON data."""
-    photo = _open(sent, max_pixels)
+    photo = _marked(shot, max_pixels)
     return mask_json(photo) if as_json else mask_png(photo.mask)
 
 
-def upright(sent: Sent, max_pixels: int) -> tuple[bytes, float | None]:
+def upright(shot: Shot, max_pixels: int) -> tuple[bytes, float | None]:
     """Convert a photo of any known format to PNG: upright, sRGB, at most PAGE_LONG_PX long.
 
     Returns:
         The picture, and the field of view of its longer side [degrees] where its EXIF has it.
     """
-    _check_pixels(sent.pictures(), max_pixels, sent.hints.surroundings)
-    pixels = read_image(sent.photo, "photo")
+    _check_pixels(pictures(shot), max_pixels)
+    assert isinstance(shot.source, bytes)  # as all that is sent
+    pixels = read_image(shot.source, "photo")
     layers = [pixels.rgb] if pixels.alpha is None else [pixels.rgb, pixels.alpha[..., None]]
     picture = np.empty((*pixels.rgb.shape[:2], 2 + len(layers)), np.uint8)
     for rows in np.array_split(np.arange(len(picture)), max(1, picture.size // 2**22)):
@@ -174,15 +147,15 @@ def _map_file(data: bytes, name: str = "map", sidecar: bytes | None = None) -> I
             raise InvalidEnvironment(error.notice.of(name) if is_about_file else error) from error
 
 
-def _open(sent: Sent, max_pixels: int) -> Photo:
-    """Load the photo, with its object marked, under the name it was sent with."""
-    _check_pixels(sent.pictures(), max_pixels, sent.hints.surroundings)
-    return load_photo(sent.photo, sent.hints, name=sent.name)
+def _marked(shot: Shot, max_pixels: int) -> Photo:
+    """Read a photo whose pictures are small enough, and find its object."""
+    _check_pixels(pictures(shot), max_pixels, shot.hints.surroundings)
+    return session.mark(shot)
 
 
-def _check_pixels(pictures: list[tuple[str, bytes]], max_pixels: int, panorama: object = None) -> None:
+def _check_pixels(files: list[tuple[str, bytes]], max_pixels: int, panorama: object = None) -> None:
     """Raise TooManyPixels if a picture's header declares more pixels than allowed."""
-    for name, picture in pictures:
+    for name, picture in files:
         limit = min(max_pixels, MAX_PANORAMA_PIXELS) if picture is panorama else max_pixels
         if declared_pixels(picture) > limit:
             raise TooManyPixels(
