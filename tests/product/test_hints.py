@@ -29,7 +29,8 @@ ROOT = Path(__file__).parents[2]
 
 def interface(name: str) -> set[str]:
     """Keys of an interface of the JavaScript package, with those of the interfaces that it extends."""
-    text = (ROOT / "web" / "types" / "index.d.ts").read_text(encoding="utf-8")
+    types = ROOT / "web" / "types"
+    text = "\n".join((types / file).read_text(encoding="utf-8") for file in ("index.d.ts", "inputs.d.ts"))
     parents, body = re.search(rf"export interface {name}(?: extends ([\w, ]+))? \{{(.*?)\n\}}", text, re.S).groups()
     own = set(re.findall(r"^  (\w+)\??:", body, re.M))
     return own.union(*(interface(parent.strip()) for parent in (parents or "").split(",") if parent))

@@ -9,8 +9,9 @@ import { fetchMaskNetwork } from "./networks/maskFile.js";
 import { checkSetup, requireBrowser } from "./networks/setup.js";
 import { THREADS_FAILED } from "./networks/words.js";
 import { WorkerClient } from "./networks/workerClient.js";
-import { checkHints, checkLight, checkNames, lensOf, wrong } from "./options.js";
+import { checkHints, checkNames, wrong } from "./checks.js";
 import { hintsOf } from "./photo/hints.js";
+import { lensOf } from "./photo/lens.js";
 import { describe } from "./photo/material.js";
 import { alphaDoubts, checkObject, lookAtGiven } from "./photo/maskCheck.js";
 import { maskFromAlpha } from "./photo/picture.js";
@@ -96,7 +97,6 @@ export class AnyProbe {
    */
   async estimate(image, options = {}) {
     checkNames("estimate", options);
-    checkLight(options);
     const { surroundings, pitchDeg, signal } = options;
     const material = describe(options.material);
     this.#client.check();
@@ -131,7 +131,6 @@ export class AnyProbe {
    */
   track(source, onLight, options = {}) {
     checkNames("track", options);
-    checkLight(options);
     if (typeof onLight !== "function") throw wrong("onLight", "a function", onLight);
     const { surroundings, pitchDeg, mask, onError, onLost, onMissed, pose, signal, withViews = false } = options;
     refuseBoth(options);

@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { exifFovDeg } from "../src/files/exif.js";
-import { lensOf } from "../src/options.js";
+import { lensOf } from "../src/photo/lens.js";
 
 /** Exif whose 35 mm equivalent is this, of either byte order, after what its container has before it. */
 function fileOf(before, focal, isLittle) {

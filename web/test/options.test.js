@@ -5,9 +5,12 @@ import { test } from "node:test";
 
 import { download } from "../src/files/download.js";
 import { WorkerClient } from "../src/networks/workerClient.js";
-import { OPTIONS, checkHints, checkLight, checkNames, longFovOf, rotationOfPose, shown } from "../src/options.js";
+import { OPTIONS, checkHints, checkNames, shown } from "../src/checks.js";
+import { rotationOfPose } from "../src/live/pose.js";
+import { lensOf } from "../src/photo/lens.js";
 
 const refused = { name: "AnyProbeError", code: "invalid-option" };
+const longFovOf = (given, width, height) => lensOf(given, { width, height }).longFovDeg;
 const degrees = (radians) => (radians * 180) / Math.PI;
 
 /** A perspective camera's matrix, column by column, as three.js's PerspectiveCamera has it. */
@@ -56,9 +59,9 @@ test("clicks and boxes are pairs and fours of numbers in the picture", () => {
 });
 
 test("kinds of light are those there are", () => {
-  for (const surroundings of ["auto", "photo", "none", true, false]) checkLight({ surroundings, pitchDeg: 20 });
-  assert.throws(() => checkLight({ surroundings: "yes" }), refused);
-  for (const pitchDeg of [91, NaN, "20"]) assert.throws(() => checkLight({ pitchDeg }), refused, String(pitchDeg));
+  for (const surroundings of ["auto", "photo", "none", true, false]) checkNames("tracker.set", { surroundings, pitchDeg: 20 });
+  assert.throws(() => checkNames("tracker.set", { surroundings: "yes" }), refused);
+  for (const pitchDeg of [91, NaN, "20"]) assert.throws(() => checkNames("tracker.set", { pitchDeg }), refused, String(pitchDeg));
 });
 
 /** A thread that answers when told to. */

@@ -7,7 +7,7 @@ import { Group, Object3D, PerspectiveCamera, Scene } from "three";
 import { irradiance } from "../src/light/harmonics.js";
 import { Light, describe } from "../src/light/light.js";
 import { pixelDirections, pixelSolidAngles } from "../src/core/latlong.js";
-import { rotationOfPose } from "../src/options.js";
+import { rotationOfPose } from "../src/live/pose.js";
 import { EnvironmentTexture, PhotoGround, ProbeLight } from "../src/three/index.js";
 
 const TO_LIGHT = [0.6, 0.8, 0];

@@ -5,7 +5,7 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
 import { checkSetup } from "../src/networks/setup.js";
-import { checkLight, checkNames } from "../src/options.js";
+import { checkNames } from "../src/checks.js";
 import { MATERIALS, givenMaterial } from "../src/photo/material.js";
 import { didYouMean } from "../src/spelling.js";
 
@@ -26,7 +26,7 @@ test("names of options have capitals, and what is no text is like none", () => {
 for (const [list, ask, meant] of [
   ["materials", () => givenMaterial("golden"), "gold"],
   ["parts of a material", () => givenMaterial({ name: "gold", rougness: 0.5 }), "roughness"],
-  ["surroundings", () => checkLight({ surroundings: "phot" }), "photo"],
+  ["surroundings", () => checkNames("tracker.set", { surroundings: "phot" }), "photo"],
   ["options", () => checkNames("estimate", { clik: [1, 2] }), "click"],
   ["engines", () => checkSetup({ engine: "webgp" }, {}), "webgpu"],
   ["graphs", () => checkSetup({ weights: { lihgt: "light.onnx" } }, { worker: () => {} }), "light"],

@@ -8,7 +8,7 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
 import { AnyProbe } from "../src/anyprobe.js";
-import { OPTIONS } from "../src/options.js";
+import { OPTIONS } from "../src/checks.js";
 import { errorLine, problemLine } from "../page/words.js";
 
 const path = process.env.WRONG_INPUTS;

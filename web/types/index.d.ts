@@ -2,7 +2,9 @@
 
 /** anyprobe: the light around an object of one material, from its picture, in the browser. */
 
-import type { Click, LongFovDeg, PitchDeg, Surroundings } from "./inputs.js";
+import type { Hints, LightOptions } from "./inputs.js";
+
+export type { Hints, LightOptions };
 
 export type Vector3 = [number, number, number];
 export type Point = [x: number, y: number];
@@ -94,36 +96,14 @@ export interface MaskGraphs {
 /** Address, address and hash, or bytes. */
 export type Graph = string | URL | { url: string; integrity?: string } | Uint8Array;
 
-/** Where the object is, in pixels of the picture. Without any the mask network proposes the object. */
-export interface Hints {
-  /** On the object. */
-  click?: Click | null;
-  /** Beside it. */
-  exclude?: Click | null;
-  /** Around it. */
-  box?: readonly [x0: number, y0: number, x1: number, y1: number] | null;
-}
-
 /** The angle that the picture takes in; at most one of them. Default: 60 degrees along the longer side. */
 export interface Lens {
   /** Vertical field of view, degrees, as three.js's cameras have it. */
   fovDeg?: number;
   /** Of the longer side, degrees. */
-  longFovDeg?: LongFovDeg;
+  longFovDeg?: number;
   /** Of the camera that took the picture, column by column: an XRView's, or a three.js camera's Matrix4. */
   projectionMatrix?: ArrayLike<number> | { elements: ArrayLike<number> };
-}
-
-export interface LightOptions {
-  /**
-   * Whether the picture's background becomes part of the environment map, and below the horizon the colour of the ground:
-   * "auto", both unless the object is cut out; "photo" (or true), the background alone; "none" (or false). Default "auto".
-   */
-  surroundings?: Surroundings | boolean;
-  /** How far the camera looks down, degrees: 0 level, 90 straight down. Default: a guess. */
-  pitchDeg?: PitchDeg;
-  /** What the object is made of: settles level and colour of the light, which a photo alone leaves open. */
-  material?: GivenMaterial;
 }
 
 /** Our own, or a measured one as `anyprobe materials` lists them, like "porcelain". */

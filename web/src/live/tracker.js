@@ -2,11 +2,13 @@
 
 import { AnyProbeError, foreign, receivedError } from "../errors.js";
 import { Light } from "../light/light.js";
-import { checkHints, checkLight, checkNames, lensOf, rotationOfPose, wrong } from "../options.js";
+import { checkHints, checkNames, wrong } from "../checks.js";
 import { hintsOf } from "../photo/hints.js";
+import { lensOf } from "../photo/lens.js";
 import { readMask } from "../photo/source.js";
 import { describe } from "../photo/material.js";
 import { checkFrame, follow, isEarly, sizeOf } from "./frameSource.js";
+import { rotationOfPose } from "./pose.js";
 import { readSize, takeFrame } from "./videoFrames.js";
 
 /** Rates are means over this many seconds. */
@@ -163,7 +165,6 @@ export class Tracker {
   /** Another kind of light, from the next frame on; what is not named stays. @param {import("../networks/lightOfObject.js").LightOptions} options */
   async set(options = {}) {
     checkNames("tracker.set", options);
-    checkLight(options);
     const changed = "material" in options ? { ...options, material: describe(options.material) } : options;
     if (this.running && !this.#opening) this.#given = { ...this.#given, options: { ...this.#given.options, ...changed } };
     else if (this.running) await this.#client.ask("setLive", { options: changed });

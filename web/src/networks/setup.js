@@ -1,7 +1,7 @@
 /** What a probe is opened with, checked before its thread is started; addresses are of the page, not of the thread. */
 
 import { AnyProbeError } from "../errors.js";
-import { wrong } from "../options.js";
+import { wrong } from "../checks.js";
 import { didYouMean } from "../spelling.js";
 
 const ENGINES = ["wasm", "webgpu"];

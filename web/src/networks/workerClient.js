@@ -6,7 +6,7 @@
  */
 
 import { AnyProbeError, receivedError, sentError } from "../errors.js";
-import { wrong } from "../options.js";
+import { wrong } from "../checks.js";
 import { VITE_NEEDS } from "./words.js";
 
 export class WorkerClient {

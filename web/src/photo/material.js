@@ -2,7 +2,7 @@
 
 import { CONTRACT } from "../core/contract.js";
 import { AnyProbeError } from "../errors.js";
-import { shown, wrong } from "../options.js";
+import { shown, wrong } from "../checks.js";
 import { didYouMean } from "../spelling.js";
 
 const MATTE = "matte";

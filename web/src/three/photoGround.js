@@ -2,7 +2,7 @@
 
 import { Box3, Group, Mesh, PerspectiveCamera, Plane, PlaneGeometry, Quaternion, Ray, ShadowMaterial, Sphere, Vector3 } from "three";
 import { AnyProbeError } from "../errors.js";
-import { checkLight, checkNames, wrong } from "../options.js";
+import { checkNames, wrong } from "../checks.js";
 import { groundShadowOpacity } from "../light/groundShadow.js";
 import { contactOf, likelyPitchDeg, seenPitchDeg, upOf } from "../photo/ground.js";
 import { objectBox } from "../photo/picture.js";
@@ -51,7 +51,6 @@ export class PhotoGround extends Group {
   constructor(light, camera, options = {}) {
     super();
     checkNames("PhotoGround", options);
-    checkLight(options);
     if (!(camera?.fov > 0)) throw wrong("camera", "a PerspectiveCamera", camera);
     const { data, width, height } = light?.mask ?? {};
     const box = data && objectBox(data, width);

@@ -9,7 +9,7 @@ import { Light, describe } from "../light/light.js";
 import { checkIsLight } from "../light/groundShadow.js";
 import { project } from "../light/harmonics.js";
 import { prefilter } from "../light/prefilter.js";
-import { wrong } from "../options.js";
+import { wrong } from "../checks.js";
 import { EnvironmentTexture } from "./environmentTexture.js";
 
 /** Of the directional light from the group's place: its shadow camera reaches from 0.5 to 500, 5 to each side. */
