@@ -1,7 +1,7 @@
 """Write what other doors take from the one description of inputs: python integrations/write_inputs.py [--check]
 
-The JSON schema that ships with the package, types and options of the npm package, and the texts and bounds of the Blender
-extension. --check writes nothing and fails if a file is not fresh.
+The JSON schema that ships with the package, types and options of the npm package, and the texts and bounds of the
+Blender extension. --check writes nothing and fails if a file is not fresh.
 """
 
 from __future__ import annotations
@@ -90,7 +90,10 @@ def types() -> str:
             if hint.about not in about or name in APART:
                 continue
             bounds = f" {hint.least:g} to {hint.most:g}." if hint.least is not None and hint.most is not None else ""
-            lines += [f"  /** {hint.help}{bounds} */", f"  {name}?: {kind}{' | null' if hint.about == 'place' else ''};"]
+            lines += [
+                f"  /** {hint.help}{bounds} */",
+                f"  {name}?: {kind}{' | null' if hint.about == 'place' else ''};",
+            ]
         lines += ["}"]
     return "\n".join(lines) + "\n"
 

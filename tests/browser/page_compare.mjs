@@ -10,7 +10,7 @@ export default async ({ page, url }) => {
     globalThis.asked = [];
     const post = Worker.prototype.postMessage;
     Worker.prototype.postMessage = function (message, transfer) {
-      if (message.task === "mask") asked.push(message.hints);
+      if (message.say === "mark") asked.push(message.hints);
       post.call(this, message, transfer);
     };
   });

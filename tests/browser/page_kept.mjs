@@ -12,9 +12,9 @@ export default async ({ page, url, arguments: given }) => {
     const post = Worker.prototype.postMessage;
     const firstOf = (mask, count) => mask.map((value) => (value > 0.5 && count-- > 0 ? 1 : 0));
     Worker.prototype.postMessage = function (message, transfer) {
-      if (message.task === "mask") asked.hints = message.hints;
-      if (message.task === "estimate" && asked.tooSmall) message = { ...message, mask: firstOf(message.mask, 9) };
-      if (message.task === "estimate" && asked.held) asked.held.push(() => post.call(this, message, transfer));
+      if (message.say === "mark") asked.hints = message.hints;
+      if (message.say === "estimate" && asked.tooSmall) message = { ...message, mask: firstOf(message.mask, 9) };
+      if (message.say === "estimate" && asked.held) asked.held.push(() => post.call(this, message, transfer));
       else post.call(this, message, transfer);
     };
     document.addEventListener("anyprobe-light", () => asked.lights++);

@@ -9,15 +9,15 @@ export default async ({ page, url, arguments: given }) => {
     const post = Worker.prototype.postMessage;
     Worker.prototype.postMessage = function (message, transfer) {
       if (networks.sent.length === 0) this.addEventListener("message", ({ data }) => (networks.answers += data.id !== undefined));
-      const { task, picture, options } = message;
-      networks.sent.push({ task, width: picture?.width, surroundings: options?.surroundings });
-      if (task === "mask" && networks.held) networks.held.push(() => post.call(this, message, transfer));
+      const { say, picture, options } = message;
+      networks.sent.push({ say, width: picture?.width, surroundings: options?.surroundings });
+      if (say === "mark" && networks.held) networks.held.push(() => post.call(this, message, transfer));
       else post.call(this, message, transfer);
     };
   });
   await openPage(page, url);
   const direction = () => page.textContent("#direction");
-  const estimates = () => page.evaluate(() => networks.sent.filter(({ task }) => task === "estimate"));
+  const estimates = () => page.evaluate(() => networks.sent.filter(({ say }) => say === "estimate"));
   const hold = () => page.evaluate(() => (networks.held = []));
   const held = () => page.waitForFunction(() => networks.held.length === 1, null, { polling: 50 });
   const settled = () => page.waitForTimeout(500);

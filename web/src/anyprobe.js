@@ -20,7 +20,7 @@ import { readMask, readNormals, readSource } from "./photo/source.js";
 export class AnyProbe {
   #client;
   #openMasks;
-  #masks = null; // promise of the client of a thread that finds masks, since a video was first followed
+  #masks = null; // promise of the client of the thread that finds masks, since one was first wanted
   #tracker = null;
 
   /** Use load. */
@@ -31,7 +31,7 @@ export class AnyProbe {
   }
 
   /**
-   * Open the networks in a thread of their own.
+   * Open the network of the light in a thread of its own; those of masks get another one when they are first wanted.
    *
    * @param {import("../types/index.d.ts").LoadOptions} [options]
    * @param {object} [files] an entry's own weights, runtime and worker
@@ -50,15 +50,19 @@ export class AnyProbe {
         throw error;
       }
     };
-    const { mask, u2netp } = given.weights;
-    const openMasks = async () => (await start({ ...given, threads: 1, weights: { mask, u2netp } }))[0];
-    const opened = async (asked) => new this(...(await start(asked, options.signal)), openMasks);
+    const { light, ...masks } = given.weights;
+    const maskNetwork = masks.u2netp ? "u2netp" : masks.mask ? "small" : null;
+    const opened = async (threads) => {
+      const [client, about] = await start({ ...given, threads, weights: { light } }, options.signal);
+      const openMasks = async () => (await start({ ...given, threads: about.threads, weights: masks }))[0];
+      return new this(client, { ...about, hasMask: maskNetwork !== null, maskNetwork }, openMasks);
+    };
     try {
-      return await opened(given);
+      return await opened(given.threads);
     } catch (error) {
       if (error.code !== THREADS_FAILED) throw error;
       console.warn(`anyprobe: ${given.threads} threads could not start (${error.message}); one is used.`);
-      return opened({ ...given, threads: 1 });
+      return opened(1);
     }
   }
 
@@ -132,7 +136,7 @@ export class AnyProbe {
   track(source, onLight, options = {}) {
     checkNames("track", options);
     if (typeof onLight !== "function") throw wrong("onLight", "a function", onLight);
-    const { surroundings, pitchDeg, mask, onError, onLost, onMissed, pose, signal, withViews = false } = options;
+    const { surroundings, pitchDeg, mask, onError, onLost, onMissed, onOutline, pose, signal, withViews = false } = options;
     refuseBoth(options);
     const material = describe(options.material);
     this.#client.check();
@@ -143,7 +147,11 @@ export class AnyProbe {
       pose,
       mask,
       onMissed,
-      onLight: (answer) => (answer.lost ? onLost?.(answer) : onLight(answer.light, answer)),
+      onAnswer: (answer) => {
+        if (answer.light) onLight(answer.light, answer);
+        else if (answer.lost) onLost?.(answer);
+        else onOutline?.(answer);
+      },
       onError: onError ?? ((error) => reportError(error)),
     };
     const tracker = (this.#tracker = new Tracker(followed, this.#client, events, () => (typeof mask === "function" ? null : this.#masksPort())));
@@ -163,17 +171,24 @@ export class AnyProbe {
     this.#masks?.then((client) => client.end()).catch(() => {});
   }
 
-  /** A line to a thread that finds masks, so that lights go on meanwhile; null without a network of them. */
+  /** The client of the thread that finds masks. */
+  async #finder() {
+    this.#masks ??= this.#openMasks();
+    try {
+      return await this.#masks;
+    } catch (error) {
+      this.#masks = null;
+      throw error;
+    }
+  }
+
+  /** A line to that thread, so that lights go on while it looks; null without a network of masks. */
   #masksPort() {
     if (!this.hasMask || !this.#openMasks) return null;
     const { port1, port2 } = new MessageChannel();
-    this.#masks ??= this.#openMasks();
-    this.#masks
-      .then((client) => client.ask("serveMasks", { port: port1 }, undefined, [port1]))
-      .catch((error) => {
-        this.#masks = null;
-        port1.postMessage({ error: sentError(error) });
-      });
+    this.#finder()
+      .then((client) => client.ask("open", { of: "camera", port: port1 }, undefined, [port1]))
+      .catch((error) => port1.postMessage({ error: sentError(error) }));
     return port2;
   }
 
@@ -199,8 +214,8 @@ export class AnyProbe {
 
   async #findMask(picture, options) {
     checkHints(options, picture.fullWidth, picture.fullHeight);
-    const client = (await this.#masks?.catch(() => null)) ?? this.#client;
-    return client.ask("mask", { picture, hints: hintsOf(options, picture.scale) }, options.signal);
+    const client = this.#openMasks ? await this.#finder() : this.#client;
+    return client.ask("mark", { picture, hints: hintsOf(options, picture.scale) }, options.signal);
   }
 }
 

@@ -10,7 +10,7 @@ const HINTS = about("place").filter((name) => name !== "mask");
 /** Ways to say the same angle; two are the browser's own. */
 export const LENS = ["fovDeg", "longFovDeg", "projectionMatrix"];
 const LIGHT = about("camera", "light").filter((name) => name !== "longFovDeg" && name !== "normals");
-const CALLED = ["onError", "onLost", "onMissed", "onProgress", "pose"];
+const CALLED = ["onError", "onOutline", "onLost", "onMissed", "onProgress", "pose"];
 
 /** Names of the options of each method. */
 export const OPTIONS = {
@@ -26,7 +26,7 @@ export const OPTIONS = {
 };
 
 /** What this package's page alone gives, and nobody is told of. */
-const OWN = { track: ["withViews"] };
+const OWN = { track: ["withViews", "onOutline"] };
 
 /** Refuse whatever there is not, and options of another kind or range. @param {keyof OPTIONS} method */
 export function checkNames(method, given) {

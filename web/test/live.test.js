@@ -32,8 +32,10 @@ function numbers(seed) {
 /** What is bright. */
 const foundIn = (rgba) => ({ mask: Float32Array.from({ length: rgba.length / 4 }, (_, i) => (rgba[4 * i] > 120 ? 1 : 0)), quality: 0.9 });
 
+const degrees = (a, b) => (Math.acos(Math.min(a.reduce((sum, value, i) => sum + value * b[i], 0), 1)) * 180) / Math.PI;
+
 /** Ways to find masks, all of them this one. */
-const masksBy = (find) => ({ find, again: find, has: true, checks: true });
+const masksBy = (find) => ({ find, again: find, has: true });
 const noHints = { on: [], off: [], box: null };
 
 /** What was asked for in so many frames, and the left and right border of each mask that was told. */
@@ -47,7 +49,7 @@ async function follow(count, leftOf, markAt = -1, hints = { on: [[0.5, 0.5]], of
     seen.hints.push(told);
     return foundIn(rgba);
   };
-  const masks = { find: by(seen.found), again: by(seen.again), has: true, checks: true };
+  const masks = { find: by(seen.found), again: by(seen.again), has: true };
   const lights = new FrameLight(models, masks, noHints, 65);
   for (; at < count; at++) {
     if (at === markAt) lights.mark(hints);
@@ -58,10 +60,10 @@ async function follow(count, leftOf, markAt = -1, hints = { on: [[0.5, 0.5]], of
   return seen;
 }
 
-test("the mask is found once, moved in every frame, and looked for every eighth", async () => {
+test("the mask is found once, and moved in every frame", async () => {
   for (const leftOf of [(at) => 20 + at, (at) => (at < 5 ? 50 : 56)]) {
     const { found, again, borders } = await follow(10, leftOf);
-    assert.deepEqual([found, again], [[0], [8]]);
+    assert.deepEqual([found, again], [[0], []]);
     borders.forEach(([left, right], at) => {
       assert.ok(Math.abs(left - leftOf(at)) <= 1 && Math.abs(right - left - 60) <= 2, `${at}: ${left} to ${right}`);
     });
@@ -100,7 +102,7 @@ test("lights of the object before go on while what was marked is looked for, whi
   const models = { light: async () => said(0.5) };
   let answer;
   const findMask = ({ rgba }) => new Promise((resolve) => (answer = () => resolve(foundIn(rgba))));
-  const lights = new FrameLight(models, { ...masksBy(findMask), checks: false }, { on: [], off: [] }, 65);
+  const lights = new FrameLight(models, masksBy(findMask), { on: [], off: [] }, 65);
   const next = async (at) => {
     const told = await lights.next(frameOf(50 + 2 * at, 10, random), at / 15);
     return { searching: told.searching, left: told.mask.subarray(60 * WIDTH, 61 * WIDTH).findIndex((value) => value > 0.5) };
@@ -119,20 +121,42 @@ test("lights of the object before go on while what was marked is looked for, whi
   assert.ok(!searching && Math.abs(left - 58) <= 1, `${left}`);
 });
 
-test("a box is told in pixels, and from then on the box of what it had inside, and a margin", async () => {
-  const { hints } = await follow(14, (at) => 20 + at, 5, { on: [], off: [], box: [0.25, 0.25, 0.75, 1] });
+test("a box is told in pixels", async () => {
+  const { hints } = await follow(7, (at) => 20 + at, 5, { on: [], off: [], box: [0.25, 0.25, 0.75, 1] });
   assert.deepEqual(hints[1], { on: [], off: [], box: [0.25 * WIDTH, 0.25 * HEIGHT, 0.75 * WIDTH, HEIGHT] });
-  const [x0, y0, x1, y1] = hints[2].box;
-  const more = 0.08 * 60;
-  [x0 - (33 - more), y0 - (30 - more), x1 - (93 + more), y1 - (90 + more)].forEach((off) => assert.ok(Math.abs(off) <= 2, hints[2].box.join()));
-  assert.equal(hints[2].on.length, 1);
+});
+
+test("the light of a still object before a still camera does not creep, though each look finds another mask", async () => {
+  const random = numbers(5);
+  const wider = ({ rgba }) => ({ mask: Float32Array.from({ length: rgba.length / 4 }, (_, i) => (i % WIDTH >= 44 && i % WIDTH < 112 && i >= 30 * WIDTH && i < 90 * WIDTH ? 1 : 0)), quality: 0.9 });
+  const light = async ({ window: [values] }) => {
+    let cover = 0; // a wider mask turns the light
+    for (let at = 3; at < values.length; at += 4) cover += values[at];
+    const radiance = new Float32Array(64 * 128 * 3).fill(0.1);
+    for (let row = 20; row < 24; row++) for (let x = 0; x < 4; x++) radiance.fill(20, 3 * (row * 128 + Math.round(cover / 100) + x), 3 * (row * 128 + Math.round(cover / 100) + x + 1));
+    return said(0.5, { radiance });
+  };
+  const masks = { find: async ({ rgba }) => foundIn(rgba), again: async (picture) => wider(picture), has: true };
+  const lights = new FrameLight({ light }, masks, { on: [[0.5, 0.5]], off: [], box: null }, 65, {}, false);
+  const directions = [];
+  for (let at = 0; at < 90; at++) directions.push((await lights.next(frameOf(50, 10, random), at / 15)).light.dominant.direction);
+  const turnedDeg = directions.map((one) => degrees(one, directions[5]));
+  assert.ok(Math.max(...turnedDeg.slice(5)) < 3, `turned by ${Math.max(...turnedDeg.slice(5)).toFixed(1)} degrees`);
+});
+
+test("the outline is told before the light, of the same frame", async () => {
+  const order = [];
+  const light = async () => (order.push("light"), said(0.5));
+  const lights = new FrameLight({ light }, masksBy(async ({ rgba }) => foundIn(rgba)), { on: [[0.5, 0.5]], off: [], box: null }, 65);
+  const told = await new Promise((resolve) => lights.next(frameOf(50, 10, numbers(5)), 3, null, null, (outline) => (order.push("outline"), resolve(outline))));
+  assert.deepEqual([order[0], told.time, told.width, told.box[0], told.light], ["outline", 3, WIDTH, 50, undefined]);
 });
 
 test("a mask of the caller's own is taken as it is, frames without one move it, and no network is asked", async () => {
   const random = numbers(5);
   const models = { light: async () => said(0.5) };
   const find = () => assert.fail("asked");
-  const lights = new FrameLight(models, { find, again: find, has: false, checks: false }, noHints, 65);
+  const lights = new FrameLight(models, { find, again: find, has: false }, noHints, 65);
   const half = { width: WIDTH / 2, height: HEIGHT / 2 };
   const data = Float32Array.from({ length: half.width * half.height }, (_, i) => {
     const [x, y] = [2 * (i % half.width), 2 * Math.floor(i / half.width)];

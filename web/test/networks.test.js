@@ -34,8 +34,8 @@ test("what failed once is tried again, in another thread; what is open stays", a
   workers[0].onmessage({ data: { id: workers[0].asked[0].id, error: { code: "fetch-failed", text: "not there" } } });
   for (const one of failing) await assert.rejects(one, { name: "AnyProbeError", code: "fetch-failed", message: /not there/ });
   assert.ok(workers[0].isEnded && workers[0].asked.length === 1);
-  const { task, weights, runtime, engine, threads } = workers[0].asked[0];
-  assert.deepEqual([task, weights.light.url, runtime], ["open", "http://localhost/weights/light.onnx", "http://localhost/ort/"]);
+  const { say, weights, runtime, engine, threads } = workers[0].asked[0];
+  assert.deepEqual([say, weights.light.url, runtime], ["open", "http://localhost/weights/light.onnx", "http://localhost/ort/"]);
   assert.deepEqual([engine, threads], ["wasm", 2]);
 
   const opening = opener.open();
@@ -43,8 +43,8 @@ test("what failed once is tried again, in another thread; what is open stays", a
   await assert.rejects(opening, /could not be started/);
 
   const again = opener.open();
-  workers[2].onmessage({ data: { id: workers[2].asked[0].id, result: { hasMask: true } } });
-  assert.equal((await again).hasMask, true);
+  workers[2].onmessage({ data: { id: workers[2].asked[0].id, result: { threads: 3 } } });
+  assert.deepEqual([(await again).threads, (await again).hasMask], [3, false]);
   assert.equal(opener.open(), again);
   assert.equal(workers.length, 3);
 });

@@ -291,7 +291,7 @@ test("what is clicked on before the networks are open is told with the start", a
   assert.deepEqual(page.asked, []);
   open();
   await settle();
-  assert.deepEqual(page.asked.map(({ task }) => task), ["startLive"]);
+  assert.deepEqual(page.asked.map(({ task }) => task), ["open"]);
   assert.deepEqual(page.asked[0].hints, { on: [[0.5, 0.5]], off: [], box: null });
 });
 

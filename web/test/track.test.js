@@ -140,7 +140,7 @@ test("an offer that is wrong rejects, and the next one is taken", async () => {
 test("what is doubtful about a mask that was found comes first among a light's warnings", async () => {
   const [width, height] = [2, 2];
   const mask = { mask: new Float32Array(4), quality: 0.5, warnings: ["of the mask"] };
-  const probe = open({ mask, estimate: { light: { warnings: ["of the light"] } } });
+  const probe = open({ mark: mask, estimate: { light: { warnings: ["of the light"] } } });
   const picture = { width, height, rgba: new Uint8ClampedArray(16).fill(255) };
   const light = await probe.estimate(picture);
   assert.deepEqual(light.warnings, ["of the mask", "of the light"]);
@@ -203,7 +203,7 @@ test("another kind of light leaves what it does not name", async () => {
 });
 
 test("a mask and marks exclude each other, and what finds nothing says where it looked", async () => {
-  const probe = open({ mask: { mask: new Float32Array(4), quality: 0, warnings: [] } });
+  const probe = open({ mark: { mask: new Float32Array(4), quality: 0, warnings: [] } });
   const picture = { width: 2, height: 2, rgba: new Uint8ClampedArray(16).fill(255) };
   const fails = (options, expected) => assert.rejects(() => probe.estimate(picture, options), expected);
   await fails({ mask: new Float32Array(4), click: [1, 1], box: [0, 0, 2, 2] }, refused("mask and click and box: expected one of them, got both; leave one out"));
@@ -216,7 +216,7 @@ test("a mask and marks exclude each other, and what finds nothing says where it 
 
 test("a picture's transparency is no answer to a click", async () => {
   const found = { mask: new Float32Array(4).fill(1), quality: 0.9, warnings: [] };
-  const probe = open({ mask: found, estimate: { light: { warnings: [] } } });
+  const probe = open({ mark: found, estimate: { light: { warnings: [] } } });
   const picture = { width: 2, height: 2, rgba: new Uint8ClampedArray(16) };
   picture.rgba[3] = 255;
   assert.deepEqual([...(await probe.estimate(picture)).mask.data], [1, 0, 0, 0]);
@@ -257,14 +257,14 @@ test("a video that has told its size alone is waited for", async () => {
   await tracker.offer(video);
   assert.deepEqual([tracker.running, told], [true, []]);
   await tracker.offer(Object.assign(video, { readyState: 2 }));
-  assert.equal(told[0], "startLive");
+  assert.equal(told[0], "open");
   assert.equal(told.length, 2);
 });
 
 test("a light of the source before is not the new one's, and pictures that nobody waits for are closed", async () => {
   let [opened, closed] = [null, 0];
   globalThis.createImageBitmap = async () => ({ close: () => closed++ });
-  const client = { spares: [], check: () => {}, give: () => {}, ask: (task) => new Promise((resolve) => task === "startLive" && (opened = resolve)) };
+  const client = { spares: [], check: () => {}, give: () => {}, ask: (task) => new Promise((resolve) => task === "open" && (opened = resolve)) };
   const heard = [];
   const tracker = new AnyProbe(client, { hasMask: true, engine: "wasm", threads: 1 }).track(null, () => {}, { onLost: () => heard.push("lost") });
   const offered = tracker.offer({ width: 64, height: 48 });
@@ -346,7 +346,7 @@ test("a mask that was found is a Mask, and keeps its quality and warnings in an 
   const mask = Float32Array.from({ length: side * side }, (_, i) => (i % side > 1 && i % side < 28 ? 1 : 0));
   const doubt = { code: "mask-doubtful", subject: [], text: "it may be wrong", remedy: ["box", "mask"].map((name) => ({ do: "give", name })) };
   const asked = [];
-  const answers = { mask: { mask, quality: 0.7, warnings: [doubt], seconds: 1 }, estimate: { light: { warnings: [] } } };
+  const answers = { mark: { mask, quality: 0.7, warnings: [doubt], seconds: 1 }, estimate: { light: { warnings: [] } } };
   const client = { check: () => {}, ask: async (task, given) => (asked.push(given), answers[task]) };
   const probe = new AnyProbe(client, {});
   const picture = { width: side, height: side, rgba: new Uint8ClampedArray(4 * side * side).fill(255) };

@@ -42,7 +42,7 @@ function openProbe() {
     throw new Error("no picture");
   };
   const found = { mask: new Float32Array(1), quality: 0, warnings: [] };
-  const client = { spares: [], check: () => {}, give: () => {}, ask: async (task) => (task === "mask" ? found : assert.fail("nothing was refused")) };
+  const client = { spares: [], check: () => {}, give: () => {}, ask: async (task) => (task === "mark" ? found : assert.fail("nothing was refused")) };
   return new AnyProbe(client, { hasMask: true, engine: "wasm", threads: 1 });
 }
 

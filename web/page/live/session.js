@@ -73,6 +73,7 @@ export class LiveSession {
       ...this.options(),
       withViews: true,
       onLost: (answer) => this.#show(answer),
+      onOutline: (answer) => this.#show(answer),
       onError: (error) => this.#fail(live, error),
     });
     setStatus(hasMask ? FINDING : "Click on the object.");
@@ -148,7 +149,7 @@ export class LiveSession {
     }
     const isSearching = answer.searching || this.asking;
     if (answer.mask && !isSearching) this.#setMask(answer);
-    if (!this.placed) return;
+    if (!this.placed || !answer.light) return;
     this.#say(isSearching ? FINDING : this.missed ? MISSED : LIVE);
     this.stage.setLight(answer.light);
     sendLight(answer);

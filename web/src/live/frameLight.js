@@ -54,12 +54,13 @@ export class FrameLight {
    * @param {number[] | null} [worldFromCamera] nine numbers, row by row, of the camera when it took the frame: the light is
    *   then in the world
    * @param {{data: Float32Array, width: number, height: number} | null} [given] where the object is, of whatever size
+   * @param {(outline: object) => void} [tell] hears of the mask before the light is there
    * @returns {Promise<object>} light, time, mask and box of the object, milliseconds of each part; now and then spheres and stages;
    *   {lost: true} with the picture's mean radiance while no object is marked or seen, {held: true} where it is not seen for a moment; `missed` where what was
    *   marked last found nothing and the object before it is followed on,
    *   `searching` while it is looked for
    */
-  async next(frame, time, worldFromCamera = null, given = null) {
+  async next(frame, time, worldFromCamera = null, given = null, tell = () => {}) {
     const ms = {};
     const start = performance.now();
     let begun = start;
@@ -79,6 +80,9 @@ export class FrameLight {
     if (!isSeen && this.object.last && this.unseen < PATIENCE) return { held: true, ...this.size };
     if (!isSeen) return { lost: true, mean: meanRadiance(picture), ...this.size };
     const { mask, lit, isNew, missed } = seen;
+    const { quality, isSearching } = this.object;
+    const outline = { time, mask, quality, box, ...this.size, ...(missed && { missed }), ...(isSearching && { searching: true }) };
+    tell(outline);
     const phase = this.withViews ? this.count++ % REST_EVERY : -1;
     const withStages = phase === REST_EVERY / 2;
     if (!this.object.looksSame) this.otherAt = time;
@@ -107,9 +111,7 @@ export class FrameLight {
     const spheres = phase === 0 ? shadeSpheres(isInWorld ? shown(this.state, worldFromCamera) : light.radiance) : null;
     lap("spheres");
     ms.all = performance.now() - start;
-    const { quality, isSearching } = this.object;
-    const about = { time, mask, quality, box, ...this.size, ...(missed && { missed }), ...(isSearching && { searching: true }) };
-    return { light, stages: withStages ? stages : null, spheres, ...about, ms };
+    return { light, stages: withStages ? stages : null, spheres, ...outline, ms };
   }
 
   /** Whether the last answer is as good as one for this frame, given as neither marked nor turned. */

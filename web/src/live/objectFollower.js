@@ -4,9 +4,8 @@
  *
  * @typedef {(picture: object, hints: object) => Promise<{mask: Float32Array, quality: number}>} Find its mask is empty where
  *   nothing was found
- * @typedef {{find: Find, again: Find, has: boolean, checks: boolean}} Masks find: of what is marked, all looks that a still
- *   picture has; again: of an object that is known, by one look at its box; has: whether there is a network; checks: whether it
- *   is quick enough to look now and then at an object that is followed well
+ * @typedef {{find: Find, again: Find, has: boolean}} Masks find: of what is marked, all looks that a still picture has; again:
+ *   of an object that was lost, by one look at its last box; has: whether there is a network
  */
 
 import { isLarge, objectBox } from "../photo/picture.js";
@@ -144,15 +143,12 @@ export class ObjectFollower {
   /** Whether the mask is another one than was held; null: the object is not seen. */
   async #isFollowed(picture) {
     const { hints, masks } = this;
-    const find = masks.has && masks.checks && (async (mask) => (await this.#lookedFor(picture, lastOf(mask, picture.width)))?.mask ?? null);
     if (++this.#lostFor > ODD) this.#before = null;
     for (const held of [this.#before, this.#held]) {
       const found = held && foundIn(held, picture);
       if (!found || !isSure(found)) continue;
-      const next = await follow(held, picture, found, find);
-      if (this.hints !== hints) return null;
       if (held === this.#before) this.#before = null;
-      this.#held = next;
+      this.#held = follow(held, picture, found);
       return false;
     }
     if (!masks.has) return null;

@@ -39,19 +39,19 @@ export class Tracker {
   /**
    * @param {HTMLVideoElement | HTMLCanvasElement | OffscreenCanvas | MediaStreamTrack | null} source null: frames are offered
    * @param {import("../networks/workerClient.js").WorkerClient} client
-   * @param {{onLight: (answer: object) => void, onError: (error: AnyProbeError) => void, onMissed?: () => void, pose?: () => object,
+   * @param {{onAnswer: (answer: object) => void, onError: (error: AnyProbeError) => void, onMissed?: () => void, pose?: () => object,
    *   mask?: object | ((frame: object) => object)}} events
    *   pose: of the camera in the world, asked for when a frame is taken; mask: where the object is in the first frame, or a
    *   function that says it of each one, null where it is not in it
    * @param {() => MessagePort | null} [masksPort] of a thread that finds masks
    */
-  constructor(source, client, { onLight, onError, onMissed, pose, mask }, masksPort) {
+  constructor(source, client, { onAnswer, onError, onMissed, pose, mask }, masksPort) {
     this.#masksPort = masksPort;
     this.#source = source;
     this.#client = client;
     this.#pose = pose;
     this.#mask = mask;
-    Object.assign(this, { onLight, onError, onMissed });
+    Object.assign(this, { onAnswer, onError, onMissed });
     this.running = false;
     this.mask = null; // the last one found
     this.updates = [];
@@ -85,7 +85,7 @@ export class Tracker {
       this.lens = lensOf(lens, { width, height });
       const asked = { ...given, longFovDeg: this.lens.longFovDeg, isLensKnown: this.lens.source !== "default", hints: this.#shares(hints) };
       const port = this.#masksPort?.();
-      await this.#client.ask("startLive", { ...asked, port }, undefined, port ? [port] : []);
+      await this.#client.ask("open", { of: "camera", ...asked, port }, undefined, port ? [port] : []);
       this.#isOpen = true;
     })());
   }
@@ -152,7 +152,7 @@ export class Tracker {
   async mark(hints = {}) {
     checkNames("tracker.mark", hints);
     if (this.running && !this.#opening) this.#given = { ...this.#given, hints };
-    else if (this.running) await this.#client.ask("markLive", { hints: this.#shares(hints) });
+    else if (this.running) await this.#client.ask("mark", { of: "camera", hints: this.#shares(hints) });
   }
 
   /** Pictures may come in another size. */
@@ -167,7 +167,7 @@ export class Tracker {
     checkNames("tracker.set", options);
     const changed = "material" in options ? { ...options, material: describe(options.material) } : options;
     if (this.running && !this.#opening) this.#given = { ...this.#given, options: { ...this.#given.options, ...changed } };
-    else if (this.running) await this.#client.ask("setLive", { options: changed });
+    else if (this.running) await this.#client.ask("mark", { of: "camera", options: changed });
   }
 
   /** Lights and pictures a second. */
@@ -181,11 +181,11 @@ export class Tracker {
     if (!this.running || (!this.#isOpen && !answer.error)) return;
     if (answer.error) return this.fail(receivedError(answer.error));
     if (answer.held) return;
-    if (!answer.lost) noteTime(this.updates);
     if (answer.missed) this.onMissed?.();
-    if (!answer.light) return this.onLight(answer);
     if (answer.mask) this.mask = { data: answer.mask, width: answer.width, height: answer.height, quality: answer.quality };
-    this.onLight({ ...answer, light: new Light({ ...answer.light, mask: this.mask, lens: this.lens }) });
+    if (!answer.light) return this.onAnswer(answer);
+    noteTime(this.updates);
+    this.onAnswer({ ...answer, light: new Light({ ...answer.light, mask: this.mask, lens: this.lens }) });
   }
 
   /** What fails of the options of the tracking ends it. */

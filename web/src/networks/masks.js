@@ -27,32 +27,35 @@ export async function findMask(models, picture, hints, isGivenUp) {
   return { ...found, warnings, seconds: (performance.now() - start) / 1000 };
 }
 
-/**
- * How a video's masks are found: what is marked as in a still picture, and an object that is known by one look where it was.
- * U2-Net-p, which takes the time of many frames, looks where the object has been lost alone.
- *
- * @param {import("./models.js").Models} models
- * @returns {import("../live/objectFollower.js").Masks}
- */
+/** How a video's masks are found: what is marked as in a still picture, an object that was lost by one look where it was. */
 export function videoMasks(models) {
   const by = (search) => (picture, hints) => searchBy(new Looks(networkOf(models), picture), hints, search);
-  return { find: by(findObject), again: by(lookAgain), has: models.hasMask || models.hasU2netp, checks: !models.hasU2netp };
+  return { find: by(findObject), again: by(lookAgain), has: true };
 }
 
-/** videoMasks of another thread, at the other end of a port: lights go on while it looks. @param {MessagePort} port */
-export function masksAt(port, models) {
+/**
+ * videoMasks of another thread, at the other end of a port: lights go on while it looks.
+ *
+ * @param {MessagePort | null} port null: there is no network of masks
+ * @returns {import("../live/objectFollower.js").Masks}
+ */
+export function masksAt(port) {
+  if (!port) return { find: async () => networkOf({}), again: null, has: false };
+  let fault = null;
   const waiting = [];
   port.onmessage = ({ data: { found, error } }) => {
-    const { resolve, reject } = waiting.shift();
-    if (error) reject(receivedError(error));
+    const { resolve, reject } = waiting.shift() ?? {};
+    if (error) (reject ?? ((one) => (fault = one)))(receivedError(error)); // of a thread that did not open, before anything was asked
     else resolve(found);
   };
-  const by = (search) => ({ width, height, rgba }, hints) =>
-    new Promise((resolve, reject) => {
+  const by = (search) => async ({ width, height, rgba }, hints) => {
+    if (fault) throw fault;
+    return new Promise((resolve, reject) => {
       waiting.push({ resolve, reject });
       port.postMessage({ search, picture: { width, height, rgba }, hints });
     });
-  return { ...videoMasks(models), find: by("find"), again: by("again") };
+  };
+  return { find: by("find"), again: by("again"), has: true };
 }
 
 /** Answer what masksAt asks, in its order. */
@@ -60,13 +63,8 @@ export function answerAt(port, models) {
   const masks = videoMasks(models);
   let last = Promise.resolve();
   port.onmessage = ({ data: { search, picture, hints } }) => {
-    last = last.then(async () => {
-      try {
-        port.postMessage({ found: await masks[search](picture, hints) });
-      } catch (error) {
-        port.postMessage({ error: sentError(error) });
-      }
-    });
+    const answer = async () => ({ found: await masks[search](picture, hints) });
+    last = last.then(answer).catch((error) => ({ error: sentError(error) })).then((one) => port.postMessage(one));
   };
 }
 

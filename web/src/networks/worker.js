@@ -1,9 +1,10 @@
 /**
  * The networks' own thread: pictures in, lights out, so that drawing keeps its frame rate.
  *
- * Messages are {id, task, ...arguments}; each is answered by {id, result} or {id, error}, unless {giveUp: id} comes first.
- * A camera's frames have no id: lights come as {live: answer} or {live: {error}}, of the newest frame whenever the last
- * light is done.
+ * It speaks the four words of a session. Asked are {id, say, of, ...given}: `open` the networks, then `mark` the object and
+ * `estimate` its light, of a still picture or of a camera's, whose frames have no id. Delivered are {id, result} or
+ * {id, error}, unless {giveUp: id} comes first; {live} of the newest frame whenever the last light is done, its mask first;
+ * {progress} of files; and {spare}, memory of frames. One thread finds masks and one lights, joined by a port.
  */
 
 import { sentError } from "../errors.js";
@@ -13,7 +14,7 @@ import { checkObject } from "../photo/maskCheck.js";
 import { FrameLight } from "../live/frameLight.js";
 import { Newest } from "../live/newest.js";
 import { lightOfStill } from "./lightOfStill.js";
-import { answerAt, findMask, masksAt, videoMasks } from "./masks.js";
+import { answerAt, findMask, masksAt } from "./masks.js";
 import { Models } from "./models.js";
 import { openRuntime } from "./runtime.js";
 import { openingFault } from "./words.js";
@@ -21,29 +22,26 @@ import { openingFault } from "./words.js";
 /** Between two tries while no object is seen. */
 const LOST_MS = 100;
 
-let models = null;
-let live = null;
+const deliver = (message, transfer = []) => self.postMessage(message, transfer);
 
-const tasks = {
+let models = null;
+
+const still = {
   async open({ runtime, weights, engine, threads: most }) {
-    const onProgress = (progress) => self.postMessage({ progress });
+    const onProgress = (progress) => deliver({ progress });
     let threads = 1;
     try {
       const opened = await openRuntime(runtime, engine, most, onProgress);
       threads = opened.threads;
       models = await Models.open(opened.ort, weights, { providers: [engine], onProgress });
-      const maskNetwork = models.hasU2netp ? "u2netp" : models.hasMask ? "small" : null;
-      return { engine, threads, hasMask: maskNetwork !== null, maskNetwork };
+      return { engine, threads };
     } catch (error) {
       throw openingFault(error, threads, typeof runtime !== "string");
     }
   },
 
-  /**
-   * The mask of a still picture from clicks or a box; without any, what stands out. With its quality, the IoU to expect,
-   * a line where that is little, and the seconds it took without the opening of a network.
-   */
-  mask({ picture, hints }, isGivenUp) {
+  /** The mask by clicks or a box; without any, of what stands out. */
+  mark({ picture, hints }, isGivenUp) {
     return findMask(models, picture, hints, isGivenUp);
   },
 
@@ -57,44 +55,45 @@ const tasks = {
     const seconds = (performance.now() - start) / 1000;
     return withViews ? { light, stages, spheres: shadeSpheres(radiance), seconds } : { light, seconds };
   },
+};
 
-  /** Find a video's masks for the lights' thread. */
-  serveMasks({ port }) {
-    answerAt(port, models);
-  },
+/** Since a camera was last opened. */
+let lights = null;
+let frames = null;
 
-  startLive({ hints, longFovDeg, isLensKnown, options, withViews, port }) {
-    const masks = port ? masksAt(port, models) : videoMasks(models);
-    const lights = new FrameLight(models, masks, hints, longFovDeg, { ...options, isLensKnown }, withViews);
-    const frames = new Newest(
-      (given) => sendLight(lights, given),
+const camera = {
+  /** Follow a camera; or, in the thread of masks, find them for the one that does. */
+  open({ port, hints, longFovDeg, isLensKnown, options, withViews }) {
+    if (!hints) return answerAt(port, models);
+    const own = (lights = new FrameLight(models, masksAt(port), hints, longFovDeg, { ...options, isLensKnown }, withViews));
+    frames = new Newest(
+      (given) => lightOfFrame(own, given),
       ({ frame }) => letGo(frame),
     );
-    live = { lights, frames };
   },
 
-  frame({ frame, time, pose, mask }) {
-    live.frames.offer({ frame, time, pose, mask });
+  /** What is said of the object from here on: where it is, or what light is wanted. */
+  mark({ hints, options }) {
+    if (hints) lights.mark(hints);
+    lights.options = { ...lights.options, ...options };
   },
 
-  markLive({ hints }) {
-    live.lights.mark(hints);
-  },
-
-  setLive({ options }) {
-    live.lights.options = { ...live.lights.options, ...options };
+  estimate(given) {
+    frames.offer(given);
   },
 };
 
-/** The light of a frame to the caller, unless it has begun anew meanwhile. */
-async function sendLight(lights, { frame, time, pose, mask }) {
+/** The mask and the light of a frame to the caller, unless it has begun anew meanwhile. */
+async function lightOfFrame(own, { frame, time, pose, mask }) {
+  const tell = (live, transfer) => own === lights && deliver({ live }, transfer);
   let answer;
   try {
-    answer = await lights.next(frame, time, pose, mask);
+    answer = await own.next(frame, time, pose, mask, tell);
   } catch (error) {
     answer = { error: sentError(error) };
   }
-  if (lights === live.lights) self.postMessage({ live: answer }, answer.light ? memoryOf(answer.light) : []);
+  const { mask: _, missed: __, ...rest } = answer; // which were told of before
+  tell(rest, answer.light ? memoryOf(answer.light) : []);
   letGo(frame);
   if (answer.lost) await new Promise((resolve) => setTimeout(resolve, LOST_MS));
 }
@@ -106,24 +105,26 @@ function memoryOf({ radiance, confidence, prefiltered }) {
 
 /** Close a frame that is done with, or give its memory back for another. */
 function letGo(frame) {
-  if (frame.bytes) self.postMessage({ spare: frame.bytes.buffer }, [frame.bytes.buffer]);
+  if (frame.bytes) deliver({ spare: frame.bytes.buffer }, [frame.bytes.buffer]);
   else frame.close();
 }
+
+const tasks = { still, camera };
 
 /** Requests that are worked on, and whether each has been given up. */
 const asked = new Map();
 
-self.onmessage = async ({ data: { id, task, giveUp, ...given } }) => {
+self.onmessage = async ({ data: { id, say, of = "still", giveUp, ...given } }) => {
   if (giveUp !== undefined) return asked.has(giveUp) && asked.set(giveUp, true);
-  if (id === undefined) return tasks[task](given);
+  if (id === undefined) return tasks[of][say](given);
   asked.set(id, false);
   const answer = {};
   try {
-    answer.result = await tasks[task](given, () => asked.get(id));
+    answer.result = await tasks[of][say](given, () => asked.get(id));
   } catch (error) {
     answer.error = sentError(error);
   }
   const isGivenUp = asked.get(id);
   asked.delete(id);
-  if (!isGivenUp) self.postMessage({ id, ...answer });
+  if (!isGivenUp) deliver({ id, ...answer });
 };

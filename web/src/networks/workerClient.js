@@ -50,14 +50,14 @@ export class WorkerClient {
   }
 
   /**
-   * Ask for a task of worker.js.
+   * Ask the thread, see worker.js.
    *
-   * @param {string} task
-   * @param {object} [given]
+   * @param {"open" | "mark" | "estimate"} say
+   * @param {object} [given] of: "camera", else a still picture
    * @param {AbortSignal} [signal]
    * @param {Transferable[]} [transfer]
    */
-  async ask(task, given = {}, signal = undefined, transfer = []) {
+  async ask(say, given = {}, signal = undefined, transfer = []) {
     if (this.#fault) throw this.#fault;
     signal?.throwIfAborted();
     const id = this.#count++;
@@ -70,7 +70,7 @@ export class WorkerClient {
     try {
       return await new Promise((resolve, reject) => {
         this.#waiting.set(id, { resolve, reject });
-        this.#worker.postMessage({ id, task, ...given }, transfer);
+        this.#worker.postMessage({ id, say, ...given }, transfer);
       });
     } finally {
       signal?.removeEventListener("abort", giveUp);
@@ -79,7 +79,7 @@ export class WorkerClient {
 
   /** A frame of a video; onLive hears its light, unless a newer one overtakes it. */
   give({ frame, transfer }, time, pose = null, mask = null) {
-    if (!this.#fault) this.#worker.postMessage({ task: "frame", frame, time, pose, mask }, transfer);
+    if (!this.#fault) this.#worker.postMessage({ say: "estimate", of: "camera", frame, time, pose, mask }, transfer);
   }
 
   /** Throws once it has ended. */
