@@ -1,4 +1,4 @@
-// A box around part of the example: by mouse, by key, by finger. arguments: { box, screenshot? }
+// A box around part of a photo's object: by mouse, by key, by finger. arguments: { photo, box, screenshot? }
 // Boxes are shares of the picture; `outlines` are those of what was found, likewise; `hints` tells whether dragging is advised
 // before and while a box is drawn, and keys on a touch screen.
 
@@ -8,6 +8,8 @@ const STEP = 0.02; // of an arrow key
 
 export default async ({ page, context, url, arguments: given }) => {
   await openPage(page, url);
+  await page.setInputFiles("#file", given.photo);
+  await estimated(page);
   const [x0, y0, x1, y1] = given.box;
   const mask = page.locator("#mask");
   await mask.scrollIntoViewIfNeeded();

@@ -1,16 +1,17 @@
 // The camera in every state: being opened, live, turned, its object lost, ended. arguments: { photo, broken }
-// The camera is a canvas that shows the example; it is given when `camera.allow` is called.
+// The camera is a canvas that shows the photo; it is given when `camera.allow` is called.
 
+import { readFileSync } from "node:fs";
 import { estimated, openPage, outlined, status, waitForStatus } from "./page_steps.mjs";
 
 export default async ({ page, context, url, arguments: given }) => {
-  await page.addInitScript(() => {
+  await page.addInitScript((source) => {
     globalThis.camera = { size: [640, 480], isEmpty: false, asked: [], tracks: [], lights: 0, unheard: [] };
     const picture = new Image();
     const ready = new Promise((resolve) => (picture.onload = resolve));
     camera.allow = () => camera.asked.splice(0).forEach((give) => give());
     navigator.mediaDevices.getUserMedia = async () => {
-      picture.src ||= "example/photo.png";
+      picture.src ||= source;
       await Promise.all([ready, new Promise((resolve) => camera.asked.push(resolve))]);
       const context = document.createElement("canvas").getContext("2d");
       const draw = () => {
@@ -31,7 +32,7 @@ export default async ({ page, context, url, arguments: given }) => {
     };
     document.addEventListener("anyprobe-light", () => camera.lights++);
     addEventListener("unhandledrejection", ({ reason }) => camera.unheard.push(String(reason)));
-  });
+  }, `data:image/jpeg;base64,${readFileSync(given.photo).toString("base64")}`);
   await openPage(page, url);
   const state = () =>
     page.evaluate(() => {

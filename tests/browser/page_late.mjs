@@ -5,10 +5,11 @@ import { estimated, openPage, status, waitForStatus } from "./page_steps.mjs";
 
 export default async ({ page, url, arguments: given }) => {
   await page.addInitScript(() => {
-    globalThis.networks = { sent: [], held: null, answers: 0 };
+    globalThis.networks = { sent: [], held: null, answers: 0, heard: new Set() };
     const post = Worker.prototype.postMessage;
     Worker.prototype.postMessage = function (message, transfer) {
-      if (networks.sent.length === 0) this.addEventListener("message", ({ data }) => (networks.answers += data.id !== undefined));
+      if (!networks.heard.has(this)) this.addEventListener("message", ({ data }) => (networks.answers += data.id !== undefined));
+      networks.heard.add(this);
       const { say, picture, options } = message;
       networks.sent.push({ say, width: picture?.width, surroundings: options?.surroundings });
       if (say === "mark" && networks.held) networks.held.push(() => post.call(this, message, transfer));

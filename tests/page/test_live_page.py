@@ -30,10 +30,7 @@ MIDDLE = [0.5, 0.55]
 
 
 HEADINGS = {
-    None: [
-        *("choose", "camera", "example", "example-teapot", "example-table"),
-        *("before", "draw-box", "reset", "removing", "outline"),
-    ],
+    None: [*("choose", "camera", "example", "example-teapot"), *("before", "draw-box", "reset", "removing", "outline")],
     "Environment map": ["exposure", "false-color"],
     "Virtual object": ["shape", "material", "model", "turn", "size"],
     "Estimate": ["surroundings", "pitch"],
@@ -145,9 +142,9 @@ def test_border_cuts_off_only_what_was_moved_there(page_url, aside_photo, tmp_pa
     assert note == "Part of the virtual object is outside the photo."
 
 
-def test_box_is_drawn_by_mouse_key_and_finger(page_url):
-    box = [0.26, 0.45, 0.74, 0.85]  # around the example's vase without its neck
-    seen = run_steps("page_box.mjs", page_url, {"box": box}, viewport=(1280, 900))
+def test_box_is_drawn_by_mouse_key_and_finger(page_url, vase_photo):
+    box = [0.26, 0.45, 0.74, 0.85]  # around the vase without its neck
+    seen = run_steps("page_box.mjs", page_url, {"photo": str(vase_photo), "box": box}, viewport=(1280, 900))
     outlines = seen["outlines"]
     assert outlines["before"][1] < 0.25
     np.testing.assert_allclose(outlines["wobble"], outlines["click"], atol=0.01)  # a box of two pixels

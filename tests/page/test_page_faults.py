@@ -67,7 +67,7 @@ def test_late_mask_is_not_put_on_another_picture(page_url, vase_photo, half_phot
     assert seen["late"] == {"click": kept, "reset": kept}
     assert seen["waiting"] == {"direction": "not yet known", "usable": 0, "estimates": 0}
     with Image.open(half_photo) as picture:
-        assert seen["then"]["estimates"] == [{"task": "estimate", "width": picture.width, "surroundings": "none"}]
+        assert seen["then"]["estimates"] == [{"say": "estimate", "width": picture.width, "surroundings": "none"}]
     assert seen["then"]["usable"] > 0
     assert seen["nothing"]["status"].startswith("Nothing stands out there. Click on the object")
     assert [seen["nothing"][part] for part in ("usable", "estimates")] == [0, 0]
@@ -123,7 +123,7 @@ def test_camera_is_one_and_ends_with_what_takes_its_place(page_url, vase_photo, 
     assert seen["turned"]["tracks"] == ["live"]
     assert seen["turned"]["mask"] < 1
     assert seen["overlay"] == "visible"
-    # the example's vase, [.31, .20, .69, .79] of a square, in the middle of 640 x 480 and of 480 x 640
+    # the vase, [.31, .20, .69, .79] of a square, in the middle of 640 x 480 and of 480 x 640
     np.testing.assert_allclose(seen["outline"], [0.36, 0.2, 0.64, 0.79], atol=0.04)
     np.testing.assert_allclose(seen["turnedOutline"], [0.31, 0.28, 0.69, 0.72], atol=0.04)
     assert seen["lines"] == 0

@@ -30,9 +30,9 @@ for (const name of RUNTIME) {
 const licences = BUNDLED.map((name) => `${name}\n\n${licenceOf(name)}`);
 writeFileSync(join(page, "licences.txt"), licences.join("\n\n----\n\n"));
 mkdirSync(join(page, "example"), { recursive: true });
-copyFileSync(join(web, "../examples/vase.png"), join(page, "example/vase.png"));
+copyFileSync(join(web, "../examples/table.png"), join(page, "example/table.png"));
 mkdirSync(join(page, "photos"), { recursive: true });
-for (const name of ["teapot.jpg", "table.jpg"]) copyFileSync(join(web, "../examples", name), join(page, "photos", name));
+copyFileSync(join(web, "../examples/teapot.jpg"), join(page, "photos/teapot.jpg"));
 
 for (const name of readdirSync(page, { recursive: true })) {
   const path = join(page, name);

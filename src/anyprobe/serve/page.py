@@ -52,8 +52,8 @@ MEDIA_TYPES = {
 
 PACKED = ".gz"
 
-EXAMPLE = "example/vase.png"
-EXAMPLE_FOV_DEG = 24.0
+EXAMPLE = "example/table.png"
+EXAMPLE_FOV_DEG = 42.0
 """Field of view of the camera that rendered the example [degrees]."""
 
 

@@ -4,7 +4,7 @@ import { OWN_FILES, exportTarget, save } from "../downloads.js";
 import { element, setStatus } from "./elements.js";
 import { errorLine } from "../words.js";
 import { brightestSide } from "../../src/light/light.js";
-import { SPHERE_NAMES } from "../../src/light/spheres.js";
+import { SPHERE_NAMES, unclippedEv } from "../../src/light/spheres.js";
 import { describeDirection, drawFalseColor, drawMap, drawSphere, placeOnMap } from "./pictures.js";
 
 const TITLES = {
@@ -81,7 +81,8 @@ export class LightPanel {
 
   #drawSpheres() {
     if (!this.shaded) return;
-    for (const name of SPHERE_NAMES) drawSphere(this.spheres[name], this.shaded[name], this.#exposureEv);
+    const exposureEv = this.#exposureEv + unclippedEv(this.shaded);
+    for (const name of SPHERE_NAMES) drawSphere(this.spheres[name], this.shaded[name], exposureEv);
   }
 
   #drawMap() {
