@@ -13,7 +13,6 @@ from support.some_pair import sphere_pair
 
 from anyprobe.estimate.runtime import Models
 from anyprobe.inputs.settings import DEFAULT_MODEL
-from anyprobe.light.environment import reduced
 from anyprobe.maps.radiance import write_exr, write_hdr
 from anyprobe.pictures.images import read_image
 from anyprobe_train.cli.evaluate import SEED
@@ -22,9 +21,6 @@ from anyprobe_train.dataset import pair as pair_module
 from anyprobe_train.dataset.asset_store import AssetStore, own_map, own_shape
 from anyprobe_train.dataset.recipe import WORLD, balanced_recipes, digest, world_recipes
 from anyprobe_train.evaluate import methods, scoring
-from anyprobe_train.evaluate.benchmark import read_predictions
-from anyprobe_train.evaluate.metrics import power_ratio_stops
-from anyprobe_train.evaluate.standard_errors import clustered_error
 
 TRUTH = ["one flat colour", "truth blurred by 15 degrees", "truth blurred by 30 degrees"]
 ASSETS = ("--hdri", "h", "--meshes", "m", "--pairs", "4")
@@ -176,20 +172,6 @@ def write_everywhere(folder, radiance, suffixes=(".exr",)) -> None:
             {".exr": write_exr, ".hdr": write_hdr}[suffix](folder / f"{recipe.key}{suffix}", radiance)
 
 
-def test_maps_of_any_size_are_read_with_their_power(tmp_path):
-    truth = sphere_pair().radiance
-    for height in (32, 64, 100, 256):
-        large = (
-            truth.repeat(4, axis=0).repeat(4, axis=1)
-            if height == 256
-            else reduced(truth.repeat(4, axis=0).repeat(4, axis=1), height)
-        )
-        write_exr(tmp_path / "key.exr", large, half=False)
-        found = read_predictions(tmp_path, ["key"])["key"]
-        assert found.shape == (64, 128, 3)
-        assert abs(power_ratio_stops(found, truth)) < (0.02 if height < 64 else 2e-3)
-
-
 @pytest.mark.ci
 def test_a_list_of_recipes_keeps_its_conditions(work, command, rendered, scored_quickly):
     recipes = world_recipes(AssetStore([own_map(1, 1)], [own_shape(1, 1)]), 5, 3)
@@ -197,14 +179,3 @@ def test_a_list_of_recipes_keeps_its_conditions(work, command, rendered, scored_
     assert command("evaluate", *ASSETS, "--recipes", "list.txt").status == 0
     assert [call["conditions"] for call in rendered] == [WORLD] * 4
     assert written(work)["recipes"] == digest(recipes[:4])
-
-
-def test_standard_errors_are_by_map_and_shape():
-    scores, values = scoring.Scores(), (0.1, 0.2, 0.4, 0.8)
-    for k, value in enumerate(values):
-        scores.add(sphere_pair(k // 2), {"one": dict.fromkeys(scoring.METRICS, value)})
-    maps = [f"drawn {k // 2}" for k in range(4)]
-    found = scores.standard_errors()["one"]["all"]
-    assert found["ldr_rmse"] == pytest.approx(clustered_error(values, maps, ["sphere"] * 4), abs=1e-5)
-    assert found["ldr_rmse"] > np.std(values, ddof=1) / 2
-    assert "dominant_light_median_deg" not in found

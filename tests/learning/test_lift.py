@@ -16,7 +16,6 @@ from anyprobe.light.dominant_light import find_dominant_light  # noqa: E402
 from anyprobe.render.spheres import sphere_normals  # noqa: E402
 from anyprobe.scatter.materials import MATERIALS  # noqa: E402
 from anyprobe_train.dataset.asset_store import draw_map  # noqa: E402
-from anyprobe_train.nets.blocks import fade_seam, wrap  # noqa: E402
 from anyprobe_train.nets.emitter_head import POWER_FLOOR, EmitterHead  # noqa: E402
 from anyprobe_train.nets.lifting import lift_to_map, map_pixel, mirror_direction, pyramid  # noqa: E402
 from anyprobe_train.nets.light_net import LightNet  # noqa: E402
@@ -60,16 +59,6 @@ def test_lifting_keeps_every_weight(rng):
     torch.testing.assert_close(sums[:, :3].sum((2, 3)), (values * weight).sum((2, 3)))
 
 
-def test_coarse_scales_fill_what_fine_ones_miss():
-    """One lit pixel: its colour is the mean at every scale where it falls, and nowhere else."""
-    sums = torch.zeros(1, 2, 64, 128)
-    sums[0, :, 10, 20] = torch.tensor([600.0, 1000.0])
-    for depth, means in enumerate(pyramid(sums, 4)):
-        there = means[0, :, 10 >> depth, 20 >> depth]
-        torch.testing.assert_close(there, torch.tensor([0.6, 1.0]), atol=1e-3, rtol=0)
-        assert (means != 0).sum() == 2
-
-
 def test_the_field_of_view_moves_what_is_lifted():
     """The same photo through another lens mirrors other directions; far off the axis more so."""
     torch.manual_seed(0)
@@ -84,39 +73,6 @@ def test_the_field_of_view_moves_what_is_lifted():
         assert guess.ln_radiance.shape == guess.ln_expected.shape == (1, 3, 64, 128)
         assert guess.confidence_logit.shape == (1, 1, 64, 128)
         assert guess.features.irradiance.shape == (1, 3, 128, 128)
-
-
-def test_known_normals_take_the_place_of_estimated_ones():
-    """Where they are told, whatever their length; elsewhere the network's own stay. Light moves with them."""
-    torch.manual_seed(0)
-    net = LightNet().eval()
-    photo, angle = torch.rand(1, 4, 128, 128), torch.tensor([[0.1]])
-    photo[:, 3] = 1.0
-    known = torch.zeros(1, 3, 64, 64)
-    known[:, 0, :, :32], known[:, 2, :, :32] = 0.48, 0.64
-    with torch.no_grad():
-        alone, none, given = (net(photo, angle), net(photo, angle, torch.zeros_like(known)), net(photo, angle, known))
-    assert torch.equal(alone.ln_radiance, none.ln_radiance)
-    torch.testing.assert_close(given.normals[..., :32], known[..., :32] / 0.8)
-    torch.testing.assert_close(given.normals.norm(dim=1), torch.ones(1, 64, 64))
-    assert (given.normals[..., 32:] != known[..., 32:]).any()
-    assert (given.ln_shown - alone.ln_shown).abs().mean() > 1e-4
-
-
-def test_what_is_known_of_the_map_reaches_all_of_it():
-    """The light changes where nothing was told too, and so does the irradiance; told nothing, nothing changes."""
-    torch.manual_seed(0)
-    net = LightNet().eval()
-    photo, angle = torch.rand(1, 4, 128, 128), torch.tensor([[0.1]])
-    surroundings = torch.zeros(1, 4, 64, 128)
-    with torch.no_grad():
-        alone, none = net(photo, angle), net(photo, angle, None, surroundings)
-        surroundings[..., 28:36, 56:72] = 0.7
-        given = net(photo, angle, None, surroundings)
-    assert torch.equal(alone.ln_radiance, none.ln_radiance)
-    assert torch.equal(alone.normals, given.normals)
-    assert (given.ln_shown != alone.ln_shown)[..., :16].float().mean() > 0.8
-    assert (given.features.irradiance != alone.features.irradiance).float().mean() > 0.8
 
 
 def test_a_given_material_reaches_map_and_irradiance_once_it_is_learned():
@@ -154,28 +110,6 @@ def test_claimed_errors_are_learned_from_the_errors_made():
     assert losses(0.0)["color"] < 0.1
     assert losses(0.0, known=False)["material"] == 0.0
     assert losses(0.0)["material"] > 0.2
-
-
-def test_nothing_outside_the_mask_is_lifted():
-    torch.manual_seed(0)
-    net = LightNet().eval()
-    photo = torch.rand(1, 4, 128, 128)
-    photo[:, 3, :, 64:] = 0
-    with torch.no_grad():
-        given = net(photo, torch.tensor([[0.1]])).features
-    assert given.weight[..., 32:].abs().max() == 0
-    assert given.irradiance[..., 64:].abs().max() == 0
-
-
-def test_no_seam_shows_where_two_sides_disagree():
-    """Each side's own account, a ramp over all its columns, is faded into the other's."""
-    circle = torch.rand(1, 1, 4, 64)
-    torch.testing.assert_close(fade_seam(wrap(circle, 8), 8), circle)
-    ramp = torch.linspace(0, 1, 80).expand(1, 1, 4, 80)  # the seam's two sides differ by 0.8
-    closed = fade_seam(ramp, 8)
-    steps = (torch.roll(closed, -1, dims=3) - closed).abs()
-    assert steps[..., -1].max() < 0.06
-    assert steps.max() < 0.08
 
 
 def lobe(direction, width_deg: float) -> torch.Tensor:

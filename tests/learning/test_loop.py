@@ -1,7 +1,6 @@
 """The training loop: an interruption leaves no trace; the exported graphs say what torch says."""
 
 import csv
-import shutil
 import warnings
 from dataclasses import replace
 from functools import lru_cache
@@ -24,7 +23,7 @@ from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces  # noq
 from anyprobe_train.light_graph.photo_graph import smooth_photo  # noqa: E402
 from anyprobe_train.train import export_onnx  # noqa: E402
 from anyprobe_train.train.checkpoint import load_init_weights, save_init_weights  # noqa: E402
-from anyprobe_train.train.config import LightConfig, lift, normals, smoke  # noqa: E402
+from anyprobe_train.train.config import lift, normals, smoke  # noqa: E402
 from anyprobe_train.train.lift import Lift  # noqa: E402
 from anyprobe_train.train.loop import learning_rate, train  # noqa: E402
 
@@ -66,30 +65,6 @@ def test_resumed_run_equals_the_straight_one_to_the_bit(run, two_steps, tmp_path
         assert torch.equal(value, resumed["nets"][name]), name
     steps = [row["step"] for row in csv.DictReader(log.read_text().splitlines())]
     assert steps == ["1", "2"]
-
-
-@pytest.mark.ci
-@pytest.mark.filterwarnings("ignore")  # TensorBoard warns about itself, the loader on one core
-def test_pairs_that_others_made_ahead_teach_the_same(tmp_path, capsys):
-    """Two processes go on where one stopped; each has the lit materials of its own lane."""
-    config = replace(smoke(normals(), 3), pairs=smoke(lift()).pairs)  # the pairs of one, the network of the other
-    config = replace(config, surfaces=SurfaceConfig(views=1, procedural=1), light=LightConfig(procedural=1))
-    assert config.pairs.lanes == 2
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        settings = {"data": None, "compiled": False}
-        train(config, runs=tmp_path / "alone", stop_after=1, **settings)
-        shutil.copytree(tmp_path / "alone", tmp_path / "ahead")
-        alone = train(config, runs=tmp_path / "alone", **settings)
-        ahead = train(config, runs=tmp_path / "ahead", workers=2, **settings)
-    finally:
-        torch.set_num_threads(threads)
-    one, other = (torch.load(path, weights_only=True) for path in (alone, ahead))
-    assert one["config"] == other["config"]
-    for name, value in one["nets"].items():
-        assert torch.equal(value, other["nets"][name]), name
-    assert "drawing shapes" in capsys.readouterr().err
 
 
 def test_a_finished_run_is_left_alone(run, two_steps):

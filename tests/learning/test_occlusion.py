@@ -9,12 +9,8 @@ from anyprobe.core.frames import world_from_camera  # noqa: E402
 from anyprobe.render.mesh import make_mesh  # noqa: E402
 from anyprobe.render.shapes import sphere  # noqa: E402
 from anyprobe.render.surface import frame_object, see  # noqa: E402
-from anyprobe_train.dataset.asset_store import draw_map  # noqa: E402
-from anyprobe_train.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe_train.dataset.occlusion import AZIMUTHS, RINGS, SIDE, cell_directions, hidden_cells, mirrored_cells  # noqa: E402
-from anyprobe_train.dataset.pair_source import PairConfig, PairSource  # noqa: E402
 from anyprobe_train.dataset.shadows import shade_hidden  # noqa: E402
-from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 
 
 def looked_at(mesh, yaw=0.0, elevation=0.0):
@@ -88,21 +84,3 @@ def test_a_black_object_loses_what_it_hides_and_gains_nothing(batch):
     for part in (diffuse, specular):
         assert part.max() <= 1 + 1e-5
         assert part[0, 0, 20, 44] < 0.8 * part[0, 0, 44, 20]  # up and right, where the cells are hidden
-
-
-def test_pairs_with_shadows_are_darker_where_shapes_fold_and_others_stay(tmp_path):
-    maps = [draw_map(np.random.default_rng(k), height=64)[0] for k in range(2)]
-    config = SurfaceConfig(views=1, procedural=0, figures=2, size=128)
-    made = {}
-    for shadows in (False, True):
-        surfaces = build_surfaces([], SurfaceConfig(**(_fields(config) | {"shadows": shadows})), tmp_path)
-        assert (surfaces.hidden is not None) == shadows
-        pairs = PairConfig(batch=4, group=2, pool=2, reuse=4, conditions=0, joined=0.5, shape_augment=0.5)
-        made[shadows] = PairSource(Illuminator(maps, compiled=False), surfaces, pairs).batch(0)
-    torch.testing.assert_close(made[False].irradiance, made[True].irradiance, atol=0.3, rtol=0)
-    assert not torch.equal(made[False].photo, made[True].photo)
-    torch.testing.assert_close(made[False].normals, made[True].normals)
-
-
-def _fields(config):
-    return {name: getattr(config, name) for name in SurfaceConfig.__slots__}

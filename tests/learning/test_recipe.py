@@ -15,7 +15,6 @@ from anyprobe.core.response import inverse_response
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import InputError
 from anyprobe.light.environment import rotate
-from anyprobe.render.picture import draw_mesh
 from anyprobe.render.shapes import sphere
 from anyprobe_train.dataset import pair as pair_module
 from anyprobe_train.dataset.asset_store import AssetStore, load_asset_store
@@ -127,19 +126,6 @@ def test_photo_and_map_have_one_exposure() -> None:
 
 
 @pytest.mark.ci
-def test_clean_photos_keep_the_mask_and_worldly_ones_do_not(store, few_samples) -> None:
-    clean, worldly = (
-        [render_pair(recipe, store) for recipe in balanced_recipes(store, count, conditions=c)]
-        for c, count in ((0, 4), (1, 24))
-    )
-    for pair in clean:
-        assert ((pair.photo[..., 3] > 0) == (pair.irradiance.max(axis=-1) > 0)).all()
-    assert any(((p.photo[..., 3] > 0) != (p.irradiance.max(axis=-1) > 0)).any() for p in worldly)
-    for pair in clean + worldly:
-        assert not pair.photo[pair.photo[..., 3] == 0].any()
-
-
-@pytest.mark.ci
 def test_own_assets_depend_on_seed_and_split_alone() -> None:
     first, again, other, held_out = (
         load_asset_store(None, split, procedural_maps=0, procedural_shapes=3, seed=seed)
@@ -167,21 +153,3 @@ def test_material_numbers_say_what_the_material_is(store, few_samples) -> None:
         pair = render_pair(replace(*balanced_recipes(store, 1), material=material), store)
         assert (pair.material.alpha >= 0.5) == (not pair.specular) == bool(material & 1)
         assert (np.max(pair.material.albedo) == 0) == bool(material & 2)
-
-
-@pytest.mark.ci
-def test_another_renderer_takes_the_same_photo():
-    """It is given mesh, camera, material and the map about the mesh: drawn with these, the picture is the pair's."""
-    own = load_asset_store(None, "test", procedural_maps=1, procedural_shapes=1)
-    recipe = replace(RECIPE, map_id=next(iter(own.maps)), shape_id=next(iter(own.shapes)), conditions=0)
-    ours = render_pair(recipe, own)
-    drawn = render_pair(recipe, own, draw_mesh)
-    inside = ours.photo[..., 3] > 0
-    np.testing.assert_array_equal(drawn.photo[..., 3], ours.photo[..., 3])
-    np.testing.assert_allclose(drawn.gain, ours.gain, rtol=0.03)
-    np.testing.assert_array_equal(drawn.normals, ours.normals)
-    difference = np.abs(drawn.photo[inside].astype(int) - ours.photo[inside])
-    assert np.median(difference) <= 3  # drawn once more, through a rotated map
-    assert ours.photo[inside, :3].std() > 10
-    black = render_pair(recipe, own, lambda mesh, camera, radiance, material: np.zeros((128, 128, 3)))
-    assert black.photo[..., :3].max() < 30

@@ -19,13 +19,10 @@ from anyprobe.core.latlong import pixel_directions  # noqa: E402
 from anyprobe.errors import InputError  # noqa: E402
 from anyprobe.estimate.estimator import Estimator  # noqa: E402
 from anyprobe.estimate.ground import up_of  # noqa: E402
-from anyprobe_train.nets.light_net import display  # noqa: E402
 from anyprobe_train.whole_network import whole_training as training  # noqa: E402
-from anyprobe_train.whole_network.batches import Pairs, mirrored_pairs  # noqa: E402
-from anyprobe_train.whole_network.left_out_scores import score_left_out  # noqa: E402
+from anyprobe_train.whole_network.batches import Pairs  # noqa: E402
 from anyprobe_train.whole_network.whole_export import export_photo_net  # noqa: E402
-from anyprobe_train.whole_network.whole_training import WholeRunConfig, load_photo_net, train_whole  # noqa: E402
-from research.scenes import packed  # noqa: E402
+from anyprobe_train.whole_network.whole_training import WholeRunConfig, train_whole  # noqa: E402
 from research.scenes.camera import TakenPhoto  # noqa: E402
 from research.scenes.pairs import Known, known_of  # noqa: E402
 
@@ -132,31 +129,6 @@ def test_batches_are_of_all_files(folder, tmp_path):
     assert {round(float(x), 4) for x in batch["up"][:, 0]} >= {round(float(x), 4) for x in (*told, *-told)}  # mirrored
 
 
-def test_left_and_right_change_places_together():
-    batch = {name: torch.rand(2, 3, 4, 8) for name in ("context", "photo", "surroundings", "truth")}
-    batch |= {"up": torch.tensor([[0.1, 0.9, 0.2]] * 2), "given_up": torch.zeros(2, 3), "colors": torch.rand(2, 7)}
-    found = mirrored_pairs(batch, torch.tensor([True, False]))
-    for name in ("context", "photo", "surroundings", "truth"):
-        torch.testing.assert_close(found[name][0], batch[name][0].flip(2))
-        torch.testing.assert_close(found[name][1], batch[name][1])
-    torch.testing.assert_close(found["up"], torch.tensor([[-0.1, 0.9, 0.2], [0.1, 0.9, 0.2]]))
-    assert found["colors"] is batch["colors"]
-
-
-def test_scores_are_of_photos_and_of_cut_outs(folder, checkpoint):
-    net, _ = load_photo_net(checkpoint)
-    scores = score_left_out(net, Pairs(folder))
-    assert {
-        "ldr_rmse",
-        "dominant_deg",
-        "pitch_deg",
-        "ground_ldr_rmse",
-        "cut-out_ldr_rmse",
-        "cut-out-alone_ldr_rmse",
-    } <= set(scores)
-    assert all(np.isfinite(value) for value in scores.values())
-
-
 def test_a_killed_run_goes_on_exactly(folder, checkpoint, tmp_path, monkeypatch):
     asked, answer = [], training.PhotoLosses.__call__
 
@@ -195,16 +167,3 @@ def test_the_exported_graph_answers_a_photo(checkpoint, photo, tmp_path):
     light = Estimator(model=str(tmp_path), threads=1)(photo.picture, **given)
     assert light.info["ground"]["source"] == "estimated"
     assert np.isfinite(light.radiance).all()
-
-
-def test_packed_pairs_are_nearly_the_same(folder, tmp_path):
-    packed.pack(folder, tmp_path / "packed", 1)
-    packed.unpack(tmp_path / "packed", tmp_path / "pairs", 1)
-    own, found = Pairs(folder).rows(0, 3), Pairs(tmp_path / "pairs").rows(0, 3)
-    for name in ("photo", "context", "surroundings"):
-        assert float((own[name] - found[name]).abs().mean()) < 0.01, name
-    assert float((display(own["truth"]) - display(found["truth"])).abs().max()) < 0.1
-    for name in ("tan_half", "up", "family"):
-        torch.testing.assert_close(own[name], found[name])
-    size = sum(path.stat().st_size for path in folder.glob("*.npz"))
-    assert sum(path.stat().st_size for path in (tmp_path / "packed").glob("*.npz")) < size / 20

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import io
 import json
 import os
 import signal
@@ -16,13 +15,11 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
-from rich.console import Console
 from support.folders import names, snapshot
 from support.scenes import sphere_photo
 
 import anyprobe
 from anyprobe.cli.app import app
-from anyprobe.cli.estimate import Done, _report
 from anyprobe.files import atomic
 from anyprobe.maps.radiance import read_radiance
 
@@ -150,19 +147,6 @@ def test_results_of_a_folder_are_named_as_they_are_written(work, command):
     assert outcome.err.rstrip().endswith("<stem>.json, <stem>.png; <stem> is a_png, a_tif, b")
 
 
-@pytest.mark.parametrize("width", [20, 60])
-def test_no_cell_of_the_table_is_broken_on_a_narrow_terminal(width):
-    narrow = Console(file=io.StringIO(), width=width)
-    cells = ("18° right, 15° up ± 20°", "± 0.7 stops", "0.10")
-    names = ["a vase of a rather long name, seen from the left.png", "b.png"]
-    photos = [Path("photos of a rather deep folder", name) for name in names]
-    _report([Done(photo=photo, stem=photo.stem, cells=cells) for photo in photos], narrow, Path("light"))
-    head, *rows, _ = narrow.file.getvalue().splitlines()
-    assert [row.partition("   ")[0].split("  ")[0] for row in rows] == names
-    assert "brightness uncertainty" in head
-    assert all("± 0.7 stops" in row for row in rows)
-
-
 def test_folders_and_files_together(work, command):
     save_sphere("many/a.png")
     save_sphere("many/b.webp", center=(40, 48))
@@ -268,18 +252,6 @@ def test_output_folder_that_cannot_be_written(work, command, folder):
     assert snapshot(work) == before
 
 
-@pytest.mark.parametrize("suffix", sorted(SUFFIXES))
-def test_folder_in_the_place_of_a_result(work, command, suffix):
-    save_sphere("vase.png")
-    (work / "out" / f"vase{suffix}").mkdir(parents=True)
-    for other in SUFFIXES - {suffix}:
-        (work / "out" / f"vase{other}").write_text("older")
-    before = snapshot(work)
-    assert f"vase{suffix}" in command("estimate", "vase.png", "-o", "out").complaint
-    assert snapshot(work) == before
-    assert names("out") == results("vase")
-
-
 def no_space(*args, **kwargs):
     raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -315,21 +287,6 @@ def test_disk_full_leaves_what_was_there(work, command, monkeypatch, where):
     assert ".anyprobe-" not in outcome.complaint
     assert snapshot(work) == before
     assert names("out") <= {"other.exr"}
-
-
-def test_failed_result_leaves_the_older_one(work, command, monkeypatch):
-    save_sphere("vase.png")
-    assert command("estimate", "vase.png", "-o", "out").status == 0
-    before, rename = snapshot(work), os.replace
-
-    def replace(source, target):
-        fails = str(target).endswith("out/vase.json") and "new" in str(source)
-        return no_space() if fails else rename(source, target)
-
-    monkeypatch.setattr(os, "replace", replace)
-    assert "No space left" in command("estimate", "vase.png", "-o", "out").complaint
-    monkeypatch.undo()
-    assert snapshot(work) == before
 
 
 @pytest.mark.ci

@@ -11,7 +11,7 @@ from support.refused import refused
 
 from anyprobe.errors import InputError, ModelError
 from anyprobe.masks import find, segmenters
-from anyprobe.masks.segmenters import Rembg, Sam, load_segmenter
+from anyprobe.masks.segmenters import Sam, load_segmenter
 from anyprobe.pictures.images import read_image
 
 HEIGHT, WIDTH = 90, 160
@@ -174,26 +174,6 @@ def test_a_folder_that_is_no_pair(tmp_path, photo):
     (tmp_path / "sam" / "other.encoder.onnx").write_bytes(b"")
     with refused(code="invalid-model", source="sam", naming="2"):
         load_segmenter(f"sam:{tmp_path / 'sam'}")
-
-
-def write_u2net(path) -> None:
-    """As U2-Net is called: [1, 3, 320, 320] to [1, 1, 320, 320]; it answers redness."""
-    nodes = [
-        ("Gather", ["input.1", "red"], ["r"], {"axis": 1}),
-        ("Gather", ["input.1", "blue"], ["b"], {"axis": 1}),
-        ("Sub", ["r", "b"], ["d0"], {}),
-    ]
-    rows = {"red": np.array([0], np.int64), "blue": np.array([2], np.int64)}
-    write_graph(path, nodes, {"input.1": [1, 3, 320, 320]}, {"d0": [1, 1, 320, 320]}, rows)
-
-
-@pytest.fixture
-def rembg(tmp_path, monkeypatch) -> Rembg:
-    """The real library with a small network in the place of U2-Net's file, which it finds where it keeps its own."""
-    pytest.importorskip("rembg.sessions", reason="needs the rembg extra")
-    write_u2net(tmp_path / "u2net.onnx")
-    monkeypatch.setenv("U2NET_HOME", str(tmp_path))
-    return Rembg()
 
 
 def test_rembg_that_is_not_installed_names_the_extra(monkeypatch):

@@ -174,24 +174,6 @@ def test_photo_of_any_format_becomes_an_upright_png(client, photo_rgba):
     assert Image.open(io.BytesIO(answer.content)).size == (image.height, image.width)
 
 
-def test_export_is_turned_as_the_camera_stood(client, tmp_path):
-    turn = rotation_y(0.7)
-    content = Light(radiance=made_map()).rotate(turn).save(tmp_path / "l.exr").read_bytes()
-    answer = post(client, "/v1/export/webxr", content, exposure="1")
-    said = json.loads(zipfile.ZipFile(io.BytesIO(answer.content)).read("light_webxr.json"))
-    np.testing.assert_allclose(said["world_from_camera"], turn, atol=1e-5)
-    assert said["exposure_ev"] == 1
-    for fields, subject in (
-        ({"exposure": "nan"}, "exposure"),
-        ({"exposure": "31"}, "exposure"),
-        ({"world_from_camera": "1,2,3,4"}, "world_from_camera"),
-        ({"world_from_camera": "1,0,0,0,1,0,0,0,2"}, "world_from_camera"),
-        ({"frame": "levle"}, "frame"),
-    ):
-        assert refusal(post(client, "/v1/export/webxr", content, **fields))["subject"] == [subject]
-    assert refusal(post(client, "/v1/export/nowhere", content))["subject"] == ["target"]
-
-
 def test_client_made_from_the_description_calls_each_address(client, photo, tmp_path):
     made, called = OpenApiClient(client), set()
     exr = Light(radiance=made_map()).save(tmp_path / "l.exr").read_bytes()

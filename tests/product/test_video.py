@@ -22,7 +22,6 @@ pytest.importorskip("av", reason="the extra `video` is not installed")
 from support.clips import SIZE, sphere_frame, sphere_mask, turned, write_clip, write_masks
 from support.transforms import transforms
 
-from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
 from anyprobe.errors import InvalidMask
@@ -32,11 +31,9 @@ from anyprobe.maps.radiance import read_radiance
 from anyprobe.notices import Notice, give
 from anyprobe.relight.insert import Arrangement
 from anyprobe.render.shapes import sphere
-from anyprobe.render.spheres import sphere_images
 from anyprobe.video import run as run_module
 from anyprobe.video.clip import clip_size, join_pieces, open_clip, read_frames, write_piece
 from anyprobe.video.following import MaskFollower
-from anyprobe.video.preview import HEIGHT, MAP_ROWS, SIDE, WIDTH, beside_frame
 from anyprobe.video.run import ClipRun, VirtualObject
 from anyprobe.video.track import Progress, load_progress, save_progress
 
@@ -382,23 +379,6 @@ def test_pieces_join_where_frames_are_missing(tmp_path, missing):
     join_pieces(tmp_path / "clip.mp4", paths)
     found = [frame.time_s for frame in read_frames(open_clip(tmp_path / "clip.mp4"), [])]
     np.testing.assert_allclose(found, times, atol=1e-3)
-
-
-@pytest.mark.ci
-def test_light_clip_shows_the_map_and_three_spheres_of_every_frame(whole):
-    run = whole(1)
-    shown = [frame.rgb for frame in read_frames(open_clip(run.folder / "light.mp4"), [])]
-    assert len(shown) == COUNT
-    assert shown[0].shape == (HEIGHT, 2 * WIDTH, 3)
-    radiance, ev = run.progress.light.radiance, run.progress.preview_ev
-    seen, light = to_bytes(response(radiance)).astype(float).mean((0, 1)), shown[-1][:, WIDTH:]
-    np.testing.assert_allclose(light[:MAP_ROWS].mean((0, 1)), seen, atol=4)
-    middle = SIDE // 2 + np.arange(-4, 4)
-    middles = [light[MAP_ROWS:, SIDE * k : SIDE * (k + 1)][middle][:, middle].mean() for k in range(3)]
-    wanted = [response(one[middle][:, middle] * 2**ev).mean() * 255 for one in sphere_images(radiance, SIDE).values()]
-    np.testing.assert_allclose(middles, wanted, atol=4)
-    clip = [frame.rgb for frame in read_frames(run.clip, [])]
-    np.testing.assert_allclose(shown[-1][:, :WIDTH], beside_frame(clip[-1], light)[:, :WIDTH], atol=40)
 
 
 def test_relit_clip_has_every_frame_and_the_object(whole, made):

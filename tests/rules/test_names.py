@@ -6,7 +6,7 @@ import ast
 from collections import Counter
 from pathlib import Path
 
-import pytest
+from support.trees import tree_of
 
 import anyprobe
 import anyprobe_train
@@ -36,18 +36,6 @@ def test_a_name_is_one_layers():
     assert shared(TRAIN) == []
 
 
-@pytest.fixture
-def tree(tmp_path) -> Path:
-    """A package of which nothing is wrong."""
-    for name in (
-        *("core/__init__.py", "core/one.py", "light/__init__.py", "light/two.py", "cli/light.py"),
-        *("serve/three.py", "serve/__main__.py", "light/__main__.py", "serve/__init__.py"),
-    ):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).touch()
-    return tmp_path
-
-
 COMMANDS = {"estimate", "export", "mask", "status"}
 """Of a command, or a request to the server, and of what it calls."""
 
@@ -57,7 +45,7 @@ def twice(root: Path) -> set[str]:
     found = Counter(
         node.name
         for path in root.rglob("*.py")
-        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        for node in tree_of(path).body
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef) and not node.name.startswith("_")
     )
     return {name for name, count in found.items() if count > 1}
@@ -74,7 +62,7 @@ def shared_constants(root: Path) -> set[str]:
     defined: Counter[str] = Counter()
     imported = set()
     for path in root.rglob("*.py"):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
+        tree = tree_of(path)
         targets = [one for node in tree.body if isinstance(node, ast.Assign) for one in node.targets]
         targets += [node.target for node in tree.body if isinstance(node, ast.AnnAssign)]
         defined.update({one.id for target in targets for one in ast.walk(target) if isinstance(one, ast.Name)})

@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
+from support.trees import tree_of
+
 import anyprobe
 import anyprobe_train
 
@@ -28,7 +30,7 @@ def nameless(root: Path) -> list[str]:
 
 def undocumented(root: Path) -> list[str]:
     """Modules with code and no first line that says what they are."""
-    trees = {p: ast.parse(p.read_text(encoding="utf-8")) for p in sorted(root.rglob("*.py"))}
+    trees = {p: tree_of(p) for p in sorted(root.rglob("*.py"))}
     return [str(p.relative_to(root)) for p, tree in trees.items() if tree.body and not ast.get_docstring(tree)]
 
 
