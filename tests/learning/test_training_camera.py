@@ -7,7 +7,7 @@ import pytest
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import CameraCurve, inverse_response, response
-from anyprobe_train.dataset.camera import OBJECT_RANGE, Shot, blur, draw_shot, exposure, one_photo
+from anyprobe_train.dataset.camera import OBJECT_RANGE, SUBSAMPLINGS, Shot, blur, draw_shot, exposure, one_photo
 
 SIZE = 64
 CLEAN = Shot(metering=0.5, object_key=0.3, scene_key=0.25, white_balance=np.ones(3, np.float32), curve=CameraCurve())
@@ -42,6 +42,26 @@ def test_the_clean_shot_is_the_same_shot_without_flaws():
         np.testing.assert_array_equal(clean.white_balance, real.white_balance)
         for name in ("metering", "object_key", "scene_key", "curve"):
             assert getattr(clean, name) == getattr(real, name)
+
+
+def test_shots_vary_as_the_conventions_say(rng):
+    shots = [draw_shot(rng) for _ in range(1500)]
+    exponents, sigmas = (np.array([getattr(s.curve, n) for s in shots]) for n in ("exponent", "sigma"))
+    assert exponents.mean() == pytest.approx(0.9, abs=0.01)
+    assert sigmas.mean() == pytest.approx(0.6, abs=0.01)
+    assert exponents.std() == pytest.approx(0.1, rel=0.1)
+    assert sigmas.std() == pytest.approx(0.1, rel=0.1)
+    keys = np.array([s.scene_key for s in shots]) / 0.25
+    assert 0.5 <= keys.min() < 0.52
+    assert 1.93 < keys.max() <= 2.0
+    blurs = np.array([s.blur_px for s in shots])
+    assert 0.4 < (blurs == 0).mean() < 0.6
+    assert blurs.max() <= 1.5
+    qualities = np.array([s.jpeg_quality for s in shots if s.jpeg_quality is not None])
+    assert 0.28 < len(qualities) / len(shots) < 0.39
+    assert qualities.min() == 40
+    assert qualities.max() == 98
+    assert {s.jpeg_subsampling for s in shots} == set(SUBSAMPLINGS)
 
 
 def test_a_clean_photo_is_the_curve_of_the_radiance_to_the_bit(rng):
