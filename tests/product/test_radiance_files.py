@@ -202,6 +202,13 @@ def test_other_primaries_become_rec709(tmp_path, suffix, primaries):
     assert np.abs(stored - wanted).max() > 2 * step
 
 
+@pytest.mark.parametrize("suffix", [".hdr", ".exr"])
+def test_colour_outside_of_rec709_is_cut_at_zero(tmp_path, suffix):
+    store(tmp_path / f"map{suffix}", np.full((8, 16, 3), (0.0, 1.0, 0.0)), AP0)
+    read = read_radiance(tmp_path / f"map{suffix}")
+    np.testing.assert_allclose(read, np.full((8, 16, 3), (0.0, 1.3727, 0.0)), atol=1e-3)
+
+
 def test_rec709_rounded_by_another_program_is_left_alone(tmp_path):
     radiance = draw_map(8)
     store(tmp_path / "map.exr", radiance, (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3128, 0.3291))
