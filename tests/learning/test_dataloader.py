@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import fields
 from functools import partial
 
@@ -46,19 +45,3 @@ def test_workers_make_the_same_batches_as_one_process(surfaces):
 def test_a_fault_in_a_worker_is_raised_here():
     with pytest.raises(TypeError):
         next(stream(partial(open_source, None, None, 1), range(1), workers=1))
-
-
-class ThreadSettings:
-    """In the place of a source: what its process's numeric libraries were told."""
-
-    def batch(self, step: int) -> str:
-        return " ".join(os.environ.get(name, "unset") for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"))
-
-
-def test_workers_use_one_thread_each(monkeypatch):
-    """NumPy's too: its second thread spins after each small product, on the core of another worker."""
-    monkeypatch.setenv("OMP_NUM_THREADS", "7")
-    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
-    assert list(stream(ThreadSettings, range(2), workers=1)) == ["1 1"] * 2
-    assert os.environ["OMP_NUM_THREADS"] == "7"
-    assert "OPENBLAS_NUM_THREADS" not in os.environ

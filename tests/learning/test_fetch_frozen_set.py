@@ -5,14 +5,13 @@ from __future__ import annotations
 import csv
 import hashlib
 import os
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import OpenEXR
 import pytest
-from support.polyhaven_server import Fault, PolyHaven
+from support.polyhaven_server import PolyHaven
 
 from anyprobe.cli.app import main
 from anyprobe.maps.radiance import write_hdr
@@ -20,7 +19,7 @@ from anyprobe_train.assets import download, frozen_set
 from anyprobe_train.assets.frozen_set import FrozenFile, frozen_files, merged, ply, read_obj, small_map, turned
 from anyprobe_train.cli.data import app
 from anyprobe_train.dataset.catalog import file_id, load_maps, load_shapes
-from anyprobe_train.dataset.recipe import Recipe, digest, read_recipes
+from anyprobe_train.dataset.recipe import read_recipes
 from anyprobe_train.evaluate.scoring import FROZEN
 
 DATA = Path(os.environ.get("ANYPROBE_DATA", Path(__file__).parents[2] / "data"))
@@ -105,43 +104,6 @@ def test_what_can_be_had_is_made_and_the_rest_named(site, tmp_path, capsys):
     assert fetch(site, to) == 0
     assert "2 complete, 1 cannot be had" in capsys.readouterr().err
     assert len(site.requests) == asked
-
-
-def test_the_recipes_are_the_frozen_ones_whose_files_are_there(site, tmp_path, monkeypatch):
-    room, corner, _ = frozen_set.frozen_files()
-    recipes = [
-        Recipe(map_id=map_id, shape_id=shape_id, material=0, view=3, seed=k)
-        for k, (map_id, shape_id) in enumerate(
-            [(room.sha256[:8], corner.sha256[:8]), (room.sha256[:8], "00c0ffee"), ("00c0ffee", corner.sha256[:8])]
-        )
-    ]
-    frozen = tmp_path / "frozen.txt"
-    frozen.write_text("\n".join([f"# {digest(recipes)}", *(one.to_hex() for one in recipes)]) + "\n")
-    monkeypatch.setattr(frozen_set, "FROZEN", frozen)
-    assert fetch(site, tmp_path / "public") == 0
-    assert read_recipes(tmp_path / "public" / frozen_set.RECIPES) == recipes[:1]
-
-
-@pytest.mark.parametrize(
-    ("fault", "said"), [(Fault(status=404), "HTTP 404"), (Fault(body=b"another file"), "expected MD5")]
-)
-def test_what_does_not_come_fails_alone_and_leaves_nothing(site, tmp_path, capsys, fault, said):
-    path = "/doe/things/c0ffee/objects/corner.obj"
-    site.faults[path] = [fault] * 4
-    assert fetch(site, tmp_path / "public") == 2
-    told = capsys.readouterr().err
-    assert "meshes/test/corner.ply: failed" in told
-    assert said in told
-    assert "1 fetched, 1 failed, 1 cannot be had" in told
-    assert not (tmp_path / "public" / "meshes" / "test" / "corner.ply").exists()
-
-
-def test_what_becomes_another_file_is_refused(site, tmp_path, capsys, monkeypatch):
-    files = frozen_set.frozen_files()
-    monkeypatch.setattr(frozen_set, "frozen_files", lambda: [replace(files[0], sha256="0" * 64)])
-    assert fetch(site, tmp_path / "public") == 2
-    assert "expected SHA-256" in capsys.readouterr().err
-    assert not (tmp_path / "public" / "hdri" / "test" / "room.exr").exists()
 
 
 def test_maps_are_means_and_what_is_no_light_is_black(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.render.surface import pixel_rays  # noqa: E402
-from anyprobe_train.dataset.shape_augment import draw_reshaping, join_some, reshape  # noqa: E402
+from anyprobe_train.dataset.shape_augment import draw_reshaping, reshape  # noqa: E402
 from anyprobe_train.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 
 SIZE, TAN_HALF = 64, 0.4
@@ -82,25 +82,3 @@ def test_every_point_is_unit_and_seen_and_the_object_fills_its_picture(surfaces)
         assert SIZE / 1.2 - 2 <= extent <= SIZE / 1.04 + 2
         for place in (row, column):
             assert abs(place.max() + place.min() + 1 - SIZE) <= 3
-
-
-def test_another_surface_stands_whole_before_an_object_and_covers_only_what_is_behind_it(surfaces):
-    normals, tan_half = both(surfaces)
-    others = torch.zeros_like(normals)
-    others[:, :, 8:56, 8:56] = torch.tensor([0.6, 0.0, 0.8])[:, None, None]  # square walls
-    result = join_some(normals, tan_half, others, tan_half * 0.5, np.random.default_rng(4), 1.0)
-    for one, old, t in zip(result, normals, tan_half, strict=True):
-        new = (one != old).any(dim=0).numpy()
-        share = new.mean() / 0.75**2  # of the square's own area
-        assert 0.2**2 < share < 0.75**2
-        assert not new[[0, -1]].any()
-        assert not new[:, [0, -1]].any()
-        assert (old.abs().sum(dim=0).numpy() > 0)[new].any()
-        n = one.permute(1, 2, 0).numpy()
-        assert (n * pixel_rays(float(t), SIZE))[new].sum(axis=-1).min() > 0
-        # however it was turned and wherever it stands, its slopes are as steep as they were
-        n, ray = n[new], pixel_rays(float(t), SIZE)[new]
-        steep = np.linalg.norm(n[:, :2], axis=-1) / (n * ray / ray[:, 2:]).sum(axis=-1)
-        least, most = (0.6 / (0.8 + side * 0.6 * 0.75 * 0.5 * float(t)) for side in (1, -1))
-        assert (steep > least - 1e-3).all()
-        assert (steep < most + 1e-3).all()

@@ -8,7 +8,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs ./train[torch]")
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles  # noqa: E402
-from anyprobe_train.nets.source_head import RADII_DEG, SOURCES, SourceHead, SourceMap  # noqa: E402
+from anyprobe_train.nets.source_head import SOURCES, SourceHead  # noqa: E402
 from anyprobe_train.nets.whole_net import SAID, WholeNet  # noqa: E402
 from anyprobe_train.whole_network.source_profiles import source_profiles  # noqa: E402
 from anyprobe_train.whole_network.whole_losses import WHOLE_WEIGHTS, WholeLoss, posture_losses, profile_loss  # noqa: E402
@@ -70,46 +70,6 @@ def test_every_loss_reaches_the_weights():
         loss.backward(retain_graph=True)
         size = sum(float(one.grad.square().sum()) for one in net.parameters() if one.grad is not None)
         assert 0 < size < float("inf"), name
-
-
-def test_drawing_sources_keeps_the_power():
-    """Power is kept: what is drawn as sources is not drawn elsewhere, whatever the profiles ask for."""
-    draw = SourceMap()
-    generator = torch.Generator().manual_seed(0)
-    shown = torch.rand(3, 3, 64, 128, generator=generator)
-    above = torch.rand(3, 3, generator=generator) * torch.tensor([[0.0], [1.0], [50.0]])
-    places = torch.nn.functional.normalize(torch.randn(3, SOURCES, 3, generator=generator), dim=2)
-    profiles = torch.rand(3, SOURCES, len(RADII_DEG), generator=generator).cumsum(dim=2) / 4
-    spread = torch.full((3, 1, 64, 128), 1 / (4 * np.pi))
-    tints = torch.zeros(3, SOURCES, 3)
-    soft, drawn, powers = draw(shown, above, spread, places, profiles, tints)
-    angles = torch.from_numpy(pixel_solid_angles(64))
-    for one in (drawn,):
-        power = ((one - shown) * angles).sum(dim=(2, 3))
-        torch.testing.assert_close(power, above, rtol=1e-3, atol=1e-3)
-    assert (drawn >= soft - 1e-6).all()
-    assert (soft >= shown - 1e-6).all()
-    assert (powers >= 0).all()
-    assert (powers[0] == 0).all()
-
-
-def test_a_drawn_source_has_the_size_that_its_profile_says():
-    """A source whose profile says that all of it is within 16 degrees has so much there, one of 4 degrees there."""
-    draw = SourceMap()
-    shown, above = torch.full((1, 3, 64, 128), 0.01), torch.full((1, 3), 5.0)
-    places = torch.tensor([[[0.0, 0.6, -0.8]] + [[0.0, -1.0, 0.0]] * 3])
-    total = 5.0 + 0.01 * 4 * np.pi
-    for last, size in enumerate((4.0, 8.0)):
-        area = 1 - np.cos(np.radians(np.minimum(RADII_DEG, size)))
-        profiles = torch.zeros(1, SOURCES, len(RADII_DEG))
-        profiles[0, 0] = torch.from_numpy(area / area[-1]).float() * 0.7
-        even, tints = torch.full((1, 1, 64, 128), 1 / (4 * np.pi)), torch.zeros(1, SOURCES, 3)
-        _, drawn, _ = draw(shown, above, even, places, profiles, tints)
-        _, found = source_profiles(drawn[:, 0])
-        spread = (5.0 / total - 0.7) * (1 - np.cos(np.radians(size))) / 2
-        assert found[0, 0, last] == pytest.approx(0.7 + spread, abs=0.06)
-        if last:
-            assert found[0, 0, last - 1] < 0.5
 
 
 def test_a_mixture_on_the_sphere_integrates_to_one():

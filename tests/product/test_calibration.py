@@ -81,20 +81,6 @@ def test_ranking_is_seen_where_a_constant_claims_as_well(change, auc):
     assert calibration.result()["auc"] == pytest.approx(auc)
 
 
-def test_groups_are_their_own_pairs_beside_the_constant_of_all():
-    """Outdoors all is right, indoors nothing: the one constant is as wrong in both."""
-    truth, half = np.zeros((64, 128, 3)), np.full((64, 128), 0.5)
-    calibration = Calibration()
-    calibration.add(half, truth, truth, {"all", "outdoor"})
-    calibration.add(half, truth + 1, truth, {"all", "indoor"})
-    result = calibration.result()
-    assert result["right"] == 0.5
-    assert set(result["groups"]) == {"indoor", "outdoor", "seen half", "unseen half"}
-    assert [result["groups"][name]["right"] for name in ("outdoor", "indoor")] == [1.0, 0.0]
-    assert [result["groups"][name]["constant"]["error"] for name in ("outdoor", "indoor")] == [0.5, 0.5]
-    assert [result["groups"][name]["constant"]["brier"] for name in ("outdoor", "indoor")] == [0.25, 0.25]
-
-
 def test_the_seen_half_is_behind_the_camera():
     truth = np.zeros((64, 128, 3))
     estimate = np.where(pixel_directions(64)[..., 2:] > 0, truth, 1.0)

@@ -115,17 +115,6 @@ def test_world_from_camera_turns_the_map_and_the_dominant_light(tmp_path):
     np.testing.assert_allclose(said["world_from_camera"], turn, atol=1e-6)
 
 
-def test_exposure_doubles_everything(tmp_path):
-    radiance = two_phase(16)
-    once, twice = (
-        json.loads(export(radiance, "webxr", tmp_path, f"at{ev}", exposure_ev=ev)[1].read_text()) for ev in (0, 1)
-    )
-    np.testing.assert_allclose(twice["sh"]["full"], 2 * np.array(once["sh"]["full"]), atol=1e-5)
-    for axis in "xyz":
-        assert twice["primaryLightIntensity"][axis] == pytest.approx(2 * once["primaryLightIntensity"][axis])
-    assert twice["exposure_ev"] == 1
-
-
 def test_width_that_has_no_quarter():
     with refused("map", code="invalid-map"):
         THREE.roll(np.ones((9, 18, 3), np.float32))

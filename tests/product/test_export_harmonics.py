@@ -98,16 +98,6 @@ def test_ambient_keeps_what_is_not_the_dominant_light(rng):
     np.testing.assert_array_equal(same, even)
 
 
-def test_a_channel_without_dominant_light_is_left_whole():
-    """A red emitter on blue: blue is darker there than around, and stays so."""
-    radiance = np.full((32, 64, 3), 0.2, np.float32)
-    radiance[..., 2] = 1
-    radiance[8:11, 20:24] = (90, 0.5, 0.1)
-    main, ambient = split_dominant_light(radiance)
-    assert main.irradiance[2] == 0
-    np.testing.assert_array_equal(ambient[..., 2], radiance[..., 2])
-
-
 def test_webxr_holds_an_estimate_and_all_sources(tmp_path, rng):
     radiance = room_with_emitter(rng)
     said = json.loads(export(radiance, "webxr", tmp_path)[0].read_text())

@@ -10,6 +10,21 @@ from anyprobe.maps.radiance import write_exr
 from anyprobe.match.library_folder import open_library
 
 
+def test_a_folder_is_indexed_once_and_again_when_it_changes(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    folder = tmp_path / "maps"
+    folder.mkdir()
+    write_exr(folder / "one.exr", place(0))
+    (folder / "broken.hdr").write_bytes(b"no picture")
+    assert open_library(folder).names == ("one",)
+    (made,) = (tmp_path / "cache").rglob("*.zip")
+    stamp = made.stat().st_mtime_ns
+    open_library(folder)
+    assert made.stat().st_mtime_ns == stamp
+    write_exr(folder / "two.exr", place(1))
+    assert open_library(folder).names == ("one", "two")
+
+
 def test_a_damaged_cache_is_made_anew(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     write_exr(tmp_path / "one.exr", place(0))

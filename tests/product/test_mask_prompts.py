@@ -94,21 +94,6 @@ def test_a_masks_alpha_that_cuts_nothing_away_leaves_its_brightness(square, kind
 # Mattes of renderers
 
 
-@pytest.mark.parametrize("channels", ["Y", "RGB", "RGBA"])
-@pytest.mark.parametrize("as_bytes", [False, True])
-def test_an_exr_matte_is_read_linearly(tmp_path, square, channels, as_bytes):
-    matte = square.copy()
-    matte[:, 40:48] *= 0.5
-    matte[20, 20], matte[21, 20], matte[0, 0] = 0.2, 1.5, -0.1
-    layers = [matte] * 3 + [np.ones_like(matte)]
-    stored = matte if channels == "Y" else np.dstack(layers[: len(channels)])
-    path = write_exr(tmp_path / "matte.exr", {channels: stored})
-    found = mask_from_file(path.read_bytes() if as_bytes else path, matte.shape)
-    np.testing.assert_allclose(found, np.clip(matte, 0.0, 1.0), atol=1e-6)
-    assert found.min() >= 0.0
-    assert found.max() <= 1.0
-
-
 def test_an_exr_mattes_alpha_counts_where_it_cuts_something_away(tmp_path, square):
     path = write_exr(tmp_path / "cut.exr", {"RGBA": np.dstack([square * 0.2] * 3 + [square * 0.8])})
     np.testing.assert_allclose(mask_from_file(path, square.shape), square * 0.8, atol=1e-6)

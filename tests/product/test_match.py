@@ -22,7 +22,6 @@ from anyprobe.estimate.sidecar import Origin
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.maps.radiance import read_radiance, write_exr
-from anyprobe.match import library_folder as libraries
 from anyprobe.match import ranking
 from anyprobe.match.background import background_of
 from anyprobe.match.library_folder import open_library
@@ -108,18 +107,6 @@ def test_the_gain_lights_the_object_as_brightly_as_the_estimate():
     estimate = rotate(reduced(place(2), 64), turn.T) * 0.3
     gain = gain_of(shown_under(place(2), turn), estimate, light, turn) / level
     np.testing.assert_allclose(gain, 0.3, rtol=0.03)
-
-
-def test_a_background_counts_half_for_how_bright_a_map_is():
-    """The photo's is as bright as the map, the estimate a ninth as bright."""
-    turn = world_from_camera(YAW, PITCH)
-    light, level = light_of(place(2))
-    seen = np.maximum(reduced(rotate(place(2), turn.T), 64), 0.0)
-    cover = (pixel_directions(64)[..., 2:] < -0.8).astype(np.float32)
-    for clipped, wanted in ((False, 1 / 3), (True, 1 / 9)):
-        behind = background_of(seen, np.full(seen.shape, clipped), cover, np.eye(3), MATCH_ROWS)
-        shown = replace(shown_under(place(2), turn), behind=behind)
-        np.testing.assert_allclose(gain_of(shown, seen / 9, light, turn) / level, wanted, rtol=0.03)
 
 
 def test_a_light_finds_its_panorama_in_a_folder_and_brings_it_into_its_frame(folder, camera_light, tmp_path):
@@ -216,19 +203,6 @@ def test_without_an_estimated_pitch_all_are_tried_and_the_match_says_so(folder, 
     for shown in (light.shown, replace(light.shown, behind=behind)):
         doubts = fit_warnings.match_doubts(replace(light, find_shown=lambda shown=shown: shown), ranked[0])
         assert "pitch-unknown" in {doubt.code for doubt in doubts}
-
-
-def test_what_moved_is_not_read_again_and_what_changed_is(folder, monkeypatch):
-    read = []
-    monkeypatch.setattr(libraries, "read_radiance", lambda path: read.append(path.name) or read_radiance(path))
-    assert len(open_library(folder).names) == len(read) == 6
-    (folder / "place-0.exr").rename(folder / "more" / "other.exr")
-    assert "more/other" in open_library(folder).names
-    assert len(read) == 6
-    write_exr(folder / "place-1.exr", place(9))
-    changed = open_library(folder)
-    assert read[6:] == ["place-1.exr"]
-    np.testing.assert_allclose(changed.lights[changed.names.index("place-1")], light_of(place(9))[0], rtol=2e-3)
 
 
 def test_files_stand_by_their_maps_and_what_cannot_be_read_is_said(folder):

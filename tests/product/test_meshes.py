@@ -92,13 +92,6 @@ def test_mesh_need_be_neither_closed_nor_manifold(tmp_path, kind):
     assert np.isfinite(surface.normals).all()
 
 
-def test_shape_far_from_the_origin_keeps_its_form(tmp_path):
-    """A cube of 0.7 m in map coordinates, which float32 would round to half metres."""
-    (tmp_path / "a.obj").write_bytes(obj(0.7 * CUBE + [5_000_000.3, 400_000.7, 100.1], CUBE_FACES))
-    mesh = read_mesh(tmp_path / "a.obj")
-    np.testing.assert_allclose(mesh.positions[mesh.faces], ((CUBE - 0.5) / 0.75**0.5)[CUBE_FACES], atol=1e-6)
-
-
 @pytest.mark.parametrize("name", ["ascii.ply", "a.glb"])
 def test_stray_vertex_does_not_make_the_shape_small(tmp_path, name):
     (tmp_path / name).write_bytes(WRITERS[name](np.concatenate([CUBE, [[900.0, 0.0, 0.0]]]), CUBE_FACES))

@@ -11,11 +11,9 @@ import OpenEXR
 import pytest
 from PIL import Image
 from support.refused import refused
-from support.transforms import transforms
 
 from anyprobe.errors import InvalidMask
 from anyprobe.estimate.photo import load_photo
-from anyprobe.estimate.poses import read_poses
 from anyprobe.files.meshes import read_mesh
 from anyprobe.maps.radiance import write_exr
 from anyprobe.masks.depth import depth_of_view
@@ -44,14 +42,6 @@ def test_colours_are_no_depth(tmp_path):
     colored.save(tmp_path / "c.png")
     with refused("depth", source="c.png", naming="coloured", kind=InvalidMask):
         depth_of_view(str(tmp_path / "c.png"), (8, 8))
-
-
-def test_depth_by_a_palette_or_a_greatest_value(tmp_path):
-    grey = np.array([[40, 90], [200, 250]], np.uint8)
-    Image.fromarray(grey).convert("P").save(tmp_path / "p.png")
-    np.testing.assert_array_equal(depth_of_view(str(tmp_path / "p.png"), (2, 2)), grey)
-    (tmp_path / "d.pgm").write_bytes(b"P5\n# a scanner\n2 1\n10000\n" + struct.pack(">2H", 1500, 10000))
-    np.testing.assert_array_equal(depth_of_view(str(tmp_path / "d.pgm"), (1, 2)), [[1500, 10000]])
 
 
 def tetrahedron(x: int) -> str:
@@ -85,17 +75,6 @@ def test_packed_and_mixed_meshes_say_what_to_do(tmp_path):
     (tmp_path / "a.ply").write_bytes(head.encode() + body)
     with refused(code="invalid-mesh", source="a.ply", naming="polygons of one kind"):
         read_mesh(tmp_path / "a.ply")
-
-
-def test_poses_by_columns_and_of_windows(tmp_path):
-    pose = np.eye(4)
-    pose[:3, 3] = 1, 2, 3
-    path = tmp_path / "poses.json"
-    path.write_bytes(b"\xef\xbb\xbf" + transforms([pose]).encode())
-    assert len(read_poses(path).world_from_camera) == 1
-    path.write_text(transforms([pose.T]))
-    with refused(source="poses.json", naming="0.png: expected rows"):
-        read_poses(path)
 
 
 def test_whole_numbers_of_twelve_and_of_signed_sixteen_bits():

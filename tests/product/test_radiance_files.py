@@ -7,9 +7,8 @@ import OpenEXR
 import pytest
 
 from anyprobe.core.latlong import pixel_solid_angles
-from anyprobe.errors import InputError, InvalidEnvironment
+from anyprobe.errors import InvalidEnvironment
 from anyprobe.export.targets import share_above
-from anyprobe.maps.exr import read_exr
 from anyprobe.maps.radiance import HALF_MAX, map_attributes, read_radiance, write_exr, write_hdr
 
 
@@ -207,20 +206,6 @@ def test_colour_outside_of_rec709_is_cut_at_zero(tmp_path, suffix):
     store(tmp_path / f"map{suffix}", np.full((8, 16, 3), (0.0, 1.0, 0.0)), AP0)
     read = read_radiance(tmp_path / f"map{suffix}")
     np.testing.assert_allclose(read, np.full((8, 16, 3), (0.0, 1.3727, 0.0)), atol=1e-3)
-
-
-def test_rec709_rounded_by_another_program_is_left_alone(tmp_path):
-    radiance = draw_map(8)
-    store(tmp_path / "map.exr", radiance, (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3128, 0.3291))
-    np.testing.assert_array_equal(read_radiance(tmp_path / "map.exr"), radiance)
-
-
-def test_what_is_no_light_is_read_as_stored(tmp_path):
-    """Normals, say, which a program files under its own primaries."""
-    numbers = np.random.default_rng(0).uniform(-1, 1, (8, 16, 3)).astype(np.float32)
-    store(tmp_path / "normals.exr", numbers, AP0)
-    read = read_exr(tmp_path / "normals.exr", "normals", InputError, 1000)
-    np.testing.assert_array_equal(read, numbers)
 
 
 def test_hdr_whose_primaries_are_zeros_is_rec709(tmp_path):

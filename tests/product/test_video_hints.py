@@ -18,19 +18,14 @@ from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
 from anyprobe.errors import InvalidPhoto
 from anyprobe.estimate.photo import load_photo
-from anyprobe.maps.radiance import read_radiance, write_exr
+from anyprobe.maps.radiance import read_radiance
 from anyprobe.relight.insert import Arrangement
 from anyprobe.render.shapes import sphere
 from anyprobe.video import following
 from anyprobe.video import run as run_module
-from anyprobe.video.clip import clip_size, open_clip, read_frames
+from anyprobe.video.clip import clip_size, open_clip
 from anyprobe.video.following import MaskFollower
 from anyprobe.video.run import ClipRun, VirtualObject
-
-
-def first_frame(path):
-    return next(read_frames(open_clip(path), []))
-
 
 # Panoramas
 
@@ -51,24 +46,6 @@ def test_a_panorama_is_of_the_first_frames_camera(tmp_path, estimator, first_is_
     shown = response(read_radiance(tmp_path / "out" / "lights" / "000001.exr")).mean(axis=-1)
     bright = np.flatnonzero(shown[30:34].mean(axis=0) > 0.5)
     assert (bright.min(), bright.max()) == pytest.approx((92, 99), abs=1)
-
-
-@pytest.mark.parametrize("kind", ["png", "exr"])
-def test_a_panorama_is_read_once_and_told_to_every_frame_as_to_a_photo(tmp_path, rng, kind):
-    path = tmp_path / f"panorama.{kind}"
-    values = rng.random((128, 256, 4), np.float32)
-    if kind == "png":
-        Image.fromarray(np.uint8(255 * values)).save(path)
-    else:
-        write_exr(path, 3 * values[..., :3])
-    frame = first_frame(write_clip(tmp_path / "clip.mp4", [sphere_frame(made_map())]))
-    masks = write_masks(tmp_path / "masks", 1)
-    expected = load_photo(frame.rgb, mask=masks / "0000.png", surroundings=path).surroundings.values
-    follower = MaskFollower({"mask": masks}, {}, {}, path)
-    path.unlink()
-    for _ in range(2):
-        np.testing.assert_array_equal(follower.photo(frame).surroundings.values, expected)
-    assert expected.shape == (64, 128, 4)
 
 
 # The lens

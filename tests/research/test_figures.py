@@ -6,24 +6,11 @@ from support.some_pair import sphere_pair
 
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import inverse_response, response
-from anyprobe.core.sampling import hammersley
 from anyprobe.light.environment import shrink
-from anyprobe.light.octahedral import build_pyramid
-from anyprobe.render.integrate import NUM_EMITTERS, shade_specular
-from anyprobe.render.spheres import sphere_normals
 from anyprobe_train.dataset.asset_store import draw_map
-from research.compare.figures import (
-    Estimate,
-    hdr_scores,
-    ln_unit,
-    relight_scores,
-    score_pair,
-    sh_irradiance_error,
-    tone,
-)
-from research.compare.lights import find_lights, nearest_mean_deg, peak_direction
+from research.compare.figures import Estimate, ln_unit, relight_scores, score_pair, sh_irradiance_error, tone
+from research.compare.lights import nearest_mean_deg, peak_direction
 from research.compare.three_spheres import clean_scores, field_scores
-from research.compare.transport import light, sphere_matrix
 
 
 def uniform(value=1.0):
@@ -48,13 +35,6 @@ def test_ln_unit_has_its_ends_where_it_says():
     assert float(tone(np.array(1.0))) == pytest.approx(0.5 ** (1 / 2.2))
 
 
-def test_hdr_scores_by_hand():
-    scores = hdr_scores(uniform(np.e), uniform(1.0))  # one step of ln, of sixteen
-    assert scores["hdr_rmse"] == pytest.approx(1 / 16, rel=1e-5)
-    assert scores["hdr_psnr"] == pytest.approx(20 * np.log10(16), rel=1e-5)
-    assert hdr_scores(drawn(), drawn())["hdr_ssim"] == pytest.approx(1.0)
-
-
 def test_sh_irradiance_error_in_closed_form():
     g = uniform(1.0)
     p = g + 0.3 * pixel_directions(64)[..., 1:2]
@@ -67,18 +47,6 @@ def test_peak_is_where_the_most_light_is_not_the_brightest_pixel():
     radiance[50, 100] = 9.0  # one pixel: less within 5 degrees
     expected = pixel_directions(64)[20, 40]
     assert np.degrees(np.arccos(peak_direction(radiance) @ expected)) < 2.0
-
-
-def test_lights_are_found_brightest_first_and_by_blue_alone_as_published():
-    red, blue = (10.0, 0.0, 0.0), (0.0, 0.0, 14.0)
-    radiance = emitter((30, 30, red), (30, 90, blue), ground=0.0)
-    d = pixel_directions(64)
-    found = find_lights(radiance)
-    assert len(found) == 2
-    np.testing.assert_allclose(found[0], d[30, 30], atol=0.01)
-    published = find_lights(radiance, published=True)
-    assert len(published) == 1
-    np.testing.assert_allclose(published[0], d[30, 90], atol=0.01)
 
 
 def test_nearest_mean_by_hand():
@@ -95,28 +63,6 @@ def test_field_scores_do_not_see_exposure_and_clean_ones_do():
     (clean,) = clean_scores(uniform(1.0), [uniform(2.0)])
     assert clean["clean_diffuse_rmse"] == pytest.approx(1.0, rel=1e-3)
     assert clean["clean_silver_si_rmse"] == pytest.approx(0.0, abs=1e-4)
-
-
-@pytest.mark.ci
-def test_silver_matrix_agrees_with_the_sampled_renderer():
-    radiance = drawn()
-    some = slice(None, None, 97)
-    normals = sphere_normals(64)[0][some]
-    wo = np.broadcast_to(np.array([0, 0, 1], np.float32), normals.shape)
-    pyramid = build_pyramid(radiance, side=128, emitters=NUM_EMITTERS)
-    _, s1, ss = shade_specular(pyramid, normals, wo, 0.3, hammersley(2048))
-    (sphere,) = light(sphere_matrix(64, 64, f0=0.9, alpha=0.3), [radiance])
-    sampled = 0.9 * s1 + 0.1 * ss
-    inside = normals[:, 2] > 0.3
-    assert np.abs(sphere[some] - sampled)[inside].mean() < 0.02 * sampled[inside].mean()
-
-
-@pytest.mark.ci
-def test_relighting_by_the_truth_has_no_error():
-    truth = drawn() * np.float32(0.2)
-    same, brighter = relight_scores([truth, truth, 2 * truth])
-    assert same["relight_rmse"] == 0.0
-    assert brighter["relight_rmse"] > 0.01
 
 
 @pytest.mark.ci
