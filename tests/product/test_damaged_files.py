@@ -223,6 +223,9 @@ CHANGES: dict[str, dict[str, object]] = {
     "ground as a number": {"ground": 5},
     "ground of another field": {"ground": GROUND | {"height": 2}},
     "contact as a number": {"ground": GROUND | {"contact": 7}},
+    "pitch as a word": {"ground": GROUND | {"pitch_deg": "20"}},
+    "no roll": {"ground": GROUND | {"roll_deg": None}},
+    "several errors of the pitch": {"ground": GROUND | {"pitch_error_deg": [1]}},
     "turn of two shapes": {"camera_from_crop": [[1, 2], [3]]},
     "turn that stretches": {"camera_from_crop": (2 * np.eye(3)).tolist()},
 }

@@ -85,8 +85,17 @@ class Ground:
 
     @staticmethod
     def of(info: dict[str, Any] | None) -> Ground | None:
-        """Restore the ground from `info`; None for None."""
-        return None if info is None else Ground(**{**info, "contact": tuple(info["contact"])})
+        """Restore the ground from `info`; None for None.
+
+        Raises:
+            KeyError, TypeError: other fields, or what should be numbers is none.
+        """
+        if info is None:
+            return None
+        numbers = (info["pitch_deg"], info["pitch_error_deg"], info["roll_deg"], *info["contact"])
+        if not all(isinstance(one, int | float) for one in numbers):
+            raise TypeError(f"expected numbers, got {numbers}")
+        return Ground(**{**info, "contact": tuple(info["contact"])})
 
     @property
     def is_known(self) -> bool:
