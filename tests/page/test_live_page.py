@@ -126,6 +126,16 @@ def test_box_is_drawn_by_mouse_key_and_finger(page_url, vase_photo):
     assert seen["hints"] == {"before": False, "dragging": True, "keys": False}
 
 
+def test_pictures_handle_divides_before_from_after(page_url):
+    seen = run_steps("page_compare.mjs", page_url, viewport=(1280, 900))
+    assert seen["differing"] == {"0": [True, True], "100": [False, False], "dragged": [False, True]}
+    assert seen["dragged"] == pytest.approx(seen["middle"], abs=3)
+    # a press on the object moves it, where it is shown; elsewhere it marks
+    assert seen["moved"] == pytest.approx(0.1, abs=0.02)
+    assert seen["asked"] == {"moving": 0, "wiped": 1}
+    assert seen["box"] is not None
+
+
 def test_example_photo_is_estimated(page_url):
     seen = run_steps("page_example.mjs", page_url, viewport=(1280, 900))
     np.testing.assert_allclose(seen["outline"], [0.3, 0.43, 0.62, 0.65], atol=0.03)  # the teapot without its saucer
