@@ -30,6 +30,7 @@ from anyprobe_train.world.photo import (
     plane_box,
     see_object,
     see_other,
+    share_in_photo,
     truth_of,
 )
 from anyprobe_train.world.views import CAMERAS, SHAPES, Views, shape_files, view_points
@@ -229,7 +230,7 @@ def _tensors(family: str, traced: Traced, rng: np.random.Generator) -> dict[str,
     frame, seen, behind, truth = traced.frame, traced.seen, traced.behind, traced.truth
     most = frame.most
     whole = -most, most, most, -most
-    inside = _inside(frame, whole)
+    in_photo = share_in_photo(frame, whole)
     own = (
         np.zeros((SQUARE_PX, SQUARE_PX, 4), np.float32) if seen is None else object_over(seen, frame, whole, SQUARE_PX)
     )
@@ -239,7 +240,7 @@ def _tensors(family: str, traced: Traced, rng: np.random.Generator) -> dict[str,
         object_mean = max(
             float(luminance((seen.radiance * seen.cover[..., None]).sum((0, 1)) / seen.cover.sum())), 1e-9
         )
-    in_frame = luminance(picture)[inside > 0.5] if behind is not None else np.zeros(0)
+    in_frame = luminance(picture)[in_photo > 0.5] if behind is not None else np.zeros(0)
     look = draw_look(rng, object_mean, in_frame, truth)
     mask, window = (None, None) if seen is None else _drawn_mask(seen, frame, family, rng)
     crop_window = _crop_window(mask, window)
@@ -252,11 +253,11 @@ def _tensors(family: str, traced: Traced, rng: np.random.Generator) -> dict[str,
         share = own[..., 3:]
         full = develop(look, own[..., :3] / np.maximum(share, 1e-3), whole, frame.tangents, 0.0, rng)
         shown = np.round(share * full + (1 - share) * cut)
-    context[..., :3] = np.round(shown * inside[..., None])
-    context[..., 4] = np.round(255 * inside)
+    context[..., :3] = np.round(shown * in_photo[..., None])
+    context[..., 4] = np.round(255 * in_photo)
     crop = np.zeros((SQUARE_PX, SQUARE_PX, 4), np.uint8)
     if mask is not None:
-        given = window_resampled(mask[..., None], window, whole, SQUARE_PX, 3)[..., 0] * inside
+        given = window_resampled(mask, window, whole, SQUARE_PX, 3) * in_photo
         context[..., 3] = np.round(255 * given)
         crop = _crop(seen, frame, look, behind, mask, window, crop_window, cut, rng)
     known = rng.random() < LENS_KNOWN
@@ -283,18 +284,6 @@ def _tensors(family: str, traced: Traced, rng: np.random.Generator) -> dict[str,
         "outdoors": np.float32(traced.layout.light.outdoors),
         "family": np.uint8(PHOTO_FAMILIES.index(family)),
     }
-
-
-def _inside(frame: Frame, window: tuple[float, float, float, float]) -> np.ndarray:
-    """Return the share of each pixel of a window that lies in the photo, [SQUARE_PX, SQUARE_PX]."""
-
-    def along(first: float, last: float, most: float) -> np.ndarray:
-        edges = np.linspace(first, last, SQUARE_PX + 1)
-        low, high = np.minimum(edges[:-1], edges[1:]), np.maximum(edges[:-1], edges[1:])
-        return np.clip((np.minimum(high, most) - np.maximum(low, -most)) / (high - low), 0.0, 1.0)
-
-    x, y = along(*window[:2], frame.tangents[0]), along(*window[2:], frame.tangents[1])
-    return (y[:, None] * x[None]).astype(np.float32)
 
 
 def _drawn_mask(
@@ -346,9 +335,7 @@ def _crop(
     """Return the object's window as its mask shows it, [SQUARE_PX, SQUARE_PX, 4] uint8."""
     own = object_over(seen, frame, crop_window, SQUARE_PX)
     whole = -frame.most, frame.most, frame.most, -frame.most
-    given = (
-        window_resampled(mask[..., None], window, crop_window, SQUARE_PX, 2) * _inside(frame, crop_window)[..., None]
-    )
+    given = (window_resampled(mask, window, crop_window, SQUARE_PX, 2) * share_in_photo(frame, crop_window))[..., None]
     if behind is None:
         share = own[..., 3:]
         shown = develop(look, own[..., :3] / np.maximum(share, 1e-3), crop_window, frame.tangents, 0.0, rng)

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+import numpy as np
 
-from anyprobe_train.world.march import blocked_cells
+from anyprobe_train.world.march import blocked_cells, compiled
 from anyprobe_train.world.scene import (
     AT,
+    BALL,
     BODIES,
     BODY,
-    BODY_CELL,
     BODY_SIZE,
+    CELLS_FROM_WORLD,
     EYE,
     FALLING,
     GRID_POINTS,
@@ -21,7 +22,6 @@ from anyprobe_train.world.scene import (
     HALF,
     IS_BALL,
     LIGHT,
-    LOW,
     MIDDLE,
     MIRRORED_SIDE,
     NORMAL,
@@ -31,39 +31,88 @@ from anyprobe_train.world.scene import (
     PANELS,
     PICTURE,
     PICTURE_SIDE,
-    PLACE,
     POWER,
     RADIUS,
     RIGHT,
-    SCALE,
     SKY_ROWS,
     SOURCE,
     SOURCE_SIZE,
     TEXELS,
-    TURN,
     UP,
 )
 
 FAR_AWAY = 1e9
 LEAST_ALBEDO, MOST_ALBEDO = 0.03, 0.8
 """Bounds of the albedo of a map's own ground."""
+LEAST_ROWS = 8
+"""Rows of the last level of a sky."""
 FULL, REST = 0, 1
 """Parts of the sky: all of it, and without its sources."""
 
 
-@njit(cache=True, error_model="numpy")
+TURNS = np.stack([np.cos(np.arange(1024) * math.pi / 512), np.sin(np.arange(1024) * math.pi / 512)], axis=1)
+"""Cosine and sine of even steps around a circle."""
+
+
+@compiled
+def random(number):
+    """Return a number in [0, 1) that is a function of a whole one, neighbours as if drawn anew."""
+    x = np.uint64(number) * np.uint64(0x9E3779B97F4A7C15)
+    x = (x ^ (x >> np.uint64(32))) * np.uint64(0xD6E8FEB86659FD93)
+    return np.float64((x ^ (x >> np.uint64(32))) >> np.uint64(11)) * 2.0**-53
+
+
+@compiled
+def in_disc(number, k, count):
+    """Return x, y of point k of `count` that fill a unit disc evenly (Vogel's spiral), turned and moved at random."""
+    scaled = 1024 * random(number)
+    turn = int(scaled)
+    radius = math.sqrt((k + scaled - turn) / count)
+    turn = (turn + 633 * k) & 1023  # the golden angle
+    return radius * TURNS[turn, 0], radius * TURNS[turn, 1]
+
+
+@compiled
+def angle_of(y, x):
+    """Return atan2(y, x) to 1e-5 rad, by a polynomial."""
+    a, b = abs(x), abs(y)
+    q = min(a, b) / max(a, b, 1e-30)
+    s = q * q
+    c = -0.11643287 + s * (0.05265332 - s * 0.0117212)
+    angle = q * (0.99997726 + s * (-0.33262347 + s * (0.19354346 + s * c)))
+    angle = 0.5 * math.pi - angle if b > a else angle
+    angle = math.pi - angle if x < 0 else angle
+    return -angle if y < 0 else angle
+
+
+@compiled
+def polar_angle(y):
+    """Return acos(y) to 7e-5 rad (Abramowitz and Stegun 4.4.45)."""
+    a = min(abs(y), 1.0)
+    angle = math.sqrt(1.0 - a) * (1.5707288 + a * (-0.2121144 + a * (0.074261 - a * 0.0187293)))
+    return math.pi - angle if y < 0 else angle
+
+
+@compiled
+def level_of(texels, rows):
+    """Return the level of a sky, whose first has so many rows, one of whose texels is as large as so many there."""
+    level = 0
+    while texels > 2.0 and rows >> level > LEAST_ROWS:
+        texels, level = 0.25 * texels, level + 1
+    return level
+
+
+@compiled
 def sky_at(i, q, part, level, x, y, z):
     """Return radiance along a unit direction of a level of the sky, with sources (FULL) or without (REST), bilinear."""
-    start, size = part * i[TEXELS], i[SKY_ROWS]
-    for _ in range(level):
-        start += 2 * size * size
-        size //= 2
-    column = (0.5 + math.atan2(x, -z) / (2.0 * math.pi)) * 2 * size - 0.5
-    row = min(max(math.acos(min(max(y, -1.0), 1.0)) / math.pi * size - 0.5, 0.0), size - 1.0)
+    size = i[SKY_ROWS] >> level
+    start = part * i[TEXELS] + 8 * (i[SKY_ROWS] * i[SKY_ROWS] - size * size) // 3
+    column = (0.5 + angle_of(x, -z) * (0.5 / math.pi)) * 2 * size - 0.5
+    row = min(max(polar_angle(y) * (size / math.pi) - 0.5, 0.0), size - 1.0)
     c0, r0 = int(math.floor(column)), int(row)
     fc, fr = column - c0, row - r0
-    c1, r1 = (c0 + 1) % (2 * size), min(r0 + 1, size - 1)
-    c0 = c0 % (2 * size)
+    c1, r1 = (c0 + 1) & (2 * size - 1), min(r0 + 1, size - 1)
+    c0 = c0 & (2 * size - 1)
     a, b = start + r0 * 2 * size, start + r1 * 2 * size
     w0, w1, w2, w3 = (1 - fc) * (1 - fr), fc * (1 - fr), (1 - fc) * fr, fc * fr
     return (
@@ -73,28 +122,28 @@ def sky_at(i, q, part, level, x, y, z):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def hit_body(f, i, w, number, ox, oy, oz, dx, dy, dz, most):
     """Return the distance at which a ray meets a body, or -1."""
     b = i[BODY] + number * BODY_SIZE
-    s = f[b + SCALE]
-    c, e = f[b + TURN], f[b + TURN + 1]
-    px, py, pz = ox - f[b + PLACE], oy - f[b + PLACE + 1], oz - f[b + PLACE + 2]
-    lx, lz = (c * px - e * pz) / s, (e * px + c * pz) / s  # R_y(-turn)
-    kx, kz = (c * dx - e * dz) / s, (e * dx + c * dz) / s
+    x, y, z = f[b + BALL] - ox, f[b + BALL + 1] - oy, f[b + BALL + 2] - oz
+    along, away = x * dx + y * dy + z * dz, x * x + y * y + z * z
+    if away > f[b + BALL + 3] and (along < 0 or away - along * along / (dx * dx + dy * dy + dz * dz) > f[b + BALL + 3]):
+        return -1.0
+    m = b + CELLS_FROM_WORLD
     return blocked_cells(
         w[number],
-        (lx - f[b + LOW]) / f[b + BODY_CELL],
-        (py / s - f[b + LOW + 1]) / f[b + BODY_CELL + 1],
-        (lz - f[b + LOW + 2]) / f[b + BODY_CELL + 2],
-        kx / f[b + BODY_CELL],
-        dy / s / f[b + BODY_CELL + 1],
-        kz / f[b + BODY_CELL + 2],
+        f[m] * ox + f[m + 1] * oy + f[m + 2] * oz + f[m + 3],
+        f[m + 4] * ox + f[m + 5] * oy + f[m + 6] * oz + f[m + 7],
+        f[m + 8] * ox + f[m + 9] * oy + f[m + 10] * oz + f[m + 11],
+        f[m] * dx + f[m + 1] * dy + f[m + 2] * dz,
+        f[m + 4] * dx + f[m + 5] * dy + f[m + 6] * dz,
+        f[m + 8] * dx + f[m + 9] * dy + f[m + 10] * dz,
         most,
     )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def hit_panel(f, i, ox, oy, oz, dx, dy, dz, most, without):
     """Return the nearest panel that a ray meets before `most`, its distance, and x, y on it; -1 if none."""
     best, distance, bx, by = -1, most, 0.0, 0.0
@@ -117,7 +166,7 @@ def hit_panel(f, i, ox, oy, oz, dx, dy, dz, most, without):
     return best, distance, bx, by
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def bilinear_at(f, start, size, column, row):
     """Return a picture's value [size, size, 3] that begins at `start`, between pixels."""
     column, row = min(max(column, 0.0), size - 1.001), min(max(row, 0.0), size - 1.001)
@@ -133,13 +182,13 @@ def bilinear_at(f, start, size, column, row):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def grid_start(i, number, kind):
     """Return where a panel's grid of a kind begins."""
     return i[LIGHT] + (number * 3 + kind) * GRID_POINTS * GRID_POINTS * 3
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def grid_at(f, i, number, kind, x, y):
     """Return the irradiance of a panel's grid at x, y on it."""
     p = i[PANEL] + number * PANEL_SIZE
@@ -150,7 +199,7 @@ def grid_at(f, i, number, kind, x, y):
     return bilinear_at(f, grid_start(i, number, kind), GRID_POINTS, column, row)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def panel_point(f, i, number, column, row):
     """Return x, y on a panel of a point of its grids: dense around the middle, the outermost far away; inside it."""
     p = i[PANEL] + number * PANEL_SIZE
@@ -161,7 +210,7 @@ def panel_point(f, i, number, column, row):
     return min(max(x, -a), a), min(max(y, -b), b)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def albedo_at(f, i, q, number, x, y, px, py, pz):
     """Return the albedo of a panel at x, y on it, which is p in the world."""
     p = i[PANEL] + number * PANEL_SIZE
@@ -180,7 +229,7 @@ def albedo_at(f, i, q, number, x, y, px, py, pz):
     return bilinear_at(f, i[PICTURE] + number * size * size * 3, size, a * size - 0.5, b * size - 0.5)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def is_blocked(f, i, w, first, ox, oy, oz, dx, dy, dz, most):
     """Return whether a body from number `first` on hides what lies along a ray."""
     for b in range(first, i[BODIES]):
@@ -189,7 +238,7 @@ def is_blocked(f, i, w, first, ox, oy, oz, dx, dy, dz, most):
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def toward_source(f, i, number, ox, oy, oz):
     """Return a direction to a source, irradiance on what faces it, the tangent of its radius, and its distance."""
     s = i[SOURCE] + number * SOURCE_SIZE
@@ -201,7 +250,7 @@ def toward_source(f, i, number, ox, oy, oz):
             f[s + POWER],
             f[s + POWER + 1],
             f[s + POWER + 2],
-            math.tan(f[s + RADIUS]),
+            f[s + RADIUS],
             FAR_AWAY,
         )
     dx, dy, dz = f[s + AT] - ox, f[s + AT + 1] - oy, f[s + AT + 2] - oz
@@ -221,7 +270,7 @@ def toward_source(f, i, number, ox, oy, oz):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def basis(x, y, z):
     """Return two unit vectors across a unit one."""
     sign = 1.0 if z >= 0 else -1.0

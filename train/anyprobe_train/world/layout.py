@@ -135,10 +135,13 @@ def build_scene(view: np.void | None, eye: np.ndarray, layout: Layout, glow: np.
         frame = *one.origin, *one.right, *one.up, *np.cross(one.right, one.up), *one.half
         row[:] = (*frame, one.side, one.f0, one.alpha, *middle, SPREAD, *one.albedo.mean(axis=(0, 1)), one.ground)
     for row, body in zip(others.reshape(-1, scene.BODY_SIZE), bodies, strict=True):
-        turn = np.cos(body.turn), np.sin(body.turn)
-        row[:] = (*body.view["low"], *body.view["cell"], *turn, body.scale, *body.place, *glow)
+        linear = rotation_y(body.turn).T / body.scale
+        low, cell = body.view["low"].astype(float), body.view["cell"].astype(float)
+        middle = body.place + np.linalg.solve(linear, low + CELLS / 2 * cell)
+        matrix = np.column_stack([linear, -linear @ body.place - low]) / cell[:, None]
+        row[:] = (*middle, (body.scale * CELLS / 2) ** 2 * (cell @ cell), *matrix.ravel(), *glow)
     rows = sources.reshape(-1, scene.SOURCE_SIZE)
-    rows[: len(far.radius)] = np.column_stack([np.zeros(len(far.radius)), far.direction, far.radius, far.power])
+    rows[: len(far.radius)] = np.column_stack([np.zeros(len(far.radius)), far.direction, np.tan(far.radius), far.power])
     for row, (place, radius, radiance) in zip(rows[len(far.radius) :], layout.lamps, strict=True):
         row[:] = (1.0, *place, radius, *radiance)
     for picture, one in zip(pictures.reshape(-1, side, side, 3), layout.panels, strict=True):

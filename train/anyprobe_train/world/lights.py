@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.light.source_split import split_sources
 from anyprobe_train.dataset.sky import direction_at, tint
 from anyprobe_train.world.maps import Maps
+from anyprobe_train.world.march import compiled
 
 LIGHT_ROWS, SPLIT_ROWS = 256, 64
 CONTRAST, TINT = 0.12, 0.1
@@ -40,29 +40,26 @@ class Light:
     name: str
 
 
-@njit(cache=True, error_model="numpy")
-def varied(one, turn, mirror, other, share, exponent, white, scale, out):
-    """Fill out [256, 512, 3] with ((1 - share) one + share other) ** exponent times white, one turned by columns and
-    mirrored; maps of fewer rows are enlarged. Returns the mean luminance."""
-    rows, columns = out.shape[:2]
-    k, m = rows // one.shape[0], rows // other.shape[0]
-    total = 0.0
-    for i in range(rows):
-        angle = 2 * math.sin(math.pi / rows / 2) * math.sin(math.pi * (i + 0.5) / rows)
-        for j in range(columns):
-            c = (j - turn) % columns
-            if mirror:
-                c = columns - 1 - c
-            p = one[i // k, c // k]
-            q = other[i // m, j // m]
-            for n in range(3):
-                value = (1 - share) * p[n] + share * q[n]
-                out[i, j, n] = math.exp(exponent * math.log(value + 1e-9)) * white[n] * scale
-            total += (0.2126 * out[i, j, 0] + 0.7152 * out[i, j, 1] + 0.0722 * out[i, j, 2]) * angle
-    return total / (2 * columns)
+def varied(
+    one: np.ndarray, turn: int, mirror: bool, other: np.ndarray, share: float, exponent: float, white: np.ndarray
+) -> np.ndarray:
+    """Return ((1 - share) one + share other) ** exponent times white, [LIGHT_ROWS, 2 LIGHT_ROWS, 3] of mean luminance
+    1; one [H, 2H, 3] is mirrored, enlarged and turned by columns."""
+    times = LIGHT_ROWS // len(one)
+    out = np.roll((one[:, ::-1] if mirror else one).repeat(times, 0).repeat(times, 1), turn, axis=1)
+    if share:
+        out = np.float32(1 - share) * out + np.float32(share) * other
+    out = np.power(out + np.float32(1e-9), np.float32(exponent)) * white.astype(np.float32)
+    out /= max(float((luminance(out).mean(axis=1) * row_shares(LIGHT_ROWS)).sum()), 1e-9)
+    return out
 
 
-@njit(cache=True, error_model="numpy")
+def row_shares(rows: int) -> np.ndarray:
+    """Return each row's share of the sphere, [rows]."""
+    return np.diff(-np.cos(np.linspace(0.0, np.pi, rows + 1))) / 2
+
+
+@compiled
 def add_disc(texels, x, y, z, radius, softness, power):
     """Add a round source to a map [H, 2H, 3] in place, whose integral is power [3]; softness: its rim over its
     radius."""
@@ -91,34 +88,20 @@ def add_disc(texels, x, y, z, radius, softness, power):
                         texels[i, j, n] += share * power[n] / max(total, 1e-9)
 
 
-@njit(cache=True, error_model="numpy")
-def levels(texels, smallest):
-    """Return all levels of a map [H, 2H, 3] down to `smallest` rows, flat [T, 3], each texel the mean of four by solid
-    angle."""
-    rows = len(texels)
-    count, size = 0, rows
-    while size >= smallest:
-        count += 2 * size * size
-        size //= 2
-    out = np.zeros((count, 3), np.float32)
-    for i in range(rows):
-        for j in range(2 * rows):
-            out[i * 2 * rows + j] = texels[i, j]
-    start, size = 0, rows
-    while size > smallest:
-        after, half = start + 2 * size * size, size // 2
-        for i in range(half):
-            a, b = math.sin(math.pi * (2 * i + 0.5) / size), math.sin(math.pi * (2 * i + 1.5) / size)
-            wa, wb = 0.5 * a / (a + b), 0.5 * b / (a + b)
-            for j in range(size):
-                p, q = start + 2 * i * 2 * size + 2 * j, start + (2 * i + 1) * 2 * size + 2 * j
-                for n in range(3):
-                    out[after + i * size + j, n] = wa * (out[p, n] + out[p + 1, n]) + wb * (out[q, n] + out[q + 1, n])
-        start, size = after, half
-    return out
+def levels(texels: np.ndarray, smallest: int) -> np.ndarray:
+    """Return all levels of a map [H, 2H, 3] down to `smallest` rows, flat [T, 3] float32, each texel the mean of four
+    by solid angle."""
+    found = [texels]
+    while len(texels) > smallest:
+        shares = row_shares(len(texels)).reshape(-1, 2)
+        weights = (0.5 * shares / shares.sum(axis=1, keepdims=True)).astype(np.float32)[..., None, None]
+        pairs = texels[:, 0::2] + texels[:, 1::2]
+        texels = weights[:, 0] * pairs[0::2] + weights[:, 1] * pairs[1::2]
+        found.append(texels)
+    return np.concatenate([one.reshape(-1, 3) for one in found])
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def measured(full, rest, x, y, z, reach):
     """Return what a map has more than the rest within `reach` of a direction: its power [3], its middle [3], and the
     radius of an even disc of its power P and integral Q of its square, sqrt(P^2 / (pi Q))."""
@@ -189,17 +172,15 @@ def draw_light(rng: np.random.Generator, maps: Maps, kind: str) -> Light:
     else:
         number = int(rng.choice(len(maps.names), p=maps.grounds if kind == "ground" else maps.weights))
         one, outdoors, name = maps.real[number], float(maps.outdoors[number]), maps.names[number]
-    share, other = 0.0, maps.places[0]
+    share, other = 0.0, one
     if kind == "real" and rng.random() < BLENDS:
         second = int(rng.choice(len(maps.names), p=maps.weights))
         share, other = float(rng.uniform(0.2, 0.8)), maps.real[second]
         outdoors = outdoors if outdoors == maps.outdoors[second] else np.nan
-    radiance = np.empty((LIGHT_ROWS, 2 * LIGHT_ROWS, 3), np.float32)
     white = tint(rng, TINT if kind != "ground" else 0.5 * TINT)
     exponent = float(np.exp(rng.normal(0.0, CONTRAST)))
     turn, mirror = int(rng.integers(2 * LIGHT_ROWS)), bool(rng.random() < 0.5)
-    mean = varied(one, turn, mirror, other, share, exponent, white, 1.0, radiance)
-    radiance /= max(mean, 1e-9)
+    radiance = varied(one, turn, mirror, other, share, exponent, white)
     if kind == "dark":
         return make_light(_dark(rng, radiance), np.nan, name, 0)
     if kind == "real" and rng.random() < MOVED:

@@ -8,9 +8,11 @@ import numpy as np
 from numba import njit
 
 CELLS_SIDE = 64
+compiled = njit(cache=True, error_model="numpy", fastmath=True)
+"""Decorator of kernels; nothing in them is infinite or no number."""
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def blocked_cells(words, x, y, z, dx, dy, dz, most):
     """Return where a ray in cells meets an occupied one, as a multiple of its direction below `most`; else -1."""
     if abs(dx) < 1e-9:
@@ -19,9 +21,10 @@ def blocked_cells(words, x, y, z, dx, dy, dz, most):
         dy = 1e-9
     if abs(dz) < 1e-9:
         dz = 1e-9
-    ax, bx = -x / dx, (CELLS_SIDE - x) / dx
-    ay, by = -y / dy, (CELLS_SIDE - y) / dy
-    az, bz = -z / dz, (CELLS_SIDE - z) / dz
+    wx, wy, wz = 1.0 / dx, 1.0 / dy, 1.0 / dz
+    ax, bx = -x * wx, (CELLS_SIDE - x) * wx
+    ay, by = -y * wy, (CELLS_SIDE - y) * wy
+    az, bz = -z * wz, (CELLS_SIDE - z) * wz
     t = max(0.0, min(ax, bx), min(ay, by), min(az, bz))
     last = min(max(ax, bx), max(ay, by), max(az, bz), most)
     if t >= last:
@@ -29,9 +32,9 @@ def blocked_cells(words, x, y, z, dx, dy, dz, most):
     column = min(max(int(math.floor(x + t * dx)), 0), CELLS_SIDE - 1)
     row = min(max(int(math.floor(z + t * dz)), 0), CELLS_SIDE - 1)
     sx, sz = (1 if dx > 0 else -1), (1 if dz > 0 else -1)
-    tx = (column + (1 if dx > 0 else 0) - x) / dx
-    tz = (row + (1 if dz > 0 else 0) - z) / dz
-    wx, wz = abs(1.0 / dx), abs(1.0 / dz)
+    tx = (column + (1 if dx > 0 else 0) - x) * wx
+    tz = (row + (1 if dz > 0 else 0) - z) * wz
+    wx, wz = abs(wx), abs(wz)
     while True:
         leave = min(tx, tz, last)
         h0, h1 = y + t * dy, y + leave * dy
@@ -59,7 +62,7 @@ def blocked_cells(words, x, y, z, dx, dy, dz, most):
                 return -1.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def blocked_each(words, low, cell, origins, directions):
     """Return render.voxels.blocked of rays [N, 3], for tests and views."""
     result = np.zeros(len(origins), np.bool_)
@@ -81,7 +84,7 @@ def blocked_each(words, low, cell, origins, directions):
     return result
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def hidden_bits(words, low, cell, points, normals, azimuths, rings, own, seed):
     """Return bits [N, 2] uint64 of the cells about +Y, each by one jittered ray, that a shape hides from points [N, 3]
     of itself; rays start `own` before the surface along the normal."""
@@ -109,7 +112,7 @@ def hidden_bits(words, low, cell, points, normals, azimuths, rings, own, seed):
     return result
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def nearest_faces(screen, inverse, faces, size):
     """Rasterise triangles with a depth buffer: face [size, size], -1 for none, and perspective weights [size, size, 3].
 

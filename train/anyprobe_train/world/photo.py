@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 
+import cv2
 import numpy as np
 
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
@@ -16,8 +17,8 @@ from anyprobe_train.dataset.textured import lay
 from anyprobe_train.world.kernels import light_panels, probe_map
 from anyprobe_train.world.layout import Layout, Standing, build_scene
 from anyprobe_train.world.maps import Maps
-from anyprobe_train.world.scene import BODY, BODY_SIZE, EYE, GLOW, TracedScene
-from anyprobe_train.world.shading import cell_light, picture, received, shade_object
+from anyprobe_train.world.scene import BODY, BODY_SIZE, EYE, GLOW, SKY_ROWS, TEXELS, TracedScene
+from anyprobe_train.world.shading import picture, received, seen_along, shade_object
 from anyprobe_train.world.views import (
     COARSE,
     SEEN_PX,
@@ -27,7 +28,7 @@ from anyprobe_train.world.views import (
     cell_numbers,
     view_points,
 )
-from anyprobe_train.world.windows import resampled
+from anyprobe_train.world.windows import warped
 
 SQUARE_PX = 96
 """Side of the context and of the crop."""
@@ -134,19 +135,20 @@ def see_object(
     directions, weights = _turned_cells(standing.turn)
     center = standing.place + [0.0, standing.scale * float(view["top"]) / 2, 0.0]
     numbers, places, _, texels = scene
-    sky, seen = cell_light(numbers, places, texels, directions, *center, weights)
+    start = places[TEXELS] + 8 * (places[SKY_ROWS] ** 2 - CELL_ROWS**2) // 3
+    sky = weights @ texels[start : start + 2 * CELL_ROWS**2]
+    seen = seen_along(numbers, places, texels, directions, *center, sky)
     half = SEEN_PX // COARSE
     place, first = np.unique((rows // half) * COARSE + columns // half, return_index=True)
     ratio = np.zeros((len(first), 3), np.float32)
     bits = view["hidden"].reshape(-1, 2)[place]
     received(*scene, points[first], normals[first], bits, directions, sky, seen, ratio)
-    ratios = _between(ratio, place, rows, columns)
+    soft = np.maximum(normals @ directions.T, 0.0) @ seen * np.float32(4 * np.pi / len(directions))
+    soft *= _between(ratio, place, rows, columns)
     radiance = np.zeros((len(points), 3), np.float32)
     albedo, f0 = colors
     samples = 12 if material.f0.max() > 0.2 else 6
-    shade_object(
-        *scene, points, normals, ratios, albedo, f0, material.alpha, samples, RAYS, directions, seen, seed, radiance
-    )
+    shade_object(*scene, points, normals, soft, albedo, f0, material.alpha, samples, RAYS, seed, radiance)
     shown = np.zeros((SEEN_PX, SEEN_PX, 3), np.float32)
     shown[rows, columns] = radiance
     cover = view["cover"].astype(np.float32) / 255
@@ -240,14 +242,20 @@ def over_window(
 ) -> np.ndarray:
     """Return values [SEEN_PX, SEEN_PX, C] of an object's view over a window (left, right, top, bottom) of the photo's
     plane, [size, size, C], zero beyond the view."""
-    turn = seen.camera.T @ frame.camera
     low, high = plane_box(seen, frame)
     at = np.array([window[0], window[2]])
     step = np.array([window[1] - window[0], window[3] - window[2]]) / size
     ends = (np.array([[low[0], high[1]], [high[0], low[1]]]) - at) / step
     (left, first), (right, last) = (np.clip(one, 0, size).astype(int) for one in (ends[0] - 1, ends[1] + 2))
-    samples = int(np.clip(np.ceil(step[0] / (2 * seen.tangent / SEEN_PX)), 1, 6))
-    return resampled(values, turn, seen.tangent, *window, size, samples, first, last, left, right)
+    out = np.zeros((size, size, values.shape[2]), np.float32)
+    if left < right and first < last:
+        samples = int(np.clip(np.ceil(step[0] / (2 * seen.tangent / SEEN_PX)), 1, 6))
+        ray = np.array([[step[0], 0, at[0] + left * step[0]], [0, step[1], at[1] + first * step[1]], [0, 0, -1.0]])
+        half = SEEN_PX / 2
+        pixel = np.array([[half / seen.tangent, 0, -half], [0, -half / seen.tangent, -half], [0, 0, -1.0]])
+        matrix = pixel @ seen.camera.T @ frame.camera @ ray
+        out[first:last, left:right] = warped(values, matrix, last - first, right - left, samples, cv2.BORDER_CONSTANT)
+    return out
 
 
 def plane_box(seen: Seen, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
@@ -270,12 +278,28 @@ def truth_of(scene: TracedScene, frame: Frame, top: float) -> np.ndarray:
 
 
 def background_of(scene: TracedScene, frame: Frame, seen: Seen | None, seed: int) -> np.ndarray:
-    """Return the photo without the object over the context's square, [SQUARE_PX, SQUARE_PX, 3]."""
+    """Return the photo without the object over the context's square, [SQUARE_PX, SQUARE_PX, 3]; black where the object
+    is in front of all of it."""
+    whole = -frame.most, frame.most, frame.most, -frame.most
+    wanted = share_in_photo(frame, whole) > 0
     if seen is None:
         view = np.eye(3), 1.0, np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.float32)
     else:
         view = seen.camera, seen.tangent, seen.radiance, seen.cover
-    return picture(*scene, frame.camera, *frame.tangents, SQUARE_PX, SAMPLES, *view, seed)
+        wanted &= cv2.erode(object_over(seen, frame, whole, SQUARE_PX)[..., 3], np.ones((5, 5))) < 0.999
+    return picture(*scene, frame.camera, frame.most, wanted, SAMPLES, *view, seed)
+
+
+def share_in_photo(frame: Frame, window: tuple[float, float, float, float]) -> np.ndarray:
+    """Return the share of each pixel of a window that lies in the photo, [SQUARE_PX, SQUARE_PX]."""
+
+    def along(first: float, last: float, most: float) -> np.ndarray:
+        edges = np.linspace(first, last, SQUARE_PX + 1)
+        low, high = np.minimum(edges[:-1], edges[1:]), np.maximum(edges[:-1], edges[1:])
+        return np.clip((np.minimum(high, most) - np.maximum(low, -most)) / (high - low), 0.0, 1.0)
+
+    x, y = along(*window[:2], frame.tangents[0]), along(*window[2:], frame.tangents[1])
+    return (y[:, None] * x[None]).astype(np.float32)
 
 
 def lit_scene(view: np.void | None, eye: np.ndarray, layout: Layout, reflectance: np.ndarray, seed: int) -> TracedScene:

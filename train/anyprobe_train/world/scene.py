@@ -23,12 +23,12 @@ ORIGIN, RIGHT, UP, NORMAL, HALF, MIRRORED_SIDE, F0, COAT_ALPHA, MIDDLE, GRID_SPR
 )  # fmt: skip
 """Offsets in a panel, a rectangle whose back is as its front: middle, unit axes, half sides, side after which its
 picture is mirrored, coat, middle and spread of its grids, mean albedo, whether that is what the map shows."""
-LOW, BODY_CELL, TURN, SCALE, PLACE, GLOW, BODY_SIZE = 0, 3, 6, 8, 9, 12, 15
-"""Offsets in a body, which hides light, the object first: box of its cells, cosine and sine of its turn about +Y,
-scale, place, mean radiance."""
+BALL, CELLS_FROM_WORLD, GLOW, BODY_SIZE = 0, 4, 16, 19
+"""Offsets in a body, which hides light, the object first: centre of the sphere around its cells and its squared radius;
+the affine map [3, 4] from the world to its cells; mean radiance."""
 IS_BALL, AT, RADIUS, POWER, SOURCE_SIZE = 0, 1, 4, 5, 8
-"""Offsets in a source, which is traced by itself: whether it is a glowing ball; direction to it, or its centre; radius
-in radians, or in radii of the object; irradiance on what faces it, or the ball's radiance."""
+"""Offsets in a source, which is traced by itself: whether it is a glowing ball; direction to it, or its centre; tangent
+of its radius, or that in radii of the object; irradiance on what faces it, or the ball's radiance."""
 FREE, LIT, SOFT = 0, 1, 2
 """Grids of a panel, irradiance on its front: without the object; with it; the part of that which no source sends."""
 

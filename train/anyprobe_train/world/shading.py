@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from anyprobe_train.world.hits import (
     FAR_AWAY,
@@ -16,18 +15,14 @@ from anyprobe_train.world.hits import (
     grid_at,
     hit_body,
     hit_panel,
+    in_disc,
+    level_of,
+    random,
     sky_at,
     toward_source,
 )
-from anyprobe_train.world.kernels import (
-    COARSE_LEVEL,
-    coat_along,
-    diffuse_of,
-    lamp_along,
-    mirrored_along,
-    seen_share,
-    seen_without,
-)
+from anyprobe_train.world.kernels import coat_along, diffuse_of, lamp_along, mirrored_along, seen_share
+from anyprobe_train.world.march import compiled
 from anyprobe_train.world.scene import (
     BODIES,
     BODY,
@@ -44,10 +39,12 @@ from anyprobe_train.world.scene import (
     NORMAL,
     PANEL,
     PANEL_SIZE,
+    POWER,
     SKY_ROWS,
     SOFT,
+    SOURCE,
     SOURCE_COUNT,
-    TEXELS,
+    SOURCE_SIZE,
 )
 
 OWN = 0.055
@@ -58,33 +55,19 @@ WIDENED = 0.19
 """Factor of a source's squared radius that it adds to alpha^2 of the lobe that mirrors it (light.octahedral)."""
 
 
-@njit(cache=True, error_model="numpy")
-def cell_light(f, i, q, directions, cx, cy, cz, weights):
-    """Return radiance of each cell's sky [C, 3], and what c sees in its middle [C, 3]; weights: [C, pixels of the
-    coarse level]."""
-    count = len(directions)
-    sky, seen = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
-    start, size = i[TEXELS], i[SKY_ROWS]
-    for _ in range(COARSE_LEVEL):
-        start += 2 * size * size
-        size //= 2
-    for c in range(count):
-        for k in range(2 * size * size):
-            weight = weights[c, k]
-            if weight > 0:
-                sky[c, 0] += weight * q[start + k, 0]
-                sky[c, 1] += weight * q[start + k, 1]
-                sky[c, 2] += weight * q[start + k, 2]
+@compiled
+def seen_along(f, i, q, directions, cx, cy, cz, sky):
+    """Return what c sees along directions [C, 3] on panels without the object, else sky [C, 3]."""
+    seen = sky.copy()
+    for c in range(len(directions)):
         dx, dy, dz = directions[c, 0], directions[c, 1], directions[c, 2]
         p, t, x, y = hit_panel(f, i, cx, cy, cz, dx, dy, dz, FAR_AWAY, -1)
-        r, g, b = sky[c, 0], sky[c, 1], sky[c, 2]
         if p >= 0:
-            r, g, b = diffuse_of(f, i, q, p, FREE, x, y, cx + t * dx, cy + t * dy, cz + t * dz)
-        seen[c, 0], seen[c, 1], seen[c, 2] = r, g, b
-    return sky, seen
+            seen[c] = diffuse_of(f, i, q, p, FREE, x, y, cx + t * dx, cy + t * dy, cz + t * dz)
+    return seen
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def received(f, i, w, q, points, normals, bits, directions, sky, seen, out):
     """Fill out [N, 3] with the soft light that falls on points of the object over that of `seen` without it in the
     way. bits: [N, 2] uint64, cells that the object hides from each."""
@@ -126,9 +109,10 @@ def received(f, i, w, q, points, normals, bits, directions, sky, seen, out):
         out[k, 0], out[k, 1], out[k, 2] = min(d0 / u0, 8.0), min(d1 / u1, 8.0), min(d2 / u2, 8.0)
 
 
-@njit(cache=True, error_model="numpy")
-def visible_normal(wx, wy, wz, alpha, a, b):
-    """Draw a half vector by the normals that wo [local, z up] sees (Heitz, JCGT 2018)."""
+@compiled
+def visible_normal(wx, wy, wz, alpha, p, s):
+    """Return a half vector by the normals that wo [local, z up] sees, for a point of the unit disc (Heitz, JCGT
+    2018)."""
     vx, vy, vz = alpha * wx, alpha * wy, wz
     length = math.sqrt(vx * vx + vy * vy + vz * vz)
     vx, vy, vz = vx / length, vy / length, vz / length
@@ -139,8 +123,6 @@ def visible_normal(wx, wy, wz, alpha, a, b):
     else:
         t1x, t1y, t1z = 1.0, 0.0, 0.0
     t2x, t2y, t2z = vy * t1z - vz * t1y, vz * t1x - vx * t1z, vx * t1y - vy * t1x
-    r, phi = math.sqrt(a), 2 * math.pi * b
-    p, s = r * math.cos(phi), r * math.sin(phi)
     half = 0.5 * (1 + vz)
     s = (1 - half) * math.sqrt(max(1 - p * p, 0.0)) + half * s
     h = math.sqrt(max(1 - p * p - s * s, 0.0))
@@ -150,7 +132,7 @@ def visible_normal(wx, wy, wz, alpha, a, b):
     return nx / length, ny / length, nz / length
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def distribution(cosine, alpha):
     """Evaluate D(h) [1/sr] of GGX."""
     a2 = alpha * alpha
@@ -158,14 +140,14 @@ def distribution(cosine, alpha):
     return a2 / (math.pi * d * d)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def visibility(no, ni, alpha):
     """Evaluate G / (4 (n.wo) (n.wi)), height-correlated Smith."""
     a2 = alpha * alpha
     return 0.5 / max(no * math.sqrt(a2 + (1 - a2) * ni * ni) + ni * math.sqrt(a2 + (1 - a2) * no * no), 1e-7)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def from_source(f, i, s, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha):
     """Return irradiance on what faces source s, what a point's coat sends of it to wo for f0 = 1, that times Schlick's
     weight, and the weight."""
@@ -189,40 +171,33 @@ def from_source(f, i, s, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha):
     return er, eg, eb, one, one * schlick, schlick
 
 
-@njit(cache=True, error_model="numpy")
-def level_of(pdf, count, rows):
-    """Return the map's level whose texels are as large as a sample's solid angle."""
-    level = 0.5 * math.log2(max(1.0 / (count * max(pdf, 1e-9)) * rows * rows / (2 * math.pi), 1.0))
-    return min(int(level + 0.5), int(math.log2(rows)) - 3)
-
-
-@njit(cache=True, error_model="numpy")
-def mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, own):
+@compiled
+def mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, own, draw):
     """Return the light of all but sources that the coat of a point mirrors, for f0 = 1 [3], and that times Schlick's
-    weight [3]. own: distance from the point that rays start at."""
+    weight [3]. own: distance from the point that rays start at; draw: the point's number, by which they are drawn."""
     tx, ty, tz, ux, uy, uz = basis(nx, ny, nz)
     lx, ly = wx * tx + wy * ty + wz * tz, wx * ux + wy * uy + wz * uz
     no = max(wx * nx + wy * ny + wz * nz, 1e-3)
     px, py, pz = ox + own * nx, oy + own * ny, oz + own * nz
     r1 = g1 = b1 = rs = gs = bs = 0.0
-    shift_a, shift_b = np.random.random(), np.random.random()
     a2 = alpha * alpha
     g1o = 2 * no / (no + math.sqrt(a2 + (1 - a2) * no * no))
     for k in range(samples):
-        a, b = ((k + 0.5) / samples + shift_a) % 1.0, (k * 0.6180339887 + shift_b) % 1.0
+        a, b = in_disc(draw, k, samples)
         hx, hy, hz = visible_normal(lx, ly, no, alpha, a, b)
         oh = max(lx * hx + ly * hy + no * hz, 1e-6)
         ix, iy, iz = 2 * oh * hx - lx, 2 * oh * hy - ly, 2 * oh * hz - no
         if iz <= 1e-4:
             continue
         weight = 4 * visibility(no, iz, alpha) * no * iz / g1o  # G / G1
-        pdf = distribution(hz, alpha) * g1o / (4 * no)
+        solid = 4 * no / (samples * max(distribution(hz, alpha) * g1o, 1e-9))
+        level = level_of(solid * i[SKY_ROWS] * i[SKY_ROWS] / (2 * math.pi), i[SKY_ROWS])
         dx, dy, dz = ix * tx + iy * ux + iz * nx, ix * ty + iy * uy + iz * ny, ix * tz + iy * uz + iz * nz
         if hit_body(f, i, w, 0, px, py, pz, dx, dy, dz, FAR_AWAY) >= 0:
             e = i[BODY] + GLOW
             r, g, c = f[e], f[e + 1], f[e + 2]
         else:
-            r, g, c = mirrored_along(f, i, w, q, px, py, pz, dx, dy, dz, level_of(pdf, samples, i[SKY_ROWS]))
+            r, g, c = mirrored_along(f, i, w, q, px, py, pz, dx, dy, dz, level)
         m = 1 - oh
         s = weight * m * m * m * m * m
         r1 += weight * r
@@ -234,30 +209,21 @@ def mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, own
     return r1 / samples, g1 / samples, b1 / samples, rs / samples, gs / samples, bs / samples
 
 
-@njit(cache=True, error_model="numpy")
-def shade_object(f, i, w, q, points, normals, ratios, albedo, f0, alpha, samples, rays, directions, seen, seed, out):
-    """Fill out [N, 3] with the radiance of points of the object, seen from the eye. ratios: [N, 3] of `received` there;
-    albedo, f0: [N, 3]; directions, seen: of cell_light."""
-    np.random.seed(seed)
-    solid = 4 * math.pi / len(directions)
+@compiled
+def shade_object(f, i, w, q, points, normals, soft, albedo, f0, alpha, samples, rays, seed, out):
+    """Fill out [N, 3] with the radiance of points of the object, seen from the eye. soft: [N, 3] irradiance on them of
+    all but sources; albedo, f0: [N, 3]."""
     for k in range(len(points)):
         ox, oy, oz = points[k, 0], points[k, 1], points[k, 2]
         nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
         wx, wy, wz = f[EYE] - ox, f[EYE + 1] - oy, f[EYE + 2] - oz
         length = 1 / math.sqrt(wx * wx + wy * wy + wz * wz)
         wx, wy, wz = wx * length, wy * length, wz * length
-        e0 = e1 = e2 = 0.0
-        for c in range(len(directions)):
-            cosine = nx * directions[c, 0] + ny * directions[c, 1] + nz * directions[c, 2]
-            if cosine > 0:
-                e0 += cosine * seen[c, 0]
-                e1 += cosine * seen[c, 1]
-                e2 += cosine * seen[c, 2]
-        e0, e1, e2 = e0 * solid * ratios[k, 0], e1 * solid * ratios[k, 1], e2 * solid * ratios[k, 2]
-        m = mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, OWN)
+        e0, e1, e2 = soft[k, 0], soft[k, 1], soft[k, 2]
+        m = mirrored(f, i, w, q, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha, samples, OWN, seed + k)
         s0 = s1 = s2 = g0 = g1 = g2 = 0.0
         for s in range(i[SOURCE_COUNT]):
-            _, share, cosine = seen_share(f, i, w, s, ox, oy, oz, nx, ny, nz, rays, -1, OWN)
+            _, share, cosine = seen_share(f, i, w, s, ox, oy, oz, nx, ny, nz, rays, -1, OWN, seed + k)
             if share <= 0:
                 continue
             er, eg, eb, one, grazing, schlick = from_source(f, i, s, ox, oy, oz, nx, ny, nz, wx, wy, wz, alpha)
@@ -277,46 +243,49 @@ def shade_object(f, i, w, q, points, normals, ratios, albedo, f0, alpha, samples
         out[k, 2] = f0[k, 2] * (m[2] + s2) + (1 - f0[k, 2]) * (m[5] + g2 + albedo[k, 2] * e2 / math.pi)
 
 
-@njit(cache=True, error_model="numpy")
-def picture(f, i, w, q, camera, tangent_x, tangent_y, size, samples, view, tan_half, radiance, cover, seed):
-    """Return what the eye sees without the object, [size, size, 3], over a square of tangents [-t, t] in which the
-    photo spans tangent_x, tangent_y.
+@compiled
+def picture(f, i, w, q, camera, tangent, wanted, samples, view, tan_half, radiance, cover, seed):
+    """Return what the eye sees without the object, [S, S, 3], in the pixels `wanted` [S, S] of a square of tangents
+    [-t, t].
 
     camera: world_from_camera [3, 3]. view [3, 3], tan_half, radiance [V, V, 3], cover [V, V]: the object as it is seen,
     for coats that mirror it.
     """
-    np.random.seed(seed)
+    size = len(wanted)
     out = np.zeros((size, size, 3), np.float32)
-    most = max(tangent_x, tangent_y)
     ex, ey, ez = f[EYE], f[EYE + 1], f[EYE + 2]
-    pixel = most / size
+    fine = size * samples
     for row in range(size):
         for column in range(size):
-            middle_x, middle_y = (2 * (column + 0.5) / size - 1) * most, (1 - 2 * (row + 0.5) / size) * most
-            if abs(middle_x) > tangent_x + pixel or abs(middle_y) > tangent_y + pixel:
+            if not wanted[row, column]:
                 continue
-            for a in range(samples):
-                for b in range(samples):
-                    x = middle_x + pixel * (2 * (b + np.random.random()) / samples - 1)
-                    y = middle_y + pixel * (2 * (a + np.random.random()) / samples - 1)
-                    length = math.sqrt(x * x + y * y + 1)
-                    x, y, z = x / length, y / length, -1 / length
-                    dx = camera[0, 0] * x + camera[0, 1] * y + camera[0, 2] * z
-                    dy = camera[1, 0] * x + camera[1, 1] * y + camera[1, 2] * z
-                    dz = camera[2, 0] * x + camera[2, 1] * y + camera[2, 2] * z
+            for a in range(row * samples, (row + 1) * samples):
+                for b in range(column * samples, (column + 1) * samples):
+                    draw = seed + a * fine + b
+                    scaled = 1024 * random(draw)
+                    x = (2 * (b + int(scaled) / 1024) / fine - 1) * tangent
+                    y = (1 - 2 * (a + scaled - int(scaled)) / fine) * tangent
+                    length = 1 / math.sqrt(x * x + y * y + 1)
+                    dx = (camera[0, 0] * x + camera[0, 1] * y - camera[0, 2]) * length
+                    dy = (camera[1, 0] * x + camera[1, 1] * y - camera[1, 2]) * length
+                    dz = (camera[2, 0] * x + camera[2, 1] * y - camera[2, 2]) * length
                     p, t, u, v = hit_panel(f, i, ex, ey, ez, dx, dy, dz, FAR_AWAY, -1)
-                    if p < 0 or lamp_along(f, i, ex, ey, ez, dx, dy, dz, t) >= 0:
-                        r, g, c = seen_without(f, i, w, q, ex, ey, ez, dx, dy, dz, 0)
+                    lamp = lamp_along(f, i, ex, ey, ez, dx, dy, dz, t)
+                    if lamp >= 0:
+                        e = i[SOURCE] + lamp * SOURCE_SIZE + POWER
+                        r, g, c = f[e], f[e + 1], f[e + 2]
+                    elif p < 0:
+                        r, g, c = sky_at(i, q, FULL, 0, dx, dy, dz)
                     else:
-                        r, g, c = panel_seen(f, i, w, q, p, t, u, v, dx, dy, dz, view, tan_half, radiance, cover)
+                        r, g, c = panel_seen(f, i, w, q, p, t, u, v, dx, dy, dz, view, tan_half, radiance, cover, draw)
                     out[row, column, 0] += r
                     out[row, column, 1] += g
                     out[row, column, 2] += c
     return out / (samples * samples)
 
 
-@njit(cache=True, error_model="numpy")
-def panel_seen(f, i, w, q, number, t, u, v, dx, dy, dz, view, tan_half, radiance, cover):
+@compiled
+def panel_seen(f, i, w, q, number, t, u, v, dx, dy, dz, view, tan_half, radiance, cover, draw):
     """Return the radiance of a panel at u, v on it, t along a ray from the eye: with the object, exact shadows of
     sources, and its coat."""
     p = i[PANEL] + number * PANEL_SIZE
@@ -326,7 +295,7 @@ def panel_seen(f, i, w, q, number, t, u, v, dx, dy, dz, view, tan_half, radiance
     s0 = s1 = s2 = g0 = g1 = g2 = 0.0
     f0, alpha = f[p + F0], f[p + COAT_ALPHA]
     for s in range(i[SOURCE_COUNT]):
-        _, share, cosine = seen_share(f, i, w, s, qx, qy, qz, nx, ny, nz, 1, number, 0.0)
+        _, share, cosine = seen_share(f, i, w, s, qx, qy, qz, nx, ny, nz, 1, number, 0.0, draw)
         if share <= 0:
             continue
         er, eg, eb, one, grazing, _ = from_source(f, i, s, qx, qy, qz, nx, ny, nz, -dx, -dy, -dz, alpha)
@@ -357,9 +326,10 @@ def panel_seen(f, i, w, q, number, t, u, v, dx, dy, dz, view, tan_half, radiance
     r, g, b = r + f0 * s0 + (1 - f0) * g0, g + f0 * s1 + (1 - f0) * g1, b + f0 * s2 + (1 - f0) * g2
     no = -(nx * dx + ny * dy + nz * dz)
     if i[BODIES] > 0 and alpha < 0.5 and no > 0:
-        rx = dx + 2 * no * nx + 0.7 * alpha * (np.random.random() - 0.5)
-        ry = dy + 2 * no * ny + 0.7 * alpha * (np.random.random() - 0.5)
-        rz = dz + 2 * no * nz + 0.7 * alpha * (np.random.random() - 0.5)
+        one, two, three = random(draw + 1), random(draw + 2), random(draw + 3)
+        rx = dx + 2 * no * nx + 0.7 * alpha * (one - 0.5)
+        ry = dy + 2 * no * ny + 0.7 * alpha * (two - 0.5)
+        rz = dz + 2 * no * nz + 0.7 * alpha * (three - 0.5)
         away = hit_body(f, i, w, 0, qx, qy, qz, rx, ry, rz, FAR_AWAY)
         if away >= 0:
             m = 1 - no
@@ -371,7 +341,7 @@ def panel_seen(f, i, w, q, number, t, u, v, dx, dy, dz, view, tan_half, radiance
     return r + kr, g + kg, b + kb
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def object_at(f, i, view, tan_half, radiance, cover, x, y, z):
     """Return the object's radiance at a point of it: what the eye sees there, or its mean."""
     x, y, z = x - f[EYE], y - f[EYE + 1], z - f[EYE + 2]

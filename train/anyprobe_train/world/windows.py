@@ -2,72 +2,43 @@
 
 from __future__ import annotations
 
-import math
-
+import cv2
 import numpy as np
-from numba import njit
+
+from anyprobe_train.world.march import compiled
 
 
-@njit(cache=True, error_model="numpy")
-def resampled(values, turn, tangent, x0, x1, y0, y1, size, samples, first, last, left, right):
-    """Return a view's values [V, V, C] over a window of a photo's plane, [size, size, C], zero beyond the view.
-
-    turn: view_from_photo [3, 3]. x0, x1, y0, y1: tangents of left, right, top and bottom. samples: of a pixel each way;
-    only rows and columns first to last, left to right of the result are filled.
-    """
-    side, channels = len(values), values.shape[2]
-    out = np.zeros((size, size, channels), np.float32)
-    for i in range(first, last):
-        for j in range(left, right):
-            for a in range(samples):
-                for b in range(samples):
-                    x = x0 + (x1 - x0) * (j + (b + 0.5) / samples) / size
-                    y = y0 + (y1 - y0) * (i + (a + 0.5) / samples) / size
-                    p = turn[0, 0] * x + turn[0, 1] * y - turn[0, 2]
-                    q = turn[1, 0] * x + turn[1, 1] * y - turn[1, 2]
-                    r = -(turn[2, 0] * x + turn[2, 1] * y - turn[2, 2])
-                    if r <= 1e-3:
-                        continue
-                    c = (p / r / tangent + 1) * side / 2 - 0.5
-                    d = (1 - q / r / tangent) * side / 2 - 0.5
-                    if c <= -1 or d <= -1 or c >= side or d >= side:
-                        continue
-                    c0, d0 = int(math.floor(c)), int(math.floor(d))
-                    fc, fd = c - c0, d - d0
-                    for k in range(4):
-                        u, v = c0 + k % 2, d0 + k // 2
-                        w = (fc if k % 2 else 1 - fc) * (fd if k // 2 else 1 - fd)
-                        if 0 <= u < side and 0 <= v < side:
-                            for n in range(channels):
-                                out[i, j, n] += w * values[v, u, n]
-    return out / (samples * samples)
+def warped(values: np.ndarray, matrix: np.ndarray, rows: int, columns: int, samples: int, border: int) -> np.ndarray:
+    """Return values [S, T, C] where a homography [3, 3] of pixel edges says that each pixel of [rows, columns, C] lies,
+    bilinear, the mean of samples^2 points; border: cv2's name of what is beyond them."""
+    fine = np.diag([1 / samples, 1 / samples, 1.0]) @ [[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]]
+    middles = np.array([[1.0, 0.0, -0.5], [0.0, 1.0, -0.5], [0.0, 0.0, 1.0]])
+    size, how = (columns * samples, rows * samples), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    out = cv2.warpPerspective(values, middles @ matrix @ fine, size, flags=how, borderMode=border)
+    return out if samples == 1 else cv2.resize(out, (columns, rows), interpolation=cv2.INTER_AREA)
 
 
-@njit(cache=True, error_model="numpy")
-def window_resampled(values, old, new, size, samples):
+def window_resampled(
+    values: np.ndarray,
+    old: tuple[float, float, float, float],
+    new: tuple[float, float, float, float],
+    size: int,
+    samples: int,
+) -> np.ndarray:
     """Return values [S, T, C] over a window `old` (left, right, top, bottom) of the plane at those of another, [size,
     size, C]: bilinear, the mean of samples^2 points; the border goes on."""
-    rows, columns, channels = values.shape
-    out = np.zeros((size, size, channels), np.float32)
-    for i in range(size):
-        for j in range(size):
-            for a in range(samples):
-                for b in range(samples):
-                    x = new[0] + (new[1] - new[0]) * (j + (b + 0.5) / samples) / size
-                    y = new[2] + (new[3] - new[2]) * (i + (a + 0.5) / samples) / size
-                    c = (x - old[0]) / (old[1] - old[0]) * columns - 0.5
-                    r = (y - old[2]) / (old[3] - old[2]) * rows - 0.5
-                    c, r = min(max(c, 0.0), columns - 1.001), min(max(r, 0.0), rows - 1.001)
-                    c0, r0 = int(c), int(r)
-                    fc, fr = c - c0, r - r0
-                    for n in range(channels):
-                        out[i, j, n] += (1 - fr) * ((1 - fc) * values[r0, c0, n] + fc * values[r0, c0 + 1, n]) + fr * (
-                            (1 - fc) * values[r0 + 1, c0, n] + fc * values[r0 + 1, c0 + 1, n]
-                        )
-    return out / (samples * samples)
+    x, y = values.shape[1] / (old[1] - old[0]), values.shape[0] / (old[3] - old[2])
+    matrix = np.array(
+        [
+            [x * (new[1] - new[0]) / size, 0.0, x * (new[0] - old[0])],
+            [0.0, y * (new[3] - new[2]) / size, y * (new[2] - old[2])],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+    return warped(values, matrix, size, size, samples, cv2.BORDER_REPLICATE)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def on_sphere(context, most):
     """Return what a context picture shows beside the object on the sphere, [64, 128, 4] uint8: RGB x cover, cover;
     most: tangent of half the square as it is taken for."""
@@ -81,17 +52,19 @@ def on_sphere(context, most):
                 for b in range(max(j - 1, 0), min(j + 2, size)):
                     hidden = max(hidden, context[a, b, 3])
             free[i, j] = context[i, j, 4] / 255.0 * (1 - hidden / 255.0)
+    turn = ((np.arange(2 * rows * times) + 0.5) / (2 * rows * times) - 0.5) * 2 * np.pi
+    sine, cosine = np.sin(turn), np.cos(turn)
     for i in range(rows):
-        for j in range(2 * rows):
+        for j in range(rows // 2, 3 * rows // 2):  # before the camera
             r = g = b = cover = 0.0
             for a in range(times):
                 v = (i + (a + 0.5) / times) / rows * np.pi
-                for c in range(times):
-                    u = ((j + (c + 0.5) / times) / (2 * rows) - 0.5) * 2 * np.pi
-                    z = np.sin(v) * np.cos(u)
+                high, flat = np.cos(v), np.sin(v)
+                for c in range(j * times, (j + 1) * times):
+                    z = flat * cosine[c]
                     if z < 0.05:
                         continue
-                    x, y = np.sin(v) * np.sin(u) / z / most, np.cos(v) / z / most
+                    x, y = flat * sine[c] / z / most, high / z / most
                     if abs(x) >= 1 or abs(y) >= 1:
                         continue
                     column, row = int((x + 1) * size / 2), int((1 - y) * size / 2)
