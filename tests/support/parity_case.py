@@ -19,7 +19,7 @@ from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import weights_folder
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
-from anyprobe.light.filtering import blur_cosine_power, irradiance_map
+from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.source_split import Source, draw_sources, split_sources
 from anyprobe.light.temporal import step
 from anyprobe.masks.check import look_at_given
@@ -261,7 +261,6 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         ),
         "curve": response(STEPS),
         "curve_inverse": inverse_response(STEPS),
-        "irradiance_map": irradiance_map(light.radiance),
         "blurred": blur_cosine_power(light.radiance, 5.0),
     }
     rgb, found = photo[..., :3].astype(np.float32) / 255, {}

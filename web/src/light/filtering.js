@@ -14,7 +14,7 @@ import { transform } from "./fourier.js";
  * @returns {{matrices: Float64Array, spans: Int32Array}} H + 1 matrices of H x H, rows out x rows in, and for every row
  *   out the first and the end of the rows in that it is made of
  */
-function kernelSpectrum(height, weight, normalised) {
+function kernelSpectrum(height, weight) {
   const width = 2 * height;
   const solidAngles = pixelSolidAngles(height);
   const matrices = new Float64Array((height + 1) * height * height);
@@ -33,38 +33,28 @@ function kernelSpectrum(height, weight, normalised) {
         sum += value;
       }
     }
-    const scale = normalised ? 1 / sum : 1;
     spans[2 * out] = Math.floor(rows.findIndex((value) => value !== 0) / width);
     spans[2 * out + 1] = Math.floor(rows.findLastIndex((value) => value !== 0) / width) + 1;
     for (let inside = 0; inside < height; inside++) {
       const row = rows.subarray(inside * width, (inside + 1) * width);
       transform(row, imag.fill(0));
-      for (let k = 0; k <= height; k++) matrices[(k * height + out) * height + inside] = row[k] * scale;
+      for (let k = 0; k <= height; k++) matrices[(k * height + out) * height + inside] = row[k] / sum;
     }
   }
   return { matrices, spans };
 }
 
-const spectra = new Map();
-
-function kept(key, make) {
-  if (!spectra.has(key)) spectra.set(key, make());
-  return spectra.get(key);
-}
-
 /** Apply a zonal kernel to a map of any number of channels, two of them at a time as one complex map. */
 function apply(map, height, channels, spectrum) {
   const blurred = new Float32Array(map.length);
-  for (let channel = 0; channel < channels; channel += 2) {
-    applyToPair(map, blurred, height, channels, channel, channel + 1 < channels, spectrum);
-  }
+  for (let channel = 0; channel < channels; channel += 2) applyToPair(map, blurred, height, channels, channel, spectrum);
   return blurred;
 }
 
-function applyToPair(map, blurred, height, channels, channel, isPair, spectrum) {
+function applyToPair(map, blurred, height, channels, channel, spectrum) {
   const width = 2 * height;
-  const real = new Float64Array(width);
-  const imag = new Float64Array(width);
+  const isPair = channel + 1 < channels;
+  const [real, imag] = [new Float64Array(width), new Float64Array(width)];
   const waves = { real: new Float64Array(width * height), imag: new Float64Array(width * height) }; // frequency by frequency
   for (let row = 0; row < height; row++) {
     for (let j = 0, at = row * width * channels + channel; j < width; j++, at += channels) {
@@ -77,14 +67,11 @@ function applyToPair(map, blurred, height, channels, channel, isPair, spectrum) 
       waves.imag[to] = imag[k];
     }
   }
-  const product = multiply(spectrum, waves, height, isPair);
+  const product = multiply(spectrum, waves, height);
   for (let row = 0; row < height; row++) {
-    for (let k = 0; k < width; k++) {
-      // of real lines the upper half of the spectrum is the lower one's mirror image
-      const isMirrored = !isPair && k > height;
-      const at = (isMirrored ? width - k : k) * height + row;
+    for (let k = 0, at = row; k < width; k++, at += height) {
       real[k] = product.real[at] / width;
-      imag[k] = (isMirrored ? -product.imag[at] : product.imag[at]) / width;
+      imag[k] = product.imag[at] / width;
     }
     transform(imag, real); // parts swapped: the inverse
     for (let j = 0, at = row * width * channels + channel; j < width; j++, at += channels) {
@@ -94,19 +81,17 @@ function applyToPair(map, blurred, height, channels, channel, isPair, spectrum) 
   }
 }
 
-/** Every frequency's rows by that frequency's matrix; those above H only where `all`. */
-function multiply({ matrices, spans }, { real: reals, imag: imags }, height, all) {
+/** Every frequency's rows by that frequency's matrix; those above H have the matrices of those below it. */
+function multiply({ matrices, spans }, { real: reals, imag: imags }, height) {
   const width = 2 * height;
   const product = { real: new Float64Array(width * height), imag: new Float64Array(width * height) };
-  for (let k = 0; k < (all ? width : height + 1); k++) {
+  for (let k = 0; k < width; k++) {
     const matrix = (k > height ? width - k : k) * height * height;
     const rows = k * height;
     for (let out = 0; out < height; out++) {
       const line = matrix + out * height;
-      const end = spans[2 * out + 1];
-      let real = 0;
-      let imag = 0;
-      for (let inside = spans[2 * out]; inside < end; inside++) {
+      let [real, imag] = [0, 0];
+      for (let inside = spans[2 * out], end = spans[2 * out + 1]; inside < end; inside++) {
         const weight = matrices[line + inside];
         real += weight * reals[rows + inside];
         imag += weight * imags[rows + inside];
@@ -118,38 +103,20 @@ function multiply({ matrices, spans }, { real: reals, imag: imags }, height, all
   return product;
 }
 
+const spectra = new Map();
+
+/** Averages by a weight of the cosine; its spectrum is kept for the next call. */
+const blurBy = (name, weightOf) => (map, height, channels, width) => {
+  const key = `${name} ${height} ${width}`;
+  if (!spectra.has(key)) spectra.set(key, kernelSpectrum(height, weightOf(width)));
+  return apply(map, height, channels, spectra.get(key));
+};
+
 /** Average over the cap of a radius [radians] around each direction. */
-export function blurCap(map, height, channels, radius) {
-  const spectrum = kept(`cap ${height} ${radius}`, () =>
-    kernelSpectrum(height, (cosine) => (Math.acos(cosine) <= radius ? 1 : 0), true),
-  );
-  return apply(map, height, channels, spectrum);
-}
+export const blurCap = blurBy("cap", (radius) => (cosine) => (Math.acos(cosine) <= radius ? 1 : 0));
 
 /** Average with weight max(0, cos)^sharpness around each direction (paper Eq. 6); 1 gives irradiance / pi. */
-export function blurCosinePower(map, height, channels, sharpness) {
-  const spectrum = kept(`cosine ${height} ${sharpness}`, () =>
-    kernelSpectrum(height, (cosine) => Math.max(cosine, 0) ** sharpness, true),
-  );
-  return apply(map, height, channels, spectrum);
-}
+export const blurCosinePower = blurBy("cosine", (sharpness) => (cosine) => Math.max(cosine, 0) ** sharpness);
 
 /** Average with the weight of a GGX lobe of width alpha seen along the normal, n.wi D; alpha 1 is a cosine. */
-export function blurGgx(map, height, channels, alpha) {
-  const spectrum = kept(`ggx ${height} ${alpha}`, () =>
-    kernelSpectrum(
-      height,
-      (cosine) => Math.max(cosine, 0) / (1 + alpha ** 2 + (alpha ** 2 - 1) * cosine) ** 2,
-      true,
-    ),
-  );
-  return apply(map, height, channels, spectrum);
-}
-
-/** Irradiance E(n) = integral of L max(0, n.wi) dwi, for n at every pixel centre. */
-export function irradianceMap(map, height) {
-  const spectrum = kept(`irradiance ${height}`, () =>
-    kernelSpectrum(height, (cosine) => Math.max(cosine, 0), false),
-  );
-  return apply(map, height, 3, spectrum);
-}
+export const blurGgx = blurBy("ggx", (alpha) => (cosine) => Math.max(cosine, 0) / (1 + alpha ** 2 + (alpha ** 2 - 1) * cosine) ** 2);

@@ -1,11 +1,11 @@
 /**
  * Real spherical harmonics to order 2 of radiance, nine numbers a channel.
  *
- * Order and constants of WebXR and three.js: 1, y, z, x, xy, yz, 3z^2 - 1, xz, x^2 - y^2. Not by three.js's
- * LightProbeGenerator: it sums samples of a cube that a renderer has drawn, which this thread has none of, where this is the
- * integral over the map.
+ * Order and constants of WebXR and three.js: 1, y, z, x, xy, yz, 3z^2 - 1, xz, x^2 - y^2. three.js's own generator reads cubes
+ * that a renderer has drawn, of which this thread has none.
  */
 
+import { pixelDirections, pixelSolidAngles } from "../core/latlong.js";
 import { AnyProbeError } from "../errors.js";
 
 const { PI, sqrt } = Math;
@@ -28,65 +28,28 @@ export function shBasis(x, y, z) {
   return polynomials.map((value, i) => value * K[i]);
 }
 
-/** Differences of a function at the edges of n pixels between two angles. */
-function differences(antiderivative, from, to, n) {
-  const step = (to - from) / n;
-  return Float64Array.from(
-    { length: n },
-    (_, i) => antiderivative(from + step * (i + 1)) - antiderivative(from + step * i),
-  );
-}
+const weights = new Map();
 
-const integrals = new Map();
-
-/** Integral of Y_i over every pixel, in closed form, nine arrays of H * 2H; kept for the next call. */
-function pixelIntegrals(height) {
-  if (integrals.has(height)) return integrals.get(height);
-  const { sin, cos } = Math;
-  const over_t = (f) => differences(f, 0, PI, height);
-  const over_p = (f) => differences(f, -PI, PI, 2 * height);
-  const t = { // antiderivatives over t of sin t times 1, cos t, sin t, ...
-    one: over_t((a) => -cos(a)),
-    y: over_t((a) => sin(a) ** 2 / 2),
-    s: over_t((a) => a / 2 - sin(2 * a) / 4),
-    sy: over_t((a) => sin(a) ** 3 / 3),
-    ss: over_t((a) => cos(a) ** 3 / 3 - cos(a)),
-    yy: over_t((a) => -(cos(a) ** 3) / 3),
-  };
-  const p = {
-    one: over_p((a) => a),
-    sin: over_p((a) => -cos(a)),
-    cos: over_p((a) => sin(a)),
-    sin2: over_p((a) => a / 2 - sin(2 * a) / 4),
-    cos2: over_p((a) => a / 2 + sin(2 * a) / 4),
-    sincos: over_p((a) => sin(a) ** 2 / 2),
-  };
-  const value = [
-    (i, j) => t.one[i] * p.one[j],
-    (i, j) => t.y[i] * p.one[j],
-    (i, j) => -t.s[i] * p.cos[j],
-    (i, j) => t.s[i] * p.sin[j],
-    (i, j) => t.sy[i] * p.sin[j],
-    (i, j) => -t.sy[i] * p.cos[j],
-    (i, j) => 3 * t.ss[i] * p.cos2[j] - t.one[i] * p.one[j],
-    (i, j) => -t.ss[i] * p.sincos[j],
-    (i, j) => t.ss[i] * p.sin2[j] - t.yy[i] * p.one[j],
-  ];
-  const width = 2 * height;
-  const made = value.map((f, k) =>
-    Float64Array.from({ length: height * width }, (_, at) => K[k] * f(Math.floor(at / width), at % width)),
-  );
-  integrals.set(height, made);
+/** Y_i times the solid angle of every pixel, nine arrays of H * 2H; kept for the next call. */
+function pixelWeights(height) {
+  if (weights.has(height)) return weights.get(height);
+  const [d, angles] = [pixelDirections(height), pixelSolidAngles(height)];
+  const made = K.map(() => new Float64Array(2 * height * height));
+  for (let pixel = 0; pixel < made[0].length; pixel++) {
+    const basis = shBasis(d[3 * pixel], d[3 * pixel + 1], d[3 * pixel + 2]);
+    basis.forEach((value, i) => (made[i][pixel] = value * angles[Math.floor(pixel / (2 * height))]));
+  }
+  weights.set(height, made);
   return made;
 }
 
 /** Radiance coefficients L_i of a map, 27 numbers, coefficient by coefficient, RGB inside. */
 export function project(radiance, height) {
   const coefficients = new Float32Array(27);
-  pixelIntegrals(height).forEach((weights, i) => {
+  pixelWeights(height).forEach((ofTerm, i) => {
     let [red, green, blue] = [0, 0, 0];
-    for (let pixel = 0, at = 0; pixel < weights.length; pixel++, at += 3) {
-      const weight = weights[pixel];
+    for (let pixel = 0, at = 0; pixel < ofTerm.length; pixel++, at += 3) {
+      const weight = ofTerm[pixel];
       red += weight * radiance[at];
       green += weight * radiance[at + 1];
       blue += weight * radiance[at + 2];

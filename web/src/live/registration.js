@@ -1,6 +1,6 @@
 /**
- * Where the object of one picture, the key, lies in another one, to a fraction of a pixel: anyprobe.video.registration, where
- * the rules stand and what each name means. Both are held to tests/product/cases/registration.json.
+ * Where the object of one picture, the key, lies in another one, to a fraction of a pixel, by the rules of
+ * anyprobe.video.registration, which says what each name means. Both are held to tests/product/cases/registration.json.
  *
  * @typedef {{width: number, height: number, values: Float32Array}} Luma a picture, or the window of one at an offset
  * @typedef {{x: number, y: number, angle: number, scale: number}} Motion pixels, radians clockwise, natural logarithm
@@ -9,6 +9,7 @@
 
 import { CONTRACT } from "../core/contract.js";
 import { solved } from "../core/linear.js";
+import { median } from "../photo/ground.js";
 import { objectBox } from "../photo/picture.js";
 
 const { fine_px: FINE_PX, coarse_px: COARSE_PX, points: POINTS, reach: REACH, pull: PULL, ...NUMBERS } = CONTRACT.registration;
@@ -134,9 +135,8 @@ function levelOf({ width, height, values }, cover, level, [left, top], [cx, cy],
   }
   const slope = (at) => (values[at + 1] - values[at - 1]) ** 2 + (values[at + width] - values[at - width]) ** 2;
   if (points.length > POINTS) {
-    const slopes = new Float64Array(points.length);
-    for (let i = 0; i < slopes.length; i++) slopes[i] = slope(points[i]);
-    const least = smallest(slopes.slice(), points.length - POINTS);
+    const slopes = Float64Array.from(points, slope);
+    const least = slopes.slice().sort()[points.length - POINTS];
     let equals = POINTS;
     for (let i = 0; i < slopes.length; i++) if (slopes[i] > least) equals--;
     points = points.filter((_, i) => slopes[i] > least || (slopes[i] === least && equals-- > 0));
@@ -174,7 +174,7 @@ function alignedTo(key, { count, places, rows }, picture, motion, step, first) {
     }
     gain = Math.max(fit[4], LEAST_GAIN);
     if (turn === STEPS || moved <= DONE_PX * 2 ** step) break;
-    const reach = SPREAD * Math.max(1.4826 * medianOf(sizes.subarray(0, known)), LEAST);
+    const reach = SPREAD * Math.max(1.4826 * median(sizes.subarray(0, known)), LEAST);
     const delta = [0, 1, 2, 3].map((term) => fit[term] / gain);
     moved = Math.hypot(delta[0], delta[1]) + Math.hypot(delta[2], delta[3]);
     motion = composed(motion, delta, key.radius);
@@ -227,37 +227,6 @@ function normalOf(rows, values, weights) {
   const trace = matrix.reduce((sum, line, a) => sum + line[a], 0);
   matrix.forEach((line, a) => (line[a] += 1e-9 * trace + 1e-12));
   return { matrix, right };
-}
-
-/** The middle of numbers, which are put in another order; of an even count the mean of both. */
-function medianOf(values) {
-  const middle = values.length >> 1;
-  const high = smallest(values, middle);
-  if (values.length % 2) return high;
-  let low = -Infinity;
-  for (let i = 0; i < middle; i++) if (values[i] > low) low = values[i];
-  return (low + high) / 2;
-}
-
-/** The number of a rank, by Hoare's selection: afterwards nothing before it is larger. */
-function smallest(values, rank) {
-  let [low, high] = [0, values.length - 1];
-  while (low < high) {
-    const pivot = values[(low + high) >> 1];
-    let [i, j] = [low, high];
-    while (i <= j) {
-      while (values[i] < pivot) i++;
-      while (values[j] > pivot) j--;
-      if (i > j) break;
-      const kept = values[i];
-      values[i++] = values[j];
-      values[j--] = kept;
-    }
-    if (rank <= j) high = j;
-    else if (rank >= i) low = i;
-    else break;
-  }
-  return values[rank];
 }
 
 /** W o Delta^-1. @param {number[]} delta */
