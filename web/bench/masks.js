@@ -23,7 +23,7 @@ ort.env.wasm.numThreads = 1;
 const sessions = {};
 for (const [stage, path] of Object.entries(weights)) sessions[stage] = await ort.InferenceSession.create(new Uint8Array(readFileSync(path)));
 const models = new Models(ort, sessions, "wasm");
-const network = models.hasU2netp ? new U2NetP(models) : new SmallNetwork(models);
+const network = sessions.u2netp ? new U2NetP(models) : new SmallNetwork(models);
 
 const used = () => {
   const { user, system } = process.cpuUsage();
@@ -42,7 +42,7 @@ for (const { name, width, height, hints } of cases) {
   const found = await findObject(new Looks(network, picture), hints);
   const mask = found ? maskOf(found, width, height) : new Float32Array(width * height);
   answers[name] = { ms: used() - start };
-  if (models.hasLight) answers[name].dominant = await lightOf(picture, mask);
+  if (sessions.light) answers[name].dominant = await lightOf(picture, mask);
   writeFileSync(join(folder, `${name}.f32`), mask);
 }
 console.log(JSON.stringify(answers));

@@ -50,8 +50,9 @@ export class AnyProbe {
         throw error;
       }
     };
-    const { light, ...masks } = given.weights;
-    const maskNetwork = masks.u2netp ? "u2netp" : masks.mask ? "small" : null;
+    const { light, mask, u2netp } = given.weights;
+    const maskNetwork = u2netp ? "u2netp" : mask ? "small" : null;
+    const masks = u2netp ? { u2netp } : { mask };
     const opened = async (threads) => {
       const [client, about] = await start({ ...given, threads, weights: { light } }, options.signal);
       const openMasks = async () => (await start({ ...given, threads: about.threads, weights: masks }))[0];

@@ -283,7 +283,7 @@ export interface Tracker {
 
 export declare class AnyProbe {
   private constructor();
-  /** Open the networks in a thread of their own. Rejects with one line that says what is missing. */
+  /** Open the light's network in a thread of its own; masks get another when first wanted. Rejects with one line that says what is missing. */
   static load(options?: LoadOptions): Promise<AnyProbe>;
   /** The better mask network, for weights.u2netp, from the address of u2netp.onnx; fetched once, and kept in the browser's cache. */
   static fetchMaskNetwork(address: string | URL, options?: { onProgress?: (progress: Progress) => void }): Promise<Uint8Array>;

@@ -1,10 +1,9 @@
-/** What of a picture an object covers: its outermost points, and where they are seen. */
+/** What of a picture an object covers: its points, and where they are seen. */
 
 import { Matrix4, Vector3 } from "three";
 
-/** Objects of more points are given by those that lie outermost in so many directions. */
-const MOST_POINTS = 2000;
-const DIRECTIONS = 500;
+/** Objects of more points are given by every so manyth. */
+const MOST_POINTS = 4000;
 
 /** Where points at or behind the camera are taken to be seen, pixels: far outside. */
 const FAR_PX = 1e4;
@@ -24,23 +23,8 @@ export function outlineOf(group) {
     const { count } = part.geometry.attributes.position;
     for (let i = 0; i < count; i++) points.push(...part.getVertexPosition(i, point).applyMatrix4(toGroup).toArray());
   });
-  return Float32Array.from(points.length > 3 * MOST_POINTS ? outermost(points) : points);
-}
-
-function outermost(points) {
-  const kept = [];
-  for (let k = 0; k < DIRECTIONS; k++) {
-    const y = 1 - (2 * k + 1) / DIRECTIONS;
-    const angle = k * Math.PI * (3 - Math.sqrt(5)); // a Fibonacci lattice
-    const [x, z] = [Math.cos(angle), Math.sin(angle)].map((value) => value * Math.sqrt(1 - y * y));
-    let [best, most] = [0, -Infinity];
-    for (let i = 0; i < points.length; i += 3) {
-      const reach = x * points[i] + y * points[i + 1] + z * points[i + 2];
-      if (reach > most) [best, most] = [i, reach];
-    }
-    kept.push(points[best], points[best + 1], points[best + 2]);
-  }
-  return kept;
+  const step = Math.ceil(points.length / 3 / MOST_POINTS);
+  return Float32Array.from(points.filter((_, i) => Math.floor(i / 3) % step === 0));
 }
 
 /**

@@ -37,6 +37,8 @@ const UP = new Vector3(0, 1, 0);
 /** Height of the object over the real one's, at size 1 and where there is room. */
 const OF_REAL = 0.5;
 const SHADOW_PX = 256;
+/** Side of the plane that catches the shadow, in reaches of the light that casts it. */
+const CATCHER = 6;
 /** Pixels drawn for a pixel shown, along each side, over the camera's picture where WebGL is software. */
 const COARSE = 0.7;
 /** Said of a place that was not asked for. */
@@ -83,7 +85,7 @@ export class Stage {
   #buildGround() {
     this.ground = new Group();
     this.standing = new Group(); // moves on the ground, carries object and contact shadow
-    this.catcher = new Mesh(new PlaneGeometry(1, 1), new ShadowMaterial({ toneMapped: false }));
+    this.catcher = new Mesh(new PlaneGeometry(1, 1).rotateX(-Math.PI / 2), new ShadowMaterial({ toneMapped: false }));
     this.catcher.receiveShadow = true;
     this.contactShadow = new ContactShadow();
     this.contactShadow.position.y = 0.002;
@@ -295,24 +297,8 @@ export class Stage {
     shadow.camera.updateProjectionMatrix();
     shadow.radius = 2 + 6 * Math.min(Math.sqrt(dominant.solidAngle / Math.PI), 1);
     this.shadowLight.target.updateMatrixWorld();
-    if (this.catcher.visible) this.#fitCatcher(towards, cosine, reach);
-  }
-
-  /** The part of the ground on which the shadow can fall: every pixel of it looks its shadow up. */
-  #fitCatcher(towards, cosine, reach) {
-    const away = towards.clone().addScaledVector(this.up, -cosine).negate();
-    away.applyQuaternion(this.ground.quaternion.clone().invert());
-    if (away.lengthSq() < 1e-8) away.set(1, 0, 0);
-    away.normalize();
-    const height = reach / 2;
-    const radius = height * (this.object?.userData.width ?? 1) * Math.SQRT1_2;
-    const blur = ((this.shadowLight.shadow.radius + 2) * 2 * reach) / SHADOW_PX;
-    const back = Math.min(radius + blur / cosine, reach / cosine);
-    const slant = Math.sqrt(1 - Math.min(cosine, 1) ** 2) / cosine;
-    const front = Math.min(height * slant + radius + blur / cosine, reach / cosine);
-    this.catcher.scale.set(front + back, 2 * (radius + blur), 1);
-    this.catcher.position.copy(this.standing.position).addScaledVector(away, (front - back) / 2);
-    this.catcher.quaternion.setFromRotationMatrix(new Matrix4().makeBasis(away, UP.clone().cross(away), UP));
+    this.catcher.scale.setScalar(CATCHER * reach);
+    this.catcher.position.copy(this.standing.position);
   }
 
   /**

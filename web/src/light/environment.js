@@ -19,14 +19,8 @@ export function rotate(radiance, height, rotation) {
 
 /** The same of one number a pixel. */
 export function rotateOne(values, height, rotation) {
-  const { pixels, shares } = lookupOfTurn(height, rotation);
-  const turned = new Float32Array(values.length);
-  for (let to = 0, at = 0; to < turned.length; to++, at += 4) {
-    const [a, b, c, d] = [pixels[at] / 3, pixels[at + 1] / 3, pixels[at + 2] / 3, pixels[at + 3] / 3];
-    turned[to] =
-      shares[at] * values[a] + shares[at + 1] * values[b] + shares[at + 2] * values[c] + shares[at + 3] * values[d];
-  }
-  return turned;
+  const alike = Float32Array.from({ length: 3 * values.length }, (_, i) => values[Math.floor(i / 3)]);
+  return rotate(alike, height, rotation).filter((_, i) => i % 3 === 0);
 }
 
 function lookupOfTurn(height, rotation) {

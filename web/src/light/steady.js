@@ -2,19 +2,7 @@
 
 import { CONTRACT } from "../core/contract.js";
 
-const { filter } = CONTRACT;
-
-export const SMOOTHING = {
-  stillS: filter.still_s,
-  movingS: filter.moving_s,
-  fastS: filter.fast_s,
-  noiseS: filter.noise_s,
-  leastNoise: filter.least_noise,
-  calm: filter.calm,
-  moved: filter.moved,
-  letGo: filter.let_go,
-  forgotten: filter.forgotten,
-};
+const C = CONTRACT.filter;
 
 /** a(T): the share of the way in dt seconds. */
 const gain = (dt, time) => -Math.expm1(-dt / time);
@@ -31,23 +19,22 @@ export function begin(y) {
  * @param {Float32Array | Float64Array} y
  * @param {number} dt seconds since the last value
  * @param {(one: object, other: object) => number} apart |one - other|
- * @param {typeof SMOOTHING} c
  */
-export function advance(state, y, dt, apart, c) {
+export function advance(state, y, dt, apart) {
   const ageS = state.ageS + dt;
   const difference = apart(y, state.last) / Math.SQRT2;
   let noise = difference;
   if (state.noise !== null) {
-    const most = 3 * Math.max(state.noise, c.leastNoise);
-    noise = state.noise + gain(dt, Math.min(c.noiseS, ageS)) * (Math.min(difference, most) - state.noise);
+    const most = 3 * Math.max(state.noise, C.least_noise);
+    noise = state.noise + gain(dt, Math.min(C.noise_s, ageS)) * (Math.min(difference, most) - state.noise);
   }
-  const lead = gain(dt, Math.min(c.fastS, state.memoryS + dt));
+  const lead = gain(dt, Math.min(C.fast_s, state.memoryS + dt));
   const fast = approach(state.fast, y, lead);
-  const spread = apart(fast, state.steady) / (Math.max(noise, c.leastNoise) * Math.sqrt(lead / (2 - lead)));
-  const motion = Math.min(Math.max((spread - c.calm) / (c.moved - c.calm), 0), 1);
-  let memoryS = Math.min(state.memoryS + dt, c.stillS) ** (1 - motion) * c.movingS ** motion;
-  let { stale, staleFast } = motion > c.letGo ? { stale: 1, staleFast: 1 } : state;
-  if (stale > c.forgotten) memoryS = Math.min(memoryS, Math.max(state.memoryS, c.movingS));
+  const spread = apart(fast, state.steady) / (Math.max(noise, C.least_noise) * Math.sqrt(lead / (2 - lead)));
+  const motion = Math.min(Math.max((spread - C.calm) / (C.moved - C.calm), 0), 1);
+  let memoryS = Math.min(state.memoryS + dt, C.still_s) ** (1 - motion) * C.moving_s ** motion;
+  let { stale, staleFast } = motion > C.let_go ? { stale: 1, staleFast: 1 } : state;
+  if (stale > C.forgotten) memoryS = Math.min(memoryS, Math.max(state.memoryS, C.moving_s));
   const share = gain(dt, memoryS);
   const steady = approach(state.steady, fast, share);
   staleFast -= lead * staleFast;

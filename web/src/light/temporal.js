@@ -10,7 +10,7 @@ import { CONTRACT } from "../core/contract.js";
 import { MAP_HEIGHT, pixelSolidAngles } from "../core/latlong.js";
 import { rotate } from "./environment.js";
 import { drawSources, splitSources } from "./sourceSplit.js";
-import { SMOOTHING, advance, begin } from "./steady.js";
+import { advance, begin } from "./steady.js";
 
 const { offset: OFFSET, source: rules } = CONTRACT.filter;
 const SLOPE = 1 + OFFSET;
@@ -34,7 +34,7 @@ export const SAME_AFTER_S = rules.same_s;
  *   all frames or none. The state is then in the world.
  * @param {boolean} [looksSame] whether the object's shading is that of the last frames; false where that is not known
  */
-export function step(state, radiance, dt, worldFromCamera = null, looksSame = false, smoothing = SMOOTHING) {
+export function step(state, radiance, dt, worldFromCamera = null, looksSame = false) {
   const pose = worldFromCamera ?? STILL;
   const { y, sources } = worldFromCamera ? splitInWorld(radiance, worldFromCamera) : split(radiance);
   if (state === null) return begun(y, sources, pose, Infinity);
@@ -52,7 +52,7 @@ export function step(state, radiance, dt, worldFromCamera = null, looksSame = fa
   tracks = ledBy(followed(tracks, sources, pairs, dt), isSame ? Infinity : rules.lead);
   const hasLeader = oddS === 0 && tracks.some(({ leads, isSeen }) => leads && isSeen);
   return {
-    soft: advance(state.soft, y, dt, rms, smoothing),
+    soft: advance(state.soft, y, dt, rms),
     tracks,
     pose,
     held: false,

@@ -95,7 +95,6 @@ export class FrameLight {
     }
     const { radiance, stages, saidErrorDeg: _, ...rest } = this.found;
     if (rest.confidence) rest.confidence = rest.confidence.slice(); // its memory is given away with the answer
-    this.single = radiance; // a frame's own
     const isInWorld = worldFromCamera !== null;
     if (isInWorld !== this.isInWorld) this.state = null;
     this.isInWorld = isInWorld;

@@ -48,7 +48,7 @@ export async function follow(source, give, onEnd) {
   if (!isOf(source, "MediaStreamTrack")) return watch(source, give, onEnd);
   const end = () => onEnd(new AnyProbeError("failed", "The camera's track has ended; open the camera, and track again."));
   source.addEventListener("ended", end);
-  const stop = typeof MediaStreamTrackProcessor === "function" ? process(source, give, end) : await playHidden(source, give, onEnd);
+  const stop = await playHidden(source, give, onEnd);
   return () => {
     source.removeEventListener("ended", end);
     stop();
@@ -87,20 +87,6 @@ function watch(source, give, onEnd) {
     isOn = false;
     source.removeEventListener?.("error", fail);
   };
-}
-
-/** Frames as the camera gives them, no element and no page's drawing between. */
-function process(track, give, end) {
-  const reader = new MediaStreamTrackProcessor({ track, maxBufferSize: 1 }).readable.getReader();
-  (async () => {
-    for (;;) {
-      const { done, value } = await reader.read();
-      if (done) return end();
-      await give(value);
-      value.close();
-    }
-  })().catch(() => {}); // ended
-  return () => reader.cancel().catch(() => {});
 }
 
 async function playHidden(track, give, onEnd) {

@@ -7,7 +7,7 @@
  */
 
 import { readable } from "../errors.js";
-import { takeTexture } from "./textureFrames.js";
+import { takeTexture, upright } from "../photo/textures.js";
 
 /** Longer side at which a frame is looked at. */
 const LONG_PX = 480;
@@ -83,14 +83,6 @@ export function readFrame(frame) {
   const size = readSize(frame.width, frame.height);
   if (!frame.bytes) return draw(frame, size);
   return frame.format === "RGBA" ? upright(frame) : convert(frame, size);
-}
-
-/** A texture's pixels, whose first row is the lowest. */
-function upright({ width, height, bytes }) {
-  const line = 4 * width;
-  const rgba = new Uint8ClampedArray(bytes.length);
-  for (let row = 0; row < height; row++) rgba.set(bytes.subarray((height - 1 - row) * line, (height - row) * line), row * line);
-  return { width, height, rgba };
 }
 
 /** Luma averaged over the pixels that fall into one, chroma from their middle. */

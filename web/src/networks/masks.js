@@ -8,8 +8,7 @@ import { Looks, findObject, lookAgain, maskOf } from "../photo/search.js";
 import { smallNetworkWarning } from "./words.js";
 
 /**
- * The mask of a still picture, with the IoU to expect, a line where that is little, and the seconds it took without the opening
- * of a network.
+ * The mask of a still picture, with the IoU to expect, a line where that is little, and the seconds it took.
  *
  * @param {import("./models.js").Models} models
  * @param {import("../photo/picture.js").Picture} picture
@@ -18,7 +17,6 @@ import { smallNetworkWarning } from "./words.js";
  */
 export async function findMask(models, picture, hints, isGivenUp) {
   const network = networkOf(models);
-  await network.open();
   const start = performance.now();
   const looks = new Looks(untilGivenUp(network, isGivenUp), picture, looksKept(network.name, picture));
   const { evidence, ...found } = await searchBy(looks, hints, findObject);
@@ -28,9 +26,12 @@ export async function findMask(models, picture, hints, isGivenUp) {
 }
 
 /** How a video's masks are found: what is marked as in a still picture, an object that was lost by one look where it was. */
-export function videoMasks(models) {
-  const by = (search) => (picture, hints) => searchBy(new Looks(networkOf(models), picture), hints, search);
-  return { find: by(findObject), again: by(lookAgain), has: true };
+function videoMasks(models) {
+  const network = networkOf(models);
+  return {
+    find: (picture, hints) => searchBy(new Looks(network, picture, looksKept(network.name, picture)), hints, findObject),
+    again: (picture, hints) => searchBy(new Looks(network, picture), hints, lookAgain),
+  };
 }
 
 /**
@@ -40,7 +41,7 @@ export function videoMasks(models) {
  * @returns {import("../live/objectFollower.js").Masks}
  */
 export function masksAt(port) {
-  if (!port) return { find: async () => networkOf({}), again: null, has: false };
+  if (!port) return { find: async () => networkOf({ sessions: {} }), again: null, has: false };
   let fault = null;
   const waiting = [];
   port.onmessage = ({ data: { found, error } }) => {
@@ -68,20 +69,21 @@ export function answerAt(port, models) {
   };
 }
 
-/** The last still picture's looks: another mark on it asks for what is near it alone. */
+/** Looks at the last picture: another mark on it, or on a camera's that shows the same, asks for what is near it alone. */
 let last = { name: "", picture: null, looks: new Map() };
 
 function looksKept(name, picture) {
-  if (last.name !== name || !isSame(last.picture, picture)) last = { name, picture, looks: new Map() };
+  if (last.name !== name || !isAlike(last.picture, picture)) last = { name, picture, looks: new Map() };
   return last.looks;
 }
 
-const wordsOf = ({ rgba }) => (rgba.byteOffset % 4 ? new Uint32Array(rgba.slice().buffer) : new Uint32Array(rgba.buffer, rgba.byteOffset, rgba.length / 4));
+/** Levels of 255 by which noise alone changes a pixel, the share of pixels that may change by more, and every how manyth is compared. */
+const [NOISE, CHANGED, EVERY] = [24, 0.005, 7];
 
-function isSame(one, other) {
+function isAlike(one, other) {
   if (one?.width !== other.width || one.height !== other.height) return false;
-  const words = wordsOf(other);
-  return wordsOf(one).every((word, i) => word === words[i]);
+  const green = Array.from({ length: Math.ceil(other.rgba.length / 4 / EVERY) }, (_, i) => 4 * EVERY * i + 1);
+  return green.filter((at) => Math.abs(one.rgba[at] - other.rgba[at]) > NOISE).length <= CHANGED * green.length;
 }
 
 async function searchBy(looks, hints, search) {
@@ -95,7 +97,7 @@ async function searchBy(looks, hints, search) {
 }
 
 function networkOf(models) {
-  if (models.hasU2netp) return new U2NetP(models);
-  if (models.hasMask) return new SmallNetwork(models);
+  if (models.sessions.u2netp) return new U2NetP(models);
+  if (models.sessions.mask) return new SmallNetwork(models);
   throw new AnyProbeError("no-object", "No mask network is loaded: pass a mask, or load one (weights.mask, weights.u2netp).");
 }

@@ -24,10 +24,6 @@ export class U2NetP {
     this.models = models;
   }
 
-  open() {
-    return this.models.openMask(this.name);
-  }
-
   /** @param {import("./picture.js").Picture} picture @returns {Promise<Cover>} 320 x 320 */
   async cover({ width, height, rgba }) {
     const { size, mean, spread } = U2NETP;
@@ -51,10 +47,6 @@ export class SmallNetwork {
   /** @param {import("../networks/models.js").Models} models */
   constructor(models) {
     this.models = models;
-  }
-
-  open() {
-    return this.models.openMask("mask");
   }
 
   /**

@@ -6,6 +6,7 @@ import { AnyProbeError, readable } from "../errors.js";
 import { exifFovDeg } from "../files/exif.js";
 import { maskFromAlpha } from "./picture.js";
 import { resize } from "./resize.js";
+import { takeTexture, upright } from "./textures.js";
 
 /** Longer side at which a picture is kept: plenty for a crop of 128. */
 const LONG_PX = 1600;
@@ -29,8 +30,13 @@ const LONG_PX = 1600;
 export async function readSource(source, signal) {
   signal?.throwIfAborted();
   if (source?.rgba) return whole(checkPixels(source));
-  if (source?.texture) return whole(readTexture(checkTexture(source)));
+  if (source?.texture) return ofTexture(checkTexture(source));
   return inMemory(await open(source, "image", IMAGES, signal), signal);
+}
+
+async function ofTexture(source) {
+  const { frame } = await takeTexture(source, LONG_PX); // begun at once
+  return { ...upright(frame), scale: frame.width / source.width, fullWidth: source.width, fullHeight: source.height };
 }
 
 function inMemory(ready, signal) {
@@ -145,45 +151,6 @@ function canvasOf(data) {
   const canvas = new OffscreenCanvas(data.width, data.height);
   canvas.getContext("2d").putImageData(data, 0, 0);
   return canvas;
-}
-
-/** The pixels of a texture, whose first row is the lowest. */
-function readTexture({ gl, texture, width, height }) {
-  const before = gl.getParameter(gl.READ_FRAMEBUFFER_BINDING);
-  const restore = packPlainly(gl, null);
-  const framebuffer = gl.createFramebuffer();
-  gl.bindFramebuffer(gl.READ_FRAMEBUFFER, framebuffer);
-  gl.framebufferTexture2D(gl.READ_FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
-  const isComplete = gl.checkFramebufferStatus(gl.READ_FRAMEBUFFER) === gl.FRAMEBUFFER_COMPLETE;
-  const pixels = new Uint8ClampedArray(4 * width * height);
-  if (isComplete) gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
-  gl.bindFramebuffer(gl.READ_FRAMEBUFFER, before);
-  gl.deleteFramebuffer(framebuffer);
-  restore();
-  if (!isComplete) throw new AnyProbeError("invalid-image", "expected a texture with pixels of a colour, got one that cannot be read", { subject: ["image"] });
-  const rgba = new Uint8ClampedArray(pixels.length);
-  for (let row = 0; row < height; row++) {
-    rgba.set(pixels.subarray(4 * (height - 1 - row) * width, 4 * (height - row) * width), 4 * row * width);
-  }
-  return { width, height, rgba };
-}
-
-/**
- * Pixels are packed without gaps into a buffer, or memory (null), from here until what is returned is called.
- *
- * @param {WebGL2RenderingContext} gl
- * @param {WebGLBuffer | null} buffer
- * @returns {() => void}
- */
-export function packPlainly(gl, buffer) {
-  const plain = { PACK_ALIGNMENT: 4, PACK_ROW_LENGTH: 0, PACK_SKIP_PIXELS: 0, PACK_SKIP_ROWS: 0 };
-  const [bound, was] = [gl.getParameter(gl.PIXEL_PACK_BUFFER_BINDING), Object.keys(plain).map((name) => gl.getParameter(gl[name]))];
-  gl.bindBuffer(gl.PIXEL_PACK_BUFFER, buffer);
-  for (const [name, value] of Object.entries(plain)) gl.pixelStorei(gl[name], value);
-  return () => {
-    gl.bindBuffer(gl.PIXEL_PACK_BUFFER, bound);
-    Object.keys(plain).forEach((name, i) => gl.pixelStorei(gl[name], was[i]));
-  };
 }
 
 /** By how much a mask's aspect may be another than its picture's: a pixel of rounding. */

@@ -4,7 +4,6 @@
  */
 
 import { AnyProbeError } from "../errors.js";
-import { packPlainly } from "../photo/source.js";
 
 /** Between two looks whether the copy is done. */
 const POLL_MS = 2;
@@ -12,18 +11,19 @@ const POLL_MS = 2;
 /**
  * Begin at once, as a camera's texture holds its picture during one callback alone.
  *
- * @param {import("../photo/source.js").CameraTexture} source
+ * @param {import("./source.js").CameraTexture} source
  * @param {number} longPx longer side of the copy
- * @param {ArrayBuffer[]} spares
+ * @param {ArrayBuffer[]} [spares] memory of earlier copies
  * @returns {Promise<{frame: object, transfer: object[]}>} frame is {width, height, format, bytes}, its first row the lowest
  */
-export async function takeTexture({ gl, texture, width: fullWidth, height: fullHeight }, longPx, spares) {
+export async function takeTexture({ gl, texture, width: fullWidth, height: fullHeight }, longPx, spares = []) {
   const scale = Math.min(1, longPx / Math.max(fullWidth, fullHeight));
   const [width, height] = [fullWidth, fullHeight].map((length) => Math.max(1, Math.round(length * scale)));
   const size = 4 * width * height;
   const copy = gl.createBuffer();
   const fence = startCopy(gl, texture, [fullWidth, fullHeight], [width, height], copy);
   try {
+    if (!fence) throw new AnyProbeError("invalid-image", "expected a texture with pixels of a colour, got one that cannot be read", { subject: ["image"] });
     await isDone(gl, fence);
     const spare = spares.pop();
     const bytes = new Uint8Array(spare?.byteLength === size ? spare : size);
@@ -35,6 +35,14 @@ export async function takeTexture({ gl, texture, width: fullWidth, height: fullH
     gl.deleteSync(fence);
     gl.deleteBuffer(copy);
   }
+}
+
+/** A copy's pixels, the highest row first. */
+export function upright({ width, height, bytes }) {
+  const line = 4 * width;
+  const rgba = new Uint8ClampedArray(bytes.length);
+  for (let row = 0; row < height; row++) rgba.set(bytes.subarray((height - 1 - row) * line, (height - row) * line), row * line);
+  return { width, height, rgba };
 }
 
 /** Everything of the context that it binds is bound again as it was. */
@@ -49,6 +57,7 @@ function startCopy(gl, texture, [fullWidth, fullHeight], [width, height], copy) 
   const store = gl.createRenderbuffer();
   gl.bindFramebuffer(gl.READ_FRAMEBUFFER, from);
   gl.framebufferTexture2D(gl.READ_FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
+  const isComplete = gl.checkFramebufferStatus(gl.READ_FRAMEBUFFER) === gl.FRAMEBUFFER_COMPLETE;
   gl.bindRenderbuffer(gl.RENDERBUFFER, store);
   gl.renderbufferStorage(gl.RENDERBUFFER, gl.RGBA8, width, height);
   gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, to);
@@ -69,7 +78,7 @@ function startCopy(gl, texture, [fullWidth, fullHeight], [width, height], copy) 
   gl.deleteFramebuffer(from);
   gl.deleteFramebuffer(to);
   gl.deleteRenderbuffer(store);
-  return fence;
+  return isComplete ? fence : null;
 }
 
 async function isDone(gl, fence) {
@@ -80,4 +89,16 @@ async function isDone(gl, fence) {
     if (state === gl.ALREADY_SIGNALED || state === gl.CONDITION_SATISFIED) return;
     if (state === gl.WAIT_FAILED) throw new AnyProbeError("failed", "The camera's texture could not be read.");
   }
+}
+
+/** Pixels are packed without gaps into a buffer from here until what is returned is called. */
+function packPlainly(gl, buffer) {
+  const plain = { PACK_ALIGNMENT: 4, PACK_ROW_LENGTH: 0, PACK_SKIP_PIXELS: 0, PACK_SKIP_ROWS: 0 };
+  const [bound, was] = [gl.getParameter(gl.PIXEL_PACK_BUFFER_BINDING), Object.keys(plain).map((name) => gl.getParameter(gl[name]))];
+  gl.bindBuffer(gl.PIXEL_PACK_BUFFER, buffer);
+  for (const [name, value] of Object.entries(plain)) gl.pixelStorei(gl[name], value);
+  return () => {
+    gl.bindBuffer(gl.PIXEL_PACK_BUFFER, bound);
+    Object.keys(plain).forEach((name, i) => gl.pixelStorei(gl[name], was[i]));
+  };
 }
