@@ -1,16 +1,17 @@
-"""Draw docs/real.jpg: a real photo, a golden and a plaster sphere put into it, and the panorama of its place.
+"""Draw docs/real.jpg and docs/outdoors.jpg: a real photo, a golden and a plaster sphere put into it, and its panorama.
 
-    python examples/draw_real.py [PHOTO]
+    python examples/draw_real.py [NAME ...]
 
-The light is what `anyprobe relight PHOTO --box 152,218,322,336` estimates, one estimate for both spheres; where they
-stand, --at, and how high they are, --scale, is chosen. Nothing else is given.
+The light is what `anyprobe relight PHOTO --box BOX` estimates, one estimate for both spheres; where they stand, --at,
+and how high they are, --scale, is chosen. Nothing else is given. Photos: teapot, oriento (Unsplash licence); duck,
+Nataniel Ruiz (CC BY 4.0, made smaller); both from google/dreambooth.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import cyclopts
 import numpy as np
@@ -24,42 +25,75 @@ from anyprobe.relight.appearance import least_scale
 from anyprobe.relight.insert import Arrangement, Stage
 
 ROOT = Path(__file__).parents[1]
-PHOTO = ROOT / "examples" / "teapot.jpg"
-BOX = 152, 218, 322, 336
-"""Around the teapot, without its saucer, in pixels of PHOTO."""
-SPHERES = {"gold": (382, 351), "plaster": (110, 351)}
-"""Materials, and the pixels of PHOTO where they stand."""
-SCALE = 0.45
-SIDE = 512
-"""Of PHOTO, pixels: a larger copy is shrunk to it."""
-SHOWN = 0, 100, 512, 484
-"""What is shown of the photo: x0, y0, x1, y1."""
 WIDTH, GAP, LABEL = 424, 4, 24
 
 
-def main(photo: Annotated[Path, Parameter(help="The teapot's photo, square.")] = PHOTO, /) -> None:
+@dataclass(frozen=True)
+class Scene:
+    """A photo, what is given of it, and what is shown. In pixels of the photo.
+
+    Attributes:
+        box: around the object: x0, y0, x1, y1.
+        spheres: where the sphere of each material stands.
+        scale: height of the spheres, in heights of the object.
+        shown: the part of the photo that is drawn: x0, y0, x1, y1.
+    """
+
+    photo: str
+    picture: str
+    box: tuple[int, int, int, int]
+    spheres: dict[str, tuple[int, int]]
+    scale: float
+    shown: tuple[int, int, int, int]
+
+
+SCENES = {
+    "teapot": Scene(
+        photo="teapot.jpg",
+        picture="real.jpg",
+        box=(152, 218, 322, 336),
+        spheres={"gold": (382, 351), "plaster": (110, 351)},
+        scale=0.45,
+        shown=(0, 100, 512, 484),
+    ),
+    "duck": Scene(
+        photo="duck.jpg",
+        picture="outdoors.jpg",
+        box=(160, 205, 356, 380),
+        spheres={"gold": (440, 366), "plaster": (392, 452)},
+        scale=0.45,
+        shown=(0, 100, 512, 484),
+    ),
+}
+
+
+def main(*names: Annotated[Literal["teapot", "duck"], Parameter(help="Without any, both.")]) -> None:
+    """Write the picture of each scene."""
+    for name in names or SCENES:
+        draw(SCENES[name])
+
+
+def draw(scene: Scene) -> None:
     """Write photo, photo with spheres, and panorama in one picture."""
-    with Image.open(photo) as image:
-        pixels = np.asarray(image.convert("RGB").resize((SIDE, SIDE), Image.Resampling.LANCZOS))
-    before = anyprobe.load_photo(pixels, box=BOX)
+    before = anyprobe.load_photo(ROOT / "examples" / scene.photo, box=scene.box)
     light = anyprobe.estimate(before)
     around = light.panorama(256, frame="camera").radiance * np.float32(least_scale(before, light.radiance))
     after = before
-    for material, foot in SPHERES.items():
-        arrangement = Arrangement(size=SCALE, at=foot, ground=light.ground)
+    for material, foot in scene.spheres.items():
+        arrangement = Arrangement(size=scene.scale, at=foot, ground=light.ground)
         stage = Stage(after, open_object("sphere"), arrangement)
         after = replace(after, rgb=stage.relit(around, material))
-    panels = [_fitted(one.rgb, SHOWN, WIDTH) for one in (before, after)]
+    panels = [_fitted(one.rgb, scene.shown, WIDTH) for one in (before, after)]
     place = _fitted(light.panorama(512).display(), None, 2 * WIDTH + GAP)
     sheet = Image.new("RGB", (place.width, 2 * LABEL + panels[0].height + place.height), "white")
-    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(15)
+    drawn, font = ImageDraw.Draw(sheet), ImageFont.load_default(15)
     for index, (title, panel) in enumerate(zip(("photo", "with a golden and a plaster sphere"), panels, strict=True)):
-        draw.text((index * (WIDTH + GAP), 3), title, fill="black", font=font)
+        drawn.text((index * (WIDTH + GAP), 3), title, fill="black", font=font)
         sheet.paste(panel, (index * (WIDTH + GAP), LABEL))
     below = LABEL + panels[0].height
-    draw.text((0, below + 3), "the place around, as estimated: panorama, level", fill="black", font=font)
+    drawn.text((0, below + 3), "the place around, as estimated: panorama, level", fill="black", font=font)
     sheet.paste(place, (0, below + LABEL))
-    sheet.save(ROOT / "docs" / "real.jpg", quality=86, optimize=True)
+    sheet.save(ROOT / "docs" / scene.picture, quality=86, optimize=True)
 
 
 def _fitted(display: np.ndarray, part: tuple[int, int, int, int] | None, width: int) -> Image.Image:

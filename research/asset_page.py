@@ -48,25 +48,20 @@ Training also uses procedural maps and shapes of anyprobe's own (`anyprobe_train
 TEST_PAGE = """\
 # Test assets
 
-The {count} files that the frozen test set is rendered from, as the manifests of a data folder state them; written by
+The {count} files that the frozen test set is rendered from, with their SHA-256; written by
 `python -m research.asset_page DATA --test`. Recipes (`train/anyprobe_train/evaluate/frozen.txt`,
 `research/world/test.txt`) name a file by the first eight digits of its SHA-256, so `--frozen` needs these very files.
 They are not in the repository, and no network is trained on them.
 
-`anyprobe-train data test DIR` fetches the sources below at a fixed commit each, prepares them and checks
-SHA-256: all 30 maps, and of the shapes drill and goathead. It writes `DIR/frozen_public.txt`, the 224 of the 1,000
-frozen recipes that these suffice for (`anyprobe-train evaluate --hdri DIR/hdri/test --meshes DIR/meshes/test --recipes
-DIR/frozen_public.txt`). Duck, gargoyle, horse, kitten, lionstatue, penguin and teapot cannot be had: what decimated
-them to 16,000 triangles and closed their holes was not recorded, and other software makes another SHA-256. How files
-are prepared:
+`anyprobe-train data test DIR` fetches the sources below at a fixed commit each, prepares them and checks SHA-256: all
+30 maps, and of the shapes drill and goathead. It writes `DIR/frozen_public.txt`, the 224 of the 1,000 frozen recipes
+that these suffice for ([evaluation](evaluation.md)). The other seven shapes cannot be had: what decimated them and
+closed their holes was not recorded, and other software makes another SHA-256. How files are prepared:
 
 - **Maps**: read as linear floats; NaN, infinite and negative values set to 0; averaged to 512 x 256 pixels, columns
   as in the source; halved until nothing is above 65,504; OpenEXR with half floats and PIZ compression.
 - **Shapes**: vertices merged, small loose parts removed, holes closed, decimated to 16,000 triangles at most, +Y up,
   smallest enclosing sphere of radius 1 around the origin; binary PLY.
-
-Without these files, `anyprobe-train evaluate --hdri MAPS --meshes SHAPES` without `--frozen` renders a balanced test
-set from any others; its figures do not compare with those of the frozen set.
 
 "By name": the file has the name of an asset of Poly Haven, where all assets are CC0; this was not checked against the
 site. "Not stated": the source names no licence; use for research only.
@@ -85,15 +80,10 @@ def asset_page(data: Path, report: Callable[[str], None] | None = None) -> str:
     """
     store = load_asset_store(data, "train", commercial_only=True, report=report)
     taken = {*store.maps, *store.shapes}
-    tables = {name: list(_credits(data / name, suffixes, taken)) for name, (_, suffixes) in FOLDERS.items()}
-    parts = [PAGE.format(count=sum(map(len, tables.values())))]
-    for name, credits in tables.items():
-        if credits:
-            parts.append(f"## {FOLDERS[name][0]} of `{name}`: {len(credits)}\n\n{_table([CREDIT, *credits])}")
+    credits = {name: list(_credits(data / name, suffixes, taken)) for name, (_, suffixes) in FOLDERS.items()}
+    parts = [PAGE.format(count=sum(map(len, credits.values())))]
+    parts += [section(FOLDERS[name][0], name, rows) for name, rows in credits.items() if rows]
     return "\n".join(parts)
-
-
-FROZEN_COLUMNS = ("file", "source", "licence, author", "SHA-256")
 
 
 def frozen_page(data: Path) -> str:
@@ -110,8 +100,8 @@ def frozen_page(data: Path) -> str:
             if path.is_file() and file_id(path) in wanted:
                 found.add(file_id(path))
                 digest = hashlib.sha256(path.read_bytes()).hexdigest()
-                rows.append((path.name, _source(row), row["licence"], f"`{digest}`"))
-        parts.append(f"## {kind} of `{name}`: {len(rows)}\n\n{_table([FROZEN_COLUMNS, *rows])}")
+                rows.append((row["licence"], path.name, f"{_source(row)}, `{digest}`"))
+        parts.append(section(kind, name, rows))
     if wanted != found:
         raise InputError(
             f"expected all files of the frozen test set, {len(wanted - found)} of {len(wanted)} are missing; "
@@ -121,16 +111,27 @@ def frozen_page(data: Path) -> str:
     return "\n".join([TEST_PAGE.format(count=len(found)), *parts])
 
 
-CREDIT = ("file", "name", "source", "licence", "author")
-"""Columns of a file; author: as its licence asks to be named, else empty."""
+def section(kind: str, folder: str, credits: list[tuple[str, str, str]]) -> str:
+    """The files of a folder as lists in Markdown, one for each licence with its author.
+
+    Args:
+        credits: licence and author, file, source; by name of the file.
+    """
+    files: dict[str, list[str]] = {}
+    for licence, name, source in credits:
+        files.setdefault(" ".join(licence.split()), []).append(f"- {name}: {source}\n")
+    lists = (f"\n### {licence}\n\n{''.join(lines)}" for licence, lines in files.items())
+    return f"## {kind} of `{folder}`: {len(credits)}\n{''.join(lists)}"
 
 
-def _credits(folder: Path, suffixes: tuple[str, ...], taken: set[str]) -> Iterator[tuple[str, ...]]:
-    """CREDIT of the files of a folder whose ids are among those taken, by name."""
+def _credits(folder: Path, suffixes: tuple[str, ...], taken: set[str]) -> Iterator[tuple[str, str, str]]:
+    """Licence and author, file, and source of the files of a folder whose ids are among those taken, by name."""
     for path, row in listed_rows(folder, suffixes, ()) if folder.is_dir() else ():
         if allows_commercial_use(row["licence"]) and path.is_file() and file_id(path) in taken:
             name = row.get("name") or row.get("slug") or path.stem
-            yield path.name, name, _source(row), row["licence"], _author(row)
+            author = _author(row)
+            licence = row["licence"] if author in row["licence"] else f"{row['licence']}; {author}"
+            yield licence, path.name if name == path.stem else f"{path.name} ({name})", _source(row)
 
 
 def _source(row: dict[str, str]) -> str:
@@ -140,18 +141,11 @@ def _source(row: dict[str, str]) -> str:
 
 
 def _author(row: dict[str, str]) -> str:
-    """Of a column of its own, else what follows the licence's name, as in "CC BY 4.0; Jane Doe"."""
+    """As the licence asks to be named, else empty: of a column of its own, else what follows the licence's name, as in "CC BY 4.0; Jane Doe"."""
     if _NAMES_NOBODY.match(row["licence"].strip()):
         return ""
     _, *rest = re.split(r"[;(]", row["licence"], maxsplit=1)
     return row.get("authors") or row.get("author") or "".join(rest).strip(" )") or NOT_STATED
-
-
-def _table(table: list[tuple[str, ...]]) -> str:
-    """Its first row is the head."""
-    rows = [table[0], ("---",) * len(table[0]), *table[1:]]
-    cells = ([" ".join(text.replace("|", "\\|").split()) for text in row] for row in rows)
-    return "".join(f"| {' | '.join(row)} |\n" for row in cells)
 
 
 def main(
