@@ -141,7 +141,10 @@ def _source(row: dict[str, str]) -> str:
 
 
 def _author(row: dict[str, str]) -> str:
-    """As the licence asks to be named, else empty: of a column of its own, else what follows the licence's name, as in "CC BY 4.0; Jane Doe"."""
+    """As the licence asks to be named, else empty.
+
+    Of a column of its own, else what follows the licence's name, as in "CC BY 4.0; Jane Doe".
+    """
     if _NAMES_NOBODY.match(row["licence"].strip()):
         return ""
     _, *rest = re.split(r"[;(]", row["licence"], maxsplit=1)
